@@ -9,7 +9,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use spade::Triangulation as _;
 use terrane_base::geom::Point;
 use terrane_delaunay::{
-    Bins, Finder, Found, Hull, Loaded, Natural, Position, Triangulation, Window, interpolate, stars,
+    ConvexHull, FixedPosition, Loaded, Location, Natural, PointBins, PositionWindow,
+    TriangleFinder, Triangulation, interpolate, stars,
 };
 use terrane_lidar::delaunay::triangulate;
 
@@ -70,14 +71,14 @@ fn triangulations(c: &mut Criterion) {
 
 fn parts(c: &mut Criterion) {
     let points = airborne(count());
-    let bins = Bins::new(&points);
-    let hull = Hull::of(points.clone());
+    let bins = PointBins::new(&points);
+    let hull = ConvexHull::of(points.clone());
     let space = Loaded::whole(&bins);
     let window = bins.window();
     let mut group = c.benchmark_group("parts");
     group.sample_size(10).throughput(Throughput::Elements(points.len() as u64));
-    group.bench_function("bins", |b| b.iter(|| Bins::new(&points)));
-    group.bench_function("hull", |b| b.iter(|| Hull::of(points.clone())));
+    group.bench_function("bins", |b| b.iter(|| PointBins::new(&points)));
+    group.bench_function("hull", |b| b.iter(|| ConvexHull::of(points.clone())));
     group.bench_function("blocks", |b| {
         b.iter(|| {
             let mut triangles = 0;
@@ -93,29 +94,30 @@ fn parts(c: &mut Criterion) {
 }
 
 /// Blocks of about 40,000 points.
-fn blocks(window: &Window) -> impl Iterator<Item = Window> {
+fn blocks(window: &PositionWindow) -> impl Iterator<Item = PositionWindow> {
     let side = (SPACING * 200.0) as i32;
     let ([left, low], [right, high]) = (window.low, window.high);
     let rows = move |x: i32| (low..=high).step_by(side as usize).map(move |y| [x, y]);
     let corners = (left..=right).step_by(side as usize).flat_map(rows);
-    corners.map(move |low| Window { low, high: low.map(|v| v + side - 1) })
+    corners.map(move |low| PositionWindow { low, high: low.map(|v| v + side - 1) })
 }
 
 fn queries(c: &mut Criterion) {
     let points = airborne(count());
-    let bins = Bins::new(&points);
-    let hull = Hull::of(points.clone());
+    let bins = PointBins::new(&points);
+    let hull = ConvexHull::of(points.clone());
     let space = Loaded::whole(&bins);
     let side = bins.window().high[0] / CELL;
-    let centre = |i: i32| Position::of([i % side * CELL + CELL / 2, i / side * CELL + CELL / 2]);
+    let centre =
+        |i: i32| FixedPosition::of([i % side * CELL + CELL / 2, i / side * CELL + CELL / 2]);
     let mut group = c.benchmark_group("cells");
     group.sample_size(10).throughput(Throughput::Elements((side * side) as u64));
     group.bench_function("linear", |b| {
         b.iter(|| {
-            let mut finder = Finder::new(&space, &hull);
+            let mut finder = TriangleFinder::new(&space, &hull);
             let mut sum = 0.0;
             for q in (0..side * side).map(centre) {
-                if let Ok(Found::Triangle(corners)) = finder.find(q) {
+                if let Ok(Location::Triangle(corners)) = finder.find(q) {
                     sum += interpolate(&corners, q);
                 }
             }

@@ -6,13 +6,13 @@
 use std::hint::black_box;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::geom::{Crs, Point3, Rect};
 use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, Promises, SinkOptions};
 use terrane_synth::{CHARACTERS, Terrain};
 use terrane_tin::{
-    Heights, Local, PatchInput, Scratch, Spec, TileInput, TileMesh, Triangle, mend_patch,
-    triangulate_tile,
+    HeightWindow, PatchInput, Spec, TileInput, TileMesh, TilePosition, TileScratch, TileTriangle,
+    mend_patch, triangulate_tile,
 };
 
 /// Cells along the side of a tile.
@@ -32,7 +32,7 @@ fn window(character: &str, cols: u32, rows: u32) -> Vec<f32> {
 fn spec(tolerance: f64, drop: bool) -> Spec {
     Spec {
         tolerance,
-        bound: Bound::Samples,
+        bound: ErrorBound::Samples,
         strict: false,
         drop,
         fit: false,
@@ -44,9 +44,9 @@ fn spec(tolerance: f64, drop: bool) -> Spec {
 }
 
 /// A tile with more grid on the right, when `apron` is 1, and nothing else around it.
-fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
     let apron = width - CELLS - 1;
-    let heights = Heights { width, height: CELLS + 1, f32: heights, f64: None };
+    let heights = HeightWindow { width, height: CELLS + 1, f32: heights, f64: None };
     let input = TileInput {
         heights,
         apron_left: 0,
@@ -61,7 +61,7 @@ fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut Scratch) -> Tile
 }
 
 /// The tolerance at which greedy insertion keeps a share of the tile's samples, by bisection.
-fn tolerance_for(share: f64, heights: &[f32], scratch: &mut Scratch) -> f64 {
+fn tolerance_for(share: f64, heights: &[f32], scratch: &mut TileScratch) -> f64 {
     let wanted = share * heights.len() as f64;
     let (mut low, mut high) = (1e-3_f64, 1e3_f64);
     for _ in 0..24 {
@@ -73,7 +73,7 @@ fn tolerance_for(share: f64, heights: &[f32], scratch: &mut Scratch) -> f64 {
 }
 
 fn tiles(c: &mut Criterion) {
-    let mut scratch = Scratch::default();
+    let mut scratch = TileScratch::default();
     for character in ["rough", "smooth", "integer"] {
         let heights = window(character, CELLS + 1, CELLS + 1);
         let mut group = c.benchmark_group(format!("tile/{character}"));
@@ -94,14 +94,14 @@ fn tiles(c: &mut Criterion) {
 /// The strip of `2 * REACH` columns around the seam of two tiles, as the scheduler cuts it.
 struct Seam {
     heights: Vec<f32>,
-    triangles: Vec<Triangle>,
+    triangles: Vec<TileTriangle>,
 }
 
 /// Columns of a patch on either side of its seam.
 const REACH: u32 = CELLS / 2;
 
 impl Seam {
-    fn new(share: f64, scratch: &mut Scratch) -> Self {
+    fn new(share: f64, scratch: &mut TileScratch) -> Self {
         let all = window("rough", 2 * CELLS + 1, CELLS + 1);
         let columns = |from: u32, count: u32| -> Vec<f32> {
             let rows = all.chunks_exact(2 * CELLS as usize + 1);
@@ -118,7 +118,7 @@ impl Seam {
 
     fn input(&self) -> PatchInput<'_> {
         let heights =
-            Heights { width: 2 * REACH + 1, height: CELLS + 1, f32: &self.heights, f64: None };
+            HeightWindow { width: 2 * REACH + 1, height: CELLS + 1, f32: &self.heights, f64: None };
         let triangles = &self.triangles;
         PatchInput {
             vertices: &[],
@@ -135,17 +135,17 @@ impl Seam {
 }
 
 /// The triangles of a tile within columns `from ..= to`, moved so that `from` becomes `place`.
-fn within(mesh: &TileMesh, from: u32, to: u32, place: u32) -> Vec<Triangle> {
-    let is_within = |t: &&Triangle| t.corners.iter().all(|p| (from..=to).contains(&p.col()));
-    let moved = |t: &Triangle| {
-        let corners = t.corners.map(|p| Local::new(p.col() - from + place, p.row()));
-        Triangle { corners, ..*t }
+fn within(mesh: &TileMesh, from: u32, to: u32, place: u32) -> Vec<TileTriangle> {
+    let is_within = |t: &&TileTriangle| t.corners.iter().all(|p| (from..=to).contains(&p.col()));
+    let moved = |t: &TileTriangle| {
+        let corners = t.corners.map(|p| TilePosition::new(p.col() - from + place, p.row()));
+        TileTriangle { corners, ..*t }
     };
     mesh.triangles.iter().filter(is_within).map(moved).collect()
 }
 
 fn seams(c: &mut Criterion) {
-    let mut scratch = Scratch::default();
+    let mut scratch = TileScratch::default();
     let mut group = c.benchmark_group("seam/rough");
     group.sample_size(20);
     for share in SHARES {

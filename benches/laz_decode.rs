@@ -13,7 +13,9 @@ use laz::record::{
     RecordDecompressor, SequentialPointRecordCompressor, SequentialPointRecordDecompressor,
 };
 use laz::{DecompressionSelection, LazItem, LazItemRecordBuilder};
-use terrane_cloud::lazip::{Chunk, Decoder, Fields, Item, Schema, Wanted};
+use terrane_cloud::lazip::{
+    CompressedChunk, DecodedFields, Decoder, FieldSelection, LaszipItem, LaszipSchema,
+};
 
 /// Points of a chunk, as LASzip has them.
 const CHUNK: usize = 50_000;
@@ -104,12 +106,12 @@ fn decompress(
     decompressor.decompress_many(records).expect("sound bytes");
 }
 
-fn schema(items: &[LazItem]) -> Schema {
+fn schema(items: &[LazItem]) -> LaszipSchema {
     let plain = |item: &LazItem| {
         let kind = item.item_type().into();
-        Item { kind, size: item.size(), version: item.version() }
+        LaszipItem { kind, size: item.size(), version: item.version() }
     };
-    Schema::new(&items.iter().map(plain).collect::<Vec<_>>()).expect("known")
+    LaszipSchema::new(&items.iter().map(plain).collect::<Vec<_>>()).expect("known")
 }
 
 /// The records of `format`, of `size` bytes each, with intensities, scan angles and colours.
@@ -147,12 +149,12 @@ fn whole_records(c: &mut Criterion) {
             b.iter(|| chunks.iter().map(Vec::as_slice).for_each(&mut decompress));
         });
         let schema = schema(&items);
-        let (mut decoder, mut fields) = (Decoder::new(), Fields::default());
+        let (mut decoder, mut fields) = (Decoder::new(), DecodedFields::default());
         group.bench_function("ours", |b| {
             b.iter(|| {
                 for bytes in &chunks {
-                    let chunk = Chunk { bytes, count: CHUNK };
-                    let stream = decoder.stream(&schema, chunk, Wanted::RECORDS);
+                    let chunk = CompressedChunk { bytes, count: CHUNK };
+                    let stream = decoder.stream(&schema, chunk, FieldSelection::RECORDS);
                     let mut stream = stream.expect("sound bytes");
                     for _ in 0..CHUNK / 5_000 {
                         fields.clear();
@@ -182,13 +184,14 @@ fn chunks(c: &mut Criterion) {
             b.iter(|| chunks.iter().map(Vec::as_slice).for_each(&mut decompress));
         });
         let schema = schema(&items);
-        let chunks: Vec<_> = chunks.iter().map(|bytes| Chunk { bytes, count: CHUNK }).collect();
-        let (mut decoder, mut fields) = (Decoder::new(), Fields::default());
+        let chunks: Vec<_> =
+            chunks.iter().map(|bytes| CompressedChunk { bytes, count: CHUNK }).collect();
+        let (mut decoder, mut fields) = (Decoder::new(), DecodedFields::default());
         group.bench_function("ours", |b| {
             b.iter(|| {
                 for chunk in &chunks {
                     fields.clear();
-                    let done = decoder.chunk(&schema, *chunk, Wanted::ALL, &mut fields);
+                    let done = decoder.chunk(&schema, *chunk, FieldSelection::ALL, &mut fields);
                     done.expect("sound bytes");
                     black_box(&fields);
                 }

@@ -14,8 +14,10 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use geo::{Simplify as _, SimplifyVw as _};
-use terrane_line::visvalingam::{Areas, Weight};
-use terrane_line::{Geographic, Hierarchy, Located, METHODS, Plane, Scratch, Vertical, Xy};
+use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::{
+    GeographicMetric, Hierarchy, Located, METHODS, PlaneMetric, SimplifyScratch, VerticalMetric, Xy,
+};
 
 /// Doublings of the synthetic coast.
 const DOUBLINGS: u32 = 20;
@@ -88,7 +90,7 @@ fn methods(c: &mut Criterion) {
     let line = coast();
     let peer = geo::LineString::from(line.clone());
     let located: Vec<Located> = line.iter().map(|at| Located::new(*at)).collect();
-    let mut scratch = Scratch::default();
+    let mut scratch = SimplifyScratch::default();
     let mut group = c.benchmark_group("coast");
     group.sample_size(10).throughput(Throughput::Elements(line.len() as u64));
     for tolerance in TOLERANCES {
@@ -99,7 +101,7 @@ fn methods(c: &mut Criterion) {
             group.bench_function(BenchmarkId::new(method.name, tolerance), |b| {
                 b.iter(|| {
                     let mut kept = Vec::new();
-                    (method.plane)(&Plane, &line, tolerance, &mut scratch, &mut kept);
+                    (method.plane)(&PlaneMetric, &line, tolerance, &mut scratch, &mut kept);
                     kept
                 });
             });
@@ -108,7 +110,7 @@ fn methods(c: &mut Criterion) {
             let cone = METHODS[0].geographic;
             b.iter(|| {
                 let mut kept = Vec::new();
-                cone(&Geographic, &located, tolerance * 111e3, &mut scratch, &mut kept);
+                cone(&GeographicMetric, &located, tolerance * 111e3, &mut scratch, &mut kept);
                 kept
             });
         });
@@ -117,7 +119,7 @@ fn methods(c: &mut Criterion) {
         });
     }
     group.bench_function("visvalingam", |b| {
-        b.iter(|| Areas::of_line(&Plane, &line, Weight::Plain));
+        b.iter(|| EffectiveAreas::of_line(&PlaneMetric, &line, Weight::Plain));
     });
     group.bench_function("visvalingam geo", |b| b.iter(|| peer.simplify_vw(1e-4)));
     group.finish();
@@ -127,7 +129,10 @@ fn hierarchies(c: &mut Criterion) {
     let points = coast();
     let starts = race::starts(points.len());
     let make = || -> Vec<Hierarchy> {
-        starts.windows(2).map(|ends| Hierarchy::new(&Plane, &points[ends[0]..ends[1]])).collect()
+        starts
+            .windows(2)
+            .map(|ends| Hierarchy::new(&PlaneMetric, &points[ends[0]..ends[1]]))
+            .collect()
     };
     let all = make();
     let mut group = c.benchmark_group("hierarchy");
@@ -172,7 +177,7 @@ fn worst_cases(c: &mut Criterion) {
         ("spiral", 0.5, (0..count).map(spiral).collect()),
         ("arc", 0.0, (0..count).map(arc).collect()),
     ];
-    let mut scratch = Scratch::default();
+    let mut scratch = SimplifyScratch::default();
     let mut group = c.benchmark_group("worst");
     group.sample_size(10).throughput(Throughput::Elements(u64::from(count)));
     for (name, tolerance, line) in &lines {
@@ -180,7 +185,7 @@ fn worst_cases(c: &mut Criterion) {
             group.bench_function(BenchmarkId::new(method.name, name), |b| {
                 b.iter(|| {
                     let mut kept = Vec::new();
-                    (method.plane)(&Plane, line, *tolerance, &mut scratch, &mut kept);
+                    (method.plane)(&PlaneMetric, line, *tolerance, &mut scratch, &mut kept);
                     kept
                 });
             });
@@ -196,14 +201,14 @@ fn worst_cases(c: &mut Criterion) {
     group.bench_function("profile, vertical distance", |b| {
         b.iter(|| {
             let mut kept = Vec::new();
-            (cone.vertical)(&Vertical, &profile, 5.0, &mut scratch, &mut kept);
+            (cone.vertical)(&VerticalMetric, &profile, 5.0, &mut scratch, &mut kept);
             kept
         });
     });
     group.bench_function("profile, distance in the plane", |b| {
         b.iter(|| {
             let mut kept = Vec::new();
-            (cone.plane)(&Plane, &profile, 5.0, &mut scratch, &mut kept);
+            (cone.plane)(&PlaneMetric, &profile, 5.0, &mut scratch, &mut kept);
             kept
         });
     });

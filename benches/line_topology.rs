@@ -10,11 +10,13 @@ use std::time::Duration;
 
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{Criterion, criterion_group, criterion_main};
-use terrane_line::arcs::Arcs;
-use terrane_line::metric::Plane;
+use terrane_line::arcs::CoverageArcs;
+use terrane_line::metric::PlaneMetric;
 use terrane_line::rdp::rdp;
-use terrane_line::topology::{Chains, Kept, Options, Strategy, refining, untangle};
-use terrane_line::{Scratch, Xy};
+use terrane_line::topology::{
+    ChainVertices, Chains, Strategy, UntangleOptions, refining, untangle,
+};
+use terrane_line::{SimplifyScratch, Xy};
 
 /// Processor time of the thread, from Linux.
 struct Processor;
@@ -170,18 +172,18 @@ fn coverage(side: usize, levels: u32) -> Rings {
 
 /// Ramer-Douglas-Peucker on parts of chains.
 fn method(points: &[Xy], tolerance: f64) -> impl FnMut(usize, u32, u32, &mut Vec<u32>) + '_ {
-    let mut scratch = Scratch::default();
-    refining(points, move |part, kept| rdp(&Plane, part, tolerance, &mut scratch, kept))
+    let mut scratch = SimplifyScratch::default();
+    refining(points, move |part, kept| rdp(&PlaneMetric, part, tolerance, &mut scratch, kept))
 }
 
-fn plain(chains: &Chains<'_>, tolerance: f64) -> Kept {
-    Kept::simplified(chains, &mut method(chains.points, tolerance))
+fn plain(chains: &Chains<'_>, tolerance: f64) -> ChainVertices {
+    ChainVertices::simplified(chains, &mut method(chains.points, tolerance))
 }
 
-fn clean(chains: &Chains<'_>, tolerance: f64, strategy: Strategy) -> Kept {
-    let options = Options { strategy, ..Options::default() };
+fn clean(chains: &Chains<'_>, tolerance: f64, strategy: Strategy) -> ChainVertices {
+    let options = UntangleOptions { strategy, ..UntangleOptions::default() };
     let mut refine = method(chains.points, tolerance);
-    let kept = Kept::simplified(chains, &mut refine);
+    let kept = ChainVertices::simplified(chains, &mut refine);
     untangle(chains, &kept, &[], &options, &mut refine).unwrap().kept
 }
 
@@ -202,9 +204,9 @@ fn coverages(c: &mut Criterion<Processor>) {
     let parts = coverage(100, 8);
     let mut group = c.benchmark_group("coverage of 10.25 M vertices");
     group.sample_size(10);
-    group.bench_function("arcs", |b| b.iter(|| black_box(Arcs::new(&parts.chains(), 0.0))));
+    group.bench_function("arcs", |b| b.iter(|| black_box(CoverageArcs::new(&parts.chains(), 0.0))));
     let whole = |snap: f64| {
-        let arcs = Arcs::new(&parts.chains(), snap).unwrap();
+        let arcs = CoverageArcs::new(&parts.chains(), snap).unwrap();
         arcs.rebuild(&clean(&arcs.chains(), 0.02, Strategy::Retroactive))
     };
     group.bench_function("arcs, simplified, clean, rebuilt", |b| b.iter(|| black_box(whole(0.0))));

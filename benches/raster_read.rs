@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use criterion::{Criterion, Throughput};
 use terrane_base::geom::Rect;
-use terrane_raster::{GridSource, OpenOptions, open};
+use terrane_raster::{GridOpenOptions, GridSource, open};
 
 #[path = "../tests/common/raster_support/tiff_builder.rs"]
 #[allow(dead_code)]
@@ -59,7 +59,7 @@ fn read_tiles(source: &dyn GridSource, out: &mut [f32]) {
 }
 
 fn ours(path: &Path, out: &mut [f32]) {
-    let source = open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+    let source = open(path.to_str().unwrap(), &GridOpenOptions::default()).unwrap();
     read_tiles(source.as_ref(), out);
 }
 
@@ -106,7 +106,7 @@ fn text_grids(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("text");
     group.throughput(Throughput::Bytes(text.len() as u64));
     group.sample_size(10);
-    let open = || open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+    let open = || open(path.to_str().unwrap(), &GridOpenOptions::default()).unwrap();
     group.bench_function("open", |b| b.iter(|| black_box(open().info().sample_type)));
     let mut out = vec![0.0; (TILE * TILE) as usize];
     group.bench_function("open and read", |b| b.iter(|| read_tiles(open().as_ref(), &mut out)));
@@ -117,7 +117,7 @@ fn text_grids(criterion: &mut Criterion) {
 /// returns the seconds from opening on.
 fn read_file(threads: usize, width: u32, height: u32, file: &str) -> f64 {
     let start = Instant::now();
-    let source = open(file, &OpenOptions::default()).unwrap();
+    let source = open(file, &GridOpenOptions::default()).unwrap();
     let bounds = source.info().bounds();
     let rows = (0..bounds.height).step_by(height as usize);
     let at = |row| (0..bounds.width).step_by(width as usize).map(move |col| (col, row));

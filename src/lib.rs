@@ -85,21 +85,21 @@ pub fn command_line(args: impl IntoIterator<Item = std::ffi::OsString>) -> std::
 
 pub use facade::*;
 pub use operations::OPERATIONS;
-pub use terrane_base::bound::Bound;
+pub use terrane_base::bound::ErrorBound;
 pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
-pub use terrane_baselines::Triangulation;
-pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, Marks, PointFormat, Return};
+pub use terrane_baselines::TriangulationRule;
+pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, PointFormat, PointMarks, Return};
 pub use terrane_engine::figures::Figures;
 pub use terrane_engine::input::is_mesh;
 pub use terrane_engine::operation::{
-    AnyOperation, Divisible, Job, Memory, Operation, Reads, Request, Writes, check_named,
+    AnyOperation, Divisible, Job, Memory, Operation, Reads, RunRequest, Writes, check_named,
 };
 pub use terrane_engine::options::{CloudInput, Constraints, GridInput, PointFilter};
 pub use terrane_engine::placing::Placing;
 pub use terrane_engine::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_engine::proof::Inspection;
-pub use terrane_engine::proof::{Proof, Verdict, Written};
+pub use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 pub use terrane_engine::{Cancel, FileAt, Progress, Silent};
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
@@ -107,11 +107,13 @@ pub use terrane_lidar::cloud_tin::{CloudTinOptions, CloudTinReport};
 pub use terrane_lidar::grid::{Canopy, Compat, GridOptions, GridReport, GroundFrom};
 #[cfg(feature = "lidar")]
 pub use terrane_lidar::translate::{
-    Assign, BufferMark, Classify, HeightsAs, Keep, Layers, Overlap, PointsOptions, Reclassify,
-    Sort, Thin, TileFormat, TranslateReport,
+    Assign, BufferMark, CellThinning, Classify, HeightClasses, HeightsAs, Overlap, PointsOptions,
+    Reclassify, Sort, ThinningRule, TileFormat, TranslateReport,
 };
-pub use terrane_raster::{ArrayGrid, ArraySample, GridInfo, Inputs, Note, SampleType, WaterReport};
-pub use terrane_simplify::{Length, LineOptions, LineReport, Metric};
+pub use terrane_raster::{
+    ArrayGrid, ArraySample, GridInfo, GridNote, Inputs, SampleType, WaterReport,
+};
+pub use terrane_simplify::{LengthOption, LineOptions, LineReport, MetricOption};
 pub use terrane_terrain::colours::ColorReliefOptions;
 pub use terrane_terrain::contour::{ContourOptions, ContourReport};
 pub use terrane_terrain::convert::{ConvertOptions, ConvertReport};
@@ -119,11 +121,11 @@ pub use terrane_terrain::relief::{
     AspectOptions, CurvatureOptions, HillshadeOptions, RoughnessOptions, SlopeOptions, TpiOptions,
     TriOptions,
 };
-pub use terrane_terrain::tin::{Refinement, Target, Tin, TinOptions, TinParts, TinReport};
+pub use terrane_terrain::tin::{Refinement, Tin, TinOptions, TinParts, TinReport, TinTarget};
 #[cfg(feature = "tiles")]
 pub use terrane_tiles::{
-    Beyond as TilesBeyond, CloudTilesOptions, Format as TilesFormat, ModelOptions, TileOptions,
-    TilesOptions, TilesReport,
+    Beyond as TilesBeyond, CloudTilesOptions, ModelOptions, TileOptions, TilesFormat, TilesOptions,
+    TilesReport,
 };
 #[cfg(feature = "tiles")]
 pub use terrane_verify::tiles::{CloudTilesProof, TilesProof, TilesVerifyReport};

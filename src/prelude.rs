@@ -25,7 +25,7 @@ pub use terrane_terrain::relief::{
     SlopeSetters, TpiSetters, TriSetters,
 };
 pub use terrane_terrain::tin::{
-    BuildTin, PlaceSamples, RefinementSetters, TargetSetters, TinSetters,
+    BuildTin, PlaceSamples, RefinementSetters, TinSetters, TinTargetSetters,
 };
 pub use terrane_terrain::warp::LatticeSetters;
 #[cfg(feature = "tiles")]

@@ -104,7 +104,7 @@ fn the_page_of_methods_says_what_the_registry_does() {
         let row = format!("| `{}` | {cells} |", method.name);
         assert!(page.contains(&row), "{row}");
     }
-    for triangulation in terrane_baselines::Triangulation::ALL {
+    for triangulation in terrane_baselines::TriangulationRule::ALL {
         assert!(page.contains(&format!("\n| `{triangulation}` | ")), "{triangulation}");
     }
 }

@@ -288,8 +288,8 @@ fn jobs() -> Vec<String> {
     for method in line::METHODS {
         let name = method.name;
         let (much, little) = match method.bounds {
-            line::registry::Bounds::Distance => ("--tolerance 4", "--tolerance 0.4"),
-            line::registry::Bounds::Area(_) => ("--area 40", "--area 0.2"),
+            line::registry::ToleranceKind::Distance => ("--tolerance 4", "--tolerance 0.4"),
+            line::registry::ToleranceKind::Area(_) => ("--area 40", "--area 0.2"),
         };
         for shape in synth::lines::SHAPES {
             let input = format!("synth:{},vertices=700,features=4,seed=5", shape.name);

@@ -10,8 +10,8 @@
 
 use std::fs;
 
-use terrane_line::topology::{Chains, Kept, Options, refining, untangle};
-use terrane_line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
+use terrane_line::topology::{ChainVertices, Chains, UntangleOptions, refining, untangle};
+use terrane_line::{Hierarchy, METHODS, PlaneMetric, SimplifyMethod, SimplifyScratch, Xy};
 
 /// Questions to a hierarchy that are timed together: one is shorter than the clock tells.
 const QUESTIONS: u32 = 50;
@@ -22,7 +22,7 @@ const STORED: &str = "hierarchy";
 /// A method as told, and where its output goes.
 struct Race {
     told: String,
-    method: &'static Method,
+    method: &'static SimplifyMethod,
     is_clean: bool,
     tolerance: f64,
     output: String,
@@ -41,8 +41,8 @@ impl Race {
     }
 
     /// The least processor seconds of three calls, and the vertices kept of all chains.
-    fn time(&self, chains: &Chains<'_>) -> (f64, Kept) {
-        let (mut least, mut spent, mut kept) = (f64::INFINITY, 0.0, Kept::default());
+    fn time(&self, chains: &Chains<'_>) -> (f64, ChainVertices) {
+        let (mut least, mut spent, mut kept) = (f64::INFINITY, 0.0, ChainVertices::default());
         for _ in 0..3 {
             let before = processor();
             kept = self.run(chains);
@@ -56,10 +56,10 @@ impl Race {
     }
 
     /// The same of hierarchies that are made before.
-    fn ask(&self, chains: &Chains<'_>) -> (f64, Kept) {
-        let own = |ends: &[usize]| Hierarchy::new(&Plane, &chains.points[ends[0]..ends[1]]);
+    fn ask(&self, chains: &Chains<'_>) -> (f64, ChainVertices) {
+        let own = |ends: &[usize]| Hierarchy::new(&PlaneMetric, &chains.points[ends[0]..ends[1]]);
         let all: Vec<Hierarchy> = chains.starts.windows(2).map(own).collect();
-        let (mut least, mut kept) = (f64::INFINITY, Kept::new());
+        let (mut least, mut kept) = (f64::INFINITY, ChainVertices::new());
         for _ in 0..3 {
             let mut found = Vec::new();
             let before = processor();
@@ -79,16 +79,16 @@ impl Race {
     }
 
     /// The vertices kept of all chains.
-    fn run(&self, chains: &Chains<'_>) -> Kept {
-        let mut scratch = Scratch::default();
+    fn run(&self, chains: &Chains<'_>) -> ChainVertices {
+        let mut scratch = SimplifyScratch::default();
         let method = self.method.plane;
         let mut refine = refining(chains.points, |part, kept| {
-            method(&Plane, part, self.tolerance, &mut scratch, kept);
+            method(&PlaneMetric, part, self.tolerance, &mut scratch, kept);
         });
-        let kept = Kept::simplified(chains, &mut refine);
+        let kept = ChainVertices::simplified(chains, &mut refine);
         match self.is_clean {
             true => {
-                untangle(chains, &kept, &[], &Options::default(), &mut refine)
+                untangle(chains, &kept, &[], &UntangleOptions::default(), &mut refine)
                     .expect("sound chains")
                     .kept
             }

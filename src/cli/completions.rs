@@ -3,29 +3,29 @@
 use clap::Command;
 use clap_complete::Shell;
 
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, say};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, say};
 use terrane_base::error::Result;
 
 /// Print a completion script for a shell
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct CompletionsArgs {
     /// The shell
     #[arg(value_enum)]
     shell: Shell,
 }
 
-impl Verb for Args {
+impl Verb for CompletionsArgs {
     const NAME: &'static str = "completions";
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, (call.command)())
     }
 }
 
-fn run(args: &Args, mut command: Command) -> Result<Outcome> {
+fn run(args: &CompletionsArgs, mut command: Command) -> Result<VerbOutcome> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, "terrane", &mut script);
     say::to_stdout(&script)?;
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }

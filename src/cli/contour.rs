@@ -1,10 +1,10 @@
 //! Contour lines for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
 use terrane_terrain::contour::ContourReport;
 
-impl Summary for ContourReport {
+impl Summarize for ContourReport {
     fn summary(&self) -> String {
         let heights = match (self.lowest, self.highest) {
             (Some(low), Some(high)) => {

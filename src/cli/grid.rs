@@ -1,10 +1,10 @@
 //! Grids of clouds for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
 use terrane_lidar::grid::{self, GridReport};
 
-impl Summary for GridReport {
+impl Summarize for GridReport {
     fn summary(&self) -> String {
         let unit = self.vertical_unit.as_deref().unwrap_or("unit of height unknown");
         let [width, height] = self.cell.map(text::number);
@@ -58,7 +58,7 @@ fn points(r: &GridReport) -> String {
 
 fn bands(r: &GridReport) -> String {
     let share = |valid: u64| text::percent(valid as f64 / r.cells.max(1) as f64);
-    let band = |b: &grid::BandReport| format!("{} ({} of the cells)", b.name, share(b.valid));
+    let band = |b: &grid::GridBandReport| format!("{} ({} of the cells)", b.name, share(b.valid));
     r.bands.iter().map(band).collect::<Vec<_>>().join(", ")
 }
 
@@ -70,9 +70,9 @@ mod tests {
     fn a_summary_tells_what_became_of_the_points() {
         let mut report = GridReport::default();
         report.points =
-            terrane_cloud::Census { read: 1234, kept: 1200, withheld: 34, ..report.points };
+            terrane_cloud::PointCensus { read: 1234, kept: 1200, withheld: 34, ..report.points };
         report.outside_grid = 7;
-        report.bands = vec![grid::BandReport { name: "mean".into(), valid: 5 }];
+        report.bands = vec![grid::GridBandReport { name: "mean".into(), valid: 5 }];
         report.cells = 10;
         (report.run.spilled_bytes, report.run.peak_memory) = (Some(2048), Some(1));
         let told = report.summary();

@@ -7,20 +7,20 @@ use terrane_options::{Options, check_given};
 use crate::cli::operation::needed;
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report, text};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report, text};
 use terrane_base::door::Door;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::read_beside;
 use terrane_engine::sift::Sifted;
 use terrane_files::atomic;
-use terrane_simplify::{HierarchyReport, LineJob, LineOptions, LineReport, Measure};
+use terrane_simplify::{DistanceKind, HierarchyReport, LineJob, LineOptions, LineReport};
 use terrane_vector as vector;
 
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "line")]
-pub(super) struct Args {
+pub(super) struct SimplifyArgs {
     /// Files of features: GeoJSON, Shapefile, FlatGeobuf, WKT, CSV, GPX, TopoJSON. The last
     /// name is that of the file to write; with several inputs, a folder or a pattern it is that of a
     /// folder, in which each keeps its name
@@ -46,7 +46,7 @@ pub(super) struct Args {
     show: args::Show,
 }
 
-impl Verb for Args {
+impl Verb for SimplifyArgs {
     const NAME: &'static str = "simplify";
     const ALIASES: &'static [&'static str] = &["line"];
 
@@ -73,17 +73,17 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let options = &args.options.0;
     check_given(options, &args.options.1)?;
     let resources = &options.resources;
     let (mut input, mut output) = (args.input.clone(), args.output.clone());
-    let holds = pipes::Holds::Features(args.input_format.as_deref());
+    let holds = pipes::PipeContent::Features(args.input_format.as_deref());
     let mut stdin = pipes::Stdin::expect(&mut input, holds, resources)?;
     if args.input_format.is_some() && !stdin.is_read() {
         return Err(Error::usage("‹input_format› is for stdin, and no input is -")
@@ -95,8 +95,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         atomic::refuse_stdout(&output)?;
     }
     let stdout = pipes::Stdout::take(&mut output, options.file.format.as_deref(), resources)?;
-    let open = vector::OpenOptions { layer: options.features.layer.clone() };
-    let features = many::Kind::Features(&open);
+    let open = vector::VectorOpenOptions { layer: options.features.layer.clone() };
+    let features = many::InputFileKind::Features(&open);
     input = args.many.find(&input, features)?;
     check_files(options, &input, &output, args.report.as_deref())?;
     match into_folder {
@@ -116,7 +116,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         report::write(path, options.file.replacing.overwrite, &told)?;
     }
     args.show.beside(stdout.is_some()).tell(&told, || summary(&report))?;
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
 /// Fails when a file to read is not there, or one to write is taken.
@@ -152,8 +152,8 @@ fn check_report(job: &LineJob, report: Option<&Path>, names: &[String]) -> Resul
 fn summary(r: &LineReport) -> String {
     let share = text::percent(r.kept as f64 / r.vertices.max(1) as f64);
     let unit = match r.measure {
-        Measure::Geographic => " m",
-        Measure::Plane | Measure::Space => "",
+        DistanceKind::Geographic => " m",
+        DistanceKind::Plane | DistanceKind::Space => "",
     };
     let (features, parts) = (text::count(r.features), text::count(r.parts));
     let largest = text::number(r.largest_distance);

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 
 use clap::Command;
 
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, say};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, say};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::{self, AtomicFile};
 
 /// Write manual pages into a folder
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct ManArgs {
     /// Folder for the pages, made when it is missing
     dir: PathBuf,
     /// Replace pages that exist
@@ -20,15 +20,15 @@ pub(super) struct Args {
     overwrite: bool,
 }
 
-impl Verb for Args {
+impl Verb for ManArgs {
     const NAME: &'static str = "man";
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, (call.command)())
     }
 }
 
-fn run(args: &Args, command: Command) -> Result<Outcome> {
+fn run(args: &ManArgs, command: Command) -> Result<VerbOutcome> {
     atomic::create_folders(&args.dir)?;
     let mut command = command.disable_help_subcommand(true);
     command.build();
@@ -42,7 +42,7 @@ fn run(args: &Args, command: Command) -> Result<Outcome> {
         file.commit()?;
         say::result(&format!("{}\n", path.display()))?;
     }
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
 /// All verbs that help tells of, those of plans among them.

@@ -31,8 +31,8 @@ use std::process::ExitCode;
 
 use clap::{Command, CommandFactory, Parser};
 
-use crate::cli::shared::verb::{Call, Entry, Job};
-use crate::cli::shared::{NOT_JUDGED, Outcome, say};
+use crate::cli::shared::verb::{Job, VerbCall, VerbEntry};
+use crate::cli::shared::{NOT_JUDGED, VerbOutcome, say};
 use terrane_base::error::ErrorKind;
 use terrane_engine::Cancel;
 use terrane_lidar::grid::GridOptions;
@@ -46,34 +46,34 @@ use terrane_terrain::relief::{
 };
 
 /// All verbs, in the order of the help.
-const VERBS: &[Entry] = &[
-    Entry::of::<tin::Args>(),
-    Entry::of::<verify::Args>(),
-    Entry::of::<info::Args>(),
-    Entry::of::<view::Args>(),
-    Entry::of::<operation::Args<ConvertOptions>>(),
-    Entry::of::<operation::Args<GridOptions>>(),
-    Entry::of::<operation::Args<PointsOptions>>(),
-    Entry::of::<operation::Args<ContourOptions>>(),
-    Entry::of::<line::Args>(),
-    Entry::of::<tiles::Args>(),
-    Entry::of::<operation::Args<SlopeOptions>>(),
-    Entry::of::<operation::Args<AspectOptions>>(),
-    Entry::of::<operation::Args<HillshadeOptions>>(),
-    Entry::of::<operation::Args<ColorReliefOptions>>(),
-    Entry::of::<operation::Args<CurvatureOptions>>(),
-    Entry::of::<operation::Args<RoughnessOptions>>(),
-    Entry::of::<operation::Args<TpiOptions>>(),
-    Entry::of::<operation::Args<TriOptions>>(),
-    Entry::of::<synth::Args>(),
-    Entry::of::<plan::Args>(),
+const VERBS: &[VerbEntry] = &[
+    VerbEntry::of::<tin::TinVerbArgs>(),
+    VerbEntry::of::<verify::VerifyArgs>(),
+    VerbEntry::of::<info::InfoArgs>(),
+    VerbEntry::of::<view::ViewArgs>(),
+    VerbEntry::of::<operation::OperationArgs<ConvertOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<GridOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<PointsOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<ContourOptions>>(),
+    VerbEntry::of::<line::SimplifyArgs>(),
+    VerbEntry::of::<tiles::TilesArgs>(),
+    VerbEntry::of::<operation::OperationArgs<SlopeOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<AspectOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<HillshadeOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<ColorReliefOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<CurvatureOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<RoughnessOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<TpiOptions>>(),
+    VerbEntry::of::<operation::OperationArgs<TriOptions>>(),
+    VerbEntry::of::<synth::SynthArgs>(),
+    VerbEntry::of::<plan::PlanArgs>(),
     // As they were called before they were parts of `plan`.
-    Entry::hidden::<plan::run::Args>(),
-    Entry::hidden::<plan::run::FinishArgs>(),
-    Entry::hidden::<plan::status::Args>(),
-    Entry::of::<demo::Args>(),
-    Entry::of::<completions::Args>(),
-    Entry::of::<man::Args>(),
+    VerbEntry::hidden::<plan::run::PlanRunArgs>(),
+    VerbEntry::hidden::<plan::run::FinishArgs>(),
+    VerbEntry::hidden::<plan::status::PlanStatusArgs>(),
+    VerbEntry::of::<demo::DemoArgs>(),
+    VerbEntry::of::<completions::CompletionsArgs>(),
+    VerbEntry::of::<man::ManArgs>(),
 ];
 
 /// Huge elevation grids in, small meshes with a proven vertical error bound out.
@@ -95,7 +95,7 @@ fn command() -> Command {
     command_of(VERBS)
 }
 
-fn command_of(verbs: &[Entry]) -> Command {
+fn command_of(verbs: &[VerbEntry]) -> Command {
     verbs.iter().fold(Cli::command(), |command, verb| command.subcommand((verb.command)()))
 }
 
@@ -126,10 +126,10 @@ pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let cancel = &Cancel::default();
     signal::stop(cancel.clone());
-    match job(&Call { cancel, command }) {
-        Ok(Outcome::Kept) => ExitCode::SUCCESS,
-        Ok(Outcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
-        Ok(Outcome::NotJudged) => NOT_JUDGED.into(),
+    match job(&VerbCall { cancel, command }) {
+        Ok(VerbOutcome::Kept) => ExitCode::SUCCESS,
+        Ok(VerbOutcome::Broken) => ErrorKind::CheckFailed.exit_code().into(),
+        Ok(VerbOutcome::NotJudged) => NOT_JUDGED.into(),
         Err(error) => {
             say::error(&error);
             error.kind().exit_code().into()

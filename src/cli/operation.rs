@@ -3,20 +3,22 @@
 
 use std::path::{Path, PathBuf};
 
-use terrane_options::{Field, Options, Rule, Table, check_given, set_texts, to_map};
+use terrane_options::{
+    OptionField, OptionRule, OptionTable, Options, check_given, set_texts, to_map,
+};
 
 use crate::cli::shared::many::Many;
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
 use crate::cli::synth;
 use terrane_base::door::Door;
 use terrane_base::error::{Error, Result};
 use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::memory::cache_beside;
-use terrane_engine::operation::{Has, Input, Operation, Request, Writes, read_beside};
+use terrane_engine::operation::{Has, InputOptions, Operation, RunRequest, Writes, read_beside};
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
 use terrane_engine::sift::{Sifted, Skipped};
 use terrane_files::atomic;
@@ -26,19 +28,19 @@ use terrane_raster::Inputs;
 use terrane_terrain::convert::ConvertReport;
 use terrane_vector as vector;
 
-impl Summary for ConvertReport {
+impl Summarize for ConvertReport {
     fn summary(&self) -> String {
         report::plain(self)
     }
 }
 
 /// What is read, as the command line has it.
-pub(super) trait Source: Input {
+pub(super) trait OperationInput: InputOptions {
     /// What names stand for, the last of them being the output; and where all are inputs.
     const NAMES: &'static str;
     const NAMES_PLANNED: &'static str;
     /// What stdin has.
-    const STDIN: pipes::Holds<'static>;
+    const STDIN: pipes::PipeContent<'static>;
 
     /// How files are opened, to see whether they are good.
     fn opening(&self, resources: &Resources) -> Result<Opening>;
@@ -54,7 +56,7 @@ pub(super) trait Source: Input {
 }
 
 /// The files that are taken of inputs, where these cannot be stdin and some options were given.
-pub(super) fn take<O: Has<I> + Has<Resources>, I: Source>(
+pub(super) fn take<O: Has<I> + Has<Resources>, I: OperationInput>(
     (options, given): (&mut O, &[&'static str]),
     input: Vec<String>,
     many: &Many,
@@ -69,7 +71,7 @@ pub(super) fn take<O: Has<I> + Has<Resources>, I: Source>(
 }
 
 /// Passes over damage where bad files are skipped, once these are sifted out.
-fn skip_bad<I: Source>(options: &mut impl Has<I>, many: &Many) {
+fn skip_bad<I: OperationInput>(options: &mut impl Has<I>, many: &Many) {
     if many.skip_bad {
         options.part_mut().skip_bad();
     }
@@ -77,41 +79,42 @@ fn skip_bad<I: Source>(options: &mut impl Has<I>, many: &Many) {
 
 /// How files are opened.
 pub(super) enum Opening {
-    Grids(raster::OpenOptions),
-    Clouds(Box<cloud::OpenOptions>),
-    Features(vector::OpenOptions),
+    Grids(raster::GridOpenOptions),
+    Clouds(Box<cloud::CloudOpenOptions>),
+    Features(vector::VectorOpenOptions),
 }
 
 impl Opening {
     /// The same of grids whose bands may be colours.
     fn of_colours(self, colours: bool) -> Self {
         match self {
-            Self::Grids(options) => Self::Grids(raster::OpenOptions { colours, ..options }),
+            Self::Grids(options) => Self::Grids(raster::GridOpenOptions { colours, ..options }),
             Self::Clouds(_) | Self::Features(_) => self,
         }
     }
 
-    pub(super) fn kind(&self) -> many::Kind<'_> {
+    pub(super) fn kind(&self) -> many::InputFileKind<'_> {
         match self {
-            Self::Grids(options) => many::Kind::Grids(options),
-            Self::Clouds(options) => many::Kind::Clouds(options),
-            Self::Features(options) => many::Kind::Features(options),
+            Self::Grids(options) => many::InputFileKind::Grids(options),
+            Self::Clouds(options) => many::InputFileKind::Clouds(options),
+            Self::Features(options) => many::InputFileKind::Features(options),
         }
     }
 }
 
-impl Source for GridInput {
+impl OperationInput for GridInput {
     const NAMES: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in \
                                  quotes are one mosaic. The last name is that of the output";
     const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one mosaic";
-    const STDIN: pipes::Holds<'static> = pipes::Holds::Grid;
+    const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Grid;
 
     fn opening(&self, resources: &Resources) -> Result<Opening> {
-        let usual = raster::OpenOptions::default();
+        let usual = raster::GridOpenOptions::default();
         let (nodata, threads) = (self.nodata, resources.threads);
         let band = self.band.unwrap_or(usual.band);
         let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
-        let options = raster::OpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual };
+        let options =
+            raster::GridOpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual };
         Ok(Opening::Grids(options))
     }
 
@@ -139,12 +142,12 @@ impl Source for GridInput {
     }
 }
 
-impl Source for CloudInput {
+impl OperationInput for CloudInput {
     const NAMES: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
                                  pattern in quotes are one cloud. The last name is that of the output";
     const NAMES_PLANNED: &'static str = "Point cloud: LAS, LAZ, COPC, or text after cloud:. Several files, a folder, a list or a \
                                          pattern in quotes are one cloud";
-    const STDIN: pipes::Holds<'static> = pipes::Holds::Points;
+    const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Points;
 
     /// Where points lie is no matter.
     fn opening(&self, resources: &Resources) -> Result<Opening> {
@@ -166,13 +169,13 @@ impl Source for CloudInput {
     }
 }
 
-impl Source for FeatureInput {
+impl OperationInput for FeatureInput {
     const NAMES: &'static str = "File of features. The last name is that of the output";
     const NAMES_PLANNED: &'static str = "File of features";
-    const STDIN: pipes::Holds<'static> = pipes::Holds::Features(None);
+    const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Features(None);
 
     fn opening(&self, _resources: &Resources) -> Result<Opening> {
-        Ok(Opening::Features(vector::OpenOptions { layer: self.layer.clone() }))
+        Ok(Opening::Features(vector::VectorOpenOptions { layer: self.layer.clone() }))
     }
 
     fn check(_name: &str, _many: &Many, _given: &[&'static str]) -> Result<()> {
@@ -185,7 +188,7 @@ impl Source for FeatureInput {
 }
 
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args<O: Operation<Input: Source> + Has<Replacing>> {
+pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + Has<Replacing>> {
     #[arg(help = O::Input::NAMES, required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
     input: Vec<String>,
     #[arg(skip)]
@@ -205,16 +208,18 @@ pub(super) struct Args<O: Operation<Input: Source> + Has<Replacing>> {
 }
 
 /// What names stand for: inputs, options without a dash, and the output.
-fn value_names(table: &'static Table) -> Vec<&'static str> {
+fn value_names(table: &'static OptionTable) -> Vec<&'static str> {
     let positional = positional(table).filter_map(|field| field.value);
     ["INPUT"].into_iter().chain(positional).chain(["OUTPUT"]).collect()
 }
 
-fn positional(table: &'static Table) -> impl Iterator<Item = &'static Field> {
+fn positional(table: &'static OptionTable) -> impl Iterator<Item = &'static OptionField> {
     table.fields().into_iter().filter(|field| field.positional)
 }
 
-impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Args<O> {
+impl<O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>> Verb
+    for OperationArgs<O>
+{
     const NAME: &'static str = O::NAME;
 
     fn about() -> Option<String> {
@@ -254,18 +259,19 @@ impl<O: Operation<Input: Source, Report: Summary> + Has<Replacing>> Verb for Arg
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let Self { output, report, many, show, .. } = self;
         let (mut options, mut input) = (self.options.0.clone(), self.input.clone());
         take_positional(&mut options, &mut input)?;
         let given = self.options.1.as_slice();
-        let frame = Frame { input: &input, output, given, report: report.as_deref(), many, show };
+        let frame =
+            RunArguments { input: &input, output, given, report: report.as_deref(), many, show };
         run(options, frame, call)
     }
 }
 
 /// What surrounds the options of a run.
-pub(super) struct Frame<'a> {
+pub(super) struct RunArguments<'a> {
     pub(super) input: &'a [String],
     pub(super) output: &'a Path,
     /// The names of options that were given.
@@ -276,9 +282,13 @@ pub(super) struct Frame<'a> {
 }
 
 /// Runs an operation and tells of it.
-pub(super) fn run<O>(mut options: O, frame: Frame<'_>, call: &Call<'_>) -> Result<Outcome>
+pub(super) fn run<O>(
+    mut options: O,
+    frame: RunArguments<'_>,
+    call: &VerbCall<'_>,
+) -> Result<VerbOutcome>
 where
-    O: Operation<Input: Source, Report: Summary> + Has<Replacing>,
+    O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>,
 {
     let made = make(&mut options, &frame, call)?;
     let told = report::WithSkipped { report: &made.report, skipped: &made.skipped };
@@ -286,11 +296,11 @@ where
         report::write(path, is_replacing(&options), &told)?;
     }
     frame.show.beside(made.is_poured).tell(&told, || made.report.summary())?;
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
 /// What a run made.
-pub(super) struct Made<R> {
+pub(super) struct FinishedRun<R> {
     pub(super) report: R,
     pub(super) inputs: Inputs,
     pub(super) skipped: Vec<Skipped>,
@@ -303,13 +313,13 @@ pub(super) struct Made<R> {
 /// Runs an operation, whose options are then as they were used.
 pub(super) fn make<O>(
     options: &mut O,
-    frame: &Frame<'_>,
-    call: &Call<'_>,
-) -> Result<Made<O::Report>>
+    frame: &RunArguments<'_>,
+    call: &VerbCall<'_>,
+) -> Result<FinishedRun<O::Report>>
 where
-    O: Operation<Input: Source> + Has<Replacing>,
+    O: Operation<Input: OperationInput> + Has<Replacing>,
 {
-    let Frame { input: named_input, output, given, report, many, show } = *frame;
+    let RunArguments { input: named_input, output, given, report, many, show } = *frame;
     let (mut input, mut output) = (named_input.to_vec(), output.to_path_buf());
     check_given(options, given)?;
     let reading = O::Input::clone(options.part());
@@ -340,7 +350,7 @@ where
     let inputs = stdin.inputs(names);
     let (progress, cancel) = (show.progress(), call.cancel);
     let (progress, is_measured) = (progress.as_ref(), show.json || report.is_some());
-    let request = Request {
+    let request = RunRequest {
         inputs: &inputs,
         output: &output,
         skipped: &skipped,
@@ -351,13 +361,13 @@ where
     let made =
         options.run(request).map_err(|error| if are_made { synth::size(error) } else { error })?;
     stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
-    Ok(Made { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
+    Ok(FinishedRun { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
 }
 
 /// Fails for what is not read, and when one of the options that were given cannot act on it.
 fn check_inputs<O>(options: &O, input: &[String], many: &Many, given: &[&'static str]) -> Result<()>
 where
-    O: Operation<Input: Source>,
+    O: Operation<Input: OperationInput>,
 {
     let shows = matches!(O::WRITES, Writes::Picture | Writes::Page);
     // What is shown may be a part of a mesh; how grids are read is then about the one that it is compared with.
@@ -391,7 +401,7 @@ fn take_positional<O: Operation>(options: &mut O, input: &mut Vec<String>) -> Re
 }
 
 /// The options of which one has to be given, as usage has them.
-pub(super) fn needed(table: &'static Table) -> String {
+pub(super) fn needed(table: &'static OptionTable) -> String {
     let argument = |name: &&str| {
         let field = table.find(name);
         let value = field.and_then(|field| field.value).unwrap_or("VALUE");
@@ -399,11 +409,11 @@ pub(super) fn needed(table: &'static Table) -> String {
     };
     let rules = table.rules().into_iter();
     rules.fold(String::new(), |text, rule| match rule {
-        Rule::OneOf(names, _) => {
+        OptionRule::OneOf(names, _) => {
             let names: Vec<String> = names.iter().map(argument).collect();
             format!("{text}<{}> ", names.join("|"))
         }
-        Rule::NotWith(..) | Rule::Needs(..) => text,
+        OptionRule::NotWith(..) | OptionRule::Needs(..) => text,
     })
 }
 

@@ -1,6 +1,6 @@
 //! Points that were written, for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
 use terrane_lidar::translate::TranslateReport;
 use terrane_lidar::translate::plan::PointsWritten;
@@ -13,7 +13,7 @@ pub(super) fn by_plan(written: PointsWritten) -> String {
     format!("{} -> {}\n{}", report.input, report.output, text::table(&rows))
 }
 
-impl Summary for TranslateReport {
+impl Summarize for TranslateReport {
     fn summary(&self) -> String {
         let mut rows = facts(self);
         rows.extend(

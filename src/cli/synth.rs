@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use terrane_options::Codec;
+use terrane_options::OptionCodec;
 
 use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, report};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, lists, report};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
 use terrane_cloud::write::PointFormat;
@@ -16,14 +16,14 @@ use terrane_engine::{Cancel, Resources};
 use terrane_files::atomic;
 use terrane_lidar::survey::{self, SurveyJob};
 use terrane_simplify::draw::{self, DrawJob};
-use terrane_synth::lines::Lines;
+use terrane_synth::lines::SyntheticLines;
 use terrane_terrain::convert::{self, ConvertJob};
 use terrane_vector as vector;
 
 /// Write a synthetic terrain as an uncompressed tiled BigTIFF, a synthetic cloud as LAS or LAZ, or
 /// synthetic lines
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct SynthArgs {
     /// Character and parameters of a terrain, such as rough,size=4097,seed=7, or cloud and its
     /// parameters, such as cloud,size=1000,density=8,seed=7, or a shape of lines and its parameters,
     /// such as koch,vertices=1000000
@@ -32,7 +32,7 @@ pub(super) struct Args {
     /// GeoTIFF to write, a .las or .laz file for a cloud, or any file of features for lines
     output: PathBuf,
     /// Format of the points of a cloud: 0 to 3 (LAS 1.2) or 6 to 8 (LAS 1.4) [default: 6]
-    #[arg(long, value_name = "N", value_parser = <PointFormatNumber as Codec<PointFormat>>::parse)]
+    #[arg(long, value_name = "N", value_parser = <PointFormatNumber as OptionCodec<PointFormat>>::parse)]
     point_format: Option<PointFormat>,
     /// Replace a file that exists
     #[arg(long)]
@@ -43,7 +43,7 @@ pub(super) struct Args {
     show: args::Show,
 }
 
-impl Verb for Args {
+impl Verb for SynthArgs {
     const NAME: &'static str = "synth";
 
     fn lists() -> Vec<String> {
@@ -56,12 +56,12 @@ impl Verb for Args {
         ]
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let name = format!("synth:{}", args.name.strip_prefix("synth:").unwrap_or(&args.name));
     if args.resources.1.contains(&"temp_dir") {
         return Err(Error::usage("‹temp_dir› cannot act: nothing is spilled")
@@ -81,7 +81,7 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 /// A terrain.
-fn raise(name: String, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn raise(name: String, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     atomic::refuse_stdout(&args.output)?;
     check::new_file(&args.output, args.overwrite)?;
     let job = ConvertJob::new(name, &args.output).with(|options| {
@@ -105,7 +105,7 @@ pub(super) fn size(error: Error) -> Error {
 }
 
 /// A cloud.
-fn fly(name: &str, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn fly(name: &str, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = SurveyJob {
         survey: cloud::synth::survey(name)?,
         output: args.output.clone(),
@@ -119,7 +119,7 @@ fn fly(name: &str, args: &Args, cancel: &Cancel) -> Result<Outcome> {
 }
 
 /// Lines.
-fn draw(lines: Lines, args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn draw(lines: SyntheticLines, args: &SynthArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = DrawJob {
         lines,
         output: args.output.clone(),
@@ -131,7 +131,7 @@ fn draw(lines: Lines, args: &Args, cancel: &Cancel) -> Result<Outcome> {
     tell(&report, args)
 }
 
-fn tell(report: &impl Serialize, args: &Args) -> Result<Outcome> {
+fn tell(report: &impl Serialize, args: &SynthArgs) -> Result<VerbOutcome> {
     args.show.tell(report, || report::plain(report))?;
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }

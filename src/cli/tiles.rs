@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use crate::cli::operation::{self, Frame};
+use crate::cli::operation::{self, RunArguments};
 use crate::cli::shared::many::Many;
-use crate::cli::shared::report::Summary;
-use crate::cli::shared::union::{Kind, Kinds, Union};
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, lists, many, names, report, text};
+use crate::cli::shared::report::Summarize;
+use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, lists, many, names, report, text};
 use terrane_base::error::Result;
 use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 
@@ -22,7 +22,7 @@ use terrane_tiles::{CloudTilesOptions, TilesOptions, TilesReport};
 /// taken from the ellipsoid on, or brought there with --geoid. Of a cloud a model of the ground is made first, as
 /// terrane grid --dtm makes it, and the samples are those of the model.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct TilesArgs {
     /// Grid file; several files, a folder, a list or a pattern in quotes are one mosaic. Or point clouds. Stdin is - for a
     /// grid and cloud:- for points. The last name is that of the folder to make
     #[arg(required = true, value_names = names::NAMES, value_parser = names::any())]
@@ -36,7 +36,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    options: Union<Sources>,
+    options: Union<TilesSources>,
     #[command(flatten)]
     pub(super) many: many::Many,
     #[command(flatten)]
@@ -45,14 +45,16 @@ pub(super) struct Args {
 
 /// What tiles are made of.
 #[derive(Clone, Debug)]
-struct Sources;
+struct TilesSources;
 
-impl Kinds for Sources {
-    const ALL: &'static [Kind] =
-        &[Kind::of::<TilesOptions>("grids"), Kind::of::<CloudTilesOptions>("point clouds")];
+impl Kinds for TilesSources {
+    const ALL: &'static [InputKindOptions] = &[
+        InputKindOptions::of::<TilesOptions>("grids"),
+        InputKindOptions::of::<CloudTilesOptions>("point clouds"),
+    ];
 }
 
-impl Verb for Args {
+impl Verb for TilesArgs {
     const NAME: &'static str = "tiles";
 
     fn usage() -> Option<String> {
@@ -74,10 +76,10 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let Self { input, output, report, many, show, .. } = self;
         let (given, report) = (self.options.given(), report.as_deref());
-        let frame = Frame { input, output, given, report, many, show };
+        let frame = RunArguments { input, output, given, report, many, show };
         match many.are_clouds(input)? {
             true => operation::run(self.options.of::<CloudTilesOptions>(&input[0])?, frame, call),
             false => operation::run(self.options.of::<TilesOptions>(&input[0])?, frame, call),
@@ -85,7 +87,7 @@ impl Verb for Args {
     }
 }
 
-impl Summary for TilesReport {
+impl Summarize for TilesReport {
     fn summary(&self) -> String {
         let mut rows = vec![
             ("system", self.crs.clone()),
@@ -95,7 +97,7 @@ impl Summary for TilesReport {
         rows.extend(report::took(&self.run, None, ""));
         rows.extend(report::notes(&self.notes));
         let heading = "level     tiles  triangles       bytes   error, m  of allowed";
-        let level = |l: &terrane_tiles::LevelReport| {
+        let level = |l: &terrane_tiles::TileLevelReport| {
             format!(
                 "{:>5} {:>9} {:>10} {:>11} {:>10.3} {:>11.3}",
                 l.level, l.tiles, l.triangles, l.bytes, l.error, l.tolerance

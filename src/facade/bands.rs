@@ -4,7 +4,7 @@ use std::path::Path;
 
 use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::GridInput;
-use terrane_engine::proof::Written;
+use terrane_engine::proof::WrittenOutput;
 use terrane_options::Options;
 use terrane_raster::Inputs;
 use terrane_terrain::tin::TinOptions;
@@ -87,8 +87,9 @@ impl BandGrid {
     }
 
     /// The proof of a mesh in a file against these bands, each of its channels and its heights.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
-        let written = Written { file: mesh.as_ref().to_path_buf(), original: self.inputs.clone() };
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, WrittenOutput> {
+        let written =
+            WrittenOutput { file: mesh.as_ref().to_path_buf(), original: self.inputs.clone() };
         Job::new(written, self.options(|own: &mut MeshProof| (&mut own.bands, &mut own.weights)))
     }
 

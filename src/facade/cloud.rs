@@ -6,11 +6,11 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_base::geom::Crs;
-use terrane_cloud::{self as cloud, CloudInfo, HeldCloud, Marks, OpenOptions};
+use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, HeldCloud, PointMarks};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::CloudInput;
-use terrane_engine::proof::{Proof, Written};
+use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_files::name_of;
 use terrane_options::{Options, changed};
 use terrane_raster::Inputs;
@@ -93,7 +93,11 @@ pub fn open_cloud_as(input: impl Into<Inputs>, reading: CloudInput) -> Result<Cl
 /// # Ok(())
 /// # }
 /// ```
-pub fn open_points(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) -> Result<Cloud> {
+pub fn open_points(
+    positions: &[[f64; 3]],
+    marks: Option<&[PointMarks]>,
+    crs: Crs,
+) -> Result<Cloud> {
     let held = HeldCloud::new(positions, marks, crs)?;
     let cloud = Cloud::open(vec![held.name().to_owned()], CloudInput::default())?;
     Ok(Cloud { held: Some(Arc::new(held)), ..cloud })
@@ -103,7 +107,7 @@ impl Cloud {
     fn open(inputs: Vec<String>, reading: CloudInput) -> Result<Self> {
         let options = reading.options(&Resources::default())?;
         // What a job cannot work on, it says.
-        let any = OpenOptions { any_extent: true, ..options };
+        let any = CloudOpenOptions { any_extent: true, ..options };
         let info = cloud::source(&inputs, &any)?.info().clone();
         Ok(Self { inputs, reading, info, held: None })
     }
@@ -187,12 +191,15 @@ impl Cloud {
     }
 
     /// The proof of a mesh in a file against this cloud.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, Written> {
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, CloudMeshProof, WrittenOutput> {
         self.proof(mesh.as_ref())
     }
 
-    pub(super) fn proof<O: Proof + Has<CloudInput>>(&self, file: &Path) -> Job<'_, O, Written> {
-        let written = Written { file: file.to_path_buf(), original: Data::inputs(self) };
+    pub(super) fn proof<O: OutputProof + Has<CloudInput>>(
+        &self,
+        file: &Path,
+    ) -> Job<'_, O, WrittenOutput> {
+        let written = WrittenOutput { file: file.to_path_buf(), original: Data::inputs(self) };
         Job::new(written, self.options(|_| {}))
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
-use terrane_engine::operation::{AnyOperation, Call, Request};
+use terrane_engine::operation::{AnyOperation, OperationCall, RunRequest};
 use terrane_engine::plan::AnyPlan as Plan;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::Inputs;
@@ -45,8 +45,9 @@ pub trait Data {
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Json> {
         let (inputs, reading) = (&self.inputs(), self.reading());
-        let request = Request { inputs, output, skipped: &[], is_measured: true, progress, cancel };
-        (operation.run)(&Call { request, reading, options })
+        let request =
+            RunRequest { inputs, output, skipped: &[], is_measured: true, progress, cancel };
+        (operation.run)(&OperationCall { request, reading, options })
     }
 
     /// Plans an operation that can be divided, as [`Job::plan`](crate::Job::plan) does.
@@ -62,8 +63,14 @@ pub trait Data {
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Plan> {
         let (inputs, reading) = (&self.inputs(), self.reading());
-        let request =
-            Request { inputs, output: folder, skipped: &[], is_measured: true, progress, cancel };
-        operation.plan(&Call { request, reading, options }, task_size)
+        let request = RunRequest {
+            inputs,
+            output: folder,
+            skipped: &[],
+            is_measured: true,
+            progress,
+            cancel,
+        };
+        operation.plan(&OperationCall { request, reading, options }, task_size)
     }
 }

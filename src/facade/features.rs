@@ -7,11 +7,11 @@ use terrane_base::Result;
 use terrane_engine::Resources;
 use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::FeatureInput;
-use terrane_engine::proof::Written;
+use terrane_engine::proof::WrittenOutput;
 use terrane_options::{Options, to_map};
 use terrane_raster::Inputs;
 use terrane_simplify::LineOptions;
-use terrane_vector::{self as vector, OpenOptions};
+use terrane_vector::{self as vector, VectorOpenOptions};
 use terrane_verify::LineProof;
 
 use super::Data;
@@ -47,7 +47,7 @@ pub fn open_features(path: impl AsRef<Path>) -> Result<Features> {
 
 impl Features {
     fn checked(self) -> Result<Self> {
-        vector::open(&self.path, &OpenOptions { layer: self.layer.clone() })?;
+        vector::open(&self.path, &VectorOpenOptions { layer: self.layer.clone() })?;
         Ok(self)
     }
 
@@ -82,9 +82,9 @@ impl Features {
     }
 
     /// The proof of simplified lines in a file against these.
-    pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, Written> {
+    pub fn verify(&self, lines: impl AsRef<Path>) -> Job<'_, LineProof, WrittenOutput> {
         let (file, original) = (lines.as_ref().to_path_buf(), self.inputs());
-        Job::new(Written { file, original }, self.options())
+        Job::new(WrittenOutput { file, original }, self.options())
     }
 }
 

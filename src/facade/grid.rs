@@ -8,12 +8,12 @@ use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_engine::operation::{Has, Job};
 use terrane_engine::options::GridInput;
-use terrane_engine::proof::{Proof, Written};
+use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_engine::{Resources, memory};
 use terrane_files::name_of;
 use terrane_options::{Options, to_map};
 use terrane_raster::{
-    self as raster, ArrayGrid, GridInfo, GridSource, HeldGrid, Inputs, Note, OpenOptions,
+    self as raster, ArrayGrid, GridInfo, GridNote, GridOpenOptions, GridSource, HeldGrid, Inputs,
 };
 use terrane_terrain::colours::{ColorReliefOptions, ColorReliefSetters};
 use terrane_terrain::contour::ContourOptions;
@@ -92,14 +92,14 @@ pub fn open_array(grid: ArrayGrid<'static>) -> Result<Grid> {
 
 impl Grid {
     fn open(inputs: Inputs, reading: GridInput) -> Result<Self> {
-        let usual = OpenOptions::default().cache_bytes;
+        let usual = GridOpenOptions::default().cache_bytes;
         let options = reading.options(&Resources::default(), usual)?;
         let source = match raster::open_all(inputs.names(), &options) {
             // A block of it is larger than what is held unless told otherwise.
             Err(error) if error.kind() == ErrorKind::Resource => {
                 let block = memory::look_at(&inputs, &options)?.block_bytes();
                 let cache_bytes = usize::try_from(2 * block).unwrap_or(usize::MAX);
-                raster::open_all(inputs.names(), &OpenOptions { cache_bytes, ..options })?
+                raster::open_all(inputs.names(), &GridOpenOptions { cache_bytes, ..options })?
             }
             opened => opened?,
         };
@@ -212,7 +212,7 @@ impl Grid {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn notes(&self) -> Vec<Note> {
+    pub fn notes(&self) -> Vec<GridNote> {
         raster::notes(self.info())
     }
 
@@ -233,8 +233,8 @@ impl Grid {
     /// Heckbert 1995) in tiles that share the vertices along their borders, joined without seams, redundant vertices
     /// dropped again; or by [another method](crate::prelude::TinSetters::method).
     ///
-    /// One of [`max_error`](crate::prelude::TargetSetters::max_error), [`max_vertices`](crate::prelude::TargetSetters::max_vertices) and
-    /// [`max_triangles`](crate::prelude::TargetSetters::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
+    /// One of [`max_error`](crate::prelude::TinTargetSetters::max_error), [`max_vertices`](crate::prelude::TinTargetSetters::max_vertices) and
+    /// [`max_triangles`](crate::prelude::TinTargetSetters::max_triangles) is the target. [`write`](Job::write) makes the mesh in a file, whatever its
     /// size, [`build`](crate::prelude::BuildTin::build) in memory. Takes time about in proportion to the samples, and twice to six times as long
     /// for a number of vertices or triangles. The result depends on nothing but the heights, the options and the size of
     /// [tiles](crate::prelude::TinSetters::tile).
@@ -376,12 +376,15 @@ impl Grid {
 
     /// The proof of a mesh in a file against this grid. Meshes of terrane state their tolerance, what it is of, and their
     /// smallest angle; of others, without a [largest error](crate::prelude::MeshProofSetters::max_error), errors are measured and not judged.
-    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, Written> {
+    pub fn verify(&self, mesh: impl AsRef<Path>) -> Job<'_, MeshProof, WrittenOutput> {
         self.proof(mesh.as_ref())
     }
 
-    pub(super) fn proof<O: Proof + Has<GridInput>>(&self, file: &Path) -> Job<'_, O, Written> {
-        let written = Written { file: file.to_path_buf(), original: self.inputs.clone() };
+    pub(super) fn proof<O: OutputProof + Has<GridInput>>(
+        &self,
+        file: &Path,
+    ) -> Job<'_, O, WrittenOutput> {
+        let written = WrittenOutput { file: file.to_path_buf(), original: self.inputs.clone() };
         Job::new(written, self.options())
     }
 

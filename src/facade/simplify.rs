@@ -1,7 +1,7 @@
 //! Lines in memory made simpler.
 
 use terrane_line::registry::Run;
-use terrane_line::{self as line, Plane, Scratch, Space, ring};
+use terrane_line::{self as line, PlaneMetric, SimplifyScratch, SpaceMetric, ring};
 
 /// How vertices of lines are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -23,19 +23,19 @@ pub enum Method {
 
 impl Method {
     /// Its entry in the registry.
-    pub(super) fn entry(self) -> &'static line::Method {
+    pub(super) fn entry(self) -> &'static line::SimplifyMethod {
         match self {
-            Self::Cone => &line::Method::CONE,
-            Self::Rdp => &line::Method::RDP,
-            Self::ImaiIri => &line::Method::IMAI_IRI,
-            Self::Visvalingam => &line::Method::VISVALINGAM,
-            Self::WeightedVisvalingam => &line::Method::WEIGHTED_VISVALINGAM,
+            Self::Cone => &line::SimplifyMethod::CONE,
+            Self::Rdp => &line::SimplifyMethod::RDP,
+            Self::ImaiIri => &line::SimplifyMethod::IMAI_IRI,
+            Self::Visvalingam => &line::SimplifyMethod::VISVALINGAM,
+            Self::WeightedVisvalingam => &line::SimplifyMethod::WEIGHTED_VISVALINGAM,
         }
     }
 }
 
 /// A position that lines are made of: `[f64; 2]` in the plane or `[f64; 3]` in space.
-pub trait Coordinates: Copy + sealed::Sealed {}
+pub trait Coordinates: Copy + sealed::SealedCoordinates {}
 
 impl Coordinates for [f64; 2] {}
 impl Coordinates for [f64; 3] {}
@@ -43,18 +43,18 @@ impl Coordinates for [f64; 3] {}
 mod sealed {
     use super::*;
 
-    pub trait Sealed: Copy {
-        type Metric: line::Metric<Self>;
+    pub trait SealedCoordinates: Copy {
+        type Metric: line::DistanceMetric<Self>;
         const METRIC: Self::Metric;
-        fn run(method: &line::Method) -> Run<Self, Self::Metric>;
+        fn run(method: &line::SimplifyMethod) -> Run<Self, Self::Metric>;
         fn is_finite(&self) -> bool;
     }
 
-    impl Sealed for [f64; 2] {
-        type Metric = Plane;
-        const METRIC: Plane = Plane;
+    impl SealedCoordinates for [f64; 2] {
+        type Metric = PlaneMetric;
+        const METRIC: PlaneMetric = PlaneMetric;
 
-        fn run(method: &line::Method) -> Run<Self, Plane> {
+        fn run(method: &line::SimplifyMethod) -> Run<Self, PlaneMetric> {
             method.plane
         }
 
@@ -63,11 +63,11 @@ mod sealed {
         }
     }
 
-    impl Sealed for [f64; 3] {
-        type Metric = Space;
-        const METRIC: Space = Space;
+    impl SealedCoordinates for [f64; 3] {
+        type Metric = SpaceMetric;
+        const METRIC: SpaceMetric = SpaceMetric;
 
-        fn run(method: &line::Method) -> Run<Self, Space> {
+        fn run(method: &line::SimplifyMethod) -> Run<Self, SpaceMetric> {
             method.space
         }
 
@@ -127,7 +127,7 @@ impl<C: Coordinates> Simplify<'_, C> {
     /// The vertices that are kept, by ascending index.
     pub fn indices(&self) -> Vec<usize> {
         let keeps_all = self.tolerance.is_nan() || self.tolerance < 0.0;
-        let is_finite = self.coords.iter().all(sealed::Sealed::is_finite);
+        let is_finite = self.coords.iter().all(sealed::SealedCoordinates::is_finite);
         let different = self.coords.len() - usize::from(self.is_ring && !self.coords.is_empty());
         let is_too_long = self.is_ring && self.coords.len() > MOST;
         if keeps_all || is_too_long || (self.is_ring && !is_finite) {
@@ -135,7 +135,7 @@ impl<C: Coordinates> Simplify<'_, C> {
         }
         let mut kept = Vec::new();
         match self.is_ring {
-            true => kept.extend(self.of_ring(&mut Scratch::default())),
+            true => kept.extend(self.of_ring(&mut SimplifyScratch::default())),
             false => {
                 self.each_run(|from, found| kept.extend(found.iter().map(|i| from + *i as usize)))
             }
@@ -153,7 +153,7 @@ impl<C: Coordinates> Simplify<'_, C> {
 
     /// Calls `each` with the first vertex of every run without bad ones, and with what is kept of it.
     fn each_run(&self, mut each: impl FnMut(usize, &[u32])) {
-        let (mut scratch, mut kept) = (Scratch::default(), Vec::new());
+        let (mut scratch, mut kept) = (SimplifyScratch::default(), Vec::new());
         let run = C::run(self.method.entry());
         let same = |a: &C, b: &C| a.is_finite() == b.is_finite();
         let mut from = 0;
@@ -168,7 +168,7 @@ impl<C: Coordinates> Simplify<'_, C> {
         }
     }
 
-    fn of_ring(&self, scratch: &mut Scratch) -> impl Iterator<Item = usize> + use<C> {
+    fn of_ring(&self, scratch: &mut SimplifyScratch) -> impl Iterator<Item = usize> + use<C> {
         let (method, tolerance, mut kept) = (self.method.entry(), self.tolerance, Vec::new());
         let run = C::run(method);
         match method.bounds.weight() {
@@ -176,7 +176,7 @@ impl<C: Coordinates> Simplify<'_, C> {
                 ring::visvalingam(&C::METRIC, self.coords, tolerance, weight, &mut kept);
             }
             None => {
-                let choose = |points: &[C], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+                let choose = |points: &[C], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>| {
                     run(&C::METRIC, points, tolerance, scratch, kept);
                 };
                 let can_move = !method.splits;

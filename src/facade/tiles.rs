@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use terrane_engine::operation::Job;
-use terrane_engine::proof::Written;
+use terrane_engine::proof::WrittenOutput;
 use terrane_tiles::{CloudTilesOptions, TilesOptions};
 use terrane_verify::tiles::{CloudTilesProof, TilesProof};
 
@@ -47,7 +47,7 @@ impl Grid {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, TilesProof, Written> {
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, TilesProof, WrittenOutput> {
         self.proof(tiles.as_ref())
     }
 }
@@ -75,7 +75,7 @@ impl Cloud {
 
     /// The proof of a folder of terrain tiles against a model of the ground of this cloud, with [cells](crate::prelude::ModelSetters::cell) and
     /// [ground](crate::prelude::ModelSetters::ground) as they were when the tiles were made.
-    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, Written> {
+    pub fn verify_tiles(&self, tiles: impl AsRef<Path>) -> Job<'_, CloudTilesProof, WrittenOutput> {
         self.proof(tiles.as_ref())
     }
 }

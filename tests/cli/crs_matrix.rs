@@ -173,7 +173,7 @@ fn tiff((keys, numbers, texts): Keys) -> Vec<u8> {
 }
 
 fn of_grid(path: &Path) -> Crs {
-    raster::open(path.to_str().unwrap(), &raster::OpenOptions::default())
+    raster::open(path.to_str().unwrap(), &raster::GridOpenOptions::default())
         .unwrap()
         .info()
         .crs
@@ -250,7 +250,7 @@ fn every_file_of_lines_has_the_whole_system_in_it_or_beside_it() {
     each(|kind, place, given| {
         for out in ["c.shp", "c.fgb", "c.geojson", "w.wkt", "v.csv"] {
             place.ok(&["contour", "in.tif", "-o", out, "--interval", "4", "-q"]);
-            let options = vector::OpenOptions::default();
+            let options = vector::VectorOpenOptions::default();
             let found = vector::open(&place.path(out), &options).unwrap().layer().crs.clone();
             // GeoJSON means WGS 84 where it says nothing, and then a note says so.
             if given.is_named() || out != "c.geojson" {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::cli_support::{Place, json};
 use serde_json::Value;
 use terrane_line::METHODS;
-use terrane_line::registry::Bounds;
+use terrane_line::registry::ToleranceKind;
 use terrane_vector::FORMATS;
 
 /// A wriggly coverage of `side` x `side` squares of 1 x 1, each with a hole in it: borders are shared.
@@ -47,8 +47,8 @@ fn every_method_keeps_its_promises_on_a_coverage() {
     place.write("a.geojson", coverage(4));
     for method in METHODS {
         let goal = match method.bounds {
-            Bounds::Distance => ["--tolerance", "0.05"],
-            Bounds::Area(_) => ["--area", "0.002"],
+            ToleranceKind::Distance => ["--tolerance", "0.05"],
+            ToleranceKind::Area(_) => ["--area", "0.002"],
         };
         for strategy in ["retroactive", "proactive"] {
             let base = ["line", "a.geojson", "b.geojson", "--method", method.name, "--overwrite"];
@@ -58,8 +58,8 @@ fn every_method_keeps_its_promises_on_a_coverage() {
                 (report["kept"].as_u64().unwrap(), report["vertices"].as_u64().unwrap());
             assert!(kept * 4 < all, "{}: {kept} of {all}", method.name);
             let held = match method.bounds {
-                Bounds::Distance => &["--tolerance", "0.05"][..],
-                Bounds::Area(_) => &[],
+                ToleranceKind::Distance => &["--tolerance", "0.05"][..],
+                ToleranceKind::Area(_) => &[],
             };
             let proof = ["verify", "b.geojson", "a.geojson", "--topology", "--json"];
             let proof = place.run(&[&proof[..], held].concat());
@@ -81,13 +81,15 @@ fn properties_and_ids_go_through_every_format() {
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         let output = format!("b.{}", format.extensions[0]);
         let args = ["line", "a.geojson", &output, "--format", format.name];
-        if format.name == "GPX" || !format.holds.kinds.contains(&terrane_vector::Kind::Polygon) {
+        if format.name == "GPX"
+            || !format.holds.kinds.contains(&terrane_vector::GeometryType::Polygon)
+        {
             continue;
         }
         place.ok(&[&args[..], &goal].concat());
         let proof = ["verify", &output, "a.geojson", "--tolerance", "0.05", "--topology", "-q"];
         let proof = place.run(&proof);
-        let is_whole = format.holds.values != terrane_vector::Values::None;
+        let is_whole = format.holds.values != terrane_vector::PropertySupport::None;
         assert_eq!(proof.code, if is_whole { 0 } else { 3 }, "{}: {}", format.name, proof.err);
         assert_eq!(proof.err.contains("not judged: properties of 4 features"), !is_whole);
         place.ok(&["line", &output, "c.geojson", "--tolerance", "0", "--overwrite", "-q"]);
@@ -215,7 +217,7 @@ fn goals_are_met_by_what_is_written() {
     let formats: Vec<_> = FORMATS
         .iter()
         .filter(|format| format.create.is_some())
-        .filter(|format| format.holds.kinds.contains(&terrane_vector::Kind::Polygon))
+        .filter(|format| format.holds.kinds.contains(&terrane_vector::GeometryType::Polygon))
         .collect();
     assert!(formats.len() > 4);
     for method in METHODS {

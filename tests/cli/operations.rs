@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Progress, Reads, Silent, Writes};
 use terrane_base::door::Door;
-use terrane_options::{Field, Kind, Role, Rule, Shape, texts_of};
+use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionRule, texts_of};
 
 use crate::cli_support::Place;
 use crate::operation_values::{UNTRIED, VALUES};
@@ -68,7 +68,7 @@ fn output(operation: &AnyOperation, options: &Map<String, Json>) -> &'static str
 }
 
 /// A value of an option, and the options to go with it; none where it cannot be tried.
-fn tried(operation: &AnyOperation, field: &Field) -> Option<Map<String, Json>> {
+fn tried(operation: &AnyOperation, field: &OptionField) -> Option<Map<String, Json>> {
     let names = [format!("{}.{}", operation.name, field.name), field.name.to_owned()];
     if UNTRIED.iter().any(|(name, _)| names.iter().any(|own| own == name)) {
         return None;
@@ -94,18 +94,18 @@ fn arguments(operation: &AnyOperation, options: &Map<String, Json>) -> (Vec<Stri
     for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
         let field = operation.table.find(name).unwrap();
         let long = match field.kind {
-            Kind::Flag => Door::CommandLine.spell(&format!("‹{name}={value}›")).into_owned(),
+            OptionKind::Flag => Door::CommandLine.spell(&format!("‹{name}={value}›")).into_owned(),
             _ => Door::CommandLine.spell(&format!("‹{name}›")).into_owned(),
         };
         let texts = texts_of(field, value).unwrap();
         match (field.positional, field.kind, field.shape) {
             (true, ..) => names.extend(texts),
-            (_, Kind::Flag, _) => arguments.push(long),
+            (_, OptionKind::Flag, _) => arguments.push(long),
             // A name behind it would be that of an input.
             _ if field.bare.is_some() => {
                 arguments.extend(texts.iter().map(|text| format!("{long}={text}")));
             }
-            (.., Shape::Repeated) => {
+            (.., OptionArity::Repeated) => {
                 arguments.extend(texts.into_iter().flat_map(|text| [long.clone(), text]));
             }
             _ => arguments.extend(texts.into_iter().flat_map(|text| [long.clone(), text])),
@@ -121,7 +121,7 @@ fn in_place(
     options: &Map<String, Json>,
 ) -> Map<String, Json> {
     let absolute = |(name, value): (&String, &Json)| {
-        let is_path = matches!(operation.table.find(name).unwrap().kind, Kind::Path);
+        let is_path = matches!(operation.table.find(name).unwrap().kind, OptionKind::Path);
         let value = match value.as_str() {
             Some(file) if is_path => place.path(file).to_str().unwrap().into(),
             _ => value.clone(),
@@ -232,7 +232,7 @@ fn each_option_does_the_same_at_each_door() {
                 .entry((operation.name, input, Json::from(others.clone()).to_string()))
                 .or_insert_with(|| write_both(&place, operation, &others, input));
             let is_seen = written != *usual
-                || field.role == Role::Run
+                || field.role == OptionRole::Run
                 || (operation.name, field.name) == ("contour", "tile");
             // A terrain has no level ground, and metres lead to one direction in any unit.
             let may_be_unseen =
@@ -249,7 +249,7 @@ fn each_option_does_the_same_at_each_door() {
 /// The options without one of them; what is needed with it alone goes, too.
 fn without(
     operation: &AnyOperation,
-    field: &Field,
+    field: &OptionField,
     options: &Map<String, Json>,
 ) -> Map<String, Json> {
     let mut others = options.clone();
@@ -357,7 +357,7 @@ fn what_does_not_go_together_is_refused_at_each_door_before_anything_is_read() {
     let mut tried = 0;
     for operation in OPERATIONS {
         for rule in operation.table.rules() {
-            let Rule::NotWith(name, others) = rule else { continue };
+            let OptionRule::NotWith(name, others) = rule else { continue };
             for other in *others {
                 let is_tried = |term: &str| {
                     let name = term.split_once('=').map_or(term, |(name, _)| name);

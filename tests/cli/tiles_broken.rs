@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
-use terrane_proof::tiles::Fault;
+use terrane_proof::tiles::TilesetFault;
 
 use crate::cli_support::{Place, json as parsed};
 use crate::tiles::{place, walk};
@@ -286,7 +286,7 @@ fn there_is_a_change_for_every_fault() {
     let all: Vec<_> =
         all.chain(crate::tiles_skirts::NAMED).chain(crate::tiles_water::NAMED).collect();
     let all = [all, crate::tiles_fields::NAMED.to_vec()].concat();
-    for (fault, _, told) in Fault::ALL {
+    for (fault, _, told) in TilesetFault::ALL {
         let of_three = told.replace("layer.json", "tileset.json");
         let is_it = |what: &&str| told.contains(what) || of_three.contains(what);
         assert!(all.iter().any(is_it), "{fault:?}: {told}");

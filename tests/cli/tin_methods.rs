@@ -2,7 +2,7 @@
 
 use crate::cli_support::Place;
 use serde_json::Value;
-use terrane_baselines::{METHODS, Promise, Triangulation};
+use terrane_baselines::{METHODS, Promise, TriangulationRule};
 
 const GRIDS: [&str; 3] = [
     "synth:rough,size=65,seed=7",
@@ -20,7 +20,7 @@ fn every_method_keeps_the_bound_that_its_mesh_states() {
     let place = Place::new();
     for method in METHODS {
         let count = if method.takes_triangulation { 3 } else { 1 };
-        for triangulation in &Triangulation::ALL[..count] {
+        for triangulation in &TriangulationRule::ALL[..count] {
             for grid in GRIDS {
                 let job = ["tin", grid, "o.ply", "--max-error", "5.5", "--method", method.name];
                 let connected = ["--triangulation", triangulation.name()];

@@ -3,7 +3,7 @@
 
 use crate::cli_support::{Place, Ran, json};
 use terrane_base::geom::wkt::of_srs;
-use terrane_crs::{Operation, Options};
+use terrane_crs::{CoordinateOperation, CoordinateOperationOptions};
 use terrane_mesh as mesh;
 
 /// A grid in the middle of Switzerland (CH1903+ / LV95), of waves, without a void.
@@ -95,9 +95,10 @@ fn contours_are_those_of_the_grid_taken_to_another_system() {
     let written = String::from_utf8(place.bytes("b.geojson")).unwrap();
     assert!(written.contains("urn:ogc:def:crs:EPSG::32632"), "{written:.300}");
     let extent = Some([2_600_000.0, 1_200_000.0, 2_601_500.0, 1_201_250.0]);
-    let options = Options { extent, ..Options::default() };
+    let options = CoordinateOperationOptions { extent, ..CoordinateOperationOptions::default() };
     let operation =
-        Operation::between(&of_srs("EPSG:2056"), &of_srs("EPSG:32632"), &options).unwrap();
+        CoordinateOperation::between(&of_srs("EPSG:2056"), &of_srs("EPSG:32632"), &options)
+            .unwrap();
     let (before, after) = (lines(&place, "a.geojson"), lines(&place, "b.geojson"));
     assert!(before.len() > 10 && before.len() == after.len());
     for (a, b) in before.iter().flatten().zip(after.iter().flatten()) {
@@ -182,10 +183,10 @@ fn vertices(place: &Place, name: &str) -> (Vec<[f64; 3]>, Vec<[u64; 3]>) {
 fn meshes_of_every_format_have_the_same_triangles_elsewhere_and_are_not_proved_there() {
     let place = place();
     let extent = Some([2_600_012.5, 1_200_012.5, 2_601_487.5, 1_201_237.5]);
-    let options = Options { extent, ..Options::default() };
+    let options = CoordinateOperationOptions { extent, ..CoordinateOperationOptions::default() };
     for target in ["EPSG:32632", "EPSG:4326"] {
         let operation =
-            Operation::between(&of_srs("EPSG:2056"), &of_srs(target), &options).unwrap();
+            CoordinateOperation::between(&of_srs("EPSG:2056"), &of_srs(target), &options).unwrap();
         for format in mesh::FORMATS {
             let [plain, moved] = ["a", "b"].map(|name| format!("{name}.{}", format.extensions[0]));
             // LandXML holds no degrees.

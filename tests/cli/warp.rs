@@ -4,7 +4,7 @@
 use crate::cli_support::{Place, json};
 use crate::relief::values;
 use terrane_base::geom::wkt::of_srs;
-use terrane_crs::{Operation, Options};
+use terrane_crs::{CoordinateOperation, CoordinateOperationOptions};
 
 const SIZE: [usize; 2] = [60, 50];
 
@@ -75,10 +75,11 @@ fn slow(name: &str, heights: &[f64], [col, row]: [f64; 2], scale: [f64; 2]) -> f
 fn samples_are_those_of_the_operation_and_the_formula() {
     let (place, heights) = place();
     let extent = Some([2_600_012.5, 1_200_012.5, 2_601_487.5, 1_201_237.5]);
-    let options = Options { extent, ..Options::default() };
+    let options = CoordinateOperationOptions { extent, ..CoordinateOperationOptions::default() };
     for (target, cell) in [("EPSG:32632", "20"), ("EPSG:32632", "70"), ("EPSG:4326", "0.0003")] {
-        let back =
-            Operation::between(&of_srs("EPSG:2056"), &of_srs(target), &options).unwrap().inverse();
+        let back = CoordinateOperation::between(&of_srs("EPSG:2056"), &of_srs(target), &options)
+            .unwrap()
+            .inverse();
         for name in ["near", "bilinear", "cubic"] {
             let asked = ["convert", "dem.asc", "o.tif", "--to-crs", target, "--resampling", name];
             let more = ["--resolution", cell, "--overwrite", "--json"];

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use spade::{DelaunayTriangulation, HasPosition, Point2, PositionInTriangulation, Triangulation};
-use terrane_cloud::{Filter, OpenOptions, PointFormat, Return, synth};
+use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, Return, synth};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::survey;
@@ -170,7 +170,7 @@ fn heights_in_place_of_z_are_the_same_and_points_without_are_left_out() {
         .collect();
     assert!(heights == as_z && as_z.len() > 5000);
     let cloud =
-        terrane_cloud::open(&[second.to_str().unwrap().to_owned()], &OpenOptions::default());
+        terrane_cloud::open(&[second.to_str().unwrap().to_owned()], &CloudOpenOptions::default());
     let cloud = cloud.unwrap();
     use terrane_cloud::PointSource;
     assert_eq!(cloud.info().frame.offset[2], 0.0);
@@ -259,12 +259,12 @@ fn neither_filters_nor_memory_nor_threads_change_what_is_told() {
         run(&TranslateJob { above: asked.clone(), resources, ..job(&[&input], &output) }).unwrap();
         assert!(std::fs::read(&output).unwrap() == bytes, "{threads} {memory}");
     }
-    let filter = Filter {
+    let filter = CloudFilter {
         classes: Some(vec![5, 6]),
         returns: Some(Return::First),
         ..job(&[&input], &output).cloud.filter
     };
-    let options = OpenOptions { filter, ..job(&[&input], &output).cloud };
+    let options = CloudOpenOptions { filter, ..job(&[&input], &output).cloud };
     let some = TranslateJob { above: asked, cloud: options, ..job(&[&input], &output) };
     run(&some).unwrap();
     let found = whole(&output).records;
@@ -294,8 +294,8 @@ fn what_the_ground_cannot_tell_is_refused() {
     );
     refused(Above { from: GroundFrom::FILTER, ..Above::default() }, "‹ground› cannot act");
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
-    let filter = Filter { z_range: Some([1e5, 2e5]), ..Filter::default() };
-    let options = OpenOptions { filter, ..OpenOptions::default() };
+    let filter = CloudFilter { z_range: Some([1e5, 2e5]), ..CloudFilter::default() };
+    let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let nothing =
         TranslateJob { cloud: options, above: above(heights, &[]), ..job(&[&few], &output) };
     assert!(run(&nothing).unwrap_err().to_string().contains("no ground is found"));

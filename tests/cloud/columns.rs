@@ -5,11 +5,11 @@ use std::path::Path;
 use crate::write::{options, records, write};
 use terrane_base::attribute::ATTRIBUTES;
 use terrane_base::geom::Point;
-use terrane_cloud::write::{Packing, Record};
-use terrane_cloud::{Census, Filter, OpenOptions, PointSource, Return, open};
+use terrane_cloud::write::{PointPacking, PointRecord};
+use terrane_cloud::{CloudFilter, CloudOpenOptions, PointCensus, PointSource, Return, open};
 
 /// The value that a reader of such a file has to find.
-fn written(record: &Record, name: &str, is_new: bool) -> f64 {
+fn written(record: &PointRecord, name: &str, is_new: bool) -> f64 {
     match name {
         "intensity" => record.intensity.into(),
         "return_number" => record.number.into(),
@@ -39,10 +39,10 @@ fn has(format: u8, name: &str) -> bool {
 }
 
 /// All points of a source with these attributes.
-fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>>, Census) {
+fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>>, PointCensus) {
     let reader = source.columns(names).unwrap();
     let (mut points, mut all, mut census) =
-        (Vec::new(), vec![Vec::new(); names.len()], Census::default());
+        (Vec::new(), vec![Vec::new(); names.len()], PointCensus::default());
     for part in 0..source.parts() {
         let read = reader.read(part, &mut |batch, columns| {
             assert!(columns.iter().all(|column| column.len() == batch.len()));
@@ -55,8 +55,8 @@ fn told(source: &dyn PointSource, names: &[String]) -> (Vec<Point>, Vec<Vec<f64>
     (points, all, census)
 }
 
-fn plain(source: &dyn PointSource) -> (Vec<Point>, Census) {
-    let (mut points, mut census) = (Vec::new(), Census::default());
+fn plain(source: &dyn PointSource) -> (Vec<Point>, PointCensus) {
+    let (mut points, mut census) = (Vec::new(), PointCensus::default());
     for part in 0..source.parts() {
         let read = source.read(part, &mut |batch| {
             points.extend_from_slice(batch);
@@ -67,12 +67,12 @@ fn plain(source: &dyn PointSource) -> (Vec<Point>, Census) {
     (points, census)
 }
 
-fn opened(path: &Path, options: &OpenOptions) -> terrane_cloud::Cloud {
+fn opened(path: &Path, options: &CloudOpenOptions) -> terrane_cloud::PointCloud {
     open(&[format!("cloud:{}", path.display())], options).unwrap()
 }
 
 /// Points within reach of each other.
-fn near(count: usize) -> Vec<Record> {
+fn near(count: usize) -> Vec<PointRecord> {
     let mut all = records(count);
     all.iter_mut().for_each(|record| {
         record.point = Point::new(record.point.x >> 8, record.point.y >> 8, record.point.z);
@@ -88,8 +88,8 @@ fn attributes_are_as_they_were_written() {
         for compress in [false, true] {
             let path = folder.path().join(format!("{format}-{compress}.las"));
             write(&path, &options(format, compress), &all).unwrap();
-            let filter = Filter { keep_withheld: true, ..Filter::default() };
-            let reading = OpenOptions { filter, ..OpenOptions::default() };
+            let filter = CloudFilter { keep_withheld: true, ..CloudFilter::default() };
+            let reading = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
             let cloud = opened(&path, &reading);
             let own = ATTRIBUTES.iter().map(|a| a.name).filter(|name| has(format, name));
             let names: Vec<String> = own.map(str::to_owned).collect();
@@ -106,12 +106,12 @@ fn attributes_are_as_they_were_written() {
                 assert_eq!(column.len(), all.len());
             }
             // What needs no whole records is the same without them, whatever is filtered.
-            let filter = Filter {
+            let filter = CloudFilter {
                 classes: Some(vec![2, 7, 31]),
                 returns: Some(Return::Last),
-                ..Filter::default()
+                ..CloudFilter::default()
             };
-            let cloud = opened(&path, &OpenOptions { filter, ..reading });
+            let cloud = opened(&path, &CloudOpenOptions { filter, ..reading });
             let common = ["number_of_returns", "classification"].map(str::to_owned);
             let with_more = [&common[..], &["intensity".to_owned()]].concat();
             let ((points, few, census), (_, more, _)) =
@@ -136,7 +136,7 @@ fn times_that_are_counted_otherwise_are_refused_only_where_they_are_asked_for() 
         options.carried.encoding = encoding;
         write(&folder.path().join(name), &options, &near(10)).unwrap();
     }
-    let cloud = opened(folder.path(), &OpenOptions::default());
+    let cloud = opened(folder.path(), &CloudOpenOptions::default());
     assert!(cloud.columns(&["intensity".to_owned()]).is_ok());
     let error = cloud.columns(&["gps_time".to_owned()]).err().unwrap().to_string();
     assert!(error.contains("b.las") && error.contains("times are counted otherwise"), "{error}");
@@ -150,7 +150,7 @@ fn damage_is_an_error_or_salvaged() {
     let all = near(120_000);
     for format in [1, 6] {
         let options = options(format, true);
-        assert_eq!(options.packing, Packing::Chunks);
+        assert_eq!(options.packing, PointPacking::Chunks);
         let _ = std::fs::remove_file(&path);
         write(&path, &options, &all).unwrap();
         let sound = std::fs::read(&path).unwrap();
@@ -160,12 +160,12 @@ fn damage_is_an_error_or_salvaged() {
             bytes[at] ^= 0x55;
             std::fs::write(&path, bytes).unwrap();
             let names = ["intensity", "gps_time"].map(str::to_owned);
-            let cloud = opened(&path, &OpenOptions::default());
+            let cloud = opened(&path, &CloudOpenOptions::default());
             let reader = cloud.columns(&names).unwrap();
             let failed =
                 (0..cloud.parts()).filter(|part| reader.read(*part, &mut |_, _| Ok(())).is_err());
             assert_eq!(failed.count(), 1, "{format} {share}");
-            let salvage = OpenOptions { salvage: true, ..OpenOptions::default() };
+            let salvage = CloudOpenOptions { salvage: true, ..CloudOpenOptions::default() };
             let (points, columns, census) = told(&opened(&path, &salvage), &names);
             assert_eq!(points.len() as u64, census.kept);
             assert!(columns.iter().all(|column| column.len() == points.len()));

@@ -8,39 +8,39 @@ use crate::cloud_support::{
 };
 use terrane_base::geom::{Crs, wkt};
 use terrane_cloud::{
-    self as cloud, Census, Filter, Flags, OpenOptions, PointSource, Polygon, PolygonRings, Return,
-    is_cloud,
+    self as cloud, CloudFilter, CloudOpenOptions, FilterPolygon, Flags, PointCensus, PointSource,
+    PolygonRings, Return, is_cloud,
 };
 
-fn of_rings(rings: &[Vec<[f64; 2]>]) -> Polygon {
+fn of_rings(rings: &[Vec<[f64; 2]>]) -> FilterPolygon {
     let mut all = PolygonRings::default();
     rings.iter().for_each(|ring| all.push(ring).unwrap());
-    Polygon::new(all)
+    FilterPolygon::new(all)
 }
 
 /// A triangle with a hole.
-fn polygon() -> Polygon {
+fn polygon() -> FilterPolygon {
     let around = [[900.0, 1900.0], [1200.0, 1900.0], [1000.0, 2300.0]];
     let hole = [[980.0, 1980.0], [980.0, 2020.0], [1020.0, 2020.0], [1020.0, 1980.0]];
     of_rings(&[around.to_vec(), hole.to_vec()])
 }
 
-fn filters() -> Vec<Filter> {
-    let none = Filter::default;
+fn filters() -> Vec<CloudFilter> {
+    let none = CloudFilter::default;
     vec![
         none(),
-        Filter { keep_withheld: true, ..none() },
-        Filter { classes: Some(vec![2, 6]), ..none() },
-        Filter { returns: Some(Return::First), ..none() },
-        Filter { returns: Some(Return::Last), keep_withheld: true, ..none() },
-        Filter { returns: Some(Return::Only), ..none() },
-        Filter { returns: Some(Return::Number(3)), ..none() },
-        Filter { drop: Flags::OVERLAP.and(Flags::SYNTHETIC), ..none() },
-        Filter { bounds: Some([980.0, 1990.0, 1030.5, 2100.0]), ..none() },
-        Filter { z_range: Some([-0.5, 2.0]), ..none() },
-        Filter { every: NonZeroU32::new(3), ..none() },
-        Filter { polygon: Some(Arc::new(polygon())), ..none() },
-        Filter {
+        CloudFilter { keep_withheld: true, ..none() },
+        CloudFilter { classes: Some(vec![2, 6]), ..none() },
+        CloudFilter { returns: Some(Return::First), ..none() },
+        CloudFilter { returns: Some(Return::Last), keep_withheld: true, ..none() },
+        CloudFilter { returns: Some(Return::Only), ..none() },
+        CloudFilter { returns: Some(Return::Number(3)), ..none() },
+        CloudFilter { drop: Flags::OVERLAP.and(Flags::SYNTHETIC), ..none() },
+        CloudFilter { bounds: Some([980.0, 1990.0, 1030.5, 2100.0]), ..none() },
+        CloudFilter { z_range: Some([-0.5, 2.0]), ..none() },
+        CloudFilter { every: NonZeroU32::new(3), ..none() },
+        CloudFilter { polygon: Some(Arc::new(polygon())), ..none() },
+        CloudFilter {
             classes: Some(vec![2]),
             returns: Some(Return::Last),
             bounds: Some([950.0, 1950.0, 1100.0, 2100.0]),
@@ -51,7 +51,7 @@ fn filters() -> Vec<Filter> {
 }
 
 /// What `filter` leaves of a file, straight from the format's tables.
-fn naive(made: &Made, filter: &Filter) -> Vec<[f64; 3]> {
+fn naive(made: &Made, filter: &CloudFilter) -> Vec<[f64; 3]> {
     let is_new = made.format > 5;
     let keep = |(index, record): &(usize, &Vec<u8>)| {
         let (a, b) = (record[14], record[15]);
@@ -103,7 +103,8 @@ fn filters_mean_what_they_say() {
         let name = place.write("a.laz", &made.bytes());
         for filter in filters() {
             let expected = naive(&made, &filter);
-            let options = OpenOptions { filter: filter.clone(), ..OpenOptions::default() };
+            let options =
+                CloudOpenOptions { filter: filter.clone(), ..CloudOpenOptions::default() };
             let (points, census) = read_file(&name, &options).unwrap();
             assert_eq!(points, expected, "format {format}, {filter:?}");
             let told = census.kept + census.withheld + census.filtered;
@@ -174,9 +175,9 @@ impl Steps {
 }
 
 /// How many points a filter keeps.
-fn kept(name: &str, filter: Filter) -> usize {
-    let filter = Filter { keep_withheld: true, ..filter };
-    read_file(name, &OpenOptions { filter, ..OpenOptions::default() }).unwrap().0.len()
+fn kept(name: &str, filter: CloudFilter) -> usize {
+    let filter = CloudFilter { keep_withheld: true, ..filter };
+    read_file(name, &CloudOpenOptions { filter, ..CloudOpenOptions::default() }).unwrap().0.len()
 }
 
 #[test]
@@ -197,7 +198,7 @@ fn limits_on_steps_hold_the_points_on_them() {
                 for which in 0..if kind == "txt" || steps.apart != 0 { 1 } else { 2 } {
                     let told = format!("{kind} {} {} {p:?} {which}", steps.digits, steps.offset);
                     let at = of(2, 0)[which];
-                    let filter = Filter { z_range: Some([at, at]), ..Filter::default() };
+                    let filter = CloudFilter { z_range: Some([at, at]), ..CloudFilter::default() };
                     assert_eq!(kept(&name, filter), count(&|q| q[2] == p[2]), "{told}");
                     let ends = |axis: usize| (of(axis, 0)[which], of(axis, 700)[which]);
                     let ((west, east), (south, north)) = (ends(0), ends(1));
@@ -207,7 +208,7 @@ fn limits_on_steps_hold_the_points_on_them() {
                     };
                     let expected = count(&|q| within(q, 0, 1) && within(q, 1, 1));
                     assert_eq!(
-                        kept(&name, Filter { bounds, ..Filter::default() }),
+                        kept(&name, CloudFilter { bounds, ..CloudFilter::default() }),
                         expected,
                         "{told}"
                     );
@@ -215,7 +216,7 @@ fn limits_on_steps_hold_the_points_on_them() {
                     let polygon = Some(Arc::new(of_rings(&[corners.to_vec()])));
                     let expected = count(&|q| within(q, 0, 0) && within(q, 1, 0));
                     assert_eq!(
-                        kept(&name, Filter { polygon, ..Filter::default() }),
+                        kept(&name, CloudFilter { polygon, ..CloudFilter::default() }),
                         expected,
                         "{told}"
                     );
@@ -237,7 +238,7 @@ fn limits_between_steps_lie_between_points() {
         let above = made.records.iter().filter(|record| raw(record)[2] > z).count();
         let near = at.next_up().next_up().next_up().next_up();
         for beside in [near, at + 1e-9, at + 0.004] {
-            let filter = Filter { z_range: Some([beside, 1e9]), ..Filter::default() };
+            let filter = CloudFilter { z_range: Some([beside, 1e9]), ..CloudFilter::default() };
             assert_eq!(kept(&name, filter), above, "{beside}");
         }
     }
@@ -277,7 +278,7 @@ fn points_on_slanted_edges_are_decided_exactly() {
             };
             let expected = made.records.iter().filter(inside).count();
             assert_eq!(
-                kept(&name, Filter { polygon, ..Filter::default() }),
+                kept(&name, CloudFilter { polygon, ..CloudFilter::default() }),
                 expected,
                 "{corners:?}"
             );
@@ -314,7 +315,7 @@ fn polygons_share_borders_without_sharing_points() {
 }
 
 /// Points of all parts, sorted, with the counts.
-fn sorted(inputs: &[String], options: &OpenOptions) -> (Vec<[f64; 3]>, Census) {
+fn sorted(inputs: &[String], options: &CloudOpenOptions) -> (Vec<[f64; 3]>, PointCensus) {
     let (mut points, census) = read_all(&cloud::open(inputs, options).unwrap()).unwrap();
     points.sort_by(|a, b| a.partial_cmp(b).unwrap());
     (points, census)
@@ -393,7 +394,7 @@ fn systems_must_agree() {
         assert!(told.contains("utm.las") && told.contains(words), "{told}");
     }
     let given = Crs { epsg: Some(32_611), ..Crs::default() };
-    let options = OpenOptions { crs: Some(given), ..keep_all() };
+    let options = CloudOpenOptions { crs: Some(given), ..keep_all() };
     assert!(cloud::open(&[utm.clone(), none], &options).is_ok());
     assert!(cloud::open(&[utm, other], &options).is_err());
 }
@@ -410,12 +411,12 @@ fn text_clouds() {
     let mut ground = keep_all();
     ground.filter.classes = Some(vec![2]);
     assert_eq!(read_file(&csv, &ground).unwrap().0, [[1.0, 2.0, 3.0]]);
-    ground.filter = Filter { returns: Some(Return::Last), ..Filter::default() };
+    ground.filter = CloudFilter { returns: Some(Return::Last), ..CloudFilter::default() };
     assert_eq!(read_file(&csv, &ground).unwrap().0, [[4.0, 5.0, 6.0]]);
     let bad = place.write("c.txt", b"1 2 3\n1 2 x\n4 5 6\n");
     let told = read_file(&bad, &options).unwrap_err().to_string();
     assert!(told.contains("c.txt: line 2:") && told.contains("‹salvage›"), "{told}");
-    let loose = OpenOptions { salvage: true, ..keep_all() };
+    let loose = CloudOpenOptions { salvage: true, ..keep_all() };
     let (points, census) = read_file(&bad, &loose).unwrap();
     assert_eq!((points.len(), census.read, census.lost), (2, 3, 1));
     assert!(!is_cloud(&plain) && is_cloud(&format!("cloud:{plain}")));

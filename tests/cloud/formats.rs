@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::cloud_support::{Made, Packing, Place, copc, keep_all, raw, read_all, read_file};
 use crate::data;
-use terrane_cloud::{self as cloud, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, CloudOpenOptions, PointSource};
 
 const PACKINGS: [Packing; 5] = [
     Packing::Plain,
@@ -173,7 +173,7 @@ fn a_real_octree_equals_its_file_read_as_chunks() {
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[375 + 2..375 + 6].copy_from_slice(b"xopc");
         let plain = place.write("plain.laz", &bytes);
-        let options = OpenOptions::default();
+        let options = CloudOpenOptions::default();
         let tree = read_file(path.to_str().unwrap(), &options).unwrap();
         assert_eq!(tree, read_file(&plain, &options).unwrap());
     }

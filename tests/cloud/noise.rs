@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use proptest::prelude::*;
-use terrane_cloud::{Filter, OpenOptions};
+use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::translate::{Above, Classify, TranslateJob, TranslateReport};
@@ -39,7 +39,7 @@ fn marked(
     above: Above,
     resources: Resources,
 ) -> (Vec<Vec<u8>>, TranslateReport) {
-    let cloud = OpenOptions::default();
+    let cloud = CloudOpenOptions::default();
     let report = run(&TranslateJob { cloud, above, resources, ..job(input, output) }).unwrap();
     (whole(output).records, report)
 }
@@ -208,8 +208,8 @@ fn noise_is_no_ground_whatever_comes_first() {
         assert!(report.notes.iter().any(|note| note == told), "{:?}", report.notes);
     }
     // Where only some points are asked for, the ground is made of all that are no noise.
-    let filter = Filter { returns: Some("first".parse().unwrap()), ..Filter::default() };
-    let cloud = OpenOptions { filter, ..OpenOptions::default() };
+    let filter = CloudFilter { returns: Some("first".parse().unwrap()), ..CloudFilter::default() };
+    let cloud = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let above =
         Above { from: "smrf".parse::<GroundFrom>().unwrap(), ..asked(&["noise", "ground"]) };
     let some = TranslateJob { cloud, above, ..job(&[&input], &output) };
@@ -224,8 +224,8 @@ fn points_marked_as_withheld_count_where_they_are_kept() {
     let made = cloud(&[[5, 5, 5]; 10]);
     let (input, output) = (place.write("in.laz", &made.bytes()), place.path().join("out.las"));
     for (keep_withheld, noise) in [(false, 8), (true, 1)] {
-        let filter = Filter { keep_withheld, ..Filter::default() };
-        let cloud = OpenOptions { filter, ..OpenOptions::default() };
+        let filter = CloudFilter { keep_withheld, ..CloudFilter::default() };
+        let cloud = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
         let above = asked(&["noise:voxel:isolated=7"]);
         run(&TranslateJob { cloud, above, ..job(&[&input], &output) }).unwrap();
         let found = whole(&output).records;

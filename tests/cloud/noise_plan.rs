@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use terrane_cloud::{Filter, OpenOptions};
+use terrane_cloud::{CloudFilter, CloudOpenOptions};
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::plan::{DiskCheck, OutputForm, RunJob};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
 use terrane_lidar::translate::{
-    Above, Classify, HeightsAs, PointsOptions, Squares, Thin, TranslateJob,
+    Above, CellThinning, Classify, HeightsAs, PointsOptions, SquareSplit, TranslateJob,
 };
 
 use crate::cloud_support::{Made, Packing, Place};
@@ -66,7 +66,7 @@ fn planned(job: &TranslateJob, folder: &Path, cut: u32) -> PointsWritten {
             task: name,
             output: None,
             overwrite: false,
-            form: Form::default(),
+            form: OutputForm::default(),
             disk: DiskCheck::default(),
             resources: Resources { memory, threads: 2, temp_dir: None },
         };
@@ -130,21 +130,21 @@ fn squares_by_plan_are_those_of_a_single_run() {
     let [a, b] = [("1.laz", halves.0), ("2.laz", halves.1)].map(|(name, half)| {
         place.write(name, &Made { records: half.to_vec(), ..made.clone() }.bytes())
     });
-    let squares = Squares { side: 31.0, buffer: 4.0, mark: Default::default() };
+    let squares = SquareSplit { side: 31.0, buffer: 4.0, mark: Default::default() };
     for (number, case) in cases().into_iter().enumerate() {
         let classify = case.classify.iter().map(|text| text.parse::<Classify>().unwrap()).collect();
         let from = case.from.parse::<GroundFrom>().unwrap();
-        let filter = Filter {
+        let filter = CloudFilter {
             classes: case.classes,
             returns: case.returns.map(|text| text.parse().unwrap()),
-            ..Filter::default()
+            ..CloudFilter::default()
         };
         let whole = place.path().join(format!("whole{number}"));
         let single = TranslateJob {
             above: Above { from, heights: case.heights, classify },
-            cloud: OpenOptions { filter, ..OpenOptions::default() },
+            cloud: CloudOpenOptions { filter, ..CloudOpenOptions::default() },
             dedupe: case.dedupe,
-            thin: (number % 3 == 1).then(|| "1.5:lowest".parse::<Thin>().unwrap()),
+            thin: (number % 3 == 1).then(|| "1.5:lowest".parse::<CellThinning>().unwrap()),
             squares: Some((squares, true)),
             ..job(&[&b, &a], &whole)
         };

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 use terrane::ErrorKind;
 use terrane_base::geom::Point;
-use terrane_cloud::synth::{Synthetic, frame, survey};
-use terrane_cloud::{Filter, Flags, OpenOptions, PointSource, Return, is_cloud};
-use terrane_synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use terrane_cloud::synth::{SyntheticCloud, frame, survey};
+use terrane_cloud::{CloudFilter, CloudOpenOptions, Flags, PointSource, Return, is_cloud};
+use terrane_synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, LidarSurvey};
 use terrane_synth::{CHARACTERS, Terrain};
 
 const NAME: &str = "cloud,width=420,height=300,density=4,seed=11,outliers=0.01";
 
-fn parts(survey: &Survey) -> Vec<Vec<Echo>> {
+fn parts(survey: &LidarSurvey) -> Vec<Vec<Echo>> {
     let mut echoes = Vec::new();
     let part = |k| {
         survey.fill(k, &mut echoes);
@@ -92,7 +92,7 @@ fn the_ground_is_where_it_is_said_to_be() {
 }
 
 /// The ground as its definition says: a sum over sixteen samples of the terrain.
-fn naive_ground(survey: &Survey, x: f64, y: f64) -> f64 {
+fn naive_ground(survey: &LidarSurvey, x: f64, y: f64) -> f64 {
     let bell = |t: f64| match t.abs() {
         t if t < 1.0 => 2.0 / 3.0 - t * t + t * t * t / 2.0,
         t if t < 2.0 => (2.0 - t).powi(3) / 6.0,
@@ -222,28 +222,32 @@ fn filters_act_on_synthetic_clouds() {
         x >= bounds[0] && x <= bounds[2] && y >= bounds[1] && y <= bounds[3]
     };
     type Wanted<'a> = Box<dyn Fn(&Echo) -> bool + 'a>;
-    let cases: Vec<(Filter, Wanted<'_>)> = vec![
-        (Filter::default(), Box::new(|e| !e.withheld)),
-        (Filter { keep_withheld: true, ..Filter::default() }, Box::new(|_| true)),
+    let cases: Vec<(CloudFilter, Wanted<'_>)> = vec![
+        (CloudFilter::default(), Box::new(|e| !e.withheld)),
+        (CloudFilter { keep_withheld: true, ..CloudFilter::default() }, Box::new(|_| true)),
         (
-            Filter { classes: Some(vec![2, 6]), ..Filter::default() },
+            CloudFilter { classes: Some(vec![2, 6]), ..CloudFilter::default() },
             Box::new(|e| !e.withheld && (e.class == 2 || e.class == 6)),
         ),
         (
-            Filter { returns: Some(Return::Last), drop: Flags::OVERLAP, ..Filter::default() },
+            CloudFilter {
+                returns: Some(Return::Last),
+                drop: Flags::OVERLAP,
+                ..CloudFilter::default()
+            },
             Box::new(|e| !e.withheld && !e.overlap && e.number == e.of),
         ),
         (
-            Filter { bounds: Some(bounds), z_range: Some(heights), ..Filter::default() },
+            CloudFilter { bounds: Some(bounds), z_range: Some(heights), ..CloudFilter::default() },
             Box::new(|e| {
                 !e.withheld && within(e) && (heights[0]..=heights[1]).contains(&world(e)[2])
             }),
         ),
     ];
     for (filter, wanted) in cases {
-        let source = Synthetic::new(survey.clone(), filter.clone()).unwrap();
+        let source = SyntheticCloud::new(survey.clone(), filter.clone()).unwrap();
         let info = source.info().clone();
-        let (mut points, mut census) = (Vec::new(), terrane_cloud::Census::default());
+        let (mut points, mut census) = (Vec::new(), terrane_cloud::PointCensus::default());
         for part in 0..source.parts() {
             let mut take = |batch: &[Point]| {
                 points.extend_from_slice(batch);
@@ -263,14 +267,14 @@ fn filters_act_on_synthetic_clouds() {
         assert!(points.iter().all(|p| p.x >= low.x && p.y >= low.y && p.z >= low.z));
         assert!(points.iter().all(|p| p.x <= high.x && p.y <= high.y && p.z <= high.z));
     }
-    let nowhere = Filter { bounds: Some([0.0, 0.0, 1.0, 1.0]), ..Filter::default() };
-    assert_eq!(Synthetic::new(survey, nowhere).unwrap().info().bounds, None);
+    let nowhere = CloudFilter { bounds: Some([0.0, 0.0, 1.0, 1.0]), ..CloudFilter::default() };
+    assert_eq!(SyntheticCloud::new(survey, nowhere).unwrap().info().bounds, None);
 }
 
 #[test]
 fn a_synthetic_cloud_is_an_input_but_not_among_files() {
     let names = |all: &[&str]| all.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
-    let open = |all: &[&str]| terrane_cloud::source(&names(all), &OpenOptions::default());
+    let open = |all: &[&str]| terrane_cloud::source(&names(all), &CloudOpenOptions::default());
     assert!(is_cloud("synth:cloud,size=5") && !is_cloud("synth:rough,size=5"));
     assert_eq!(open(&["synth:cloud,size=5,density=4"]).unwrap().info().count, 100);
     let error = open(&["synth:cloud,size=5", "a.las"]).err().unwrap();
@@ -292,7 +296,7 @@ fn every_parameter_is_in_the_book() {
 fn names_round_trip_and_mistakes_are_explained() {
     let first = survey("synth:cloud, width=30.5,size=7,seed=18446744073709551615,cover=0").unwrap();
     assert_eq!((first.width, first.height, first.seed), (30.5, 7.0, u64::MAX));
-    assert_eq!(Survey::parse(&first.to_string()).unwrap(), first);
+    assert_eq!(LidarSurvey::parse(&first.to_string()).unwrap(), first);
     for (name, expected) in [
         ("clouds", "first word"),
         ("cloud,", "empty parameter"),

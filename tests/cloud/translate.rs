@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::geom::wkt;
 use terrane_cloud::synth;
-use terrane_cloud::{Filter, OpenOptions, PointFormat, PointSource, Return};
-use terrane_crs::Operation;
-use terrane_engine::transform::Transform;
+use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, PointSource, Return};
+use terrane_crs::CoordinateOperation;
+use terrane_engine::transform::OutputTransform;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::survey;
-use terrane_lidar::translate::{self, BufferMark, Squares, TranslateJob, TranslateReport};
+use terrane_lidar::translate::{self, BufferMark, SquareSplit, TranslateJob, TranslateReport};
 
 use crate::cloud_support::{Made, Packing, Place, RECORD, keep_all, raw, read_all};
 pub(crate) use crate::cloud_support::{number, whole};
@@ -110,13 +110,13 @@ fn filters_are_those_of_other_verbs() {
     let place = Place::new();
     let made = Made::new(6, Packing::Fixed(1000), 9000);
     let input = place.write("in.laz", &made.bytes());
-    let filter = Filter {
+    let filter = CloudFilter {
         classes: Some(vec![2, 5]),
         returns: Some(Return::Last),
         z_range: Some([-20.0, 20.0]),
-        ..Filter::default()
+        ..CloudFilter::default()
     };
-    let options = OpenOptions { filter, ..OpenOptions::default() };
+    let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let output = place.path().join("out.las");
     let report = run(&TranslateJob { cloud: options.clone(), ..job(&[&input], &output) }).unwrap();
     // Points marked as withheld are points.
@@ -253,7 +253,7 @@ fn places_far_from_the_origin_keep_their_steps() {
     assert!(whole(&output).records == made.records);
     let octree = place.path().join("out.copc.laz");
     run(&job(&[&input], &octree)).unwrap();
-    let squares = Squares { side: 100.0, buffer: 0.0, mark: BufferMark::default() };
+    let squares = SquareSplit { side: 100.0, buffer: 0.0, mark: BufferMark::default() };
     let thin = Some("5:highest".parse().unwrap());
     let folder = place.path().join("squares");
     let report =
@@ -352,7 +352,7 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
         let made = Made::new(format, Packing::Fixed(700), 6000);
         let input = place.write("in.laz", &made.bytes());
         let output = place.path().join("squares");
-        let squares = Squares { side: 50.0, buffer: 7.5, mark: BufferMark::Synthetic };
+        let squares = SquareSplit { side: 50.0, buffer: 7.5, mark: BufferMark::Synthetic };
         let job = TranslateJob { squares: Some((squares, format == 3)), ..job(&[&input], &output) };
         let report = run(&job).unwrap();
         // Steps of a hundredth, from an offset that is a multiple of the side.
@@ -411,13 +411,18 @@ fn places_in_another_system_are_those_of_the_operation_and_the_rest_stays() {
     let (input, from) = (input.to_str().unwrap(), synth::crs());
     for (target, step) in [("EPSG:32632", 0.01), ("EPSG:4326", 1e-8), ("EPSG:3035", 0.01)] {
         let output = place.path().join("out.laz");
-        let transform = Some(Transform::to(target));
+        let transform = Some(OutputTransform::to(target));
         let thin = Some("2:lowest".parse().unwrap());
         let report = run(&TranslateJob { transform, thin, ..job(&[input], &output) }).unwrap();
         let plain = place.path().join("plain.laz");
         run(&TranslateJob { thin, ..job(&[input], &plain) }).unwrap();
         let to = wkt::of_srs(target);
-        let operation = Operation::between(&from, &to, &terrane_crs::Options::default()).unwrap();
+        let operation = CoordinateOperation::between(
+            &from,
+            &to,
+            &terrane_crs::CoordinateOperationOptions::default(),
+        )
+        .unwrap();
         let [before, after] = [&plain, &output].map(|path| {
             terrane_cloud::open(&[path.to_str().unwrap().to_owned()], &keep_all()).unwrap()
         });

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use crate::data;
 use laz::laszip::ChunkTable;
 use laz::{LasZipDecompressor, LazVlr};
-use terrane_cloud::lazip::{Chunk, Decoder, Fields, Item, Schema, Wanted};
+use terrane_cloud::lazip::{
+    CompressedChunk, DecodedFields, Decoder, FieldSelection, LaszipItem, LaszipSchema,
+};
 
 /// A compressed file, as far as a decoder has to know of it.
 struct Packed {
@@ -42,13 +44,13 @@ impl Packed {
         }
     }
 
-    fn schema(&self) -> Schema {
-        let item = |item: &laz::LazItem| Item {
+    fn schema(&self) -> LaszipSchema {
+        let item = |item: &laz::LazItem| LaszipItem {
             kind: item.item_type().into(),
             size: item.size(),
             version: item.version(),
         };
-        Schema::new(&self.vlr.items().iter().map(item).collect::<Vec<_>>()).unwrap()
+        LaszipSchema::new(&self.vlr.items().iter().map(item).collect::<Vec<_>>()).unwrap()
     }
 
     fn points(&self) -> Cursor<&[u8]> {
@@ -65,10 +67,10 @@ impl Packed {
     }
 
     fn ours(&self, decoder: &mut Decoder) -> Vec<u8> {
-        let (schema, mut fields) = (self.schema(), Fields::default());
+        let (schema, mut fields) = (self.schema(), DecodedFields::default());
         if self.is_stream {
             let bytes = &self.bytes[self.points_at..];
-            let (mut flow, left) = decoder.flow(&schema, bytes, Wanted::RECORDS).unwrap();
+            let (mut flow, left) = decoder.flow(&schema, bytes, FieldSelection::RECORDS).unwrap();
             let rest = &bytes[bytes.len() - left..];
             flow.read(rest, self.count, &mut fields).unwrap();
             return fields.records;
@@ -79,8 +81,8 @@ impl Packed {
         for entry in &table {
             let (count, bytes) =
                 ((entry.point_count as usize).min(left), entry.byte_count as usize);
-            let chunk = Chunk { bytes: &self.bytes[at..at + bytes], count };
-            decoder.chunk(&schema, chunk, Wanted::RECORDS, &mut fields).unwrap();
+            let chunk = CompressedChunk { bytes: &self.bytes[at..at + bytes], count };
+            decoder.chunk(&schema, chunk, FieldSelection::RECORDS, &mut fields).unwrap();
             (at, left) = (at + bytes, left - count);
         }
         fields.records

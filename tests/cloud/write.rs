@@ -4,30 +4,30 @@ use std::path::Path;
 
 use las::Reader;
 use terrane::ErrorKind;
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_cloud::synth;
 use terrane_cloud::write::{
-    CHUNK, CloudWriter, Packing, PointFormat, Record, WriteOptions, packing_by_name,
+    CHUNK, CloudWriteOptions, CloudWriter, PointFormat, PointPacking, PointRecord, packing_by_name,
 };
-use terrane_cloud::{Filter, OpenOptions, PointSource, Return};
+use terrane_cloud::{CloudFilter, CloudOpenOptions, PointSource, Return};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::survey::{self, SurveyJob};
 
-pub(crate) fn options(format: u8, compress: bool) -> WriteOptions {
-    let frame = Frame { scale: [0.01, 0.001, 0.5], offset: [500.0, -70.25, 10.0] };
-    WriteOptions {
-        packing: if compress { Packing::Chunks } else { Packing::Plain },
-        ..WriteOptions::new(PointFormat::new(format).unwrap(), frame, synth::crs())
+pub(crate) fn options(format: u8, compress: bool) -> CloudWriteOptions {
+    let frame = PointFrame { scale: [0.01, 0.001, 0.5], offset: [500.0, -70.25, 10.0] };
+    CloudWriteOptions {
+        packing: if compress { PointPacking::Chunks } else { PointPacking::Plain },
+        ..CloudWriteOptions::new(PointFormat::new(format).unwrap(), frame, synth::crs())
     }
 }
 
 /// Points that take every field to its ends now and then.
-pub(crate) fn records(count: usize) -> Vec<Record> {
+pub(crate) fn records(count: usize) -> Vec<PointRecord> {
     let record = |k: usize| {
         let hash = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let bits = |from: u32| (hash >> from) as u16;
         let returns = 1 + (hash >> 60) as u8 % 5;
-        Record {
+        PointRecord {
             point: Point::new(hash as i32, (hash >> 20) as i32, k as i32 - 40_000),
             time: k as f64 * 0.25 + 7.0,
             intensity: bits(3),
@@ -51,8 +51,8 @@ pub(crate) fn records(count: usize) -> Vec<Record> {
 
 pub(crate) fn write(
     path: &Path,
-    options: &WriteOptions,
-    records: &[Record],
+    options: &CloudWriteOptions,
+    records: &[PointRecord],
 ) -> terrane::Result<u64> {
     let mut writer = CloudWriter::create(path, options)?;
     for chunk in records.chunks(CHUNK) {
@@ -64,7 +64,7 @@ pub(crate) fn write(
 }
 
 /// Whether a point as read is the record that was written, in the given format.
-fn is_same(point: &las::Point, record: &Record, format: u8, frame: Frame) -> bool {
+fn is_same(point: &las::Point, record: &PointRecord, format: u8, frame: PointFrame) -> bool {
     let is_new = format >= 6;
     let world = frame.world(record.point);
     let class = u8::from(point.classification);
@@ -121,7 +121,7 @@ fn every_format_reads_back_as_written() {
     }
 }
 
-fn check_header(header: &las::Header, records: &[Record], frame: Frame) {
+fn check_header(header: &las::Header, records: &[PointRecord], frame: PointFrame) {
     for number in 1..=5 {
         let count = records.iter().filter(|r| r.number == number).count() as u64;
         assert_eq!(header.number_of_points_by_return(number).unwrap_or(0), count);
@@ -139,7 +139,7 @@ fn check_header(header: &las::Header, records: &[Record], frame: Frame) {
 #[test]
 fn the_reference_system_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let vlrs = |name: &str, options: &WriteOptions| {
+    let vlrs = |name: &str, options: &CloudWriteOptions| {
         let path = folder.path().join(name);
         write(&path, options, &records(3)).unwrap();
         let reader = Reader::from_path(&path).unwrap();
@@ -154,7 +154,7 @@ fn the_reference_system_is_named() {
     assert_eq!((old.len(), old[0].0), (1, 34_735));
     assert_eq!(keys, [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32_631]);
     let heights = Crs { vertical_epsg: Some(5773), ..synth::crs() };
-    let compound = vlrs("compound", &WriteOptions { crs: heights, ..options(6, false) });
+    let compound = vlrs("compound", &CloudWriteOptions { crs: heights, ..options(6, false) });
     assert!(
         String::from_utf8_lossy(&compound[0].1).starts_with("COMPD_CS[\"WGS 84 / UTM zone 31N + ")
     );
@@ -164,12 +164,14 @@ fn the_reference_system_is_named() {
         geo_doubles: vec![1.5],
         ..Crs::default()
     };
-    let kept = vlrs("kept", &WriteOptions { crs: read, ..options(6, false) });
+    let kept = vlrs("kept", &CloudWriteOptions { crs: read, ..options(6, false) });
     assert_eq!(kept.iter().map(|v| v.0).collect::<Vec<_>>(), [34_735, 34_736, 34_737]);
-    assert!(vlrs("none", &WriteOptions { crs: Crs::default(), ..options(6, true) }).len() <= 1);
+    assert!(
+        vlrs("none", &CloudWriteOptions { crs: Crs::default(), ..options(6, true) }).len() <= 1
+    );
     let wkt = Some("x".repeat(70_000));
     let long = Crs { wkt, ..Crs::default() };
-    let of = |format| WriteOptions { crs: long.clone(), ..options(format, false) };
+    let of = |format| CloudWriteOptions { crs: long.clone(), ..options(format, false) };
     let error = CloudWriter::create(&folder.path().join("long"), &of(1)).err().unwrap();
     assert_eq!(error.kind(), ErrorKind::CannotWrite);
     // Behind the points there is room for it.
@@ -226,9 +228,9 @@ fn a_short_chunk_must_be_the_last() {
 #[test]
 fn endings_choose_and_unknown_formats_are_refused() {
     let by = |name: &str| packing_by_name(Path::new(name));
-    assert_eq!(by("a/b.LAS"), Some(Packing::Plain));
-    assert_eq!(by("b.laz"), Some(Packing::Chunks));
-    assert_eq!(by("b.copc.laz"), Some(Packing::Nodes));
+    assert_eq!(by("a/b.LAS"), Some(PointPacking::Plain));
+    assert_eq!(by("b.laz"), Some(PointPacking::Chunks));
+    assert_eq!(by("b.copc.laz"), Some(PointPacking::Nodes));
     assert_eq!(by("b.tif"), None);
     for number in [11, 128] {
         assert_eq!(PointFormat::new(number).unwrap_err().kind(), ErrorKind::Usage);
@@ -261,7 +263,7 @@ fn a_survey_is_the_same_file_on_any_number_of_threads() {
         let mut echoes = Vec::new();
         for part in 0..survey.parts() {
             survey.fill(part, &mut echoes);
-            all.extend(echoes.iter().map(Record::from));
+            all.extend(echoes.iter().map(PointRecord::from));
         }
         let mut reader = Reader::from_path(folder.path().join(format!("1.{ending}"))).unwrap();
         let frame = synth::frame(&survey);
@@ -289,13 +291,13 @@ fn world(source: &dyn PointSource) -> Vec<[f64; 3]> {
 fn a_survey_by_name_and_its_file_are_one_cloud() {
     let folder = tempfile::tempdir().unwrap();
     let name = "synth:cloud,width=300,height=80,density=4,seed=8,outliers=0.01";
-    let filter = Filter {
+    let filter = CloudFilter {
         classes: Some(vec![2, 5, 7]),
         returns: Some(Return::Last),
         bounds: Some([500_020.0, 4_750_000.0, 500_160.0, 4_750_070.0]),
-        ..Filter::default()
+        ..CloudFilter::default()
     };
-    let options = OpenOptions { filter, ..OpenOptions::default() };
+    let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let open = |input: &str| terrane_cloud::source(&[input.to_owned()], &options).unwrap();
     let by_name = world(open(name).as_ref());
     assert!(by_name.len() > 5000);

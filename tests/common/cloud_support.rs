@@ -7,7 +7,7 @@ use std::path::Path;
 
 use laz::{LasZipCompressor, LasZipDecompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 use terrane::Result;
-use terrane_cloud::{self as cloud, Census, Cloud, OpenOptions, PointSource};
+use terrane_cloud::{self as cloud, CloudOpenOptions, PointCensus, PointCloud, PointSource};
 
 /// Bytes of a record by point format.
 pub(crate) const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
@@ -335,15 +335,15 @@ impl Place {
 }
 
 /// Options that keep every point.
-pub(crate) fn keep_all() -> OpenOptions {
-    let mut options = OpenOptions::default();
+pub(crate) fn keep_all() -> CloudOpenOptions {
+    let mut options = CloudOpenOptions::default();
     options.filter.keep_withheld = true;
     options
 }
 
 /// World coordinates of all points that are handed on, part by part, and their counts.
-pub(crate) fn read_all(cloud: &Cloud) -> Result<(Vec<[f64; 3]>, Census)> {
-    let (mut points, mut census) = (Vec::new(), Census::default());
+pub(crate) fn read_all(cloud: &PointCloud) -> Result<(Vec<[f64; 3]>, PointCensus)> {
+    let (mut points, mut census) = (Vec::new(), PointCensus::default());
     let info = cloud.info();
     for part in 0..cloud.parts() {
         let mut handed = 0;
@@ -368,6 +368,9 @@ pub(crate) fn read_all(cloud: &Cloud) -> Result<(Vec<[f64; 3]>, Census)> {
 }
 
 /// Opens and reads one file.
-pub(crate) fn read_file(name: &str, options: &OpenOptions) -> Result<(Vec<[f64; 3]>, Census)> {
+pub(crate) fn read_file(
+    name: &str,
+    options: &CloudOpenOptions,
+) -> Result<(Vec<[f64; 3]>, PointCensus)> {
     read_all(&cloud::open(&[name.to_owned()], options)?)
 }

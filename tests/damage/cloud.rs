@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::cloud_support::{Made, Packing, Place, Random, copc, keep_all, read_file};
 use crate::data;
 use terrane::{ErrorKind, Result};
-use terrane_cloud::{Census, OpenOptions};
+use terrane_cloud::{CloudOpenOptions, PointCensus};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::translate::{self, TranslateJob};
 
@@ -16,10 +16,10 @@ const MOST_MEMORY: u64 = 512 << 20;
 /// A file that takes longer is one that hangs.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-type Found = Result<(Vec<[f64; 3]>, Census)>;
+type Found = Result<(Vec<[f64; 3]>, PointCensus)>;
 
-fn salvage() -> OpenOptions {
-    OpenOptions { salvage: true, ..keep_all() }
+fn salvage() -> CloudOpenOptions {
+    CloudOpenOptions { salvage: true, ..keep_all() }
 }
 
 /// Reads strictly and with salvage; checks what holds for any file.
@@ -433,7 +433,7 @@ fn points_of_damaged_files_are_written_or_nothing_is() {
             Ok(report) => {
                 let prefix = if number / 7 % 4 == 3 { "cloud:" } else { "" };
                 // What is only copied may be of any extent.
-                let options = OpenOptions { any_extent: true, ..keep_all() };
+                let options = CloudOpenOptions { any_extent: true, ..keep_all() };
                 let again = read_file(&format!("{prefix}{}", output.display()), &options);
                 let (_, census) = again.unwrap_or_else(|error| panic!("{number}: {error}"));
                 assert_eq!(report.points, census.kept, "{number}");

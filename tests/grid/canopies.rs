@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::cli_support::Place;
 use crate::support::{Lots, Written, read};
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::plan::{DiskCheck, OutputForm, RunJob};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
@@ -195,7 +195,7 @@ fn a_plan_makes_the_bytes_of_a_single_run() {
             task: None,
             output: None,
             overwrite: false,
-            form: Form::default(),
+            form: OutputForm::default(),
             disk: DiskCheck::On,
             resources: resources(2, 1024),
         };

@@ -3,7 +3,7 @@
 
 use crate::support::{Memory, cells, frame, job, near, plain, points, read, run};
 use tempfile::tempdir;
-use terrane_base::geom::{Frame, Point};
+use terrane_base::geom::{Point, PointFrame};
 use terrane_engine::Resources;
 use terrane_gridding::{Statistic, parse_list};
 use terrane_lidar::grid::{Compat, GridJob, Placement};
@@ -13,7 +13,7 @@ const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0
 const ALL: &str = "count,min,max,mean,std,median,idw,idw:radius=2.5,power=2,nearest";
 
 /// A frame in centimetres, far from the origin of the coordinates.
-const FAR: Frame = Frame { scale: [0.01; 3], offset: [200_000.0, 5_000_000.0, 100.0] };
+const FAR: PointFrame = PointFrame { scale: [0.01; 3], offset: [200_000.0, 5_000_000.0, 100.0] };
 
 /// One job in `f64`.
 fn wide(path: &std::path::Path, stats: &str, cell: f64) -> GridJob {
@@ -49,7 +49,7 @@ fn statistics_of_own_points_agree_with_a_naive_twin() {
 }
 
 /// Value of a cell centred at (`x`, `y`): by all points, one by one.
-fn around(statistic: Statistic, points: &[Point], frame: &Frame, [x, y]: [f64; 2]) -> f64 {
+fn around(statistic: Statistic, points: &[Point], frame: &PointFrame, [x, y]: [f64; 2]) -> f64 {
     let radius = statistic.parameter("radius").unwrap();
     let near = points.iter().map(|point| (point, frame.world(*point)));
     let near =
@@ -149,7 +149,8 @@ fn nearest_and_radius_are_decided_in_whole_steps() {
         ([30_000, 10_000], 70_000, 130_000),
     ] {
         let world = |units: i64| format!("{units}e-6").parse::<f64>().unwrap();
-        let frame = Frame { scale: [world(scale[0]), world(scale[1]), 0.01], offset: [0.0; 3] };
+        let frame =
+            PointFrame { scale: [world(scale[0]), world(scale[1]), 0.01], offset: [0.0; 3] };
         let side = (12 * cell / scale[0]) as u32;
         let points = points(90, side, (cell / scale[0]) as i32, cell as u64);
         let source = Memory::new(frame, &points, 40);

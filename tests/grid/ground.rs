@@ -5,8 +5,8 @@ use crate::data;
 use spade::{DelaunayTriangulation, FloatTriangulation, HasPosition, Point2, Triangulation};
 use terrane_cloud::synth::survey;
 use terrane_ground::filter::{Parameters, ground};
-use terrane_ground::{EMPTY, Ground};
-use terrane_synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, Survey};
+use terrane_ground::{EMPTY, GroundSurface};
+use terrane_synth::cloud::{GROUND, HIGH_NOISE, LOW_NOISE, LidarSurvey};
 
 /// A point in cells and centimetres, with its class.
 struct Classified {
@@ -21,7 +21,7 @@ impl Classified {
         (self.x as usize, self.y as usize)
     }
 
-    fn is_ground(&self, ground: &Ground) -> bool {
+    fn is_ground(&self, ground: &GroundSurface) -> bool {
         let (col, row) = self.cell();
         ground.is_ground(col, row, [self.x.fract(), self.y.fract()], self.z)
     }
@@ -58,7 +58,7 @@ fn minima(points: &[Classified]) -> (Vec<i32>, usize) {
 }
 
 /// Shares of ground points refused, of others taken for ground, of all wrong; noise aside.
-fn errors(points: &[Classified], ground: &Ground) -> [f64; 3] {
+fn errors(points: &[Classified], ground: &GroundSurface) -> [f64; 3] {
     let [mut of, mut wrong] = [[0_u32; 2]; 2];
     // Water and bridges are neither ground nor not.
     let apart = [LOW_NOISE, HIGH_NOISE, 9, 26];
@@ -83,7 +83,7 @@ impl HasPosition for Vertex {
 
 /// Root of the mean square of what separates the triangulation of the points taken for ground from the
 /// ground itself, in metres, at the centres of cells.
-fn terrain_error(points: &[Classified], ground: &Ground, survey: &Survey) -> f64 {
+fn terrain_error(points: &[Classified], ground: &GroundSurface, survey: &LidarSurvey) -> f64 {
     let kept = points.iter().filter(|point| point.is_ground(ground));
     let vertices = kept.map(|p| Vertex(p.x, p.y, f64::from(p.z) * 0.01)).collect();
     let tin = DelaunayTriangulation::<Vertex>::bulk_load(vertices).unwrap();
@@ -181,7 +181,7 @@ fn low_noise_does_not_drag_the_surface_down() {
     let (clean_ground, noisy_ground) = (found(&clean), found(&noisy));
     let lower = clean.iter().filter(|point| point.class == GROUND).filter(|point| {
         let ((col, row), place) = (point.cell(), [point.x.fract(), point.y.fract()]);
-        let height = |ground: &Ground| ground.height(col, row, place).unwrap();
+        let height = |ground: &GroundSurface| ground.height(col, row, place).unwrap();
         height(&clean_ground) - height(&noisy_ground) > 100.0
     });
     let share = lower.count() as f64 / clean.len() as f64;

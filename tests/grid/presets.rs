@@ -9,7 +9,7 @@ use terrane_cloud::synth::survey;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::{GridJob, GridReport, GroundFrom, Preset, run};
-use terrane_synth::cloud::{BUILDING, Survey};
+use terrane_synth::cloud::{BUILDING, LidarSurvey};
 
 /// World coordinates of a synthetic cloud's south-west corner.
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
@@ -37,7 +37,7 @@ fn cells(grid: &Written) -> impl Iterator<Item = ([f64; 2], f64)> {
 }
 
 /// Root of the mean square of what separates a grid from the survey's ground, and the share of voids.
-fn error(grid: &Written, survey: &Survey) -> [f64; 2] {
+fn error(grid: &Written, survey: &LidarSurvey) -> [f64; 2] {
     let (mut known, mut sum) = (0.0, 0.0);
     for ([x, y], z) in cells(grid).filter(|(_, z)| !z.is_nan()) {
         known += 1.0;

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use terrane::Result;
-use terrane_base::geom::{Crs, Frame, Point};
-use terrane_cloud::{BATCH, Census, CloudInfo, PointSource};
+use terrane_base::geom::{Crs, Point, PointFrame};
+use terrane_cloud::{BATCH, CloudInfo, PointCensus, PointSource};
 use terrane_engine::{Cancel, Silent};
 use terrane_gridding::{Statistic, parse_list};
 use terrane_lidar::grid::{GridJob, GridReport, grid};
@@ -20,7 +20,7 @@ pub struct Memory {
 
 impl Memory {
     /// These points, in parts of `size`.
-    pub fn new(frame: Frame, points: &[Point], size: usize) -> Self {
+    pub fn new(frame: PointFrame, points: &[Point], size: usize) -> Self {
         let fold = |pick: fn(i32, i32) -> i32| {
             let join =
                 |a: Point, b: &Point| Point::new(pick(a.x, b.x), pick(a.y, b.y), pick(a.z, b.z));
@@ -45,16 +45,20 @@ impl PointSource for Memory {
         self.parts[part].len() as u64
     }
 
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let count = self.points_of(part);
         self.parts[part].chunks(BATCH).try_for_each(each)?;
-        Ok(Census { read: count, kept: count, ..Census::default() })
+        Ok(PointCensus { read: count, kept: count, ..PointCensus::default() })
     }
 }
 
 /// A frame with steps of `scale` in all axes.
-pub fn frame(scale: f64, offset: [f64; 3]) -> Frame {
-    Frame { scale: [scale; 3], offset }
+pub fn frame(scale: f64, offset: [f64; 3]) -> PointFrame {
+    PointFrame { scale: [scale; 3], offset }
 }
 
 /// Numbers that look random.
@@ -101,7 +105,7 @@ pub struct Written {
 
 /// Reads band `band` (from 1).
 pub fn read(path: &Path, band: u32) -> Written {
-    let options = raster::OpenOptions { band, ..raster::OpenOptions::default() };
+    let options = raster::GridOpenOptions { band, ..raster::GridOpenOptions::default() };
     let source = raster::open(path.to_str().unwrap(), &options).unwrap();
     let rect = source.info().bounds();
     let mut values = vec![0.0; rect.len()];
@@ -113,7 +117,7 @@ pub fn read(path: &Path, band: u32) -> Written {
 
 /// The world heights of the points in each cell (column to the east, row to the north), by the rule
 /// as the manual states it.
-pub fn cells(frame: &Frame, points: &[Point], cell: f64) -> BTreeMap<[i64; 2], Vec<f64>> {
+pub fn cells(frame: &PointFrame, points: &[Point], cell: f64) -> BTreeMap<[i64; 2], Vec<f64>> {
     let mut cells: BTreeMap<[i64; 2], Vec<f64>> = BTreeMap::new();
     for point in points {
         let [x, y, z] = frame.world(*point);

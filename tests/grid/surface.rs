@@ -4,9 +4,11 @@
 use std::path::Path;
 
 use crate::support::{Lots, Memory, frame, job, read, run};
-use terrane_base::geom::{Frame, Point};
-use terrane_cloud::{OpenOptions, PointSource};
-use terrane_delaunay::{Bins, Finder, Found, Hull, Loaded, Position, interpolate};
+use terrane_base::geom::{Point, PointFrame};
+use terrane_cloud::{CloudOpenOptions, PointSource};
+use terrane_delaunay::{
+    ConvexHull, FixedPosition, Loaded, Location, PointBins, TriangleFinder, interpolate,
+};
 use terrane_engine::Resources;
 
 /// All points of a source.
@@ -23,26 +25,31 @@ fn all(source: &dyn PointSource) -> Vec<Point> {
 }
 
 /// An airborne cloud with voids of 15 to 60 m on the lines between tiles.
-fn survey() -> (Frame, Vec<Point>) {
+fn survey() -> (PointFrame, Vec<Point>) {
     let name = "synth:cloud,size=300,density=4,seed=5,voids=14,tile=75".to_owned();
-    let source = terrane_cloud::source(&[name], &OpenOptions::default()).unwrap();
+    let source = terrane_cloud::source(&[name], &CloudOpenOptions::default()).unwrap();
     (source.info().frame, all(&*source))
 }
 
 /// The heights at the centres of cells of 1 by the triangulation of all points at once.
-fn untiled(frame: &Frame, points: &[Point], [west, north]: [f64; 2], width: usize) -> Vec<f32> {
-    let hull = Hull::of(points.to_vec());
-    let bins = Bins::new(points);
+fn untiled(
+    frame: &PointFrame,
+    points: &[Point],
+    [west, north]: [f64; 2],
+    width: usize,
+) -> Vec<f32> {
+    let hull = ConvexHull::of(points.to_vec());
+    let bins = PointBins::new(points);
     let space = Loaded::whole(&bins);
-    let mut finder = Finder::new(&space, &hull);
+    let mut finder = TriangleFinder::new(&space, &hull);
     let world = |steps: f64| steps * frame.scale[2] + frame.offset[2];
     let height = |i: usize| {
         let (x, y) = (west + 0.5 + (i % width) as f64, north - 0.5 - (i / width) as f64);
-        let at = Position::from_steps(frame.steps(0, x), frame.steps(1, y));
+        let at = FixedPosition::from_steps(frame.steps(0, x), frame.steps(1, y));
         match finder.find(at).unwrap() {
-            Found::At(point) => world(f64::from(point.z)) as f32,
-            Found::Triangle(corners) => world(interpolate(&corners, at)) as f32,
-            Found::Outside => f32::NAN,
+            Location::At(point) => world(f64::from(point.z)) as f32,
+            Location::Triangle(corners) => world(interpolate(&corners, at)) as f32,
+            Location::Outside => f32::NAN,
         }
     };
     (0..width * width).map(height).collect()

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use terrane::prelude::*;
-use terrane::{Affine, Bound, Cancel, Crs, Progress, Rect, Tin};
+use terrane::{Affine, Cancel, Crs, ErrorBound, Progress, Rect, Tin};
 use terrane_base::ErrorKind;
 
 const NAME: &str = "synth:rough,size=300,seed=7";
@@ -69,8 +69,8 @@ fn a_mesh_in_memory_is_written_and_proved() {
         let path = folder.path().join("mesh").with_extension(format.extensions[0]);
         assert_eq!(tin.write(&path).unwrap(), path.metadata().unwrap().len());
         let proof = grid.verify(&path).max_error(tin.tolerance()).run().unwrap();
-        let surface = grid.verify(&path).bound(Bound::Surface).max_error(1e9).run().unwrap();
-        assert!(surface.verdict.passed && surface.of.bound == Bound::Surface);
+        let surface = grid.verify(&path).bound(ErrorBound::Surface).max_error(1e9).run().unwrap();
+        assert!(surface.verdict.passed && surface.of.bound == ErrorBound::Surface);
         assert!(
             proof.verdict.passed && proof.verdict.judged,
             "{}: {:?}",
@@ -266,13 +266,13 @@ fn lines_in_degrees_are_proved_in_metres() {
     let features = terrane::open_features(path("line.geojson")).unwrap();
     features
         .simplify()
-        .tolerance(terrane::Length::metres(2000.0))
+        .tolerance(terrane::LengthOption::metres(2000.0))
         .write(path("few.geojson"))
         .unwrap();
     let passed = |metres: f64| {
         features
             .verify(path("few.geojson"))
-            .tolerance(terrane::Length::metres(metres))
+            .tolerance(terrane::LengthOption::metres(metres))
             .run()
             .unwrap()
             .verdict

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::{ErrorKind, Result};
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{DiskCheck, Form, RunJob, RunReport};
+use terrane_engine::plan::{DiskCheck, OutputForm, RunJob, RunReport};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{CellRun, PlanGridJob, plan_grid};
@@ -77,7 +77,7 @@ fn work(folder: &Path, task: Option<&str>) -> Result<RunReport<CellRun>> {
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
-        form: Form::default(),
+        form: OutputForm::default(),
         disk: DiskCheck::On,
         resources: enough(),
     };

@@ -7,22 +7,22 @@ use support::{
     Capture, FunctionGrid, Mesh, check_followed, check_kept, hills, largest_crossing, noise,
     non_delaunay_edges, thin, validate,
 };
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::{ErrorKind, Result};
 use terrane_engine::breaklines::Breaklines;
-use terrane_engine::kept::Kept;
+use terrane_engine::kept::ConstraintSamples;
 use terrane_engine::{Cancel, Silent};
-use terrane_terrain::tin::{Flaws, Outcome, Settings, run_on};
-use terrane_tin::{AngleBound, Spec};
+use terrane_terrain::tin::{Flaws, TinOutcome, TinSettings, run_on};
+use terrane_tin::{MinimumAngle, Spec};
 
 struct Run {
     tolerance: f64,
-    bound: Bound,
+    bound: ErrorBound,
     fit: bool,
     data_dependent: bool,
     /// In degrees.
     min_angle: Option<f64>,
-    kept: Kept,
+    kept: ConstraintSamples,
     tile: u32,
     threads: usize,
     mesh_bytes: u64,
@@ -35,11 +35,11 @@ impl Default for Run {
     fn default() -> Self {
         Self {
             tolerance: 2.0,
-            bound: Bound::Samples,
+            bound: ErrorBound::Samples,
             fit: false,
             data_dependent: false,
             min_angle: None,
-            kept: Kept::default(),
+            kept: ConstraintSamples::default(),
             tile: 16,
             threads: 1,
             mesh_bytes: 1 << 30,
@@ -51,9 +51,9 @@ impl Default for Run {
 }
 
 impl Run {
-    fn on(&self, grid: &FunctionGrid) -> Result<(Mesh, Outcome)> {
+    fn on(&self, grid: &FunctionGrid) -> Result<(Mesh, TinOutcome)> {
         let folder = tempfile::tempdir().unwrap();
-        let settings = Settings {
+        let settings = TinSettings {
             spec: Spec {
                 tolerance: self.tolerance,
                 bound: self.bound,
@@ -63,7 +63,7 @@ impl Run {
                 data_dependent: self.data_dependent,
                 min_angle: self
                     .min_angle
-                    .map(|least| AngleBound::new(least, [1.0, 0.0], [0.0, -1.0])),
+                    .map(|least| MinimumAngle::new(least, [1.0, 0.0], [0.0, -1.0])),
                 single_precision: None,
                 measure: true,
             },
@@ -79,7 +79,7 @@ impl Run {
         let outcome = run_on(grid, Box::new(self.sink.clone()), &settings)?;
         let mesh = Mesh { fitted: self.fit, ..self.sink.take() };
         assert!(mesh.finished);
-        if self.bound == Bound::Surface {
+        if self.bound == ErrorBound::Surface {
             let most = largest_crossing(&mesh, grid);
             assert!(most <= self.tolerance + 1e-9, "off by {most} between samples");
         }
@@ -105,8 +105,8 @@ fn fine(col: u32, row: u32) -> f64 {
 /// Heights free or not, triangles others than Delaunay ones or not.
 const WAYS: [(bool, bool); 4] = [(false, false), (true, false), (false, true), (true, true)];
 
-fn both_bounds(tolerance: f64) -> [(f64, Bound); 2] {
-    Bound::ALL.map(|bound| (tolerance, bound))
+fn both_bounds(tolerance: f64) -> [(f64, ErrorBound); 2] {
+    ErrorBound::ALL.map(|bound| (tolerance, bound))
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn full_size_tiles_meet_without_cracks() {
         (1026, 515, holes),
     ] {
         let grid = FunctionGrid::new(width, height, surface);
-        for bound in Bound::ALL {
+        for bound in ErrorBound::ALL {
             for data_dependent in [false, true] {
                 let run = Run { tile: 512, threads: 2, bound, data_dependent, ..Run::default() };
                 validate(&run.on(&grid).unwrap().0, &grid, run.tolerance);
@@ -149,18 +149,18 @@ fn full_size_tiles_meet_without_cracks() {
 
 #[test]
 fn bytes_do_not_depend_on_threads_memory_or_order() {
-    type Kind = (fn(u32, u32) -> f64, Bound, (bool, bool));
+    type Kind = (fn(u32, u32) -> f64, ErrorBound, (bool, bool));
     let kinds: [Kind; 5] = [
-        (hills, Bound::Samples, WAYS[0]),
-        (holes, Bound::Surface, WAYS[2]),
-        (flat_sea, Bound::Samples, WAYS[1]),
-        (hills, Bound::Surface, WAYS[1]),
-        (hills, Bound::Samples, WAYS[3]),
+        (hills, ErrorBound::Samples, WAYS[0]),
+        (holes, ErrorBound::Surface, WAYS[2]),
+        (flat_sea, ErrorBound::Samples, WAYS[1]),
+        (hills, ErrorBound::Surface, WAYS[1]),
+        (hills, ErrorBound::Samples, WAYS[3]),
     ];
     let lines =
         Breaklines::of(vec![[[3, 149], [130, 11]], [[130, 11], [0, 16]], [[40, 0], [33, 140]]]);
     for (surface, bound, (fit, data_dependent)) in kinds {
-        let kept = Kept::default().with(lines.clone());
+        let kept = ConstraintSamples::default().with(lines.clone());
         let usual = || Run { bound, fit, data_dependent, kept: kept.clone(), ..Run::default() };
         let grid = FunctionGrid::new(131, 150, surface);
         let (mesh, alone) = usual().on(&grid).unwrap();
@@ -365,12 +365,12 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
                 height,
                 move |col, row| f64::from(land(seed, col, row) as f32),
             );
-        let bound = Bound::ALL[usize::from(draw(4) < 0.5)];
+        let bound = ErrorBound::ALL[usize::from(draw(4) < 0.5)];
         let fit = draw(5) < 0.4;
         let one_in = if draw(6) < 0.4 { 2.0 + 200.0 * draw(7).powi(2) } else { f64::INFINITY };
         let samples = (0..height).flat_map(|row| (0..width).map(move |col| [col, row]));
         let is_kept = |[col, row]: &[u32; 2]| dice(seed, 8 + col, *row) * one_in < 1.0;
-        let kept = Kept::of(samples.filter(is_kept).collect());
+        let kept = ConstraintSamples::of(samples.filter(is_kept).collect());
         let min_angle = (draw(8) < 0.4).then(|| draw(9) * SMALLEST);
         // A walk of some steps, and some long lines.
         let lines =
@@ -391,7 +391,7 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             .collect();
         let kept = kept.with(Breaklines::of(segments.clone()));
         let run = Run { tolerance, bound, fit, min_angle, kept, tile, ..Run::default() };
-        let checked = |run: &Run| -> Result<(Mesh, Outcome)> {
+        let checked = |run: &Run| -> Result<(Mesh, TinOutcome)> {
             let (mesh, outcome) = run.on(&grid)?;
             validate(&mesh, &grid, tolerance);
             check_kept(&run.kept, &mesh, &grid, outcome.kept);

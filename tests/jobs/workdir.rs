@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use terrane_base::{ErrorKind, Result};
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{DiskCheck, Form, RunJob};
+use terrane_engine::plan::{DiskCheck, OutputForm, RunJob};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_terrain::tin::{
-    Goal, PlanJob, RunReport, StatusReport, TinJob, TinOptions, plan_work, run, run_in,
+    PlanJob, RunReport, StatusReport, TinGoal, TinJob, TinOptions, plan_work, run, run_in,
 };
 
 const TERRAIN: &str = "synth:rough,width=700,height=1100,seed=7";
@@ -17,7 +17,7 @@ fn resources(threads: usize) -> Resources {
 }
 
 fn tin(input: &str, output: &Path) -> TinJob {
-    let job = TinJob::new(input, output, Goal::MaxError(8.0));
+    let job = TinJob::new(input, output, TinGoal::MaxError(8.0));
     TinJob { tile: 64, resources: resources(2), ..job }
 }
 
@@ -38,7 +38,7 @@ fn work(folder: &Path, task: Option<&str>, threads: usize) -> Result<RunReport> 
         task: task.map(str::to_owned),
         output: None,
         overwrite: false,
-        form: Form::default(),
+        form: OutputForm::default(),
         disk: DiskCheck::On,
         resources: resources(threads),
     };
@@ -198,7 +198,7 @@ fn another_plan_is_refused_with_the_difference() {
         cut: Some(4),
         skipped: Vec::new(),
     };
-    job.job.goal = Goal::MaxError(9.0);
+    job.job.goal = TinGoal::MaxError(9.0);
     let refused = plan_work(&job, &Silent, &Cancel::default()).unwrap_err().to_string();
     assert!(refused.contains("method.max_error is 8.0 there and 9.0 here"), "{refused}");
     let other = temp.path().join("other");
@@ -244,7 +244,7 @@ fn an_input_that_changed_is_refused() {
     write(3);
     let mut job = tin(grid.to_str().unwrap(), &temp.path().join("a.ply"));
     job.tile = 16;
-    job.goal = Goal::MaxError(1.0);
+    job.goal = TinGoal::MaxError(1.0);
     let folder = temp.path().join("work");
     run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     write(4);
@@ -268,7 +268,7 @@ fn done_from_file(temp: &Path) -> (PathBuf, TinJob) {
     (0..1600).for_each(|i| text += &format!("{} ", i * i % 17));
     std::fs::write(&grid, text).unwrap();
     let mut job = tin(grid.to_str().unwrap(), &temp.join("a.ply"));
-    (job.tile, job.goal) = (16, Goal::MaxError(1.0));
+    (job.tile, job.goal) = (16, TinGoal::MaxError(1.0));
     let folder = temp.join("work");
     run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap();
     (folder, job)
@@ -334,7 +334,7 @@ fn neither_input_nor_plan_is_ever_the_output() {
                 task,
                 output: Some(output.clone()),
                 overwrite: true,
-                form: Form::default(),
+                form: OutputForm::default(),
                 disk: DiskCheck::On,
                 resources: resources(1),
             };
@@ -357,7 +357,7 @@ fn an_output_of_any_name_is_noted() {
         task: None,
         output: Some(temp.path().join(std::ffi::OsStr::from_bytes(b"\xff.ply"))),
         overwrite: false,
-        form: Form::default(),
+        form: OutputForm::default(),
         disk: DiskCheck::On,
         resources: resources(1),
     };
@@ -383,7 +383,7 @@ fn looking_through_what_is_done_can_be_stopped() {
         task: None,
         output: None,
         overwrite: false,
-        form: Form::default(),
+        form: OutputForm::default(),
         disk: DiskCheck::On,
         resources: resources(1),
     };
@@ -399,7 +399,7 @@ fn formats_with_a_limit_may_be_many_files() {
     let temp = tempfile::tempdir().unwrap();
     let plan = |name: &str, split| {
         let mut tin = tin("synth:rough,size=80001", Path::new("mesh.glb"));
-        (tin.split, tin.goal) = (split, Goal::MaxError(0.01));
+        (tin.split, tin.goal) = (split, TinGoal::MaxError(0.01));
         let job =
             PlanJob { job: tin, folder: temp.path().join(name), cut: None, skipped: Vec::new() };
         plan_work(&job, &Silent, &Cancel::default())
@@ -442,7 +442,7 @@ fn formats_of_single_precision_keep_their_bound_and_bytes() {
 fn a_budget_of_vertices_cannot_be_planned() {
     let temp = tempfile::tempdir().unwrap();
     let mut job = tin(TERRAIN, &temp.path().join("a.ply"));
-    job.goal = Goal::MaxVertices(1000);
+    job.goal = TinGoal::MaxVertices(1000);
     let folder = temp.path().join("work");
     let refused =
         run_in(&folder, &job, &[], DiskCheck::On, &Silent, &Cancel::default()).unwrap_err();

@@ -11,24 +11,27 @@ use support::{Grid, Heights, Line, first_meeting, job, lines_of, made, read, uni
 use terrane::ErrorKind;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_engine::{Cancel, Silent};
-use terrane_proof::lines::{self, Distance, Question};
-use terrane_simplify::Length;
+use terrane_proof::lines::{self, ProofDistance, Question};
+use terrane_simplify::LengthOption;
 use terrane_terrain::contour::trace;
 use terrane_vector as vector;
-use terrane_window::contour::{self as contour, Levels, Lines, Scratch, Window};
+use terrane_window::contour::{
+    self as contour, ContourLevels, ContourScratch, ContourWindow, WindowContours,
+};
 
 const TERRAIN: &str = "synth:rough,size=300,seed=3";
 
 /// What the kernel makes of a grid in one piece, as a job writes it; and all its vertices.
-fn at_once(grid: &Grid, levels: &Levels) -> (Vec<Line>, u64) {
+fn at_once(grid: &Grid, levels: &ContourLevels) -> (Vec<Line>, u64) {
     let width = grid.info.width;
-    let window = Window { rect: grid.info.bounds(), grid_width: width, heights: &grid.heights };
-    let mut traced = Lines::default();
+    let window =
+        ContourWindow { rect: grid.info.bounds(), grid_width: width, heights: &grid.heights };
+    let mut traced = WindowContours::default();
     contour::trace(
         &window,
         levels,
         u64::MAX,
-        &mut Scratch::default(),
+        &mut ContourScratch::default(),
         &mut traced,
         &Cancel::default(),
     )
@@ -48,7 +51,7 @@ fn at_once(grid: &Grid, levels: &Levels) -> (Vec<Line>, u64) {
             vertices.push(vertices[0]);
         }
         let key = (line.level, vertices[0].edge);
-        let position = |v: &contour::Vertex| {
+        let position = |v: &contour::ContourVertex| {
             let [col, row] = v.place(width);
             grid.info.transform.apply(col, row)
         };
@@ -100,7 +103,7 @@ proptest! {
 
     #[test]
     fn tiles_are_joined_to_what_one_piece_gives(grid in grids(), interval in 0.2..1.5_f64) {
-        let levels = Levels::every(interval, 0.0).unwrap();
+        let levels = ContourLevels::every(interval, 0.0).unwrap();
         let (expected, traced) = at_once(&grid, &levels);
         let heights = Heights::Every { interval, base: 0.0 };
         for (tile, threads) in [(16, 1), (17, 3), (64, 1)] {
@@ -126,7 +129,7 @@ proptest! {
         // The border between tiles is straight to the last bit where it runs along an axis.
         if map.b == 0.0 {
             prop_assert_eq!(first_meeting(&after), None);
-            prove(&before, &after, &originals, Distance::Plane, tolerance);
+            prove(&before, &after, &originals, ProofDistance::Plane, tolerance);
         }
     }
 
@@ -154,7 +157,13 @@ proptest! {
 
 /// Holds lines to the independent checker: distances, crossings, rings, sides. `originals` are the
 /// places in `before` of what `after` was made from.
-fn prove(before: &[Line], after: &[Line], originals: &[usize], distance: Distance, tolerance: f64) {
+fn prove(
+    before: &[Line],
+    after: &[Line],
+    originals: &[usize],
+    distance: ProofDistance,
+    tolerance: f64,
+) {
     type Flat = (Vec<[f64; 3]>, Vec<usize>, Vec<bool>);
     let flat = |lines: &mut dyn Iterator<Item = &Line>| -> Flat {
         let (mut points, mut starts, mut closed) = (Vec::new(), vec![0], Vec::new());
@@ -166,7 +175,7 @@ fn prove(before: &[Line], after: &[Line], originals: &[usize], distance: Distanc
         (points, starts, closed)
     };
     let sides = [flat(&mut originals.iter().map(|i| &before[*i])), flat(&mut after.iter())];
-    let [original, simplified] = [0, 1].map(|i| lines::Lines {
+    let [original, simplified] = [0, 1].map(|i| lines::ProofLines {
         points: &sides[i].0,
         starts: &sides[i].1,
         closed: &sides[i].2,
@@ -280,7 +289,7 @@ fn simplified_terrain_crosses_nothing() {
             let after = run(Some(tolerance));
             let originals = check_simplified(&before, &after, tolerance);
             assert_eq!(first_meeting(&after), None, "{terrain} {tolerance}");
-            prove(&before, &after, &originals, Distance::Plane, tolerance);
+            prove(&before, &after, &originals, ProofDistance::Plane, tolerance);
             assert!(count(&after) < last, "{terrain} {tolerance}");
             last = count(&after);
         }
@@ -366,7 +375,7 @@ fn tolerances_have_units() {
         let path = folder.path().join("lines.geojson");
         let mut job = job("memory", &path, 0.2, 32, 2);
         (job.options.tolerance, job.options.file.replacing.overwrite) =
-            (Some(Length { value, unit }), true);
+            (Some(LengthOption { value, unit }), true);
         let report = trace(grid, &job, &Silent, &Cancel::default())?;
         Ok::<_, terrane::Error>((read(&path, "elev"), report))
     };
@@ -381,7 +390,7 @@ fn tolerances_have_units() {
     assert!(report.vertices * 3 < report.original_vertices, "{report:?}");
     // 40 m are 0.00072 degrees of longitude there.
     let originals = check_simplified(&before, &after, 0.00073);
-    prove(&before, &after, &originals, Distance::Geographic, 40.0);
+    prove(&before, &after, &originals, ProofDistance::Geographic, 40.0);
     // Feet are converted in a projected system.
     let metres = Crs { epsg: Some(32633), geographic: Some(false), ..Crs::default() };
     let grid = waves(5e5, 6e6, 30.0, metres);
@@ -408,12 +417,12 @@ fn index_contours_are_marked() {
         let mut source = vector::open(&path, &Default::default()).unwrap();
         let mut marked = 0;
         while let Some(feature) = source.next().unwrap() {
-            let Some(vector::Value::Real(height)) = feature.properties.get("elev") else {
+            let Some(vector::PropertyValue::Real(height)) = feature.properties.get("elev") else {
                 panic!()
             };
             let is_index = (height - 0.5).rem_euclid(1.0) == 0.0;
             let mark = feature.properties.get("index");
-            assert_eq!(mark, Some(&vector::Value::Bool(is_index)), "{name} {height}");
+            assert_eq!(mark, Some(&vector::PropertyValue::Bool(is_index)), "{name} {height}");
             marked += u32::from(is_index);
         }
         assert!(marked > 3, "{name}");
@@ -506,7 +515,7 @@ fn windows_of_real_terrain_are_joined() {
     let mut heights = vec![0.0; info.bounds().len()];
     source.read_f64(Rect::new(0, 0, info.width, info.height), &mut heights).unwrap();
     let grid = Grid::new(info.width, info.height, info.transform, heights);
-    let levels = Levels::every(20.0, 0.0).unwrap();
+    let levels = ContourLevels::every(20.0, 0.0).unwrap();
     let (lines, report) =
         lines_of(&grid, &Heights::Every { interval: 20.0, base: 0.0 }, None, 100, 2);
     assert!(lines == at_once(&grid, &levels).0);

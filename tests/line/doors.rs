@@ -6,22 +6,24 @@ use std::path::Path;
 use terrane::ErrorKind;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
-use terrane_line::registry::Bounds;
-use terrane_proof::lines::{self, Distance, Question};
-use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_line::registry::ToleranceKind;
+use terrane_proof::lines::{self, ProofDistance, Question};
+use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
 use terrane_terrain::contour::{self, ContourJob, ContourOptions};
-use terrane_vector::{self as vector, FORMATS, Feature, Kind, OpenOptions, Value};
+use terrane_vector::{
+    self as vector, FORMATS, Feature, GeometryType, PropertyValue, VectorOpenOptions,
+};
 use terrane_verify::{LineVerifyJob, verify_lines};
 
 fn resources() -> Resources {
     Resources { threads: 1, memory: 1 << 30, temp_dir: None }
 }
 
-fn length(value: f64) -> Goal {
-    Goal::Tolerance(Length { value, unit: None })
+fn length(value: f64) -> LineGoal {
+    LineGoal::Tolerance(LengthOption { value, unit: None })
 }
 
-fn job(input: &Path, output: &Path, goal: Goal) -> LineJob {
+fn job(input: &Path, output: &Path, goal: LineGoal) -> LineJob {
     LineJob { overwrite: true, resources: resources(), ..LineJob::new(input, output, goal) }
 }
 
@@ -30,7 +32,7 @@ fn made(job: &LineJob) -> terrane::Result<LineReport> {
 }
 
 fn read(path: &Path) -> (Vec<Feature>, Vec<String>) {
-    let mut source = vector::open(path, &OpenOptions::default()).unwrap();
+    let mut source = vector::open(path, &VectorOpenOptions::default()).unwrap();
     let all = std::iter::from_fn(|| source.next().unwrap()).collect();
     (all, source.notes())
 }
@@ -40,7 +42,7 @@ fn proof(lines: &Path, original: &Path, topology: bool) -> LineVerifyJob {
         lines: lines.into(),
         original: original.into(),
         layer: None,
-        tolerance: Some(Length { value: 0.1, unit: None }),
+        tolerance: Some(LengthOption { value: 0.1, unit: None }),
         is_space: false,
         topology,
         may_drop: false,
@@ -74,7 +76,7 @@ fn lines_of_one_vertex_stay_in_every_format_by_every_method() {
     for format in &formats {
         let input = path("a").with_extension(format.extensions[0]);
         if format.name != "WKT" {
-            made(&job(&path("a.wkt"), &input, Goal::Ratio(1.0))).unwrap();
+            made(&job(&path("a.wkt"), &input, LineGoal::Ratio(1.0))).unwrap();
         }
         inputs.push(input);
     }
@@ -88,15 +90,15 @@ fn lines_of_one_vertex_stay_in_every_format_by_every_method() {
         for method in METHODS {
             for topology in [None, Some(Topology::default())] {
                 let goal = match method.bounds {
-                    Bounds::Distance => length(0.1),
-                    Bounds::Area(_) => Goal::Area(0.1),
+                    ToleranceKind::Distance => length(0.1),
+                    ToleranceKind::Area(_) => LineGoal::Area(0.1),
                 };
-                for goal in [goal, Goal::Ratio(0.9), Goal::Ratio(1.0)] {
+                for goal in [goal, LineGoal::Ratio(0.9), LineGoal::Ratio(1.0)] {
                     let output = path("b.geojson");
                     let job =
                         LineJob { method, topology: topology.clone(), ..job(input, &output, goal) };
                     let report = made(&job).unwrap();
-                    let kept = if goal == Goal::Ratio(1.0) { 3 } else { 2 };
+                    let kept = if goal == LineGoal::Ratio(1.0) { 3 } else { 2 };
                     let name = format!("{input:?} {} {topology:?} {goal:?}", method.name);
                     assert_eq!(counts(&read(&output).0), [1, 1, kept], "{name}");
                     assert!(report.notes.contains(&told), "{name}: {:?}", report.notes);
@@ -138,12 +140,16 @@ fn values_of_several_lines_come_back_from_csv() {
         std::fs::write(path(name), all.to_string()).unwrap();
     };
     write("a.geojson", &values);
-    made(&job(&path("a.geojson"), &path("b.csv"), Goal::Ratio(1.0))).unwrap();
+    made(&job(&path("a.geojson"), &path("b.csv"), LineGoal::Ratio(1.0))).unwrap();
     let (found, _) = read(&path("b.csv"));
     assert_eq!(found.len(), values.len());
     for (feature, value) in found.iter().zip(values) {
-        assert_eq!(feature.properties.get("s"), Some(&Value::Text(value.to_owned())), "{value:?}");
-        assert_eq!(feature.properties.get("n\no"), Some(&Value::Int(7)), "{value:?}");
+        assert_eq!(
+            feature.properties.get("s"),
+            Some(&PropertyValue::Text(value.to_owned())),
+            "{value:?}"
+        );
+        assert_eq!(feature.properties.get("n\no"), Some(&PropertyValue::Int(7)), "{value:?}");
     }
     let verdict = |original: &str| {
         let job = proof(&path("b.csv"), &path(original), false);
@@ -178,10 +184,10 @@ fn dates_are_days_of_the_calendar() {
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("a.wkt"), "POINT (1 2)\n").unwrap();
     for (date, read) in [
-        ("20240209", Some(Value::Date("2024-02-09".to_owned()))),
-        ("20240229", Some(Value::Date("2024-02-29".to_owned()))),
-        ("        ", Some(Value::Null)),
-        ("00000000", Some(Value::Null)),
+        ("20240209", Some(PropertyValue::Date("2024-02-09".to_owned()))),
+        ("20240229", Some(PropertyValue::Date("2024-02-29".to_owned()))),
+        ("        ", Some(PropertyValue::Null)),
+        ("00000000", Some(PropertyValue::Null)),
         ("2024-2-9", None),
         ("20241332", None),
         ("20230229", None),
@@ -189,7 +195,7 @@ fn dates_are_days_of_the_calendar() {
         ("-2024021", None),
         ("2024021", None),
     ] {
-        made(&job(&path("a.wkt"), &path("b.shp"), Goal::Ratio(1.0))).unwrap();
+        made(&job(&path("a.wkt"), &path("b.shp"), LineGoal::Ratio(1.0))).unwrap();
         // A table of one record with one field.
         let mut table = vec![3, 100, 1, 1, 1, 0, 0, 0, 65, 0, 9, 0];
         table.resize(32, 0);
@@ -200,19 +206,19 @@ fn dates_are_days_of_the_calendar() {
         table.extend(format!("\r {date:8}\x1a").bytes());
         std::fs::write(path("b.dbf"), table).unwrap();
         for output in ["c.shp", "c.geojson"] {
-            let report = made(&job(&path("b.shp"), &path(output), Goal::Ratio(1.0)));
+            let report = made(&job(&path("b.shp"), &path(output), LineGoal::Ratio(1.0)));
             match (&read, report) {
                 (Some(value), report) => {
                     report.unwrap();
                     let (found, _) = self::read(&path(output));
                     let found = found[0].properties.get("day").cloned().unwrap_or_default();
-                    let is_text = *value != Value::Null && output == "c.geojson";
-                    let text = |value: &Value| match value {
-                        Value::Date(text) | Value::Text(text) => text.clone(),
+                    let is_text = *value != PropertyValue::Null && output == "c.geojson";
+                    let text = |value: &PropertyValue| match value {
+                        PropertyValue::Date(text) | PropertyValue::Text(text) => text.clone(),
                         other => format!("{other:?}"),
                     };
                     assert_eq!(text(&found), text(value), "{date} {output}");
-                    assert_eq!(matches!(found, Value::Text(_)), is_text, "{date} {output}");
+                    assert_eq!(matches!(found, PropertyValue::Text(_)), is_text, "{date} {output}");
                 }
                 (None, report) => {
                     let error = report.unwrap_err();
@@ -251,7 +257,7 @@ fn what_no_product_holds_is_refused_and_never_dropped() {
     ];
     for (line, tolerance, left) in cases {
         std::fs::write(path("a.wkt"), format!("LINESTRING ({line})\n")).unwrap();
-        for method in METHODS.iter().filter(|method| method.bounds == Bounds::Distance) {
+        for method in METHODS.iter().filter(|method| method.bounds == ToleranceKind::Distance) {
             for topology in [None, Some(Topology::default())] {
                 let name = format!("{line} {tolerance} {} {topology:?}", method.name);
                 // To be told apart exactly coordinates have to be larger still.
@@ -274,9 +280,9 @@ fn what_no_product_holds_is_refused_and_never_dropped() {
         }
         // What is not measured is copied.
         let is_large = ["e308", "e155", "e80"].iter().any(|large| line.contains(large));
-        let copied = made(&job(&path("a.wkt"), &path("b.wkt"), Goal::Ratio(1.0)));
+        let copied = made(&job(&path("a.wkt"), &path("b.wkt"), LineGoal::Ratio(1.0)));
         assert_eq!(copied.is_err(), is_large, "{line}");
-        let length = Length { value: tolerance, unit: None };
+        let length = LengthOption { value: tolerance, unit: None };
         let proof = proof(&path("a.wkt"), &path("a.wkt"), false);
         let proof = LineVerifyJob { tolerance: Some(length), ..proof };
         let proved = verify_lines(&proof, &Silent, &Cancel::default());
@@ -296,7 +302,7 @@ fn bytes_that_are_not_utf_8_are_refused_wherever_they_are_in_gpx() {
         let mut bytes = all.as_bytes().to_vec();
         bytes[bad] = 0xff;
         std::fs::write(&path, bytes).unwrap();
-        let error = vector::open(&path, &OpenOptions::default()).and_then(|mut source| {
+        let error = vector::open(&path, &VectorOpenOptions::default()).and_then(|mut source| {
             while source.next()?.is_some() {}
             Ok(())
         });
@@ -311,8 +317,8 @@ fn goals_that_are_none_are_refused() {
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("a.wkt"), "LINESTRING (0 0,1 1,2 0)\n").unwrap();
     for value in [f64::NAN, -1.0, f64::INFINITY] {
-        for goal in [length(value), Goal::Area(value), Goal::Ratio(value)] {
-            let method = if matches!(goal, Goal::Area(_)) { &METHODS[3] } else { &METHODS[0] };
+        for goal in [length(value), LineGoal::Area(value), LineGoal::Ratio(value)] {
+            let method = if matches!(goal, LineGoal::Area(_)) { &METHODS[3] } else { &METHODS[0] };
             let error = made(&LineJob { method, ..job(&path("a.wkt"), &path("b.wkt"), goal) });
             assert_eq!(error.unwrap_err().kind(), ErrorKind::Usage, "{goal:?}");
         }
@@ -346,7 +352,7 @@ fn the_system_of_topojson_is_read() {
     let all = r#"{"type":"Topology","crs":{"type":"name","properties":{"name":"EPSG:28992"}},
         "arcs":[[[3,4],[5,6]]],"objects":{"a":{"type":"LineString","arcs":[0]}}}"#;
     std::fs::write(&path, all).unwrap();
-    let source = vector::open(&path, &OpenOptions::default()).unwrap();
+    let source = vector::open(&path, &VectorOpenOptions::default()).unwrap();
     assert_eq!(source.layer().crs.epsg, Some(28992));
 }
 
@@ -383,20 +389,20 @@ fn contours_do_not_cross_as_they_are_rounded() {
         let (found, _) = read(&path("b.geojson"));
         let (mut points, mut starts, mut closed) = (Vec::new(), vec![0], Vec::new());
         for part in found.iter().flat_map(|feature| feature.geometry.parts()) {
-            assert_ne!(part.role, vector::Role::Hole);
+            assert_ne!(part.role, vector::PartRole::Hole);
             let mut xy = part.xy.to_vec();
             xy.dedup();
             points.extend(xy.iter().map(|[x, y]| [*x, *y, 0.0]));
             starts.push(points.len());
             closed.push(xy.first() == xy.last());
         }
-        let lines = lines::Lines { points: &points, starts: &starts, closed: &closed };
+        let lines = lines::ProofLines { points: &points, starts: &starts, closed: &closed };
         let (original, simplified) = (lines, lines);
-        let distance = Distance::Plane;
+        let distance = ProofDistance::Plane;
         let question = Question { original, simplified, points: &[], distance, tolerance: None };
         let report = lines::check(&question).unwrap();
         assert_eq!((report.crossings, report.original_crossings), (0, 0), "{decimals}: {report:?}");
-        assert!(found.iter().all(|feature| feature.geometry.kind() != Kind::Null));
+        assert!(found.iter().all(|feature| feature.geometry.kind() != GeometryType::Null));
     }
     assert!(told > 0, "nothing was in the way");
 }

@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 use terrane::ErrorKind;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
-use terrane_line::registry::Bounds;
+use terrane_line::registry::ToleranceKind;
 use terrane_line::topology::{Collapse, Strategy};
-use terrane_simplify::{Goal, Length, LineJob, Topology, run};
+use terrane_simplify::{LengthOption, LineGoal, LineJob, Topology, run};
 use terrane_vector::{FORMATS, VectorFormat};
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 
@@ -31,8 +31,8 @@ impl Dice {
     }
 }
 
-fn length(value: f64) -> Length {
-    Length { value, unit: None }
+fn length(value: f64) -> LengthOption {
+    LengthOption { value, unit: None }
 }
 
 fn resources() -> Resources {
@@ -46,7 +46,7 @@ fn write(path: &Path, features: &[Value]) {
 
 /// The features of a GeoJSON as a file of another format.
 fn convert(from: &Path, to: &Path) -> bool {
-    let goal = Goal::Tolerance(length(0.0));
+    let goal = LineGoal::Tolerance(length(0.0));
     let job = LineJob { overwrite: true, ..LineJob::new(from, to, goal) };
     let job = LineJob { resources: resources(), ..job };
     run(&job, &Silent, &Cancel::default()).is_ok()
@@ -410,8 +410,8 @@ fn what_is_made_passes() {
         let method = &METHODS[dice.below(METHODS.len() as u64) as usize];
         let tolerance = dice.of(&[0.0, 0.5, 1.0, 3.0]);
         let goal = match method.bounds {
-            Bounds::Distance => Goal::Tolerance(length(tolerance)),
-            Bounds::Area(_) => Goal::Area(tolerance),
+            ToleranceKind::Distance => LineGoal::Tolerance(length(tolerance)),
+            ToleranceKind::Area(_) => LineGoal::Area(tolerance),
         };
         let collapse = dice.of(&[Collapse::Minimal, Collapse::Drop, Collapse::Keep]);
         let strategy = dice.of(&[Strategy::Retroactive, Strategy::Proactive]);
@@ -424,7 +424,7 @@ fn what_is_made_passes() {
             assert!(kinds.contains(&error.kind()), "{seed}, {}: {error}", format.name);
             continue;
         }
-        let bound = (method.bounds == Bounds::Distance).then_some(tolerance * (1.0 + 1e-12));
+        let bound = (method.bounds == ToleranceKind::Distance).then_some(tolerance * (1.0 + 1e-12));
         let report = prove(&LineVerifyJob {
             may_drop: collapse == Collapse::Drop,
             topology: is_neat,

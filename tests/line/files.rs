@@ -4,10 +4,10 @@ use std::path::Path;
 
 use crate::data;
 use terrane::Result;
-use terrane_vector::{self as vector, Feature, Kind, OpenOptions, Value};
+use terrane_vector::{self as vector, Feature, GeometryType, PropertyValue, VectorOpenOptions};
 
 fn read(path: &Path, layer: Option<&str>) -> Result<Vec<Feature>> {
-    let options = OpenOptions { layer: layer.map(str::to_owned) };
+    let options = VectorOpenOptions { layer: layer.map(str::to_owned) };
     let mut source = vector::open(path, &options)?;
     std::iter::from_fn(|| source.next().transpose()).collect()
 }
@@ -44,22 +44,23 @@ fn real_files_hold_what_is_known_of_them() {
 #[ignore = "needs TERRANE_DATA"]
 fn properties_names_and_systems_are_read() {
     let path = data::at("lines/UScounties.shp");
-    let source = vector::open(&path, &OpenOptions::default()).unwrap();
+    let source = vector::open(&path, &VectorOpenOptions::default()).unwrap();
     assert_eq!(source.layer().crs.epsg, Some(4269));
     assert_eq!(source.layer().schema.as_ref().map(Vec::len), Some(6));
     let first = &read(&path, None).unwrap()[0];
-    assert_eq!(first.properties.get("NAME"), Some(&Value::Text("Cleburne".to_owned())));
+    assert_eq!(first.properties.get("NAME"), Some(&PropertyValue::Text("Cleburne".to_owned())));
     let path = data::at("lines/ne_10m_admin_0_boundary_lines_land.json");
     let first = &read(&path, None).unwrap()[0];
-    assert_eq!(first.properties.get("labelrank"), Some(&Value::Int(2)));
-    assert_eq!(first.properties.get("min_zoom"), Some(&Value::Real(2.0)));
+    assert_eq!(first.properties.get("labelrank"), Some(&PropertyValue::Int(2)));
+    assert_eq!(first.properties.get("min_zoom"), Some(&PropertyValue::Real(2.0)));
     assert_eq!(
         first.geometry.coordinates().xy[0],
         [-124.758_865_926_999_95, 48.494_017_843_000_04]
     );
     let path = data::at("lines/tuolumne.gpx");
     let found = read(&path, None).unwrap();
-    let track = found.iter().find(|feature| feature.geometry.kind() == Kind::MultiLineString);
+    let track =
+        found.iter().find(|feature| feature.geometry.kind() == GeometryType::MultiLineString);
     let track = &track.unwrap().geometry;
     assert_eq!(track.coordinates().z.len(), 5249);
     assert!(track.coordinates().m.iter().all(|moment| *moment > 1.1e9));

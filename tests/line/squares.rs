@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use crate::coverage;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::Xy;
-use terrane_line::topology::{Chains, Collapse, Kept, Strategy};
-use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_line::topology::{ChainVertices, Chains, Collapse, Strategy};
+use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 use worlds::{Dice, World};
 
@@ -46,7 +46,7 @@ impl Place {
     }
 
     fn job(&self, tolerance: f64, square: u64) -> LineJob {
-        let goal = Goal::Tolerance(Length { value: tolerance, unit: None });
+        let goal = LineGoal::Tolerance(LengthOption { value: tolerance, unit: None });
         let topology = Topology { square, sides: self.sides(), ..Topology::default() };
         LineJob {
             topology: Some(topology),
@@ -65,7 +65,7 @@ impl Place {
             lines: self.path("b.wkt"),
             original: self.path("a.wkt"),
             layer: None,
-            tolerance: Some(Length { value: tolerance * (1.0 + 1e-12), unit: None }),
+            tolerance: Some(LengthOption { value: tolerance * (1.0 + 1e-12), unit: None }),
             is_space: false,
             topology: true,
             may_drop: false,
@@ -229,7 +229,7 @@ fn a_goal_after_moves_leaves_no_trace_of_memory() {
             simplify(&job);
             read(&place.path("b.wkt"))
         };
-        for goal in [Goal::Ratio(0.4), Goal::Size(90_000)] {
+        for goal in [LineGoal::Ratio(0.4), LineGoal::Size(90_000)] {
             let held = made(goal, 1 << 30, 1);
             assert!(held == made(goal, little, 2), "{goal:?}, {snap}, {decimals:?}");
         }
@@ -438,7 +438,7 @@ fn what_cannot_be_done_by_squares_is_told() {
         "{told}"
     );
     let mut job = place.job(0.02, 100);
-    job.goal = Goal::Ratio(0.3);
+    job.goal = LineGoal::Ratio(0.3);
     simplify(&job);
     assert!(place.proof(1.0).verdict.passed);
     let held = read(&place.path("b.wkt"));

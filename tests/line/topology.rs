@@ -1,21 +1,28 @@
 //! Every method, cut into arcs and untangled, before the independent checker.
 
 use crate::coverage::{Rings, world};
-use terrane_line::arcs::Arcs;
-use terrane_line::metric::Plane;
-use terrane_line::registry::Bounds;
-use terrane_line::topology::{Collapse, Kept, Options, Strategy, refining, untangle};
-use terrane_line::{METHODS, Method, Scratch, Xy};
-use terrane_proof::lines::{Distance, Lines, Question, Report, check};
+use terrane_line::arcs::CoverageArcs;
+use terrane_line::metric::PlaneMetric;
+use terrane_line::registry::ToleranceKind;
+use terrane_line::topology::{
+    ChainVertices, Collapse, Strategy, UntangleOptions, refining, untangle,
+};
+use terrane_line::{METHODS, SimplifyMethod, SimplifyScratch, Xy};
+use terrane_proof::lines::{ProofDistance, ProofLines, Question, Report, check};
 
-fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<'_>) -> Report {
-    let mut scratch = Scratch::default();
-    let arcs = Arcs::new(&rings.chains(), 0.0).unwrap();
+fn simplified(
+    method: &SimplifyMethod,
+    rings: &Rings,
+    tolerance: f64,
+    options: &UntangleOptions<'_>,
+) -> Report {
+    let mut scratch = SimplifyScratch::default();
+    let arcs = CoverageArcs::new(&rings.chains(), 0.0).unwrap();
     let chains = arcs.chains();
     let mut refine = refining(chains.points, |part, kept| {
-        (method.plane)(&Plane, part, tolerance, &mut scratch, kept);
+        (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
     });
-    let kept = Kept::simplified(&chains, &mut refine);
+    let kept = ChainVertices::simplified(&chains, &mut refine);
     let fixed = [[0.5, 0.5], [1.3, 2.2], [2.0, 2.0]];
     let outcome = untangle(&chains, &kept, &fixed, options, &mut refine).unwrap();
     let parts = arcs.rebuild(&outcome.kept);
@@ -23,12 +30,12 @@ fn simplified(method: &Method, rings: &Rings, tolerance: f64, options: &Options<
     let before: Vec<[f64; 3]> = rings.points.iter().map(space).collect();
     let after: Vec<[f64; 3]> =
         parts.vertices.iter().map(|&v| space(&arcs.points[v as usize])).collect();
-    let is_bounded = method.bounds == Bounds::Distance;
+    let is_bounded = method.bounds == ToleranceKind::Distance;
     let question = Question {
-        original: Lines { points: &before, starts: &rings.starts, closed: &rings.closed },
-        simplified: Lines { points: &after, starts: &parts.starts, closed: &rings.closed },
+        original: ProofLines { points: &before, starts: &rings.starts, closed: &rings.closed },
+        simplified: ProofLines { points: &after, starts: &parts.starts, closed: &rings.closed },
         points: &fixed,
-        distance: Distance::Plane,
+        distance: ProofDistance::Plane,
         tolerance: is_bounded.then_some(tolerance * (1.0 + 1e-12)),
     };
     check(&question).unwrap()
@@ -44,7 +51,7 @@ fn every_method_comes_out_sound() {
             for (strategy, collapse) in
                 strategies.into_iter().flat_map(|s| [(s, Collapse::Minimal), (s, Collapse::Keep)])
             {
-                let options = Options { strategy, collapse, ..Options::default() };
+                let options = UntangleOptions { strategy, collapse, ..UntangleOptions::default() };
                 let report = simplified(method, &rings, tolerance, &options);
                 let name = format!("{} {seed} {strategy:?} {collapse:?}", method.name);
                 assert!(report.is_sound(), "{name}: {report:?}");

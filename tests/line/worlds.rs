@@ -13,7 +13,7 @@ use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::topology::{Collapse, Strategy};
-use terrane_simplify::{Goal, Length, LineJob, LineReport, Topology, run};
+use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
 use whole::{area, is_on, is_simple, is_within, meet, segments, turns, without_repeats};
 
 /// A number of thousandths.
@@ -67,7 +67,7 @@ fn parse(line: &str) -> Vec<Written> {
 fn simplify(folder: &std::path::Path, all: &[Shape], way: &Way) -> (LineReport, Vec<Vec<Written>>) {
     let (input, output) = (folder.join("a.wkt"), folder.join("b.wkt"));
     std::fs::write(&input, wkt(all)).unwrap();
-    let length = Length { value: way.tolerance as f64 / 1000.0, unit: None };
+    let length = LengthOption { value: way.tolerance as f64 / 1000.0, unit: None };
     let topology = Topology {
         strategy: way.strategy,
         snap: way.snap as f64 / 1000.0,
@@ -81,7 +81,7 @@ fn simplify(folder: &std::path::Path, all: &[Shape], way: &Way) -> (LineReport, 
         decimals: way.decimals,
         overwrite: true,
         resources: Resources { threads: 1, memory: 1 << 30, temp_dir: None },
-        ..LineJob::new(&input, &output, Goal::Tolerance(length))
+        ..LineJob::new(&input, &output, LineGoal::Tolerance(length))
     };
     let report = run(&job, &Silent, &Cancel::default()).unwrap();
     let text = std::fs::read_to_string(&output).unwrap();

@@ -3,7 +3,7 @@
 use crate::held;
 use terrane::ErrorKind;
 use terrane_mesh::ChannelKind::{self, Byte, Double, Single};
-use terrane_mesh::{self as mesh, Channel, MeshBatch, MeshHeader, MeshSource, SinkOptions};
+use terrane_mesh::{self as mesh, MeshBatch, MeshHeader, MeshSource, SinkOptions, VertexChannel};
 
 const VERTICES: usize = 700;
 
@@ -16,13 +16,13 @@ fn value(vertex: usize, channel: usize, kind: ChannelKind) -> f64 {
     }
 }
 
-fn values(channels: &[Channel]) -> Vec<f64> {
+fn values(channels: &[VertexChannel]) -> Vec<f64> {
     let of = |vertex| channels.iter().enumerate().map(move |(i, c)| value(vertex, i, c.kind));
     (0..VERTICES).flat_map(of).collect()
 }
 
 /// Writes a mesh of two triangles in batches, with these channels.
-fn write(path: &std::path::Path, channels: &[Channel]) -> terrane::Result<u64> {
+fn write(path: &std::path::Path, channels: &[VertexChannel]) -> terrane::Result<u64> {
     let header = MeshHeader { channels: channels.to_vec(), ..held::header() };
     let format = mesh::by_path(path, None)?;
     let options = SinkOptions { overwrite: true, ..SinkOptions::default() };
@@ -37,7 +37,7 @@ fn write(path: &std::path::Path, channels: &[Channel]) -> terrane::Result<u64> {
     sink.finish()
 }
 
-fn check(source: &dyn MeshSource, channels: &[Channel]) {
+fn check(source: &dyn MeshSource, channels: &[VertexChannel]) {
     let (count, all) = (channels.len(), values(channels));
     let names: Vec<_> = channels.iter().map(|channel| channel.name.clone()).collect();
     assert_eq!(source.info().channels, names);
@@ -68,7 +68,7 @@ fn channels_are_read_back() {
         &[Double, Byte, Single, Single, Byte],
     ] {
         let bands: Vec<_> = (1..).zip(kinds.iter().copied()).collect();
-        let channels = Channel::of_bands(&bands);
+        let channels = VertexChannel::of_bands(&bands);
         let path = folder.path().join("a.ply");
         let bytes = write(&path, &channels).unwrap();
         assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
@@ -94,7 +94,7 @@ fn channels_are_read_back() {
 #[test]
 fn values_that_are_missing_or_do_not_fit_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let channels = Channel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
+    let channels = VertexChannel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
     let header = MeshHeader { channels, ..held::header() };
     for name in ["a.ply", "a.glb", "a.meshopt.glb"] {
         for values in [&[1.0, 2.0][..], &[1.0, 2.0, 256.0], &[1.0, 0.5, 2.0], &[f64::NAN, 1.0, 2.0]]

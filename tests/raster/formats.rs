@@ -7,7 +7,7 @@ use crate::raster_support::formats::{
 };
 use crate::raster_support::{open_band, read_all, read_in_windows, same, write_anew};
 use terrane_base::geom::Rect;
-use terrane_raster::{GridSource, OpenOptions, open};
+use terrane_raster::{GridOpenOptions, GridSource, open};
 
 fn open_sample(folder: &Path, sample: &Sample) -> Box<dyn GridSource> {
     sample.write(folder);
@@ -166,7 +166,7 @@ fn packed_heights_by_prefix_path_and_alpha() {
     let rgba = png(::png::ColorType::Rgba, 8, |h| vec![1, 2, (h + 11) as u8, alpha(h)]);
     write_anew(&path, &rgba);
     let read = |mark: &str, nodata| {
-        let options = OpenOptions { nodata, ..OpenOptions::default() };
+        let options = GridOpenOptions { nodata, ..GridOpenOptions::default() };
         let source = open(&format!("{mark}:{}", path.display()), &options).unwrap();
         assert_eq!(source.info().crs.epsg, Some(3857));
         let [west, _, _, north, ..] = source.info().transform.to_gdal();
@@ -356,7 +356,7 @@ fn every_line_of_a_text_cloud_is_like_the_first() {
             let text = format!("1 1 5\n{bad}\n1 2 7\n2 2 8\n").replace(' ', separator);
             let path = folder.path().join(format!("a.{ending}"));
             write_anew(&path, text.as_bytes());
-            let options = terrane_cloud::OpenOptions::default();
+            let options = terrane_cloud::CloudOpenOptions::default();
             let name = path.to_str().unwrap().to_owned();
             let Err(error) = terrane_cloud::open(&[name], &options) else { panic!("{text:?}") };
             let told = error.to_string();

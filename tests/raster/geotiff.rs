@@ -7,7 +7,7 @@ use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{open_band, read_all};
 use terrane_base::geom::{Affine, Rect};
 use terrane_base::{Error, ErrorKind};
-use terrane_raster::{GridSource, OpenOptions, open};
+use terrane_raster::{GridOpenOptions, GridSource, open};
 
 struct Folder(tempfile::TempDir);
 
@@ -31,7 +31,7 @@ fn ramp(col: usize, row: usize, band: usize) -> f64 {
     (col + 10 * row + 100 * band) as f64
 }
 
-fn refusal(path: &Path, options: &OpenOptions) -> Error {
+fn refusal(path: &Path, options: &GridOpenOptions) -> Error {
     match open(path.to_str().unwrap(), options) {
         Err(error) => error,
         Ok(source) => panic!("opened: {:?}", source.info()),
@@ -94,15 +94,15 @@ fn declared_and_given_nodata() {
     let mut spec = Spec::new(4, 3, 2, 16);
     spec.extra = vec![(42113, Value::Text(" 11 ".to_owned()))];
     let path = folder.write(&spec, ramp);
-    let voids = |options: &OpenOptions| {
+    let voids = |options: &GridOpenOptions| {
         let source = open(path.to_str().unwrap(), options).unwrap();
         let heights = read_all(source.as_ref()).unwrap();
         heights.iter().enumerate().filter(|h| h.1.is_nan()).map(|h| h.0).collect::<Vec<_>>()
     };
-    assert_eq!(voids(&OpenOptions::default()), [5]);
-    assert_eq!(voids(&OpenOptions { nodata: Some(2.0), ..OpenOptions::default() }), [2]);
+    assert_eq!(voids(&GridOpenOptions::default()), [5]);
+    assert_eq!(voids(&GridOpenOptions { nodata: Some(2.0), ..GridOpenOptions::default() }), [2]);
     spec.extra = vec![(42113, Value::Text("none".to_owned()))];
-    let error = refusal(&folder.write(&spec, ramp), &OpenOptions::default()).to_string();
+    let error = refusal(&folder.write(&spec, ramp), &GridOpenOptions::default()).to_string();
     assert!(error.contains("\"none\"") && error.contains("‹nodata›"), "{error}");
 }
 
@@ -113,7 +113,7 @@ fn bands_out_of_range_are_misuse() {
     spec.bands = 3;
     let path = folder.write(&spec, ramp);
     for band in [0, 4, u32::MAX] {
-        let error = refusal(&path, &OpenOptions { band, ..OpenOptions::default() });
+        let error = refusal(&path, &GridOpenOptions { band, ..GridOpenOptions::default() });
         assert_eq!(error.kind(), ErrorKind::Usage);
         assert!(error.to_string().contains("the file has 3 bands"), "{error}");
     }
@@ -165,7 +165,7 @@ fn area_point_matrix_and_none() {
 fn unsupported_features_are_refused_by_name_with_the_call_that_mends_them() {
     let folder = Folder::new();
     let refused = |spec: &Spec, name: &str, call: &str| {
-        let error = refusal(&folder.write(spec, ramp), &OpenOptions::default());
+        let error = refusal(&folder.write(spec, ramp), &GridOpenOptions::default());
         assert_eq!(error.kind(), ErrorKind::Unsupported);
         let text = error.to_string();
         let says = |words: &str| text.contains(words);
@@ -230,7 +230,7 @@ fn truncated_files_name_the_block() {
         let offsets = bytes.windows(2).rposition(|w| w == [0x11, 0x01]).unwrap();
         let at = u32::from_le_bytes(bytes[offsets + 8..offsets + 12].try_into().unwrap()) as usize;
         bytes[at + 12..at + 16].copy_from_slice(&last.to_le_bytes());
-        let error = refusal(&folder.raw(&bytes), &OpenOptions::default());
+        let error = refusal(&folder.raw(&bytes), &GridOpenOptions::default());
         assert_eq!(error.kind(), ErrorKind::BadInput);
         let text = error.to_string();
         assert!(
@@ -253,7 +253,7 @@ fn header_lies_are_turned_away() {
             bytes.extend([4, 0, 1, 0, 0, 0]);
             bytes.extend(value.to_le_bytes());
         }
-        let error = refusal(&folder.raw(&bytes), &OpenOptions::default()).to_string();
+        let error = refusal(&folder.raw(&bytes), &GridOpenOptions::default()).to_string();
         assert!(error.contains(word), "{error}");
     }
 }
@@ -281,7 +281,7 @@ fn a_huge_strip_is_read_by_rows() {
     file.set_len(data_at + (SIDE * SIDE) as u64).unwrap();
     file.seek(SeekFrom::Start(data_at + 39_999 * SIDE as u64 + 20_000)).unwrap();
     file.write_all(&[77]).unwrap();
-    let options = OpenOptions { cache_bytes: 1 << 16, ..OpenOptions::default() };
+    let options = GridOpenOptions { cache_bytes: 1 << 16, ..GridOpenOptions::default() };
     let source = open(path.to_str().unwrap(), &options).unwrap();
     let mut out = vec![0.0; 6];
     source.read_f32(Rect::new(19_999, 39_998, 3, 2), &mut out).unwrap();
@@ -294,10 +294,11 @@ fn a_block_larger_than_the_cache_asks_for_memory() {
     let mut spec = Spec::new(64, 64, 3, 32);
     (spec.compression, spec.rows_per_strip) = (8, 64);
     let path = folder.write(&spec, ramp);
-    let error = refusal(&path, &OpenOptions { cache_bytes: 16_383, ..OpenOptions::default() });
+    let error =
+        refusal(&path, &GridOpenOptions { cache_bytes: 16_383, ..GridOpenOptions::default() });
     assert_eq!(error.kind(), ErrorKind::Resource);
     assert!(error.to_string().contains("16384 bytes decoded"), "{error}");
-    let enough = OpenOptions { cache_bytes: 16_384, ..OpenOptions::default() };
+    let enough = GridOpenOptions { cache_bytes: 16_384, ..GridOpenOptions::default() };
     assert!(open(path.to_str().unwrap(), &enough).is_ok());
 }
 
@@ -321,7 +322,7 @@ fn threads_share_one_source_within_a_small_cache() {
     let mut spec = Spec::new(300, 200, 3, 32);
     (spec.compression, spec.predictor, spec.tile) = (8, 3, Some((32, 32)));
     let path = folder.write(&spec, ramp);
-    let options = OpenOptions { cache_bytes: 5 * 32 * 32 * 4, ..OpenOptions::default() };
+    let options = GridOpenOptions { cache_bytes: 5 * 32 * 32 * 4, ..GridOpenOptions::default() };
     let source = open(path.to_str().unwrap(), &options).unwrap();
     let whole = read_all(source.as_ref()).unwrap();
     std::thread::scope(|scope| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::raster_support::{open_band, read_all, read_in_windows, same};
 use terrane_base::geom::Rect;
-use terrane_raster::{OpenOptions, SampleType, open};
+use terrane_raster::{GridOpenOptions, SampleType, open};
 
 const SIDE: usize = 1201;
 
@@ -184,7 +184,7 @@ fn a_text_grid_is_read_out_of_core() {
         text += &format!("{}.5{}", i % 10_007, if i % 13 == 0 { '\n' } else { ' ' });
     }
     let path = write(folder.path(), "big.asc", text.as_bytes());
-    let options = OpenOptions { cache_bytes: 600 << 10, ..OpenOptions::default() };
+    let options = GridOpenOptions { cache_bytes: 600 << 10, ..GridOpenOptions::default() };
     let source = open(path.to_str().unwrap(), &options).unwrap();
     let rows = source.info().block.1;
     assert!(rows < HEIGHT / 4, "blocks of {rows} rows");
@@ -196,7 +196,7 @@ fn a_text_grid_is_read_out_of_core() {
         assert_eq!(out[299], expected as f32 + 0.5);
         source.release(rect);
     }
-    let tight = OpenOptions { cache_bytes: 1000, ..OpenOptions::default() };
+    let tight = GridOpenOptions { cache_bytes: 1000, ..GridOpenOptions::default() };
     assert!(open(path.to_str().unwrap(), &tight).is_err());
 }
 

@@ -6,7 +6,7 @@ use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{self, open_band, read_all, read_in_windows};
 use terrane::ErrorKind;
 use terrane_engine::{Cancel, Silent};
-use terrane_raster::{OpenOptions, open};
+use terrane_raster::{GridOpenOptions, open};
 use terrane_terrain::convert::{self, ConvertJob};
 
 const WIDTH: usize = 37;
@@ -226,7 +226,7 @@ fn blocks_of_masks_keep_to_the_cache() {
     mask.rows_per_strip = HEIGHT;
     mask.append(&mut bytes, &kept);
     let path = put(folder.path(), "c.tif", &bytes);
-    let with = |cache_bytes| OpenOptions { cache_bytes, ..OpenOptions::default() };
+    let with = |cache_bytes| GridOpenOptions { cache_bytes, ..GridOpenOptions::default() };
     let error = open(path.to_str().unwrap(), &with(WIDTH * HEIGHT - 1)).err().unwrap();
     assert_eq!(error.kind(), ErrorKind::Resource);
     let source = open(path.to_str().unwrap(), &with(WIDTH * HEIGHT)).unwrap();

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 use terrane_base::geom::Rect;
 use terrane_base::{ErrorKind, Result};
-use terrane_raster::{GridSource, OpenOptions, SampleType, open, open_all};
+use terrane_raster::{GridOpenOptions, GridSource, SampleType, open, open_all};
 
 const NODATA: f64 = -9999.0;
 
@@ -98,7 +98,7 @@ fn source(kind: &str, file: &str, from: [i32; 4], to: [i32; 2], more: &str) -> S
 }
 
 fn opened(inputs: &[String]) -> Result<Box<dyn GridSource>> {
-    open_all(inputs, &OpenOptions::default())
+    open_all(inputs, &GridOpenOptions::default())
 }
 
 fn refused(inputs: &[String]) -> String {
@@ -350,7 +350,7 @@ fn virtual_rasters_as_gdal_reads_them() {
     let mut sums = Vec::new();
     for (kind, nodata, sources) in &cases {
         let path = place.vrt(kind, nodata, 32, sources);
-        let grid = open(&path, &OpenOptions::default()).unwrap();
+        let grid = open(&path, &GridOpenOptions::default()).unwrap();
         assert_eq!((grid.info().format, grid.info().crs.epsg), ("VRT", Some(32631)));
         let all = read_all(grid.as_ref()).unwrap();
         let windows = read_in_windows(grid.as_ref(), 7).unwrap();
@@ -373,7 +373,7 @@ fn virtual_rasters_within_others() {
         let path = place.vrt("Float32", "-9999", 4, &whole(&inner));
         inner = format!("l{level}.vrt");
         std::fs::rename(path, place.at(&inner)).unwrap();
-        let opened = open(&place.at(&inner), &OpenOptions::default());
+        let opened = open(&place.at(&inner), &GridOpenOptions::default());
         match level {
             ..=8 => assert_eq!(read_all(opened.unwrap().as_ref()).unwrap()[15], 9.0),
             _ => assert!(opened.err().unwrap().to_string().contains("depth of VRTs in VRTs is 9")),
@@ -385,7 +385,7 @@ fn virtual_rasters_within_others() {
     place.vrt("Float32", "-9999", 4, &whole("t000.asc"));
     std::fs::rename(place.at("m.vrt"), place.at("n.vrt")).unwrap();
     let zero = source("ComplexSource", "n.vrt", [0, 0, 4, 4], [0, 0], "<NODATA>0</NODATA>");
-    let grid = open(&place.vrt("Float32", "-9999", 4, &zero), &OpenOptions::default()).unwrap();
+    let grid = open(&place.vrt("Float32", "-9999", 4, &zero), &GridOpenOptions::default()).unwrap();
     let found = read_all(grid.as_ref()).unwrap();
     assert!(found[0].is_nan() && found[5] == 1.0, "{found:?}");
 }

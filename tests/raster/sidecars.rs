@@ -8,7 +8,7 @@ use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{self, open_band, read_all, read_in_windows, same};
 use terrane::ErrorKind;
 use terrane_engine::{Cancel, Silent};
-use terrane_raster::{OpenOptions, open, open_all};
+use terrane_raster::{GridOpenOptions, open, open_all};
 use terrane_terrain::convert::{self, ConvertJob};
 
 const WIDTH: usize = 4;
@@ -158,7 +158,7 @@ fn a_sidecar_is_believed_as_gdal_believes_it() {
         }
         let mine = open(
             path.to_str().unwrap(),
-            &OpenOptions { nodata: Some(7.0), ..OpenOptions::default() },
+            &GridOpenOptions { nodata: Some(7.0), ..GridOpenOptions::default() },
         );
         assert_eq!(mine.unwrap().info().nodata, Some(7.0), "the user is believed before both");
     }
@@ -278,8 +278,12 @@ fn what_is_unpacked_goes_where_the_user_says() {
     gz.finish().unwrap();
     put(folder.path(), "b.png", &picture());
     put(folder.path(), "c.xyz", &points());
-    let lost = OpenOptions { temp_dir: Some(folder.path().join("lost")), ..OpenOptions::default() };
-    let there = OpenOptions { temp_dir: Some(folder.path().into()), ..OpenOptions::default() };
+    let lost = GridOpenOptions {
+        temp_dir: Some(folder.path().join("lost")),
+        ..GridOpenOptions::default()
+    };
+    let there =
+        GridOpenOptions { temp_dir: Some(folder.path().into()), ..GridOpenOptions::default() };
     let names = ["a.tif.gz", "b.png", "c.xyz"].map(|n| folder.path().join(n).display().to_string());
     for name in &names {
         assert!(open(name, &there).is_ok(), "{name}");

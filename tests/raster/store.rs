@@ -6,8 +6,8 @@ use std::path::Path;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Silent};
-use terrane_raster::store::{Heights, StoreWriter};
-use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType};
+use terrane_raster::store::{HeightSlice, StoreWriter};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, SampleType};
 use terrane_terrain::convert::{ConvertJob, ConvertReport, copy, run};
 
 const TYPES: [SampleType; 9] = [
@@ -118,7 +118,7 @@ fn convert(grid: &dyn GridSource, job: &ConvertJob) -> Result<ConvertReport> {
 }
 
 fn open(path: &Path) -> Box<dyn GridSource> {
-    let source = raster::open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+    let source = raster::open(path.to_str().unwrap(), &GridOpenOptions::default()).unwrap();
     assert_eq!(source.info().format, "terrane store", "mapped, not read by the general reader");
     source
 }
@@ -276,7 +276,7 @@ fn synthetic_terrain_goes_into_a_store_and_a_store_into_itself() {
     let second = ConvertJob { input: a.to_str().unwrap().into(), ..job(&b) };
     run(&second, &Silent, &Cancel::default()).unwrap();
     assert_eq!(std::fs::read(&a).unwrap(), std::fs::read(&b).unwrap());
-    let source = raster::open(name, &OpenOptions::default()).unwrap();
+    let source = raster::open(name, &GridOpenOptions::default()).unwrap();
     let rect = source.info().bounds();
     let (mut expected, mut found) = (vec![0.0; rect.len()], vec![0.0; rect.len()]);
     source.read_f64(rect, &mut expected).unwrap();
@@ -346,7 +346,7 @@ fn pixel_is_point_stays_pixel_is_point_in_the_same_place() {
             let mark = bytes.windows(13).position(|w| w == b"terrane store").unwrap();
             bytes[mark] = b'T';
             std::fs::write(&path, bytes).unwrap();
-            let other = raster::open(path.to_str().unwrap(), &OpenOptions::default()).unwrap();
+            let other = raster::open(path.to_str().unwrap(), &GridOpenOptions::default()).unwrap();
             assert_eq!(other.info().format, "GeoTIFF");
             assert!(other.info().pixel_is_point);
             assert_eq!(other.info().transform, grid.info.transform);
@@ -397,7 +397,7 @@ fn a_box_keeps_the_cells_it_overlaps() {
     let whole = folder.path().join("whole.tif");
     convert(&grid, &job(&whole)).unwrap();
     let part = |bbox| {
-        let options = OpenOptions { bbox: Some(bbox), ..OpenOptions::default() };
+        let options = GridOpenOptions { bbox: Some(bbox), ..GridOpenOptions::default() };
         raster::open_all(&[whole.display().to_string()], &options)
     };
     convert(&*part([x0, y0, x1, y1]).unwrap(), &job(&path)).unwrap();
@@ -483,7 +483,7 @@ fn a_height_that_would_become_a_void_or_another_is_refused() {
         let writer = StoreWriter::create(&path, &info, 256, false).unwrap();
         let rect = Rect::new(0, 0, 3, 1);
         let heights = [1.0, bad, f64::NAN];
-        let error = writer.write(rect, Heights::F64(&heights), &mut Vec::new()).unwrap_err();
+        let error = writer.write(rect, HeightSlice::F64(&heights), &mut Vec::new()).unwrap_err();
         assert!(error.to_string().contains("column 1, row 0"), "{error}");
     }
 }
@@ -498,7 +498,7 @@ fn a_writer_refuses_what_is_not_part_of_a_tile_and_an_unfinished_store() {
     for [col, row, width, height] in bad {
         let rect = Rect::new(col, row, width, height);
         let heights = vec![1.0; rect.len()];
-        let error = writer.write(rect, Heights::F32(&heights), &mut Vec::new()).unwrap_err();
+        let error = writer.write(rect, HeightSlice::F32(&heights), &mut Vec::new()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
     }
     assert_eq!(writer.finish().unwrap_err().kind(), ErrorKind::Usage);

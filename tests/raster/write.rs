@@ -7,7 +7,7 @@ use std::path::Path;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Silent};
-use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, SampleType, write};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, SampleType, write};
 use terrane_terrain::convert::{ConvertJob, ConvertReport, copy};
 
 /// A grid in memory, given by its stored values; NaN and nodata are void.
@@ -102,7 +102,7 @@ fn convert(grid: &Grid, job: &ConvertJob) -> Result<ConvertReport> {
 }
 
 fn open(path: &Path) -> Box<dyn GridSource> {
-    raster::open(path.to_str().unwrap(), &OpenOptions::default()).unwrap()
+    raster::open(path.to_str().unwrap(), &GridOpenOptions::default()).unwrap()
 }
 
 fn heights(source: &dyn GridSource) -> Vec<f64> {

@@ -7,7 +7,7 @@ mod pictures;
 use crate::cli_support::{Place, json};
 use crate::raster_support::tiff_builder::{Spec, Value};
 use crate::raster_support::{open_band, read_all};
-use terrane_raster::{OpenOptions, open, open_all};
+use terrane_raster::{GridOpenOptions, open, open_all};
 
 const GDAL_NODATA: u16 = 42_113;
 
@@ -399,7 +399,7 @@ fn spare_cells_of_half_a_metre_in_degrees() {
     place.write("a.prj", GLOBE);
     place.ok(&["tin", "a.asc", "a.ply", "--max-error", "5", "-q"]);
     place.ok(&["verify", "a.ply", "a.asc"]);
-    let grid = open(place.path("a.asc").to_str().unwrap(), &OpenOptions::default()).unwrap();
+    let grid = open(place.path("a.asc").to_str().unwrap(), &GridOpenOptions::default()).unwrap();
     assert_eq!((grid.info().width, grid.info().height), (1000, 100));
 }
 
@@ -422,7 +422,7 @@ fn spare_a_file_with_the_south_above_in_a_mosaic() {
     write("a.tif", false, 5e5);
     write("b.tif", true, 500_080.0);
     let inputs = ["a.tif", "b.tif"].map(|name| place.path(name).display().to_string());
-    match open_all(&inputs, &OpenOptions::default()) {
+    match open_all(&inputs, &GridOpenOptions::default()) {
         // Each sample in its place, or a refusal that tells what would mend it.
         Ok(grid) => {
             let found = read_all(grid.as_ref()).unwrap();

@@ -4,9 +4,12 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 use terrane_globe::{
-    Extras, Form, Level, Measure, Patch, STEPS, Tile, TileId, Vertex, glb, quantized_mesh,
+    GlbTileOptions, GlobeTileId, Patch, STEPS, TerrainTile, TileErrorMeasure, TileExtensions,
+    TileLevel, TileVertex, glb, quantized_mesh,
 };
-use terrane_proof::tiles::{Content, Said, Tile as Proven, TileId as ProvenId};
+use terrane_proof::tiles::{
+    DecodedTile as Proven, GlbTileContent, ProofTileId as ProvenId, StatedTileLevel,
+};
 
 use crate::cli_support::{Place, json};
 
@@ -67,11 +70,11 @@ fn walk(place: &Place, folder: &str) -> BTreeSet<String> {
 }
 
 /// A tile of so many columns and rows of vertices, and one more in the middle of a triangle where that is asked for.
-fn lattice([cols, rows]: [i32; 2], has_one_more: bool) -> Tile {
+fn lattice([cols, rows]: [i32; 2], has_one_more: bool) -> TerrainTile {
     let along = |i: i32, count: i32| i * STEPS / (count - 1);
-    let mut vertices: Vec<Vertex> = (0..rows)
+    let mut vertices: Vec<TileVertex> = (0..rows)
         .flat_map(|row| (0..cols).map(move |col| [along(col, cols), along(row, rows)]))
-        .map(|at| Vertex { at, height: (at[0] * 7 + at[1] * 3) % 100 })
+        .map(|at| TileVertex { at, height: (at[0] * 7 + at[1] * 3) % 100 })
         .collect();
     let vertex = |col: i32, row: i32| (row * cols + col) as u32;
     let mut triangles = Vec::new();
@@ -87,17 +90,17 @@ fn lattice([cols, rows]: [i32; 2], has_one_more: bool) -> Tile {
         let new = vertices.len() as u32;
         let [p, q, r] = [a, b, c].map(|v| vertices[v as usize].at);
         let at = [0, 1].map(|axis: usize| (p[axis] + q[axis] + r[axis]) / 3);
-        vertices.push(Vertex { at, height: 5 });
+        vertices.push(TileVertex { at, height: 5 });
         triangles[0] = [a, b, new];
         triangles.extend([[b, c, new], [c, a, new]]);
     }
-    Tile {
-        id: TileId { level: 9, x: 531, y: 389 },
+    TerrainTile {
+        id: GlobeTileId { level: 9, x: 531, y: 389 },
         step: 1.0,
         lattice: Some(2_f64.powi(-8)),
         vertices,
         triangles,
-        measure: Measure::default(),
+        measure: TileErrorMeasure::default(),
     }
 }
 
@@ -105,12 +108,12 @@ fn lattice([cols, rows]: [i32; 2], has_one_more: bool) -> Tile {
 /// in binary glTF 65,535 stands for none.
 #[test]
 fn d1_indices_grow_at_the_number_of_the_specification() {
-    let none: Option<(&Level, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &Patch<'_>)> = None;
     for (size, has_one_more, count) in
         [([255, 257], false, 65_535), ([256, 256], false, 65_536), ([256, 256], true, 65_537)]
     {
         let tile = lattice(size, has_one_more);
-        let bytes = quantized_mesh(&tile, none, Extras::default()).unwrap();
+        let bytes = quantized_mesh(&tile, none, TileExtensions::default()).unwrap();
         let read = Proven::read(&bytes, |_| Ok(())).unwrap();
         assert_eq!((read.vertices.len(), read.triangles.len()), (count, tile.triangles.len()));
         let all = |vertices: Vec<[i32; 2]>| vertices.into_iter().collect::<BTreeSet<_>>();
@@ -120,13 +123,14 @@ fn d1_indices_grow_at_the_number_of_the_specification() {
         let start = if count > 65_536 { after.next_multiple_of(4) } else { after };
         let number = u32::from_le_bytes(bytes[start..start + 4].try_into().unwrap());
         assert_eq!(number as usize, tile.triangles.len(), "{count}");
-        let (bytes, _) = glb(&tile, none, Form::default()).unwrap();
+        let (bytes, _) = glb(&tile, none, GlbTileOptions::default()).unwrap();
         let text = String::from_utf8_lossy(&bytes).into_owned();
         let is_long = text.contains(r#""componentType":5125"#);
         assert_eq!(is_long, count > 65_535, "{count}");
         let id = ProvenId::new(9, 531, 389).unwrap();
-        let said = Said { step: 1.0, lattice: 2_f64.powi(-8), ..Said::default() };
-        let read = Content::read(&bytes, |_| Ok(())).unwrap().tile(id, said).unwrap();
+        let said =
+            StatedTileLevel { step: 1.0, lattice: 2_f64.powi(-8), ..StatedTileLevel::default() };
+        let read = GlbTileContent::read(&bytes, |_| Ok(())).unwrap().tile(id, said).unwrap();
         assert_eq!((read.vertices.len(), read.triangles.len()), (count, tile.triangles.len()));
     }
 }

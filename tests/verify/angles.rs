@@ -3,12 +3,16 @@
 use crate::support::{Grid, Mesh, delaunay, noise};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_engine::kept::Kept;
+use terrane_engine::kept::ConstraintSamples;
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_verify::{Asked, VerifyReport, verify};
+use terrane_verify::{MeshRequirements, VerifyReport, verify};
 
 fn prove(mesh: &Mesh, grid: &Grid, degrees: Option<f64>, memory: u64) -> VerifyReport {
-    let asked = Asked { min_angle: degrees, kept: Kept::NONE, ..Asked::of_samples(Some(1e9)) };
+    let asked = MeshRequirements {
+        min_angle: degrees,
+        kept: ConstraintSamples::NONE,
+        ..MeshRequirements::of_samples(Some(1e9))
+    };
     let resources = Resources { threads: 2, memory, temp_dir: None };
     verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
 }

@@ -4,7 +4,7 @@ use crate::support::{
     self, Grid, Mesh, check, check_surface, check_with, delaunay, noise, split_cells,
 };
 use terrane_base::geom::Affine;
-use terrane_verify::{Asked, FaultReport, Place, VerifyReport};
+use terrane_verify::{FaultReport, GridLocation, MeshRequirements, VerifyReport};
 
 /// World y of a row, under the default map.
 fn y(row: u32) -> f64 {
@@ -17,7 +17,7 @@ fn rough() -> Grid {
 
 /// Names of all faults found, in the order of the report.
 fn faults(report: &VerifyReport) -> Vec<&'static str> {
-    let named: [(&str, &FaultReport<Place>); 15] = [
+    let named: [(&str, &FaultReport<GridLocation>); 15] = [
         ("over", &report.over_tolerance),
         ("uncovered samples", &report.of.uncovered_samples),
         ("uncovered cells", &report.of.uncovered_cells),
@@ -368,7 +368,7 @@ fn unusable_vertices_and_bad_ids() {
     let resources = terrane_engine::Resources::default();
     let (progress, cancel) = (terrane_engine::Silent, terrane_engine::Cancel::default());
     let verify = |tolerance| {
-        let asked = Asked::of_samples(tolerance);
+        let asked = MeshRequirements::of_samples(tolerance);
         terrane_verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
     };
     let error = verify(None).unwrap_err();

@@ -7,7 +7,7 @@ use terrane::Result;
 use terrane_base::geom::{Affine, Crs};
 use terrane_engine::input::mesh_bounds;
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_verify::{Against, Measured, QualityReport, quality};
+use terrane_verify::{MeasuredMesh, QualityReport, SlopeReference, quality};
 
 fn measured(
     mesh: &Mesh,
@@ -18,8 +18,8 @@ fn measured(
     let resources = Resources { threads, memory, temp_dir: None };
     let cancel = Cancel::default();
     let bounds = mesh_bounds(mesh, &Silent, &cancel)?;
-    let measured = Measured { file: Path::new("mesh"), mesh, bounds };
-    let against = grid.map(|grid| Against { name: Path::new("grid"), grid });
+    let measured = MeasuredMesh { file: Path::new("mesh"), mesh, bounds };
+    let against = grid.map(|grid| SlopeReference { name: Path::new("grid"), grid });
     quality(measured, against, &resources, &Silent, &cancel)
 }
 

@@ -2,13 +2,13 @@
 #![allow(dead_code)] // each test binary uses its own part
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
-use terrane::{Bound, Result};
+use terrane::{ErrorBound, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_engine::figures::Figures;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_verify::{Asked, VerifyReport, verify};
+use terrane_verify::{MeshRequirements, VerifyReport, verify};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]
@@ -190,14 +190,15 @@ pub(crate) fn check_with(
     memory: u64,
 ) -> VerifyReport {
     let resources = Resources { threads, memory, temp_dir: None };
-    let asked = Asked::of_samples(tolerance);
+    let asked = MeshRequirements::of_samples(tolerance);
     verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
 }
 
 /// Verifies the surface in plenty of memory.
 pub(crate) fn check_surface(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyReport {
     let resources = Resources { threads: 1, memory: 64 << 20, temp_dir: None };
-    let asked = Asked { bound: Bound::Surface, ..Asked::of_samples(tolerance) };
+    let asked =
+        MeshRequirements { bound: ErrorBound::Surface, ..MeshRequirements::of_samples(tolerance) };
     verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
 }
 

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::support::{Grid, Mesh, check_with, delaunay, findings, noise, split_cells};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_verify::{Asked, VerifyReport};
+use terrane_verify::{MeshRequirements, VerifyReport};
 
 /// Positions are in quarters of a cell (column, row), heights and tolerances in eighths.
 type At = [i64; 2];
@@ -554,7 +554,10 @@ fn a_crowd_of_triangles_in_one_place_is_refused_by_name() {
     let (progress, cancel) = (terrane_engine::Silent, terrane_engine::Cancel::default());
     let verify = |memory| {
         let resources = terrane_engine::Resources { threads: 1, memory, temp_dir: None };
-        let asked = Asked { bound: terrane::Bound::Surface, ..Asked::of_samples(None) };
+        let asked = MeshRequirements {
+            bound: terrane::ErrorBound::Surface,
+            ..MeshRequirements::of_samples(None)
+        };
         terrane_verify::verify(&mesh, &grid, asked, &resources, &progress, &cancel)
     };
     let error = verify(1 << 20).unwrap_err();

@@ -6,11 +6,11 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::registry::Named;
+use crate::registry::RegistryEntry;
 
 /// An attribute that points have by the standard of LAS.
 #[derive(Debug)]
-pub struct Attribute {
+pub struct PointAttribute {
     /// Its name, the same as that of its column where points are text.
     pub name: &'static str,
     /// Other names.
@@ -29,13 +29,13 @@ pub const RETURN: &str = "return_number";
 pub const RETURNS: &str = "number_of_returns";
 
 /// All attributes of the standard that are numbers. Files may have others, in extra bytes.
-pub const ATTRIBUTES: &[Attribute] = &[
+pub const ATTRIBUTES: &[PointAttribute] = &[
     whole("intensity", &[], "strength of the return"),
     whole(RETURN, &["return"], "which return of its pulse, from 1"),
     whole(RETURNS, &["returns"], "returns of the pulse"),
     whole(CLASS, &["class"], "class"),
     // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
-    Attribute {
+    PointAttribute {
         step: Some(0.002),
         ..whole("scan_angle", &["angle", "scan_angle_rank"], "angle of the beam in degrees")
     },
@@ -45,18 +45,21 @@ pub const ATTRIBUTES: &[Attribute] = &[
     whole("green", &[], "colour"),
     whole("blue", &[], "colour"),
     whole("infrared", &["nir"], "near infrared"),
-    Attribute { step: None, ..whole("gps_time", &["time"], "seconds, as the file counts them") },
+    PointAttribute {
+        step: None,
+        ..whole("gps_time", &["time"], "seconds, as the file counts them")
+    },
 ];
 
 const fn whole(
     name: &'static str,
     aliases: &'static [&'static str],
     about: &'static str,
-) -> Attribute {
-    Attribute { name, aliases, about, step: Some(1.0) }
+) -> PointAttribute {
+    PointAttribute { name, aliases, about, step: Some(1.0) }
 }
 
-impl Named for Attribute {
+impl RegistryEntry for PointAttribute {
     const KIND: &'static str = "attribute";
 
     fn name(&self) -> &'static str {
@@ -70,7 +73,7 @@ impl Named for Attribute {
 
 /// The attribute of the standard with this name; letter case and underscores do not matter, so names
 /// such as `PointSourceId` are known.
-pub fn known(name: &str) -> Option<&'static Attribute> {
+pub fn known(name: &str) -> Option<&'static PointAttribute> {
     let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
     let is_it = |own: &&str| plain(own) == plain(name);
     ATTRIBUTES.iter().find(|one| is_it(&one.name) || one.aliases.iter().any(&is_it))

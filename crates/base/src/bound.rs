@@ -4,19 +4,19 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::registry::{Named, named};
+use crate::registry::{RegistryEntry, named};
 
 /// Where a mesh is no further than its tolerance from the grid, vertically.
 ///
 /// ```
 /// use terrane_base::bound::Bound;
 /// assert_eq!("surface".parse::<Bound>()?, Bound::Surface);
-/// assert_eq!(Bound::Samples.to_string(), "samples");
+/// assert_eq!(ErrorBound::Samples.to_string(), "samples");
 /// # Ok::<(), terrane_base::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Bound {
+pub enum ErrorBound {
     /// At every valid sample. Between samples a mesh may be further off.
     #[default]
     Samples,
@@ -27,7 +27,7 @@ pub enum Bound {
     Surface,
 }
 
-impl Bound {
+impl ErrorBound {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Samples, Self::Surface];
 
@@ -40,7 +40,7 @@ impl Bound {
     }
 }
 
-impl Named for Bound {
+impl RegistryEntry for ErrorBound {
     const KIND: &'static str = "bound";
 
     fn name(&self) -> &'static str {
@@ -48,13 +48,13 @@ impl Named for Bound {
     }
 }
 
-impl fmt::Display for Bound {
+impl fmt::Display for ErrorBound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl std::str::FromStr for Bound {
+impl std::str::FromStr for ErrorBound {
     type Err = crate::Error;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {

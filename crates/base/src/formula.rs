@@ -26,10 +26,10 @@ const WORDS: [&str; 4] = ["and", "or", "not", "in"];
 
 /// An expression as steps of a stack machine; its names are of any type once they are resolved.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Formula<Name>(Vec<Step<Name>>);
+pub struct Formula<Name>(Vec<FormulaStep<Name>>);
 
 #[derive(Clone, Debug, PartialEq)]
-enum Step<Name> {
+enum FormulaStep<Name> {
     Number(f64),
     Value(Name),
     Negate,
@@ -37,7 +37,7 @@ enum Step<Name> {
     Subtract,
     Multiply,
     Divide,
-    Compare(Comparison),
+    Compare(ComparisonOperator),
     /// Whether one of so many numbers equals the one before them.
     In(usize),
     And,
@@ -46,7 +46,7 @@ enum Step<Name> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Comparison {
+enum ComparisonOperator {
     Equal,
     Unequal,
     Less,
@@ -56,20 +56,20 @@ enum Comparison {
 }
 
 /// Comparisons by their signs, longer signs before those that they begin with.
-const COMPARISONS: [(&str, Comparison); 8] = [
-    ("==", Comparison::Equal),
-    ("!=", Comparison::Unequal),
-    ("<>", Comparison::Unequal),
-    ("<=", Comparison::LessOrEqual),
-    (">=", Comparison::GreaterOrEqual),
-    ("=", Comparison::Equal),
-    ("<", Comparison::Less),
-    (">", Comparison::Greater),
+const COMPARISONS: [(&str, ComparisonOperator); 8] = [
+    ("==", ComparisonOperator::Equal),
+    ("!=", ComparisonOperator::Unequal),
+    ("<>", ComparisonOperator::Unequal),
+    ("<=", ComparisonOperator::LessOrEqual),
+    (">=", ComparisonOperator::GreaterOrEqual),
+    ("=", ComparisonOperator::Equal),
+    ("<", ComparisonOperator::Less),
+    (">", ComparisonOperator::Greater),
 ];
 
 /// What a part of an expression computes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum FormulaType {
     Number,
     Truth,
 }
@@ -81,8 +81,8 @@ impl Formula<String> {
     /// Text that is no formula, or a condition.
     pub fn number(text: &str) -> Result<Self, String> {
         match parse(text)? {
-            (formula, Kind::Number) => Ok(formula),
-            (_, Kind::Truth) => Err(format!("{text:?} is a condition, not a number")),
+            (formula, FormulaType::Number) => Ok(formula),
+            (_, FormulaType::Truth) => Err(format!("{text:?} is a condition, not a number")),
         }
     }
 
@@ -92,8 +92,8 @@ impl Formula<String> {
     /// Text that is no condition, or a number.
     pub fn condition(text: &str) -> Result<Self, String> {
         match parse(text)? {
-            (formula, Kind::Truth) => Ok(formula),
-            (_, Kind::Number) => Err(format!(
+            (formula, FormulaType::Truth) => Ok(formula),
+            (_, FormulaType::Number) => Err(format!(
                 "{text:?} compares nothing: write a condition, such as intensity > 100"
             )),
         }
@@ -107,20 +107,20 @@ impl Formula<String> {
         &self,
         mut find: impl FnMut(&str) -> Result<Name, E>,
     ) -> Result<Formula<Name>, E> {
-        let mut step = |step: &Step<String>| -> Result<_, E> {
+        let mut step = |step: &FormulaStep<String>| -> Result<_, E> {
             Ok(match step {
-                Step::Number(number) => Step::Number(*number),
-                Step::Value(name) => Step::Value(find(name)?),
-                Step::Negate => Step::Negate,
-                Step::Add => Step::Add,
-                Step::Subtract => Step::Subtract,
-                Step::Multiply => Step::Multiply,
-                Step::Divide => Step::Divide,
-                Step::Compare(how) => Step::Compare(*how),
-                Step::In(count) => Step::In(*count),
-                Step::And => Step::And,
-                Step::Or => Step::Or,
-                Step::Not => Step::Not,
+                FormulaStep::Number(number) => FormulaStep::Number(*number),
+                FormulaStep::Value(name) => FormulaStep::Value(find(name)?),
+                FormulaStep::Negate => FormulaStep::Negate,
+                FormulaStep::Add => FormulaStep::Add,
+                FormulaStep::Subtract => FormulaStep::Subtract,
+                FormulaStep::Multiply => FormulaStep::Multiply,
+                FormulaStep::Divide => FormulaStep::Divide,
+                FormulaStep::Compare(how) => FormulaStep::Compare(*how),
+                FormulaStep::In(count) => FormulaStep::In(*count),
+                FormulaStep::And => FormulaStep::And,
+                FormulaStep::Or => FormulaStep::Or,
+                FormulaStep::Not => FormulaStep::Not,
             })
         };
         self.0.iter().map(&mut step).collect::<Result<_, E>>().map(Formula)
@@ -157,8 +157,8 @@ impl<Name> Formula<Name> {
         stack.clear();
         for step in &self.0 {
             let result = match step {
-                Step::Number(number) => *number,
-                Step::Value(name) => value(name)?,
+                FormulaStep::Number(number) => *number,
+                FormulaStep::Value(name) => value(name)?,
                 other => settle(other.apply(stack))?,
             };
             stack.push(result);
@@ -167,7 +167,7 @@ impl<Name> Formula<Name> {
     }
 }
 
-impl<Name> Step<Name> {
+impl<Name> FormulaStep<Name> {
     /// Replaces the operands of an operator by its result.
     fn apply(&self, stack: &mut Vec<f64>) -> Result<f64, &'static str> {
         let mut last = || pop(stack);
@@ -201,7 +201,7 @@ impl<Name> Step<Name> {
     }
 }
 
-impl Comparison {
+impl ComparisonOperator {
     fn holds(self, left: f64, right: f64) -> bool {
         match self {
             Self::Equal => left == right,
@@ -232,8 +232,8 @@ fn pop(stack: &mut Vec<f64>) -> f64 {
     stack.pop().unwrap_or(f64::NAN)
 }
 
-fn parse(text: &str) -> Result<(Formula<String>, Kind), String> {
-    let mut parser = Parser { rest: text, steps: Vec::new(), depth: 0 };
+fn parse(text: &str) -> Result<(Formula<String>, FormulaType), String> {
+    let mut parser = FormulaParser { rest: text, steps: Vec::new(), depth: 0 };
     let kind = parser.condition()?;
     match parser.peek() {
         None => Ok((Formula(parser.steps), kind)),
@@ -242,13 +242,13 @@ fn parse(text: &str) -> Result<(Formula<String>, Kind), String> {
 }
 
 /// Parses text from left to right.
-struct Parser<'a> {
+struct FormulaParser<'a> {
     rest: &'a str,
-    steps: Vec<Step<String>>,
+    steps: Vec<FormulaStep<String>>,
     depth: u32,
 }
 
-impl Parser<'_> {
+impl FormulaParser<'_> {
     /// The next character that is not white space.
     fn peek(&mut self) -> Option<char> {
         self.rest = self.rest.trim_start();
@@ -275,7 +275,11 @@ impl Parser<'_> {
     }
 
     /// Adds a step.
-    fn push(&mut self, step: Step<String>, kind: Kind) -> Result<Kind, String> {
+    fn push(
+        &mut self,
+        step: FormulaStep<String>,
+        kind: FormulaType,
+    ) -> Result<FormulaType, String> {
         if self.steps.len() == MOST_STEPS {
             return Err(format!("the formula has more than {MOST_STEPS} steps"));
         }
@@ -283,56 +287,60 @@ impl Parser<'_> {
         Ok(kind)
     }
 
-    fn condition(&mut self) -> Result<Kind, String> {
+    fn condition(&mut self) -> Result<FormulaType, String> {
         let mut kind = self.conjunction()?;
         while self.word("or") || self.sign("||") {
-            is(Kind::Truth, kind)?;
-            is(Kind::Truth, self.conjunction()?)?;
-            kind = self.push(Step::Or, Kind::Truth)?;
+            is(FormulaType::Truth, kind)?;
+            is(FormulaType::Truth, self.conjunction()?)?;
+            kind = self.push(FormulaStep::Or, FormulaType::Truth)?;
         }
         Ok(kind)
     }
 
-    fn conjunction(&mut self) -> Result<Kind, String> {
+    fn conjunction(&mut self) -> Result<FormulaType, String> {
         let mut kind = self.negation()?;
         while self.word("and") || self.sign("&&") {
-            is(Kind::Truth, kind)?;
-            is(Kind::Truth, self.negation()?)?;
-            kind = self.push(Step::And, Kind::Truth)?;
+            is(FormulaType::Truth, kind)?;
+            is(FormulaType::Truth, self.negation()?)?;
+            kind = self.push(FormulaStep::And, FormulaType::Truth)?;
         }
         Ok(kind)
     }
 
-    fn negation(&mut self) -> Result<Kind, String> {
+    fn negation(&mut self) -> Result<FormulaType, String> {
         if !self.word("not") && !self.sign("!") {
             return self.comparison();
         }
-        self.deeper(|parser| is(Kind::Truth, parser.negation()?))?;
-        self.push(Step::Not, Kind::Truth)
+        self.deeper(|parser| is(FormulaType::Truth, parser.negation()?))?;
+        self.push(FormulaStep::Not, FormulaType::Truth)
     }
 
-    fn comparison(&mut self) -> Result<Kind, String> {
+    fn comparison(&mut self) -> Result<FormulaType, String> {
         let kind = self.sum()?;
         if let Some(how) = self.compared() {
-            is(Kind::Number, kind)?;
-            is(Kind::Number, self.sum()?)?;
+            is(FormulaType::Number, kind)?;
+            is(FormulaType::Number, self.sum()?)?;
             if self.compared().is_some() {
                 return Err("comparisons are joined by and: 1 < z and z < 5".to_owned());
             }
-            return self.push(Step::Compare(how), Kind::Truth);
+            return self.push(FormulaStep::Compare(how), FormulaType::Truth);
         }
         let is_not = self.word("not");
         if !self.word("in") {
             return if is_not { Err("in is expected behind not".to_owned()) } else { Ok(kind) };
         }
-        is(Kind::Number, kind)?;
+        is(FormulaType::Number, kind)?;
         let count = self.list()?;
-        self.push(Step::In(count), Kind::Truth)?;
-        if is_not { self.push(Step::Not, Kind::Truth) } else { Ok(Kind::Truth) }
+        self.push(FormulaStep::In(count), FormulaType::Truth)?;
+        if is_not {
+            self.push(FormulaStep::Not, FormulaType::Truth)
+        } else {
+            Ok(FormulaType::Truth)
+        }
     }
 
     /// The comparison whose sign comes next.
-    fn compared(&mut self) -> Option<Comparison> {
+    fn compared(&mut self) -> Option<ComparisonOperator> {
         let (_, how) = COMPARISONS.into_iter().find(|(sign, _)| self.sign(sign))?;
         Some(how)
     }
@@ -344,7 +352,7 @@ impl Parser<'_> {
         }
         let mut count = 0;
         loop {
-            is(Kind::Number, self.deeper(Self::sum)?)?;
+            is(FormulaType::Number, self.deeper(Self::sum)?)?;
             count += 1;
             match (self.sign(","), self.sign(")")) {
                 (true, false) => {}
@@ -354,26 +362,26 @@ impl Parser<'_> {
         }
     }
 
-    fn sum(&mut self) -> Result<Kind, String> {
+    fn sum(&mut self) -> Result<FormulaType, String> {
         let mut kind = self.product()?;
         while let Some(sign @ ('+' | '-')) = self.peek() {
             self.rest = &self.rest[1..];
-            is(Kind::Number, kind)?;
-            is(Kind::Number, self.product()?)?;
-            let step = if sign == '+' { Step::Add } else { Step::Subtract };
-            kind = self.push(step, Kind::Number)?;
+            is(FormulaType::Number, kind)?;
+            is(FormulaType::Number, self.product()?)?;
+            let step = if sign == '+' { FormulaStep::Add } else { FormulaStep::Subtract };
+            kind = self.push(step, FormulaType::Number)?;
         }
         Ok(kind)
     }
 
-    fn product(&mut self) -> Result<Kind, String> {
+    fn product(&mut self) -> Result<FormulaType, String> {
         let mut kind = self.factor()?;
         while let Some(sign @ ('*' | '/')) = self.peek() {
             self.rest = &self.rest[1..];
-            is(Kind::Number, kind)?;
-            is(Kind::Number, self.factor()?)?;
-            let step = if sign == '*' { Step::Multiply } else { Step::Divide };
-            kind = self.push(step, Kind::Number)?;
+            is(FormulaType::Number, kind)?;
+            is(FormulaType::Number, self.factor()?)?;
+            let step = if sign == '*' { FormulaStep::Multiply } else { FormulaStep::Divide };
+            kind = self.push(step, FormulaType::Number)?;
         }
         Ok(kind)
     }
@@ -391,12 +399,12 @@ impl Parser<'_> {
         parsed
     }
 
-    fn factor(&mut self) -> Result<Kind, String> {
+    fn factor(&mut self) -> Result<FormulaType, String> {
         match self.peek() {
             Some('-') => {
                 self.rest = &self.rest[1..];
-                is(Kind::Number, self.deeper(Self::factor)?)?;
-                self.push(Step::Negate, Kind::Number)
+                is(FormulaType::Number, self.deeper(Self::factor)?)?;
+                self.push(FormulaStep::Negate, FormulaType::Number)
             }
             Some('(') => {
                 self.rest = &self.rest[1..];
@@ -410,7 +418,7 @@ impl Parser<'_> {
                 let quoted = self.rest[1..].split_once('"');
                 let (name, rest) = quoted.ok_or("a quotation mark is not closed in the formula")?;
                 self.rest = rest;
-                self.push(Step::Value(name.to_owned()), Kind::Number)
+                self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
             Some(first) if first.is_ascii_digit() || first == '.' => self.literal(),
             Some(first) if first.is_alphabetic() || first == '_' => {
@@ -419,14 +427,14 @@ impl Parser<'_> {
                     return Err(format!("{name} is not expected here in the formula"));
                 }
                 self.rest = rest;
-                self.push(Step::Value(name.to_owned()), Kind::Number)
+                self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
             Some(odd) => Err(format!("{odd:?} is not expected in the formula")),
             None => Err("the formula ends where a number or name is expected".to_owned()),
         }
     }
 
-    fn literal(&mut self) -> Result<Kind, String> {
+    fn literal(&mut self) -> Result<FormulaType, String> {
         let mut is_exponent = false;
         let (text, rest) = split(self.rest, |c| {
             let is_part = c.is_ascii_alphanumeric() || c == '.' || is_exponent && "+-".contains(c);
@@ -436,17 +444,17 @@ impl Parser<'_> {
         self.rest = rest;
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());
         let number = number.ok_or_else(|| format!("{text} is not a number"))?;
-        self.push(Step::Number(number), Kind::Number)
+        self.push(FormulaStep::Number(number), FormulaType::Number)
     }
 }
 
 /// Fails when a part of an expression is not of the kind that is wanted.
-fn is(wanted: Kind, found: Kind) -> Result<Kind, String> {
+fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
     match (wanted, found) {
-        (Kind::Truth, Kind::Number) => {
+        (FormulaType::Truth, FormulaType::Number) => {
             Err("and, or and not join conditions, such as intensity > 100".to_owned())
         }
-        (Kind::Number, Kind::Truth) => {
+        (FormulaType::Number, FormulaType::Truth) => {
             Err("a condition stands where a number is expected".to_owned())
         }
         _ => Ok(found),

@@ -92,16 +92,16 @@ pub const MOST: usize = 6;
 
 /// Values of the parameters of a thing, in their order.
 #[derive(Clone, Copy, Debug)]
-pub struct Values([f64; MOST]);
+pub struct ParameterValues([f64; MOST]);
 
-impl PartialEq for Values {
+impl PartialEq for ParameterValues {
     /// A value that depends on the data is the same as another such.
     fn eq(&self, other: &Self) -> bool {
         self.0.map(f64::to_bits) == other.0.map(f64::to_bits)
     }
 }
 
-impl Values {
+impl ParameterValues {
     /// The defaults.
     pub const fn usual(parameters: &[Parameter]) -> Self {
         let (mut values, mut i) = ([0.0; MOST], 0);
@@ -180,7 +180,7 @@ mod tests {
         Parameter::new("side", 7.0, [7.0, 18.0], "one or the other").ends(),
     ];
 
-    struct Told(Values);
+    struct Told(ParameterValues);
 
     impl fmt::Display for Told {
         fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -190,8 +190,8 @@ mod tests {
 
     #[test]
     fn values_are_read_as_they_are_written() {
-        let read = |text: &str| Values::parse("tool", SOME, text).unwrap();
-        assert_eq!(read(""), Values::usual(SOME));
+        let read = |text: &str| ParameterValues::parse("tool", SOME, text).unwrap();
+        assert_eq!(read(""), ParameterValues::usual(SOME));
         assert_eq!(Told(read("")).to_string(), "tool:edge=auto,rounds=3,side=7");
         assert_eq!(read("edge=AUTO,rounds=3"), read(""));
         let given = read("rounds = 5, EDGE=0.5");
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn what_is_no_value_is_told_with_what_is() {
-        let told = |text: &str| Values::parse("tool", SOME, text).unwrap_err().to_string();
+        let told = |text: &str| ParameterValues::parse("tool", SOME, text).unwrap_err().to_string();
         for wrong in ["edge=-1", "edge=nan", "edge", "rounds=auto", "rounds=1.5", "side=8", "hue=1"]
         {
             let told = told(wrong);
@@ -211,7 +211,7 @@ mod tests {
         }
         assert!(told("side=8").contains("side=7 (7 or 18)"));
         assert!(told("edge=1,edge=1").contains("twice"));
-        let none = Values::parse("spade", &[], "edge=1").unwrap_err().to_string();
+        let none = ParameterValues::parse("spade", &[], "edge=1").unwrap_err().to_string();
         assert!(none.contains("spade takes none"), "{none}");
     }
 }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 
 /// A thing in a list of such.
-pub trait Named: 'static {
+pub trait RegistryEntry: 'static {
     /// What a thing of the list is called; the last word takes an s for several.
     const KIND: &'static str;
 
@@ -22,7 +22,7 @@ pub trait Named: 'static {
 }
 
 /// The first of `all` that is called `name`, letter case aside.
-pub fn find<T: Named>(all: &'static [T], name: &str) -> Option<&'static T> {
+pub fn find<T: RegistryEntry>(all: &'static [T], name: &str) -> Option<&'static T> {
     let is_it = |own: &&str| own.eq_ignore_ascii_case(name);
     all.iter().find(|thing| is_it(&thing.name()) || thing.aliases().iter().any(is_it))
 }
@@ -31,7 +31,7 @@ pub fn find<T: Named>(all: &'static [T], name: &str) -> Option<&'static T> {
 ///
 /// # Errors
 /// Usage: a name of none; the known ones are listed.
-pub fn named<T: Named>(all: &'static [T], name: &str) -> Result<&'static T> {
+pub fn named<T: RegistryEntry>(all: &'static [T], name: &str) -> Result<&'static T> {
     find(all, name).ok_or_else(|| {
         let several = T::KIND.rsplit(' ').next().unwrap_or_default();
         Error::usage(format!("unknown {} \"{name}\"", T::KIND)).remedy(format!(
@@ -42,7 +42,7 @@ pub fn named<T: Named>(all: &'static [T], name: &str) -> Result<&'static T> {
 }
 
 /// What `text` says of each that is offered, in a row, and the same only once.
-pub fn offered<T: Named>(all: &[T], text: impl Fn(&T) -> String) -> String {
+pub fn offered<T: RegistryEntry>(all: &[T], text: impl Fn(&T) -> String) -> String {
     let mut texts: Vec<String> = all.iter().filter(|thing| thing.is_offered()).map(text).collect();
     texts.dedup();
     texts.join(", ")
@@ -54,7 +54,7 @@ mod tests {
 
     struct Tool(&'static str, &'static [&'static str]);
 
-    impl Named for Tool {
+    impl RegistryEntry for Tool {
         const KIND: &'static str = "garden tool";
 
         fn name(&self) -> &'static str {

@@ -12,17 +12,17 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::grid::{Grid, Sample};
+use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::check_surface;
-use crate::method::{Method, Promise};
-use crate::plane::Plane;
-use crate::result::Tin;
+use crate::method::{BaselineMethod, Promise};
+use crate::plane::TrianglePlane;
+use crate::result::BaselineTin;
 use crate::star::{Full, is_free};
-use crate::task::{Size, Task};
+use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 use terrane_base::geom::predicates::orient;
 
-pub(crate) const COLLAPSE: Method = Method {
+pub(crate) const COLLAPSE: BaselineMethod = BaselineMethod {
     name: "collapse",
     about: "all samples, and edges are drawn together into one of their ends, by quadrics",
     source: "Garland & Heckbert 1997",
@@ -36,10 +36,10 @@ pub(crate) const COLLAPSE: Method = Method {
     run,
 };
 
-fn run(task: &Task<'_>) -> Result<Tin> {
+fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     let mut collapsing = Collapsing::new(task)?;
     collapsing.run()?;
-    Ok(Tin::of_mesh(&task.grid, &collapsing.full.mesh))
+    Ok(BaselineTin::of_mesh(&task.grid, &collapsing.full.mesh))
 }
 
 /// A sum of squared vertical distances from planes, as the upper half of a symmetric matrix for (x, y, z, 1).
@@ -48,8 +48,8 @@ struct Quadric([f64; 10]);
 
 impl Quadric {
     /// Of the plane through three corners, weighted by twice its area.
-    fn of_plane(grid: &Grid<'_>, corners: [Sample; 3]) -> Self {
-        let [a, b, c] = corners.map(Sample::lattice);
+    fn of_plane(grid: &HeightGrid<'_>, corners: [PackedSample; 3]) -> Self {
+        let [a, b, c] = corners.map(PackedSample::lattice);
         let [x, y, z] = corners.map(|corner| grid.vertex(corner));
         let area = orient(a, b, c) as f64;
         let slope = |axis: usize| {
@@ -76,7 +76,7 @@ impl Quadric {
     }
 
     /// The sum at a vertex.
-    fn at(self, grid: &Grid<'_>, vertex: Sample) -> f64 {
+    fn at(self, grid: &HeightGrid<'_>, vertex: PackedSample) -> f64 {
         let [x, y] = vertex.lattice().map(f64::from);
         let Self(place) = Self::outer([x, y, grid.vertex(vertex), 1.0]);
         let twice = [1.0, 2.0, 2.0, 2.0, 1.0, 2.0, 2.0, 1.0, 2.0, 1.0];
@@ -87,11 +87,11 @@ impl Quadric {
 }
 
 /// A collapse: its cost, by its bits, who goes, who stays, and the stamp of the star of who goes.
-type Collapse = Reverse<(u64, Sample, Sample, u32)>;
+type Collapse = Reverse<(u64, PackedSample, PackedSample, u32)>;
 
 /// A mesh that gets coarser.
 struct Collapsing<'a> {
-    task: &'a Task<'a>,
+    task: &'a BaselineTask<'a>,
     full: Full,
     heap: BinaryHeap<Collapse>,
     /// By sample: its quadric, and how often its star has changed.
@@ -100,7 +100,7 @@ struct Collapsing<'a> {
 }
 
 impl<'a> Collapsing<'a> {
-    fn new(task: &'a Task<'a>) -> Result<Self> {
+    fn new(task: &'a BaselineTask<'a>) -> Result<Self> {
         let grid = &task.grid;
         check_surface(grid)?;
         let full = Full::new(grid);
@@ -121,7 +121,7 @@ impl<'a> Collapsing<'a> {
     }
 
     fn run(&mut self) -> Result<()> {
-        let mut size = Size::counted(&self.full.mesh);
+        let mut size = SurfaceSize::counted(&self.full.mesh);
         while !size.meets(self.task.goal) {
             (self.task.pulse)()?;
             let Some(Reverse((_, gone, kept, stamp))) = self.heap.pop() else {
@@ -135,7 +135,7 @@ impl<'a> Collapsing<'a> {
     }
 
     /// Draws an edge together, if no triangle is turned over and no sample is too far off then.
-    fn collapse(&mut self, gone: Sample, kept: Sample, size: &mut Size) {
+    fn collapse(&mut self, gone: PackedSample, kept: PackedSample, size: &mut SurfaceSize) {
         let grid = &self.task.grid;
         let star = self.full.star(grid, gone);
         let Some(filling) = star.fan(kept).filter(|filling| self.is_allowed(filling)) else {
@@ -153,15 +153,15 @@ impl<'a> Collapsing<'a> {
         }
     }
 
-    fn is_allowed(&self, filling: &[[Sample; 3]]) -> bool {
+    fn is_allowed(&self, filling: &[[PackedSample; 3]]) -> bool {
         filling.iter().all(|&corners| {
-            let plane = Plane::new(&self.task.grid, corners);
+            let plane = TrianglePlane::new(&self.task.grid, corners);
             !plane.offsets().any(|(_, offset)| self.task.forbids(&offset))
         })
     }
 
     /// Puts the collapses into the neighbours of a vertex into the heap. What is there of it counts no more.
-    fn weigh(&mut self, vertex: Sample) {
+    fn weigh(&mut self, vertex: PackedSample) {
         let grid = &self.task.grid;
         let index = grid.index(vertex);
         self.stamps[index] += 1;
@@ -179,7 +179,7 @@ impl<'a> Collapsing<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::Goal;
+    use crate::task::BaselineGoal;
     use crate::tests::{grids, tolerances};
     use proptest::prelude::*;
 
@@ -188,11 +188,11 @@ mod tests {
         fn in_the_end_no_edge_can_collapse(heights in grids(), tolerance in tolerances()) {
             let grid = heights.grid();
             prop_assume!(check_surface(&grid).is_ok());
-            let task = Task::new(grid, Goal::MaxError(tolerance));
+            let task = BaselineTask::new(grid, BaselineGoal::MaxError(tolerance));
             let mut collapsing = Collapsing::new(&task).unwrap();
             collapsing.run().unwrap();
             collapsing.full.mesh.validate();
-            let tin = Tin::of_mesh(&grid, &collapsing.full.mesh);
+            let tin = BaselineTin::of_mesh(&grid, &collapsing.full.mesh);
             for &vertex in tin.vertices.iter().filter(|at| is_free(&grid, **at)) {
                 let star = collapsing.full.star(&grid, vertex);
                 for link in &star.ring {
@@ -206,10 +206,10 @@ mod tests {
         fn a_quadric_is_the_square_of_the_vertical_distance(
             z in prop::collection::vec(-9.0_f64..9.0, 36)
         ) {
-            let grid = Grid::new(6, 6, &z, None).unwrap();
-            let corners = [Sample::new(0, 1), Sample::new(5, 2), Sample::new(1, 4)];
+            let grid = HeightGrid::new(6, 6, &z, None).unwrap();
+            let corners = [PackedSample::new(0, 1), PackedSample::new(5, 2), PackedSample::new(1, 4)];
             let quadric = Quadric::of_plane(&grid, corners);
-            for (at, offset) in Plane::new(&grid, corners).offsets() {
+            for (at, offset) in TrianglePlane::new(&grid, corners).offsets() {
                 let expected = 14.0 * offset.error().powi(2);
                 prop_assert!((quadric.at(&grid, at) - expected).abs() < 1e-9);
             }

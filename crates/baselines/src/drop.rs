@@ -15,16 +15,16 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::grid::Sample;
+use crate::grid::PackedSample;
 use crate::mesh::check_surface;
-use crate::method::{Method, Promise};
-use crate::plane::Plane;
-use crate::result::Tin;
+use crate::method::{BaselineMethod, Promise};
+use crate::plane::TrianglePlane;
+use crate::result::BaselineTin;
 use crate::star::{Full, Star, is_free};
-use crate::task::{Size, Task};
+use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
-pub(crate) const DROP: Method = Method {
+pub(crate) const DROP: BaselineMethod = BaselineMethod {
     name: "drop",
     about: "all samples, and the vertex that leaves the smallest error goes, again and again",
     source: "Lee 1989, 1991",
@@ -38,18 +38,18 @@ pub(crate) const DROP: Method = Method {
     run,
 };
 
-fn run(task: &Task<'_>) -> Result<Tin> {
+fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     let mut dropping = Dropping::new(task)?;
     dropping.run()?;
-    Ok(Tin::of_mesh(&task.grid, &dropping.full.mesh))
+    Ok(BaselineTin::of_mesh(&task.grid, &dropping.full.mesh))
 }
 
 /// A removal: the error it leaves, by its bits, the vertex, and the stamp of its star.
-type Removal = Reverse<(u64, Sample, u32)>;
+type Removal = Reverse<(u64, PackedSample, u32)>;
 
 /// A mesh that gets coarser.
 struct Dropping<'a> {
-    task: &'a Task<'a>,
+    task: &'a BaselineTask<'a>,
     full: Full,
     heap: BinaryHeap<Removal>,
     /// By sample: how often its star has changed.
@@ -57,7 +57,7 @@ struct Dropping<'a> {
 }
 
 impl<'a> Dropping<'a> {
-    fn new(task: &'a Task<'a>) -> Result<Self> {
+    fn new(task: &'a BaselineTask<'a>) -> Result<Self> {
         let grid = &task.grid;
         check_surface(grid)?;
         let stamps = vec![0; grid.len()];
@@ -70,7 +70,7 @@ impl<'a> Dropping<'a> {
     }
 
     fn run(&mut self) -> Result<()> {
-        let mut size = Size::counted(&self.full.mesh);
+        let mut size = SurfaceSize::counted(&self.full.mesh);
         while !size.meets(self.task.goal) {
             (self.task.pulse)()?;
             let Some(vertex) = self.next() else { return size.check(self.task.goal) };
@@ -84,7 +84,7 @@ impl<'a> Dropping<'a> {
     }
 
     /// The vertex that goes next.
-    fn next(&mut self) -> Option<Sample> {
+    fn next(&mut self) -> Option<PackedSample> {
         loop {
             let Reverse((_, vertex, stamp)) = self.heap.pop()?;
             if self.stamps[self.task.grid.index(vertex)] == stamp {
@@ -94,7 +94,7 @@ impl<'a> Dropping<'a> {
     }
 
     /// Puts the removal of a vertex into the heap, if it is allowed. What is there of it counts no more.
-    fn weigh(&mut self, vertex: Sample) {
+    fn weigh(&mut self, vertex: PackedSample) {
         let index = self.task.grid.index(vertex);
         self.stamps[index] += 1;
         if is_free(&self.task.grid, vertex) {
@@ -106,10 +106,10 @@ impl<'a> Dropping<'a> {
 }
 
 /// The largest error that the removal of a vertex leaves in its star; none where that is beyond the tolerance.
-fn removal_error(task: &Task<'_>, star: &Star) -> Option<f64> {
+fn removal_error(task: &BaselineTask<'_>, star: &Star) -> Option<f64> {
     let mut worst = 0.0;
     for corners in star.ears()? {
-        let plane = Plane::new(&task.grid, corners);
+        let plane = TrianglePlane::new(&task.grid, corners);
         for (_, offset) in plane.offsets() {
             if task.forbids(&offset) {
                 return None;
@@ -123,7 +123,7 @@ fn removal_error(task: &Task<'_>, star: &Star) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::task::Goal;
+    use crate::task::BaselineGoal;
     use crate::tests::{grids, tolerances};
     use proptest::prelude::*;
 
@@ -132,11 +132,11 @@ mod tests {
         fn in_the_end_no_vertex_can_go(heights in grids(), tolerance in tolerances()) {
             let grid = heights.grid();
             prop_assume!(check_surface(&grid).is_ok());
-            let task = Task::new(grid, Goal::MaxError(tolerance));
+            let task = BaselineTask::new(grid, BaselineGoal::MaxError(tolerance));
             let mut dropping = Dropping::new(&task).unwrap();
             dropping.run().unwrap();
             dropping.full.mesh.validate();
-            let tin = Tin::of_mesh(&grid, &dropping.full.mesh);
+            let tin = BaselineTin::of_mesh(&grid, &dropping.full.mesh);
             for &vertex in tin.vertices.iter().filter(|at| is_free(&grid, **at)) {
                 let star = dropping.full.star(&grid, vertex);
                 prop_assert!(star.ears().is_some(), "a star has no filling");
@@ -148,8 +148,8 @@ mod tests {
     #[test]
     fn a_plane_keeps_its_corners_alone() {
         let heights: Vec<f64> = (0..40 * 30).map(|i| f64::from(2 * (i % 40) - i / 40)).collect();
-        let grid = crate::grid::Grid::new(40, 30, &heights, None).unwrap();
-        let tin = run(&Task::new(grid, Goal::MaxError(0.0))).unwrap();
+        let grid = crate::grid::HeightGrid::new(40, 30, &heights, None).unwrap();
+        let tin = run(&BaselineTask::new(grid, BaselineGoal::MaxError(0.0))).unwrap();
         assert_eq!((tin.vertices.len(), tin.triangles.len(), tin.max_error), (4, 2, 0.0));
     }
 }

@@ -4,9 +4,9 @@
 
 /// Parts of a sum, none of which overlap, the smallest first: their exact sum has the sign of the last.
 #[derive(Clone, Debug, Default)]
-struct Expansion(Vec<f64>);
+struct ShewchukExpansion(Vec<f64>);
 
-impl Expansion {
+impl ShewchukExpansion {
     fn add(&mut self, mut value: f64) {
         for part in &mut self.0 {
             let (sum, rest) = two_sum(value, *part);
@@ -37,7 +37,7 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 /// rounding; as long as no product overflows or falls below the smallest normal number.
 pub(crate) fn is_at_most(terms: &[(f64, f64)], most: f64, total: f64) -> bool {
     [1.0, -1.0].into_iter().all(|side| {
-        let mut sum = Expansion::default();
+        let mut sum = ShewchukExpansion::default();
         terms.iter().for_each(|(a, b)| sum.add_product(side * a, *b));
         sum.add_product(-most, total);
         sum.sign() <= 0.0
@@ -52,7 +52,7 @@ mod tests {
     fn equality_holds_and_the_next_number_does_not() {
         let terms = [(3.0, 0.1), (5.0, -0.1), (1.0, 7.0)];
         // 7 - 2 * 0.1, with the double that is called 0.1.
-        let mut sum = Expansion::default();
+        let mut sum = ShewchukExpansion::default();
         terms.iter().for_each(|(a, b)| sum.add_product(*a, *b));
         let nearest = sum.0.iter().sum::<f64>();
         let holds = [nearest.next_down(), nearest, nearest.next_up()]

@@ -1,7 +1,7 @@
 //! The grid that methods work on: heights of samples, and positions packed into one number.
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Rounding;
+use terrane_base::geom::HeightQuantization;
 use terrane_base::geom::predicates::Lattice;
 
 /// Bits of a column.
@@ -9,9 +9,9 @@ const BITS: u32 = 14;
 
 /// A sample: column and row below 2^14, packed so that the order of numbers is (row, column) order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Sample(u32);
+pub struct PackedSample(u32);
 
-impl Sample {
+impl PackedSample {
     /// The sample in this column and row, both below 2^14.
     #[inline(always)]
     pub fn new(col: u32, row: u32) -> Self {
@@ -40,17 +40,17 @@ impl Sample {
 
 /// Heights of a grid, all of them in memory.
 #[derive(Clone, Copy, Debug)]
-pub struct Grid<'a> {
+pub struct HeightGrid<'a> {
     width: u32,
     height: u32,
     heights: &'a [f64],
-    rounding: Option<Rounding>,
+    rounding: Option<HeightQuantization>,
 }
 
 /// Most samples along a side, so that all predicates are exact in 64 bits.
 pub const MOST_SIDE: u32 = 1 << BITS;
 
-impl<'a> Grid<'a> {
+impl<'a> HeightGrid<'a> {
     /// A grid of `width` columns and `height` rows of samples; `heights` row by row, NaN where void.
     /// Vertices get heights after `rounding`, where the output stores no more than an f32.
     ///
@@ -60,7 +60,7 @@ impl<'a> Grid<'a> {
         width: u32,
         height: u32,
         heights: &'a [f64],
-        rounding: Option<Rounding>,
+        rounding: Option<HeightQuantization>,
     ) -> Result<Self> {
         check_sides(width, height)?;
         if heights.len() as u64 != u64::from(width) * u64::from(height) {
@@ -85,7 +85,7 @@ impl<'a> Grid<'a> {
 
     /// Where a sample is, counted row by row.
     #[inline(always)]
-    pub(crate) fn index(&self, at: Sample) -> usize {
+    pub(crate) fn index(&self, at: PackedSample) -> usize {
         at.row() as usize * self.width as usize + at.col() as usize
     }
 
@@ -96,26 +96,27 @@ impl<'a> Grid<'a> {
 
     /// The height of a sample, NaN where void.
     #[inline(always)]
-    pub fn sample(&self, at: Sample) -> f64 {
+    pub fn sample(&self, at: PackedSample) -> f64 {
         self.heights[self.index(at)]
     }
 
     /// The heights of a row from one column to another, both included.
     pub(crate) fn row(&self, row: u32, low: u32, high: u32) -> &[f64] {
-        &self.heights[self.index(Sample::new(low, row))..=self.index(Sample::new(high, row))]
+        &self.heights
+            [self.index(PackedSample::new(low, row))..=self.index(PackedSample::new(high, row))]
     }
 
     /// The height that a vertex at this sample has in the output.
     #[inline(always)]
-    pub fn vertex(&self, at: Sample) -> f64 {
+    pub fn vertex(&self, at: PackedSample) -> f64 {
         let height = self.sample(at);
         self.rounding.map_or(height, |rounding| rounding.apply(height))
     }
 
     /// All samples in (row, column) order.
-    pub(crate) fn samples(&self) -> impl Iterator<Item = Sample> + use<> {
+    pub(crate) fn samples(&self) -> impl Iterator<Item = PackedSample> + use<> {
         let (width, height) = (self.width, self.height);
-        (0..height).flat_map(move |row| (0..width).map(move |col| Sample::new(col, row)))
+        (0..height).flat_map(move |row| (0..width).map(move |col| PackedSample::new(col, row)))
     }
 
     /// True when the cell whose first sample is (`col`, `row`) has four valid samples.
@@ -123,11 +124,11 @@ impl<'a> Grid<'a> {
         let corners = [(col, row), (col + 1, row), (col, row + 1), (col + 1, row + 1)];
         col + 1 < self.width
             && row + 1 < self.height
-            && corners.iter().all(|&(col, row)| !self.sample(Sample::new(col, row)).is_nan())
+            && corners.iter().all(|&(col, row)| !self.sample(PackedSample::new(col, row)).is_nan())
     }
 
     /// True for the four corners of the grid.
-    pub(crate) fn is_corner(&self, at: Sample) -> bool {
+    pub(crate) fn is_corner(&self, at: PackedSample) -> bool {
         let is_end = |at: u32, count: u32| at == 0 || at + 1 == count;
         is_end(at.col(), self.width) && is_end(at.row(), self.height)
     }

@@ -12,17 +12,17 @@
 //! sample instead of the middle leave a fifth more vertices, because what is cut off is narrow. Time O(n log n) a
 //! round, expected; there are few. Memory: the rectangles, and a number a sample.
 
-use crate::grid::Sample;
-use crate::mesh::{Mesh, check_surface};
-use crate::method::{Method, Promise};
-use crate::plane::Plane;
-use crate::result::Tin;
-use crate::surface::{Cells, Extent};
-use crate::task::Task;
+use crate::grid::PackedSample;
+use crate::mesh::{BaselineMesh, check_surface};
+use crate::method::{BaselineMethod, Promise};
+use crate::plane::TrianglePlane;
+use crate::result::BaselineTin;
+use crate::surface::{SurfaceCellSums, SurfaceCoverage};
+use crate::task::BaselineTask;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 
-pub(crate) const KDTREE: Method = Method {
+pub(crate) const KDTREE: BaselineMethod = BaselineMethod {
     name: "kdtree",
     about: "rectangles halved across the longer side where a sample is too far off, made conforming",
     source: "Bentley 1975; Von Herzen & Barr 1987",
@@ -36,34 +36,36 @@ pub(crate) const KDTREE: Method = Method {
     run,
 };
 
-fn run(task: &Task<'_>) -> Result<Tin> {
+fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     check_surface(&task.grid)?;
-    let cells = Cells::new(&task.grid);
-    let mut waiting =
-        vec![Rectangle { low: [0, 0], high: [task.grid.width() - 1, task.grid.height() - 1] }];
+    let cells = SurfaceCellSums::new(&task.grid);
+    let mut waiting = vec![SampleRectangle {
+        low: [0, 0],
+        high: [task.grid.width() - 1, task.grid.height() - 1],
+    }];
     let mut leaves = Vec::new();
     loop {
         divide(task, &cells, &mut waiting, &mut leaves)?;
         let triangles = conform(task, &mut leaves, &mut waiting)?;
         if waiting.is_empty() {
-            return Ok(Tin::of_triangles(&task.grid, triangles));
+            return Ok(BaselineTin::of_triangles(&task.grid, triangles));
         }
     }
 }
 
 /// Cuts rectangles until all are on the surface, and within the tolerance as two triangles.
 fn divide(
-    task: &Task<'_>,
-    cells: &Cells,
-    waiting: &mut Vec<Rectangle>,
-    leaves: &mut Vec<Rectangle>,
+    task: &BaselineTask<'_>,
+    cells: &SurfaceCellSums,
+    waiting: &mut Vec<SampleRectangle>,
+    leaves: &mut Vec<SampleRectangle>,
 ) -> Result<()> {
     while let Some(rectangle) = waiting.pop() {
         (task.pulse)()?;
         match cells.extent(rectangle.low, rectangle.high) {
-            Extent::Outside => {}
-            Extent::Inside if is_sound(task, &rectangle.mesh()) => leaves.push(rectangle),
-            Extent::Partly | Extent::Inside => waiting.extend(rectangle.halves()),
+            SurfaceCoverage::Outside => {}
+            SurfaceCoverage::Inside if is_sound(task, &rectangle.mesh()) => leaves.push(rectangle),
+            SurfaceCoverage::Partly | SurfaceCoverage::Inside => waiting.extend(rectangle.halves()),
         }
     }
     Ok(())
@@ -72,12 +74,12 @@ fn divide(
 /// The triangles of all leaves between the corners of all; a leaf that is not sound with them is cut, and
 /// leaves no more.
 fn conform(
-    task: &Task<'_>,
-    leaves: &mut Vec<Rectangle>,
-    waiting: &mut Vec<Rectangle>,
-) -> Result<Vec<[Sample; 3]>> {
+    task: &BaselineTask<'_>,
+    leaves: &mut Vec<SampleRectangle>,
+    waiting: &mut Vec<SampleRectangle>,
+) -> Result<Vec<[PackedSample; 3]>> {
     let mut corners = BitSet::new(task.grid.len());
-    for corner in leaves.iter().flat_map(Rectangle::corners) {
+    for corner in leaves.iter().flat_map(SampleRectangle::corners) {
         corners.insert(task.grid.index(corner));
     }
     let mut triangles = Vec::new();
@@ -99,21 +101,21 @@ fn conform(
 }
 
 /// True when all samples are within the tolerance.
-fn is_sound(task: &Task<'_>, mesh: &Mesh) -> bool {
+fn is_sound(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> bool {
     mesh.surface().all(|id| {
-        let plane = Plane::new(&task.grid, mesh.tris[id as usize].corners);
+        let plane = TrianglePlane::new(&task.grid, mesh.tris[id as usize].corners);
         !plane.offsets().any(|(_, offset)| task.exceeds(&offset))
     })
 }
 
 /// A rectangle between two samples.
 #[derive(Clone, Copy, Debug)]
-struct Rectangle {
+struct SampleRectangle {
     low: [u32; 2],
     high: [u32; 2],
 }
 
-impl Rectangle {
+impl SampleRectangle {
     /// Its parts on both sides of a cut through the middle of its longer side.
     fn halves(self) -> [Self; 2] {
         let side = |axis: usize| self.high[axis] - self.low[axis];
@@ -124,23 +126,23 @@ impl Rectangle {
         [before, after]
     }
 
-    fn corners(&self) -> [Sample; 4] {
+    fn corners(&self) -> [PackedSample; 4] {
         let ([left, above], [right, below]) = (self.low, self.high);
         [[left, above], [right, above], [right, below], [left, below]]
-            .map(|[col, row]| Sample::new(col, row))
+            .map(|[col, row]| PackedSample::new(col, row))
     }
 
     /// The samples of its sides but for its corners.
-    fn sides(&self) -> impl Iterator<Item = Sample> + use<> {
+    fn sides(&self) -> impl Iterator<Item = PackedSample> + use<> {
         let ([left, above], [right, below]) = (self.low, self.high);
-        let across = move |row: u32| (left + 1..right).map(move |col| Sample::new(col, row));
-        let down = move |col: u32| (above + 1..below).map(move |row| Sample::new(col, row));
+        let across = move |row: u32| (left + 1..right).map(move |col| PackedSample::new(col, row));
+        let down = move |col: u32| (above + 1..below).map(move |row| PackedSample::new(col, row));
         across(above).chain(down(right)).chain(across(below)).chain(down(left))
     }
 
-    fn mesh(&self) -> Mesh {
+    fn mesh(&self) -> BaselineMesh {
         let [low, _, high, _] = self.corners();
-        Mesh::of_rectangle(low, high)
+        BaselineMesh::of_rectangle(low, high)
     }
 }
 
@@ -150,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_cut_is_across_the_longer_side() {
-        let rectangle = Rectangle { low: [2, 3], high: [9, 5] };
+        let rectangle = SampleRectangle { low: [2, 3], high: [9, 5] };
         let halves = rectangle.halves().map(|half| (half.low, half.high));
         assert_eq!(halves, [([2, 3], [5, 5]), ([5, 3], [9, 5])]);
         assert_eq!(rectangle.sides().count(), 6 + 1 + 6 + 1);
@@ -161,9 +163,9 @@ mod tests {
         // A single peak: rectangles around it are small, those beyond are large.
         let mut heights = vec![0.0; 17 * 17];
         heights[3 * 17 + 3] = 9.0;
-        let grid = crate::grid::Grid::new(17, 17, &heights, None).unwrap();
-        let tin = run(&Task::new(grid, crate::task::Goal::MaxError(1.0))).unwrap();
+        let grid = crate::grid::HeightGrid::new(17, 17, &heights, None).unwrap();
+        let tin = run(&BaselineTask::new(grid, crate::task::BaselineGoal::MaxError(1.0))).unwrap();
         crate::tests::check_cover(&grid, &tin);
-        assert!(tin.vertices.contains(&Sample::new(3, 3)) && tin.vertices.len() < 60);
+        assert!(tin.vertices.contains(&PackedSample::new(3, 3)) && tin.vertices.len() < 60);
     }
 }

@@ -39,11 +39,11 @@ mod tests;
 mod triangulation;
 mod vip;
 
-pub use channels::{Channels, Drawn, Measured, join_voids};
-pub use grid::{Grid, MOST_SIDE, Sample, check_sides};
-pub use method::{Method, Promise};
+pub use channels::{ChannelErrors, MultichannelTin, WeightedChannels, join_voids};
+pub use grid::{HeightGrid, MOST_SIDE, PackedSample, check_sides};
+pub use method::{BaselineMethod, Promise};
 pub use registry::METHODS;
-pub use result::Tin;
-pub use surface::Census;
-pub use task::{Goal, Task};
-pub use triangulation::Triangulation;
+pub use result::BaselineTin;
+pub use surface::SampleCensus;
+pub use task::{BaselineGoal, BaselineTask};
+pub use triangulation::TriangulationRule;

@@ -2,11 +2,11 @@
 //!
 //! A half-edge is `4 * triangle + edge`; edge `i` of a triangle runs from `corners[i]` to
 //! `corners[i + 1]`. A half-edge without a twin lies on the border. Every change is of one kind: some
-//! triangles go, others take their place, within the same ring of edges ([`Mesh::replace`]).
+//! triangles go, others take their place, within the same ring of edges ([`BaselineMesh::replace`]).
 
-use crate::grid::{Grid, Sample};
-use crate::surface::Role;
-use crate::triangulation::Triangulation;
+use crate::grid::{HeightGrid, PackedSample};
+use crate::surface::SampleRole;
+use crate::triangulation::TriangulationRule;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::predicates::orient;
 
@@ -15,7 +15,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 
 /// What a triangle is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum State {
+pub(crate) enum TriangleState {
     /// Part of the surface.
     Surface,
     /// Beyond the outline: kept so that the mesh is convex, never written.
@@ -26,23 +26,23 @@ pub(crate) enum State {
 
 /// One triangle; corners are counter-clockwise in (column, row) axes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Tri {
-    pub(crate) corners: [Sample; 3],
+pub(crate) struct BaselineTriangle {
+    pub(crate) corners: [PackedSample; 3],
     pub(crate) twins: [u32; 3],
-    pub(crate) state: State,
+    pub(crate) state: TriangleState,
 }
 
 /// An edge of the ring around what is replaced: where it starts, and the half-edge beyond it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
-    pub(crate) from: Sample,
+    pub(crate) from: PackedSample,
     pub(crate) beyond: u32,
 }
 
 /// A triangulation of samples.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Mesh {
-    pub(crate) tris: Vec<Tri>,
+pub(crate) struct BaselineMesh {
+    pub(crate) tris: Vec<BaselineTriangle>,
     free: Vec<u32>,
 }
 
@@ -59,26 +59,30 @@ pub(crate) fn prev(i: u32) -> u32 {
 }
 
 /// Where a sample lies in a triangle that holds it.
-enum Place {
+enum SampleLocation {
     Inside,
     Edge(u32),
     Corner,
 }
 
-impl Mesh {
+impl BaselineMesh {
     /// The two triangles of the rectangle between two samples.
-    pub(crate) fn of_rectangle(low: Sample, high: Sample) -> Self {
-        let [a, b] = [low, Sample::new(high.col(), low.row())];
-        let [c, d] = [high, Sample::new(low.col(), high.row())];
+    pub(crate) fn of_rectangle(low: PackedSample, high: PackedSample) -> Self {
+        let [a, b] = [low, PackedSample::new(high.col(), low.row())];
+        let [c, d] = [high, PackedSample::new(low.col(), high.row())];
         Self::of_triangles(&[[a, b, c], [a, c, d]])
     }
 
     /// A mesh of counter-clockwise triangles that share whole edges.
-    pub(crate) fn of_triangles(triangles: &[[Sample; 3]]) -> Self {
+    pub(crate) fn of_triangles(triangles: &[[PackedSample; 3]]) -> Self {
         let mut mesh = Self::default();
         let mut edges = std::collections::HashMap::with_capacity(3 * triangles.len());
         for &corners in triangles {
-            let id = mesh.add(Tri { corners, twins: [NONE; 3], state: State::Surface });
+            let id = mesh.add(BaselineTriangle {
+                corners,
+                twins: [NONE; 3],
+                state: TriangleState::Surface,
+            });
             for half_edge in 4 * id..4 * id + 3 {
                 let ends = (mesh.origin(half_edge), mesh.end(half_edge));
                 match edges.remove(&(ends.1, ends.0)) {
@@ -94,52 +98,57 @@ impl Mesh {
     ///
     /// # Errors
     /// `BadInput`: the grid has no surface.
-    pub(crate) fn of_outline(grid: &Grid<'_>) -> Result<Self> {
+    pub(crate) fn of_outline(grid: &HeightGrid<'_>) -> Result<Self> {
         check_surface(grid)?;
-        let high = Sample::new(grid.width() - 1, grid.height() - 1);
-        let mut mesh = Self::of_rectangle(Sample::new(0, 0), high);
-        let outline = grid.samples().filter(|&at| grid.role(at) == Role::Outline);
+        let high = PackedSample::new(grid.width() - 1, grid.height() - 1);
+        let mut mesh = Self::of_rectangle(PackedSample::new(0, 0), high);
+        let outline = grid.samples().filter(|&at| grid.role(at) == SampleRole::Outline);
         mesh.insert_all(grid, outline);
         mesh.mark_outside(grid);
         Ok(mesh)
     }
 
     /// Inserts samples one after the other, near each other at best, the Delaunay way.
-    pub(crate) fn insert_all(&mut self, grid: &Grid<'_>, samples: impl Iterator<Item = Sample>) {
+    pub(crate) fn insert_all(
+        &mut self,
+        grid: &HeightGrid<'_>,
+        samples: impl Iterator<Item = PackedSample>,
+    ) {
         let mut near = 0;
         for at in samples {
             let t = self.locate(at, near);
-            let star = self.insert(grid, Triangulation::Delaunay, t, at);
+            let star = self.insert(grid, TriangulationRule::Delaunay, t, at);
             near = star.first().copied().unwrap_or(t);
         }
     }
 
     /// Triangles lie wholly on the surface or wholly beyond it, because every edge of its outline is an
     /// edge of the mesh; one cell under a triangle's middle tells.
-    fn mark_outside(&mut self, grid: &Grid<'_>) {
+    fn mark_outside(&mut self, grid: &HeightGrid<'_>) {
         for tri in &mut self.tris {
-            let sum = |of: fn(Sample) -> u32| tri.corners.into_iter().map(of).sum::<u32>() / 3;
-            if !grid.holds_cell(sum(Sample::col), sum(Sample::row)) {
-                tri.state = State::Outside;
+            let sum =
+                |of: fn(PackedSample) -> u32| tri.corners.into_iter().map(of).sum::<u32>() / 3;
+            if !grid.holds_cell(sum(PackedSample::col), sum(PackedSample::row)) {
+                tri.state = TriangleState::Outside;
             }
         }
     }
 
     /// The corner from which a half-edge starts.
     #[inline(always)]
-    pub(crate) fn origin(&self, half_edge: u32) -> Sample {
+    pub(crate) fn origin(&self, half_edge: u32) -> PackedSample {
         self.tris[(half_edge >> 2) as usize].corners[(half_edge & 3) as usize]
     }
 
     /// The corner at which a half-edge ends.
     #[inline(always)]
-    pub(crate) fn end(&self, half_edge: u32) -> Sample {
+    pub(crate) fn end(&self, half_edge: u32) -> PackedSample {
         self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
     }
 
     /// The corner across from a half-edge.
     #[inline(always)]
-    pub(crate) fn across(&self, half_edge: u32) -> Sample {
+    pub(crate) fn across(&self, half_edge: u32) -> PackedSample {
         self.tris[(half_edge >> 2) as usize].corners[prev(half_edge & 3) as usize]
     }
 
@@ -151,11 +160,11 @@ impl Mesh {
 
     /// Triangles of the surface.
     pub(crate) fn surface(&self) -> impl Iterator<Item = u32> + '_ {
-        let is_part = |&id: &u32| self.tris[id as usize].state == State::Surface;
+        let is_part = |&id: &u32| self.tris[id as usize].state == TriangleState::Surface;
         (0..self.tris.len() as u32).filter(is_part)
     }
 
-    fn add(&mut self, tri: Tri) -> u32 {
+    fn add(&mut self, tri: BaselineTriangle) -> u32 {
         if let Some(id) = self.free.pop() {
             self.tris[id as usize] = tri;
             return id;
@@ -178,15 +187,15 @@ impl Mesh {
     pub(crate) fn replace(
         &mut self,
         gone: &[u32],
-        filling: &[[Sample; 3]],
+        filling: &[[PackedSample; 3]],
         ring: &[Link],
     ) -> Vec<u32> {
         let state = self.tris[gone[0] as usize].state;
         for &id in gone {
-            self.tris[id as usize].state = State::Free;
+            self.tris[id as usize].state = TriangleState::Free;
             self.free.push(id);
         }
-        let add = |&corners: &_| self.add(Tri { corners, twins: [NONE; 3], state });
+        let add = |&corners: &_| self.add(BaselineTriangle { corners, twins: [NONE; 3], state });
         let added: Vec<u32> = filling.iter().map(add).collect();
         let mut open: Vec<u32> = Vec::new();
         for half_edge in added.iter().flat_map(|&id| 4 * id..4 * id + 3) {
@@ -208,7 +217,7 @@ impl Mesh {
     /// The triangle that holds `at`, by walking from `start`; the mesh must be convex. The edge that is
     /// looked at first changes from step to step, as in Devillers, Pion & Teillaud, "Walking in a
     /// triangulation" (2002): without that the walk may go round in circles where a mesh is not Delaunay.
-    pub(crate) fn locate(&self, at: Sample, start: u32) -> u32 {
+    pub(crate) fn locate(&self, at: PackedSample, start: u32) -> u32 {
         let target = at.lattice();
         let (mut t, mut turn) = (start, 0x9e37_79b9_u32);
         loop {
@@ -225,27 +234,27 @@ impl Mesh {
         }
     }
 
-    fn place(&self, t: u32, at: Sample) -> Place {
+    fn place(&self, t: u32, at: PackedSample) -> SampleLocation {
         let side = |edge: u32| {
             let half_edge = 4 * t + edge;
-            let ends = [self.origin(half_edge), self.end(half_edge)].map(Sample::lattice);
+            let ends = [self.origin(half_edge), self.end(half_edge)].map(PackedSample::lattice);
             orient(ends[0], ends[1], at.lattice())
         };
         let on: Vec<u32> = (0..3).filter(|&edge| side(edge) == 0).collect();
         match on[..] {
-            [] => Place::Inside,
-            [edge] => Place::Edge(edge),
-            _ => Place::Corner,
+            [] => SampleLocation::Inside,
+            [edge] => SampleLocation::Edge(edge),
+            _ => SampleLocation::Corner,
         }
     }
 
     /// By how many the triangles will grow when `at`, which triangle `t` holds, is inserted.
-    pub(crate) fn growth(&self, t: u32, at: Sample) -> u64 {
+    pub(crate) fn growth(&self, t: u32, at: PackedSample) -> u64 {
         match self.place(t, at) {
-            Place::Inside => 2,
-            Place::Edge(edge) if self.twin(4 * t + edge) == NONE => 1,
-            Place::Edge(_) => 2,
-            Place::Corner => 0,
+            SampleLocation::Inside => 2,
+            SampleLocation::Edge(edge) if self.twin(4 * t + edge) == NONE => 1,
+            SampleLocation::Edge(_) => 2,
+            SampleLocation::Corner => 0,
         }
     }
 
@@ -254,15 +263,15 @@ impl Mesh {
     /// already. The result depends on the mesh and the sample, and not on `t` or on the numbers of triangles.
     pub(crate) fn insert(
         &mut self,
-        grid: &Grid<'_>,
-        triangulation: Triangulation,
+        grid: &HeightGrid<'_>,
+        triangulation: TriangulationRule,
         t: u32,
-        at: Sample,
+        at: PackedSample,
     ) -> Vec<u32> {
         let (gone, mut ring, last) = match self.place(t, at) {
-            Place::Corner => return Vec::new(),
-            Place::Inside => (vec![t], self.around(&[4 * t, 4 * t + 1, 4 * t + 2]), None),
-            Place::Edge(edge) => self.beside(4 * t + edge),
+            SampleLocation::Corner => return Vec::new(),
+            SampleLocation::Inside => (vec![t], self.around(&[4 * t, 4 * t + 1, 4 * t + 2]), None),
+            SampleLocation::Edge(edge) => self.beside(4 * t + edge),
         };
         if last.is_none() {
             let lowest = (0..ring.len()).min_by_key(|&i| ring[i].from).unwrap_or(0);
@@ -281,7 +290,7 @@ impl Mesh {
 
     /// The triangles beside an edge and what lies around them, counter-clockwise; on the border the ring is
     /// open and ends where the edge starts.
-    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<Link>, Option<Sample>) {
+    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<Link>, Option<PackedSample>) {
         let others = |half_edge: u32| {
             let (t, edge) = (half_edge >> 2, half_edge & 3);
             [4 * t + next(edge), 4 * t + prev(edge)]
@@ -298,8 +307,8 @@ impl Mesh {
     /// Looks at the edges across from the new corner 0 of `waiting`, and at those that flips bring up.
     fn legalise(
         &mut self,
-        grid: &Grid<'_>,
-        triangulation: Triangulation,
+        grid: &HeightGrid<'_>,
+        triangulation: TriangulationRule,
         mut waiting: Vec<u32>,
     ) -> Vec<u32> {
         let mut star = Vec::new();
@@ -317,7 +326,7 @@ impl Mesh {
     }
 
     /// The corner before an edge, the ends of the edge, and the corner beyond.
-    fn quad(&self, half_edge: u32) -> [Sample; 4] {
+    fn quad(&self, half_edge: u32) -> [PackedSample; 4] {
         let ends = [self.origin(half_edge), self.end(half_edge)];
         [self.across(half_edge), ends[0], ends[1], self.across(self.twin(half_edge))]
     }
@@ -339,7 +348,7 @@ impl Mesh {
 }
 
 /// Fails when no cell of the grid has four valid samples.
-pub(crate) fn check_surface(grid: &Grid<'_>) -> Result<()> {
+pub(crate) fn check_surface(grid: &HeightGrid<'_>) -> Result<()> {
     let mut samples = grid.samples();
     if samples.any(|at| grid.holds_cell(at.col(), at.row())) {
         return Ok(());
@@ -349,17 +358,17 @@ pub(crate) fn check_surface(grid: &Grid<'_>) -> Result<()> {
 }
 
 #[cfg(test)]
-impl Mesh {
+impl BaselineMesh {
     /// Panics unless twins share their edge and every triangle has positive area.
     pub(crate) fn validate(&self) {
-        for id in
-            (0..self.tris.len() as u32).filter(|&id| self.tris[id as usize].state != State::Free)
+        for id in (0..self.tris.len() as u32)
+            .filter(|&id| self.tris[id as usize].state != TriangleState::Free)
         {
-            let [a, b, c] = self.tris[id as usize].corners.map(Sample::lattice);
+            let [a, b, c] = self.tris[id as usize].corners.map(PackedSample::lattice);
             assert!(orient(a, b, c) > 0, "triangle {id} is not counter-clockwise");
             for half_edge in (4 * id..4 * id + 3).filter(|&edge| self.twin(edge) != NONE) {
                 let twin = self.twin(half_edge);
-                assert_ne!(self.tris[(twin >> 2) as usize].state, State::Free);
+                assert_ne!(self.tris[(twin >> 2) as usize].state, TriangleState::Free);
                 assert_eq!(self.twin(twin), half_edge);
                 assert_eq!(self.origin(twin), self.end(half_edge));
                 assert_eq!(self.end(twin), self.origin(half_edge));

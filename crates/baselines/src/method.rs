@@ -1,9 +1,9 @@
 //! A method of the textbooks: an entry of the registry.
 
-use crate::result::Tin;
-use crate::task::Task;
+use crate::result::BaselineTin;
+use crate::task::BaselineTask;
 use terrane_base::error::Result;
-use terrane_base::registry::Named;
+use terrane_base::registry::RegistryEntry;
 
 /// What a method says of the error of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ impl Promise {
 
 /// A method that makes a mesh of a grid.
 #[derive(Clone, Copy, Debug)]
-pub struct Method {
+pub struct BaselineMethod {
     /// Name on the command line.
     pub name: &'static str,
     /// One line for help texts.
@@ -49,10 +49,10 @@ pub struct Method {
     /// Most bytes it takes for a sample, its height and the result included.
     pub sample_bytes: u64,
     /// Makes a mesh.
-    pub run: fn(&Task<'_>) -> Result<Tin>,
+    pub run: fn(&BaselineTask<'_>) -> Result<BaselineTin>,
 }
 
-impl Named for Method {
+impl RegistryEntry for BaselineMethod {
     const KIND: &'static str = "method";
 
     fn name(&self) -> &'static str {

@@ -6,7 +6,7 @@
 //! the triangles on both sides find the same number, to the last bit.
 
 use crate::exact::is_at_most;
-use crate::grid::{Grid, Sample};
+use crate::grid::{HeightGrid, PackedSample};
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// Relative rounding of the plain evaluation, with room to spare.
@@ -14,42 +14,42 @@ const DOUBT: f64 = 1e-14;
 
 /// A triangle with the heights of its corners.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Plane<'a> {
-    grid: &'a Grid<'a>,
-    corners: [Sample; 3],
+pub(crate) struct TrianglePlane<'a> {
+    grid: &'a HeightGrid<'a>,
+    corners: [PackedSample; 3],
     heights: [f64; 3],
 }
 
-impl<'a> Plane<'a> {
-    pub(crate) fn new(grid: &'a Grid<'a>, mut corners: [Sample; 3]) -> Self {
+impl<'a> TrianglePlane<'a> {
+    pub(crate) fn new(grid: &'a HeightGrid<'a>, mut corners: [PackedSample; 3]) -> Self {
         corners.sort_unstable();
         Self { grid, corners, heights: corners.map(|corner| grid.vertex(corner)) }
     }
 
     /// How a sample of the closed triangle lies to it.
-    pub(crate) fn offset(&self, at: Sample) -> Offset {
+    pub(crate) fn offset(&self, at: PackedSample) -> Offset {
         self.offset_by(weights_in(self.corners, at), at)
     }
 
     /// The same, by the sample's [`weights_in`] this triangle: they are the same for all channels.
-    pub(crate) fn offset_by(&self, weights: [i64; 3], at: Sample) -> Offset {
+    pub(crate) fn offset_by(&self, weights: [i64; 3], at: PackedSample) -> Offset {
         Offset { weights, heights: self.heights, height: self.grid.sample(at) }
     }
 
     /// The corners in the order that weights are in.
-    pub(crate) fn corners(&self) -> [Sample; 3] {
+    pub(crate) fn corners(&self) -> [PackedSample; 3] {
         self.corners
     }
 
     /// The samples of the closed triangle in (row, column) order, and how they lie to it.
-    pub(crate) fn offsets(&self) -> impl Iterator<Item = (Sample, Offset)> {
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = (PackedSample, Offset)> {
         samples_of(self.corners).map(|at| (at, self.offset(at)))
     }
 }
 
 /// Barycentric weights of a sample of the closed triangle, in lowest terms on an edge.
-pub(crate) fn weights_in(corners: [Sample; 3], at: Sample) -> [i64; 3] {
-    let ([a, b, c], q) = (corners.map(Sample::lattice), at.lattice());
+pub(crate) fn weights_in(corners: [PackedSample; 3], at: PackedSample) -> [i64; 3] {
+    let ([a, b, c], q) = (corners.map(PackedSample::lattice), at.lattice());
     lowest([orient(b, c, q), orient(c, a, q), orient(a, b, q)].map(i64::abs))
 }
 
@@ -132,16 +132,17 @@ impl Offset {
 }
 
 /// The samples of a closed triangle, of either orientation, in (row, column) order.
-pub(crate) fn samples_of(corners: [Sample; 3]) -> impl Iterator<Item = Sample> {
-    rows_of(corners)
-        .flat_map(|(row, columns)| columns.map(move |col| Sample::new(col as u32, row as u32)))
+pub(crate) fn samples_of(corners: [PackedSample; 3]) -> impl Iterator<Item = PackedSample> {
+    rows_of(corners).flat_map(|(row, columns)| {
+        columns.map(move |col| PackedSample::new(col as u32, row as u32))
+    })
 }
 
 /// The rows of a closed triangle, of either orientation, and the columns of its samples in each.
 pub(crate) fn rows_of(
-    corners: [Sample; 3],
+    corners: [PackedSample; 3],
 ) -> impl Iterator<Item = (i32, std::ops::RangeInclusive<i64>)> {
-    let [a, b, c] = corners.map(Sample::lattice);
+    let [a, b, c] = corners.map(PackedSample::lattice);
     let turned = if orient(a, b, c) < 0 { [a, c, b] } else { [a, b, c] };
     let rows = a[1].min(b[1]).min(c[1])..=a[1].max(b[1]).max(c[1]);
     rows.map(move |row| {
@@ -177,15 +178,15 @@ mod tests {
         fn all_samples_of_a_triangle_are_visited_once(
             at in prop::collection::vec((0_u32..12, 0_u32..12), 3)
         ) {
-            let corners = [0, 1, 2].map(|i| Sample::new(at[i].0, at[i].1));
-            let [a, b, c] = corners.map(Sample::lattice);
+            let corners = [0, 1, 2].map(|i| PackedSample::new(at[i].0, at[i].1));
+            let [a, b, c] = corners.map(PackedSample::lattice);
             prop_assume!(orient(a, b, c) != 0);
-            let holds = |q: &Sample| {
+            let holds = |q: &PackedSample| {
                 let q = q.lattice();
                 let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
                 sides.iter().all(|&side| side >= 0) || sides.iter().all(|&side| side <= 0)
             };
-            let all = (0..12).flat_map(|row| (0..12).map(move |col| Sample::new(col, row)));
+            let all = (0..12).flat_map(|row| (0..12).map(move |col| PackedSample::new(col, row)));
             let found: Vec<_> = samples_of(corners).collect();
             prop_assert_eq!(found, all.filter(holds).collect::<Vec<_>>());
         }
@@ -195,15 +196,15 @@ mod tests {
             heights in prop::collection::vec(-50.0_f64..50.0, 13 * 13), to in (0_u32..13, 0_u32..13),
             sides in prop::collection::vec((0_u32..13, 0_u32..13), 2)
         ) {
-            let grid = Grid::new(13, 13, &heights, None).unwrap();
-            let [from, to] = [Sample::new(6, 6), Sample::new(to.0, to.1)];
-            let planes = [sides[0], sides[1]].map(|(col, row)| Sample::new(col, row));
-            let is_flat = |third: &Sample| {
+            let grid = HeightGrid::new(13, 13, &heights, None).unwrap();
+            let [from, to] = [PackedSample::new(6, 6), PackedSample::new(to.0, to.1)];
+            let planes = [sides[0], sides[1]].map(|(col, row)| PackedSample::new(col, row));
+            let is_flat = |third: &PackedSample| {
                 orient(from.lattice(), to.lattice(), third.lattice()) == 0
             };
             prop_assume!(!planes.iter().any(is_flat));
             let [left, right] = [
-                Plane::new(&grid, [from, to, planes[0]]), Plane::new(&grid, [planes[1], to, from])
+                TrianglePlane::new(&grid, [from, to, planes[0]]), TrianglePlane::new(&grid, [planes[1], to, from])
             ];
             for at in samples_of([from, to, planes[0]]) {
                 if orient(from.lattice(), to.lattice(), at.lattice()) == 0 {
@@ -216,8 +217,8 @@ mod tests {
         fn the_least_bound_is_where_the_decision_turns(
             heights in prop::collection::vec(-50.0_f64..50.0, 25)
         ) {
-            let grid = Grid::new(5, 5, &heights, None).unwrap();
-            let plane = Plane::new(&grid, [[0, 0], [4, 1], [2, 4]].map(|[c, r]| Sample::new(c, r)));
+            let grid = HeightGrid::new(5, 5, &heights, None).unwrap();
+            let plane = TrianglePlane::new(&grid, [[0, 0], [4, 1], [2, 4]].map(|[c, r]| PackedSample::new(c, r)));
             for (_, offset) in plane.offsets() {
                 let least = offset.least_bound();
                 assert!(offset.is_within(least));

@@ -1,10 +1,10 @@
 //! The methods by name.
 
-use crate::method::Method;
+use crate::method::BaselineMethod;
 use crate::{collapse, drop, greedy, kdtree, rtin, vip};
 
 /// All methods. A new one is a file and a line here.
-pub const METHODS: &[Method] = &[
+pub const METHODS: &[BaselineMethod] = &[
     greedy::GREEDY_1,
     greedy::GREEDY_2,
     greedy::GREEDY_3,

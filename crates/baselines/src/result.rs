@@ -1,16 +1,16 @@
 //! The finished mesh, in an order that depends on its triangles alone, and its true error.
 
-use crate::grid::{Grid, Sample};
-use crate::mesh::Mesh;
-use crate::plane::Plane;
-use crate::surface::Census;
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::BaselineMesh;
+use crate::plane::TrianglePlane;
+use crate::surface::SampleCensus;
 use terrane_base::bits::BitSet;
 
 /// A mesh of samples of a grid.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tin {
+pub struct BaselineTin {
     /// Samples that are vertices, in (row, column) order.
-    pub vertices: Vec<Sample>,
+    pub vertices: Vec<PackedSample>,
     /// Triangles, counter-clockwise in (column, row) axes, as places in `vertices`.
     pub triangles: Vec<[u32; 3]>,
     /// The smallest number that no sample of the surface is further off than: exact, nothing is rounded down.
@@ -18,47 +18,47 @@ pub struct Tin {
     /// Sum of the squared errors of the samples of the surface.
     pub square_sum: f64,
     /// What the samples of the grid are.
-    pub census: Census,
+    pub census: SampleCensus,
 }
 
-impl Tin {
+impl BaselineTin {
     /// The surface of a mesh.
-    pub(crate) fn of_mesh(grid: &Grid<'_>, mesh: &Mesh) -> Self {
+    pub(crate) fn of_mesh(grid: &HeightGrid<'_>, mesh: &BaselineMesh) -> Self {
         Self::of_triangles(grid, mesh.surface().map(|id| mesh.tris[id as usize].corners).collect())
     }
 
     /// A mesh of counter-clockwise triangles. Time O(n log n), memory a bit a sample beside the mesh.
-    pub(crate) fn of_triangles(grid: &Grid<'_>, mut corners: Vec<[Sample; 3]>) -> Self {
+    pub(crate) fn of_triangles(grid: &HeightGrid<'_>, mut corners: Vec<[PackedSample; 3]>) -> Self {
         let (vertices, triangles) = connected(&mut corners);
         let (max_error, square_sum) = measure(grid, &corners);
-        Self { vertices, triangles, max_error, square_sum, census: Census::of(grid) }
+        Self { vertices, triangles, max_error, square_sum, census: SampleCensus::of(grid) }
     }
 }
 
 /// Vertices in order, and triangles by their places; `corners` become sorted.
-pub(crate) fn connected(corners: &mut [[Sample; 3]]) -> (Vec<Sample>, Vec<[u32; 3]>) {
+pub(crate) fn connected(corners: &mut [[PackedSample; 3]]) -> (Vec<PackedSample>, Vec<[u32; 3]>) {
     corners.iter_mut().for_each(lowest_first);
     corners.sort_unstable();
-    let mut vertices: Vec<Sample> = corners.iter().flatten().copied().collect();
+    let mut vertices: Vec<PackedSample> = corners.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
-    let place = |at: Sample| vertices.partition_point(|&vertex| vertex < at) as u32;
+    let place = |at: PackedSample| vertices.partition_point(|&vertex| vertex < at) as u32;
     let triangles = corners.iter().map(|corners| corners.map(place)).collect();
     (vertices, triangles)
 }
 
-fn lowest_first(corners: &mut [Sample; 3]) {
+fn lowest_first(corners: &mut [PackedSample; 3]) {
     let lowest = (0..3).min_by_key(|&i| corners[i]).unwrap_or(0);
     corners.rotate_left(lowest);
 }
 
 /// The largest error, and the sum of squares, of which a sample on an edge is part once. Vertices that the
 /// output moves count, too.
-pub(crate) fn measure(grid: &Grid<'_>, triangles: &[[Sample; 3]]) -> (f64, f64) {
+pub(crate) fn measure(grid: &HeightGrid<'_>, triangles: &[[PackedSample; 3]]) -> (f64, f64) {
     let mut seen = BitSet::new(grid.len());
     let (mut worst, mut sum) = (0.0, 0.0);
     for &corners in triangles {
-        let plane = Plane::new(grid, corners);
+        let plane = TrianglePlane::new(grid, corners);
         for (_, offset) in plane.offsets().filter(|(at, _)| seen.insert(grid.index(*at))) {
             sum += offset.error().powi(2);
             if !offset.is_within(worst) {

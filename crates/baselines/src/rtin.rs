@@ -14,17 +14,17 @@
 //! beyond it is void: a triangle that is partly on the surface is cut, so outlines are met by small triangles
 //! (the smallest are half a cell). Time O(n log n), memory a bit a sample of the square, beside the mesh.
 
-use crate::grid::Sample;
+use crate::grid::PackedSample;
 use crate::mesh::check_surface;
-use crate::method::{Method, Promise};
-use crate::plane::Plane;
-use crate::result::Tin;
-use crate::surface::{Cells, Extent};
-use crate::task::Task;
+use crate::method::{BaselineMethod, Promise};
+use crate::plane::TrianglePlane;
+use crate::result::BaselineTin;
+use crate::surface::{SurfaceCellSums, SurfaceCoverage};
+use crate::task::BaselineTask;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 
-pub(crate) const RTIN: Method = Method {
+pub(crate) const RTIN: BaselineMethod = BaselineMethod {
     name: "rtin",
     about: "right triangles halved where a sample is too far off",
     source: "Evans, Kirkpatrick & Townsend 1998",
@@ -38,16 +38,16 @@ pub(crate) const RTIN: Method = Method {
     run,
 };
 
-fn run(task: &Task<'_>) -> Result<Tin> {
+fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
     check_surface(&task.grid)?;
-    let mut tree = Tree::new(task);
+    let mut tree = RtinHierarchy::new(task);
     let roots = tree.roots();
     for level in (0..tree.levels).rev() {
         roots.iter().try_for_each(|&root| tree.mark(root, level))?;
     }
     let mut kept = Vec::new();
     roots.iter().for_each(|&root| tree.collect(root, &mut kept));
-    Ok(Tin::of_triangles(&task.grid, kept))
+    Ok(BaselineTin::of_triangles(&task.grid, kept))
 }
 
 /// A right triangle: the ends of its longest side, and the corner across, counter-clockwise.
@@ -70,15 +70,15 @@ impl Right {
         [[c, a, middle], [b, c, middle]].map(|corners| Self { corners, level: self.level + 1 })
     }
 
-    fn sampled(self) -> [Sample; 3] {
-        self.corners.map(|[col, row]| Sample::new(col, row))
+    fn sampled(self) -> [PackedSample; 3] {
+        self.corners.map(|[col, row]| PackedSample::new(col, row))
     }
 }
 
 /// The hierarchy over a square, and the middles at which it is cut.
-struct Tree<'a> {
-    task: &'a Task<'a>,
-    cells: Cells,
+struct RtinHierarchy<'a> {
+    task: &'a BaselineTask<'a>,
+    cells: SurfaceCellSums,
     /// Cells along a side.
     side: u32,
     /// How often the square can be halved.
@@ -86,11 +86,11 @@ struct Tree<'a> {
     cut: BitSet,
 }
 
-impl<'a> Tree<'a> {
-    fn new(task: &'a Task<'a>) -> Self {
+impl<'a> RtinHierarchy<'a> {
+    fn new(task: &'a BaselineTask<'a>) -> Self {
         let side = (task.grid.width().max(task.grid.height()) - 1).next_power_of_two();
         let cut = BitSet::new((side as usize + 1).pow(2));
-        Self { task, cells: Cells::new(&task.grid), side, levels: 2 * side.ilog2(), cut }
+        Self { task, cells: SurfaceCellSums::new(&task.grid), side, levels: 2 * side.ilog2(), cut }
     }
 
     fn roots(&self) -> [Right; 2] {
@@ -110,7 +110,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Of the rectangle around a triangle.
-    fn extent_around(&self, triangle: Right) -> Extent {
+    fn extent_around(&self, triangle: Right) -> SurfaceCoverage {
         let ends = |axis: usize| {
             let [a, b, c] = triangle.corners.map(|corner| corner[axis]);
             [a.min(b).min(c), a.max(b).max(c)]
@@ -119,11 +119,11 @@ impl<'a> Tree<'a> {
         self.cells.extent([cols[0], rows[0]], [cols[1], rows[1]])
     }
 
-    fn extent(&self, triangle: Right) -> Extent {
+    fn extent(&self, triangle: Right) -> SurfaceCoverage {
         match self.extent_around(triangle) {
-            Extent::Partly => {
+            SurfaceCoverage::Partly => {
                 let [one, other] = triangle.halves().map(|half| self.extent(half));
-                if one == other { one } else { Extent::Partly }
+                if one == other { one } else { SurfaceCoverage::Partly }
             }
             extent => extent,
         }
@@ -132,7 +132,7 @@ impl<'a> Tree<'a> {
     /// Marks where triangles of a level within this one have to be cut; those of all deeper levels are marked.
     fn mark(&mut self, triangle: Right, level: u32) -> Result<()> {
         (self.task.pulse)()?;
-        if self.extent_around(triangle) == Extent::Outside {
+        if self.extent_around(triangle) == SurfaceCoverage::Outside {
             return Ok(());
         }
         if triangle.level < level {
@@ -146,10 +146,10 @@ impl<'a> Tree<'a> {
 
     fn must_cut(&self, triangle: Right) -> bool {
         match self.extent(triangle) {
-            Extent::Outside => false,
-            Extent::Partly => true,
-            Extent::Inside => {
-                let plane = Plane::new(&self.task.grid, triangle.sampled());
+            SurfaceCoverage::Outside => false,
+            SurfaceCoverage::Partly => true,
+            SurfaceCoverage::Inside => {
+                let plane = TrianglePlane::new(&self.task.grid, triangle.sampled());
                 triangle.halves().into_iter().any(|half| self.is_cut(half))
                     || plane.offsets().any(|(_, offset)| self.task.exceeds(&offset))
             }
@@ -157,10 +157,10 @@ impl<'a> Tree<'a> {
     }
 
     /// The triangles that are not cut, as far as they belong to the surface.
-    fn collect(&self, triangle: Right, kept: &mut Vec<[Sample; 3]>) {
+    fn collect(&self, triangle: Right, kept: &mut Vec<[PackedSample; 3]>) {
         if self.is_cut(triangle) {
             triangle.halves().into_iter().for_each(|half| self.collect(half, kept));
-        } else if self.extent(triangle) == Extent::Inside {
+        } else if self.extent(triangle) == SurfaceCoverage::Inside {
             kept.push(triangle.sampled());
         }
     }
@@ -169,8 +169,8 @@ impl<'a> Tree<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Grid;
-    use crate::task::Goal;
+    use crate::grid::HeightGrid;
+    use crate::task::BaselineGoal;
 
     #[test]
     fn a_plane_is_two_triangles_on_a_square_of_a_power_of_two_and_more_elsewhere() {
@@ -178,8 +178,8 @@ mod tests {
             let heights: Vec<f64> = (0..width * height)
                 .map(|i| f64::from(3 * (i % width)) - f64::from(i / width))
                 .collect();
-            let grid = Grid::new(width, height, &heights, None).unwrap();
-            let tin = run(&Task::new(grid, Goal::MaxError(0.0))).unwrap();
+            let grid = HeightGrid::new(width, height, &heights, None).unwrap();
+            let tin = run(&BaselineTask::new(grid, BaselineGoal::MaxError(0.0))).unwrap();
             assert_eq!(tin.triangles.len(), triangles, "{width} x {height}");
         }
     }
@@ -189,8 +189,8 @@ mod tests {
         // The middles of all longest sides of the first levels are flat; a sample between is not.
         let mut heights = vec![0.0; 81];
         heights[9 + 3] = 5.0;
-        let grid = Grid::new(9, 9, &heights, None).unwrap();
-        let tin = run(&Task::new(grid, Goal::MaxError(1.0))).unwrap();
-        assert!(tin.max_error <= 1.0 && tin.vertices.contains(&Sample::new(3, 1)));
+        let grid = HeightGrid::new(9, 9, &heights, None).unwrap();
+        let tin = run(&BaselineTask::new(grid, BaselineGoal::MaxError(1.0))).unwrap();
+        assert!(tin.max_error <= 1.0 && tin.vertices.contains(&PackedSample::new(3, 1)));
     }
 }

@@ -1,8 +1,8 @@
 //! The triangles around a vertex, for methods that take vertices away.
 
-use crate::grid::{Grid, Sample};
-use crate::mesh::{Link, Mesh, NONE, next, prev};
-use crate::surface::Role;
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::{BaselineMesh, Link, NONE, next, prev};
+use crate::surface::SampleRole;
 use terrane_base::geom::predicates::{in_circle, orient};
 
 /// The star of a vertex and the ring around it, counter-clockwise. On a side of the grid the ring is closed
@@ -14,7 +14,7 @@ pub(crate) struct Star {
 
 impl Star {
     /// The star of the vertex that a half-edge starts from.
-    pub(crate) fn of(mesh: &Mesh, half_edge: u32) -> Self {
+    pub(crate) fn of(mesh: &BaselineMesh, half_edge: u32) -> Self {
         let mut first = half_edge;
         while mesh.twin(first) != NONE {
             let twin = mesh.twin(first);
@@ -41,8 +41,8 @@ impl Star {
 
     /// Delaunay triangles of the ring: ears whose circle holds no other vertex of the ring, one after the
     /// other, each the first from the lowest (row, column) on. Time cubic in the ring at worst.
-    pub(crate) fn ears(&self) -> Option<Vec<[Sample; 3]>> {
-        let mut ring: Vec<Sample> = self.ring.iter().map(|link| link.from).collect();
+    pub(crate) fn ears(&self) -> Option<Vec<[PackedSample; 3]>> {
+        let mut ring: Vec<PackedSample> = self.ring.iter().map(|link| link.from).collect();
         let lowest = (0..ring.len()).min_by_key(|&i| ring[i])?;
         ring.rotate_left(lowest);
         let mut filling = Vec::with_capacity(ring.len());
@@ -57,7 +57,7 @@ impl Star {
     }
 
     /// Triangles of the ring that all have a vertex of it as a corner; none where one would be turned over.
-    pub(crate) fn fan(&self, apex: Sample) -> Option<Vec<[Sample; 3]>> {
+    pub(crate) fn fan(&self, apex: PackedSample) -> Option<Vec<[PackedSample; 3]>> {
         let count = self.ring.len();
         let edges = (0..count).map(|i| [self.ring[i].from, self.ring[(i + 1) % count].from]);
         let others = edges.filter(|edge| !edge.contains(&apex));
@@ -67,58 +67,63 @@ impl Star {
 }
 
 /// A vertex of a ring between its neighbours.
-fn corners(ring: &[Sample], i: usize) -> [Sample; 3] {
+fn corners(ring: &[PackedSample], i: usize) -> [PackedSample; 3] {
     let count = ring.len();
     [ring[(i + count - 1) % count], ring[i], ring[(i + 1) % count]]
 }
 
-fn is_left([a, b, c]: [Sample; 3]) -> bool {
+fn is_left([a, b, c]: [PackedSample; 3]) -> bool {
     orient(a.lattice(), b.lattice(), c.lattice()) > 0
 }
 
-fn is_ear(ring: &[Sample], i: usize) -> bool {
+fn is_ear(ring: &[PackedSample], i: usize) -> bool {
     let around = corners(ring, i);
-    let [a, b, c] = around.map(Sample::lattice);
-    let is_outside = |d: &Sample| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0;
+    let [a, b, c] = around.map(PackedSample::lattice);
+    let is_outside = |d: &PackedSample| around.contains(d) || in_circle(a, b, c, d.lattice()) <= 0;
     is_left(around) && ring.iter().all(is_outside)
 }
 
 /// A mesh of all samples of the surface, and where the star of each begins.
 pub(crate) struct Full {
-    pub(crate) mesh: Mesh,
+    pub(crate) mesh: BaselineMesh,
     /// By sample, a half-edge that starts from it, or [`NONE`].
     spokes: Vec<u32>,
 }
 
 impl Full {
     /// Every cell cut from its first sample to its last: Delaunay, as all four lie on one circle.
-    pub(crate) fn new(grid: &Grid<'_>) -> Self {
+    pub(crate) fn new(grid: &HeightGrid<'_>) -> Self {
         let cells = grid.samples().filter(|at| grid.holds_cell(at.col(), at.row()));
-        let halves = |at: Sample| {
+        let halves = |at: PackedSample| {
             let [col, row] = [at.col(), at.row()];
-            let [a, b] = [at, Sample::new(col + 1, row)];
-            let [c, d] = [Sample::new(col + 1, row + 1), Sample::new(col, row + 1)];
+            let [a, b] = [at, PackedSample::new(col + 1, row)];
+            let [c, d] = [PackedSample::new(col + 1, row + 1), PackedSample::new(col, row + 1)];
             [[a, b, c], [a, c, d]]
         };
         let triangles: Vec<_> = cells.flat_map(halves).collect();
         let mut full =
-            Self { mesh: Mesh::of_triangles(&triangles), spokes: vec![NONE; grid.len()] };
+            Self { mesh: BaselineMesh::of_triangles(&triangles), spokes: vec![NONE; grid.len()] };
         full.note(grid, &full.mesh.surface().collect::<Vec<_>>());
         full
     }
 
     /// The star of a vertex.
-    pub(crate) fn star(&self, grid: &Grid<'_>, vertex: Sample) -> Star {
+    pub(crate) fn star(&self, grid: &HeightGrid<'_>, vertex: PackedSample) -> Star {
         Star::of(&self.mesh, self.spokes[grid.index(vertex)])
     }
 
     /// Puts other triangles in the place of a star.
-    pub(crate) fn refill(&mut self, grid: &Grid<'_>, star: &Star, filling: &[[Sample; 3]]) {
+    pub(crate) fn refill(
+        &mut self,
+        grid: &HeightGrid<'_>,
+        star: &Star,
+        filling: &[[PackedSample; 3]],
+    ) {
         let added = self.mesh.replace(&star.triangles, filling, &star.ring);
         self.note(grid, &added);
     }
 
-    fn note(&mut self, grid: &Grid<'_>, triangles: &[u32]) {
+    fn note(&mut self, grid: &HeightGrid<'_>, triangles: &[u32]) {
         for half_edge in triangles.iter().flat_map(|&t| 4 * t..4 * t + 3) {
             self.spokes[grid.index(self.mesh.origin(half_edge))] = half_edge;
         }
@@ -126,6 +131,6 @@ impl Full {
 }
 
 /// True for vertices that may go: neither corners of the grid nor on the outline of a void.
-pub(crate) fn is_free(grid: &Grid<'_>, at: Sample) -> bool {
-    grid.role(at) == Role::Interior && !grid.is_corner(at)
+pub(crate) fn is_free(grid: &HeightGrid<'_>, at: PackedSample) -> bool {
+    grid.role(at) == SampleRole::Interior && !grid.is_corner(at)
 }

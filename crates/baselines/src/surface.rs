@@ -5,11 +5,11 @@
 //! triangulation of these vertices the outline is there without constraints; and no sample lies within a
 //! unit edge, so no method ever splits it.
 
-use crate::grid::{Grid, Sample};
+use crate::grid::{HeightGrid, PackedSample};
 
 /// Part a sample plays in the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Role {
+pub(crate) enum SampleRole {
     /// All its cells belong to the surface.
     Interior,
     /// Some of its cells do: it must be a vertex.
@@ -20,9 +20,9 @@ pub(crate) enum Role {
     Void,
 }
 
-impl Grid<'_> {
+impl HeightGrid<'_> {
     /// What a sample is to the surface.
-    pub(crate) fn role(&self, at: Sample) -> Role {
+    pub(crate) fn role(&self, at: PackedSample) -> SampleRole {
         let (mut held, mut missing) = (false, false);
         for (col, row) in cells_around(self, at) {
             match self.holds_cell(col, row) {
@@ -31,16 +31,16 @@ impl Grid<'_> {
             }
         }
         match (held, missing) {
-            (true, true) => Role::Outline,
-            (true, false) => Role::Interior,
-            (false, _) if self.sample(at).is_nan() => Role::Void,
-            (false, _) => Role::Isolated,
+            (true, true) => SampleRole::Outline,
+            (true, false) => SampleRole::Interior,
+            (false, _) if self.sample(at).is_nan() => SampleRole::Void,
+            (false, _) => SampleRole::Isolated,
         }
     }
 }
 
 /// The cells of the grid that a sample is a corner of, by their first samples.
-fn cells_around(grid: &Grid<'_>, at: Sample) -> impl Iterator<Item = (u32, u32)> {
+fn cells_around(grid: &HeightGrid<'_>, at: PackedSample) -> impl Iterator<Item = (u32, u32)> {
     let (cols, rows) = (grid.width().saturating_sub(1), grid.height().saturating_sub(1));
     let beside = |at: u32, count: u32| at.saturating_sub(1)..(at + 1).min(count);
     let (across, down) = (beside(at.col(), cols), beside(at.row(), rows));
@@ -49,7 +49,7 @@ fn cells_around(grid: &Grid<'_>, at: Sample) -> impl Iterator<Item = (u32, u32)>
 
 /// How much of something belongs to the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Extent {
+pub(crate) enum SurfaceCoverage {
     /// All.
     Inside,
     /// Some.
@@ -60,14 +60,14 @@ pub(crate) enum Extent {
 
 /// Cells of the surface, summed up from the first sample, so that those of a rectangle are counted in no time
 /// (Crow 1984).
-pub(crate) struct Cells {
+pub(crate) struct SurfaceCellSums {
     sums: Vec<u32>,
     width: u32,
     height: u32,
 }
 
-impl Cells {
-    pub(crate) fn new(grid: &Grid<'_>) -> Self {
+impl SurfaceCellSums {
+    pub(crate) fn new(grid: &HeightGrid<'_>) -> Self {
         let (width, height) = (grid.width(), grid.height());
         let mut cells = Self { sums: Vec::with_capacity(grid.len()), width, height };
         for row in 0..height {
@@ -87,16 +87,16 @@ impl Cells {
     }
 
     /// How much of the rectangle between two samples belongs to the surface; beyond the grid nothing does.
-    pub(crate) fn extent(&self, low: [u32; 2], high: [u32; 2]) -> Extent {
+    pub(crate) fn extent(&self, low: [u32; 2], high: [u32; 2]) -> SurfaceCoverage {
         let within = |[col, row]: [u32; 2]| [col.min(self.width - 1), row.min(self.height - 1)];
         let ([left, above], [right, below]) = (within(low), within(high));
         let held = self.before(right, below) + self.before(left, above)
             - self.before(left, below)
             - self.before(right, above);
         match held {
-            0 => Extent::Outside,
-            _ if u64::from(held) == area(low, high) => Extent::Inside,
-            _ => Extent::Partly,
+            0 => SurfaceCoverage::Outside,
+            _ if u64::from(held) == area(low, high) => SurfaceCoverage::Inside,
+            _ => SurfaceCoverage::Partly,
         }
     }
 }
@@ -107,19 +107,19 @@ fn area(low: [u32; 2], high: [u32; 2]) -> u64 {
 
 /// Samples of the grid by what becomes of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Census {
+pub struct SampleCensus {
     /// With a height.
     pub valid: u64,
     /// Of those, the ones without a cell of four valid samples: they have no surface.
     pub isolated: u64,
 }
 
-impl Census {
-    pub(crate) fn of(grid: &Grid<'_>) -> Self {
+impl SampleCensus {
+    pub(crate) fn of(grid: &HeightGrid<'_>) -> Self {
         let mut census = Self::default();
         for role in grid.samples().map(|at| grid.role(at)) {
-            census.valid += u64::from(role != Role::Void);
-            census.isolated += u64::from(role == Role::Isolated);
+            census.valid += u64::from(role != SampleRole::Void);
+            census.isolated += u64::from(role == SampleRole::Isolated);
         }
         census
     }

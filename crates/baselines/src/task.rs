@@ -1,15 +1,15 @@
 //! What a method is asked for, and how far it may go.
 
-use crate::grid::{Grid, Sample};
-use crate::mesh::{Mesh, State};
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::{BaselineMesh, TriangleState};
 use crate::plane::Offset;
 use crate::star::Star;
-use crate::triangulation::Triangulation;
+use crate::triangulation::TriangulationRule;
 use terrane_base::error::{Error, Result};
 
 /// What a mesh has to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Goal {
+pub enum BaselineGoal {
     /// No valid sample further than this from the surface, vertically; equal is allowed.
     MaxError(f64),
     /// At most so many vertices.
@@ -20,28 +20,28 @@ pub enum Goal {
 
 /// A mesh to make.
 #[derive(Clone, Copy)]
-pub struct Task<'a> {
+pub struct BaselineTask<'a> {
     /// Of what.
-    pub grid: Grid<'a>,
+    pub grid: HeightGrid<'a>,
     /// How good.
-    pub goal: Goal,
+    pub goal: BaselineGoal,
     /// How vertices are connected, by methods that leave it open.
-    pub triangulation: Triangulation,
+    pub triangulation: TriangulationRule,
     /// Called now and then; where it fails, the work ends with its error.
     pub pulse: &'a dyn Fn() -> Result<()>,
 }
 
-impl<'a> Task<'a> {
+impl<'a> BaselineTask<'a> {
     /// A task that nothing interrupts, with a Delaunay triangulation.
-    pub fn new(grid: Grid<'a>, goal: Goal) -> Self {
-        Self { grid, goal, triangulation: Triangulation::Delaunay, pulse: &|| Ok(()) }
+    pub fn new(grid: HeightGrid<'a>, goal: BaselineGoal) -> Self {
+        Self { grid, goal, triangulation: TriangulationRule::Delaunay, pulse: &|| Ok(()) }
     }
 
     /// The largest error allowed: of a number of vertices any error is asked to go.
     pub(crate) fn tolerance(&self) -> f64 {
         match self.goal {
-            Goal::MaxError(tolerance) => tolerance,
-            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => 0.0,
+            BaselineGoal::MaxError(tolerance) => tolerance,
+            BaselineGoal::MaxVertices(_) | BaselineGoal::MaxTriangles(_) => 0.0,
         }
     }
 
@@ -52,31 +52,31 @@ impl<'a> Task<'a> {
 
     /// True for a sample whose error forbids that vertices go: of a number of vertices there is none.
     pub(crate) fn forbids(&self, offset: &Offset) -> bool {
-        matches!(self.goal, Goal::MaxError(_)) && self.exceeds(offset)
+        matches!(self.goal, BaselineGoal::MaxError(_)) && self.exceeds(offset)
     }
 }
 
 /// Vertices and triangles of a surface that grows.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Size {
+pub(crate) struct SurfaceSize {
     pub(crate) vertices: u64,
     pub(crate) triangles: u64,
 }
 
-impl Size {
+impl SurfaceSize {
     /// Of the mesh a method begins with.
     ///
     /// # Errors
     /// Usage: it is larger than the goal allows.
-    pub(crate) fn of(mesh: &Mesh, goal: Goal) -> Result<Self> {
+    pub(crate) fn of(mesh: &BaselineMesh, goal: BaselineGoal) -> Result<Self> {
         let size = Self::counted(mesh);
         size.check(goal)?;
         Ok(size)
     }
 
-    pub(crate) fn counted(mesh: &Mesh) -> Self {
+    pub(crate) fn counted(mesh: &BaselineMesh) -> Self {
         let corners = |id: u32| mesh.tris[id as usize].corners;
-        let mut vertices: Vec<Sample> = mesh.surface().flat_map(corners).collect();
+        let mut vertices: Vec<PackedSample> = mesh.surface().flat_map(corners).collect();
         vertices.sort_unstable();
         vertices.dedup();
         Self { vertices: vertices.len() as u64, triangles: mesh.surface().count() as u64 }
@@ -86,11 +86,11 @@ impl Size {
     ///
     /// # Errors
     /// Usage.
-    pub(crate) fn check(self, goal: Goal) -> Result<()> {
+    pub(crate) fn check(self, goal: BaselineGoal) -> Result<()> {
         let (least, most, what) = match goal {
-            Goal::MaxError(_) => return Ok(()),
-            Goal::MaxVertices(most) => (self.vertices, most, "vertices"),
-            Goal::MaxTriangles(most) => (self.triangles, most, "triangles"),
+            BaselineGoal::MaxError(_) => return Ok(()),
+            BaselineGoal::MaxVertices(most) => (self.vertices, most, "vertices"),
+            BaselineGoal::MaxTriangles(most) => (self.triangles, most, "triangles"),
         };
         if least <= most {
             return Ok(());
@@ -100,16 +100,16 @@ impl Size {
     }
 
     /// True when a goal in vertices or triangles is reached.
-    pub(crate) fn meets(self, goal: Goal) -> bool {
+    pub(crate) fn meets(self, goal: BaselineGoal) -> bool {
         match goal {
-            Goal::MaxError(_) => false,
-            Goal::MaxVertices(most) => self.vertices <= most,
-            Goal::MaxTriangles(most) => self.triangles <= most,
+            BaselineGoal::MaxError(_) => false,
+            BaselineGoal::MaxVertices(most) => self.vertices <= most,
+            BaselineGoal::MaxTriangles(most) => self.triangles <= most,
         }
     }
 
     /// A vertex goes, and `filling` takes the place of its star.
-    pub(crate) fn shrink(&mut self, star: &Star, filling: &[[Sample; 3]]) {
+    pub(crate) fn shrink(&mut self, star: &Star, filling: &[[PackedSample; 3]]) {
         self.vertices -= 1;
         self.triangles -= (star.triangles.len() - filling.len()) as u64;
     }
@@ -117,17 +117,17 @@ impl Size {
     /// Inserts `at`, which triangle `t` holds, unless the goal forbids it; returns the new triangles.
     pub(crate) fn insert(
         &mut self,
-        task: &Task<'_>,
-        mesh: &mut Mesh,
+        task: &BaselineTask<'_>,
+        mesh: &mut BaselineMesh,
         t: u32,
-        at: Sample,
+        at: PackedSample,
     ) -> Option<Vec<u32>> {
-        debug_assert_eq!(mesh.tris[t as usize].state, State::Surface);
+        debug_assert_eq!(mesh.tris[t as usize].state, TriangleState::Surface);
         let grown = mesh.growth(t, at);
         let is_full = match task.goal {
-            Goal::MaxError(_) => false,
-            Goal::MaxVertices(most) => self.vertices == most,
-            Goal::MaxTriangles(most) => self.triangles + grown > most,
+            BaselineGoal::MaxError(_) => false,
+            BaselineGoal::MaxVertices(most) => self.vertices == most,
+            BaselineGoal::MaxTriangles(most) => self.triangles + grown > most,
         };
         if is_full {
             return None;

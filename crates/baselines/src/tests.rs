@@ -3,7 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::{Goal, Grid, METHODS, Method, Sample, Task, Tin, Triangulation};
+use crate::{
+    BaselineGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, METHODS, PackedSample,
+    TriangulationRule,
+};
 use proptest::prelude::*;
 use terrane_base::geom::predicates::orient;
 
@@ -16,8 +19,8 @@ pub(crate) struct Heights {
 }
 
 impl Heights {
-    pub(crate) fn grid(&self) -> Grid<'_> {
-        Grid::new(self.width, self.height, &self.values, None).unwrap()
+    pub(crate) fn grid(&self) -> HeightGrid<'_> {
+        HeightGrid::new(self.width, self.height, &self.values, None).unwrap()
     }
 }
 
@@ -39,7 +42,7 @@ pub(crate) fn tolerances() -> impl Strategy<Value = f64> {
 }
 
 /// The unit edges of the surface's outline, with the surface on their left, as positions.
-fn outline(grid: &Grid<'_>) -> BTreeSet<[[i32; 2]; 2]> {
+fn outline(grid: &HeightGrid<'_>) -> BTreeSet<[[i32; 2]; 2]> {
     let mut edges = BTreeSet::new();
     for at in grid.samples().filter(|at| grid.holds_cell(at.col(), at.row())) {
         let [col, row] = at.lattice();
@@ -66,7 +69,7 @@ fn steps([from, to]: [[i32; 2]; 2]) -> Vec<[[i32; 2]; 2]> {
 
 /// Panics unless the triangles are counter-clockwise and cover the surface once. Edges that are not shared
 /// are the outline; so the surface is wound around once, and no vertex lies within an edge.
-pub(crate) fn check_cover(grid: &Grid<'_>, tin: &Tin) {
+pub(crate) fn check_cover(grid: &HeightGrid<'_>, tin: &BaselineTin) {
     let mut open: BTreeMap<[[i32; 2]; 2], u32> = BTreeMap::new();
     for triangle in &tin.triangles {
         let [a, b, c] = triangle.map(|i| tin.vertices[i as usize].lattice());
@@ -88,11 +91,11 @@ pub(crate) fn check_cover(grid: &Grid<'_>, tin: &Tin) {
 }
 
 /// The largest error, as a fraction, by integers.
-pub(crate) fn worst(grid: &Grid<'_>, tin: &Tin) -> (i64, i64) {
+pub(crate) fn worst(grid: &HeightGrid<'_>, tin: &BaselineTin) -> (i64, i64) {
     let mut worst = (0, 1);
     for triangle in &tin.triangles {
         let corners = triangle.map(|i| tin.vertices[i as usize]);
-        let [a, b, c] = corners.map(Sample::lattice);
+        let [a, b, c] = corners.map(PackedSample::lattice);
         let z = corners.map(|corner| grid.sample(corner) as i64);
         for at in grid.samples() {
             let q = at.lattice();
@@ -111,10 +114,12 @@ pub(crate) fn worst(grid: &Grid<'_>, tin: &Tin) -> (i64, i64) {
 }
 
 /// What a method makes, by every triangulation that it takes.
-fn made(method: &Method, grid: Grid<'_>, goal: Goal) -> Vec<Tin> {
+fn made(method: &BaselineMethod, grid: HeightGrid<'_>, goal: BaselineGoal) -> Vec<BaselineTin> {
     let count = if method.takes_triangulation { 3 } else { 1 };
-    let all = Triangulation::ALL[..count].iter();
-    let run = |&triangulation| (method.run)(&Task { triangulation, ..Task::new(grid, goal) });
+    let all = TriangulationRule::ALL[..count].iter();
+    let run = |&triangulation| {
+        (method.run)(&BaselineTask { triangulation, ..BaselineTask::new(grid, goal) })
+    };
     all.map(|triangulation| run(triangulation).unwrap()).collect()
 }
 
@@ -126,7 +131,7 @@ proptest! {
         let grid = heights.grid();
         prop_assume!(crate::mesh::check_surface(&grid).is_ok());
         for method in METHODS {
-            for tin in made(method, grid, Goal::MaxError(tolerance)) {
+            for tin in made(method, grid, BaselineGoal::MaxError(tolerance)) {
                 check_cover(&grid, &tin);
                 let (error, of) = worst(&grid, &tin);
                 assert!((4 * error) as f64 <= 4.0 * tolerance * of as f64, "{}", method.name);
@@ -141,13 +146,13 @@ proptest! {
         let grid = heights.grid();
         prop_assume!(crate::mesh::check_surface(&grid).is_ok());
         for method in METHODS.iter().filter(|method| method.takes_budget) {
-            for goal in [Goal::MaxVertices(vertices), Goal::MaxTriangles(triangles)] {
-                let Ok(tin) = (method.run)(&Task::new(grid, goal)) else { continue };
+            for goal in [BaselineGoal::MaxVertices(vertices), BaselineGoal::MaxTriangles(triangles)] {
+                let Ok(tin) = (method.run)(&BaselineTask::new(grid, goal)) else { continue };
                 check_cover(&grid, &tin);
                 let (error, of) = worst(&grid, &tin);
                 assert!((tin.max_error - error as f64 / of as f64).abs() < 1e-12);
                 match goal {
-                    Goal::MaxVertices(most) => assert!(tin.vertices.len() as u64 <= most),
+                    BaselineGoal::MaxVertices(most) => assert!(tin.vertices.len() as u64 <= most),
                     _ => assert!(tin.triangles.len() as u64 <= triangles),
                 }
             }
@@ -159,9 +164,10 @@ proptest! {
 fn a_grid_without_a_surface_is_refused_by_all() {
     let heights = [1.0, f64::NAN, f64::NAN, 2.0, 1.0, 1.0];
     for (width, height) in [(2, 3), (3, 2), (6, 1), (1, 6)] {
-        let grid = Grid::new(width, height, &heights, None).unwrap();
+        let grid = HeightGrid::new(width, height, &heights, None).unwrap();
         for method in METHODS {
-            let error = (method.run)(&Task::new(grid, Goal::MaxError(1.0))).unwrap_err();
+            let error =
+                (method.run)(&BaselineTask::new(grid, BaselineGoal::MaxError(1.0))).unwrap_err();
             assert!(error.to_string().contains("four valid samples"), "{}: {error}", method.name);
         }
     }
@@ -170,10 +176,11 @@ fn a_grid_without_a_surface_is_refused_by_all() {
 #[test]
 fn a_pulse_that_fails_ends_the_work() {
     let heights: Vec<f64> = (0..400).map(|i| f64::from(i * i % 37)).collect();
-    let grid = Grid::new(20, 20, &heights, None).unwrap();
+    let grid = HeightGrid::new(20, 20, &heights, None).unwrap();
     for method in METHODS {
         let stop = || Err(terrane_base::Error::usage("enough"));
-        let task = Task { pulse: &stop, ..Task::new(grid, Goal::MaxError(1.0)) };
+        let task =
+            BaselineTask { pulse: &stop, ..BaselineTask::new(grid, BaselineGoal::MaxError(1.0)) };
         assert!((method.run)(&task).is_err(), "{}", method.name);
     }
 }
@@ -193,7 +200,8 @@ fn names_are_unique_and_texts_are_there() {
 
 #[test]
 fn grids_that_make_no_sense_are_refused() {
-    let refused = |width, height, heights: &[f64]| Grid::new(width, height, heights, None).is_err();
+    let refused =
+        |width, height, heights: &[f64]| HeightGrid::new(width, height, heights, None).is_err();
     assert!(refused(2, 2, &[0.0; 3]) && refused(16_385, 1, &vec![0.0; 16_385]));
     assert!(refused(2, 2, &[0.0, f64::INFINITY, 0.0, 0.0]));
     assert!(!refused(2, 2, &[0.0, f64::NAN, 0.0, 0.0]));

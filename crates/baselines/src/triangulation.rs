@@ -13,11 +13,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::grid::{Grid, Sample};
-use crate::plane::Plane;
+use crate::grid::{HeightGrid, PackedSample};
+use crate::plane::TrianglePlane;
 use terrane_base::error::Error;
 use terrane_base::geom::predicates::{in_circle, orient};
-use terrane_base::registry::{Named, named};
+use terrane_base::registry::{RegistryEntry, named};
 
 /// Which triangles a set of vertices, inserted one by one, gets.
 ///
@@ -27,7 +27,7 @@ use terrane_base::registry::{Named, named};
 /// # Ok::<(), terrane_base::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Triangulation {
+pub enum TriangulationRule {
     /// Delaunay: no vertex lies within the circle of a triangle.
     #[default]
     Delaunay,
@@ -37,7 +37,7 @@ pub enum Triangulation {
     DataDependent,
 }
 
-impl Triangulation {
+impl TriangulationRule {
     /// All of them, the default first.
     pub const ALL: [Self; 3] = [Self::Delaunay, Self::Split3, Self::DataDependent];
 
@@ -52,12 +52,12 @@ impl Triangulation {
 
     /// Whether the edge from `a` to `b` between the new vertex `p` and `d` beyond becomes one from `p` to
     /// `d`. Where both are alike, it stays.
-    pub(crate) fn flips(self, grid: &Grid<'_>, [p, a, b, d]: [Sample; 4]) -> bool {
+    pub(crate) fn flips(self, grid: &HeightGrid<'_>, [p, a, b, d]: [PackedSample; 4]) -> bool {
         match self {
             Self::Delaunay => in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) > 0,
             Self::Split3 => false,
             Self::DataDependent => {
-                let is_convex = |from: Sample, at: Sample, to: Sample| {
+                let is_convex = |from: PackedSample, at: PackedSample, to: PackedSample| {
                     orient(from.lattice(), at.lattice(), to.lattice()) > 0
                 };
                 is_convex(p, a, d)
@@ -70,15 +70,15 @@ impl Triangulation {
 }
 
 /// The largest error of each of two triangles, added up.
-fn error_sum(grid: &Grid<'_>, triangles: [[Sample; 3]; 2]) -> f64 {
+fn error_sum(grid: &HeightGrid<'_>, triangles: [[PackedSample; 3]; 2]) -> f64 {
     let largest = |corners| {
-        let plane = Plane::new(grid, corners);
+        let plane = TrianglePlane::new(grid, corners);
         plane.offsets().map(|(_, offset)| offset.error()).fold(0.0, f64::max)
     };
     triangles.map(largest).iter().sum()
 }
 
-impl Named for Triangulation {
+impl RegistryEntry for TriangulationRule {
     const KIND: &'static str = "triangulation";
 
     fn name(&self) -> &'static str {
@@ -86,13 +86,13 @@ impl Named for Triangulation {
     }
 }
 
-impl fmt::Display for Triangulation {
+impl fmt::Display for TriangulationRule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Triangulation {
+impl FromStr for TriangulationRule {
     type Err = Error;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {

@@ -15,15 +15,15 @@
 
 use std::cmp::Reverse;
 
-use crate::grid::{Grid, Sample};
-use crate::mesh::Mesh;
-use crate::method::{Method, Promise};
-use crate::result::Tin;
-use crate::surface::Role;
-use crate::task::{Goal, Size, Task};
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::BaselineMesh;
+use crate::method::{BaselineMethod, Promise};
+use crate::result::BaselineTin;
+use crate::surface::SampleRole;
+use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
-pub(crate) const VIP: Method = Method {
+pub(crate) const VIP: BaselineMethod = BaselineMethod {
     name: "vip",
     about: "very important points: those that stand out among their neighbours",
     source: "Chen & Guevara 1987",
@@ -37,20 +37,22 @@ pub(crate) const VIP: Method = Method {
     run,
 };
 
-fn run(task: &Task<'_>) -> Result<Tin> {
-    let outline = Mesh::of_outline(&task.grid)?;
-    let size = Size::of(&outline, task.goal)?;
+fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
+    let outline = BaselineMesh::of_outline(&task.grid)?;
+    let size = SurfaceSize::of(&outline, task.goal)?;
     let order = by_significance(&task.grid);
     let room = match task.goal {
-        Goal::MaxError(tolerance) => return enough(task, &outline, &order, tolerance),
-        Goal::MaxVertices(most) => (most - size.vertices) as usize,
-        Goal::MaxTriangles(most) => with_triangles(&task.grid, &order, most - size.triangles),
+        BaselineGoal::MaxError(tolerance) => return enough(task, &outline, &order, tolerance),
+        BaselineGoal::MaxVertices(most) => (most - size.vertices) as usize,
+        BaselineGoal::MaxTriangles(most) => {
+            with_triangles(&task.grid, &order, most - size.triangles)
+        }
     };
     mesh(task, &outline, &order[..room.min(order.len())])
 }
 
 /// How many of the first samples make no more than so many triangles: two each, or one on a side of the grid.
-fn with_triangles(grid: &Grid<'_>, order: &[Sample], most: u64) -> usize {
+fn with_triangles(grid: &HeightGrid<'_>, order: &[PackedSample], most: u64) -> usize {
     let is_side = |at: u32, count: u32| at == 0 || at + 1 == count;
     let grown = order.iter().scan(0, |sum, at| {
         let on_side = is_side(at.col(), grid.width()) || is_side(at.row(), grid.height());
@@ -61,9 +63,10 @@ fn with_triangles(grid: &Grid<'_>, order: &[Sample], most: u64) -> usize {
 }
 
 /// Samples within the surface, the most significant first, among equals the lowest (row, column).
-fn by_significance(grid: &Grid<'_>) -> Vec<Sample> {
-    let is_open = |at: &Sample| grid.role(*at) == Role::Interior && !grid.is_corner(*at);
-    let mut all: Vec<(Significance, Sample)> =
+fn by_significance(grid: &HeightGrid<'_>) -> Vec<PackedSample> {
+    let is_open =
+        |at: &PackedSample| grid.role(*at) == SampleRole::Interior && !grid.is_corner(*at);
+    let mut all: Vec<(Significance, PackedSample)> =
         grid.samples().filter(is_open).map(|at| (significance(grid, at), at)).collect();
     all.sort_unstable_by_key(|&(significance, at)| (Reverse(significance), at));
     all.into_iter().map(|(_, at)| at).collect()
@@ -72,12 +75,12 @@ fn by_significance(grid: &Grid<'_>) -> Vec<Sample> {
 /// A distance that is not negative, ordered by its bits.
 type Significance = u64;
 
-fn significance(grid: &Grid<'_>, at: Sample) -> Significance {
+fn significance(grid: &HeightGrid<'_>, at: PackedSample) -> Significance {
     let [col, row] = at.lattice();
     let height = |[dx, dy]: [i32; 2]| {
         let (col, row) = (u32::try_from(col + dx).ok()?, u32::try_from(row + dy).ok()?);
         let is_inside = col < grid.width() && row < grid.height();
-        is_inside.then(|| grid.sample(Sample::new(col, row))).filter(|z| !z.is_nan())
+        is_inside.then(|| grid.sample(PackedSample::new(col, row))).filter(|z| !z.is_nan())
     };
     let distance = |[dx, dy]: [i32; 2]| {
         let [before, after] = [height([-dx, -dy])?, height([dx, dy])?];
@@ -92,14 +95,18 @@ fn significance(grid: &Grid<'_>, at: Sample) -> Significance {
 const STRETCH: usize = 1 << 12;
 
 /// The mesh of some samples, inserted near each other.
-fn mesh(task: &Task<'_>, outline: &Mesh, chosen: &[Sample]) -> Result<Tin> {
+fn mesh(
+    task: &BaselineTask<'_>,
+    outline: &BaselineMesh,
+    chosen: &[PackedSample],
+) -> Result<BaselineTin> {
     let (mut mesh, mut chosen) = (outline.clone(), chosen.to_vec());
     chosen.sort_unstable_by_key(|at| interleaved(at.col()) | interleaved(at.row()) << 1);
     for stretch in chosen.chunks(STRETCH) {
         (task.pulse)()?;
         mesh.insert_all(&task.grid, stretch.iter().copied());
     }
-    Ok(Tin::of_mesh(&task.grid, &mesh))
+    Ok(BaselineTin::of_mesh(&task.grid, &mesh))
 }
 
 /// The bits of a number with zeros between them, so that two numbers make a place on a Z-shaped curve (Morton
@@ -109,9 +116,14 @@ fn interleaved(number: u32) -> u64 {
 }
 
 /// A mesh of so many of the first samples that the error is kept, and with one fewer is not.
-fn enough(task: &Task<'_>, outline: &Mesh, order: &[Sample], tolerance: f64) -> Result<Tin> {
+fn enough(
+    task: &BaselineTask<'_>,
+    outline: &BaselineMesh,
+    order: &[PackedSample],
+    tolerance: f64,
+) -> Result<BaselineTin> {
     let of_first = |count: usize| mesh(task, outline, &order[..count]);
-    let keeps = |tin: &Tin| tin.max_error <= tolerance;
+    let keeps = |tin: &BaselineTin| tin.max_error <= tolerance;
     let coarsest = of_first(0)?;
     if keeps(&coarsest) {
         return Ok(coarsest);
@@ -137,24 +149,26 @@ mod tests {
     fn a_peak_comes_before_its_neighbours_and_they_before_the_plain() {
         let mut heights = vec![0.0; 49];
         heights[3 * 7 + 3] = 9.0;
-        let grid = Grid::new(7, 7, &heights, None).unwrap();
+        let grid = HeightGrid::new(7, 7, &heights, None).unwrap();
         let order = by_significance(&grid);
         assert_eq!(order.len(), 45);
-        assert_eq!(order[0], Sample::new(3, 3));
-        let near = |at: &Sample| at.col().abs_diff(3).max(at.row().abs_diff(3));
+        assert_eq!(order[0], PackedSample::new(3, 3));
+        let near = |at: &PackedSample| at.col().abs_diff(3).max(at.row().abs_diff(3));
         // Each neighbour has one line to the peak.
         assert!(order[1..9].iter().all(|at| near(at) == 1));
-        assert_eq!(order[9], Sample::new(1, 0));
-        assert_eq!(f64::from_bits(significance(&grid, Sample::new(3, 3))), 9.0);
-        assert_eq!(f64::from_bits(significance(&grid, Sample::new(2, 3))), 4.5 / 4.0);
+        assert_eq!(order[9], PackedSample::new(1, 0));
+        assert_eq!(f64::from_bits(significance(&grid, PackedSample::new(3, 3))), 9.0);
+        assert_eq!(f64::from_bits(significance(&grid, PackedSample::new(2, 3))), 4.5 / 4.0);
     }
 
     #[test]
     fn one_vertex_fewer_breaks_the_error() {
         let heights: Vec<f64> = (0..144).map(|i| f64::from(i * i % 31)).collect();
-        let grid = Grid::new(12, 12, &heights, None).unwrap();
-        let tin = run(&Task::new(grid, Goal::MaxError(6.0))).unwrap();
-        let fewer = Goal::MaxVertices(tin.vertices.len() as u64 - 1);
-        assert!(tin.max_error <= 6.0 && run(&Task::new(grid, fewer)).unwrap().max_error > 6.0);
+        let grid = HeightGrid::new(12, 12, &heights, None).unwrap();
+        let tin = run(&BaselineTask::new(grid, BaselineGoal::MaxError(6.0))).unwrap();
+        let fewer = BaselineGoal::MaxVertices(tin.vertices.len() as u64 - 1);
+        assert!(
+            tin.max_error <= 6.0 && run(&BaselineTask::new(grid, fewer)).unwrap().max_error > 6.0
+        );
     }
 }

@@ -1,10 +1,10 @@
 //! What the files of a cloud must agree in: their coordinate reference system.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Heights};
+use terrane_base::geom::{Crs, VerticalReference};
 use terrane_files::{path_of, shown};
 
-use super::member::File;
+use super::member::CloudFile;
 
 /// The system of all files, and what is to be said of it; `given` is that of files that name none. Heights are those
 /// of the first file that says what they are.
@@ -13,14 +13,15 @@ use super::member::File;
 /// Two files of different systems.
 pub(super) fn crs(
     names: &[String],
-    files: &[File],
+    files: &[CloudFile],
     given: Option<&Crs>,
 ) -> Result<(Crs, Option<String>)> {
-    let of = |file: &File| match (file.crs(), given) {
+    let of = |file: &CloudFile| match (file.crs(), given) {
         (crs, Some(given)) if !crs.is_named() => given.clone(),
         (crs, _) => crs.clone(),
     };
-    let says = |crs: &Crs| crs.vertical_unit.is_some() || crs.heights() != Heights::Unknown;
+    let says =
+        |crs: &Crs| crs.vertical_unit.is_some() || crs.heights() != VerticalReference::Unknown;
     let (mut known, mut silent): (Option<(&str, Crs)>, Option<&str>) = (None, None);
     for (name, other) in names.iter().zip(files.iter().map(of)) {
         let is_silent = !says(&other);

@@ -4,32 +4,35 @@ use terrane_base::attribute::{self, CLASS, RETURN, RETURNS};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Ruler};
 
-use super::column::Column;
+use super::column::PointColumn;
 use super::raw::Raw;
 use super::source::Each;
 
 /// Attributes that every source of points knows.
-const COMMON: [(&str, Reader); 3] =
-    [(CLASS, Reader::Class), (RETURN, Reader::Number), (RETURNS, Reader::Returns)];
+const COMMON: [(&str, AttributeReader); 3] = [
+    (CLASS, AttributeReader::Class),
+    (RETURN, AttributeReader::Number),
+    (RETURNS, AttributeReader::Returns),
+];
 
 /// Where an attribute of a point is found.
 #[derive(Clone, Debug)]
-pub(crate) enum Reader {
+pub(crate) enum AttributeReader {
     Class,
     Number,
     Returns,
     /// In the whole record.
-    Field(Column),
+    Field(PointColumn),
 }
 
-impl Reader {
+impl AttributeReader {
     /// Whether it takes whole records.
     pub(crate) fn needs_record(&self) -> bool {
         self.column().is_some()
     }
 
     /// Where it is in the whole record, if it takes that.
-    pub(crate) fn column(&self) -> Option<&Column> {
+    pub(crate) fn column(&self) -> Option<&PointColumn> {
         match self {
             Self::Field(column) => Some(column),
             _ => None,
@@ -59,7 +62,7 @@ impl Reader {
 ///
 /// # Errors
 /// Those of [`reader`].
-pub(crate) fn readers(names: &[String], columns: &[Column]) -> Result<Vec<Reader>> {
+pub(crate) fn readers(names: &[String], columns: &[PointColumn]) -> Result<Vec<AttributeReader>> {
     names.iter().map(|asked| reader(asked, columns)).collect()
 }
 
@@ -67,12 +70,12 @@ pub(crate) fn readers(names: &[String], columns: &[Column]) -> Result<Vec<Reader
 ///
 /// # Errors
 /// An attribute that is not among them; they are listed.
-pub(crate) fn reader(asked: &str, columns: &[Column]) -> Result<Reader> {
+pub(crate) fn reader(asked: &str, columns: &[PointColumn]) -> Result<AttributeReader> {
     let own = |name: &str| {
         let is_it = |own: &str| own.trim().eq_ignore_ascii_case(name.trim());
         let common = COMMON.iter().find(|(own, _)| is_it(own)).map(|(_, reader)| reader.clone());
         let field = || columns.iter().find(|column| is_it(&column.name)).cloned();
-        common.or_else(|| field().map(Reader::Field))
+        common.or_else(|| field().map(AttributeReader::Field))
     };
     let known = || own(attribute::known(asked.trim())?.name);
     own(asked).or_else(known).ok_or_else(|| {
@@ -86,14 +89,14 @@ pub(crate) fn reader(asked: &str, columns: &[Column]) -> Result<Reader> {
 }
 
 /// Points at hand, with their columns.
-pub(crate) struct Table<'a> {
-    readers: &'a [Reader],
+pub(crate) struct AttributeTable<'a> {
+    readers: &'a [AttributeReader],
     points: Vec<Point>,
     columns: Vec<Vec<f64>>,
 }
 
-impl<'a> Table<'a> {
-    pub(crate) fn new(readers: &'a [Reader]) -> Self {
+impl<'a> AttributeTable<'a> {
+    pub(crate) fn new(readers: &'a [AttributeReader]) -> Self {
         Self { readers, points: Vec::new(), columns: vec![Vec::new(); readers.len()] }
     }
 

@@ -4,11 +4,11 @@
 use std::fmt::Write as _;
 
 use crate::format::{ANGLES, PointFormat};
-use terrane_base::geom::{Frame, Ruler};
+use terrane_base::geom::{PointFrame, Ruler};
 
 /// What is in a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Value {
+pub(crate) enum ColumnEncoding {
     /// Some bits of a byte: the lowest, and how many.
     Bits(u32, u32),
     Unsigned(usize),
@@ -20,10 +20,10 @@ pub(crate) enum Value {
 
 /// A column: its name, where its value is in a record, and the value, to be multiplied and added to.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub struct PointColumn {
     pub(crate) name: String,
     pub(crate) at: usize,
-    pub(crate) value: Value,
+    pub(crate) value: ColumnEncoding,
     pub(crate) scale: Option<[f64; 2]>,
     /// What the value is, before all that, where there is none.
     pub(crate) none: Option<f64>,
@@ -33,39 +33,39 @@ pub struct Column {
 pub(crate) const TIME: &str = "gps_time";
 
 /// Columns behind the coordinates that formats before 6 have, and those from 6 on; those of both.
-const OLD: [(&str, usize, Value); 11] = [
-    ("intensity", 12, Value::Unsigned(2)),
-    ("return_number", 14, Value::Bits(0, 3)),
-    ("number_of_returns", 14, Value::Bits(3, 3)),
-    ("scan_direction", 14, Value::Bits(6, 1)),
-    ("edge_of_flight_line", 14, Value::Bits(7, 1)),
-    ("classification", 15, Value::Bits(0, 5)),
-    ("synthetic", 15, Value::Bits(5, 1)),
-    ("key_point", 15, Value::Bits(6, 1)),
-    ("withheld", 15, Value::Bits(7, 1)),
-    ("scan_angle", 16, Value::Signed(1)),
-    ("user_data", 17, Value::Unsigned(1)),
+const OLD: [(&str, usize, ColumnEncoding); 11] = [
+    ("intensity", 12, ColumnEncoding::Unsigned(2)),
+    ("return_number", 14, ColumnEncoding::Bits(0, 3)),
+    ("number_of_returns", 14, ColumnEncoding::Bits(3, 3)),
+    ("scan_direction", 14, ColumnEncoding::Bits(6, 1)),
+    ("edge_of_flight_line", 14, ColumnEncoding::Bits(7, 1)),
+    ("classification", 15, ColumnEncoding::Bits(0, 5)),
+    ("synthetic", 15, ColumnEncoding::Bits(5, 1)),
+    ("key_point", 15, ColumnEncoding::Bits(6, 1)),
+    ("withheld", 15, ColumnEncoding::Bits(7, 1)),
+    ("scan_angle", 16, ColumnEncoding::Signed(1)),
+    ("user_data", 17, ColumnEncoding::Unsigned(1)),
 ];
-const NEW: [(&str, usize, Value); 13] = [
-    ("intensity", 12, Value::Unsigned(2)),
-    ("return_number", 14, Value::Bits(0, 4)),
-    ("number_of_returns", 14, Value::Bits(4, 4)),
-    ("synthetic", 15, Value::Bits(0, 1)),
-    ("key_point", 15, Value::Bits(1, 1)),
-    ("withheld", 15, Value::Bits(2, 1)),
-    ("overlap", 15, Value::Bits(3, 1)),
-    ("scanner_channel", 15, Value::Bits(4, 2)),
-    ("scan_direction", 15, Value::Bits(6, 1)),
-    ("edge_of_flight_line", 15, Value::Bits(7, 1)),
-    ("classification", 16, Value::Unsigned(1)),
-    ("user_data", 17, Value::Unsigned(1)),
-    ("scan_angle", 18, Value::Angle),
+const NEW: [(&str, usize, ColumnEncoding); 13] = [
+    ("intensity", 12, ColumnEncoding::Unsigned(2)),
+    ("return_number", 14, ColumnEncoding::Bits(0, 4)),
+    ("number_of_returns", 14, ColumnEncoding::Bits(4, 4)),
+    ("synthetic", 15, ColumnEncoding::Bits(0, 1)),
+    ("key_point", 15, ColumnEncoding::Bits(1, 1)),
+    ("withheld", 15, ColumnEncoding::Bits(2, 1)),
+    ("overlap", 15, ColumnEncoding::Bits(3, 1)),
+    ("scanner_channel", 15, ColumnEncoding::Bits(4, 2)),
+    ("scan_direction", 15, ColumnEncoding::Bits(6, 1)),
+    ("edge_of_flight_line", 15, ColumnEncoding::Bits(7, 1)),
+    ("classification", 16, ColumnEncoding::Unsigned(1)),
+    ("user_data", 17, ColumnEncoding::Unsigned(1)),
+    ("scan_angle", 18, ColumnEncoding::Angle),
 ];
 
 /// The columns of the records of a format behind the coordinates, those of extra bytes last.
-pub(crate) fn columns(format: PointFormat, extra: &[Column]) -> Vec<Column> {
+pub(crate) fn columns(format: PointFormat, extra: &[PointColumn]) -> Vec<PointColumn> {
     let places = format.places();
-    let column = |(name, at, value): (&str, usize, Value)| Column {
+    let column = |(name, at, value): (&str, usize, ColumnEncoding)| PointColumn {
         name: name.into(),
         at,
         value,
@@ -75,28 +75,33 @@ pub(crate) fn columns(format: PointFormat, extra: &[Column]) -> Vec<Column> {
     let (own, source): (&[_], _) = if format.is_new() { (&NEW, 20) } else { (&OLD, 18) };
     let colours = ["red", "green", "blue"].into_iter().enumerate();
     let colours = places.colour.into_iter().flat_map(|at| {
-        colours.clone().map(move |(i, name)| (name, at + 2 * i, Value::Unsigned(2)))
+        colours.clone().map(move |(i, name)| (name, at + 2 * i, ColumnEncoding::Unsigned(2)))
     });
-    let more = [("point_source_id", source, Value::Unsigned(2))]
+    let more = [("point_source_id", source, ColumnEncoding::Unsigned(2))]
         .into_iter()
-        .chain(places.time.map(|at| (TIME, at, Value::Float(8))))
+        .chain(places.time.map(|at| (TIME, at, ColumnEncoding::Float(8))))
         .chain(colours)
-        .chain(places.infrared.map(|at| ("infrared", at, Value::Unsigned(2))));
+        .chain(places.infrared.map(|at| ("infrared", at, ColumnEncoding::Unsigned(2))));
     own.iter().copied().chain(more).map(column).chain(extra.iter().cloned()).collect()
 }
 
 /// How records become lines.
 #[derive(Clone, Debug)]
-pub struct Lines {
+pub struct PointLineFormatter {
     rulers: [Ruler; 3],
-    columns: Vec<Column>,
+    columns: Vec<PointColumn>,
     /// Bytes of a record.
     size: usize,
 }
 
-impl Lines {
+impl PointLineFormatter {
     /// For records of a format, with columns of extra bytes.
-    pub(crate) fn new(format: PointFormat, frame: &Frame, extra: &[Column], size: usize) -> Self {
+    pub(crate) fn new(
+        format: PointFormat,
+        frame: &PointFrame,
+        extra: &[PointColumn],
+        size: usize,
+    ) -> Self {
         let columns = columns(format, extra);
         Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), columns, size }
     }
@@ -128,15 +133,19 @@ impl Lines {
     }
 }
 
-impl Column {
+impl PointColumn {
     fn put(&self, record: &[u8], text: &mut String) {
         let bytes = &record[self.at..];
         match self.value {
-            Value::Bits(first, count) => put(text, bits(bytes, first, count)),
-            Value::Unsigned(count) if self.scale.is_none() => put(text, word(bytes, count)),
-            Value::Signed(count) if self.scale.is_none() => put(text, signed(bytes, count)),
-            Value::Float(4) if self.scale.is_none() => put(text, single(bytes)),
-            Value::Angle => put(text, f32::from(signed(bytes, 2) as i16) * ANGLES),
+            ColumnEncoding::Bits(first, count) => put(text, bits(bytes, first, count)),
+            ColumnEncoding::Unsigned(count) if self.scale.is_none() => {
+                put(text, word(bytes, count))
+            }
+            ColumnEncoding::Signed(count) if self.scale.is_none() => {
+                put(text, signed(bytes, count))
+            }
+            ColumnEncoding::Float(4) if self.scale.is_none() => put(text, single(bytes)),
+            ColumnEncoding::Angle => put(text, f32::from(signed(bytes, 2) as i16) * ANGLES),
             _ => put(text, self.scaled(self.stored(bytes))),
         }
     }
@@ -154,8 +163,8 @@ impl Column {
         let bytes = &record[self.at..];
         match self.value {
             _ if self.none == Some(self.stored(bytes)) => true,
-            Value::Unsigned(8) => word(bytes, 8) <= MOST,
-            Value::Signed(8) => signed(bytes, 8).unsigned_abs() <= MOST,
+            ColumnEncoding::Unsigned(8) => word(bytes, 8) <= MOST,
+            ColumnEncoding::Signed(8) => signed(bytes, 8).unsigned_abs() <= MOST,
             _ => true,
         }
     }
@@ -163,19 +172,20 @@ impl Column {
     /// The value that `bytes` begin with.
     fn stored(&self, bytes: &[u8]) -> f64 {
         match self.value {
-            Value::Bits(first, count) => bits(bytes, first, count).into(),
-            Value::Unsigned(count) => word(bytes, count) as f64,
-            Value::Signed(count) => signed(bytes, count) as f64,
-            Value::Float(4) => single(bytes).into(),
-            Value::Float(_) => f64::from_bits(word(bytes, 8)),
+            ColumnEncoding::Bits(first, count) => bits(bytes, first, count).into(),
+            ColumnEncoding::Unsigned(count) => word(bytes, count) as f64,
+            ColumnEncoding::Signed(count) => signed(bytes, count) as f64,
+            ColumnEncoding::Float(4) => single(bytes).into(),
+            ColumnEncoding::Float(_) => f64::from_bits(word(bytes, 8)),
             // 0.006 degrees are no float; three 500ths are rounded once.
-            Value::Angle => f64::from(signed(bytes, 2) as i16) * 3.0 / 500.0,
+            ColumnEncoding::Angle => f64::from(signed(bytes, 2) as i16) * 3.0 / 500.0,
         }
     }
 
     /// The decimals that its values are steps of, where they are whole numbers that are scaled.
     pub fn ruler(&self) -> Option<Ruler> {
-        let is_whole = matches!(self.value, Value::Signed(_) | Value::Unsigned(1..8));
+        let is_whole =
+            matches!(self.value, ColumnEncoding::Signed(_) | ColumnEncoding::Unsigned(1..8));
         let is_ruler = |[scale, offset]: &[f64; 2]| {
             *scale > 0.0 && scale.is_finite() && offset.is_finite() && is_whole
         };
@@ -186,8 +196,8 @@ impl Column {
     pub fn decimal(&self, record: &[u8], ruler: &Ruler) -> f64 {
         let bytes = &record[self.at..];
         let step = match self.value {
-            Value::Signed(count) => signed(bytes, count),
-            Value::Unsigned(count) => word(bytes, count).cast_signed(),
+            ColumnEncoding::Signed(count) => signed(bytes, count),
+            ColumnEncoding::Unsigned(count) => word(bytes, count).cast_signed(),
             _ => return self.number(record),
         };
         if self.none == Some(step as f64) { f64::NAN } else { ruler.at(step) }
@@ -229,7 +239,8 @@ mod tests {
 
     #[test]
     fn whole_numbers_beyond_those_of_floats_are_known() {
-        let column = |value| Column { name: "id".into(), at: 1, value, scale: None, none: None };
+        let column =
+            |value| PointColumn { name: "id".into(), at: 1, value, scale: None, none: None };
         let is_exact = |value, stored: i64| {
             column(value).is_exact(&[&[9][..], &stored.to_le_bytes()].concat())
         };
@@ -241,11 +252,15 @@ mod tests {
             (-1, true, false),
             (i64::MIN, false, false),
         ] {
-            assert_eq!(is_exact(Value::Signed(8), stored), signed, "{stored}");
-            assert_eq!(is_exact(Value::Unsigned(8), stored), unsigned, "{stored}");
-            assert!(is_exact(Value::Unsigned(4), stored) && is_exact(Value::Float(8), stored));
+            assert_eq!(is_exact(ColumnEncoding::Signed(8), stored), signed, "{stored}");
+            assert_eq!(is_exact(ColumnEncoding::Unsigned(8), stored), unsigned, "{stored}");
+            assert!(
+                is_exact(ColumnEncoding::Unsigned(4), stored)
+                    && is_exact(ColumnEncoding::Float(8), stored)
+            );
         }
-        let none = Column { none: Some(-1_i64 as u64 as f64), ..column(Value::Unsigned(8)) };
+        let none =
+            PointColumn { none: Some(-1_i64 as u64 as f64), ..column(ColumnEncoding::Unsigned(8)) };
         assert!(none.is_exact(&[0xff; 9]));
     }
 }

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::Result;
 use terrane_base::formula::Formula;
-use terrane_base::geom::{Frame, Point, Ruler};
+use terrane_base::geom::{Point, PointFrame, Ruler};
 
-use super::attributes::{Reader, reader};
-use super::column::Column;
+use super::attributes::{AttributeReader, reader};
+use super::column::PointColumn;
 use super::raw::Raw;
 
 /// What coordinates are called.
@@ -59,14 +59,14 @@ impl Condition {
     ///
     /// # Errors
     /// An attribute that the points do not have.
-    pub(crate) fn bind(&self, columns: &[Column], frame: &Frame) -> Result<Test> {
+    pub(crate) fn bind(&self, columns: &[PointColumn], frame: &PointFrame) -> Result<Test> {
         let source = |name: &str| {
             if let Some(axis) = AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
-                return Ok(Source::Axis(axis, frame.ruler(axis)));
+                return Ok(ConditionOperand::Axis(axis, frame.ruler(axis)));
             }
             let found = reader(name, columns)?;
-            let ruler = found.column().and_then(Column::ruler);
-            Ok(Source::Attribute(found, ruler))
+            let ruler = found.column().and_then(PointColumn::ruler);
+            Ok(ConditionOperand::Attribute(found, ruler))
         };
         Ok(Test(self.formula.resolve(source)?))
     }
@@ -74,15 +74,15 @@ impl Condition {
 
 /// Where a number of a condition is.
 #[derive(Clone, Debug)]
-enum Source {
+enum ConditionOperand {
     Axis(usize, Ruler),
     /// With the decimals that its whole numbers are steps of, where they are scaled.
-    Attribute(Reader, Option<Ruler>),
+    Attribute(AttributeReader, Option<Ruler>),
 }
 
 /// A condition on the records of one file.
 #[derive(Clone, Debug)]
-pub(crate) struct Test(Formula<Source>);
+pub(crate) struct Test(Formula<ConditionOperand>);
 
 impl Test {
     /// Whether it is true of a point, of which this is the record.
@@ -90,9 +90,13 @@ impl Test {
         thread_local! {
             static STACK: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
         }
-        let value = |source: &Source| match source {
-            Source::Axis(axis, ruler) => ruler.at([point.x, point.y, point.z][*axis].into()),
-            Source::Attribute(reader, ruler) => reader.decimal(raw, record, ruler.as_ref()),
+        let value = |source: &ConditionOperand| match source {
+            ConditionOperand::Axis(axis, ruler) => {
+                ruler.at([point.x, point.y, point.z][*axis].into())
+            }
+            ConditionOperand::Attribute(reader, ruler) => {
+                reader.decimal(raw, record, ruler.as_ref())
+            }
         };
         STACK.with_borrow_mut(|stack| self.0.holds(stack, value))
     }

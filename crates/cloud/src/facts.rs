@@ -1,20 +1,20 @@
 //! What the header of a cloud's only file says, for people.
 
-use super::las::{Header, LasFile};
-use super::member::File;
-use super::open::Cloud;
+use super::las::{LasFile, LasHeader};
+use super::member::CloudFile;
+use super::open::PointCloud;
 
 /// Records that are named one by one.
 const MOST_VLRS: usize = 12;
 
-impl Cloud {
+impl PointCloud {
     /// What kind of files it is made of.
     pub fn format(&self) -> &'static str {
-        let kind = |file: &File| match file {
-            File::Las(file) if file.is_copc => "COPC",
-            File::Las(file) if file.header.is_compressed => "LAZ",
-            File::Las(_) => "LAS",
-            File::Text(_) => "text",
+        let kind = |file: &CloudFile| match file {
+            CloudFile::Las(file) if file.is_copc => "COPC",
+            CloudFile::Las(file) if file.header.is_compressed => "LAZ",
+            CloudFile::Las(_) => "LAS",
+            CloudFile::Text(_) => "text",
         };
         let mut kinds = self.kinds().map(kind);
         let first = kinds.next().unwrap_or("none");
@@ -29,7 +29,7 @@ impl Cloud {
 }
 
 fn of_las(file: &LasFile) -> Vec<(&'static str, String)> {
-    let Header { version, format, record, system, software, created, .. } = &file.header;
+    let LasHeader { version, format, record, system, software, created, .. } = &file.header;
     let extra = file.header.extra_bytes();
     let mut details = vec![
         ("version", format!("{}.{}", version[0], version[1])),

@@ -7,16 +7,16 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::attribute::Return;
 use terrane_base::error::Result;
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 
 use super::condition::Condition;
-use super::polygon::Polygon;
+use super::polygon::FilterPolygon;
 use super::raw::Flags;
 
 /// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
 /// cloud's frame first, and all is decided on steps (see [`Gate`]).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Filter {
+pub struct CloudFilter {
     /// Of one of these classes.
     pub classes: Option<Vec<u8>>,
     /// Of this return of their pulse.
@@ -28,7 +28,7 @@ pub struct Filter {
     /// Within x low, y low, x high, y high, borders included; in world units.
     pub bounds: Option<[f64; 4]>,
     /// Inside this polygon.
-    pub polygon: Option<Arc<Polygon>>,
+    pub polygon: Option<Arc<FilterPolygon>>,
     /// Not lower than the first and not higher than the second; in world units.
     pub z_range: Option<[f64; 2]>,
     /// Whose attributes meet this condition.
@@ -42,7 +42,7 @@ const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINIT
 
 /// All of a point that filters ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Record {
+pub struct FilterRecord {
     /// In steps of the cloud's frame.
     pub point: Point,
     /// World coordinates.
@@ -61,7 +61,7 @@ pub struct Record {
 
 /// What becomes of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum FilterVerdict {
     /// It is handed on.
     Keep,
     /// It is marked as withheld.
@@ -70,7 +70,7 @@ pub enum Verdict {
     Filtered,
 }
 
-impl Filter {
+impl CloudFilter {
     /// Fails where polygons are in another reference system than a cloud.
     pub(crate) fn check_system(&self, cloud: &Crs) -> Result<()> {
         self.polygon.as_ref().map_or(Ok(()), |polygon| polygon.check(cloud))
@@ -95,16 +95,16 @@ impl Filter {
 /// A filter whose limits are steps of a frame.
 #[derive(Clone, Debug)]
 pub struct Gate {
-    filter: Filter,
+    filter: CloudFilter,
     /// Lowest and highest steps of the points wanted; none where they cross over.
     limits: [[i32; 2]; 3],
     /// In steps.
-    polygon: Option<Arc<Polygon>>,
+    polygon: Option<Arc<FilterPolygon>>,
 }
 
 impl Gate {
     /// For points of `frame`.
-    pub fn new(filter: &Filter, frame: &Frame) -> Self {
+    pub fn new(filter: &CloudFilter, frame: &PointFrame) -> Self {
         let [west, south, east, north] = filter.area();
         let heights = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let asked = [[west, east], [south, north], heights];
@@ -118,7 +118,7 @@ impl Gate {
     }
 
     /// What it was made of.
-    pub fn filter(&self) -> &Filter {
+    pub fn filter(&self) -> &CloudFilter {
         &self.filter
     }
 
@@ -130,19 +130,19 @@ impl Gate {
         (low.x <= high.x && low.y <= high.y && low.z <= high.z).then_some([low, high])
     }
 
-    /// What becomes of `record`, by all but the [`Filter::condition`]. A point that is withheld and not wanted
+    /// What becomes of `record`, by all but the [`CloudFilter::condition`]. A point that is withheld and not wanted
     /// for another reason, too, counts as withheld.
-    pub fn judge(&self, record: &Record) -> Verdict {
+    pub fn judge(&self, record: &FilterRecord) -> FilterVerdict {
         if !self.filter.keep_withheld && record.flags.meets(Flags::WITHHELD) {
-            return Verdict::Withheld;
+            return FilterVerdict::Withheld;
         }
         match self.is_wanted(record) {
-            true => Verdict::Keep,
-            false => Verdict::Filtered,
+            true => FilterVerdict::Keep,
+            false => FilterVerdict::Filtered,
         }
     }
 
-    fn is_wanted(&self, record: &Record) -> bool {
+    fn is_wanted(&self, record: &FilterRecord) -> bool {
         let (filter, Point { x, y, z }) = (&self.filter, record.point);
         let within = |[low, high]: [i32; 2], step: i32| low <= step && step <= high;
         filter.every.is_none_or(|n| record.index.is_multiple_of(u64::from(n.get())))

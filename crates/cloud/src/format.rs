@@ -27,7 +27,7 @@ const OLD_CLASS: u8 = 31;
 
 /// Where fields are that not all formats have, from the beginning of a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Places {
+pub(crate) struct LasFieldOffsets {
     pub(crate) time: Option<usize>,
     pub(crate) colour: Option<usize>,
     pub(crate) infrared: Option<usize>,
@@ -131,7 +131,7 @@ impl PointFormat {
     /// The first format with all fields of both; of LAS 1.4 where one of them is.
     pub(crate) fn holding(self, other: Self) -> Self {
         let is_new = self.is_new() || other.is_new();
-        let has = |field: fn(Places) -> Option<usize>| {
+        let has = |field: fn(LasFieldOffsets) -> Option<usize>| {
             field(self.places()).is_some() || field(other.places()).is_some()
         };
         let fits = |format: &Self| {
@@ -145,9 +145,11 @@ impl PointFormat {
         (0..Self::COUNT).map(Self).find(fits).unwrap_or(Self(10))
     }
 
-    pub(crate) fn places(self) -> Places {
-        let mut places =
-            Places { size: if self.is_new() { Self::NEW } else { Self::OLD }, ..Places::default() };
+    pub(crate) fn places(self) -> LasFieldOffsets {
+        let mut places = LasFieldOffsets {
+            size: if self.is_new() { Self::NEW } else { Self::OLD },
+            ..LasFieldOffsets::default()
+        };
         let mut field = |is_there: bool, bytes: usize| {
             let at = places.size;
             places.size += if is_there { bytes } else { 0 };
@@ -158,7 +160,7 @@ impl PointFormat {
         let infrared = field(matches!(self.0, 8 | 10), INFRARED);
         let wave = field(self.has_waves(), WAVE);
         let time = if self.is_new() { Some(Self::NEW - TIME) } else { time };
-        Places { time, colour, infrared, wave, ..places }
+        LasFieldOffsets { time, colour, infrared, wave, ..places }
     }
 }
 
@@ -177,10 +179,15 @@ mod tests {
             assert_eq!(format(number).size(), size, "{number}");
         }
         assert!(PointFormat::new(11).is_err());
-        let of_five =
-            Places { time: Some(20), colour: Some(28), infrared: None, wave: Some(34), size: 63 };
+        let of_five = LasFieldOffsets {
+            time: Some(20),
+            colour: Some(28),
+            infrared: None,
+            wave: Some(34),
+            size: 63,
+        };
         assert_eq!(format(5).places(), of_five);
-        let of_ten = Places {
+        let of_ten = LasFieldOffsets {
             time: Some(22),
             colour: Some(30),
             infrared: Some(36),

@@ -1,13 +1,13 @@
 //! The frame of a cloud: one lattice for the points of all its files, whatever their order.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Frame, Point, REACH, Ruler};
+use terrane_base::geom::{Point, PointFrame, REACH, Ruler};
 
-use super::filter::Filter;
+use super::filter::CloudFilter;
 
 /// Where the points of a file lie: the lattice it counts in, and the bounds it claims.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Claim {
+pub(super) struct ClaimedExtent {
     pub(super) scale: [f64; 3],
     pub(super) offset: [f64; 3],
     /// Lowest and highest steps; bounds off the lattice reach to the next step.
@@ -20,7 +20,7 @@ const SLACK: f64 = 1e-4;
 /// Largest number of steps between two lattices that are one.
 const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
-impl Claim {
+impl ClaimedExtent {
     /// From bounds in world units.
     pub(super) fn new(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> Self {
         let offset = offset.map(|o| o + 0.0);
@@ -47,7 +47,7 @@ impl Claim {
 
     /// The claim cut to the box and heights asked for, and a step around them, as points may be
     /// rounded to steps of another lattice; `None` where nothing is left.
-    pub(super) fn within(&self, filter: &Filter) -> Option<Self> {
+    pub(super) fn within(&self, filter: &CloudFilter) -> Option<Self> {
         let [west, south, east, north] = filter.area();
         let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let asked = [[west, east], [south, north], [bottom, top]];
@@ -70,16 +70,16 @@ const STORED: [i64; 2] = [i32::MIN as i64, i32::MAX as i64];
 
 /// From the lattice of a file to the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Map {
+pub(super) enum FrameTransform {
     /// So many steps less, modulo 2^32: the result is within reach, so it is exact.
     Shift([i32; 3]),
     /// To the nearest step of another lattice.
-    Round(Frame),
+    Round(PointFrame),
 }
 
-impl Map {
+impl FrameTransform {
     /// The point at `raw`, which is within the file's claim.
-    pub(super) fn place(&self, raw: [i32; 3], claim: &Claim) -> Point {
+    pub(super) fn place(&self, raw: [i32; 3], claim: &ClaimedExtent) -> Point {
         let [x, y, z] = match self {
             Self::Shift(by) => std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis])),
             Self::Round(frame) => {
@@ -94,8 +94,8 @@ impl Map {
 /// A frame, how each file gets into it, and how far points move at most on the way.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Common {
-    pub(super) frame: Frame,
-    pub(super) maps: Vec<Map>,
+    pub(super) frame: PointFrame,
+    pub(super) maps: Vec<FrameTransform>,
     pub(super) moved: [f64; 3],
 }
 
@@ -105,23 +105,24 @@ pub(super) struct Common {
 ///
 /// # Errors
 /// Extents beyond [`REACH`], unless any will do; those beyond what files store.
-pub(super) fn common(claims: &[Claim], any_extent: bool) -> Result<Common> {
+pub(super) fn common(claims: &[ClaimedExtent], any_extent: bool) -> Result<Common> {
     match within(claims, EXACT) {
         Err(_) if any_extent => within(claims, STORED),
         found => found,
     }
 }
 
-fn within(claims: &[Claim], steps: [i64; 2]) -> Result<Common> {
-    let axes: Vec<Option<Axis>> = (0..3).map(|axis| Axis::shared(claims, axis)).collect();
-    match <[Option<Axis>; 3]>::try_from(axes) {
+fn within(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<Common> {
+    let axes: Vec<Option<SharedLatticeAxis>> =
+        (0..3).map(|axis| SharedLatticeAxis::shared(claims, axis)).collect();
+    match <[Option<SharedLatticeAxis>; 3]>::try_from(axes) {
         Ok([Some(x), Some(y), Some(z)]) => shifted(claims, [x, y, z], steps),
         _ => rounded(claims, steps),
     }
 }
 
 /// A lattice along an axis that all files share.
-struct Axis {
+struct SharedLatticeAxis {
     scale: f64,
     /// The lowest offset of a file.
     base: f64,
@@ -129,8 +130,8 @@ struct Axis {
     steps: Vec<i64>,
 }
 
-impl Axis {
-    fn shared(claims: &[Claim], axis: usize) -> Option<Self> {
+impl SharedLatticeAxis {
+    fn shared(claims: &[ClaimedExtent], axis: usize) -> Option<Self> {
         let scale = claims.first()?.scale[axis];
         let base = claims.iter().map(|c| c.offset[axis]).fold(f64::INFINITY, f64::min);
         let steps = claims.iter().map(|claim| {
@@ -142,9 +143,10 @@ impl Axis {
     }
 
     /// The base where all points are within reach of it, else a step near their middle.
-    fn origin(&self, claims: &[Claim], axis: usize, steps: [i64; 2]) -> Result<i64> {
-        let ends = |pick: fn(&Claim) -> [i32; 3]| {
-            let of = move |(claim, steps): (&Claim, &i64)| i64::from(pick(claim)[axis]) + steps;
+    fn origin(&self, claims: &[ClaimedExtent], axis: usize, steps: [i64; 2]) -> Result<i64> {
+        let ends = |pick: fn(&ClaimedExtent) -> [i32; 3]| {
+            let of =
+                move |(claim, steps): (&ClaimedExtent, &i64)| i64::from(pick(claim)[axis]) + steps;
             claims.iter().zip(&self.steps).map(of)
         };
         let low = ends(|claim| claim.low).min().unwrap_or(0);
@@ -178,16 +180,22 @@ fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64;
     ))
 }
 
-fn shifted(claims: &[Claim], axes: [Axis; 3], steps: [i64; 2]) -> Result<Common> {
+fn shifted(
+    claims: &[ClaimedExtent],
+    axes: [SharedLatticeAxis; 3],
+    steps: [i64; 2],
+) -> Result<Common> {
     let mut origins = [0; 3];
     for (axis, lattice) in axes.iter().enumerate() {
         origins[axis] = lattice.origin(claims, axis, steps)?;
     }
     let map = |file: usize| {
         // Modulo 2^32 on purpose.
-        Map::Shift(std::array::from_fn(|axis| (origins[axis] - axes[axis].steps[file]) as i32))
+        FrameTransform::Shift(std::array::from_fn(|axis| {
+            (origins[axis] - axes[axis].steps[file]) as i32
+        }))
     };
-    let frame = Frame {
+    let frame = PointFrame {
         scale: std::array::from_fn(|axis| axes[axis].scale),
         offset: std::array::from_fn(|axis| {
             Ruler::new(axes[axis].scale, axes[axis].base).at(origins[axis])
@@ -196,8 +204,8 @@ fn shifted(claims: &[Claim], axes: [Axis; 3], steps: [i64; 2]) -> Result<Common>
     Ok(Common { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
 }
 
-fn rounded(claims: &[Claim], steps: [i64; 2]) -> Result<Common> {
-    let mut frame = Frame { scale: [1.0; 3], offset: [0.0; 3] };
+fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<Common> {
+    let mut frame = PointFrame { scale: [1.0; 3], offset: [0.0; 3] };
     let mut moved = [0.0; 3];
     for (axis, moved) in moved.iter_mut().enumerate() {
         let scale = claims.iter().map(|c| c.scale[axis]).fold(f64::INFINITY, f64::min);
@@ -215,12 +223,12 @@ fn rounded(claims: &[Claim], steps: [i64; 2]) -> Result<Common> {
             *moved = scale / 2.0;
         }
     }
-    let maps = vec![Map::Round(frame); claims.len()];
+    let maps = vec![FrameTransform::Round(frame); claims.len()];
     Ok(Common { frame, maps, moved })
 }
 
 /// Whether all steps of a file are steps of another lattice, too.
-fn is_within(claim: &Claim, axis: usize, (scale, offset): (f64, f64)) -> bool {
+fn is_within(claim: &ClaimedExtent, axis: usize, (scale, offset): (f64, f64)) -> bool {
     let times = claim.scale[axis] / scale;
     let steps = (claim.offset[axis] - offset) / scale;
     let is_whole = |value: f64, slack: f64| (value - value.round()).abs() <= slack;
@@ -231,16 +239,16 @@ fn is_within(claim: &Claim, axis: usize, (scale, offset): (f64, f64)) -> bool {
 mod tests {
     use super::*;
 
-    fn claim(scale: f64, offset: f64, low: f64, high: f64) -> Claim {
-        Claim::new([scale; 3], [offset; 3], [low; 3], [high; 3])
+    fn claim(scale: f64, offset: f64, low: f64, high: f64) -> ClaimedExtent {
+        ClaimedExtent::new([scale; 3], [offset; 3], [low; 3], [high; 3])
     }
 
     #[test]
     fn one_file_keeps_its_own_lattice() {
         let near = claim(0.01, 100.0, 0.0, 500.0);
         let common = common(&[near], false).unwrap();
-        assert_eq!(common.frame, Frame { scale: [0.01; 3], offset: [100.0; 3] });
-        assert_eq!(common.maps, [Map::Shift([0; 3])]);
+        assert_eq!(common.frame, PointFrame { scale: [0.01; 3], offset: [100.0; 3] });
+        assert_eq!(common.maps, [FrameTransform::Shift([0; 3])]);
         assert_eq!((near.low, near.high), ([-10_000; 3], [40_000; 3]));
     }
 
@@ -273,8 +281,11 @@ mod tests {
         assert!(told.contains("from -2000000 to 2000000, over 4000000000 steps"), "{told}");
         assert!(told.contains("‹bounds›"), "{told}");
         let found = common(&[wide], true).unwrap();
-        assert_eq!((found.frame.offset, &found.maps[..]), ([0.0; 3], &[Map::Shift([0; 3])][..]));
-        let high = Claim { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
+        assert_eq!(
+            (found.frame.offset, &found.maps[..]),
+            ([0.0; 3], &[FrameTransform::Shift([0; 3])][..])
+        );
+        let high = ClaimedExtent { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
         let told = common(&[high], false).unwrap_err().to_string();
         assert!(told.contains("z reaches") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();

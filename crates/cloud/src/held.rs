@@ -2,23 +2,23 @@
 
 use std::sync::Arc;
 
-use super::attributes::{Reader, Table, readers};
+use super::attributes::{AttributeReader, AttributeTable, readers};
 use super::filter::Gate;
-use super::frame::Map;
-use super::lattice::{Placed, Span, decimals};
-use super::open::OpenOptions;
+use super::frame::FrameTransform;
+use super::lattice::{PointLattice, PositionSpan, decimals};
+use super::open::CloudOpenOptions;
 use super::raw::{Flags, Raw};
-use super::sieve::Sieve;
-use super::source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
+use super::sieve::PointSieve;
+use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point};
-use terrane_files::{Held, Register};
+use terrane_files::{HeldResource, Register};
 
-static CLOUDS: Register<Stock> = Register::new();
+static CLOUDS: Register<HeldPoints> = Register::new();
 
 /// What is known of a point beside its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Marks {
+pub struct PointMarks {
     /// Classification.
     pub class: u8,
     /// Number of the return from 1, and returns of the pulse; 0 where unknown.
@@ -28,13 +28,13 @@ pub struct Marks {
 }
 
 /// A cloud in memory that has a name; it is given up with this.
-pub struct HeldCloud(Held<Stock>);
+pub struct HeldCloud(HeldResource<HeldPoints>);
 
 /// Points on the lattice that was made for them.
-struct Stock {
+struct HeldPoints {
     points: Vec<HeldPoint>,
-    placed: Placed,
-    span: Span,
+    placed: PointLattice,
+    span: PositionSpan,
     crs: Crs,
 }
 
@@ -42,7 +42,7 @@ struct Stock {
 #[derive(Clone, Copy)]
 struct HeldPoint {
     xyz: [i32; 3],
-    marks: Marks,
+    marks: PointMarks,
 }
 
 impl Raw for HeldPoint {
@@ -71,12 +71,12 @@ impl HeldCloud {
     /// # Errors
     /// A coordinate that is not finite, with the number of its point; marks of another number of points; points
     /// too far from each other.
-    pub fn new(positions: &[[f64; 3]], marks: Option<&[Marks]>, crs: Crs) -> Result<Self> {
+    pub fn new(positions: &[[f64; 3]], marks: Option<&[PointMarks]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
             return Err(Error::usage(format!("{marks} marks are not of {points} points")));
         }
-        let mut span = Span::default();
+        let mut span = PositionSpan::default();
         for (number, world) in positions.iter().enumerate() {
             if !world.iter().all(|coordinate| coordinate.is_finite()) {
                 return Err(Error::bad_input("a coordinate is not finite")
@@ -86,13 +86,13 @@ impl HeldCloud {
             let found = std::array::from_fn(|axis| decimals(world[axis], span.decimals[axis]));
             span.add(*world, found);
         }
-        let placed = Placed::of(&span)?;
+        let placed = PointLattice::of(&span)?;
         let point = |(number, world): (usize, &[f64; 3])| HeldPoint {
             xyz: placed.place(*world),
-            marks: marks.map_or(Marks::default(), |marks| marks[number]),
+            marks: marks.map_or(PointMarks::default(), |marks| marks[number]),
         };
         let points = positions.iter().enumerate().map(point).collect();
-        Ok(Self(CLOUDS.hold(Stock { points, placed, span, crs })))
+        Ok(Self(CLOUDS.hold(HeldPoints { points, placed, span, crs })))
     }
 
     /// The name.
@@ -102,15 +102,15 @@ impl HeldCloud {
 }
 
 /// A held cloud as a source; its parts are a batch each.
-struct Open {
-    stock: Arc<Stock>,
-    sieve: Option<Sieve>,
+struct HeldCloudSource {
+    stock: Arc<HeldPoints>,
+    sieve: Option<PointSieve>,
     info: CloudInfo,
     notes: Vec<String>,
 }
 
 /// Opens what is held as `name`.
-pub(super) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn PointSource>> {
+pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let stock = CLOUDS.get(name)?;
     let frame = stock.placed.lattice();
     let gate = Gate::new(&options.filter, &frame);
@@ -123,20 +123,21 @@ pub(super) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn PointSou
     let condition = options.filter.condition.as_ref();
     let test = condition.map(|condition| condition.bind(&[], &frame)).transpose()?;
     let gates = (gate, test);
-    let sieve = claim.map(|claim| Sieve::new(gates, claim, Map::Shift([0; 3]), options.salvage));
+    let sieve = claim
+        .map(|claim| PointSieve::new(gates, claim, FrameTransform::Shift([0; 3]), options.salvage));
     let count = if sieve.is_some() { stock.points.len() as u64 } else { 0 };
     let info = CloudInfo { frame, bounds, count, crs };
     let notes = stock.placed.note.iter().cloned().collect();
-    Ok(Box::new(Open { stock, sieve, info, notes }))
+    Ok(Box::new(HeldCloudSource { stock, sieve, info, notes }))
 }
 
-impl Open {
+impl HeldCloudSource {
     fn part(&self, part: usize) -> &[HeldPoint] {
         self.stock.points.chunks(BATCH).nth(part).unwrap_or_default()
     }
 }
 
-impl PointSource for Open {
+impl PointSource for HeldCloudSource {
     fn info(&self) -> &CloudInfo {
         &self.info
     }
@@ -149,8 +150,12 @@ impl PointSource for Open {
         self.part(part).len() as u64
     }
 
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
-        let (mut census, mut points) = (Census::default(), Vec::new());
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus> {
+        let (mut census, mut points) = (PointCensus::default(), Vec::new());
         if let Some(sieve) = &self.sieve {
             let first = (part * BATCH) as u64;
             let records = self.part(part).iter().copied();
@@ -166,8 +171,8 @@ impl PointSource for Open {
         Ok(census)
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
-        Ok(Box::new(Told { open: self, readers: readers(names, &[])? }))
+    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
+        Ok(Box::new(HeldAttributeSource { open: self, readers: readers(names, &[])? }))
     }
 
     fn notes(&self) -> &[String] {
@@ -176,14 +181,14 @@ impl PointSource for Open {
 }
 
 /// The same with attributes.
-struct Told<'a> {
-    open: &'a Open,
-    readers: Vec<Reader>,
+struct HeldAttributeSource<'a> {
+    open: &'a HeldCloudSource,
+    readers: Vec<AttributeReader>,
 }
 
-impl Columns for Told<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
-        let (mut census, mut table) = (Census::default(), Table::new(&self.readers));
+impl AttributeSource for HeldAttributeSource<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
+        let (mut census, mut table) = (PointCensus::default(), AttributeTable::new(&self.readers));
         let Some(sieve) = &self.open.sieve else { return Ok(census) };
         let first = (part * BATCH) as u64;
         for (index, point) in (first..).zip(self.open.part(part)) {
@@ -198,13 +203,13 @@ impl Columns for Told<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Filter, Return, source};
+    use crate::{CloudFilter, Return, source};
     use proptest::prelude::*;
 
     /// All that is read of a cloud with these options.
-    fn all(name: &str, options: &OpenOptions) -> (Vec<Point>, Census) {
+    fn all(name: &str, options: &CloudOpenOptions) -> (Vec<Point>, PointCensus) {
         let source = source(&[name.to_owned()], options).unwrap();
-        let (mut points, mut census) = (Vec::new(), Census::default());
+        let (mut points, mut census) = (Vec::new(), PointCensus::default());
         for part in 0..source.parts() {
             let found = source.read(part, &mut |batch| {
                 points.extend_from_slice(batch);
@@ -227,11 +232,11 @@ mod tests {
             let world = |steps: i32| f64::from(steps) / per_unit;
             let positions: Vec<[f64; 3]> =
                 points.iter().map(|(x, y, z, ..)| [*x, *y, *z].map(world)).collect();
-            let marks: Vec<Marks> = points
+            let marks: Vec<PointMarks> = points
                 .iter()
-                .map(|(.., class, number)| Marks { class: *class, returns: [*number, 3], ..Marks::default() })
+                .map(|(.., class, number)| PointMarks { class: *class, returns: [*number, 3], ..PointMarks::default() })
                 .collect();
-            let line = |(world, marks): (&[f64; 3], &Marks)| {
+            let line = |(world, marks): (&[f64; 3], &PointMarks)| {
                 let [x, y, z] = world;
                 // With no more decimals than they need, which is how many the lattice has.
                 format!("{x},{y},{z},{},{},3\n", marks.class, marks.returns[0])
@@ -242,14 +247,14 @@ mod tests {
             std::fs::write(&path, format!("x,y,z,class,return_number,number_of_returns\n{text}")).unwrap();
             let path = format!("cloud:{}", path.display());
             let held = HeldCloud::new(&positions, Some(&marks), Crs::default()).unwrap();
-            let filter = Filter {
+            let filter = CloudFilter {
                 classes: Some(vec![1, 2]),
                 returns: Some(Return::First),
                 bounds: Some([low, -1e9, 1e9, 1e9]),
-                ..Filter::default()
+                ..CloudFilter::default()
             };
-            for filter in [Filter::default(), filter] {
-                let options = OpenOptions { filter, ..OpenOptions::default() };
+            for filter in [CloudFilter::default(), filter] {
+                let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
                 let [of_file, of_held] = [&*path, held.name()].map(|name| all(name, &options));
                 prop_assert_eq!(of_file, of_held);
                 let info = |name: &str| source(&[name.to_owned()], &options).unwrap().info().clone();
@@ -267,18 +272,18 @@ mod tests {
         assert!(new(&[[0.0; 3]], Some(&[])).is_err());
         assert!(new(&[[0.0; 3], [1e18, 0.0, 0.0]], None).is_err(), "too far apart");
         let held = new(&[], None).unwrap();
-        let (points, census) = all(held.name(), &OpenOptions::default());
-        assert!(points.is_empty() && census == Census::default());
+        let (points, census) = all(held.name(), &CloudOpenOptions::default());
+        assert!(points.is_empty() && census == PointCensus::default());
         let name = held.name().to_owned();
         drop(held);
-        assert!(source(&[name], &OpenOptions::default()).is_err());
+        assert!(source(&[name], &CloudOpenOptions::default()).is_err());
     }
 
     #[test]
     fn coordinates_without_an_end_are_rounded_and_told_of() {
         let third = 1.0 / 3.0;
         let held = HeldCloud::new(&[[third, 0.0, 1000.0 + third]], None, Crs::default()).unwrap();
-        let source = source(&[held.name().to_owned()], &OpenOptions::default()).unwrap();
+        let source = source(&[held.name().to_owned()], &CloudOpenOptions::default()).unwrap();
         assert!(source.notes()[0].contains("rounded"), "{:?}", source.notes());
         let mut found = [0.0; 3];
         let mut keep = |batch: &[Point]| {

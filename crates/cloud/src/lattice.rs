@@ -1,9 +1,9 @@
 //! Lattices for positions that come without one: as fine as the numbers are, if that is within reach.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Frame, REACH};
+use terrane_base::geom::{PointFrame, REACH};
 
-use super::frame::Claim;
+use super::frame::ClaimedExtent;
 
 /// Most decimals that are told apart.
 pub(super) const MOST_DECIMALS: u8 = 9;
@@ -12,20 +12,20 @@ const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
 /// What positions span, and how many decimals they have along each axis.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Span {
+pub(super) struct PositionSpan {
     pub(super) low: [f64; 3],
     pub(super) high: [f64; 3],
     pub(super) decimals: [u8; 3],
 }
 
-impl Default for Span {
+impl Default for PositionSpan {
     /// Of no position.
     fn default() -> Self {
         Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], decimals: [0; 3] }
     }
 }
 
-impl Span {
+impl PositionSpan {
     pub(super) fn add(&mut self, world: [f64; 3], decimals: [u8; 3]) {
         *self = self.join(&Self { low: world, high: world, decimals });
     }
@@ -51,16 +51,16 @@ pub(super) fn decimals(value: f64, least: u8) -> u8 {
 }
 
 /// A lattice for points.
-pub(super) struct Placed {
+pub(super) struct PointLattice {
     /// Steps per unit, a power of ten.
     per_unit: [f64; 3],
     origin: [i64; 3],
     pub(super) note: Option<String>,
 }
 
-impl Placed {
+impl PointLattice {
     /// The finest lattice that the points fit on, no finer than they are.
-    pub(super) fn of(all: &Span) -> Result<Self> {
+    pub(super) fn of(all: &PositionSpan) -> Result<Self> {
         let mut placed = Self { per_unit: [1.0; 3], origin: [0; 3], note: None };
         if all.low[0] > all.high[0] {
             return Ok(placed);
@@ -89,16 +89,16 @@ impl Placed {
         Ok(placed)
     }
 
-    pub(super) fn lattice(&self) -> Frame {
+    pub(super) fn lattice(&self) -> PointFrame {
         let scale = self.per_unit.map(|n| 1.0 / n);
         let offset = std::array::from_fn(|axis| self.origin[axis] as f64 / self.per_unit[axis]);
-        Frame { scale, offset }
+        PointFrame { scale, offset }
     }
 
-    pub(super) fn claim(&self, all: &Span) -> Option<Claim> {
-        let Frame { scale, offset } = self.lattice();
+    pub(super) fn claim(&self, all: &PositionSpan) -> Option<ClaimedExtent> {
+        let PointFrame { scale, offset } = self.lattice();
         let (low, high) = (self.place(all.low), self.place(all.high));
-        (all.low[0] <= all.high[0]).then_some(Claim { scale, offset, low, high })
+        (all.low[0] <= all.high[0]).then_some(ClaimedExtent { scale, offset, low, high })
     }
 
     /// The steps of a position that the lattice was made for.
@@ -113,7 +113,7 @@ impl Placed {
 }
 
 /// The origin of a lattice of so many decimals from which all points are within reach.
-fn origin(all: &Span, axis: usize, decimals: u8) -> Option<i64> {
+fn origin(all: &PositionSpan, axis: usize, decimals: u8) -> Option<i64> {
     let steps = |world: f64| (world * 10_f64.powi(decimals.into())).round();
     let (low, high) = (steps(all.low[axis]), steps(all.high[axis]));
     let reach = f64::from(REACH);

@@ -29,16 +29,16 @@ mod times;
 mod version;
 pub mod write;
 
-pub use carry::{Carrier, Seen, Sight, Target};
+pub use carry::{Carrier, LasOutputFormat, PointAppearance, Sight};
 pub use class::class_name;
 pub use condition::{AXES, Condition};
-pub use filter::{Filter, Gate, Record, Verdict};
+pub use filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
 pub use format::PointFormat;
-pub use held::{HeldCloud, Marks};
-pub use open::{Cloud, OpenOptions, files, files_below, is_cloud, is_cloud_below, open};
-pub use polygon::{Polygon, PolygonRings};
+pub use held::{HeldCloud, PointMarks};
+pub use open::{CloudOpenOptions, PointCloud, files, files_below, is_cloud, is_cloud_below, open};
+pub use polygon::{FilterPolygon, PolygonRings};
 pub use raw::Flags;
-pub use source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
+pub use source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
 pub use spacing::{round_side, round_up};
 pub use version::LasVersion;
 
@@ -50,11 +50,11 @@ use terrane_files::is_held;
 ///
 /// # Errors
 /// Those of [`open`]; a name that is none; a synthetic cloud among other inputs.
-pub fn source(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn PointSource>> {
+pub fn source(inputs: &[String], options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let source: Box<dyn PointSource> = match inputs {
         [name] if synth::is_synthetic(name) => {
             let survey = synth::survey(name)?;
-            Box::new(synth::Synthetic::new(survey, options.filter.clone())?)
+            Box::new(synth::SyntheticCloud::new(survey, options.filter.clone())?)
         }
         [name] if is_held(name) => held::open(name, options)?,
         _ => return Ok(Box::new(open(inputs, options)?)),

@@ -5,37 +5,37 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::lock;
 
-use super::attributes::{Reader, Table};
-use super::filter::{Filter, Record, Verdict};
-use super::frame::Claim;
-use super::las::{self, Block, LasFile, New, Old, unpacked};
-use super::lazip::Wanted;
+use super::attributes::{AttributeReader, AttributeTable};
+use super::filter::{CloudFilter, FilterRecord, FilterVerdict};
+use super::frame::ClaimedExtent;
+use super::las::{self, LasFile, LasPointBlock, LegacyLasRecord, New, unpacked};
+use super::lazip::FieldSelection;
 use super::raw::{Flags, Raw};
 use super::recast::Recast;
-use super::sieve::Sieve;
-use super::source::{self, BATCH, Census};
+use super::sieve::PointSieve;
+use super::source::{self, BATCH, PointCensus};
 use super::text::{self, TextFile};
 
 /// A file of one of the kinds.
-pub(super) enum File {
+pub(super) enum CloudFile {
     Las(LasFile),
     Text(TextFile),
 }
 
 /// A file in its place.
-pub(super) struct Member {
-    pub(super) file: File,
+pub(super) struct CloudMember {
+    pub(super) file: CloudFile,
     /// `None` where no point of it is wanted.
-    pub(super) sieve: Option<Sieve>,
+    pub(super) sieve: Option<PointSieve>,
     pub(super) salvage: bool,
     /// Points that are lost, by the part they are of.
     pub(super) lost: Mutex<BTreeMap<usize, u64>>,
 }
 
-impl File {
+impl CloudFile {
     pub(super) fn crs(&self) -> &Crs {
         match self {
             Self::Las(file) => &file.crs,
@@ -43,7 +43,7 @@ impl File {
         }
     }
 
-    pub(super) fn claim(&self) -> Option<Claim> {
+    pub(super) fn claim(&self) -> Option<ClaimedExtent> {
         match self {
             Self::Las(file) => file.claim(),
             Self::Text(file) => file.claim(),
@@ -51,9 +51,9 @@ impl File {
     }
 
     /// The lattice that its points are on.
-    pub(super) fn lattice(&self) -> Frame {
+    pub(super) fn lattice(&self) -> PointFrame {
         match self {
-            Self::Las(file) => Frame { scale: file.header.scale, offset: file.header.offset },
+            Self::Las(file) => PointFrame { scale: file.header.scale, offset: file.header.offset },
             Self::Text(file) => file.lattice,
         }
     }
@@ -68,15 +68,15 @@ impl File {
 
 /// Room that a thread keeps between parts.
 #[derive(Default)]
-pub(super) struct Room {
-    records: las::Room,
+pub(super) struct MemberReadBuffers {
+    records: las::LasReadBuffers,
     points: Vec<Point>,
 }
 
 /// Does `work` with the thread's room; work within it gets a room of its own.
-pub(super) fn take_room<T>(work: impl FnOnce(&mut Room) -> T) -> T {
+pub(super) fn take_room<T>(work: impl FnOnce(&mut MemberReadBuffers) -> T) -> T {
     thread_local! {
-        static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
+        static ROOM: Cell<Option<Box<MemberReadBuffers>>> = const { Cell::new(None) };
     }
     let mut room = ROOM.take().unwrap_or_default();
     let result = work(&mut room);
@@ -98,9 +98,9 @@ trait Visit {
 
 /// Sifts records into points.
 struct Sift<'a, 'b> {
-    sieve: &'a Sieve,
+    sieve: &'a PointSieve,
     points: &'a mut Vec<Point>,
-    census: Census,
+    census: PointCensus,
     each: &'a mut Each<'b>,
 }
 
@@ -130,13 +130,13 @@ impl Visit for Sift<'_, '_> {
 }
 
 /// Looks at records.
-struct Look<'a> {
-    sieve: &'a Sieve,
-    census: Census,
-    each: &'a mut dyn FnMut(&Record),
+struct FilteredRecordVisitor<'a> {
+    sieve: &'a PointSieve,
+    census: PointCensus,
+    each: &'a mut dyn FnMut(&FilterRecord),
 }
 
-impl Visit for Look<'_> {
+impl Visit for FilteredRecordVisitor<'_> {
     fn visit<R: Raw>(
         &mut self,
         first: u64,
@@ -146,7 +146,7 @@ impl Visit for Look<'_> {
     }
 }
 
-impl Take for Look<'_> {
+impl Take for FilteredRecordVisitor<'_> {
     fn take<'r, R: Raw>(
         &mut self,
         first: u64,
@@ -156,9 +156,9 @@ impl Take for Look<'_> {
             let record = self.sieve.record(raw, index);
             self.census.read += 1;
             match self.sieve.judge(raw, bytes, &record) {
-                Verdict::Withheld => self.census.withheld += 1,
-                Verdict::Filtered => self.census.filtered += 1,
-                Verdict::Keep => {
+                FilterVerdict::Withheld => self.census.withheld += 1,
+                FilterVerdict::Filtered => self.census.filtered += 1,
+                FilterVerdict::Keep => {
                     self.census.kept += 1;
                     (self.each)(&record);
                 }
@@ -179,9 +179,9 @@ trait Take {
 
 /// Takes wanted points on with their attributes.
 struct Tell<'a, 'b> {
-    sieve: &'a Sieve,
-    table: Table<'a>,
-    census: Census,
+    sieve: &'a PointSieve,
+    table: AttributeTable<'a>,
+    census: PointCensus,
     each: &'a mut source::Each<'b>,
 }
 
@@ -212,11 +212,11 @@ impl Visit for Tell<'_, '_> {
 
 /// Takes wanted records on as those of another format.
 struct Carry<'a, 'b> {
-    sieve: &'a Sieve,
+    sieve: &'a PointSieve,
     recast: &'a Recast,
     /// Whether places stay as they are stored.
     as_stored: bool,
-    census: Census,
+    census: PointCensus,
     out: Vec<u8>,
     each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
 }
@@ -247,30 +247,30 @@ fn no_records() -> Error {
     Error::new(ErrorKind::Internal, "a decoder left out what was wanted")
 }
 
-impl Member {
+impl CloudMember {
     pub(super) fn parts(&self) -> usize {
         match &self.file {
-            File::Las(file) => file.parts.len(),
-            File::Text(file) => file.parts.len(),
+            CloudFile::Las(file) => file.parts.len(),
+            CloudFile::Text(file) => file.parts.len(),
         }
     }
 
     pub(super) fn points_of(&self, part: usize) -> u64 {
         match &self.file {
-            File::Las(file) => file.parts.get(part).map_or(0, |part| part.points + part.lost),
-            File::Text(file) => file.parts.get(part).map_or(0, |part| part.points),
+            CloudFile::Las(file) => file.parts.get(part).map_or(0, |part| part.points + part.lost),
+            CloudFile::Text(file) => file.parts.get(part).map_or(0, |part| part.points),
         }
     }
 
     /// Whether a part may have wanted points.
-    pub(super) fn touches(&self, part: usize, filter: &Filter) -> bool {
+    pub(super) fn touches(&self, part: usize, filter: &CloudFilter) -> bool {
         let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
         self.sieve.is_some() && self.cube(part).is_none_or(within)
     }
 
     /// What the points of a part lie in, in world units, where the file says so.
     pub(super) fn cube(&self, part: usize) -> Option<[[f64; 3]; 2]> {
-        let File::Las(file) = &self.file else { return None };
+        let CloudFile::Las(file) = &self.file else { return None };
         let [low, high] = file.parts.get(part)?.cube?;
         // Points are rounded to steps.
         let scale = self.file.lattice().scale;
@@ -279,11 +279,11 @@ impl Member {
     }
 
     /// What became of the points of a part of which so many are lost; those outside are, too.
-    fn with_lost(&self, part: usize, census: Census, points: u64) -> Census {
+    fn with_lost(&self, part: usize, census: PointCensus, points: u64) -> PointCensus {
         if points + census.outside > 0 {
             lock(&self.lost).insert(part, points + census.outside);
         }
-        Census { read: census.read + points, lost: census.lost + points, ..census }
+        PointCensus { read: census.read + points, lost: census.lost + points, ..census }
     }
 
     /// Points that are lost of all parts that were read.
@@ -292,10 +292,15 @@ impl Member {
     }
 
     /// Hands on the wanted points of a part.
-    pub(super) fn read(&self, part: usize, room: &mut Room, each: &mut Each<'_>) -> Result<Census> {
-        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
-        let Room { records, points } = room;
-        let mut sift = Sift { sieve, points, census: Census::default(), each };
+    pub(super) fn read(
+        &self,
+        part: usize,
+        room: &mut MemberReadBuffers,
+        each: &mut Each<'_>,
+    ) -> Result<PointCensus> {
+        let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
+        let MemberReadBuffers { records, points } = room;
+        let mut sift = Sift { sieve, points, census: PointCensus::default(), each };
         let lost = match sieve.needs_records() {
             true => self.take(part, records, &mut sift),
             false => self.visit(part, sieve.wanted(), records, &mut sift),
@@ -304,12 +309,16 @@ impl Member {
     }
 
     /// Hands on all of the wanted points of a part.
-    pub(super) fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
-        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
-        let mut look = Look { sieve, census: Census::default(), each };
+    pub(super) fn records(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&FilterRecord),
+    ) -> Result<PointCensus> {
+        let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
+        let mut look = FilteredRecordVisitor { sieve, census: PointCensus::default(), each };
         let lost = take_room(|room| match sieve.needs_records() {
             true => self.take(part, &mut room.records, &mut look),
-            false => self.visit(part, Wanted::ALL, &mut room.records, &mut look),
+            false => self.visit(part, FieldSelection::ALL, &mut room.records, &mut look),
         })?;
         Ok(self.with_lost(part, look.census, lost))
     }
@@ -319,12 +328,18 @@ impl Member {
         &self,
         part: usize,
         (recast, as_stored): (&Recast, bool),
-        room: &mut Room,
+        room: &mut MemberReadBuffers,
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
-    ) -> Result<Census> {
-        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
-        let mut carry =
-            Carry { sieve, recast, as_stored, census: Census::default(), out: Vec::new(), each };
+    ) -> Result<PointCensus> {
+        let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
+        let mut carry = Carry {
+            sieve,
+            recast,
+            as_stored,
+            census: PointCensus::default(),
+            out: Vec::new(),
+            each,
+        };
         let lost = self.take(part, &mut room.records, &mut carry)?;
         Ok(self.with_lost(part, carry.census, lost))
     }
@@ -333,17 +348,23 @@ impl Member {
     pub(super) fn columns(
         &self,
         part: usize,
-        readers: &[Reader],
-        room: &mut Room,
+        readers: &[AttributeReader],
+        room: &mut MemberReadBuffers,
         each: &mut source::Each<'_>,
-    ) -> Result<Census> {
-        let Some(sieve) = &self.sieve else { return Ok(Census::default()) };
-        let mut tell = Tell { sieve, table: Table::new(readers), census: Census::default(), each };
-        let needs_records = sieve.needs_records() || readers.iter().any(Reader::needs_record);
+    ) -> Result<PointCensus> {
+        let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
+        let mut tell = Tell {
+            sieve,
+            table: AttributeTable::new(readers),
+            census: PointCensus::default(),
+            each,
+        };
+        let needs_records =
+            sieve.needs_records() || readers.iter().any(AttributeReader::needs_record);
         let lost = match needs_records {
             true => self.take(part, &mut room.records, &mut tell),
             false => {
-                let wanted = Wanted { class: true, ..sieve.wanted() };
+                let wanted = FieldSelection { class: true, ..sieve.wanted() };
                 self.visit(part, wanted, &mut room.records, &mut tell)
             }
         }?;
@@ -351,24 +372,39 @@ impl Member {
     }
 
     /// Lets `taker` have the whole records of a part, block by block; returns how many are lost.
-    fn take(&self, part: usize, room: &mut las::Room, taker: &mut impl Take) -> Result<u64> {
+    fn take(
+        &self,
+        part: usize,
+        room: &mut las::LasReadBuffers,
+        taker: &mut impl Take,
+    ) -> Result<u64> {
         match &self.file {
-            File::Las(file) => {
+            CloudFile::Las(file) => {
                 let (size, is_new) = (usize::from(file.header.record), file.header.is_new());
-                file.records(part, Wanted::RECORDS, self.salvage, room, &mut |first, block| {
-                    let Block::Records(records) = block else { return Err(no_records()) };
-                    let records = records.chunks_exact(size);
-                    match is_new {
-                        true => taker.take(first, records.map(|r| (r, New::of(r)))),
-                        false => taker.take(first, records.map(|r| (r, Old::of(r)))),
-                    }
-                    .map_err(|e| e.in_file(&file.path))
-                })
+                file.records(
+                    part,
+                    FieldSelection::RECORDS,
+                    self.salvage,
+                    room,
+                    &mut |first, block| {
+                        let LasPointBlock::Records(records) = block else {
+                            return Err(no_records());
+                        };
+                        let records = records.chunks_exact(size);
+                        match is_new {
+                            true => taker.take(first, records.map(|r| (r, New::of(r)))),
+                            false => {
+                                taker.take(first, records.map(|r| (r, LegacyLasRecord::of(r))))
+                            }
+                        }
+                        .map_err(|e| e.in_file(&file.path))
+                    },
+                )
             }
-            File::Text(file) => {
+            CloudFile::Text(file) => {
                 let size = file.format().size();
-                file.records(part, self.salvage, &mut |first, lines: &[text::Line]| {
-                    let records: Vec<_> = lines.iter().map(text::Line::record).collect();
+                file.records(part, self.salvage, &mut |first, lines: &[text::TextPoint]| {
+                    let records: Vec<_> = lines.iter().map(text::TextPoint::record).collect();
                     taker
                         .take(first, records.iter().map(|r| (&r[..size], New::of(r))))
                         .map_err(|e| e.in_file(&file.path))
@@ -381,30 +417,34 @@ impl Member {
     fn visit(
         &self,
         part: usize,
-        wanted: Wanted,
-        room: &mut las::Room,
+        wanted: FieldSelection,
+        room: &mut las::LasReadBuffers,
         visitor: &mut impl Visit,
     ) -> Result<u64> {
         match &self.file {
-            File::Las(file) => {
+            CloudFile::Las(file) => {
                 let in_file = |e: Error| e.in_file(&file.path);
                 let (record, is_new) = (usize::from(file.header.record), file.header.is_new());
                 file.records(part, wanted, self.salvage, room, &mut |first, block| {
                     match (block, is_new) {
-                        (Block::Fields(f), true) => visitor.visit(first, unpacked::<true>(f)),
-                        (Block::Fields(f), false) => visitor.visit(first, unpacked::<false>(f)),
-                        (Block::Records(r), true) => {
+                        (LasPointBlock::Fields(f), true) => {
+                            visitor.visit(first, unpacked::<true>(f))
+                        }
+                        (LasPointBlock::Fields(f), false) => {
+                            visitor.visit(first, unpacked::<false>(f))
+                        }
+                        (LasPointBlock::Records(r), true) => {
                             visitor.visit(first, r.chunks_exact(record).map(New::of))
                         }
-                        (Block::Records(r), false) => {
-                            visitor.visit(first, r.chunks_exact(record).map(Old::of))
+                        (LasPointBlock::Records(r), false) => {
+                            visitor.visit(first, r.chunks_exact(record).map(LegacyLasRecord::of))
                         }
                     }
                     .map_err(in_file)
                 })
             }
-            File::Text(file) => {
-                file.records(part, self.salvage, &mut |first, records: &[text::Line]| {
+            CloudFile::Text(file) => {
+                file.records(part, self.salvage, &mut |first, records: &[text::TextPoint]| {
                     let found = visitor.visit(first, records.iter().copied());
                     found.map_err(|e| e.in_file(&file.path))
                 })
@@ -413,11 +453,11 @@ impl Member {
     }
 }
 
-impl Sieve {
+impl PointSieve {
     /// What it asks of each point, beside x, y and return numbers.
-    fn wanted(&self) -> Wanted {
+    fn wanted(&self) -> FieldSelection {
         let filter = self.gate().filter();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();
-        Wanted { class: filter.classes.is_some(), flags, ..Wanted::ALL }
+        FieldSelection { class: filter.classes.is_some(), flags, ..FieldSelection::ALL }
     }
 }

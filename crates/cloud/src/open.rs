@@ -12,20 +12,20 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result, all};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::{RawFile, Seek, on_threads, path_of, shown};
 
 use super::agree;
-use super::attributes::{self, Reader};
+use super::attributes::{self, AttributeReader};
 use super::column::TIME;
 use super::condition::Test;
-use super::filter::{Filter, Gate, Record};
-use super::frame::{self, Claim, Common, Map};
+use super::filter::{CloudFilter, FilterRecord, Gate};
+use super::frame::{self, ClaimedExtent, Common, FrameTransform};
 use super::las::LasFile;
-use super::member::{File, Member, take_room};
-use super::origin::Origin;
-use super::sieve::Sieve;
-use super::source::{Census, CloudInfo, Columns, Each, PointSource};
+use super::member::{CloudFile, CloudMember, take_room};
+use super::origin::CloudFileOrigin;
+use super::sieve::PointSieve;
+use super::source::{AttributeSource, CloudInfo, Each, PointCensus, PointSource};
 use super::text::TextFile;
 use super::times::Times;
 
@@ -41,9 +41,9 @@ const CLOUDS: Seek = Seek { what: "point cloud", is_member, file_name: |input| i
 
 /// How a cloud is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OpenOptions {
+pub struct CloudOpenOptions {
     /// Which points are wanted.
-    pub filter: Filter,
+    pub filter: CloudFilter,
     /// Give up what cannot be read, and count it, instead of failing.
     pub salvage: bool,
     /// The coordinate reference system of files that name none.
@@ -57,43 +57,43 @@ pub struct OpenOptions {
     pub any_extent: bool,
 }
 
-impl Default for OpenOptions {
+impl Default for CloudOpenOptions {
     fn default() -> Self {
-        let (filter, crs) = (Filter::default(), None);
+        let (filter, crs) = (CloudFilter::default(), None);
         Self { filter, salvage: false, crs, threads: 1, any_extent: false }
     }
 }
 
 /// A cloud of one file or many.
-pub struct Cloud {
+pub struct PointCloud {
     info: CloudInfo,
     names: Vec<String>,
-    members: Vec<Member>,
+    members: Vec<CloudMember>,
     /// Lowest and highest point that each member claims, in the frame.
     claims: Vec<Option<[Point; 2]>>,
     /// Member, and part of it.
     parts: Vec<(u32, u32)>,
     notes: Vec<String>,
     /// The lattice of all files, where it is one, and how many steps less points have in the frame.
-    lattice: Option<(Frame, [i32; 3])>,
+    lattice: Option<(PointFrame, [i32; 3])>,
 }
 
-impl Cloud {
+impl PointCloud {
     /// Its only file, where it is a LAS or LAZ file.
     pub(super) fn las(&self) -> Option<&LasFile> {
         match self.members.as_slice() {
-            [Member { file: File::Las(file), .. }] => Some(file),
+            [CloudMember { file: CloudFile::Las(file), .. }] => Some(file),
             _ => None,
         }
     }
 
-    pub(super) fn kinds(&self) -> impl Iterator<Item = &File> {
+    pub(super) fn kinds(&self) -> impl Iterator<Item = &CloudFile> {
         self.members.iter().map(|member| &member.file)
     }
 
     /// What is known of its files.
-    pub(super) fn origins(&self) -> impl Iterator<Item = Result<Origin<'_>>> {
-        self.files().iter().zip(self.kinds()).map(|(name, file)| Origin::new(name, file))
+    pub(super) fn origins(&self) -> impl Iterator<Item = Result<CloudFileOrigin<'_>>> {
+        self.files().iter().zip(self.kinds()).map(|(name, file)| CloudFileOrigin::new(name, file))
     }
 
     /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
@@ -102,7 +102,7 @@ impl Cloud {
     ///
     /// # Errors
     /// As [`PointSource::read`], but for points outside.
-    pub fn records(&self, part: usize, each: &mut dyn FnMut(&Record)) -> Result<Census> {
+    pub fn records(&self, part: usize, each: &mut dyn FnMut(&FilterRecord)) -> Result<PointCensus> {
         let (_, member, inner) = self.part(part)?;
         member.records(inner, each)
     }
@@ -125,7 +125,7 @@ impl Cloud {
     }
 
     /// A part: the number of its file, the file, and the part of it.
-    pub(super) fn part(&self, part: usize) -> Result<(usize, &Member, usize)> {
+    pub(super) fn part(&self, part: usize) -> Result<(usize, &CloudMember, usize)> {
         let found = self.parts.get(part).and_then(|(number, inner)| {
             let number = *number as usize;
             Some((number, self.members.get(number)?, *inner as usize))
@@ -134,7 +134,7 @@ impl Cloud {
     }
 }
 
-impl PointSource for Cloud {
+impl PointSource for PointCloud {
     fn files(&self) -> &[String] {
         &self.names
     }
@@ -180,36 +180,39 @@ impl PointSource for Cloud {
         (low.x <= high.x && low.y <= high.y).then_some([low, high])
     }
 
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let (_, member, inner) = self.part(part)?;
         take_room(|room| member.read(inner, room, each))
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
         let mut readers = Vec::new();
         let origins = self.origins().collect::<Result<Vec<_>>>()?;
         for origin in &origins {
             let found = attributes::readers(names, &origin.columns());
             readers.push(found.map_err(|e| e.in_file(&path_of(origin.name)))?);
         }
-        let is_time =
-            |reader: &Reader| matches!(reader, Reader::Field(column) if column.name == TIME);
+        let is_time = |reader: &AttributeReader| matches!(reader, AttributeReader::Field(column) if column.name == TIME);
         if readers.iter().flatten().any(is_time) {
             Times::of_all(&origins)?;
         }
-        Ok(Box::new(OfCloud { cloud: self, readers }))
+        Ok(Box::new(CloudAttributeSource { cloud: self, readers }))
     }
 }
 
 /// Columns of the files of a cloud.
-struct OfCloud<'a> {
-    cloud: &'a Cloud,
+struct CloudAttributeSource<'a> {
+    cloud: &'a PointCloud,
     /// By file.
-    readers: Vec<Vec<Reader>>,
+    readers: Vec<Vec<AttributeReader>>,
 }
 
-impl Columns for OfCloud<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
+impl AttributeSource for CloudAttributeSource<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
         let (number, member, inner) = self.cloud.part(part)?;
         take_room(|room| member.columns(inner, &self.readers[number], room, each))
     }
@@ -279,7 +282,7 @@ fn distinct(mut files: Vec<String>) -> Vec<String> {
 /// # Errors
 /// Files that are missing, damaged or not clouds; files whose coordinate reference systems differ;
 /// extents that a frame cannot hold.
-pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
+pub fn open(inputs: &[String], options: &CloudOpenOptions) -> Result<PointCloud> {
     super::synth::refuse(inputs)?;
     let names = files(inputs)?;
     let files = match names.as_slice() {
@@ -292,22 +295,26 @@ pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Cloud> {
     join(names, files, options)
 }
 
-fn open_file(path: &Path, options: &OpenOptions) -> Result<File> {
+fn open_file(path: &Path, options: &CloudOpenOptions) -> Result<CloudFile> {
     let head = RawFile::open(path)?.head(4)?;
     if head == b"LASF" || is_member(path) {
-        return Ok(File::Las(LasFile::open(path, options.salvage)?));
+        return Ok(CloudFile::Las(LasFile::open(path, options.salvage)?));
     }
-    Ok(File::Text(TextFile::open(path, options.salvage)?))
+    Ok(CloudFile::Text(TextFile::open(path, options.salvage)?))
 }
 
 /// Files to a cloud.
-fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<Cloud> {
+fn join(
+    names: Vec<String>,
+    files: Vec<CloudFile>,
+    options: &CloudOpenOptions,
+) -> Result<PointCloud> {
     let (crs, heights) = agree::crs(&names, &files, options.crs.as_ref())?;
     options.filter.check_system(&crs)?;
-    let claims: Vec<Option<Claim>> = files.iter().map(File::claim).collect();
-    let touching: Vec<Option<Claim>> =
+    let claims: Vec<Option<ClaimedExtent>> = files.iter().map(CloudFile::claim).collect();
+    let touching: Vec<Option<ClaimedExtent>> =
         claims.iter().map(|claim| claim.as_ref()?.within(&options.filter)).collect();
-    let wanted: Vec<Claim> = touching.iter().flatten().copied().collect();
+    let wanted: Vec<ClaimedExtent> = touching.iter().flatten().copied().collect();
     let common = match wanted.is_empty() {
         true => nowhere(&files),
         false => frame::common(&wanted, options.any_extent)
@@ -322,38 +329,48 @@ fn join(names: Vec<String>, files: Vec<File>, options: &OpenOptions) -> Result<C
         ends.push(touching.zip(map).and_then(|(claim, map)| gate.cut(placed(&claim, &map))));
         let of = |(claim, map)| {
             let test = test(&names[members.len()], &file, (&options.filter, &common.frame))?;
-            Ok(Sieve::new((gate.clone(), test), claim, map, options.salvage))
+            Ok(PointSieve::new((gate.clone(), test), claim, map, options.salvage))
         };
         let sieve = claim.zip(map).map(of).transpose()?;
-        members.push(Member { file, sieve, salvage: options.salvage, lost: Mutex::default() });
+        members.push(CloudMember { file, sieve, salvage: options.salvage, lost: Mutex::default() });
     }
     let bounds = ends.iter().flatten().copied().reduce(around);
     let parts = parts(&members, &options.filter);
     let count = parts.iter().map(|(m, p)| members[*m as usize].points_of(*p as usize)).sum();
     let info = CloudInfo { frame: common.frame, bounds, count, crs };
     let notes = notes(&names, &members, &info, (common.moved, heights));
-    Ok(Cloud { info, names, members, claims: ends, parts, notes, lattice })
+    Ok(PointCloud { info, names, members, claims: ends, parts, notes, lattice })
 }
 
 /// What attributes of the points of a file have to meet.
-fn test(name: &str, file: &File, (filter, frame): (&Filter, &Frame)) -> Result<Option<Test>> {
+fn test(
+    name: &str,
+    file: &CloudFile,
+    (filter, frame): (&CloudFilter, &PointFrame),
+) -> Result<Option<Test>> {
     let Some(condition) = &filter.condition else { return Ok(None) };
-    let columns = Origin::new(name, file)?.columns();
+    let columns = CloudFileOrigin::new(name, file)?.columns();
     condition.bind(&columns, frame).map(Some).map_err(|e| e.in_file(&path_of(name)))
 }
 
 /// The lattice of all files and the steps from it to the frame, where all have one.
-fn shared(claims: &[Claim], common: &Common) -> Option<(Frame, [i32; 3])> {
-    let (first, Map::Shift(by)) = (claims.first()?, *common.maps.first()?) else { return None };
-    let is_it = |claim: &Claim| (claim.scale, claim.offset) == (first.scale, first.offset);
-    let frame = Frame { scale: first.scale, offset: first.offset };
+fn shared(claims: &[ClaimedExtent], common: &Common) -> Option<(PointFrame, [i32; 3])> {
+    let (first, FrameTransform::Shift(by)) = (claims.first()?, *common.maps.first()?) else {
+        return None;
+    };
+    let is_it = |claim: &ClaimedExtent| (claim.scale, claim.offset) == (first.scale, first.offset);
+    let frame = PointFrame { scale: first.scale, offset: first.offset };
     claims.iter().all(is_it).then_some((frame, by))
 }
 
 /// The error with the first file that is beyond reach on its own.
-fn named(error: Error, (names, claims): (&[String], &[Option<Claim>]), any_extent: bool) -> Error {
-    let is_wide = |claim: Claim| frame::common(&[claim], any_extent).is_err();
-    let is_it = |claim: &Option<Claim>| claim.is_some_and(is_wide);
+fn named(
+    error: Error,
+    (names, claims): (&[String], &[Option<ClaimedExtent>]),
+    any_extent: bool,
+) -> Error {
+    let is_wide = |claim: ClaimedExtent| frame::common(&[claim], any_extent).is_err();
+    let is_it = |claim: &Option<ClaimedExtent>| claim.is_some_and(is_wide);
     match claims.iter().position(is_it) {
         Some(file) => error.in_file(&path_of(&names[file])),
         None => error,
@@ -361,9 +378,9 @@ fn named(error: Error, (names, claims): (&[String], &[Option<Claim>]), any_exten
 }
 
 /// The frame of a cloud without points.
-fn nowhere(files: &[File]) -> Common {
-    let frame = files.iter().map(File::lattice).min_by(|a, b| {
-        let key = |frame: &Frame| [frame.scale, frame.offset].concat();
+fn nowhere(files: &[CloudFile]) -> Common {
+    let frame = files.iter().map(CloudFile::lattice).min_by(|a, b| {
+        let key = |frame: &PointFrame| [frame.scale, frame.offset].concat();
         let (a, b) = (key(a), key(b));
         a.iter()
             .zip(&b)
@@ -371,12 +388,12 @@ fn nowhere(files: &[File]) -> Common {
             .find(|o| o.is_ne())
             .unwrap_or(a.len().cmp(&b.len()))
     });
-    let frame = frame.unwrap_or(Frame { scale: [1.0; 3], offset: [0.0; 3] });
+    let frame = frame.unwrap_or(PointFrame { scale: [1.0; 3], offset: [0.0; 3] });
     Common { frame, maps: Vec::new(), moved: [0.0; 3] }
 }
 
 /// Lowest and highest coordinates of a claim in the frame.
-fn placed(claim: &Claim, map: &Map) -> [Point; 2] {
+fn placed(claim: &ClaimedExtent, map: &FrameTransform) -> [Point; 2] {
     [map.place(claim.low, claim), map.place(claim.high, claim)]
 }
 
@@ -387,8 +404,8 @@ fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
 }
 
 /// The parts that may have wanted points, file by file.
-fn parts(members: &[Member], filter: &Filter) -> Vec<(u32, u32)> {
-    let of = |(number, member): (usize, &Member)| {
+fn parts(members: &[CloudMember], filter: &CloudFilter) -> Vec<(u32, u32)> {
+    let of = |(number, member): (usize, &CloudMember)| {
         let touches = |part: &usize| member.touches(*part, filter);
         let parts = (0..member.parts()).filter(touches).collect::<Vec<_>>();
         parts.into_iter().map(move |part| (number as u32, part as u32))
@@ -398,11 +415,11 @@ fn parts(members: &[Member], filter: &Filter) -> Vec<(u32, u32)> {
 
 fn notes(
     names: &[String],
-    members: &[Member],
+    members: &[CloudMember],
     info: &CloudInfo,
     (moved, heights): ([f64; 3], Option<String>),
 ) -> Vec<String> {
-    let of = |(name, member): (&String, &Member)| {
+    let of = |(name, member): (&String, &CloudMember)| {
         let tell = |note: &String| match names.len() {
             1 => note.clone(),
             _ => format!("{}: {note}", shown(name)),

@@ -1,16 +1,16 @@
 //! Facts of a file of a cloud beside its points.
 
-use super::column::{Column, TIME, columns};
+use super::column::{PointColumn, TIME, columns};
 use super::format::PointFormat;
 use super::las::{Extra, LasFile};
-use super::member::File;
+use super::member::CloudFile;
 use super::text::TextFile;
 use super::times::Times;
 use terrane_base::error::{Error, Result};
 use terrane_files::{path_of, shown};
 
 /// What is known of a file of the cloud.
-pub(super) struct Origin<'a> {
+pub(super) struct CloudFileOrigin<'a> {
     pub(super) name: &'a str,
     /// `None` for text.
     pub(super) las: Option<&'a LasFile>,
@@ -19,11 +19,11 @@ pub(super) struct Origin<'a> {
     pub(super) extra: Extra,
 }
 
-impl<'a> Origin<'a> {
-    pub(super) fn new(name: &'a str, file: &'a File) -> Result<Self> {
+impl<'a> CloudFileOrigin<'a> {
+    pub(super) fn new(name: &'a str, file: &'a CloudFile) -> Result<Self> {
         match file {
-            File::Las(file) => Self::of(name, file).map_err(|e| e.in_file(&file.path)),
-            File::Text(file) => Ok(Self {
+            CloudFile::Las(file) => Self::of(name, file).map_err(|e| e.in_file(&file.path)),
+            CloudFile::Text(file) => Ok(Self {
                 name,
                 las: None,
                 text: Some(file),
@@ -40,7 +40,7 @@ impl<'a> Origin<'a> {
     }
 
     /// The columns of its records; of text those that it has beside what all points have.
-    pub(super) fn columns(&self) -> Vec<Column> {
+    pub(super) fn columns(&self) -> Vec<PointColumn> {
         match self.text {
             None => columns(self.format, &self.extra.columns(self.format.size())),
             Some(text) => text.columns(),
@@ -71,10 +71,10 @@ impl Times {
     ///
     /// # Errors
     /// Files that do not count them alike.
-    pub(super) fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
+    pub(super) fn of_all(origins: &[CloudFileOrigin<'_>]) -> Result<Self> {
         let mut timed = origins.iter().filter(|origin| origin.has_time());
         let first = timed.next();
-        let times = first.map_or(Self::USUAL, Origin::times);
+        let times = first.map_or(Self::USUAL, CloudFileOrigin::times);
         match (first, timed.find(|origin| origin.times() != times)) {
             (Some(first), Some(other)) => Err(Error::unsupported(format!(
                 "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \

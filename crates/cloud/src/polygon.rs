@@ -7,7 +7,7 @@ use serde::ser::Error as _;
 use serde::{Deserialize, Serialize, Serializer};
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, plane};
+use terrane_base::geom::{Crs, PointFrame, plane};
 use terrane_files::is_made;
 
 /// Polygons with holes, of one feature or several, which are united: inside of one is where an odd number of its rings goes
@@ -15,7 +15,7 @@ use terrane_files::is_made;
 /// share a border each point on it is in one only, as edges hold their lower end and not their upper
 /// one, and points on an edge are right of it. Which side of an edge a point is on is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Polygon {
+pub struct FilterPolygon {
     /// From the lower to the upper end, feature by feature.
     edges: Vec<[[f64; 2]; 2]>,
     /// The feature of each edge.
@@ -90,14 +90,14 @@ impl PolygonRings {
     }
 }
 
-impl Polygon {
+impl FilterPolygon {
     /// Of some rings.
     pub fn new(rings: PolygonRings) -> Self {
         Self::of_edges(rings.edges, rings.features)
     }
 
     /// The same polygons in steps of a frame: corners on its points are whole numbers.
-    pub fn in_steps(&self, frame: &Frame) -> Self {
+    pub fn in_steps(&self, frame: &PointFrame) -> Self {
         let rulers = [frame.ruler(0), frame.ruler(1)];
         let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
         let (mut edges, mut features) =
@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     /// The twin of `contains` that looks at all edges of a feature.
-    fn is_inside(polygon: &Polygon, x: f64, y: f64) -> bool {
+    fn is_inside(polygon: &FilterPolygon, x: f64, y: f64) -> bool {
         let features = polygon.features.last().map_or(0..0, |last| 0..last + 1);
         let crossed = |feature: u32| {
             let edges = polygon.edges.iter().zip(&polygon.features);
@@ -254,7 +254,7 @@ mod tests {
                 all.begin_feature().unwrap();
                 all.push(ring).unwrap();
             }
-            let polygon = Polygon::new(all);
+            let polygon = FilterPolygon::new(all);
             let edges = polygon.edges.len();
             assert!(polygon.lists.len() <= 2 * edges, "{} of {edges}", polygon.lists.len());
             assert!(polygon.bytes() <= (edges as u64 + 1) * PolygonRings::EDGE_BYTES);

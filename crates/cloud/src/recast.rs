@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
-use crate::las::{Extra, Move, OVERLAP_CLASS};
+use crate::las::{Extra, OVERLAP_CLASS, RecordByteCopy};
 use terrane_base::geom::Point;
 
 /// Bytes that records begin with in every format: place and intensity.
@@ -18,7 +18,7 @@ pub(crate) struct Recast {
     /// Whether the formats are of LAS 1.4: of the file, and of the output.
     is_new: [bool; 2],
     /// Fields that both have, beside the first ones, and extra bytes.
-    moves: Vec<Move>,
+    moves: Vec<RecordByteCopy>,
     /// What a record is before anything is moved there.
     blank: Vec<u8>,
     /// Whether a record is as it was but for its place, as far as it is wanted.
@@ -32,7 +32,7 @@ impl Recast {
     ) -> Self {
         let (a, b) = (from.places(), to.places());
         let field = |from: Option<usize>, to: Option<usize>, bytes| {
-            from.zip(to).map(|(from, to)| Move { from, to, bytes })
+            from.zip(to).map(|(from, to)| RecordByteCopy { from, to, bytes })
         };
         let fields = [
             field(a.time, b.time, TIME),
@@ -42,7 +42,7 @@ impl Recast {
         ];
         let extra = all.moves(own);
         let is_same = from == to && own == all;
-        let extra = extra.into_iter().map(|Move { from, to, bytes }| Move {
+        let extra = extra.into_iter().map(|RecordByteCopy { from, to, bytes }| RecordByteCopy {
             from: a.size + from,
             to: b.size + to,
             bytes,
@@ -93,7 +93,7 @@ impl Recast {
                 out[COMMON..PointFormat::OLD].copy_from_slice(&older(record)?);
             }
         }
-        for Move { from, to, bytes } in &self.moves {
+        for RecordByteCopy { from, to, bytes } in &self.moves {
             out[*to..to + bytes].copy_from_slice(&record[*from..from + bytes]);
         }
         Ok(())

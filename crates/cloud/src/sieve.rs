@@ -4,43 +4,43 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 use super::condition::Test;
-use super::filter::{Filter, Gate, Record, Verdict};
-use super::frame::{Claim, Map};
+use super::filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
+use super::frame::{ClaimedExtent, FrameTransform};
 use super::raw::{Flags, Raw};
-use super::source::Census;
+use super::source::PointCensus;
 
 /// What is done with the points of one file.
 #[derive(Clone, Debug)]
-pub(super) struct Sieve {
+pub(super) struct PointSieve {
     gate: Gate,
     /// What attributes have to meet.
     test: Option<Test>,
     /// True when all filters but for withheld points would let everything through.
     is_plain: bool,
-    claim: Claim,
-    map: Map,
+    claim: ClaimedExtent,
+    map: FrameTransform,
     salvage: bool,
 }
 
 /// Points at hand, and what became of the others.
 #[derive(Default)]
-struct Counts {
+struct SieveCounts {
     kept: usize,
     withheld: u64,
     filtered: u64,
     outside: u64,
 }
 
-impl Sieve {
+impl PointSieve {
     /// For points of one file.
     pub(super) fn new(
         (gate, test): (Gate, Option<Test>),
-        claim: Claim,
-        map: Map,
+        claim: ClaimedExtent,
+        map: FrameTransform,
         salvage: bool,
     ) -> Self {
         let keep_withheld = gate.filter().keep_withheld;
-        let open = Filter { keep_withheld, ..Filter::default() };
+        let open = CloudFilter { keep_withheld, ..CloudFilter::default() };
         Self { is_plain: *gate.filter() == open, gate, test, claim, map, salvage }
     }
 
@@ -54,10 +54,15 @@ impl Sieve {
     }
 
     /// What becomes of a point, of which these are the bytes where whole records are needed.
-    pub(super) fn judge<R: Raw>(&self, raw: R, bytes: &[u8], record: &Record) -> Verdict {
+    pub(super) fn judge<R: Raw>(
+        &self,
+        raw: R,
+        bytes: &[u8],
+        record: &FilterRecord,
+    ) -> FilterVerdict {
         let holds = |test: &Test| test.holds(record.point, raw, bytes);
         match self.gate.judge(record) {
-            Verdict::Keep if !self.test.as_ref().is_none_or(holds) => Verdict::Filtered,
+            FilterVerdict::Keep if !self.test.as_ref().is_none_or(holds) => FilterVerdict::Filtered,
             verdict => verdict,
         }
     }
@@ -72,12 +77,12 @@ impl Sieve {
         records: impl ExactSizeIterator<Item = R> + Clone,
         first: u64,
         out: &mut Vec<Point>,
-        census: &mut Census,
+        census: &mut PointCensus,
     ) -> Result<()> {
         let total = records.len();
         out.resize(total, Point::default());
         let counts = match (self.is_plain, self.map) {
-            (true, Map::Shift(by)) => self.plain(records.clone(), by, out),
+            (true, FrameTransform::Shift(by)) => self.plain(records.clone(), by, out),
             _ => self.full(records.clone(), first, out),
         };
         out.truncate(counts.kept);
@@ -98,8 +103,8 @@ impl Sieve {
         records: impl Iterator<Item = R>,
         by: [i32; 3],
         out: &mut [Point],
-    ) -> Counts {
-        let mut counts = Counts::default();
+    ) -> SieveCounts {
+        let mut counts = SieveCounts::default();
         let hidden =
             if self.gate.filter().keep_withheld { Flags::default() } else { Flags::WITHHELD };
         let low = self.claim.low;
@@ -124,16 +129,16 @@ impl Sieve {
         records: impl Iterator<Item = R>,
         first: u64,
         out: &mut [Point],
-    ) -> Counts {
-        let mut counts = Counts::default();
+    ) -> SieveCounts {
+        let mut counts = SieveCounts::default();
         for (index, record) in (first..).zip(records) {
             let raw = record.xyz();
             let record = self.record(record, index);
             match self.gate.judge(&record) {
-                Verdict::Withheld => counts.withheld += 1,
-                Verdict::Filtered => counts.filtered += 1,
-                Verdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
-                Verdict::Keep => {
+                FilterVerdict::Withheld => counts.withheld += 1,
+                FilterVerdict::Filtered => counts.filtered += 1,
+                FilterVerdict::Keep if !self.claim.holds(raw) => counts.outside += 1,
+                FilterVerdict::Keep => {
                     let Some(place) = out.get_mut(counts.kept) else { break };
                     *place = record.point;
                     counts.kept += 1;
@@ -152,26 +157,26 @@ impl Sieve {
         &self,
         (raw, bytes): (R, &[u8]),
         index: u64,
-        census: &mut Census,
+        census: &mut PointCensus,
     ) -> Result<Option<Point>> {
         let record = self.record(raw, index);
         census.read += 1;
         match self.judge(raw, bytes, &record) {
-            Verdict::Withheld => census.withheld += 1,
-            Verdict::Filtered => census.filtered += 1,
-            Verdict::Keep if self.claim.holds(raw.xyz()) => {
+            FilterVerdict::Withheld => census.withheld += 1,
+            FilterVerdict::Filtered => census.filtered += 1,
+            FilterVerdict::Keep if self.claim.holds(raw.xyz()) => {
                 census.kept += 1;
                 return Ok(Some(record.point));
             }
-            Verdict::Keep if self.salvage => census.outside += 1,
-            Verdict::Keep => return Err(self.outside(std::iter::once(raw), index)),
+            FilterVerdict::Keep if self.salvage => census.outside += 1,
+            FilterVerdict::Keep => return Err(self.outside(std::iter::once(raw), index)),
         }
         Ok(None)
     }
 
-    pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> Record {
+    pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> FilterRecord {
         let ([number, returns], raw) = (record.returns(), record.xyz());
-        Record {
+        FilterRecord {
             point: self.map.place(raw, &self.claim),
             world: self.claim.world(raw),
             class: record.class(),
@@ -185,7 +190,7 @@ impl Sieve {
     /// The error for the first point outside.
     fn outside<R: Raw>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
         let is_it = |(index, record): &(u64, R)| {
-            let wanted = self.gate.judge(&self.record(*record, *index)) == Verdict::Keep;
+            let wanted = self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep;
             wanted && !self.claim.holds(record.xyz())
         };
         let Some((index, record)) = (first..).zip(records).find(is_it) else {

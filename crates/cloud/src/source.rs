@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 
 /// Most points of a batch.
 pub const BATCH: usize = 1 << 16;
@@ -12,7 +12,7 @@ pub const BATCH: usize = 1 << 16;
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudInfo {
     /// Where the points lie.
-    pub frame: Frame,
+    pub frame: PointFrame,
     /// Lowest and highest coordinates that the headers claim, cut to the box and heights asked for;
     /// every point handed on lies within. `None` where no point can be.
     pub bounds: Option<[Point; 2]>,
@@ -24,7 +24,7 @@ pub struct CloudInfo {
 
 /// What became of the points that were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Census {
+pub struct PointCensus {
     /// Points that the files hold, those lost among them.
     pub read: u64,
     /// Points handed on.
@@ -39,7 +39,7 @@ pub struct Census {
     pub lost: u64,
 }
 
-impl Census {
+impl PointCensus {
     /// Adds the counts of another part.
     pub fn add(&mut self, other: &Self) {
         self.read += other.read;
@@ -73,13 +73,17 @@ pub trait PointSource: Send + Sync {
     ///
     /// # Errors
     /// Damage that the source was not told to pass over, and whatever `each` returns.
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census>;
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus>;
 
     /// A way to read it with these attributes, by the names of [`terrane_base::attribute`] or of extra bytes.
     ///
     /// # Errors
     /// An attribute that its points, or those of one of its files, do not have.
-    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
         let names = names.join(", ");
         Err(Error::unsupported(format!("this source of points does not tell {names}")))
     }
@@ -106,13 +110,13 @@ pub trait PointSource: Send + Sync {
 }
 
 /// Reads points together with some of their attributes.
-pub trait Columns: Send + Sync {
+pub trait AttributeSource: Send + Sync {
     /// Reads a part and hands on its filtered points, at most [`BATCH`] at a time, with a column for
     /// each attribute; NaN where a point has no value.
     ///
     /// # Errors
     /// As for [`PointSource::read`].
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census>;
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus>;
 }
 
 /// What takes points with their columns.

@@ -1,17 +1,17 @@
 //! Synthetic clouds as sources of points: `synth:cloud,size=1000,density=8,seed=7` in place of a file.
 
-use super::attributes::{Reader, Table, readers};
+use super::attributes::{AttributeReader, AttributeTable, readers};
 use super::column;
 use super::condition::{Condition, Test};
-use super::filter::{Filter, Gate, Record, Verdict};
+use super::filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
 use super::las::New;
 use super::raw::Flags;
-use super::source::{BATCH, Census, CloudInfo, Columns, Each, PointSource};
+use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
 use super::write;
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::is_held;
-use terrane_synth::cloud::{Echo, Survey};
+use terrane_synth::cloud::{Echo, LidarSurvey};
 
 /// What comes before the cloud's name.
 const PREFIX: &str = "synth:";
@@ -20,7 +20,7 @@ const ORIGIN: [f64; 3] = [500_000.0, 4_750_000.0, 0.0];
 
 /// True for the name of a synthetic cloud, `synth:cloud` and what may follow.
 pub fn is_synthetic(input: &str) -> bool {
-    input.strip_prefix(PREFIX).is_some_and(Survey::is_named)
+    input.strip_prefix(PREFIX).is_some_and(LidarSurvey::is_named)
 }
 
 /// Fails when one of `inputs` is a synthetic cloud or one in memory, where files are wanted.
@@ -39,13 +39,13 @@ pub(super) fn refuse(inputs: &[String]) -> Result<()> {
 ///
 /// # Errors
 /// A name that is none.
-pub fn survey(name: &str) -> Result<Survey> {
-    Survey::parse(name.strip_prefix(PREFIX).unwrap_or(name))
+pub fn survey(name: &str) -> Result<LidarSurvey> {
+    LidarSurvey::parse(name.strip_prefix(PREFIX).unwrap_or(name))
 }
 
 /// Where the points of a survey lie.
-pub fn frame(survey: &Survey) -> Frame {
-    Frame { scale: [survey.scale; 3], offset: ORIGIN }
+pub fn frame(survey: &LidarSurvey) -> PointFrame {
+    PointFrame { scale: [survey.scale; 3], offset: ORIGIN }
 }
 
 /// The coordinate reference system of synthetic clouds.
@@ -62,19 +62,19 @@ pub fn crs() -> Crs {
 /// A survey as a cloud. [`CloudInfo::count`] is the number of points expected, which no header
 /// claims; the n-th points of a filter are counted in each part; parts beyond the box asked for are
 /// not made.
-pub struct Synthetic {
-    survey: Survey,
+pub struct SyntheticCloud {
+    survey: LidarSurvey,
     gate: Gate,
     test: Option<Test>,
     info: CloudInfo,
 }
 
-impl Synthetic {
+impl SyntheticCloud {
     /// The points of `survey` that pass `filter`.
     ///
     /// # Errors
     /// A condition on an attribute that they do not have.
-    pub fn new(survey: Survey, filter: Filter) -> Result<Self> {
+    pub fn new(survey: LidarSurvey, filter: CloudFilter) -> Result<Self> {
         let frame = frame(&survey);
         let gate = Gate::new(&filter, &frame);
         let columns = column::columns(full()?, &[]);
@@ -98,16 +98,16 @@ impl Synthetic {
     }
 
     /// Hands on the wanted echoes of a part.
-    fn sift(&self, part: usize, mut each: impl FnMut(&Echo) -> Result<()>) -> Result<Census> {
+    fn sift(&self, part: usize, mut each: impl FnMut(&Echo) -> Result<()>) -> Result<PointCensus> {
         if part >= self.parts() {
             return Err(Error::usage(format!("the cloud has no part {part}")));
         }
         if !self.touches(part) {
-            return Ok(Census::default());
+            return Ok(PointCensus::default());
         }
         let mut echoes = Vec::new();
         self.survey.fill(part, &mut echoes);
-        let mut census = Census { read: echoes.len() as u64, ..Census::default() };
+        let mut census = PointCensus { read: echoes.len() as u64, ..PointCensus::default() };
         let (format, mut bytes) = (full()?, Vec::new());
         let mut meets = |test: &Test, echo: &Echo| {
             bytes.clear();
@@ -116,22 +116,24 @@ impl Synthetic {
         };
         for (index, echo) in echoes.iter().enumerate() {
             match self.gate.judge(&self.record(echo, index)) {
-                Verdict::Keep if self.test.as_ref().is_some_and(|test| !meets(test, echo)) => {
+                FilterVerdict::Keep
+                    if self.test.as_ref().is_some_and(|test| !meets(test, echo)) =>
+                {
                     census.filtered += 1;
                 }
-                Verdict::Keep => {
+                FilterVerdict::Keep => {
                     census.kept += 1;
                     each(echo)?;
                 }
-                Verdict::Withheld => census.withheld += 1,
-                Verdict::Filtered => census.filtered += 1,
+                FilterVerdict::Withheld => census.withheld += 1,
+                FilterVerdict::Filtered => census.filtered += 1,
             }
         }
         Ok(census)
     }
 
-    fn record(&self, echo: &Echo, index: usize) -> Record {
-        Record {
+    fn record(&self, echo: &Echo, index: usize) -> FilterRecord {
+        FilterRecord {
             point: echo.point,
             world: self.info.frame.world(echo.point),
             class: echo.class,
@@ -143,13 +145,13 @@ impl Synthetic {
     }
 }
 
-fn info(survey: &Survey, gate: &Gate) -> CloudInfo {
+fn info(survey: &LidarSurvey, gate: &Gate) -> CloudInfo {
     let ([width, height], [low, high]) = (survey.steps(), survey.heights());
     let bounds = gate.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
     CloudInfo { frame: frame(survey), bounds, count: survey.expected(), crs: crs() }
 }
 
-impl PointSource for Synthetic {
+impl PointSource for SyntheticCloud {
     fn info(&self) -> &CloudInfo {
         &self.info
     }
@@ -173,7 +175,11 @@ impl PointSource for Synthetic {
         (low.x <= high.x && low.y <= high.y).then_some([low, high])
     }
 
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let mut points = Vec::new();
         let census = self.sift(part, |echo| {
             points.push(echo.point);
@@ -183,10 +189,10 @@ impl PointSource for Synthetic {
         Ok(census)
     }
 
-    fn columns(&self, names: &[String]) -> Result<Box<dyn Columns + '_>> {
+    fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
         let format = full()?;
         let readers = readers(names, &column::columns(format, &[]))?;
-        Ok(Box::new(Told { cloud: self, format, readers }))
+        Ok(Box::new(SyntheticAttributeSource { cloud: self, format, readers }))
     }
 }
 
@@ -196,15 +202,15 @@ fn full() -> Result<write::PointFormat> {
 }
 
 /// The same with attributes: those of the records that files of them would have.
-struct Told<'a> {
-    cloud: &'a Synthetic,
+struct SyntheticAttributeSource<'a> {
+    cloud: &'a SyntheticCloud,
     format: write::PointFormat,
-    readers: Vec<Reader>,
+    readers: Vec<AttributeReader>,
 }
 
-impl Columns for Told<'_> {
-    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<Census> {
-        let (mut table, mut bytes) = (Table::new(&self.readers), Vec::new());
+impl AttributeSource for SyntheticAttributeSource<'_> {
+    fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
+        let (mut table, mut bytes) = (AttributeTable::new(&self.readers), Vec::new());
         let census = self.cloud.sift(part, |echo| {
             bytes.clear();
             self.format.encode(&[echo.into()], &mut bytes);
@@ -232,7 +238,7 @@ fn colours(class: u8) -> [u16; 4] {
 }
 
 /// A return as a record of a file: coloured by its class and strength.
-impl From<&Echo> for write::Record {
+impl From<&Echo> for write::PointRecord {
     fn from(echo: &Echo) -> Self {
         let shade = |colour: u16| colour * 200 + echo.intensity;
         let [red, green, blue, infrared] = colours(echo.class).map(shade);

@@ -1,7 +1,7 @@
 //! What the times of points are counted from, which bits of the global encoding say, and in LAS 1.5 a field.
 
-use super::las::Header;
-use super::version::{LasVersion, Packing};
+use super::las::LasHeader;
+use super::version::{LasVersion, PointPacking};
 use terrane_base::error::{Error, Result};
 
 /// Bits of the global encoding: times are GPS times less a billion seconds; with the other bit, from version 1.5 on,
@@ -24,7 +24,7 @@ impl Times {
     /// Adjusted standard GPS times.
     pub(super) const USUAL: Self = Self::Gps(BILLION);
 
-    pub(super) fn of(header: &Header) -> Self {
+    pub(super) fn of(header: &LasHeader) -> Self {
         match header.encoding & (STANDARD | OFFSET) {
             both if both == STANDARD | OFFSET && header.version >= [1, 5] => {
                 Self::Gps(header.time_offset)
@@ -52,9 +52,9 @@ impl Times {
     }
 
     /// What is to be said of them where nothing else does.
-    pub(super) fn note(self, packing: Packing) -> Option<String> {
+    pub(super) fn note(self, packing: PointPacking) -> Option<String> {
         match self {
-            Self::Gps(millions) if packing == Packing::Text && self != Self::USUAL => {
+            Self::Gps(millions) if packing == PointPacking::Text && self != Self::USUAL => {
                 Some(format!(
                     "times are GPS times less {millions} million seconds, which text does not say"
                 ))

@@ -10,7 +10,7 @@ use terrane_base::error::{Error, Result};
 
 /// How points are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Packing {
+pub enum PointPacking {
     /// As they are (LAS).
     #[default]
     Plain,
@@ -18,11 +18,11 @@ pub enum Packing {
     Chunks,
     /// Compressed, any number of points at a time (COPC).
     Nodes,
-    /// Lines of text, which no [`Layout`](crate::write::Layout) makes.
+    /// Lines of text, which no [`Layout`](crate::write::PointLayout) makes.
     Text,
 }
 
-impl Packing {
+impl PointPacking {
     /// Fails where points of this format cannot be so packed.
     pub(crate) fn check(self, format: PointFormat) -> Result<()> {
         if self != Self::Nodes || format.is_new() && !format.has_waves() {
@@ -85,11 +85,11 @@ impl LasVersion {
     }
 
     /// Fails where it has no points of a format, or they cannot be so packed.
-    pub(crate) fn check(self, format: PointFormat, packing: Packing) -> Result<()> {
+    pub(crate) fn check(self, format: PointFormat, packing: PointPacking) -> Result<()> {
         match packing {
-            Packing::Text => Err(Error::usage("text has no version of LAS")
+            PointPacking::Text => Err(Error::usage("text has no version of LAS")
                 .remedy("leave ‹las_version› out, or choose a name that ends in .las or .laz")),
-            Packing::Nodes if self != Self::V1_4 => {
+            PointPacking::Nodes if self != Self::V1_4 => {
                 Err(Error::unsupported(format!("COPC is LAS 1.4, and not {self}"))
                     .remedy("leave ‹las_version› out, or choose a name that ends in .laz only"))
             }
@@ -148,16 +148,17 @@ mod tests {
             (6, "1.4 1.5"),
             (10, "1.4 1.5"),
         ] {
-            let fits = |version: &LasVersion| version.check(format(number), Packing::Plain).is_ok();
+            let fits =
+                |version: &LasVersion| version.check(format(number), PointPacking::Plain).is_ok();
             let found: Vec<_> =
                 LasVersion::ALL.iter().filter(|v| fits(v)).map(LasVersion::to_string).collect();
             assert_eq!(found.join(" "), versions, "{number}");
             assert_eq!(LasVersion::of(format(number)).to_string(), versions[..3], "{number}");
         }
         assert_eq!(LasVersion::V1_5.holding(format(3)), format(7));
-        assert!(LasVersion::V1_5.check(format(6), Packing::Nodes).is_err());
-        assert!(LasVersion::V1_4.check(format(6), Packing::Nodes).is_ok());
-        assert!(LasVersion::V1_4.check(format(6), Packing::Text).is_err());
+        assert!(LasVersion::V1_5.check(format(6), PointPacking::Nodes).is_err());
+        assert!(LasVersion::V1_4.check(format(6), PointPacking::Nodes).is_ok());
+        assert!(LasVersion::V1_4.check(format(6), PointPacking::Text).is_err());
         for text in ["1.1", "1.6", "15", "", "1.50"] {
             assert!(text.parse::<LasVersion>().is_err(), "{text}");
         }

@@ -6,7 +6,7 @@ use std::io::{BufRead, Write};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::wkt;
-use terrane_crs::{Operation, Options};
+use terrane_crs::{CoordinateOperation, CoordinateOperationOptions};
 
 fn main() {
     if let Err(error) = run() {
@@ -35,8 +35,8 @@ fn run() -> Result<()> {
         extent = [extent[0].min(*x), extent[1].min(*y), extent[2].max(*x), extent[3].max(*y)];
     }
     let extent = (rest.is_empty() && !positions.is_empty()).then_some(extent);
-    let options = Options { extent, ..Options::default() };
-    let operation = Operation::between(&wkt::of_srs(from), &wkt::of_srs(to), &options)?;
+    let options = CoordinateOperationOptions { extent, ..CoordinateOperationOptions::default() };
+    let operation = CoordinateOperation::between(&wkt::of_srs(from), &wkt::of_srs(to), &options)?;
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     let mut say =
         |text: String| writeln!(out, "{text}").map_err(|_| Error::bad_input("cannot write"));

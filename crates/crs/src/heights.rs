@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Heights};
+use terrane_base::geom::{Crs, VerticalReference};
 
 use super::geoid::Geoid;
 
@@ -32,28 +32,32 @@ impl Rise {
         let sides = [from.heights(), to.heights()];
         let signed = |metres: f64, is_down: bool| if is_down { -metres } else { metres };
         match (sides, geoid) {
-            ([from, to], None) if from == to && !(is_shifted && to == Heights::Ellipsoidal) => {
+            ([from, to], None)
+                if from == to && !(is_shifted && to == VerticalReference::Ellipsoidal) =>
+            {
                 Ok(Self::Times(1.0))
             }
-            ([_, Heights::Unknown], None) => Ok(Self::Times(1.0)),
-            ([_, Heights::Unknown], Some(_)) => Err(Error::usage(
+            ([_, VerticalReference::Unknown], None) => Ok(Self::Times(1.0)),
+            ([_, VerticalReference::Unknown], Some(_)) => Err(Error::usage(
                 "a geoid is given, and the system to transform to says nothing of heights",
             )
             .remedy("name one with heights, such as EPSG:4979, or leave the geoid out")),
             (
                 [
-                    Heights::Above { datum: a, metres, is_down, .. },
-                    Heights::Above { datum: b, metres: per, is_down: down, .. },
+                    VerticalReference::Above { datum: a, metres, is_down, .. },
+                    VerticalReference::Above { datum: b, metres: per, is_down: down, .. },
                 ],
                 None,
             ) if a == b => Ok(Self::Times(signed(metres, is_down) / signed(per, down))),
-            ([Heights::Above { metres, is_down, .. }, Heights::Ellipsoidal], Some(geoid)) => {
-                Ok(Self::ToEllipsoid(geoid.clone(), signed(metres, is_down)))
-            }
-            ([Heights::Ellipsoidal, Heights::Above { metres, is_down, .. }], Some(geoid)) => {
-                Ok(Self::ToGeoid(geoid.clone(), signed(metres, is_down)))
-            }
-            ([Heights::Unknown, Heights::Ellipsoidal], Some(geoid)) => {
+            (
+                [VerticalReference::Above { metres, is_down, .. }, VerticalReference::Ellipsoidal],
+                Some(geoid),
+            ) => Ok(Self::ToEllipsoid(geoid.clone(), signed(metres, is_down))),
+            (
+                [VerticalReference::Ellipsoidal, VerticalReference::Above { metres, is_down, .. }],
+                Some(geoid),
+            ) => Ok(Self::ToGeoid(geoid.clone(), signed(metres, is_down))),
+            ([VerticalReference::Unknown, VerticalReference::Ellipsoidal], Some(geoid)) => {
                 let unit = from.vertical_metres();
                 notes.push(format!(
                     "what heights are counted from is not said; they are taken for heights above the geoid{}",
@@ -75,11 +79,11 @@ impl Rise {
     }
 }
 
-fn refusal(from: &Heights, to: &Heights, has_geoid: bool) -> Error {
-    let said = |heights: &Heights| match heights {
-        Heights::Unknown => "not named".to_owned(),
-        Heights::Ellipsoidal => "above the ellipsoid".to_owned(),
-        Heights::Above { name, .. } => format!("in {name}"),
+fn refusal(from: &VerticalReference, to: &VerticalReference, has_geoid: bool) -> Error {
+    let said = |heights: &VerticalReference| match heights {
+        VerticalReference::Unknown => "not named".to_owned(),
+        VerticalReference::Ellipsoidal => "above the ellipsoid".to_owned(),
+        VerticalReference::Above { name, .. } => format!("in {name}"),
     };
     let [from_text, to_text] = [from, to].map(said);
     let message = format!(
@@ -87,13 +91,13 @@ fn refusal(from: &Heights, to: &Heights, has_geoid: bool) -> Error {
          one to the other"
     );
     let remedy = match (from, to, has_geoid) {
-        (Heights::Unknown, Heights::Above { .. }, _) => {
+        (VerticalReference::Unknown, VerticalReference::Above { .. }, _) => {
             "name the target without heights: those of the source are kept as they are"
         }
-        (Heights::Ellipsoidal, Heights::Ellipsoidal, _) => {
+        (VerticalReference::Ellipsoidal, VerticalReference::Ellipsoidal, _) => {
             "name the target without heights, or transform them with other tools first"
         }
-        (_, Heights::Ellipsoidal, false) | (Heights::Ellipsoidal, _, false) => {
+        (_, VerticalReference::Ellipsoidal, false) | (VerticalReference::Ellipsoidal, _, false) => {
             "give the geoid between them (‹geoid› FILE), or name the target without heights"
         }
         (_, _, true) => {

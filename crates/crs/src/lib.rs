@@ -20,4 +20,4 @@ mod tests;
 
 pub use geoid::{Geoid, MAX_GRID_BYTES};
 pub use ntv2::ShiftGrid;
-pub use operation::{Operation, Options};
+pub use operation::{CoordinateOperation, CoordinateOperationOptions};

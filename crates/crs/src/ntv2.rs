@@ -33,11 +33,11 @@ pub struct ShiftGrid {
     names: [String; 2],
     /// Half of the major axes of both ellipsoids.
     axes: [f64; 2],
-    grids: Vec<Grid>,
+    grids: Vec<Ntv2Grid>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Grid {
+struct Ntv2Grid {
     /// In seconds of arc, longitudes to the west: south, north, east, west.
     sides: [f64; 4],
     /// Of latitude and longitude.
@@ -48,12 +48,12 @@ struct Grid {
 }
 
 /// Reads in the order of bytes of a file.
-struct Reader<'a> {
+struct Ntv2Reader<'a> {
     bytes: &'a [u8],
     is_big: bool,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> Ntv2Reader<'a> {
     fn value(&self, record: usize) -> Option<&'a [u8; 8]> {
         let at = record * RECORD + 8;
         self.bytes.get(at..at + 8)?.try_into().ok()
@@ -100,7 +100,7 @@ impl ShiftGrid {
             Some([0, 0, 0, 11]) => true,
             _ => return Err(bad("it does not begin with a header of 11 records")),
         };
-        let file = Reader { bytes, is_big };
+        let file = Ntv2Reader { bytes, is_big };
         let (Some(count), Some(unit)) = (file.count(2), file.text(3)) else {
             return Err(bad("its header is cut off"));
         };
@@ -119,9 +119,10 @@ impl ShiftGrid {
         let mut rest = bytes.get(HEADER * RECORD..).ok_or_else(|| bad("its header is cut off"))?;
         let mut grids = Vec::new();
         for number in 1..=count {
-            let (grid, length) = Grid::read(&Reader { bytes: rest, is_big }).ok_or_else(|| {
-                bad(&format!("grid {number} of {count} is cut off, or makes no sense"))
-            })?;
+            let (grid, length) =
+                Ntv2Grid::read(&Ntv2Reader { bytes: rest, is_big }).ok_or_else(|| {
+                    bad(&format!("grid {number} of {count} is cut off, or makes no sense"))
+                })?;
             grids.push(grid);
             rest = &rest[length..];
         }
@@ -214,7 +215,7 @@ impl ShiftGrid {
 
     /// By the finest grid that holds a place.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
-        let finer = |a: &&Grid, b: &&Grid| a.step[0].total_cmp(&b.step[0]);
+        let finer = |a: &&Ntv2Grid, b: &&Ntv2Grid| a.step[0].total_cmp(&b.step[0]);
         let once = 360.0 * 3600.0;
         [west, west - once, west + once].into_iter().find_map(|west| {
             let holding = self.grids.iter().filter(|grid| grid.holds([latitude, west]));
@@ -223,9 +224,9 @@ impl ShiftGrid {
     }
 }
 
-impl Grid {
+impl Ntv2Grid {
     /// The grid that a file goes on with, and how many bytes it takes.
-    fn read(file: &Reader<'_>) -> Option<(Self, usize)> {
+    fn read(file: &Ntv2Reader<'_>) -> Option<(Self, usize)> {
         let number = |record: usize| file.number(record);
         let sides = [number(4)?, number(5)?, number(6)?, number(7)?];
         let step = [number(8)?, number(9)?];

@@ -12,11 +12,11 @@ use super::heights::Rise;
 use super::ntv2::ShiftGrid;
 use super::projection::Projection;
 use super::shift::{Ellipsoid, Helmert};
-use super::table::{self, Known};
+use super::table::{self, KnownDatumShift};
 
 /// What is known besides the two systems.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
+pub struct CoordinateOperationOptions {
     /// Where the data lie in the source, if that is known: x and y low, x and y high. The shift of the
     /// datum is the best one for all of it, and longitudes go on beyond 180 degrees where it does.
     pub extent: Option<[f64; 4]>,
@@ -28,10 +28,10 @@ pub struct Options {
 
 /// The way from one system to another, of positions and heights.
 #[derive(Clone)]
-pub struct Operation {
+pub struct CoordinateOperation {
     from: Projection,
     to: Projection,
-    legs: Vec<Leg>,
+    legs: Vec<DatumShift>,
     rise: Rise,
     /// The longitude that longitudes of a target in degrees lie around.
     about: Option<f64>,
@@ -43,7 +43,7 @@ pub struct Operation {
 
 /// A step between datums; places are longitudes and latitudes in radians.
 #[derive(Clone)]
-enum Leg {
+enum DatumShift {
     Helmert { shift: Helmert, ellipsoids: [Ellipsoid; 2], area: Area, is_back: bool },
     Grid { grid: Arc<ShiftGrid>, is_back: bool },
 }
@@ -51,13 +51,13 @@ enum Leg {
 /// Millimetres of heights above an ellipsoid that may be left when a shift is undone.
 const LEVEL: f64 = 1e-5;
 
-impl Operation {
+impl CoordinateOperation {
     /// From one system to another.
     ///
     /// # Errors
     /// Systems without a known place on the globe, projections and shifts of datums and heights that are
     /// not known, and data that lie across the edge of the target's map, each by name.
-    pub fn between(from: &Crs, to: &Crs, options: &Options) -> Result<Self> {
+    pub fn between(from: &Crs, to: &Crs, options: &CoordinateOperationOptions) -> Result<Self> {
         let target = to.with_heights_of(from);
         let [own, others] = [from.conversion()?, to.conversion()?];
         let [source, sink] =
@@ -72,7 +72,7 @@ impl Operation {
         let (legs, accuracy, name) = match &options.shift_grid {
             Some(grid) => {
                 let is_back = grid.is_back(datums)?;
-                (vec![Leg::Grid { grid: grid.clone(), is_back }], None, grid.name(is_back))
+                (vec![DatumShift::Grid { grid: grid.clone(), is_back }], None, grid.name(is_back))
             }
             None => shift(datums, area.as_ref(), &mut notes)?,
         };
@@ -94,7 +94,8 @@ impl Operation {
     /// # Errors
     /// Like [`between`](Self::between).
     pub fn to_wgs84(from: &Crs, extent: Option<[f64; 4]>) -> Result<Self> {
-        let options = Options { extent, ..Options::default() };
+        let options =
+            CoordinateOperationOptions { extent, ..CoordinateOperationOptions::default() };
         Self::between(from, &wkt::of_srs("EPSG:4326"), &options)
     }
 
@@ -102,11 +103,11 @@ impl Operation {
     #[must_use]
     pub fn inverse(&self) -> Self {
         let [from, to] = self.systems.clone();
-        let back = |leg: &Leg| match leg.clone() {
-            Leg::Helmert { shift, ellipsoids, area, is_back } => {
-                Leg::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
+        let back = |leg: &DatumShift| match leg.clone() {
+            DatumShift::Helmert { shift, ellipsoids, area, is_back } => {
+                DatumShift::Helmert { shift: shift.inverse(), ellipsoids, area, is_back: !is_back }
             }
-            Leg::Grid { grid, is_back } => Leg::Grid { grid, is_back: !is_back },
+            DatumShift::Grid { grid, is_back } => DatumShift::Grid { grid, is_back: !is_back },
         };
         Self {
             from: self.to.clone(),
@@ -200,7 +201,7 @@ impl Operation {
     }
 }
 
-impl Leg {
+impl DatumShift {
     fn apply(&self, place: [f64; 2]) -> Result<[f64; 2]> {
         match self {
             Self::Helmert { shift, ellipsoids: [own, wgs84], area, is_back } => {
@@ -242,7 +243,7 @@ fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
     .remedy("transform the parts for themselves, or give a grid of shifts (‹shift_grid› FILE)"))
 }
 
-type Way = (Vec<Leg>, Option<f64>, String);
+type Way = (Vec<DatumShift>, Option<f64>, String);
 
 /// The way from one datum to another, by WGS 84; what it is called, and how right.
 fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> Result<Way> {
@@ -278,7 +279,7 @@ fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> R
         let shift = Helmert::new(known.numbers);
         let shift = if is_back { shift.inverse() } else { shift };
         let ellipsoids = [ellipsoid, Ellipsoid::WGS84];
-        legs.push(Leg::Helmert { shift, ellipsoids, area: known.area, is_back });
+        legs.push(DatumShift::Helmert { shift, ellipsoids, area: known.area, is_back });
     }
     Ok((legs, Some(accuracy), names.join(", back by ")))
 }
@@ -308,7 +309,7 @@ fn is_one([a, b]: [&Datum; 2]) -> bool {
 }
 
 /// The shift of a datum to WGS 84 for an area, or the one for the largest area.
-fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result<Known> {
+fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result<KnownDatumShift> {
     let known = datum.code.map(table::shifts).unwrap_or_default();
     let first = known.first().copied();
     let found = match (first, area) {

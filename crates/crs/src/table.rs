@@ -14,7 +14,7 @@ const SAME: f64 = 4.0;
 
 /// A shift of a datum to WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Known {
+pub(crate) struct KnownDatumShift {
     /// EPSG code of the operation.
     pub(crate) code: u32,
     pub(crate) name: &'static str,
@@ -25,7 +25,7 @@ pub(crate) struct Known {
     pub(crate) numbers: [f64; 7],
 }
 
-impl Known {
+impl KnownDatumShift {
     /// True where positions stay as they are.
     pub(crate) fn is_null(&self) -> bool {
         self.numbers == [0.0; 7]
@@ -50,10 +50,11 @@ impl Known {
 
 /// The shifts of a datum, the one to prefer first: those that leave positions alone, the more accurate,
 /// those of smaller areas, the newer.
-pub(crate) fn shifts(datum: u32) -> Vec<Known> {
-    let all = SHIFTS.lines().filter_map(Known::of_line);
-    let mut own: Vec<Known> = all.filter(|(of, _)| *of == datum).map(|(_, known)| known).collect();
-    let is_same = |known: &Known| known.is_null() && known.accuracy <= SAME;
+pub(crate) fn shifts(datum: u32) -> Vec<KnownDatumShift> {
+    let all = SHIFTS.lines().filter_map(KnownDatumShift::of_line);
+    let mut own: Vec<KnownDatumShift> =
+        all.filter(|(of, _)| *of == datum).map(|(_, known)| known).collect();
+    let is_same = |known: &KnownDatumShift| known.is_null() && known.accuracy <= SAME;
     own.sort_by(|a, b| {
         (is_same(b).cmp(&is_same(a)))
             .then(a.accuracy.total_cmp(&b.accuracy))
@@ -70,7 +71,7 @@ mod tests {
     #[test]
     fn every_line_says_a_shift() {
         for line in SHIFTS.lines() {
-            let (_, known) = Known::of_line(line).unwrap_or_else(|| panic!("{line}"));
+            let (_, known) = KnownDatumShift::of_line(line).unwrap_or_else(|| panic!("{line}"));
             assert!((0.0..=50.0).contains(&known.accuracy) && known.area.size() > 0.0, "{line}");
             assert!(known.numbers[..3].iter().all(|by| by.abs() < 3000.0), "{line}");
             assert!(known.numbers[3..].iter().all(|by| by.abs() < 300.0), "{line}");

@@ -7,7 +7,7 @@ use terrane_base::error::ErrorKind;
 use terrane_base::geom::Crs;
 use terrane_base::geom::wkt::{from_text, of_srs};
 
-use super::{Geoid, Operation, Options};
+use super::{CoordinateOperation, CoordinateOperationOptions, Geoid};
 
 /// What PROJ finds (`tools/compare_operations.py --table`): code, x, y, longitude and latitude on WGS 84.
 const POSITIONS: &str = include_str!("positions.tsv");
@@ -19,8 +19,19 @@ fn code(code: u32) -> Crs {
     of_srs(&format!("EPSG:{code}"))
 }
 
-fn within(from: &Crs, to: &Crs, extent: [f64; 4]) -> terrane_base::error::Result<Operation> {
-    Operation::between(from, to, &Options { extent: Some(extent), ..Options::default() })
+fn within(
+    from: &Crs,
+    to: &Crs,
+    extent: [f64; 4],
+) -> terrane_base::error::Result<CoordinateOperation> {
+    CoordinateOperation::between(
+        from,
+        to,
+        &CoordinateOperationOptions {
+            extent: Some(extent),
+            ..CoordinateOperationOptions::default()
+        },
+    )
 }
 
 /// Rows of one system, and the rectangle they lie in.
@@ -40,10 +51,10 @@ fn systems() -> Vec<(u32, Vec<[f64; 4]>, [f64; 4])> {
 }
 
 /// To WGS 84, by what is best for a rectangle; without any where a pole is in it.
-fn wgs84(crs: &Crs, extent: [f64; 4]) -> terrane_base::error::Result<Operation> {
-    let has_pole =
-        Operation::to_wgs84(crs, Some(extent)).is_err_and(|e| e.to_string().contains("a pole"));
-    Operation::to_wgs84(crs, (!has_pole).then_some(extent))
+fn wgs84(crs: &Crs, extent: [f64; 4]) -> terrane_base::error::Result<CoordinateOperation> {
+    let has_pole = CoordinateOperation::to_wgs84(crs, Some(extent))
+        .is_err_and(|e| e.to_string().contains("a pole"));
+    CoordinateOperation::to_wgs84(crs, (!has_pole).then_some(extent))
 }
 
 fn metres(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -99,14 +110,15 @@ fn every_code_is_computed_or_refused_and_comes_back() {
     let (mut computed, mut refused) = (0, 0);
     for own in 1..=32_767 {
         let crs = code(own);
-        let operation = match crs.conversion().and_then(|_| Operation::to_wgs84(&crs, None)) {
-            Ok(operation) => operation,
-            Err(error) => {
-                assert!(matches!(error.kind(), ErrorKind::Unsupported), "{own}: {error}");
-                refused += usize::from(crs.is_named() && crs.citation.is_some());
-                continue;
-            }
-        };
+        let operation =
+            match crs.conversion().and_then(|_| CoordinateOperation::to_wgs84(&crs, None)) {
+                Ok(operation) => operation,
+                Err(error) => {
+                    assert!(matches!(error.kind(), ErrorKind::Unsupported), "{own}: {error}");
+                    refused += usize::from(crs.is_named() && crs.citation.is_some());
+                    continue;
+                }
+            };
         computed += 1;
         // Of any place where it can be used at all: a lattice of the globe.
         let back = operation.inverse();
@@ -164,7 +176,7 @@ fn what_cannot_be_done_is_refused_by_name() {
         (Crs::default(), code(4326), "not known where on the globe"),
         (grid, code(28992), "outside of where the shift"),
     ] {
-        let told = Operation::between(&from, &to, &Options::default())
+        let told = CoordinateOperation::between(&from, &to, &CoordinateOperationOptions::default())
             .and_then(|operation| operation.position([-600_000.0, -1_100_000.0]))
             .unwrap_err()
             .to_string();
@@ -181,7 +193,7 @@ fn what_cannot_be_done_is_refused_by_name() {
 
 #[test]
 fn positions_beyond_what_a_projection_reaches_are_errors() {
-    let utm = Operation::to_wgs84(&code(32632), None).unwrap();
+    let utm = CoordinateOperation::to_wgs84(&code(32632), None).unwrap();
     for at in [[5e8, 5e6], [5e5, 2.5e7], [f64::NAN, 0.0], [f64::INFINITY, 0.0]] {
         let told = utm.position(at).unwrap_err().to_string();
         assert!(told.contains("beyond what the projection reaches"), "{told}");
@@ -194,14 +206,14 @@ fn positions_beyond_what_a_projection_reaches_are_errors() {
     // The corner of a map of the world that is round.
     let sinusoidal = code(4326).conversion().unwrap();
     assert!(sinusoidal.proj.starts_with("+proj=longlat"));
-    let polar = Operation::to_wgs84(&code(3035), None).unwrap();
+    let polar = CoordinateOperation::to_wgs84(&code(3035), None).unwrap();
     assert!(polar.position([4e7, 4e7]).is_err());
 }
 
 #[test]
 fn longitudes_go_on_across_180_degrees_and_poles_are_refused() {
     let extent = [400_000.0, 5_000_000.0, 900_000.0, 5_100_000.0];
-    let operation = Operation::to_wgs84(&code(32660), Some(extent)).unwrap();
+    let operation = CoordinateOperation::to_wgs84(&code(32660), Some(extent)).unwrap();
     let [west, east] =
         [extent[0], extent[2]].map(|x| operation.position([x, 5_050_000.0]).unwrap()[0]);
     let crosses =
@@ -222,7 +234,12 @@ fn longitudes_go_on_across_180_degrees_and_poles_are_refused() {
 
 #[test]
 fn accuracies_add_up_and_datums_that_stand_for_wgs_84_are_told() {
-    let utm = Operation::between(&code(25832), &code(32632), &Options::default()).unwrap();
+    let utm = CoordinateOperation::between(
+        &code(25832),
+        &code(32632),
+        &CoordinateOperationOptions::default(),
+    )
+    .unwrap();
     assert_eq!(utm.accuracy(), Some(1.0));
     assert!(
         utm.notes()[0].contains("is taken for WGS 84, which is right to 1 m"),
@@ -231,13 +248,23 @@ fn accuracies_add_up_and_datums_that_stand_for_wgs_84_are_told() {
     );
     let [x, y] = utm.position([500_000.0, 5e6]).unwrap();
     assert!((x - 500_000.0).hypot(y - 5e6) < 1e-3, "{x} {y}");
-    let both = Operation::between(&code(28992), &code(31370), &Options::default()).unwrap();
+    let both = CoordinateOperation::between(
+        &code(28992),
+        &code(31370),
+        &CoordinateOperationOptions::default(),
+    )
+    .unwrap();
     assert_eq!(both.accuracy(), Some(2.0));
     assert_eq!(
         both.name(),
         "Amersfoort to WGS 84 (3) (EPSG:15934), back by BD72 to WGS 84 (3) (EPSG:15929)"
     );
-    let same = Operation::between(&code(2154), &code(4171), &Options::default()).unwrap();
+    let same = CoordinateOperation::between(
+        &code(2154),
+        &code(4171),
+        &CoordinateOperationOptions::default(),
+    )
+    .unwrap();
     assert_eq!((same.accuracy(), same.name()), (Some(0.0), "the same datum"));
 }
 
@@ -254,8 +281,8 @@ fn level() -> Arc<Geoid> {
 fn heights_are_kept_scaled_or_counted_from_the_ellipsoid() {
     let at = [555_000.0, 4_500_000.0, 100.0];
     let between = |from: &str, to: &str, geoid: Option<Arc<Geoid>>| {
-        let options = Options { geoid, ..Options::default() };
-        Operation::between(&of_srs(from), &of_srs(to), &options)
+        let options = CoordinateOperationOptions { geoid, ..CoordinateOperationOptions::default() };
+        CoordinateOperation::between(&of_srs(from), &of_srs(to), &options)
     };
     let foot = 0.3048;
     let survey = 1200.0 / 3937.0;
@@ -292,8 +319,13 @@ fn heights_are_kept_scaled_or_counted_from_the_ellipsoid() {
 
 #[test]
 fn heights_above_an_ellipsoid_stay_with_a_datum_that_stands_for_the_other() {
-    let between =
-        |from: &str| Operation::between(&of_srs(from), &of_srs("EPSG:4979"), &Options::default());
+    let between = |from: &str| {
+        CoordinateOperation::between(
+            &of_srs(from),
+            &of_srs("EPSG:4979"),
+            &CoordinateOperationOptions::default(),
+        )
+    };
     let found = between("EPSG:4937").unwrap().point([5.0, 52.0, 43.0]).unwrap();
     assert_eq!(found[2], 43.0);
     let bessel = r#"GEOGCRS["mine",DATUM["Amersfoort",ELLIPSOID["Bessel 1841",6377397.155,299.1528128]],CS[ellipsoidal,3],AXIS["latitude",north],AXIS["longitude",east],AXIS["height",up],ANGLEUNIT["degree",0.0174532925199433]]"#;

@@ -2,7 +2,7 @@
 
 use super::disc::Disc;
 use super::predicates::Site;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::geom::Point;
 
 /// Points that a bin should hold where they are spread evenly.
@@ -14,8 +14,8 @@ const MOST_BINS: u64 = 2;
 /// A uniform grid of bins over the points' own extent. Of points at one (x, y) only the lowest is
 /// kept. About 16 bytes a point; each row of bins is one run of memory.
 #[derive(Clone, Debug)]
-pub struct Bins {
-    window: Window,
+pub struct PointBins {
+    window: PositionWindow,
     size: i32,
     /// 2^63 by the size, rounded up: products are quicker than quotients.
     inverse: u64,
@@ -25,10 +25,10 @@ pub struct Bins {
     points: Vec<Point>,
 }
 
-impl Bins {
+impl PointBins {
     /// Sorts points into bins; below 2^32 points, in linear time.
     pub fn new(points: &[Point]) -> Self {
-        let Some(window) = Window::of(points.iter().map(|p| [p.x, p.y])) else {
+        let Some(window) = PositionWindow::of(points.iter().map(|p| [p.x, p.y])) else {
             return Self::empty();
         };
         let mut bins = Self::sized(window, even_size(&window, points.len()));
@@ -42,10 +42,10 @@ impl Bins {
     }
 
     fn empty() -> Self {
-        Self::sized(Window { low: [0; 2], high: [0; 2] }, 1)
+        Self::sized(PositionWindow { low: [0; 2], high: [0; 2] }, 1)
     }
 
-    fn sized(window: Window, size: i32) -> Self {
+    fn sized(window: PositionWindow, size: i32) -> Self {
         let [columns, rows] = [0, 1].map(|i| bins_along(&window, i, size) as usize);
         let inverse = (1_u64 << 63).div_ceil(size as u64);
         Self { window, size, inverse, columns, starts: vec![0; columns * rows + 1], points: vec![] }
@@ -136,7 +136,7 @@ impl Bins {
     }
 
     /// The extent of the points (the origin alone, when there are none).
-    pub fn window(&self) -> Window {
+    pub fn window(&self) -> PositionWindow {
         self.window
     }
 
@@ -147,7 +147,7 @@ impl Bins {
 
     /// Hands out all points in the window, and others near it.
     #[inline]
-    pub fn visit(&self, window: &Window, mut each: impl FnMut(&[Point])) {
+    pub fn visit(&self, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
         let Some(part) = window.intersection(&self.window) else { return };
         let columns = [self.column(part.low[0]), self.column(part.high[0])];
         for row in self.row(part.low[1])..=self.row(part.high[1]) {
@@ -157,7 +157,7 @@ impl Bins {
 
     /// Hands out all points in both the window and the disc, and others near it.
     #[inline]
-    pub fn visit_disc(&self, disc: &Disc, window: &Window, mut each: impl FnMut(&[Point])) {
+    pub fn visit_disc(&self, disc: &Disc, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
         let Some(part) = window.intersection(&self.window) else { return };
         let Some([low, high]) = disc.span(1, part.low[0], part.high[0]) else { return };
         let (low, high) = (low.max(part.low[1].into()), high.min(part.high[1].into()));
@@ -177,17 +177,17 @@ impl Bins {
     }
 }
 
-fn length(window: &Window, axis: usize) -> u64 {
+fn length(window: &PositionWindow, axis: usize) -> u64 {
     (i64::from(window.high[axis]) - i64::from(window.low[axis])) as u64 + 1
 }
 
-fn bins_along(window: &Window, axis: usize, size: i32) -> u64 {
+fn bins_along(window: &PositionWindow, axis: usize, size: i32) -> u64 {
     (length(window, axis) - 1) / size as u64 + 1
 }
 
 /// Side of bins with [`PER_BIN`] points each, were they spread evenly; so large that a thin extent
 /// has no more bins than points.
-fn even_size(window: &Window, points: usize) -> i32 {
+fn even_size(window: &PositionWindow, points: usize) -> i32 {
     let (width, height, points) = (length(window, 0), length(window, 1), points as u64);
     let even = ((width as f64) * (height as f64) * PER_BIN as f64 / points as f64).sqrt() as u64;
     let least = width.max(height).div_ceil(points);
@@ -215,21 +215,21 @@ mod tests {
     proptest! {
         #[test]
         fn keeps_the_lowest_point_of_each_position(points in points()) {
-            let bins = Bins::new(&points);
+            let bins = PointBins::new(&points);
             let mut kept = bins.points().to_vec();
             kept.sort();
             prop_assert_eq!(kept, lowest_of_each(points.clone()));
             let mut backwards = points;
             backwards.reverse();
-            let again = Bins::new(&backwards);
+            let again = PointBins::new(&backwards);
             prop_assert_eq!(again.points(), bins.points());
         }
 
         #[test]
         fn visits_miss_nothing(points in points(), c in prop::array::uniform6(-3_000i32..3_000)) {
-            let bins = Bins::new(&points);
+            let bins = PointBins::new(&points);
             let corners = [[c[0], c[1]], [c[2], c[3]], [c[4], c[5]]];
-            let window = Window::of(corners).unwrap();
+            let window = PositionWindow::of(corners).unwrap();
             let mut seen = vec![];
             bins.visit(&window, |run| seen.extend_from_slice(run));
             let inside = |p: &&Point| window.contains([p.x, p.y]);
@@ -239,7 +239,7 @@ mod tests {
             }
             let disc = Disc::around(corners);
             let mut seen = vec![];
-            bins.visit_disc(&disc, &Window::ALL, |run| seen.extend_from_slice(run));
+            bins.visit_disc(&disc, &PositionWindow::ALL, |run| seen.extend_from_slice(run));
             let inside = |p: &&Point| disc.holds([p.x, p.y]);
             prop_assert!(bins.points().iter().filter(inside).all(|p| seen.contains(p)));
         }
@@ -262,7 +262,7 @@ mod tests {
         /// use hold more than twelve, as long as there are no more than two for each point.
         #[test]
         fn bins_are_halved_while_they_are_crowded(points in clustered()) {
-            let bins = Bins::new(&points);
+            let bins = PointBins::new(&points);
             let count = points.len() as i64;
             let extent = squares(&points, 1).1;
             let first = (1..).take_while(|size| size * size * count <= 3 * extent).last().unwrap_or(1);
@@ -294,7 +294,7 @@ mod tests {
         #[test]
         fn products_are_quotients(bits in 0_u32..=30, size: u32, bin: u32, beside in 0_u32..3) {
             let size = (size & ((1 << bits) - 1)) + 1;
-            let bins = Bins::sized(Window { low: [0; 2], high: [0; 2] }, size as i32);
+            let bins = PointBins::sized(PositionWindow { low: [0; 2], high: [0; 2] }, size as i32);
             // Next to where a bin begins, below 2^31 steps.
             let most = (1_u32 << 31) - 2;
             let steps = (bin % (most / size + 1) * size + beside).saturating_sub(1).min(most);
@@ -305,8 +305,8 @@ mod tests {
     #[test]
     fn windows_and_discs_beside_the_points_are_given_none() {
         let points: Vec<_> = (0..900).map(|i| Point::new(i % 30 * 4, i / 30 * 4, 0)).collect();
-        let bins = Bins::new(&points);
-        let count = |window: &Window, disc: Option<&Disc>| {
+        let bins = PointBins::new(&points);
+        let count = |window: &PositionWindow, disc: Option<&Disc>| {
             let mut seen = 0;
             match disc {
                 None => bins.visit(window, |run| seen += run.len()),
@@ -314,12 +314,12 @@ mod tests {
             }
             seen
         };
-        let window = |low: Site, high: Site| Window { low, high };
+        let window = |low: Site, high: Site| PositionWindow { low, high };
         assert_eq!(count(&window([200, 0], [300, 300]), None), 0);
         assert!((100..200).contains(&count(&window([20, 20], [59, 59]), None)));
         // A circle of radius 20 around (60, 60), which holds some 80 points.
         let disc = Disc::around([[80, 60], [48, 76], [48, 44]]);
-        let near = count(&Window::ALL, Some(&disc));
+        let near = count(&PositionWindow::ALL, Some(&disc));
         assert!((78..180).contains(&near), "{near}");
         assert!(count(&window([60, 60], [119, 119]), Some(&disc)) < near / 2);
         assert_eq!(count(&window([0, 0], [30, 119]), Some(&disc)), 0);
@@ -334,13 +334,13 @@ mod tests {
     #[test]
     fn thin_and_crowded_extents_stay_within_bounds() {
         let line: Vec<_> = (0..1000).map(|i| Point::new(i * 500_000, 0, 0)).collect();
-        let bins = Bins::new(&line);
+        let bins = PointBins::new(&line);
         assert!(bins.starts.len() <= 2_002 && bins.points().len() == 1000);
         let mut crowd: Vec<_> = (0..1000).map(|i| Point::new(i % 40, i / 40, 0)).collect();
         crowd.push(Point::new(1 << 28, 1 << 28, 0));
-        assert!(Bins::new(&crowd).starts.len() <= 2_100);
-        assert!(Bins::new(&[]).points().is_empty());
-        let one = Bins::new(&vec![Point::new(7, 7, 7); 100]);
+        assert!(PointBins::new(&crowd).starts.len() <= 2_100);
+        assert!(PointBins::new(&[]).points().is_empty());
+        let one = PointBins::new(&vec![Point::new(7, 7, 7); 100]);
         assert!(one.size() == 1 && one.points().len() == 1);
     }
 }

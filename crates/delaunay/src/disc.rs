@@ -1,8 +1,8 @@
 //! Circumscribed discs in floating point, with margins that make every answer a certain one.
 
-use super::position::{Arm, Position};
+use super::position::{Arm, FixedPosition};
 use super::predicates::{Site, in_circle, orient};
-use super::window::Window;
+use super::window::PositionWindow;
 
 /// The closed disc through the corners of a triangle. Positions are relative to the first corner, so
 /// rounding is relative to the size of the triangle, not to that of the cloud.
@@ -66,7 +66,7 @@ impl Disc {
 
     /// True when the whole disc certainly lies in the window.
     #[inline]
-    pub fn lies_in(&self, window: &Window) -> bool {
+    pub fn lies_in(&self, window: &PositionWindow) -> bool {
         (0..2).all(|axis| {
             let anchor = i64::from(self.corners[0][axis]);
             let low = (i64::from(window.low[axis]) - anchor) as f64;
@@ -88,13 +88,13 @@ impl Disc {
     }
 
     /// The centre as seen from a position, in steps.
-    pub(super) fn centre_from(&self, q: Position) -> [f64; 2] {
+    pub(super) fn centre_from(&self, q: FixedPosition) -> [f64; 2] {
         let corner = q.to(self.corners[0]).steps();
         [corner[0] + self.centre[0], corner[1] + self.centre[1]]
     }
 
     /// True when a position lies strictly inside; exactly, and without perturbation.
-    pub(super) fn holds_position(&self, q: Position) -> bool {
+    pub(super) fn holds_position(&self, q: FixedPosition) -> bool {
         let [x, y] = self.centre_from(q);
         let square = x * x + y * y;
         square < self.within || (square <= self.beyond && self.holds_exactly(q))
@@ -102,7 +102,7 @@ impl Disc {
 
     /// The determinant of [`in_circle`] in 1/256 steps, below 2^160: lifts are split at bit 40.
     #[inline(never)]
-    fn holds_exactly(&self, q: Position) -> bool {
+    fn holds_exactly(&self, q: FixedPosition) -> bool {
         let [a, b, c] = self.corners.map(|p| q.to(p));
         let terms: [(Arm, i128); 3] = [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))];
         let part = |part: &dyn Fn(i128) -> i128| -> i128 {
@@ -145,7 +145,7 @@ impl Disc {
     /// The part of a window that the disc touches, never too small; `None` when it certainly touches
     /// nothing.
     #[inline]
-    pub fn clip(&self, window: &Window) -> Option<Window> {
+    pub fn clip(&self, window: &PositionWindow) -> Option<PositionWindow> {
         let mut part = *window;
         // Twice, because a narrower window in y narrows that in x and the other way round.
         for axis in [0, 1, 0, 1] {
@@ -206,7 +206,7 @@ mod tests {
 
         #[test]
         fn positions_are_inside_as_sites_are([a, b, c, d] in four(site)) {
-            let (disc, q) = (Disc::around([a, b, c]), Position::of(d));
+            let (disc, q) = (Disc::around([a, b, c]), FixedPosition::of(d));
             prop_assert_eq!(disc.holds_exactly(q), determinant(a, b, c, d) > 0);
             prop_assert_eq!(disc.holds_position(q), determinant(a, b, c, d) > 0);
         }
@@ -220,7 +220,7 @@ mod tests {
             })
         ) {
             let [a, b, c, d] = sites;
-            let q = Position { x: d[0].into(), y: d[1].into() };
+            let q = FixedPosition { x: d[0].into(), y: d[1].into() };
             let [large_a, large_b, large_c] = [a, b, c].map(|p| p.map(|v| v * 256));
             let expected = determinant(large_a, large_b, large_c, d) > 0;
             prop_assert_eq!(Disc::around([a, b, c]).holds_exactly(q), expected);
@@ -236,7 +236,7 @@ mod tests {
                     let span = disc.span(axis, other, other).unwrap();
                     prop_assert!(span[0] <= p[axis].into() && i64::from(p[axis]) <= span[1]);
                 }
-                let window = Window { low: p, high: p };
+                let window = PositionWindow { low: p, high: p };
                 prop_assert_eq!(disc.clip(&window), Some(window));
             }
         }
@@ -277,7 +277,7 @@ mod tests {
             let end = |axis: usize, sign: f64, off: i32| {
                 ((centre[axis] + sign * radius).round() as i32) + off
             };
-            let window = Window {
+            let window = PositionWindow {
                 low: [end(0, -1.0, off[0]), end(1, -1.0, off[1])],
                 high: [end(0, 1.0, off[2]), end(1, 1.0, off[3])],
             };
@@ -312,9 +312,9 @@ mod tests {
     fn positions_are_told_from_the_largest_circle_by_the_smallest_step() {
         for r in [1, 1000, terrane_base::geom::REACH] {
             let disc = Disc::around([[-r, -r], [r, -r], [r, r]]);
-            let Position { x, y } = Position::of([-r, r]);
+            let FixedPosition { x, y } = FixedPosition::of([-r, r]);
             for (east, north) in (-1..=1).flat_map(|e| (-1..=1).map(move |n| (e, n))) {
-                let q = Position { x: x + east, y: y + north };
+                let q = FixedPosition { x: x + east, y: y + north };
                 let square = i128::from(q.x).pow(2) + i128::from(q.y).pow(2);
                 let is_inside = square < 2 * i128::from(x).pow(2);
                 assert_eq!(disc.holds_exactly(q), is_inside, "{r} {east} {north}");
@@ -331,8 +331,9 @@ mod tests {
             let [x, y, east, north] = [0; 4].map(|_| dice.below(1 << bits) + 1);
             // The fourth corner of a rectangle, and a step of 1/256 to and from its middle.
             let disc = Disc::around([[x, y], [x + east, y], [x + east, y + north]]);
-            let Position { x, y } = Position::of([x, y + north]);
-            let inside = [-1, 0, 1].map(|step| disc.holds_exactly(Position { x: x + step, y }));
+            let FixedPosition { x, y } = FixedPosition::of([x, y + north]);
+            let inside =
+                [-1, 0, 1].map(|step| disc.holds_exactly(FixedPosition { x: x + step, y }));
             assert_eq!(inside, [false, false, true], "{disc:?}");
         }
     }
@@ -351,7 +352,7 @@ mod tests {
             let ([east, north], radius) = circle([a, b, c]);
             let across = f64::from(any()) * 1e-9 * radius;
             let up = (radius * radius - across * across).sqrt();
-            let q = Position::from_steps(east + across, north + up);
+            let q = FixedPosition::from_steps(east + across, north + up);
             let disc = Disc::around([a, b, c]);
             assert_eq!(disc.holds_position(q), disc.holds_exactly(q));
             let [x, y] = disc.centre_from(q);
@@ -365,7 +366,7 @@ mod tests {
     fn what_a_window_holds_of_a_disc_is_found_within_few_steps() {
         // A circle of radius 50 around (0, 0).
         let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
-        let clip = |low: Site, high: Site| disc.clip(&Window { low, high });
+        let clip = |low: Site, high: Site| disc.clip(&PositionWindow { low, high });
         assert_eq!(clip([60, -90], [90, 90]), None);
         assert_eq!(clip([-90, 53], [90, 90]), None);
         let whole = clip([-90, -90], [90, 90]).unwrap();

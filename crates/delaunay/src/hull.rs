@@ -1,13 +1,13 @@
 //! Convex hulls of points: exact, with every point of the boundary, and mergeable.
 
-use super::position::Position;
+use super::position::FixedPosition;
 use super::predicates::orient;
 use terrane_base::geom::Point;
 
 /// The boundary of the convex hull of points: *all* points on it, those between corners too, of each
 /// position the lowest. Hulls of parts merge into that of the whole.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Hull {
+pub struct ConvexHull {
     /// From the lowest point (x, then y) to the highest along the south.
     lower: Vec<Point>,
     /// From the lowest to the highest along the north; both ends are in `lower` as well.
@@ -21,7 +21,7 @@ const FEW: usize = 64;
 
 /// Where a position lies with respect to a hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum HullLocation {
     /// Strictly inside.
     Inside,
     /// On the boundary.
@@ -30,7 +30,7 @@ pub enum Place {
     Outside,
 }
 
-impl Hull {
+impl ConvexHull {
     /// The hull of any points: Andrew's monotone chain on those that are not well inside. Linear where
     /// most are, n log n at worst.
     pub fn of(mut points: Vec<Point>) -> Self {
@@ -102,19 +102,19 @@ impl Hull {
     }
 
     /// Where a position lies; logarithmic. Nothing lies inside a flat hull.
-    pub fn place(&self, q: Position) -> Place {
+    pub fn place(&self, q: FixedPosition) -> HullLocation {
         let below = side(&self.lower, q);
         let above = side(&self.upper, q);
         match (below, above) {
-            (Some(below), Some(above)) if below > 0 && above < 0 => Place::Inside,
-            (Some(below), Some(above)) if below >= 0 && above <= 0 => Place::Boundary,
-            _ => Place::Outside,
+            (Some(below), Some(above)) if below > 0 && above < 0 => HullLocation::Inside,
+            (Some(below), Some(above)) if below >= 0 && above <= 0 => HullLocation::Boundary,
+            _ => HullLocation::Outside,
         }
     }
 
     /// Corners of a triangle of boundary points that contains a position of the hull, moved by an
-    /// infinitesimal (see [`Position`]'s arms); `None` when the moved position is outside.
-    pub(super) fn start(&self, q: Position, back: bool) -> Option<[Point; 3]> {
+    /// infinitesimal (see [`FixedPosition`]'s arms); `None` when the moved position is outside.
+    pub(super) fn start(&self, q: FixedPosition, back: bool) -> Option<[Point; 3]> {
         let (apex, others) = self.ring.split_first()?;
         let arm = |p: &Point| q.to([p.x, p.y]);
         let left = others.partition_point(|p| arm(apex).sees_left(arm(p), back));
@@ -149,8 +149,8 @@ fn chain(points: &[Point], turn: i64) -> Vec<Point> {
 
 /// On which side of a chain a position lies: positive for left; `None` before its begin or after its
 /// end (in order of x, then y). Comparing by y where x is equal makes vertical edges like others.
-fn side(chain: &[Point], q: Position) -> Option<i128> {
-    let at = |p: &Point| Position::of([p.x, p.y]);
+fn side(chain: &[Point], q: FixedPosition) -> Option<i128> {
+    let at = |p: &Point| FixedPosition::of([p.x, p.y]);
     let after = chain.partition_point(|p| at(p) <= q);
     let before = &chain[after.checked_sub(1)?];
     let Some(after) = chain.get(after) else { return (at(before) == q).then_some(0) };
@@ -187,7 +187,7 @@ mod tests {
         sorted.iter().filter(on).copied().collect()
     }
 
-    fn brute_place(sorted: &[Point], hull: &Hull, q: Position) -> Place {
+    fn brute_place(sorted: &[Point], hull: &ConvexHull, q: FixedPosition) -> HullLocation {
         if hull.is_flat() {
             return hull.place(q);
         }
@@ -199,9 +199,9 @@ mod tests {
         let worst = sides.min().unwrap();
         assert!(sorted.len() >= 3);
         match worst.signum() {
-            1 => Place::Inside,
-            0 => Place::Boundary,
-            _ => Place::Outside,
+            1 => HullLocation::Inside,
+            0 => HullLocation::Boundary,
+            _ => HullLocation::Outside,
         }
     }
 
@@ -209,7 +209,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(2_000))]
         #[test]
         fn holds_every_point_of_the_boundary(points in points(6)) {
-            let hull = Hull::of(points.clone());
+            let hull = ConvexHull::of(points.clone());
             prop_assert_eq!(hull.sorted(), brute(&points));
         }
 
@@ -218,31 +218,31 @@ mod tests {
             (-40i32..40, -40i32..40, 0..3).prop_map(|(x, y, z)| Point::new(x + y, x - y / 2, z)),
             65..300,
         )) {
-            prop_assert_eq!(Hull::of(points.clone()), Hull::chains(points));
+            prop_assert_eq!(ConvexHull::of(points.clone()), ConvexHull::chains(points));
         }
 
         #[test]
         fn hulls_of_parts_merge(points in points(8), cut in 0usize..30) {
             let (a, b) = points.split_at(cut.min(points.len()));
-            let merged = Hull::of(a.to_vec()).merge(&Hull::of(b.to_vec()));
-            prop_assert_eq!(merged, Hull::of(points));
+            let merged = ConvexHull::of(a.to_vec()).merge(&ConvexHull::of(b.to_vec()));
+            prop_assert_eq!(merged, ConvexHull::of(points));
         }
 
         #[test]
         fn places_positions(points in points(6), x in -2_000i64..2_000, y in -2_000i64..2_000) {
-            let hull = Hull::of(points);
+            let hull = ConvexHull::of(points);
             if let [first, .., last] = &hull.sorted()[..] {
                 let side = |p: &Point| orient([first.x, first.y], [last.x, last.y], [p.x, p.y]);
                 prop_assert_eq!(hull.is_flat(), hull.ring().iter().all(|p| side(p) == 0));
             }
-            for q in [Position { x, y }, Position { x: x & !127, y: y & !127 }] {
+            for q in [FixedPosition { x, y }, FixedPosition { x: x & !127, y: y & !127 }] {
                 prop_assert_eq!(hull.place(q), brute_place(&hull.sorted(), &hull, q));
                 let start = hull.start(q, false);
-                prop_assert!(start.is_some() || hull.place(q) != Place::Inside);
+                prop_assert!(start.is_some() || hull.place(q) != HullLocation::Inside);
                 for corners in start.into_iter() {
                     let [a, b, c] = corners.map(|p| q.to([p.x, p.y]));
                     prop_assert!(a.cross(b) >= 0 && b.cross(c) >= 0 && c.cross(a) >= 0);
-                    prop_assert!(hull.place(q) != Place::Outside);
+                    prop_assert!(hull.place(q) != HullLocation::Outside);
                 }
             }
         }
@@ -252,23 +252,23 @@ mod tests {
     fn corners_are_the_points_that_do_not_lie_between_two_others() {
         // Three by three, of which the middle and the middles of the sides are no corners.
         let lattice = (0..9).map(|i| Point::new(i % 3 * 2, i / 3 * 5, i)).collect();
-        let corners = Hull::of(lattice).corners();
+        let corners = ConvexHull::of(lattice).corners();
         assert_eq!(corners.iter().map(|p| p.z).collect::<Vec<_>>(), [0, 2, 8, 6]);
         let triangle = [[0, 0, 7], [9, 1, 8], [3, 6, 9]].map(|[x, y, z]| Point::new(x, y, z));
-        assert_eq!(Hull::of(triangle.to_vec()).corners(), triangle);
-        let line = Hull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
+        assert_eq!(ConvexHull::of(triangle.to_vec()).corners(), triangle);
+        let line = ConvexHull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
         assert_eq!(line.corners(), []);
     }
 
     #[test]
     fn flat_hulls_have_no_inside() {
-        let line = Hull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
+        let line = ConvexHull::of((0..5).map(|i| Point::new(i, 2 * i, 0)).collect());
         assert!(line.is_flat() && line.sorted().len() == 5 && line.ring().len() == 8);
-        assert_eq!(line.place(Position::of([1, 2])), Place::Boundary);
-        assert_eq!(line.place(Position::of([1, 3])), Place::Outside);
-        assert_eq!(Hull::of(vec![]).place(Position::of([0, 0])), Place::Outside);
-        let vertical = Hull::of((0..5).map(|i| Point::new(0, i, 0)).collect());
-        assert_eq!(vertical.place(Position::of([0, 3])), Place::Boundary);
-        assert_eq!(vertical.place(Position::of([0, 5])), Place::Outside);
+        assert_eq!(line.place(FixedPosition::of([1, 2])), HullLocation::Boundary);
+        assert_eq!(line.place(FixedPosition::of([1, 3])), HullLocation::Outside);
+        assert_eq!(ConvexHull::of(vec![]).place(FixedPosition::of([0, 0])), HullLocation::Outside);
+        let vertical = ConvexHull::of((0..5).map(|i| Point::new(0, i, 0)).collect());
+        assert_eq!(vertical.place(FixedPosition::of([0, 3])), HullLocation::Boundary);
+        assert_eq!(vertical.place(FixedPosition::of([0, 5])), HullLocation::Outside);
     }
 }

@@ -4,8 +4,8 @@
 //! are flipped until all around it are Delaunay. As a set has one triangulation, it is the one that the
 //! whole set would have been given at once.
 
-use super::knit::{GHOST, Side, next, prev};
-use super::position::Position;
+use super::knit::{GHOST, HalfEdge, next, prev};
+use super::position::FixedPosition;
 use super::predicates::{Site, in_circle, orient};
 use super::triangulation::Triangulation;
 
@@ -26,10 +26,10 @@ impl Triangulation {
     }
 
     /// The same for a finer position, one on a side being in the east of it (in the north, along x), as for
-    /// [`Finder`](super::Finder); with `back` in the west (in the south).
-    pub fn find_at(&self, at: Position, from: u32, back: bool) -> Option<u32> {
-        let low = Position::of(self.ordered.low);
-        let at = Position { x: at.x - low.x, y: at.y - low.y };
+    /// [`Finder`](super::TriangleFinder); with `back` in the west (in the south).
+    pub fn find_at(&self, at: FixedPosition, from: u32, back: bool) -> Option<u32> {
+        let low = FixedPosition::of(self.ordered.low);
+        let at = FixedPosition { x: at.x - low.x, y: at.y - low.y };
         self.walk(from, |[a, b]| !at.to(a).sees_left(at.to(b), back))
     }
 
@@ -147,7 +147,7 @@ impl Triangulation {
         let across = [3 * triangle, first, first + 3];
         let corners = [0, 1, 2].map(|i| self.from(across[0] + i));
         let twins = [0, 1, 2].map(|i| self.twin(across[0] + i));
-        self.sides.resize(self.sides.len() + 6, Side::default());
+        self.sides.resize(self.sides.len() + 6, HalfEdge::default());
         for (i, s) in across.into_iter().enumerate() {
             let ends = [corners[i], corners[(i + 1) % 3], v];
             for (k, from) in ends.into_iter().enumerate() {

@@ -15,7 +15,7 @@ pub(super) const GHOST: u32 = u32::MAX;
 /// A directed side of a triangle, with the triangle to its left. Sides 3t, 3t + 1 and 3t + 2 go
 /// counter-clockwise around triangle t.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Side {
+pub(super) struct HalfEdge {
     /// The site it begins at.
     pub(super) from: u32,
     /// The same side, seen from the triangle beyond.
@@ -44,15 +44,15 @@ const FORK_LEAST: usize = 1 << 13;
 
 /// A run of sites in Morton order, their ids, and the sides that belong to them. Sites and sides are
 /// numbered within the whole; the first of each here is `first` and 6 * `first`.
-pub(super) struct Part<'a> {
+pub(super) struct MortonRun<'a> {
     pub(super) first: u32,
     pub(super) sites: &'a mut [Site],
     pub(super) ids: &'a mut [u32],
-    pub(super) sides: &'a mut [Side],
+    pub(super) sides: &'a mut [HalfEdge],
 }
 
 /// Triangulates a part of at least two sites; the result is the side of a ghost that lies on the hull.
-pub(super) fn triangulate(part: &mut Part<'_>, fork: &impl Fork) -> u32 {
+pub(super) fn triangulate(part: &mut MortonRun<'_>, fork: &impl Fork) -> u32 {
     let count = part.sites.len();
     if count <= 3 {
         return part.leaf();
@@ -66,7 +66,7 @@ pub(super) fn triangulate(part: &mut Part<'_>, fork: &impl Fork) -> u32 {
     part.knit(axis, middle, left, right)
 }
 
-impl Part<'_> {
+impl MortonRun<'_> {
     /// Where the part divides: the axis, and how many sites are below the cut (2 at least, and 2 above).
     fn cut(&mut self) -> (usize, usize) {
         let (first, last) = (self.sites[0], self.sites[self.sites.len() - 1]);
@@ -97,20 +97,20 @@ impl Part<'_> {
         middle
     }
 
-    fn halves(&mut self, middle: usize) -> [Part<'_>; 2] {
+    fn halves(&mut self, middle: usize) -> [MortonRun<'_>; 2] {
         let (low, high) = self.sites.split_at_mut(middle);
         let (low_ids, high_ids) = self.ids.split_at_mut(middle);
         let (low_sides, high_sides) = self.sides.split_at_mut(6 * middle);
         let low_sides = &mut low_sides[..6 * middle - 6];
         let first = self.first + middle as u32;
         [
-            Part { first: self.first, sites: low, ids: low_ids, sides: low_sides },
-            Part { first, sites: high, ids: high_ids, sides: high_sides },
+            MortonRun { first: self.first, sites: low, ids: low_ids, sides: low_sides },
+            MortonRun { first, sites: high, ids: high_ids, sides: high_sides },
         ]
     }
 
     #[inline(always)]
-    fn side(&mut self, s: u32) -> &mut Side {
+    fn side(&mut self, s: u32) -> &mut HalfEdge {
         &mut self.sides[(s - 6 * self.first) as usize]
     }
 

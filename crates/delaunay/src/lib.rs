@@ -3,11 +3,11 @@
 //! One set of positions has one triangulation (`predicates`), so a part of it computed from a part of
 //! the points is the same part, once it is *final*: the discs of its triangles hold no place where
 //! unknown points may be. Whoever works on more points than fit into memory loads those around a
-//! window into [`Bins`], says in a [`Loaded`] what that makes known, and asks: for the triangle at a
-//! position ([`Finder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
-//! block owns ([`stars`]). The answer is final, or a [`Needs`]: load that too (at most somewhat more
+//! window into [`PointBins`], says in a [`Loaded`] what that makes known, and asks: for the triangle at a
+//! position ([`TriangleFinder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
+//! block owns ([`stars`]). The answer is final, or a [`NeededWindow`]: load that too (at most somewhat more
 //! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
-//! beforehand: [`Hull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to;
+//! beforehand: [`ConvexHull`]s of parts merge. [`Triangulation`] does all points at once, and can be added to;
 //! [`SpikeFree`] adds them from the highest down, and leaves out those below triangles that are frozen.
 
 mod bins;
@@ -30,17 +30,17 @@ mod stars;
 mod triangulation;
 mod window;
 
-pub use bins::Bins;
+pub use bins::PointBins;
 pub use disc::Disc;
 pub use fork::{Fork, Serial};
-pub use hull::{Hull, Place};
+pub use hull::{ConvexHull, HullLocation};
 pub use interpolate::interpolate;
 pub use natural::Natural;
-pub use position::{FRACTION, Position};
+pub use position::{FRACTION, FixedPosition};
 pub use predicates::{Site, in_circle, orient};
-pub use query::{Finder, Found};
-pub use space::{Coverage, Loaded, Needs, Space};
+pub use query::{Location, TriangleFinder};
+pub use space::{CloudCoverage, Loaded, NeededWindow, PointSpace};
 pub use spikefree::{Freeze, SpikeFree};
 pub use stars::stars;
 pub use triangulation::{MOST_POINTS, Triangulation};
-pub use window::Window;
+pub use window::PositionWindow;

@@ -8,15 +8,15 @@
 //! cavity and those around it are.
 
 use super::disc::Disc;
-use super::hull::{Hull, Place};
+use super::hull::{ConvexHull, HullLocation};
 use super::interpolate::{float, interpolate};
 use super::knit::{GHOST, next, prev};
-use super::position::{Arm, Position};
+use super::position::{Arm, FixedPosition};
 use super::query::{deepest, from_lowest, site};
-use super::space::{Needs, Space};
+use super::space::{NeededWindow, PointSpace};
 use super::stars::within;
 use super::triangulation::Triangulation;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
@@ -28,9 +28,9 @@ const MARGIN: i32 = 8;
 #[derive(Debug)]
 pub struct Natural<'a, S> {
     space: &'a S,
-    hull: &'a Hull,
+    hull: &'a ConvexHull,
     /// All known points in here are triangulated.
-    window: Window,
+    window: PositionWindow,
     points: Vec<Point>,
     triangulation: Triangulation,
     /// By triangle, whether it is known to be final.
@@ -42,19 +42,19 @@ pub struct Natural<'a, S> {
 }
 
 /// Why there is no value.
-enum Stop {
+enum NaturalNeighborGap {
     /// A known point lies in a disc but not in the window.
     Grow,
-    Needs(Needs),
+    Needs(NeededWindow),
 }
 
-impl<'a, S: Space> Natural<'a, S> {
+impl<'a, S: PointSpace> Natural<'a, S> {
     /// Prepares a window: triangulates the known points in it and around it. `hull` is that of all
     /// points of the cloud.
     ///
     /// # Errors
     /// More points than [`Triangulation::new`] takes.
-    pub fn new(space: &'a S, hull: &'a Hull, window: &Window) -> Result<Self> {
+    pub fn new(space: &'a S, hull: &'a ConvexHull, window: &PositionWindow) -> Result<Self> {
         let window = window.grown(space.pitch().saturating_mul(MARGIN));
         let mut points = within(space, &window);
         points.extend_from_slice(hull.ring());
@@ -73,12 +73,15 @@ impl<'a, S: Space> Natural<'a, S> {
     ///
     /// # Errors
     /// More points than [`Triangulation::new`] takes.
-    pub fn height(&mut self, q: Position) -> Result<std::result::Result<Option<f64>, Needs>> {
+    pub fn height(
+        &mut self,
+        q: FixedPosition,
+    ) -> Result<std::result::Result<Option<f64>, NeededWindow>> {
         loop {
             match self.try_height(q) {
                 Ok(height) => return Ok(Ok(height)),
-                Err(Stop::Needs(needs)) => return Ok(Err(needs)),
-                Err(Stop::Grow) => {
+                Err(NaturalNeighborGap::Needs(needs)) => return Ok(Err(needs)),
+                Err(NaturalNeighborGap::Grow) => {
                     let longest = (0..2).map(|i| self.window.high[i] / 2 - self.window.low[i] / 2);
                     let margin = longest.max().unwrap_or(1).max(self.space.pitch());
                     let window = self.window.grown(margin);
@@ -91,8 +94,11 @@ impl<'a, S: Space> Natural<'a, S> {
         }
     }
 
-    fn try_height(&mut self, q: Position) -> std::result::Result<Option<f64>, Stop> {
-        if self.triangulation.is_flat() || self.hull.place(q) == Place::Outside {
+    fn try_height(
+        &mut self,
+        q: FixedPosition,
+    ) -> std::result::Result<Option<f64>, NaturalNeighborGap> {
+        if self.triangulation.is_flat() || self.hull.place(q) == HullLocation::Outside {
             return Ok(self.point_at(q).map(|p| p.z.into()));
         }
         let s = self.locate(q);
@@ -107,11 +113,11 @@ impl<'a, S: Space> Natural<'a, S> {
         found
     }
 
-    fn point_at(&self, q: Position) -> Option<Point> {
+    fn point_at(&self, q: FixedPosition) -> Option<Point> {
         let mut found = None;
-        let window = Window { low: q.floor(), high: q.floor() };
+        let window = PositionWindow { low: q.floor(), high: q.floor() };
         self.space.visit(&window, |run| {
-            found = found.or(run.iter().find(|p| Position::of(site(p)) == q).copied());
+            found = found.or(run.iter().find(|p| FixedPosition::of(site(p)) == q).copied());
         });
         found
     }
@@ -134,7 +140,7 @@ impl<'a, S: Space> Natural<'a, S> {
 
     /// The side from the lowest corner of the triangle that contains `q`, which is not outside the
     /// hull: a walk towards it.
-    fn locate(&mut self, q: Position) -> u32 {
+    fn locate(&mut self, q: FixedPosition) -> u32 {
         // On the boundary the moved position may be outside; it is inside when moved the other way.
         for back in [false, true] {
             if let Some(s) = self.walk(q, back) {
@@ -146,7 +152,7 @@ impl<'a, S: Space> Natural<'a, S> {
         lowest.into_iter().min_by_key(|s| self.point(*s)).unwrap_or(self.last)
     }
 
-    fn walk(&self, q: Position, back: bool) -> Option<u32> {
+    fn walk(&self, q: FixedPosition, back: bool) -> Option<u32> {
         let mut s = self.last;
         loop {
             let sides = [s, next(s), prev(s)];
@@ -161,15 +167,16 @@ impl<'a, S: Space> Natural<'a, S> {
     }
 
     /// Whether the triangle of a side is part of the whole triangulation.
-    fn check_final(&mut self, s: u32, disc: &Disc) -> std::result::Result<(), Stop> {
+    fn check_final(&mut self, s: u32, disc: &Disc) -> std::result::Result<(), NaturalNeighborGap> {
         let triangle = (s / 3) as usize;
         if self.finals[triangle] {
             return Ok(());
         }
-        if !disc.lies_in(&self.window) && deepest(self.space, disc, &Window::ALL).is_some() {
-            return Err(Stop::Grow);
+        if !disc.lies_in(&self.window) && deepest(self.space, disc, &PositionWindow::ALL).is_some()
+        {
+            return Err(NaturalNeighborGap::Grow);
         }
-        self.space.certify(disc).map_err(Stop::Needs)?;
+        self.space.certify(disc).map_err(NaturalNeighborGap::Needs)?;
         self.finals[triangle] = true;
         Ok(())
     }
@@ -178,7 +185,7 @@ impl<'a, S: Space> Natural<'a, S> {
 /// What a position takes from its neighbours. Lengths in steps, relative to the position.
 #[derive(Debug, Default)]
 struct Cavity {
-    q: Position,
+    q: FixedPosition,
     /// The neighbours counter-clockwise, and twice the area taken from each.
     border: Vec<(Point, f64)>,
     /// Centres of the circles of the position and each edge of the border, from each neighbour on.
@@ -194,12 +201,12 @@ struct Cavity {
 
 impl Cavity {
     /// Becomes the cavity of a position around the triangle of side `s`.
-    fn open<S: Space>(
+    fn open<S: PointSpace>(
         &mut self,
         of: &mut Natural<'_, S>,
-        q: Position,
+        q: FixedPosition,
         s: u32,
-    ) -> std::result::Result<(), Stop> {
+    ) -> std::result::Result<(), NaturalNeighborGap> {
         (self.q, self.on) = (q, None);
         self.border.clear();
         self.centres.clear();
@@ -251,7 +258,8 @@ impl Cavity {
             return along_edge(u, v, self.q);
         }
         self.weigh();
-        let deviation = |p: &Point| f64::from(p.z) - interpolate(corners, Position::of(site(p)));
+        let deviation =
+            |p: &Point| f64::from(p.z) - interpolate(corners, FixedPosition::of(site(p)));
         let sum: f64 = self.border.iter().map(|(p, weight)| weight * deviation(p)).sum();
         let total: f64 = self.border.iter().map(|(_, weight)| weight).sum();
         let change = sum / total;
@@ -293,7 +301,7 @@ fn centre_with([u, v]: [Arm; 2]) -> Option<[f64; 2]> {
 }
 
 /// The height on the edge between two points, at a position on it; the same from either end.
-fn along_edge(u: Point, v: Point, q: Position) -> f64 {
+fn along_edge(u: Point, v: Point, q: FixedPosition) -> f64 {
     let (low, high) = (u.min(v), u.max(v));
     let from = q.to(site(&low)).steps();
     let length = f64::from(high.x - low.x).hypot(f64::from(high.y - low.y));
@@ -303,7 +311,7 @@ fn along_edge(u: Point, v: Point, q: Position) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::Bins;
+    use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
     use super::super::space::Loaded;
     use super::*;
@@ -343,7 +351,7 @@ mod tests {
     }
 
     /// Sibson's definition, word for word: what the cell of q takes from each old cell.
-    fn brute(points: &[Point], q: Position) -> f64 {
+    fn brute(points: &[Point], q: FixedPosition) -> f64 {
         let at = |p: &Point| q.to(site(p)).steps();
         let all: Vec<_> = points.iter().map(at).collect();
         let new = cell([0.0, 0.0], &all);
@@ -362,10 +370,10 @@ mod tests {
         sum / total
     }
 
-    fn positions(n: usize, most: i32) -> Vec<Position> {
+    fn positions(n: usize, most: i32) -> Vec<FixedPosition> {
         let mut dice = Dice(5);
         let mut any = || f64::from(dice.below(most * 16)) / 16.0;
-        (0..n).map(|_| Position::from_steps(any(), any())).collect()
+        (0..n).map(|_| FixedPosition::from_steps(any(), any())).collect()
     }
 
     #[test]
@@ -377,19 +385,20 @@ mod tests {
                 (0..60).map(|_| Point::new(any(most), any(most), any(100))).collect();
             points.sort();
             points.dedup_by_key(|p| site(p));
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let space = Loaded::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
             for q in positions(200, most) {
                 // Near the hull the cells are cut off by the square.
                 let reach = 64 * i64::from(most);
                 let inner = [[-1, -1], [-1, 1], [1, -1], [1, 1]].iter().all(|[x, y]| {
-                    hull.place(Position { x: q.x + x * reach, y: q.y + y * reach }) == Place::Inside
+                    hull.place(FixedPosition { x: q.x + x * reach, y: q.y + y * reach })
+                        == HullLocation::Inside
                 });
                 if inner {
                     let (found, expected) =
                         (natural.height(q).unwrap().unwrap().unwrap(), brute(&points, q));
-                    let at_point = points.iter().any(|p| Position::of(site(p)) == q);
+                    let at_point = points.iter().any(|p| FixedPosition::of(site(p)) == q);
                     assert!(
                         (found - expected).abs() < 1e-6 || at_point,
                         "{q:?} {found} {expected}"
@@ -402,15 +411,15 @@ mod tests {
     #[test]
     fn collinear_points_have_heights_at_themselves_alone() {
         let points: Vec<_> = (0..50).map(|i| Point::new(i * 6, i * 4, 100 - i)).collect();
-        let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+        let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
         let space = Loaded::whole(&bins);
         let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
-        let mut height = |q: Position| natural.height(q).unwrap().unwrap();
+        let mut height = |q: FixedPosition| natural.height(q).unwrap().unwrap();
         for p in &points {
-            assert_eq!(height(Position::of(site(p))), Some(f64::from(p.z)));
+            assert_eq!(height(FixedPosition::of(site(p))), Some(f64::from(p.z)));
         }
         for off in [[3.0, 2.0], [0.5, 0.0], [0.0, 1.0], [-6.0, -4.0]] {
-            assert_eq!(height(Position::from_steps(off[0], off[1])), None);
+            assert_eq!(height(FixedPosition::from_steps(off[0], off[1])), None);
         }
     }
 
@@ -424,16 +433,16 @@ mod tests {
             for p in &mut points {
                 p.z = plane(p.x.into(), p.y.into()) as i32;
             }
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let space = Loaded::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
-            let middles = points.windows(2).map(|p| Position {
+            let middles = points.windows(2).map(|p| FixedPosition {
                 x: i64::from(p[0].x + p[1].x) * 128,
                 y: i64::from(p[0].y + p[1].y) * 128,
             });
             for q in middles.chain(positions(300, 20_000)) {
                 let Some(found) = natural.height(q).unwrap().unwrap() else {
-                    assert!(hull.place(q) != Place::Inside);
+                    assert!(hull.place(q) != HullLocation::Inside);
                     continue;
                 };
                 let [x, y] = q.steps();
@@ -448,11 +457,11 @@ mod tests {
     #[test]
     fn the_window_makes_no_difference() {
         for (name, points) in oracle::awkward(1500) {
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let space = Loaded::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
             for q in positions(25, 400_000).into_iter().chain(positions(25, 20_000)) {
-                let here = Window { low: q.floor(), high: q.floor() };
+                let here = PositionWindow { low: q.floor(), high: q.floor() };
                 let found = Natural::new(&space, &hull, &here).unwrap().height(q).unwrap().unwrap();
                 let expected = natural.height(q).unwrap().unwrap();
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name} {q:?}");
@@ -464,15 +473,15 @@ mod tests {
     fn positions_that_need_more_leave_no_trace() {
         let (mut asked, mut found) = (0, 0);
         for (name, points) in oracle::awkward(400) {
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let all = Loaded::whole(&bins);
             let mut whole = Natural::new(&all, &hull, &bins.window()).unwrap();
             let bounds = bins.window();
             let middle = i32::midpoint(bounds.low[0], bounds.high[0]);
-            let known = Window { low: bounds.low, high: [middle, bounds.high[1]] };
+            let known = PositionWindow { low: bounds.low, high: [middle, bounds.high[1]] };
             let inside: Vec<_> =
                 points.iter().filter(|p| known.contains(site(p))).copied().collect();
-            let bins = Bins::new(&inside);
+            let bins = PointBins::new(&inside);
             let space = Loaded { bins: &bins, known, bounds, coverage: None };
             let mut part = Natural::new(&space, &hull, &known).unwrap();
             for q in positions(1000, 20_000).into_iter().filter(|q| known.contains(q.floor())) {
@@ -497,25 +506,25 @@ mod tests {
     fn what_is_final_is_the_same_to_the_last_bit() {
         let mut asked = 0;
         for (name, points) in oracle::awkward(400) {
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let whole = Loaded::whole(&bins);
             let mut natural = Natural::new(&whole, &hull, &bins.window()).unwrap();
             for q in positions(40, 20_000).into_iter().chain(positions(40, 300)) {
                 let expected = natural.height(q).unwrap().unwrap();
-                let mut known = Window { low: q.floor(), high: q.floor() }.grown(50);
+                let mut known = PositionWindow { low: q.floor(), high: q.floor() }.grown(50);
                 loop {
                     let inside = points.iter().filter(|p| known.contains(site(p))).copied();
-                    let bins = Bins::new(&inside.collect::<Vec<_>>());
-                    let bounds = Window::of(points.iter().map(site)).unwrap();
+                    let bins = PointBins::new(&inside.collect::<Vec<_>>());
+                    let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
                     let space = Loaded { bins: &bins, known, bounds, coverage: None };
-                    let here = Window { low: q.floor(), high: q.floor() };
+                    let here = PositionWindow { low: q.floor(), high: q.floor() };
                     match Natural::new(&space, &hull, &here).unwrap().height(q).unwrap() {
                         Ok(found) => {
                             let bits = |v: Option<f64>| v.map(f64::to_bits);
                             assert_eq!(bits(found), bits(expected), "{name} {q:?}");
                             break;
                         }
-                        Err(Needs(more)) => {
+                        Err(NeededWindow(more)) => {
                             asked += 1;
                             assert!(!known.covers(&more));
                             known = known.union(&more);

@@ -2,12 +2,12 @@
 
 use super::fork::Fork;
 use super::predicates::Site;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::geom::Point;
 
 /// A site on its way into order: the bits of x and y, interleaved, and where it came from.
 #[derive(Clone, Copy, Debug, Default)]
-struct Entry {
+struct MortonSite {
     key: u64,
     id: u32,
 }
@@ -33,7 +33,7 @@ const FORK_LEAST: usize = 1 << 15;
 
 /// Sorts the positions of points; of several at one position the lowest stands for all.
 pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
-    let Some(window) = Window::of(points.iter().map(|p| [p.x, p.y])) else {
+    let Some(window) = PositionWindow::of(points.iter().map(|p| [p.x, p.y])) else {
         return Ordered::default();
     };
     let low = window.low;
@@ -41,7 +41,8 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
     let last = window.high;
     let bits =
         64 - interleave((last[0] - low[0]) as u32, (last[1] - low[1]) as u32).leading_zeros();
-    let entries = points.iter().enumerate().map(|(id, p)| Entry { key: key(p), id: id as u32 });
+    let entries =
+        points.iter().enumerate().map(|(id, p)| MortonSite { key: key(p), id: id as u32 });
     let entries = sorted(entries, points.len(), bits, fork);
     let (sites, ids) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
     let mut ordered = Ordered { sites, low, ids, duplicates: vec![] };
@@ -60,7 +61,7 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
 
 impl Ordered {
     /// Which of several entries at one position stands for all.
-    fn choose(&mut self, points: &[Point], same: &[Entry]) -> u32 {
+    fn choose(&mut self, points: &[Point], same: &[MortonSite]) -> u32 {
         let ids = same.iter().map(|entry| entry.id);
         let kept = ids.clone().min_by_key(|&id| (points[id as usize], id)).unwrap_or_default();
         self.duplicates.extend(ids.filter(|&id| id != kept).map(|id| [id, kept]));
@@ -70,16 +71,16 @@ impl Ordered {
 
 /// Entries sorted by key; those of equal keys in any order.
 fn sorted(
-    entries: impl Iterator<Item = Entry> + Clone,
+    entries: impl Iterator<Item = MortonSite> + Clone,
     count: usize,
     bits: u32,
     fork: &impl Fork,
-) -> Vec<Entry> {
+) -> Vec<MortonSite> {
     let shift = bits.saturating_sub(SPREAD);
     let mut ends = vec![0usize; (1 << SPREAD) + 2];
     entries.clone().for_each(|entry| ends[(entry.key >> shift) as usize + 2] += 1);
     (2..ends.len()).for_each(|i| ends[i] += ends[i - 1]);
-    let mut spread = vec![Entry::default(); count];
+    let mut spread = vec![MortonSite::default(); count];
     for entry in entries {
         let end = &mut ends[(entry.key >> shift) as usize + 1];
         spread[*end] = entry;
@@ -91,7 +92,7 @@ fn sorted(
 }
 
 /// Sorts each bucket; bucket i is `ends[i]..ends[i + 1]` of the whole.
-fn sort_buckets(entries: &mut [Entry], ends: &[usize], fork: &impl Fork) {
+fn sort_buckets(entries: &mut [MortonSite], ends: &[usize], fork: &impl Fork) {
     let base = ends[0];
     if ends.len() <= 2 || entries.len() < FORK_LEAST {
         for pair in ends.windows(2) {
@@ -165,7 +166,7 @@ mod tests {
             let ordered = order(&points, &Serial);
             let keys = ordered.sites.iter().map(|s| interleave(s[0] as u32, s[1] as u32));
             assert!(keys.clone().zip(keys.skip(1)).all(|(a, b)| a < b));
-            let low = Window::of(points.iter().map(|p| [p.x, p.y])).unwrap().low;
+            let low = PositionWindow::of(points.iter().map(|p| [p.x, p.y])).unwrap().low;
             for (site, &id) in ordered.sites.iter().zip(&ordered.ids) {
                 let p = points[id as usize];
                 assert_eq!([p.x - low[0], p.y - low[1]], *site);

@@ -2,23 +2,23 @@
 
 use super::predicates::Site;
 
-/// Bits of the fraction of a step in a [`Position`].
+/// Bits of the fraction of a step in a [`FixedPosition`].
 pub const FRACTION: u32 = 8;
 
 /// A position in 1/256 steps: whole numbers, so that containment is exact. Magnitudes at most 2^38,
 /// that is 2^30 steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Position {
+pub struct FixedPosition {
     /// East, in 1/256 steps.
     pub x: i64,
     /// North, in 1/256 steps.
     pub y: i64,
 }
 
-/// Largest magnitude of a coordinate of a [`Position`].
+/// Largest magnitude of a coordinate of a [`FixedPosition`].
 const FAR: i64 = 1 << 38;
 
-impl Position {
+impl FixedPosition {
     /// The position nearest to (`x`, `y`) steps (ties away from zero); those beyond 2^30 steps, which
     /// no point comes near, are moved there, and NaN to the origin.
     pub fn from_steps(x: f64, y: f64) -> Self {
@@ -102,16 +102,16 @@ mod tests {
 
     #[test]
     fn rounds_to_the_nearest_and_floors_to_the_south_west() {
-        let p = Position::from_steps(1.5, -0.25);
+        let p = FixedPosition::from_steps(1.5, -0.25);
         assert_eq!((p.x, p.y, p.floor()), (384, -64, [1, -1]));
-        let far = Position::from_steps(f64::NAN, f64::INFINITY);
+        let far = FixedPosition::from_steps(f64::NAN, f64::INFINITY);
         assert_eq!((far.x, far.y), (0, FAR));
-        assert_eq!(Position::of([3, -2]).floor(), [3, -2]);
+        assert_eq!(FixedPosition::of([3, -2]).floor(), [3, -2]);
     }
 
     #[test]
     fn a_position_on_a_line_is_moved_off_it() {
-        let q = Position::of([0, 0]);
+        let q = FixedPosition::of([0, 0]);
         let arms = |a: Site, b: Site| (q.to(a), q.to(b));
         let (a, b) = arms([-1, 0], [1, 0]);
         assert!(a.sees_left(b, false) && !b.sees_left(a, false) && !a.sees_left(b, true));

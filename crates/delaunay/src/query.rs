@@ -8,16 +8,16 @@
 //! triangle is that of the whole triangulation.
 
 use super::disc::Disc;
-use super::hull::{Hull, Place};
-use super::position::{Arm, Position};
+use super::hull::{ConvexHull, HullLocation};
+use super::position::{Arm, FixedPosition};
 use super::predicates::{Site, in_circle};
-use super::space::{Needs, Space};
-use super::window::Window;
+use super::space::{NeededWindow, PointSpace};
+use super::window::PositionWindow;
 use terrane_base::geom::Point;
 
 /// What lies at a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Found {
+pub enum Location {
     /// Inside a triangle: its corners counter-clockwise, from the lowest on. A position on an edge
     /// belongs to the triangle in the east of it (in the north, for an edge along x) unless it is
     /// on the boundary of the hull.
@@ -30,9 +30,9 @@ pub enum Found {
 
 /// Finds triangles in a space; remembers the last one, because neighbours often share it.
 #[derive(Debug)]
-pub struct Finder<'a, S> {
+pub struct TriangleFinder<'a, S> {
     space: &'a S,
-    hull: &'a Hull,
+    hull: &'a ConvexHull,
     last: Option<[Point; 3]>,
 }
 
@@ -46,9 +46,9 @@ pub(super) fn site(p: &Point) -> Site {
     [p.x, p.y]
 }
 
-impl<'a, S: Space> Finder<'a, S> {
+impl<'a, S: PointSpace> TriangleFinder<'a, S> {
     /// A finder in a space. `hull` is that of all points of the cloud, known or not.
-    pub fn new(space: &'a S, hull: &'a Hull) -> Self {
+    pub fn new(space: &'a S, hull: &'a ConvexHull) -> Self {
         Self { space, hull, last: None }
     }
 
@@ -56,14 +56,14 @@ impl<'a, S: Space> Finder<'a, S> {
     ///
     /// # Errors
     /// What has to be known in addition, if what is known does not suffice to be certain.
-    pub fn find(&mut self, q: Position) -> Result<Found, Needs> {
+    pub fn find(&mut self, q: FixedPosition) -> Result<Location, NeededWindow> {
         if let Some(found) = self.last.and_then(|last| Basis::around(q, last, false)) {
             return Ok(found.result());
         }
         let mut basis = match self.first(q) {
-            First::At(point) => return Ok(Found::At(point)),
-            First::Outside => return Ok(Found::Outside),
-            First::Basis(basis) => basis,
+            FinderStart::At(point) => return Ok(Location::At(point)),
+            FinderStart::Outside => return Ok(Location::Outside),
+            FinderStart::Basis(basis) => basis,
         };
         let disc = self.improve(&mut basis);
         if basis.arms.iter().any(|arm| arm.is_zero()) {
@@ -81,21 +81,21 @@ impl<'a, S: Space> Finder<'a, S> {
     /// Those of [`find`](Self::find).
     pub fn find_small(
         &mut self,
-        q: Position,
+        q: FixedPosition,
         is_small: impl Fn(&[Point; 3]) -> bool,
-    ) -> Result<Found, Needs> {
+    ) -> Result<Location, NeededWindow> {
         let found = self.find(q)?;
         match found {
-            Found::Triangle(corners) if !is_small(&corners) && is_on_side(&corners, q) => {
+            Location::Triangle(corners) if !is_small(&corners) && is_on_side(&corners, q) => {
                 let behind = self.behind(q)?.filter(is_small);
-                Ok(behind.map_or(found, Found::Triangle))
+                Ok(behind.map_or(found, Location::Triangle))
             }
             _ => Ok(found),
         }
     }
 
     /// The triangle that `q` lies in if it is moved backwards; `None` outside.
-    fn behind(&self, q: Position) -> Result<Option<[Point; 3]>, Needs> {
+    fn behind(&self, q: FixedPosition) -> Result<Option<[Point; 3]>, NeededWindow> {
         let start = self.hull.start(q, true).and_then(|start| Basis::around(q, start, true));
         let Some(mut basis) = start else { return Ok(None) };
         let disc = self.improve(&mut basis);
@@ -104,22 +104,22 @@ impl<'a, S: Space> Finder<'a, S> {
     }
 
     /// A triangle of known points around `q`.
-    fn first(&self, q: Position) -> First {
+    fn first(&self, q: FixedPosition) -> FinderStart {
         let (at, pitch) = (q.floor(), self.space.pitch());
-        let here = Window { low: at, high: at };
+        let here = PositionWindow { low: at, high: at };
         let mut reach = 1;
         while reach <= FIRST_REACH {
             let window = here.grown(pitch.saturating_mul(reach));
             let mut near = Quadrants::around(q);
             self.space.visit(&window, |run| run.iter().for_each(|p| near.offer(p)));
             if let Some(point) = near.at() {
-                return First::At(point);
+                return FinderStart::At(point);
             }
             if let Some(basis) = near.basis(q) {
-                return First::Basis(basis);
+                return FinderStart::Basis(basis);
             }
-            if reach == 1 && self.hull.place(q) == Place::Outside {
-                return First::Outside;
+            if reach == 1 && self.hull.place(q) == HullLocation::Outside {
+                return FinderStart::Outside;
             }
             reach *= 4;
         }
@@ -127,19 +127,19 @@ impl<'a, S: Space> Finder<'a, S> {
     }
 
     /// A triangle of points of the hull around `q`.
-    fn first_of_hull(&self, q: Position) -> First {
-        let corner = |p: &&Point| Position::of(site(p)) == q;
+    fn first_of_hull(&self, q: FixedPosition) -> FinderStart {
+        let corner = |p: &&Point| FixedPosition::of(site(p)) == q;
         match self.hull.place(q) {
-            Place::Outside => return First::Outside,
-            Place::Boundary => {
+            HullLocation::Outside => return FinderStart::Outside,
+            HullLocation::Boundary => {
                 if let Some(point) = self.hull.ring().iter().find(corner) {
-                    return First::At(*point);
+                    return FinderStart::At(*point);
                 }
             }
-            Place::Inside => {}
+            HullLocation::Inside => {}
         }
         let start = |back| Basis::around(q, self.hull.start(q, back)?, back);
-        start(false).or_else(|| start(true)).map_or(First::Outside, First::Basis)
+        start(false).or_else(|| start(true)).map_or(FinderStart::Outside, FinderStart::Basis)
     }
 
     /// Simplex: until no known point lies in the disc. Near points come first where the disc is
@@ -152,13 +152,13 @@ impl<'a, S: Space> Finder<'a, S> {
             let disc = Disc::around(basis.corners.map(|p| site(&p)));
             let narrow = disc.radius() * 2.0 < (WIDE * i64::from(pitch)) as f64;
             let whole = match narrow {
-                true => Window::ALL,
+                true => PositionWindow::ALL,
                 false => match disc.clip(&extent) {
                     None => return disc,
                     Some(part) => part,
                 },
             };
-            let near = Window { low: at, high: at }.grown(reach);
+            let near = PositionWindow { low: at, high: at }.grown(reach);
             let window = if narrow { whole } else { near };
             match deepest(self.space, &disc, &window) {
                 Some(point) => basis.pivot(point),
@@ -170,7 +170,11 @@ impl<'a, S: Space> Finder<'a, S> {
 }
 
 /// The known point in the window that lies deepest in the disc.
-pub(super) fn deepest(space: &impl Space, disc: &Disc, window: &Window) -> Option<Point> {
+pub(super) fn deepest(
+    space: &impl PointSpace,
+    disc: &Disc,
+    window: &PositionWindow,
+) -> Option<Point> {
     let (mut best, mut point) = (disc.beyond(), None);
     space.visit_disc(disc, window, |run| {
         for p in run {
@@ -184,7 +188,7 @@ pub(super) fn deepest(space: &impl Space, disc: &Disc, window: &Window) -> Optio
 }
 
 /// Where the search begins.
-enum First {
+enum FinderStart {
     At(Point),
     Outside,
     Basis(Basis),
@@ -200,7 +204,7 @@ struct Quadrants {
 }
 
 impl Quadrants {
-    fn around(q: Position) -> Self {
+    fn around(q: FixedPosition) -> Self {
         let at = q.steps();
         Self { at, squares: [f64::INFINITY; 4], nearest: [None; 4] }
     }
@@ -223,7 +227,7 @@ impl Quadrants {
 
     /// A triangle of the four points that contains the position: of the two beside the diagonal from
     /// first to third the one that does, or that beside the other diagonal where it is better.
-    fn basis(&self, q: Position) -> Option<Basis> {
+    fn basis(&self, q: FixedPosition) -> Option<Basis> {
         let [south_west, south_east, north_west, north_east] = self.nearest;
         let [a, b, c, d] = [north_east?, north_west?, south_west?, south_east?];
         let [arm, across] = [a, c].map(|p| q.to(site(&p)));
@@ -242,7 +246,7 @@ impl Quadrants {
 
 /// A counter-clockwise triangle around a position.
 struct Basis {
-    q: Position,
+    q: FixedPosition,
     /// Whether the position is moved backwards where it is on a line.
     back: bool,
     corners: [Point; 3],
@@ -252,7 +256,7 @@ struct Basis {
 impl Basis {
     /// The triangle, if it contains the position.
     #[inline]
-    fn around(q: Position, corners: [Point; 3], back: bool) -> Option<Self> {
+    fn around(q: FixedPosition, corners: [Point; 3], back: bool) -> Option<Self> {
         let arms @ [a, b, c] = corners.map(|p| q.to(site(&p)));
         let inside = a.sees_left(b, back) && b.sees_left(c, back) && c.sees_left(a, back);
         inside.then_some(Self { q, back, corners, arms })
@@ -272,16 +276,16 @@ impl Basis {
         self.arms[out] = arm;
     }
 
-    fn result(&self) -> Found {
+    fn result(&self) -> Location {
         if let Some(corner) = self.arms.iter().position(|arm| arm.is_zero()) {
-            return Found::At(self.corners[corner]);
+            return Location::At(self.corners[corner]);
         }
-        Found::Triangle(from_lowest(self.corners))
+        Location::Triangle(from_lowest(self.corners))
     }
 }
 
 /// Whether a position in a triangle is on one of its sides.
-fn is_on_side(corners: &[Point; 3], q: Position) -> bool {
+fn is_on_side(corners: &[Point; 3], q: FixedPosition) -> bool {
     let [a, b, c] = corners.map(|p| q.to(site(&p)));
     [(a, b), (b, c), (c, a)].into_iter().any(|(from, to)| from.cross(to) == 0)
 }
@@ -297,32 +301,37 @@ pub(super) fn from_lowest([a, b, c]: [Point; 3]) -> [Point; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::Bins;
+    use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
-    use super::super::space::{Coverage, Loaded};
+    use super::super::space::{CloudCoverage, Loaded};
     use super::*;
 
     /// What lies at a position, by looking at every triangle.
-    fn brute(points: &[Point], triangles: &[[Point; 3]], hull: &Hull, q: Position) -> Found {
-        let at = |p: &&Point| Position::of(site(p)) == q;
+    fn brute(
+        points: &[Point],
+        triangles: &[[Point; 3]],
+        hull: &ConvexHull,
+        q: FixedPosition,
+    ) -> Location {
+        let at = |p: &&Point| FixedPosition::of(site(p)) == q;
         if let Some(point) = points.iter().filter(at).min() {
-            return Found::At(*point);
+            return Location::At(*point);
         }
-        if hull.place(q) == Place::Outside {
-            return Found::Outside;
+        if hull.place(q) == HullLocation::Outside {
+            return Location::Outside;
         }
         let around = |back: bool| {
             let mut inside = triangles.iter().filter(|t| Basis::around(q, **t, back).is_some());
-            let found = inside.next().map(|t| Found::Triangle(*t));
+            let found = inside.next().map(|t| Location::Triangle(*t));
             assert!(inside.next().is_none());
             found
         };
-        around(false).or_else(|| around(true)).unwrap_or(Found::Outside)
+        around(false).or_else(|| around(true)).unwrap_or(Location::Outside)
     }
 
     /// Positions over and around the points: anywhere, on half steps, on points, on edges.
-    fn positions(points: &[Point], dice: &mut Dice) -> Vec<Position> {
-        let window = Window::of(points.iter().map(site)).unwrap();
+    fn positions(points: &[Point], dice: &mut Dice) -> Vec<FixedPosition> {
+        let window = PositionWindow::of(points.iter().map(site)).unwrap();
         let mut any = |axis: usize| {
             let (low, high) =
                 (i64::from(window.low[axis]) * 256, i64::from(window.high[axis]) * 256);
@@ -334,10 +343,10 @@ mod tests {
             let (x, y) = (any(0), any(1));
             let (a, b) = (points[i], points[(i * 7 + 1) % points.len()]);
             let middle = |u: i32, v: i32| (i64::from(u) + i64::from(v)) * 128;
-            all.push(Position { x, y });
-            all.push(Position { x: x & !127, y: y & !127 });
-            all.push(Position::of(site(&a)));
-            all.push(Position { x: middle(a.x, b.x), y: middle(a.y, b.y) });
+            all.push(FixedPosition { x, y });
+            all.push(FixedPosition { x: x & !127, y: y & !127 });
+            all.push(FixedPosition::of(site(&a)));
+            all.push(FixedPosition { x: middle(a.x, b.x), y: middle(a.y, b.y) });
         }
         all
     }
@@ -346,13 +355,13 @@ mod tests {
     fn finds_what_the_whole_triangulation_holds() {
         for n in [1, 2, 3, 4, 7, 20, 60] {
             for (name, points) in oracle::awkward(n) {
-                let (bins, triangles) = (Bins::new(&points), oracle::triangles(&points));
-                let (space, hull) = (Loaded::whole(&bins), Hull::of(points.clone()));
-                let mut finder = Finder::new(&space, &hull);
+                let (bins, triangles) = (PointBins::new(&points), oracle::triangles(&points));
+                let (space, hull) = (Loaded::whole(&bins), ConvexHull::of(points.clone()));
+                let mut finder = TriangleFinder::new(&space, &hull);
                 for q in positions(&points, &mut Dice(7)) {
                     let expected = brute(&points, &triangles, &hull, q);
                     assert_eq!(finder.find(q), Ok(expected), "{name} {n} {q:?}");
-                    let fresh = Finder::new(&space, &hull).find(q);
+                    let fresh = TriangleFinder::new(&space, &hull).find(q);
                     assert_eq!(fresh, Ok(expected), "{name} {n} {q:?}");
                 }
             }
@@ -365,26 +374,26 @@ mod tests {
         let mut mended = 0;
         for n in [4, 7, 20, 60] {
             for (name, points) in oracle::awkward(n) {
-                let (bins, triangles) = (Bins::new(&points), oracle::triangles(&points));
-                let (space, hull) = (Loaded::whole(&bins), Hull::of(points.clone()));
-                let mut finder = Finder::new(&space, &hull);
+                let (bins, triangles) = (PointBins::new(&points), oracle::triangles(&points));
+                let (space, hull) = (Loaded::whole(&bins), ConvexHull::of(points.clone()));
+                let mut finder = TriangleFinder::new(&space, &hull);
                 // About half of the triangles, of no pattern.
                 let is_small = |t: &[Point; 3]| (t[0].x ^ t[1].y ^ t[2].x.wrapping_mul(3)) & 1 == 0;
-                let covers = |t: &[Point; 3], q: Position| {
+                let covers = |t: &[Point; 3], q: FixedPosition| {
                     let [a, b, c] = t.map(|p| q.to(site(&p)));
                     [(a, b), (b, c), (c, a)].into_iter().all(|(u, v)| u.cross(v) >= 0)
                 };
                 for q in positions(&points, &mut Dice(11)) {
                     let usual = finder.find(q).unwrap();
                     let found = finder.find_small(q, is_small).unwrap();
-                    if matches!(usual, Found::At(_)) {
+                    if matches!(usual, Location::At(_)) {
                         assert_eq!(found, usual, "{name} {n} {q:?}");
                         continue;
                     }
                     let small = |t: &&[Point; 3]| is_small(t) && covers(t, q);
                     let any = triangles.iter().any(|t| small(&t));
                     match found {
-                        Found::Triangle(t) if is_small(&t) => assert!(any && covers(&t, q)),
+                        Location::Triangle(t) if is_small(&t) => assert!(any && covers(&t, q)),
                         _ => assert!(!any, "{name} {n} {q:?}"),
                     }
                     mended += u32::from(found != usual);
@@ -399,26 +408,27 @@ mod tests {
     fn what_is_final_is_right_with_a_part_of_the_points() {
         let mut asked = 0;
         for (name, points) in oracle::awkward(60) {
-            let (triangles, hull) = (oracle::triangles(&points), Hull::of(points.clone()));
-            let bounds = Window::of(points.iter().map(site)).unwrap();
-            let mut coverage = Coverage::new(bounds, 1 + (bounds.high[0] - bounds.low[0]) / 9);
+            let (triangles, hull) = (oracle::triangles(&points), ConvexHull::of(points.clone()));
+            let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
+            let mut coverage = CloudCoverage::new(bounds, 1 + (bounds.high[0] - bounds.low[0]) / 9);
             points.iter().for_each(|p| coverage.add(site(p)));
             for (i, q) in positions(&points, &mut Dice(9)).into_iter().enumerate() {
                 let expected = brute(&points, &triangles, &hull, q);
-                let mut known = Window { low: q.floor(), high: q.floor() }.grown(1 + i as i32 * 97);
+                let mut known =
+                    PositionWindow { low: q.floor(), high: q.floor() }.grown(1 + i as i32 * 97);
                 for round in 0.. {
                     assert!(round < 200, "{name}: does not end");
                     let inside = |p: &&Point| known.contains(site(p));
                     let bins =
-                        Bins::new(&points.iter().filter(inside).copied().collect::<Vec<_>>());
+                        PointBins::new(&points.iter().filter(inside).copied().collect::<Vec<_>>());
                     let coverage = (i % 2 == 0).then_some(&coverage);
                     let space = Loaded { bins: &bins, known, bounds, coverage };
-                    match Finder::new(&space, &hull).find(q) {
+                    match TriangleFinder::new(&space, &hull).find(q) {
                         Ok(found) => {
                             assert_eq!(found, expected, "{name} {q:?} {known:?}");
                             break;
                         }
-                        Err(Needs(more)) => {
+                        Err(NeededWindow(more)) => {
                             asked += 1;
                             assert!(!known.covers(&more), "{name} {q:?} {known:?}");
                             known = known.union(&more);

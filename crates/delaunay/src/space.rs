@@ -1,56 +1,56 @@
 //! What is known of the points of a cloud: where they are, where none can be, and where more must be
 //! loaded before anything can be said.
 
-use super::bins::Bins;
+use super::bins::PointBins;
 use super::disc::Disc;
 use super::predicates::Site;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::geom::Point;
 
 /// Points of this window must be known before the answer is final. It may be much larger than what
 /// turns out to be needed (the circle shrinks with every point found), so load what lies in it *and*
 /// in a window somewhat larger than the one known, and ask again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Needs(pub Window);
+pub struct NeededWindow(pub PositionWindow);
 
 /// What is known of a cloud. Every method hands out points in runs; a run may hold points that were
 /// not asked for.
-pub trait Space {
+pub trait PointSpace {
     /// A length that holds a few points where the cloud is dense; at least 1.
     fn pitch(&self) -> i32;
 
     /// Hands out all known points in the window.
-    fn visit(&self, window: &Window, each: impl FnMut(&[Point]));
+    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point]));
 
     /// Hands out all known points in both the window and the disc.
-    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point]));
+    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point]));
 
     /// Where known points are; nothing is handed out beyond.
-    fn extent(&self) -> Window;
+    fn extent(&self) -> PositionWindow;
 
     /// Whether every point of the cloud in the disc is known.
     ///
     /// # Errors
     /// What has to be known in addition.
-    fn certify(&self, disc: &Disc) -> Result<(), Needs>;
+    fn certify(&self, disc: &Disc) -> Result<(), NeededWindow>;
 }
 
 /// Where a cloud has points at all, coarsely: squares that hold at least one.
 #[derive(Clone, Debug)]
-pub struct Coverage {
-    window: Window,
+pub struct CloudCoverage {
+    window: PositionWindow,
     size: i32,
     columns: usize,
     holds: Vec<bool>,
 }
 
-/// Most squares of a [`Coverage`].
+/// Most squares of a [`CloudCoverage`].
 const MOST_SQUARES: usize = 1 << 24;
 
-impl Coverage {
+impl CloudCoverage {
     /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
     /// than 2^24.
-    pub fn new(window: Window, size: i32) -> Self {
+    pub fn new(window: PositionWindow, size: i32) -> Self {
         let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
         let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
         let mut size = size.max(1);
@@ -77,10 +77,10 @@ impl Coverage {
     }
 
     /// The smallest window of squares that hold points, touch the disc and do not lie in `known`.
-    fn unknown(&self, disc: &Disc, known: &Window) -> Option<Window> {
+    fn unknown(&self, disc: &Disc, known: &PositionWindow) -> Option<PositionWindow> {
         let part = disc.clip(&self.window)?;
         let rows = self.square(part.low)[1]..=self.square(part.high)[1];
-        let mut found: Option<Window> = None;
+        let mut found: Option<PositionWindow> = None;
         for row in rows {
             for square in self.row_squares(disc, row).filter(|square| !known.covers(square)) {
                 found = Some(found.map_or(square, |all| all.union(&square)));
@@ -90,9 +90,9 @@ impl Coverage {
     }
 
     /// The squares of a row that hold points and touch the disc.
-    fn row_squares(&self, disc: &Disc, row: usize) -> impl Iterator<Item = Window> {
+    fn row_squares(&self, disc: &Disc, row: usize) -> impl Iterator<Item = PositionWindow> {
         let low = self.window.low[1] + row as i32 * self.size;
-        let strip = Window {
+        let strip = PositionWindow {
             low: [self.window.low[0], low],
             high: [self.window.high[0], low.saturating_add(self.size - 1).min(self.window.high[1])],
         };
@@ -102,7 +102,7 @@ impl Coverage {
         columns.filter(move |column| self.holds[row * self.columns + column]).map(move |column| {
             let left = strip.low[0] + column as i32 * self.size;
             let right = left.saturating_add(self.size - 1).min(strip.high[0]);
-            Window { low: [left, strip.low[1]], high: [right, strip.high[1]] }
+            PositionWindow { low: [left, strip.low[1]], high: [right, strip.high[1]] }
         })
     }
 }
@@ -112,40 +112,40 @@ impl Coverage {
 #[derive(Clone, Copy, Debug)]
 pub struct Loaded<'a> {
     /// The points, and maybe others.
-    pub bins: &'a Bins,
+    pub bins: &'a PointBins,
     /// All points in here are in the bins.
-    pub known: Window,
+    pub known: PositionWindow,
     /// No point lies outside.
-    pub bounds: Window,
+    pub bounds: PositionWindow,
     /// Where within the bounds points are, when that is known; it covers the bounds.
-    pub coverage: Option<&'a Coverage>,
+    pub coverage: Option<&'a CloudCoverage>,
 }
 
 impl<'a> Loaded<'a> {
     /// A cloud all of whose points are in the bins.
-    pub fn whole(bins: &'a Bins) -> Self {
-        Self { bins, known: Window::ALL, bounds: Window::ALL, coverage: None }
+    pub fn whole(bins: &'a PointBins) -> Self {
+        Self { bins, known: PositionWindow::ALL, bounds: PositionWindow::ALL, coverage: None }
     }
 }
 
-impl Space for Loaded<'_> {
+impl PointSpace for Loaded<'_> {
     fn pitch(&self) -> i32 {
         self.bins.size()
     }
 
-    fn visit(&self, window: &Window, each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point])) {
         self.bins.visit(window, each);
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point])) {
+    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point])) {
         self.bins.visit_disc(disc, window, each);
     }
 
-    fn extent(&self) -> Window {
+    fn extent(&self) -> PositionWindow {
         self.bins.window()
     }
 
-    fn certify(&self, disc: &Disc) -> Result<(), Needs> {
+    fn certify(&self, disc: &Disc) -> Result<(), NeededWindow> {
         if disc.lies_in(&self.known) {
             return Ok(());
         }
@@ -154,8 +154,10 @@ impl Space for Loaded<'_> {
             return Ok(());
         }
         match self.coverage {
-            None => Err(Needs(part)),
-            Some(coverage) => coverage.unknown(disc, &self.known).map_or(Ok(()), |w| Err(Needs(w))),
+            None => Err(NeededWindow(part)),
+            Some(coverage) => {
+                coverage.unknown(disc, &self.known).map_or(Ok(()), |w| Err(NeededWindow(w)))
+            }
         }
     }
 }
@@ -165,10 +167,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const BOUNDS: Window = Window { low: [-40, 20], high: [170, 190] };
+    const BOUNDS: PositionWindow = PositionWindow { low: [-40, 20], high: [170, 190] };
 
     /// How far a position is from the nearest of a square.
-    fn gap(square: &Window, centre: [f64; 2]) -> f64 {
+    fn gap(square: &PositionWindow, centre: [f64; 2]) -> f64 {
         let along = |i: usize| {
             let (low, high) = (f64::from(square.low[i]), f64::from(square.high[i]));
             (low - centre[i]).max(centre[i] - high).max(0.0)
@@ -184,7 +186,7 @@ mod tests {
             points in prop::collection::vec((-40..=170_i32, 20..=190_i32), 0..12), size in 1..60_i32,
             x in -150..250_i32, y in -150..300_i32, small: bool, known in prop::array::uniform4(-60..200_i32)
         ) {
-            let mut coverage = Coverage::new(BOUNDS, size);
+            let mut coverage = CloudCoverage::new(BOUNDS, size);
             let mut half = coverage.clone();
             for (i, &(x, y)) in points.iter().enumerate() {
                 if i % 2 == 0 { coverage.add([x, y]) } else { half.add([x, y]) }
@@ -193,14 +195,14 @@ mod tests {
             let offsets = if small { [[7, 24], [-25, 0], [15, -20]] } else { [[33, 56], [-63, 16], [0, -65]] };
             let radius = if small { 25.0 } else { 65.0 };
             let disc = Disc::around(offsets.map(|[dx, dy]| [x + dx, y + dy]));
-            let known = Window::of([[known[0], known[1]], [known[2], known[3]]]).unwrap();
+            let known = PositionWindow::of([[known[0], known[1]], [known[2], known[3]]]).unwrap();
             let square = |&(x, y): &(i32, i32)| {
                 let low = [0, 1].map(|i| {
                     let p = [x, y][i] - BOUNDS.low[i];
                     BOUNDS.low[i] + p / size * size
                 });
                 let high = [0, 1].map(|i| (low[i] + size - 1).min(BOUNDS.high[i]));
-                Window { low, high }
+                PositionWindow { low, high }
             };
             let all: Vec<_> = points.iter().map(square).filter(|square| !known.covers(square)).collect();
             // What the disc touches by less than three steps may be called for, or not.
@@ -219,7 +221,7 @@ mod tests {
     #[test]
     fn maps_have_no_more_squares_than_they_may() {
         let squares = |high: i32, size: i32| {
-            let map = Coverage::new(Window { low: [0; 2], high: [high; 2] }, size);
+            let map = CloudCoverage::new(PositionWindow { low: [0; 2], high: [high; 2] }, size);
             (map.size, map.columns, map.holds.len())
         };
         assert_eq!(squares(4095, 1), (1, 4096, 1 << 24));
@@ -231,23 +233,23 @@ mod tests {
 
     #[test]
     fn what_is_known_needs_nothing_more() {
-        let bins = Bins::new(&[]);
-        let window = |low: Site, high: Site| Window { low, high };
+        let bins = PointBins::new(&[]);
+        let window = |low: Site, high: Site| PositionWindow { low, high };
         let bounds = window([0, 0], [100, 100]);
         // A circle of radius 50 around the origin of the bounds.
         let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
-        let certify = |known: Window, coverage: Option<&Coverage>| {
+        let certify = |known: PositionWindow, coverage: Option<&CloudCoverage>| {
             Loaded { bins: &bins, known, bounds, coverage }.certify(&disc)
         };
         assert_eq!(certify(window([-60, -60], [60, 60]), None), Ok(()));
         // Nothing lies beyond the bounds.
         assert_eq!(certify(window([0, 0], [60, 60]), None), Ok(()));
-        let Err(Needs(part)) = certify(window([0, 0], [20, 60]), None) else { panic!() };
+        let Err(NeededWindow(part)) = certify(window([0, 0], [20, 60]), None) else { panic!() };
         assert!(part.low == [0, 0] && part.high.iter().all(|v| (50..54).contains(v)), "{part:?}");
-        let mut coverage = Coverage::new(bounds, 10);
+        let mut coverage = CloudCoverage::new(bounds, 10);
         assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Ok(()));
         coverage.add([33, 5]);
-        let needs = Needs(window([30, 0], [39, 9]));
+        let needs = NeededWindow(window([30, 0], [39, 9]));
         assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Err(needs));
         let beyond = Loaded {
             bins: &bins,

@@ -11,11 +11,11 @@
 
 use std::cmp::Reverse;
 
-use super::position::Position;
+use super::position::FixedPosition;
 use super::predicates::Site;
 use super::query::from_lowest;
 use super::triangulation::Triangulation;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, is_within};
 
@@ -69,7 +69,7 @@ impl SpikeFree {
     ///
     /// # Errors
     /// A limit: a window of 2^28 steps or more along a side.
-    pub fn new(points: Vec<Point>, window: &Window, freeze: Freeze) -> Result<Self> {
+    pub fn new(points: Vec<Point>, window: &PositionWindow, freeze: Freeze) -> Result<Self> {
         let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
         let side = side(0).max(side(1));
         if side > WIDEST {
@@ -103,9 +103,14 @@ impl SpikeFree {
     /// small as those that freeze; `None` beyond the points, or near their border. The walk begins at the triangle
     /// `last`, and leaves there the one it ends at: 0 for the first. Of a position on a side it is the one in the east
     /// of it (in the north, along x), with `back` the other.
-    pub fn find(&self, at: Position, last: &mut u32, back: bool) -> Option<([Point; 3], bool)> {
-        let low = Position::of(self.low);
-        let at = Position { x: at.x - low.x, y: at.y - low.y };
+    pub fn find(
+        &self,
+        at: FixedPosition,
+        last: &mut u32,
+        back: bool,
+    ) -> Option<([Point; 3], bool)> {
+        let low = FixedPosition::of(self.low);
+        let at = FixedPosition { x: at.x - low.x, y: at.y - low.y };
         *last = self.triangulation.find_at(at, *last, back)?;
         let corners = corners(&self.points, self.triangulation.corners(*last)?)?;
         let place = |p: Point| Point { x: p.x + self.low[0], y: p.y + self.low[1], ..p };

@@ -9,12 +9,12 @@
 //! those of which it holds the highest corner alone.
 
 use super::disc::Disc;
-use super::hull::Hull;
+use super::hull::ConvexHull;
 use super::predicates::Site;
 use super::query::{deepest, from_lowest, site};
-use super::space::{Needs, Space};
+use super::space::{NeededWindow, PointSpace};
 use super::triangulation::Triangulation;
-use super::window::Window;
+use super::window::PositionWindow;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
@@ -35,47 +35,47 @@ const MARGIN: i32 = 6;
 /// # Errors
 /// More points than [`Triangulation::new`] takes.
 pub fn stars(
-    space: &impl Space,
-    hull: &Hull,
-    block: &Window,
+    space: &impl PointSpace,
+    hull: &ConvexHull,
+    block: &PositionWindow,
     far: &[Point],
-) -> Result<std::result::Result<Vec<[Point; 3]>, Needs>> {
+) -> Result<std::result::Result<Vec<[Point; 3]>, NeededWindow>> {
     let window = block.grown(space.pitch().saturating_mul(MARGIN));
     let mut points = within(space, &window);
     points.extend_from_slice(hull.ring());
     points.extend_from_slice(far);
     loop {
         let triangulation = Triangulation::new(&points)?;
-        let mut round = Round { space, window: &window, block, found: vec![], needs: None };
+        let mut round = StarRound { space, window: &window, block, found: vec![], needs: None };
         let owned = round.look(&triangulation, &points);
         match (round.found.is_empty(), round.needs) {
             (true, None) => return Ok(Ok(owned)),
-            (true, Some(needs)) => return Ok(Err(Needs(needs))),
+            (true, Some(needs)) => return Ok(Err(NeededWindow(needs))),
             _ => points.append(&mut round.found),
         }
     }
 }
 
 /// The known points in a window.
-pub(super) fn within(space: &impl Space, window: &Window) -> Vec<Point> {
+pub(super) fn within(space: &impl PointSpace, window: &PositionWindow) -> Vec<Point> {
     let mut points = vec![];
     space.visit(window, |run| points.extend(run.iter().filter(|p| window.contains(site(p)))));
     points
 }
 
 /// One look at a triangulation of some of the known points.
-struct Round<'a, S> {
+struct StarRound<'a, S> {
     space: &'a S,
     /// All known points in here are part of it.
-    window: &'a Window,
-    block: &'a Window,
+    window: &'a PositionWindow,
+    block: &'a PositionWindow,
     /// Points found in discs of triangles.
     found: Vec<Point>,
     /// What must be known for the triangles whose discs hold no known point.
-    needs: Option<Window>,
+    needs: Option<PositionWindow>,
 }
 
-impl<S: Space> Round<'_, S> {
+impl<S: PointSpace> StarRound<'_, S> {
     /// The triangles that the block owns, sorted; not to be trusted unless nothing is found or needed.
     fn look(&mut self, triangulation: &Triangulation, points: &[Point]) -> Vec<[Point; 3]> {
         let mut owned = vec![];
@@ -98,11 +98,11 @@ impl<S: Space> Round<'_, S> {
     fn check(&mut self, corners: [Site; 3]) {
         let disc = Disc::around(corners);
         if !disc.lies_in(self.window)
-            && let Some(point) = deepest(self.space, &disc, &Window::ALL)
+            && let Some(point) = deepest(self.space, &disc, &PositionWindow::ALL)
         {
             return self.found.push(point);
         }
-        if let Err(Needs(more)) = self.space.certify(&disc) {
+        if let Err(NeededWindow(more)) = self.space.certify(&disc) {
             self.needs = Some(self.needs.map_or(more, |all| all.union(&more)));
         }
     }
@@ -110,9 +110,9 @@ impl<S: Space> Round<'_, S> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::Bins;
+    use super::super::bins::PointBins;
     use super::super::oracle;
-    use super::super::space::{Coverage, Loaded};
+    use super::super::space::{CloudCoverage, Loaded};
     use super::*;
 
     fn whole(points: &[Point]) -> Vec<[Point; 3]> {
@@ -125,14 +125,15 @@ mod tests {
     }
 
     /// Disjoint blocks that cover a window.
-    fn blocks(window: &Window, along: i32) -> Vec<Window> {
+    fn blocks(window: &PositionWindow, along: i32) -> Vec<PositionWindow> {
         let cuts = |axis: usize| -> Vec<[i32; 2]> {
             let (low, high) = (i64::from(window.low[axis]), i64::from(window.high[axis]));
             let at = |i: i32| (low + (high + 1 - low) * i64::from(i) / i64::from(along)) as i32;
             (0..along).map(|i| [at(i), at(i + 1) - 1]).filter(|cut| cut[0] <= cut[1]).collect()
         };
         let rows = cuts(1);
-        let block = |x: [i32; 2], y: [i32; 2]| Window { low: [x[0], y[0]], high: [x[1], y[1]] };
+        let block =
+            |x: [i32; 2], y: [i32; 2]| PositionWindow { low: [x[0], y[0]], high: [x[1], y[1]] };
         cuts(0).into_iter().flat_map(|x| rows.iter().map(move |y| block(x, *y))).collect()
     }
 
@@ -147,19 +148,19 @@ mod tests {
     /// Loads what is needed, and only that, until the block is done; also how often it had to.
     fn load(
         points: &[Point],
-        block: &Window,
+        block: &PositionWindow,
         far: &[Point],
-        map: Option<&Coverage>,
+        map: Option<&CloudCoverage>,
     ) -> (Vec<[Point; 3]>, u32) {
-        let (hull, mut known) = (Hull::of(points.to_vec()), *block);
-        let bounds = Window::of(points.iter().map(site)).unwrap();
+        let (hull, mut known) = (ConvexHull::of(points.to_vec()), *block);
+        let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
         for round in 0..100 {
             let inside = points.iter().filter(|p| known.contains(site(p))).copied();
-            let bins = Bins::new(&inside.collect::<Vec<_>>());
+            let bins = PointBins::new(&inside.collect::<Vec<_>>());
             let space = Loaded { bins: &bins, known, bounds, coverage: map };
             match stars(&space, &hull, block, far).unwrap() {
                 Ok(owned) => return (owned, round),
-                Err(Needs(more)) => {
+                Err(NeededWindow(more)) => {
                     assert!(!known.covers(&more));
                     known = known.union(&more);
                 }
@@ -177,10 +178,10 @@ mod tests {
                     points.iter().rev().map(|p| (site(p), *p)).collect();
                 points.retain(|p| sites[&site(p)].z == p.z);
                 let expected = whole(&points);
-                let bounds = Window::of(points.iter().map(site)).unwrap();
+                let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
                 let wide =
                     1 + (bounds.high[0] - bounds.low[0]).max(bounds.high[1] - bounds.low[1]) / 16;
-                let mut map = Coverage::new(bounds, wide);
+                let mut map = CloudCoverage::new(bounds, wide);
                 points.iter().for_each(|p| map.add(site(p)));
                 let far = skeleton(&points, wide);
                 for (far, map) in [(&far[..], Some(&map)), (&far[..], None), (&[], None)] {
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn small_blocks_of_a_known_cloud_make_up_the_whole() {
         for (name, points) in oracle::awkward(3_000) {
-            let (bins, hull) = (Bins::new(&points), Hull::of(points.clone()));
+            let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
             let space = Loaded::whole(&bins);
             let mut found = vec![];
             for block in blocks(&bins.window(), 6) {

@@ -1,7 +1,7 @@
 //! The Delaunay triangulation of a set of points, with its adjacency.
 
 use super::fork::{Fork, Serial};
-use super::knit::{self, GHOST, Part, Side, next, prev};
+use super::knit::{self, GHOST, HalfEdge, MortonRun, next, prev};
 use super::order::{Ordered, order};
 use super::predicates::{Site, in_circle, orient};
 use std::cell::Cell;
@@ -17,18 +17,18 @@ const MOST_KEPT: usize = 3 << 20;
 
 thread_local! {
     /// Room for sides: to have it anew for each of many parts of a cloud costs more than to fill it.
-    static SIDES: Cell<Vec<Side>> = const { Cell::new(Vec::new()) };
+    static SIDES: Cell<Vec<HalfEdge>> = const { Cell::new(Vec::new()) };
 }
 
 /// Room for `count` sides, which hold anything.
-fn room(count: usize) -> Vec<Side> {
+fn room(count: usize) -> Vec<HalfEdge> {
     let mut sides = SIDES.take();
     if sides.capacity() < count {
         // Gone before the larger one is made.
         drop(sides);
-        return vec![Side::default(); count];
+        return vec![HalfEdge::default(); count];
     }
-    sides.resize(count, Side::default());
+    sides.resize(count, HalfEdge::default());
     sides
 }
 
@@ -48,7 +48,7 @@ impl Drop for Triangulation {
 /// being *ghosts*: the outside beyond an edge of the hull. About 60 bytes a point.
 #[derive(Debug)]
 pub struct Triangulation {
-    pub(super) sides: Vec<Side>,
+    pub(super) sides: Vec<HalfEdge>,
     pub(super) ordered: Ordered,
 }
 
@@ -78,7 +78,7 @@ impl Triangulation {
         if ordered.sites.len() >= 2 {
             sides = room(knit::sides_of(ordered.sites.len()));
             let (sites, ids) = (&mut ordered.sites[..], &mut ordered.ids[..]);
-            knit::triangulate(&mut Part { first: 0, sites, ids, sides: &mut sides }, fork);
+            knit::triangulate(&mut MortonRun { first: 0, sites, ids, sides: &mut sides }, fork);
         }
         Ok(Self { sides, ordered })
     }
@@ -249,7 +249,7 @@ fn check(holds: bool, or: impl FnOnce() -> String) -> std::result::Result<(), St
 
 #[cfg(test)]
 mod tests {
-    use super::super::hull::Hull;
+    use super::super::hull::ConvexHull;
     use super::super::oracle::{self, Dice};
     use super::super::query::from_lowest;
     use super::*;
@@ -311,7 +311,7 @@ mod tests {
                 let triangulation = Triangulation::new(&points).unwrap();
                 let hull: Vec<_> =
                     triangulation.hull().iter().map(|&i| points[i as usize]).collect();
-                assert_eq!(hull, Hull::of(points.clone()).ring(), "{name}");
+                assert_eq!(hull, ConvexHull::of(points.clone()).ring(), "{name}");
                 let mut dice = Dice(5);
                 (1..points.len())
                     .rev()
@@ -420,7 +420,7 @@ mod tests {
             let sound = triangulation.sides[s];
             triangulation.sides[s].twin = (sound.twin + 3) % triangulation.sides.len() as u32;
             assert!(triangulation.validate().is_err());
-            triangulation.sides[s] = Side { from: sound.from.wrapping_add(1) % 30, ..sound };
+            triangulation.sides[s] = HalfEdge { from: sound.from.wrapping_add(1) % 30, ..sound };
             assert!(triangulation.validate().is_err());
             triangulation.sides[s] = sound;
         }

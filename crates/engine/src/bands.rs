@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_mesh::{ChannelKind, HeightBand, MaxError, Promises};
-use terrane_raster::{self as raster, GridInfo, GridSource, Inputs, OpenOptions, SampleType};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, Inputs, SampleType};
 
 /// Bands that a mesh keeps, each with a weight. Every sample that is void in one of them is void.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bands {
+pub struct MeshBands {
     /// At least one.
     list: Vec<(u32, f64)>,
     /// The band whose values are heights; without one all vertices are at 0.
@@ -21,7 +21,7 @@ pub struct Bands {
 
 /// What became of a band.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct BandReport {
+pub struct MeshBandReport {
     /// Its number, from 1.
     pub band: u32,
     /// What errors in it were multiplied by.
@@ -32,7 +32,7 @@ pub struct BandReport {
     pub rmse: Option<f64>,
 }
 
-impl Bands {
+impl MeshBands {
     /// Bands by number, from 1; no weights are weights of 1.
     ///
     /// # Errors
@@ -93,8 +93,8 @@ impl Bands {
     }
 
     /// How to open one of them.
-    pub fn options(band: u32, options: &OpenOptions) -> OpenOptions {
-        OpenOptions { band, colours: true, ..options.clone() }
+    pub fn options(band: u32, options: &GridOpenOptions) -> GridOpenOptions {
+        GridOpenOptions { band, colours: true, ..options.clone() }
     }
 
     /// Fails when the grid does not have all of them.
@@ -106,10 +106,10 @@ impl Bands {
     }
 
     /// All of them as grids that are void wherever one is, for `open` to open by their numbers.
-    pub fn open(&self, inputs: &Inputs, options: &OpenOptions) -> Result<Joined> {
+    pub fn open(&self, inputs: &Inputs, options: &GridOpenOptions) -> Result<Joined> {
         // Band 1 is always there, and tells how many there are.
         let cache_bytes = options.cache_bytes / self.list.len();
-        let options = OpenOptions { cache_bytes, ..options.clone() };
+        let options = GridOpenOptions { cache_bytes, ..options.clone() };
         let open = |band| raster::open_all(inputs.names(), &Self::options(band, &options));
         self.check(open(1)?.info())?;
         let all = self.list.iter().map(|(band, _)| open(*band)).collect::<Result<Vec<_>>>()?;
@@ -161,25 +161,25 @@ impl Joined {
     /// The band in this place, void wherever another is.
     pub fn band(&self, place: usize) -> Box<dyn GridSource> {
         let info = self.0[place].info().clone();
-        Box::new(One { info, all: self.0.clone(), place, is_flat: false })
+        Box::new(WeightedBand { info, all: self.0.clone(), place, is_flat: false })
     }
 
     /// The same samples, with 0 wherever all bands are valid.
     pub fn flat(&self) -> Box<dyn GridSource> {
         let info = self.0[0].info().clone();
-        Box::new(One { info, all: self.0.clone(), place: 0, is_flat: true })
+        Box::new(WeightedBand { info, all: self.0.clone(), place: 0, is_flat: true })
     }
 }
 
 /// A band among others.
-struct One {
+struct WeightedBand {
     info: GridInfo,
     all: Arc<[Box<dyn GridSource>]>,
     place: usize,
     is_flat: bool,
 }
 
-impl GridSource for One {
+impl GridSource for WeightedBand {
     fn info(&self) -> &GridInfo {
         &self.info
     }
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused_by_name() {
         let refused = |bands: &[u32], weights: &[f64], heights, words: &[&str]| {
-            let error = Bands::new(bands, weights, heights).unwrap_err();
+            let error = MeshBands::new(bands, weights, heights).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Usage);
             let text = error.to_string();
             assert!(words.iter().all(|word| text.contains(word)), "{words:?} in {text}");
@@ -245,7 +245,8 @@ mod tests {
         }
         refused(&[1, 2], &[], Some(4), &["‹band› 4", "‹bands› 1,2", "add 4"]);
         let info = GridInfo { bands: 3, ..GridInfo::plain("test", 2, 2, SampleType::U8) };
-        let error = Bands::new(&[3, 4], &[], None).unwrap().check(&info).unwrap_err().to_string();
+        let error =
+            MeshBands::new(&[3, 4], &[], None).unwrap().check(&info).unwrap_err().to_string();
         assert!(
             error.contains("band 4 is out of range: the file has 3 bands; name bands from 1 to 3")
         );
@@ -255,7 +256,7 @@ mod tests {
     fn meshes_state_bands_weights_and_heights() {
         let stated = |weights: &[f64], heights| {
             let mut promises = Promises::default();
-            Bands::new(&[3, 1], weights, heights).unwrap().promise(&mut promises, 2.5);
+            MeshBands::new(&[3, 1], weights, heights).unwrap().promise(&mut promises, 2.5);
             promises.to_lines().join("; ")
         };
         assert_eq!(stated(&[], None), "max error 2.5; bands 3,1; weights 1,1; heights none");

@@ -13,7 +13,7 @@ use terrane_vector::{self as vector, Feature, FeatureSource};
 const BESIDE: u64 = 2 * (PROGRAM >> 20) + 40;
 
 /// Such a file, open.
-pub struct Beside {
+pub struct SidecarFile {
     /// Where it is.
     pub path: PathBuf,
     /// What is in it.
@@ -23,14 +23,14 @@ pub struct Beside {
     remedy: &'static str,
 }
 
-impl Beside {
+impl SidecarFile {
     /// Opens a file of `what`. Of TopoJSON the first object is read.
     pub fn open(name: &str, what: &str, bytes_each: u64, remedy: &'static str) -> Result<Self> {
         let path = path_of(name).into_owned();
         if vector::synthetic(&path).is_none() && !path.exists() {
             return Err(Error::missing(&path).or(&format!("name a file of {what}")));
         }
-        let source = vector::open(&path, &vector::OpenOptions::default())?;
+        let source = vector::open(&path, &vector::VectorOpenOptions::default())?;
         Ok(Self { path, source, bytes_each, remedy })
     }
 

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Ends, Paths, Segment, cut};
+use terrane_base::geom::{Ends, Paths, SampleSegment, cut};
 
 /// A segment, and the first and last step of its path that lie in a tile.
-type Part = (Segment, [u64; 2]);
+type Part = (SampleSegment, [u64; 2]);
 
 /// Segments that edges of a mesh follow.
 #[derive(Clone, Debug, Default)]
@@ -67,7 +67,7 @@ impl Breaklines {
 
     /// Most bytes of those of lines with so many vertices, with what a worker lists of them.
     pub fn most_bytes(vertices: usize) -> u64 {
-        (vertices * (size_of::<Ends>() + size_of::<Segment>() + size_of::<Part>())) as u64
+        (vertices * (size_of::<Ends>() + size_of::<SampleSegment>() + size_of::<Part>())) as u64
     }
 
     /// About how many vertices they have, and hardly more, in a mesh that has so many of so many samples without
@@ -116,7 +116,7 @@ mod tests {
         assert_eq!((told.segments, told.outside, told.apart), (4, 1, 3));
         let all: Vec<_> = lines.paths().near(Rect::new(0, 0, 11, 6)).collect();
         let expected = [[[0, 0], [5, 0]], [[5, 0], [10, 0]], [[1, 1], [2, 2]]];
-        assert_eq!(all, expected.map(|[a, b]| Segment::new(a, b)));
+        assert_eq!(all, expected.map(|[a, b]| SampleSegment::new(a, b)));
         let error = Breaklines::on(&at[2..4], &[2], [11, 6], "a.wkt".into()).unwrap_err();
         assert!(error.to_string().contains("no line of this file"), "{error}");
         assert_eq!(Breaklines::NONE.report(0), None);

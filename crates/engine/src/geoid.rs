@@ -10,7 +10,7 @@ use terrane_base::geom::{Crs, Rect};
 use terrane_base::limits;
 use terrane_crs::{Geoid, MAX_GRID_BYTES};
 use terrane_files::RawFile;
-use terrane_raster::{FORMATS, GridInfo, GridSource, OpenOptions, SampleType};
+use terrane_raster::{FORMATS, GridInfo, GridOpenOptions, GridSource, SampleType};
 
 /// What geodetic grids are called that are geoids.
 const KIND: &str = "VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL";
@@ -32,10 +32,10 @@ pub fn read(path: &Path, resources: &Resources) -> Result<Geoid> {
 }
 
 fn of_tiff(path: &Path, resources: &Resources) -> Result<Geoid> {
-    let options = OpenOptions {
+    let options = GridOpenOptions {
         cache_bytes: usize::try_from(resources.memory / SHARE).unwrap_or(usize::MAX),
         temp_dir: resources.temp_dir.clone(),
-        ..OpenOptions::default()
+        ..GridOpenOptions::default()
     };
     let grid = terrane_raster::open(&terrane_files::name_of(path.to_owned())?, &options)?;
     let info = grid.info();

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use crate::transform::extent_of;
 use crate::{Resources, geoid};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Affine, Crs, Heights};
-use terrane_crs::{Geoid, Operation};
+use terrane_base::geom::{Affine, Crs, VerticalReference};
+use terrane_crs::{CoordinateOperation, Geoid};
 use terrane_raster::GridInfo;
 
 /// Systems of longitudes and latitudes that are WGS 84, and those that are within a metre or two of it.
@@ -26,7 +26,7 @@ pub enum OnGlobe {
     /// Columns are meridians and rows parallels: the map to longitudes and latitudes.
     Straight(Affine),
     /// The map to positions, and what brings these to longitudes and latitudes.
-    Moved(Affine, Box<Operation>),
+    Moved(Affine, Box<CoordinateOperation>),
 }
 
 impl OnGlobe {
@@ -49,16 +49,17 @@ impl OnGlobe {
             return check_world(&map, whole).map(|()| (Self::Straight(map), notes));
         }
         check_body(crs)?;
-        let operation = Operation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
-            // Of a system that is known nowhere no part is, either.
-            error.remedy(match Operation::to_wgs84(crs, None) {
-                Ok(_) => "take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326",
-                Err(_) => {
-                    "give it the system that it is in (gdal_edit.py -a_srs), or transform it \
+        let operation =
+            CoordinateOperation::to_wgs84(crs, Some(extent_of(info))).map_err(|error| {
+                // Of a system that is known nowhere no part is, either.
+                error.remedy(match CoordinateOperation::to_wgs84(crs, None) {
+                    Ok(_) => "take a part of it, or transform it first: gdalwarp -t_srs EPSG:4326",
+                    Err(_) => {
+                        "give it the system that it is in (gdal_edit.py -a_srs), or transform it \
                      first: gdalwarp -t_srs EPSG:4326"
-                }
-            })
-        })?;
+                    }
+                })
+            })?;
         notes.push(match operation.accuracy() {
             Some(0.0) => format!("samples are brought from {} to WGS 84", crs.label()),
             Some(metres) => {
@@ -105,12 +106,12 @@ impl Lift {
         let unit = crs.vertical_metres();
         let heights = crs.heights();
         let metres = match heights {
-            Heights::Above { is_down: true, .. } => -unit.unwrap_or(1.0),
+            VerticalReference::Above { is_down: true, .. } => -unit.unwrap_or(1.0),
             _ => unit.unwrap_or(1.0),
         };
         let read = |name: &str| {
             let path = &*terrane_files::path_of(name);
-            if heights == Heights::Ellipsoidal {
+            if heights == VerticalReference::Ellipsoidal {
                 return Err(Error::usage(
                     "the heights of the grid are counted from the ellipsoid already",
                 )

@@ -10,9 +10,9 @@ pub type Turn = [[f64; 2]; 2];
 
 /// How a slope by column and row lies on the ground.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
+pub struct GroundScale {
     map: Affine,
-    across: Across,
+    across: HorizontalUnit,
     /// Metres of a unit of heights.
     rise: f64,
     notes: Vec<String>,
@@ -20,13 +20,13 @@ pub struct Ground {
 
 /// Metres of a unit of x and y.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Across {
+enum HorizontalUnit {
     Everywhere(f64),
     /// As long as a degree is at its latitude on the ellipsoid.
     Degrees(Spheroid),
 }
 
-impl Ground {
+impl GroundScale {
     /// Of a grid with a map that has an inverse.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl Ground {
         let across = across(&info.crs, &mut notes)?;
         let rise = rise(&info.crs, across, &mut notes)?;
         let map = info.transform;
-        if matches!(across, Across::Degrees(_)) {
+        if matches!(across, HorizontalUnit::Degrees(_)) {
             check_latitudes(&map, info.bounds())?;
         }
         Ok(Self { map, across, rise, notes })
@@ -49,13 +49,13 @@ impl Ground {
 
     /// Where a unit of x and y is so many units of heights.
     pub fn scaled(info: &GridInfo, scale: f64) -> Self {
-        let across = Across::Everywhere(scale);
+        let across = HorizontalUnit::Everywhere(scale);
         Self { map: info.transform, across, rise: 1.0, notes: Vec::new() }
     }
 
     /// Whether it is the same along a row.
     pub fn is_by_row(&self) -> bool {
-        !matches!(self.across, Across::Degrees(_)) || self.map.d == 0.0
+        !matches!(self.across, HorizontalUnit::Degrees(_)) || self.map.d == 0.0
     }
 
     /// At a place in columns and rows: both slopes in units of height by column and row to those by metre east
@@ -63,8 +63,10 @@ impl Ground {
     pub fn turn(&self, col: f64, row: f64) -> Turn {
         let Affine { a, b, d, e, .. } = self.map;
         let [east, north] = match self.across {
-            Across::Everywhere(metres) => [metres; 2],
-            Across::Degrees(spheroid) => spheroid.degree_metres(self.map.apply(col, row)[1]),
+            HorizontalUnit::Everywhere(metres) => [metres; 2],
+            HorizontalUnit::Degrees(spheroid) => {
+                spheroid.degree_metres(self.map.apply(col, row)[1])
+            }
         };
         let whole = self.rise / self.map.determinant();
         let (east, north) = (whole / east, whole / north);
@@ -72,30 +74,30 @@ impl Ground {
     }
 }
 
-fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<Across> {
+fn across(crs: &Crs, notes: &mut Vec<String>) -> Result<HorizontalUnit> {
     if crs.horizontal_unit() == "degree" {
         let remedy = "pass ‹scale›: how many units of heights a degree is long";
-        return spheroid(crs, notes).map(Across::Degrees).map_err(|e| e.or(remedy));
+        return spheroid(crs, notes).map(HorizontalUnit::Degrees).map_err(|e| e.or(remedy));
     }
-    Ok(Across::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {
+    Ok(HorizontalUnit::Everywhere(crs.horizontal_metres().unwrap_or_else(|| {
         notes.push("the unit of x and y is not known, and taken for metres".to_owned());
         1.0
     })))
 }
 
-fn rise(crs: &Crs, across: Across, notes: &mut Vec<String>) -> Result<f64> {
+fn rise(crs: &Crs, across: HorizontalUnit, notes: &mut Vec<String>) -> Result<f64> {
     match (crs.vertical_metres(), crs.heights_unit(), across) {
         (Some(metres), ..) => Ok(metres),
         (None, Some(unit), _) => {
             Err(Error::unsupported(format!("heights in {unit:?} are no lengths known here"))
                 .remedy("name a grid with heights in metres or feet"))
         }
-        (None, None, Across::Everywhere(metres)) => {
+        (None, None, HorizontalUnit::Everywhere(metres)) => {
             notes
                 .push("the unit of the heights is not known, and taken for that of x and y".into());
             Ok(metres)
         }
-        (None, None, Across::Degrees(_)) => {
+        (None, None, HorizontalUnit::Degrees(_)) => {
             notes.push("the unit of the heights is not known, and taken for metres".to_owned());
             Ok(1.0)
         }
@@ -138,7 +140,7 @@ mod tests {
     fn any_axes_and_units_are_turned_to_metres() {
         let map = Affine { x0: 5.0, a: 3.0, b: 1.0, y0: 6.0, d: 0.5, e: -2.0 };
         let lattice = by_lattice(&map, [0.2, -0.7]);
-        let plain = Ground::of(&info(map, Crs::default())).unwrap();
+        let plain = GroundScale::of(&info(map, Crs::default())).unwrap();
         assert!(is_near(turned(plain.turn(3.5, 4.5), lattice), [0.2, -0.7]));
         assert_eq!(plain.notes().len(), 2);
         let unit = |epsg, unit: &str| Crs {
@@ -146,16 +148,16 @@ mod tests {
             vertical_unit: Some(unit.to_owned()),
             ..Crs::default()
         };
-        let feet_on_metres = Ground::of(&info(map, unit(32_631, "foot"))).unwrap();
+        let feet_on_metres = GroundScale::of(&info(map, unit(32_631, "foot"))).unwrap();
         let [x, y] = turned(feet_on_metres.turn(3.5, 4.5), lattice);
         assert!(
             is_near([x / 0.3048, y / 0.3048], [0.2, -0.7]) && feet_on_metres.notes().is_empty()
         );
-        let metres_on_feet = Ground::of(&info(map, unit(2263, "metre"))).unwrap();
+        let metres_on_feet = GroundScale::of(&info(map, unit(2263, "metre"))).unwrap();
         let [x, y] = turned(metres_on_feet.turn(3.5, 4.5), lattice);
         let foot = 1200.0 / 3937.0;
         assert!(is_near([x * foot, y * foot], [0.2, -0.7]));
-        let odd = Ground::of(&info(map, unit(32_631, "sazhen"))).unwrap_err();
+        let odd = GroundScale::of(&info(map, unit(32_631, "sazhen"))).unwrap_err();
         assert!(
             odd.kind() == ErrorKind::Unsupported && odd.to_string().contains("sazhen"),
             "{odd}"
@@ -166,14 +168,14 @@ mod tests {
     fn degrees_are_as_long_as_at_the_middle_of_the_cell() {
         let degrees = Crs { geographic: Some(true), ..Crs::default() };
         let map = Affine { x0: 7.0, a: 0.5, b: 0.0, y0: 60.25, d: 0.0, e: -0.5 };
-        let ground = Ground::of(&info(map, degrees.clone())).unwrap();
+        let ground = GroundScale::of(&info(map, degrees.clone())).unwrap();
         let [x, y] = turned(ground.turn(2.5, 0.5), by_lattice(&map, [1.0, 1.0]));
         // Metres of a degree at 60 degrees north (WGS 84).
         assert!((1.0 / x - 55_800.0).abs() < 1.0 && (1.0 / y - 111_412.0).abs() < 1.0, "{x} {y}");
         assert!(ground.turn(2.5, 9.5)[0][0] < ground.turn(2.5, 0.5)[0][0]);
         let pole = Affine { y0: 90.25, ..map };
-        assert!(Ground::of(&info(pole, degrees.clone())).is_err());
+        assert!(GroundScale::of(&info(pole, degrees.clone())).is_err());
         let up_to_it = Affine { y0: 90.0, ..map };
-        assert!(Ground::of(&info(up_to_it, degrees)).is_ok());
+        assert!(GroundScale::of(&info(up_to_it, degrees)).is_ok());
     }
 }

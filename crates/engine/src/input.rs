@@ -11,10 +11,10 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{self, Point3, Rect};
 use terrane_files::{is_made, path_of};
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource};
-use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
 
 /// What a file turned out to hold.
-pub enum Surface {
+pub enum SurfaceInput {
     /// A grid of heights.
     Grid(Box<dyn GridSource>),
     /// A mesh.
@@ -23,10 +23,10 @@ pub enum Surface {
 
 /// Opens a grid or a mesh, told apart by the registries: first by the file's ending, then by its
 /// first bytes. An input may be a synthetic terrain by name; several are one mosaic.
-pub fn open(inputs: &[String], options: &OpenOptions) -> Result<Surface> {
+pub fn open(inputs: &[String], options: &GridOpenOptions) -> Result<SurfaceInput> {
     match inputs {
-        [one] if is_mesh(one)? => mesh::open(&path_of(one)).map(Surface::Mesh),
-        _ => raster::open_all(inputs, options).map(Surface::Grid),
+        [one] if is_mesh(one)? => mesh::open(&path_of(one)).map(SurfaceInput::Mesh),
+        _ => raster::open_all(inputs, options).map(SurfaceInput::Grid),
     }
 }
 
@@ -119,12 +119,12 @@ pub fn grid_stats(
             grid.read_f64(rect, &mut heights)?;
             grid.release(rect);
             progress.advance(rect.len() as u64);
-            Ok(Moments::of(&heights))
+            Ok(HeightMoments::of(&heights))
         });
         measured.collect::<Result<Vec<_>>>()
     })?;
     progress.end();
-    let stats = moments.into_iter().fold(Moments::NONE, Moments::and).stats();
+    let stats = moments.into_iter().fold(HeightMoments::NONE, HeightMoments::and).stats();
     let suspected_nodata = stats.min.and_then(|min| raster::looks_like_nodata(min, info));
     Ok(GridStats { suspected_nodata, ..stats })
 }
@@ -163,7 +163,7 @@ fn windows(info: &GridInfo, most: u64) -> Vec<Rect> {
 
 /// Count, extremes, mean and sum of squared deviations of some heights.
 #[derive(Clone, Copy)]
-struct Moments {
+struct HeightMoments {
     count: u64,
     min: f64,
     at_min: u64,
@@ -172,7 +172,7 @@ struct Moments {
     squares: f64,
 }
 
-impl Moments {
+impl HeightMoments {
     const NONE: Self = Self {
         count: 0,
         min: f64::INFINITY,
@@ -315,13 +315,17 @@ mod tests {
     #[test]
     fn moments_join_like_one_pass() {
         let heights: Vec<f64> = (0..100).map(|i| f64::from(i * i % 37)).collect();
-        let whole = Moments::of(&heights).stats();
-        let parts = heights.chunks(7).map(Moments::of).fold(Moments::NONE, Moments::and).stats();
+        let whole = HeightMoments::of(&heights).stats();
+        let parts = heights
+            .chunks(7)
+            .map(HeightMoments::of)
+            .fold(HeightMoments::NONE, HeightMoments::and)
+            .stats();
         assert_eq!((whole.valid, whole.min, whole.max), (parts.valid, parts.min, parts.max));
         assert_eq!((whole.at_min, parts.at_min), (3, 3), "0, 37 and 74");
         assert!((whole.mean.unwrap() - parts.mean.unwrap()).abs() < 1e-12);
         assert!((whole.std_dev.unwrap() - parts.std_dev.unwrap()).abs() < 1e-12);
-        let none = Moments::of(&[f64::NAN]).stats();
+        let none = HeightMoments::of(&[f64::NAN]).stats();
         assert_eq!((none.valid, none.mean), (0, None));
     }
 

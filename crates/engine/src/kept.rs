@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::Resources;
-use crate::beside::Beside;
+use crate::beside::SidecarFile;
 use crate::breaklines::Breaklines;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -14,13 +14,13 @@ use terrane_raster::{GridInfo, Water};
 
 /// What a mesh has to keep, where it is in the world.
 #[derive(Default)]
-pub struct Features {
-    pub(super) points: Option<Points>,
-    pub(super) lines: Option<Points>,
+pub struct ConstraintFeatures {
+    pub(super) points: Option<ConstraintPoints>,
+    pub(super) lines: Option<ConstraintPoints>,
     water: Option<Arc<Water>>,
 }
 
-impl Features {
+impl ConstraintFeatures {
     /// Reads the files of points and of breaklines of these names; the banks of `water` are breaklines, too.
     ///
     /// # Errors
@@ -34,8 +34,10 @@ impl Features {
     ) -> Result<Self> {
         Ok(Self {
             water: water.cloned(),
-            points: points.map(|name| Points::read(name, "point", resources)).transpose()?,
-            lines: lines.map(|name| Points::read(name, "line", resources)).transpose()?,
+            points: points
+                .map(|name| ConstraintPoints::read(name, "point", resources))
+                .transpose()?,
+            lines: lines.map(|name| ConstraintPoints::read(name, "line", resources)).transpose()?,
         })
     }
 
@@ -48,12 +50,12 @@ impl Features {
         lines: Option<&str>,
         resources: &Resources,
     ) -> Result<Self> {
-        let lines = lines.map(|name| Points::read_solid(name, resources)).transpose()?;
+        let lines = lines.map(|name| ConstraintPoints::read_solid(name, resources)).transpose()?;
         Ok(Self { lines, ..Self::read(points, None, None, resources)? })
     }
 
     /// Those of these points and lines.
-    pub fn of(points: Option<Points>, lines: Option<Points>) -> Self {
+    pub fn of(points: Option<ConstraintPoints>, lines: Option<ConstraintPoints>) -> Self {
         Self { points, lines, water: None }
     }
 
@@ -74,8 +76,10 @@ impl Features {
     ///
     /// # Errors
     /// Features in another system; none that is on the grid.
-    pub fn on(self, grid: &GridInfo) -> Result<Kept> {
-        let mut kept = self.points.map_or_else(|| Ok(Kept::default()), |points| points.on(grid))?;
+    pub fn on(self, grid: &GridInfo) -> Result<ConstraintSamples> {
+        let mut kept = self
+            .points
+            .map_or_else(|| Ok(ConstraintSamples::default()), |points| points.on(grid))?;
         if let Some(lines) = self.lines {
             kept.lines = lines.along(grid)?;
         }
@@ -88,7 +92,7 @@ impl Features {
 
 /// Points of a file where they are in the world: those of its points, and the vertices of its lines and
 /// polygons.
-pub struct Points {
+pub struct ConstraintPoints {
     /// The file.
     pub path: PathBuf,
     /// Its reference system.
@@ -101,7 +105,7 @@ pub struct Points {
     pub ends: Vec<u32>,
 }
 
-impl Points {
+impl ConstraintPoints {
     /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
     /// cloud.
     const BYTES: u64 = 48;
@@ -120,7 +124,7 @@ impl Points {
     fn read_as(name: &str, what: &str, bytes: u64, resources: &Resources) -> Result<Self> {
         let wants_lines = what == "line";
         let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
-        let mut file = Beside::open(name, &format!("{what}s"), bytes, remedy)?;
+        let mut file = SidecarFile::open(name, &format!("{what}s"), bytes, remedy)?;
         let (mut at, mut z, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         file.each((resources.memory / 4, resources), |feature| {
             for leaf in feature.geometry.leaves() {
@@ -160,7 +164,7 @@ impl Points {
     }
 
     /// The samples of a grid that are nearest to the points.
-    fn on(self, grid: &GridInfo) -> Result<Kept> {
+    fn on(self, grid: &GridInfo) -> Result<ConstraintSamples> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
         let nearest = |at: f64, side: u32| {
             let at = (at + 0.5).floor();
@@ -177,7 +181,12 @@ impl Points {
                 .remedy("choose points on the grid (terrane info tells the bounds of both)"));
         }
         let [points, inside] = [self.at.len(), samples.len()].map(|count| count as u64);
-        Ok(Kept { path: Some(self.path), outside: points - inside, points, ..Kept::of(samples) })
+        Ok(ConstraintSamples {
+            path: Some(self.path),
+            outside: points - inside,
+            points,
+            ..ConstraintSamples::of(samples)
+        })
     }
 }
 
@@ -187,7 +196,7 @@ fn bytes(samples: usize) -> u64 {
 
 /// Samples to keep.
 #[derive(Clone, Debug, Default)]
-pub struct Kept {
+pub struct ConstraintSamples {
     /// Columns and rows, each sample once, ordered by block, then row and column.
     samples: Vec<[u32; 2]>,
     path: Option<PathBuf>,
@@ -204,7 +213,7 @@ fn block([col, row]: [u32; 2]) -> [u32; 2] {
     [row / BLOCK, col / BLOCK]
 }
 
-impl Kept {
+impl ConstraintSamples {
     /// None.
     pub const NONE: &Self =
         &Self { samples: Vec::new(), path: None, points: 0, outside: 0, lines: Breaklines::NONE };
@@ -297,9 +306,9 @@ mod tests {
         GridInfo { transform, ..GridInfo::plain("test", width, height, SampleType::F32) }
     }
 
-    fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<Kept> {
+    fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<ConstraintSamples> {
         let (path, crs) = ("points.csv".into(), Crs::default());
-        Points { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
+        ConstraintPoints { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
     }
 
     #[test]
@@ -352,7 +361,7 @@ mod tests {
 
     #[test]
     fn nothing_is_kept_of_nothing() {
-        assert_eq!(Kept::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
-        assert_eq!(Kept::NONE.report(0, 0), None);
+        assert_eq!(ConstraintSamples::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
+        assert_eq!(ConstraintSamples::NONE.report(0, 0), None);
     }
 }

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | the program itself: code, stacks, the allocator's slack, a sink's buffers; more in builds with checks | 16 MiB, 20 MiB |
 //! | each worker: the most a tile can need | given |
-//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`Shares::cache`] |
-//! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`Shares::mesh`] |
+//! | half of the rest, at most 1 GiB: decoded blocks of the input | [`MemoryShares::cache`] |
+//! | what is left, but for an eighth: unfinished mesh, and parts that wait for the writer | [`MemoryShares::mesh`] |
 //! | that eighth: holes between them, as they come and go in any size and order | |
 //!
 //! Workers come first: a worker too many would break the budget, one too few costs time only, and
@@ -14,7 +14,7 @@
 use crate::Resources;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud as cloud;
-use terrane_raster::{self as raster, GridSource, Inputs, OpenOptions};
+use terrane_raster::{self as raster, GridOpenOptions, GridSource, Inputs};
 
 /// Bytes for the program itself.
 pub const PROGRAM: u64 = if cfg!(debug_assertions) { 20 << 20 } else { 16 << 20 };
@@ -45,7 +45,7 @@ pub fn with_slack(bytes: u64) -> u64 {
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shares {
+pub struct MemoryShares {
     /// Workers that fit, at least 1.
     pub threads: usize,
     /// Bytes for decoded blocks of the input.
@@ -61,12 +61,12 @@ pub fn least(worker: u64, block: u64) -> u64 {
 
 /// Divides `memory` among up to `threads` workers that take `worker` bytes each. Fails with
 /// [`ErrorKind::Resource`] when not even one fits; the error says how much is needed.
-pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<Shares> {
+pub fn divide(memory: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
     divide_beside(memory, 0, threads, worker)
 }
 
 /// As [`divide`], beside so many bytes that are `held` all the time.
-fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<Shares> {
+fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<MemoryShares> {
     let least = least(worker, 0).saturating_add(held);
     if memory < least {
         return Err(too_little(memory, least));
@@ -77,7 +77,7 @@ fn divide_beside(memory: u64, held: u64, threads: usize, worker: u64) -> Result<
     let rest = memory - PROGRAM - worker * threads as u64;
     let cache = (rest / 2).min(MOST_CACHE);
     let mesh = rest - cache;
-    Ok(Shares { threads, cache, mesh: mesh - mesh / SLACK })
+    Ok(MemoryShares { threads, cache, mesh: mesh - mesh / SLACK })
 }
 
 /// The error of a job whose workers take less where its tiles are smaller.
@@ -102,12 +102,12 @@ pub fn short(message: impl Into<String>, enough: u64) -> Error {
 }
 
 /// Bytes of the polygons that points are within.
-pub fn polygon_bytes(options: &cloud::OpenOptions) -> u64 {
+pub fn polygon_bytes(options: &cloud::CloudOpenOptions) -> u64 {
     options.filter.polygon.as_ref().map_or(0, |polygon| polygon.bytes())
 }
 
 /// What the polygons that points are within leave of the memory.
-pub fn beside_polygons(options: &cloud::OpenOptions, resources: &Resources) -> Resources {
+pub fn beside_polygons(options: &cloud::CloudOpenOptions, resources: &Resources) -> Resources {
     let memory = resources.memory.saturating_sub(polygon_bytes(options));
     Resources { memory, ..resources.clone() }
 }
@@ -115,7 +115,7 @@ pub fn beside_polygons(options: &cloud::OpenOptions, resources: &Resources) -> R
 /// Does work with what the polygons that points are within leave of the memory; where that does not suffice, they are
 /// named.
 pub fn with_polygons<T>(
-    options: &cloud::OpenOptions,
+    options: &cloud::CloudOpenOptions,
     resources: &Resources,
     work: impl FnOnce(Resources) -> Result<T>,
 ) -> Result<T> {
@@ -144,14 +144,14 @@ fn with_more(remedy: &str, more: u64) -> String {
 }
 
 /// An opened grid and how its memory is divided.
-pub type Opened = (Box<dyn GridSource>, Shares);
+pub type Opened = (Box<dyn GridSource>, MemoryShares);
 
 /// Divides the memory among workers that take `worker` bytes each, and opens `input` with its share:
 /// with fewer workers where one block of it does not fit beside all. Where the memory does not suffice,
 /// the error says how much does, for the blocks of this input, too.
 pub fn open(
     input: &Inputs,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
@@ -162,7 +162,7 @@ pub fn open(
 pub fn open_beside(
     held: u64,
     input: &Inputs,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Result<Opened> {
@@ -173,7 +173,7 @@ pub fn open_beside(
         let opened = divide_beside(resources.memory, held, threads, worker).and_then(|shares| {
             fitting = shares.threads;
             let cache_bytes = usize::try_from(shares.cache).unwrap_or(usize::MAX);
-            let options = OpenOptions { cache_bytes, threads: fitting, ..options.clone() };
+            let options = GridOpenOptions { cache_bytes, threads: fitting, ..options.clone() };
             Ok((raster::open_all(input.names(), &options)?, shares))
         });
         match opened {
@@ -190,7 +190,7 @@ pub fn open_beside(
 fn enough(
     held: u64,
     input: &Inputs,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     resources: &Resources,
     worker: u64,
 ) -> Option<Error> {
@@ -206,8 +206,8 @@ fn enough(
 }
 
 /// Opens a grid only to learn what it is: no block of it is ever held.
-pub fn look_at(input: &Inputs, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    let options = OpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
+pub fn look_at(input: &Inputs, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    let options = GridOpenOptions { cache_bytes: usize::MAX >> 8, threads: 1, ..options.clone() };
     raster::open_all(input.names(), &options)
 }
 
@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(shares(128, 8).threads, 2);
         assert_eq!(shares(4096, 8).threads, 8);
         for memory in [LEAST, LEAST + 1, 128, 1000, 9000] {
-            let Shares { threads, cache, mesh } = shares(memory, 8);
+            let MemoryShares { threads, cache, mesh } = shares(memory, 8);
             let left = memory * MIB - PROGRAM - 48 * MIB * threads as u64;
             assert_eq!(cache, (left / 2).min(MOST_CACHE));
             assert_eq!(mesh + (left - cache) / SLACK, left - cache);

@@ -4,14 +4,14 @@
 use std::path::PathBuf;
 
 use crate::breaklines::BreaklinesReport;
-use crate::kept::{Features, KeptReport, Points};
+use crate::kept::{ConstraintFeatures, ConstraintPoints, KeptReport};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Ends, Frame, Point, REACH, cut};
+use terrane_base::geom::{Ends, Point, PointFrame, REACH, cut};
 use terrane_cloud::CloudInfo;
 
 /// A straight line on the lattice of a cloud, whose columns and rows are steps east and north of the lowest x and y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Line {
+pub struct LatticeLine {
     /// Its ends, the lower first (by row, then column).
     pub ends: Ends,
     /// The heights of its ends, in steps, where the file has them.
@@ -24,7 +24,7 @@ pub struct OnCloud {
     /// Positions within the bounds of the cloud, sorted, as often as there are points at them.
     pub points: Vec<[u32; 2]>,
     /// Lines within the bounds, sorted, each once.
-    pub lines: Vec<Line>,
+    pub lines: Vec<LatticeLine>,
     points_asked: Option<(PathBuf, u64)>,
     lines_asked: Option<(PathBuf, u64)>,
     /// Segments beyond the bounds.
@@ -33,7 +33,7 @@ pub struct OnCloud {
     repeats: Vec<(u32, u64)>,
 }
 
-impl Features {
+impl ConstraintFeatures {
     /// Where it is on a cloud within `bounds`. Time O(n log n) for n points.
     ///
     /// # Errors
@@ -46,11 +46,11 @@ impl Features {
 impl OnCloud {
     /// The points and lines of files over a cloud within `bounds`.
     pub fn new(
-        (points, lines): (Option<Points>, Option<Points>),
+        (points, lines): (Option<ConstraintPoints>, Option<ConstraintPoints>),
         info: &CloudInfo,
         bounds: [Point; 2],
     ) -> Result<Self> {
-        let (mut kept, place) = (Self::default(), Lattice::new(info.frame, bounds));
+        let (mut kept, place) = (Self::default(), CloudLattice::new(info.frame, bounds));
         if let Some(points) = points {
             info.crs
                 .check_same_of("cloud", &points.crs, "points")
@@ -68,7 +68,7 @@ impl OnCloud {
         Ok(kept)
     }
 
-    fn take_lines(&mut self, lines: Points, place: &Lattice) -> Result<()> {
+    fn take_lines(&mut self, lines: ConstraintPoints, place: &CloudLattice) -> Result<()> {
         let starts = std::iter::once(0).chain(lines.ends.iter().map(|&end| end as usize));
         let (mut asked, mut all) = (0, Vec::new());
         for (start, &end) in starts.zip(&lines.ends) {
@@ -160,14 +160,14 @@ impl OnCloud {
 }
 
 /// Where the world is on the lattice of a cloud.
-struct Lattice {
-    frame: Frame,
+struct CloudLattice {
+    frame: PointFrame,
     low: Point,
     size: [u32; 2],
 }
 
-impl Lattice {
-    fn new(frame: Frame, [low, high]: [Point; 2]) -> Self {
+impl CloudLattice {
+    fn new(frame: PointFrame, [low, high]: [Point; 2]) -> Self {
         let size =
             [high.x.abs_diff(low.x), high.y.abs_diff(low.y)].map(|span| span.saturating_add(1));
         Self { frame, low, size }
@@ -187,17 +187,17 @@ impl Lattice {
     }
 
     /// A segment as far as it is within the bounds: the same in both directions.
-    fn line(&self, vertices: [([f64; 2], f64); 2]) -> Result<Option<Line>> {
+    fn line(&self, vertices: [([f64; 2], f64); 2]) -> Result<Option<LatticeLine>> {
         let [a, b] = vertices.map(|(at, z)| (self.steps(at), z));
         let order = |(at, z): ([f64; 2], f64)| [at[1], at[0], z];
         let [(a, p), (b, q)] = if order(a) <= order(b) { [a, b] } else { [b, a] };
         let Some(ends) = cut([a, b], self.size) else { return Ok(None) };
         if p.is_nan() || q.is_nan() {
-            return Ok(Some(Line { ends: sorted(ends, [0; 2]).0, heights: None }));
+            return Ok(Some(LatticeLine { ends: sorted(ends, [0; 2]).0, heights: None }));
         }
         let height = |end: [u32; 2]| self.height(share([a, b], end.map(f64::from)), [p, q]);
         let (ends, heights) = sorted(ends, [height(ends[0])?, height(ends[1])?]);
-        Ok(Some(Line { ends, heights: Some(heights) }))
+        Ok(Some(LatticeLine { ends, heights: Some(heights) }))
     }
 
     /// The height so far along a segment between these, in steps.

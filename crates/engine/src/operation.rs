@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Map, Value as Json};
 use terrane_options::{
-    Codec, Options, Role, Table, changed, check, check_given, check_planned, fill, to_map,
+    OptionCodec, OptionRole, OptionTable, Options, changed, check, check_given, check_planned,
+    fill, to_map,
 };
 
 use crate::options::{
@@ -18,7 +19,7 @@ use crate::options::{
 };
 use crate::outputs::not_among;
 pub use crate::plan::AnyOperation;
-use crate::plan::{Kind, RunJob, RunReport, StatusReport, Written};
+use crate::plan::{PlanKind, PlanRunReport, RunJob, RunReport, StatusReport};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -108,7 +109,7 @@ pub enum Writes {
 }
 
 /// A group of options that says how what an operation reads is read.
-pub trait Input: Options + Clone {
+pub trait InputOptions: Options + Clone {
     /// What it is.
     const READS: Reads;
 
@@ -119,7 +120,7 @@ pub trait Input: Options + Clone {
     fn files(names: &[String]) -> Result<Vec<String>>;
 }
 
-impl Input for GridInput {
+impl InputOptions for GridInput {
     const READS: Reads = Reads::Grid;
 
     fn files(names: &[String]) -> Result<Vec<String>> {
@@ -131,7 +132,7 @@ impl Input for GridInput {
     }
 }
 
-impl Input for CloudInput {
+impl InputOptions for CloudInput {
     const READS: Reads = Reads::Cloud;
 
     fn files(names: &[String]) -> Result<Vec<String>> {
@@ -139,7 +140,7 @@ impl Input for CloudInput {
     }
 }
 
-impl Input for FeatureInput {
+impl InputOptions for FeatureInput {
     const READS: Reads = Reads::Features;
 
     fn files(names: &[String]) -> Result<Vec<String>> {
@@ -149,7 +150,7 @@ impl Input for FeatureInput {
 
 /// What a run reads and writes, and who watches it.
 #[derive(Clone, Copy)]
-pub struct Request<'a> {
+pub struct RunRequest<'a> {
     /// Files of the grid, of the cloud, or of features.
     pub inputs: &'a Inputs,
     /// File to write.
@@ -171,7 +172,7 @@ pub trait Operation:
     /// Its name, which is that of its verb, with dashes; behind `cloud-` where the verb makes the same of grids.
     const NAME: &'static str;
     /// How what it reads is read.
-    type Input: Input;
+    type Input: InputOptions;
     /// What it writes.
     const WRITES: Writes;
     /// What is told of a run.
@@ -192,19 +193,19 @@ pub trait Operation:
     ///
     /// # Errors
     /// Those of [`check`](Self::check); what is wrong with the grid, the output or the machine.
-    fn run(&self, request: Request<'_>) -> Result<Self::Report>;
+    fn run(&self, request: RunRequest<'_>) -> Result<Self::Report>;
 }
 
 /// An operation that can be divided into tasks, for many nights or many machines.
 pub trait Divisible: Operation {
     /// The kind of its plans.
-    const KIND: Kind;
+    const KIND: PlanKind;
     /// What a task has so many of, for people.
     const TASK_SIZE: &'static str;
     /// What is told of its plan beside what is told of all.
     type Status: Serialize;
     /// What is told of work on its plan beside what is told of all.
-    type Done: Serialize + Written;
+    type Done: Serialize + PlanRunReport;
 
     /// Writes down the work in a folder, which is the request's output; each task has so many of what
     /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
@@ -214,7 +215,7 @@ pub trait Divisible: Operation {
     /// holds another plan or other files.
     fn plan(
         &self,
-        request: Request<'_>,
+        request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<Self::Status>>;
 
@@ -237,16 +238,16 @@ pub trait Divisible: Operation {
 }
 
 /// What a run is asked for.
-pub struct Call<'a> {
+pub struct OperationCall<'a> {
     /// What it reads and writes.
-    pub request: Request<'a>,
+    pub request: RunRequest<'a>,
     /// How inputs are read, by the names of options, unless one of these says otherwise.
     pub reading: Map<String, Json>,
     /// Options by name.
     pub options: &'a Map<String, Json>,
 }
 
-impl Call<'_> {
+impl OperationCall<'_> {
     /// All that is given, by name.
     fn given(&self) -> Map<String, Json> {
         let mut given = self.reading.clone();
@@ -263,7 +264,7 @@ fn filled<O: Options>(all: &Map<String, Json>, given: &Map<String, Json>) -> Res
 }
 
 /// The names of the options by which something is asked for: null, `false` of a flag and the like ask for nothing.
-pub fn given_names(table: &'static Table, given: &Map<String, Json>) -> Vec<&'static str> {
+pub fn given_names(table: &'static OptionTable, given: &Map<String, Json>) -> Vec<&'static str> {
     let fields = given.iter().filter_map(|(name, value)| Some((table.find(name)?, value)));
     let asked = fields.filter(|(field, value)| field.is_given(value));
     asked.map(|(field, _)| field.name).collect()
@@ -277,7 +278,7 @@ pub fn check_named<O: Options>(given: &Map<String, Json>) -> Result<()> {
     filled::<O>(given, given).map(drop)
 }
 
-pub(crate) fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> Result<()> {
+pub(crate) fn divide<O: Divisible>(call: &OperationCall<'_>, task_size: Option<u32>) -> Result<()> {
     let options: O = fill(&call.given())?;
     refuse_of_runs(&options)?;
     check_planned(&options, &given_names(O::TABLE, call.options))?;
@@ -287,7 +288,7 @@ pub(crate) fn divide<O: Divisible>(call: &Call<'_>, task_size: Option<u32>) -> R
 /// Fails for options that say something of a run alone.
 fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
     let given = changed(options);
-    let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == Role::Run);
+    let of_runs = O::TABLE.fields().into_iter().filter(|field| field.role == OptionRole::Run);
     let mut of_runs = of_runs.filter(|field| Resources::TABLE.find(field.name).is_none());
     of_runs.find(|field| given.contains_key(field.name)).map_or(Ok(()), |field| {
         let name = field.name;
@@ -302,7 +303,7 @@ fn refuse_of_runs<O: Options>(options: &O) -> Result<()> {
 /// Those of [`Divisible::plan`], and of the options.
 pub fn plan_of<O: Divisible>(
     options: &O,
-    request: Request<'_>,
+    request: RunRequest<'_>,
     task_size: Option<u32>,
 ) -> Result<StatusReport<O::Status>> {
     refuse_of_runs(options)?;
@@ -311,7 +312,7 @@ pub fn plan_of<O: Divisible>(
     options.plan(request, task_size)
 }
 
-pub(crate) fn run<O: Operation>(call: &Call<'_>) -> Result<Json> {
+pub(crate) fn run<O: Operation>(call: &OperationCall<'_>) -> Result<Json> {
     let options: O = filled(&call.given(), call.options)?;
     check_all(&options, call.request)?;
     let report = options.run(call.request)?;
@@ -324,14 +325,17 @@ pub(crate) fn check_options<O: Operation>(given: &Map<String, Json>, output: &Pa
 }
 
 /// All that can be known to be wrong before the work.
-fn check_all<O: Operation>(options: &O, request: Request<'_>) -> Result<()> {
+fn check_all<O: Operation>(options: &O, request: RunRequest<'_>) -> Result<()> {
     check(options)?;
     options.check(request.output)?;
     not_read(options, request)
 }
 
 /// Fails when the output is a file that is read.
-fn not_read<O: Operation>(options: &O, Request { inputs, output, .. }: Request<'_>) -> Result<()> {
+fn not_read<O: Operation>(
+    options: &O,
+    RunRequest { inputs, output, .. }: RunRequest<'_>,
+) -> Result<()> {
     let names = inputs.names();
     // What cannot be found is told of when it is opened.
     let files = O::Input::files(names).unwrap_or_else(|_| names.to_vec());
@@ -348,9 +352,9 @@ pub fn read_beside<O: Options>(options: &O) -> Result<Vec<String>> {
     for field in O::TABLE.fields() {
         let Some(name) = values.get(field.name).and_then(Json::as_str) else { continue };
         match field.role {
-            Role::Reads => files.push(name.to_owned()),
-            Role::ReadsGrid => files.extend(raster::files(&[name.to_owned()])?),
-            Role::Result | Role::Run => {}
+            OptionRole::Reads => files.push(name.to_owned()),
+            OptionRole::ReadsGrid => files.extend(raster::files(&[name.to_owned()])?),
+            OptionRole::Result | OptionRole::Run => {}
         }
     }
     Ok(files)
@@ -486,11 +490,11 @@ impl<O: Options + Has<Resources>> Job<'_, O> {
     pub fn with_request<T>(
         self,
         output: &Path,
-        act: impl FnOnce(&O, Request<'_>) -> Result<T>,
+        act: impl FnOnce(&O, RunRequest<'_>) -> Result<T>,
     ) -> Result<T> {
         self.act(|inputs, options, progress, cancel| {
             let (inputs, skipped, is_measured) = (&inputs, &[][..], true);
-            act(options, Request { inputs, output, skipped, is_measured, progress, cancel })
+            act(options, RunRequest { inputs, output, skipped, is_measured, progress, cancel })
         })
     }
 }

@@ -4,15 +4,15 @@ mod codecs;
 
 use std::path::PathBuf;
 
-use terrane_options::{Options, Range, Rule, changed};
+use terrane_options::{OptionRange, OptionRule, Options, changed};
 
 use crate::beside;
 use crate::disk::DiskCheck;
-use crate::transform::Transform;
+use crate::transform::OutputTransform;
 pub use codecs::{
-    AsFormula, AsNumber, BoundName, Bounds, Bytes, CellSize, CrsText, FileName, FileSize, Finite,
-    FiniteOrNan, Interval, KeyValue, MarkName, Place, PointFormatNumber, PrintLength, PrintScale,
-    SampleTypeName,
+    AsFormula, AsNumber, BoundName, BoundsOption, ByteSize, CellSize, CrsText, FileName, FileSize,
+    Finite, FiniteOrNan, Interval, KeyValue, MarkName, PointFormatNumber, PositionOption,
+    PrintLength, PrintScale, SampleTypeName,
 };
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
@@ -24,13 +24,13 @@ use terrane_cloud::{Condition, Flags};
 #[non_exhaustive]
 pub struct GridInput {
     /// Band to read, from 1
-    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
+    #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), default_text = "1")]
     pub band: Option<u32>,
     /// Stored value that means "no height", instead of the file's own
     #[option(value = "VALUE", with = FiniteOrNan)]
     pub nodata: Option<f64>,
     /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample)
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = Bounds)]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsOption)]
     pub bounds: Option<[f64; 4]>,
     /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
     /// those on a border stay, and rings within a polygon are holes
@@ -88,7 +88,7 @@ pub struct PointFilter {
     #[option(name = "where", value = "CONDITION", with = AsFormula)]
     pub condition: Option<Condition>,
     /// Only every N-th point of each file
-    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), default_text = "1")]
+    #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), default_text = "1")]
     pub every: Option<u32>,
     /// The coordinate reference system of files that name none, such as EPSG:2154 or well-known text
     #[option(value = "CRS", with = CrsText)]
@@ -103,7 +103,7 @@ pub struct PointFilter {
 #[non_exhaustive]
 pub struct CloudInput {
     /// Only points within this box, its borders included
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = Bounds)]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsOption)]
     pub bounds: Option<[f64; 4]>,
     /// Only points inside the polygons of a file of features, in the system of the cloud, or on western and southern borders of
     /// these
@@ -181,7 +181,7 @@ impl Resuming {
     }
 }
 
-const OF_RESUMING: &[Rule] = &[Rule::Needs("disk_check", &["workdir"])];
+const OF_RESUMING: &[OptionRule] = &[OptionRule::Needs("disk_check", &["workdir"])];
 
 /// A file that is written
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
@@ -229,13 +229,13 @@ pub struct Reprojection {
     pub geoid: Option<PathBuf>,
 }
 
-const OF_REPROJECTION: &[Rule] =
-    &[Rule::Needs("shift_grid", &["to_crs"]), Rule::Needs("geoid", &["to_crs"])];
+const OF_REPROJECTION: &[OptionRule] =
+    &[OptionRule::Needs("shift_grid", &["to_crs"]), OptionRule::Needs("geoid", &["to_crs"])];
 
 impl Reprojection {
     /// What is to be done, if anything.
-    pub fn transform(&self) -> Option<Transform> {
+    pub fn transform(&self) -> Option<OutputTransform> {
         let (shift_grid, geoid) = (self.shift_grid.clone(), self.geoid.clone());
-        self.to_crs.clone().map(|target| Transform { target, shift_grid, geoid })
+        self.to_crs.clone().map(|target| OutputTransform { target, shift_grid, geoid })
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
-use terrane_files::format::Format;
+use terrane_files::format::FileFormat;
 use terrane_files::{atomic, path_of};
 use terrane_mesh as mesh;
 use terrane_raster::{self as raster, GridSource};
@@ -68,7 +68,7 @@ pub fn refuse_file_name(output: &Path) -> Result<()> {
 }
 
 /// Fails for a name that says another format than that of the file.
-pub fn refuse_other_name<F: Format>(format: &F, output: &Path) -> Result<()> {
+pub fn refuse_other_name<F: FileFormat>(format: &F, output: &Path) -> Result<()> {
     let is_other = known_ending(output).is_some() && !format.has_extension_of(output);
     if is_other { Err(format.wrong_ending(output)) } else { Ok(()) }
 }

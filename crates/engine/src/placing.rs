@@ -12,7 +12,7 @@
 //! data would be one in the file.
 
 use serde::{Deserialize, Serialize};
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
 use crate::options::{PrintLength, PrintScale};
 use terrane_base::error::{Error, Result};
@@ -38,29 +38,31 @@ pub struct Placing {
     #[option(value = "SCALE", with = PrintScale, role = Run)]
     pub scale: Option<f64>,
     /// Make heights so many times higher
-    #[option(value = "FACTOR", alias = "exaggerate", range = Range::POSITIVE, role = Run)]
+    #[option(value = "FACTOR", alias = "exaggerate", range = OptionRange::POSITIVE, role = Run)]
     pub exaggeration: Option<f64>,
 }
 
-const OF_PLACING: &[Rule] =
-    &[Rule::NotWith("size", &["scale", "keep_degrees"]), Rule::NotWith("scale", &["keep_degrees"])];
+const OF_PLACING: &[OptionRule] = &[
+    OptionRule::NotWith("size", &["scale", "keep_degrees"]),
+    OptionRule::NotWith("scale", &["keep_degrees"]),
+];
 
 /// How a mesh lies in its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Placed {
+pub struct MeshPlacement {
     /// Stored units in one unit of x, y and z.
     pub scale: Point3,
     /// The stored unit, where it is not that of the coordinates.
     pub unit: Option<String>,
 }
 
-impl Default for Placed {
+impl Default for MeshPlacement {
     fn default() -> Self {
         Self { scale: [1.0; 3], unit: None }
     }
 }
 
-impl Placed {
+impl MeshPlacement {
     /// True where the file does not have the coordinates of the data.
     pub fn is_local(&self) -> bool {
         *self != Self::default()
@@ -71,7 +73,7 @@ impl Placed {
 /// few.
 const ORIGIN_DIGITS: i32 = 5;
 
-impl Placed {
+impl MeshPlacement {
     /// An origin near `origin` that is told in few digits, where the file has coordinates of its own.
     pub fn origin(&self, origin: Point3, [low, high]: [Point3; 2]) -> Point3 {
         let unit = 10_f64.powi(ORIGIN_DIGITS);
@@ -111,7 +113,7 @@ impl Placing {
         crs: &Crs,
         (bounds, steps): ([Point3; 2], Point3),
         format: &MeshFormat,
-    ) -> Result<(Placed, Vec<String>)> {
+    ) -> Result<(MeshPlacement, Vec<String>)> {
         (format.admits)(crs)?;
         let (placed, notes) = self.scaled(crs, bounds, format)?;
         self.check_size(&placed, (bounds, steps), format)?;
@@ -123,7 +125,7 @@ impl Placing {
         crs: &Crs,
         bounds: [Point3; 2],
         format: &MeshFormat,
-    ) -> Result<(Placed, Vec<String>)> {
+    ) -> Result<(MeshPlacement, Vec<String>)> {
         let is_geographic = crs.horizontal_unit() == "degree";
         if !format.single_precision {
             return self.keep(is_geographic, format);
@@ -138,7 +140,7 @@ impl Placing {
         let is_print = self.size.is_some() || self.scale.is_some();
         let rise = self.exaggeration.unwrap_or(1.0);
         if !is_print && !format.states_unit && (self.keep_degrees || !is_geographic) {
-            let placed = Placed { scale: rounded([1.0, 1.0, rise]), unit: None };
+            let placed = MeshPlacement { scale: rounded([1.0, 1.0, rise]), unit: None };
             return Ok((placed, notes_on_degrees(is_geographic, format)));
         }
         let (metres, mut notes) = metres(crs, bounds)?;
@@ -154,14 +156,14 @@ impl Placing {
             ));
         }
         let scale = rounded([x, y, z * rise]);
-        Ok((Placed { scale, unit: Some(unit.to_owned()) }, notes))
+        Ok((MeshPlacement { scale, unit: Some(unit.to_owned()) }, notes))
     }
 
     /// Fails where the format, which holds f32, would not tell vertices apart, or not hold their
     /// coordinates.
     fn check_size(
         &self,
-        placed: &Placed,
+        placed: &MeshPlacement,
         ([low, high], steps): ([Point3; 2], Point3),
         format: &MeshFormat,
     ) -> Result<()> {
@@ -194,13 +196,17 @@ impl Placing {
     }
 
     /// For formats that have the coordinates of the data.
-    fn keep(&self, is_geographic: bool, format: &MeshFormat) -> Result<(Placed, Vec<String>)> {
+    fn keep(
+        &self,
+        is_geographic: bool,
+        format: &MeshFormat,
+    ) -> Result<(MeshPlacement, Vec<String>)> {
         match self.given() {
             Some(option) => {
                 let why = format!("is for STL, 3MF and GLB: {} keeps the coordinates", format.name);
                 Err(refusal(option, &why))
             }
-            None => Ok((Placed::default(), notes_on_degrees(is_geographic, format))),
+            None => Ok((MeshPlacement::default(), notes_on_degrees(is_geographic, format))),
         }
     }
 
@@ -369,10 +375,10 @@ mod tests {
 
     #[test]
     fn origins_are_short_where_they_may_be() {
-        let placed = Placed { scale: [1.0; 3], unit: Some("metre".to_owned()) };
+        let placed = MeshPlacement { scale: [1.0; 3], unit: Some("metre".to_owned()) };
         let origin = [7.250_976_562_5, 45.100_585_937_5, 812.25];
         assert_eq!(placed.origin(origin, DEGREES), [7.25098, 45.10059, 812.25]);
-        assert_eq!(Placed::default().origin(origin, DEGREES), origin);
+        assert_eq!(MeshPlacement::default().origin(origin, DEGREES), origin);
         let tiny = [[7.25097, 45.10058, 0.0], [7.25098, 45.10059, 0.0]];
         assert_eq!(placed.origin(origin, tiny), origin, "not outside of what it is the origin of");
     }

@@ -13,7 +13,7 @@ use crate::{Cancel, Progress, Resources};
 
 /// A file or folder that was written, and what it was made from.
 #[derive(Clone, Debug)]
-pub struct Written {
+pub struct WrittenOutput {
     /// The file or folder.
     pub file: PathBuf,
     /// What it was made from.
@@ -23,7 +23,7 @@ pub struct Written {
 /// The result of a proof.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Verdict {
+pub struct ProofVerdict {
     /// True when no promise is known to be broken.
     pub passed: bool,
     /// True when all that is promised was judged.
@@ -34,7 +34,7 @@ pub struct Verdict {
     pub not_judged: Vec<String>,
 }
 
-impl Verdict {
+impl ProofVerdict {
     /// A verdict with these broken promises, and with what could not be judged.
     pub fn of(failures: Vec<String>, not_judged: Vec<String>) -> Self {
         let (passed, judged) = (failures.is_empty(), not_judged.is_empty());
@@ -56,7 +56,9 @@ impl Verdict {
 
 /// A proof that a written file keeps its promises, by code that shares nothing with the code that wrote it: a struct of
 /// options.
-pub trait Proof: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> {
+pub trait OutputProof:
+    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources>
+{
     /// What is proved, for people, such as "meshes of grids".
     const OF: &'static str;
     /// What is told of it.
@@ -68,16 +70,16 @@ pub trait Proof: Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Reso
     /// What keeps the proof from being done: files that cannot be read, too little memory; cancelled.
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self::Report>;
 
     /// The verdict of a report.
-    fn verdict(report: &Self::Report) -> &Verdict;
+    fn verdict(report: &Self::Report) -> &ProofVerdict;
 }
 
-impl<O: Proof> Job<'_, O, Written> {
+impl<O: OutputProof> Job<'_, O, WrittenOutput> {
     /// Does the proof. A broken promise is no error, but a report: its `verdict` has not `passed`, and its `failures` say
     /// what and where; `judged` is true when all that is promised was looked at.
     ///

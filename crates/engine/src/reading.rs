@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::{self, Beside};
+use crate::beside::{self, SidecarFile};
 use crate::options::{CloudInput, GridInput};
 use crate::water;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
-use terrane_cloud::{self as cloud, Filter, Flags, Polygon, PolygonRings};
+use terrane_cloud::{self as cloud, CloudFilter, FilterPolygon, Flags, PolygonRings};
 use terrane_options::settled;
-use terrane_raster::{Clip, ClipRings, OpenOptions};
+use terrane_raster::{Clip, ClipRings, GridOpenOptions};
 use terrane_vector::Feature;
 
 impl GridInput {
@@ -22,11 +22,11 @@ impl GridInput {
     /// # Errors
     /// Whatever the reader of the polygons' format finds; a feature with anything else than polygons in it, by
     /// its number, or with a point among water; a file without a ring; more edges than half of the memory holds.
-    pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<OpenOptions> {
+    pub fn options(&self, resources: &Resources, cache_bytes: usize) -> Result<GridOpenOptions> {
         let clip = self.clip.as_deref().map(|name| polygons(name, resources)).transpose()?;
         let water = self.water.as_deref().map(|name| water::read(name, resources)).transpose()?;
         let Resources { threads, temp_dir, .. } = resources.clone();
-        Ok(OpenOptions {
+        Ok(GridOpenOptions {
             band: self.band.unwrap_or(1),
             nodata: self.nodata,
             cache_bytes,
@@ -57,13 +57,13 @@ impl CloudInput {
     ///
     /// # Errors
     /// A file of polygons that cannot be read, or holds anything else; more edges than half of the memory holds.
-    pub fn options(&self, resources: &Resources) -> Result<cloud::OpenOptions> {
+    pub fn options(&self, resources: &Resources) -> Result<cloud::CloudOpenOptions> {
         let Self { bounds, clip, points } = settled(self)?;
         let polygon = clip.map(|name| polygon(&name, resources)).transpose()?;
         let mut classes = points.class;
         classes.sort_unstable();
         classes.dedup();
-        let filter = Filter {
+        let filter = CloudFilter {
             classes: (!classes.is_empty()).then_some(classes),
             returns: points.returns,
             keep_withheld: points.keep_withheld,
@@ -76,7 +76,13 @@ impl CloudInput {
         };
         let (salvage, threads) = (points.salvage, resources.threads);
         let crs = points.crs.as_deref().map(wkt::of_srs);
-        Ok(cloud::OpenOptions { filter, salvage, crs, threads, ..cloud::OpenOptions::default() })
+        Ok(cloud::CloudOpenOptions {
+            filter,
+            salvage,
+            crs,
+            threads,
+            ..cloud::CloudOpenOptions::default()
+        })
     }
 }
 
@@ -94,13 +100,13 @@ fn polygons(name: &str, resources: &Resources) -> Result<Arc<Clip>> {
 ///
 /// # Errors
 /// Those of the polygons that a grid is clipped to.
-pub fn polygon(name: &str, resources: &Resources) -> Result<Polygon> {
+pub fn polygon(name: &str, resources: &Resources) -> Result<FilterPolygon> {
     let mut rings = PolygonRings::default();
     let (path, crs) = rings_of(name, ("cloud", PolygonRings::EDGE_BYTES), resources, |feature| {
         rings.begin_feature()?;
         feature.geometry.parts().try_for_each(|ring| rings.push(ring.xy))
     })?;
-    Ok(Polygon::new(rings).of_file(&path, crs))
+    Ok(FilterPolygon::new(rings).of_file(&path, crs))
 }
 
 /// Hands on all features of a file of polygons that something is clipped to; returns its path and system.
@@ -111,7 +117,7 @@ fn rings_of(
     mut add: impl FnMut(&Feature) -> Result<()>,
 ) -> Result<(PathBuf, Crs)> {
     let remedy = "simplify them with ‹terrane simplify›";
-    let mut file = Beside::open(name, "polygons", edge_bytes, remedy)?;
+    let mut file = SidecarFile::open(name, "polygons", edge_bytes, remedy)?;
     let edges = file.each((resources.memory / 2, resources), |feature| {
         only_polygons(feature, whole)?;
         add(feature)

@@ -1,18 +1,18 @@
 //! Resources of a job: memory, threads and a folder for temporary files.
 
-use crate::options::{Bytes, FileName};
+use crate::options::{ByteSize, FileName};
 use terrane_files::{cores, physical_memory, proc_bytes};
-use terrane_options::{Options, Range};
+use terrane_options::{OptionRange, Options};
 
 /// What a job may use
 #[derive(Clone, Debug, PartialEq, Eq, Options)]
 #[options(heading = "Resources", setters = group)]
 pub struct Resources {
     /// Worker threads
-    #[option(value = "N", default = cores(), default_text = "all cores", range = Range::new(1.0, 1024.0), role = Run)]
+    #[option(value = "N", default = cores(), default_text = "all cores", range = OptionRange::new(1.0, 1024.0), role = Run)]
     pub threads: usize,
     /// Memory for everything the job holds, such as 512M or 4GiB
-    #[option(value = "SIZE", with = Bytes, default = default_memory(), role = Run, no_setter,
+    #[option(value = "SIZE", with = ByteSize, default = default_memory(), role = Run, no_setter,
              default_text = "half of the machine's, at most 4GiB")]
     pub memory: u64,
     /// Folder for temporary files

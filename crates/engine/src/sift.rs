@@ -10,7 +10,7 @@ use super::input::workers;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, PointSource};
 use terrane_files::{path_of, shown};
-use terrane_raster::{self as raster, OpenOptions};
+use terrane_raster::{self as raster, GridOpenOptions};
 use terrane_vector as vector;
 
 /// A file that is left out.
@@ -36,8 +36,8 @@ pub struct Sifted {
 /// # Errors
 /// Those of all files, where none can be opened; failures that are no file's, such as a band that
 /// there is not.
-pub fn grids(names: &[String], options: &OpenOptions, resources: &Resources) -> Result<Sifted> {
-    let alone = OpenOptions { threads: 1, ..options.clone() };
+pub fn grids(names: &[String], options: &GridOpenOptions, resources: &Resources) -> Result<Sifted> {
+    let alone = GridOpenOptions { threads: 1, ..options.clone() };
     sift(names, resources, |name| raster::open(name, &alone).map(drop))
 }
 
@@ -47,10 +47,10 @@ pub fn grids(names: &[String], options: &OpenOptions, resources: &Resources) -> 
 /// As [`grids`].
 pub fn clouds(
     names: &[String],
-    options: &cloud::OpenOptions,
+    options: &cloud::CloudOpenOptions,
     resources: &Resources,
 ) -> Result<Sifted> {
-    let alone = cloud::OpenOptions { threads: 1, ..options.clone() };
+    let alone = cloud::CloudOpenOptions { threads: 1, ..options.clone() };
     sift(names, resources, |name| cloud::open(&[name.to_owned()], &alone).map(drop))
 }
 
@@ -60,7 +60,7 @@ pub fn clouds(
 /// As [`grids`].
 pub fn features(
     names: &[String],
-    options: &vector::OpenOptions,
+    options: &vector::VectorOpenOptions,
     resources: &Resources,
 ) -> Result<Sifted> {
     sift(names, resources, |name| {

@@ -11,15 +11,15 @@ pub use crate::held::{SHARE, check_room, read};
 use crate::{Resources, beside, geoid};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3, wkt};
-use terrane_crs::{Operation, Options, ShiftGrid};
+use terrane_crs::{CoordinateOperation, CoordinateOperationOptions, ShiftGrid};
 use terrane_files::{name_of, path_of};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridInfo;
-use terrane_vector::{Coordinates, Feature, FeatureSink, Member, Written};
+use terrane_vector::{CoordinateSequence, Feature, FeatureSink, JsonMember, WrittenFeatures};
 
 /// The system that an output is to be in, and what leads there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Transform {
+pub struct OutputTransform {
     /// The system: a code ("EPSG:4326", "EPSG:6339+6360") or well-known text.
     pub target: String,
     /// A grid of shifts between the datums (NTv2).
@@ -42,7 +42,7 @@ pub struct Transformed {
 
 impl Transformed {
     /// What is told of an operation.
-    pub fn of(operation: &Operation) -> Self {
+    pub fn of(operation: &CoordinateOperation) -> Self {
         Self {
             crs: operation.target().label(),
             operation: operation.name().to_owned(),
@@ -51,7 +51,7 @@ impl Transformed {
     }
 }
 
-impl Transform {
+impl OutputTransform {
     /// To a system by its code or text.
     pub fn to(target: impl Into<String>) -> Self {
         Self { target: target.into(), ..Self::default() }
@@ -82,29 +82,32 @@ impl Transform {
     /// The operation for data of `input` in a system that lie in a rectangle: x and y low, x and y high.
     ///
     /// # Errors
-    /// Those of [`Operation::between`]; grids that cannot be read.
+    /// Those of [`CoordinateOperation::between`]; grids that cannot be read.
     pub fn operation(
         &self,
         (input, from): (&Path, &Crs),
         extent: Option<[f64; 4]>,
         resources: &Resources,
-    ) -> Result<Operation> {
+    ) -> Result<CoordinateOperation> {
         // What is wrong with the one system is told with the file.
         from.conversion().map_err(|e| e.in_file(input))?;
         let shift_grid = self.shift_grid.as_ref().map(|path| {
             ShiftGrid::of_ntv2(&read(path, resources)?).map(Arc::new).map_err(|e| e.in_file(path))
         });
         let geoid = self.geoid.as_ref().map(|path| geoid::read(path, resources).map(Arc::new));
-        let options =
-            Options { extent, shift_grid: shift_grid.transpose()?, geoid: geoid.transpose()? };
-        Operation::between(from, &wkt::of_srs(&self.target), &options)
+        let options = CoordinateOperationOptions {
+            extent,
+            shift_grid: shift_grid.transpose()?,
+            geoid: geoid.transpose()?,
+        };
+        CoordinateOperation::between(from, &wkt::of_srs(&self.target), &options)
     }
 }
 
 /// The rectangle that the samples of a grid lie in.
 pub fn extent_of(info: &GridInfo) -> [f64; 4] {
     let [east, south] = [info.width, info.height].map(|samples| f64::from(samples.max(1) - 1));
-    let mut extent = Extent::NONE;
+    let mut extent = PositionExtent::NONE;
     for [col, row] in [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]] {
         extent.add(info.transform.apply(col, row));
     }
@@ -113,9 +116,9 @@ pub fn extent_of(info: &GridInfo) -> [f64; 4] {
 
 /// The rectangle around positions.
 #[derive(Clone, Copy, Debug)]
-pub struct Extent([f64; 4]);
+pub struct PositionExtent([f64; 4]);
 
-impl Extent {
+impl PositionExtent {
     /// That of no position.
     pub const NONE: Self = Self([f64::MAX, f64::MAX, f64::MIN, f64::MIN]);
 
@@ -136,7 +139,7 @@ pub struct Moving {
     /// Where they are written.
     pub inner: Box<dyn FeatureSink>,
     /// The operation between the two systems.
-    pub operation: Arc<Operation>,
+    pub operation: Arc<CoordinateOperation>,
 }
 
 impl FeatureSink for Moving {
@@ -153,19 +156,20 @@ impl FeatureSink for Moving {
         self.inner.write(&feature)
     }
 
-    fn finish(self: Box<Self>, foreign: &[Member]) -> Result<Written> {
-        let foreign: Vec<Member> = foreign.iter().filter(|member| stays(member)).cloned().collect();
+    fn finish(self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures> {
+        let foreign: Vec<JsonMember> =
+            foreign.iter().filter(|member| stays(member)).cloned().collect();
         self.inner.finish(&foreign)
     }
 }
 
 /// True but for rectangles around features, which are of the system before.
-pub fn stays(member: &Member) -> bool {
+pub fn stays(member: &JsonMember) -> bool {
     member.name != "bbox"
 }
 
-fn take(coordinates: &mut Coordinates, operation: &Operation) -> Result<()> {
-    let Coordinates { xy, z, ends, .. } = coordinates;
+fn take(coordinates: &mut CoordinateSequence, operation: &CoordinateOperation) -> Result<()> {
+    let CoordinateSequence { xy, z, ends, .. } = coordinates;
     for (place, at) in xy.iter_mut().enumerate() {
         // Not a number stands for no height, and stays what it is.
         match z.get_mut(place).filter(|z| !z.is_nan()) {
@@ -186,7 +190,7 @@ fn take(coordinates: &mut Coordinates, operation: &Operation) -> Result<()> {
 
 /// Fails where a line goes from one edge of a map to the other: neighbours in the system before are half
 /// of the earth apart.
-fn check_steps(line: &[[f64; 2]], operation: &Operation) -> Result<()> {
+fn check_steps(line: &[[f64; 2]], operation: &CoordinateOperation) -> Result<()> {
     const HALF: f64 = 20_037_508.0;
     let target = operation.target();
     let half = target.horizontal_metres().map_or(180.0, |metres| HALF / metres);
@@ -207,14 +211,14 @@ fn check_steps(line: &[[f64; 2]], operation: &Operation) -> Result<()> {
 /// Takes a mesh to another system as it is written. Triangles stay what they are, and must not turn over.
 pub struct MovingMesh {
     inner: Box<dyn MeshSink>,
-    operation: Arc<Operation>,
+    operation: Arc<CoordinateOperation>,
     vertices: Vec<Point3>,
     corners: Vec<[Point3; 3]>,
 }
 
 impl MovingMesh {
     /// Moves what is written to `inner`.
-    pub fn new(inner: Box<dyn MeshSink>, operation: Arc<Operation>) -> Self {
+    pub fn new(inner: Box<dyn MeshSink>, operation: Arc<CoordinateOperation>) -> Self {
         Self { inner, operation, vertices: Vec::new(), corners: Vec::new() }
     }
 
@@ -292,7 +296,7 @@ mod tests {
     #[test]
     fn a_triangle_that_turns_over_is_an_error_with_its_place() {
         let from = wkt::of_srs("EPSG:32632");
-        let operation = Operation::to_wgs84(&from, None).unwrap();
+        let operation = CoordinateOperation::to_wgs84(&from, None).unwrap();
         let mut sink = MovingMesh::new(Box::new(Drain), Arc::new(operation));
         let [a, b] = [[300_000.0, 5e6, 0.0], [500_000.0, 5e6, 0.0]];
         let mut push = |up: f64| {
@@ -312,7 +316,7 @@ mod tests {
 
     #[test]
     fn lines_across_the_edge_of_a_map_are_found() {
-        let operation = Operation::to_wgs84(&wkt::of_srs("EPSG:32632"), None).unwrap();
+        let operation = CoordinateOperation::to_wgs84(&wkt::of_srs("EPSG:32632"), None).unwrap();
         assert!(check_steps(&[[170.0, 5.0], [179.0, 5.0]], &operation).is_ok());
         let told = check_steps(&[[179.0, 5.0], [-179.0, 5.0]], &operation).unwrap_err().to_string();
         assert!(told.contains("across the edge of EPSG:4326"), "{told}");

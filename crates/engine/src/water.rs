@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::Beside;
+use crate::beside::SidecarFile;
 use terrane_base::error::{Error, Result};
 use terrane_raster::{Water, WaterFeatures};
-use terrane_vector::{Feature, Role};
+use terrane_vector::{Feature, PartRole};
 
 /// Reads all of it; of TopoJSON the first object.
 ///
@@ -15,7 +15,7 @@ use terrane_vector::{Feature, Role};
 /// memory holds.
 pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
     let remedy = "simplify it with ‹terrane simplify›";
-    let mut file = Beside::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
+    let mut file = SidecarFile::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
     let mut water = WaterFeatures::default();
     file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;
     if water.areas() == 0 {
@@ -34,12 +34,12 @@ fn add(feature: &Feature, water: &mut WaterFeatures) -> Result<()> {
     }
     for part in geometry.parts() {
         match part.role {
-            Role::Line => water.push_line(part.xy)?,
-            Role::Outer => {
+            PartRole::Line => water.push_line(part.xy)?,
+            PartRole::Outer => {
                 water.begin_area()?;
                 water.push_ring(part.xy)?;
             }
-            Role::Hole => water.push_ring(part.xy)?,
+            PartRole::Hole => water.push_ring(part.xy)?,
         }
     }
     Ok(())

@@ -5,7 +5,7 @@ use std::io;
 
 /// A place where the outside world may fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Point {
+pub enum FaultPoint {
     /// A new file.
     Create,
     /// A write to a file.
@@ -20,9 +20,9 @@ pub enum Point {
     Panic,
 }
 
-/// Fails where the environment asks for it; panics at [`Point::Panic`].
+/// Fails where the environment asks for it; panics at [`FaultPoint::Panic`].
 #[cfg(debug_assertions)]
-pub fn point(point: Point) -> io::Result<()> {
+pub fn point(point: FaultPoint) -> io::Result<()> {
     use std::sync::OnceLock;
     use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -38,13 +38,13 @@ pub fn point(point: Point) -> io::Result<()> {
     if !is_it || left.fetch_sub(1, Ordering::Relaxed) != 1 {
         return Ok(());
     }
-    assert!(point != Point::Panic, "a fault was asked for here");
+    assert!(point != FaultPoint::Panic, "a fault was asked for here");
     Err(io::Error::from(io::ErrorKind::StorageFull))
 }
 
 /// Nothing.
 #[cfg(not(debug_assertions))]
 #[inline(always)]
-pub fn point(_point: Point) -> io::Result<()> {
+pub fn point(_point: FaultPoint) -> io::Result<()> {
     Ok(())
 }

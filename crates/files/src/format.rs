@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::registry::{self, Named};
+use terrane_base::registry::{self, RegistryEntry};
 
 /// A format of files.
-pub trait Format: Named {
+pub trait FileFormat: RegistryEntry {
     /// Endings of its files, in lower case and without the dot; the usual one first.
     fn extensions(&self) -> &'static [&'static str];
 
@@ -32,7 +32,7 @@ pub trait Format: Named {
 }
 
 /// The first format that the ending of `path` stands for.
-pub fn by_extension<F: Format>(all: &'static [F], path: &Path) -> Option<&'static F> {
+pub fn by_extension<F: FileFormat>(all: &'static [F], path: &Path) -> Option<&'static F> {
     all.iter().find(|format| format.has_extension_of(path))
 }
 
@@ -40,7 +40,7 @@ pub fn by_extension<F: Format>(all: &'static [F], path: &Path) -> Option<&'stati
 ///
 /// # Errors
 /// Usage: an unknown name or ending; the known ones are listed.
-pub fn by_path<F: Format>(
+pub fn by_path<F: FileFormat>(
     all: &'static [F],
     path: &Path,
     name: Option<&str>,

@@ -39,7 +39,7 @@ pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<(
 pub struct Register<T>(Mutex<BTreeMap<String, Arc<T>>>);
 
 /// Something that is held; dropping it gives it up, but for those that have it open.
-pub struct Held<T: 'static> {
+pub struct HeldResource<T: 'static> {
     register: &'static Register<T>,
     name: String,
 }
@@ -55,10 +55,10 @@ impl<T> Register<T> {
     }
 
     /// Holds `thing` by a name of its own.
-    pub fn hold(&'static self, thing: T) -> Held<T> {
+    pub fn hold(&'static self, thing: T) -> HeldResource<T> {
         let name = format!("{HELD_PREFIX}{}", NEXT.fetch_add(1, Ordering::Relaxed));
         lock(&self.0).insert(name.clone(), Arc::new(thing));
-        Held { register: self, name }
+        HeldResource { register: self, name }
     }
 
     /// What is held by this name.
@@ -71,14 +71,14 @@ impl<T> Register<T> {
     }
 }
 
-impl<T> Held<T> {
+impl<T> HeldResource<T> {
     /// The name that stands for it.
     pub fn name(&self) -> &str {
         &self.name
     }
 }
 
-impl<T> Drop for Held<T> {
+impl<T> Drop for HeldResource<T> {
     fn drop(&mut self) {
         lock(&self.register.0).remove(&self.name);
     }

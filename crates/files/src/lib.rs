@@ -18,12 +18,12 @@ mod spool;
 pub mod xml;
 
 pub use beside::{beside_grid, companions, prj};
-pub use held::{Held, Register, is_held, is_made, refuse_held};
+pub use held::{HeldResource, Register, is_held, is_made, refuse_held};
 pub use list::Seek;
 pub use lock::{lock, unlocked, wait};
 pub use machine::{cores, on_threads, physical_memory, proc_bytes};
 pub use name::{name_of, path_of, shown, shown_all};
-pub use out::Out;
+pub use out::AppendWriter;
 pub use position::{read_exact_at, write_all_at};
-pub use raw::{RawFile, Reader, RowRun, to_usize};
-pub use spool::{Buckets, Extent, Spool, Writer, folder_for, nameless};
+pub use raw::{RawFile, RawFileReader, RowRun, to_usize};
+pub use spool::{BucketWriter, Buckets, SpoolExtent, SpoolFile, folder_for, nameless};

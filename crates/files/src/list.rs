@@ -30,7 +30,7 @@ pub struct Seek {
 }
 
 /// What an input stands for.
-enum Kind<'a> {
+enum InputPathKind<'a> {
     File,
     Folder,
     List(Cow<'a, Path>),
@@ -38,23 +38,23 @@ enum Kind<'a> {
 }
 
 impl Seek {
-    fn kind<'a>(&self, input: &'a str) -> Kind<'a> {
+    fn kind<'a>(&self, input: &'a str) -> InputPathKind<'a> {
         if is_made(input) {
-            return Kind::File;
+            return InputPathKind::File;
         }
         let path = path_of((self.file_name)(input));
         if path.is_dir() {
-            return Kind::Folder;
+            return InputPathKind::Folder;
         }
         if path.exists() {
-            return if is_list(&path) { Kind::List(path) } else { Kind::File };
+            return if is_list(&path) { InputPathKind::List(path) } else { InputPathKind::File };
         }
         match input.strip_prefix(LIST_PREFIX) {
             // Question marks of addresses are no pattern.
-            _ if is_address(&path) => Kind::File,
-            Some(list) => Kind::List(path_of(list)),
-            None if glob::is_pattern(input) => Kind::Pattern,
-            None => Kind::File,
+            _ if is_address(&path) => InputPathKind::File,
+            Some(list) => InputPathKind::List(path_of(list)),
+            None if glob::is_pattern(input) => InputPathKind::Pattern,
+            None => InputPathKind::File,
         }
     }
 
@@ -62,7 +62,7 @@ impl Seek {
     /// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
     /// file that is there, and else stands for itself; `@` before its name makes any file a list.
     pub fn is_collection(&self, input: &str) -> bool {
-        !matches!(self.kind(input), Kind::File)
+        !matches!(self.kind(input), InputPathKind::File)
     }
 
     /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
@@ -80,7 +80,7 @@ impl Seek {
     /// # Errors
     /// As [`files`](Self::files), and inputs among which there is no folder.
     pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
-        if !inputs.iter().any(|input| matches!(self.kind(input), Kind::Folder)) {
+        if !inputs.iter().any(|input| matches!(self.kind(input), InputPathKind::Folder)) {
             return Err(Error::usage("‹recursive› is for folders, and no input is one")
                 .remedy("leave ‹recursive› out, or name a folder"));
         }
@@ -100,13 +100,13 @@ impl Seek {
         for input in inputs {
             let path = &*path_of(input);
             match self.kind(input) {
-                Kind::File => files.push(input.clone()),
-                Kind::Folder => {
+                InputPathKind::File => files.push(input.clone()),
+                InputPathKind::Folder => {
                     let nothing = format!("holds no {}", self.what);
                     files.extend(names(path, in_folder(path)?, &nothing)?);
                 }
-                Kind::List(list) => files.extend(listed(&list)?),
-                Kind::Pattern => {
+                InputPathKind::List(list) => files.extend(listed(&list)?),
+                InputPathKind::Pattern => {
                     files.extend(names(path, self.matching(path)?, "matches no file")?);
                 }
             }

@@ -6,7 +6,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::atomic::AtomicFile;
-use crate::fault::{self, Point};
+use crate::fault::{self, FaultPoint};
 use crate::{RawFile, nameless, spool, write_all_at};
 use terrane_base::error::{Error, Result};
 
@@ -15,7 +15,7 @@ const BUFFER_BYTES: usize = 256 << 10;
 
 /// The end of a file that grows.
 #[derive(Debug)]
-pub struct Out {
+pub struct AppendWriter {
     file: File,
     /// What errors name.
     path: PathBuf,
@@ -26,7 +26,7 @@ pub struct Out {
     written: u64,
 }
 
-impl Out {
+impl AppendWriter {
     /// Writes to `file` from its cursor on; errors name `path`.
     pub fn new(file: File, path: &Path) -> Self {
         let path = path.to_path_buf();
@@ -95,7 +95,7 @@ impl Out {
     }
 
     /// Appends everything written to `spool`; within the kernel where it can.
-    pub fn append(&mut self, spool: Out) -> Result<()> {
+    pub fn append(&mut self, spool: AppendWriter) -> Result<()> {
         self.flush()?;
         let mut source = spool.into_file()?;
         let copied = io::copy(&mut source, &mut self.file);
@@ -127,7 +127,7 @@ impl Out {
     }
 
     fn pass_on(&mut self, bytes: &[u8]) -> Result<()> {
-        let written = fault::point(Point::Write).and_then(|()| self.file.write_all(bytes));
+        let written = fault::point(FaultPoint::Write).and_then(|()| self.file.write_all(bytes));
         written.map_err(|e| (self.fail)(&self.path, e))?;
         self.written += bytes.len() as u64;
         Ok(())
@@ -153,7 +153,7 @@ mod tests {
     use proptest::prelude::*;
     use std::io::Read;
 
-    fn read(out: Out) -> Vec<u8> {
+    fn read(out: AppendWriter) -> Vec<u8> {
         let mut bytes = Vec::new();
         out.into_file().unwrap().read_to_end(&mut bytes).unwrap();
         bytes
@@ -164,7 +164,7 @@ mod tests {
         #[test]
         fn like_a_vector(steps in prop::collection::vec((0_u8..5, 0_usize..400_000), 1..12)) {
             let folder = tempfile::tempdir().unwrap();
-            let mut out = Out::spool(folder.path()).unwrap();
+            let mut out = AppendWriter::spool(folder.path()).unwrap();
             let mut twin: Vec<u8> = Vec::new();
             for (what, count) in steps {
                 let bytes: Vec<u8> = (0..count).map(|i| (i * 7 + twin.len()) as u8).collect();
@@ -173,7 +173,7 @@ mod tests {
                     1 => out.records(&bytes, |b| [*b]).unwrap(),
                     2 => out.lines(&bytes, |b, buffer| buffer.push(*b)).unwrap(),
                     3 => {
-                        let mut tail = Out::spool(folder.path()).unwrap();
+                        let mut tail = AppendWriter::spool(folder.path()).unwrap();
                         tail.write(&bytes).unwrap();
                         out.append(tail).unwrap();
                     }
@@ -197,7 +197,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let target = AtomicFile::create(&path, false).unwrap();
-        let mut out = Out::of(&target, 3).unwrap();
+        let mut out = AppendWriter::of(&target, 3).unwrap();
         out.write(b"body").unwrap();
         out.replace(0, b"the").unwrap();
         out.write(b"!").unwrap();
@@ -212,9 +212,10 @@ mod tests {
         use terrane_base::error::ErrorKind;
         let full = || File::options().write(true).open("/dev/full").unwrap();
         let mesh = Path::new("mesh.ply");
-        let spool = Out::spool(&std::env::temp_dir()).unwrap();
-        let spool = Out { file: full(), ..spool };
-        for (mut out, remedy) in [(Out::new(full(), mesh), "another place"), (spool, "‹temp_dir›")]
+        let spool = AppendWriter::spool(&std::env::temp_dir()).unwrap();
+        let spool = AppendWriter { file: full(), ..spool };
+        for (mut out, remedy) in
+            [(AppendWriter::new(full(), mesh), "another place"), (spool, "‹temp_dir›")]
         {
             let path = out.path().to_path_buf();
             let error = out.write(&vec![0; BUFFER_BYTES]).unwrap_err();

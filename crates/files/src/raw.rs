@@ -121,13 +121,13 @@ impl RawFile {
     }
 
     /// Reads from the start on, byte after byte.
-    pub fn reader(&self) -> Reader<'_> {
+    pub fn reader(&self) -> RawFileReader<'_> {
         self.reader_at(0)
     }
 
     /// Reads from `offset` on, byte after byte.
-    pub fn reader_at(&self, offset: u64) -> Reader<'_> {
-        Reader { file: self, at: offset }
+    pub fn reader_at(&self, offset: u64) -> RawFileReader<'_> {
+        RawFileReader { file: self, at: offset }
     }
 
     fn failed(&self, offset: u64, source: io::Error) -> Error {
@@ -141,12 +141,12 @@ impl RawFile {
 }
 
 /// A position in a [`RawFile`], for decoders that read streams.
-pub struct Reader<'a> {
+pub struct RawFileReader<'a> {
     file: &'a RawFile,
     at: u64,
 }
 
-impl io::Read for Reader<'_> {
+impl io::Read for RawFileReader<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = (out.len() as u64).min(self.file.len.saturating_sub(self.at)) as usize;
         read_exact_at(&self.file.file, &mut out[..bytes], self.at)?;
@@ -155,7 +155,7 @@ impl io::Read for Reader<'_> {
     }
 }
 
-impl io::Seek for Reader<'_> {
+impl io::Seek for RawFileReader<'_> {
     fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
         let at = match to {
             io::SeekFrom::Start(at) => Some(at),

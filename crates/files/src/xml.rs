@@ -23,7 +23,7 @@ const MAX_ATTRIBUTES: u64 = 4096;
 const MAX_PART_BYTES: u64 = limits::MAX_HEADER_BYTES;
 
 /// A document being read.
-pub struct Xml<R> {
+pub struct XmlReader<R> {
     reader: Reader<Guard<R>>,
     buffer: Vec<u8>,
     /// Elements that have begun and not ended, as far as they are known.
@@ -33,9 +33,9 @@ pub struct Xml<R> {
 }
 
 /// What comes next.
-pub enum Part {
+pub enum XmlEvent {
     /// An element begins.
-    Start(Tag),
+    Start(XmlStartTag),
     /// Text, or a piece of one.
     Text(String),
     /// The element that began last ends.
@@ -45,9 +45,9 @@ pub enum Part {
 }
 
 /// The start tag of an element.
-pub struct Tag(BytesStart<'static>);
+pub struct XmlStartTag(BytesStart<'static>);
 
-impl Tag {
+impl XmlStartTag {
     /// Its name, with its prefix.
     pub fn name(&self) -> &str {
         self.0.name().into_inner()
@@ -64,7 +64,7 @@ impl Tag {
     /// References to unknown entities; too many attributes.
     pub fn attributes(&self) -> Result<Vec<(&str, String)>> {
         let mut found = Vec::new();
-        let mut all = Attributes { bytes: self.0.as_bytes(), at: self.name().len() };
+        let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
             found.push((text(attribute.name)?, attribute.resolved()?.into_owned()));
             limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
@@ -85,7 +85,7 @@ impl Tag {
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
     pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
-        let mut all = Attributes { bytes: self.0.as_bytes(), at: self.name().len() };
+        let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
             if attribute.name == name.as_bytes() {
                 return attribute.resolved().map(Some);
@@ -95,7 +95,7 @@ impl Tag {
     }
 }
 
-impl<R: BufRead> Xml<R> {
+impl<R: BufRead> XmlReader<R> {
     /// A document from its start.
     pub fn new(from: R) -> Self {
         Self::within(from, 0)
@@ -123,7 +123,7 @@ impl<R: BufRead> Xml<R> {
     /// # Errors
     /// Text that is not well-formed XML; a document type, an unknown entity; a limit exceeded.
     #[expect(clippy::should_implement_trait, reason = "an iterator has no errors of its own")]
-    pub fn next(&mut self) -> Result<Part> {
+    pub fn next(&mut self) -> Result<XmlEvent> {
         loop {
             let is_begun = self.offset() > 0;
             self.buffer.clear();
@@ -139,24 +139,24 @@ impl<R: BufRead> Xml<R> {
                     }
                     self.depth += 1;
                     limits::check("depth of XML", self.depth, MAX_DEPTH)?;
-                    return Ok(Part::Start(Tag(start.into_owned())));
+                    return Ok(XmlEvent::Start(XmlStartTag(start.into_owned())));
                 }
                 Event::End(_) => {
                     self.depth = self.depth.saturating_sub(1);
-                    return Ok(Part::End);
+                    return Ok(XmlEvent::End);
                 }
                 Event::Text(text) if text.contains("]]>") => return Err(not_xml(&"]]> in a text")),
-                Event::Text(text) => return Ok(Part::Text(text.into_inner().into_owned())),
-                Event::CData(text) => return Ok(Part::Text(text.into_inner().into_owned())),
+                Event::Text(text) => return Ok(XmlEvent::Text(text.into_inner().into_owned())),
+                Event::CData(text) => return Ok(XmlEvent::Text(text.into_inner().into_owned())),
                 Event::GeneralRef(name) => {
                     let c = name.resolve_char_ref().map_err(|e| not_xml(&e))?;
-                    return reference(c, &name).map(Part::Text);
+                    return reference(c, &name).map(XmlEvent::Text);
                 }
                 Event::DocType(_) => return Err(no_document_type()),
                 Event::Eof if self.depth > 0 => {
                     return Err(Error::bad_input("ends in the middle of an element"));
                 }
-                Event::Eof => return Ok(Part::Over),
+                Event::Eof => return Ok(XmlEvent::Over),
                 Event::Decl(_) if is_begun => return Err(not_xml(&"a second declaration")),
                 Event::PI(pi) if !is_name(pi.target()) => {
                     return Err(not_xml(&"an instruction without a name"));
@@ -174,10 +174,10 @@ impl<R: BufRead> Xml<R> {
         let mut open = 1;
         while open > 0 {
             match self.next()? {
-                Part::Start(_) => open += 1,
-                Part::End => open -= 1,
-                Part::Text(_) => {}
-                Part::Over => return Err(Error::bad_input("ends in the middle of an element")),
+                XmlEvent::Start(_) => open += 1,
+                XmlEvent::End => open -= 1,
+                XmlEvent::Text(_) => {}
+                XmlEvent::Over => return Err(Error::bad_input("ends in the middle of an element")),
             }
         }
         Ok(())
@@ -190,8 +190,8 @@ impl<R: BufRead> Xml<R> {
     pub fn finish(&mut self) -> Result<()> {
         loop {
             match self.next()? {
-                Part::Over => return Ok(()),
-                Part::Text(text) if text.trim_ascii().is_empty() => {}
+                XmlEvent::Over => return Ok(()),
+                XmlEvent::Text(text) if text.trim_ascii().is_empty() => {}
                 _ => return Err(Error::bad_input("goes on behind its outermost element")),
             }
         }
@@ -201,11 +201,11 @@ impl<R: BufRead> Xml<R> {
 /// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
 fn check_tag(start: &str) -> Result<()> {
     let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
-    let mut all = Attributes { bytes: start.as_bytes(), at: end };
+    let mut all = XmlAttributes { bytes: start.as_bytes(), at: end };
     let mut is_sound = is_name(&start[..end]);
     // Most tags have few attributes: their names are compared each with each.
     let (mut few, mut count, mut more) = ([&[][..]; 8], 0, Vec::new());
-    while let Some(Attribute { name, value, has_reference }) = all.next()? {
+    while let Some(XmlAttribute { name, value, has_reference }) = all.next()? {
         is_sound &= !few.iter().any(|other| other.first() == name.first() && *other == name);
         is_sound &= !has_reference || text(value).is_ok_and(|value| unescape(value).is_ok());
         match few.get_mut(count) {
@@ -220,21 +220,21 @@ fn check_tag(start: &str) -> Result<()> {
 }
 
 /// An attribute, with its value as it is written.
-struct Attribute<'a> {
+struct XmlAttribute<'a> {
     name: &'a [u8],
     value: &'a [u8],
     has_reference: bool,
 }
 
 /// The attributes of a start tag, one by one.
-struct Attributes<'a> {
+struct XmlAttributes<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Attributes<'a> {
+impl<'a> XmlAttributes<'a> {
     #[inline]
-    fn next(&mut self) -> Result<Option<Attribute<'a>>> {
+    fn next(&mut self) -> Result<Option<XmlAttribute<'a>>> {
         let bytes = self.bytes;
         let past = |kind: u8, mut at: usize| {
             while at < bytes.len() && has(bytes[at], kind) {
@@ -265,7 +265,7 @@ impl<'a> Attributes<'a> {
         }
         self.at = at + 1;
         let (name, value) = (&bytes[start..end], &bytes[quote + 1..at]);
-        Ok(Some(Attribute { name, value, has_reference }))
+        Ok(Some(XmlAttribute { name, value, has_reference }))
     }
 }
 
@@ -311,7 +311,7 @@ fn is_name(name: &str) -> bool {
     name.bytes().next().is_some_and(|c| has(c, NAME_START)) && name.bytes().all(|c| has(c, NAME))
 }
 
-impl<'a> Attribute<'a> {
+impl<'a> XmlAttribute<'a> {
     /// The value as it is meant: references resolved, and a space for each space of another kind.
     fn resolved(&self) -> Result<Cow<'a, str>> {
         let value = text(self.value)?;
@@ -431,8 +431,8 @@ mod tests {
     fn what_is_passed_over_is_well_formed_too() {
         let sound = "<?xml version='1.0'?>\n<a><b/></a>\n<!-- c --><?d e?>\n";
         let skipped = |text: &str| {
-            let mut xml = Xml::new(text.as_bytes());
-            while !matches!(xml.next()?, Part::Start(_)) {}
+            let mut xml = XmlReader::new(text.as_bytes());
+            while !matches!(xml.next()?, XmlEvent::Start(_)) {}
             xml.skip()?;
             xml.finish()
         };
@@ -486,7 +486,9 @@ mod tests {
     #[test]
     fn values_are_resolved() {
         let text = "<a b='1&lt;2&#x41;' cc=\"it's\" d='' e='\u{e9}' f = ' 6 ' g='7' h='8\n9' i='9' j='10'/>";
-        let Ok(Part::Start(tag)) = Xml::new(text.as_bytes()).next() else { panic!("a tag") };
+        let Ok(XmlEvent::Start(tag)) = XmlReader::new(text.as_bytes()).next() else {
+            panic!("a tag")
+        };
         let expected = [
             ("b", "1<2A"),
             ("cc", "it's"),

@@ -6,9 +6,9 @@ use terrane_delaunay::{Fork, Triangulation};
 
 /// Forks work onto the thread pool that the caller runs in.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Pool;
+pub struct DelaunayPool;
 
-impl Fork for Pool {
+impl Fork for DelaunayPool {
     fn join<A: Send, B: Send>(
         &self,
         a: impl FnOnce() -> A + Send,
@@ -24,7 +24,7 @@ impl Fork for Pool {
 /// # Errors
 /// More points than [`Triangulation::new`] takes.
 pub fn triangulate(points: &[Point]) -> Result<Triangulation> {
-    Triangulation::forked(points, &Pool)
+    Triangulation::forked(points, &DelaunayPool)
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! A cloud in memory, for the tests of jobs.
 
 use terrane_base::error::Result;
-use terrane_base::geom::{Crs, Frame, Point};
-use terrane_cloud::{Census, CloudInfo, PointSource};
+use terrane_base::geom::{Crs, Point, PointFrame};
+use terrane_cloud::{CloudInfo, PointCensus, PointSource};
 
 /// Points in memory, in parts of a thousand.
 pub(crate) struct Few {
@@ -14,7 +14,7 @@ const PART: usize = 1000;
 
 impl Few {
     /// These points in steps of `frame`.
-    pub(crate) fn new(frame: Frame, points: Vec<Point>) -> Self {
+    pub(crate) fn new(frame: PointFrame, points: Vec<Point>) -> Self {
         let fold = |f: fn(i32, i32) -> i32| {
             let join = |a: Point, b: Point| Point::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z));
             points.iter().copied().reduce(join)
@@ -44,10 +44,14 @@ impl PointSource for Few {
         self.points.chunks(PART).nth(part).map_or(0, |part| part.len() as u64)
     }
 
-    fn read(&self, part: usize, each: &mut dyn FnMut(&[Point]) -> Result<()>) -> Result<Census> {
+    fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[Point]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let points = self.points.chunks(PART).nth(part).unwrap_or_default();
         each(points)?;
         let count = points.len() as u64;
-        Ok(Census { read: count, kept: count, ..Census::default() })
+        Ok(PointCensus { read: count, kept: count, ..PointCensus::default() })
     }
 }

@@ -6,22 +6,24 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::records::{Flow, Packer, Records, Take, Unit};
+use crate::records::{PointRecords, RecordFlow, RecordPacker, RecordUnit, Take};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::synth;
-use terrane_cloud::write::{self, CloudWriter, Layout, Packing, PointFormat, Record, WriteOptions};
+use terrane_cloud::write::{
+    self, CloudWriteOptions, CloudWriter, PointFormat, PointLayout, PointPacking, PointRecord,
+};
 use terrane_engine::figures::Figures;
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, too_little};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_synth::cloud::Survey;
+use terrane_synth::cloud::LidarSurvey;
 
 /// A survey to be written.
 #[derive(Clone, Debug)]
 pub struct SurveyJob {
     /// The cloud.
-    pub survey: Survey,
+    pub survey: LidarSurvey,
     /// LAS or LAZ file to write.
     pub output: PathBuf,
     /// Format of its points.
@@ -57,11 +59,11 @@ const BYTES_BY_PART: u64 = 24 << 20;
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
 pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<SurveyReport> {
-    let (start, at) = (Instant::now(), At { progress, cancel });
+    let (start, at) = (Instant::now(), Observer { progress, cancel });
     let mut writer = CloudWriter::create(&job.output, &options(job)?)?;
     let flown = Flown { survey: &job.survey, layout: writer.layout() };
     let flow = flow(&job.resources, &flown)?;
-    let mut packer = Packer::new(&mut writer, job.resources.threads);
+    let mut packer = RecordPacker::new(&mut writer, job.resources.threads);
     progress.begin("synth", job.survey.expected());
     workers(&job.resources)?.install(|| {
         flow.run(&flown, at, &mut |records| packer.take(records))?;
@@ -83,9 +85,9 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     })
 }
 
-fn options(job: &SurveyJob) -> Result<WriteOptions> {
+fn options(job: &SurveyJob) -> Result<CloudWriteOptions> {
     let packing = write::packing_by_name(&job.output)
-        .filter(|packing| matches!(packing, Packing::Plain | Packing::Chunks));
+        .filter(|packing| matches!(packing, PointPacking::Plain | PointPacking::Chunks));
     let packing = packing.ok_or_else(|| {
         Error::usage("a synthetic cloud is written as .las or .laz").in_file(&job.output).remedy(
             "choose a name with one of these endings; ‹terrane points› makes .copc.laz of it",
@@ -98,40 +100,40 @@ fn options(job: &SurveyJob) -> Result<WriteOptions> {
         ))
         .remedy("choose point format 0 to 3, or 6 to 8"));
     }
-    let options = WriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
-    Ok(WriteOptions { packing, overwrite: job.overwrite, ..options })
+    let options = CloudWriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
+    Ok(CloudWriteOptions { packing, overwrite: job.overwrite, ..options })
 }
 
 /// As many parts in a round as keep all threads busy, as far as memory goes.
-fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<Flow> {
+fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<RecordFlow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {
         return Err(too_little(resources.memory, PROGRAM + BYTES_BY_PART));
     }
     let parts = parts.min(resources.threads as u64 * PARTS_BY_THREAD);
     let record = flown.layout.size();
-    Ok(Flow { record, round: parts * flown.unit(0).points * record as u64 })
+    Ok(RecordFlow { record, round: parts * flown.unit(0).points * record as u64 })
 }
 
 /// The parts of a survey as records.
 struct Flown<'a> {
-    survey: &'a Survey,
-    layout: Layout,
+    survey: &'a LidarSurvey,
+    layout: PointLayout,
 }
 
-impl Records for Flown<'_> {
+impl PointRecords for Flown<'_> {
     fn units(&self) -> usize {
         self.survey.parts()
     }
 
-    fn unit(&self, _: usize) -> Unit<'_> {
-        Unit::of(self.survey.expected().div_ceil(self.survey.parts().max(1) as u64))
+    fn unit(&self, _: usize) -> RecordUnit<'_> {
+        RecordUnit::of(self.survey.expected().div_ceil(self.survey.parts().max(1) as u64))
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
         let mut echoes = Vec::new();
         self.survey.fill(unit, &mut echoes);
-        let records: Vec<Record> = echoes.iter().map(Record::from).collect();
+        let records: Vec<PointRecord> = echoes.iter().map(PointRecord::from).collect();
         take(&self.layout.records(&records))
     }
 }

@@ -1,7 +1,7 @@
 //! What formats can hold, checked before the work starts where the size is known, and with every
 //! batch.
 
-use crate::channels::{Carries, Channel};
+use crate::channels::{Carries, VertexChannel};
 use crate::format::MeshFormat;
 use crate::registry::FORMATS;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -79,7 +79,11 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
 }
 
 /// Fails when the format called `name` has no room for these channels at vertices.
-pub(super) fn check_channels(name: &str, carries: Carries, channels: &[Channel]) -> Result<()> {
+pub(super) fn check_channels(
+    name: &str,
+    carries: Carries,
+    channels: &[VertexChannel],
+) -> Result<()> {
     if carries.holds(channels) {
         return Ok(());
     }

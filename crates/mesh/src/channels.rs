@@ -15,7 +15,7 @@ pub enum ChannelKind {
 
 /// A number that every vertex has.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Channel {
+pub struct VertexChannel {
     /// "red", "green", "blue", "alpha", or "band_7".
     pub name: String,
     /// How it is stored.
@@ -38,7 +38,7 @@ pub(crate) const COLOURS: [&str; 4] = ["red", "green", "blue", "alpha"];
 /// What the names of all others begin with.
 pub(crate) const BAND: &str = "band_";
 
-impl Channel {
+impl VertexChannel {
     /// The channels that bands become: three or four of bytes are a colour, and all others numbers.
     pub fn of_bands(bands: &[(u32, ChannelKind)]) -> Vec<Self> {
         let is_colour = matches!(bands.len(), 3 | 4)
@@ -64,7 +64,7 @@ pub fn is_colour<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> bool {
 
 impl Carries {
     /// True when there is room for these channels.
-    pub(crate) fn holds(self, channels: &[Channel]) -> bool {
+    pub(crate) fn holds(self, channels: &[VertexChannel]) -> bool {
         let names = channels.iter().map(|channel| channel.name.as_str());
         match self {
             Self::All => true,
@@ -75,7 +75,11 @@ impl Carries {
 }
 
 /// Fails unless there is a value for each channel of so many vertices, and each can be stored.
-pub(crate) fn check_values(channels: &[Channel], vertices: usize, values: &[f64]) -> Result<()> {
+pub(crate) fn check_values(
+    channels: &[VertexChannel],
+    vertices: usize,
+    values: &[f64],
+) -> Result<()> {
     if values.len() != vertices * channels.len() {
         let (given, needed) = (values.len(), vertices * channels.len());
         return Err(Error::usage(format!("{given} values for {needed} channels of vertices")));
@@ -88,7 +92,7 @@ pub(crate) fn check_values(channels: &[Channel], vertices: usize, values: &[f64]
     let mut all = values.iter().zip(channels.iter().cycle());
     match all.find(|(value, channel)| !fits(channel.kind, **value)) {
         None => Ok(()),
-        Some((value, Channel { name, .. })) => {
+        Some((value, VertexChannel { name, .. })) => {
             Err(Error::bad_input(format!("a vertex has {value} as {name}, which its type is not")))
         }
     }
@@ -133,7 +137,7 @@ mod tests {
     #[test]
     fn three_or_four_bytes_are_a_colour_and_all_else_numbers() {
         let names = |bands: &[(u32, ChannelKind)]| {
-            let channels = Channel::of_bands(bands);
+            let channels = VertexChannel::of_bands(bands);
             channels.into_iter().map(|c| (c.name, c.kind)).collect::<Vec<_>>()
         };
         let all = |kinds: &[(&str, ChannelKind)]| {
@@ -166,7 +170,7 @@ mod tests {
     #[test]
     fn values_that_cannot_be_stored_are_refused() {
         let check = |kind, values: &[f64]| {
-            let channels = [Channel { name: "band_1".to_owned(), kind }];
+            let channels = [VertexChannel { name: "band_1".to_owned(), kind }];
             check_values(&channels, 2, values)
         };
         assert!(check(Byte, &[0.0, 255.0]).is_ok() && check(Single, &[0.5, -7.0]).is_ok());
@@ -187,8 +191,8 @@ mod tests {
     #[test]
     fn formats_say_what_they_have_room_for() {
         let format = |name| FORMATS.iter().find(|format| format.name == name).unwrap();
-        let colour = Channel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
-        let number = Channel::of_bands(&[(1, Byte)]);
+        let colour = VertexChannel::of_bands(&[(1, Byte), (2, Byte), (3, Byte)]);
+        let number = VertexChannel::of_bands(&[(1, Byte)]);
         for name in ["PLY", "GLB", "GLB-meshopt"] {
             assert!(format(name).check_channels(&colour).is_ok());
         }

@@ -6,14 +6,14 @@ use std::path::Path;
 use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
-use crate::input::{Input, Lines, check_range};
-use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::input::{MeshFile, MeshFileLines, check_range};
+use crate::obj_index::{ObjLineMark, SparseIndex};
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64};
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Text has no limit of its own; the bytes are typical ones.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
@@ -101,7 +101,7 @@ impl Encoder for DxfEncoder {
         MOST
     }
 
-    fn header(&self, _counts: Counts) -> Vec<u8> {
+    fn header(&self, _counts: MeshCounts) -> Vec<u8> {
         self.head.clone().into_bytes()
     }
 
@@ -109,7 +109,12 @@ impl Encoder for DxfEncoder {
         true
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, _tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        _tail: &mut AppendWriter,
+    ) -> Result<()> {
         body.lines(batch.corners, |corners, text| {
             text.extend_from_slice(b"0\n3DFACE\n8\nTERRAIN\n");
             let [a, b, c] = corners;
@@ -125,21 +130,21 @@ impl Encoder for DxfEncoder {
         })
     }
 
-    fn complete(&mut self, body: &mut Out, _tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut AppendWriter, _tail: &mut AppendWriter) -> Result<()> {
         body.write(END)
     }
 }
 
 /// The pairs of lines of a file: a number that says what is meant, and a value.
-struct Pairs<'a> {
-    lines: Lines<'a>,
+struct DxfGroupReader<'a> {
+    lines: MeshFileLines<'a>,
     code: u32,
     /// Where the pair began.
-    start: Mark,
+    start: ObjLineMark,
 }
 
-impl<'a> Pairs<'a> {
-    fn new(input: &'a Input, mark: Mark) -> Self {
+impl<'a> DxfGroupReader<'a> {
+    fn new(input: &'a MeshFile, mark: ObjLineMark) -> Self {
         Self { lines: input.lines(mark.offset, mark.line), code: 0, start: mark }
     }
 
@@ -149,7 +154,7 @@ impl<'a> Pairs<'a> {
             return Ok(false);
         }
         let (offset, line) = (self.lines.start(), self.lines.number());
-        self.start = Mark { offset, line, vertices: 0 };
+        self.start = ObjLineMark { offset, line, vertices: 0 };
         self.code = self.number()?;
         if !self.lines.advance()? {
             return Err(self.lines.bad("ends within a group"));
@@ -203,7 +208,7 @@ impl<'a> Pairs<'a> {
 
 /// An open file. Every triangle has three vertices of its own.
 struct DxfSource {
-    input: Input,
+    input: MeshFile,
     faces: SparseIndex,
     info: MeshInfo,
 }
@@ -211,14 +216,15 @@ struct DxfSource {
 impl DxfSource {
     /// Goes through the whole file once.
     fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         if input.head(BINARY.len())? == BINARY {
             let error = input.unsupported("is a binary DXF file");
             return Err(error.remedy("write it as text"));
         }
         let mut faces = SparseIndex::new();
         let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
-        let mut pairs = Pairs::new(&input, Mark { offset: 0, line: 1, vertices: 0 });
+        let mut pairs =
+            DxfGroupReader::new(&input, ObjLineMark { offset: 0, line: 1, vertices: 0 });
         let (mut is_section, mut is_over) = (false, false);
         let (mut is_unit, mut unit) = (false, None);
         while !is_over && pairs.advance()? {
@@ -258,7 +264,7 @@ impl DxfSource {
             return Ok(());
         }
         let (mut at, mark) = self.faces.before(first);
-        let mut pairs = Pairs::new(&self.input, mark);
+        let mut pairs = DxfGroupReader::new(&self.input, mark);
         let mut is_read = pairs.advance()?;
         while is_read {
             if !pairs.is(0, "3DFACE") {

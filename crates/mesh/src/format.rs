@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::{Carries, Channel};
+use crate::channels::{Carries, VertexChannel};
 use crate::sink::{MeshHeader, MeshSink, SinkOptions};
 use crate::source::MeshSource;
 use terrane_base::error::Result;
 use terrane_base::geom::Crs;
-use terrane_base::registry::Named;
-use terrane_files::format::Format;
+use terrane_base::registry::RegistryEntry;
+use terrane_files::format::FileFormat;
 
 /// One mesh format: an entry of [`FORMATS`](crate::FORMATS).
 #[derive(Debug)]
@@ -51,12 +51,12 @@ impl MeshFormat {
     }
 
     /// Fails when the format has no room for these channels; the error names those that do.
-    pub fn check_channels(&self, channels: &[Channel]) -> Result<()> {
+    pub fn check_channels(&self, channels: &[VertexChannel]) -> Result<()> {
         capacity::check_channels(self.name, self.carries, channels)
     }
 }
 
-impl Named for MeshFormat {
+impl RegistryEntry for MeshFormat {
     const KIND: &'static str = "mesh format";
 
     fn name(&self) -> &'static str {
@@ -68,7 +68,7 @@ impl Named for MeshFormat {
     }
 }
 
-impl Format for MeshFormat {
+impl FileFormat for MeshFormat {
     fn extensions(&self) -> &'static [&'static str] {
         self.extensions
     }

@@ -16,13 +16,13 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// An open file of known length.
 #[derive(Debug)]
-pub(super) struct Input {
+pub(super) struct MeshFile {
     file: File,
     path: PathBuf,
     bytes: u64,
 }
 
-impl Input {
+impl MeshFile {
     /// Opens a plain file.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let fail = |e| Error::read(path, e);
@@ -97,24 +97,24 @@ impl Input {
     }
 
     /// The bytes from `offset` on.
-    pub(super) fn from(&self, offset: u64) -> BufReader<Cursor<'_>> {
-        BufReader::with_capacity(64 << 10, Cursor { input: self, at: offset })
+    pub(super) fn from(&self, offset: u64) -> BufReader<MeshFileCursor<'_>> {
+        BufReader::with_capacity(64 << 10, MeshFileCursor { input: self, at: offset })
     }
 
     /// The lines from byte `offset` on, which is the start of line `number` (from 1).
-    pub(super) fn lines(&self, offset: u64, number: u64) -> Lines<'_> {
+    pub(super) fn lines(&self, offset: u64, number: u64) -> MeshFileLines<'_> {
         let reader = self.from(offset);
-        Lines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
+        MeshFileLines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
     }
 }
 
 /// Reads an input from some place on.
-pub(super) struct Cursor<'a> {
-    input: &'a Input,
+pub(super) struct MeshFileCursor<'a> {
+    input: &'a MeshFile,
     at: u64,
 }
 
-impl Read for Cursor<'_> {
+impl Read for MeshFileCursor<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let left = self.input.bytes.saturating_sub(self.at);
         let some = left.min(out.len() as u64) as usize;
@@ -125,15 +125,15 @@ impl Read for Cursor<'_> {
 }
 
 /// The lines of a text, one after the other.
-pub(super) struct Lines<'a> {
-    reader: BufReader<Cursor<'a>>,
+pub(super) struct MeshFileLines<'a> {
+    reader: BufReader<MeshFileCursor<'a>>,
     line: Vec<u8>,
     start: u64,
     end: u64,
     number: u64,
 }
 
-impl Lines<'_> {
+impl MeshFileLines<'_> {
     /// Goes to the next line; false at the end of the file.
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
@@ -213,10 +213,10 @@ pub(super) fn check_position(index: u64, point: &[f64; 3]) -> Result<()> {
 mod tests {
     use super::*;
 
-    fn input(bytes: &[u8]) -> (tempfile::NamedTempFile, Input) {
+    fn input(bytes: &[u8]) -> (tempfile::NamedTempFile, MeshFile) {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        let input = Input::open(file.path()).unwrap();
+        let input = MeshFile::open(file.path()).unwrap();
         (file, input)
     }
 

@@ -6,17 +6,17 @@ use std::path::Path;
 use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
-use crate::input::{Input, check_range};
-use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::input::{MeshFile, check_range};
+use crate::obj_index::{ObjLineMark, SparseIndex};
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
-use crate::xml::{Xml, number};
+use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_base::limits;
-use terrane_files::Out;
-use terrane_files::xml::{Part, Tag, escaped};
+use terrane_files::AppendWriter;
+use terrane_files::xml::{XmlEvent, XmlStartTag, escaped};
 
 /// Text has no limit of its own; the bytes are typical ones.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
@@ -33,7 +33,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     admits: |crs| unit(crs).map(drop),
     most: || MOST,
     create,
-    open: |path| Ok(Box::new(Source::open(path)?)),
+    open: |path| Ok(Box::new(LandXmlSource::open(path)?)),
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
 };
 
@@ -122,11 +122,16 @@ impl Encoder for LandXmlEncoder {
         MOST
     }
 
-    fn header(&self, _counts: Counts) -> Vec<u8> {
+    fn header(&self, _counts: MeshCounts) -> Vec<u8> {
         self.head.clone().into_bytes()
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         body.lines(batch.vertices, |&[x, y, z], line| {
             self.vertices += 1;
             line.extend_from_slice(b"<P id=\"");
@@ -142,7 +147,7 @@ impl Encoder for LandXmlEncoder {
         })
     }
 
-    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<()> {
         body.write(BETWEEN)?;
         tail.write(END)
     }
@@ -162,13 +167,13 @@ const MOST_COMMENTS: usize = 64;
 
 /// Numbers of points, which others refer to: runs of numbers that follow each other, sorted in the end.
 #[derive(Debug, Default)]
-struct Numbers {
-    runs: Vec<Run>,
+struct LandXmlPointIds {
+    runs: Vec<LandXmlPointIdRun>,
     points: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct LandXmlPointIdRun {
     /// The number of its first point, and
     number: u64,
     /// that point's place among all.
@@ -176,13 +181,13 @@ struct Run {
     points: u64,
 }
 
-impl Numbers {
+impl LandXmlPointIds {
     fn push(&mut self, number: u64) -> Result<()> {
         let first = self.points;
         self.points += 1;
         match self.runs.last_mut() {
             Some(run) if run.number.checked_add(run.points) == Some(number) => run.points += 1,
-            _ => self.runs.push(Run { number, first, points: 1 }),
+            _ => self.runs.push(LandXmlPointIdRun { number, first, points: 1 }),
         }
         limits::check("runs of numbers of points", self.runs.len() as u64, MOST_RUNS)
     }
@@ -211,17 +216,17 @@ impl Numbers {
 }
 
 /// An open file.
-struct Source {
-    input: Input,
+struct LandXmlSource {
+    input: MeshFile,
     points: SparseIndex,
     faces: SparseIndex,
-    numbers: Numbers,
+    numbers: LandXmlPointIds,
     info: MeshInfo,
 }
 
 /// What is found on the way through a file.
 #[derive(Default)]
-struct Found {
+struct LandXmlSummary {
     surfaces: u64,
     is_landxml: bool,
     crs: Option<String>,
@@ -230,31 +235,31 @@ struct Found {
     comments: Vec<String>,
 }
 
-impl Source {
+impl LandXmlSource {
     /// Goes through the whole file once.
     fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         let (mut points, mut faces) = (SparseIndex::new(), SparseIndex::new());
-        let (mut numbers, mut found) = (Numbers::default(), Found::default());
-        let mut xml = Xml::new(&input, 0);
+        let (mut numbers, mut found) = (LandXmlPointIds::default(), LandXmlSummary::default());
+        let mut xml = MeshXmlReader::new(&input, 0);
         loop {
             let at = xml.offset();
-            let mark = Mark { offset: at, ..Mark::default() };
+            let mark = ObjLineMark { offset: at, ..ObjLineMark::default() };
             let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
             match xml.next()? {
-                Part::Over => break,
-                Part::Start(tag) if tag.local_name() == "P" && found.surfaces > 0 => {
+                XmlEvent::Over => break,
+                XmlEvent::Start(tag) if tag.local_name() == "P" && found.surfaces > 0 => {
                     numbers.push(number(&tag, "id").map_err(place)?).map_err(place)?;
                     points.note(mark);
                 }
-                Part::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
+                XmlEvent::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
                     // Faces of others may be there and not be seen.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
                     }
                 }
-                Part::Start(tag) => found.note(&tag).map_err(place)?,
-                Part::Text(_) | Part::End => {}
+                XmlEvent::Start(tag) => found.note(&tag).map_err(place)?,
+                XmlEvent::Text(_) | XmlEvent::End => {}
             }
         }
         numbers.complete().map_err(|e| e.in_file(path))?;
@@ -269,8 +274,8 @@ impl Source {
     }
 }
 
-impl Found {
-    fn note(&mut self, tag: &Tag) -> Result<()> {
+impl LandXmlSummary {
+    fn note(&mut self, tag: &XmlStartTag) -> Result<()> {
         if tag.local_name() == "LandXML" {
             self.is_landxml = true;
         } else if tag.local_name() == "Definition" {
@@ -302,23 +307,23 @@ impl Found {
     }
 }
 
-impl Source {
+impl LandXmlSource {
     /// Hands `each` elements from `first` on that are called so and noted in an index, until it has enough.
     fn scan(
         &self,
         index: &SparseIndex,
         name: &str,
         first: u64,
-        mut each: impl FnMut(&mut Xml<'_>) -> Result<bool>,
+        mut each: impl FnMut(&mut MeshXmlReader<'_>) -> Result<bool>,
     ) -> Result<()> {
         let (mut at, mark) = index.before(first);
-        let mut xml = Xml::new(&self.input, mark.offset);
+        let mut xml = MeshXmlReader::new(&self.input, mark.offset);
         loop {
             match xml.next()? {
-                Part::Over => {
+                XmlEvent::Over => {
                     return Err(self.input.bad("has become shorter since it was opened"));
                 }
-                Part::Start(tag) if tag.local_name() == name => {
+                XmlEvent::Start(tag) if tag.local_name() == name => {
                     if tag.attribute("i")?.is_some_and(|hidden| hidden == "1") {
                         continue;
                     }
@@ -327,13 +332,13 @@ impl Source {
                         return Ok(());
                     }
                 }
-                Part::Start(_) | Part::Text(_) | Part::End => {}
+                XmlEvent::Start(_) | XmlEvent::Text(_) | XmlEvent::End => {}
             }
         }
     }
 }
 
-impl MeshSource for Source {
+impl MeshSource for LandXmlSource {
     fn info(&self) -> &MeshInfo {
         &self.info
     }
@@ -391,7 +396,7 @@ mod tests {
         /// Beside a list of all.
         #[test]
         fn numbers_are_found_again(numbers in prop::collection::vec(0_u64..60, 0..50)) {
-            let mut runs = Numbers::default();
+            let mut runs = LandXmlPointIds::default();
             numbers.iter().for_each(|number| runs.push(*number).unwrap());
             let mut sorted = numbers.clone();
             sorted.sort_unstable();

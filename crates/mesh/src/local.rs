@@ -4,14 +4,14 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 
 /// Turns world positions into f32 positions relative to an origin, and keeps their bounding box.
-pub(super) struct Local {
+pub(super) struct LocalCoordinates {
     origin: Point3,
     scale: Point3,
     low: [f32; 3],
     high: [f32; 3],
 }
 
-impl Local {
+impl LocalCoordinates {
     /// Positions will be relative to `origin`, `scale` stored units to each of the world's.
     pub(super) fn new(origin: Point3, scale: Point3) -> Result<Self> {
         if origin.iter().any(|c| !c.is_finite()) {
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn keeps_bounds_and_refuses_what_f32_cannot_hold() {
-        let mut local = Local::new([500_000.0, 4e6, 0.0], [1.0; 3]).unwrap();
+        let mut local = LocalCoordinates::new([500_000.0, 4e6, 0.0], [1.0; 3]).unwrap();
         assert!(local.check().is_ok(), "no position is no failure");
         assert_eq!(local.place(&[500_001.5, 4e6 - 2.0, 7.0]), [1.5, -2.0, 7.0]);
         assert_eq!(local.place(&[499_999.0, 4e6, 9.0]), [-1.0, 0.0, 9.0]);
@@ -85,11 +85,12 @@ mod tests {
         assert!(local.check().is_ok());
         local.place(&[0.0, 0.0, -1e39]);
         assert_eq!(local.check().unwrap_err().kind(), ErrorKind::CannotWrite);
-        assert!(Local::new([f64::NAN, 0.0, 0.0], [1.0; 3]).is_err());
+        assert!(LocalCoordinates::new([f64::NAN, 0.0, 0.0], [1.0; 3]).is_err());
         for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(Local::new([0.0; 3], [1.0, scale, 1.0]).is_err(), "{scale}");
+            assert!(LocalCoordinates::new([0.0; 3], [1.0, scale, 1.0]).is_err(), "{scale}");
         }
-        let mut scaled = Local::new([7.5, 46.5, 0.0], [75_000.0, 111_000.0, 1.0]).unwrap();
+        let mut scaled =
+            LocalCoordinates::new([7.5, 46.5, 0.0], [75_000.0, 111_000.0, 1.0]).unwrap();
         let stored = scaled.place(&[8.5, 45.5, 12.0]).map(f64::from);
         assert_eq!(stored, [75_000.0, -111_000.0, 12.0]);
         let back = to_world(stored, [7.5, 46.5, 0.0], [75_000.0, 111_000.0, 1.0]);

@@ -5,14 +5,14 @@ use std::path::Path;
 use crate::capacity::MeshCapacity;
 use crate::channels::Carries;
 use crate::format::MeshFormat;
-use crate::input::{Input, Lines, check_range};
-use crate::obj_index::{Mark, SparseIndex};
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::input::{MeshFile, MeshFileLines, check_range};
+use crate::obj_index::{ObjLineMark, SparseIndex};
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Text has no limit of its own; the bytes are typical ones.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
@@ -64,11 +64,16 @@ impl Encoder for ObjEncoder {
         MOST
     }
 
-    fn header(&self, _counts: Counts) -> Vec<u8> {
+    fn header(&self, _counts: MeshCounts) -> Vec<u8> {
         self.comments.iter().flat_map(|text| format!("# {text}\n").into_bytes()).collect()
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         body.lines(batch.vertices, |point, line| {
             push_line(b"v", point, line, |&value, line| push_f64(value, line));
         })?;
@@ -89,50 +94,53 @@ fn push_line<T>(key: &[u8], values: &[T; 3], line: &mut Vec<u8>, push: impl Fn(&
 
 /// An open OBJ file.
 struct ObjSource {
-    input: Input,
+    input: MeshFile,
     vertices: SparseIndex,
     faces: SparseIndex,
     info: MeshInfo,
 }
 
 /// A line of an OBJ file that matters here.
-enum Line<'a> {
+enum ObjLine<'a> {
     Vertex(&'a [u8]),
     Face(&'a [u8]),
     Comment(&'a [u8]),
     Other,
 }
 
-fn parse(line: &[u8]) -> Line<'_> {
+fn parse(line: &[u8]) -> ObjLine<'_> {
     match line.trim_ascii_start() {
-        [b'v', b' ' | b'\t', rest @ ..] => Line::Vertex(rest),
-        [b'f', b' ' | b'\t', rest @ ..] => Line::Face(rest),
-        [b'#', rest @ ..] => Line::Comment(rest.trim_ascii()),
-        _ => Line::Other,
+        [b'v', b' ' | b'\t', rest @ ..] => ObjLine::Vertex(rest),
+        [b'f', b' ' | b'\t', rest @ ..] => ObjLine::Face(rest),
+        [b'#', rest @ ..] => ObjLine::Comment(rest.trim_ascii()),
+        _ => ObjLine::Other,
     }
 }
 
 impl ObjSource {
     /// Goes through the whole file once.
     fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         let (mut vertices, mut faces) = (SparseIndex::new(), SparseIndex::new());
         let mut comments = Vec::new();
         let mut lines = input.lines(0, 1);
         while lines.advance()? {
-            let mark =
-                Mark { offset: lines.start(), line: lines.number(), vertices: vertices.count() };
+            let mark = ObjLineMark {
+                offset: lines.start(),
+                line: lines.number(),
+                vertices: vertices.count(),
+            };
             check_line(&lines)?;
             match parse(lines.text()) {
-                Line::Vertex(_) => vertices.note(mark),
-                Line::Face(rest) => {
+                ObjLine::Vertex(_) => vertices.note(mark),
+                ObjLine::Face(rest) => {
                     check_face(rest, &lines)?;
                     faces.note(mark);
                 }
-                Line::Comment(text) if is_early(&mark, comments.len()) => {
+                ObjLine::Comment(text) if is_early(&mark, comments.len()) => {
                     comments.push(String::from_utf8_lossy(text).into_owned());
                 }
-                Line::Comment(_) | Line::Other => {}
+                ObjLine::Comment(_) | ObjLine::Other => {}
             }
         }
         if vertices.count() == 0 && comments.is_empty() {
@@ -147,14 +155,14 @@ impl ObjSource {
     /// says that it has enough.
     fn scan(
         &self,
-        mark: Mark,
-        mut each: impl FnMut(Line<'_>, u64, &Lines<'_>) -> Result<bool>,
+        mark: ObjLineMark,
+        mut each: impl FnMut(ObjLine<'_>, u64, &MeshFileLines<'_>) -> Result<bool>,
     ) -> Result<()> {
         let mut lines = self.input.lines(mark.offset, mark.line);
         let mut vertices = mark.vertices;
         while lines.advance()? {
             let line = parse(lines.text());
-            let is_vertex = matches!(line, Line::Vertex(_));
+            let is_vertex = matches!(line, ObjLine::Vertex(_));
             if each(line, vertices, &lines)? {
                 return Ok(());
             }
@@ -165,11 +173,11 @@ impl ObjSource {
 }
 
 /// Comments before the first vertex are kept, but not without end.
-fn is_early(mark: &Mark, kept: usize) -> bool {
+fn is_early(mark: &ObjLineMark, kept: usize) -> bool {
     mark.vertices == 0 && kept < 64
 }
 
-fn check_line(lines: &Lines<'_>) -> Result<()> {
+fn check_line(lines: &MeshFileLines<'_>) -> Result<()> {
     let text = lines.text();
     if text.ends_with(b"\\") && !text.trim_ascii_start().starts_with(b"#") {
         return Err(lines.unsupported("line goes on in the next one"));
@@ -184,7 +192,7 @@ fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-fn check_face(rest: &[u8], lines: &Lines<'_>) -> Result<()> {
+fn check_face(rest: &[u8], lines: &MeshFileLines<'_>) -> Result<()> {
     match words(rest).count() {
         3 => Ok(()),
         0..3 => Err(lines.bad("face has fewer than three corners")),
@@ -195,7 +203,7 @@ fn check_face(rest: &[u8], lines: &Lines<'_>) -> Result<()> {
 }
 
 /// The word as a number of some kind.
-fn number<T: std::str::FromStr>(word: &[u8], lines: &Lines<'_>) -> Result<T> {
+fn number<T: std::str::FromStr>(word: &[u8], lines: &MeshFileLines<'_>) -> Result<T> {
     let text = std::str::from_utf8(word).ok();
     text.and_then(|text| text.parse().ok()).ok_or_else(|| {
         let word: String = String::from_utf8_lossy(word).chars().take(40).collect();
@@ -204,7 +212,7 @@ fn number<T: std::str::FromStr>(word: &[u8], lines: &Lines<'_>) -> Result<T> {
 }
 
 /// The first three numbers; a weight or colour may follow.
-fn position(rest: &[u8], lines: &Lines<'_>) -> Result<Point3> {
+fn position(rest: &[u8], lines: &MeshFileLines<'_>) -> Result<Point3> {
     let mut words = words(rest);
     let mut point: Point3 = [0.0; 3];
     for value in &mut point {
@@ -219,7 +227,7 @@ fn position(rest: &[u8], lines: &Lines<'_>) -> Result<Point3> {
 
 /// The ids of a face's corners: `v`, `v/vt`, `v//vn` or `v/vt/vn`, from 1, or negative and counted
 /// back from the last of the `before` vertices defined so far.
-fn corners(rest: &[u8], before: u64, all: u64, lines: &Lines<'_>) -> Result<[u64; 3]> {
+fn corners(rest: &[u8], before: u64, all: u64, lines: &MeshFileLines<'_>) -> Result<[u64; 3]> {
     let mut ids = [0; 3];
     for (id, word) in ids.iter_mut().zip(words(rest)) {
         let index = word.split(|&byte| byte == b'/').next().unwrap_or_default();
@@ -245,7 +253,7 @@ impl MeshSource for ObjSource {
         let mut slots = out.iter_mut();
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(mark, |line, index, lines| {
-            let Line::Vertex(rest) = line else { return Ok(false) };
+            let ObjLine::Vertex(rest) = line else { return Ok(false) };
             if index < first {
                 return Ok(false);
             }
@@ -260,7 +268,7 @@ impl MeshSource for ObjSource {
         let mut slots = out.iter_mut();
         let Some(mut slot) = slots.next() else { return Ok(()) };
         self.scan(mark, |line, before, lines| {
-            let Line::Face(rest) = line else { return Ok(false) };
+            let ObjLine::Face(rest) = line else { return Ok(false) };
             index += 1;
             if index <= first {
                 return Ok(false);

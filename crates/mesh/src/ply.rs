@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use crate::capacity::MeshCapacity;
-use crate::channels::{Carries, Channel, ChannelKind};
+use crate::channels::{Carries, ChannelKind, VertexChannel};
 use crate::format::MeshFormat;
-use crate::input::{Input, check_corners, check_position, check_range};
-use crate::ply_header::{self, PADDING, PlyHeader, Scalar, Span};
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::input::{MeshFile, check_corners, check_position, check_range};
+use crate::ply_header::{self, PADDING, PlyElementSpan, PlyHeader, Scalar};
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::comments;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Indices are u32.
 const MOST: MeshCapacity = MeshCapacity::new([1 << 32, u64::MAX, u64::MAX], 24, 13);
@@ -43,11 +43,11 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 
 struct PlyEncoder {
     comments: Vec<String>,
-    channels: Vec<Channel>,
+    channels: Vec<VertexChannel>,
 }
 
 /// The line of the header for a channel.
-fn property(Channel { name, kind }: &Channel) -> String {
+fn property(VertexChannel { name, kind }: &VertexChannel) -> String {
     let scalar = match kind {
         ChannelKind::Byte => "uchar",
         ChannelKind::Single => "float",
@@ -57,10 +57,10 @@ fn property(Channel { name, kind }: &Channel) -> String {
 }
 
 impl PlyEncoder {
-    fn text(&self, counts: Counts, padding: &str) -> String {
+    fn text(&self, counts: MeshCounts, padding: &str) -> String {
         let comments: String = self.comments.iter().map(|c| format!("comment {c}\n")).collect();
         let channels: String = self.channels.iter().map(property).collect();
-        let Counts { vertices, triangles } = counts;
+        let MeshCounts { vertices, triangles } = counts;
         format!(
             "ply\nformat binary_little_endian 1.0\n{comments}comment {PADDING} {padding}\n\
              element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n{channels}\
@@ -78,18 +78,23 @@ impl Encoder for PlyEncoder {
         MOST
     }
 
-    fn channels(&self) -> &[Channel] {
+    fn channels(&self) -> &[VertexChannel] {
         &self.channels
     }
 
     /// A comment takes up the room that larger counts would need.
-    fn header(&self, counts: Counts) -> Vec<u8> {
-        let largest = Counts { vertices: u64::MAX, triangles: u64::MAX };
+    fn header(&self, counts: MeshCounts) -> Vec<u8> {
+        let largest = MeshCounts { vertices: u64::MAX, triangles: u64::MAX };
         let room = self.text(largest, "").len() - self.text(counts, "").len();
         self.text(counts, &".".repeat(room)).into_bytes()
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         if self.channels.is_empty() {
             body.records(batch.vertices, vertex_record)?;
         } else {
@@ -134,14 +139,14 @@ fn face_record(ids: &[u64; 3]) -> [u8; FACE_BYTES] {
 
 /// An open PLY file.
 struct PlySource {
-    input: Input,
+    input: MeshFile,
     header: PlyHeader,
     info: MeshInfo,
 }
 
 impl PlySource {
     fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         let header = ply_header::read(&input).map_err(|e| e.in_file(path))?;
         let order = if header.big { "big" } else { "little" };
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
@@ -158,7 +163,7 @@ impl PlySource {
     /// Hands `each` the records `first .. first + count` of a span.
     fn records(
         &self,
-        span: Span,
+        span: PlyElementSpan,
         first: u64,
         count: usize,
         each: impl FnMut(usize, &[u8]) -> Result<()>,
@@ -279,9 +284,9 @@ mod tests {
     fn the_header_keeps_its_length() {
         let comments = vec!["crs EPSG:4326".to_owned()];
         let encoder = PlyEncoder { comments, channels: Vec::new() };
-        let length = encoder.header(Counts::default()).len();
+        let length = encoder.header(MeshCounts::default()).len();
         for n in [1, 12_345, u64::MAX] {
-            let header = encoder.header(Counts { vertices: n, triangles: n / 2 });
+            let header = encoder.header(MeshCounts { vertices: n, triangles: n / 2 });
             assert_eq!(header.len(), length);
             assert!(String::from_utf8(header).unwrap().contains(&format!("vertex {n}\n")));
         }

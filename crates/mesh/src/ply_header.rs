@@ -1,7 +1,7 @@
 //! The header of a binary PLY file: its elements, and where vertices and faces lie.
 
 use crate::channels::{BAND, COLOURS};
-use crate::input::{Input, Lines};
+use crate::input::{MeshFile, MeshFileLines};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -73,7 +73,7 @@ fn number<const N: usize>(bytes: &[u8], big: bool, decode: impl Fn([u8; N]) -> f
 }
 
 /// A property of an element: a number, or a list when it has a type for the list's length.
-struct Property {
+struct PlyProperty {
     name: String,
     length: Option<Scalar>,
     item: Scalar,
@@ -82,12 +82,12 @@ struct Property {
 struct Element {
     name: String,
     count: u64,
-    properties: Vec<Property>,
+    properties: Vec<PlyProperty>,
 }
 
 /// Where the records of an element lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Span {
+pub(super) struct PlyElementSpan {
     pub(super) offset: u64,
     pub(super) stride: u64,
     pub(super) count: u64,
@@ -95,7 +95,7 @@ pub(super) struct Span {
 
 /// A number inside a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Field {
+pub(super) struct PlyField {
     pub(super) offset: u64,
     pub(super) scalar: Scalar,
 }
@@ -104,39 +104,39 @@ pub(super) struct Field {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PlyHeader {
     pub(super) big: bool,
-    pub(super) vertices: Span,
-    pub(super) xyz: [Field; 3],
+    pub(super) vertices: PlyElementSpan,
+    pub(super) xyz: [PlyField; 3],
     /// What vertices have beside: the bytes of a colour, and bands.
-    pub(super) channels: Vec<(String, Field)>,
-    pub(super) faces: Span,
+    pub(super) channels: Vec<(String, PlyField)>,
+    pub(super) faces: PlyElementSpan,
     /// The length of a face's list, which must be 3.
-    pub(super) length: Field,
+    pub(super) length: PlyField,
     /// The first of its three items; the others follow it.
-    pub(super) item: Field,
+    pub(super) item: PlyField,
     pub(super) comments: Vec<String>,
 }
 
 /// Reads the header and checks what it says against the length of the file.
-pub(super) fn read(input: &Input) -> Result<PlyHeader> {
+pub(super) fn read(input: &MeshFile) -> Result<PlyHeader> {
     let mut lines = input.lines(0, 1);
     if !lines.advance()? || lines.text() != b"ply" {
         return Err(lines.bad("does not begin with \"ply\""));
     }
-    let mut parser = Parser::default();
+    let mut parser = PlyHeaderParser::default();
     while !parser.line(input, &mut lines)? {}
     parser.layout(input, lines.end())
 }
 
 #[derive(Default)]
-struct Parser {
+struct PlyHeaderParser {
     big: Option<bool>,
     elements: Vec<Element>,
     comments: Vec<String>,
 }
 
-impl Parser {
+impl PlyHeaderParser {
     /// Takes one line; true when it is the last of the header.
-    fn line(&mut self, input: &Input, lines: &mut Lines<'_>) -> Result<bool> {
+    fn line(&mut self, input: &MeshFile, lines: &mut MeshFileLines<'_>) -> Result<bool> {
         if !lines.advance()? {
             return Err(input.bad("the header has no end").remedy("write or copy it again"));
         }
@@ -163,24 +163,26 @@ impl Parser {
         }
     }
 
-    fn element(&mut self, name: &str, count: &str, lines: &Lines<'_>) -> Result<()> {
+    fn element(&mut self, name: &str, count: &str, lines: &MeshFileLines<'_>) -> Result<()> {
         limits::check("number of PLY elements", self.elements.len() as u64 + 1, MAX_ENTRIES)?;
         let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is no count")))?;
         self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
         Ok(())
     }
 
-    fn property(&mut self, words: &[&str], lines: &Lines<'_>) -> Result<()> {
+    fn property(&mut self, words: &[&str], lines: &MeshFileLines<'_>) -> Result<()> {
         let scalar = |name: &str| {
             Scalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
         };
         let property = match *words {
-            ["list", length, item, name] => Property {
+            ["list", length, item, name] => PlyProperty {
                 name: name.to_owned(),
                 length: Some(scalar(length)?),
                 item: scalar(item)?,
             },
-            [item, name] => Property { name: name.to_owned(), length: None, item: scalar(item)? },
+            [item, name] => {
+                PlyProperty { name: name.to_owned(), length: None, item: scalar(item)? }
+            }
             _ => return Err(lines.bad("a property needs a type and a name")),
         };
         let element = self.elements.last_mut();
@@ -191,15 +193,15 @@ impl Parser {
         Ok(())
     }
 
-    fn layout(self, input: &Input, start: u64) -> Result<PlyHeader> {
+    fn layout(self, input: &MeshFile, start: u64) -> Result<PlyHeader> {
         let big = self.big.ok_or_else(|| input.bad("the header has no format line"))?;
-        let nowhere = Field { offset: 0, scalar: Scalar::U8 };
+        let nowhere = PlyField { offset: 0, scalar: Scalar::U8 };
         let mut header = PlyHeader {
             big,
-            vertices: Span::default(),
+            vertices: PlyElementSpan::default(),
             xyz: [nowhere; 3],
             channels: Vec::new(),
-            faces: Span::default(),
+            faces: PlyElementSpan::default(),
             length: nowhere,
             item: nowhere,
             comments: self.comments.clone(),
@@ -212,7 +214,7 @@ impl Parser {
 /// What the comment that keeps the header's length constant begins with.
 pub(super) const PADDING: &str = "padding";
 
-fn is_big(format: &str, lines: &Lines<'_>) -> Result<bool> {
+fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
     match format {
         "binary_little_endian" => Ok(false),
         "binary_big_endian" => Ok(true),
@@ -225,7 +227,7 @@ fn is_big(format: &str, lines: &Lines<'_>) -> Result<bool> {
 
 impl PlyHeader {
     /// Walks along the elements, which follow each other from byte `start` on.
-    fn place(&mut self, input: &Input, elements: &[Element], start: u64) -> Result<()> {
+    fn place(&mut self, input: &MeshFile, elements: &[Element], start: u64) -> Result<()> {
         if !elements.iter().any(|element| element.name == "vertex") {
             return Err(input.bad("has no vertices"));
         }
@@ -243,7 +245,7 @@ impl PlyHeader {
 
     /// Why there are bytes behind the last record: faces of more than three corners, or something
     /// that does not belong there.
-    fn surplus(&self, input: &Input, end: u64) -> Result<Error> {
+    fn surplus(&self, input: &MeshFile, end: u64) -> Result<Error> {
         let bytes = input.bytes() - end;
         let message = format!("has {bytes} bytes more than its header accounts for");
         let remedy = match self.first_polygon(input)? {
@@ -256,8 +258,8 @@ impl PlyHeader {
     }
 
     /// The first face that is no triangle, by its number, and its corners.
-    fn first_polygon(&self, input: &Input) -> Result<Option<(u64, f64)>> {
-        let (Span { offset, stride, count }, mut first) = (self.faces, None);
+    fn first_polygon(&self, input: &MeshFile) -> Result<Option<(u64, f64)>> {
+        let (PlyElementSpan { offset, stride, count }, mut first) = (self.faces, None);
         if count == 0 {
             return Ok(None);
         }
@@ -273,8 +275,13 @@ impl PlyHeader {
     }
 
     /// Takes in the element that begins at byte `offset`.
-    fn element(&mut self, input: &Input, element: &Element, offset: u64) -> Result<Span> {
-        let span = |stride| Span { offset, stride, count: element.count };
+    fn element(
+        &mut self,
+        input: &MeshFile,
+        element: &Element,
+        offset: u64,
+    ) -> Result<PlyElementSpan> {
+        let span = |stride| PlyElementSpan { offset, stride, count: element.count };
         match element.name.as_str() {
             "vertex" => self.vertices = span(self.vertex(input, element)?),
             "face" => self.faces = span(self.face(input, element)?),
@@ -283,7 +290,7 @@ impl PlyHeader {
         Ok(if element.name == "vertex" { self.vertices } else { self.faces })
     }
 
-    fn vertex(&mut self, input: &Input, element: &Element) -> Result<u64> {
+    fn vertex(&mut self, input: &MeshFile, element: &Element) -> Result<u64> {
         let stride = element.scalars().ok_or_else(|| element.refused(input))?;
         for (field, name) in self.xyz.iter_mut().zip(["x", "y", "z"]) {
             let missing = || input.bad(format!("vertices have no property \"{name}\""));
@@ -297,9 +304,9 @@ impl PlyHeader {
     }
 
     /// The stride of triangles; faces with other numbers of corners are found when read.
-    fn face(&mut self, input: &Input, element: &Element) -> Result<u64> {
+    fn face(&mut self, input: &MeshFile, element: &Element) -> Result<u64> {
         let is_corners =
-            |p: &Property| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
+            |p: &PlyProperty| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
         let missing = || input.bad("faces have no property list \"vertex_indices\"");
         let at = element.properties.iter().position(is_corners).ok_or_else(missing)?;
         let list = &element.properties[at];
@@ -310,8 +317,8 @@ impl PlyHeader {
         let (before, after) = (&element.properties[..at], &element.properties[at + 1..]);
         let sizes = scalars(before).zip(scalars(after));
         let (before, after) = sizes.ok_or_else(|| element.refused(input))?;
-        self.length = Field { offset: before, scalar: length };
-        self.item = Field { offset: before + length.bytes(), scalar: list.item };
+        self.length = PlyField { offset: before, scalar: length };
+        self.item = PlyField { offset: before + length.bytes(), scalar: list.item };
         Ok(self.item.offset + 3 * list.item.bytes() + after)
     }
 }
@@ -323,15 +330,15 @@ impl Element {
     }
 
     /// The first property like this, of an element without lists.
-    fn field(&self, is_it: impl Fn(&Property) -> bool) -> Option<Field> {
+    fn field(&self, is_it: impl Fn(&PlyProperty) -> bool) -> Option<PlyField> {
         let at = self.properties.iter().position(is_it)?;
         let offset = scalars(&self.properties[..at])?;
-        Some(Field { offset, scalar: self.properties[at].item })
+        Some(PlyField { offset, scalar: self.properties[at].item })
     }
 
     /// The properties that are channels, of an element without lists: red, green, blue and perhaps alpha where
     /// they are bytes, and bands.
-    fn channels(&self) -> Vec<(String, Field)> {
+    fn channels(&self) -> Vec<(String, PlyField)> {
         let field = |name: &str| self.field(|p| p.name == name).map(|at| (name.to_owned(), at));
         let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == Scalar::U8));
         let [red, green, blue, alpha] = bytes;
@@ -342,19 +349,19 @@ impl Element {
         colour.into_iter().flatten().chain(alpha).chain(bands).collect()
     }
 
-    fn refused(&self, input: &Input) -> Error {
+    fn refused(&self, input: &MeshFile) -> Error {
         let list = self.properties.iter().filter(|p| p.length.is_some());
         let names: Vec<&str> = list.map(|p| p.name.as_str()).collect();
         input.unsupported(format!("element \"{}\" has lists: {}", self.name, names.join(", ")))
     }
 }
 
-fn scalars(properties: &[Property]) -> Option<u64> {
+fn scalars(properties: &[PlyProperty]) -> Option<u64> {
     properties.iter().map(|p| p.length.is_none().then_some(p.item.bytes())).sum()
 }
 
 /// Where the records end, if they are all there.
-fn end(input: &Input, element: &Element, span: Span) -> Result<u64> {
+fn end(input: &MeshFile, element: &Element, span: PlyElementSpan) -> Result<u64> {
     let end = span.count.checked_mul(span.stride).and_then(|bytes| bytes.checked_add(span.offset));
     end.filter(|&end| end <= input.bytes()).ok_or_else(|| {
         let (count, bytes) = (element.count, input.bytes());

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::str::FromStr;
 
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, Result};
 
 /// Declares [`Promises`]: for each field its type, and the words that its line begins with.
@@ -49,7 +49,7 @@ promises! {
     /// The tolerance.
     max_error: MaxError = "max error";
     /// Where the tolerance holds; at samples where nothing is stated.
-    bound: Bound = "bound";
+    bound: ErrorBound = "bound";
     /// Vertices may lie above or below their samples.
     fitted: FittedHeights = "fitted";
     /// How vertices are connected, or the name of a method; Delaunay where nothing is stated.
@@ -165,7 +165,7 @@ macro_rules! words {
     )+};
 }
 
-words!(String, Bound);
+words!(String, ErrorBound);
 
 /// Numbers with commas between them: "3,1".
 impl<T: Display + FromStr> Statement for Vec<T> {
@@ -265,7 +265,7 @@ mod tests {
             crs: text("EPSG:32611 (WGS 84 / UTM zone 11N)"),
             source: text("a.tif and 3 more"),
             max_error: Some(MaxError { value: 1.5, unit }),
-            bound: Some(Bound::Surface),
+            bound: Some(ErrorBound::Surface),
             fitted: Some(FittedHeights),
             triangulation: text("data-dependent"),
             min_angle: Some(20.5),

@@ -30,7 +30,7 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
 /// The format of an existing file: by its first bytes, or else by its extension. `None` when it
 /// is no mesh.
 pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
-    let head = input::Input::open(path)?.head(SNIFF_BYTES)?;
+    let head = input::MeshFile::open(path)?.head(SNIFF_BYTES)?;
     Ok(FORMATS
         .iter()
         .find(|format| (format.sniff)(&head))

@@ -5,12 +5,12 @@ use std::fs::File;
 use std::path::Path;
 
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::{Channel, check_values};
+use crate::channels::{VertexChannel, check_values};
 use crate::promises::Promises;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, folder_for};
+use terrane_files::{AppendWriter, folder_for};
 
 /// What a sink is told before the first batch.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ pub struct MeshHeader {
     /// What the file's comments state.
     pub promises: Promises,
     /// What vertices have beside their positions.
-    pub channels: Vec<Channel>,
+    pub channels: Vec<VertexChannel>,
 }
 
 /// A run of a mesh. Vertex ids count from 0 in the order vertices are pushed; a triangle may refer
@@ -80,7 +80,7 @@ pub struct SinkOptions {
 
 /// Vertices and triangles pushed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Counts {
+pub(super) struct MeshCounts {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
 }
@@ -97,7 +97,7 @@ pub(super) trait Encoder: Send {
 
     /// The header of a file of `counts`; it has the same length on every call, because it is
     /// written first with counts of 0 and again at the end.
-    fn header(&self, counts: Counts) -> Vec<u8>;
+    fn header(&self, counts: MeshCounts) -> Vec<u8>;
 
     /// True when batches must come with corners.
     fn wants_corners(&self) -> bool {
@@ -105,12 +105,17 @@ pub(super) trait Encoder: Send {
     }
 
     /// What vertices have beside their positions.
-    fn channels(&self) -> &[Channel] {
+    fn channels(&self) -> &[VertexChannel] {
         &[]
     }
 
     /// Encodes a batch that was found sound.
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()>;
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()>;
 
     /// True for formats in which the whole is packed once more, by [`pack`](Self::pack).
     fn is_packed(&self) -> bool {
@@ -123,7 +128,7 @@ pub(super) trait Encoder: Send {
     }
 
     /// Appends to the body and to the tail what can be known only at the end.
-    fn complete(&mut self, _body: &mut Out, _tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, _body: &mut AppendWriter, _tail: &mut AppendWriter) -> Result<()> {
         Ok(())
     }
 }
@@ -133,10 +138,10 @@ pub(super) struct FileSink<E> {
     encoder: E,
     most: MeshCapacity,
     header_bytes: u64,
-    counts: Counts,
+    counts: MeshCounts,
     target: AtomicFile,
-    body: Out,
-    tail: Out,
+    body: AppendWriter,
+    tail: AppendWriter,
     /// True while a push is under way, and for good once one has failed.
     broken: bool,
 }
@@ -154,18 +159,22 @@ impl<E: Encoder + 'static> FileSink<E> {
     fn new(path: &Path, options: &SinkOptions, encoder: E) -> Result<Self> {
         let target = AtomicFile::create(path, options.overwrite)?;
         let folder = folder_for(path, options.temp_dir.as_deref());
-        let tail = Out::spool(folder)?;
-        let mut body = if encoder.is_packed() { Out::spool(folder)? } else { Out::of(&target, 0)? };
-        let header = encoder.header(Counts::default());
+        let tail = AppendWriter::spool(folder)?;
+        let mut body = if encoder.is_packed() {
+            AppendWriter::spool(folder)?
+        } else {
+            AppendWriter::of(&target, 0)?
+        };
+        let header = encoder.header(MeshCounts::default());
         body.write(&header)?;
         let header_bytes = header.len() as u64;
-        let (most, counts) = (encoder.most(), Counts::default());
+        let (most, counts) = (encoder.most(), MeshCounts::default());
         Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
     }
 
     /// The counts with `batch`, once it is found to fit and to make sense.
-    fn admit(&self, batch: &MeshBatch<'_>) -> Result<Counts> {
-        let counts = Counts {
+    fn admit(&self, batch: &MeshBatch<'_>) -> Result<MeshCounts> {
+        let counts = MeshCounts {
             vertices: self.counts.vertices + batch.vertices.len() as u64,
             triangles: self.counts.triangles + batch.triangles.len() as u64,
         };
@@ -259,11 +268,16 @@ mod tests {
             MeshCapacity { vertices, triangles, bytes, vertex_bytes: 10, triangle_bytes: 20 }
         }
 
-        fn header(&self, _counts: Counts) -> Vec<u8> {
+        fn header(&self, _counts: MeshCounts) -> Vec<u8> {
             vec![b'h'; 20]
         }
 
-        fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+        fn encode(
+            &mut self,
+            batch: MeshBatch<'_>,
+            body: &mut AppendWriter,
+            tail: &mut AppendWriter,
+        ) -> Result<()> {
             body.records(batch.vertices, |_| [b'v'; 10])?;
             tail.records(batch.triangles, |_| [b't'; 20])
         }

@@ -15,7 +15,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::sink::MeshHeader;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Slots of the table of recent edges, as a power of two: 768 KiB, to stay in cache.
 const RECENT_BITS: u32 = 14;
@@ -27,19 +27,19 @@ const MOST_RUNS: usize = 32;
 /// A directed edge of a triangle: the surface lies on its left.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Edge {
+pub(super) struct DirectedEdge {
     /// Ids of the vertices it leads from and to.
     pub(super) ids: [u64; 2],
     /// Positions of both.
     pub(super) ends: [[f32; 3]; 2],
 }
 
-const EDGE_BYTES: usize = size_of::<Edge>();
+const EDGE_BYTES: usize = size_of::<DirectedEdge>();
 
 /// Sorts both directions of an edge next to each other.
 type Key = (u64, u64, bool);
 
-impl Edge {
+impl DirectedEdge {
     fn key(&self) -> Key {
         let [from, to] = self.ids;
         (from.min(to), from.max(to), from > to)
@@ -52,13 +52,13 @@ impl Edge {
         ((low.wrapping_mul(MIX) ^ high).wrapping_mul(MIX) >> (64 - RECENT_BITS)) as usize
     }
 
-    fn is_opposite(&self, other: &Edge) -> bool {
+    fn is_opposite(&self, other: &DirectedEdge) -> bool {
         self.ids[0] == other.ids[1] && self.ids[1] == other.ids[0]
     }
 }
 
 /// The flat bottom of a solid.
-pub(super) struct Base {
+pub(super) struct SolidBase {
     /// As it was given.
     height: f64,
     /// Relative to the origin, as stored.
@@ -69,7 +69,7 @@ pub(super) struct Base {
     scale: f64,
 }
 
-impl Base {
+impl SolidBase {
     /// At `height`, which fails where it is known not to be below the surface.
     pub(super) fn new(height: f64, header: &MeshHeader) -> Result<Self> {
         let (origin, scale) = (header.origin[2], header.scale[2]);
@@ -104,15 +104,15 @@ pub(super) fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
 }
 
 /// Collects edges and hands out those without a counterpart.
-pub(super) struct Outline {
-    recent: Vec<Option<Edge>>,
-    edges: Vec<Edge>,
-    runs: Vec<Run>,
+pub(super) struct SolidOutline {
+    recent: Vec<Option<DirectedEdge>>,
+    edges: Vec<DirectedEdge>,
+    runs: Vec<SortedEdgeRun>,
     capacity: usize,
     folder: PathBuf,
 }
 
-impl Outline {
+impl SolidOutline {
     /// Runs go to anonymous files in `folder`.
     pub(super) fn new(folder: &Path) -> Self {
         Self::with_capacity(folder, BUFFER_EDGES)
@@ -127,13 +127,13 @@ impl Outline {
     /// Adds the edges of a triangle.
     pub(super) fn push(&mut self, ids: [u64; 3], corners: [[f32; 3]; 3]) -> Result<()> {
         for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            self.add(Edge { ids: [ids[a], ids[b]], ends: [corners[a], corners[b]] });
+            self.add(DirectedEdge { ids: [ids[a], ids[b]], ends: [corners[a], corners[b]] });
         }
         if self.edges.len() >= self.capacity { self.relieve() } else { Ok(()) }
     }
 
     /// Cancels the edge with its counterpart, or keeps it in place of an older one.
-    fn add(&mut self, edge: Edge) {
+    fn add(&mut self, edge: DirectedEdge) {
         let slot = &mut self.recent[edge.slot()];
         if slot.is_some_and(|other| other.is_opposite(&edge)) {
             *slot = None;
@@ -143,7 +143,10 @@ impl Outline {
     }
 
     /// Hands `each` every edge without a counterpart, sorted by ids whichever way they came.
-    pub(super) fn complete(mut self, mut each: impl FnMut(Edge) -> Result<()>) -> Result<()> {
+    pub(super) fn complete(
+        mut self,
+        mut each: impl FnMut(DirectedEdge) -> Result<()>,
+    ) -> Result<()> {
         self.edges.extend(self.recent.drain(..).flatten());
         cancel_in_place(&mut self.edges);
         if self.runs.is_empty() {
@@ -164,18 +167,18 @@ impl Outline {
         if self.runs.len() >= MOST_RUNS { self.merge_runs() } else { Ok(()) }
     }
 
-    fn spill(&mut self) -> Result<Run> {
-        let mut out = Out::spool(&self.folder)?;
+    fn spill(&mut self) -> Result<SortedEdgeRun> {
+        let mut out = AppendWriter::spool(&self.folder)?;
         out.lines(&self.edges, |edge, buffer| buffer.extend_from_slice(bytemuck::bytes_of(edge)))?;
         self.edges.clear();
-        Run::new(out, &self.folder)
+        SortedEdgeRun::new(out, &self.folder)
     }
 
     fn merge_runs(&mut self) -> Result<()> {
-        let mut out = Out::spool(&self.folder)?;
+        let mut out = AppendWriter::spool(&self.folder)?;
         let runs = std::mem::take(&mut self.runs);
         merge(runs, &mut |edge| out.write(bytemuck::bytes_of(&edge)))?;
-        self.runs.push(Run::new(out, &self.folder)?);
+        self.runs.push(SortedEdgeRun::new(out, &self.folder)?);
         Ok(())
     }
 }
@@ -183,11 +186,15 @@ impl Outline {
 /// Pairs edges off in order of their keys; what is left comes out sorted.
 #[derive(Default)]
 struct Pairing {
-    waiting: Vec<Edge>,
+    waiting: Vec<DirectedEdge>,
 }
 
 impl Pairing {
-    fn push(&mut self, edge: Edge, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+    fn push(
+        &mut self,
+        edge: DirectedEdge,
+        each: &mut impl FnMut(DirectedEdge) -> Result<()>,
+    ) -> Result<()> {
         match self.waiting.last() {
             Some(last) if last.is_opposite(&edge) => {
                 self.waiting.pop();
@@ -201,14 +208,14 @@ impl Pairing {
         Ok(())
     }
 
-    fn complete(&mut self, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+    fn complete(&mut self, each: &mut impl FnMut(DirectedEdge) -> Result<()>) -> Result<()> {
         self.waiting.drain(..).try_for_each(each)
     }
 }
 
 /// Sorts the edges and removes pairs of opposite ones.
-fn cancel_in_place(edges: &mut Vec<Edge>) {
-    edges.sort_unstable_by_key(Edge::key);
+fn cancel_in_place(edges: &mut Vec<DirectedEdge>) {
+    edges.sort_unstable_by_key(DirectedEdge::key);
     let mut kept = 0;
     for i in 0..edges.len() {
         let edge = edges[i];
@@ -223,21 +230,21 @@ fn cancel_in_place(edges: &mut Vec<Edge>) {
 }
 
 /// A sorted sequence of edges in a file of its own.
-struct Run {
+struct SortedEdgeRun {
     reader: BufReader<File>,
     left: u64,
     folder: PathBuf,
 }
 
-impl Run {
-    fn new(out: Out, folder: &Path) -> Result<Self> {
+impl SortedEdgeRun {
+    fn new(out: AppendWriter, folder: &Path) -> Result<Self> {
         let file = out.into_file()?;
         let left = file.metadata().map_err(|e| unreadable(folder, e))?.len() / EDGE_BYTES as u64;
         let reader = BufReader::with_capacity(64 << 10, file);
         Ok(Self { reader, left, folder: folder.to_path_buf() })
     }
 
-    fn next(&mut self) -> Result<Option<Edge>> {
+    fn next(&mut self) -> Result<Option<DirectedEdge>> {
         if self.left == 0 {
             return Ok(None);
         }
@@ -253,7 +260,10 @@ fn unreadable(folder: &Path, error: std::io::Error) -> Error {
 }
 
 /// Merges runs into `each`, pairs cancelling.
-fn merge(mut runs: Vec<Run>, each: &mut impl FnMut(Edge) -> Result<()>) -> Result<()> {
+fn merge(
+    mut runs: Vec<SortedEdgeRun>,
+    each: &mut impl FnMut(DirectedEdge) -> Result<()>,
+) -> Result<()> {
     let mut heads = Vec::with_capacity(runs.len());
     let mut queue = BinaryHeap::with_capacity(runs.len());
     for (i, run) in runs.iter_mut().enumerate() {
@@ -314,13 +324,13 @@ mod tests {
 
     fn outline(triangles: &[[u64; 3]], capacity: usize) -> Vec<[u64; 2]> {
         let folder = tempfile::tempdir().unwrap();
-        let mut outline = Outline::with_capacity(folder.path(), capacity);
+        let mut outline = SolidOutline::with_capacity(folder.path(), capacity);
         for &ids in triangles {
             outline.push(ids, ids.map(position)).unwrap();
             assert!(outline.edges.len() < capacity + 3 && outline.runs.len() < MOST_RUNS);
         }
         let mut found = Vec::new();
-        let keep = |edge: Edge| {
+        let keep = |edge: DirectedEdge| {
             assert_eq!(edge.ends, edge.ids.map(position));
             found.push(edge.ids);
             Ok(())

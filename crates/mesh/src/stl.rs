@@ -7,16 +7,16 @@ use std::path::Path;
 use crate::capacity::{self, MeshCapacity};
 use crate::channels::Carries;
 use crate::format::MeshFormat;
-use crate::input::{Input, check_position, check_range};
-use crate::local::{Local, is_scale, to_world};
+use crate::input::{MeshFile, check_position, check_range};
+use crate::local::{LocalCoordinates, is_scale, to_world};
 use crate::promises::Promises;
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
-use crate::solid::{Base, Edge, Outline, lowered};
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::solid::{DirectedEdge, SolidBase, SolidOutline, lowered};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
-use terrane_files::{Out, folder_for};
+use terrane_files::{AppendWriter, folder_for};
 
 /// The number of triangles is a u32.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX, u32::MAX as u64, u64::MAX], 0, 50);
@@ -58,11 +58,11 @@ const TRIANGLE_BYTES: usize = 50;
 type Corners = [[f32; 3]; 3];
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
-    let local = Local::new(header.origin, header.scale)?;
+    let local = LocalCoordinates::new(header.origin, header.scale)?;
     let title = title(header.origin, local.scale(), &header.promises)?;
     let folder = folder_for(path, options.temp_dir.as_deref());
-    let base = options.solid_base.map(|height| Base::new(height, header)).transpose()?;
-    let solid = base.map(|base| Solid { base, outline: Outline::new(folder) });
+    let base = options.solid_base.map(|height| SolidBase::new(height, header)).transpose()?;
+    let solid = base.map(|base| Solid { base, outline: SolidOutline::new(folder) });
     let encoder = StlEncoder { local, title, solid, written: 0 };
     FileSink::create(path, options, encoder)
 }
@@ -104,7 +104,7 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
 }
 
 struct StlEncoder {
-    local: Local,
+    local: LocalCoordinates,
     title: [u8; TITLE_BYTES],
     solid: Option<Solid>,
     /// Triangles written, those of the bottom included.
@@ -123,7 +123,7 @@ impl Encoder for StlEncoder {
         MeshCapacity { triangles: surface.triangles / copies, ..surface }
     }
 
-    fn header(&self, _counts: Counts) -> Vec<u8> {
+    fn header(&self, _counts: MeshCounts) -> Vec<u8> {
         let written = (self.written as u32).to_le_bytes();
         [self.title.as_slice(), written.as_slice()].concat()
     }
@@ -132,7 +132,12 @@ impl Encoder for StlEncoder {
         true
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, _tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        _tail: &mut AppendWriter,
+    ) -> Result<()> {
         let Self { local, .. } = self;
         let mut place = |corners: &[Point3; 3]| corners.each_ref().map(|p| local.place(p));
         match &mut self.solid {
@@ -150,7 +155,7 @@ impl Encoder for StlEncoder {
         self.local.check()
     }
 
-    fn complete(&mut self, body: &mut Out, _tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut AppendWriter, _tail: &mut AppendWriter) -> Result<()> {
         let Some(Solid { base, outline }) = self.solid.take() else { return Ok(()) };
         let base = base.stored();
         outline.complete(|edge| {
@@ -171,8 +176,8 @@ impl Encoder for StlEncoder {
 /// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
 /// that edge two; every loop of the outline has walls of its own, closed by themselves.
 struct Solid {
-    base: Base,
-    outline: Outline,
+    base: SolidBase,
+    outline: SolidOutline,
 }
 
 impl Solid {
@@ -189,7 +194,7 @@ fn beneath([a, b, c]: Corners, base: f32) -> Corners {
 }
 
 /// The wall under an edge of the outline, which has the surface on its left.
-fn wall(edge: &Edge, base: f32) -> [Corners; 2] {
+fn wall(edge: &DirectedEdge, base: f32) -> [Corners; 2] {
     let [a, b] = edge.ends;
     let [low_a, low_b] = edge.ends.map(|p| lowered(p, base));
     [[b, a, low_a], [b, low_a, low_b]]
@@ -218,13 +223,13 @@ fn normal([a, b, c]: &Corners) -> [f32; 3] {
 
 /// An open STL file. Every triangle has three vertices of its own.
 struct StlSource {
-    input: Input,
+    input: MeshFile,
     info: MeshInfo,
 }
 
 impl StlSource {
     fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         let head = input.head(HEADER_BYTES as usize)?;
         let (Some(title), Some(count)) =
             (head.first_chunk::<TITLE_BYTES>(), head.last_chunk::<4>())
@@ -283,7 +288,7 @@ fn statements(title: &str) -> Vec<(String, String)> {
 
 /// True where the second of our triangles is the first one at the bottom: see [`Solid`]. No surface seen
 /// from above goes on like that.
-fn is_solid(input: &Input, triangles: u64) -> Result<bool> {
+fn is_solid(input: &MeshFile, triangles: u64) -> Result<bool> {
     if triangles < 2 {
         return Ok(false);
     }
@@ -299,7 +304,7 @@ fn is_solid(input: &Input, triangles: u64) -> Result<bool> {
 }
 
 /// Why a file of the wrong length is not read.
-fn refusal(input: &Input, message: &str) -> Error {
+fn refusal(input: &MeshFile, message: &str) -> Error {
     match input.head(512) {
         Ok(head) if is_ascii(&head) => {
             input.unsupported("is an ASCII STL file").remedy("convert it to binary STL, PLY or OBJ")

@@ -3,21 +3,21 @@
 use std::io::BufReader;
 use std::path::Path;
 
-use crate::input::{Cursor, Input};
+use crate::input::{MeshFile, MeshFileCursor};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::xml::{self, Part, Tag};
+use terrane_files::xml::{self, XmlEvent, XmlStartTag};
 
 /// A document being read.
-pub(super) struct Xml<'a> {
-    inner: xml::Xml<BufReader<Cursor<'a>>>,
+pub(super) struct MeshXmlReader<'a> {
+    inner: xml::XmlReader<BufReader<MeshFileCursor<'a>>>,
     path: &'a Path,
 }
 
-impl<'a> Xml<'a> {
+impl<'a> MeshXmlReader<'a> {
     /// The document from `offset` on, where an element begins.
-    pub(super) fn new(input: &'a Input, offset: u64) -> Self {
-        Self { inner: xml::Xml::within(input.from(offset), offset), path: input.path() }
+    pub(super) fn new(input: &'a MeshFile, offset: u64) -> Self {
+        Self { inner: xml::XmlReader::within(input.from(offset), offset), path: input.path() }
     }
 
     /// Where the next part begins, in bytes.
@@ -26,7 +26,7 @@ impl<'a> Xml<'a> {
     }
 
     /// The next part.
-    pub(super) fn next(&mut self) -> Result<Part> {
+    pub(super) fn next(&mut self) -> Result<XmlEvent> {
         let at = self.offset();
         self.inner.next().map_err(|e| e.in_file(self.path).at(format!("byte {at}")))
     }
@@ -37,10 +37,10 @@ impl<'a> Xml<'a> {
         let mut open = 1;
         while open > 0 {
             match self.next()? {
-                Part::Start(_) => open += 1,
-                Part::Text(text) => all += &text,
-                Part::End => open -= 1,
-                Part::Over => return Err(self.bad("ends in the middle of an element")),
+                XmlEvent::Start(_) => open += 1,
+                XmlEvent::Text(text) => all += &text,
+                XmlEvent::End => open -= 1,
+                XmlEvent::Over => return Err(self.bad("ends in the middle of an element")),
             }
             limits::check("length of a text in XML", all.len() as u64, limits::MAX_HEADER_BYTES)
                 .map_err(|e| self.place(e))?;
@@ -74,7 +74,7 @@ impl<'a> Xml<'a> {
 }
 
 /// An attribute that is there, as a number of some kind.
-pub(super) fn number<T: std::str::FromStr>(tag: &Tag, name: &str) -> Result<T> {
+pub(super) fn number<T: std::str::FromStr>(tag: &XmlStartTag, name: &str) -> Result<T> {
     let text = tag
         .value(name)?
         .ok_or_else(|| Error::bad_input(format!("{} has no attribute {name}", tag.local_name())))?;

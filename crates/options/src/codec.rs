@@ -4,15 +4,15 @@ use std::marker::PhantomData;
 
 use serde_json::Value as Json;
 
-use crate::table::{Kind, Named, Shape};
+use crate::table::{ChoiceName, OptionArity, OptionKind};
 
 /// How values of a type are written, as texts and as JSON. All that a door is given becomes texts first, so that there is
 /// one way to read a value.
-pub trait Codec<T> {
+pub trait OptionCodec<T> {
     /// What values are.
-    const KIND: Kind;
+    const KIND: OptionKind;
     /// How many a field takes.
-    const SHAPE: Shape = Shape::One;
+    const SHAPE: OptionArity = OptionArity::One;
 
     /// A value from its text.
     ///
@@ -39,15 +39,15 @@ pub trait Codec<T> {
 
 /// The usual way to write flags, numbers, texts and choices.
 #[derive(Debug)]
-pub struct Plain;
+pub struct PlainCodec;
 
 /// An enum whose values have names.
 pub trait Choice: Copy + PartialEq + 'static {
     /// All values, with their names.
-    const ALL: &'static [(Self, Named)];
+    const ALL: &'static [(Self, ChoiceName)];
 
     /// All names.
-    fn names() -> Vec<Named> {
+    fn names() -> Vec<ChoiceName> {
         Self::ALL.iter().map(|(_, named)| *named).collect()
     }
 
@@ -71,8 +71,8 @@ pub trait Choice: Copy + PartialEq + 'static {
     }
 }
 
-impl Codec<bool> for Plain {
-    const KIND: Kind = Kind::Flag;
+impl OptionCodec<bool> for PlainCodec {
+    const KIND: OptionKind = OptionKind::Flag;
 
     fn parse(text: &str) -> Result<bool, String> {
         text.parse().map_err(|_| "expected true or false".to_owned())
@@ -85,8 +85,8 @@ impl Codec<bool> for Plain {
 
 macro_rules! whole {
     ($($type:ty)*) => {$(
-        impl Codec<$type> for Plain {
-            const KIND: Kind = Kind::Whole;
+        impl OptionCodec<$type> for PlainCodec {
+            const KIND: OptionKind = OptionKind::Whole;
 
             fn parse(text: &str) -> Result<$type, String> {
                 text.trim().parse().map_err(|_| {
@@ -112,8 +112,8 @@ macro_rules! whole {
 
 whole!(u8 u16 u32 u64 usize i32 i64);
 
-impl Codec<f64> for Plain {
-    const KIND: Kind = Kind::Number;
+impl OptionCodec<f64> for PlainCodec {
+    const KIND: OptionKind = OptionKind::Number;
 
     fn parse(text: &str) -> Result<f64, String> {
         text.trim().parse().map_err(|_| "expected a number".to_owned())
@@ -129,8 +129,8 @@ impl Codec<f64> for Plain {
     }
 }
 
-impl Codec<String> for Plain {
-    const KIND: Kind = Kind::Text;
+impl OptionCodec<String> for PlainCodec {
+    const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<String, String> {
         if text.is_empty() { Err("expected a text".to_owned()) } else { Ok(text.to_owned()) }
@@ -141,38 +141,38 @@ impl Codec<String> for Plain {
     }
 }
 
-impl<T, C: Codec<T>> Codec<Option<T>> for C {
-    const KIND: Kind = <C as Codec<T>>::KIND;
-    const SHAPE: Shape = Shape::Optional;
+impl<T, C: OptionCodec<T>> OptionCodec<Option<T>> for C {
+    const KIND: OptionKind = <C as OptionCodec<T>>::KIND;
+    const SHAPE: OptionArity = OptionArity::Optional;
 
     fn parse(text: &str) -> Result<Option<T>, String> {
-        <C as Codec<T>>::parse(text).map(Some)
+        <C as OptionCodec<T>>::parse(text).map(Some)
     }
 
     fn json(value: &Option<T>) -> Json {
-        value.as_ref().map_or(Json::Null, <C as Codec<T>>::json)
+        value.as_ref().map_or(Json::Null, <C as OptionCodec<T>>::json)
     }
 
     fn number(value: &Option<T>) -> Option<f64> {
-        value.as_ref().and_then(<C as Codec<T>>::number)
+        value.as_ref().and_then(<C as OptionCodec<T>>::number)
     }
 }
 
 /// Given again and again, each time one more.
-impl<T, C: Codec<T>> Codec<Vec<T>> for C {
-    const KIND: Kind = <C as Codec<T>>::KIND;
-    const SHAPE: Shape = Shape::Repeated;
+impl<T, C: OptionCodec<T>> OptionCodec<Vec<T>> for C {
+    const KIND: OptionKind = <C as OptionCodec<T>>::KIND;
+    const SHAPE: OptionArity = OptionArity::Repeated;
 
     fn parse(text: &str) -> Result<Vec<T>, String> {
-        <C as Codec<T>>::parse(text).map(|value| vec![value])
+        <C as OptionCodec<T>>::parse(text).map(|value| vec![value])
     }
 
     fn parse_all(texts: &[String]) -> Result<Vec<T>, String> {
-        texts.iter().map(|text| <C as Codec<T>>::parse(text)).collect()
+        texts.iter().map(|text| <C as OptionCodec<T>>::parse(text)).collect()
     }
 
     fn json(value: &Vec<T>) -> Json {
-        value.iter().map(<C as Codec<T>>::json).collect()
+        value.iter().map(<C as OptionCodec<T>>::json).collect()
     }
 }
 
@@ -196,16 +196,16 @@ pub trait SetValue {
 
 /// A value that is looked at by way of its codec.
 #[derive(Debug)]
-pub struct Seen<'a, T, C>(&'a T, PhantomData<C>);
+pub struct CodecValue<'a, T, C>(&'a T, PhantomData<C>);
 
-impl<'a, T, C> Seen<'a, T, C> {
+impl<'a, T, C> CodecValue<'a, T, C> {
     /// Of this value.
     pub fn new(value: &'a T) -> Self {
         Self(value, PhantomData)
     }
 }
 
-impl<T, C: Codec<T>> AnyValue for Seen<'_, T, C> {
+impl<T, C: OptionCodec<T>> AnyValue for CodecValue<'_, T, C> {
     fn json(&self) -> Json {
         C::json(self.0)
     }
@@ -226,7 +226,7 @@ impl<'a, T, C> Settable<'a, T, C> {
     }
 }
 
-impl<T, C: Codec<T>> SetValue for Settable<'_, T, C> {
+impl<T, C: OptionCodec<T>> SetValue for Settable<'_, T, C> {
     fn set(&mut self, texts: &[String]) -> Result<(), String> {
         *self.0 = C::parse_all(texts)?;
         Ok(())
@@ -236,7 +236,7 @@ impl<T, C: Codec<T>> SetValue for Settable<'_, T, C> {
 /// The value of a text as JSON, however it is written.
 ///
 /// # Errors
-/// Those of [`Codec::parse`].
-pub fn read_text<T, C: Codec<T>>(text: &str) -> Result<Json, String> {
+/// Those of [`OptionCodec::parse`].
+pub fn read_text<T, C: OptionCodec<T>>(text: &str) -> Result<Json, String> {
     C::parse(text).map(|value| C::json(&value))
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json};
 
-use crate::table::{Field, Kind, Shape, Table};
+use crate::table::{OptionArity, OptionField, OptionKind, OptionTable};
 use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 
@@ -32,7 +32,7 @@ pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
 ///
 /// # Errors
 /// Usage: texts that are no value of it.
-pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -> Result<()> {
+pub fn set_texts<O: Options>(options: &mut O, field: &OptionField, texts: &[String]) -> Result<()> {
     if let Some(number) = texts.last().and_then(|text| text.trim().parse::<f64>().ok()) {
         field.check_range(number).map_err(|expected| {
             Error::usage(format!("‹{}› is {number}: expected {expected}", field.name))
@@ -55,17 +55,19 @@ pub fn set_texts<O: Options>(options: &mut O, field: &Field, texts: &[String]) -
 ///
 /// # Errors
 /// Usage: a value of another kind than the option's.
-pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
+pub fn texts_of(field: &OptionField, value: &Json) -> Result<Vec<String>> {
     let several = match value {
         Json::Array(all) => match (field.shape, field.kind) {
-            (Shape::Repeated, _) => all.iter().map(|value| one_of_several(field, value)).collect(),
+            (OptionArity::Repeated, _) => {
+                all.iter().map(|value| one_of_several(field, value)).collect()
+            }
             (_, kind) if is_list(kind) => {
                 let texts: Option<Vec<_>> = all.iter().map(|value| text_of(field, value)).collect();
                 texts.map(|texts| vec![texts.join(",")])
             }
             _ => None,
         },
-        Json::Object(pairs) if field.shape == Shape::Repeated => {
+        Json::Object(pairs) if field.shape == OptionArity::Repeated => {
             pairs.iter().map(|(key, value)| pair_of(key, value)).collect()
         }
         _ => text_of(field, value).map(|text| vec![text]),
@@ -74,16 +76,16 @@ pub fn texts_of(field: &Field, value: &Json) -> Result<Vec<String>> {
 }
 
 /// True where a list is one value, with commas between its parts.
-fn is_list(kind: Kind) -> bool {
+fn is_list(kind: OptionKind) -> bool {
     match kind {
-        Kind::Numbers => true,
-        Kind::Shaped(of) => of.contains("Sequence"),
+        OptionKind::Numbers => true,
+        OptionKind::Shaped(of) => of.contains("Sequence"),
         _ => false,
     }
 }
 
 /// Of a list: a value, or a pair of a key and a value.
-fn one_of_several(field: &Field, value: &Json) -> Option<String> {
+fn one_of_several(field: &OptionField, value: &Json) -> Option<String> {
     match value.as_array().map(Vec::as_slice) {
         Some([Json::String(key), value]) => pair_of(key, value),
         _ => text_of(field, value),
@@ -102,25 +104,26 @@ fn pair_of(key: &str, value: &Json) -> Option<String> {
 }
 
 /// Of a value that is no list.
-fn text_of(field: &Field, value: &Json) -> Option<String> {
-    let is_number = matches!(field.kind, Kind::Whole | Kind::Number);
+fn text_of(field: &OptionField, value: &Json) -> Option<String> {
+    let is_number = matches!(field.kind, OptionKind::Whole | OptionKind::Number);
     match (value, field.kind) {
         // Numbers that are none are texts, as JSON has no other way to say it.
         (Json::String(text), _) if is_number => {
             (!text.trim().parse().is_ok_and(f64::is_finite)).then(|| text.clone())
         }
-        (Json::String(text), kind) if !matches!(kind, Kind::Flag) => Some(text.clone()),
+        (Json::String(text), kind) if !matches!(kind, OptionKind::Flag) => Some(text.clone()),
         (Json::Bool(true), _) if field.bare.is_some() => field.bare.map(str::to_owned),
-        (Json::Bool(flag), Kind::Flag) => Some(flag.to_string()),
-        (Json::Number(number), Kind::Whole) => Some(match number.as_f64() {
+        (Json::Bool(flag), OptionKind::Flag) => Some(flag.to_string()),
+        (Json::Number(number), OptionKind::Whole) => Some(match number.as_f64() {
             Some(value) if number.is_f64() && value.fract() == 0.0 && value.abs() < 1e15 => {
                 format!("{value:.0}")
             }
             _ => number.to_string(),
         }),
-        (Json::Number(number), Kind::Number | Kind::Numbers | Kind::Shaped(_)) => {
-            Some(number.to_string())
-        }
+        (
+            Json::Number(number),
+            OptionKind::Number | OptionKind::Numbers | OptionKind::Shaped(_),
+        ) => Some(number.to_string()),
         _ => None,
     }
 }
@@ -128,14 +131,14 @@ fn text_of(field: &Field, value: &Json) -> Option<String> {
 /// Letters of a value that are told.
 const MOST_TOLD: usize = 60;
 
-fn wrong(field: &Field, value: &Json) -> Error {
+fn wrong(field: &OptionField, value: &Json) -> Error {
     let expected = match field.kind {
-        Kind::Flag => "true or false",
-        Kind::Whole => "a whole number",
-        Kind::Number => "a number",
-        Kind::Numbers => "numbers",
-        Kind::Shaped(_) => "a number or a text",
-        Kind::Text | Kind::Path | Kind::Choice(_) => "a text",
+        OptionKind::Flag => "true or false",
+        OptionKind::Whole => "a whole number",
+        OptionKind::Number => "a number",
+        OptionKind::Numbers => "numbers",
+        OptionKind::Shaped(_) => "a number or a text",
+        OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "a text",
     };
     let text = value.to_string();
     let told: String = text.chars().take(MOST_TOLD).collect();
@@ -180,7 +183,7 @@ pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
 }
 
 /// The error of a name that is none, with the nearest one that is.
-fn unknown(table: &'static Table, name: &str) -> Error {
+fn unknown(table: &'static OptionTable, name: &str) -> Error {
     let wanted = name.replace('-', "_");
     let names = table
         .fields()

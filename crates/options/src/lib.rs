@@ -1,7 +1,7 @@
 //! What an option is, said once: name, meaning, default, range, and what it goes with. Each door (the command line, Rust,
 //! Python, the manifest of a plan) reads that from one table.
 //!
-//! A struct of options derives [`Options`]. The derive holds no logic: it makes a constant [`Table`] of the fields and a
+//! A struct of options derives [`Options`]. The derive holds no logic: it makes a constant [`OptionTable`] of the fields and a
 //! visitor of their values, and all else here is ordinary code over these two.
 //!
 //! ```
@@ -44,11 +44,11 @@
 //! | `bare = "auto"` | the value where the option is named without one |
 //! | `range = Range::POSITIVE` | least and largest value |
 //! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
-//! | `with = PathName` | the [`Codec`] of the value, where it is not [`Plain`] |
+//! | `with = PathName` | the [`OptionCodec`] of the value, where it is not [`PlainCodec`] |
 //! | `stands_for = "max_error"` | an option of another struct in whose place it is: who gives that one is told of this |
 //! | `heading = "Output"` | the section of help; `#[options(heading = ..)]` is for all fields of a struct |
 //! | `off = ".."` | of a flag that is on: what turning it off does |
-//! | `role = Reads` | what the value is to the engine, see [`Role`] |
+//! | `role = Reads` | what the value is to the engine, see [`OptionRole`] |
 //! | `positional` | a name before that of the output on the command line, and an argument without a keyword in Python |
 //! | `flatten` | a group: the fields of that struct are as if they were of this one |
 
@@ -62,10 +62,15 @@ mod rules;
 mod table;
 mod visit;
 
-pub use codec::{AnyValue, Choice, Codec, Plain, Seen, SetValue, Settable, read_text};
+pub use codec::{
+    AnyValue, Choice, CodecValue, OptionCodec, PlainCodec, SetValue, Settable, read_text,
+};
 pub use fill::{changed, fill, noted, set_texts, settled, texts_of, to_map};
 pub use rules::{assert_rules, check, check_given, check_planned};
 pub use serde_json::Value as Json;
-pub use table::{Entry, Field, Kind, Named, Range, Role, Rule, Shape, Table};
+pub use table::{
+    ChoiceName, OptionArity, OptionEntry, OptionField, OptionKind, OptionRange, OptionRole,
+    OptionRule, OptionTable,
+};
 pub use terrane_derive::{Choice, Options};
 pub use visit::{Options, Visit, VisitMut};

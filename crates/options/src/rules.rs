@@ -4,7 +4,7 @@ use serde_json::{Map, Value as Json};
 
 use crate::codec::AnyValue;
 use crate::fill::{texts_of, to_map};
-use crate::table::{Field, Kind, Role, Rule, Table};
+use crate::table::{OptionField, OptionKind, OptionRole, OptionRule, OptionTable};
 use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 
@@ -12,12 +12,12 @@ use terrane_base::error::{Error, Result};
 ///
 /// # Panics
 /// There, and only when compiled.
-pub const fn assert_rules(table: &Table) {
+pub const fn assert_rules(table: &OptionTable) {
     let (rules, mut i) = (table.rules, 0);
     while i < rules.len() {
         let (first, others) = match &rules[i] {
-            Rule::OneOf(names, _) => (names[0], *names),
-            Rule::NotWith(name, others) | Rule::Needs(name, others) => (*name, *others),
+            OptionRule::OneOf(names, _) => (names[0], *names),
+            OptionRule::NotWith(name, others) | OptionRule::Needs(name, others) => (*name, *others),
         };
         assert!(table.has(name_of(first)), "a rule names no option");
         let mut k = 0;
@@ -77,12 +77,12 @@ fn check_as<O: Options>(options: &O, given: &[&str], is_plan: bool) -> Result<()
     });
     found?;
     let (table, now, defaults) = (O::TABLE, to_map(options), to_map(&O::default()));
-    let given = Given { table, now, defaults, given, is_plan };
+    let given = GivenOptions { table, now, defaults, given, is_plan };
     table.rules().into_iter().try_for_each(|rule| given.check(rule))
 }
 
 /// Fails where a value is out of its range, or none that its text could be: setters take any.
-fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
+fn check_value(field: &OptionField, value: &dyn AnyValue) -> Result<()> {
     let (name, json) = (field.name, value.json());
     if let Some(number) = value.number() {
         field.check_range(number).map_err(|expected| {
@@ -99,15 +99,15 @@ fn check_value(field: &Field, value: &dyn AnyValue) -> Result<()> {
     })
 }
 
-struct Given<'a> {
-    table: &'static Table,
+struct GivenOptions<'a> {
+    table: &'static OptionTable,
     now: Map<String, Json>,
     defaults: Map<String, Json>,
     given: &'a [&'a str],
     is_plan: bool,
 }
 
-impl Given<'_> {
+impl GivenOptions<'_> {
     /// Whether a term is so.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
@@ -130,19 +130,20 @@ impl Given<'_> {
     /// Whether an option was given that is no flag: one of these is as it would be without.
     fn is_given(&self, name: &str) -> bool {
         let kind = self.table.find(name).map(|field| field.kind);
-        self.given.contains(&name) && !matches!(kind, None | Some(Kind::Flag))
+        self.given.contains(&name) && !matches!(kind, None | Some(OptionKind::Flag))
     }
 
     /// Those of the options that there are.
     fn had<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
-        let is_of_runs = |name| self.table.find(name).is_some_and(|own| own.role == Role::Run);
+        let is_of_runs =
+            |name| self.table.find(name).is_some_and(|own| own.role == OptionRole::Run);
         names.iter().copied().filter(|name| !(self.is_plan && is_of_runs(name))).collect()
     }
 
     /// Options to add; of a single one that is a choice, with what there is to choose.
     fn offered(&self, names: &[&str]) -> String {
         match (names, names.first().and_then(|name| self.table.find(name)).map(|own| own.kind)) {
-            ([_], Some(Kind::Choice(choices))) => {
+            ([_], Some(OptionKind::Choice(choices))) => {
                 let choices: Vec<&str> = choices().iter().map(|own| own.name).collect();
                 format!("{} ({})", self.listed(names), choices.join(", "))
             }
@@ -174,9 +175,9 @@ impl Given<'_> {
         Error::usage(format!("{term} cannot be used with {other}")).remedy("leave one of them out")
     }
 
-    fn check(&self, rule: &Rule) -> Result<()> {
+    fn check(&self, rule: &OptionRule) -> Result<()> {
         match *rule {
-            Rule::OneOf(names, what) => {
+            OptionRule::OneOf(names, what) => {
                 let given: Vec<&str> = names.iter().copied().filter(|name| self.is(name)).collect();
                 match given.as_slice() {
                     [] => Err(Error::usage(format!("no {what} given"))
@@ -185,11 +186,11 @@ impl Given<'_> {
                     [first, second, ..] => Err(self.together(first, second)),
                 }
             }
-            Rule::NotWith(name, others) => match others.iter().find(|other| self.is(other)) {
+            OptionRule::NotWith(name, others) => match others.iter().find(|other| self.is(other)) {
                 Some(other) if self.is(name) => Err(self.together(name, other)),
                 _ => Ok(()),
             },
-            Rule::Needs(name, others) => {
+            OptionRule::Needs(name, others) => {
                 match !self.is(name) || others.iter().any(|o| self.is(o)) {
                     true => Ok(()),
                     false => {

@@ -4,7 +4,7 @@ use serde_json::Value as Json;
 
 /// A named value of a choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Named {
+pub struct ChoiceName {
     /// Its name, in lower case with dashes.
     pub name: &'static str,
     /// What it means, in a line.
@@ -13,7 +13,7 @@ pub struct Named {
 
 /// What values of a field are.
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
+pub enum OptionKind {
     /// On or off.
     Flag,
     /// A whole number.
@@ -25,7 +25,7 @@ pub enum Kind {
     /// The name of a file or folder.
     Path,
     /// One of some names.
-    Choice(fn() -> Vec<Named>),
+    Choice(fn() -> Vec<ChoiceName>),
     /// Numbers with commas between them; a list of numbers in Python.
     Numbers,
     /// A text of a form of its own, such as `KEY=VAL`; the type of values in Python.
@@ -34,7 +34,7 @@ pub enum Kind {
 
 /// How many values a field takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum OptionArity {
     /// One, which has a default.
     One,
     /// One or none.
@@ -45,7 +45,7 @@ pub enum Shape {
 
 /// What a field is to the engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum OptionRole {
     /// The result depends on its value.
     Result,
     /// The name of a file that is read, on which the result depends.
@@ -58,7 +58,7 @@ pub enum Role {
 
 /// The least and the largest value, both allowed unless they are bounds alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub struct OptionRange {
     /// The least one; a value has to be above it where it is `open`.
     pub least: f64,
     /// The largest one.
@@ -67,7 +67,7 @@ pub struct Range {
     pub open: bool,
 }
 
-impl Range {
+impl OptionRange {
     /// Numbers above zero.
     pub const POSITIVE: Self = Self { least: 0.0, most: f64::MAX, open: true };
     /// Zero, and numbers above it.
@@ -102,7 +102,7 @@ impl Range {
 
 /// All that is said of an option.
 #[derive(Debug)]
-pub struct Field {
+pub struct OptionField {
     /// Its name: that of the field unless told otherwise.
     pub name: &'static str,
     /// Other names of it.
@@ -126,18 +126,18 @@ pub struct Field {
     /// The value of an option that is named without one.
     pub bare: Option<&'static str>,
     /// The values of numbers.
-    pub range: Option<Range>,
+    pub range: Option<OptionRange>,
     /// What it is to the engine.
-    pub role: Role,
+    pub role: OptionRole,
     /// What its values are.
-    pub kind: Kind,
+    pub kind: OptionKind,
     /// How many it takes.
-    pub shape: Shape,
+    pub shape: OptionArity,
     /// The value of a text as JSON, or what was expected instead.
     pub read: fn(&str) -> Result<Json, String>,
 }
 
-impl Field {
+impl OptionField {
     /// Whether a value asks for anything: null does not, nor does `false` where the name alone is enough.
     pub fn is_given(&self, value: &Json) -> bool {
         !(value.is_null() || self.bare.is_some() && value == false)
@@ -145,8 +145,9 @@ impl Field {
 
     /// The value that it has where it has none, if its default in words is one. Any words are a text or a path.
     pub(crate) fn usual(&self) -> Option<Json> {
-        let is_value = !matches!(self.kind, Kind::Text | Kind::Path);
-        let words = self.default_text.filter(|_| is_value && self.shape == Shape::Optional)?;
+        let is_value = !matches!(self.kind, OptionKind::Text | OptionKind::Path);
+        let words =
+            self.default_text.filter(|_| is_value && self.shape == OptionArity::Optional)?;
         (self.read)(words).ok()
     }
 
@@ -167,16 +168,16 @@ impl Field {
     /// What was expected, in words.
     pub fn check_text(&self, text: &str) -> Result<(), String> {
         (self.read)(text).map(drop).map_err(|expected| match (self.range, self.kind) {
-            (Some(range), Kind::Whole | Kind::Number) => {
+            (Some(range), OptionKind::Whole | OptionKind::Number) => {
                 format!("expected {}", self.expected(&range))
             }
             _ => expected,
         })
     }
 
-    fn expected(&self, range: &Range) -> String {
+    fn expected(&self, range: &OptionRange) -> String {
         match self.kind {
-            Kind::Whole => range.text().replacen("a number", "a whole number", 1),
+            OptionKind::Whole => range.text().replacen("a number", "a whole number", 1),
             _ => range.text(),
         }
     }
@@ -184,17 +185,17 @@ impl Field {
 
 /// A field, or the fields of a group.
 #[derive(Debug)]
-pub enum Entry {
+pub enum OptionEntry {
     /// A field.
-    Field(Field),
+    Field(OptionField),
     /// All fields of another table.
-    Group(&'static Table),
+    Group(&'static OptionTable),
 }
 
 /// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
 /// values is one, or `name!=value`, which is another.
 #[derive(Clone, Copy, Debug)]
-pub enum Rule {
+pub enum OptionRule {
     /// Exactly one of these, which say what the second field names.
     OneOf(&'static [&'static str], &'static str),
     /// The first one cannot be used with any of the others.
@@ -205,45 +206,46 @@ pub enum Rule {
 
 /// The fields of a struct.
 #[derive(Debug)]
-pub struct Table {
+pub struct OptionTable {
     /// What the struct is for.
     pub about: &'static str,
     /// Its fields, in their order.
-    pub entries: &'static [Entry],
+    pub entries: &'static [OptionEntry],
     /// What of them goes with what.
-    pub rules: &'static [Rule],
+    pub rules: &'static [OptionRule],
 }
 
-impl Table {
+impl OptionTable {
     /// All fields, those of groups among them.
-    pub fn fields(&'static self) -> Vec<&'static Field> {
+    pub fn fields(&'static self) -> Vec<&'static OptionField> {
         let mut fields = Vec::new();
         self.collect(&mut fields);
         fields
     }
 
     /// All rules, those of groups among them.
-    pub fn rules(&'static self) -> Vec<&'static Rule> {
+    pub fn rules(&'static self) -> Vec<&'static OptionRule> {
         let groups = self.entries.iter().filter_map(|entry| match entry {
-            Entry::Field(_) => None,
-            Entry::Group(table) => Some(table.rules()),
+            OptionEntry::Field(_) => None,
+            OptionEntry::Group(table) => Some(table.rules()),
         });
         self.rules.iter().chain(groups.flatten()).collect()
     }
 
-    fn collect(&'static self, fields: &mut Vec<&'static Field>) {
+    fn collect(&'static self, fields: &mut Vec<&'static OptionField>) {
         for entry in self.entries {
             match entry {
-                Entry::Field(field) => fields.push(field),
-                Entry::Group(table) => table.collect(fields),
+                OptionEntry::Field(field) => fields.push(field),
+                OptionEntry::Group(table) => table.collect(fields),
             }
         }
     }
 
     /// The field of this name or alias; dashes count as underscores.
-    pub fn find(&'static self, name: &str) -> Option<&'static Field> {
+    pub fn find(&'static self, name: &str) -> Option<&'static OptionField> {
         let name = name.replace('-', "_");
-        let is_it = |field: &&Field| field.name == name || field.aliases.contains(&name.as_str());
+        let is_it =
+            |field: &&OptionField| field.name == name || field.aliases.contains(&name.as_str());
         self.fields().into_iter().find(is_it)
     }
 
@@ -252,8 +254,8 @@ impl Table {
         let mut i = 0;
         while i < self.entries.len() {
             let found = match &self.entries[i] {
-                Entry::Field(field) => is_same(field.name, name),
-                Entry::Group(table) => table.has(name),
+                OptionEntry::Field(field) => is_same(field.name, name),
+                OptionEntry::Group(table) => table.has(name),
             };
             if found {
                 return true;

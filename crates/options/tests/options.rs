@@ -2,8 +2,8 @@
 
 use serde_json::{Value, json};
 use terrane_options::{
-    Choice, Codec, Kind, Options, Plain, Range, Rule, Shape, changed, check, check_given, fill,
-    noted, settled, to_map,
+    Choice, OptionArity, OptionCodec, OptionKind, OptionRange, OptionRule, Options, PlainCodec,
+    changed, check, check_given, fill, noted, settled, to_map,
 };
 
 /// How the ground is looked at
@@ -21,15 +21,15 @@ enum Light {
 #[options(heading = "Resources")]
 struct Machine {
     /// Worker threads
-    #[option(value = "N", default = 2, default_text = "all cores", range = Range::new(1.0, 64.0), role = Run)]
+    #[option(value = "N", default = 2, default_text = "all cores", range = OptionRange::new(1.0, 64.0), role = Run)]
     threads: u16,
 }
 
 /// `KEY=VALUE`, again and again.
 struct Pairs;
 
-impl Codec<String> for Pairs {
-    const KIND: Kind = Kind::Text;
+impl OptionCodec<String> for Pairs {
+    const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<String, String> {
         if text.contains('=') { Ok(text.to_owned()) } else { Err("expected KEY=VALUE".to_owned()) }
@@ -50,7 +50,7 @@ struct Shade {
     #[option(value = "DEG", default_text = "315")]
     azimuth: Option<f64>,
     /// How high it stands
-    #[option(default = 45.0, range = Range::new(1.0, 90.0), alias = "height")]
+    #[option(default = 45.0, range = OptionRange::new(1.0, 90.0), alias = "height")]
     altitude: f64,
     /// The light
     light: Light,
@@ -64,10 +64,10 @@ struct Shade {
     machine: Machine,
 }
 
-const RULES: &[Rule] = &[
-    Rule::NotWith("azimuth", &["light=all-sides"]),
-    Rule::NotWith("altitude", &["light=all-sides"]),
-    Rule::Needs("drop=false", &["azimuth", "co"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("azimuth", &["light=all-sides"]),
+    OptionRule::NotWith("altitude", &["light=all-sides"]),
+    OptionRule::Needs("drop=false", &["azimuth", "co"]),
 ];
 
 fn filled(given: &Value) -> terrane_base::Result<Shade> {
@@ -160,7 +160,7 @@ fn tables_say_all_that_is_said_of_fields() {
     assert_eq!(field("azimuth").about, "Degrees clockwise from north, see `Light`");
     assert_eq!(
         (field("azimuth").shape, field("azimuth").default_text),
-        (Shape::Optional, Some("315"))
+        (OptionArity::Optional, Some("315"))
     );
     assert_eq!((field("height").name, field("threads").heading), ("altitude", "Resources"));
     assert_eq!((field("co").short, field("drop").off), (Some('c'), Some("Keep what is redundant")));
@@ -168,7 +168,7 @@ fn tables_say_all_that_is_said_of_fields() {
         (field("altitude").read)("x").is_err()
             && (field("altitude").read)("-1e3") == Ok(json!(-1e3))
     );
-    let Kind::Choice(names) = field("light").kind else { panic!("no choice") };
+    let OptionKind::Choice(names) = field("light").kind else { panic!("no choice") };
     assert_eq!(names()[1].about, "From all sides");
-    assert_eq!(<Plain as Codec<f64>>::json(&f64::NAN), json!("NaN"));
+    assert_eq!(<PlainCodec as OptionCodec<f64>>::json(&f64::NAN), json!("NaN"));
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use bytemuck::Pod;
 
-use super::sample::{Height, ToHeight};
-use super::window::Window;
+use super::sample::{HeightSample, ToHeight};
+use super::window::SampleWindow;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
@@ -33,30 +33,30 @@ array_samples! { i8, I8; u8, U8; i16, I16; u16, U16; i32, I32; u32, U32; f32, F3
 #[derive(Clone, Debug)]
 pub struct ArrayGrid<'a> {
     info: GridInfo,
-    samples: Samples<'a>,
+    samples: SampleStorage<'a>,
 }
 
 /// Where samples are, as bytes.
 #[derive(Clone)]
-enum Samples<'a> {
+enum SampleStorage<'a> {
     Borrowed(&'a [u8]),
-    Shared(Arc<dyn Bytes + Send + Sync>),
+    Shared(Arc<dyn SampleBuffer + Send + Sync>),
 }
 
-trait Bytes {
+trait SampleBuffer {
     fn bytes(&self) -> &[u8];
 }
 
 /// Something that holds samples of one type.
 struct Holder<T, S>(T, PhantomData<fn() -> S>);
 
-impl<T: AsRef<[S]>, S: ArraySample> Bytes for Holder<T, S> {
+impl<T: AsRef<[S]>, S: ArraySample> SampleBuffer for Holder<T, S> {
     fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(self.0.as_ref())
     }
 }
 
-impl Samples<'_> {
+impl SampleStorage<'_> {
     fn bytes(&self) -> &[u8] {
         match self {
             Self::Borrowed(bytes) => bytes,
@@ -65,7 +65,7 @@ impl Samples<'_> {
     }
 }
 
-impl fmt::Debug for Samples<'_> {
+impl fmt::Debug for SampleStorage<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} bytes", self.bytes().len())
     }
@@ -79,7 +79,7 @@ impl<'a> ArrayGrid<'a> {
     /// Usage: another number of samples, none, or a side of more than [`limits::MAX_SIDE`].
     pub fn new<S: ArraySample>(samples: &'a [S], width: u32, height: u32) -> Result<Self> {
         let info = Self::plain::<S>(samples.len(), width, height)?;
-        Ok(Self { info, samples: Samples::Borrowed(bytemuck::cast_slice(samples)) })
+        Ok(Self { info, samples: SampleStorage::Borrowed(bytemuck::cast_slice(samples)) })
     }
 
     fn plain<S: ArraySample>(count: usize, width: u32, height: u32) -> Result<GridInfo> {
@@ -104,8 +104,8 @@ impl<'a> ArrayGrid<'a> {
         self
     }
 
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        let mut window = Window::new(&self.info, rect, out)?;
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         let (to_height, size) = (ToHeight::of(&self.info), self.info.sample_type.bytes());
         let all = self.samples.bytes();
         for row in 0..rect.height {
@@ -128,7 +128,7 @@ impl ArrayGrid<'static> {
         height: u32,
     ) -> Result<Self> {
         let info = Self::plain::<S>(samples.as_ref().len(), width, height)?;
-        let samples = Samples::Shared(Arc::new(Holder(samples, PhantomData)));
+        let samples = SampleStorage::Shared(Arc::new(Holder(samples, PhantomData)));
         Ok(Self { info, samples })
     }
 }

@@ -14,14 +14,14 @@ pub(crate) type Block = Arc<Vec<u8>>;
 #[derive(Debug)]
 pub(crate) struct BlockCache {
     most: usize,
-    state: Mutex<State>,
+    state: Mutex<BlockCacheState>,
     /// Signalled whenever a block is ready or has failed.
     changed: Condvar,
 }
 
 #[derive(Debug, Default)]
-struct State {
-    slots: HashMap<u64, Slot>,
+struct BlockCacheState {
+    slots: HashMap<u64, BlockCacheSlot>,
     /// Stamp of last use to key; the first entry is the next to go.
     order: BTreeMap<u64, u64>,
     clock: u64,
@@ -29,7 +29,7 @@ struct State {
 }
 
 #[derive(Debug)]
-enum Slot {
+enum BlockCacheSlot {
     /// Some thread is at it.
     Decoding,
     Ready {
@@ -50,7 +50,7 @@ impl BlockCache {
             return Ok(block);
         }
         // Dropped on failure and on panic alike, so that waiting threads try for themselves.
-        let claim = Claim { cache: self, key };
+        let claim = BlockDecodeClaim { cache: self, key };
         let block = Arc::new(decode()?);
         claim.fulfil(&block);
         Ok(block)
@@ -66,12 +66,12 @@ impl BlockCache {
         let mut state = lock(&self.state);
         loop {
             match state.slots.get(&key) {
-                Some(Slot::Ready { .. }) => return state.touch(key),
-                Some(Slot::Decoding) => {
+                Some(BlockCacheSlot::Ready { .. }) => return state.touch(key),
+                Some(BlockCacheSlot::Decoding) => {
                     state = wait(&self.changed, state);
                 }
                 None => {
-                    state.slots.insert(key, Slot::Decoding);
+                    state.slots.insert(key, BlockCacheSlot::Decoding);
                     return None;
                 }
             }
@@ -79,9 +79,11 @@ impl BlockCache {
     }
 }
 
-impl State {
+impl BlockCacheState {
     fn touch(&mut self, key: u64) -> Option<Block> {
-        let Some(Slot::Ready { block, stamp }) = self.slots.get_mut(&key) else { return None };
+        let Some(BlockCacheSlot::Ready { block, stamp }) = self.slots.get_mut(&key) else {
+            return None;
+        };
         self.clock += 1;
         self.order.remove(stamp);
         self.order.insert(self.clock, key);
@@ -102,11 +104,11 @@ impl State {
         self.clock += 1;
         self.bytes += bytes;
         self.order.insert(self.clock, key);
-        self.slots.insert(key, Slot::Ready { block, stamp: self.clock });
+        self.slots.insert(key, BlockCacheSlot::Ready { block, stamp: self.clock });
     }
 
     fn remove_ready(&mut self, key: u64) {
-        if let Some(Slot::Ready { block, stamp }) = self.slots.get(&key) {
+        if let Some(BlockCacheSlot::Ready { block, stamp }) = self.slots.get(&key) {
             self.bytes -= block.len();
             self.order.remove(stamp);
             self.slots.remove(&key);
@@ -115,12 +117,12 @@ impl State {
 }
 
 /// The right and duty of one thread to decode one block.
-struct Claim<'a> {
+struct BlockDecodeClaim<'a> {
     cache: &'a BlockCache,
     key: u64,
 }
 
-impl Claim<'_> {
+impl BlockDecodeClaim<'_> {
     fn fulfil(self, block: &Block) {
         let mut state = lock(&self.cache.state);
         state.slots.remove(&self.key);
@@ -128,10 +130,10 @@ impl Claim<'_> {
     }
 }
 
-impl Drop for Claim<'_> {
+impl Drop for BlockDecodeClaim<'_> {
     fn drop(&mut self) {
         let mut state = lock(&self.cache.state);
-        if let Some(Slot::Decoding) = state.slots.get(&self.key) {
+        if let Some(BlockCacheSlot::Decoding) = state.slots.get(&self.key) {
             state.slots.remove(&self.key);
         }
         drop(state);

@@ -4,10 +4,10 @@
 
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::spool::Spool;
-use crate::strided::{Layout, Strided};
+use crate::spool::SampleSpool;
+use crate::strided::{Strided, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
@@ -35,24 +35,24 @@ const VOID: i16 = -32767;
 /// No height is lower; such a value was written in two's complement, against the standard.
 const LOWEST: i16 = -16000;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let grid = read(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
-    let header = Header::read(&file)?;
-    let spool = Columns { file: &file, header: &header }
-        .spool(Spool::new(path, options.temp_dir.as_deref())?)?;
+    let header = DtedHeader::read(&file)?;
+    let spool = DtedColumns { file: &file, header: &header }
+        .spool(SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let info = header.info(options);
-    let layout = Layout::columns(header.height, SampleType::I16.bytes());
+    let layout = StridedLayout::columns(header.height, SampleType::I16.bytes());
     Strided::new(spool, info, layout)
 }
 
 /// What the header records say.
-struct Header {
+struct DtedHeader {
     width: u32,
     height: u32,
     transform: Affine,
@@ -66,14 +66,14 @@ struct Header {
     data: u64,
 }
 
-impl Header {
+impl DtedHeader {
     fn read(file: &RawFile) -> Result<Self> {
         let start = label_start(file)?;
         let label = file.read_vec(start, LABEL_BYTES)?;
         let dsi = file.read_vec(start + LABEL_BYTES, DSI_BYTES)?;
         let data = start + LABEL_BYTES + DSI_BYTES + ACC_BYTES;
-        let label = Text(&label);
-        let dsi = Text(&dsi);
+        let label = DtedText(&label);
+        let dsi = DtedText(&dsi);
         if dsi.at(0, 3) != "DSI" {
             return Err(Error::bad_input("there is no data set identification after the label"));
         }
@@ -92,7 +92,7 @@ impl Header {
         })
     }
 
-    fn info(&self, options: &OpenOptions) -> GridInfo {
+    fn info(&self, options: &GridOpenOptions) -> GridInfo {
         let crs = Crs {
             epsg: self.datum.0,
             citation: Some(self.datum.1.clone()),
@@ -133,9 +133,9 @@ fn label_start(file: &RawFile) -> Result<u64> {
 }
 
 /// Fields of fixed width.
-struct Text<'a>(&'a [u8]);
+struct DtedText<'a>(&'a [u8]);
 
-impl Text<'_> {
+impl DtedText<'_> {
     /// The field of `bytes` bytes at `offset`; empty when it is not there or not ASCII.
     fn at(&self, offset: usize, bytes: usize) -> &str {
         let field = self.0.get(offset..offset + bytes).unwrap_or_default();
@@ -169,7 +169,7 @@ impl Text<'_> {
     }
 }
 
-fn transform(label: &Text<'_>, width: u32, height: u32) -> Result<Affine> {
+fn transform(label: &DtedText<'_>, width: u32, height: u32) -> Result<Affine> {
     let bad = |what: &str| Error::bad_input(format!("its {what} is not readable"));
     let west = label.degrees(4).ok_or_else(|| bad("origin's longitude"))?;
     let south = label.degrees(12).ok_or_else(|| bad("origin's latitude"))?;
@@ -190,14 +190,14 @@ fn datum(name: &str) -> (Option<u32>, String) {
 }
 
 /// The records of the columns.
-struct Columns<'a> {
+struct DtedColumns<'a> {
     file: &'a RawFile,
-    header: &'a Header,
+    header: &'a DtedHeader,
 }
 
-impl Columns<'_> {
+impl DtedColumns<'_> {
     /// Verifies and decodes all columns, missing ones as voids, into columns from north to south.
-    fn spool(&self, mut spool: Spool) -> Result<RawFile> {
+    fn spool(&self, mut spool: SampleSpool) -> Result<RawFile> {
         let count = self.count()?;
         let bytes = self.record_bytes();
         let column_bytes = u64::from(self.header.height) * 2;
@@ -305,7 +305,7 @@ mod tests {
 
     #[test]
     fn corners_in_degrees() {
-        let label = Text(b"0063000W 123N");
+        let label = DtedText(b"0063000W 123N");
         assert_eq!(label.degrees(0), Some(-6.5));
         assert_eq!(label.degrees(5), None);
         assert_eq!(label.degrees(900), None);

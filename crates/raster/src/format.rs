@@ -7,12 +7,12 @@ use crate::clip::Clip;
 use crate::grid::GridSource;
 use crate::water::Water;
 use terrane_base::error::{Error, Result};
-use terrane_base::registry::Named;
-use terrane_files::format::Format;
+use terrane_base::registry::RegistryEntry;
+use terrane_files::format::FileFormat;
 
 /// How to open a grid.
 #[derive(Clone, Debug)]
-pub struct OpenOptions {
+pub struct GridOpenOptions {
     /// Band to read, from 1.
     pub band: u32,
     /// Replaces the file's nodata value.
@@ -35,7 +35,7 @@ pub struct OpenOptions {
     pub colours: bool,
 }
 
-impl Default for OpenOptions {
+impl Default for GridOpenOptions {
     /// The first band, on all cores.
     fn default() -> Self {
         let threads = terrane_files::cores();
@@ -64,10 +64,10 @@ pub struct RasterFormat {
     /// True when the first bytes (up to 64) of a file are this format's.
     pub sniff: fn(&[u8]) -> bool,
     /// Opens a file of this format.
-    pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn GridSource>>,
+    pub open: fn(&Path, &GridOpenOptions) -> Result<Box<dyn GridSource>>,
 }
 
-impl Named for RasterFormat {
+impl RegistryEntry for RasterFormat {
     const KIND: &'static str = "raster format";
 
     fn name(&self) -> &'static str {
@@ -75,7 +75,7 @@ impl Named for RasterFormat {
     }
 }
 
-impl Format for RasterFormat {
+impl FileFormat for RasterFormat {
     fn extensions(&self) -> &'static [&'static str] {
         self.extensions
     }

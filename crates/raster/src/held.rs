@@ -1,15 +1,15 @@
 //! Grids in memory by name, in place of a file.
 
 use super::array::ArrayGrid;
-use crate::format::{OpenOptions, only_band};
+use crate::format::{GridOpenOptions, only_band};
 use crate::grid::GridSource;
 use terrane_base::error::Result;
-use terrane_files::{Held, Register};
+use terrane_files::{HeldResource, Register};
 
 static GRIDS: Register<ArrayGrid<'static>> = Register::new();
 
 /// A grid in memory that has a name; it is given up with this.
-pub struct HeldGrid(Held<ArrayGrid<'static>>);
+pub struct HeldGrid(HeldResource<ArrayGrid<'static>>);
 
 impl HeldGrid {
     /// Gives `grid` a name, by which [`open`](super::open) opens it.
@@ -24,7 +24,7 @@ impl HeldGrid {
 }
 
 /// Opens what is held as `name`.
-pub(crate) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open(name: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     only_band(options.band)?;
     let grid = (*GRIDS.get(name)?).clone();
     Ok(Box::new(match options.nodata {
@@ -42,7 +42,7 @@ mod tests {
     fn a_held_grid_is_opened_by_its_name() {
         let samples: Vec<i16> = (0..6).collect();
         let held = HeldGrid::new(ArrayGrid::shared(samples, 3, 2).unwrap());
-        let options = OpenOptions { nodata: Some(4.0), ..OpenOptions::default() };
+        let options = GridOpenOptions { nodata: Some(4.0), ..GridOpenOptions::default() };
         let grid = crate::open_all(&[held.name().to_owned()], &options).unwrap();
         let name = held.name().to_owned();
         drop(held);
@@ -50,7 +50,7 @@ mod tests {
         grid.read_f64(Rect::new(0, 1, 3, 1), &mut row).unwrap();
         assert!(row[0] == 3.0 && row[1].is_nan() && row[2] == 5.0, "{row:?}");
         assert!(crate::open(&name, &options).is_err(), "given up");
-        let second = OpenOptions { band: 2, ..OpenOptions::default() };
+        let second = GridOpenOptions { band: 2, ..GridOpenOptions::default() };
         let held = HeldGrid::new(ArrayGrid::shared(vec![0_f32; 4], 2, 2).unwrap());
         assert!(crate::open(held.name(), &second).is_err());
     }

@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::sample::{Height, ToHeight};
-use crate::window::Window;
+use crate::sample::{HeightSample, ToHeight};
+use crate::window::SampleWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_files::{RawFile, RowRun};
@@ -35,20 +35,20 @@ const VOID: f64 = -32768.0;
 const SAMPLE_BYTES: u64 = 2;
 const WGS84: u32 = 4326;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    let tile = Tile::open(path, options).map_err(|e| e.in_file(path))?;
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    let tile = HgtTile::open(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(tile))
 }
 
 /// An open tile.
-struct Tile {
+struct HgtTile {
     file: RawFile,
     info: GridInfo,
     to_height: ToHeight,
 }
 
-impl Tile {
-    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+impl HgtTile {
+    fn open(path: &Path, options: &GridOpenOptions) -> Result<Self> {
         only_band(options.band)?;
         let file = RawFile::open(path)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -56,9 +56,9 @@ impl Tile {
         Ok(Self { to_height: ToHeight::of(&info), file, info })
     }
 
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window =
-            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
+            SampleWindow::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
         let pitch = u64::from(self.info.width) * SAMPLE_BYTES;
         let run = RowRun {
             offset: u64::from(rect.row) * pitch + u64::from(rect.col) * SAMPLE_BYTES,
@@ -75,11 +75,11 @@ impl Tile {
     }
 }
 
-impl GridSource for Tile {
+impl GridSource for HgtTile {
     reads_alike!();
 }
 
-fn describe(bytes: u64, name: &str, options: &OpenOptions) -> Result<GridInfo> {
+fn describe(bytes: u64, name: &str, options: &GridOpenOptions) -> Result<GridInfo> {
     let (width, height) = shape(bytes)?;
     let transform = corner(name).map(|[lon, lat]| {
         let (a, e) = (1.0 / f64::from(width - 1), -1.0 / f64::from(height - 1));

@@ -43,16 +43,16 @@ mod xml;
 mod xyz;
 
 pub use array::{ArrayGrid, ArraySample};
-pub use clip::{Areas, Clip, ClipRings};
-pub use format::{OpenOptions, RasterFormat};
+pub use clip::{Clip, ClipRings, PolygonEdgeIndex};
+pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
 pub use held::HeldGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
-pub use notes::{NOTE_KINDS, Note, cautions, no_terrain, notes, notes_on_heights, terrain};
+pub use notes::{GridNote, NOTE_KINDS, cautions, no_terrain, notes, notes_on_heights, terrain};
 pub use registry::{FORMATS, file_name, has_header, open};
 use terrane_base::error::Result;
-pub use upright::Upright;
+pub use upright::NorthUpGrid;
 pub use water::{Water, WaterFeatures, WaterReport};
 
 /// Opens `inputs` as one grid: a file or terrain as [`open`] does, and else all files that they stand
@@ -61,16 +61,16 @@ pub use water::{Water, WaterFeatures, WaterReport};
 /// # Errors
 /// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to
 /// clip to that are in another reference system, hold no sample, or take all of the cache; a box without a cell.
-pub fn open_all(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
-    let open = |options: &OpenOptions| match inputs {
+pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
+    let open = |options: &GridOpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),
         _ => mosaic::open(inputs, options),
     };
-    let open = |options: &OpenOptions| match &options.water {
+    let open = |options: &GridOpenOptions| match &options.water {
         Some(water) => water::levelled(water, options, open),
         None => open(options),
     };
-    let open = |options: &OpenOptions| match &options.clip {
+    let open = |options: &GridOpenOptions| match &options.clip {
         Some(clip) => clip::clipped(clip, options, open),
         None => open(options),
     };

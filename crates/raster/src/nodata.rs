@@ -32,10 +32,10 @@ pub fn undeclared_nodata(samples: u64, stored: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{OpenOptions, open};
+    use crate::{GridOpenOptions, open};
 
     fn info() -> GridInfo {
-        open("synth:rough,size=9", &OpenOptions::default()).unwrap().info().clone()
+        open("synth:rough,size=9", &GridOpenOptions::default()).unwrap().info().clone()
     }
 
     #[test]

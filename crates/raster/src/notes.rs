@@ -4,11 +4,11 @@ use serde::Serialize;
 
 use crate::grid::{GridInfo, SampleType};
 use crate::nodata::undeclared_nodata;
-use terrane_base::geom::{Crs, Heights};
+use terrane_base::geom::{Crs, VerticalReference};
 
 /// Something to know about a grid.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Note {
+pub struct GridNote {
     /// What it is about, in words that stay the same: one of [`NOTE_KINDS`].
     pub kind: &'static str,
     /// One line for people.
@@ -67,9 +67,9 @@ pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
 };
 
 /// Notes on what a file says of itself; no sample is read.
-pub fn notes(info: &GridInfo) -> Vec<Note> {
+pub fn notes(info: &GridInfo) -> Vec<GridNote> {
     let answers = CHECKS.iter().map(|(kind, check)| (*kind, check(info)));
-    answers.filter_map(|(kind, text)| Some(Note { kind, text: text? })).collect()
+    answers.filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
 /// The notes on samples whose heights others see otherwise, for reports of what is made of them.
@@ -86,11 +86,11 @@ pub fn notes_on_heights(
     (samples, valid): (u64, u64),
     range: Option<[f64; 2]>,
     suspects: Option<(f64, u64)>,
-) -> Vec<Note> {
+) -> Vec<GridNote> {
     let undeclared = suspects.map(|(stored, count)| undeclared_nodata(count, stored));
     let odd = range.filter(|_| suspects.is_none()).and_then(|range| no_terrain(info, range));
     let answers = [(UNDECLARED, undeclared), (VOIDS, voids(samples, valid)), (NO_TERRAIN, odd)];
-    answers.into_iter().filter_map(|(kind, text)| Some(Note { kind, text: text? })).collect()
+    answers.into_iter().filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
 /// Heights of terrain on Earth in metres, with some room: from the deepest trench to the highest summit.
@@ -108,7 +108,9 @@ pub fn terrain(info: &GridInfo) -> [f64; 2] {
     };
     match info.crs.heights() {
         _ if is_elsewhere => ALL,
-        Heights::Above { is_down: true, .. } => [-TERRAIN[1], -TERRAIN[0]].map(|z| z / metres),
+        VerticalReference::Above { is_down: true, .. } => {
+            [-TERRAIN[1], -TERRAIN[0]].map(|z| z / metres)
+        }
         _ => TERRAIN.map(|z| z / metres),
     }
 }
@@ -171,13 +173,13 @@ fn vertical_unit_unknown(info: &GridInfo) -> Option<String> {
 }
 
 /// Width and height of a cell, and how far its sides are from those of the axes, at most 1.
-struct Cell {
+struct CellShape {
     width: f64,
     height: f64,
     turn: f64,
 }
 
-impl Cell {
+impl CellShape {
     fn of(info: &GridInfo) -> Self {
         let map = &info.transform;
         let (width, height) = (map.a.hypot(map.d), map.b.hypot(map.e));
@@ -191,7 +193,7 @@ impl Cell {
 }
 
 fn cells_not_square(info: &GridInfo) -> Option<String> {
-    let Cell { width, height, .. } = Cell::of(info);
+    let CellShape { width, height, .. } = CellShape::of(info);
     let ratio = width / height;
     let unit = info.crs.horizontal_unit();
     // Cell sizes are often rounded to six digits or so.
@@ -202,19 +204,19 @@ fn cells_not_square(info: &GridInfo) -> Option<String> {
 fn rotated(info: &GridInfo) -> Option<String> {
     let map = &info.transform;
     let [row, column] = [map.d.atan2(map.a), map.e.atan2(map.b)].map(f64::to_degrees);
-    Cell::of(info)
+    CellShape::of(info)
         .is_turned()
         .then(|| format!("rows run at {row:.4} degrees from the x axis and columns at {column:.4}"))
 }
 
 fn south_up(info: &GridInfo) -> Option<String> {
     let text = "the first row is the southernmost";
-    (info.transform.e > 0.0 && !Cell::of(info).is_turned()).then(|| text.to_owned())
+    (info.transform.e > 0.0 && !CellShape::of(info).is_turned()).then(|| text.to_owned())
 }
 
 fn mirrored(info: &GridInfo) -> Option<String> {
     let text = "columns run from east to west";
-    (info.transform.a < 0.0 && !Cell::of(info).is_turned()).then(|| text.to_owned())
+    (info.transform.a < 0.0 && !CellShape::of(info).is_turned()).then(|| text.to_owned())
 }
 
 fn points(info: &GridInfo) -> Option<String> {

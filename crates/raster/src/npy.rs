@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::strided::{Layout, Strided, check_exact};
+use crate::strided::{Strided, StridedLayout, check_exact};
 use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -24,18 +24,18 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 /// Most bytes of a header; those of plain arrays take 118.
 const MOST_HEADER: u64 = 64 << 10;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let grid = read(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let (start, bytes) = header_range(&file)?;
     limits::check("bytes of the header", bytes, MOST_HEADER)?;
     let header = file.read_vec(start, bytes)?;
-    let header = Header::read(&String::from_utf8_lossy(&header))?;
+    let header = NpyHeader::read(&String::from_utf8_lossy(&header))?;
     let map = world::beside(path, &["npyw", "wld"])?;
     let order = if header.by_column { "by column" } else { "by row" };
     let info = GridInfo {
@@ -51,10 +51,10 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
     };
     let size = header.sample_type.bytes();
     let layout = match header.by_column {
-        true => Layout::columns(header.height, size),
-        false => Layout::rows(header.width, size),
+        true => StridedLayout::columns(header.height, size),
+        false => StridedLayout::rows(header.width, size),
     };
-    let layout = Layout { offset: start + bytes, big_endian: header.big_endian, ..layout };
+    let layout = StridedLayout { offset: start + bytes, big_endian: header.big_endian, ..layout };
     let end = layout.end(header.width, header.height, size);
     check_exact(&file, end.as_ref().map(std::slice::from_ref))?;
     Strided::new(file, info, layout)
@@ -78,7 +78,7 @@ fn header_range(file: &RawFile) -> Result<(u64, u64)> {
 
 /// What the text says.
 #[derive(Debug, PartialEq)]
-struct Header {
+struct NpyHeader {
     descr: String,
     sample_type: SampleType,
     big_endian: bool,
@@ -87,7 +87,7 @@ struct Header {
     height: u32,
 }
 
-impl Header {
+impl NpyHeader {
     /// Reads `{'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }`.
     fn read(text: &str) -> Result<Self> {
         let descr = after_key(text, "descr")?;

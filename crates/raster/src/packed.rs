@@ -10,7 +10,7 @@ use flate2::bufread::MultiGzDecoder;
 use zip::ZipArchive;
 
 use crate::beside;
-use crate::format::{OpenOptions, RasterFormat};
+use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource};
 use crate::mosaic::vrt;
 use crate::registry::{FORMATS, open_path};
@@ -18,7 +18,7 @@ use crate::spool::cannot_unpack;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
-use terrane_files::format::Format;
+use terrane_files::format::FileFormat;
 use terrane_files::{self as file, RawFile};
 
 /// Registry entry of gzip.
@@ -51,7 +51,7 @@ fn open(
     path: &Path,
     packing: &'static str,
     unpack: Unpack,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
 ) -> Result<Box<dyn GridSource>> {
     let file = RawFile::open(path)?;
     let folder = options.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
@@ -70,11 +70,15 @@ fn open(
     let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
     let mut info = grid.info().clone();
     info.details.push(("packed".to_owned(), packing.to_owned()));
-    Ok(Box::new(Unpacked { grid, info, path: path.to_path_buf() }))
+    Ok(Box::new(UnpackedGrid { grid, info, path: path.to_path_buf() }))
 }
 
 /// Opens `inner`, under the name of the packed file `outer` where only that tells its place.
-fn open_placed(inner: &Path, outer: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open_placed(
+    inner: &Path,
+    outer: &Path,
+    options: &GridOpenOptions,
+) -> Result<Box<dyn GridSource>> {
     let grid = open_path(inner, options)?;
     let name = Path::new(outer.file_stem().unwrap_or_default());
     let renamed = inner.with_file_name(name);
@@ -87,13 +91,13 @@ fn open_placed(inner: &Path, outer: &Path, options: &OpenOptions) -> Result<Box<
 }
 
 /// A grid that came out of a packed file, whose name its errors bear.
-struct Unpacked {
+struct UnpackedGrid {
     grid: Box<dyn GridSource>,
     info: GridInfo,
     path: PathBuf,
 }
 
-impl GridSource for Unpacked {
+impl GridSource for UnpackedGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }
@@ -183,7 +187,7 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     Ok(target)
 }
 
-type Archive<'a> = ZipArchive<BufReader<file::Reader<'a>>>;
+type Archive<'a> = ZipArchive<BufReader<file::RawFileReader<'a>>>;
 
 /// Unpacks the file `name` as `target`; it must be as long as it is said to be.
 fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {

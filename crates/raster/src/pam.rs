@@ -6,11 +6,11 @@
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use crate::format::{OpenOptions, RasterFormat};
+use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource, unit_and_text};
-use crate::sample::Height;
-use crate::window::Window;
-use crate::xml::{self, Node, Tag, Xml};
+use crate::sample::HeightSample;
+use crate::window::SampleWindow;
+use crate::xml::{self, RasterXmlElement, RasterXmlReader, RasterXmlTag};
 use crate::{asc, beside, dted, geotiff, hgt, png, raw, usgs, xyz};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, wkt};
@@ -32,7 +32,7 @@ enum Believe {
 }
 
 /// Whom to believe in what. Scale and offset are always the sidecar's.
-struct Rules {
+struct PamPrecedence {
     place: Believe,
     crs: Believe,
     nodata: Believe,
@@ -40,31 +40,34 @@ struct Rules {
 }
 
 /// Formats beside which a sidecar is read.
-const RULES: &[(&str, Rules)] = {
+const RULES: &[(&str, PamPrecedence)] = {
     use Believe::{File, FileFirst, Sidecar};
     &[
         (
             geotiff::FORMAT.name,
-            Rules { place: Sidecar, crs: Sidecar, nodata: Sidecar, unit: Sidecar },
+            PamPrecedence { place: Sidecar, crs: Sidecar, nodata: Sidecar, unit: Sidecar },
         ),
-        (hgt::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: File }),
-        (asc::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: Sidecar }),
+        (hgt::FORMAT.name, PamPrecedence { place: File, crs: File, nodata: File, unit: File }),
+        (asc::FORMAT.name, PamPrecedence { place: File, crs: File, nodata: File, unit: Sidecar }),
         (
             raw::FORMAT.name,
-            Rules { place: FileFirst, crs: FileFirst, nodata: Sidecar, unit: Sidecar },
+            PamPrecedence { place: FileFirst, crs: FileFirst, nodata: Sidecar, unit: Sidecar },
         ),
         (
             png::FORMAT.name,
-            Rules { place: FileFirst, crs: Sidecar, nodata: FileFirst, unit: Sidecar },
+            PamPrecedence { place: FileFirst, crs: Sidecar, nodata: FileFirst, unit: Sidecar },
         ),
-        (dted::FORMAT.name, Rules { place: File, crs: Sidecar, nodata: File, unit: File }),
-        (usgs::FORMAT.name, Rules { place: File, crs: File, nodata: File, unit: File }),
-        (xyz::FORMAT.name, Rules { place: File, crs: Sidecar, nodata: Sidecar, unit: Sidecar }),
+        (dted::FORMAT.name, PamPrecedence { place: File, crs: Sidecar, nodata: File, unit: File }),
+        (usgs::FORMAT.name, PamPrecedence { place: File, crs: File, nodata: File, unit: File }),
+        (
+            xyz::FORMAT.name,
+            PamPrecedence { place: File, crs: Sidecar, nodata: Sidecar, unit: Sidecar },
+        ),
     ]
 };
 
 /// GDAL gives ENVI grids without a place the identity, and so never looks further.
-const ENVI: Rules = Rules {
+const ENVI: PamPrecedence = PamPrecedence {
     place: Believe::File,
     crs: Believe::File,
     nodata: Believe::Sidecar,
@@ -80,7 +83,7 @@ impl Believe {
 
 /// What a sidecar says of a grid and one band of it.
 #[derive(Debug, Default, PartialEq)]
-struct Said {
+struct PamMetadata {
     transform: Option<Affine>,
     crs: Option<Crs>,
     is_point: bool,
@@ -97,15 +100,15 @@ struct Said {
 pub(super) fn open(
     path: &Path,
     format: &RasterFormat,
-    options: &OpenOptions,
-    open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
+    options: &GridOpenOptions,
+    open: impl Fn(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
     let sidecar = beside::pam(path);
     let rules = RULES.iter().find(|(name, _)| *name == format.name).map(|(_, rules)| rules);
     let Some(rules) = rules.filter(|_| sidecar.is_file()) else { return open(options) };
     let said = read(&sidecar, options.band).map_err(|e| e.in_file(&sidecar))?;
     let with = |nodata: Option<f64>| {
-        open(&OpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
+        open(&GridOpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
     };
     let mut grid = with(rules.nodata.pick(said.nodata, false))?;
     // Heights packed into colours are no stored values that a sidecar of the picture speaks of.
@@ -114,7 +117,7 @@ pub(super) fn open(
     if grid.info().nodata.is_none() && missed.is_some() {
         grid = with(missed)?;
     }
-    let said = if is_packed { Said { scale: None, offset: None, ..said } } else { said };
+    let said = if is_packed { PamMetadata { scale: None, offset: None, ..said } } else { said };
     let info = said.amend(rules, grid.info(), &sidecar).map_err(|e| e.in_file(&sidecar))?;
     Ok(Box::new(Amended { grid, info }))
 }
@@ -122,7 +125,7 @@ pub(super) fn open(
 /// Fails when a sidecar of an earlier file at `path` would change what is read of a new one there.
 pub(super) fn refuse_old(path: &Path) -> Result<()> {
     let sidecar = beside::pam(path);
-    if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == Said::default()) {
+    if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == PamMetadata::default()) {
         return Ok(());
     }
     let message = "belongs to an earlier file and would be read with the new one";
@@ -135,17 +138,17 @@ fn is_plain(info: &GridInfo) -> bool {
     (info.scale, info.offset) == (1.0, 0.0)
 }
 
-fn read(sidecar: &Path, band: u32) -> Result<Said> {
+fn read(sidecar: &Path, band: u32) -> Result<PamMetadata> {
     let file = RawFile::open(sidecar)?;
     limits::check("bytes of an .aux.xml file", file.size(), limits::MAX_VRT_BYTES)?;
-    let mut xml = Xml::new(BufReader::with_capacity(1 << 16, file.reader()));
-    let said = Said::read(&mut xml, band);
+    let mut xml = RasterXmlReader::new(BufReader::with_capacity(1 << 16, file.reader()));
+    let said = PamMetadata::read(&mut xml, band);
     said.map_err(|e| e.at(xml.place()).remedy("mend it, or move it away"))
 }
 
-impl Said {
+impl PamMetadata {
     /// What the sidecar says of band `band` (from 1); nothing if it is about something else.
-    fn read<R: std::io::BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Self> {
+    fn read<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>, band: u32) -> Result<Self> {
         let mut said = Self::default();
         if !xml.root()?.is("PAMDataset") {
             xml.skip()?;
@@ -165,7 +168,7 @@ impl Said {
         xml.finish().map(|()| said)
     }
 
-    fn read_band<R: std::io::BufRead>(&mut self, xml: &mut Xml<R>) -> Result<()> {
+    fn read_band<R: std::io::BufRead>(&mut self, xml: &mut RasterXmlReader<R>) -> Result<()> {
         while let Some(tag) = xml.child()? {
             match tag.name.to_ascii_lowercase().as_str() {
                 "nodatavalue" => self.nodata = nodata(&xml.node(tag)?)?,
@@ -182,7 +185,7 @@ impl Said {
     }
 
     /// What the grid that says `own` of itself is with the sidecar.
-    fn amend(self, rules: &Rules, own: &GridInfo, sidecar: &Path) -> Result<GridInfo> {
+    fn amend(self, rules: &PamPrecedence, own: &GridInfo, sidecar: &Path) -> Result<GridInfo> {
         let mut info = own.clone();
         let is_envi = own.details.iter().any(|(name, kind)| name == "header" && kind == "ENVI");
         let rules = if is_envi { &ENVI } else { rules };
@@ -215,11 +218,11 @@ impl Said {
     }
 }
 
-fn is_band(tag: &Tag, band: u32) -> bool {
+fn is_band(tag: &RasterXmlTag, band: u32) -> bool {
     tag.attribute("band").and_then(|number| number.trim().parse().ok()) == Some(band)
 }
 
-fn place(node: &Node) -> Result<Affine> {
+fn place(node: &RasterXmlElement) -> Result<Affine> {
     let map = Affine::from_gdal(xml::geotransform(&node.text)?);
     match map.is_valid() {
         true => Ok(map),
@@ -227,7 +230,7 @@ fn place(node: &Node) -> Result<Affine> {
     }
 }
 
-fn says_point<R: std::io::BufRead>(xml: &mut Xml<R>) -> Result<bool> {
+fn says_point<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>) -> Result<bool> {
     let mut found = false;
     while let Some(tag) = xml.child()? {
         let item = xml.node(tag)?;
@@ -237,7 +240,7 @@ fn says_point<R: std::io::BufRead>(xml: &mut Xml<R>) -> Result<bool> {
 }
 
 /// The value, by its bits where they are given; `None` where there is no text.
-fn nodata(node: &Node) -> Result<Option<f64>> {
+fn nodata(node: &RasterXmlElement) -> Result<Option<f64>> {
     let bits = node.tag.attribute("le_hex_endian").filter(|hex| hex.len() == 16);
     let bits = bits.and_then(|hex| u64::from_str_radix(hex, 16).ok());
     match bits {
@@ -254,8 +257,8 @@ struct Amended {
 }
 
 impl Amended {
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        let mut window = Window::new(&self.info, rect, out)?;
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         let GridInfo { scale, offset, .. } = self.info;
         let rows = (SCRATCH_SAMPLES / rect.width.max(1)).max(1);
         for row in (rect.row..rect.end_row()).step_by(rows as usize) {
@@ -306,8 +309,8 @@ impl GridSource for Amended {
 mod tests {
     use super::*;
 
-    fn said(text: &str, band: u32) -> Result<Said> {
-        Said::read(&mut Xml::new(text.as_bytes()), band)
+    fn said(text: &str, band: u32) -> Result<PamMetadata> {
+        PamMetadata::read(&mut RasterXmlReader::new(text.as_bytes()), band)
     }
 
     #[test]
@@ -337,8 +340,8 @@ mod tests {
                 1,
             )
         };
-        assert_eq!(said("<Other><PAMRasterBand/></Other>", 1).unwrap(), Said::default());
-        assert_eq!(band("<NoDataValue/><Metadata/>").unwrap(), Said::default());
+        assert_eq!(said("<Other><PAMRasterBand/></Other>", 1).unwrap(), PamMetadata::default());
+        assert_eq!(band("<NoDataValue/><Metadata/>").unwrap(), PamMetadata::default());
         assert!(band("<NoDataValue>nan</NoDataValue>").unwrap().nodata.unwrap().is_nan());
         for bad in
             ["<NoDataValue>none</NoDataValue>", "<Scale>0</Scale>", "<Offset>inf</Offset>", "<"]

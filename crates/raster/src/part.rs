@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::format::OpenOptions;
+use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource};
-use crate::sample::Height;
-use crate::window::{Sample, Window};
+use crate::sample::HeightSample;
+use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -13,7 +13,7 @@ use terrane_base::geom::Rect;
 const HAIR: f64 = 1e-6;
 
 /// A part of a grid.
-struct Part {
+struct WindowedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     /// In the whole grid.
@@ -28,29 +28,29 @@ struct Part {
 /// Those of `open`; a box without a cell.
 pub(crate) fn part(
     bbox: [f64; 4],
-    options: &OpenOptions,
-    open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
+    options: &GridOpenOptions,
+    open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
-    let inner = open(&OpenOptions { bbox: None, ..options.clone() })?;
+    let inner = open(&GridOpenOptions { bbox: None, ..options.clone() })?;
     let info = inner.info();
     let window = window(info, bbox)?;
     let transform = info.transform.shifted(f64::from(window.col), f64::from(window.row));
     let info = GridInfo { width: window.width, height: window.height, transform, ..info.clone() };
-    Ok(Box::new(Part { info, inner, window }))
+    Ok(Box::new(WindowedGrid { info, inner, window }))
 }
 
-impl Part {
+impl WindowedGrid {
     fn whole(&self, rect: Rect) -> Rect {
         Rect { col: rect.col + self.window.col, row: rect.row + self.window.row, ..rect }
     }
 
-    fn read<H: Sample + Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        Window::new(&self.info, rect, out)?;
+    fn read<H: GridHeight + HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        SampleWindow::new(&self.info, rect, out)?;
         H::read(&*self.inner, self.whole(rect), out)
     }
 }
 
-impl GridSource for Part {
+impl GridSource for WindowedGrid {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
@@ -129,12 +129,13 @@ mod tests {
 
     #[test]
     fn a_part_is_a_grid_of_its_own() {
-        let whole =
-            |options: &OpenOptions| crate::open_all(&["synth:rough,size=200".to_owned()], options);
-        let grid = whole(&OpenOptions::default()).unwrap();
+        let whole = |options: &GridOpenOptions| {
+            crate::open_all(&["synth:rough,size=200".to_owned()], options)
+        };
+        let grid = whole(&GridOpenOptions::default()).unwrap();
         let [x, y] = grid.info().transform.apply(40.0, 60.0);
         let bbox = Some([x - 4.0, y - 96.0, x + 196.0, y + 3.0]);
-        let part = whole(&OpenOptions { bbox, ..OpenOptions::default() }).unwrap();
+        let part = whole(&GridOpenOptions { bbox, ..GridOpenOptions::default() }).unwrap();
         assert_eq!([part.info().width, part.info().height], [21, 11]);
         assert_eq!(part.info().transform.apply(0.0, 0.0), [x, y]);
         let read = |grid: &dyn GridSource, rect| {
@@ -144,7 +145,8 @@ mod tests {
         };
         assert_eq!(read(&*part, Rect::new(3, 2, 18, 9)), read(&*grid, Rect::new(43, 62, 18, 9)));
         assert!(part.read_f64(Rect::new(3, 2, 19, 9), &mut [0.0; 171]).is_err(), "beyond the part");
-        let none = OpenOptions { bbox: Some([0.0, 0.0, 1.0, 1.0]), ..OpenOptions::default() };
+        let none =
+            GridOpenOptions { bbox: Some([0.0, 0.0, 1.0, 1.0]), ..GridOpenOptions::default() };
         let told = whole(&none).err().unwrap().to_string();
         assert!(
             told.contains("no cell lies inside the box") && told.contains("the grid covers"),

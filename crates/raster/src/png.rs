@@ -6,10 +6,10 @@ use std::path::Path;
 
 use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transformations};
 
-use crate::format::{OpenOptions, RasterFormat, some_band};
+use crate::format::{GridOpenOptions, RasterFormat, some_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::spool::Spool;
-use crate::strided::{Layout, Strided};
+use crate::spool::SampleSpool;
+use crate::strided::{Strided, StridedLayout};
 use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -35,7 +35,7 @@ const WEB_MERCATOR: u32 = 3857;
 
 /// How red, green and blue tell a height: `(R * 65536 + G * 256 + B) * scale + offset`.
 #[derive(Debug, PartialEq)]
-pub(super) struct Packing {
+pub(super) struct RgbHeightEncoding {
     name: &'static str,
     /// What names and input prefixes say, in lower case.
     marks: &'static [&'static str],
@@ -43,17 +43,22 @@ pub(super) struct Packing {
     pub(super) offset: f64,
 }
 
-pub(super) static PACKINGS: [Packing; 2] = [
-    Packing {
+pub(super) static PACKINGS: [RgbHeightEncoding; 2] = [
+    RgbHeightEncoding {
         name: "terrain-RGB",
         marks: &["terrain-rgb", "terrainrgb", "terrain_rgb"],
         scale: 0.1,
         offset: -10_000.0,
     },
-    Packing { name: "terrarium", marks: &["terrarium"], scale: 1.0 / 256.0, offset: -32_768.0 },
+    RgbHeightEncoding {
+        name: "terrarium",
+        marks: &["terrarium"],
+        scale: 1.0 / 256.0,
+        offset: -32_768.0,
+    },
 ];
 
-impl Packing {
+impl RgbHeightEncoding {
     /// Its name for people.
     pub(super) fn name(&self) -> &'static str {
         self.name
@@ -78,16 +83,16 @@ impl Packing {
 /// Opens the picture at `path`; `packing` is what the user stated.
 pub(super) fn open(
     path: &Path,
-    packing: Option<&'static Packing>,
-    options: &OpenOptions,
+    packing: Option<&'static RgbHeightEncoding>,
+    options: &GridOpenOptions,
 ) -> Result<Box<dyn GridSource>> {
     let grid = decode(path, packing, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
 }
 
 /// What a picture holds and how its samples are kept.
-struct Content {
-    packing: Option<&'static Packing>,
+struct PngSampleLayout {
+    packing: Option<&'static RgbHeightEncoding>,
     /// Bytes of a stored sample, and of those one for alpha (two in 16 bits).
     color: ColorType,
     wide: bool,
@@ -96,9 +101,13 @@ struct Content {
     channel: Option<usize>,
 }
 
-type Picture<'a> = Reader<BufReader<file::Reader<'a>>>;
+type Picture<'a> = Reader<BufReader<file::RawFileReader<'a>>>;
 
-fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) -> Result<Strided> {
+fn decode(
+    path: &Path,
+    stated: Option<&'static RgbHeightEncoding>,
+    options: &GridOpenOptions,
+) -> Result<Strided> {
     let file = RawFile::open(path)?;
     let memory = Limits { bytes: MOST_MEMORY as usize };
     let mut decoder = Decoder::new_with_limits(BufReader::new(file.reader()), memory);
@@ -109,21 +118,22 @@ fn decode(path: &Path, stated: Option<&'static Packing>, options: &OpenOptions) 
     let (width, height) = (picture.info().width, picture.info().height);
     limits::check("width", u64::from(width), limits::MAX_SIDE)?;
     limits::check("height", u64::from(height), limits::MAX_SIDE)?;
-    let content = Content::of(&picture, path, stated, options)?;
+    let content = PngSampleLayout::of(&picture, path, stated, options)?;
     some_band(options.band, content.bands())?;
     check_size(&picture, file.size())?;
-    let spool = spool_rows(&mut picture, &content, Spool::new(path, options.temp_dir.as_deref())?)?;
+    let spool =
+        spool_rows(&mut picture, &content, SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let info = describe(path, (width, height), &content, &picture)?;
-    let layout = Layout::rows(width, info.sample_type.bytes());
+    let layout = StridedLayout::rows(width, info.sample_type.bytes());
     Strided::new(spool, info, layout)
 }
 
-impl Content {
+impl PngSampleLayout {
     fn of(
         picture: &Picture<'_>,
         path: &Path,
-        stated: Option<&'static Packing>,
-        options: &OpenOptions,
+        stated: Option<&'static RgbHeightEncoding>,
+        options: &GridOpenOptions,
     ) -> Result<Self> {
         let info = picture.info();
         let wide = info.bit_depth == BitDepth::Sixteen;
@@ -143,7 +153,9 @@ impl Content {
                 return Err(Error::unsupported("a PNG with a palette holds colours, not heights"));
             }
             _ if wide => return Err(Error::unsupported("16-bit RGB PNGs are not supported")),
-            _ => Some(stated.or_else(|| Packing::named(path)).ok_or_else(|| ambiguous(path))?),
+            _ => Some(
+                stated.or_else(|| RgbHeightEncoding::named(path)).ok_or_else(|| ambiguous(path))?,
+            ),
         };
         if let (Some(stated), None) = (stated, packing) {
             return Err(Error::usage(format!("a gray PNG is not {}", stated.name)));
@@ -231,7 +243,11 @@ fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     Ok(())
 }
 
-fn spool_rows(picture: &mut Picture<'_>, content: &Content, mut spool: Spool) -> Result<RawFile> {
+fn spool_rows(
+    picture: &mut Picture<'_>,
+    content: &PngSampleLayout,
+    mut spool: SampleSpool,
+) -> Result<RawFile> {
     let mut samples = Vec::new();
     if picture.info().interlaced {
         let mut all = vec![0; picture.output_buffer_size().unwrap_or(0)];
@@ -266,7 +282,7 @@ fn damaged(error: DecodingError) -> Error {
 fn describe(
     path: &Path,
     size: (u32, u32),
-    content: &Content,
+    content: &PngSampleLayout,
     picture: &Picture<'_>,
 ) -> Result<GridInfo> {
     let (map, crs) = place(path, size)?;
@@ -299,7 +315,9 @@ fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Cr
     if let Some(map) = world::beside(path, &["pgw", "pngw", "wld"])? {
         return Ok((Some(map), prj::beside(path)?));
     }
-    let Some(tile) = world::Tile::of_path(path) else { return Ok((None, prj::beside(path)?)) };
+    let Some(tile) = world::WebMercatorTile::of_path(path) else {
+        return Ok((None, prj::beside(path)?));
+    };
     let crs = Crs {
         epsg: Some(WEB_MERCATOR),
         citation: Some("WGS 84 / Pseudo-Mercator".to_owned()),
@@ -315,20 +333,25 @@ mod tests {
 
     #[test]
     fn names_and_prefixes_tell_the_packing() {
-        let named = |path: &str| Packing::named(Path::new(path)).map(|p| p.name);
+        let named = |path: &str| RgbHeightEncoding::named(Path::new(path)).map(|p| p.name);
         assert_eq!(named("a/Terrarium_5.png"), Some("terrarium"));
         assert_eq!(named("terrarium/mapbox-terrain-rgb.png"), Some("terrain-RGB"));
         assert_eq!(named("terrainrgb/1/1/0.png"), Some("terrain-RGB"));
         assert_eq!(named("a/terrain.png"), None);
-        let (stated, path) = Packing::stated("terrain-rgb:c:/a.png").unwrap();
+        let (stated, path) = RgbHeightEncoding::stated("terrain-rgb:c:/a.png").unwrap();
         assert_eq!((stated.name, path), ("terrain-RGB", "c:/a.png"));
-        assert!(Packing::stated("c:/terrarium.png").is_none());
+        assert!(RgbHeightEncoding::stated("c:/terrarium.png").is_none());
     }
 
     #[test]
     fn alpha_and_nodata_are_void() {
-        let content =
-            |color, wide, nodata| Content { packing: None, color, wide, nodata, channel: None };
+        let content = |color, wide, nodata| PngSampleLayout {
+            packing: None,
+            color,
+            wide,
+            nodata,
+            channel: None,
+        };
         let rgba = content(ColorType::Rgba, false, Some(65793.0));
         assert_eq!(rgba.pack(&[1, 2, 3, 255]), 0x1_0203);
         assert_eq!(rgba.pack(&[1, 2, 3, 0]), TRANSPARENT);

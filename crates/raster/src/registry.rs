@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat};
+use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::GridSource;
 use crate::{
     asc, beside, dted, geotiff, held, hgt, mosaic, npy, packed, pam, png, raw, synth, usgs, xyz,
@@ -38,14 +38,14 @@ const HEAD_BYTES: u64 = 64;
 ///
 /// # Errors
 /// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
-pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub fn open(input: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_held(input) {
         return held::open(input, options);
     }
     if input.starts_with(synth::PREFIX) {
         return synth::open(input, options);
     }
-    if let Some((packing, path)) = png::Packing::stated(input) {
+    if let Some((packing, path)) = png::RgbHeightEncoding::stated(input) {
         let path = &*path_of(path);
         return open_as(path, &png::FORMAT, options, |o| png::open(path, Some(packing), o));
     }
@@ -54,11 +54,11 @@ pub fn open(input: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 
 /// The name of the file that `input` stands for: without `terrarium:` and the like before it.
 pub fn file_name(input: &str) -> &str {
-    png::Packing::stated(input).map_or(input, |(_, path)| path)
+    png::RgbHeightEncoding::stated(input).map_or(input, |(_, path)| path)
 }
 
 /// Opens a file of any format.
-pub(crate) fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open_path(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let head = head_of(path)?;
     let format = format_of(path, &head).ok_or_else(|| unknown_format(path))?;
     open_as(path, format, options, |options| (format.open)(path, options))
@@ -68,8 +68,8 @@ pub(crate) fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn Gr
 fn open_as(
     path: &Path,
     format: &RasterFormat,
-    options: &OpenOptions,
-    open: impl Fn(&OpenOptions) -> Result<Box<dyn GridSource>>,
+    options: &GridOpenOptions,
+    open: impl Fn(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
     refuse_mask(path, format)?;
     pam::open(path, format, options, open)

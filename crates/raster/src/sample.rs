@@ -20,7 +20,7 @@ impl ToHeight {
     }
 
     /// Converts `bytes` (samples one after the other) into `out`.
-    pub(crate) fn convert<H: Height>(&self, bytes: &[u8], out: &mut [H]) {
+    pub(crate) fn convert<H: HeightSample>(&self, bytes: &[u8], out: &mut [H]) {
         match self.kind {
             SampleType::I8 => self.run::<i8, H, 1>(bytes, out),
             SampleType::U8 => self.run::<u8, H, 1>(bytes, out),
@@ -34,7 +34,11 @@ impl ToHeight {
         }
     }
 
-    fn run<S: Stored<N>, H: Height, const N: usize>(&self, bytes: &[u8], out: &mut [H]) {
+    fn run<S: StoredSample<N>, H: HeightSample, const N: usize>(
+        &self,
+        bytes: &[u8],
+        out: &mut [H],
+    ) {
         let (low, high) = self.nodata.and_then(S::nodata_range).unwrap_or(S::EMPTY);
         let void = |s: S| ((low <= s) & (s <= high)) | !s.finite();
         if self.scale == 1.0 && self.offset == 0.0 {
@@ -48,7 +52,11 @@ impl ToHeight {
 }
 
 #[inline(always)]
-fn each<S: Stored<N>, H, const N: usize>(bytes: &[u8], out: &mut [H], height: impl Fn(S) -> H) {
+fn each<S: StoredSample<N>, H, const N: usize>(
+    bytes: &[u8],
+    out: &mut [H],
+    height: impl Fn(S) -> H,
+) {
     let (samples, _) = bytes.as_chunks::<N>();
     for (out, sample) in out.iter_mut().zip(samples) {
         *out = height(S::read(*sample));
@@ -56,20 +64,20 @@ fn each<S: Stored<N>, H, const N: usize>(bytes: &[u8], out: &mut [H], height: im
 }
 
 /// A height as read: `f32` or `f64`, NaN where void.
-pub(crate) trait Height: Copy {
+pub(crate) trait HeightSample: Copy {
     /// The void height.
     const VOID: Self;
     /// From a finite stored sample.
-    fn of<S: Stored<N>, const N: usize>(sample: S) -> Self;
+    fn of<S: StoredSample<N>, const N: usize>(sample: S) -> Self;
     /// From a scaled height; not finite becomes void.
     fn of_f64(height: f64) -> Self;
 }
 
-impl Height for f32 {
+impl HeightSample for f32 {
     const VOID: f32 = f32::NAN;
 
     #[inline(always)]
-    fn of<S: Stored<N>, const N: usize>(sample: S) -> f32 {
+    fn of<S: StoredSample<N>, const N: usize>(sample: S) -> f32 {
         sample.f32()
     }
 
@@ -79,11 +87,11 @@ impl Height for f32 {
     }
 }
 
-impl Height for f64 {
+impl HeightSample for f64 {
     const VOID: f64 = f64::NAN;
 
     #[inline(always)]
-    fn of<S: Stored<N>, const N: usize>(sample: S) -> f64 {
+    fn of<S: StoredSample<N>, const N: usize>(sample: S) -> f64 {
         sample.f64()
     }
 
@@ -100,7 +108,7 @@ fn narrow(height: f64) -> f32 {
 }
 
 /// A sample type as stored, `N` bytes in native order.
-pub(crate) trait Stored<const N: usize>: Copy + PartialOrd {
+pub(crate) trait StoredSample<const N: usize>: Copy + PartialOrd {
     /// A range that holds nothing.
     const EMPTY: (Self, Self);
     /// From its bytes.
@@ -117,7 +125,7 @@ pub(crate) trait Stored<const N: usize>: Copy + PartialOrd {
 
 macro_rules! stored_integer {
     ($($type:ty, $bytes:literal;)*) => {$(
-        impl Stored<$bytes> for $type {
+        impl StoredSample<$bytes> for $type {
             const EMPTY: ($type, $type) = (<$type>::MAX, <$type>::MIN);
 
             #[inline(always)]
@@ -150,7 +158,7 @@ macro_rules! stored_integer {
 
 stored_integer! { i8, 1; u8, 1; i16, 2; u16, 2; i32, 4; u32, 4; }
 
-impl Stored<2> for f16 {
+impl StoredSample<2> for f16 {
     const EMPTY: (f16, f16) = (f16::MAX, f16::MIN);
 
     #[inline(always)]
@@ -183,7 +191,7 @@ impl Stored<2> for f16 {
 /// decimal text: |a - b| < 2 epsilon |a + b|.
 const NODATA_SLACK: f64 = 4.0;
 
-impl Stored<4> for f32 {
+impl StoredSample<4> for f32 {
     const EMPTY: (f32, f32) = (f32::MAX, f32::MIN);
 
     #[inline(always)]
@@ -213,7 +221,7 @@ impl Stored<4> for f32 {
     }
 }
 
-impl Stored<8> for f64 {
+impl StoredSample<8> for f64 {
     const EMPTY: (f64, f64) = (f64::MAX, f64::MIN);
 
     #[inline(always)]
@@ -251,7 +259,7 @@ mod tests {
         ToHeight { kind, nodata, scale, offset }
     }
 
-    fn heights<H: Height>(to: ToHeight, bytes: &[u8]) -> Vec<H> {
+    fn heights<H: HeightSample>(to: ToHeight, bytes: &[u8]) -> Vec<H> {
         let mut out = vec![H::VOID; bytes.len() / to.kind.bytes()];
         to.convert(bytes, &mut out);
         out

@@ -6,23 +6,23 @@ use std::path::{Path, PathBuf};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::RawFile;
-use terrane_files::{Out, atomic};
+use terrane_files::{AppendWriter, atomic};
 
 /// Bytes written at a time when filling.
 const FILL_BYTES: usize = 64 << 10;
 
 /// Samples of a file of others, of which there are not too many.
-pub(super) struct Spool {
-    out: Out,
+pub(super) struct SampleSpool {
+    out: AppendWriter,
     /// The input they are of.
     path: PathBuf,
 }
 
-impl Spool {
+impl SampleSpool {
     /// None yet, in `folder` or else in the system's for temporary files; `path` is the input.
     pub(super) fn new(path: &Path, folder: Option<&Path>) -> Result<Self> {
         let folder = folder.map_or_else(std::env::temp_dir, Path::to_path_buf);
-        Ok(Self { out: Out::spool(&folder).map_err(or_tmpdir)?, path: path.to_path_buf() })
+        Ok(Self { out: AppendWriter::spool(&folder).map_err(or_tmpdir)?, path: path.to_path_buf() })
     }
 
     /// Appends `bytes`.
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn filled_and_replaced() {
-        let mut spool = Spool::new(Path::new("t"), None).unwrap();
+        let mut spool = SampleSpool::new(Path::new("t"), None).unwrap();
         spool.fill(&[7, 8, 9], 30_000).unwrap();
         spool.replace(3, &[1, 2, 3]).unwrap();
         spool.write(&[4]).unwrap();

@@ -2,8 +2,8 @@
 //! column, with other bands, padding or gaps between them.
 
 use crate::grid::{GridInfo, GridSource};
-use crate::sample::{Height, ToHeight};
-use crate::window::Window;
+use crate::sample::{HeightSample, ToHeight};
+use crate::window::SampleWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{RawFile, RowRun};
@@ -14,7 +14,7 @@ const PART_BYTES: u64 = 1 << 20;
 /// Where the samples lie: sample (column, row) starts at
 /// `offset + column * col_pitch + row * row_pitch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct StridedLayout {
     /// Of sample (0, 0).
     pub(super) offset: u64,
     /// Bytes from one column to the next.
@@ -25,7 +25,7 @@ pub(super) struct Layout {
     pub(super) big_endian: bool,
 }
 
-impl Layout {
+impl StridedLayout {
     /// Rows of `width` samples of `bytes` bytes, one after the other, in the machine's byte order.
     pub(super) fn rows(width: u32, bytes: usize) -> Self {
         let col_pitch = bytes as u64;
@@ -83,35 +83,35 @@ fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
 pub(super) struct Strided {
     file: RawFile,
     info: GridInfo,
-    layout: Layout,
+    layout: StridedLayout,
     to_height: ToHeight,
 }
 
 /// One direction through a rectangle.
 #[derive(Clone, Copy)]
-struct Axis {
+struct StridedAxis {
     count: usize,
     pitch: u64,
 }
 
 /// Buffers reused from part to part.
 #[derive(Default)]
-struct Scratch {
+struct StridedBuffers {
     file: Vec<u8>,
     samples: Vec<u8>,
 }
 
 impl Strided {
     /// Fails when the file is too short for what `info` and `layout` say.
-    pub(super) fn new(file: RawFile, info: GridInfo, layout: Layout) -> Result<Self> {
+    pub(super) fn new(file: RawFile, info: GridInfo, layout: StridedLayout) -> Result<Self> {
         check_length(&file, layout.end(info.width, info.height, info.sample_type.bytes()))?;
         Ok(Self { to_height: ToHeight::of(&info), file, info, layout })
     }
 
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window =
-            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
-        let mut scratch = Scratch::default();
+            SampleWindow::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
+        let mut scratch = StridedBuffers::default();
         let (width, height) = self.part_size(rect);
         for row in (rect.row..rect.end_row()).step_by(height as usize) {
             for col in (rect.col..rect.end_col()).step_by(width as usize) {
@@ -146,12 +146,12 @@ impl Strided {
     }
 
     /// Reads `part` into `scratch.samples`, row by row, in the machine's byte order.
-    fn gather(&self, part: Rect, scratch: &mut Scratch) -> Result<()> {
+    fn gather(&self, part: Rect, scratch: &mut StridedBuffers) -> Result<()> {
         let layout = &self.layout;
         let size = self.info.sample_type.bytes();
         scratch.samples.resize(part.len() * size, 0);
-        let across = Axis { count: part.width as usize, pitch: layout.col_pitch };
-        let down = Axis { count: part.height as usize, pitch: layout.row_pitch };
+        let across = StridedAxis { count: part.width as usize, pitch: layout.col_pitch };
+        let down = StridedAxis { count: part.height as usize, pitch: layout.row_pitch };
         let (inner, outer) = if self.is_by_row() { (across, down) } else { (down, across) };
         // Within the file: its length was checked against the whole grid.
         let run = RowRun {
@@ -190,12 +190,12 @@ impl GridSource for Strided {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{SampleType, spool::Spool};
+    use crate::{SampleType, spool::SampleSpool};
     use proptest::prelude::*;
     use std::path::Path;
 
-    fn grid(bytes: &[u8], width: u32, height: u32, layout: Layout) -> Result<Strided> {
-        let mut spool = Spool::new(Path::new("t.raw"), None).unwrap();
+    fn grid(bytes: &[u8], width: u32, height: u32, layout: StridedLayout) -> Result<Strided> {
+        let mut spool = SampleSpool::new(Path::new("t.raw"), None).unwrap();
         spool.write(bytes).unwrap();
         let info = GridInfo::plain("test", width, height, SampleType::U16);
         Strided::new(spool.finish().unwrap(), info, layout)
@@ -212,7 +212,7 @@ mod tests {
             let lines = |count: u32| u64::from(count) * inner + pad;
             let (col_pitch, row_pitch) =
                 if by_row { (inner, lines(width)) } else { (lines(height), inner) };
-            let layout = Layout { offset, col_pitch, row_pitch, big_endian };
+            let layout = StridedLayout { offset, col_pitch, row_pitch, big_endian };
             let end = layout.end(width, height, 2).unwrap();
             let bytes: Vec<u8> =
                 (0..end).map(|i| (seed.wrapping_mul(2 * i + 1) >> 40) as u8).collect();
@@ -235,16 +235,24 @@ mod tests {
 
     #[test]
     fn layouts_beyond_counting_are_refused() {
-        let layout =
-            Layout { offset: u64::MAX, col_pitch: 2, row_pitch: u64::MAX / 2, big_endian: false };
+        let layout = StridedLayout {
+            offset: u64::MAX,
+            col_pitch: 2,
+            row_pitch: u64::MAX / 2,
+            big_endian: false,
+        };
         let error = grid(&[0; 8], 9, 9, layout).err().unwrap().to_string();
         assert!(error.contains("more than 2^64 bytes expected and 8 found"), "{error}");
     }
 
     #[test]
     fn parts_stay_small_however_far_samples_lie_apart() {
-        let layout =
-            Layout { offset: 0, col_pitch: 600_000, row_pitch: 1_800_000, big_endian: false };
+        let layout = StridedLayout {
+            offset: 0,
+            col_pitch: 600_000,
+            row_pitch: 1_800_000,
+            big_endian: false,
+        };
         let mut bytes = vec![0; layout.end(3, 2, 2).unwrap() as usize];
         (0..6).for_each(|i| bytes[i * 600_000] = i as u8);
         let grid = grid(&bytes, 3, 2, layout).unwrap();

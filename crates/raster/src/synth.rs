@@ -1,7 +1,7 @@
 //! Synthetic terrains as grids: `synth:rough,size=80000,seed=7` in place of a file.
 
 use super::store::complete;
-use crate::format::OpenOptions;
+use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
@@ -13,13 +13,13 @@ pub(crate) const PREFIX: &str = "synth:";
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
 
 /// Opens the terrain `name`, with or without `synth:` before it.
-pub(crate) fn open(name: &str, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open(name: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if options.band != 1 || options.nodata.is_some() {
         let message = format!("{name:?} is made by rule: it has one band, and voids of its own");
         return Err(Error::usage(message).remedy("name no band and no nodata value"));
     }
     let terrain = Terrain::parse(name.strip_prefix(PREFIX).unwrap_or(name))?;
-    Ok(Box::new(Synthetic { info: info(&terrain), terrain }))
+    Ok(Box::new(SyntheticGrid { info: info(&terrain), terrain }))
 }
 
 fn info(terrain: &Terrain) -> GridInfo {
@@ -57,12 +57,12 @@ fn crs() -> Crs {
     })
 }
 
-struct Synthetic {
+struct SyntheticGrid {
     info: GridInfo,
     terrain: Terrain,
 }
 
-impl Synthetic {
+impl SyntheticGrid {
     fn check(&self, rect: Rect, values: usize) -> Result<()> {
         let inside = rect.col.checked_add(rect.width).is_some_and(|end| end <= self.info.width)
             && rect.row.checked_add(rect.height).is_some_and(|end| end <= self.info.height);
@@ -73,7 +73,7 @@ impl Synthetic {
     }
 }
 
-impl GridSource for Synthetic {
+impl GridSource for SyntheticGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }

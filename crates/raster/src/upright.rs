@@ -5,21 +5,21 @@ use std::ops::Deref;
 use std::path::PathBuf;
 
 use crate::grid::{GridInfo, GridSource};
-use crate::sample::Height;
-use crate::window::{Sample, Window};
+use crate::sample::HeightSample;
+use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 
 /// A grid with north up and west on the left. Grids that are turned by less than 45 degrees are turned by as much
 /// still; beyond that columns and rows stay what they are.
-pub struct Upright<S> {
+pub struct NorthUpGrid<S> {
     info: GridInfo,
     inner: S,
     /// Whether columns and rows are in the opposite order.
     flips: [bool; 2],
 }
 
-impl<'a, S: Deref<Target = dyn GridSource + 'a>> Upright<S> {
+impl<'a, S: Deref<Target = dyn GridSource + 'a>> NorthUpGrid<S> {
     /// Of any grid.
     pub fn new(inner: S) -> Self {
         let info = inner.info().clone();
@@ -34,7 +34,7 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a>> Upright<S> {
     }
 }
 
-impl<S> Upright<S> {
+impl<S> NorthUpGrid<S> {
     /// Where a rectangle lies in the grid behind.
     fn behind(&self, rect: Rect) -> Rect {
         let [col, row] = self.flips;
@@ -46,9 +46,9 @@ impl<S> Upright<S> {
     }
 }
 
-impl<'a, S: Deref<Target = dyn GridSource + 'a>> Upright<S> {
-    fn read<H: Sample + Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        Window::new(&self.info, rect, out)?;
+impl<'a, S: Deref<Target = dyn GridSource + 'a>> NorthUpGrid<S> {
+    fn read<H: GridHeight + HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        SampleWindow::new(&self.info, rect, out)?;
         H::read(&*self.inner, self.behind(rect), out)?;
         let [cols, rows] = self.flips;
         if rows {
@@ -61,7 +61,7 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a>> Upright<S> {
     }
 }
 
-impl<'a, S: Deref<Target = dyn GridSource + 'a> + Send + Sync> GridSource for Upright<S> {
+impl<'a, S: Deref<Target = dyn GridSource + 'a> + Send + Sync> GridSource for NorthUpGrid<S> {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
@@ -97,7 +97,7 @@ mod tests {
             let map = Affine { x0: 50.0, a, b: 0.5, y0: 90.0, d: 0.25, e };
             let grid = ArrayGrid::new(&samples, WIDTH, HEIGHT).unwrap();
             let grid = grid.placed(map, Default::default());
-            let upright = Upright::new(&grid as &dyn GridSource);
+            let upright = NorthUpGrid::new(&grid as &dyn GridSource);
             let info = upright.info().clone();
             assert!(info.transform.a > 0.0 && info.transform.e < 0.0);
             for rect in
@@ -122,6 +122,6 @@ mod tests {
         let samples = [0.0_f32; 6];
         let map = Affine { x0: 0.0, a: -0.5, b: 2.0, y0: 0.0, d: 2.0, e: 0.5 };
         let grid = ArrayGrid::new(&samples, 3, 2).unwrap().placed(map, Default::default());
-        assert_eq!(Upright::new(&grid as &dyn GridSource).info().transform, map);
+        assert_eq!(NorthUpGrid::new(&grid as &dyn GridSource).info().transform, map);
     }
 }

@@ -1,17 +1,17 @@
 //! The window a caller wants filled: checked once, then handed out row by row.
 
 use crate::grid::{GridInfo, GridSource};
-use crate::sample::Height;
+use crate::sample::HeightSample;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
 /// A rectangle of samples and the memory it is read into.
-pub(crate) struct Window<'a, H> {
+pub(crate) struct SampleWindow<'a, H> {
     rect: Rect,
     out: &'a mut [H],
 }
 
-impl<'a, H> Window<'a, H> {
+impl<'a, H> SampleWindow<'a, H> {
     /// Checks that `rect` lies inside the grid and that `out` has its size.
     pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
         let ends_inside =
@@ -43,12 +43,12 @@ impl<'a, H> Window<'a, H> {
 }
 
 /// Heights that a grid can be asked for.
-pub(crate) trait Sample: Height {
+pub(crate) trait GridHeight: HeightSample {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
     fn is_void(self) -> bool;
 }
 
-impl Sample for f32 {
+impl GridHeight for f32 {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f32]) -> Result<()> {
         grid.read_f32(rect, out)
     }
@@ -58,7 +58,7 @@ impl Sample for f32 {
     }
 }
 
-impl Sample for f64 {
+impl GridHeight for f64 {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [f64]) -> Result<()> {
         grid.read_f64(rect, out)
     }

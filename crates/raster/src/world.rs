@@ -35,7 +35,7 @@ pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
 
 /// A square of the web mercator pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Tile {
+pub(super) struct WebMercatorTile {
     /// Zoom level: the world is 2^zoom tiles wide.
     pub(super) zoom: u32,
     /// From the west.
@@ -44,7 +44,7 @@ pub(super) struct Tile {
     pub(super) y: u32,
 }
 
-impl Tile {
+impl WebMercatorTile {
     /// From a path that ends in zoom/x/y.ending (also y@2x.ending).
     pub(super) fn of_path(path: &Path) -> Option<Self> {
         let mut parts = path.iter().rev();
@@ -76,9 +76,9 @@ mod tests {
 
     #[test]
     fn addresses_in_paths() {
-        let of = |path: &str| Tile::of_path(Path::new(path));
-        assert_eq!(of("a/10/163/357.png"), Some(Tile { zoom: 10, x: 163, y: 357 }));
-        assert_eq!(of("0/0/0@2x.png"), Some(Tile { zoom: 0, x: 0, y: 0 }));
+        let of = |path: &str| WebMercatorTile::of_path(Path::new(path));
+        assert_eq!(of("a/10/163/357.png"), Some(WebMercatorTile { zoom: 10, x: 163, y: 357 }));
+        assert_eq!(of("0/0/0@2x.png"), Some(WebMercatorTile { zoom: 0, x: 0, y: 0 }));
         for path in
             ["10/163/a.png", "357.png", "1/2/0.png", "31/0/0.png", "a/1/1/.png", "-1/0/0.png"]
         {
@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn tiles_cover_the_world() {
-        let map = Tile { zoom: 1, x: 1, y: 0 }.transform(256, 256);
+        let map = WebMercatorTile { zoom: 1, x: 1, y: 0 }.transform(256, 256);
         let [west, dx, _, north, _, dy] = map.to_gdal();
         assert!(west.abs() < 1e-6 && (north - HALF_WORLD).abs() < 1e-6);
         assert!((dx * 256.0 - HALF_WORLD).abs() < 1e-6 && (dx + dy).abs() < 1e-12);

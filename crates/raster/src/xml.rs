@@ -4,32 +4,32 @@ use std::io::BufRead;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::xml::{self, Part};
+use terrane_files::xml::{self, XmlEvent};
 
 /// Most elements kept of one branch.
 const MOST_NODES: u64 = 4096;
 
 /// A document being read.
-pub(super) struct Xml<R>(xml::Xml<R>);
+pub(super) struct RasterXmlReader<R>(xml::XmlReader<R>);
 
 /// The start of an element.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Tag {
+pub(super) struct RasterXmlTag {
     pub(super) name: String,
     attributes: Vec<(String, String)>,
 }
 
 /// An element read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Node {
-    pub(super) tag: Tag,
+pub(super) struct RasterXmlElement {
+    pub(super) tag: RasterXmlTag,
     /// Its text, without white space around it.
     pub(super) text: String,
-    pub(super) children: Vec<Node>,
+    pub(super) children: Vec<RasterXmlElement>,
 }
 
-impl Tag {
-    fn of(tag: &xml::Tag) -> Result<Self> {
+impl RasterXmlTag {
+    fn of(tag: &xml::XmlStartTag) -> Result<Self> {
         let owned = |(name, value): (&str, String)| (name.to_owned(), value);
         let attributes = tag.attributes()?.into_iter().map(owned).collect();
         Ok(Self { name: tag.name().to_owned(), attributes })
@@ -47,9 +47,9 @@ impl Tag {
     }
 }
 
-impl Node {
+impl RasterXmlElement {
     /// The first child called `name`.
-    pub(super) fn child(&self, name: &str) -> Option<&Node> {
+    pub(super) fn child(&self, name: &str) -> Option<&RasterXmlElement> {
         self.children.iter().find(|child| child.tag.is(name))
     }
 
@@ -89,48 +89,50 @@ pub(super) fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-impl<R: BufRead> Xml<R> {
+impl<R: BufRead> RasterXmlReader<R> {
     pub(super) fn new(from: R) -> Self {
-        Self(xml::Xml::new(from))
+        Self(xml::XmlReader::new(from))
     }
 
     /// The outermost element.
-    pub(super) fn root(&mut self) -> Result<Tag> {
+    pub(super) fn root(&mut self) -> Result<RasterXmlTag> {
         match self.0.next()? {
-            Part::Start(tag) => Tag::of(&tag),
-            Part::Text(text) if text.trim().is_empty() => self.root(),
-            Part::Over => Err(ends_early()),
+            XmlEvent::Start(tag) => RasterXmlTag::of(&tag),
+            XmlEvent::Text(text) if text.trim().is_empty() => self.root(),
+            XmlEvent::Over => Err(ends_early()),
             _ => Err(Error::bad_input("has no element").at(self.place())),
         }
     }
 
     /// The next child of the element at hand; `None` once that has ended.
-    pub(super) fn child(&mut self) -> Result<Option<Tag>> {
+    pub(super) fn child(&mut self) -> Result<Option<RasterXmlTag>> {
         loop {
             match self.0.next()? {
-                Part::Start(tag) => return Tag::of(&tag).map(Some),
-                Part::End => return Ok(None),
-                Part::Text(_) => {}
-                Part::Over => return Err(ends_early()),
+                XmlEvent::Start(tag) => return RasterXmlTag::of(&tag).map(Some),
+                XmlEvent::End => return Ok(None),
+                XmlEvent::Text(_) => {}
+                XmlEvent::Over => return Err(ends_early()),
             }
         }
     }
 
     /// The rest of the element that began with `tag`.
-    pub(super) fn node(&mut self, tag: Tag) -> Result<Node> {
+    pub(super) fn node(&mut self, tag: RasterXmlTag) -> Result<RasterXmlElement> {
         self.branch(tag, &mut 0)
     }
 
-    fn branch(&mut self, tag: Tag, nodes: &mut u64) -> Result<Node> {
+    fn branch(&mut self, tag: RasterXmlTag, nodes: &mut u64) -> Result<RasterXmlElement> {
         *nodes += 1;
         limits::check("elements in one of XML", *nodes, MOST_NODES)?;
-        let mut node = Node { tag, ..Node::default() };
+        let mut node = RasterXmlElement { tag, ..RasterXmlElement::default() };
         loop {
             match self.0.next()? {
-                Part::Start(tag) => node.children.push(self.branch(Tag::of(&tag)?, nodes)?),
-                Part::Text(text) => node.text += &text,
-                Part::End => break,
-                Part::Over => return Err(ends_early()),
+                XmlEvent::Start(tag) => {
+                    node.children.push(self.branch(RasterXmlTag::of(&tag)?, nodes)?)
+                }
+                XmlEvent::Text(text) => node.text += &text,
+                XmlEvent::End => break,
+                XmlEvent::Over => return Err(ends_early()),
             }
             let bytes = node.text.len() as u64;
             limits::check("bytes of a text in XML", bytes, limits::MAX_HEADER_BYTES)?;
@@ -163,8 +165,8 @@ fn ends_early() -> Error {
 mod tests {
     use super::*;
 
-    fn node(text: &str) -> Result<Node> {
-        let mut xml = Xml::new(text.as_bytes());
+    fn node(text: &str) -> Result<RasterXmlElement> {
+        let mut xml = RasterXmlReader::new(text.as_bytes());
         let tag = xml.root()?;
         let node = xml.node(tag)?;
         xml.finish().map(|()| node)
@@ -188,7 +190,7 @@ mod tests {
 
     #[test]
     fn children_one_by_one() {
-        let mut xml = Xml::new("<a><b><c/>x</b>y<d/></a>".as_bytes());
+        let mut xml = RasterXmlReader::new("<a><b><c/>x</b>y<d/></a>".as_bytes());
         xml.root().unwrap();
         assert!(xml.child().unwrap().unwrap().is("b"));
         xml.skip().unwrap();

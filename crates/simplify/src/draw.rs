@@ -8,14 +8,14 @@ use serde::Serialize;
 use terrane_base::error::Result;
 use terrane_engine::figures::Figures;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_synth::lines::Lines;
-use terrane_vector::{self as vector, OpenOptions, WriteOptions};
+use terrane_synth::lines::SyntheticLines;
+use terrane_vector::{self as vector, VectorOpenOptions, VectorWriteOptions};
 
 /// Lines to be written.
 #[derive(Clone, Debug)]
 pub struct DrawJob {
     /// The lines.
-    pub lines: Lines,
+    pub lines: SyntheticLines,
     /// File to write; its ending says the format.
     pub output: PathBuf,
     /// Replace an existing output.
@@ -46,12 +46,12 @@ pub struct DrawReport {
 pub fn run(job: &DrawJob, progress: &dyn Progress, cancel: &Cancel) -> Result<DrawReport> {
     let start = Instant::now();
     let input = format!("synth:{}", job.lines);
-    let mut source = vector::open(input.as_ref(), &OpenOptions::default())?;
+    let mut source = vector::open(input.as_ref(), &VectorOpenOptions::default())?;
     let format = vector::by_path(&job.output, None)?;
-    let options = WriteOptions {
+    let options = VectorWriteOptions {
         overwrite: job.overwrite,
         temp_dir: job.resources.temp_dir.clone(),
-        ..WriteOptions::default()
+        ..VectorWriteOptions::default()
     };
     let mut sink = vector::create(&job.output, format, source.layer(), &options)?;
     progress.begin("synth", u64::from(job.lines.features));

@@ -4,47 +4,57 @@
 //! they began are done in two halves, rings keep three vertices. (Of a ring that would collapse the method keeps
 //! three, too, and what its tolerance then asks for between them; that is no filter, and is left out.)
 
-use super::tool::{Measure, Rule, Vertex, check, vertices};
+use super::tool::{DistanceKind, MetricVertex, SimplifyRule, check, vertices};
 use terrane_base::error::Result;
 use terrane_line::metric::largest_distance2;
 use terrane_line::topology::Collapse;
-use terrane_line::visvalingam::{Areas, Weight};
-use terrane_line::{Geographic, Hierarchy, Method, Metric, Plane, Space};
-use terrane_vector::Part;
+use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::{
+    DistanceMetric, GeographicMetric, Hierarchy, PlaneMetric, SimplifyMethod, SpaceMetric,
+};
+use terrane_vector::GeometryPart;
 
 /// Thresholds of the vertices of a part, infinite for those that always stay: distances of
 /// Ramer-Douglas-Peucker and areas of Visvalingam-Whyatt. Of a ring, the closing vertex has none.
 ///
 /// # Errors
 /// A part that cannot be measured.
-pub fn thresholds(part: &Part<'_>, measure: Measure) -> Result<[Vec<f64>; 2]> {
+pub fn thresholds(part: &GeometryPart<'_>, measure: DistanceKind) -> Result<[Vec<f64>; 2]> {
     // Thresholds of all sizes are asked for.
-    let rule =
-        Rule { method: &Method::RDP, measure, threshold: f64::MAX, collapse: Collapse::Keep };
+    let rule = SimplifyRule {
+        method: &SimplifyMethod::RDP,
+        measure,
+        threshold: f64::MAX,
+        collapse: Collapse::Keep,
+    };
     check(part, &rule)?;
     Ok(match measure {
-        Measure::Plane => of_part(&Plane, part),
-        Measure::Space => of_part(&Space, part),
-        Measure::Geographic => of_part(&Geographic, part),
+        DistanceKind::Plane => of_part(&PlaneMetric, part),
+        DistanceKind::Space => of_part(&SpaceMetric, part),
+        DistanceKind::Geographic => of_part(&GeographicMetric, part),
     })
 }
 
-fn of_part<V: Vertex, M: Metric<V>>(metric: &M, part: &Part<'_>) -> [Vec<f64>; 2] {
+fn of_part<V: MetricVertex, M: DistanceMetric<V>>(
+    metric: &M,
+    part: &GeometryPart<'_>,
+) -> [Vec<f64>; 2] {
     let mut points: Vec<V> = Vec::new();
     vertices(part, &mut points);
-    let by_area = |line: &[V]| Areas::of_line(metric, line, Weight::Plain).areas().to_vec();
+    let by_area =
+        |line: &[V]| EffectiveAreas::of_line(metric, line, Weight::Plain).areas().to_vec();
     let by_distance = |line: &[V]| distances(metric, line);
     if !part.is_ring() {
         let far = middle(metric, &points);
         return [in_halves(&points, far, by_distance), in_halves(&points, far, by_area)];
     }
     points.pop();
-    let areas = Areas::of_ring(metric, &points, Weight::Plain).areas().to_vec();
+    let areas = EffectiveAreas::of_ring(metric, &points, Weight::Plain).areas().to_vec();
     [of_ring(metric, &points), areas]
 }
 
 /// Where a line is cut that ends where it began: at the vertex farthest from there.
-fn middle<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Option<usize> {
+fn middle<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Option<usize> {
     let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
     let is_closed = points.len() > 3 && ends[0] == ends[1];
     let ends = [0, points.len().saturating_sub(1) as u32];
@@ -61,7 +71,7 @@ fn in_halves<V>(points: &[V], far: Option<usize>, of: impl Fn(&[V]) -> Vec<f64>)
 }
 
 /// Distances at which the vertices of an open line go; its ends stay.
-fn distances<V: Copy, M: Metric<V>>(metric: &M, line: &[V]) -> Vec<f64> {
+fn distances<V: Copy, M: DistanceMetric<V>>(metric: &M, line: &[V]) -> Vec<f64> {
     let mut all = vec![f64::INFINITY; line.len()];
     let tree = Hierarchy::new(metric, line);
     all.iter_mut().skip(1).zip(tree.squares()).for_each(|(own, square)| *own = square.sqrt());
@@ -69,7 +79,7 @@ fn distances<V: Copy, M: Metric<V>>(metric: &M, line: &[V]) -> Vec<f64> {
 }
 
 /// Distances of a ring, given without its closing vertex, from the vertex lowest by its coordinates on.
-fn of_ring<V: Copy, M: Metric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
+fn of_ring<V: Copy, M: DistanceMetric<V>>(metric: &M, ring: &[V]) -> Vec<f64> {
     let lowest = |a: &usize, b: &usize| {
         let [a, b] = [a, b].map(|i| M::coordinates(&ring[*i]));
         a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
@@ -95,16 +105,16 @@ mod tests {
     use super::*;
     use crate::part::simplify;
     use proptest::prelude::*;
-    use terrane_vector::{Coordinates, Geometry, Kind};
+    use terrane_vector::{CoordinateSequence, Geometry, GeometryType};
 
-    fn geometry(kind: Kind, xy: Vec<[f64; 2]>) -> Geometry {
-        let mut coordinates = Coordinates::of(xy);
+    fn geometry(kind: GeometryType, xy: Vec<[f64; 2]>) -> Geometry {
+        let mut coordinates = CoordinateSequence::of(xy);
         coordinates.end_part();
         Geometry::new(kind, coordinates).unwrap()
     }
 
     /// Vertices that a filter by thresholds leaves, the closing one among them.
-    fn filtered(part: &Part<'_>, thresholds: &[f64], threshold: f64) -> Vec<[f64; 2]> {
+    fn filtered(part: &GeometryPart<'_>, thresholds: &[f64], threshold: f64) -> Vec<[f64; 2]> {
         let kept = part.xy.iter().zip(thresholds).filter(|(_, own)| **own > threshold);
         let mut kept: Vec<[f64; 2]> = kept.map(|(xy, _)| *xy).collect();
         if part.is_ring() {
@@ -128,15 +138,15 @@ mod tests {
             }
             let corners: std::collections::BTreeSet<_> = xy.iter().map(|p| p.map(|c| c as i32)).collect();
             prop_assume!(corners.len() > 3);
-            let kind = if is_ring { Kind::Polygon } else { Kind::LineString };
+            let kind = if is_ring { GeometryType::Polygon } else { GeometryType::LineString };
             let geometry = geometry(kind, xy);
             // Not a distance or an area that can be met: ties are for the exact to decide.
             let threshold = f64::from(tolerance) * 0.5 + 0.0123;
-            for (method, which) in [(&Method::RDP, 0), (&Method::VISVALINGAM, 1)] {
-                let rule = Rule { method, measure: Measure::Plane, threshold, collapse: Collapse::Minimal };
+            for (method, which) in [(&SimplifyMethod::RDP, 0), (&SimplifyMethod::VISVALINGAM, 1)] {
+                let rule = SimplifyRule { method, measure: DistanceKind::Plane, threshold, collapse: Collapse::Minimal };
                 let (other, _) = simplify(&geometry, None, &rule).unwrap();
                 let part = geometry.parts().next().unwrap();
-                let own = thresholds(&part, Measure::Plane).unwrap();
+                let own = thresholds(&part, DistanceKind::Plane).unwrap();
                 let own = filtered(&part, &own[which], threshold);
                 let kept = other.parts().next().unwrap().xy.to_vec();
                 // A ring that collapses keeps three here; the method adds what its tolerance asks for then.

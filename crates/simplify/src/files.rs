@@ -3,37 +3,37 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::goal::{Goal, measured};
+use super::goal::{LineGoal, measured};
 use super::job::LineJob;
 use super::report::LineReport;
-use super::tool::{Measure, Rule};
+use super::tool::{DistanceKind, SimplifyRule};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Crs;
-use terrane_crs::Operation;
-use terrane_engine::transform::{self, Extent, Moving, Transformed};
+use terrane_crs::CoordinateOperation;
+use terrane_engine::transform::{self, Moving, PositionExtent, Transformed};
 use terrane_files::atomic;
 use terrane_vector::{
-    self as vector, FeatureSink, FeatureSource, Layer, OpenOptions, VectorFormat, WriteOptions,
-    Written,
+    self as vector, FeatureSink, FeatureSource, LayerHeader, VectorFormat, VectorOpenOptions,
+    VectorWriteOptions, WrittenFeatures,
 };
 
 /// An input and the output it becomes.
-pub(super) struct Pair {
+pub(super) struct LineFilePair {
     pub(super) input: PathBuf,
     pub(super) output: PathBuf,
     format: &'static VectorFormat,
     /// What leads to the system of the output, where that is another.
-    operation: Option<Arc<Operation>>,
+    operation: Option<Arc<CoordinateOperation>>,
 }
 
 /// The inputs and outputs of a job.
-pub(super) struct Files {
-    pub(super) pairs: Vec<Pair>,
+pub(super) struct LineFiles {
+    pub(super) pairs: Vec<LineFilePair>,
     /// The system that all inputs are in.
     pub(super) crs: Crs,
 }
 
-impl Files {
+impl LineFiles {
     /// Pairs the inputs of a job with outputs, and looks at their headers.
     pub(super) fn of(job: &LineJob) -> Result<Self> {
         let mut pairs = pairs(job)?;
@@ -82,20 +82,20 @@ impl Files {
     }
 
     /// The rule of a job whose threshold is told, or is to be `threshold`.
-    pub(super) fn rule(&self, job: &LineJob, threshold: f64) -> Result<Rule> {
-        let plain = if job.is_space { Measure::Space } else { Measure::Plane };
+    pub(super) fn rule(&self, job: &LineJob, threshold: f64) -> Result<SimplifyRule> {
+        let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
         let (measure, threshold) = match job.goal {
-            Goal::Tolerance(length) => measured(length, job.is_space, &self.crs)?,
-            Goal::Area(area) => (plain, area),
+            LineGoal::Tolerance(length) => measured(length, job.is_space, &self.crs)?,
+            LineGoal::Area(area) => (plain, area),
             _ => (plain, threshold),
         };
-        Ok(Rule { method: job.method, measure, threshold, collapse: job.collapse })
+        Ok(SimplifyRule { method: job.method, measure, threshold, collapse: job.collapse })
     }
 }
 
 /// Where all features lie: a header may be wrong about it, so they are read.
-fn extent(job: &LineJob, pairs: &[Pair]) -> Result<Option<[f64; 4]>> {
-    let mut extent = Extent::NONE;
+fn extent(job: &LineJob, pairs: &[LineFilePair]) -> Result<Option<[f64; 4]>> {
+    let mut extent = PositionExtent::NONE;
     for pair in pairs {
         let mut source = pair.open(job)?;
         while let Some(mut feature) = source.next()? {
@@ -115,10 +115,10 @@ pub fn outputs(job: &LineJob) -> Result<Vec<PathBuf>> {
     Ok(pairs(job)?.into_iter().map(|pair| pair.output).collect())
 }
 
-fn pairs(job: &LineJob) -> Result<Vec<Pair>> {
+fn pairs(job: &LineJob) -> Result<Vec<LineFilePair>> {
     match job.input.as_slice() {
         [] => Err(Error::usage("no file is given")),
-        [input] if !job.is_into_folder() => Ok(vec![Pair {
+        [input] if !job.is_into_folder() => Ok(vec![LineFilePair {
             input: input.clone(),
             output: job.output.clone(),
             format: vector::by_path(&job.output, job.format.as_deref())?,
@@ -129,7 +129,7 @@ fn pairs(job: &LineJob) -> Result<Vec<Pair>> {
 }
 
 /// An input whose output lies in the job's folder under its own name.
-fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
+fn in_folder(job: &LineJob, input: &Path) -> Result<LineFilePair> {
     let name = input.file_name().ok_or_else(|| {
         Error::usage("is no file").in_file(input).remedy("name files of features")
     })?;
@@ -146,17 +146,21 @@ fn in_folder(job: &LineJob, input: &Path) -> Result<Pair> {
     if job.format.is_some() {
         output.set_extension(format.extensions[0]);
     }
-    Ok(Pair { input: input.to_path_buf(), output, format, operation: None })
+    Ok(LineFilePair { input: input.to_path_buf(), output, format, operation: None })
 }
 
-impl Pair {
+impl LineFilePair {
     /// Opens the input.
     pub(super) fn open(&self, job: &LineJob) -> Result<Box<dyn FeatureSource>> {
-        vector::open(&self.input, &OpenOptions { layer: job.layer.clone() })
+        vector::open(&self.input, &VectorOpenOptions { layer: job.layer.clone() })
     }
 
     /// Starts the output.
-    pub(super) fn create(&self, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
+    pub(super) fn create(
+        &self,
+        job: &LineJob,
+        layer: &LayerHeader,
+    ) -> Result<Box<dyn FeatureSink>> {
         if let Some(folder) = self.output.parent().filter(|_| job.is_into_folder()) {
             atomic::create_folders(folder)?;
         }
@@ -169,22 +173,27 @@ impl Pair {
         &self,
         folder: &Path,
         job: &LineJob,
-        layer: &Layer,
+        layer: &LayerHeader,
     ) -> Result<Box<dyn FeatureSink>> {
         let name = self.output.file_name().unwrap_or_default();
         self.create_at(&folder.join(name), job, layer)
     }
 
-    fn create_at(&self, path: &Path, job: &LineJob, layer: &Layer) -> Result<Box<dyn FeatureSink>> {
-        let options = WriteOptions {
+    fn create_at(
+        &self,
+        path: &Path,
+        job: &LineJob,
+        layer: &LayerHeader,
+    ) -> Result<Box<dyn FeatureSink>> {
+        let options = VectorWriteOptions {
             overwrite: job.overwrite,
             decimals: job.decimals,
             lines_are_rounded: job.topology.is_some(),
             temp_dir: job.resources.temp_dir.clone(),
-            ..WriteOptions::default()
+            ..VectorWriteOptions::default()
         };
         // What the header claims of the input is not true of the output.
-        let mut layer = Layer { extent: None, ..layer.clone() };
+        let mut layer = LayerHeader { extent: None, ..layer.clone() };
         let Some(operation) = &self.operation else {
             return vector::create(path, self.format, &layer, &options);
         };
@@ -201,7 +210,7 @@ impl Pair {
 }
 
 /// Adds what was written to a report.
-pub(super) fn note(report: &mut LineReport, written: Written, notes: Vec<String>) {
+pub(super) fn note(report: &mut LineReport, written: WrittenFeatures, notes: Vec<String>) {
     report.output_bytes += written.bytes;
     report.outputs.extend(written.files.first().map(|path| path.display().to_string()));
     for note in notes.into_iter().chain(written.notes) {

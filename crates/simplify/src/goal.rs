@@ -2,18 +2,18 @@
 
 use serde::Serialize;
 
-use super::length::Length;
-use super::tool::Measure;
+use super::length::LengthOption;
+use super::tool::DistanceKind;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
-use terrane_line::Method;
-use terrane_line::registry::Bounds;
+use terrane_line::SimplifyMethod;
+use terrane_line::registry::ToleranceKind;
 
 /// What the result has to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Goal {
+pub enum LineGoal {
     /// No vertex farther than this from the segment in its place.
-    Tolerance(Length),
+    Tolerance(LengthOption),
     /// No triangle of less than this effective area, in squared units of the data, for methods that
     /// go by area.
     Area(f64),
@@ -27,25 +27,26 @@ pub enum Goal {
 
 /// What a sought goal counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Unit {
+pub(super) enum GoalUnit {
     Vertices,
     Bytes,
 }
 
-impl Goal {
+impl LineGoal {
     /// Fails when the method cannot be held to it.
-    pub(super) fn check(&self, method: &Method) -> Result<()> {
+    pub(super) fn check(&self, method: &SimplifyMethod) -> Result<()> {
         self.check_number()?;
         match (self, method.bounds) {
-            (Self::Tolerance(_), Bounds::Area(_)) => {
+            (Self::Tolerance(_), ToleranceKind::Area(_)) => {
                 Err(Error::usage(format!("{} bounds no distance", method.name))
                     .remedy("pass ‹area› or ‹keep_ratio›, or choose another ‹method›"))
             }
-            (Self::Area(_), Bounds::Distance) => {
+            (Self::Area(_), ToleranceKind::Distance) => {
                 Err(Error::usage(format!("{} goes by distance, not by area", method.name))
                     .remedy("pass ‹tolerance›, or ‹method› visvalingam"))
             }
-            (Self::Tolerance(_), Bounds::Distance) | (Self::Area(_), Bounds::Area(_)) => Ok(()),
+            (Self::Tolerance(_), ToleranceKind::Distance)
+            | (Self::Area(_), ToleranceKind::Area(_)) => Ok(()),
             (Self::Ratio(_) | Self::Count(_) | Self::Size(_), _) => Ok(()),
         }
     }
@@ -53,7 +54,7 @@ impl Goal {
     /// Fails for what is no length, area or share.
     fn check_number(&self) -> Result<()> {
         let (what, value, most) = match *self {
-            Self::Tolerance(Length { value, .. }) => ("tolerance", value, f64::MAX),
+            Self::Tolerance(LengthOption { value, .. }) => ("tolerance", value, f64::MAX),
             Self::Area(area) => ("area", area, f64::MAX),
             Self::Ratio(share) => ("share of vertices", share, 1.0),
             Self::Count(_) | Self::Size(_) => return Ok(()),
@@ -67,11 +68,13 @@ impl Goal {
     }
 
     /// What a threshold is to be looked for, for so many vertices; `None` where one is given.
-    pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, Unit)> {
+    pub(super) fn wanted(&self, vertices: u64) -> Option<(u64, GoalUnit)> {
         match *self {
-            Self::Ratio(share) => Some(((vertices as f64 * share).floor() as u64, Unit::Vertices)),
-            Self::Count(count) => Some((count, Unit::Vertices)),
-            Self::Size(bytes) => Some((bytes, Unit::Bytes)),
+            Self::Ratio(share) => {
+                Some(((vertices as f64 * share).floor() as u64, GoalUnit::Vertices))
+            }
+            Self::Count(count) => Some((count, GoalUnit::Vertices)),
+            Self::Size(bytes) => Some((bytes, GoalUnit::Bytes)),
             Self::Tolerance(_) | Self::Area(_) => None,
         }
     }
@@ -81,8 +84,8 @@ impl Goal {
 ///
 /// # Errors
 /// A length in metres over data of an unknown unit, or one measured in space over degrees.
-pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(Measure, f64)> {
-    let plain = if is_space { Measure::Space } else { Measure::Plane };
+pub fn measured(length: LengthOption, is_space: bool, crs: &Crs) -> Result<(DistanceKind, f64)> {
+    let plain = if is_space { DistanceKind::Space } else { DistanceKind::Plane };
     let Some(metres) = length.unit else { return Ok((plain, length.value)) };
     if let Some(unit) = crs.horizontal_metres() {
         return Ok((plain, length.value * metres / unit));
@@ -95,7 +98,7 @@ pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(Measure, f
                 "lengths in metres over longitudes and latitudes of another body than the Earth";
             Err(Error::unsupported(what).remedy("pass ‹tolerance› as a plain number, in degrees"))
         }
-        "degree" => Ok((Measure::Geographic, length.value * metres)),
+        "degree" => Ok((DistanceKind::Geographic, length.value * metres)),
         _ => Err(Error::usage("the data name no unit that metres could be told in")
             .remedy("pass ‹tolerance› as a plain number, in units of the data")),
     }
@@ -117,18 +120,18 @@ mod tests {
     #[test]
     fn lengths_are_told_in_the_units_of_the_data() {
         let crs = |epsg| Crs { epsg: Some(epsg), ..Crs::default() };
-        let hundred = Length { value: 100.0, unit: Some(1.0) };
+        let hundred = LengthOption { value: 100.0, unit: Some(1.0) };
         let told = |length, space, crs: &Crs| measured(length, space, crs).unwrap();
-        assert_eq!(told(hundred, false, &crs(28992)), (Measure::Plane, 100.0));
-        assert_eq!(told(hundred, true, &crs(28992)), (Measure::Space, 100.0));
+        assert_eq!(told(hundred, false, &crs(28992)), (DistanceKind::Plane, 100.0));
+        assert_eq!(told(hundred, true, &crs(28992)), (DistanceKind::Space, 100.0));
         let degrees = Crs { geographic: Some(true), ..crs(4326) };
-        assert_eq!(told(hundred, false, &degrees), (Measure::Geographic, 100.0));
+        assert_eq!(told(hundred, false, &degrees), (DistanceKind::Geographic, 100.0));
         assert!(measured(hundred, true, &degrees).is_err());
         assert!(measured(hundred, false, &Crs::default()).is_err());
-        let plain = Length { value: 0.5, unit: None };
-        assert_eq!(told(plain, false, &degrees), (Measure::Plane, 0.5));
+        let plain = LengthOption { value: 0.5, unit: None };
+        assert_eq!(told(plain, false, &degrees), (DistanceKind::Plane, 0.5));
         let feet = Crs { geographic: Some(false), ..crs(2263) };
-        let (_, told) = told(Length { value: 1.0, unit: Some(0.3048) }, false, &feet);
+        let (_, told) = told(LengthOption { value: 1.0, unit: Some(0.3048) }, false, &feet);
         assert!((told - 1.0).abs() < 1e-5, "{told}");
     }
 }

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::goal::Goal;
+use super::goal::LineGoal;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::transform::Transform;
+use terrane_engine::transform::OutputTransform;
 use terrane_line::topology::{Collapse, Strategy};
-use terrane_line::{METHODS, Method};
+use terrane_line::{METHODS, SimplifyMethod};
 use terrane_vector as vector;
 
 /// Lines to be simplified.
@@ -24,9 +24,9 @@ pub struct LineJob {
     /// Name of the format to write; by the output's ending, or as the input, when `None`.
     pub format: Option<String>,
     /// How vertices are chosen.
-    pub method: &'static Method,
+    pub method: &'static SimplifyMethod,
     /// How many are left out.
-    pub goal: Goal,
+    pub goal: LineGoal,
     /// Heights take part in distances.
     pub is_space: bool,
     /// Neighbours are looked at; each feature is simplified by itself when `None`.
@@ -40,7 +40,7 @@ pub struct LineJob {
     /// comes to touch, cross or change sides; `None` to leave them as they are.
     pub decimals: Option<u8>,
     /// The system to write in; that of the inputs when `None`.
-    pub transform: Option<Transform>,
+    pub transform: Option<OutputTransform>,
     /// Replace files that exist.
     pub overwrite: bool,
     /// What the job may use.
@@ -73,7 +73,7 @@ impl Default for Topology {
 
 impl LineJob {
     /// The job with everything else at its default.
-    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>, goal: Goal) -> Self {
+    pub fn new(input: impl Into<PathBuf>, output: impl Into<PathBuf>, goal: LineGoal) -> Self {
         Self {
             input: vec![input.into()],
             layer: None,
@@ -128,7 +128,7 @@ fn check_hierarchy(job: &LineJob) -> Result<()> {
     if job.method.splits {
         return Ok(());
     }
-    let (rdp, other) = (Method::RDP.name, job.method.name);
+    let (rdp, other) = (SimplifyMethod::RDP.name, job.method.name);
     Err(Error::usage(format!("a hierarchy is of {rdp}, and the method is {other}"))
         .remedy(format!("leave ‹hierarchy› out, or pass ‹method› {rdp}")))
 }

@@ -23,28 +23,28 @@ use std::time::Instant;
 pub use each::thresholds;
 pub use files::outputs;
 pub use goal::measured as goal_of;
-pub use goal::{Goal, Threshold};
+pub use goal::{LineGoal, Threshold};
 pub use job::{LineJob, SQUARE, Topology};
-pub use length::{Length, LengthText};
-pub use options::{LineOptions, LineSetters, Metric};
+pub use length::{LengthOption, LengthText};
+pub use options::{LineOptions, LineSetters, MetricOption};
 pub use report::{HierarchyReport, LineReport};
-pub use tool::Measure;
+pub use tool::DistanceKind;
 pub use whole::positions;
 
-use files::Files;
+use files::LineFiles;
 use terrane_base::error::Result;
 use terrane_base::registry::named;
 use terrane_engine::figures::Figures;
 use terrane_engine::outputs::not_among;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::name_of;
-use terrane_line::{METHODS, Method};
+use terrane_line::{METHODS, SimplifyMethod};
 
 /// The method called `name`.
 ///
 /// # Errors
 /// Usage: a name that is none; the known ones are listed.
-pub fn method(name: &str) -> Result<&'static Method> {
+pub fn method(name: &str) -> Result<&'static SimplifyMethod> {
     named(METHODS, name)
 }
 
@@ -58,9 +58,11 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     let started = Instant::now();
     job.check()?;
     check_files(job)?;
-    let files = Files::of(job)?;
+    let files = LineFiles::of(job)?;
     let mut report = match (&job.topology, job.goal) {
-        (None, Goal::Tolerance(_) | Goal::Area(_)) => stream::run(job, &files, progress, cancel)?,
+        (None, LineGoal::Tolerance(_) | LineGoal::Area(_)) => {
+            stream::run(job, &files, progress, cancel)?
+        }
         _ => whole::run(job, &files, progress, cancel)?,
     };
     files.note_operation(&mut report);

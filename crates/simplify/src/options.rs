@@ -3,16 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::Value as Json;
-use terrane_options::{Choice, Codec, Kind, Named, Options, Range, Rule};
+use terrane_options::{
+    Choice, ChoiceName, OptionCodec, OptionKind, OptionRange, OptionRule, Options,
+};
 
-use super::{Goal, Length, LengthText, LineJob, LineReport, Topology, method, run};
+use super::{LengthOption, LengthText, LineGoal, LineJob, LineReport, Topology, method, run};
 use terrane_base::error::Result;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{FeatureInput, FileName, FileOutput, FileSize, Reprojection};
 use terrane_files::path_of;
 use terrane_line::topology::{Collapse, Strategy};
-use terrane_line::{METHODS, Method};
+use terrane_line::{METHODS, SimplifyMethod};
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
 ///
@@ -24,13 +26,13 @@ use terrane_line::{METHODS, Method};
 pub struct LineOptions {
     /// Largest distance of a vertex from the segment in its place, in units of the data, or with a unit: 100m, 2km, 50ft
     /// (of longitudes and latitudes on the ellipsoid)
-    #[option(value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, heading = "How much")]
-    pub tolerance: Option<Length>,
+    #[option(value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "How much")]
+    pub tolerance: Option<LengthOption>,
     /// For methods that go by area: smallest effective area, in squared units of the data
-    #[option(value = "A", range = Range::FROM_ZERO, heading = "How much")]
+    #[option(value = "A", range = OptionRange::FROM_ZERO, heading = "How much")]
     pub area: Option<f64>,
     /// Keep this share of the vertices, from 0 to 1
-    #[option(value = "SHARE", range = Range::new(0.0, 1.0), heading = "How much")]
+    #[option(value = "SHARE", range = OptionRange::new(0.0, 1.0), heading = "How much")]
     pub keep_ratio: Option<f64>,
     /// Keep so many vertices at most
     #[option(value = "N", heading = "How much")]
@@ -47,7 +49,7 @@ pub struct LineOptions {
     pub hierarchy: Option<PathBuf>,
     /// What a distance is: in x and y, or in x, y and z
     #[option(value = "NAME", heading = "Method")]
-    pub metric: Metric,
+    pub metric: MetricOption,
     /// What becomes of rings of which less than a triangle would be left
     #[option(value = "HOW", heading = "Method")]
     pub collapse: Collapse,
@@ -58,14 +60,14 @@ pub struct LineOptions {
     #[option(value = "WHEN", default_text = "retroactive", heading = "Neighbours")]
     pub strategy: Option<Strategy>,
     /// Make vertices one that are no farther apart than this, in units of the data
-    #[option(value = "DISTANCE", range = Range::POSITIVE, heading = "Neighbours")]
+    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Neighbours")]
     pub snap: Option<f64>,
     /// Points that stay on the side of every line that they are on
     #[option(value = "FILE", with = FileName, role = Reads, heading = "Neighbours")]
     pub sides: Option<PathBuf>,
     /// Digits behind the point that positions are rounded to; with ‹topology› vertices keep theirs where lines would touch,
     /// cross or change sides
-    #[option(value = "N", range = Range::new(0.0, 17.0), default_text = "as they are", heading = "Output")]
+    #[option(value = "N", range = OptionRange::new(0.0, 17.0), default_text = "as they are", heading = "Output")]
     pub decimals: Option<u8>,
     /// The output file.
     #[option(flatten)]
@@ -81,17 +83,17 @@ pub struct LineOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "goal"),
-    Rule::NotWith("hierarchy", &["topology"]),
-    Rule::Needs("strategy", &["topology"]),
-    Rule::Needs("snap", &["topology"]),
-    Rule::Needs("sides", &["topology"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::OneOf(&["tolerance", "area", "keep_ratio", "keep_count", "target_size"], "goal"),
+    OptionRule::NotWith("hierarchy", &["topology"]),
+    OptionRule::Needs("strategy", &["topology"]),
+    OptionRule::Needs("snap", &["topology"]),
+    OptionRule::Needs("sides", &["topology"]),
 ];
 
 /// What a distance is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum Metric {
+pub enum MetricOption {
     /// In x and y
     #[default]
     Plane,
@@ -103,9 +105,9 @@ pub enum Metric {
 /// The name of a method.
 pub(super) struct MethodName;
 
-impl Codec<String> for MethodName {
-    const KIND: Kind = Kind::Choice(|| {
-        METHODS.iter().map(|own| Named { name: own.name, about: own.summary }).collect()
+impl OptionCodec<String> for MethodName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
+        METHODS.iter().map(|own| ChoiceName { name: own.name, about: own.summary }).collect()
     });
 
     fn parse(text: &str) -> std::result::Result<String, String> {
@@ -119,23 +121,23 @@ impl Codec<String> for MethodName {
 
 impl LineOptions {
     /// What is to be reached.
-    fn goal(&self) -> Goal {
+    fn goal(&self) -> LineGoal {
         let goals = [
-            self.tolerance.map(Goal::Tolerance),
-            self.area.map(Goal::Area),
-            self.keep_ratio.map(Goal::Ratio),
-            self.keep_count.map(Goal::Count),
-            self.target_size.map(Goal::Size),
+            self.tolerance.map(LineGoal::Tolerance),
+            self.area.map(LineGoal::Area),
+            self.keep_ratio.map(LineGoal::Ratio),
+            self.keep_count.map(LineGoal::Count),
+            self.target_size.map(LineGoal::Size),
         ];
         // The rules ask for one of them.
-        goals.into_iter().flatten().next().unwrap_or(Goal::Ratio(1.0))
+        goals.into_iter().flatten().next().unwrap_or(LineGoal::Ratio(1.0))
     }
 
     /// How vertices are chosen.
-    fn chosen(&self) -> Result<&'static Method> {
+    fn chosen(&self) -> Result<&'static SimplifyMethod> {
         match (&self.method, &self.hierarchy) {
             (Some(name), _) => method(name),
-            (None, Some(_)) => Ok(&Method::RDP),
+            (None, Some(_)) => Ok(&SimplifyMethod::RDP),
             (None, None) => Ok(&METHODS[0]),
         }
     }
@@ -159,7 +161,7 @@ impl LineOptions {
             format: self.file.format.clone(),
             method: self.chosen()?,
             goal: self.goal(),
-            is_space: self.metric == Metric::Space,
+            is_space: self.metric == MetricOption::Space,
             topology: self.topology.then_some(topology),
             hierarchy: self.hierarchy.clone(),
             collapse: self.collapse,
@@ -181,7 +183,7 @@ impl Operation for LineOptions {
         self.job(&[], output)?.check()
     }
 
-    fn run(&self, request: Request<'_>) -> Result<LineReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<LineReport> {
         let job = self.job(request.inputs.names(), request.output)?;
         run(&job, request.progress, request.cancel)
     }

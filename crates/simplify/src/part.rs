@@ -2,15 +2,15 @@
 
 use std::cell::Cell;
 
-use super::tool::{Rule, Task, Tool, Vertex, check, vertices};
-use super::trees::{Left, Trees};
+use super::tool::{MetricTask, MetricVertex, SimplifyRule, Tool, check, vertices};
+use super::trees::{PendingHierarchies, Trees};
 use terrane_base::error::Result;
-use terrane_line::{Metric, Scratch};
-use terrane_vector::{Geometry, Kept};
+use terrane_line::{DistanceMetric, SimplifyScratch};
+use terrane_vector::{Geometry, KeptVertices};
 
 /// What became of the parts of some features.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Tally {
+pub(super) struct PartCounts {
     pub(super) features: u64,
     pub(super) parts: u64,
     pub(super) vertices: u64,
@@ -30,17 +30,17 @@ pub(super) struct Tally {
 pub(super) fn simplify(
     geometry: &Geometry,
     trees: Option<&Trees>,
-    rule: &Rule,
-) -> Result<(Geometry, Tally)> {
+    rule: &SimplifyRule,
+) -> Result<(Geometry, PartCounts)> {
     geometry.parts().try_for_each(|part| check(&part, rule))?;
-    let left = Left::of(trees, rule.threshold);
-    Ok(rule.apply(One { geometry, left }))
+    let left = PendingHierarchies::of(trees, rule.threshold);
+    Ok(rule.apply(GeometryTask { geometry, left }))
 }
 
 /// Does `work` with the thread's room.
-fn with_scratch<T>(work: impl FnOnce(&mut Scratch, &mut Vec<u32>) -> T) -> T {
+fn with_scratch<T>(work: impl FnOnce(&mut SimplifyScratch, &mut Vec<u32>) -> T) -> T {
     thread_local! {
-        static ROOM: Cell<(Scratch, Vec<u32>)> = Cell::default();
+        static ROOM: Cell<(SimplifyScratch, Vec<u32>)> = Cell::default();
     }
     let (mut scratch, mut kept) = ROOM.take();
     let done = work(&mut scratch, &mut kept);
@@ -49,16 +49,19 @@ fn with_scratch<T>(work: impl FnOnce(&mut Scratch, &mut Vec<u32>) -> T) -> T {
 }
 
 /// A geometry to be simplified.
-struct One<'a> {
+struct GeometryTask<'a> {
     geometry: &'a Geometry,
-    left: Left<'a>,
+    left: PendingHierarchies<'a>,
 }
 
-impl Task for One<'_> {
-    type Output = (Geometry, Tally);
+impl MetricTask for GeometryTask<'_> {
+    type Output = (Geometry, PartCounts);
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> (Geometry, Tally) {
-        let mut tally = Tally { features: 1, ..Tally::default() };
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+        mut self,
+        tool: &Tool<V, M>,
+    ) -> (Geometry, PartCounts) {
+        let mut tally = PartCounts { features: 1, ..PartCounts::default() };
         let (mut points, everything) = (Vec::new(), tool.rule.keeps_everything());
         let geometry = with_scratch(|scratch, kept| {
             self.geometry.keep(|_, part| {
@@ -71,7 +74,7 @@ impl Task for One<'_> {
                 tally.square = tally.square.max(outcome.square);
                 // A ring that had fewer than three different vertices stays as it was.
                 let is_flat = part.is_ring() && (1..3).contains(&kept.len());
-                if is_flat || everything { Kept::All } else { chosen(kept) }
+                if is_flat || everything { KeptVertices::All } else { chosen(kept) }
             })
         });
         tally.kept = geometry.parts().map(|part| part.xy.len() as u64).sum();
@@ -81,10 +84,10 @@ impl Task for One<'_> {
 }
 
 /// Keeps vertices of lines by what is left of their hierarchies, or else by the method.
-fn chooser<V: Vertex, M: Metric<V> + Copy>(
-    left: &mut Left<'_>,
+fn chooser<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+    left: &mut PendingHierarchies<'_>,
     tool: &Tool<V, M>,
-) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) {
+) -> impl FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) {
     |line, scratch, kept| {
         if tool.rule.keeps_everything() || !left.filter(line.len(), kept) {
             tool.line(line, scratch, kept);
@@ -93,6 +96,6 @@ fn chooser<V: Vertex, M: Metric<V> + Copy>(
 }
 
 /// Indices as a choice.
-pub(super) fn chosen(kept: &[u32]) -> Kept {
-    if kept.is_empty() { Kept::Nothing } else { Kept::Vertices(kept.to_vec()) }
+pub(super) fn chosen(kept: &[u32]) -> KeptVertices {
+    if kept.is_empty() { KeptVertices::Nothing } else { KeptVertices::Vertices(kept.to_vec()) }
 }

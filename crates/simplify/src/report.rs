@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::goal::Threshold;
 use super::job::LineJob;
-use super::part::Tally;
-use super::stored::Store;
-use super::tool::{Measure, Rule};
+use super::part::PartCounts;
+use super::stored::HierarchyStore;
+use super::tool::{DistanceKind, SimplifyRule};
 use terrane_base::error::Result;
 use terrane_engine::figures::Figures;
 use terrane_engine::transform::Transformed;
@@ -33,7 +33,7 @@ pub struct LineReport {
     pub inputs: Vec<String>,
     pub outputs: Vec<String>,
     pub method: String,
-    pub measure: Measure,
+    pub measure: DistanceKind,
     pub threshold: Threshold,
     /// The system of the inputs.
     pub crs: String,
@@ -68,7 +68,7 @@ pub struct LineReport {
 
 impl LineReport {
     /// Completes the file of hierarchies, if there is one, and tells of it.
-    pub(super) fn stored(&mut self, job: &LineJob, store: Store) -> Result<()> {
+    pub(super) fn stored(&mut self, job: &LineJob, store: HierarchyStore) -> Result<()> {
         let Some(path) = &job.hierarchy else { return Ok(()) };
         let own = self.hierarchy.get_or_insert_default();
         (own.file, own.made) = (path.display().to_string(), store.makes());
@@ -76,7 +76,7 @@ impl LineReport {
         Ok(())
     }
 
-    pub(super) fn add(&mut self, tally: &Tally) {
+    pub(super) fn add(&mut self, tally: &PartCounts) {
         if tally.prepare_seconds + tally.query_seconds > 0.0 {
             let own = self.hierarchy.get_or_insert_default();
             own.prepare_seconds += tally.prepare_seconds;
@@ -90,9 +90,9 @@ impl LineReport {
         self.largest_distance = self.largest_distance.max(tally.square.sqrt());
     }
 
-    pub(super) fn measured_by(&mut self, rule: &Rule) {
+    pub(super) fn measured_by(&mut self, rule: &SimplifyRule) {
         self.measure = rule.measure;
         let value = rule.threshold.max(0.0);
-        self.threshold = Threshold { value, metres: rule.measure == Measure::Geographic };
+        self.threshold = Threshold { value, metres: rule.measure == DistanceKind::Geographic };
     }
 }

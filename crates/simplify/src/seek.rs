@@ -1,7 +1,7 @@
 //! A threshold for so many vertices or bytes, found in a few trials.
 //!
 //! What comes out of a threshold is known once it was tried. How many vertices a run by itself would
-//! keep is known before, for all thresholds at once ([`Profile`]): so the search goes along that number,
+//! keep is known before, for all thresholds at once ([`ThresholdProfile`]): so the search goes along that number,
 //! as what comes out is nearly a line over it, whatever the data are like.
 //!
 //! A hierarchy of each line (areas, for methods that go by them) says how many vertices any threshold
@@ -29,7 +29,7 @@ const RUNG: f64 = 0.25;
 const SHIFT: u32 = 52 - 6;
 
 /// How many vertices are kept at which threshold, by bins of thresholds.
-pub(super) struct Profile {
+pub(super) struct ThresholdProfile {
     bins: Vec<u64>,
     /// Vertices that stay at any threshold.
     pub(super) fixed: u64,
@@ -37,13 +37,13 @@ pub(super) struct Profile {
     pub(super) total: u64,
 }
 
-impl Default for Profile {
+impl Default for ThresholdProfile {
     fn default() -> Self {
         Self { bins: vec![0; 1 << (63 - SHIFT)], fixed: 0, total: 0 }
     }
 }
 
-impl Profile {
+impl ThresholdProfile {
     /// Adds a vertex that is kept below `threshold`.
     pub(super) fn add(&mut self, threshold: f64) {
         self.bins[(threshold.to_bits() >> SHIFT) as usize] += 1;
@@ -94,7 +94,7 @@ impl Dial {
 }
 
 /// A goal, in vertices or bytes.
-pub(super) struct Target {
+pub(super) struct GoalTarget {
     /// The most there may be.
     pub(super) most: u64,
     /// About what all vertices would come to.
@@ -103,7 +103,7 @@ pub(super) struct Target {
 
 /// What a threshold keeps, and what came of it.
 #[derive(Clone, Copy)]
-struct Trial {
+struct ThresholdTrial {
     at: f64,
     came: f64,
 }
@@ -117,12 +117,12 @@ struct Trial {
 /// # Errors
 /// Those of `attempt`.
 pub(super) fn seek(
-    target: &Target,
+    target: &GoalTarget,
     dial: &Dial,
     mut attempt: impl FnMut(f64, RangeInclusive<u64>) -> Result<Option<u64>>,
 ) -> Result<Option<u64>> {
     let most = target.most;
-    let mut search = Search::new(target, dial);
+    let mut search = ThresholdSearch::new(target, dial);
     let mut at = search.first(target);
     let mut best: Option<(u64, f64)> = None;
     for _ in 0..MOST_TRIALS {
@@ -132,7 +132,7 @@ pub(super) fn seek(
         if came <= most && best.is_none_or(|(known, _)| known < came) {
             best = Some((came, threshold));
         }
-        search.learn(Trial { at, came: came as f64 }, came <= most);
+        search.learn(ThresholdTrial { at, came: came as f64 }, came <= most);
         at = search.next();
         if search.knows(dial.threshold(at)) {
             break;
@@ -150,30 +150,30 @@ pub(super) fn seek(
 }
 
 /// What is known of a search.
-struct Search<'a> {
+struct ThresholdSearch<'a> {
     dial: &'a Dial,
     /// What a vertex comes to, as far as is known before the first trial.
     each: f64,
     /// Where to aim at.
     aim: f64,
     /// The last trial that came to no more than the goal, and the last that came to more.
-    low: Option<Trial>,
-    high: Option<Trial>,
+    low: Option<ThresholdTrial>,
+    high: Option<ThresholdTrial>,
     /// The trial before the last one.
-    before: Option<Trial>,
+    before: Option<ThresholdTrial>,
     /// Trials since there is one of each.
     inside: u32,
 }
 
-impl<'a> Search<'a> {
-    fn new(target: &Target, dial: &'a Dial) -> Self {
+impl<'a> ThresholdSearch<'a> {
+    fn new(target: &GoalTarget, dial: &'a Dial) -> Self {
         let aim = target.most as f64 * (1.0 - 0.5 / UNUSED as f64);
         let each = target.all / (dial.total as f64).max(1.0);
         Self { dial, each, aim, low: None, high: None, before: None, inside: 0 }
     }
 
     /// As if all vertices took the same; everything, where that seems to fit.
-    fn first(&self, target: &Target) -> f64 {
+    fn first(&self, target: &GoalTarget) -> f64 {
         let total = self.dial.total as f64;
         match target.most as f64 >= target.all {
             true => total,
@@ -181,14 +181,14 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn learn(&mut self, trial: Trial, fits: bool) {
+    fn learn(&mut self, trial: ThresholdTrial, fits: bool) {
         self.before = self.low.filter(|_| fits).or(self.high.filter(|_| !fits));
         *(if fits { &mut self.low } else { &mut self.high }) = Some(trial);
         self.inside += u32::from(self.low.is_some() && self.high.is_some());
     }
 
     fn knows(&self, threshold: f64) -> bool {
-        let is_same = |trial: Trial| self.dial.threshold(trial.at) == threshold;
+        let is_same = |trial: ThresholdTrial| self.dial.threshold(trial.at) == threshold;
         self.low.is_some_and(is_same) || self.high.is_some_and(is_same)
     }
 
@@ -207,14 +207,14 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn between(&self, low: Trial, high: Trial) -> f64 {
+    fn between(&self, low: ThresholdTrial, high: ThresholdTrial) -> f64 {
         let share = (self.aim - low.came) / (high.came - low.came);
         low.at + (high.at - low.at) * share.clamp(0.02, 0.98)
     }
 
     /// Along the line through the last two trials. After the only one, what came beyond what was foreseen
     /// is taken for something that stays (neighbours kept apart, properties), unless it is very much.
-    fn beyond(&self, last: Trial) -> f64 {
+    fn beyond(&self, last: ThresholdTrial) -> f64 {
         let mean = last.came / last.at;
         let slope = match self.before {
             Some(before) => (last.came - before.came) / (last.at - before.at),
@@ -232,7 +232,8 @@ mod tests {
 
     /// A dial over 10,000 vertices whose thresholds fall as a power of their rank.
     fn dial() -> Dial {
-        let mut profile = Profile { fixed: 100, total: 10_100, ..Profile::default() };
+        let mut profile =
+            ThresholdProfile { fixed: 100, total: 10_100, ..ThresholdProfile::default() };
         (1..=9_000).for_each(|rank| profile.add(100.0 / f64::from(rank).powf(1.3)));
         profile.dial(1000.0, false)
     }
@@ -248,7 +249,7 @@ mod tests {
     /// What came at last, and how many trials it took.
     fn sought(most: u64, all: f64, came: impl Fn(f64) -> f64) -> (Option<u64>, Option<u64>, u32) {
         let (mut last, mut trials) = (None, 0);
-        let left = seek(&Target { most, all }, &dial(), |threshold, range| {
+        let left = seek(&GoalTarget { most, all }, &dial(), |threshold, range| {
             trials += 1;
             let came = came(threshold).round() as u64;
             last = Some(came).filter(|came| range.contains(came));

@@ -14,7 +14,7 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::job::LineJob;
-use super::tool::{Measure, Rule};
+use super::tool::{DistanceKind, SimplifyRule};
 use super::trees::{Trees, digest};
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::Digest;
@@ -34,17 +34,18 @@ const LENGTH: usize = 8;
 const RUN: u64 = 1 << 20;
 
 /// Metrics by their number in the header.
-const MEASURES: [Measure; 3] = [Measure::Plane, Measure::Space, Measure::Geographic];
+const MEASURES: [DistanceKind; 3] =
+    [DistanceKind::Plane, DistanceKind::Space, DistanceKind::Geographic];
 
 /// Where the hierarchies of a job's features come from, and go to.
 #[derive(Default)]
-pub(super) struct Store {
-    reader: Option<Reader>,
-    writer: Option<Writer>,
+pub(super) struct HierarchyStore {
+    reader: Option<HierarchyReader>,
+    writer: Option<HierarchyWriter>,
 }
 
 /// How a feature is simplified.
-pub(super) enum Order {
+pub(super) enum FeatureOrder {
     /// By the method.
     Run,
     /// By hierarchies that are made first.
@@ -53,13 +54,18 @@ pub(super) enum Order {
     Use(Vec<u8>),
 }
 
-impl Store {
+impl HierarchyStore {
     /// The store of a job; a file that is there is read, another one is made.
-    pub(super) fn of(job: &LineJob, rule: &Rule) -> Result<Self> {
+    pub(super) fn of(job: &LineJob, rule: &SimplifyRule) -> Result<Self> {
         let Some(path) = &job.hierarchy else { return Ok(Self::default()) };
         match path.symlink_metadata().is_ok() {
-            true => Ok(Self { reader: Some(Reader::open(path, rule.measure)?), writer: None }),
-            false => Ok(Self { reader: None, writer: Some(Writer::create(path, rule.measure)?) }),
+            true => {
+                Ok(Self { reader: Some(HierarchyReader::open(path, rule.measure)?), writer: None })
+            }
+            false => Ok(Self {
+                reader: None,
+                writer: Some(HierarchyWriter::create(path, rule.measure)?),
+            }),
         }
     }
 
@@ -74,11 +80,11 @@ impl Store {
     }
 
     /// How the next feature is simplified.
-    pub(super) fn next(&mut self, geometry: &Geometry) -> Result<Order> {
+    pub(super) fn next(&mut self, geometry: &Geometry) -> Result<FeatureOrder> {
         match (&mut self.reader, &self.writer) {
-            (Some(reader), _) => reader.next(geometry).map(Order::Use),
-            (None, Some(_)) => Ok(Order::Make),
-            (None, None) => Ok(Order::Run),
+            (Some(reader), _) => reader.next(geometry).map(FeatureOrder::Use),
+            (None, Some(_)) => Ok(FeatureOrder::Make),
+            (None, None) => Ok(FeatureOrder::Run),
         }
     }
 
@@ -89,7 +95,7 @@ impl Store {
 
     /// Fails where the file that is read goes on after the last feature.
     pub(super) fn end(&self) -> Result<()> {
-        self.reader.as_ref().map_or(Ok(()), Reader::end)
+        self.reader.as_ref().map_or(Ok(()), HierarchyReader::end)
     }
 
     /// Completes the file that is made; the bytes of that one, or of the one that was read.
@@ -106,11 +112,15 @@ impl Store {
 ///
 /// # Errors
 /// A part that the metric cannot measure; stored ones that are damaged or of other coordinates.
-pub(super) fn trees(order: Order, geometry: &Geometry, rule: &Rule) -> Result<Option<Trees>> {
+pub(super) fn trees(
+    order: FeatureOrder,
+    geometry: &Geometry,
+    rule: &SimplifyRule,
+) -> Result<Option<Trees>> {
     match order {
-        Order::Run => Ok(None),
-        Order::Make => Trees::of(geometry, rule).map(Some),
-        Order::Use(record) => {
+        FeatureOrder::Run => Ok(None),
+        FeatureOrder::Make => Trees::of(geometry, rule).map(Some),
+        FeatureOrder::Use(record) => {
             let (own, trees) = record.split_at(Digest::BYTES);
             if *own != digest(geometry, rule.measure).bytes()[..] {
                 return Err(Error::bad_input("the stored hierarchy is of other coordinates")
@@ -123,7 +133,7 @@ pub(super) fn trees(order: Order, geometry: &Geometry, rule: &Rule) -> Result<Op
     }
 }
 
-struct Reader {
+struct HierarchyReader {
     file: RawFile,
     /// Where the next record begins.
     at: u64,
@@ -134,8 +144,8 @@ struct Reader {
     taken: usize,
 }
 
-impl Reader {
-    fn open(path: &Path, measure: Measure) -> Result<Self> {
+impl HierarchyReader {
+    fn open(path: &Path, measure: DistanceKind) -> Result<Self> {
         let file = RawFile::open(path)?;
         let header = file.head(HEADER)?;
         let features = features(&header, file.size(), measure).map_err(|e| e.in_file(path))?;
@@ -180,7 +190,7 @@ impl Reader {
 }
 
 /// The number of features, when the header of a file of `length` bytes is sound and of this metric.
-fn features(header: &[u8], length: u64, measure: Measure) -> Result<u64> {
+fn features(header: &[u8], length: u64, measure: DistanceKind) -> Result<u64> {
     let Some((told, seal)) = header.split_at_checked(32) else {
         return Err(damaged("it is too short"));
     };
@@ -207,11 +217,11 @@ fn features(header: &[u8], length: u64, measure: Measure) -> Result<u64> {
 }
 
 /// What distances in a metric are.
-fn told_of(measure: Measure) -> &'static str {
+fn told_of(measure: DistanceKind) -> &'static str {
     match measure {
-        Measure::Plane => "distances in x and y",
-        Measure::Space => "distances in x, y and z",
-        Measure::Geographic => "distances in metres on the ellipsoid",
+        DistanceKind::Plane => "distances in x and y",
+        DistanceKind::Space => "distances in x, y and z",
+        DistanceKind::Geographic => "distances in metres on the ellipsoid",
     }
 }
 
@@ -225,16 +235,16 @@ fn others(what: &str) -> Error {
         .remedy("delete it to have it made again, or name another ‹hierarchy›")
 }
 
-struct Writer {
+struct HierarchyWriter {
     out: BufWriter<AtomicFile>,
     path: PathBuf,
-    measure: Measure,
+    measure: DistanceKind,
     features: u64,
     bytes: u64,
 }
 
-impl Writer {
-    fn create(path: &Path, measure: Measure) -> Result<Self> {
+impl HierarchyWriter {
+    fn create(path: &Path, measure: DistanceKind) -> Result<Self> {
         let out = BufWriter::with_capacity(RUN as usize, AtomicFile::create(path, false)?);
         let (path, bytes) = (path.to_path_buf(), HEADER);
         let mut writer = Self { out, path, measure, features: 0, bytes };
@@ -274,8 +284,8 @@ mod tests {
     use terrane_line::METHODS;
     use terrane_line::topology::Collapse;
 
-    fn rule(measure: Measure) -> Rule {
-        Rule { method: &METHODS[1], measure, threshold: 0.0, collapse: Collapse::Minimal }
+    fn rule(measure: DistanceKind) -> SimplifyRule {
+        SimplifyRule { method: &METHODS[1], measure, threshold: 0.0, collapse: Collapse::Minimal }
     }
 
     fn zigzag(count: usize) -> Geometry {
@@ -285,10 +295,10 @@ mod tests {
     /// A file of the hierarchies of two lines.
     fn file(folder: &Path) -> (PathBuf, Vec<u8>) {
         let path = folder.join("h");
-        let mut writer = Writer::create(&path, Measure::Plane).unwrap();
+        let mut writer = HierarchyWriter::create(&path, DistanceKind::Plane).unwrap();
         for line in [zigzag(50), zigzag(9)] {
-            let trees = Trees::of(&line, &rule(Measure::Plane)).unwrap();
-            writer.push(&trees.record(&line, Measure::Plane)).unwrap();
+            let trees = Trees::of(&line, &rule(DistanceKind::Plane)).unwrap();
+            writer.push(&trees.record(&line, DistanceKind::Plane)).unwrap();
         }
         assert!(!path.exists());
         let bytes = writer.finish().unwrap();
@@ -299,9 +309,10 @@ mod tests {
 
     /// Reads all of a file that should be of those two lines.
     fn read(path: &Path) -> Result<Vec<Trees>> {
-        let mut reader = Reader::open(path, Measure::Plane)?;
-        let mut next =
-            |line: Geometry| trees(Order::Use(reader.next(&line)?), &line, &rule(Measure::Plane));
+        let mut reader = HierarchyReader::open(path, DistanceKind::Plane)?;
+        let mut next = |line: Geometry| {
+            trees(FeatureOrder::Use(reader.next(&line)?), &line, &rule(DistanceKind::Plane))
+        };
         let all = [next(zigzag(50))?, next(zigzag(9))?];
         reader.end()?;
         Ok(all.into_iter().flatten().collect())
@@ -320,7 +331,7 @@ mod tests {
     fn what_is_stored_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let (path, _) = file(folder.path());
-        let made = [50, 9].map(|n| Trees::of(&zigzag(n), &rule(Measure::Plane)).unwrap());
+        let made = [50, 9].map(|n| Trees::of(&zigzag(n), &rule(DistanceKind::Plane)).unwrap());
         assert_eq!(read(&path).unwrap(), made);
     }
 
@@ -369,19 +380,19 @@ mod tests {
     fn hierarchies_belong_to_coordinates_and_to_how_they_make_parts() {
         let square = || vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0]];
         let polygon = |xy| {
-            let coordinates = terrane_vector::Coordinates::of(xy);
-            Geometry::new(terrane_vector::Kind::Polygon, coordinates).unwrap()
+            let coordinates = terrane_vector::CoordinateSequence::of(xy);
+            Geometry::new(terrane_vector::GeometryType::Polygon, coordinates).unwrap()
         };
-        let plane = |geometry: &Geometry| digest(geometry, Measure::Plane);
+        let plane = |geometry: &Geometry| digest(geometry, DistanceKind::Plane);
         let own = plane(&polygon(square()));
         assert_ne!(own, plane(&Geometry::line(square())), "a ring is no line");
         let mut moved = square();
         moved[1][1] = f64::MIN_POSITIVE;
         assert_ne!(own, plane(&polygon(moved)));
-        let mut high = terrane_vector::Coordinates::default();
+        let mut high = terrane_vector::CoordinateSequence::default();
         square().into_iter().for_each(|xy| high.push(xy, Some(xy[0]), None));
-        let high = Geometry::new(terrane_vector::Kind::Polygon, high).unwrap();
+        let high = Geometry::new(terrane_vector::GeometryType::Polygon, high).unwrap();
         assert_eq!(own, plane(&high), "heights take no part in the plane");
-        assert_ne!(digest(&high, Measure::Space), plane(&high));
+        assert_ne!(digest(&high, DistanceKind::Space), plane(&high));
     }
 }

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::files::{self, Files, Pair};
+use super::files::{self, LineFilePair, LineFiles};
 use super::job::LineJob;
-use super::part::{self, Tally};
+use super::part::{self, PartCounts};
 use super::report::LineReport;
-use super::stored::{self, Order, Store};
-use super::tool::Rule;
+use super::stored::{self, FeatureOrder, HierarchyStore};
+use super::tool::SimplifyRule;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress};
@@ -31,15 +31,15 @@ const MOST_FEATURES: usize = 1 << 16;
 
 pub(super) fn run(
     job: &LineJob,
-    files: &Files,
+    files: &LineFiles,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<LineReport> {
     let rule = files.rule(job, 0.0)?;
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
     report.measured_by(&rule);
-    let mut store = Store::of(job, &rule)?;
-    let bytes: u64 = files.pairs.iter().map(Pair::size).sum();
+    let mut store = HierarchyStore::of(job, &rule)?;
+    let bytes: u64 = files.pairs.iter().map(LineFilePair::size).sum();
     progress.begin("simplify", bytes);
     for (number, pair) in files.pairs.iter().enumerate() {
         let is_last = number + 1 == files.pairs.len();
@@ -61,7 +61,7 @@ pub(super) fn run(
 }
 
 /// What a feature is too large for is told with its file.
-fn in_input(error: Error, pair: &Pair) -> Error {
+fn in_input(error: Error, pair: &LineFilePair) -> Error {
     if error.kind() == ErrorKind::Resource { error.in_file(&pair.input) } else { error }
 }
 
@@ -71,9 +71,9 @@ type Copied = (Box<dyn FeatureSource>, Box<dyn FeatureSink>);
 /// One file.
 fn copy(
     job: &LineJob,
-    pair: &Pair,
-    rule: &Rule,
-    store: &mut Store,
+    pair: &LineFilePair,
+    rule: &SimplifyRule,
+    store: &mut HierarchyStore,
     report: &mut LineReport,
     cancel: &Cancel,
 ) -> Result<Copied> {
@@ -99,12 +99,12 @@ fn copy(
 }
 
 /// A feature, where it was, and how it is to be simplified.
-type Placed = (Feature, String, Order);
+type Placed = (Feature, String, FeatureOrder);
 
 /// The next features, of about so many vertices; each has to fit into memory.
 fn read(
     source: &mut dyn FeatureSource,
-    store: &mut Store,
+    store: &mut HierarchyStore,
     (most, memory): (u64, u64),
 ) -> Result<Vec<Placed>> {
     let (mut batch, mut vertices) = (Vec::new(), 0);
@@ -124,26 +124,26 @@ fn read(
 }
 
 /// A feature made simpler.
-struct Made {
+struct SimplifiedFeature {
     feature: Feature,
-    tally: Tally,
+    tally: PartCounts,
     /// Its hierarchies, where they are to be stored.
     record: Option<Vec<u8>>,
 }
 
-fn simplify(batch: Vec<Placed>, rule: &Rule) -> Vec<Result<Made>> {
+fn simplify(batch: Vec<Placed>, rule: &SimplifyRule) -> Vec<Result<SimplifiedFeature>> {
     let one = |(feature, place, order): Placed| make(feature, order, rule).map_err(|e| e.at(place));
     batch.into_par_iter().map(one).collect()
 }
 
-fn make(feature: Feature, order: Order, rule: &Rule) -> Result<Made> {
+fn make(feature: Feature, order: FeatureOrder, rule: &SimplifyRule) -> Result<SimplifiedFeature> {
     let started = Instant::now();
-    let is_new = matches!(order, Order::Make);
+    let is_new = matches!(order, FeatureOrder::Make);
     let trees = stored::trees(order, &feature.geometry, rule)?;
     let new = trees.as_ref().filter(|_| is_new);
     let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));
     let prepare_seconds = trees.as_ref().map_or(0.0, |_| started.elapsed().as_secs_f64());
     let (geometry, tally) = part::simplify(&feature.geometry, trees.as_ref(), rule)?;
     let feature = Feature { geometry, ..feature };
-    Ok(Made { feature, tally: Tally { prepare_seconds, ..tally }, record })
+    Ok(SimplifiedFeature { feature, tally: PartCounts { prepare_seconds, ..tally }, record })
 }

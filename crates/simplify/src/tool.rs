@@ -4,14 +4,15 @@ use terrane_base::error::{Error, Result};
 use terrane_line::metric::{LEAST, MOST, measurable};
 use terrane_line::topology::Collapse;
 use terrane_line::{
-    Geographic, Located, Method, Metric, Plane, Scratch, Space, Xy, metric, registry, ring,
+    DistanceMetric, GeographicMetric, Located, PlaneMetric, SimplifyMethod, SimplifyScratch,
+    SpaceMetric, Xy, metric, registry, ring,
 };
-use terrane_vector::Part;
+use terrane_vector::GeometryPart;
 
 /// In what distances are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Measure {
+pub enum DistanceKind {
     /// x and y, in their units.
     #[default]
     Plane,
@@ -22,30 +23,30 @@ pub enum Measure {
 }
 
 /// A vertex as a metric wants it.
-pub(super) trait Vertex: Copy + Send + Sync {
+pub(super) trait MetricVertex: Copy + Send + Sync {
     fn of(xy: Xy, z: f64) -> Self;
 }
 
-impl Vertex for Xy {
+impl MetricVertex for Xy {
     fn of(xy: Xy, _: f64) -> Self {
         xy.map(measurable)
     }
 }
 
-impl Vertex for [f64; 3] {
+impl MetricVertex for [f64; 3] {
     fn of([x, y]: Xy, z: f64) -> Self {
         [x, y, z].map(measurable)
     }
 }
 
-impl Vertex for Located {
+impl MetricVertex for Located {
     fn of(xy: Xy, _: f64) -> Self {
         Self::new(xy.map(measurable))
     }
 }
 
 /// The vertices of a part, for a metric.
-pub(super) fn vertices<V: Vertex>(part: &Part<'_>, out: &mut Vec<V>) {
+pub(super) fn vertices<V: MetricVertex>(part: &GeometryPart<'_>, out: &mut Vec<V>) {
     out.clear();
     let z = |i: usize| part.z.get(i).copied().unwrap_or(0.0);
     out.extend(part.xy.iter().enumerate().map(|(i, xy)| V::of(*xy, z(i))));
@@ -56,9 +57,9 @@ pub(super) const EVERYTHING: f64 = -1.0;
 
 /// A method in a metric, with its threshold.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rule {
-    pub(super) method: &'static Method,
-    pub(super) measure: Measure,
+pub(super) struct SimplifyRule {
+    pub(super) method: &'static SimplifyMethod,
+    pub(super) measure: DistanceKind,
     /// Tolerance, or area for methods that bound one; or [`EVERYTHING`].
     pub(super) threshold: f64,
     /// What becomes of rings that have too few vertices left.
@@ -66,10 +67,10 @@ pub(super) struct Rule {
 }
 
 /// Something to be done with a method, whatever its metric.
-pub(super) trait Task {
+pub(super) trait MetricTask {
     type Output;
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Self::Output;
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(self, tool: &Tool<V, M>) -> Self::Output;
 }
 
 /// A rule, made for the vertices of its metric.
@@ -77,35 +78,39 @@ pub(super) trait Task {
 pub(super) struct Tool<V, M> {
     pub(super) metric: M,
     run: registry::Run<V, M>,
-    pub(super) rule: Rule,
+    pub(super) rule: SimplifyRule,
 }
 
 /// What keeps vertices of an open line: its vertices, room, kept indices (appended).
-pub(super) type Choose<'a, V> = dyn FnMut(&[V], &mut Scratch, &mut Vec<u32>) + 'a;
+pub(super) type Choose<'a, V> = dyn FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) + 'a;
 
 /// What was kept of a part, and how far the rest is from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Outcome {
+pub(super) struct PartOutcome {
     /// A ring of which fewer than three vertices would have been left.
     pub(super) collapsed: bool,
     /// The largest squared distance of a vertex that was left out.
     pub(super) square: f64,
 }
 
-impl Rule {
+impl SimplifyRule {
     /// True where nothing is left out.
     pub(super) fn keeps_everything(&self) -> bool {
         self.threshold == EVERYTHING
     }
 
     /// Does the task with the method in its metric.
-    pub(super) fn apply<T: Task>(&self, task: T) -> T::Output {
+    pub(super) fn apply<T: MetricTask>(&self, task: T) -> T::Output {
         let rule = *self;
         match rule.measure {
-            Measure::Plane => task.run(&Tool { metric: Plane, run: rule.method.plane, rule }),
-            Measure::Space => task.run(&Tool { metric: Space, run: rule.method.space, rule }),
-            Measure::Geographic => {
-                task.run(&Tool { metric: Geographic, run: rule.method.geographic, rule })
+            DistanceKind::Plane => {
+                task.run(&Tool { metric: PlaneMetric, run: rule.method.plane, rule })
+            }
+            DistanceKind::Space => {
+                task.run(&Tool { metric: SpaceMetric, run: rule.method.space, rule })
+            }
+            DistanceKind::Geographic => {
+                task.run(&Tool { metric: GeographicMetric, run: rule.method.geographic, rule })
             }
         }
     }
@@ -113,15 +118,15 @@ impl Rule {
 
 /// Fails when a part cannot be measured: it has no heights, latitudes that are none, or coordinates whose
 /// products are no numbers.
-pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
-    let z = if rule.measure == Measure::Space { part.z } else { &[] };
+pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> {
+    let z = if rule.measure == DistanceKind::Space { part.z } else { &[] };
     match rule.measure {
         _ if rule.keeps_everything() => return Ok(()),
-        Measure::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
+        DistanceKind::Space if part.z.is_empty() || part.z.iter().any(|z| z.is_nan()) => {
             return Err(Error::bad_input("a vertex has no height, which ‹metric› 3d measures")
                 .remedy("leave ‹metric› 3d out"));
         }
-        Measure::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
+        DistanceKind::Geographic if part.xy.iter().any(|[_, y]| y.abs() > 90.0) => {
             return Err(Error::bad_input("a latitude is beyond 90 degrees")
                 .remedy("pass ‹tolerance› as a plain number, in units of the data"));
         }
@@ -143,9 +148,9 @@ pub(super) fn check(part: &Part<'_>, rule: &Rule) -> Result<()> {
 /// Thresholds from here on do not see what is below [`LEAST`].
 const FINEST: f64 = 1e-50;
 
-impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
+impl<V: MetricVertex, M: DistanceMetric<V> + Copy> Tool<V, M> {
     /// Appends what is kept of an open line.
-    pub(super) fn line(&self, points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>) {
+    pub(super) fn line(&self, points: &[V], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>) {
         if self.rule.keeps_everything() {
             return kept.extend(0..points.len() as u32);
         }
@@ -153,7 +158,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
     }
 
     /// Keeps vertices by the method.
-    pub(super) fn method(&self) -> impl FnMut(&[V], &mut Scratch, &mut Vec<u32>) + '_ {
+    pub(super) fn method(&self) -> impl FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) + '_ {
         |points, scratch, kept| self.line(points, scratch, kept)
     }
 
@@ -164,13 +169,13 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         points: &[V],
         is_ring: bool,
         choose: &mut Choose<'_, V>,
-        scratch: &mut Scratch,
+        scratch: &mut SimplifyScratch,
         kept: &mut Vec<u32>,
-    ) -> Outcome {
+    ) -> PartOutcome {
         let collapsed = self.choose(points, is_ring, choose, scratch, kept);
         let square =
             if is_ring { self.largest_of_ring(points, kept) } else { self.largest(points, kept) };
-        Outcome { collapsed, square }
+        PartOutcome { collapsed, square }
     }
 
     /// As [`part`](Self::part), not measured; true for a ring that collapsed.
@@ -179,7 +184,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         points: &[V],
         is_ring: bool,
         choose: &mut Choose<'_, V>,
-        scratch: &mut Scratch,
+        scratch: &mut SimplifyScratch,
         kept: &mut Vec<u32>,
     ) -> bool {
         kept.clear();
@@ -204,7 +209,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         &self,
         points: &[V],
         choose: &mut Choose<'_, V>,
-        scratch: &mut Scratch,
+        scratch: &mut SimplifyScratch,
         kept: &mut Vec<u32>,
     ) {
         let ends = [points.first(), points.last()].map(|end| end.map(M::coordinates));
@@ -228,10 +233,10 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
         &self,
         points: &[V],
         choose: &mut Choose<'_, V>,
-        scratch: &mut Scratch,
+        scratch: &mut SimplifyScratch,
         kept: &mut Vec<u32>,
     ) -> bool {
-        let Rule { method, threshold, .. } = self.rule;
+        let SimplifyRule { method, threshold, .. } = self.rule;
         let fate = match method.bounds.weight() {
             Some(weight) => ring::visvalingam(&self.metric, points, threshold, weight, kept),
             None => {
@@ -239,7 +244,7 @@ impl<V: Vertex, M: Metric<V> + Copy> Tool<V, M> {
                 ring::simplify(&self.metric, points, threshold, can_move, choose, scratch, kept)
             }
         };
-        fate == ring::Fate::Collapsed
+        fate == ring::RingFate::Collapsed
     }
 
     fn ends(&self, points: &[V]) -> [u32; 2] {

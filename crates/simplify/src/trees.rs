@@ -3,12 +3,12 @@
 
 use std::time::Instant;
 
-use super::tool::{Measure, Rule, Task, Tool, Vertex, check, vertices};
+use super::tool::{DistanceKind, MetricTask, MetricVertex, SimplifyRule, Tool, check, vertices};
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::Digest;
-use terrane_line::visvalingam::{Areas, Weight};
-use terrane_line::{Hierarchy, Method, Metric, Scratch};
-use terrane_vector::{Geometry, Part};
+use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::{DistanceMetric, Hierarchy, SimplifyMethod, SimplifyScratch};
+use terrane_vector::{Geometry, GeometryPart};
 
 /// Bytes before each hierarchy: how many it takes.
 const LENGTH: usize = 8;
@@ -22,13 +22,13 @@ impl Trees {
     ///
     /// # Errors
     /// A part that the metric cannot measure.
-    pub(super) fn of(geometry: &Geometry, rule: &Rule) -> Result<Self> {
+    pub(super) fn of(geometry: &Geometry, rule: &SimplifyRule) -> Result<Self> {
         geometry.parts().try_for_each(|part| check(&part, rule))?;
         Ok(Self(rule.apply(Splitting(geometry))))
     }
 
     /// What is stored of a geometry with these hierarchies: the digest of its coordinates, and their bytes.
-    pub(super) fn record(&self, geometry: &Geometry, measure: Measure) -> Vec<u8> {
+    pub(super) fn record(&self, geometry: &Geometry, measure: DistanceKind) -> Vec<u8> {
         let mut bytes = digest(geometry, measure).bytes().to_vec();
         for tree in &self.0 {
             let own = tree.to_bytes();
@@ -56,7 +56,7 @@ impl Trees {
 
     /// Most bytes that the record of a geometry takes.
     pub(super) fn most_bytes(geometry: &Geometry) -> u64 {
-        let of = |part: Part<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
+        let of = |part: GeometryPart<'_>| 2 * (LENGTH + 24) as u64 + 8 * part.xy.len() as u64;
         Digest::BYTES as u64 + geometry.parts().map(of).sum::<u64>()
     }
 }
@@ -67,11 +67,11 @@ fn cut_short() -> Error {
 }
 
 /// What stands for the coordinates that distances are measured between, and how they make parts.
-pub(super) fn digest(geometry: &Geometry, measure: Measure) -> Digest {
+pub(super) fn digest(geometry: &Geometry, measure: DistanceKind) -> Digest {
     let mut hasher = blake3::Hasher::new();
     for part in geometry.parts() {
         hasher.update(&head(&part)).update(bytemuck::cast_slice(part.xy));
-        if measure == Measure::Space {
+        if measure == DistanceKind::Space {
             hasher.update(bytemuck::cast_slice(part.z));
         }
     }
@@ -79,21 +79,21 @@ pub(super) fn digest(geometry: &Geometry, measure: Measure) -> Digest {
 }
 
 /// What a part is, and how many vertices it has.
-fn head(part: &Part<'_>) -> [u8; 9] {
+fn head(part: &GeometryPart<'_>) -> [u8; 9] {
     let mut head = [u8::from(part.is_ring()); 9];
     head[1..].copy_from_slice(&(part.xy.len() as u64).to_le_bytes());
     head
 }
 
 /// Hierarchies that have not been asked yet.
-pub(super) struct Left<'a> {
+pub(super) struct PendingHierarchies<'a> {
     trees: &'a [Hierarchy],
     threshold: f64,
     /// What answers took.
     pub(super) seconds: f64,
 }
 
-impl<'a> Left<'a> {
+impl<'a> PendingHierarchies<'a> {
     /// All of a feature; none without any.
     pub(super) fn of(trees: Option<&'a Trees>, threshold: f64) -> Self {
         Self { trees: trees.map_or(&[], |trees| &trees.0), threshold, seconds: 0.0 }
@@ -121,7 +121,7 @@ impl<'a> Left<'a> {
 pub(super) fn thresholds(
     geometry: &Geometry,
     trees: Option<&Trees>,
-    rule: &Rule,
+    rule: &SimplifyRule,
 ) -> Result<Vec<f64>> {
     if rule.method.bounds.weight().is_some() {
         geometry.parts().try_for_each(|part| check(&part, rule))?;
@@ -129,7 +129,7 @@ pub(super) fn thresholds(
     }
     let made = match trees {
         Some(_) => Trees::default(),
-        None => Trees::of(geometry, &Rule { method: &Method::RDP, ..*rule })?,
+        None => Trees::of(geometry, &SimplifyRule { method: &SimplifyMethod::RDP, ..*rule })?,
     };
     let squares = trees.unwrap_or(&made).0.iter().flat_map(|tree| tree.squares());
     Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
@@ -138,18 +138,20 @@ pub(super) fn thresholds(
 /// A geometry whose vertices have areas.
 struct Weighing<'a>(&'a Geometry);
 
-impl Task for Weighing<'_> {
+impl MetricTask for Weighing<'_> {
     type Output = Vec<f64>;
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
         let (mut points, mut all) = (Vec::new(), Vec::new());
         let weight = tool.rule.method.bounds.weight().unwrap_or(Weight::Plain);
         for part in self.0.parts() {
             vertices(&part, &mut points);
             let areas = match (part.is_ring(), points.len()) {
                 (_, ..3) => continue,
-                (true, count) => Areas::of_ring(&tool.metric, &points[..count - 1], weight),
-                (false, _) => Areas::of_line(&tool.metric, &points, weight),
+                (true, count) => {
+                    EffectiveAreas::of_ring(&tool.metric, &points[..count - 1], weight)
+                }
+                (false, _) => EffectiveAreas::of_line(&tool.metric, &points, weight),
             };
             all.extend(areas.areas().iter().filter(|area| **area > 0.0 && area.is_finite()));
         }
@@ -160,13 +162,16 @@ impl Task for Weighing<'_> {
 /// A geometry whose lines are to be split.
 struct Splitting<'a>(&'a Geometry);
 
-impl Task for Splitting<'_> {
+impl MetricTask for Splitting<'_> {
     type Output = Vec<Hierarchy>;
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<Hierarchy> {
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+        self,
+        tool: &Tool<V, M>,
+    ) -> Vec<Hierarchy> {
         let (mut points, mut kept) = (Vec::new(), Vec::new());
-        let (mut scratch, mut trees) = (Scratch::default(), Vec::new());
-        let mut split = |line: &[V], _: &mut Scratch, kept: &mut Vec<u32>| {
+        let (mut scratch, mut trees) = (SimplifyScratch::default(), Vec::new());
+        let mut split = |line: &[V], _: &mut SimplifyScratch, kept: &mut Vec<u32>| {
             trees.push(Hierarchy::new(&tool.metric, line));
             kept.extend(0..line.len() as u32);
         };

@@ -18,33 +18,33 @@ pub use cover::positions;
 
 use std::time::Instant;
 
-use super::files::Files;
+use super::files::LineFiles;
 use super::job::LineJob;
-use super::part::Tally;
+use super::part::PartCounts;
 use super::report::LineReport;
-use super::stored::{self, Order, Store};
-use super::tool::Rule;
+use super::stored::{self, FeatureOrder, HierarchyStore};
+use super::tool::SimplifyRule;
 use super::trees::Trees;
-use input::{Collected, Input, room};
+use input::{Collected, CoverageInput, room};
 use rayon::prelude::*;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{PROGRAM, short};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::on_threads;
 use terrane_vector::Feature;
-use trial::Whole;
+use trial::WholeJob;
 
 pub(super) fn run(
     job: &LineJob,
-    files: &Files,
+    files: &LineFiles,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<LineReport> {
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
-    let whole = Whole { job, files, progress, cancel };
+    let whole = WholeJob { job, files, progress, cancel };
     let plain = files.rule(job, 0.0)?;
-    let mut store = Store::of(job, &plain)?;
-    let mut input = Input::read(job, files, whole.share(), &mut store, progress, cancel)?;
+    let mut store = HierarchyStore::of(job, &plain)?;
+    let mut input = CoverageInput::read(job, files, whole.share(), &mut store, progress, cancel)?;
     store.end()?;
     if job.topology.is_none() && input.held().is_none() {
         return Err(whole.too_little(&input));
@@ -70,7 +70,7 @@ pub(super) fn run(
 const WITH_NEIGHBOURS: u64 = 2;
 const ALONE: u64 = 4;
 
-impl Whole<'_> {
+impl WholeJob<'_> {
     /// Bytes of features that may be held.
     fn share(&self) -> u64 {
         match self.job.topology {
@@ -79,7 +79,7 @@ impl Whole<'_> {
         }
     }
 
-    fn too_little(&self, input: &Input<'_>) -> Error {
+    fn too_little(&self, input: &CoverageInput<'_>) -> Error {
         let enough = input.bytes * ALONE + PROGRAM;
         let mib = enough.div_ceil(1 << 20);
         let message = format!("the threshold is looked for in memory, which takes {mib} MiB");
@@ -90,10 +90,10 @@ impl Whole<'_> {
 
 /// Makes the hierarchies that were ordered of all features, and stores new ones.
 fn split(
-    files: &Files,
+    files: &LineFiles,
     all: &mut [Collected],
-    rule: &Rule,
-    store: &mut Store,
+    rule: &SimplifyRule,
+    store: &mut HierarchyStore,
     report: &mut LineReport,
     cancel: &Cancel,
 ) -> Result<()> {
@@ -102,7 +102,7 @@ fn split(
     }
     for (pair, collected) in files.pairs.iter().zip(all) {
         let orders = std::mem::take(&mut collected.orders);
-        let make = |((order, place), feature): ((Order, String), &Feature)| {
+        let make = |((order, place), feature): ((FeatureOrder, String), &Feature)| {
             cancel.check()?;
             let started = Instant::now();
             let trees = stored::trees(order, &feature.geometry, rule).map_err(|e| e.at(place))?;
@@ -111,7 +111,7 @@ fn split(
         let made = orders.into_par_iter().zip(&collected.features).map(make);
         let made: Result<Vec<(Trees, f64)>> = made.collect();
         for (trees, prepare_seconds) in made.map_err(|e| e.in_file(&pair.input))? {
-            report.add(&Tally { prepare_seconds, ..Tally::default() });
+            report.add(&PartCounts { prepare_seconds, ..PartCounts::default() });
             collected.trees.push(trees);
         }
         if store.makes() {

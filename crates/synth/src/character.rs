@@ -2,7 +2,7 @@
 
 use super::hash::{RowHash, mix64};
 use super::stack::Spectrum;
-use super::terrain::{Character, MAX_SIDE, Parameter, Position, Terrain};
+use super::terrain::{Character, MAX_SIDE, SampleRunStart, Terrain, TerrainParameter};
 
 const ROUGH: Spectrum =
     Spectrum { coarsest: 12, ridged: 9, detail: 5, finest: 2, amplitude: 0.25, gain: 0.56 };
@@ -13,21 +13,21 @@ const SMOOTH: Spectrum =
 const SHORES: Spectrum =
     Spectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.12, gain: 0.56 };
 
-const SEA: Parameter = Parameter {
+const SEA: TerrainParameter = TerrainParameter {
     key: "sea",
     about: "sea level, as a share of the relief",
     default: 0.6,
     range: (-2.0, 2.0),
     whole: false,
 };
-const STEP: Parameter = Parameter {
+const STEP: TerrainParameter = TerrainParameter {
     key: "step",
     about: "height of a terrace in metres",
     default: 60.0,
     range: (0.01, 10_000.0),
     whole: false,
 };
-const VOIDS: Parameter = Parameter {
+const VOIDS: TerrainParameter = TerrainParameter {
     key: "voids",
     about: "share of void samples, from 0 to 1",
     default: 0.005,
@@ -36,43 +36,43 @@ const VOIDS: Parameter = Parameter {
 };
 
 /// The parameters every character has.
-pub const PARAMETERS: &[Parameter] = &[
-    Parameter {
+pub const PARAMETERS: &[TerrainParameter] = &[
+    TerrainParameter {
         key: "size",
         about: "columns and rows",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "width",
         about: "columns, instead of size",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "height",
         about: "rows, instead of size",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "seed",
         about: "any whole number: another number is another terrain",
         default: 1.0,
         range: (0.0, u64::MAX as f64),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "cell",
         about: "metres between samples (does not change heights)",
         default: 10.0,
         range: (1e-3, 1e5),
         whole: false,
     },
-    Parameter {
+    TerrainParameter {
         key: "relief",
         about: "metres from low plains to high peaks, about",
         default: 1500.0,
@@ -146,7 +146,7 @@ fn metres(terrain: &Terrain) -> impl Fn(f32) -> f32 + use<> {
     move |height| foot + scale * height
 }
 
-fn land(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+fn land(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     let metres = metres(terrain);
     for (z, height) in out.iter_mut().zip(heights) {
         *z = metres(*height);
@@ -156,7 +156,7 @@ fn land(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
 /// Adding and taking away 2^23 rounds an `f32` below 2^22 to the nearest whole number.
 const ROUND: f32 = 8_388_608.0;
 
-fn whole_metres(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+fn whole_metres(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     let (metres, sea) = (metres(terrain), (terrain.own * terrain.relief) as f32);
     for (z, height) in out.iter_mut().zip(heights) {
         let above = metres(*height) - sea;
@@ -166,7 +166,7 @@ fn whole_metres(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f3
     }
 }
 
-fn terraces(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+fn terraces(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     const BELOW: f32 = 1_048_576.0;
     let (metres, step) = (metres(terrain), terrain.own as f32);
     for (z, height) in out.iter_mut().zip(heights) {
@@ -178,7 +178,7 @@ fn terraces(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) 
     }
 }
 
-fn coast(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
+fn coast(terrain: &Terrain, _at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     let (metres, sea) = (metres(terrain), (terrain.own * terrain.relief) as f32);
     for (z, height) in out.iter_mut().zip(heights) {
         let above = metres(*height) - sea;
@@ -186,7 +186,7 @@ fn coast(terrain: &Terrain, _at: Position, heights: &[f32], out: &mut [f32]) {
     }
 }
 
-fn salt(terrain: &Terrain, at: Position, heights: &[f32], out: &mut [f32]) {
+fn salt(terrain: &Terrain, at: SampleRunStart, heights: &[f32], out: &mut [f32]) {
     land(terrain, at, heights, out);
     let hash = RowHash::new(mix64(terrain.seed), at.row);
     // 2^24 grades of likelihood.

@@ -53,9 +53,9 @@ const SIXTH: f32 = 1.0 / 6.0;
 
 /// A cubic in the place inside a cell.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cubic([f32; 4]);
+struct CubicPolynomial([f32; 4]);
 
-impl Cubic {
+impl CubicPolynomial {
     /// The spline over four consecutive nodes.
     #[inline(always)]
     fn new(q: &[f32]) -> Self {
@@ -75,14 +75,14 @@ impl Cubic {
 }
 
 /// Heights and weights of one row of a run of columns.
-pub(super) struct Sums<'a> {
+pub(super) struct OctaveSums<'a> {
     pub(super) height: &'a mut [f32],
     /// What the next octave is multiplied by.
     pub(super) weight: &'a mut [f32],
 }
 
 /// An octave over a run of columns, ready to be evaluated at any row.
-pub(super) struct Run {
+pub(super) struct OctaveRun {
     octave: Octave,
     /// Lattice column of the first node.
     first: u32,
@@ -98,7 +98,7 @@ pub(super) struct Run {
     value: Vec<f32>,
 }
 
-impl Run {
+impl OctaveRun {
     /// The octave over columns `col .. col + width`.
     pub(super) fn new(octave: Octave, col: u32, width: usize) -> Self {
         let (first, _) = octave.split(col + octave.shift_col);
@@ -166,9 +166,9 @@ impl Run {
 
     /// Adds `amplitude * weight` times a noise with crests where the lattice noise is zero, and
     /// makes the weight heavier at the crests and lighter in the hollows.
-    pub(super) fn add_ridged(&self, amplitude: f32, sums: &mut Sums<'_>) {
+    pub(super) fn add_ridged(&self, amplitude: f32, sums: &mut OctaveSums<'_>) {
         self.cells(|i, range| {
-            let cell = Cubic::new(&self.value[i..i + REACH]);
+            let cell = CubicPolynomial::new(&self.value[i..i + REACH]);
             let n = range.len();
             let place = &self.place[range.clone()][..n];
             let height = &mut sums.height[range.clone()][..n];
@@ -202,7 +202,7 @@ impl Run {
         weight: &[f32],
         height: &mut [f32],
     ) {
-        let cell = Cubic::new(&self.value[i..i + REACH]);
+        let cell = CubicPolynomial::new(&self.value[i..i + REACH]);
         let n = range.len();
         let place = &self.place[range.clone()][..n];
         let weight = &weight[range.clone()][..n];
@@ -224,7 +224,7 @@ impl Run {
         }
         let place: [f32; SIDE] = std::array::from_fn(|k| k as f32 / SIDE as f32);
         let heights = height[head..tail].chunks_exact_mut(SIDE);
-        let cells = self.value[first..].windows(REACH).map(Cubic::new);
+        let cells = self.value[first..].windows(REACH).map(CubicPolynomial::new);
         for ((heights, weights), cell) in heights.zip(weight[head..].chunks_exact(SIDE)).zip(cells)
         {
             for ((h, w), u) in heights.iter_mut().zip(weights).zip(&place) {

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use super::words::{Given, Words};
+use super::words::{GivenSynthParameter, Words};
 use super::{CHARACTERS, Character, PARAMETERS, Terrain};
 use terrane_base::error::Result;
-use terrane_base::registry::{Named, named};
+use terrane_base::registry::{RegistryEntry, named};
 
 impl Terrain {
     /// The terrain with this name: a character, then any of its parameters as `key=value`,
@@ -35,7 +35,7 @@ impl Terrain {
         }
     }
 
-    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+    fn set(&mut self, given: &GivenSynthParameter<'_>) -> Result<()> {
         let value = given.value;
         match given.key {
             "size" => (self.width, self.height) = (value as u32, value as u32),
@@ -56,7 +56,7 @@ impl Terrain {
     }
 }
 
-impl Named for Character {
+impl RegistryEntry for Character {
     const KIND: &'static str = "terrain";
 
     fn name(&self) -> &'static str {

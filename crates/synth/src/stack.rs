@@ -5,7 +5,7 @@
 //! and Modeling", 1994); the finest octaves share the last weight.
 
 use super::hash::mix64;
-use super::lattice::{Octave, Run, Sums};
+use super::lattice::{Octave, OctaveRun, OctaveSums};
 
 /// What the octaves are. Octaves are named by the logarithm of their cell's side in samples.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +46,10 @@ pub(super) fn relief(
     let mut weights = [0.0; RUN as usize];
     for from in (col..col + width).step_by(RUN as usize) {
         let n = RUN.min(col + width - from) as usize;
-        let mut runs: Vec<Run> = octaves.iter().map(|o| Run::new(*o, from, n)).collect();
+        let mut runs: Vec<OctaveRun> =
+            octaves.iter().map(|o| OctaveRun::new(*o, from, n)).collect();
         for row in row..row + height {
-            let sums = Sums { height: &mut heights[..n], weight: &mut weights[..n] };
+            let sums = OctaveSums { height: &mut heights[..n], weight: &mut weights[..n] };
             add_octaves(spectrum, &mut runs, row, sums);
             finish(row, from, &heights[..n]);
         }
@@ -63,7 +64,7 @@ fn octave(seed: u64, log2: u32) -> Octave {
     Octave { log2, shift_col: shift as u32 & mask, shift_row: (shift >> 32) as u32 & mask, key }
 }
 
-fn add_octaves(spectrum: &Spectrum, runs: &mut [Run], row: u32, mut sums: Sums<'_>) {
+fn add_octaves(spectrum: &Spectrum, runs: &mut [OctaveRun], row: u32, mut sums: OctaveSums<'_>) {
     sums.height.fill(0.0);
     sums.weight.fill(1.0);
     let mut amplitude = 1.0;
@@ -83,7 +84,7 @@ fn add_octaves(spectrum: &Spectrum, runs: &mut [Run], row: u32, mut sums: Sums<'
 }
 
 /// Mountains where the swells are high, plains where they are low.
-fn weigh(sums: &mut Sums<'_>) {
+fn weigh(sums: &mut OctaveSums<'_>) {
     for (weight, height) in sums.weight.iter_mut().zip(sums.height.iter()) {
         let wild = 0.5 + 1.2 * height;
         let wild = if wild > 0.15 { wild } else { 0.15 };

@@ -8,7 +8,7 @@ pub const MAX_SIDE: u32 = 1 << 30;
 
 /// A number a terrain can be told, as `key=value`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameter {
+pub struct TerrainParameter {
     /// Name before the equals sign.
     pub key: &'static str,
     /// One line for the help, with the unit.
@@ -29,18 +29,18 @@ pub struct Character {
     /// One line for the help.
     pub about: &'static str,
     /// A parameter only this character has.
-    pub own: Option<Parameter>,
+    pub own: Option<TerrainParameter>,
     /// True when every height is a whole number of metres between 0 and 32767.
     pub integer: bool,
     /// True when some samples can be void.
     pub voids: bool,
     pub(super) spectrum: Spectrum,
-    pub(super) finish: fn(&Terrain, Position, &[f32], &mut [f32]),
+    pub(super) finish: fn(&Terrain, SampleRunStart, &[f32], &mut [f32]),
 }
 
 /// Where a run of samples starts.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Position {
+pub(super) struct SampleRunStart {
     pub(super) col: u32,
     pub(super) row: u32,
 }
@@ -80,7 +80,7 @@ impl Terrain {
             let line = (row - rect.row) as usize * rect.width as usize;
             let from = line + (col - rect.col) as usize;
             let out = &mut out[from..from + heights.len()];
-            (self.character.finish)(self, Position { col, row }, heights, out);
+            (self.character.finish)(self, SampleRunStart { col, row }, heights, out);
         });
     }
 

@@ -1,6 +1,6 @@
 //! The `key=value` words of a name, against the parameters known.
 
-use super::Parameter;
+use super::TerrainParameter;
 use terrane_base::error::{Error, Result};
 
 /// What words may be said of a thing.
@@ -9,19 +9,19 @@ pub(super) struct Words {
     pub(super) what: &'static str,
     /// Which of them: "rough".
     pub(super) kind: &'static str,
-    pub(super) known: Vec<&'static Parameter>,
+    pub(super) known: Vec<&'static TerrainParameter>,
 }
 
 /// A parameter as it was given: what it says, and how.
-pub(super) struct Given<'a> {
+pub(super) struct GivenSynthParameter<'a> {
     pub(super) key: &'static str,
     pub(super) value: f64,
     text: &'a str,
-    parameter: &'static Parameter,
+    parameter: &'static TerrainParameter,
     what: &'static str,
 }
 
-impl Given<'_> {
+impl GivenSynthParameter<'_> {
     /// The value as a whole number of 64 bits, which `f64` may not hold.
     pub(super) fn whole(&self) -> Result<u64> {
         self.text.parse().map_err(|_| wrong(self.what, self.parameter, self.text))
@@ -34,8 +34,8 @@ impl Words {
         &self,
         words: impl Iterator<Item = &'a str>,
         name: &str,
-    ) -> Result<Vec<Given<'a>>> {
-        let mut all: Vec<Given<'a>> = Vec::new();
+    ) -> Result<Vec<GivenSynthParameter<'a>>> {
+        let mut all: Vec<GivenSynthParameter<'a>> = Vec::new();
         for word in words {
             let given = self.given(word)?;
             if all.iter().any(|other| other.key == given.key) {
@@ -48,7 +48,7 @@ impl Words {
         Ok(all)
     }
 
-    fn given<'a>(&self, word: &'a str) -> Result<Given<'a>> {
+    fn given<'a>(&self, word: &'a str) -> Result<GivenSynthParameter<'a>> {
         if word.is_empty() {
             let message = format!("the {}'s name has an empty parameter", self.what);
             return Err(Error::usage(message).remedy("remove the comma too many"));
@@ -58,7 +58,7 @@ impl Words {
         let parameter = self.known.iter().find(|p| p.key == key);
         let parameter = *parameter.ok_or_else(|| self.unknown(key))?;
         let value = check(self.what, parameter, text)?;
-        Ok(Given { key: parameter.key, value, text, parameter, what: self.what })
+        Ok(GivenSynthParameter { key: parameter.key, value, text, parameter, what: self.what })
     }
 
     fn unknown(&self, key: &str) -> Error {
@@ -68,14 +68,14 @@ impl Words {
     }
 }
 
-fn check(what: &str, parameter: &Parameter, text: &str) -> Result<f64> {
+fn check(what: &str, parameter: &TerrainParameter, text: &str) -> Result<f64> {
     let value: f64 = text.parse().map_err(|_| wrong(what, parameter, text))?;
     let (least, most) = parameter.range;
     let sound = (least..=most).contains(&value) && !(parameter.whole && value.fract() != 0.0);
     if sound { Ok(value) } else { Err(wrong(what, parameter, text)) }
 }
 
-fn wrong(what: &str, parameter: &Parameter, text: &str) -> Error {
+fn wrong(what: &str, parameter: &TerrainParameter, text: &str) -> Error {
     let (least, most) = parameter.range;
     let kind = if parameter.whole { "a whole number" } else { "a number" };
     Error::usage(format!("{}={text} of the {what} makes no sense", parameter.key))

@@ -5,17 +5,17 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use crate::convert::copy::{Front, run_of};
+use crate::convert::copy::{GridFront, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{FileName, FileOutput, GridInput, GridOutput};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::{RawFile, lock};
-use terrane_options::{Options, Rule};
+use terrane_options::{OptionRule, Options};
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
-use terrane_window::relief::{Between, Colour, Palette, Table};
+use terrane_window::relief::{ColorInterpolation, ColorTable, Colour, Palette};
 
 /// Most bytes of a file of colours.
 const MOST_BYTES: u64 = 1 << 20;
@@ -61,15 +61,15 @@ pub struct ColorReliefOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[Rule::NotWith("nearest", &["exact"])];
+const RULES: &[OptionRule] = &[OptionRule::NotWith("nearest", &["exact"])];
 
 impl ColorReliefOptions {
     /// What is between two heights of the file.
-    fn between(&self) -> Between {
+    fn between(&self) -> ColorInterpolation {
         match (self.nearest, self.exact) {
-            (true, _) => Between::Nearest,
-            (_, true) => Between::Nothing,
-            _ => Between::Mixed,
+            (true, _) => ColorInterpolation::Nearest,
+            (_, true) => ColorInterpolation::Nothing,
+            _ => ColorInterpolation::Mixed,
         }
     }
 
@@ -95,7 +95,7 @@ impl Operation for ColorReliefOptions {
         copy.options.check(output)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {
         let copy = self.copy(request.inputs, request.output)?;
         run(self, &copy, request.progress, request.cancel)
     }
@@ -130,9 +130,9 @@ fn run(
         let parts = if options.alpha { 4 } else { 3 };
         let painted = Arc::new(Painted { info, inner, table, parts, waiting: Mutex::default() });
         let band = |part: usize| -> Box<dyn GridSource> {
-            Box::new(Band { painted: painted.clone(), part })
+            Box::new(ReliefColorBand { painted: painted.clone(), part })
         };
-        Ok(Front::of_colours((0..parts).map(band).collect(), Vec::new()))
+        Ok(GridFront::of_colours((0..parts).map(band).collect(), Vec::new()))
     })?;
     // Of bytes of colours nothing is to be told.
     Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })
@@ -185,7 +185,7 @@ pub(crate) fn range(
 struct Painted {
     info: GridInfo,
     inner: Box<dyn GridSource>,
-    table: Table,
+    table: ColorTable,
     /// Bands of it.
     parts: usize,
     /// Colours of rectangles of which not all parts were asked for yet: they are asked for one after the other.
@@ -214,12 +214,12 @@ impl Painted {
 }
 
 /// One part of the colours of a grid.
-struct Band {
+struct ReliefColorBand {
     painted: Arc<Painted>,
     part: usize,
 }
 
-impl Band {
+impl ReliefColorBand {
     fn read<H: From<u8>>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let Self { painted, part } = self;
         let waiting = lock(&painted.waiting).remove(&rect);
@@ -232,7 +232,7 @@ impl Band {
     }
 }
 
-impl GridSource for Band {
+impl GridSource for ReliefColorBand {
     fn info(&self) -> &GridInfo {
         &self.painted.info
     }

@@ -16,10 +16,10 @@ pub mod task;
 use std::path::Path;
 
 use crate::warp;
-use copy::{Front, run_of};
+use copy::{GridFront, run_of};
 use terrane_base::error::Result;
 use terrane_base::registry;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::{Cancel, Progress};
 use terrane_window::resample::RESAMPLINGS;
@@ -37,7 +37,7 @@ impl Operation for ConvertOptions {
         self.format(output)?.check(&self.written.co)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {
         let job = ConvertJob::new(request.inputs.clone(), request.output);
         run(&ConvertJob { options: self.clone(), ..job }, request.progress, request.cancel)
     }
@@ -47,6 +47,6 @@ impl Operation for ConvertOptions {
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
     match &job.options.resampling {
         Some(name) => warp::run(job, registry::named(RESAMPLINGS, name)?, progress, cancel),
-        None => run_of(job, 0, progress, cancel, |source| Ok(Front::of(source, Vec::new()))),
+        None => run_of(job, 0, progress, cancel, |source| Ok(GridFront::of(source, Vec::new()))),
     }
 }

@@ -9,13 +9,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::colours::range;
-use crate::convert::copy::{Front, run_of};
+use crate::convert::copy::{GridFront, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
-use terrane_engine::ground::Ground;
-use terrane_engine::operation::Request;
+use terrane_engine::ground::GroundScale;
+use terrane_engine::operation::RunRequest;
 use terrane_engine::options::{FileOutput, GridInput, GridOutput};
 use terrane_options::Options;
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
@@ -69,7 +69,7 @@ impl DerivativeOptions {
 }
 
 /// What is computed of each sample, of a grid that has so many units of heights in a unit of x and y.
-struct Asked<'a> {
+struct ReliefRequest<'a> {
     derivative: Arc<dyn Derivative>,
     scale: Option<f64>,
     common: &'a DerivativeOptions,
@@ -85,9 +85,9 @@ struct Asked<'a> {
 ///
 /// # Errors
 /// Those of [`crate::convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
-fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
-    let Request { inputs, output, progress, cancel, .. } = request;
-    let Asked { derivative, scale, common } = asked;
+fn run(asked: &ReliefRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
+    let RunRequest { inputs, output, progress, cancel, .. } = request;
+    let ReliefRequest { derivative, scale, common } = asked;
     let copy = common.copy(inputs, output);
     let picture = picture(&copy)?;
     let copy = picture.as_ref().unwrap_or(&copy);
@@ -95,9 +95,9 @@ fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
     let report = run_of(copy, 0, progress, cancel, |inner| {
         let info = inner.info();
         let ground = match scale {
-            Some(scale) => Ground::scaled(info, *scale),
-            None if !derivative.is_of_slopes() => Ground::scaled(info, 1.0),
-            None => Ground::of(info)?,
+            Some(scale) => GroundScale::scaled(info, *scale),
+            None if !derivative.is_of_slopes() => GroundScale::scaled(info, 1.0),
+            None => GroundScale::of(info)?,
         };
         let (sample_type, nodata) = match derivative.is_byte() {
             true => (SampleType::U8, 0.0),
@@ -114,12 +114,12 @@ fn run(asked: &Asked<'_>, request: Request<'_>) -> Result<ConvertReport> {
         let (derivative, edges) = (Arc::clone(derivative), common.compute_edges);
         let derived = Box::new(Derived { info, inner, derivative, ground, edges });
         if !is_toned {
-            return Ok(Front::of(derived, notes));
+            return Ok(GridFront::of(derived, notes));
         }
         let range = known.map_or_else(|| range(derived.as_ref(), progress, cancel), Ok)?;
         let toned = Toned::new(derived, range);
         notes.push(toned.note());
-        Ok(Front::of(Box::new(toned), notes))
+        Ok(GridFront::of(Box::new(toned), notes))
     })?;
     // Grays of values tell nothing of them.
     let told = |value: Option<f64>| value.filter(|_| !is_toned);
@@ -145,13 +145,13 @@ struct Derived {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     derivative: Arc<dyn Derivative>,
-    ground: Ground,
+    ground: GroundScale,
     edges: bool,
 }
 
 /// Heights of a piece and of one sample around it.
 #[derive(Default)]
-struct Piece {
+struct ReliefPiece {
     heights: Vec<f64>,
     /// What of them is in the grid, where that is not all.
     inner: Vec<f64>,
@@ -160,7 +160,7 @@ struct Piece {
 impl Derived {
     /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
     fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
-        let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], Piece::default());
+        let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], ReliefPiece::default());
         for row in (rect.row..rect.end_row()).step_by(PIECE[1] as usize) {
             for col in (rect.col..rect.end_col()).step_by(PIECE[0] as usize) {
                 let piece = Rect::new(col, row, PIECE[0], PIECE[1]).intersect(&rect);
@@ -184,8 +184,8 @@ impl Derived {
     }
 
     /// Reads heights with one more sample on each side.
-    fn heights(&self, rect: Rect, piece: &mut Piece) -> Result<()> {
-        let Piece { heights, inner } = piece;
+    fn heights(&self, rect: Rect, piece: &mut ReliefPiece) -> Result<()> {
+        let ReliefPiece { heights, inner } = piece;
         let read = self.around(rect);
         let [width, height] = [rect.width as usize + 2, rect.height as usize + 2];
         heights.resize(width * height, f64::NAN);

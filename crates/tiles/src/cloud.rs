@@ -9,12 +9,12 @@ use super::make::{run, run_in};
 use super::options::{CloudTilesOptions, ModelOptions};
 use super::report::TilesReport;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, OpenOptions};
+use terrane_cloud::{self as cloud, CloudOpenOptions};
 use terrane_engine::memory::with_polygons;
-use terrane_engine::operation::{Divisible, Operation, Request, Writes};
+use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::outputs::place;
-use terrane_engine::plan::{DiskCheck, Form, RunJob, refuse_file};
+use terrane_engine::plan::{DiskCheck, OutputForm, RunJob, refuse_file};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress, Resources, beside};
 use terrane_files::atomic::refuse_existing;
@@ -37,14 +37,14 @@ pub struct GroundModel {
     /// Files, folders, patterns or lists of clouds.
     pub input: Inputs,
     /// How they are read.
-    pub cloud: OpenOptions,
+    pub cloud: CloudOpenOptions,
     /// Its cells, and which points are ground.
     pub model: ModelOptions,
 }
 
 /// Where what is done is kept, and how it is gone on with.
 #[derive(Clone, Copy, Debug)]
-pub struct Kept<'a> {
+pub struct ModelWorkFolder<'a> {
     /// The folder.
     pub folder: &'a Path,
     /// Files that are left out of the cloud.
@@ -53,7 +53,7 @@ pub struct Kept<'a> {
     pub disk: DiskCheck,
 }
 
-impl Kept<'_> {
+impl ModelWorkFolder<'_> {
     /// Fails where a file is in place of the folder, or the output in that of the work.
     fn check(&self, output: &Path) -> Result<()> {
         refuse_file(self.folder)?;
@@ -73,7 +73,7 @@ impl Kept<'_> {
 }
 
 /// A model that is made: it goes with this, unless it is kept in a folder for work.
-pub struct Made {
+pub struct MadeGroundModel {
     /// Called what the cloud is.
     pub inputs: Inputs,
     path: PathBuf,
@@ -90,7 +90,7 @@ pub struct Made {
 pub fn run_cloud(
     model: &GroundModel,
     job: &TilesJob,
-    kept: Option<Kept<'_>>,
+    kept: Option<ModelWorkFolder<'_>>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesReport> {
@@ -111,7 +111,7 @@ pub fn run_cloud(
         let tiles = TilesJob { resources, ..tiles };
         match kept {
             None => run(&tiles, progress, cancel),
-            Some(Kept { folder, disk, .. }) => {
+            Some(ModelWorkFolder { folder, disk, .. }) => {
                 run_in(&folder.join(PARTS[1]), &tiles, &[], disk, progress, cancel)
             }
         }
@@ -123,13 +123,18 @@ pub fn run_cloud(
 }
 
 impl GroundModel {
-    fn made(&self, path: PathBuf, notes: Vec<String>, temporary: Option<TempDir>) -> Result<Made> {
+    fn made(
+        &self,
+        path: PathBuf,
+        notes: Vec<String>,
+        temporary: Option<TempDir>,
+    ) -> Result<MadeGroundModel> {
         let names = self.input.names();
         let files = || cloud::files(names).unwrap_or_else(|_| names.to_vec());
         let label = self.input.label().map(str::to_owned);
         let label = label.unwrap_or_else(|| beside::in_order(&files()).to_string());
         let inputs = Inputs::labelled(vec![name_of(path.clone())?], label);
-        Ok(Made { inputs, path, notes, _temporary: temporary })
+        Ok(MadeGroundModel { inputs, path, notes, _temporary: temporary })
     }
 
     /// Makes the model in a folder that goes with it, beside `output`.
@@ -139,7 +144,7 @@ impl GroundModel {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Made> {
+    ) -> Result<MadeGroundModel> {
         let folder = folder_for(output, resources.temp_dir.as_deref());
         let job = self.job(resources)?;
         let temporary = tempfile::Builder::new()
@@ -154,11 +159,11 @@ impl GroundModel {
     /// Makes the model by a plan in a folder, or finds it made there.
     fn keep(
         &self,
-        kept: Kept<'_>,
+        kept: ModelWorkFolder<'_>,
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Made> {
+    ) -> Result<MadeGroundModel> {
         let job = self.job(resources)?;
         let folder = kept.folder.join(PARTS[0]);
         std::fs::create_dir_all(&folder).map_err(|e| Error::write(&folder, e))?;
@@ -175,7 +180,7 @@ impl GroundModel {
             task: None,
             output: Some(path.clone()),
             overwrite: true,
-            form: Form::default(),
+            form: OutputForm::default(),
             disk: kept.disk,
             resources: resources.clone(),
         };
@@ -211,7 +216,7 @@ impl GroundModel {
     }
 }
 
-impl Made {
+impl MadeGroundModel {
     /// An error about the model as one about the cloud.
     pub fn renamed(&self, error: Error) -> Error {
         match error.path() {
@@ -231,8 +236,8 @@ impl Operation for CloudTilesOptions {
         check_formats(&self.tiles)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
+    fn run(&self, request: RunRequest<'_>) -> Result<TilesReport> {
+        let RunRequest { inputs, output, skipped, progress, cancel, .. } = request;
         let job = TilesJob {
             reading: GridInput::with_water(self.water.clone()),
             overwrite: self.replacing.overwrite,
@@ -247,7 +252,7 @@ impl Operation for CloudTilesOptions {
         };
         let disk = self.resuming.disk();
         let kept = self.resuming.workdir.as_deref();
-        let kept = kept.map(|folder| Kept { folder, skipped, disk });
+        let kept = kept.map(|folder| ModelWorkFolder { folder, skipped, disk });
         run_cloud(&model, &job, kept, progress, cancel)
     }
 }

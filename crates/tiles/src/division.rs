@@ -4,9 +4,9 @@
 use std::fmt;
 use std::ops::Range;
 
-use super::place::Place;
+use super::place::GridFootprint;
 use terrane_engine::plan::Numbered;
-use terrane_globe::{Blocks, Bounds, DEEPEST, TileId, degrees};
+use terrane_globe::{DEEPEST, GeodeticBounds, GlobeTileId, SampleBlocks, degrees};
 
 /// Samples along a side of the tiles that are made of samples read once.
 pub(super) const REGION: f64 = 1024.0;
@@ -17,7 +17,7 @@ const LOOK_ROWS: u32 = 1024;
 
 /// A task, by number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Task {
+pub(super) enum TilesTask {
     /// Looks at rows of the grid.
     Look(u32),
     /// Makes the tiles of regions.
@@ -26,13 +26,13 @@ pub(super) enum Task {
     Far(u32),
 }
 
-impl Task {
+impl TilesTask {
     /// By name.
     pub(super) const NAMES: [Numbered<Self>; 3] =
         [("look", Self::Look), ("near", Self::Near), ("far", Self::Far)];
 }
 
-impl fmt::Display for Task {
+impl fmt::Display for TilesTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Look(number) => write!(f, "look-{number}"),
@@ -43,7 +43,7 @@ impl fmt::Display for Task {
 }
 
 /// Tiles of a level in a rectangle, row by row from the north.
-struct Rows {
+struct TileRows {
     level: u8,
     west: u32,
     north: u32,
@@ -52,15 +52,15 @@ struct Rows {
 }
 
 /// Tiles by number.
-pub(super) struct Sweep(Vec<Rows>);
+pub(super) struct TileNumbering(Vec<TileRows>);
 
-impl Sweep {
+impl TileNumbering {
     pub(super) fn len(&self) -> u64 {
         self.0.iter().map(|rows| rows.count).sum()
     }
 
     /// Those of some numbers, as many of them as there are.
-    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<TileId> {
+    pub(super) fn part(&self, numbers: Range<u64>) -> Vec<GlobeTileId> {
         let mut first = 0;
         let mut found = Vec::new();
         for rows in &self.0 {
@@ -72,22 +72,22 @@ impl Sweep {
         found
     }
 
-    pub(super) fn all(&self) -> Vec<TileId> {
+    pub(super) fn all(&self) -> Vec<GlobeTileId> {
         self.part(0..self.len())
     }
 }
 
-impl Rows {
-    fn at(&self, i: u64) -> TileId {
+impl TileRows {
+    fn at(&self, i: u64) -> GlobeTileId {
         let [x, y] = [i % self.columns, i / self.columns].map(|at| at as u32);
-        TileId { level: self.level, x: self.west + x, y: self.north - y }
+        GlobeTileId { level: self.level, x: self.west + x, y: self.north - y }
     }
 }
 
 /// How the work is divided.
 #[derive(Clone, Debug)]
-pub(super) struct Division {
-    pub(super) place: Place,
+pub(super) struct TilesDivision {
+    pub(super) place: GridFootprint,
     /// The deepest level.
     pub(super) last: u8,
     /// The first level whose tiles are regions or parts of one; it may be beyond the deepest that is made: whatever is
@@ -95,9 +95,9 @@ pub(super) struct Division {
     pub(super) near: u8,
 }
 
-impl Division {
+impl TilesDivision {
     /// Of tiles down to a level.
-    pub(super) fn new(place: Place, last: u8) -> Self {
+    pub(super) fn new(place: GridFootprint, last: u8) -> Self {
         let is_near = |level: &u8| degrees(*level) <= REGION * place.spacing;
         let near = (0..DEEPEST).find(is_near).unwrap_or(DEEPEST);
         Self { place, last, near }
@@ -111,7 +111,7 @@ impl Division {
     /// Meridians and parallels that are borders of tiles of levels before the regions'.
     pub(super) fn lines(&self) -> [Vec<f64>; 2] {
         let Some(level) = self.far_end().checked_sub(1) else { return [Vec::new(), Vec::new()] };
-        let [cols, rows] = TileId::meeting(level, &self.place.bounds());
+        let [cols, rows] = GlobeTileId::meeting(level, &self.place.bounds());
         let width = degrees(level);
         [(cols, -180.0), (rows, -90.0)].map(|([first, last], from)| {
             (first..=last + 1).map(|i| from + f64::from(i) * width).collect()
@@ -119,37 +119,41 @@ impl Division {
     }
 
     /// Regions, from the north as rows of grids mostly are.
-    pub(super) fn regions(&self) -> Sweep {
-        Sweep(vec![self.rows_of(self.near)])
+    pub(super) fn regions(&self) -> TileNumbering {
+        TileNumbering(vec![self.rows_of(self.near)])
     }
 
     /// Those of all levels before one that may be made; and both of level 0, which every client asks for.
-    pub(super) fn above(&self, end: u8) -> Sweep {
-        let roots = Rows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
-        Sweep(std::iter::once(roots).chain((1..end).map(|level| self.rows_of(level))).collect())
+    pub(super) fn above(&self, end: u8) -> TileNumbering {
+        let roots = TileRows { level: 0, west: 0, north: 0, columns: 2, count: 2 };
+        TileNumbering(
+            std::iter::once(roots).chain((1..end).map(|level| self.rows_of(level))).collect(),
+        )
     }
 
     /// Tiles of a level.
-    pub(super) fn level(&self, level: u8) -> Sweep {
-        Sweep(vec![self.rows_of(level)])
+    pub(super) fn level(&self, level: u8) -> TileNumbering {
+        TileNumbering(vec![self.rows_of(level)])
     }
 
-    fn rows_of(&self, level: u8) -> Rows {
-        let [[west, east], [south, north]] = TileId::meeting(level, &self.place.bounds());
+    fn rows_of(&self, level: u8) -> TileRows {
+        let [[west, east], [south, north]] = GlobeTileId::meeting(level, &self.place.bounds());
         let [columns, rows] = [east - west, north - south].map(|last| u64::from(last) + 1);
-        Rows { level, west, north, columns, count: columns * rows }
+        TileRows { level, west, north, columns, count: columns * rows }
     }
 
     /// Tasks that look, that make regions, and that make what is above, with so many tiles in each of these.
     pub(super) fn counts(&self, cut: u32) -> [u32; 3] {
-        let tasks = |tiles: Sweep| tiles.len().div_ceil(u64::from(cut)) as u32;
+        let tasks = |tiles: TileNumbering| tiles.len().div_ceil(u64::from(cut)) as u32;
         let looks = self.place.whole[1].div_ceil(self.look_rows());
         [looks, tasks(self.regions()), tasks(self.above(self.far_end()))]
     }
 
     fn look_rows(&self) -> u32 {
         let rows = LOOK_SAMPLES / u64::from(self.place.whole[0]);
-        (rows as u32).max(1).next_multiple_of(LOOK_ROWS.max(Blocks::of(self.place.whole).side))
+        (rows as u32)
+            .max(1)
+            .next_multiple_of(LOOK_ROWS.max(SampleBlocks::of(self.place.whole).side))
     }
 
     /// The rows that a task looks at: the first, and the one after the last.
@@ -160,7 +164,7 @@ impl Division {
     }
 
     /// Samples of the grid in a rectangle, about.
-    pub(super) fn samples(&self, bounds: &Bounds) -> u64 {
+    pub(super) fn samples(&self, bounds: &GeodeticBounds) -> u64 {
         let all = &self.place.bounds();
         let side = |low: f64, high: f64, from: f64, to: f64, step: f64| {
             ((high.min(to) - low.max(from)).max(0.0) / step) as u64 + 1
@@ -179,11 +183,11 @@ mod tests {
     use super::*;
     use terrane_base::geom::Affine;
 
-    fn division(side: u32, seconds: f64) -> Division {
+    fn division(side: u32, seconds: f64) -> TilesDivision {
         let step = seconds / 3600.0;
         let map = Affine { x0: 7.0, a: step, b: 0.0, y0: 46.0, d: 0.0, e: -step };
-        let place = Place::of(&terrane_globe::Chart::straight(map, [side; 2]));
-        Division::new(place, terrane_globe::deepest_for(step))
+        let place = GridFootprint::of(&terrane_globe::Chart::straight(map, [side; 2]));
+        TilesDivision::new(place, terrane_globe::deepest_for(step))
     }
 
     #[test]
@@ -196,16 +200,17 @@ mod tests {
                     [(near, division.regions()), (far, division.above(division.far_end()))]
                 {
                     let cut = u64::from(cut);
-                    let parts: Vec<Vec<TileId>> =
+                    let parts: Vec<Vec<GlobeTileId>> =
                         (0..tasks as u64).map(|i| sweep.part(i * cut..(i + 1) * cut)).collect();
                     assert!(parts.iter().all(|part| !part.is_empty()));
                     assert_eq!(parts.concat(), sweep.all());
-                    let set: std::collections::BTreeSet<TileId> = sweep.all().into_iter().collect();
+                    let set: std::collections::BTreeSet<GlobeTileId> =
+                        sweep.all().into_iter().collect();
                     assert_eq!(set.len() as u64, sweep.len());
                     // Whatever has a sample is among them.
-                    let Bounds { west, south, east, north } = division.place.bounds();
+                    let GeodeticBounds { west, south, east, north } = division.place.bounds();
                     for place in [[west, south], [east, north], [west, north]] {
-                        let at = |id: &&TileId| {
+                        let at = |id: &&GlobeTileId| {
                             id.bounds().holds(place) && id.level + 1 >= division.near
                         };
                         assert!(set.iter().any(|id| at(&id)) || division.near == 0);

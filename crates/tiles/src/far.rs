@@ -1,16 +1,24 @@
 //! Tiles with more samples than are looked at one by one.
 
-use super::folder::Made;
-use super::ground::Ground;
-use super::spans::Known;
+use super::folder::TileFile;
+use super::ground::SurveyedGrid;
+use super::spans::KnownTiles;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
-use terrane_globe::{Bounds, Builder, Ground as _, Level, Lie, Patch, Run, Shell, TileId};
+use terrane_globe::{
+    Builder, GeodeticBounds, GlobeTileId, GroundSampleRun, GroundSampler as _, Lie, Patch, Shell,
+    TileLevel,
+};
 
-impl Ground<'_> {
+impl SurveyedGrid<'_> {
     /// Makes a tile of a far level, of each set; `known` has all tiles there are.
-    pub(super) fn far(&self, id: TileId, known: &Known, cancel: &Cancel) -> Result<Vec<Made>> {
+    pub(super) fn far(
+        &self,
+        id: GlobeTileId,
+        known: &KnownTiles,
+        cancel: &Cancel,
+    ) -> Result<Vec<TileFile>> {
         let water = self.opened.mask.as_ref().map(|mask| mask.pixels(id));
         let beside = (known, water.as_deref());
         self.of_level(id).enumerate().map(|of| self.far_of(of, id, beside, cancel)).collect()
@@ -18,27 +26,27 @@ impl Ground<'_> {
 
     fn far_of(
         &self,
-        (set, level): (usize, &Level),
-        id: TileId,
-        beside: (&Known, Option<&[u8]>),
+        (set, level): (usize, &TileLevel),
+        id: GlobeTileId,
+        beside: (&KnownTiles, Option<&[u8]>),
         cancel: &Cancel,
-    ) -> Result<Made> {
+    ) -> Result<TileFile> {
         let bounds = id.bounds();
         let mut builder = Builder::new(id, level, self.overview)?;
         builder.fit(|take| {
             self.overview.runs(&bounds, 1, &mut |run| take(run));
-            self.overview.feet(&bounds, level.stride, &mut |foot| take(Run::One(foot)));
+            self.overview.feet(&bounds, level.stride, &mut |foot| take(GroundSampleRun::One(foot)));
         });
         let tile = builder.refine(|shell| self.measure(&bounds, level, shell, cancel))?;
-        Made::new((set, &tile), self.opened, level, self.overview, beside)
+        TileFile::new((set, &tile), self.opened, level, self.overview, beside)
     }
 
     /// Measures all samples of a rectangle: by blocks, and one by one where blocks do not tell, or tell of more than
     /// clients assume.
     fn measure(
         &self,
-        bounds: &Bounds,
-        level: &Level,
+        bounds: &GeodeticBounds,
+        level: &TileLevel,
         shell: &mut Shell,
         cancel: &Cancel,
     ) -> Result<()> {
@@ -76,8 +84,8 @@ impl Ground<'_> {
     fn read(
         &self,
         rect: Option<Rect>,
-        bounds: &Bounds,
-        level: &Level,
+        bounds: &GeodeticBounds,
+        level: &TileLevel,
         shell: &mut Shell,
         heights: &mut Vec<f64>,
     ) -> Result<()> {

@@ -10,19 +10,22 @@ use std::sync::Mutex;
 use libdeflater::{CompressionLvl, Compressor};
 use serde_json::{Value, json};
 
-use super::format::Format;
-use super::ground::Ground;
+use super::format::TilesFormat;
+use super::ground::SurveyedGrid;
 use super::job::TilesJob;
-use super::opened::Opened;
-use super::report::{LevelReport, TilesReport};
-use super::spans::Known;
+use super::opened::OpenedTilesGrid;
+use super::report::{TileLevelReport, TilesReport};
+use super::spans::KnownTiles;
 use super::three;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::Cancel;
 use terrane_engine::outputs::refuse_file_name;
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_files::lock;
-use terrane_globe::{Extras, Facts, Form, Level, Tile, TileId, glb, level_error, quantized_mesh};
+use terrane_globe::{
+    GlbTileOptions, GlobeTileId, TerrainTile, TileExtensions, TileLevel, TileMetadata, glb,
+    level_error, quantized_mesh,
+};
 use terrane_options::Choice;
 
 /// The name of what says what there is.
@@ -36,7 +39,7 @@ const EFFORT: i32 = 9;
 
 /// What was made of a level in a format.
 #[derive(Clone, Copy, Debug, Default)]
-struct Row {
+struct TileLevelTotals {
     largest: f64,
     vertices: u64,
     triangles: u64,
@@ -45,46 +48,46 @@ struct Row {
 
 /// The file of a tile.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Made {
+pub(super) struct TileFile {
     /// The number of its format, of those asked for; none of a tile that is only known of.
     pub(super) set: Option<usize>,
-    pub(super) id: TileId,
+    pub(super) id: GlobeTileId,
     /// Metres that no sample is further from it.
     pub(super) largest: f64,
     pub(super) vertices: u32,
     pub(super) triangles: u32,
     /// What 3D Tiles tell of it.
-    pub(super) facts: Option<Facts>,
+    pub(super) facts: Option<TileMetadata>,
     pub(super) bytes: Vec<u8>,
 }
 
-impl Made {
+impl TileFile {
     /// Of a tile beyond the deepest level that is made, in which there are samples.
-    pub(super) fn nothing(id: TileId) -> Self {
+    pub(super) fn nothing(id: GlobeTileId) -> Self {
         let (largest, vertices, triangles, facts, bytes) = (0.0, 0, 0, None, Vec::new());
         Self { set: None, id, largest, vertices, triangles, facts, bytes }
     }
 
     /// Of a tile of a set; `known` has all tiles that it has to tell of, and `water` is its mask.
     pub(super) fn new(
-        (set, tile): (usize, &Tile),
-        opened: &Opened,
-        level: &Level,
-        ground: &impl terrane_globe::Ground,
-        (known, water): (&Known, Option<&[u8]>),
+        (set, tile): (usize, &TerrainTile),
+        opened: &OpenedTilesGrid,
+        level: &TileLevel,
+        ground: &impl terrane_globe::GroundSampler,
+        (known, water): (&KnownTiles, Option<&[u8]>),
     ) -> Result<Self> {
         let job = &opened.job;
         let normals = job.tiles.normals.then_some((level, ground));
         let (bytes, facts) = match job.tiles.format[set] {
-            Format::QuantizedMesh => {
+            TilesFormat::QuantizedMesh => {
                 let below = below(tile.id, opened.division.last, known);
-                let extras = Extras { available: below.as_deref(), water };
+                let extras = TileExtensions { available: below.as_deref(), water };
                 (quantized_mesh(tile, normals, extras)?, None)
             }
-            Format::ThreeTiles => {
+            TilesFormat::ThreeTiles => {
                 let (edges, meshopt, skirt) =
                     (job.tiles.tile_edges, job.tiles.meshopt, level.skirt);
-                let (bytes, facts) = glb(tile, normals, Form { edges, meshopt, skirt })?;
+                let (bytes, facts) = glb(tile, normals, GlbTileOptions { edges, meshopt, skirt })?;
                 (bytes, Some(facts))
             }
         };
@@ -101,7 +104,7 @@ impl Made {
 }
 
 /// What tiles there are in one that has to tell of them, as JSON: places of so many levels below.
-fn below(id: TileId, last: u8, known: &Known) -> Option<String> {
+fn below(id: GlobeTileId, last: u8, known: &KnownTiles) -> Option<String> {
     if !id.level.is_multiple_of(TOLD_LEVELS) || id.level >= last {
         return None;
     }
@@ -110,24 +113,24 @@ fn below(id: TileId, last: u8, known: &Known) -> Option<String> {
 }
 
 /// A folder in the making.
-pub(super) struct Folder {
+pub(super) struct TilesetFolder {
     folder: AtomicFolder,
-    formats: Vec<Format>,
+    formats: Vec<TilesFormat>,
     compress: bool,
-    held: Mutex<Held>,
+    held: Mutex<TilesetFolderState>,
 }
 
 /// What is known of the files in it.
 #[derive(Default)]
-struct Held {
-    known: Known,
+struct TilesetFolderState {
+    known: KnownTiles,
     /// By set and level.
-    rows: BTreeMap<(usize, u8), Row>,
+    rows: BTreeMap<(usize, u8), TileLevelTotals>,
     /// What 3D Tiles tell of each tile.
-    facts: BTreeMap<TileId, Facts>,
+    facts: BTreeMap<GlobeTileId, TileMetadata>,
 }
 
-impl Folder {
+impl TilesetFolder {
     /// With nothing in it.
     pub(super) fn create(job: &TilesJob) -> Result<Self> {
         refuse_file_name(&job.output)?;
@@ -145,15 +148,15 @@ impl Folder {
     }
 
     /// Writes a tile.
-    pub(super) fn put(&self, made: &Made) -> Result<()> {
-        let TileId { level, x, y } = made.id;
+    pub(super) fn put(&self, made: &TileFile) -> Result<()> {
+        let GlobeTileId { level, x, y } = made.id;
         let Some(set) = made.set else {
             lock(&self.held).known.insert(made.id);
             return Ok(());
         };
         let name = match self.formats[set] {
-            Format::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
-            Format::ThreeTiles => three::name_of(made.id, three::ENDING),
+            TilesFormat::QuantizedMesh => format!("{level}/{x}/{y}.{ENDING}"),
+            TilesFormat::ThreeTiles => three::name_of(made.id, three::ENDING),
         };
         self.write(set, &name, &made.bytes)?;
         let mut held = lock(&self.held);
@@ -180,20 +183,20 @@ impl Folder {
     }
 
     /// The tiles that are written.
-    pub(super) fn known(&self) -> Known {
+    pub(super) fn known(&self) -> KnownTiles {
         lock(&self.held).known.clone()
     }
 
     /// Writes what says what there is, and gives the folder its name.
-    pub(super) fn finish(self, ground: &Ground<'_>, cancel: &Cancel) -> Result<TilesReport> {
+    pub(super) fn finish(self, ground: &SurveyedGrid<'_>, cancel: &Cancel) -> Result<TilesReport> {
         let mut held = std::mem::take(&mut *lock(&self.held));
         three::nest(&mut held.facts);
         let (mut levels, mut bytes) = (Vec::new(), 0);
         for (set, format) in self.formats.iter().enumerate() {
             let told = told(ground, set, &held);
             let (name, text) = match format {
-                Format::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
-                Format::ThreeTiles => {
+                TilesFormat::QuantizedMesh => (LAYER, layer(ground, &held.known, &told)),
+                TilesFormat::ThreeTiles => {
                     bytes += self.subtrees(set, &held.facts, cancel)?;
                     (three::TILESET, three::tileset(ground, &told, &held.facts))
                 }
@@ -208,7 +211,7 @@ impl Folder {
         cancel.check()?;
         sync(self.folder.inside());
         self.folder.commit()?;
-        let Opened { job, division, grid, .. } = ground.opened;
+        let OpenedTilesGrid { job, division, grid, .. } = ground.opened;
         let [width, height] = division.place.whole.map(u64::from);
         Ok(TilesReport {
             input: job.input.to_string(),
@@ -227,7 +230,7 @@ impl Folder {
     fn subtrees(
         &self,
         set: usize,
-        facts: &BTreeMap<TileId, Facts>,
+        facts: &BTreeMap<GlobeTileId, TileMetadata>,
         cancel: &Cancel,
     ) -> Result<u64> {
         let mut written = 0;
@@ -242,11 +245,11 @@ impl Folder {
 }
 
 /// What was made of each level of a set.
-fn told(ground: &Ground<'_>, set: usize, held: &Held) -> Vec<LevelReport> {
+fn told(ground: &SurveyedGrid<'_>, set: usize, held: &TilesetFolderState) -> Vec<TileLevelReport> {
     let rows = held.rows.iter().filter(|((of, _), _)| *of == set);
     let told = rows.map(|((_, level), row)| {
         let of_level = &ground.levels[set][usize::from(*level)];
-        LevelReport {
+        TileLevelReport {
             format: ground.opened.job.tiles.format[set].name().to_owned(),
             level: *level,
             tolerance: level_error(*level).max(row.largest),
@@ -292,11 +295,11 @@ fn packed(bytes: &[u8]) -> Result<Vec<u8>> {
 }
 
 /// What clients are told: the format, where there are tiles, and what is proven of them.
-fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
-    let Opened { job, division, .. } = ground.opened;
+fn layer(ground: &SurveyedGrid<'_>, known: &KnownTiles, told: &[TileLevelReport]) -> Value {
+    let OpenedTilesGrid { job, division, .. } = ground.opened;
     let (bounds, last) = (&division.place.bounds(), division.last);
     let available: Vec<Value> = (0..=last).map(|level| known.level(level).rectangles()).collect();
-    let levels = told.iter().map(|LevelReport { level, tolerance, step, error, tiles, .. }| {
+    let levels = told.iter().map(|TileLevelReport { level, tolerance, step, error, tiles, .. }| {
         json!({"level": level, "tolerance": tolerance, "step": step, "error": error, "tiles": tiles})
     });
     let levels: Vec<Value> = levels.collect();
@@ -338,7 +341,8 @@ fn layer(ground: &Ground<'_>, known: &Known, told: &[LevelReport]) -> Value {
 fn is_tiles(path: &Path) -> bool {
     let entries = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let Ok(entries) = entries else { return false };
-    let is_set = |name: &std::ffi::OsStr| Format::names().iter().any(|known| name == known.name);
+    let is_set =
+        |name: &std::ffi::OsStr| TilesFormat::names().iter().any(|known| name == known.name);
     match !entries.is_empty() && entries.iter().all(|entry| is_set(&entry.file_name())) {
         true => entries.iter().all(|entry| is_one_set(&entry.path())),
         false => is_one_set(path),
@@ -347,25 +351,26 @@ fn is_tiles(path: &Path) -> bool {
 
 /// True for a folder of tiles of one format that holds nothing else; damaged ones are such, too.
 fn is_one_set(path: &Path) -> bool {
-    let layer = Kind { told: LAYER, top: &[], endings: &[ENDING] };
-    let tileset = Kind {
+    let layer = TilesetLayout { told: LAYER, top: &[], endings: &[ENDING] };
+    let tileset = TilesetLayout {
         told: three::TILESET,
         top: &three::HALVES,
         endings: &[three::ENDING, three::SUBTREE],
     };
-    let is_set =
-        |kind: &Kind<'_>, depth| path.join(kind.told).is_file() && kind.holds_all(path, depth);
+    let is_set = |kind: &TilesetLayout<'_>, depth| {
+        path.join(kind.told).is_file() && kind.holds_all(path, depth)
+    };
     is_set(&layer, 1) || is_set(&tileset, 0)
 }
 
 /// What a set of a format has in its folder: the file that tells of it, folders at the top, and files of tiles.
-struct Kind<'a> {
+struct TilesetLayout<'a> {
     told: &'a str,
     top: &'a [&'a str],
     endings: &'a [&'a str],
 }
 
-impl Kind<'_> {
+impl TilesetLayout<'_> {
     /// Whether all in a folder belongs to a set, by names: at depth 0 the folders at the top; below them folders of
     /// numbers, two deep, with tiles in them.
     fn holds_all(&self, path: &Path, depth: u32) -> bool {

@@ -5,7 +5,7 @@ use terrane_options::Choice;
 
 /// A format of tiles; its name is also that of a folder where a run makes several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
-pub enum Format {
+pub enum TilesFormat {
     /// quantized-mesh 1.0 and layer.json: terrain of CesiumJS and others
     #[serde(rename = "quantized-mesh")]
     QuantizedMesh,

@@ -1,9 +1,9 @@
 //! The first look at a grid, all of it once.
 
-use super::opened::Opened;
+use super::opened::OpenedTilesGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::workers;
 use terrane_globe::Glance;
 
@@ -12,9 +12,9 @@ const WINDOW: u32 = 1 << 20;
 
 /// Looks at rows of a grid; what is seen is handed on in order.
 pub(super) fn look(
-    opened: &Opened,
+    opened: &OpenedTilesGrid,
     rows: [u32; 2],
-    at: At<'_>,
+    at: Observer<'_>,
     take: impl FnMut(Glance) -> Result<()> + Send,
 ) -> Result<()> {
     let (plan, width) = (&opened.look, opened.division.place.whole[0]);
@@ -40,7 +40,7 @@ pub(super) fn look(
 }
 
 /// Bytes of all that is seen, as tasks write it.
-pub(super) fn written_bytes(opened: &Opened) -> u64 {
+pub(super) fn written_bytes(opened: &OpenedTilesGrid) -> u64 {
     let plan = &opened.look;
     let [width, height] = opened.division.place.whole;
     let rects = rects(width, [0, height], plan.blocks.side, opened.grid.info().block);

@@ -1,29 +1,29 @@
 //! A grid after the first pass over it, and the levels of its tiles.
 
-use super::format::Format;
+use super::format::TilesFormat;
 use super::job::TilesJob;
-use super::opened::Opened;
-use terrane_globe::{Level, Overview, Relief, TileId, in_shorts};
+use super::opened::OpenedTilesGrid;
+use terrane_globe::{GlobeTileId, Overview, Relief, TileLevel, in_shorts};
 use terrane_raster::{self as raster, looks_like_nodata};
 
 /// What is known once all was looked at.
-pub(super) struct Ground<'a> {
-    pub(super) opened: &'a Opened,
+pub(super) struct SurveyedGrid<'a> {
+    pub(super) opened: &'a OpenedTilesGrid,
     pub(super) overview: &'a Overview,
     /// By set, from level 0 on.
-    pub(super) levels: Vec<Vec<Level>>,
+    pub(super) levels: Vec<Vec<TileLevel>>,
 }
 
-impl<'a> Ground<'a> {
-    pub(super) fn new(opened: &'a Opened, overview: &'a Overview) -> Self {
+impl<'a> SurveyedGrid<'a> {
+    pub(super) fn new(opened: &'a OpenedTilesGrid, overview: &'a Overview) -> Self {
         let reliefs = overview.reliefs(opened.division.last);
-        let of_set = |format: &Format| levels(*format, opened, overview.ends(), &reliefs);
+        let of_set = |format: &TilesFormat| levels(*format, opened, overview.ends(), &reliefs);
         let levels = opened.job.tiles.format.iter().map(of_set).collect();
         Self { opened, overview, levels }
     }
 
     /// The level of a tile, by set.
-    pub(super) fn of_level(&self, id: TileId) -> impl Iterator<Item = &Level> {
+    pub(super) fn of_level(&self, id: GlobeTileId) -> impl Iterator<Item = &TileLevel> {
         self.levels.iter().map(move |levels| &levels[usize::from(id.level)])
     }
 
@@ -48,14 +48,19 @@ impl<'a> Ground<'a> {
 }
 
 /// The levels of a set, of heights in a range.
-fn levels(format: Format, opened: &Opened, range: [f64; 2], reliefs: &[Relief]) -> Vec<Level> {
-    let Opened { job: TilesJob { tiles, .. }, division, .. } = opened;
-    let mut levels: Vec<Level> = Vec::with_capacity(reliefs.len());
+fn levels(
+    format: TilesFormat,
+    opened: &OpenedTilesGrid,
+    range: [f64; 2],
+    reliefs: &[Relief],
+) -> Vec<TileLevel> {
+    let OpenedTilesGrid { job: TilesJob { tiles, .. }, division, .. } = opened;
+    let mut levels: Vec<TileLevel> = Vec::with_capacity(reliefs.len());
     for (number, relief) in (0..).zip(reliefs) {
-        let level = Level::new(number, division.place.spacing, relief);
+        let level = TileLevel::new(number, division.place.spacing, relief);
         levels.push(match format {
-            Format::QuantizedMesh => level,
-            Format::ThreeTiles => {
+            TilesFormat::QuantizedMesh => level,
+            TilesFormat::ThreeTiles => {
                 let level = if tiles.skirts { level.with_skirts(levels.last()) } else { level };
                 let level = level.on_lattice(range);
                 if tiles.meshopt { in_shorts(level) } else { level }

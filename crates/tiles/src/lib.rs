@@ -1,7 +1,7 @@
 //! Tiles of the globe's terrain at every level of detail, of a grid of any size.
 //!
 //! **Once over the grid**: its range, means for voids, a plane for each block of samples, and the samples along the
-//! borders of large tiles ([`terrane_globe::Plan`]).
+//! borders of large tiles ([`terrane_globe::OverviewPlan`]).
 //!
 //! **Near levels**: a *region* is a tile with at most 1,024 samples along a side. Its samples are read once, and
 //! all its tiles down to the deepest level are made of them. Regions are independent.
@@ -35,8 +35,8 @@ mod three;
 mod work;
 
 pub use beyond::Beyond;
-pub use cloud::{GroundModel, Kept, Made, run_cloud};
-pub use format::Format;
+pub use cloud::{GroundModel, MadeGroundModel, ModelWorkFolder, run_cloud};
+pub use format::TilesFormat;
 pub use job::{PlanJob, TilesJob};
 pub use make::{plan_tiles, run, run_in};
 pub use options::{
@@ -44,4 +44,4 @@ pub use options::{
     TilesOptions, TilesSetters,
 };
 pub use place::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
-pub use report::{LevelReport, StatusReport, TilesReport, TilesRun, TilesStatus};
+pub use report::{StatusReport, TileLevelReport, TilesReport, TilesRun, TilesStatus};

@@ -3,25 +3,25 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::division::Division;
-use super::folder::Folder;
+use super::division::TilesDivision;
+use super::folder::TilesetFolder;
 use super::glance;
-use super::ground::Ground;
+use super::ground::SurveyedGrid;
 use super::job::{PlanJob, TilesJob, check_formats};
-use super::opened::Opened;
+use super::opened::OpenedTilesGrid;
 use super::options::{TileOptions, TilesOptions};
 use super::report::{StatusReport, TilesReport, TilesRun, TilesStatus};
 use super::spans::is_missing;
-use super::work::Tiles;
+use super::work::TilesPlan;
 use terrane_base::error::Result;
 use terrane_engine::figures::Figures;
-use terrane_engine::operation::{Divisible, Operation, Request, Writes};
+use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
-use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob};
+use terrane_engine::plan::{self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress, beside, workers};
 use terrane_files::refuse_held;
-use terrane_globe::TileId;
+use terrane_globe::GlobeTileId;
 use terrane_raster::Inputs;
 
 impl Operation for TilesOptions {
@@ -34,8 +34,8 @@ impl Operation for TilesOptions {
         check_formats(&self.tiles)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<TilesReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
+    fn run(&self, request: RunRequest<'_>) -> Result<TilesReport> {
+        let RunRequest { inputs, output, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs, output);
         match &self.resuming.workdir {
             None => run(&job, progress, cancel),
@@ -50,17 +50,17 @@ impl Operation for TilesOptions {
 /// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
 /// an output that exists; all that reading and writing may find.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
-    let (started, at) = (Instant::now(), At { progress, cancel });
+    let (started, at) = (Instant::now(), Observer { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
-    let folder = Folder::create(job)?;
-    let opened = Opened::new(job)?;
+    let folder = TilesetFolder::create(job)?;
+    let opened = OpenedTilesGrid::new(job)?;
     let (mut gathered, rows) = (opened.look.clone().gather(), [0, opened.division.place.whole[1]]);
     glance::look(&opened, rows, at, |glance| {
         gathered.add(glance);
         Ok(())
     })?;
     let overview = opened.seen(gathered)?;
-    let ground = Ground::new(&opened, &overview);
+    let ground = SurveyedGrid::new(&opened, &overview);
     ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
     let run = Figures::since(started, &job.resources).with_threads(opened.shares.threads);
@@ -82,10 +82,10 @@ impl TilesOptions {
 impl Divisible for TilesOptions {
     const TASK_SIZE: &'static str = "Tiles in a task: regions of about a million samples, each made with all tiles in it, or \
                                      larger ones [default: 128]";
-    terrane_engine::planned_as!(Tiles, TilesStatus, TilesRun);
+    terrane_engine::planned_as!(TilesPlan, TilesStatus, TilesRun);
 
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
-        let Request { inputs, output: folder, skipped, .. } = request;
+    fn plan(&self, request: RunRequest<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let RunRequest { inputs, output: folder, skipped, .. } = request;
         let job = self.job(inputs, &folder.join("tiles"));
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_tiles(&PlanJob { job, folder, cut: task_size, skipped })
@@ -102,14 +102,14 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let (input, reading) = (job.input.resolve()?, job.reading.absolute()?);
     let geoid = job.tiles.geoid.as_deref().map(beside::absolute).transpose()?;
     let tiles = TileOptions { geoid, ..job.tiles.clone() };
-    let opened = Opened::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
-    let tiles = Tiles::new(&opened, *cut)?;
+    let opened = OpenedTilesGrid::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
+    let tiles = TilesPlan::new(&opened, *cut)?;
     let files = opened.files();
-    let there = Plan::<Tiles>::there(folder);
+    let there = Plan::<TilesPlan>::there(folder);
     let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
     let label = opened.job.input.to_string();
     Plan::new(tiles, (label, files), needs, skipped)?.put(folder)?;
-    plan::status::<Tiles>(folder)
+    plan::status::<TilesPlan>(folder)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
@@ -126,17 +126,17 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<TilesReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, Form::default(), with);
+    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
-    let report = plan::run_in::<Tiles>(&all, plan, At { progress, cancel })?;
-    let mut tiles = Kind::Tiles.made(report.of.tiles)?;
+    let report = plan::run_in::<TilesPlan>(&all, plan, Observer { progress, cancel })?;
+    let mut tiles = PlanKind::Tiles.made(report.of.tiles)?;
     tiles.run.wall_seconds = report.wall_seconds;
     Ok(tiles)
 }
 
-impl Ground<'_> {
-    fn make(&self, folder: &Folder, at: At<'_>) -> Result<()> {
-        let Division { near, .. } = self.opened.division;
+impl SurveyedGrid<'_> {
+    fn make(&self, folder: &TilesetFolder, at: Observer<'_>) -> Result<()> {
+        let TilesDivision { near, .. } = self.opened.division;
         self.each("near levels", &self.opened.division.regions().all(), at, |id| {
             self.region(id, &mut |made| folder.put(&made), at.cancel)
         })?;
@@ -154,9 +154,9 @@ impl Ground<'_> {
     fn each(
         &self,
         stage: &str,
-        tiles: &[TileId],
-        at: At<'_>,
-        work: impl Fn(TileId) -> Result<()> + Sync,
+        tiles: &[GlobeTileId],
+        at: Observer<'_>,
+        work: impl Fn(GlobeTileId) -> Result<()> + Sync,
     ) -> Result<()> {
         at.progress.begin(stage, tiles.len() as u64);
         let one = |(): &mut (), i: u64| {

@@ -11,8 +11,8 @@ use terrane_engine::Resources;
 use terrane_engine::globe::OnGlobe;
 use terrane_engine::memory::short;
 use terrane_engine::transform::extent_of;
-use terrane_globe::{Bounds, MASK_SIDE, MASK_WATER, TileId, degrees};
-use terrane_raster::{Areas, ClipRings, GridInfo, Water};
+use terrane_globe::{GeodeticBounds, GlobeTileId, MASK_SIDE, MASK_WATER, degrees};
+use terrane_raster::{ClipRings, GridInfo, PolygonEdgeIndex, Water};
 
 /// Parts of a pixel that a side may be off by.
 const OF_PIXEL: f64 = 0.01;
@@ -23,9 +23,9 @@ const MOST_HALVINGS: u32 = 16;
 type Xy = [f64; 2];
 
 /// The water of a file, in longitudes and latitudes.
-pub(super) struct Mask(Areas);
+pub(super) struct TileWaterMask(PolygonEdgeIndex);
 
-impl Mask {
+impl TileWaterMask {
     /// Of the polygons that meet a grid, for tiles down to the level `last`; those beside it are left out.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl Mask {
         if bytes > most {
             return Err(of_file(too_many(bytes)));
         }
-        Ok(Self(Areas::new(rings)))
+        Ok(Self(PolygonEdgeIndex::new(rings)))
     }
 
     /// Bytes that it takes while so many workers look at it, and those that each takes.
@@ -78,17 +78,17 @@ impl Mask {
     }
 
     /// What there is of it near a tile.
-    pub(super) fn near(&self, id: TileId) -> Self {
+    pub(super) fn near(&self, id: GlobeTileId) -> Self {
         Self(within(&self.0, id))
     }
 
     /// The pixels of a tile.
-    pub(super) fn pixels(&self, id: TileId) -> Vec<u8> {
+    pub(super) fn pixels(&self, id: GlobeTileId) -> Vec<u8> {
         let areas = within(&self.0, id);
         if areas.is_empty() {
             return vec![0];
         }
-        let Bounds { west, north, .. } = id.bounds();
+        let GeodeticBounds { west, north, .. } = id.bounds();
         let side = degrees(id.level) / f64::from(MASK_SIDE);
         let map = Affine {
             x0: west + side / 2.0,
@@ -110,8 +110,8 @@ impl Mask {
     }
 }
 
-fn within(areas: &Areas, id: TileId) -> Areas {
-    let Bounds { west, south, east, north } = id.bounds();
+fn within(areas: &PolygonEdgeIndex, id: GlobeTileId) -> PolygonEdgeIndex {
+    let GeodeticBounds { west, south, east, north } = id.bounds();
     areas.within([west, south, east, north])
 }
 
@@ -190,7 +190,7 @@ mod tests {
         features.begin_area().unwrap();
         features.push_ring(&[[1e7, 2e7], [1.1e7, 2e7], [1e7, 3e7], [1e7, 2e7]]).unwrap();
         let water = Water::new(features, std::path::Path::new("lakes.wkt"), crs);
-        let mask = Mask::of(&water, &info, DEEPEST, &Resources::default()).unwrap();
+        let mask = TileWaterMask::of(&water, &info, DEEPEST, &Resources::default()).unwrap();
         let (OnGlobe::Moved(_, operation), _) = OnGlobe::of(&info).unwrap() else { panic!() };
         let back = operation.inverse();
         // Metres within, at the nearest side.
@@ -208,13 +208,13 @@ mod tests {
                 let middle = along([corners[k], corners[(k + 1) % 3]], 0.5);
                 let [lon, lat] = operation.position(middle).unwrap();
                 let [x, y] = [lon + 180.0, lat + 90.0].map(|at| (at / degrees(level)) as u32);
-                let id = TileId { level, x, y };
+                let id = GlobeTileId { level, x, y };
                 let pixels = mask.near(id).pixels(id);
                 assert_eq!(pixels, mask.pixels(id));
                 let side = degrees(level) / f64::from(MASK_SIDE);
                 for i in (0..pixels.len()).step_by(3).filter(|_| pixels.len() > 1) {
                     let [col, row] = [i % 256, i / 256].map(|at| (at as f64 + 0.5) * side);
-                    let Bounds { west, north, .. } = id.bounds();
+                    let GeodeticBounds { west, north, .. } = id.bounds();
                     let depth = depth(back.position([west + col, north - row]).unwrap());
                     // Two hundredths of the smallest pixel.
                     if depth.abs() > degrees(DEEPEST) / 256.0 * 111_320.0 * 0.02 {

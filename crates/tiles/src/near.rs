@@ -2,15 +2,15 @@
 
 use std::cell::RefCell;
 
-use super::folder::Made;
-use super::ground::Ground;
-use super::mask::Mask;
+use super::folder::TileFile;
+use super::ground::SurveyedGrid;
+use super::mask::TileWaterMask;
 use super::opened::{APRON, most_samples};
-use super::spans::Known;
+use super::spans::KnownTiles;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
-use terrane_globe::{Bounds, Patch, TileId, build};
+use terrane_globe::{GeodeticBounds, GlobeTileId, Patch, build};
 
 thread_local! {
     /// Room for the samples of a region, from one to the next.
@@ -21,18 +21,18 @@ thread_local! {
 struct Descent<'a> {
     patch: &'a Patch<'a>,
     /// The water near the region.
-    water: Option<Mask>,
-    known: Known,
-    put: &'a mut dyn FnMut(Made) -> Result<()>,
+    water: Option<TileWaterMask>,
+    known: KnownTiles,
+    put: &'a mut dyn FnMut(TileFile) -> Result<()>,
     cancel: &'a Cancel,
 }
 
-impl Ground<'_> {
+impl SurveyedGrid<'_> {
     /// Makes a region and all tiles that it is divided into, each after those in it.
     pub(super) fn region(
         &self,
-        id: TileId,
-        put: &mut dyn FnMut(Made) -> Result<()>,
+        id: GlobeTileId,
+        put: &mut dyn FnMut(TileFile) -> Result<()>,
         cancel: &Cancel,
     ) -> Result<()> {
         let (opened, chart) = (self.opened, self.opened.look.chart());
@@ -52,11 +52,12 @@ impl Ground<'_> {
         let fill = self.overview.voids();
         let patch = Patch::new(&heights, rect, chart, fill).kept();
         let water = opened.mask.as_ref().map(|mask| mask.near(id));
-        let mut descent = Descent { patch: &patch, water, known: Known::default(), put, cancel };
+        let mut descent =
+            Descent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
             // All tiles are larger, and only have to know of it.
-            false if patch.holds_any(&id.bounds()) => (descent.put)(Made::nothing(id))?,
+            false if patch.holds_any(&id.bounds()) => (descent.put)(TileFile::nothing(id))?,
             false => (),
         }
         opened.grid.copied(rect);
@@ -65,7 +66,7 @@ impl Ground<'_> {
     }
 
     /// The samples in a rectangle, and some around it.
-    fn rect(&self, bounds: &Bounds) -> Rect {
+    fn rect(&self, bounds: &GeodeticBounds) -> Rect {
         let chart = self.opened.look.chart();
         let ranges = chart.range(bounds);
         let [cols, rows] = [0, 1].map(|axis: usize| {
@@ -77,7 +78,7 @@ impl Ground<'_> {
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
     }
 
-    fn descend(&self, id: TileId, to: &mut Descent<'_>) -> Result<()> {
+    fn descend(&self, id: GlobeTileId, to: &mut Descent<'_>) -> Result<()> {
         to.cancel.check()?;
         if !to.patch.holds_any(&id.bounds()) {
             return Ok(());
@@ -90,7 +91,7 @@ impl Ground<'_> {
         for (set, level) in self.of_level(id).enumerate() {
             let tile = build(id, level, to.patch)?;
             let beside = (&to.known, water.as_deref());
-            (to.put)(Made::new((set, &tile), self.opened, level, to.patch, beside)?)?;
+            (to.put)(TileFile::new((set, &tile), self.opened, level, to.patch, beside)?)?;
         }
         Ok(())
     }

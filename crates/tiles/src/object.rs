@@ -4,13 +4,13 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::folder::Made;
-use super::format::Format;
-use super::spans::Known;
+use super::folder::TileFile;
+use super::format::TilesFormat;
+use super::spans::KnownTiles;
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::damaged_object;
 use terrane_files::atomic::AtomicFile;
-use terrane_globe::{DEEPEST, Facts, Gathered, TileId};
+use terrane_globe::{DEEPEST, GatheredOverview, GlobeTileId, TileMetadata};
 use terrane_options::Choice;
 
 /// Bytes of an index for a tile: set, level, column, row, vertices, triangles, numbers of facts and bytes as `u32`, the
@@ -22,13 +22,13 @@ const NO_SET: u32 = u32::MAX;
 pub(super) const FACTS: usize = 10;
 
 /// An object that is being written.
-pub(super) struct Writer {
+pub(super) struct TileObjectWriter {
     file: AtomicFile,
     path: PathBuf,
     index: Vec<u8>,
 }
 
-impl Writer {
+impl TileObjectWriter {
     pub(super) fn create(path: &Path) -> Result<Self> {
         let file = AtomicFile::create(path, true)?;
         Ok(Self { file, path: path.to_path_buf(), index: Vec::new() })
@@ -40,8 +40,8 @@ impl Writer {
     }
 
     /// Adds a tile.
-    pub(super) fn tile(&mut self, made: &Made) -> Result<()> {
-        let Made { set, id, largest, vertices, triangles, facts, bytes } = made;
+    pub(super) fn tile(&mut self, made: &TileFile) -> Result<()> {
+        let TileFile { set, id, largest, vertices, triangles, facts, bytes } = made;
         let facts = facts.map_or_else(Vec::new, |facts| facts.numbers().to_vec());
         let set = set.map_or(NO_SET, |set| set as u32);
         let level = u32::from(id.level);
@@ -71,7 +71,7 @@ impl Writer {
 }
 
 /// Adds what was seen of rows.
-pub(super) fn add_glances(path: &Path, gathered: &mut Gathered) -> Result<()> {
+pub(super) fn add_glances(path: &Path, gathered: &mut GatheredOverview) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::read(path, e))?;
     let mut left = &bytes[..];
     while !left.is_empty() {
@@ -82,48 +82,48 @@ pub(super) fn add_glances(path: &Path, gathered: &mut Gathered) -> Result<()> {
 }
 
 /// Adds the tiles of an object to what is known.
-pub(super) fn add_known(path: &Path, known: &mut Known) -> Result<()> {
+pub(super) fn add_known(path: &Path, known: &mut KnownTiles) -> Result<()> {
     let index = index(&mut File::open(path).map_err(|e| Error::read(path, e))?, path)?;
     index.iter().for_each(|entry| known.insert(entry.made.id));
     Ok(())
 }
 
 /// Hands on all tiles of an object.
-pub(super) fn each_tile(path: &Path, mut take: impl FnMut(Made) -> Result<()>) -> Result<()> {
+pub(super) fn each_tile(path: &Path, mut take: impl FnMut(TileFile) -> Result<()>) -> Result<()> {
     let fail = |e| Error::read(path, e);
     let mut file = File::open(path).map_err(fail)?;
     let index = index(&mut file, path)?;
     file.rewind().map_err(fail)?;
     let mut file = BufReader::new(file);
-    for Entry { made, facts, bytes } in index {
+    for TileIndexEntry { made, facts, bytes } in index {
         let facts = facts.then(|| read_facts(&mut file, made.id)).transpose().map_err(fail)?;
         let mut here = vec![0; bytes as usize];
         file.read_exact(&mut here).map_err(fail)?;
-        take(Made { facts, bytes: here, ..made })?;
+        take(TileFile { facts, bytes: here, ..made })?;
     }
     Ok(())
 }
 
-fn read_facts(from: &mut impl Read, id: TileId) -> io::Result<Facts> {
+fn read_facts(from: &mut impl Read, id: GlobeTileId) -> io::Result<TileMetadata> {
     let mut numbers = [0.0; FACTS];
     for number in &mut numbers {
         let mut bytes = [0; 8];
         from.read_exact(&mut bytes)?;
         *number = f64::from_le_bytes(bytes);
     }
-    Ok(Facts::of_numbers(id, numbers))
+    Ok(TileMetadata::of_numbers(id, numbers))
 }
 
 /// What an index tells of a tile.
-struct Entry {
+struct TileIndexEntry {
     /// Without facts and bytes.
-    made: Made,
+    made: TileFile,
     facts: bool,
     bytes: u32,
 }
 
 /// What the index of an object tells.
-fn index(file: &mut File, path: &Path) -> Result<Vec<Entry>> {
+fn index(file: &mut File, path: &Path) -> Result<Vec<TileIndexEntry>> {
     let fail = |e: io::Error| Error::read(path, e);
     let length = file.metadata().map_err(fail)?.len();
     let damaged = || damaged_object(path);
@@ -139,27 +139,28 @@ fn index(file: &mut File, path: &Path) -> Result<Vec<Entry>> {
     file.read_exact(&mut entries).map_err(fail)?;
     let found = entries.chunks_exact(ENTRY).map(entry).collect::<Option<Vec<_>>>();
     let found = found.ok_or_else(damaged)?;
-    let length =
-        |entry: &Entry| u64::from(entry.bytes) + if entry.facts { 8 * FACTS as u64 } else { 0 };
+    let length = |entry: &TileIndexEntry| {
+        u64::from(entry.bytes) + if entry.facts { 8 * FACTS as u64 } else { 0 }
+    };
     let all: u64 = found.iter().map(length).sum();
     if all == start { Ok(found) } else { Err(damaged()) }
 }
 
-fn entry(bytes: &[u8]) -> Option<Entry> {
+fn entry(bytes: &[u8]) -> Option<TileIndexEntry> {
     let (numbers, largest) = bytes.split_at(ENTRY - 8);
     let mut numbers =
         numbers.chunks_exact(4).filter_map(|n| Some(u32::from_le_bytes(n.try_into().ok()?)));
     let mut next = || numbers.next();
     let set = next()?;
     let level = u8::try_from(next()?).ok().filter(|level| *level <= DEEPEST)?;
-    let id = TileId { level, x: next()?, y: next()? };
+    let id = GlobeTileId { level, x: next()?, y: next()? };
     let (vertices, triangles, facts, bytes) = (next()?, next()?, next()?, next()?);
     let largest = f64::from_le_bytes(largest.try_into().ok()?);
-    let is_known = set == NO_SET || (set as usize) < Format::ALL.len();
+    let is_known = set == NO_SET || (set as usize) < TilesFormat::ALL.len();
     let set = (set != NO_SET).then_some(set as usize);
-    let made = Made { set, id, largest, vertices, triangles, facts: None, bytes: Vec::new() };
+    let made = TileFile { set, id, largest, vertices, triangles, facts: None, bytes: Vec::new() };
     let is_whole = is_known && (facts == 0 || facts as usize == FACTS);
-    is_whole.then_some(Entry { made, facts: facts > 0, bytes })
+    is_whole.then_some(TileIndexEntry { made, facts: facts > 0, bytes })
 }
 
 #[cfg(test)]
@@ -171,18 +172,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("objects/near-0.object");
         std::fs::create_dir(path.parent().unwrap()).unwrap();
-        let id = |i: u32| TileId { level: 9, x: i, y: 7 };
+        let id = |i: u32| GlobeTileId { level: 9, x: i, y: 7 };
         let numbers = std::array::from_fn(|k| k as f64 / 7.0);
-        let made = |i: u32| Made {
+        let made = |i: u32| TileFile {
             set: (i != 4).then_some(i as usize % 2),
             id: id(i),
-            facts: (i % 2 == 1).then(|| Facts::of_numbers(id(i), numbers)),
+            facts: (i % 2 == 1).then(|| TileMetadata::of_numbers(id(i), numbers)),
             largest: f64::from(i) / 3.0,
             vertices: i + 3,
             triangles: i + 1,
             bytes: vec![i as u8; i as usize * 5],
         };
-        let mut writer = Writer::create(&path).unwrap();
+        let mut writer = TileObjectWriter::create(&path).unwrap();
         (0..9).for_each(|i| writer.tile(&made(i)).unwrap());
         assert_eq!(writer.index().unwrap(), 9);
         writer.finish().unwrap();
@@ -193,7 +194,7 @@ mod tests {
         })
         .unwrap();
         assert!(found.into_iter().eq((0..9).map(made)));
-        let mut known = Known::default();
+        let mut known = KnownTiles::default();
         add_known(&path, &mut known).unwrap();
         assert_eq!(known.level(9).count(), 9);
         let whole = std::fs::read(&path).unwrap();

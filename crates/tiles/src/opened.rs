@@ -3,15 +3,17 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::division::{Division, REGION};
+use super::division::{REGION, TilesDivision};
 use super::job::{TilesJob, check_formats};
-use super::mask::Mask;
-use super::place::{self, Heights, Place};
+use super::mask::TileWaterMask;
+use super::place::{self, GridFootprint, HeightReference};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_engine::memory::{self, Shares};
+use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::plan;
-use terrane_globe::{Blocks, Chart, DEEPEST, Gathered, Overview, Patch, Plan, deepest_for};
+use terrane_globe::{
+    Chart, DEEPEST, GatheredOverview, Overview, OverviewPlan, Patch, SampleBlocks, deepest_for,
+};
 use terrane_raster::{GridSource, Water};
 
 /// Metres below or above which there is no ground.
@@ -20,16 +22,16 @@ const MOST_HEIGHT: f64 = 1e6;
 pub(super) const APRON: u32 = 10;
 
 /// A grid that is opened, and how the work on it is divided.
-pub(super) struct Opened {
+pub(super) struct OpenedTilesGrid {
     pub(super) job: TilesJob,
     pub(super) grid: Box<dyn GridSource>,
-    pub(super) shares: Shares,
-    pub(super) heights: Heights,
+    pub(super) shares: MemoryShares,
+    pub(super) heights: HeightReference,
     /// What is water, where tiles tell of it.
-    pub(super) mask: Option<Mask>,
-    pub(super) division: Division,
+    pub(super) mask: Option<TileWaterMask>,
+    pub(super) division: TilesDivision,
     /// What is looked at first.
-    pub(super) look: Plan,
+    pub(super) look: OverviewPlan,
 }
 
 /// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
@@ -40,10 +42,10 @@ pub(super) fn most_samples(chart: &Chart) -> u64 {
 
 /// Bytes that a worker takes, of near levels or of far ones: two samples of each block with what is kept of each,
 /// and a row of blocks.
-pub(super) fn worker_bytes(plan: &Plan) -> u64 {
+pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
     /// Two points in a list that grows, and the place of the next of each.
     const BLOCK: u64 = 2 * (2 * 12 + 4);
-    let Blocks { side, counts, .. } = plan.blocks;
+    let SampleBlocks { side, counts, .. } = plan.blocks;
     let blocks = counts.map(u64::from).iter().product::<u64>();
     let row = u64::from(plan.chart().whole()[0]) * u64::from(side) * 8;
     near_bytes(plan.chart()).max((8 << 20) + blocks * BLOCK + row)
@@ -55,7 +57,7 @@ fn near_bytes(chart: &Chart) -> u64 {
     most_samples(chart) * (8 + place) + (24 << 20)
 }
 
-impl Opened {
+impl OpenedTilesGrid {
     pub(super) fn new(job: &TilesJob) -> Result<Self> {
         if let Some(level) = job.tiles.max_level.filter(|level| *level > DEEPEST) {
             return Err(Error::usage(format!("level {level} is too deep"))
@@ -69,11 +71,11 @@ impl Opened {
         let chart = chart.sloping(job.tiles.beyond.slope());
         let last = job.tiles.max_level.unwrap_or_else(|| deepest_for(chart.spacing()));
         let water = options.water.as_ref().filter(|_| job.tiles.water_mask);
-        let mask = |water: &Arc<Water>| Mask::of(water, seen.info(), last, resources);
+        let mask = |water: &Arc<Water>| TileWaterMask::of(water, seen.info(), last, resources);
         let mask = water.map(mask).transpose()?;
-        let division = Division::new(Place::of(&chart), last);
+        let division = TilesDivision::new(GridFootprint::of(&chart), last);
         let [meridians, parallels] = division.lines();
-        let look = Plan::new(chart, [&meridians, &parallels]);
+        let look = OverviewPlan::new(chart, [&meridians, &parallels]);
         let [shared, each] = mask.as_ref().map_or([0; 2], |mask| mask.bytes(resources.threads));
         let held = memory::with_slack(look.bytes() + heights.lift.bytes() + shared);
         let worker = worker_bytes(&look) + each;
@@ -111,7 +113,7 @@ impl Opened {
     ///
     /// # Errors
     /// One without a sample, or with absurd heights.
-    pub(super) fn seen(&self, gathered: Gathered) -> Result<Overview> {
+    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<Overview> {
         let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
         let overview = gathered.finish().ok_or_else(|| {
             let remedy = "check its nodata value, or choose another ‹band›";

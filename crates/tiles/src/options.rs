@@ -1,9 +1,9 @@
 //! Options of tile sets.
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
 use super::beyond::Beyond;
-use super::format::Format;
+use super::format::TilesFormat;
 use terrane_engine::Resources;
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
 use terrane_lidar::grid::{AsText, GroundFrom};
@@ -14,8 +14,8 @@ use terrane_lidar::grid::{AsText, GroundFrom};
 #[non_exhaustive]
 pub struct TileOptions {
     /// What to write; of several, a folder for each inside of the output
-    #[option(short = 'f', value = "FORMAT", default = vec![Format::QuantizedMesh], default_text = "quantized-mesh")]
-    pub format: Vec<Format>,
+    #[option(short = 'f', value = "FORMAT", default = vec![TilesFormat::QuantizedMesh], default_text = "quantized-mesh")]
+    pub format: Vec<TilesFormat>,
     /// Name the vertices of the sides of 3D Tiles (CESIUM_tile_edges, an extension that is not final), which CesiumJS needs
     /// to take them for its terrain
     pub tile_edges: bool,
@@ -26,7 +26,7 @@ pub struct TileOptions {
     /// differ, so that viewers without skirts of their own show no gap between levels
     pub skirts: bool,
     /// The deepest level
-    #[option(value = "LEVEL", range = Range::new(0.0, 20.0),
+    #[option(value = "LEVEL", range = OptionRange::new(0.0, 20.0),
              default_text = "the first whose tiles have at most 64 samples along a side")]
     pub max_level: Option<u8>,
     /// The ground between the edge of the grid and the sides of the tiles that hold it
@@ -53,11 +53,11 @@ pub struct TileOptions {
     pub water_mask: bool,
 }
 
-const OF_FORMATS: &[Rule] = &[
-    Rule::Needs("tile_edges", &["format=3dtiles"]),
-    Rule::Needs("meshopt", &["format=3dtiles"]),
-    Rule::Needs("skirts", &["format=3dtiles"]),
-    Rule::Needs("water_mask", &["format=quantized-mesh"]),
+const OF_FORMATS: &[OptionRule] = &[
+    OptionRule::Needs("tile_edges", &["format=3dtiles"]),
+    OptionRule::Needs("meshopt", &["format=3dtiles"]),
+    OptionRule::Needs("skirts", &["format=3dtiles"]),
+    OptionRule::Needs("water_mask", &["format=quantized-mesh"]),
 ];
 
 /// Make terrain tiles of a grid for viewers of the globe, at every level of detail
@@ -119,7 +119,7 @@ pub struct CloudTilesOptions {
     pub resources: Resources,
 }
 
-const OF_WATER: &[Rule] = &[Rule::Needs("water_mask", &["water"])];
+const OF_WATER: &[OptionRule] = &[OptionRule::Needs("water_mask", &["water"])];
 
 /// The model of the ground of a cloud
 #[derive(Clone, Debug, PartialEq, Options)]

@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::Result;
-use terrane_base::geom::Heights as From;
+use terrane_base::geom::VerticalReference as From;
 use terrane_engine::Resources;
 use terrane_engine::globe::{Lift, OnGlobe};
-use terrane_globe::{Bounds, Chart};
+use terrane_globe::{Chart, GeodeticBounds};
 use terrane_raster::{GridInfo, Inputs};
 
 /// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
@@ -20,7 +20,7 @@ pub const AS_GIVEN: &str = "as given";
 
 /// What the work on a grid is divided by.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Place {
+pub(super) struct GridFootprint {
     /// Columns and rows.
     pub(super) whole: [u32; 2],
     /// Where the samples lie: west, south, east and north.
@@ -31,24 +31,24 @@ pub(super) struct Place {
 
 /// What the heights of a grid are, and what is to be said of them.
 #[derive(Clone, Debug)]
-pub(super) struct Heights {
+pub(super) struct HeightReference {
     pub(super) lift: Lift,
     /// What they are counted from, as the set tells it.
     pub(super) from: &'static str,
     pub(super) notes: Vec<String>,
 }
 
-impl Place {
+impl GridFootprint {
     /// Of a grid that is on the globe.
     pub(super) fn of(chart: &Chart) -> Self {
-        let Bounds { west, south, east, north } = chart.bounds();
+        let GeodeticBounds { west, south, east, north } = chart.bounds();
         Self { whole: chart.whole(), sides: [west, south, east, north], spacing: chart.spacing() }
     }
 
     /// Where the samples lie.
-    pub(super) fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> GeodeticBounds {
         let [west, south, east, north] = self.sides;
-        Bounds { west, south, east, north }
+        GeodeticBounds { west, south, east, north }
     }
 }
 
@@ -60,7 +60,7 @@ pub(super) fn of(
     info: &GridInfo,
     (input, geoid): (&Inputs, Option<&str>),
     resources: &Resources,
-) -> Result<(Chart, Heights)> {
+) -> Result<(Chart, HeightReference)> {
     let found = chart(info);
     let (chart, mut notes) = found.map_err(|error| match input.names() {
         [name] => error.in_file(Path::new(name)),
@@ -85,7 +85,7 @@ pub(super) fn of(
                 .to_owned(),
         ),
     });
-    Ok((chart, Heights { lift, from, notes }))
+    Ok((chart, HeightReference { lift, from, notes }))
 }
 
 fn chart(info: &GridInfo) -> Result<(Chart, Vec<String>)> {

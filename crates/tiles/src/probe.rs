@@ -2,15 +2,15 @@
 
 use std::sync::Mutex;
 
-use super::folder::Made;
-use super::ground::Ground;
+use super::folder::TileFile;
+use super::ground::SurveyedGrid;
 use super::object::{ENTRY, FACTS};
-use super::opened::Opened;
+use super::opened::OpenedTilesGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, workers};
 use terrane_files::lock;
-use terrane_globe::TileId;
+use terrane_globe::GlobeTileId;
 
 /// Tiles that are made, with all that are in them.
 const PROBES: u64 = 16;
@@ -25,14 +25,14 @@ const DISK_BLOCK: u64 = 4096;
 
 /// Of tiles that were made: how many, their bytes in objects, and as files on disk.
 #[derive(Clone, Copy, Default)]
-struct Seen {
+struct TileProbe {
     tiles: f64,
     bytes: f64,
     on_disk: f64,
 }
 
-impl Seen {
-    fn add(&mut self, made: &Made) {
+impl TileProbe {
+    fn add(&mut self, made: &TileFile) {
         let bytes = made.bytes.len() as u64;
         let facts = if made.facts.is_some() { 8 * FACTS } else { 0 };
         self.tiles += 1.0;
@@ -42,7 +42,7 @@ impl Seen {
 }
 
 /// Bytes of all tiles in objects, and as files on disk.
-pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
+pub(super) fn expect(opened: &OpenedTilesGrid) -> Result<[u64; 2]> {
     let division = &opened.division;
     let formats = opened.job.tiles.format.len() as f64;
     if division.near > division.last {
@@ -56,7 +56,7 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
         let at = (2 * i + 1) * all.len() / (2 * count);
         all.part(at..at + 1)
     };
-    let tiles: Vec<TileId> = (0..count).flat_map(tile).collect();
+    let tiles: Vec<GlobeTileId> = (0..count).flat_map(tile).collect();
     let mut gathered = opened.look.clone().gather();
     let mut heights = Vec::new();
     for id in &tiles {
@@ -68,11 +68,11 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     }
     // What is void may be so by chance.
     let Some(overview) = gathered.finish() else { return Ok([0; 2]) };
-    let ground = Ground::new(opened, &overview);
-    let seen = Mutex::new([Seen::default(); 2]);
+    let ground = SurveyedGrid::new(opened, &overview);
+    let seen = Mutex::new([TileProbe::default(); 2]);
     let (threads, cancel) = (opened.shares.threads, Cancel::default());
     let probe = |(): &mut (), i: u64| {
-        let mut put = |made: Made| {
+        let mut put = |made: TileFile| {
             let is_top = made.id.level == level;
             lock(&seen)[usize::from(is_top)].add(&made);
             Ok(())
@@ -88,12 +88,12 @@ pub(super) fn expect(opened: &Opened) -> Result<[u64; 2]> {
     let above = division.above(level).len() as f64 * formats;
     let above = above / top.tiles.max(1.0);
     let whole =
-        |of: fn(&Seen) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;
+        |of: fn(&TileProbe) -> f64| ((of(&below) + of(&top)) * share + of(&top) * above) * MARGIN;
     Ok([whole(|seen| seen.bytes), whole(|seen| seen.on_disk)].map(|bytes| bytes as u64))
 }
 
 /// The blocks that a tile's samples are in.
-fn blocks(opened: &Opened, id: TileId) -> Rect {
+fn blocks(opened: &OpenedTilesGrid, id: GlobeTileId) -> Rect {
     let (chart, side) = (opened.look.chart(), opened.look.blocks.side);
     let ranges = chart.range(&id.bounds());
     let [cols, rows] = [0, 1].map(|axis: usize| {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use terrane_engine::figures::Figures;
-use terrane_engine::plan::{self, Written};
+use terrane_engine::plan::{self, PlanRunReport};
 
 /// What a job that makes tiles did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -15,7 +15,7 @@ pub struct TilesReport {
     pub crs: String,
     pub samples: u64,
     pub tiles: u64,
-    pub levels: Vec<LevelReport>,
+    pub levels: Vec<TileLevelReport>,
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]
@@ -24,7 +24,7 @@ pub struct TilesReport {
 
 /// The tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LevelReport {
+pub struct TileLevelReport {
     /// The format of the tiles.
     pub format: String,
     /// From 0.
@@ -72,7 +72,7 @@ pub struct TilesRun {
     pub tiles: Option<TilesReport>,
 }
 
-impl Written for TilesRun {
+impl PlanRunReport for TilesRun {
     fn written(&self) -> Option<&str> {
         self.tiles.as_ref().map(|tiles| tiles.output.as_str())
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use terrane_globe::TileId;
+use terrane_globe::GlobeTileId;
 
 /// Tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,9 +16,9 @@ pub(super) struct Spans {
 
 /// Tiles of all levels, by level.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Known(BTreeMap<u8, Spans>);
+pub(super) struct KnownTiles(BTreeMap<u8, Spans>);
 
-impl Known {
+impl KnownTiles {
     /// Those of a level.
     pub(super) fn level(&self, level: u8) -> &Spans {
         const NONE: &Spans = &Spans { rows: BTreeMap::new() };
@@ -26,7 +26,7 @@ impl Known {
     }
 
     /// Adds a tile.
-    pub(super) fn insert(&mut self, TileId { level, x, y }: TileId) {
+    pub(super) fn insert(&mut self, GlobeTileId { level, x, y }: GlobeTileId) {
         self.0.entry(level).or_default().insert(x, y);
     }
 
@@ -39,11 +39,11 @@ impl Known {
                 (first / 2..=last / 2).for_each(|x| here.insert(x, y / 2));
             }
         }
-        [0, 1].into_iter().for_each(|x| self.insert(TileId { level: 0, x, y: 0 }));
+        [0, 1].into_iter().for_each(|x| self.insert(GlobeTileId { level: 0, x, y: 0 }));
     }
 
     /// Those that lie in a tile, `by` levels further.
-    pub(super) fn below(&self, id: TileId, by: u8) -> Spans {
+    pub(super) fn below(&self, id: GlobeTileId, by: u8) -> Spans {
         let [columns, rows] = [id.x, id.y].map(|at| [at << by, ((at + 1) << by) - 1]);
         let cut = |[first, last]: [u32; 2]| {
             let run = [first.max(columns[0]), last.min(columns[1])];
@@ -61,8 +61,8 @@ impl Known {
 }
 
 /// Whether a tile belongs to all that is known and is not there.
-pub(super) fn is_missing(id: TileId, [there, known]: [&Known; 2]) -> bool {
-    let holds = |known: &Known| known.level(id.level).holds(id.x, id.y);
+pub(super) fn is_missing(id: GlobeTileId, [there, known]: [&KnownTiles; 2]) -> bool {
+    let holds = |known: &KnownTiles| known.level(id.level).holds(id.x, id.y);
     holds(known) && !holds(there)
 }
 
@@ -148,9 +148,9 @@ mod tests {
     proptest! {
         #[test]
         fn spans_are_sets(put in proptest::collection::vec((0_u32..16, 0_u32..16), 0..200)) {
-            let (mut known, mut twin) = (Known::default(), BTreeSet::new());
+            let (mut known, mut twin) = (KnownTiles::default(), BTreeSet::new());
             for (x, y) in put {
-                known.insert(TileId { level: 4, x, y });
+                known.insert(GlobeTileId { level: 4, x, y });
                 twin.insert((x, y));
                 prop_assert_eq!(known.level(4).count(), twin.len() as u64);
             }
@@ -159,7 +159,7 @@ mod tests {
             for (x, y) in (0..17).flat_map(|x| (0..17).map(move |y| (x, y))) {
                 prop_assert_eq!(spans.holds(x, y), twin.contains(&(x, y)));
             }
-            let within = known.below(TileId { level: 2, x: 1, y: 2 }, 2);
+            let within = known.below(GlobeTileId { level: 2, x: 1, y: 2 }, 2);
             let inner = twin.iter().copied().filter(|(x, y)| (x >> 2, y >> 2) == (1, 2));
             prop_assert_eq!(tiles(&within.rectangles()), inner.collect::<Vec<_>>());
             known.add_above(4);

@@ -9,10 +9,12 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use serde_json::{Map, Value, json};
 use terrane_options::Choice;
 
-use super::ground::Ground;
-use super::opened::Opened;
-use super::report::LevelReport;
-use terrane_globe::{CLASS, Facts, SUBTREE_LEVELS, TileId, level_error, subtree, subtree_of};
+use super::ground::SurveyedGrid;
+use super::opened::OpenedTilesGrid;
+use super::report::TileLevelReport;
+use terrane_globe::{
+    CLASS, GlobeTileId, SUBTREE_LEVELS, TileMetadata, level_error, subtree, subtree_of,
+};
 
 /// The name of what says what there is.
 pub(super) const TILESET: &str = "tileset.json";
@@ -24,19 +26,19 @@ pub(super) const SUBTREE: &str = "subtree";
 pub(super) const HALVES: [&str; 2] = ["west", "east"];
 
 /// The half that a tile is in, and its column in it.
-pub(super) fn half_of(id: TileId) -> (&'static str, u32) {
+pub(super) fn half_of(id: GlobeTileId) -> (&'static str, u32) {
     (HALVES[(id.x >> id.level) as usize & 1], id.x & ((1 << id.level) - 1))
 }
 
 /// Where a file of a tile is, of all files of a set.
-pub(super) fn name_of(id: TileId, ending: &str) -> String {
+pub(super) fn name_of(id: GlobeTileId, ending: &str) -> String {
     let (half, x) = half_of(id);
     format!("{half}/{}/{x}/{}.{ending}", id.level, id.y)
 }
 
 /// Makes the spheres of all tiles hold those of the tiles below them, and their errors no smaller.
-pub(super) fn nest(facts: &mut BTreeMap<TileId, Facts>) {
-    let finest_first: Vec<TileId> = facts.keys().rev().copied().collect();
+pub(super) fn nest(facts: &mut BTreeMap<GlobeTileId, TileMetadata>) {
+    let finest_first: Vec<GlobeTileId> = facts.keys().rev().copied().collect();
     for id in finest_first {
         let part = facts.get(&id).copied();
         if let (Some(part), Some(whole)) = (part, id.parent().and_then(|id| facts.get_mut(&id))) {
@@ -47,9 +49,10 @@ pub(super) fn nest(facts: &mut BTreeMap<TileId, Facts>) {
 
 /// The subtrees of a set, by the tile at the top of each.
 pub(super) fn subtrees(
-    facts: &BTreeMap<TileId, Facts>,
-) -> impl Iterator<Item = (TileId, Vec<u8>)> + '_ {
-    let mut parts: BTreeMap<TileId, (Vec<Facts>, BTreeSet<TileId>)> = BTreeMap::new();
+    facts: &BTreeMap<GlobeTileId, TileMetadata>,
+) -> impl Iterator<Item = (GlobeTileId, Vec<u8>)> + '_ {
+    let mut parts: BTreeMap<GlobeTileId, (Vec<TileMetadata>, BTreeSet<GlobeTileId>)> =
+        BTreeMap::new();
     for (id, of_tile) in facts {
         let top = subtree_of(*id);
         parts.entry(top).or_default().0.push(*of_tile);
@@ -58,16 +61,16 @@ pub(super) fn subtrees(
         }
     }
     parts.into_iter().map(|(top, (tiles, below))| {
-        let below: Vec<TileId> = below.into_iter().collect();
+        let below: Vec<GlobeTileId> = below.into_iter().collect();
         (top, subtree(top, &tiles, &below))
     })
 }
 
 /// What clients are told: where there are tiles, how far off the levels are, and what is told of each tile.
 pub(super) fn tileset(
-    ground: &Ground<'_>,
-    levels: &[LevelReport],
-    facts: &BTreeMap<TileId, Facts>,
+    ground: &SurveyedGrid<'_>,
+    levels: &[TileLevelReport],
+    facts: &BTreeMap<GlobeTileId, TileMetadata>,
 ) -> Value {
     let ends = HALVES.map(|half| {
         let of_half = facts.values().filter(|facts| half_of(facts.id).0 == half);
@@ -96,7 +99,7 @@ pub(super) fn tileset(
         })
     };
     let both = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
-    let Opened { job, division, .. } = ground.opened;
+    let OpenedTilesGrid { job, division, .. } = ground.opened;
     let bounds = &division.place.bounds();
     let told: Vec<Value> = levels
         .iter()

@@ -6,15 +6,15 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::division::{Division, Sweep, Task};
-use super::folder::{Folder, Made as Tile};
-use super::ground::Ground;
+use super::division::{TileNumbering, TilesDivision, TilesTask};
+use super::folder::{TileFile as Tile, TilesetFolder};
+use super::ground::SurveyedGrid;
 use super::job::TilesJob;
-use super::object::{Writer, add_glances, add_known, each_tile};
-use super::opened::{Opened, worker_bytes};
-use super::place::Place;
+use super::object::{TileObjectWriter, add_glances, add_known, each_tile};
+use super::opened::{OpenedTilesGrid, worker_bytes};
+use super::place::GridFootprint;
 use super::report::{TilesReport, TilesRun, TilesStatus};
-use super::spans::{Known, is_missing};
+use super::spans::{KnownTiles, is_missing};
 use super::{glance, probe};
 use terrane_options::Choice;
 
@@ -24,11 +24,11 @@ use terrane_engine::beside;
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{self, with_slack};
 use terrane_engine::plan::{
-    self, At, Form, Kind, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid, StatusReport,
-    Survey, Work,
+    self, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanNeeds,
+    PlanStep, PlannedGrid, PlannedWork, StatusReport, TaskSurvey,
 };
 use terrane_engine::workers;
-use terrane_globe::{Overview, TileId};
+use terrane_globe::{GlobeTileId, Overview};
 
 /// Tiles of a task, unless told otherwise: regions of as many as have about 134 million samples.
 const CUT: u32 = 128;
@@ -40,18 +40,18 @@ const SAMPLE: [f64; 2] = [650.0, 60.0];
 
 /// Tiles to make of a grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Tiles {
-    method: Method,
+pub(super) struct TilesPlan {
+    method: TilesMethod,
     grid: PlannedGrid,
 }
 
 /// What is asked for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Method {
+struct TilesMethod {
     #[serde(flatten)]
     job: TilesJob,
     /// Where the grid is on the globe.
-    place: Place,
+    place: GridFootprint,
     /// The deepest level.
     last: u8,
     /// Tiles of a task.
@@ -60,35 +60,35 @@ struct Method {
 
 /// What an object tells.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct TileObjectSummary {
     tiles: u64,
 }
 
 /// The input and the job, opened.
-pub(super) struct Ready {
-    opened: Opened,
+pub(super) struct PreparedTiles {
+    opened: OpenedTilesGrid,
     /// Once all was looked at.
     overview: OnceLock<Overview>,
 }
 
-impl Tiles {
+impl TilesPlan {
     /// Those of an opened job.
-    pub(super) fn new(opened: &Opened, cut: Option<u32>) -> Result<Self> {
-        let Division { place, last, .. } = opened.division.clone();
+    pub(super) fn new(opened: &OpenedTilesGrid, cut: Option<u32>) -> Result<Self> {
+        let TilesDivision { place, last, .. } = opened.division.clone();
         let job = TilesJob { input: beside::noted(&opened.job.input), ..opened.job.clone() };
-        let method = Method { job, place, last, cut: cut.unwrap_or(CUT) };
+        let method = TilesMethod { job, place, last, cut: cut.unwrap_or(CUT) };
         let tiles = Self { method, grid: PlannedGrid::of(opened.grid.info()) };
         tiles.check().map(|()| tiles)
     }
 
     /// What the work takes.
-    pub(super) fn needs(&self, opened: &Opened) -> Result<Needs> {
+    pub(super) fn needs(&self, opened: &OpenedTilesGrid) -> Result<PlanNeeds> {
         let samples = self.grid.samples() as f64;
         let [bytes, output] = probe::expect(opened)?;
         let [shared, each] = opened.mask.as_ref().map_or([0; 2], |mask| mask.bytes(1));
         let worker = worker_bytes(&opened.look) + each;
         let held = with_slack(opened.look.bytes() + shared) + worker;
-        Ok(Needs {
+        Ok(PlanNeeds {
             memory: memory::least(held, opened.grid.block_bytes()),
             thread_memory: worker,
             objects: glance::written_bytes(opened) + bytes,
@@ -97,8 +97,8 @@ impl Tiles {
         })
     }
 
-    fn division(&self) -> Division {
-        Division::new(self.method.place.clone(), self.method.last)
+    fn division(&self) -> TilesDivision {
+        TilesDivision::new(self.method.place.clone(), self.method.last)
     }
 
     /// Tasks of each kind.
@@ -107,15 +107,15 @@ impl Tiles {
     }
 
     /// The tiles of a task, of all that there may be.
-    fn part(&self, task: u32, all: &Sweep) -> Vec<TileId> {
+    fn part(&self, task: u32, all: &TileNumbering) -> Vec<GlobeTileId> {
         let [task, cut] = [task, self.method.cut].map(u64::from);
         all.part(task * cut..(task + 1) * cut)
     }
 }
 
-impl Ready {
+impl PreparedTiles {
     /// What was seen, of all objects that have it.
-    fn ground(&self, survey: &Survey<'_, Tiles>) -> Result<Ground<'_>> {
+    fn ground(&self, survey: &TaskSurvey<'_, TilesPlan>) -> Result<SurveyedGrid<'_>> {
         if self.overview.get().is_none() {
             let mut gathered = self.opened.look.clone().gather();
             for task in looks(survey.folder.plan.work.counts()) {
@@ -127,18 +127,18 @@ impl Ready {
         let overview = self.overview.get();
         let lost = || Error::new(ErrorKind::Internal, "what was seen is lost");
         let overview = overview.ok_or_else(lost)?;
-        Ok(Ground::new(&self.opened, overview))
+        Ok(SurveyedGrid::new(&self.opened, overview))
     }
 
     /// Writes tiles, made on all threads, to an object.
     fn tiles(
         &self,
         (stage, object): (&str, &Path),
-        parts: &[TileId],
-        at: At<'_>,
-        make: impl Fn(&TileId) -> Result<Vec<Tile>> + Sync,
+        parts: &[GlobeTileId],
+        at: Observer<'_>,
+        make: impl Fn(&GlobeTileId) -> Result<Vec<Tile>> + Sync,
     ) -> Result<u64> {
-        let mut writer = Writer::create(object)?;
+        let mut writer = TileObjectWriter::create(object)?;
         at.progress.begin(stage, parts.len() as u64);
         workers::in_order(
             self.opened.shares.threads,
@@ -158,24 +158,24 @@ impl Ready {
     }
 }
 
-fn looks([count, ..]: [u32; 3]) -> impl Iterator<Item = Task> {
-    (0..count).map(Task::Look)
+fn looks([count, ..]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
+    (0..count).map(TilesTask::Look)
 }
 
-fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = Task> {
-    (0..count).map(Task::Near)
+fn nears([_, count, _]: [u32; 3]) -> impl Iterator<Item = TilesTask> {
+    (0..count).map(TilesTask::Near)
 }
 
-impl Work for Tiles {
-    const KIND: Kind = Kind::Tiles;
-    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+impl PlannedWork for TilesPlan {
+    const KIND: PlanKind = PlanKind::Tiles;
+    const NAMES: &'static [Numbered<TilesTask>] = &TilesTask::NAMES;
 
-    type Task = Task;
-    type Facts = Facts;
+    type Task = TilesTask;
+    type Facts = TileObjectSummary;
     type Run = TilesRun;
     type Note = TilesReport;
     type Status = TilesStatus;
-    type Opened = Ready;
+    type Opened = PreparedTiles;
 
     fn check(&self) -> Result<()> {
         let PlannedGrid { width, height, .. } = self.grid;
@@ -188,38 +188,38 @@ impl Work for Tiles {
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
     }
 
-    fn tasks(&self) -> Vec<Task> {
+    fn tasks(&self) -> Vec<TilesTask> {
         let counts = self.counts();
-        let far = (0..counts[2]).map(Task::Far);
+        let far = (0..counts[2]).map(TilesTask::Far);
         looks(counts).chain(nears(counts)).chain(far).collect()
     }
 
-    fn before(&self, task: Task) -> Vec<Task> {
+    fn before(&self, task: TilesTask) -> Vec<TilesTask> {
         let counts = self.counts();
         match task {
-            Task::Look(_) => Vec::new(),
-            Task::Near(_) => looks(counts).collect(),
-            Task::Far(_) => looks(counts).chain(nears(counts)).collect(),
+            TilesTask::Look(_) => Vec::new(),
+            TilesTask::Near(_) => looks(counts).collect(),
+            TilesTask::Far(_) => looks(counts).chain(nears(counts)).collect(),
         }
     }
 
-    fn size(&self, task: Named<Task>) -> u64 {
+    fn size(&self, task: PlanStep<TilesTask>) -> u64 {
         let division = self.division();
         let width = u64::from(self.grid.width);
         match task {
-            Named::Task(Task::Look(look)) => {
+            PlanStep::Task(TilesTask::Look(look)) => {
                 let [first, end] = division.rows(look);
                 u64::from(end - first) * width
             }
-            Named::Task(Task::Near(near)) => {
+            PlanStep::Task(TilesTask::Near(near)) => {
                 let part = self.part(near, &division.regions());
                 part.iter().map(|id| division.samples(&id.bounds())).sum()
             }
             // Mostly blocks of samples are looked at.
-            Named::Task(Task::Far(far)) => {
+            PlanStep::Task(TilesTask::Far(far)) => {
                 self.part(far, &division.above(division.far_end())).len() as u64 * 4096
             }
-            Named::Finish => self.grid.samples(),
+            PlanStep::Finish => self.grid.samples(),
         }
     }
 
@@ -239,36 +239,36 @@ impl Work for Tiles {
         }
     }
 
-    fn output(&self, _: &Form) -> Result<PathBuf> {
+    fn output(&self, _: &OutputForm) -> Result<PathBuf> {
         Ok(PathBuf::from("tiles"))
     }
 
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
-        let Order { output, overwrite, resources, .. } = order;
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<PreparedTiles> {
+        let OutputOrder { output, overwrite, resources, .. } = order;
         let Self { method, grid } = &plan.work;
         let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };
         job.tiles.max_level = Some(method.last);
         job.input = job.input.called(plan.label.clone());
-        let opened = Opened::new(&job)?;
+        let opened = OpenedTilesGrid::new(&job)?;
         grid.check(plan, &*opened.grid, opened.files())?;
-        Ok(Ready { opened, overview: OnceLock::new() })
+        Ok(PreparedTiles { opened, overview: OnceLock::new() })
     }
 
-    fn check_output(ready: &Ready, _: At<'_>) -> Result<()> {
-        Folder::create(&ready.opened.job).map(drop)
+    fn check_output(ready: &PreparedTiles, _: Observer<'_>) -> Result<()> {
+        TilesetFolder::create(&ready.opened.job).map(drop)
     }
 
     fn make(
-        ready: &Ready,
-        (task, object): (Task, &Path),
-        survey: &Survey<'_, Self>,
+        ready: &PreparedTiles,
+        (task, object): (TilesTask, &Path),
+        survey: &TaskSurvey<'_, Self>,
         run: &mut TilesRun,
-        at: At<'_>,
-    ) -> Result<Made<Facts>> {
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<TileObjectSummary>> {
         let (work, opened) = (&survey.folder.plan.work, &ready.opened);
         let tiles = match task {
-            Task::Look(look) => {
-                let mut writer = Writer::create(object)?;
+            TilesTask::Look(look) => {
+                let mut writer = TileObjectWriter::create(object)?;
                 let mut bytes = Vec::new();
                 glance::look(opened, opened.division.rows(look), at, |glance| {
                     bytes.clear();
@@ -278,7 +278,7 @@ impl Work for Tiles {
                 writer.finish()?;
                 0
             }
-            Task::Near(number) => {
+            TilesTask::Near(number) => {
                 let ground = ready.ground(survey)?;
                 let part = work.part(number, &opened.division.regions());
                 ready.tiles(("near levels", object), &part, at, |id| {
@@ -290,9 +290,9 @@ impl Work for Tiles {
                     ground.region(*id, &mut put, at.cancel).map(|()| made)
                 })?
             }
-            Task::Far(number) => {
+            TilesTask::Far(number) => {
                 let ground = ready.ground(survey)?;
-                let mut there = Known::default();
+                let mut there = KnownTiles::default();
                 for near in nears(work.counts()) {
                     add_known(&survey.object(near)?.0, &mut there)?;
                 }
@@ -307,19 +307,19 @@ impl Work for Tiles {
             }
         };
         run.made_tiles += tiles;
-        Ok(Made { facts: Facts { tiles }, digest: None, spilled: 0 })
+        Ok(MadeArtifact { facts: TileObjectSummary { tiles }, digest: None, spilled: 0 })
     }
 
     fn write(
-        ready: &Ready,
-        survey: &Survey<'_, Self>,
+        ready: &PreparedTiles,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut TilesRun,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<TilesReport> {
         let (started, opened) = (Instant::now(), &ready.opened);
-        let (ground, folder) = (ready.ground(survey)?, Folder::create(&opened.job)?);
-        let holds_tiles = |task: &&Task| !matches!(task, Task::Look(_));
-        let tasks: Vec<Task> = survey.done.keys().filter(holds_tiles).copied().collect();
+        let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
+        let holds_tiles = |task: &&TilesTask| !matches!(task, TilesTask::Look(_));
+        let tasks: Vec<TilesTask> = survey.done.keys().filter(holds_tiles).copied().collect();
         at.progress.begin("write", survey.done.values().map(|done| done.facts.tiles).sum());
         let write = |(): &mut (), i: u64| {
             each_tile(&survey.object(tasks[i as usize])?.0, |made| {

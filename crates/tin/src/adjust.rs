@@ -16,11 +16,11 @@
 //! sweeps to a stage, and envelopes followed to the end (12 steps, gains of 1 in 64) change nothing but the
 //! time.
 
-use super::facet::{Facet, level_for};
-use super::field::{Field, LEVELS};
-use super::judge::Judge;
-use super::local::Local;
-use super::mesh::{Mesh, NONE, State, Tri};
+use super::facet::{PlaneFacet, level_for};
+use super::field::{HeightField, LEVELS};
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState};
 use terrane_base::bits::BitSet;
 
 /// What the tolerance is multiplied with in the stages before it is reached.
@@ -41,8 +41,8 @@ const GAIN: f32 = 1.0 / 32.0;
 const EVEN: f32 = 1.0 / 1024.0;
 
 /// Gives a sample that becomes a vertex its height, a little towards the triangle that held it.
-pub(super) fn put_in(judge: &Judge<'_>, corners: [Local; 3], at: Local) {
-    let Judge { field, tolerance, .. } = *judge;
+pub(super) fn put_in(judge: &InsertionCriteria<'_>, corners: [TilePosition; 3], at: TilePosition) {
+    let InsertionCriteria { field, tolerance, .. } = *judge;
     if at.col() == 0
         || at.row() == 0
         || at.col() + 1 == field.width()
@@ -50,7 +50,7 @@ pub(super) fn put_in(judge: &Judge<'_>, corners: [Local; 3], at: Local) {
     {
         return field.move_vertex(at, field.sample(at));
     }
-    let facet = Facet::new(corners, field.vertices(corners));
+    let facet = PlaneFacet::new(corners, field.vertices(corners));
     let plane = facet.base + facet.gx * f64::from(at.col()) + facet.gy * f64::from(at.row());
     let sample = field.sample(at);
     field.move_vertex(at, sample + (plane - sample).signum() * PUT_IN * tolerance);
@@ -61,7 +61,7 @@ pub(super) fn put_in(judge: &Judge<'_>, corners: [Local; 3], at: Local) {
 
 /// Buffers of the sweeps.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct AdjustScratch {
     /// Vertices whose star has changed since they were last looked at.
     due: BitSet,
     /// Vertices that have moved.
@@ -90,9 +90,9 @@ impl Envelope {
     }
 }
 
-impl Scratch {
+impl AdjustScratch {
     /// Starts over: no vertex is due, none has moved, and those to keep never will.
-    pub(super) fn reset(&mut self, field: &Field, kept: &[Local]) {
+    pub(super) fn reset(&mut self, field: &HeightField, kept: &[TilePosition]) {
         let samples = field.width() as usize * field.height() as usize;
         for bits in [&mut self.due, &mut self.moved, &mut self.held] {
             bits.reset(samples);
@@ -103,18 +103,23 @@ impl Scratch {
     }
 
     /// The corners of triangles that have changed are due.
-    pub(super) fn look_at_changes(&mut self, field: &Field, mesh: &Mesh) {
+    pub(super) fn look_at_changes(&mut self, field: &HeightField, mesh: &LatticeMesh) {
         self.look_at(field, mesh, |tri| tri.source == NONE);
     }
 
     /// The corners of those triangles are due.
-    pub(super) fn look_at(&mut self, field: &Field, mesh: &Mesh, is_due: impl Fn(&Tri) -> bool) {
+    pub(super) fn look_at(
+        &mut self,
+        field: &HeightField,
+        mesh: &LatticeMesh,
+        is_due: impl Fn(&LatticeTriangle) -> bool,
+    ) {
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| is_due(tri)) {
             self.look_at_corners(field, tri);
         }
     }
 
-    fn look_at_corners(&mut self, field: &Field, tri: &Tri) {
+    fn look_at_corners(&mut self, field: &HeightField, tri: &LatticeTriangle) {
         let corners = tri.corners.map(|p| field.index(p));
         for at in corners.into_iter().filter(|&at| !self.held.contains(at)) {
             self.due.insert(at);
@@ -122,7 +127,7 @@ impl Scratch {
     }
 
     /// True when a corner of a triangle has moved.
-    pub(super) fn has_moved(&self, field: &Field, tri: &Tri) -> bool {
+    pub(super) fn has_moved(&self, field: &HeightField, tri: &LatticeTriangle) -> bool {
         tri.corners.iter().any(|&p| self.moved.contains(field.index(p)))
     }
 
@@ -130,14 +135,20 @@ impl Scratch {
     /// due again. True when one moved. No vertex goes further than `tolerance` from its sample. Where the
     /// judge's is that tolerance, too, all errors stay within it; where it is larger, they only shrink. Time
     /// linear in the samples of the stars.
-    pub(super) fn sweep(&mut self, judge: &Judge<'_>, mesh: &Mesh, tolerance: f64) -> bool {
+    pub(super) fn sweep(
+        &mut self,
+        judge: &InsertionCriteria<'_>,
+        mesh: &LatticeMesh,
+        tolerance: f64,
+    ) -> bool {
         let mut any = false;
         for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
             if judge.field.is_stopped_in(half_edge as usize) {
                 return false;
             }
             let at = judge.field.index(mesh.origin(half_edge));
-            let is_open = |tri: &Tri| matches!(tri.state, State::Free | State::Outside);
+            let is_open =
+                |tri: &LatticeTriangle| matches!(tri.state, ScanState::Free | ScanState::Outside);
             if !self.due.contains(at) || is_open(&mesh.tris[(half_edge >> 2) as usize]) {
                 continue;
             }
@@ -156,7 +167,13 @@ impl Scratch {
 
     /// Moves the vertex from which `half_edge` starts to where the largest error of its star is least, if
     /// that is worth it. True when it moved.
-    fn adjust(&mut self, judge: &Judge<'_>, mesh: &Mesh, half_edge: u32, tolerance: f64) -> bool {
+    fn adjust(
+        &mut self,
+        judge: &InsertionCriteria<'_>,
+        mesh: &LatticeMesh,
+        half_edge: u32,
+        tolerance: f64,
+    ) -> bool {
         if !mesh.star(half_edge, MAX_DEGREE, &mut self.star) {
             return false;
         }
@@ -177,7 +194,13 @@ impl Scratch {
     }
 
     /// True when a move that was made is of use, and finally keeps the tolerance.
-    fn keeps(&self, judge: &Judge<'_>, mesh: &Mesh, step: f32, is_final: bool) -> bool {
+    fn keeps(
+        &self,
+        judge: &InsertionCriteria<'_>,
+        mesh: &LatticeMesh,
+        step: f32,
+        is_final: bool,
+    ) -> bool {
         let largest = self.envelope(step).largest();
         if largest >= self.envelope(0.0).largest() {
             return false;
@@ -188,7 +211,7 @@ impl Scratch {
         let corners = |half_edge: u32| mesh.tris[(half_edge >> 2) as usize].corners;
         let hair = |&at: &u32| {
             let (corners, z) = (corners(at), judge.field.vertices(corners(at)));
-            judge.hair(z, Facet::new(corners, z).gx)
+            judge.hair(z, PlaneFacet::new(corners, z).gx)
         };
         let hair = self.star.iter().map(hair).fold(0.0, f64::max);
         let is_clear = f64::from(largest) + hair < judge.tolerance;
@@ -203,7 +226,7 @@ impl Scratch {
     }
 
     /// Lists the samples of the star: all of them, or enough.
-    fn list(&mut self, field: &Field, mesh: &Mesh, all: bool) {
+    fn list(&mut self, field: &HeightField, mesh: &LatticeMesh, all: bool) {
         self.offsets.clear();
         self.shares.clear();
         for i in 0..self.star.len() {
@@ -215,12 +238,18 @@ impl Scratch {
     }
 
     /// Lists the samples of a triangle of which `corner` is to be moved, those on its edges too.
-    fn list_triangle(&mut self, field: &Field, corners: [Local; 3], corner: u32, level: u8) {
+    fn list_triangle(
+        &mut self,
+        field: &HeightField,
+        corners: [TilePosition; 3],
+        corner: u32,
+        level: u8,
+    ) {
         let level = field.level(level);
-        let facet = Facet::new(corners, field.vertices(corners));
+        let facet = PlaneFacet::new(corners, field.vertices(corners));
         let mut unit = [0.0; 3];
         unit[corner as usize] = 1.0;
-        let share = Facet::new(corners, unit);
+        let share = PlaneFacet::new(corners, unit);
         let edges = facet.edges();
         let [first, last] = facet.row_range(&level);
         for row in first..=last {
@@ -303,33 +332,33 @@ impl Scratch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
     use crate::scan::available;
     use proptest::prelude::*;
-    use terrane_base::geom::Rounding;
+    use terrane_base::geom::HeightQuantization;
     use terrane_base::geom::predicates::orient;
 
     const SIDE: u32 = 12;
 
-    fn field(heights: &[f32], rounding: Option<Rounding>) -> Field {
-        let heights = Heights { width: SIDE, height: SIDE, f32: heights, f64: None };
-        let mut field = Field::default();
+    fn field(heights: &[f32], rounding: Option<HeightQuantization>) -> HeightField {
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], rounding);
         field.free_heights();
         field
     }
 
-    fn samples() -> impl Iterator<Item = Local> {
-        (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE))
+    fn samples() -> impl Iterator<Item = TilePosition> {
+        (0..SIDE * SIDE).map(|i| TilePosition::new(i % SIDE, i / SIDE))
     }
 
     /// Whole heights, and a triangle that turns the right way.
-    fn ground() -> impl Strategy<Value = (Vec<f32>, [Local; 3])> {
+    fn ground() -> impl Strategy<Value = (Vec<f32>, [TilePosition; 3])> {
         let heights = prop::collection::vec(-40..40_i32, (SIDE * SIDE) as usize)
             .prop_map(|z| z.into_iter().map(|z| z as f32).collect());
         let corners = prop::array::uniform3((0..SIDE, 0..SIDE))
-            .prop_map(|p| p.map(|(col, row)| Local::new(col, row)));
+            .prop_map(|p| p.map(|(col, row)| TilePosition::new(col, row)));
         let turned = corners.prop_filter_map("a line", |[a, b, c]| {
             match orient(a.lattice(), b.lattice(), c.lattice()) {
                 0 => None,
@@ -341,15 +370,15 @@ mod tests {
     }
 
     /// How much each corner shares in the height of a triangle, at a sample that is in it.
-    fn shares(corners: [Local; 3], at: Local) -> Option<[f64; 3]> {
-        let ([a, b, c], q) = (corners.map(Local::lattice), at.lattice());
+    fn shares(corners: [TilePosition; 3], at: TilePosition) -> Option<[f64; 3]> {
+        let ([a, b, c], q) = (corners.map(TilePosition::lattice), at.lattice());
         let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
         let double_area = orient(a, b, c) as f64;
         weights.iter().all(|&w| w >= 0).then(|| weights.map(|w| w as f64 / double_area))
     }
 
     /// How far the samples of a triangle are off at most.
-    fn error(field: &Field, corners: [Local; 3]) -> f64 {
+    fn error(field: &HeightField, corners: [TilePosition; 3]) -> f64 {
         let z = field.vertices(corners);
         let error = |at| {
             let parts = shares(corners, at)?;
@@ -372,17 +401,17 @@ mod tests {
             let heights: Vec<_> = heights.iter().map(|z| z + far).collect();
             let field = field(&heights, None);
             let [scan, ..] = available()[..] else { unreachable!() };
-            let judge = Judge::of_samples(&field, scan.1, looser * TOLERANCE);
-            let mut mesh = Mesh::default();
+            let judge = InsertionCriteria::of_samples(&field, scan.1, looser * TOLERANCE);
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             fit(&judge, &mut mesh, &mut WorkLists::default(), false);
-            let is_on_rim = |at: Local| [at.col(), at.row()].iter().any(|&i| i == 0 || i == SIDE - 1);
+            let is_on_rim = |at: TilePosition| [at.col(), at.row()].iter().any(|&i| i == 0 || i == SIDE - 1);
             let corners = mesh.tris.iter().flat_map(|tri| tri.corners);
             let inner: Vec<_> = corners.filter(|&at| !is_on_rim(at)).collect();
             for &at in &inner {
                 prop_assert!((field.vertex(at) - field.sample(at)).abs() > 0.2 * TOLERANCE, "not put in");
             }
-            let mut scratch = Scratch::default();
+            let mut scratch = AdjustScratch::default();
             scratch.reset(&field, &[]);
             scratch.look_at(&field, &mesh, |_| true);
             while scratch.sweep(&judge, &mesh, TOLERANCE) {}
@@ -407,12 +436,12 @@ mod tests {
         fn no_vertex_goes_further_than_the_tolerance((heights, _) in ground()) {
             const TOLERANCE: f64 = 29.0;
             let heights: Vec<_> = heights.iter().map(|z| z + 3e7).collect();
-            let field = field(&heights, Some(Rounding::about(0.0)));
-            let judge = Judge::of_samples(&field, available()[0].1, 1.2 * TOLERANCE);
-            let mut mesh = Mesh::default();
+            let field = field(&heights, Some(HeightQuantization::about(0.0)));
+            let judge = InsertionCriteria::of_samples(&field, available()[0].1, 1.2 * TOLERANCE);
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             fit(&judge, &mut mesh, &mut WorkLists::default(), false);
-            let mut scratch = Scratch::default();
+            let mut scratch = AdjustScratch::default();
             scratch.reset(&field, &[]);
             scratch.look_at(&field, &mesh, |_| true);
             prop_assert!(scratch.sweep(&judge, &mesh, TOLERANCE));
@@ -433,9 +462,9 @@ mod tests {
             field.move_vertex(corners[corner], field.sample(corners[corner]) + raised);
             let z = field.vertices(corners);
             for level in 0..3 {
-                let mut scratch = Scratch::default();
+                let mut scratch = AdjustScratch::default();
                 scratch.list_triangle(&field, corners, corner as u32, level);
-                let is_at_level = |at: &Local| at.col() % (1 << level) + at.row() % (1 << level) == 0;
+                let is_at_level = |at: &TilePosition| at.col() % (1 << level) + at.row() % (1 << level) == 0;
                 let inside = samples().filter(is_at_level).filter_map(|at| Some((at, shares(corners, at)?)));
                 let mut count = 0;
                 for (i, (at, parts)) in inside.enumerate() {
@@ -456,10 +485,10 @@ mod tests {
             tolerance in prop_oneof![0.05..0.3_f64, Just(0.125), 1.0..30.0_f64]
         ) {
             let heights: Vec<_> = heights.iter().map(|z| z + far).collect();
-            let rounding = Rounding::about(0.0);
+            let rounding = HeightQuantization::about(0.0);
             let field = field(&heights, Some(rounding));
             let [scan, ..] = available()[..] else { unreachable!() };
-            let judge = Judge::of_samples(&field, scan.1, tolerance);
+            let judge = InsertionCriteria::of_samples(&field, scan.1, tolerance);
             for (at, parts) in samples().filter_map(|at| Some((at, shares(corners, at)?))) {
                 let sample = field.sample(at);
                 let plane: f64 = (0..3).map(|i| parts[i] * field.sample(corners[i])).sum();
@@ -482,13 +511,13 @@ mod tests {
         ) {
             let field = field(&heights, None);
             let [scan, ..] = available()[..] else { unreachable!() };
-            let judge = Judge::of_samples(&field, scan.1, looser * 30.0);
-            let mut mesh = Mesh::default();
+            let judge = InsertionCriteria::of_samples(&field, scan.1, looser * 30.0);
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             fit(&judge, &mut mesh, &mut WorkLists::default(), false);
             let before: Vec<f64> = samples().map(|at| field.vertex(at)).collect();
-            let moved = |at: Local| field.vertex(at) != before[field.index(at)];
-            let mut scratch = Scratch::default();
+            let moved = |at: TilePosition| field.vertex(at) != before[field.index(at)];
+            let mut scratch = AdjustScratch::default();
             scratch.reset(&field, &[]);
             prop_assert!(!scratch.sweep(&judge, &mesh, 30.0));
             let chosen = mesh.tris[pick % mesh.tris.len()].corners;
@@ -500,8 +529,8 @@ mod tests {
             for at in samples().filter(|&at| moved(at)) {
                 prop_assert!((field.vertex(at) - field.sample(at)).abs() <= 30.0);
                 let of_it = || mesh.tris.iter().filter(|tri| tri.corners.contains(&at));
-                let has_moved = |p: &Local| *p != at && scratch.moved.contains(field.index(*p));
-                let is_beside = |tri: &Tri| tri.corners.iter().any(has_moved);
+                let has_moved = |p: &TilePosition| *p != at && scratch.moved.contains(field.index(*p));
+                let is_beside = |tri: &LatticeTriangle| tri.corners.iter().any(has_moved);
                 prop_assert!(chosen.contains(&at) || of_it().any(is_beside), "{at:?}");
             }
             for tri in &mesh.tris {
@@ -516,10 +545,10 @@ mod tests {
         fn no_move_is_better_than_the_best(
             errors in prop::collection::vec((-100..100_i32, 1..=16_i32), 1..40)
         ) {
-            let scratch = Scratch {
+            let scratch = AdjustScratch {
                 offsets: errors.iter().map(|&(error, _)| error as f32).collect(),
                 shares: errors.iter().map(|&(_, share)| share as f32 / 16.0).collect(),
-                ..Scratch::default()
+                ..AdjustScratch::default()
             };
             let all = || scratch.offsets.iter().zip(&scratch.shares);
             let largest =
@@ -543,16 +572,16 @@ mod tests {
     #[test]
     fn a_move_is_kept_up_to_the_last_bit_of_the_tolerance() {
         const BIT: f64 = 1.0 / (1 << 30) as f64;
-        let [middle, beside] = [2, 1].map(|row| Local::new(2, row));
+        let [middle, beside] = [2, 1].map(|row| TilePosition::new(2, row));
         for far in [0.0_f32, -9.0, 4096.0] {
             let mut heights = vec![far; (SIDE * SIDE) as usize];
-            let index = |at: Local| (at.row() * SIDE + at.col()) as usize;
+            let index = |at: TilePosition| (at.row() * SIDE + at.col()) as usize;
             (heights[index(middle)], heights[index(beside)]) = (far + 1.5, far + 2.0);
             let field = field(&heights, None);
-            let judge = Judge::of_samples(&field, available()[0].1, 1.0);
-            let mut mesh = Mesh::default();
+            let judge = InsertionCriteria::of_samples(&field, available()[0].1, 1.0);
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(4, 4);
-            let mut scratch = Scratch::default();
+            let mut scratch = AdjustScratch::default();
             assert!(mesh.insert(0, middle, &mut Vec::new()));
             let half_edge = (0..16).find(|&at| mesh.origin(at) == middle).unwrap();
             assert!(mesh.star(half_edge, MAX_DEGREE, &mut scratch.star));

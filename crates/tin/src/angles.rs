@@ -8,13 +8,13 @@
 //! that what comes between is thin again, the edge is split in the middle; one that is frozen is left to the
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
-use super::local::Local;
-use super::mesh::{Mesh, NONE, State};
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, NONE, ScanState};
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// The smallest angle, in plan, that a triangle may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AngleBound {
+pub struct MinimumAngle {
     degrees: f64,
     /// Of this angle, and a little more: what differs by rounding alone is not mended.
     cosine: f64,
@@ -22,7 +22,7 @@ pub struct AngleBound {
     metric: [f64; 3],
 }
 
-impl AngleBound {
+impl MinimumAngle {
     /// What is small enough to be rounding.
     const ROUNDING: f64 = 1e-12;
 
@@ -39,24 +39,24 @@ impl AngleBound {
     }
 
     /// The cosine of the smallest angle of a triangle, where it is too small.
-    pub(crate) fn excess(&self, corners: [Local; 3]) -> Option<f64> {
+    pub(crate) fn excess(&self, corners: [TilePosition; 3]) -> Option<f64> {
         let cosine = self.cosine_of(corners);
         (cosine > self.cosine).then_some(cosine)
     }
 
     /// True when no angle of a triangle is too small.
-    pub fn holds(&self, corners: [Local; 3]) -> bool {
+    pub fn holds(&self, corners: [TilePosition; 3]) -> bool {
         self.excess(corners).is_none()
     }
 
     /// The smallest angle of a triangle, in degrees.
-    pub fn smallest(&self, corners: [Local; 3]) -> f64 {
+    pub fn smallest(&self, corners: [TilePosition; 3]) -> f64 {
         self.cosine_of(corners).min(1.0).acos().to_degrees()
     }
 
-    fn cosine_of(&self, corners: [Local; 3]) -> f64 {
+    fn cosine_of(&self, corners: [TilePosition; 3]) -> f64 {
         let [xx, xy, yy] = self.metric;
-        let square = |a: Local, b: Local| {
+        let square = |a: TilePosition, b: TilePosition| {
             let [dx, dy] =
                 [(a.col(), b.col()), (a.row(), b.row())].map(|(a, b)| f64::from(b) - f64::from(a));
             xx * dx * dx + 2.0 * xy * dx * dy + yy * dy * dy
@@ -72,9 +72,9 @@ impl AngleBound {
 
 /// A triangle with an angle that is too small, and its cosine.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Thin {
+pub(super) struct ThinTriangle {
     id: u32,
-    corners: [Local; 3],
+    corners: [TilePosition; 3],
     cosine: f64,
 }
 
@@ -82,13 +82,13 @@ pub(super) struct Thin {
 /// the smallest angles first, `settle` brings back what else is promised of the mesh. A sample that a triangle
 /// holds is inserted where it `may` be. Each round is linear in the triangles.
 pub(super) fn insert(
-    bound: &AngleBound,
-    mesh: &mut Mesh,
-    may: impl Fn(&Mesh, u32, Local) -> bool,
-    mut settle: impl FnMut(&mut Mesh),
+    bound: &MinimumAngle,
+    mesh: &mut LatticeMesh,
+    may: impl Fn(&LatticeMesh, u32, TilePosition) -> bool,
+    mut settle: impl FnMut(&mut LatticeMesh),
 ) {
     let mut star = Vec::new();
-    let mut insert = |mesh: &mut Mesh, holder: u32, at: Local| {
+    let mut insert = |mesh: &mut LatticeMesh, holder: u32, at: TilePosition| {
         star.clear();
         may(mesh, holder, at) && mesh.insert(holder, at, &mut star)
     };
@@ -105,12 +105,12 @@ pub(super) fn insert(
 }
 
 /// The triangles of the surface with too small an angle, the smallest first.
-pub(super) fn thin(bound: &AngleBound, mesh: &Mesh) -> Vec<Thin> {
+pub(super) fn thin(bound: &MinimumAngle, mesh: &LatticeMesh) -> Vec<ThinTriangle> {
     let look = |id: u32| {
         let tri = &mesh.tris[id as usize];
-        let is_asked = tri.state != State::Outside;
+        let is_asked = tri.state != ScanState::Outside;
         let cosine = bound.excess(tri.corners).filter(|_| is_asked)?;
-        Some(Thin { id, corners: tri.corners, cosine })
+        Some(ThinTriangle { id, corners: tri.corners, cosine })
     };
     let mut all: Vec<_> = mesh.ids().filter_map(look).collect();
     all.sort_unstable_by(|a, b| b.cosine.total_cmp(&a.cosine).then(a.id.cmp(&b.id)));
@@ -119,12 +119,12 @@ pub(super) fn thin(bound: &AngleBound, mesh: &Mesh) -> Vec<Thin> {
 
 /// Makes an end of a thin triangle; false where this cannot be, or it has ended already.
 fn mend(
-    mesh: &mut Mesh,
-    thin: &Thin,
-    insert: &mut impl FnMut(&mut Mesh, u32, Local) -> bool,
+    mesh: &mut LatticeMesh,
+    thin: &ThinTriangle,
+    insert: &mut impl FnMut(&mut LatticeMesh, u32, TilePosition) -> bool,
 ) -> bool {
     let tri = &mesh.tris[thin.id as usize];
-    if tri.state == State::Free || tri.corners != thin.corners {
+    if tri.state == ScanState::Free || tri.corners != thin.corners {
         return false;
     }
     let centre = centre(thin.corners);
@@ -136,15 +136,15 @@ fn mend(
                 return true;
             }
             let [col, row] = centre.map(|c| c as u32);
-            insert(mesh, holder, Local::new(col, row))
+            insert(mesh, holder, TilePosition::new(col, row))
         }
     }
 }
 
 /// The sample nearest to the centre of the circle through three.
-fn centre([a, b, c]: [Local; 3]) -> Lattice {
+fn centre([a, b, c]: [TilePosition; 3]) -> Lattice {
     let origin = a.lattice();
-    let from = |p: Local| {
+    let from = |p: TilePosition| {
         let [col, row] = p.lattice();
         [f64::from(col - origin[0]), f64::from(row - origin[1])]
     };
@@ -164,18 +164,18 @@ pub(super) enum Reached {
 }
 
 /// Walks from triangle `start` towards a position, as far as the surface goes.
-pub(super) fn walk(mesh: &Mesh, start: u32, target: Lattice) -> Reached {
+pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> Reached {
     let mut at = start;
     loop {
         let beyond = (4 * at..4 * at + 3).filter(|&half_edge| {
-            let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(Local::lattice);
+            let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(TilePosition::lattice);
             orient(ends[0], ends[1], target) < 0
         });
         let (mut on, mut border) = (None, None);
         for half_edge in beyond {
             match mesh.twin(half_edge) {
                 NONE => border = border.or(Some(half_edge)),
-                twin if mesh.tris[(twin >> 2) as usize].state == State::Outside => {
+                twin if mesh.tris[(twin >> 2) as usize].state == ScanState::Outside => {
                     border = border.or(Some(half_edge));
                 }
                 twin => on = on.or(Some(twin >> 2)),
@@ -190,20 +190,20 @@ pub(super) fn walk(mesh: &Mesh, start: u32, target: Lattice) -> Reached {
 }
 
 /// True where an edge of the border would be seen from `at` under more than a right angle.
-fn encroaches(mesh: &Mesh, at: Lattice, half_edge: u32) -> bool {
-    let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(Local::lattice);
+fn encroaches(mesh: &LatticeMesh, at: Lattice, half_edge: u32) -> bool {
+    let ends = [mesh.origin(half_edge), mesh.end(half_edge)].map(TilePosition::lattice);
     let [from, to] = ends.map(|end| [0, 1].map(|axis| i64::from(end[axis] - at[axis])));
     mesh.twin(half_edge) == NONE && from[0] * to[0] + from[1] * to[1] < 0
 }
 
 /// Splits an edge of the border in the middle, where that may be.
 fn split(
-    mesh: &mut Mesh,
+    mesh: &mut LatticeMesh,
     half_edge: u32,
-    insert: &mut impl FnMut(&mut Mesh, u32, Local) -> bool,
+    insert: &mut impl FnMut(&mut LatticeMesh, u32, TilePosition) -> bool,
 ) -> bool {
     let [a, b] = [mesh.origin(half_edge), mesh.end(half_edge)];
-    let middle = Local::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
+    let middle = TilePosition::new(a.col().midpoint(b.col()), a.row().midpoint(b.row()));
     mesh.twin(half_edge) == NONE && insert(mesh, half_edge >> 2, middle)
 }
 
@@ -216,7 +216,7 @@ mod tests {
         for corners in
             [[(0, 0), (7, 1), (2, 9)], [(5, 5), (5, 6), (40, 5)], [(9, 0), (12, 4), (0, 3)]]
         {
-            let corners = corners.map(|(col, row)| Local::new(col, row));
+            let corners = corners.map(|(col, row)| TilePosition::new(col, row));
             let at = centre(corners);
             let far = corners.map(|p| {
                 let [x, y] = p.lattice();

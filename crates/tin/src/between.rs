@@ -10,8 +10,8 @@
 //! the edge ends on that rim, and both triangles beside it are within reach of a patch.
 
 use super::crossing::{Crossing, Crossings};
-use super::local::Local;
-use super::mesh::{Mesh, NONE, State, Tri};
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState};
 
 /// An edge that is too far off between samples.
 #[derive(Clone, Copy, Debug)]
@@ -33,9 +33,9 @@ pub(super) struct Rounds {
 /// edges it has not seen.
 pub(super) fn insert(
     crossings: &Crossings<'_>,
-    mesh: &mut Mesh,
+    mesh: &mut LatticeMesh,
     rounds: &mut Rounds,
-    mut fit: impl FnMut(&mut Mesh),
+    mut fit: impl FnMut(&mut LatticeMesh),
 ) {
     loop {
         rounds.look(crossings, mesh);
@@ -55,7 +55,7 @@ pub(super) fn insert(
 
 impl Rounds {
     /// Finds the edges that are too far off, the worst first, among those not seen since they came to be.
-    fn look(&mut self, crossings: &Crossings<'_>, mesh: &mut Mesh) {
+    fn look(&mut self, crossings: &Crossings<'_>, mesh: &mut LatticeMesh) {
         self.over.clear();
         self.fresh.clear();
         self.fresh.extend(mesh.ids().filter(|&id| is_fresh(&mesh.tris[id as usize])));
@@ -72,11 +72,11 @@ impl Rounds {
                 self.over.push(Over { half_edge, crossing });
             }
         }
-        self.fresh.iter().for_each(|&id| mesh.tris[id as usize].state = State::Kept);
+        self.fresh.iter().for_each(|&id| mesh.tris[id as usize].state = ScanState::Kept);
         for half_edge in self.over.iter().map(|over| over.half_edge) {
             let sides = [half_edge, mesh.twin(half_edge)];
             for side in sides.into_iter().filter(|&side| side != NONE) {
-                mesh.tris[(side >> 2) as usize].state = State::Passed(0);
+                mesh.tris[(side >> 2) as usize].state = ScanState::Passed(0);
             }
         }
         let key = |over: &Over| over.crossing.error;
@@ -85,14 +85,18 @@ impl Rounds {
     }
 
     /// The samples beside which edges are still too far off.
-    pub(super) fn left(&mut self, crossings: &Crossings<'_>, mesh: &mut Mesh) -> Vec<Local> {
+    pub(super) fn left(
+        &mut self,
+        crossings: &Crossings<'_>,
+        mesh: &mut LatticeMesh,
+    ) -> Vec<TilePosition> {
         self.look(crossings, mesh);
         self.over.iter().flat_map(|over| over.crossing.samples).collect()
     }
 
     /// Makes a vertex of one of the samples; false when this cannot be, or has to wait.
-    fn mend(&mut self, mesh: &mut Mesh, over: Over) -> bool {
-        let is_dirty = |id: u32| mesh.tris[id as usize].state == State::Dirty;
+    fn mend(&mut self, mesh: &mut LatticeMesh, over: Over) -> bool {
+        let is_dirty = |id: u32| mesh.tris[id as usize].state == ScanState::Dirty;
         let twin = mesh.twin(over.half_edge);
         if twin == NONE || is_dirty(over.half_edge >> 2) || is_dirty(twin >> 2) {
             return false;
@@ -100,7 +104,7 @@ impl Rounds {
         let [near, far] = over.crossing.samples;
         for [from, to] in [[far, near], [near, far]] {
             let Some(holder) = mesh.follow(over.half_edge, from, to) else { continue };
-            if mesh.tris[holder as usize].state == State::Dirty {
+            if mesh.tris[holder as usize].state == ScanState::Dirty {
                 return false;
             }
             self.star.clear();
@@ -113,20 +117,20 @@ impl Rounds {
 }
 
 /// True when the edges of a triangle have yet to be looked at.
-fn is_fresh(tri: &Tri) -> bool {
-    matches!(tri.state, State::Passed(_))
+fn is_fresh(tri: &LatticeTriangle) -> bool {
+    matches!(tri.state, ScanState::Passed(_))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Field;
-    use crate::field::Heights;
+    use crate::field::HeightField;
+    use crate::field::HeightWindow;
 
     /// The sample (1, 1) is beside the diagonal of a rectangle of four by three cells.
     #[test]
     fn an_edge_waits_when_a_triangle_beside_it_has_changed() {
-        let (kept, dirty) = (State::Kept, State::Dirty);
+        let (kept, dirty) = (ScanState::Kept, ScanState::Dirty);
         for (half_edge, states, expected) in [
             (2, [kept, kept], true),
             (4, [kept, kept], true),
@@ -137,12 +141,12 @@ mod tests {
             (0, [kept, kept], false),
             (5, [kept, kept], false),
         ] {
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(4, 3);
             for (tri, state) in mesh.tris.iter_mut().zip(states) {
                 tri.state = state;
             }
-            let samples = [1, 0].map(|row| Local::new(1, row));
+            let samples = [1, 0].map(|row| TilePosition::new(1, row));
             let over = Over { half_edge, crossing: Crossing { error: 1.0, samples } };
             let is_mended = Rounds::default().mend(&mut mesh, over);
             assert_eq!(is_mended, expected, "{half_edge} {states:?}");
@@ -155,18 +159,18 @@ mod tests {
     #[test]
     fn an_edge_is_looked_at_once_when_both_triangles_beside_it_are_fresh() {
         let z = [[0.0_f32; 5], [9.0; 5], [0.0; 5], [0.0; 5]].concat();
-        let heights = Heights { width: 5, height: 4, f32: &z, f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: 5, height: 4, f32: &z, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, 5, 4], [0; 4], None);
         let crossings = Crossings::new(&field, 1.0);
-        let (kept, fresh) = (State::Kept, State::Passed(0));
+        let (kept, fresh) = (ScanState::Kept, ScanState::Passed(0));
         for (states, expected) in [
             ([fresh, fresh], vec![2]),
             ([fresh, kept], vec![]),
             ([kept, fresh], vec![]),
             ([kept, kept], vec![]),
         ] {
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(4, 3);
             for (tri, state) in mesh.tris.iter_mut().zip(states) {
                 tri.state = state;

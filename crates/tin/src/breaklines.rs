@@ -12,41 +12,41 @@
 //! way a segment runs, so that borders may be shared.
 
 use super::angles::{Reached, walk};
-use super::field::Field;
-use super::local::Local;
-use super::mesh::{Mesh, State};
+use super::field::HeightField;
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, ScanState};
 use terrane_base::bits::BitSet;
-use terrane_base::geom::Segment;
+use terrane_base::geom::SampleSegment;
 
 /// A part of a segment's path, whose samples all lie in a tile or patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Stretch {
-    segment: Segment,
+    segment: SampleSegment,
     first: u64,
     last: u64,
 }
 
 impl Stretch {
     /// What lies in a rectangle of so many samples, from whose first one positions are counted.
-    pub fn of(segment: Segment, width: u32, height: u32) -> Option<Self> {
+    pub fn of(segment: SampleSegment, width: u32, height: u32) -> Option<Self> {
         let high = [width, height].map(|count| i64::from(count) - 1);
         let steps = segment.within([0, 0], high)?;
         Some(Self { segment, first: *steps.start(), last: *steps.end() })
     }
 
     /// The samples, in order.
-    pub fn samples(&self) -> impl Iterator<Item = Local> + '_ {
+    pub fn samples(&self) -> impl Iterator<Item = TilePosition> + '_ {
         (self.first..=self.last).map(|step| self.at(step))
     }
 
-    fn at(&self, step: u64) -> Local {
+    fn at(&self, step: u64) -> TilePosition {
         let [col, row] = self.segment.at(step);
-        Local::new(col as u32, row as u32)
+        TilePosition::new(col as u32, row as u32)
     }
 
     /// The samples that have to be vertices if the rectangle is a tile, the same for all tiles that have them:
     /// ends of the segment, and where the path comes to a side of the tile or leaves it.
-    pub fn ends(&self, width: u32, height: u32) -> impl Iterator<Item = Local> + '_ {
+    pub fn ends(&self, width: u32, height: u32) -> impl Iterator<Item = TilePosition> + '_ {
         let high = [width, height].map(|count| i64::from(count) - 1);
         let is_end = move |&step: &u64| {
             let at = self.segment.at(step);
@@ -64,13 +64,13 @@ impl Stretch {
 
 /// Edges from samples on paths.
 #[derive(Debug, Default)]
-pub(super) struct Edges {
+pub(super) struct PathEdges {
     /// Samples on paths, and those of them that are vertices.
     on: BitSet,
     vertices: BitSet,
     width: usize,
     /// Where from, where to, and the half-edge, sorted.
-    all: Vec<(Local, Local, u32)>,
+    all: Vec<(TilePosition, TilePosition, u32)>,
 }
 
 /// Two vertices on a path that no edge joins.
@@ -82,7 +82,7 @@ struct Gap<'a> {
 
 impl Gap<'_> {
     /// The samples between the two, the middle first.
-    fn samples(&self) -> impl Iterator<Item = Local> + '_ {
+    fn samples(&self) -> impl Iterator<Item = TilePosition> + '_ {
         let [from, to] = self.steps;
         let middle = from.midpoint(to);
         let apart = (0..=to - middle).flat_map(move |off| [middle + off, middle.wrapping_sub(off)]);
@@ -94,11 +94,11 @@ impl Gap<'_> {
 /// where it `may` be. After each round `settle` brings back what else is promised of the mesh. Returns how many
 /// are not joined because they may not be. Each round is linear in the triangles and the samples of paths.
 pub(super) fn follow(
-    (lines, field): (&[Stretch], &Field),
-    mesh: &mut Mesh,
-    edges: &mut Edges,
-    may: impl Fn(&Mesh, u32, Local) -> bool,
-    mut settle: impl FnMut(&mut Mesh),
+    (lines, field): (&[Stretch], &HeightField),
+    mesh: &mut LatticeMesh,
+    edges: &mut PathEdges,
+    may: impl Fn(&LatticeMesh, u32, TilePosition) -> bool,
+    mut settle: impl FnMut(&mut LatticeMesh),
 ) -> u64 {
     let (mut star, mut gaps) = (Vec::new(), Vec::new());
     loop {
@@ -127,24 +127,24 @@ pub(super) fn follow(
 
 /// Appends the vertices of a mesh that are on paths.
 pub(super) fn vertices(
-    (lines, field): (&[Stretch], &Field),
-    mesh: &Mesh,
-    edges: &mut Edges,
-    out: &mut Vec<Local>,
+    (lines, field): (&[Stretch], &HeightField),
+    mesh: &LatticeMesh,
+    edges: &mut PathEdges,
+    out: &mut Vec<TilePosition>,
 ) {
     edges.find(lines, field, mesh);
     out.extend(edges.all.chunk_by(|a, b| a.0 == b.0).map(|chunk| chunk[0].0));
 }
 
-impl Edges {
+impl PathEdges {
     /// Most bytes for a tile or patch of so many samples.
     pub(super) fn bytes(samples: u64) -> u64 {
         // Six begin at a vertex.
-        samples * (6 * size_of::<(Local, Local, u32)>() as u64 + 1)
+        samples * (6 * size_of::<(TilePosition, TilePosition, u32)>() as u64 + 1)
     }
 
     /// Lists the edges of the surface that begin on a path.
-    fn find(&mut self, lines: &[Stretch], field: &Field, mesh: &Mesh) {
+    fn find(&mut self, lines: &[Stretch], field: &HeightField, mesh: &LatticeMesh) {
         self.all.clear();
         if lines.is_empty() {
             return;
@@ -156,7 +156,7 @@ impl Edges {
         for p in lines.iter().flat_map(Stretch::samples) {
             self.on.insert(self.index(p));
         }
-        for id in mesh.ids().filter(|&id| mesh.tris[id as usize].state != State::Outside) {
+        for id in mesh.ids().filter(|&id| mesh.tris[id as usize].state != ScanState::Outside) {
             for half_edge in 4 * id..4 * id + 3 {
                 let from = mesh.origin(half_edge);
                 if self.on.contains(self.index(from)) {
@@ -168,19 +168,19 @@ impl Edges {
         self.all.sort_unstable();
     }
 
-    fn index(&self, p: Local) -> usize {
+    fn index(&self, p: TilePosition) -> usize {
         p.row() as usize * self.width + p.col() as usize
     }
 
     /// The half-edges from a sample: none where it is no vertex.
-    fn from(&self, from: Local) -> impl Iterator<Item = u32> + '_ {
+    fn from(&self, from: TilePosition) -> impl Iterator<Item = u32> + '_ {
         let place = self.all.partition_point(|edge| edge.0 < from);
         self.all[place..].iter().take_while(move |edge| edge.0 == from).map(|edge| edge.2)
     }
 
     /// The triangle that holds a sample in a gap, if it can be seen from one around its ends: beside voids and
     /// borders not from all of them.
-    fn holder(&self, gap: &Gap<'_>, at: Local, mesh: &Mesh) -> Option<u32> {
+    fn holder(&self, gap: &Gap<'_>, at: TilePosition, mesh: &LatticeMesh) -> Option<u32> {
         let ends = gap.steps.map(|step| gap.line.at(step));
         ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
             match walk(mesh, half_edge >> 2, at.lattice()) {
@@ -190,7 +190,7 @@ impl Edges {
         })
     }
 
-    fn joins(&self, from: Local, to: Local) -> bool {
+    fn joins(&self, from: TilePosition, to: TilePosition) -> bool {
         let has = |a, b| {
             let place = self.all.partition_point(|edge| (edge.0, edge.1) < (a, b));
             self.all.get(place).is_some_and(|edge| (edge.0, edge.1) == (a, b))
@@ -202,7 +202,7 @@ impl Edges {
     /// is an edge.
     fn gaps<'a>(&self, line: &'a Stretch, gaps: &mut Vec<Gap<'a>>) {
         let steps = (line.first..).zip(line.samples());
-        let is_vertex = |&(_, at): &(u64, Local)| self.vertices.contains(self.index(at));
+        let is_vertex = |&(_, at): &(u64, TilePosition)| self.vertices.contains(self.index(at));
         let mut vertices = steps.filter(is_vertex).peekable();
         while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
             if next > step + 1 && !self.joins(at, to) {
@@ -216,7 +216,7 @@ impl Edges {
 ///
 /// `fan` are the triangles around the vertex, each by its two other corners in counter-clockwise order. The
 /// answer is `None` where the path ends there, or goes on beyond the surface.
-pub fn goes_on(segment: &Segment, step: u64, fan: &[[[i64; 2]; 2]]) -> Option<bool> {
+pub fn goes_on(segment: &SampleSegment, step: u64, fan: &[[[i64; 2]; 2]]) -> Option<bool> {
     if step == segment.steps() {
         return None;
     }
@@ -243,8 +243,8 @@ mod tests {
         /// Each sample of a path is one of the two beside which the straight segment passes the diagonal of its step.
         #[test]
         fn a_path_is_steps_along_its_segment_the_same_both_ways(a in end(), b in end()) {
-            let segment = Segment::new(a, b);
-            prop_assert_eq!(segment, Segment::new(b, a));
+            let segment = SampleSegment::new(a, b);
+            prop_assert_eq!(segment, SampleSegment::new(b, a));
             let all: Vec<_> = (0..=segment.steps()).map(|step| segment.at(step)).collect();
             let mut ends = [all[0], all[all.len() - 1]];
             ends.sort_unstable();
@@ -269,7 +269,7 @@ mod tests {
         fn a_rectangle_has_a_part_of_a_path(
             a in end(), b in end(), low in end(), size in [0..50_i64, 0..50_i64]
         ) {
-            let segment = Segment::new(a, b);
+            let segment = SampleSegment::new(a, b);
             let high = [low[0] + size[0], low[1] + size[1]];
             let inside = |at: [i64; 2]| (0..2).all(|axis| (low[axis]..=high[axis]).contains(&at[axis]));
             let expected: Vec<u64> =
@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn a_line_goes_on_where_an_edge_ends_further_along_its_path() {
         // Along a row: 0, 1, 2, 3.
-        let segment = Segment::new([0, 0], [3, 0]);
+        let segment = SampleSegment::new([0, 0], [3, 0]);
         let fan = |far: [i64; 2]| [[[1, -1], far], [far, [1, 1]]];
         assert_eq!(goes_on(&segment, 0, &fan([3, 0])), Some(true));
         assert_eq!(goes_on(&segment, 0, &fan([2, 0])), Some(true));

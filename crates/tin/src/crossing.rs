@@ -12,8 +12,8 @@
 //! ends: to insert both ends of a line mends it, whatever else is inserted.
 
 use super::exact::is_at_most;
-use super::field::Field;
-use super::local::Local;
+use super::field::HeightField;
+use super::local::TilePosition;
 
 /// Where an edge is further than the tolerance from the line between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,13 +21,13 @@ pub(super) struct Crossing {
     /// How far, vertically.
     pub(super) error: f64,
     /// The two samples, the nearer one first.
-    pub(super) samples: [Local; 2],
+    pub(super) samples: [TilePosition; 2],
 }
 
 /// Judges crossings.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossings<'a> {
-    field: &'a Field,
+    field: &'a HeightField,
     tolerance: f64,
     /// More than the rounding error of a difference.
     hair: f64,
@@ -35,13 +35,13 @@ pub(super) struct Crossings<'a> {
 
 /// One of the two kinds of lines of the lattice.
 #[derive(Clone, Copy)]
-enum Lines {
+enum LatticeLines {
     Rows,
     Columns,
 }
 
 impl<'a> Crossings<'a> {
-    pub(super) fn new(field: &'a Field, tolerance: f64) -> Self {
+    pub(super) fn new(field: &'a HeightField, tolerance: f64) -> Self {
         // Some ten roundings of heights and of sums of them.
         let hair = 32.0 * f64::EPSILON * (field.largest() + tolerance);
         Self { field, tolerance, hair }
@@ -61,16 +61,16 @@ impl<'a> Crossings<'a> {
     /// All samples beside the edge must be valid. The same whichever end comes first; time linear in the
     /// length of the edge.
     #[inline]
-    pub(super) fn worst(&self, a: Local, b: Local) -> Option<Crossing> {
+    pub(super) fn worst(&self, a: TilePosition, b: TilePosition) -> Option<Crossing> {
         let (a, b) = (a.min(b), a.max(b));
         let [dx, dy] = [b.col().abs_diff(a.col()), b.row() - a.row()];
         if dx == 0 || dy == 0 || dx == dy {
             return None;
         }
-        let rows = self.worst_of(Lines::Rows, a, b);
+        let rows = self.worst_of(LatticeLines::Rows, a, b);
         let columns = match a.col() < b.col() {
-            true => self.worst_of(Lines::Columns, a, b),
-            false => self.worst_of(Lines::Columns, b, a),
+            true => self.worst_of(LatticeLines::Columns, a, b),
+            false => self.worst_of(LatticeLines::Columns, b, a),
         };
         match (rows, columns) {
             (Some(rows), Some(columns)) if columns.error > rows.error => Some(columns),
@@ -80,8 +80,13 @@ impl<'a> Crossings<'a> {
     }
 
     /// As [`Self::worst`], of the lines of one kind that lie between `from` and `to`, the later of them.
-    fn worst_of(&self, lines: Lines, from: Local, to: Local) -> Option<Crossing> {
-        let walk = Walk::new(lines.place(from), lines.place(to));
+    fn worst_of(
+        &self,
+        lines: LatticeLines,
+        from: TilePosition,
+        to: TilePosition,
+    ) -> Option<Crossing> {
+        let walk = EdgeWalk::new(lines.place(from), lines.place(to));
         let [line_stride, stride] = lines.strides(self.field.width() as usize);
         let ends = [self.field.vertex(from), self.field.vertex(to)];
         let part = 1.0 / f64::from(walk.n);
@@ -120,9 +125,9 @@ impl<'a> Crossings<'a> {
     }
 }
 
-impl Lines {
+impl LatticeLines {
     /// A position as number of its line, and how far along that it is.
-    fn place(self, p: Local) -> [i32; 2] {
+    fn place(self, p: TilePosition) -> [i32; 2] {
         match self {
             Self::Rows => [p.row() as i32, p.col() as i32],
             Self::Columns => [p.col() as i32, p.row() as i32],
@@ -130,10 +135,10 @@ impl Lines {
     }
 
     /// The position that [`Self::place`] puts there.
-    fn local(self, line: i32, along: i32) -> Local {
+    fn local(self, line: i32, along: i32) -> TilePosition {
         match self {
-            Self::Rows => Local::new(along as u32, line as u32),
-            Self::Columns => Local::new(line as u32, along as u32),
+            Self::Rows => TilePosition::new(along as u32, line as u32),
+            Self::Columns => TilePosition::new(line as u32, along as u32),
         }
     }
 
@@ -148,7 +153,7 @@ impl Lines {
 
 /// The lines that an edge cuts between two samples, from one end to the other.
 #[derive(Clone, Copy)]
-struct Walk {
+struct EdgeWalk {
     line: i32,
     along: i32,
     rest: i32,
@@ -167,7 +172,7 @@ struct Cut {
     rest: i32,
 }
 
-impl Walk {
+impl EdgeWalk {
     /// Both ends as line and position along it; the line of the first is the lower one.
     fn new([line, along]: [i32; 2], [last, end]: [i32; 2]) -> Self {
         let (n, shift) = (last - line, end - along);
@@ -178,7 +183,7 @@ impl Walk {
     }
 }
 
-impl Iterator for Walk {
+impl Iterator for EdgeWalk {
     type Item = Cut;
 
     #[inline(always)]
@@ -206,7 +211,7 @@ impl Iterator for Walk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
     use proptest::prelude::*;
 
     /// Every line between two neighbouring samples, intersected with the edge in whole numbers: the largest
@@ -248,11 +253,11 @@ mod tests {
             a in (0_u32..17, 0_u32..13), b in (0_u32..17, 0_u32..13), tolerance in 0_i64..60,
         ) {
             let values: Vec<f32> = heights.iter().map(|&z| z as f32).collect();
-            let view = Heights { width: 17, height: 13, f32: &values, f64: None };
-            let mut field = Field::default();
+            let view = HeightWindow { width: 17, height: 13, f32: &values, f64: None };
+            let mut field = HeightField::default();
             field.load(&view, [0, 0, 17, 13], [0; 4], None);
             let crossings = Crossings::new(&field, tolerance as f64);
-            let [p, q] = [a, b].map(|(col, row)| Local::new(col, row));
+            let [p, q] = [a, b].map(|(col, row)| TilePosition::new(col, row));
             let found = crossings.worst(p, q);
             prop_assert_eq!(found, crossings.worst(q, p));
             let ends = [a, b].map(|(col, row)| [i64::from(col), i64::from(row)]);
@@ -260,7 +265,7 @@ mod tests {
             prop_assert_eq!(found.is_some(), expected.is_some());
             if let (Some(found), Some((error, of))) = (found, expected) {
                 prop_assert!((found.error - error as f64 / of as f64).abs() < 1e-9);
-                let [near, far] = found.samples.map(Local::lattice);
+                let [near, far] = found.samples.map(TilePosition::lattice);
                 prop_assert_eq!((near[0] - far[0]).abs() + (near[1] - far[1]).abs(), 1);
                 // The edge meets their line no further from the nearer one, and the lower one of equals.
                 let axis = usize::from(near[0] == far[0]);
@@ -280,13 +285,15 @@ mod tests {
         // The edge from (0, 0) to (1, 2) crosses row 1 half way between its samples. All are far from
         // zero, which makes no difference.
         let heights = [0.0, 0.0, 1.0, 2.0, 0.0, 0.0_f32].map(|z| z + 10.0);
-        let view = Heights { width: 2, height: 3, f32: &heights, f64: None };
-        let mut field = Field::default();
+        let view = HeightWindow { width: 2, height: 3, f32: &heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&view, [0, 0, 2, 3], [0; 4], None);
-        let worst =
-            |tolerance| Crossings::new(&field, tolerance).worst(Local::new(0, 0), Local::new(1, 2));
+        let worst = |tolerance| {
+            Crossings::new(&field, tolerance)
+                .worst(TilePosition::new(0, 0), TilePosition::new(1, 2))
+        };
         assert_eq!(worst(1.5), None);
         let found = worst(1.5_f64.next_down()).unwrap();
-        assert_eq!(found.samples, [Local::new(0, 1), Local::new(1, 1)]);
+        assert_eq!(found.samples, [TilePosition::new(0, 1), TilePosition::new(1, 1)]);
     }
 }

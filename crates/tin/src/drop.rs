@@ -10,11 +10,11 @@
 //!
 //! Where the mesh need not be Delaunay, a star may be refilled with any triangles: see `refill`.
 
-use super::angles::AngleBound;
-use super::field::Field;
-use super::judge::Judge;
-use super::local::Local;
-use super::mesh::{Mesh, NONE, State, Tri, next};
+use super::angles::MinimumAngle;
+use super::field::HeightField;
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState, next};
 use super::refill::{self, Refill};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
@@ -24,18 +24,18 @@ const MAX_DEGREE: usize = 24;
 
 /// Buffers of the drop pass.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct DropScratch {
     /// Vertices never to be tried.
     fixed: BitSet,
     /// Those, and vertices that failed and whose star has not changed since.
     settled: BitSet,
     star: Vec<u32>,
-    ring: Vec<(Local, u32)>,
-    fill: Vec<Tri>,
+    ring: Vec<(TilePosition, u32)>,
+    fill: Vec<LatticeTriangle>,
     /// Largest radius, squared, of a circle around a triangle that takes a vertex's place.
     square_radius: f64,
     /// What the angles of triangles that take a vertex's place are held to.
-    min_angle: Option<AngleBound>,
+    min_angle: Option<MinimumAngle>,
     /// Set where these need not be Delaunay.
     any: bool,
     any_fill: Refill,
@@ -44,14 +44,18 @@ pub(super) struct Scratch {
 /// Tries to drop every vertex that is not settled, in the order of the triangles. A drop changes what its
 /// neighbours can do, so they may be tried again: the sweep meets a vertex once in each of its
 /// triangles. Expected time linear in the vertices and the samples of their stars.
-pub(super) fn drop_redundant(judge: &Judge<'_>, mesh: &mut Mesh, scratch: &mut Scratch) {
+pub(super) fn drop_redundant(
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
+    scratch: &mut DropScratch,
+) {
     let index = index_in(judge.field);
     for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
         if judge.field.is_stopped_in(half_edge as usize) {
             return;
         }
         let state = mesh.tris[(half_edge >> 2) as usize].state;
-        if !matches!(state, State::Free | State::Outside)
+        if !matches!(state, ScanState::Free | ScanState::Outside)
             && scratch.settled.insert(index(mesh.origin(half_edge)))
             && scratch.try_drop(judge, mesh, half_edge).is_some()
         {
@@ -61,14 +65,14 @@ pub(super) fn drop_redundant(judge: &Judge<'_>, mesh: &mut Mesh, scratch: &mut S
 }
 
 /// Where a sample of the field has its bit.
-fn index_in(field: &Field) -> impl Fn(Local) -> usize + use<> {
+fn index_in(field: &HeightField) -> impl Fn(TilePosition) -> usize + use<> {
     let width = field.width() as usize;
     move |p| p.row() as usize * width + p.col() as usize
 }
 
-impl Scratch {
+impl DropScratch {
     /// Starts over: all vertices may be tried but those that are `fixed`.
-    pub(super) fn settle(&mut self, field: &Field, fixed: &[Local]) {
+    pub(super) fn settle(&mut self, field: &HeightField, fixed: &[TilePosition]) {
         let index = index_in(field);
         let samples = field.width() as usize * field.height() as usize;
         self.fixed.reset(samples);
@@ -80,7 +84,7 @@ impl Scratch {
     }
 
     /// Lets the corners of triangles that have changed be tried again.
-    pub(super) fn unsettle_changed(&mut self, field: &Field, mesh: &Mesh) {
+    pub(super) fn unsettle_changed(&mut self, field: &HeightField, mesh: &LatticeMesh) {
         let index = index_in(field);
         for tri in mesh.ids().map(|id| &mesh.tris[id as usize]).filter(|tri| tri.source == NONE) {
             self.unsettle_corners(tri, &index);
@@ -93,7 +97,7 @@ impl Scratch {
     }
 
     /// Allows triangles with such angles only.
-    pub(super) fn limit_angles(&mut self, bound: Option<AngleBound>) {
+    pub(super) fn limit_angles(&mut self, bound: Option<MinimumAngle>) {
         self.min_angle = bound;
     }
 
@@ -104,8 +108,8 @@ impl Scratch {
 
     /// True when the circle around a triangle is not too large: its radius is the product of the
     /// sides over four times the area.
-    fn is_compact(&self, tri: &Tri) -> bool {
-        let [a, b, c] = tri.corners.map(Local::lattice);
+    fn is_compact(&self, tri: &LatticeTriangle) -> bool {
+        let [a, b, c] = tri.corners.map(TilePosition::lattice);
         let square = |[x, y]: Lattice, [to_x, to_y]: Lattice| {
             let [dx, dy] = [f64::from(to_x - x), f64::from(to_y - y)];
             dx * dx + dy * dy
@@ -116,19 +120,19 @@ impl Scratch {
     }
 
     /// True when the angles of a triangle are not too small.
-    fn is_wide(&self, tri: &Tri) -> bool {
+    fn is_wide(&self, tri: &LatticeTriangle) -> bool {
         self.min_angle.is_none_or(|bound| bound.holds(tri.corners))
     }
 
     /// Lets the corners of the triangles that filled the last star be tried again.
-    fn unsettle(&mut self, index: &impl Fn(Local) -> usize) {
+    fn unsettle(&mut self, index: &impl Fn(TilePosition) -> usize) {
         for i in 0..self.fill.len() {
             let tri = self.fill[i];
             self.unsettle_corners(&tri, index);
         }
     }
 
-    fn unsettle_corners(&mut self, tri: &Tri, index: &impl Fn(Local) -> usize) {
+    fn unsettle_corners(&mut self, tri: &LatticeTriangle, index: &impl Fn(TilePosition) -> usize) {
         for at in tri.corners.map(index) {
             if !self.fixed.contains(at) {
                 self.settled.remove(at);
@@ -141,8 +145,8 @@ impl Scratch {
     /// place.
     pub(super) fn try_drop(
         &mut self,
-        judge: &Judge<'_>,
-        mesh: &mut Mesh,
+        judge: &InsertionCriteria<'_>,
+        mesh: &mut LatticeMesh,
         half_edge: u32,
     ) -> Option<&[u32]> {
         let vertex = mesh.origin(half_edge);
@@ -156,7 +160,7 @@ impl Scratch {
     }
 
     /// Fills the ring with Delaunay ears. True when that keeps all that was asked for.
-    fn refill_by_ears(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
+    fn refill_by_ears(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         self.refill()
             && self.fill.iter().all(|tri| self.is_compact(tri) && self.is_wide(tri))
             && self.fill.iter().find_map(|tri| judge.stays_within(tri.corners, vertex))
@@ -166,14 +170,14 @@ impl Scratch {
     }
 
     /// Fills the ring with the best triangles that keep all that was asked for. True when there are any.
-    fn refill_by_any(&mut self, judge: &Judge<'_>, vertex: Local) -> bool {
+    fn refill_by_any(&mut self, judge: &InsertionCriteria<'_>, vertex: TilePosition) -> bool {
         let outline = (&self.ring[..], &self.star[..]);
         self.any_fill.fill(judge, self.min_angle, vertex, outline, &mut self.fill)
     }
 
     /// Collects the star of a vertex counter-clockwise: its triangles, and per link edge the
     /// start and the half-edge beyond. False when the star is not closed or too large.
-    fn gather(&mut self, mesh: &Mesh, half_edge: u32) -> bool {
+    fn gather(&mut self, mesh: &LatticeMesh, half_edge: u32) -> bool {
         let most = if self.any { refill::MAX_DEGREE } else { MAX_DEGREE };
         if !mesh.star(half_edge, most, &mut self.star) {
             return false;
@@ -196,12 +200,12 @@ impl Scratch {
             let [before, _, after] = self.around(ear);
             let ((a, ab), (b, bc), (c, _)) = (self.ring[before], self.ring[ear], self.ring[after]);
             let diagonal = 4 * self.star[self.fill.len()] + 2;
-            self.fill.push(Tri::new([a, b, c], [ab, bc, NONE]));
+            self.fill.push(LatticeTriangle::new([a, b, c], [ab, bc, NONE]));
             self.ring[before].1 = diagonal;
             self.ring.remove(ear);
         }
         let [(a, ab), (b, bc), (c, ca)] = [self.ring[0], self.ring[1], self.ring[2]];
-        self.fill.push(Tri::new([a, b, c], [ab, bc, ca]));
+        self.fill.push(LatticeTriangle::new([a, b, c], [ab, bc, ca]));
         orient(a.lattice(), b.lattice(), c.lattice()) > 0
     }
 
@@ -216,7 +220,7 @@ impl Scratch {
         (0..self.ring.len()).find(|&ear| {
             let around = self.around(ear);
             let [a, b, c] = around.map(|i| self.ring[i].0.lattice());
-            let is_outside = |(i, (d, _)): (usize, &(Local, u32))| {
+            let is_outside = |(i, (d, _)): (usize, &(TilePosition, u32))| {
                 around.contains(&i) || in_circle(a, b, c, d.lattice()) <= 0
             };
             orient(a, b, c) > 0 && self.ring.iter().enumerate().all(is_outside)
@@ -224,14 +228,14 @@ impl Scratch {
     }
 
     /// True when the new edges are within the tolerance between samples, if that is asked for.
-    fn diagonals_keep(&self, judge: &Judge<'_>) -> bool {
+    fn diagonals_keep(&self, judge: &InsertionCriteria<'_>) -> bool {
         let ears = &self.fill[..self.fill.len() - 1];
         ears.iter().all(|ear| judge.edge_keeps([ear.corners[2], ear.corners[0]]))
     }
 
-    fn replace(&mut self, mesh: &mut Mesh) -> &[u32] {
+    fn replace(&mut self, mesh: &mut LatticeMesh) -> &[u32] {
         for (&id, &tri) in self.star.iter().zip(&self.fill) {
-            mesh.tris[id as usize] = Tri { state: State::Passed(0), ..tri };
+            mesh.tris[id as usize] = LatticeTriangle { state: ScanState::Passed(0), ..tri };
         }
         for (&id, tri) in self.star.iter().zip(&self.fill) {
             (0..3).filter(|&i| tri.twins[i as usize] != NONE).for_each(|i| {
@@ -246,7 +250,7 @@ impl Scratch {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
     use crate::scan::available;
     use proptest::prelude::*;
@@ -255,7 +259,7 @@ pub(super) mod tests {
     const SIDE: u32 = 24;
 
     /// The corners of all triangles around a vertex.
-    fn star(mesh: &Mesh, p: Local) -> BTreeSet<[Local; 3]> {
+    fn star(mesh: &LatticeMesh, p: TilePosition) -> BTreeSet<[TilePosition; 3]> {
         let around = mesh.ids().map(|id| mesh.tris[id as usize].corners);
         around.filter(|corners| corners.contains(&p)).collect()
     }
@@ -268,30 +272,30 @@ pub(super) mod tests {
             fixed in prop::collection::vec((0..SIDE, 0..SIDE), 0..40)
         ) {
             let z: Vec<f32> = z.into_iter().map(f32::from).collect();
-            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
-            let fixed: Vec<_> = fixed.into_iter().map(|(col, row)| Local::new(col, row)).collect();
-            let judge = Judge::of_samples(&field, available()[0].1, tolerance.into());
+            let fixed: Vec<_> = fixed.into_iter().map(|(col, row)| TilePosition::new(col, row)).collect();
+            let judge = InsertionCriteria::of_samples(&field, available()[0].1, tolerance.into());
             let [mut mesh, mut twin] = [(); 2].map(|()| {
-                let mut mesh = Mesh::default();
+                let mut mesh = LatticeMesh::default();
                 mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
                 fit(&judge, &mut mesh, &mut WorkLists::default(), false);
                 mesh
             });
-            let mut scratch = Scratch::default();
+            let mut scratch = DropScratch::default();
             scratch.limit_circles(2 * SIDE);
             scratch.settle(&field, &fixed);
             drop_redundant(&judge, &mut mesh, &mut scratch);
             let mut failed = BTreeSet::new();
             for half_edge in (0..twin.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
                 let p = twin.origin(half_edge);
-                let is_free = twin.tris[(half_edge >> 2) as usize].state == State::Free;
+                let is_free = twin.tris[(half_edge >> 2) as usize].state == ScanState::Free;
                 if !is_free && !fixed.contains(&p) && failed.insert((p, star(&twin, p))) {
                     scratch.try_drop(&judge, &mut twin, half_edge);
                 }
             }
-            let corners = |mesh: &Mesh| -> Vec<_> {
+            let corners = |mesh: &LatticeMesh| -> Vec<_> {
                 mesh.ids().map(|id| (id, mesh.tris[id as usize].corners)).collect()
             };
             prop_assert_eq!(corners(&mesh), corners(&twin));
@@ -299,11 +303,15 @@ pub(super) mod tests {
     }
 
     /// True when every sample of a triangle is within the tolerance, in whole numbers.
-    pub(crate) fn is_within(field: &Field, corners: [Local; 3], tolerance: i64) -> bool {
-        let [a, b, c] = corners.map(Local::lattice);
+    pub(crate) fn is_within(
+        field: &HeightField,
+        corners: [TilePosition; 3],
+        tolerance: i64,
+    ) -> bool {
+        let [a, b, c] = corners.map(TilePosition::lattice);
         let z = field.vertices(corners).map(|z| z as i64);
         (0..field.width() * field.height())
-            .map(|i| Local::new(i % field.width(), i / field.width()))
+            .map(|i| TilePosition::new(i % field.width(), i / field.width()))
             .all(|at| {
                 let q = at.lattice();
                 let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
@@ -323,17 +331,17 @@ pub(super) mod tests {
             finer in 0..3_u8
         ) {
             let z: Vec<f32> = z.into_iter().map(f32::from).collect();
-            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
-            let judge = |tolerance: u8| Judge::of_samples(&field, available()[0].1, tolerance.into());
+            let judge = |tolerance: u8| InsertionCriteria::of_samples(&field, available()[0].1, tolerance.into());
             fit(&judge(tolerance - finer), &mut mesh, &mut WorkLists::default(), false);
-            let mut scratch = Scratch::default();
+            let mut scratch = DropScratch::default();
             scratch.limit_circles(2 * SIDE);
             for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-                if mesh.tris[(half_edge >> 2) as usize].state == State::Free {
+                if mesh.tris[(half_edge >> 2) as usize].state == ScanState::Free {
                     continue;
                 }
                 let is_filled = scratch.gather(&mesh, half_edge) && scratch.refill();
@@ -353,12 +361,12 @@ pub(super) mod tests {
 
     #[test]
     fn corners_of_changed_triangles_may_be_tried_again_but_for_those_that_are_fixed() {
-        let mut field = Field::default();
-        let heights = Heights { width: 5, height: 4, f32: &[0.0; 20], f64: None };
+        let mut field = HeightField::default();
+        let heights = HeightWindow { width: 5, height: 4, f32: &[0.0; 20], f64: None };
         field.load(&heights, [0, 0, 5, 4], [0; 4], None);
-        let mut mesh = Mesh::default();
+        let mut mesh = LatticeMesh::default();
         mesh.reset_to_rectangle(4, 3);
-        let fixed = Local::new(4, 0);
+        let fixed = TilePosition::new(4, 0);
         for (changed, expected) in [
             ([false, false], vec![]),
             ([true, false], vec![(0, 0), (4, 3)]),
@@ -368,7 +376,7 @@ pub(super) mod tests {
             for (tri, is_changed) in mesh.tris.iter_mut().zip(changed) {
                 tri.source = if is_changed { NONE } else { 0 };
             }
-            let mut scratch = Scratch::default();
+            let mut scratch = DropScratch::default();
             scratch.settle(&field, &[fixed]);
             (0..20).for_each(|at| {
                 scratch.settled.insert(at);
@@ -384,7 +392,7 @@ pub(super) mod tests {
     /// The circle around a right triangle has the longest side for its diameter.
     #[test]
     fn a_triangle_is_compact_up_to_the_circle_around_a_square() {
-        let mut scratch = Scratch::default();
+        let mut scratch = DropScratch::default();
         for (spacing, corners, expected) in [
             (10, [(0, 0), (10, 0), (0, 10)], true),
             (10, [(0, 0), (11, 0), (0, 10)], false),
@@ -398,8 +406,8 @@ pub(super) mod tests {
             (1, [(0, 0), (2, 0), (0, 1)], false),
         ] {
             scratch.limit_circles(spacing);
-            let corners = corners.map(|(col, row)| Local::new(col, row));
-            let tri = Tri::new(corners, [NONE; 3]);
+            let corners = corners.map(|(col, row)| TilePosition::new(col, row));
+            let tri = LatticeTriangle::new(corners, [NONE; 3]);
             assert_eq!(scratch.is_compact(&tri), expected, "{spacing} {corners:?}");
         }
     }

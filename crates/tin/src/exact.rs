@@ -10,8 +10,8 @@
 //! the vertex heights are rounded first and the bound is kept for the rounded ones; heights beyond 16384
 //! that are not f32 already are stored relative to a height nearby, recorded with the origin of x and y.
 
-use super::field::Field;
-use super::local::Local;
+use super::field::HeightField;
+use super::local::TilePosition;
 use terrane_base::geom::predicates::orient;
 
 /// Relative rounding of the plain evaluation, with room to spare.
@@ -82,16 +82,16 @@ pub(super) struct ExactWorst {
     /// Largest |sample - plane|, in `f64`.
     pub(super) error: f64,
     /// Where it is, the lowest (row, column) among equals; meaningless when the error is 0.
-    pub(super) at: Local,
+    pub(super) at: TilePosition,
     /// True when every sample is within the tolerance (closed).
     pub(super) within: bool,
 }
 
 /// Scans every sample of the closed triangle `p` at full resolution in `f64`, void samples aside.
 /// Time linear in the number of samples in the triangle's bounding rows.
-pub(super) fn scan(field: &Field, p: [Local; 3], tolerance: f64) -> ExactWorst {
+pub(super) fn scan(field: &HeightField, p: [TilePosition; 3], tolerance: f64) -> ExactWorst {
     let z = field.vertices(p);
-    let mut worst = ExactWorst { error: 0.0, at: Local::new(0, 0), within: true };
+    let mut worst = ExactWorst { error: 0.0, at: TilePosition::new(0, 0), within: true };
     for_each_sample(p, field.scan_bounds(), |at, weights| {
         let height = field.sample(at);
         let error = distance(weights, z, height);
@@ -113,11 +113,11 @@ pub(super) fn distance(weights: [i64; 3], z: [f64; 3], height: f64) -> f64 {
 /// Visits the samples of the closed triangle `p` within `bounds` in (row, column) order, with
 /// their barycentric weights.
 pub(super) fn for_each_sample(
-    p: [Local; 3],
+    p: [TilePosition; 3],
     bounds: [i32; 4],
-    mut visit: impl FnMut(Local, [i64; 3]),
+    mut visit: impl FnMut(TilePosition, [i64; 3]),
 ) {
-    let [a, b, c] = p.map(Local::lattice);
+    let [a, b, c] = p.map(TilePosition::lattice);
     let range = |axis: usize, low: i32, high: i32| {
         let first = a[axis].min(b[axis]).min(c[axis]).max(low);
         first..=a[axis].max(b[axis]).max(c[axis]).min(high)
@@ -129,7 +129,7 @@ pub(super) fn for_each_sample(
             let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
             if weights.iter().all(|&w| w >= 0) {
                 entered = true;
-                visit(Local::new(col as u32, row as u32), weights);
+                visit(TilePosition::new(col as u32, row as u32), weights);
             } else if entered {
                 break;
             }
@@ -170,14 +170,14 @@ mod tests {
     /// A sample that is off by the tolerance and the last bit of it is found among all others.
     #[test]
     fn a_scan_tells_the_last_bit_beyond_the_tolerance() {
-        let p = [(0, 0), (9, 0), (0, 9)].map(|(col, row)| Local::new(col, row));
+        let p = [(0, 0), (9, 0), (0, 9)].map(|(col, row)| TilePosition::new(col, row));
         let scanned = |height: f64| {
             let mut z = vec![0.0; 100];
             (z[33], z[52]) = (height, 2.0);
             let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
             let heights =
-                crate::field::Heights { width: 10, height: 10, f32: &rounded, f64: Some(&z) };
-            let mut field = Field::default();
+                crate::field::HeightWindow { width: 10, height: 10, f32: &rounded, f64: Some(&z) };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, 10, 10], [0; 4], None);
             scan(&field, p, 3.0)
         };
@@ -189,7 +189,7 @@ mod tests {
             (2.9, true),
         ] {
             let worst = scanned(height);
-            assert_eq!((worst.within, worst.at), (within, Local::new(3, 3)), "{height}");
+            assert_eq!((worst.within, worst.at), (within, TilePosition::new(3, 3)), "{height}");
             assert!((worst.error - height).abs() < 1e-12);
         }
     }

@@ -1,7 +1,7 @@
 //! A triangle with heights: its plane, its edges, and the samples in it.
 
-use super::field::Level;
-use super::local::Local;
+use super::field::FieldLevel;
+use super::local::TilePosition;
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// Slack of the row ends: more than their rounding error, less than the distance of any lattice
@@ -10,7 +10,7 @@ pub(super) const SLACK: f64 = 1.0 / (1 << 20) as f64;
 
 /// A triangle with heights: its plane and its box, in lattice units.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Facet {
+pub(super) struct PlaneFacet {
     /// Plane: height = `base` + `gx` * column + `gy` * row.
     pub(super) base: f64,
     pub(super) gx: f64,
@@ -25,27 +25,27 @@ pub(super) struct Facet {
 
 /// The edges of a triangle as bounds of its rows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Edges {
+pub(super) struct RowBounds {
     /// Edges as columns: `offset` + `slope` * row.
     pub(super) slopes: [f64; 3],
     pub(super) offsets: [f64; 3],
     /// Which side of a row an edge bounds.
-    pub(super) sides: [Side; 3],
+    pub(super) sides: [EdgeSide; 3],
 }
 
 /// On which side of its interior an edge lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
+pub(super) enum EdgeSide {
     Left,
     Right,
     Level,
 }
 
-impl Facet {
+impl PlaneFacet {
     /// The facet with corners `p` (counter-clockwise in (column, row) axes) at heights `z`.
     #[inline(always)]
-    pub(super) fn new(p: [Local; 3], z: [f64; 3]) -> Self {
-        let q = p.map(Local::lattice);
+    pub(super) fn new(p: [TilePosition; 3], z: [f64; 3]) -> Self {
+        let q = p.map(TilePosition::lattice);
         let [ax, ay] = q[0].map(f64::from);
         let [bx, by] = [q[1][0] - q[0][0], q[1][1] - q[0][1]].map(f64::from);
         let [cx, cy] = [q[2][0] - q[0][0], q[2][1] - q[0][1]].map(f64::from);
@@ -61,19 +61,19 @@ impl Facet {
 
     /// First and last decimated row to scan.
     #[inline(always)]
-    pub(super) fn row_range(&self, level: &Level<'_>) -> [i32; 2] {
+    pub(super) fn row_range(&self, level: &FieldLevel<'_>) -> [i32; 2] {
         decimated(self.rows, level.shift, [level.bounds[2], level.bounds[3]])
     }
 
     /// First and last decimated column to scan in any row. Runs of lanes begin at the first.
     #[inline(always)]
-    pub(super) fn column_range(&self, level: &Level<'_>) -> [i32; 2] {
+    pub(super) fn column_range(&self, level: &FieldLevel<'_>) -> [i32; 2] {
         decimated(self.cols, level.shift, [level.bounds[0], level.bounds[1]])
     }
 
     #[inline(always)]
-    pub(super) fn edges(&self) -> Edges {
-        let (mut slopes, mut offsets, mut sides) = ([0.0; 3], [0.0; 3], [Side::Level; 3]);
+    pub(super) fn edges(&self) -> RowBounds {
+        let (mut slopes, mut offsets, mut sides) = ([0.0; 3], [0.0; 3], [EdgeSide::Level; 3]);
         for i in 0..3 {
             let (from, to) = (self.corners[i], self.corners[(i + 1) % 3]);
             let [dx, dy] = [to[0] - from[0], to[1] - from[1]].map(f64::from);
@@ -81,12 +81,12 @@ impl Facet {
             slopes[i] = slope;
             offsets[i] = f64::from(from[0]) - f64::from(from[1]) * slope;
             sides[i] = match dy {
-                _ if dy > 0.0 => Side::Right,
-                _ if dy < 0.0 => Side::Left,
-                _ => Side::Level,
+                _ if dy > 0.0 => EdgeSide::Right,
+                _ if dy < 0.0 => EdgeSide::Left,
+                _ => EdgeSide::Level,
             };
         }
-        Edges { slopes, offsets, sides }
+        RowBounds { slopes, offsets, sides }
     }
 }
 
@@ -97,29 +97,29 @@ fn decimated([first, last]: [i32; 2], shift: u32, bounds: [i32; 2]) -> [i32; 2] 
     [((first + stride_less_one) >> shift).max(bounds[0]), (last >> shift).min(bounds[1])]
 }
 
-impl Edges {
+impl RowBounds {
     /// True when one of the edges that are asked for, and do not run along a row, goes through a sample.
     #[inline(always)]
     pub(super) fn any_through(&self, asked: &[bool; 3], col: i32, row: i32) -> bool {
         let through = |i: usize| {
             let off = self.offsets[i] + self.slopes[i] * f64::from(row) - f64::from(col);
-            asked[i] & (self.sides[i] != Side::Level) & (off.abs() <= SLACK)
+            asked[i] & (self.sides[i] != EdgeSide::Level) & (off.abs() <= SLACK)
         };
         through(0) | through(1) | through(2)
     }
 
     /// First and last decimated column of a decimated row; first > last when there is none.
     #[inline(always)]
-    pub(super) fn columns(&self, level: &Level<'_>, row: i32) -> [i32; 2] {
+    pub(super) fn columns(&self, level: &FieldLevel<'_>, row: i32) -> [i32; 2] {
         let shrink = 1.0 / f64::from(1_u32 << level.shift);
         let mut low = f64::from(level.bounds[0]);
         let mut high = f64::from(level.bounds[1]);
         for edge in 0..3 {
             let at = self.offsets[edge] * shrink + self.slopes[edge] * f64::from(row);
             match self.sides[edge] {
-                Side::Left => low = low.max(at - SLACK),
-                Side::Right => high = high.min(at + SLACK),
-                Side::Level => {}
+                EdgeSide::Left => low = low.max(at - SLACK),
+                EdgeSide::Right => high = high.min(at + SLACK),
+                EdgeSide::Level => {}
             }
         }
         [low.ceil() as i32, high.floor() as i32]
@@ -128,14 +128,14 @@ impl Edges {
 
 /// Twice the area of a triangle in cells.
 #[inline(always)]
-pub(super) fn double_area(corners: [Local; 3]) -> i64 {
-    let [a, b, c] = corners.map(Local::lattice);
+pub(super) fn double_area(corners: [TilePosition; 3]) -> i64 {
+    let [a, b, c] = corners.map(TilePosition::lattice);
     orient(a, b, c)
 }
 
 /// The level at which a triangle of this area holds about `samples` samples.
 #[inline(always)]
-pub(super) fn level_for(corners: [Local; 3], samples: i64, levels: usize) -> u8 {
+pub(super) fn level_for(corners: [TilePosition; 3], samples: i64, levels: usize) -> u8 {
     let ratio = (double_area(corners) / (2 * samples)).max(1) as u64;
     let level = (u64::BITS - 1 - ratio.leading_zeros()).div_ceil(2);
     level.min(levels as u32 - 1) as u8
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn levels_grow_with_the_area() {
-        let triangle = |side| [(0, 0), (side, 0), (0, side)].map(|(c, r)| Local::new(c, r));
+        let triangle = |side| [(0, 0), (side, 0), (0, side)].map(|(c, r)| TilePosition::new(c, r));
         let levels = [2, 8, 9, 16, 40, 512].map(|side| level_for(triangle(side), 32, LEVELS));
         assert_eq!(levels, [0, 0, 0, 1, 2, 5]);
     }

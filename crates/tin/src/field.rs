@@ -1,9 +1,9 @@
 //! The heights a tile or patch works on: one contiguous `f32` array with decimated copies.
 
-use super::local::Local;
+use super::local::TilePosition;
 use std::cell::Cell;
 use terrane_base::cancel::Cancel;
-use terrane_base::geom::Rounding;
+use terrane_base::geom::HeightQuantization;
 
 /// Decimated copies: strides 1, 2, 4, ..., 2^(LEVELS - 1).
 pub(super) const LEVELS: usize = 6;
@@ -12,7 +12,7 @@ const PADDING: usize = 16;
 
 /// Every `2^k`-th sample of every `2^k`-th row of a field.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Level<'a> {
+pub(super) struct FieldLevel<'a> {
     /// Heights, `pitch` a row, with at least 16 readable values after the last.
     pub(super) heights: &'a [f32],
     /// Values from one row to the next.
@@ -24,14 +24,14 @@ pub(super) struct Level<'a> {
 }
 
 /// Exact heights of samples.
-pub(super) enum Samples<'a> {
+pub(super) enum ExactSamples<'a> {
     Single(&'a [f32]),
     Exact(&'a [f64]),
 }
 
 /// Heights of a rectangle of samples, row by row, NaN where void.
 #[derive(Clone, Copy, Debug)]
-pub struct Heights<'a> {
+pub struct HeightWindow<'a> {
     /// Columns.
     pub width: u32,
     /// Rows.
@@ -44,7 +44,7 @@ pub struct Heights<'a> {
 
 /// A private copy of a rectangle of heights, with its decimated copies behind it.
 #[derive(Debug, Default)]
-pub(super) struct Field {
+pub(super) struct HeightField {
     width: u32,
     height: u32,
     values: Vec<f32>,
@@ -54,14 +54,14 @@ pub(super) struct Field {
     /// while samples are judged by them.
     free: Vec<Cell<f64>>,
     /// Vertices are rounded to f32 relative to this height.
-    rounding: Option<Rounding>,
+    rounding: Option<HeightQuantization>,
     /// Samples that scans leave out on the left, right, above and below (1 where the rim is fixed).
     margins: [u32; 4],
     /// What stops the work on it early.
     cancel: Cancel,
 }
 
-impl Field {
+impl HeightField {
     /// Lets `cancel` stop the work.
     pub(super) fn stop_by(&mut self, cancel: &Cancel) {
         self.cancel = cancel.clone();
@@ -84,10 +84,10 @@ impl Field {
     /// Copies the `width` x `height` samples at (`col`, `row`) of `heights`.
     pub(super) fn load(
         &mut self,
-        heights: &Heights<'_>,
+        heights: &HeightWindow<'_>,
         [col, row, width, height]: [u32; 4],
         margins: [u32; 4],
-        rounding: Option<Rounding>,
+        rounding: Option<HeightQuantization>,
     ) {
         (self.width, self.height, self.margins) = (width, height, margins);
         self.rounding = rounding;
@@ -131,12 +131,12 @@ impl Field {
 
     /// The decimated copy with stride `2^level`.
     #[inline(always)]
-    pub(super) fn level(&self, level: u8) -> Level<'_> {
+    pub(super) fn level(&self, level: u8) -> FieldLevel<'_> {
         let shift = u32::from(level);
         let [left, right, above, below] = self.margins;
         let first = |margin: u32| ((margin + (1 << shift) - 1) >> shift) as i32;
         let last = |n: u32, margin: u32| ((n - 1 - margin.min(n - 1)) >> shift) as i32;
-        Level {
+        FieldLevel {
             heights: &self.values[self.starts[level as usize]..],
             pitch: ((self.width as usize - 1) >> level) + 1,
             shift,
@@ -145,9 +145,9 @@ impl Field {
     }
 
     /// All samples at full resolution, the rim included.
-    pub(super) fn whole(&self) -> Level<'_> {
+    pub(super) fn whole(&self) -> FieldLevel<'_> {
         let last = |n: u32| n as i32 - 1;
-        Level { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
+        FieldLevel { bounds: [0, last(self.width), 0, last(self.height)], ..self.level(0) }
     }
 
     /// First and last column, first and last row that scans look at.
@@ -167,13 +167,13 @@ impl Field {
 
     /// Where a sample is, counted row by row.
     #[inline(always)]
-    pub(super) fn index(&self, p: Local) -> usize {
+    pub(super) fn index(&self, p: TilePosition) -> usize {
         p.row() as usize * self.width as usize + p.col() as usize
     }
 
     /// The exact height of a sample.
     #[inline(always)]
-    pub(super) fn sample(&self, p: Local) -> f64 {
+    pub(super) fn sample(&self, p: TilePosition) -> f64 {
         self.at(self.index(p))
     }
 
@@ -185,10 +185,10 @@ impl Field {
 
     /// All samples, row by row, and 16 values after the last.
     #[inline(always)]
-    pub(super) fn samples(&self) -> Samples<'_> {
+    pub(super) fn samples(&self) -> ExactSamples<'_> {
         match self.exact.is_empty() {
-            true => Samples::Single(&self.values),
-            false => Samples::Exact(&self.exact),
+            true => ExactSamples::Single(&self.values),
+            false => ExactSamples::Exact(&self.exact),
         }
     }
 
@@ -201,7 +201,7 @@ impl Field {
 
     /// The height a vertex at this sample has in the output.
     #[inline(always)]
-    pub(super) fn vertex(&self, p: Local) -> f64 {
+    pub(super) fn vertex(&self, p: TilePosition) -> f64 {
         match self.free.is_empty() {
             true => self.stored(self.sample(p)),
             false => self.free[self.index(p)].get(),
@@ -227,13 +227,13 @@ impl Field {
     }
 
     /// Gives a vertex another height, as near as the output can hold. Heights must be free.
-    pub(super) fn move_vertex(&self, p: Local, height: f64) {
+    pub(super) fn move_vertex(&self, p: TilePosition, height: f64) {
         self.free[self.index(p)].set(self.stored(height));
     }
 
     /// The heights of three vertices.
     #[inline(always)]
-    pub(super) fn vertices(&self, [a, b, c]: [Local; 3]) -> [f64; 3] {
+    pub(super) fn vertices(&self, [a, b, c]: [TilePosition; 3]) -> [f64; 3] {
         [self.vertex(a), self.vertex(b), self.vertex(c)]
     }
 
@@ -252,8 +252,8 @@ mod tests {
     fn decimated_copies_hold_every_second_sample() {
         let (width, height) = (11, 6);
         let heights: Vec<f32> = (0..width * height).map(|i| i as f32).collect();
-        let heights = Heights { width, height, f32: &heights, f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width, height, f32: &heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, width, height], [0; 4], None);
         for level in 0..LEVELS as u8 {
             let copy = field.level(level);
@@ -275,8 +275,8 @@ mod tests {
             ([f32::NAN, 1.0, -7.0, 8.5, 2.0, -12.0], 12.0),
             ([f32::NAN; 6], 0.0),
         ] {
-            let heights = Heights { width: 3, height: 2, f32: &z, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: 3, height: 2, f32: &z, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, 3, 2], [0; 4], None);
             assert_eq!(field.largest(), expected, "{z:?}");
         }
@@ -288,11 +288,12 @@ mod tests {
             let side = cells + 1;
             let rounded = vec![0.0_f32; (side * side) as usize];
             let exact = vec![0.0_f64; (side * side) as usize];
-            let heights = Heights { width: side, height: side, f32: &rounded, f64: Some(&exact) };
-            let mut field = Field::default();
+            let heights =
+                HeightWindow { width: side, height: side, f32: &rounded, f64: Some(&exact) };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, side, side], [1; 4], None);
             let held = 4 * field.values.len() + 8 * field.exact.len();
-            let told = Field::bytes(cells, false);
+            let told = HeightField::bytes(cells, false);
             // Odd sides leave a little more in the copies.
             let share = told as f64 / held as f64;
             assert!((0.97..1.01).contains(&share), "{cells}: {told} for {held}");
@@ -302,8 +303,8 @@ mod tests {
     #[test]
     fn the_margin_keeps_scans_off_the_rim() {
         let heights = [0.0; 9 * 5];
-        let heights = Heights { width: 9, height: 5, f32: &heights, f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: 9, height: 5, f32: &heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, 9, 5], [1; 4], None);
         assert_eq!(field.level(0).bounds, [1, 7, 1, 3]);
         assert_eq!(field.level(1).bounds, [1, 3, 1, 1]);

@@ -12,9 +12,9 @@
 
 use super::facet::level_for;
 use super::field::LEVELS;
-use super::judge::{Candidate, Judge};
-use super::local::Local;
-use super::mesh::{Mesh, State};
+use super::judge::{InsertionCandidate, InsertionCriteria};
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, ScanState};
 use super::{adjust, strict};
 
 /// Samples a first scan of a triangle looks at, about.
@@ -23,7 +23,12 @@ const SAMPLES_PER_SCAN: i64 = 64;
 const REFINE_STEP: u8 = 2;
 
 /// Inserts samples until every sample of the dirty triangles is within the tolerance.
-pub(super) fn fit(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists, strict: bool) {
+pub(super) fn fit(
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
+    lists: &mut WorkLists,
+    strict: bool,
+) {
     if strict {
         strict::insert(judge, mesh);
     } else {
@@ -44,7 +49,7 @@ pub(super) struct WorkLists {
     /// The bucket being emptied.
     batch: Vec<u32>,
     /// The last candidate found for a triangle.
-    found: Vec<Candidate>,
+    found: Vec<InsertionCandidate>,
     passed: Vec<(u32, u8)>,
     star: Vec<u32>,
 }
@@ -66,7 +71,7 @@ fn bucket_of(error: f32, tolerance: f64) -> usize {
 /// A triangle is first scanned at the stride that gives about [`SAMPLES_PER_SCAN`] samples. When no
 /// candidate is left, those that passed at a coarse stride are scanned finer, and so on until all
 /// have passed at stride 1.
-fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
+fn insert_adaptive(judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh, lists: &mut WorkLists) {
     lists.begin(mesh);
     // Over all batches, as most are small.
     let mut rounds = 0_usize;
@@ -90,11 +95,11 @@ fn insert_adaptive(judge: &Judge<'_>, mesh: &mut Mesh, lists: &mut WorkLists) {
 }
 
 impl WorkLists {
-    fn begin(&mut self, mesh: &Mesh) {
+    fn begin(&mut self, mesh: &LatticeMesh) {
         self.passed.clear();
         self.buckets.resize_with(BUCKETS, Vec::new);
         self.buckets.iter_mut().for_each(Vec::clear);
-        let dirty = mesh.ids().filter(|&id| mesh.tris[id as usize].state == State::Dirty);
+        let dirty = mesh.ids().filter(|&id| mesh.tris[id as usize].state == ScanState::Dirty);
         self.buckets[BUCKETS - 1].extend(dirty);
         self.top = BUCKETS - 1;
     }
@@ -109,14 +114,20 @@ impl WorkLists {
     }
 
     /// The sample of a triangle to insert now, if its error belongs to this bucket or above.
-    fn due(&mut self, judge: &Judge<'_>, mesh: &mut Mesh, id: u32, bucket: usize) -> Option<Local> {
+    fn due(
+        &mut self,
+        judge: &InsertionCriteria<'_>,
+        mesh: &mut LatticeMesh,
+        id: u32,
+        bucket: usize,
+    ) -> Option<TilePosition> {
         let tri = mesh.tris[id as usize];
         match tri.state {
-            State::Dirty => {
+            ScanState::Dirty => {
                 let level = level_for(tri.corners, SAMPLES_PER_SCAN, LEVELS);
                 self.scan(judge, mesh, id, level, bucket)
             }
-            State::Waiting => {
+            ScanState::Waiting => {
                 let found = self.found[id as usize];
                 (bucket_of(found.error, judge.tolerance) == bucket).then_some(found.at)
             }
@@ -127,15 +138,15 @@ impl WorkLists {
     /// Scans a triangle; a candidate below `bucket` is put into its own.
     fn scan(
         &mut self,
-        judge: &Judge<'_>,
-        mesh: &mut Mesh,
+        judge: &InsertionCriteria<'_>,
+        mesh: &mut LatticeMesh,
         id: u32,
         level: u8,
         bucket: usize,
-    ) -> Option<Local> {
+    ) -> Option<TilePosition> {
         let tri = &mut mesh.tris[id as usize];
         let Some(found) = judge.candidate(tri.corners, level) else {
-            tri.state = State::Passed(level);
+            tri.state = ScanState::Passed(level);
             if level > 0 {
                 self.passed.push((id, level));
             }
@@ -145,12 +156,12 @@ impl WorkLists {
         if own >= bucket {
             return Some(found.at);
         }
-        tri.state = State::Waiting;
+        tri.state = ScanState::Waiting;
         self.put(id, found, own);
         None
     }
 
-    fn put(&mut self, id: u32, found: Candidate, bucket: usize) {
+    fn put(&mut self, id: u32, found: InsertionCandidate, bucket: usize) {
         if self.found.len() <= id as usize {
             self.found.resize(id as usize + 1, found);
         }
@@ -160,7 +171,14 @@ impl WorkLists {
     }
 
     /// Inserts a sample of `bucket`; the new triangles wait below it.
-    fn insert(&mut self, judge: &Judge<'_>, mesh: &mut Mesh, id: u32, at: Local, bucket: usize) {
+    fn insert(
+        &mut self,
+        judge: &InsertionCriteria<'_>,
+        mesh: &mut LatticeMesh,
+        id: u32,
+        at: TilePosition,
+        bucket: usize,
+    ) {
         self.star.clear();
         let corners = mesh.tris[id as usize].corners;
         if mesh.insert(id, at, &mut self.star) {
@@ -169,18 +187,18 @@ impl WorkLists {
             }
             self.buckets[bucket * 3 / 4].extend_from_slice(&self.star);
         } else {
-            mesh.tris[id as usize].state = State::Passed(0);
+            mesh.tris[id as usize].state = ScanState::Passed(0);
         }
     }
 
     /// Scans what passed at a coarse stride more finely; false when nothing is left to scan.
-    fn refine(&mut self, judge: &Judge<'_>, mesh: &mut Mesh) -> bool {
+    fn refine(&mut self, judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh) -> bool {
         let passed = std::mem::take(&mut self.passed);
         for (round, &(id, level)) in passed.iter().enumerate() {
             if judge.field.is_stopped_in(round) {
                 return false;
             }
-            if mesh.tris[id as usize].state == State::Passed(level) {
+            if mesh.tris[id as usize].state == ScanState::Passed(level) {
                 let finer = level.saturating_sub(REFINE_STEP);
                 self.scan(judge, mesh, id, finer, usize::MAX);
             }

@@ -2,25 +2,25 @@
 
 use super::crossing::Crossings;
 use super::exact::{self, within};
-use super::facet::{Facet, double_area};
-use super::field::Field;
-use super::local::Local;
+use super::facet::{PlaneFacet, double_area};
+use super::field::HeightField;
+use super::local::TilePosition;
 use super::scan::{LANES, Scan};
 use terrane_base::geom::predicates::orient;
 
 /// What every step of the insertion needs to know.
 #[derive(Clone, Copy)]
-pub(super) struct Judge<'a> {
-    pub(super) field: &'a Field,
+pub(super) struct InsertionCriteria<'a> {
+    pub(super) field: &'a HeightField,
     pub(super) scan: Scan,
     pub(super) tolerance: f64,
     /// Set where edges have to keep to the tolerance between samples, too.
     pub(super) crossings: Option<Crossings<'a>>,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> InsertionCriteria<'a> {
     /// Judges samples.
-    pub(super) fn of_samples(field: &'a Field, scan: Scan, tolerance: f64) -> Self {
+    pub(super) fn of_samples(field: &'a HeightField, scan: Scan, tolerance: f64) -> Self {
         Self { field, scan, tolerance, crossings: None }
     }
 
@@ -30,7 +30,7 @@ impl<'a> Judge<'a> {
     }
 
     /// True when an edge is within the tolerance between samples, if that is asked for.
-    pub(super) fn edge_keeps(&self, [from, to]: [Local; 2]) -> bool {
+    pub(super) fn edge_keeps(&self, [from, to]: [TilePosition; 2]) -> bool {
         self.crossings.is_none_or(|crossings| crossings.worst(from, to).is_none())
     }
 
@@ -38,23 +38,23 @@ impl<'a> Judge<'a> {
     /// `level` is within the tolerance. At level 0 the answer is exact: scans in `f32` decide only
     /// where their rounding cannot matter.
     #[inline]
-    pub(super) fn candidate(&self, p: [Local; 3], level: u8) -> Option<Candidate> {
+    pub(super) fn candidate(&self, p: [TilePosition; 3], level: u8) -> Option<InsertionCandidate> {
         if double_area(p) == 1 {
             return None; // Half a cell: its corners are its only samples (Pick's theorem).
         }
         let z = self.field.vertices(p);
-        let facet = Facet::new(p, z);
+        let facet = PlaneFacet::new(p, z);
         let worst = (self.scan)(&self.field.level(level), &facet);
         let error = f64::from(worst.error);
         let hair = self.hair(z, facet.gx);
         if error > self.tolerance + hair {
-            Some(Candidate { error: worst.error, at: worst.at })
+            Some(InsertionCandidate { error: worst.error, at: worst.at })
         } else if level > 0 || error < self.tolerance - hair {
             None
         } else {
             let worst = exact::scan(self.field, p, self.tolerance);
             let error = worst.error as f32;
-            (!worst.within).then_some(Candidate { error, at: worst.at })
+            (!worst.within).then_some(InsertionCandidate { error, at: worst.at })
         }
     }
 
@@ -70,8 +70,12 @@ impl<'a> Judge<'a> {
 
     /// Whether a vertex that goes stays within the tolerance of a triangle that holds it; `None` where it does not. It
     /// is the sample most likely to be too far off: to look at it first spares looking at the others.
-    pub(super) fn stays_within(&self, corners: [Local; 3], vertex: Local) -> Option<bool> {
-        let ([a, b, c], v) = (corners.map(Local::lattice), vertex.lattice());
+    pub(super) fn stays_within(
+        &self,
+        corners: [TilePosition; 3],
+        vertex: TilePosition,
+    ) -> Option<bool> {
+        let ([a, b, c], v) = (corners.map(TilePosition::lattice), vertex.lattice());
         let weights = [orient(b, c, v), orient(c, a, v), orient(a, b, v)];
         let holds = weights.iter().all(|&weight| weight >= 0);
         let heights = self.field.vertices(corners);
@@ -81,35 +85,35 @@ impl<'a> Judge<'a> {
 
 /// A sample to insert.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(super) struct InsertionCandidate {
     pub(super) error: f32,
-    pub(super) at: Local,
+    pub(super) at: TilePosition,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
     use crate::scan::available;
     use proptest::prelude::*;
 
     const SIDE: u32 = 12;
 
-    fn field(heights: &[f64], margin: u32) -> Field {
+    fn field(heights: &[f64], margin: u32) -> HeightField {
         let rounded: Vec<f32> = heights.iter().map(|&z| z as f32).collect();
-        let heights = Heights { width: SIDE, height: SIDE, f32: &rounded, f64: Some(heights) };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &rounded, f64: Some(heights) };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
         field
     }
 
     /// Offsets from the plane times twice the area, and that area, of all samples in a triangle; heights
     /// are whole numbers.
-    fn offsets(field: &Field, p: [Local; 3]) -> Vec<(Local, i128, i128)> {
-        let [a, b, c] = p.map(Local::lattice);
+    fn offsets(field: &HeightField, p: [TilePosition; 3]) -> Vec<(TilePosition, i128, i128)> {
+        let [a, b, c] = p.map(TilePosition::lattice);
         let z = field.vertices(p).map(|z| z as i128);
-        let all = (0..SIDE * SIDE).map(|i| Local::new(i % SIDE, i / SIDE));
-        let offset = |at: Local| {
+        let all = (0..SIDE * SIDE).map(|i| TilePosition::new(i % SIDE, i / SIDE));
+        let offset = |at: TilePosition| {
             let q = at.lattice();
             let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)].map(i128::from);
             let height = field.sample(at) as i128;
@@ -131,17 +135,17 @@ mod tests {
             far in prop_oneof![Just(0), Just(5_000), Just(40_000), Just(-3_000_000)],
             pick in any::<prop::sample::Index>(), off in -1..=1_i32
         ) {
-            let p = p.map(|(col, row)| Local::new(col, row));
+            let p = p.map(|(col, row)| TilePosition::new(col, row));
             prop_assume!(double_area(p) > 0);
             let field = field(&z.iter().map(|z| f64::from(z + far)).collect::<Vec<_>>(), 0);
             let all = offsets(&field, p);
             let (_, error, area) = all[pick.index(all.len())];
             // A whole tolerance, so that what is exceeded is exact.
             let tolerance = (error / area) as i32 + off.max(0);
-            let beyond = |&(_, error, area): &(Local, i128, i128)| error > i128::from(tolerance) * area;
+            let beyond = |&(_, error, area): &(TilePosition, i128, i128)| error > i128::from(tolerance) * area;
             let outside: Vec<_> = all.iter().filter(|sample| beyond(sample)).map(|s| s.0).collect();
             for (_, scan) in available() {
-                let judge = Judge::of_samples(&field, scan, tolerance.into());
+                let judge = InsertionCriteria::of_samples(&field, scan, tolerance.into());
                 let found = judge.candidate(p, 0);
                 prop_assert_eq!(found.is_some(), !outside.is_empty(), "{:?}", outside);
                 prop_assert!(found.is_none_or(|found| outside.contains(&found.at)));
@@ -151,8 +155,8 @@ mod tests {
         /// Some ten roundings of what is added up, and not so much that all is decided exactly.
         #[test]
         fn a_hair_is_thin(z in prop::array::uniform3(-1e6..1e6_f64), tolerance in 0.0..1e6_f64) {
-            let field = Field::default();
-            let hair = Judge::of_samples(&field, available()[0].1, tolerance).hair(z, 0.0);
+            let field = HeightField::default();
+            let hair = InsertionCriteria::of_samples(&field, available()[0].1, tolerance).hair(z, 0.0);
             let size = z.iter().map(|z| z.abs()).fold(tolerance, f64::max);
             prop_assert!(hair >= 10.0 * size * f64::from(f32::EPSILON) / 2.0);
             prop_assert!(hair <= 40.0 * size * f64::from(f32::EPSILON));
@@ -169,14 +173,15 @@ mod tests {
         for ((col, row), height) in corners.into_iter().chain([(47, 46)]).zip(heights) {
             z[row * width + col] = height;
         }
-        let heights = Heights { width: width as u32, height: height as u32, f32: &z, f64: None };
-        let mut field = Field::default();
+        let heights =
+            HeightWindow { width: width as u32, height: height as u32, f32: &z, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, width as u32, height as u32], [0; 4], None);
-        let p = corners.map(|(col, row)| Local::new(col as u32, row as u32));
+        let p = corners.map(|(col, row)| TilePosition::new(col as u32, row as u32));
         for (_, scan) in available() {
-            let found = Judge::of_samples(&field, scan, 0.1).candidate(p, 0);
-            assert_eq!(found.map(|found| found.at), Some(Local::new(47, 46)));
-            assert!(Judge::of_samples(&field, scan, 0.101).candidate(p, 0).is_none());
+            let found = InsertionCriteria::of_samples(&field, scan, 0.1).candidate(p, 0);
+            assert_eq!(found.map(|found| found.at), Some(TilePosition::new(47, 46)));
+            assert!(InsertionCriteria::of_samples(&field, scan, 0.101).candidate(p, 0).is_none());
         }
     }
 
@@ -187,12 +192,12 @@ mod tests {
         z[(4 * SIDE + 4) as usize] = 3.0;
         z[(5 * SIDE + 3) as usize] = 8.0;
         let field = field(&z, 0);
-        let p = [(0, 0), (11, 0), (0, 11)].map(|(col, row)| Local::new(col, row));
+        let p = [(0, 0), (11, 0), (0, 11)].map(|(col, row)| TilePosition::new(col, row));
         for (_, scan) in available() {
-            let judge = |tolerance| Judge::of_samples(&field, scan, tolerance);
+            let judge = |tolerance| InsertionCriteria::of_samples(&field, scan, tolerance);
             assert!(judge(3.0).candidate(p, 1).is_none());
-            assert_eq!(judge(2.9).candidate(p, 1).unwrap().at, Local::new(4, 4));
-            assert_eq!(judge(3.0).candidate(p, 0).unwrap().at, Local::new(3, 5));
+            assert_eq!(judge(2.9).candidate(p, 1).unwrap().at, TilePosition::new(4, 4));
+            assert_eq!(judge(3.0).candidate(p, 0).unwrap().at, TilePosition::new(3, 5));
         }
     }
 }

@@ -27,11 +27,11 @@ mod spec;
 mod strict;
 mod tile;
 
-pub use angles::AngleBound;
+pub use angles::MinimumAngle;
 pub use breaklines::{Stretch, goes_on};
-pub use field::Heights;
-pub use local::Local;
+pub use field::HeightWindow;
+pub use local::TilePosition;
 pub use order::sort_by_position;
 pub use patch::{mend_patch, reduce_patch};
-pub use spec::{PatchInput, PatchMesh, Spec, TileInput, TileMesh, Triangle};
-pub use tile::{Scratch, triangulate_tile};
+pub use spec::{PatchInput, PatchMesh, Spec, TileInput, TileMesh, TileTriangle};
+pub use tile::{TileScratch, triangulate_tile};

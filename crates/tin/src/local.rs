@@ -8,9 +8,9 @@ use terrane_base::geom::predicates::Lattice;
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
 )]
 #[repr(transparent)]
-pub struct Local(u32);
+pub struct TilePosition(u32);
 
-impl Local {
+impl TilePosition {
     /// Bits of the column.
     const BITS: u32 = 14;
 

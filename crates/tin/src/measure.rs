@@ -2,9 +2,9 @@
 //!
 //! Errors are measured only for a report: the extra pass takes a third of the time of the kernel.
 
-use super::facet::Facet;
-use super::field::{Field, Samples};
-use super::local::Local;
+use super::facet::PlaneFacet;
+use super::field::{ExactSamples, HeightField};
+use super::local::TilePosition;
 use terrane_base::geom::predicates::orient;
 
 /// Samples summed side by side; part of the arithmetic, so that sums never depend on the machine.
@@ -14,29 +14,29 @@ const LANES: usize = 8;
 const WIDTH: i32 = 32;
 
 /// A triangle to measure.
-pub(super) struct Triangle<'a> {
-    pub(super) field: &'a Field,
-    pub(super) p: [Local; 3],
+pub(super) struct MeasuredTriangle<'a> {
+    pub(super) field: &'a HeightField,
+    pub(super) p: [TilePosition; 3],
     pub(super) owned: [bool; 3],
     pub(super) tolerance: f64,
 }
 
-impl Triangle<'_> {
+impl MeasuredTriangle<'_> {
     /// Largest error and sum of squared errors; the same bits with whatever registers it is compiled for.
     #[inline(always)]
     pub(super) fn measured(&self) -> (f32, f32) {
         match self.field.samples() {
-            Samples::Exact(samples) => self.over(samples),
-            Samples::Single(samples) => self.over(samples),
+            ExactSamples::Exact(samples) => self.over(samples),
+            ExactSamples::Single(samples) => self.over(samples),
         }
     }
 
     #[inline(always)]
     fn over<H: Copy + Into<f64>>(&self, samples: &[H]) -> (f32, f32) {
         let &Self { field, p, owned, tolerance } = self;
-        let facet = Facet::new(p, field.vertices(p));
+        let facet = PlaneFacet::new(p, field.vertices(p));
         let whole = field.whole();
-        let mut total = Total::default();
+        let mut total = TriangleTotals::default();
         let [left, right] = facet.column_range(&whole);
         if right - left < WIDTH {
             for first in (left..=right).step_by(LANES) {
@@ -55,7 +55,7 @@ impl Triangle<'_> {
             let start = facet.base + facet.gy * f64::from(row);
             let samples = &samples[row as usize * whole.pitch..];
             if has_level_edge(p, row) {
-                let counts = |col| is_owned(p, owned, Local::new(col as u32, row as u32));
+                let counts = |col| is_owned(p, owned, TilePosition::new(col as u32, row as u32));
                 for col in low..=high {
                     let height: f64 = samples[col as usize].into();
                     total.add(start + facet.gx * f64::from(col) - height, counts(col));
@@ -73,12 +73,12 @@ impl Triangle<'_> {
 }
 
 /// True when a row holds two corners, and so may run along an edge.
-fn has_level_edge(p: [Local; 3], row: i32) -> bool {
+fn has_level_edge(p: [TilePosition; 3], row: i32) -> bool {
     p.iter().filter(|corner| corner.row() as i32 == row).count() > 1
 }
 
 /// False when the sample lies on an edge that is not owned.
-fn is_owned(p: [Local; 3], owned: [bool; 3], at: Local) -> bool {
+fn is_owned(p: [TilePosition; 3], owned: [bool; 3], at: TilePosition) -> bool {
     let q = at.lattice();
     (0..3).all(|edge| {
         let [from, to] = [edge, (edge + 1) % 3].map(|i| p[i].lattice());
@@ -88,14 +88,14 @@ fn is_owned(p: [Local; 3], owned: [bool; 3], at: Local) -> bool {
 
 /// Running figures of one triangle.
 #[derive(Default)]
-struct Total {
+struct TriangleTotals {
     largest: f64,
     sum: f64,
     lanes: [f64; LANES],
     most: [f64; LANES],
 }
 
-impl Total {
+impl TriangleTotals {
     fn add(&mut self, error: f64, is_counted: bool) {
         self.largest = self.largest.max(error.abs());
         if is_counted {
@@ -137,7 +137,7 @@ impl Total {
         &mut self,
         samples: &[H],
         pitch: usize,
-        facet: &Facet,
+        facet: &PlaneFacet,
         owned: [bool; 3],
         left: i32,
     ) {
@@ -179,7 +179,7 @@ impl Total {
 
 /// Bound on the rounding of an error up to `largest`: some ten operations on terms no larger than
 /// these. A level facet has only one that rounds, the difference itself.
-fn doubt(facet: &Facet, p: [Local; 3], z: [f64; 3], largest: f64) -> f64 {
+fn doubt(facet: &PlaneFacet, p: [TilePosition; 3], z: [f64; 3], largest: f64) -> f64 {
     let [q, r, s] = p.map(|corner| corner.lattice().map(f64::from));
     let [[bx, by], [cx, cy]] = [r, s].map(|to| [to[0] - q[0], to[1] - q[1]]);
     let (zb, zc) = ((z[1] - z[0]).abs(), (z[2] - z[0]).abs());
@@ -203,25 +203,25 @@ fn upwards(value: f64) -> f32 {
 
 /// Which of the two triangles beside an edge owns the samples on it: decided by direction alone,
 /// so that both sides agree wherever they are computed.
-pub(super) fn owns_by_direction(from: Local, to: Local) -> bool {
+pub(super) fn owns_by_direction(from: TilePosition, to: TilePosition) -> bool {
     to.row() < from.row() || (to.row() == from.row() && to.col() > from.col())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
     use crate::scan::measure;
     use proptest::prelude::*;
 
     /// Triangles are narrower and wider than [`WIDTH`].
     const SIDE: u32 = 70;
 
-    fn field(heights: &[f64], is_exact: bool) -> Field {
+    fn field(heights: &[f64], is_exact: bool) -> HeightField {
         let rounded: Vec<f32> = heights.iter().map(|&z| z as f32).collect();
         let exact = is_exact.then_some(heights);
-        let heights = Heights { width: SIDE, height: SIDE, f32: &rounded, f64: exact };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &rounded, f64: exact };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
         field
     }
@@ -235,8 +235,8 @@ mod tests {
             seed: u32, owned: [bool; 3], far in prop_oneof![Just(0), Just(1 << 34)],
             p in prop::array::uniform3((0..SIDE, 0..SIDE)),
         ) {
-            let p = p.map(|(col, row)| Local::new(col, row));
-            let [a, b, c] = p.map(Local::lattice);
+            let p = p.map(|(col, row)| TilePosition::new(col, row));
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
             let noise = |i: u32| i64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 8) + far;
             let unit = f64::from(1 << 20);
@@ -246,7 +246,7 @@ mod tests {
             let z = p.map(|at| noise(at.row() * SIDE + at.col()));
             let (mut most, mut sum) = (0.0_f64, 0.0);
             for i in 0..SIDE * SIDE {
-                let q = Local::new(i % SIDE, i / SIDE).lattice();
+                let q = TilePosition::new(i % SIDE, i / SIDE).lattice();
                 // Edge 0 is from the first corner to the second, and so on.
                 let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
                 if sides.iter().any(|&side| side < 0) {
@@ -276,10 +276,10 @@ mod tests {
             p in prop::array::uniform3((0..SIDE, 0..SIDE)), z in prop::array::uniform3(-1e4..1e4_f64),
             largest in 0.0..10.0_f64
         ) {
-            let p = p.map(|(col, row)| Local::new(col, row));
-            let [a, b, c] = p.map(Local::lattice);
+            let p = p.map(|(col, row)| TilePosition::new(col, row));
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
-            let facet = Facet::new(p, z);
+            let facet = PlaneFacet::new(p, z);
             let found = doubt(&facet, p, z, largest) / (16.0 * f64::EPSILON);
             let height = z.iter().map(|z| z.abs()).fold(0.0, f64::max);
             let (col, row) = ([a, b, c].map(|q| q[0]), [a, b, c].map(|q| q[1]));
@@ -294,7 +294,7 @@ mod tests {
                 .sum::<f64>() / orient(a, b, c) as f64;
             let expected = largest + height + 2.0 * along + slopes;
             prop_assert!((found - expected).abs() <= 1e-9 * expected, "{found} {expected}");
-            let level = doubt(&Facet::new(p, [z[0]; 3]), p, [z[0]; 3], largest);
+            let level = doubt(&PlaneFacet::new(p, [z[0]; 3]), p, [z[0]; 3], largest);
             prop_assert!((level - 16.0 * f64::EPSILON * largest).abs() <= 1e-20);
         }
     }
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn of_two_sides_of_an_edge_one_owns_it() {
-        let p = |i: u32| Local::new(i % 5, i / 5);
+        let p = |i: u32| TilePosition::new(i % 5, i / 5);
         for (a, b) in (0..25).flat_map(|a| (0..a).map(move |b| (p(a), p(b)))) {
             assert_ne!(owns_by_direction(a, b), owns_by_direction(b, a));
         }

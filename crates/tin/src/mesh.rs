@@ -13,7 +13,7 @@
 //!          a                         a
 //! ```
 
-use super::local::Local;
+use super::local::TilePosition;
 use terrane_base::geom::predicates::{in_circle, orient};
 
 /// "No half-edge": the border of the mesh.
@@ -21,7 +21,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// What is known of a triangle's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum State {
+pub(super) enum ScanState {
     /// Scanned at the stride `2^level`; nothing above the tolerance was seen there.
     Passed(u8),
     /// All its samples are within the tolerance, and its edges between samples.
@@ -39,13 +39,13 @@ pub(super) enum State {
 /// One triangle; corners are counter-clockwise in (column, row) axes.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub(super) struct Tri {
-    pub(super) corners: [Local; 3],
+pub(super) struct LatticeTriangle {
+    pub(super) corners: [TilePosition; 3],
     pub(super) twins: [u32; 3],
     /// The loose triangle this one was built from, or anything else that it is known by until it changes:
     /// [`NONE`] then.
     pub(super) source: u32,
-    pub(super) state: State,
+    pub(super) state: ScanState,
 }
 
 /// Which border edges may not be split.
@@ -61,8 +61,8 @@ pub(super) enum Fixed {
 
 /// A triangulation of lattice positions.
 #[derive(Debug, Default)]
-pub(super) struct Mesh {
-    pub(super) tris: Vec<Tri>,
+pub(super) struct LatticeMesh {
+    pub(super) tris: Vec<LatticeTriangle>,
     free: Vec<u32>,
     stack: Vec<u32>,
     /// Where border edges may not be split any more.
@@ -82,7 +82,7 @@ pub(super) fn prev(i: u32) -> u32 {
 }
 
 /// Where a position lies in a triangle that holds it.
-enum Place {
+enum LocationInTriangle {
     Inside,
     Edge(u32),
     Corner,
@@ -90,7 +90,7 @@ enum Place {
 
 impl Fixed {
     /// True when the border may be split at `p`.
-    fn allows(self, p: Local) -> bool {
+    fn allows(self, p: TilePosition) -> bool {
         match self {
             Self::Nothing => true,
             Self::Inside { ends: [left, right, above, below], cells: [cols, rows] } => {
@@ -103,7 +103,7 @@ impl Fixed {
     }
 }
 
-impl Mesh {
+impl LatticeMesh {
     /// Empties the mesh, keeping its memory.
     pub(super) fn clear(&mut self) {
         self.tris.clear();
@@ -115,21 +115,21 @@ impl Mesh {
     /// Starts over with the two triangles of a rectangle (`cols` x `rows` cells).
     pub(super) fn reset_to_rectangle(&mut self, cols: u32, rows: u32) {
         self.clear();
-        let [a, b] = [Local::new(0, 0), Local::new(cols, 0)];
-        let [c, d] = [Local::new(cols, rows), Local::new(0, rows)];
-        self.tris.push(Tri::new([a, b, c], [NONE, NONE, 4]));
-        self.tris.push(Tri::new([a, c, d], [2, NONE, NONE]));
+        let [a, b] = [TilePosition::new(0, 0), TilePosition::new(cols, 0)];
+        let [c, d] = [TilePosition::new(cols, rows), TilePosition::new(0, rows)];
+        self.tris.push(LatticeTriangle::new([a, b, c], [NONE, NONE, 4]));
+        self.tris.push(LatticeTriangle::new([a, c, d], [2, NONE, NONE]));
     }
 
     /// The corner of triangle `t` from which edge `e` starts.
     #[inline(always)]
-    pub(super) fn origin(&self, half_edge: u32) -> Local {
+    pub(super) fn origin(&self, half_edge: u32) -> TilePosition {
         self.tris[(half_edge >> 2) as usize].corners[(half_edge & 3) as usize]
     }
 
     /// The corner at which a half-edge ends.
     #[inline(always)]
-    pub(super) fn end(&self, half_edge: u32) -> Local {
+    pub(super) fn end(&self, half_edge: u32) -> TilePosition {
         self.tris[(half_edge >> 2) as usize].corners[next(half_edge & 3) as usize]
     }
 
@@ -141,12 +141,14 @@ impl Mesh {
 
     /// Ids of triangles in use.
     pub(super) fn ids(&self) -> impl Iterator<Item = u32> + '_ {
-        let used = |(id, tri): (usize, &Tri)| (tri.state != State::Free).then_some(id as u32);
+        let used = |(id, tri): (usize, &LatticeTriangle)| {
+            (tri.state != ScanState::Free).then_some(id as u32)
+        };
         self.tris.iter().enumerate().filter_map(used)
     }
 
     /// A fresh or recycled slot holding `tri`.
-    pub(super) fn add(&mut self, tri: Tri) -> u32 {
+    pub(super) fn add(&mut self, tri: LatticeTriangle) -> u32 {
         if let Some(id) = self.free.pop() {
             self.tris[id as usize] = tri;
             return id;
@@ -157,7 +159,7 @@ impl Mesh {
 
     /// Gives a slot back.
     pub(super) fn remove(&mut self, id: u32) {
-        self.tris[id as usize].state = State::Free;
+        self.tris[id as usize].state = ScanState::Free;
         self.free.push(id);
     }
 
@@ -168,10 +170,12 @@ impl Mesh {
 
     /// All samples are to be judged again: heights or the tolerance have changed.
     pub(super) fn judge_again(&mut self) {
-        for tri in
-            self.tris.iter_mut().filter(|tri| !matches!(tri.state, State::Free | State::Outside))
+        for tri in self
+            .tris
+            .iter_mut()
+            .filter(|tri| !matches!(tri.state, ScanState::Free | ScanState::Outside))
         {
-            tri.state = State::Dirty;
+            tri.state = ScanState::Dirty;
         }
     }
 
@@ -182,7 +186,7 @@ impl Mesh {
         let mut at = half_edge;
         loop {
             let tri = &self.tris[(at >> 2) as usize];
-            if tri.state == State::Outside || star.len() == most {
+            if tri.state == ScanState::Outside || star.len() == most {
                 return false;
             }
             star.push(at);
@@ -205,7 +209,7 @@ impl Mesh {
     }
 
     /// The triangle that holds `p`, by walking from `start`. The mesh must be convex.
-    pub(super) fn locate(&self, p: Local, start: u32) -> u32 {
+    pub(super) fn locate(&self, p: TilePosition, start: u32) -> u32 {
         let target = p.lattice();
         let mut at = start;
         'walk: loop {
@@ -224,14 +228,19 @@ impl Mesh {
 
     /// The triangle that holds `to`, seen from where the line between it and its neighbour `from` crosses
     /// an edge, with the two on its two sides; `None` when the mesh ends in between.
-    pub(super) fn follow(&self, half_edge: u32, from: Local, to: Local) -> Option<u32> {
+    pub(super) fn follow(
+        &self,
+        half_edge: u32,
+        from: TilePosition,
+        to: TilePosition,
+    ) -> Option<u32> {
         let target = to.lattice();
         let is_left = |half_edge| {
-            let ends = [self.origin(half_edge), self.end(half_edge)].map(Local::lattice);
+            let ends = [self.origin(half_edge), self.end(half_edge)].map(TilePosition::lattice);
             orient(ends[0], ends[1], target) >= 0
         };
         // On which side of the line a corner lies: a unit step, so one of its coordinates is that of both.
-        let side = |p: Local| match from.row() == to.row() {
+        let side = |p: TilePosition| match from.row() == to.row() {
             true => p.row().cmp(&to.row()),
             false => p.col().cmp(&to.col()),
         };
@@ -249,17 +258,17 @@ impl Mesh {
         None
     }
 
-    fn place(&self, t: u32, p: Local) -> Option<Place> {
-        let [a, b, c] = self.tris[t as usize].corners.map(Local::lattice);
+    fn place(&self, t: u32, p: TilePosition) -> Option<LocationInTriangle> {
+        let [a, b, c] = self.tris[t as usize].corners.map(TilePosition::lattice);
         let q = p.lattice();
         let sides = [orient(a, b, q), orient(b, c, q), orient(c, a, q)];
         match sides {
             _ if sides.iter().any(|&side| side < 0) => None,
-            [0, 0, _] | [0, _, 0] | [_, 0, 0] => Some(Place::Corner),
-            [0, ..] => Some(Place::Edge(0)),
-            [_, 0, _] => Some(Place::Edge(1)),
-            [_, _, 0] => Some(Place::Edge(2)),
-            _ => Some(Place::Inside),
+            [0, 0, _] | [0, _, 0] | [_, 0, 0] => Some(LocationInTriangle::Corner),
+            [0, ..] => Some(LocationInTriangle::Edge(0)),
+            [_, 0, _] => Some(LocationInTriangle::Edge(1)),
+            [_, _, 0] => Some(LocationInTriangle::Edge(2)),
+            _ => Some(LocationInTriangle::Inside),
         }
     }
 
@@ -268,35 +277,37 @@ impl Mesh {
     /// `p` is a vertex already, not in `t`, or on a border that is fixed.
     ///
     /// Expected constant time (Lawson's flips; the number of flips is the degree of `p` minus 3).
-    pub(super) fn insert(&mut self, t: u32, p: Local, star: &mut Vec<u32>) -> bool {
+    pub(super) fn insert(&mut self, t: u32, p: TilePosition, star: &mut Vec<u32>) -> bool {
         match self.place(t, p) {
-            Some(Place::Inside) => self.split_inside(t, p),
-            Some(Place::Edge(edge)) if self.may_split(t, edge, p) => self.split_edge(t, edge, p),
+            Some(LocationInTriangle::Inside) => self.split_inside(t, p),
+            Some(LocationInTriangle::Edge(edge)) if self.may_split(t, edge, p) => {
+                self.split_edge(t, edge, p)
+            }
             _ => return false,
         }
         self.legalise(star);
         true
     }
 
-    fn may_split(&self, t: u32, edge: u32, p: Local) -> bool {
+    fn may_split(&self, t: u32, edge: u32, p: TilePosition) -> bool {
         self.tris[t as usize].twins[edge as usize] != NONE || self.fixed.allows(p)
     }
 
-    fn split_inside(&mut self, t: u32, p: Local) {
-        let Tri { corners: [a, b, c], twins: [ab, bc, ca], .. } = self.tris[t as usize];
-        self.tris[t as usize] = Tri::new([p, a, b], [NONE; 3]);
-        let u = self.add(Tri::new([p, b, c], [NONE; 3]));
-        let w = self.add(Tri::new([p, c, a], [NONE; 3]));
+    fn split_inside(&mut self, t: u32, p: TilePosition) {
+        let LatticeTriangle { corners: [a, b, c], twins: [ab, bc, ca], .. } = self.tris[t as usize];
+        self.tris[t as usize] = LatticeTriangle::new([p, a, b], [NONE; 3]);
+        let u = self.add(LatticeTriangle::new([p, b, c], [NONE; 3]));
+        let w = self.add(LatticeTriangle::new([p, c, a], [NONE; 3]));
         self.link_fan(&[(t, ab), (u, bc), (w, ca)], true);
     }
 
     /// Splits the triangles beside an edge in two each; on the border there is one.
-    fn split_edge(&mut self, t: u32, edge: u32, p: Local) {
+    fn split_edge(&mut self, t: u32, edge: u32, p: TilePosition) {
         let tri = self.tris[t as usize];
         let at = |i: u32| (tri.corners[i as usize], tri.twins[i as usize]);
         let ((a, twin), (b, bc), (c, ca)) = (at(edge), at(next(edge)), at(prev(edge)));
-        self.tris[t as usize] = Tri::new([p, b, c], [NONE; 3]);
-        let w = self.add(Tri::new([p, c, a], [NONE; 3]));
+        self.tris[t as usize] = LatticeTriangle::new([p, b, c], [NONE; 3]);
+        let w = self.add(LatticeTriangle::new([p, c, a], [NONE; 3]));
         if twin == NONE {
             return self.link_fan(&[(t, bc), (w, ca)], false);
         }
@@ -304,8 +315,8 @@ impl Mesh {
         let other = self.tris[u as usize];
         let at = |i: u32| (other.corners[i as usize], other.twins[i as usize]);
         let ((_, ad), (d, db)) = (at(next(j)), at(prev(j)));
-        self.tris[u as usize] = Tri::new([p, a, d], [NONE; 3]);
-        let x = self.add(Tri::new([p, d, b], [NONE; 3]));
+        self.tris[u as usize] = LatticeTriangle::new([p, a, d], [NONE; 3]);
+        let x = self.add(LatticeTriangle::new([p, d, b], [NONE; 3]));
         self.link_fan(&[(t, bc), (w, ca), (u, ad), (x, db)], true);
     }
 
@@ -325,7 +336,8 @@ impl Mesh {
     /// Flips until every edge opposite the new corner 0 of the stacked triangles is Delaunay.
     fn legalise(&mut self, star: &mut Vec<u32>) {
         while let Some(t) = self.stack.pop() {
-            let Tri { corners: [p, a, b], twins: [_, outer, last], .. } = self.tris[t as usize];
+            let LatticeTriangle { corners: [p, a, b], twins: [_, outer, last], .. } =
+                self.tris[t as usize];
             if outer == NONE {
                 star.push(t);
                 continue;
@@ -338,8 +350,8 @@ impl Mesh {
                 continue;
             }
             let first = self.tris[t as usize].twins[0];
-            self.tris[t as usize] = Tri::new([p, a, d], [first, NONE, 4 * u]);
-            self.tris[u as usize] = Tri::new([p, d, b], [4 * t + 2, NONE, NONE]);
+            self.tris[t as usize] = LatticeTriangle::new([p, a, d], [first, NONE, 4 * u]);
+            self.tris[u as usize] = LatticeTriangle::new([p, d, b], [4 * t + 2, NONE, NONE]);
             self.link(4 * t + 1, other.twins[next(j) as usize]);
             self.link(4 * u + 1, other.twins[prev(j) as usize]);
             self.link(4 * u + 2, last);
@@ -364,8 +376,8 @@ impl Mesh {
         if in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) <= 0 {
             return None;
         }
-        self.tris[t as usize] = Tri::new([p, a, d], [NONE; 3]);
-        self.tris[u as usize] = Tri::new([p, d, b], [NONE; 3]);
+        self.tris[t as usize] = LatticeTriangle::new([p, a, d], [NONE; 3]);
+        self.tris[u as usize] = LatticeTriangle::new([p, d, b], [NONE; 3]);
         self.link(4 * t, tri.twins[prev(i) as usize]);
         self.link(4 * t + 1, other.twins[next(j) as usize]);
         self.link(4 * t + 2, 4 * u);
@@ -375,15 +387,15 @@ impl Mesh {
     }
 }
 
-impl Tri {
+impl LatticeTriangle {
     /// A dirty triangle.
-    pub(super) fn new(corners: [Local; 3], twins: [u32; 3]) -> Self {
-        Self { corners, twins, source: NONE, state: State::Dirty }
+    pub(super) fn new(corners: [TilePosition; 3], twins: [u32; 3]) -> Self {
+        Self { corners, twins, source: NONE, state: ScanState::Dirty }
     }
 }
 
 #[cfg(test)]
-impl Mesh {
+impl LatticeMesh {
     /// Panics unless the mesh is [sound](Self::validate_links) and every interior edge is Delaunay.
     pub(super) fn validate(&self) {
         self.validate_links();
@@ -391,7 +403,8 @@ impl Mesh {
             let twin = self.twin(half_edge);
             if twin != NONE {
                 let far = self.end((twin & !3) + next(twin & 3));
-                let [a, b, c] = self.tris[(half_edge >> 2) as usize].corners.map(Local::lattice);
+                let [a, b, c] =
+                    self.tris[(half_edge >> 2) as usize].corners.map(TilePosition::lattice);
                 let is_delaunay = in_circle(a, b, c, far.lattice()) <= 0;
                 assert!(is_delaunay, "half-edge {half_edge} is not Delaunay");
             }
@@ -402,7 +415,7 @@ impl Mesh {
     pub(super) fn validate_links(&self) {
         for id in self.ids() {
             let tri = &self.tris[id as usize];
-            let [a, b, c] = tri.corners.map(Local::lattice);
+            let [a, b, c] = tri.corners.map(TilePosition::lattice);
             assert!(
                 orient(a, b, c) > 0,
                 "triangle {id} {:?} is not counter-clockwise",
@@ -421,7 +434,7 @@ impl Mesh {
             return;
         }
         let other = &self.tris[(twin >> 2) as usize];
-        assert_ne!(other.state, State::Free, "triangle {id} borders a free slot");
+        assert_ne!(other.state, ScanState::Free, "triangle {id} borders a free slot");
         assert_eq!(other.twins[(twin & 3) as usize], 4 * id + edge, "twins of {id} disagree");
         let end = tri.corners[next(edge) as usize];
         assert_eq!(self.origin(twin), end, "twins of {id} have different ends");
@@ -430,7 +443,7 @@ impl Mesh {
     /// Twice the area covered.
     pub(super) fn double_area(&self) -> i64 {
         let area = |id| {
-            let [a, b, c] = self.tris[id as usize].corners.map(Local::lattice);
+            let [a, b, c] = self.tris[id as usize].corners.map(TilePosition::lattice);
             orient(a, b, c)
         };
         self.ids().map(area).sum()
@@ -452,19 +465,19 @@ mod tests {
     #[test]
     fn a_triangle_takes_what_it_holds_and_no_other() {
         let mesh = || {
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(6, 5);
             for (col, row) in [(2, 1), (4, 3), (1, 4)] {
-                let p = Local::new(col, row);
+                let p = TilePosition::new(col, row);
                 mesh.insert(mesh.locate(p, 0), p, &mut Vec::new());
             }
             mesh
         };
         let tris = mesh().tris;
-        for p in (0..42).map(|i| Local::new(i % 7, i / 7)) {
+        for p in (0..42).map(|i| TilePosition::new(i % 7, i / 7)) {
             let is_vertex = tris.iter().any(|tri| tri.corners.contains(&p));
             for (t, tri) in (0..).zip(&tris) {
-                let [a, b, c] = tri.corners.map(Local::lattice);
+                let [a, b, c] = tri.corners.map(TilePosition::lattice);
                 let is_left = |from, to| orient(from, to, p.lattice()) >= 0;
                 let is_held = is_left(a, b) && is_left(b, c) && is_left(c, a);
                 let mut mesh = mesh();
@@ -481,11 +494,11 @@ mod tests {
         fn insertion_keeps_the_mesh_delaunay(
             points in proptest::collection::vec((0_u32..=20, 0_u32..=13), 1..200)
         ) {
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(20, 13);
             let mut star = Vec::new();
             for (col, row) in points {
-                let p = Local::new(col, row);
+                let p = TilePosition::new(col, row);
                 let t = mesh.locate(p, 0);
                 star.clear();
                 mesh.insert(t, p, &mut star);

@@ -9,18 +9,18 @@
 //! and redundant rim vertices are dropped.
 
 use super::crossing::Crossings;
-use super::field::Field;
-use super::judge::Judge;
-use super::local::Local;
+use super::field::HeightField;
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
 use super::measure::owns_by_direction;
-use super::mesh::{Fixed, Mesh, NONE, State, Tri, next, prev};
+use super::mesh::{Fixed, LatticeMesh, LatticeTriangle, NONE, ScanState, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::scan::measure;
-use super::spec::{PatchInput, PatchMesh, Spec, Triangle};
-use super::tile::{Scratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
+use super::spec::{PatchInput, PatchMesh, Spec, TileTriangle};
+use super::tile::{TileScratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
 use super::{adjust, angles, breaklines, drop};
 use terrane_base::bits::BitSet;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::geom::predicates::in_circle;
 
 /// Makes the triangles of a patch Delaunay, inserts what is then beyond the tolerance, and drops
@@ -28,24 +28,24 @@ use terrane_base::geom::predicates::in_circle;
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is
 /// linear in the triangles but for sorting them.
-pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
     let sorted = begin(input, spec, scratch);
-    let Scratch { field, mesh, lists, rounds, drop, adjust, edges, used, scan } = scratch;
+    let TileScratch { field, mesh, lists, rounds, drop, adjust, edges, used, scan } = scratch;
     let [width, height] = [input.heights.width, input.heights.height];
     mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
-    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
+    let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     bring_within(&judge, mesh, lists, rounds, spec);
-    if spec.bound == Bound::Surface {
+    if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     let border = Border { field, input };
-    let is_frozen = |tri: &Tri, edge| border.is_frozen(tri, edge);
-    let may = |mesh: &Mesh, holder, at| {
+    let is_frozen = |tri: &LatticeTriangle, edge| border.is_frozen(tri, edge);
+    let may = |mesh: &LatticeMesh, holder, at| {
         !field.is_stopped() && !changes_beside(mesh, holder, at, is_frozen)
     };
-    let mut settle = |mesh: &mut Mesh| {
-        let judge = Judge::of_samples(field, *scan, spec.tolerance);
+    let mut settle = |mesh: &mut LatticeMesh| {
+        let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
         bring_within(&judge, mesh, lists, rounds, spec);
     };
     let mut thin = 0;
@@ -76,11 +76,11 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) ->
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is linear in the
 /// triangles but for sorting them, and of a star in the cube of its corners.
-pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
     let sorted = begin(input, spec, scratch);
-    let Scratch { field, mesh, drop, adjust, edges, used, scan, .. } = scratch;
-    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
-    if spec.bound == Bound::Surface {
+    let TileScratch { field, mesh, drop, adjust, edges, used, scan, .. } = scratch;
+    let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
+    if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     let mut stays = input.kept.to_vec();
@@ -106,7 +106,7 @@ pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) 
 }
 
 /// Brings the heights and the triangles of a patch, which are returned sorted.
-fn begin(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> Vec<Triangle> {
+fn begin(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
     let [width, height] = [input.heights.width, input.heights.height];
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
     if spec.fit {
@@ -121,18 +121,22 @@ fn begin(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> Vec<Tria
 
 impl PatchInput<'_> {
     /// True when a vertex is on a seam line.
-    fn is_on_seam(&self, p: Local) -> bool {
+    fn is_on_seam(&self, p: TilePosition) -> bool {
         Some(p.col()) == self.seam_col || Some(p.row()) == self.seam_row
     }
 }
 
 /// Rebuilds a mesh from loose sorted triangles. All count as within the tolerance.
-fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
+fn build(mesh: &mut LatticeMesh, sorted: &[TileTriangle]) {
     mesh.clear();
     let mut edges = Vec::with_capacity(3 * sorted.len());
     for (id, triangle) in (0_u32..).zip(sorted) {
         let corners = triangle.corners;
-        mesh.add(Tri { state: State::Passed(0), source: id, ..Tri::new(corners, [NONE; 3]) });
+        mesh.add(LatticeTriangle {
+            state: ScanState::Passed(0),
+            source: id,
+            ..LatticeTriangle::new(corners, [NONE; 3])
+        });
         edges.extend((0..3).map(|edge| {
             let ends = [edge, next(edge)].map(|i| corners[i as usize]);
             (ends[0].min(ends[1]), ends[0].max(ends[1]), 4 * id + edge)
@@ -146,14 +150,17 @@ fn build(mesh: &mut Mesh, sorted: &[Triangle]) {
 
 /// What lies beyond the edges that have no twin.
 struct Border<'a> {
-    field: &'a Field,
+    field: &'a HeightField,
     input: &'a PatchInput<'a>,
 }
 
 impl Border<'_> {
     /// The triangle, once for each frozen edge beyond which the mesh may not agree with it, turned so
     /// that this edge comes first: all edges of a changed triangle, and those on the seam of any.
-    fn beside<'b>(&'b self, tri: &'b Tri) -> impl Iterator<Item = [Local; 3]> + 'b {
+    fn beside<'b>(
+        &'b self,
+        tri: &'b LatticeTriangle,
+    ) -> impl Iterator<Item = [TilePosition; 3]> + 'b {
         let is_asked = move |edge| tri.source == NONE || self.is_on_seam(tri, edge);
         let is_open = move |&edge: &u32| {
             tri.twins[edge as usize] == NONE && is_asked(edge) && self.is_frozen(tri, edge)
@@ -163,21 +170,21 @@ impl Border<'_> {
         (0..3).filter(is_open).map(turned)
     }
 
-    fn is_on_seam(&self, tri: &Tri, edge: u32) -> bool {
+    fn is_on_seam(&self, tri: &LatticeTriangle, edge: u32) -> bool {
         [edge, next(edge)].iter().all(|&i| self.input.is_on_seam(tri.corners[i as usize]))
     }
 
     /// True when a triangle counts the samples on its edge: always where nothing lies beyond.
-    fn is_owned(&self, tri: &Tri, edge: u32) -> bool {
+    fn is_owned(&self, tri: &LatticeTriangle, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
         let nothing_beyond = tri.twins[edge as usize] == NONE && !self.is_frozen(tri, edge);
         nothing_beyond || owns_by_direction(from, to)
     }
 
     /// The corners of the triangles beside frozen edges.
-    fn frozen(&self, mesh: &Mesh) -> Vec<Local> {
+    fn frozen(&self, mesh: &LatticeMesh) -> Vec<TilePosition> {
         let tris = mesh.ids().map(|id| &mesh.tris[id as usize]);
-        let is_frozen = |tri: &&Tri| {
+        let is_frozen = |tri: &&LatticeTriangle| {
             (0..3).any(|edge| tri.twins[edge as usize] == NONE && self.is_frozen(tri, edge))
         };
         tris.filter(is_frozen).flat_map(|tri| tri.corners).collect()
@@ -185,14 +192,14 @@ impl Border<'_> {
 
     /// True when the surface goes on beyond an edge without a twin: it is neither on the grid's border
     /// nor on the outline of a void.
-    fn is_frozen(&self, tri: &Tri, edge: u32) -> bool {
+    fn is_frozen(&self, tri: &LatticeTriangle, edge: u32) -> bool {
         let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
         !on_grid_border(from, to, self.field, self.input.grid_ends)
             && !self.has_void_beyond(from, to)
     }
 
     /// True when the cell to the right of the directed unit edge is inside the patch and void.
-    fn has_void_beyond(&self, from: Local, to: Local) -> bool {
+    fn has_void_beyond(&self, from: TilePosition, to: TilePosition) -> bool {
         let ([x, y], [to_x, to_y]) = (from.lattice(), to.lattice());
         let (dx, dy) = (to_x - x, to_y - y);
         if dx.abs() + dy.abs() != 1 {
@@ -212,12 +219,12 @@ impl Border<'_> {
     fn is_void(&self, col: u32, row: u32) -> bool {
         [(0, 0), (1, 0), (0, 1), (1, 1)]
             .iter()
-            .any(|&(c, r)| self.field.sample(Local::new(col + c, row + r)).is_nan())
+            .any(|&(c, r)| self.field.sample(TilePosition::new(col + c, row + r)).is_nan())
     }
 }
 
 /// Flips until every edge of the patch is Delaunay (Lawson 1977).
-fn legalise(mesh: &mut Mesh) {
+fn legalise(mesh: &mut LatticeMesh) {
     let mut stack: Vec<u32> =
         (0..mesh.tris.len() as u32).rev().flat_map(|id| [4 * id + 2, 4 * id + 1, 4 * id]).collect();
     while let Some(half_edge) = stack.pop() {
@@ -230,10 +237,10 @@ fn legalise(mesh: &mut Mesh) {
 /// True when to insert a sample, which a triangle holds, would change one beside an edge of the border that is
 /// frozen: the triangle beyond might not agree.
 fn changes_beside(
-    mesh: &Mesh,
+    mesh: &LatticeMesh,
     holder: u32,
-    at: Local,
-    is_frozen: impl Fn(&Tri, u32) -> bool,
+    at: TilePosition,
+    is_frozen: impl Fn(&LatticeTriangle, u32) -> bool,
 ) -> bool {
     let (mut open, mut seen) = (vec![holder], vec![holder]);
     while let Some(id) = open.pop() {
@@ -242,7 +249,7 @@ fn changes_beside(
             return true;
         }
         for other in tri.twins.into_iter().filter(|&twin| twin != NONE).map(|twin| twin >> 2) {
-            let [a, b, c] = mesh.tris[other as usize].corners.map(Local::lattice);
+            let [a, b, c] = mesh.tris[other as usize].corners.map(TilePosition::lattice);
             if in_circle(a, b, c, at.lattice()) > 0 && !seen.contains(&other) {
                 seen.push(other);
                 open.push(other);
@@ -254,12 +261,12 @@ fn changes_beside(
 
 /// Tries to drop the vertices on the seam lines that may have been chosen for a rim alone, in the order of their positions.
 fn drop_seam(
-    judge: &Judge<'_>,
-    mesh: &mut Mesh,
-    (input, stays): (&PatchInput<'_>, &[Local]),
-    scratch: &mut drop::Scratch,
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
+    (input, stays): (&PatchInput<'_>, &[TilePosition]),
+    scratch: &mut drop::DropScratch,
 ) {
-    let mut seam: Vec<(Local, u32)> = Vec::new();
+    let mut seam: Vec<(TilePosition, u32)> = Vec::new();
     for id in mesh.ids() {
         let half_edges = (4 * id..4 * id + 3).map(|half_edge| (mesh.origin(half_edge), half_edge));
         let may_go = |p| input.is_on_seam(p) && stays.binary_search(&p).is_err();
@@ -279,13 +286,14 @@ fn drop_seam(
 
 /// Moves and drops vertices on the seam and near it, as far as the border of the patch stays as it is.
 fn even_out(
-    judge: &Judge<'_>,
-    mesh: &mut Mesh,
-    (border, stays): (&Border<'_>, &[Local]),
-    adjust: &mut adjust::Scratch,
-    drop: &mut drop::Scratch,
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
+    (border, stays): (&Border<'_>, &[TilePosition]),
+    adjust: &mut adjust::AdjustScratch,
+    drop: &mut drop::DropScratch,
 ) {
-    let is_on_seam = |tri: &Tri| tri.corners.iter().any(|&p| border.input.is_on_seam(p));
+    let is_on_seam =
+        |tri: &LatticeTriangle| tri.corners.iter().any(|&p| border.input.is_on_seam(p));
     adjust.look_at(judge.field, mesh, is_on_seam);
     adjust.look_at_changes(judge.field, mesh);
     for _ in 0..adjust::ROUNDS {
@@ -301,11 +309,11 @@ fn even_out(
 
 /// The patch's triangles; those that were never touched keep their measures.
 fn finish(
-    mesh: &Mesh,
+    mesh: &LatticeMesh,
     border: &Border<'_>,
-    sorted: &[Triangle],
+    sorted: &[TileTriangle],
     spec: &Spec,
-    (adjust, used): (&adjust::Scratch, &mut BitSet),
+    (adjust, used): (&adjust::AdjustScratch, &mut BitSet),
 ) -> PatchMesh {
     let field = border.field;
     let mut patch = PatchMesh::default();
@@ -327,7 +335,7 @@ fn finish(
             (0.0, 0.0)
         };
         let corners = smallest_first(tri.corners);
-        patch.triangles.push(Triangle { corners, max_error, square_sum });
+        patch.triangles.push(TileTriangle { corners, max_error, square_sum });
     }
     (patch.vertices, patch.heights) = vertices_in_use(&patch.triangles, field, used);
     patch
@@ -336,20 +344,20 @@ fn finish(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
 
     /// Six by five samples, of which (3, 2) is void.
-    fn field() -> Field {
+    fn field() -> HeightField {
         let heights: Vec<f32> =
             (0..30).map(|i| if i == 2 * 6 + 3 { f32::NAN } else { i as f32 }).collect();
-        let heights = Heights { width: 6, height: 5, f32: &heights, f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: 6, height: 5, f32: &heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, 6, 5], [0; 4], None);
         field
     }
 
     fn input(grid_ends: [bool; 4]) -> PatchInput<'static> {
-        let heights = Heights { width: 6, height: 5, f32: &[], f64: None };
+        let heights = HeightWindow { width: 6, height: 5, f32: &[], f64: None };
         let (seam_col, seam_row) = (Some(4), None);
         PatchInput {
             heights,
@@ -367,14 +375,14 @@ mod tests {
     /// A rectangle of 6 by 4 cells with a vertex in its middle is four triangles, each beside one side.
     #[test]
     fn a_sample_that_changes_a_triangle_beside_a_frozen_edge_is_known() {
-        let mut mesh = Mesh::default();
+        let mut mesh = LatticeMesh::default();
         mesh.reset_to_rectangle(6, 4);
-        assert!(mesh.insert(0, Local::new(3, 2), &mut Vec::new()));
+        assert!(mesh.insert(0, TilePosition::new(3, 2), &mut Vec::new()));
         // Above the middle, and outside the circle of the triangle below it alone.
-        let at = Local::new(3, 1);
+        let at = TilePosition::new(3, 1);
         let holder = mesh.locate(at, 0);
         for (row, expected) in [(0, true), (4, false)] {
-            let is_frozen = |tri: &Tri, edge: u32| {
+            let is_frozen = |tri: &LatticeTriangle, edge: u32| {
                 [edge, next(edge)].iter().all(|&i| tri.corners[i as usize].row() == row)
             };
             assert_eq!(changes_beside(&mesh, holder, at, is_frozen), expected, "row {row}");
@@ -382,15 +390,15 @@ mod tests {
     }
 
     /// The cell a step of half a unit to the right of the middle of an edge, if the patch has it.
-    fn cell_beyond(from: Local, to: Local) -> Option<[i32; 2]> {
+    fn cell_beyond(from: TilePosition, to: TilePosition) -> Option<[i32; 2]> {
         let ([x, y], [to_x, to_y]) = (from.lattice(), to.lattice());
         let (dx, dy) = (to_x - x, to_y - y);
         let [col, row] = [(x + to_x + dy).div_euclid(2), (y + to_y - dx).div_euclid(2)];
         ((0..5).contains(&col) && (0..4).contains(&row)).then_some([col, row])
     }
 
-    fn all() -> impl Iterator<Item = Local> + Clone {
-        (0..5).flat_map(|row| (0..6).map(move |col| Local::new(col, row)))
+    fn all() -> impl Iterator<Item = TilePosition> + Clone {
+        (0..5).flat_map(|row| (0..6).map(move |col| TilePosition::new(col, row)))
     }
 
     #[test]
@@ -412,8 +420,8 @@ mod tests {
     /// Behind the last row of a field lie its copies, void as well.
     #[test]
     fn no_void_is_beyond_the_rectangle() {
-        let heights = Heights { width: 6, height: 5, f32: &[f32::NAN; 30], f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: 6, height: 5, f32: &[f32::NAN; 30], f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, 6, 5], [0; 4], None);
         let border = Border { field: &field, input: &input([false; 4]) };
         for (from, to) in all().flat_map(|from| all().map(move |to| (from, to))) {
@@ -427,7 +435,7 @@ mod tests {
     fn an_edge_is_frozen_where_the_surface_goes_on() {
         let field = field();
         let tri = |corners: [(u32, u32); 3]| {
-            Tri::new(corners.map(|(col, row)| Local::new(col, row)), [NONE; 3])
+            LatticeTriangle::new(corners.map(|(col, row)| TilePosition::new(col, row)), [NONE; 3])
         };
         for ends in [[false; 4], [true; 4], [true, false, false, true]] {
             let input = input(ends);
@@ -446,13 +454,13 @@ mod tests {
     /// Two triangles of a square in the corner on the right below.
     #[test]
     fn what_is_beside_a_frozen_edge_stays_and_shares_its_samples() {
-        let at = |(col, row): (u32, u32)| Local::new(col, row);
-        let triangle = |corners: [(u32, u32); 3]| Triangle {
+        let at = |(col, row): (u32, u32)| TilePosition::new(col, row);
+        let triangle = |corners: [(u32, u32); 3]| TileTriangle {
             corners: corners.map(at),
             max_error: 0.0,
             square_sum: 0.0,
         };
-        let mut mesh = Mesh::default();
+        let mut mesh = LatticeMesh::default();
         build(&mut mesh, &[[(5, 4), (4, 4), (5, 3)], [(4, 4), (4, 3), (5, 3)]].map(triangle));
         let field = field();
         for (is_end, expected, frozen) in [
@@ -476,15 +484,15 @@ mod tests {
         let (field, input) = (field(), input([false; 4]));
         let border = Border { field: &field, input: &input };
         let tri = |corners: [(u32, u32); 3]| {
-            let corners = corners.map(|(col, row)| Local::new(col, row));
-            Tri { source: 7, ..Tri::new(corners, [NONE; 3]) }
+            let corners = corners.map(|(col, row)| TilePosition::new(col, row));
+            LatticeTriangle { source: 7, ..LatticeTriangle::new(corners, [NONE; 3]) }
         };
         let on = tri([(4, 0), (4, 3), (1, 1)]);
         assert_eq!([0, 1, 2].map(|edge| border.is_on_seam(&on, edge)), [true, false, false]);
-        let turned = [[4, 0], [4, 3], [1, 1]].map(|[col, row]| Local::new(col, row));
+        let turned = [[4, 0], [4, 3], [1, 1]].map(|[col, row]| TilePosition::new(col, row));
         assert_eq!(border.beside(&on).collect::<Vec<_>>(), [turned]);
         // Of a triangle that changed every open edge is asked about.
-        let changed = Tri { source: NONE, twins: [NONE, 3, NONE], ..on };
+        let changed = LatticeTriangle { source: NONE, twins: [NONE, 3, NONE], ..on };
         let [a, b, c] = turned;
         assert_eq!(border.beside(&changed).collect::<Vec<_>>(), [[a, b, c], [c, a, b]]);
     }

@@ -17,10 +17,10 @@
 //! out and the worst sample between them in, 0.1 to 0.7 %; the same with the best of 100 places for it, 0.6 to
 //! 1.6 % in thirty times the time. To look at one sample in a few of a triangle before all of them: 3 to 13 % slower.
 
-use super::angles::AngleBound;
-use super::judge::Judge;
-use super::local::Local;
-use super::mesh::{NONE, Tri, next};
+use super::angles::MinimumAngle;
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
+use super::mesh::{LatticeTriangle, NONE, next};
 use terrane_base::geom::predicates::orient;
 
 /// Stars with more triangles than this are left as they are.
@@ -28,21 +28,21 @@ pub(super) const MAX_DEGREE: usize = 16;
 
 /// The best filling of a stretch of the outline.
 #[derive(Clone, Copy, Debug)]
-struct Filling {
+struct EarFilling {
     /// The shape of its worst triangle; infinite where it has none, 0 where there is no filling.
     shape: f64,
     /// Where the triangle on the chord has its apex.
     apex: usize,
 }
 
-const NO_FILLING: Filling = Filling { shape: 0.0, apex: 0 };
-const EDGE: Filling = Filling { shape: f64::INFINITY, apex: 0 };
+const NO_FILLING: EarFilling = EarFilling { shape: 0.0, apex: 0 };
+const EDGE: EarFilling = EarFilling { shape: f64::INFINITY, apex: 0 };
 
 /// Buffers.
 #[derive(Debug, Default)]
 pub(super) struct Refill {
     /// By the ends of a stretch.
-    fillings: Vec<Filling>,
+    fillings: Vec<EarFilling>,
     /// Stretches to make triangles of, and the half-edge that lies beyond their chord.
     stack: Vec<([usize; 2], u32)>,
 }
@@ -53,11 +53,11 @@ impl Refill {
     /// of them is set in the later one only. False when no filling keeps the tolerance, and the angles.
     pub(super) fn fill(
         &mut self,
-        judge: &Judge<'_>,
-        angle: Option<AngleBound>,
-        vertex: Local,
-        (ring, star): (&[(Local, u32)], &[u32]),
-        fill: &mut Vec<Tri>,
+        judge: &InsertionCriteria<'_>,
+        angle: Option<MinimumAngle>,
+        vertex: TilePosition,
+        (ring, star): (&[(TilePosition, u32)], &[u32]),
+        fill: &mut Vec<LatticeTriangle>,
     ) -> bool {
         let count = ring.len();
         fill.clear();
@@ -67,7 +67,7 @@ impl Refill {
         self.fillings.clear();
         self.fillings.resize(count * count, NO_FILLING);
         (1..count).for_each(|to| self.fillings[(to - 1) * count + to] = EDGE);
-        let keeps = |corners: [Local; 3]| {
+        let keeps = |corners: [TilePosition; 3]| {
             angle.is_none_or(|bound| bound.holds(corners))
                 && judge.stays_within(corners, vertex).unwrap_or(true)
                 && judge.candidate(corners, 0).is_none()
@@ -93,10 +93,10 @@ impl Refill {
     /// The best filling of a stretch: apexes are tried from that which promises most.
     fn best(
         &self,
-        ring: &[(Local, u32)],
+        ring: &[(TilePosition, u32)],
         [from, to]: [usize; 2],
-        keeps: impl Fn([Local; 3]) -> bool,
-    ) -> Filling {
+        keeps: impl Fn([TilePosition; 3]) -> bool,
+    ) -> EarFilling {
         let at = |from: usize, to: usize| self.fillings[from * ring.len() + to].shape;
         let corners = |apex: usize| [ring[from].0, ring[apex].0, ring[to].0];
         let promise = |apex: usize| at(from, apex).min(at(apex, to)).min(shape(corners(apex)));
@@ -111,14 +111,19 @@ impl Refill {
                 return NO_FILLING;
             }
             if keeps(corners(apex)) {
-                return Filling { shape: promises[apex], apex };
+                return EarFilling { shape: promises[apex], apex };
             }
             promises[apex] = 0.0;
         }
     }
 
     /// Makes triangles of the fillings.
-    fn collect(&mut self, ring: &[(Local, u32)], star: &[u32], fill: &mut Vec<Tri>) {
+    fn collect(
+        &mut self,
+        ring: &[(TilePosition, u32)],
+        star: &[u32],
+        fill: &mut Vec<LatticeTriangle>,
+    ) {
         let count = ring.len();
         self.stack.push(([0, count - 1], ring[count - 1].1));
         while let Some(([from, to], beyond)) = self.stack.pop() {
@@ -132,14 +137,18 @@ impl Refill {
                     self.stack.push((stretch, id + edge));
                 }
             }
-            fill.push(Tri::new([from, apex, to].map(|at| ring[at].0), twins));
+            fill.push(LatticeTriangle::new([from, apex, to].map(|at| ring[at].0), twins));
         }
     }
 }
 
 /// True when some triangle of three corners of the outline holds the vertex and keeps it within the tolerance: one of
 /// those has to be in the filling, and most vertices have none.
-fn may_go(judge: &Judge<'_>, vertex: Local, ring: &[(Local, u32)]) -> bool {
+fn may_go(
+    judge: &InsertionCriteria<'_>,
+    vertex: TilePosition,
+    ring: &[(TilePosition, u32)],
+) -> bool {
     let count = ring.len();
     let thirds = |a: usize, b: usize| (b + 1..count).map(move |c| [a, b, c]);
     let all = (0..count).flat_map(|a| (a + 1..count).flat_map(move |b| thirds(a, b)));
@@ -149,8 +158,8 @@ fn may_go(judge: &Judge<'_>, vertex: Local, ring: &[(Local, u32)]) -> bool {
 
 /// How far from thin a triangle is: twice its area by the square of its longest side, at most 0.87, and 0 or less
 /// where it turns the wrong way.
-fn shape(corners: [Local; 3]) -> f64 {
-    let at = corners.map(Local::lattice);
+fn shape(corners: [TilePosition; 3]) -> f64 {
+    let at = corners.map(TilePosition::lattice);
     let square = |i: u32| {
         let ([x, y], [to_x, to_y]) = (at[i as usize], at[next(i) as usize]);
         let [dx, dy] = [to_x - x, to_y - y].map(i64::from);
@@ -163,12 +172,12 @@ fn shape(corners: [Local; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drop::Scratch;
+    use crate::drop::DropScratch;
     use crate::drop::tests::is_within;
-    use crate::field::Field;
-    use crate::field::Heights;
+    use crate::field::HeightField;
+    use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
-    use crate::mesh::{Mesh, State};
+    use crate::mesh::{LatticeMesh, ScanState};
     use crate::scan::available;
     use proptest::prelude::*;
 
@@ -176,7 +185,7 @@ mod tests {
 
     /// The shape of the worst triangle of the best filling of an outline, of all there are: the apex on the edge
     /// from the last corner to the first is tried everywhere, and what is left on its two sides filled in turn.
-    fn best_of_all(outline: &[Local], keeps: &impl Fn([Local; 3]) -> bool) -> f64 {
+    fn best_of_all(outline: &[TilePosition], keeps: &impl Fn([TilePosition; 3]) -> bool) -> f64 {
         let Some(last) = outline.len().checked_sub(1).filter(|&last| last > 1) else {
             return f64::INFINITY;
         };
@@ -202,26 +211,26 @@ mod tests {
             finer in 0..5_u8, angle in prop_oneof![Just(None), (1.0..20.0_f64).prop_map(Some)]
         ) {
             let z: Vec<f32> = z.into_iter().map(f32::from).collect();
-            let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
-            let mut mesh = Mesh::default();
+            let mut mesh = LatticeMesh::default();
             mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
-            let judge = |tolerance: u8| Judge::of_samples(&field, available()[0].1, tolerance.into());
+            let judge = |tolerance: u8| InsertionCriteria::of_samples(&field, available()[0].1, tolerance.into());
             fit(&judge(tolerance - finer), &mut mesh, &mut WorkLists::default(), false);
-            let angle = angle.map(|least| AngleBound::new(least, [1.0, 0.0], [0.0, -1.0]));
-            let mut scratch = Scratch::default();
+            let angle = angle.map(|least| MinimumAngle::new(least, [1.0, 0.0], [0.0, -1.0]));
+            let mut scratch = DropScratch::default();
             scratch.limit_angles(angle);
             scratch.allow_any(true);
             let mut star = Vec::new();
             for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-                if mesh.tris[(half_edge >> 2) as usize].state == State::Free
+                if mesh.tris[(half_edge >> 2) as usize].state == ScanState::Free
                     || !mesh.star(half_edge, 9, &mut star)
                 {
                     continue;
                 }
-                let outline: Vec<Local> = star.iter().map(|&at| mesh.end(at)).collect();
-                let keeps = |corners: [Local; 3]| {
+                let outline: Vec<TilePosition> = star.iter().map(|&at| mesh.end(at)).collect();
+                let keeps = |corners: [TilePosition; 3]| {
                     angle.is_none_or(|bound| bound.holds(corners))
                         && is_within(&field, corners, tolerance.into())
                 };

@@ -15,20 +15,20 @@
 //! on each side where the grid goes on (the *apron*).
 
 use super::exact::within;
-use super::local::Local;
+use super::local::TilePosition;
 use super::spec::TileInput;
 use terrane_line::rdp::refine;
 
 /// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile
 /// positions.
-pub(super) struct Surface<'a> {
+pub(super) struct TileSurface<'a> {
     input: &'a TileInput<'a>,
     /// One a cell of tile and apron: 1 when all its samples are valid. Empty when nothing is void.
     cells: Vec<u8>,
     pitch: usize,
 }
 
-impl<'a> Surface<'a> {
+impl<'a> TileSurface<'a> {
     pub(super) fn new(input: &'a TileInput<'a>) -> Self {
         let heights = &input.heights;
         let width = heights.width as usize;
@@ -67,17 +67,17 @@ impl<'a> Surface<'a> {
     }
 
     /// What a sample of a tile with voids is to the surface.
-    pub(super) fn role(&self, p: Local) -> Role {
+    pub(super) fn role(&self, p: TilePosition) -> RimRole {
         let col = (p.col() + self.input.apron_left) as usize;
         let row = (p.row() + self.input.apron_above) as usize;
         let (left, above) = (col.checked_sub(1), row.checked_sub(1));
         let cells = [(left, above), (Some(col), above), (left, Some(row)), (Some(col), Some(row))]
             .map(|(col, row)| self.cell(col, row));
         match (cells.contains(&Some(true)), cells.contains(&Some(false))) {
-            (true, true) => Role::Outline,
-            (true, false) => Role::Interior,
-            (false, _) if self.is_valid(col, row) => Role::Isolated,
-            (false, _) => Role::Void,
+            (true, true) => RimRole::Outline,
+            (true, false) => RimRole::Interior,
+            (false, _) if self.is_valid(col, row) => RimRole::Isolated,
+            (false, _) => RimRole::Void,
         }
     }
 
@@ -89,7 +89,7 @@ impl<'a> Surface<'a> {
 
 /// Part a sample plays in the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum RimRole {
     /// All its cells belong to the surface.
     Interior,
     /// Some of its cells do: it must be a vertex.
@@ -105,8 +105,8 @@ const DOUBT: f64 = 1e-14;
 
 /// A straight run of rim samples: the first one, the step to the next, and how many.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rim {
-    pub(super) first: Local,
+pub(super) struct RimRun {
+    pub(super) first: TilePosition,
     pub(super) along_rows: bool,
     pub(super) count: u32,
     pub(super) spacing: u32,
@@ -119,10 +119,14 @@ pub(super) fn posts(cells: u32, spacing: u32) -> impl Iterator<Item = u32> {
     (0..=parts).map(move |i| i * cells / parts)
 }
 
-impl Rim {
-    fn at(&self, i: u32) -> Local {
+impl RimRun {
+    fn at(&self, i: u32) -> TilePosition {
         let (col, row) = (self.first.col(), self.first.row());
-        if self.along_rows { Local::new(col, row + i) } else { Local::new(col + i, row) }
+        if self.along_rows {
+            TilePosition::new(col, row + i)
+        } else {
+            TilePosition::new(col + i, row)
+        }
     }
 
     /// Appends the rim's vertices in order, its two ends included.
@@ -133,23 +137,23 @@ impl Rim {
     /// ([`refine`]), but here the vertical distance decides without rounding.
     pub(super) fn vertices(
         &self,
-        role: impl Fn(Local) -> Role,
-        is_kept: impl Fn(Local) -> bool,
-        (sample, vertex): (impl Fn(Local) -> f64, impl Fn(Local) -> f64),
+        role: impl Fn(TilePosition) -> RimRole,
+        is_kept: impl Fn(TilePosition) -> bool,
+        (sample, vertex): (impl Fn(TilePosition) -> f64, impl Fn(TilePosition) -> f64),
         tolerance: f64,
-        out: &mut Vec<Local>,
+        out: &mut Vec<TilePosition>,
     ) {
         let last = self.count - 1;
         let mut posts = posts(last, self.spacing).skip(1).peekable();
         let mut is_fixed = |i: &u32| {
             let at = self.at(*i);
-            posts.next_if_eq(i).is_some() || role(at) == Role::Outline || is_kept(at)
+            posts.next_if_eq(i).is_some() || role(at) == RimRole::Outline || is_kept(at)
         };
         let mut start = 0;
         out.push(self.at(0));
         while start < last {
             let end = (start + 1..=last).find(&mut is_fixed).unwrap_or(last);
-            if end > start + 1 && role(self.at(start + 1)) == Role::Interior {
+            if end > start + 1 && role(self.at(start + 1)) == RimRole::Interior {
                 let ends = [start, end].map(|i| i as usize);
                 self.refine(ends, &sample, &vertex, tolerance, out);
             }
@@ -162,10 +166,10 @@ impl Rim {
     fn refine(
         &self,
         [start, end]: [usize; 2],
-        sample: &impl Fn(Local) -> f64,
-        vertex: &impl Fn(Local) -> f64,
+        sample: &impl Fn(TilePosition) -> f64,
+        vertex: &impl Fn(TilePosition) -> f64,
         tolerance: f64,
-        out: &mut Vec<Local>,
+        out: &mut Vec<TilePosition>,
     ) {
         let split = |start, end| self.worst(start, end, sample, vertex, tolerance);
         refine(start, end, &mut Vec::new(), split, |at| out.push(self.at(at as u32)));
@@ -177,8 +181,8 @@ impl Rim {
         &self,
         start: usize,
         end: usize,
-        sample: &impl Fn(Local) -> f64,
-        vertex: &impl Fn(Local) -> f64,
+        sample: &impl Fn(TilePosition) -> f64,
+        vertex: &impl Fn(TilePosition) -> f64,
         tolerance: f64,
     ) -> Option<usize> {
         let (start, end) = (start as u32, end as u32);
@@ -209,7 +213,12 @@ mod tests {
     /// A third is no number of `f64`: the nearest one is less, and that of two thirds too.
     #[test]
     fn a_tolerance_is_exceeded_by_less_than_a_rounding() {
-        let rim = Rim { first: Local::new(0, 0), along_rows: false, count: 4, spacing: u32::MAX };
+        let rim = RimRun {
+            first: TilePosition::new(0, 0),
+            along_rows: false,
+            count: 4,
+            spacing: u32::MAX,
+        };
         for (heights, tolerance, expected) in [
             ([0.0, 0.0, 2.0 / 3.0, 1.0], 1.0 / 3.0, Some(1)),
             ([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0], 0.0, Some(1)),
@@ -218,7 +227,7 @@ mod tests {
             ([0.0, -1.0, 0.0, 3.0], 2.0, None),
             ([0.0, -1.0, 0.0, 3.0], 2.0_f64.next_down(), Some(1)),
         ] {
-            let height = |p: Local| heights[p.col() as usize];
+            let height = |p: TilePosition| heights[p.col() as usize];
             let worst = rim.worst(0, 3, &height, &height, tolerance);
             assert_eq!(worst, expected, "{heights:?} {tolerance}");
         }
@@ -228,19 +237,23 @@ mod tests {
     #[test]
     fn a_chord_far_from_zero_is_missed_by_the_tolerance_or_more() {
         let n = 1024_u32;
-        let rim =
-            Rim { first: Local::new(0, 0), along_rows: false, count: n + 1, spacing: u32::MAX };
+        let rim = RimRun {
+            first: TilePosition::new(0, 0),
+            along_rows: false,
+            count: n + 1,
+            spacing: u32::MAX,
+        };
         for (unit, k) in [0, -80].into_iter().flat_map(|unit| (1..60).map(move |k| (unit, k))) {
             let unit = 2.0_f64.powi(unit);
             let to = (1_i64 << 53) - 1 - 2 * 7919 * k;
             let chord = to * i64::from(n - 1);
             let height = chord / i64::from(n) + k % 3;
             let off = (height * i64::from(n) - chord).abs() as f64 / f64::from(n);
-            let sample = |p: Local| match p.col() {
+            let sample = |p: TilePosition| match p.col() {
                 col if col == n - 1 => height as f64 * unit,
                 col => to as f64 / f64::from(n) * f64::from(col) * unit,
             };
-            let vertex = |p: Local| if p.col() == 0 { 0.0 } else { to as f64 * unit };
+            let vertex = |p: TilePosition| if p.col() == 0 { 0.0 } else { to as f64 * unit };
             let found = |tolerance: f64| {
                 let worst = rim.worst(0, n as usize, &sample, &vertex, tolerance * unit);
                 worst == Some(n as usize - 1)

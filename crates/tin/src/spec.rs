@@ -1,19 +1,19 @@
 //! The specification of a tile or patch, its input and its result.
 
-use super::angles::AngleBound;
+use super::angles::MinimumAngle;
 use super::breaklines::Stretch;
-use super::field::Heights;
-use super::local::Local;
-use terrane_base::bound::Bound;
-use terrane_base::geom::Rounding;
+use super::field::HeightWindow;
+use super::local::TilePosition;
+use terrane_base::bound::ErrorBound;
+use terrane_base::geom::HeightQuantization;
 
 /// A triangle of a finished tile or patch: corners counter-clockwise in (column, row) axes, i.e.
 /// `predicates::orient > 0`, starting with the smallest corner.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Triangle {
+pub struct TileTriangle {
     /// Corners.
-    pub corners: [Local; 3],
+    pub corners: [TilePosition; 3],
     /// Largest error of any sample in it (0 where not measured).
     pub max_error: f32,
     /// Sum of squared errors of the samples it owns (0 where not measured). A sample on an edge is
@@ -27,7 +27,7 @@ pub struct Spec {
     /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
     pub tolerance: f64,
     /// Of what that is promised: of the samples, or of the lines between them too.
-    pub bound: Bound,
+    pub bound: ErrorBound,
     /// One global maximum at a time with exact full scans (the reference), instead of
     /// adaptive-stride scans.
     pub strict: bool,
@@ -39,9 +39,9 @@ pub struct Spec {
     pub fit: bool,
     /// Vertex heights are rounded like this, because the output stores no more than f32; `None` where
     /// it stores f64.
-    pub single_precision: Option<Rounding>,
+    pub single_precision: Option<HeightQuantization>,
     /// What angles triangles may have; `None` for any.
-    pub min_angle: Option<AngleBound>,
+    pub min_angle: Option<MinimumAngle>,
     /// Fill `max_error` and `square_sum` of the triangles.
     pub measure: bool,
 }
@@ -61,7 +61,7 @@ impl Spec {
 #[derive(Clone, Copy, Debug)]
 pub struct TileInput<'a> {
     /// Heights of the tile and its apron.
-    pub heights: Heights<'a>,
+    pub heights: HeightWindow<'a>,
     /// Columns (0 or 1) of apron on the left.
     pub apron_left: u32,
     /// Columns (0 or 1) of apron on the right.
@@ -74,7 +74,7 @@ pub struct TileInput<'a> {
     pub spacing: u32,
     /// Samples of the tile that stay vertices wherever there is surface, at the heights they have, sorted. Both
     /// tiles at a border have to be told of those on it.
-    pub kept: &'a [Local],
+    pub kept: &'a [TilePosition],
     /// Paths that edges have to follow wherever there is surface; what [`Stretch::ends`] tells of each has to be
     /// kept.
     pub lines: &'a [Stretch],
@@ -82,7 +82,7 @@ pub struct TileInput<'a> {
 
 impl<'a> TileInput<'a> {
     /// A grid that is one tile: no apron, posts at its corners alone, nothing to keep.
-    pub fn alone(heights: Heights<'a>) -> Self {
+    pub fn alone(heights: HeightWindow<'a>) -> Self {
         let [apron_left, apron_right, apron_above, apron_below] = [0; 4];
         let (spacing, kept, lines) = (u32::MAX, &[], &[]);
         Self { heights, apron_left, apron_right, apron_above, apron_below, spacing, kept, lines }
@@ -94,9 +94,9 @@ impl<'a> TileInput<'a> {
 pub struct TileMesh {
     /// Triangles of the surface (cells with a void corner are not part of it), in an
     /// order that depends on the input alone.
-    pub triangles: Vec<Triangle>,
+    pub triangles: Vec<TileTriangle>,
     /// Vertices in use, sorted, and
-    pub vertices: Vec<Local>,
+    pub vertices: Vec<TilePosition>,
     /// their heights.
     pub heights: Vec<f64>,
     /// Valid samples that touch no valid cell: they have no surface. Counted on the tile's samples
@@ -109,14 +109,14 @@ pub struct TileMesh {
 impl TileMesh {
     /// Bytes of the mesh of so many samples that keeps all of them.
     pub fn most_bytes(samples: u64) -> u64 {
-        let each = 2 * size_of::<Triangle>() + size_of::<Local>() + size_of::<f64>();
+        let each = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
         samples * each as u64
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let triangles = self.triangles.capacity() * size_of::<Triangle>();
-        let vertices = self.vertices.capacity() * size_of::<Local>();
+        let triangles = self.triangles.capacity() * size_of::<TileTriangle>();
+        let vertices = self.vertices.capacity() * size_of::<TilePosition>();
         (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
     }
 }
@@ -126,12 +126,12 @@ impl TileMesh {
 pub struct PatchInput<'a> {
     /// Heights of the rectangle: all triangles lie in it, and one more sample on each side where
     /// the grid goes on (a void there ends the surface).
-    pub heights: Heights<'a>,
+    pub heights: HeightWindow<'a>,
     /// Heights of vertices of the triangles where they are free; the others have those of their samples.
-    pub vertices: &'a [(Local, f64)],
+    pub vertices: &'a [(TilePosition, f64)],
     /// The triangles to mend, in any order; they should hold every triangle with a corner on the
     /// seam.
-    pub triangles: &'a [Triangle],
+    pub triangles: &'a [TileTriangle],
     /// Column of the vertical rim line; its vertices may be dropped.
     pub seam_col: Option<u32>,
     /// Row of the horizontal rim line.
@@ -143,7 +143,7 @@ pub struct PatchInput<'a> {
     /// So what happens at a seam ends near it, and a patch can hold all of it.
     pub spacing: u32,
     /// Samples that stay vertices if they are, at the heights they have, sorted.
-    pub kept: &'a [Local],
+    pub kept: &'a [TilePosition],
     /// Paths that edges have to follow.
     pub lines: &'a [Stretch],
 }
@@ -152,18 +152,18 @@ pub struct PatchInput<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct PatchMesh {
     /// The triangles that replace those of the input.
-    pub triangles: Vec<Triangle>,
+    pub triangles: Vec<TileTriangle>,
     /// Every vertex they use, sorted, and
-    pub vertices: Vec<Local>,
+    pub vertices: Vec<TilePosition>,
     /// their heights.
     pub heights: Vec<f64>,
     /// The changed triangles on the border of the patch, each turned so that the edge beyond which
     /// the surface goes on comes first: `[from, to, third corner]`. Where the triangle beyond is not
     /// Delaunay with it, a larger patch would have changed more.
-    pub border: Vec<[Local; 3]>,
+    pub border: Vec<[TilePosition; 3]>,
     /// Samples between which an edge is beyond the tolerance, and which the frozen border keeps from being
     /// vertices: a neighbouring or larger patch has to mend that. Empty where samples alone are judged.
-    pub left: Vec<Local>,
+    pub left: Vec<TilePosition>,
     /// Triangles that have too small an angle still, which a neighbouring or larger patch may mend.
     pub thin: u64,
     /// Pairs of neighbouring vertices on paths that no edge joins still, which a larger patch may mend.

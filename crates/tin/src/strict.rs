@@ -4,55 +4,55 @@ use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use super::exact::{self, ExactWorst};
-use super::judge::Judge;
-use super::local::Local;
-use super::mesh::{Mesh, State};
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
+use super::mesh::{LatticeMesh, ScanState};
 
 /// The worst sample of a triangle as it was when its `stamp` was current.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct QueuedSample {
     error: f64,
-    at: Local,
+    at: TilePosition,
     id: u32,
     stamp: u32,
 }
 
-impl Entry {
+impl QueuedSample {
     /// Larger error first; among equals the lowest (row, column), then the lowest triangle.
-    fn key(&self) -> (f64, Reverse<(Local, u32)>) {
+    fn key(&self) -> (f64, Reverse<(TilePosition, u32)>) {
         (self.error, Reverse((self.at, self.id)))
     }
 }
 
-impl Ord for Entry {
+impl Ord for QueuedSample {
     fn cmp(&self, other: &Self) -> Ordering {
         let (a, b) = (self.key(), other.key());
         a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
     }
 }
 
-impl PartialOrd for Entry {
+impl PartialOrd for QueuedSample {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Entry {
+impl PartialEq for QueuedSample {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Entry {}
+impl Eq for QueuedSample {}
 
 /// Garland & Heckbert's algorithm III: a heap of candidates, full scans in `f64`, one insertion at
 /// a time. Dirty triangles of the mesh are scanned first. Time O((m + n) log m) expected for m vertices
 /// and n samples, with a large constant.
-pub(super) fn insert(judge: &Judge<'_>, mesh: &mut Mesh) {
+pub(super) fn insert(judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh) {
     let mut heap = BinaryHeap::new();
     let mut stamps = vec![0; mesh.tris.len()];
     let mut star: Vec<u32> =
-        mesh.ids().filter(|&id| mesh.tris[id as usize].state == State::Dirty).collect();
+        mesh.ids().filter(|&id| mesh.tris[id as usize].state == ScanState::Dirty).collect();
     loop {
         stamps.resize(mesh.tris.len(), 0);
         for &id in &star {
@@ -68,34 +68,39 @@ pub(super) fn insert(judge: &Judge<'_>, mesh: &mut Mesh) {
     }
 }
 
-fn candidate(judge: &Judge<'_>, mesh: &mut Mesh, id: u32, stamp: u32) -> Option<Entry> {
+fn candidate(
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
+    id: u32,
+    stamp: u32,
+) -> Option<QueuedSample> {
     let tri = &mut mesh.tris[id as usize];
-    tri.state = State::Passed(0);
+    tri.state = ScanState::Passed(0);
     let ExactWorst { error, at, within } = exact::scan(judge.field, tri.corners, judge.tolerance);
-    (!within).then_some(Entry { error, at, id, stamp })
+    (!within).then_some(QueuedSample { error, at, id, stamp })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::exact::{distance, for_each_sample, within};
-    use crate::field::Field;
-    use crate::field::Heights;
+    use crate::field::HeightField;
+    use crate::field::HeightWindow;
     use crate::mesh::Fixed;
     use crate::scan;
     use proptest::prelude::*;
 
     /// O(m n): looks at every sample of every triangle again before each insertion.
-    fn insert_naively(judge: &Judge<'_>, mesh: &mut Mesh) {
+    fn insert_naively(judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh) {
         loop {
-            let mut worst: Option<Entry> = None;
+            let mut worst: Option<QueuedSample> = None;
             for id in mesh.ids() {
                 let corners = mesh.tris[id as usize].corners;
                 let z = judge.field.vertices(corners);
                 for_each_sample(corners, judge.field.scan_bounds(), |at, weights| {
                     let height = judge.field.sample(at);
                     let error = distance(weights, z, height);
-                    let entry = Entry { error, at, id, stamp: 0 };
+                    let entry = QueuedSample { error, at, id, stamp: 0 };
                     let fails = !within(weights, z, height, judge.tolerance);
                     if fails && worst.is_none_or(|worst| entry > worst) {
                         worst = Some(entry);
@@ -113,11 +118,11 @@ mod tests {
             heights in proptest::collection::vec(-30_i16..30, 12 * 9), tolerance in 0_u8..25
         ) {
             let heights: Vec<f32> = heights.into_iter().map(f32::from).collect();
-            let heights = Heights { width: 12, height: 9, f32: &heights, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: 12, height: 9, f32: &heights, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, 12, 9], [1; 4], None);
-            let judge = Judge::of_samples(&field, scan::fastest(), tolerance.into());
-            let (mut mesh, mut twin) = (Mesh::default(), Mesh::default());
+            let judge = InsertionCriteria::of_samples(&field, scan::fastest(), tolerance.into());
+            let (mut mesh, mut twin) = (LatticeMesh::default(), LatticeMesh::default());
             for mesh in [&mut mesh, &mut twin] {
                 mesh.reset_to_rectangle(11, 8);
                 mesh.fixed = Fixed::Inside { ends: [false; 4], cells: [11, 8] };
@@ -125,7 +130,7 @@ mod tests {
             insert(&judge, &mut mesh);
             insert_naively(&judge, &mut twin);
             mesh.validate();
-            let corners = |mesh: &Mesh| mesh.tris.iter().map(|tri| tri.corners).collect::<Vec<_>>();
+            let corners = |mesh: &LatticeMesh| mesh.tris.iter().map(|tri| tri.corners).collect::<Vec<_>>();
             prop_assert_eq!(corners(&mesh), corners(&twin));
         }
     }

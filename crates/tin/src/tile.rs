@@ -17,51 +17,51 @@
 use super::between::{self, Rounds};
 use super::breaklines::{self, Stretch};
 use super::crossing::Crossings;
-use super::field::Field;
+use super::field::HeightField;
 use super::greedy::{WorkLists, fit};
-use super::judge::Judge;
-use super::local::Local;
+use super::judge::InsertionCriteria;
+use super::local::TilePosition;
 use super::measure::owns_by_direction;
-use super::mesh::{Fixed, Mesh, NONE, State, next};
-use super::rim::{Rim, Role, Surface, posts};
+use super::mesh::{Fixed, LatticeMesh, NONE, ScanState, next};
+use super::rim::{RimRole, RimRun, TileSurface, posts};
 use super::scan::{self, Scan, measure};
-use super::spec::{Spec, TileInput, TileMesh, Triangle};
+use super::spec::{Spec, TileInput, TileMesh, TileTriangle};
 use super::{adjust, angles, drop};
 use terrane_base::bits::BitSet;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::cancel::Cancel;
 
 /// A worker's buffers, reused from tile to tile.
 #[derive(Debug)]
-pub struct Scratch {
-    pub(super) field: Field,
-    pub(super) mesh: Mesh,
+pub struct TileScratch {
+    pub(super) field: HeightField,
+    pub(super) mesh: LatticeMesh,
     pub(super) lists: WorkLists,
     pub(super) rounds: Rounds,
-    pub(super) drop: drop::Scratch,
-    pub(super) adjust: adjust::Scratch,
-    pub(super) edges: breaklines::Edges,
+    pub(super) drop: drop::DropScratch,
+    pub(super) adjust: adjust::AdjustScratch,
+    pub(super) edges: breaklines::PathEdges,
     pub(super) used: BitSet,
     pub(super) scan: Scan,
 }
 
-impl Default for Scratch {
+impl Default for TileScratch {
     fn default() -> Self {
         Self {
-            field: Field::default(),
-            mesh: Mesh::default(),
+            field: HeightField::default(),
+            mesh: LatticeMesh::default(),
             lists: WorkLists::default(),
             rounds: Rounds::default(),
-            drop: drop::Scratch::default(),
-            adjust: adjust::Scratch::default(),
-            edges: breaklines::Edges::default(),
+            drop: drop::DropScratch::default(),
+            adjust: adjust::AdjustScratch::default(),
+            edges: breaklines::PathEdges::default(),
             used: BitSet::default(),
             scan: scan::fastest(),
         }
     }
 }
 
-impl Scratch {
+impl TileScratch {
     /// Lets `cancel` stop the work early. What is made then is of no use.
     pub fn stop_by(&mut self, cancel: &Cancel) {
         self.field.stop_by(cancel);
@@ -71,12 +71,12 @@ impl Scratch {
     /// 2 triangles a sample of 32 bytes, the work lists, and the result.
     pub fn bytes(cells: u32, is_free: bool) -> u64 {
         let samples = u64::from(cells + 1).pow(2);
-        Field::bytes(cells, is_free) + samples * (2 * 32 + 48 + 2 * 20 + 12)
+        HeightField::bytes(cells, is_free) + samples * (2 * 32 + 48 + 2 * 20 + 12)
     }
 
     /// How many more where breaklines are followed, whatever their number.
     pub fn line_bytes(cells: u32) -> u64 {
-        breaklines::Edges::bytes(u64::from(cells + 1).pow(2))
+        breaklines::PathEdges::bytes(u64::from(cells + 1).pow(2))
     }
 }
 
@@ -84,7 +84,7 @@ impl Scratch {
 ///
 /// The result is a pure function of the input and `spec`. Expected time is linear in the samples
 /// plus the kept vertices times the samples of a scan.
-pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
     let input = &TileInput { spacing: spec.spacing(input.spacing), ..*input };
     let (cols, rows) = (input.cols(), input.rows());
     let window = [input.apron_left, input.apron_above, cols, rows];
@@ -93,7 +93,7 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
     // What the rim of a neighbour decides is not scanned.
     scratch.field.load(&input.heights, window, aprons, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
-    let surface = Surface::new(input);
+    let surface = TileSurface::new(input);
     let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input);
     insert_all(&mut scratch.mesh, &fixed);
     insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
@@ -111,8 +111,8 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
         even_out(scratch, spec, &fixed);
     }
     if let Some(bound) = &spec.min_angle {
-        let Scratch { field, mesh, lists, rounds, scan, .. } = scratch;
-        let judge = Judge::of_samples(field, *scan, spec.tolerance);
+        let TileScratch { field, mesh, lists, rounds, scan, .. } = scratch;
+        let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
         angles::insert(
             bound,
             mesh,
@@ -130,16 +130,16 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratc
 }
 
 /// Inserts what breaklines need, and drops what is redundant then.
-fn follow(scratch: &mut Scratch, spec: &Spec, mut fixed: Vec<Local>, lines: &[Stretch]) {
-    let Scratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
-    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
-    let settle = |mesh: &mut Mesh| bring_within(&judge, mesh, lists, rounds, spec);
-    let may = |_: &Mesh, _, _| !field.is_stopped();
+fn follow(scratch: &mut TileScratch, spec: &Spec, mut fixed: Vec<TilePosition>, lines: &[Stretch]) {
+    let TileScratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
+    let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
+    let settle = |mesh: &mut LatticeMesh| bring_within(&judge, mesh, lists, rounds, spec);
+    let may = |_: &LatticeMesh, _, _| !field.is_stopped();
     breaklines::follow((lines, field), mesh, edges, may, settle);
     if !spec.drop {
         return;
     }
-    if spec.bound == Bound::Surface {
+    if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     breaklines::vertices((lines, field), mesh, edges, &mut fixed);
@@ -148,12 +148,12 @@ fn follow(scratch: &mut Scratch, spec: &Spec, mut fixed: Vec<Local>, lines: &[St
 }
 
 /// Brings the tolerance down in stages, vertices moved to where errors are least.
-fn loosen(scratch: &mut Scratch, spec: &Spec, fixed: &[Local], kept: &[Local]) {
+fn loosen(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition], kept: &[TilePosition]) {
     scratch.field.free_heights();
-    let Scratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
+    let TileScratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
     adjust.reset(field, kept);
     for looser in adjust::STAGES {
-        let judge = Judge::of_samples(field, *scan, looser * spec.tolerance);
+        let judge = InsertionCriteria::of_samples(field, *scan, looser * spec.tolerance);
         mesh.forget_changes();
         fit(&judge, mesh, lists, false);
         drop.settle(field, fixed);
@@ -165,10 +165,10 @@ fn loosen(scratch: &mut Scratch, spec: &Spec, fixed: &[Local], kept: &[Local]) {
 }
 
 /// Moves and drops vertices while that goes on, within the tolerance.
-fn even_out(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
-    let Scratch { field, mesh, drop, adjust, scan, .. } = scratch;
-    let mut judge = Judge::of_samples(field, *scan, spec.tolerance);
-    if spec.bound == Bound::Surface {
+fn even_out(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
+    let TileScratch { field, mesh, drop, adjust, scan, .. } = scratch;
+    let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
+    if spec.bound == ErrorBound::Surface {
         judge = judge.and_between(Crossings::new(field, spec.tolerance));
     }
     adjust.look_at(field, mesh, |_| true);
@@ -185,15 +185,15 @@ fn even_out(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
 
 /// Inserts and drops vertices until the mesh is within the tolerance and none is redundant. Between samples
 /// only what then is too far off is mended: first to drop what samples do not need leaves fewer vertices.
-fn refine(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
-    let Scratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
-    let judge = Judge::of_samples(field, *scan, spec.tolerance);
+fn refine(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
+    let TileScratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
+    let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     fit(&judge, mesh, lists, spec.strict);
     if spec.drop {
         drop.settle(field, fixed);
         drop::drop_redundant(&judge, mesh, drop);
     }
-    if spec.bound == Bound::Samples {
+    if spec.bound == ErrorBound::Samples {
         return;
     }
     mesh.forget_changes();
@@ -207,14 +207,14 @@ fn refine(scratch: &mut Scratch, spec: &Spec, fixed: &[Local]) {
 
 /// Inserts samples until the mesh is within the tolerance again.
 pub(super) fn bring_within(
-    judge: &Judge<'_>,
-    mesh: &mut Mesh,
+    judge: &InsertionCriteria<'_>,
+    mesh: &mut LatticeMesh,
     lists: &mut WorkLists,
     rounds: &mut Rounds,
     spec: &Spec,
 ) {
     fit(judge, mesh, lists, spec.strict);
-    if spec.bound == Bound::Surface {
+    if spec.bound == ErrorBound::Surface {
         let crossings = Crossings::new(judge.field, spec.tolerance);
         between::insert(&crossings, mesh, rounds, |mesh| fit(judge, mesh, lists, spec.strict));
     }
@@ -234,32 +234,32 @@ impl TileInput<'_> {
 
 /// Rim vertices, outline samples and those to keep, sorted.
 fn fixed_vertices(
-    surface: &Surface<'_>,
-    field: &Field,
+    surface: &TileSurface<'_>,
+    field: &HeightField,
     tolerance: f64,
     &TileInput { spacing, kept, .. }: &TileInput<'_>,
-) -> Vec<Local> {
+) -> Vec<TilePosition> {
     let (cols, rows) = (field.width(), field.height());
-    let rim = |col, row, along_rows| Rim {
-        first: Local::new(col, row),
+    let rim = |col, row, along_rows| RimRun {
+        first: TilePosition::new(col, row),
         along_rows,
         count: if along_rows { rows } else { cols },
         spacing,
     };
     let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
     let has_voids = surface.has_voids();
-    let role = |p| if has_voids { surface.role(p) } else { Role::Interior };
+    let role = |p| if has_voids { surface.role(p) } else { RimRole::Interior };
     let is_kept = |p| kept.binary_search(&p).is_ok();
     let heights = (|p| field.sample(p), |p| field.vertex(p));
     let mut fixed = Vec::new();
     for rim in rims {
         rim.vertices(role, is_kept, heights, tolerance, &mut fixed);
     }
-    fixed.extend(kept.iter().filter(|&&p| matches!(role(p), Role::Interior | Role::Outline)));
+    fixed.extend(kept.iter().filter(|&&p| matches!(role(p), RimRole::Interior | RimRole::Outline)));
     if has_voids {
         let inner =
-            (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| Local::new(col, row)));
-        fixed.extend(inner.filter(|&p| surface.role(p) == Role::Outline));
+            (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| TilePosition::new(col, row)));
+        fixed.extend(inner.filter(|&p| surface.role(p) == RimRole::Outline));
     }
     fixed.sort_unstable();
     fixed.dedup();
@@ -267,14 +267,14 @@ fn fixed_vertices(
 }
 
 /// The posts that are not on the rim.
-fn inner_posts(surface: &Surface<'_>, field: &Field, spacing: u32) -> Vec<Local> {
+fn inner_posts(surface: &TileSurface<'_>, field: &HeightField, spacing: u32) -> Vec<TilePosition> {
     let inside = |cells| posts(cells, spacing).filter(move |&at| at > 0 && at < cells);
     let [cols, rows] = [field.width() - 1, field.height() - 1];
-    let all = inside(rows).flat_map(|row| inside(cols).map(move |col| Local::new(col, row)));
-    all.filter(|&p| !surface.has_voids() || surface.role(p) == Role::Interior).collect()
+    let all = inside(rows).flat_map(|row| inside(cols).map(move |col| TilePosition::new(col, row)));
+    all.filter(|&p| !surface.has_voids() || surface.role(p) == RimRole::Interior).collect()
 }
 
-fn insert_all(mesh: &mut Mesh, points: &[Local]) {
+fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
     let (mut near, mut star) = (0, Vec::new());
     for &p in points {
         let t = mesh.locate(p, near);
@@ -286,24 +286,24 @@ fn insert_all(mesh: &mut Mesh, points: &[Local]) {
 
 /// Triangles lie wholly inside or wholly outside the surface, because every unit edge of its
 /// outline is an edge of the mesh; one cell under a triangle's middle tells.
-fn mark_outside(mesh: &mut Mesh, surface: &Surface<'_>) {
-    for tri in mesh.tris.iter_mut().filter(|tri| tri.state != State::Free) {
+fn mark_outside(mesh: &mut LatticeMesh, surface: &TileSurface<'_>) {
+    for tri in mesh.tris.iter_mut().filter(|tri| tri.state != ScanState::Free) {
         let [a, b, c] = tri.corners;
         let col = (a.col() + b.col() + c.col()) / 3;
         let row = (a.row() + b.row() + c.row()) / 3;
         if !surface.holds_cell(col, row) {
-            tri.state = State::Outside;
+            tri.state = ScanState::Outside;
         }
     }
 }
 
 fn finish(
-    scratch: &mut Scratch,
+    scratch: &mut TileScratch,
     spec: &Spec,
-    surface: &Surface<'_>,
+    surface: &TileSurface<'_>,
     grid_ends: [bool; 4],
 ) -> TileMesh {
-    let Scratch { field, mesh, used, .. } = scratch;
+    let TileScratch { field, mesh, used, .. } = scratch;
     let triangles = Vec::with_capacity(mesh.tris.len());
     let mut result = TileMesh { triangles, ..TileMesh::default() };
     for (round, id) in mesh.ids().enumerate() {
@@ -311,7 +311,7 @@ fn finish(
             return TileMesh::default();
         }
         let tri = &mesh.tris[id as usize];
-        if tri.state == State::Outside {
+        if tri.state == ScanState::Outside {
             continue;
         }
         let owned = |edge| owns_edge(mesh, id, edge, field, grid_ends);
@@ -321,7 +321,7 @@ fn finish(
             (0.0, 0.0)
         };
         let corners = smallest_first(tri.corners);
-        result.triangles.push(Triangle { corners, max_error, square_sum });
+        result.triangles.push(TileTriangle { corners, max_error, square_sum });
     }
     (result.vertices, result.heights) = vertices_in_use(&result.triangles, field, used);
     count_samples(surface, field, grid_ends, &mut result);
@@ -329,23 +329,34 @@ fn finish(
 }
 
 /// True when triangle `id` counts the samples on its edge: always where nothing lies beyond.
-fn owns_edge(mesh: &Mesh, id: u32, edge: u32, field: &Field, grid_ends: [bool; 4]) -> bool {
+fn owns_edge(
+    mesh: &LatticeMesh,
+    id: u32,
+    edge: u32,
+    field: &HeightField,
+    grid_ends: [bool; 4],
+) -> bool {
     let tri = &mesh.tris[id as usize];
     let [from, to] = [edge, next(edge)].map(|i| tri.corners[i as usize]);
     let twin = tri.twins[edge as usize];
     let nothing_beyond = if twin == NONE {
         on_grid_border(from, to, field, grid_ends)
     } else {
-        mesh.tris[(twin >> 2) as usize].state == State::Outside
+        mesh.tris[(twin >> 2) as usize].state == ScanState::Outside
     };
     nothing_beyond || owns_by_direction(from, to)
 }
 
 /// True when an edge lies on a side of the field (left, right, above, below) where the grid ends.
-pub(super) fn on_grid_border(from: Local, to: Local, field: &Field, grid_ends: [bool; 4]) -> bool {
+pub(super) fn on_grid_border(
+    from: TilePosition,
+    to: TilePosition,
+    field: &HeightField,
+    grid_ends: [bool; 4],
+) -> bool {
     let [left, right, above, below] = grid_ends;
     let (last_col, last_row) = (field.width() - 1, field.height() - 1);
-    let both = |test: &dyn Fn(Local) -> bool| test(from) && test(to);
+    let both = |test: &dyn Fn(TilePosition) -> bool| test(from) && test(to);
     (left && both(&|p| p.col() == 0))
         || (right && both(&|p| p.col() == last_col))
         || (above && both(&|p| p.row() == 0))
@@ -354,23 +365,23 @@ pub(super) fn on_grid_border(from: Local, to: Local, field: &Field, grid_ends: [
 
 /// The vertices in use, sorted, and their heights.
 pub(super) fn vertices_in_use(
-    triangles: &[Triangle],
-    field: &Field,
+    triangles: &[TileTriangle],
+    field: &HeightField,
     used: &mut BitSet,
-) -> (Vec<Local>, Vec<f64>) {
+) -> (Vec<TilePosition>, Vec<f64>) {
     let width = field.width();
     used.reset(width as usize * field.height() as usize);
     for corner in triangles.iter().flat_map(|triangle| triangle.corners) {
         used.insert((corner.row() * width + corner.col()) as usize);
     }
-    let position = |index: usize| Local::new(index as u32 % width, index as u32 / width);
-    let vertices: Vec<Local> = used.iter().map(position).collect();
+    let position = |index: usize| TilePosition::new(index as u32 % width, index as u32 / width);
+    let vertices: Vec<TilePosition> = used.iter().map(position).collect();
     let heights = vertices.iter().map(|&p| field.vertex(p)).collect();
     (vertices, heights)
 }
 
 /// The same triangle starting with its smallest corner.
-pub(super) fn smallest_first([a, b, c]: [Local; 3]) -> [Local; 3] {
+pub(super) fn smallest_first([a, b, c]: [TilePosition; 3]) -> [TilePosition; 3] {
     if b < a && b < c {
         [b, c, a]
     } else if c < a && c < b {
@@ -381,8 +392,8 @@ pub(super) fn smallest_first([a, b, c]: [Local; 3]) -> [Local; 3] {
 }
 
 fn count_samples(
-    surface: &Surface<'_>,
-    field: &Field,
+    surface: &TileSurface<'_>,
+    field: &HeightField,
     [_, ends_right, _, ends_below]: [bool; 4],
     result: &mut TileMesh,
 ) {
@@ -392,13 +403,13 @@ fn count_samples(
         result.valid = u64::from(cols) * u64::from(rows);
         return;
     }
-    for p in (0..rows).flat_map(|row| (0..cols).map(move |col| Local::new(col, row))) {
+    for p in (0..rows).flat_map(|row| (0..cols).map(move |col| TilePosition::new(col, row))) {
         match surface.role(p) {
-            Role::Interior | Role::Outline => result.valid += 1,
-            Role::Isolated => {
+            RimRole::Interior | RimRole::Outline => result.valid += 1,
+            RimRole::Isolated => {
                 (result.valid, result.isolated) = (result.valid + 1, result.isolated + 1)
             }
-            Role::Void => {}
+            RimRole::Void => {}
         }
     }
 }
@@ -406,7 +417,7 @@ fn count_samples(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Heights;
+    use crate::field::HeightWindow;
 
     const SIDE: u32 = 129;
 
@@ -415,11 +426,11 @@ mod tests {
     fn each_stage_asks_whether_to_stop() {
         let noise = |i: u32| (i.wrapping_mul(0x9e37_79b9) >> 16) as f32;
         let z: Vec<f32> = (0..SIDE * SIDE).map(noise).collect();
-        let heights = Heights { width: SIDE, height: SIDE, f32: &z, f64: None };
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
         let input = TileInput::alone(heights);
         let spec = Spec {
             tolerance: 1.0,
-            bound: Bound::Samples,
+            bound: ErrorBound::Samples,
             strict: false,
             drop: false,
             data_dependent: false,
@@ -434,7 +445,7 @@ mod tests {
         let made = |stops: [bool; 2]| {
             let [inserting, finishing] =
                 stops.map(|is| if is { stopped.clone() } else { Cancel::default() });
-            let mut scratch = Scratch::default();
+            let mut scratch = TileScratch::default();
             scratch.field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
             scratch.mesh.reset_to_rectangle(SIDE - 1, SIDE - 1);
             scratch.stop_by(&inserting);
@@ -443,7 +454,7 @@ mod tests {
             scratch.stop_by(&finishing);
             [
                 inserted,
-                finish(&mut scratch, &spec, &Surface::new(&input), [true; 4]).triangles.len(),
+                finish(&mut scratch, &spec, &TileSurface::new(&input), [true; 4]).triangles.len(),
             ]
         };
         let [inserted, finished] = made([false, false]);

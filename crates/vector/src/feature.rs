@@ -10,11 +10,11 @@ pub struct Feature {
     /// Its id, in formats that have ids apart from properties.
     pub id: Option<Id>,
     /// Its properties, in order.
-    pub properties: Properties,
+    pub properties: FeatureProperties,
     /// Where it is.
     pub geometry: Geometry,
     /// Members of a GeoJSON feature beside those of the standard ("bbox" is one of them).
-    pub foreign: Vec<Member>,
+    pub foreign: Vec<JsonMember>,
 }
 
 /// The id of a feature.
@@ -30,7 +30,7 @@ pub enum Id {
 
 /// A member of a JSON object that is passed on as it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Member {
+pub struct JsonMember {
     /// Its name.
     pub name: String,
     /// Its value: JSON text.
@@ -39,28 +39,28 @@ pub struct Member {
 
 /// Names and values, in order.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Properties(pub Vec<(Arc<str>, Value)>);
+pub struct FeatureProperties(pub Vec<(Arc<str>, PropertyValue)>);
 
-impl Properties {
+impl FeatureProperties {
     /// The value of the first property called `name`.
-    pub fn get(&self, name: &str) -> Option<&Value> {
+    pub fn get(&self, name: &str) -> Option<&PropertyValue> {
         self.0.iter().find(|(found, _)| **found == *name).map(|(_, value)| value)
     }
 
     /// Appends a property.
-    pub fn push(&mut self, name: impl Into<Arc<str>>, value: Value) {
+    pub fn push(&mut self, name: impl Into<Arc<str>>, value: PropertyValue) {
         self.0.push((name.into(), value));
     }
 
     /// Names and values, in order.
-    pub fn iter(&self) -> impl Iterator<Item = (&Arc<str>, &Value)> {
+    pub fn iter(&self) -> impl Iterator<Item = (&Arc<str>, &PropertyValue)> {
         self.0.iter().map(|(name, value)| (name, value))
     }
 }
 
 /// The value of a property.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Value {
+pub enum PropertyValue {
     /// None.
     #[default]
     Null,
@@ -80,7 +80,7 @@ pub enum Value {
     Json(String),
 }
 
-/// Whether a text is a day of the calendar as [`Value::Date`] holds it.
+/// Whether a text is a day of the calendar as [`PropertyValue::Date`] holds it.
 pub(super) fn is_date(text: &str) -> bool {
     let is_digit = |(at, byte): (usize, u8)| matches!(at, 4 | 7) || byte.is_ascii_digit();
     text.len() == 10
@@ -91,23 +91,23 @@ pub(super) fn is_date(text: &str) -> bool {
 /// What the values of a field are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {
-    /// [`Value::Bool`].
+    /// [`PropertyValue::Bool`].
     Bool,
-    /// [`Value::Int`].
+    /// [`PropertyValue::Int`].
     Int,
-    /// [`Value::Real`].
+    /// [`PropertyValue::Real`].
     Real,
-    /// [`Value::Text`].
+    /// [`PropertyValue::Text`].
     Text,
-    /// [`Value::Date`].
+    /// [`PropertyValue::Date`].
     Date,
-    /// [`Value::DateTime`].
+    /// [`PropertyValue::DateTime`].
     DateTime,
-    /// [`Value::Json`].
+    /// [`PropertyValue::Json`].
     Json,
 }
 
-impl Value {
+impl PropertyValue {
     /// What kind of field holds it; null fits any.
     pub fn kind(&self) -> Option<FieldKind> {
         match self {
@@ -137,7 +137,7 @@ impl FieldKind {
 
 /// A column of a table of features.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub struct FieldDefinition {
     /// Its name.
     pub name: Arc<str>,
     /// What its values are.
@@ -150,13 +150,13 @@ pub struct Field {
 
 /// What a file says of itself, carried from input to output.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Layer {
+pub struct LayerHeader {
     /// Its name.
     pub name: Option<String>,
     /// Coordinate reference system.
     pub crs: terrane_base::geom::Crs,
     /// The fields, in formats that have the same for all features.
-    pub schema: Option<Vec<Field>>,
+    pub schema: Option<Vec<FieldDefinition>>,
     /// x low, y low, x high, y high as the header has them: a claim.
     pub extent: Option<[f64; 4]>,
     /// Features as the header has them: a claim.
@@ -165,5 +165,5 @@ pub struct Layer {
     pub m_is_time: bool,
     /// Members of a GeoJSON collection beside those of the standard. Those that stand after the
     /// features are known once all have been read.
-    pub foreign: Vec<Member>,
+    pub foreign: Vec<JsonMember>,
 }

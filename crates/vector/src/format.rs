@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use crate::feature::Layer;
-use crate::geometry::Kind;
-use crate::sink::{FeatureSink, WriteOptions};
-use crate::source::{FeatureSource, OpenOptions};
+use crate::feature::LayerHeader;
+use crate::geometry::GeometryType;
+use crate::sink::{FeatureSink, VectorWriteOptions};
+use crate::source::{FeatureSource, VectorOpenOptions};
 use terrane_base::error::Result;
-use terrane_base::registry::Named;
-use terrane_files::format::Format;
+use terrane_base::registry::RegistryEntry;
+use terrane_files::format::FileFormat;
 
 /// One format: an entry of [`FORMATS`](crate::FORMATS).
 #[derive(Debug)]
@@ -20,9 +20,9 @@ pub struct VectorFormat {
     /// One line for the documentation.
     pub about: &'static str,
     /// What a file of it can hold.
-    pub holds: Holds,
+    pub holds: VectorCapabilities,
     /// Opens a file for reading.
-    pub open: fn(&Path, &OpenOptions) -> Result<Box<dyn FeatureSource>>,
+    pub open: fn(&Path, &VectorOpenOptions) -> Result<Box<dyn FeatureSource>>,
     /// Starts a file; `None` for formats that are only read.
     pub create: Option<Create>,
     /// True when the first bytes of a file (up to 4096) are this format's.
@@ -30,13 +30,13 @@ pub struct VectorFormat {
 }
 
 /// Starts a file of a format.
-pub type Create = fn(&Path, &Layer, &WriteOptions) -> Result<Box<dyn FeatureSink>>;
+pub type Create = fn(&Path, &LayerHeader, &VectorWriteOptions) -> Result<Box<dyn FeatureSink>>;
 
 /// What a format can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Holds {
+pub struct VectorCapabilities {
     /// Kinds of geometries that come back as they were.
-    pub kinds: &'static [Kind],
+    pub kinds: &'static [GeometryType],
     /// True when one file can hold geometries of several kinds.
     pub mixed: bool,
     /// Heights.
@@ -46,7 +46,7 @@ pub struct Holds {
     /// Properties of any type.
     pub properties: bool,
     /// How values of properties are held.
-    pub values: Values,
+    pub values: PropertySupport,
     /// Ids apart from properties.
     pub ids: bool,
     /// True where features come back in the order they were written.
@@ -55,7 +55,7 @@ pub struct Holds {
 
 /// How a format holds values of properties.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Values {
+pub enum PropertySupport {
     /// Not at all.
     None,
     /// Each with a type of its own.
@@ -71,7 +71,7 @@ pub enum Values {
     Named([&'static [&'static str]; 2]),
 }
 
-impl Named for VectorFormat {
+impl RegistryEntry for VectorFormat {
     const KIND: &'static str = "vector format";
 
     fn name(&self) -> &'static str {
@@ -87,7 +87,7 @@ impl Named for VectorFormat {
     }
 }
 
-impl Format for VectorFormat {
+impl FileFormat for VectorFormat {
     fn extensions(&self) -> &'static [&'static str] {
         self.extensions
     }

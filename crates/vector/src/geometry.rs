@@ -5,7 +5,7 @@ use terrane_base::limits;
 
 /// What a geometry is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum GeometryType {
     /// A feature without a place.
     #[default]
     Null,
@@ -25,7 +25,7 @@ pub enum Kind {
     Collection,
 }
 
-impl Kind {
+impl GeometryType {
     /// Every kind.
     pub const ALL: [Self; 8] = [
         Self::Null,
@@ -70,7 +70,7 @@ impl Kind {
 
 /// Positions, cut into parts (lines or rings), and parts into polygons.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Coordinates {
+pub struct CoordinateSequence {
     /// x and y in units of the CRS.
     pub xy: Vec<[f64; 2]>,
     /// Heights: none, or one for each position; NaN where a position has none though others do.
@@ -83,7 +83,7 @@ pub struct Coordinates {
     pub polygons: Vec<usize>,
 }
 
-impl Coordinates {
+impl CoordinateSequence {
     /// Positions without heights, not yet cut.
     pub fn of(xy: Vec<[f64; 2]>) -> Self {
         Self { xy, ..Self::default() }
@@ -165,8 +165,8 @@ fn push_value(values: &mut Vec<f64>, before: usize, value: Option<f64>) {
 /// A geometry. Rings are closed: the last position is the first again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Geometry {
-    kind: Kind,
-    coordinates: Coordinates,
+    kind: GeometryType,
+    coordinates: CoordinateSequence,
     members: Vec<Geometry>,
     /// Collections within one another, itself included.
     depth: u32,
@@ -174,7 +174,7 @@ pub struct Geometry {
 
 /// What a part is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub enum PartRole {
     /// An open line (which may end where it began).
     Line,
     /// The outer ring of a polygon.
@@ -185,7 +185,7 @@ pub enum Role {
 
 /// A line or ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part<'a> {
+pub struct GeometryPart<'a> {
     /// x and y of each vertex; of a ring the last is the first again.
     pub xy: &'a [[f64; 2]],
     /// Heights, empty where there are none.
@@ -193,13 +193,13 @@ pub struct Part<'a> {
     /// Measures, empty where there are none.
     pub m: &'a [f64],
     /// What it is.
-    pub role: Role,
+    pub role: PartRole,
 }
 
-impl Part<'_> {
+impl GeometryPart<'_> {
     /// True for outer rings and holes.
     pub fn is_ring(&self) -> bool {
-        self.role != Role::Line
+        self.role != PartRole::Line
     }
 }
 
@@ -210,9 +210,9 @@ impl Geometry {
     /// # Errors
     /// More positions in a Point, lines in a LineString or polygons in a Polygon than one; lists
     /// that do not fit together.
-    pub fn new(kind: Kind, mut coordinates: Coordinates) -> Result<Self> {
+    pub fn new(kind: GeometryType, mut coordinates: CoordinateSequence) -> Result<Self> {
         check(&coordinates)?;
-        if kind.is_points() || matches!(kind, Kind::Null | Kind::Collection) {
+        if kind.is_points() || matches!(kind, GeometryType::Null | GeometryType::Collection) {
             coordinates.ends.clear();
         } else {
             coordinates.end_part();
@@ -224,17 +224,19 @@ impl Geometry {
             coordinates.polygons.clear();
         }
         let (found, most) = match kind {
-            Kind::Null | Kind::Collection => (coordinates.xy.len(), 0),
-            Kind::Point => (coordinates.xy.len(), 1),
-            Kind::LineString => (coordinates.ends.len(), 1),
-            Kind::Polygon => (coordinates.polygons.len(), 1),
-            Kind::MultiPoint | Kind::MultiLineString | Kind::MultiPolygon => (0, 0),
+            GeometryType::Null | GeometryType::Collection => (coordinates.xy.len(), 0),
+            GeometryType::Point => (coordinates.xy.len(), 1),
+            GeometryType::LineString => (coordinates.ends.len(), 1),
+            GeometryType::Polygon => (coordinates.polygons.len(), 1),
+            GeometryType::MultiPoint
+            | GeometryType::MultiLineString
+            | GeometryType::MultiPolygon => (0, 0),
         };
         if found > most {
             let message = format!("a {} of {found} where there is one at most", kind.name());
             return Err(Error::bad_input(message));
         }
-        let depth = u32::from(kind == Kind::Collection);
+        let depth = u32::from(kind == GeometryType::Collection);
         Ok(Self { kind, coordinates, members: Vec::new(), depth })
     }
 
@@ -246,8 +248,8 @@ impl Geometry {
     /// One line.
     pub fn line(xy: Vec<[f64; 2]>) -> Self {
         let ends = if xy.is_empty() { Vec::new() } else { vec![xy.len()] };
-        let coordinates = Coordinates { xy, ends, ..Coordinates::default() };
-        Self { kind: Kind::LineString, coordinates, ..Self::default() }
+        let coordinates = CoordinateSequence { xy, ends, ..CoordinateSequence::default() };
+        Self { kind: GeometryType::LineString, coordinates, ..Self::default() }
     }
 
     /// A collection, which may hold others.
@@ -262,29 +264,29 @@ impl Geometry {
     }
 
     /// Of coordinates that are known to fit the kind.
-    pub(super) fn of_kind(kind: Kind, coordinates: Coordinates) -> Self {
+    pub(super) fn of_kind(kind: GeometryType, coordinates: CoordinateSequence) -> Self {
         Self { kind, coordinates, members: Vec::new(), depth: 0 }
     }
 
     /// A collection of as many levels as are known to be few enough.
     pub(super) fn with_members(members: Vec<Geometry>) -> Self {
         let depth = 1 + members.iter().map(|member| member.depth).max().unwrap_or(0);
-        Self { kind: Kind::Collection, members, depth, ..Self::default() }
+        Self { kind: GeometryType::Collection, members, depth, ..Self::default() }
     }
 
     /// What it is.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> GeometryType {
         self.kind
     }
 
     /// Its own positions; a collection has none.
-    pub fn coordinates(&self) -> &Coordinates {
+    pub fn coordinates(&self) -> &CoordinateSequence {
         &self.coordinates
     }
 
     /// Its own positions, for another geometry.
-    pub(super) fn into_coordinates(self) -> Coordinates {
-        Coordinates { polygons: Vec::new(), ..self.coordinates }
+    pub(super) fn into_coordinates(self) -> CoordinateSequence {
+        CoordinateSequence { polygons: Vec::new(), ..self.coordinates }
     }
 
     /// The members of a collection.
@@ -294,38 +296,38 @@ impl Geometry {
 
     /// Itself, or what is in it if it is a collection, collections within resolved, in order.
     pub fn leaves(&self) -> impl Iterator<Item = &Geometry> {
-        Leaves { next: Some(self), stack: Vec::new() }
+        LeafGeometries { next: Some(self), stack: Vec::new() }
     }
 
     /// The lines and rings in order, those of members included. Points have no parts.
-    pub fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+    pub fn parts(&self) -> impl Iterator<Item = GeometryPart<'_>> {
         self.leaves().flat_map(Self::own_parts)
     }
 
     /// The lines and rings of a geometry that is no collection.
-    pub(super) fn own_parts(&self) -> impl Iterator<Item = Part<'_>> {
+    pub(super) fn own_parts(&self) -> impl Iterator<Item = GeometryPart<'_>> {
         (0..self.coordinates.ends.len()).map(|part| self.part(part))
     }
 
     /// The rings of each polygon.
-    pub(super) fn polygons(&self) -> impl Iterator<Item = impl Iterator<Item = Part<'_>>> {
+    pub(super) fn polygons(&self) -> impl Iterator<Item = impl Iterator<Item = GeometryPart<'_>>> {
         let ends = &self.coordinates.polygons;
         let starts = std::iter::once(&0).chain(ends);
         starts.zip(ends).map(|(start, end)| (*start..*end).map(|part| self.part(part)))
     }
 
-    fn part(&self, part: usize) -> Part<'_> {
-        let Coordinates { xy, z, m, polygons, .. } = &self.coordinates;
+    fn part(&self, part: usize) -> GeometryPart<'_> {
+        let CoordinateSequence { xy, z, m, polygons, .. } = &self.coordinates;
         let range = self.coordinates.range(part);
         let of = |values: &'_ Vec<f64>| if values.is_empty() { 0..0 } else { range.clone() };
         let role = match self.kind {
-            Kind::Polygon | Kind::MultiPolygon if part == 0 => Role::Outer,
-            Kind::Polygon => Role::Hole,
-            Kind::MultiPolygon if polygons.binary_search(&part).is_ok() => Role::Outer,
-            Kind::MultiPolygon => Role::Hole,
-            _ => Role::Line,
+            GeometryType::Polygon | GeometryType::MultiPolygon if part == 0 => PartRole::Outer,
+            GeometryType::Polygon => PartRole::Hole,
+            GeometryType::MultiPolygon if polygons.binary_search(&part).is_ok() => PartRole::Outer,
+            GeometryType::MultiPolygon => PartRole::Hole,
+            _ => PartRole::Line,
         };
-        Part { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
+        GeometryPart { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
     }
 
     /// Gives the vertices of its lines and rings, in the order of [`parts`](Self::parts), the next of
@@ -339,7 +341,7 @@ impl Geometry {
     }
 
     /// The numbers of all positions, of members too.
-    pub fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut Coordinates)) {
+    pub fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut CoordinateSequence)) {
         each(&mut self.coordinates);
         // The depth of collections is limited where they are made.
         self.members.iter_mut().for_each(|member| member.for_each_leaf(each));
@@ -380,7 +382,7 @@ impl Geometry {
     pub(super) fn check_finite(&self) -> Result<()> {
         let mut first = 0;
         for leaf in self.leaves() {
-            let Coordinates { xy, z, m, .. } = &leaf.coordinates;
+            let CoordinateSequence { xy, z, m, .. } = &leaf.coordinates;
             // Without a branch, so that many are looked at together.
             let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
             if !all {
@@ -404,8 +406,8 @@ fn not_finite(vertex: usize, what: &str) -> Error {
 }
 
 /// Fails where lists do not fit together: a fault of the caller.
-fn check(coordinates: &Coordinates) -> Result<()> {
-    let Coordinates { xy, z, m, ends, polygons } = coordinates;
+fn check(coordinates: &CoordinateSequence) -> Result<()> {
+    let CoordinateSequence { xy, z, m, ends, polygons } = coordinates;
     let fits = |values: &[f64]| values.is_empty() || values.len() == xy.len();
     let rises = |ends: &[usize], most: usize| {
         ends.iter().try_fold(0, |last, &end| (last < end && end <= most).then_some(end)).is_some()
@@ -417,12 +419,12 @@ fn check(coordinates: &Coordinates) -> Result<()> {
 }
 
 /// The geometries in a geometry that are no collections.
-struct Leaves<'a> {
+struct LeafGeometries<'a> {
     next: Option<&'a Geometry>,
     stack: Vec<std::slice::Iter<'a, Geometry>>,
 }
 
-impl<'a> Iterator for Leaves<'a> {
+impl<'a> Iterator for LeafGeometries<'a> {
     type Item = &'a Geometry;
 
     fn next(&mut self) -> Option<&'a Geometry> {
@@ -437,7 +439,7 @@ impl<'a> Iterator for Leaves<'a> {
                 },
             };
             match geometry.kind {
-                Kind::Collection => self.stack.push(geometry.members.iter()),
+                GeometryType::Collection => self.stack.push(geometry.members.iter()),
                 _ => return Some(geometry),
             }
         }

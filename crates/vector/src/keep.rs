@@ -1,10 +1,10 @@
 //! A geometry with fewer vertices: parts that collapse go, and their polygons with them.
 
-use super::geometry::{Coordinates, Geometry, Kind, Part};
+use super::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType};
 
 /// What is to stay of a part.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub enum KeptVertices {
     /// All of it, as it is.
     All,
     /// Nothing of it.
@@ -26,7 +26,10 @@ impl Geometry {
     /// # Panics
     /// Where an index is beyond the part.
     #[must_use]
-    pub fn keep(&self, mut choose: impl FnMut(usize, Part<'_>) -> Kept) -> Geometry {
+    pub fn keep(
+        &self,
+        mut choose: impl FnMut(usize, GeometryPart<'_>) -> KeptVertices,
+    ) -> Geometry {
         self.keep_from(&mut 0, &mut choose)
     }
 
@@ -34,11 +37,11 @@ impl Geometry {
     fn keep_from(
         &self,
         index: &mut usize,
-        choose: &mut impl FnMut(usize, Part<'_>) -> Kept,
+        choose: &mut impl FnMut(usize, GeometryPart<'_>) -> KeptVertices,
     ) -> Geometry {
         match self.kind() {
-            Kind::Null | Kind::Point | Kind::MultiPoint => self.clone(),
-            Kind::Collection => {
+            GeometryType::Null | GeometryType::Point | GeometryType::MultiPoint => self.clone(),
+            GeometryType::Collection => {
                 let members = self.members().iter().map(|member| {
                     let left = member.keep_from(index, choose);
                     (left.is_empty() && !member.is_empty(), left)
@@ -46,15 +49,15 @@ impl Geometry {
                 let left = members.filter(|(is_gone, _)| !is_gone).map(|(_, left)| left);
                 Geometry::with_members(left.collect())
             }
-            Kind::LineString | Kind::MultiLineString => {
-                let mut left = Coordinates::default();
+            GeometryType::LineString | GeometryType::MultiLineString => {
+                let mut left = CoordinateSequence::default();
                 self.own_parts().enumerate().for_each(|(at, part)| {
                     self.keep_part(at, &choose(*index + at, part), part, &mut left);
                 });
                 *index += self.coordinates().ends.len();
                 Geometry::of_kind(self.kind(), left)
             }
-            Kind::Polygon | Kind::MultiPolygon => {
+            GeometryType::Polygon | GeometryType::MultiPolygon => {
                 Geometry::of_kind(self.kind(), self.keep_rings(index, choose))
             }
         }
@@ -63,9 +66,9 @@ impl Geometry {
     fn keep_rings(
         &self,
         index: &mut usize,
-        choose: &mut impl FnMut(usize, Part<'_>) -> Kept,
-    ) -> Coordinates {
-        let mut left = Coordinates::default();
+        choose: &mut impl FnMut(usize, GeometryPart<'_>) -> KeptVertices,
+    ) -> CoordinateSequence {
+        let mut left = CoordinateSequence::default();
         let mut at = 0;
         for polygon in self.polygons() {
             let first = left.ends.len();
@@ -83,13 +86,19 @@ impl Geometry {
     }
 
     /// Appends what is kept of this geometry's own part `at`.
-    fn keep_part(&self, at: usize, kept: &Kept, part: Part<'_>, left: &mut Coordinates) {
+    fn keep_part(
+        &self,
+        at: usize,
+        kept: &KeptVertices,
+        part: GeometryPart<'_>,
+        left: &mut CoordinateSequence,
+    ) {
         let from = self.coordinates();
         let start = if at == 0 { 0 } else { from.ends[at - 1] };
         match kept {
-            Kept::Nothing => {}
-            Kept::All => left.extend(from, start..from.ends[at]),
-            Kept::Vertices(indices) => {
+            KeptVertices::Nothing => {}
+            KeptVertices::All => left.extend(from, start..from.ends[at]),
+            KeptVertices::Vertices(indices) => {
                 assert!(indices.iter().all(|&i| (i as usize) < part.xy.len()), "beyond the part");
                 let (open, again) = match part.is_ring() {
                     true => (opened(indices, part.xy), indices.first()),
@@ -121,13 +130,13 @@ fn opened<'a>(indices: &'a [u32], xy: &[[f64; 2]]) -> &'a [u32] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Kept::{All, Nothing, Vertices};
+    use KeptVertices::{All, Nothing, Vertices};
 
-    fn coordinates(ends: &[usize], polygons: &[usize]) -> Coordinates {
-        let mut found = Coordinates {
+    fn coordinates(ends: &[usize], polygons: &[usize]) -> CoordinateSequence {
+        let mut found = CoordinateSequence {
             ends: ends.to_vec(),
             polygons: polygons.to_vec(),
-            ..Coordinates::default()
+            ..CoordinateSequence::default()
         };
         let mut start = 0;
         for &end in ends {
@@ -141,11 +150,11 @@ mod tests {
     }
 
     fn lines() -> Geometry {
-        Geometry::new(Kind::MultiLineString, coordinates(&[3, 5, 9], &[])).unwrap()
+        Geometry::new(GeometryType::MultiLineString, coordinates(&[3, 5, 9], &[])).unwrap()
     }
 
     fn polygons() -> Geometry {
-        Geometry::new(Kind::MultiPolygon, coordinates(&[5, 9, 14, 20], &[2, 3, 4])).unwrap()
+        Geometry::new(GeometryType::MultiPolygon, coordinates(&[5, 9, 14, 20], &[2, 3, 4])).unwrap()
     }
 
     fn xs(geometry: &Geometry) -> Vec<Vec<f64>> {
@@ -165,7 +174,7 @@ mod tests {
             (&[5.5, 6.5, 7.5, 8.5][..], &[10.0, 12.0, 14.0, 16.0][..])
         );
         let none = lines().keep(|_, _| Nothing);
-        assert_eq!((none.kind(), none.is_empty()), (Kind::MultiLineString, true));
+        assert_eq!((none.kind(), none.is_empty()), (GeometryType::MultiLineString, true));
         assert_eq!(lines().keep(|_, _| All), lines());
     }
 
@@ -198,7 +207,8 @@ mod tests {
 
     #[test]
     fn members_that_become_empty_go_and_points_stay() {
-        let point = Geometry::new(Kind::Point, Coordinates::of(vec![[1.0, 2.0]])).unwrap();
+        let point =
+            Geometry::new(GeometryType::Point, CoordinateSequence::of(vec![[1.0, 2.0]])).unwrap();
         let empty = Geometry::line(Vec::new());
         let inner = Geometry::collection(vec![point.clone(), lines(), empty.clone()]).unwrap();
         let outer = Geometry::collection(vec![inner, polygons(), point.clone()]).unwrap();

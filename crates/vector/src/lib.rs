@@ -40,14 +40,17 @@ use terrane_base::registry::offered;
 use terrane_files::RawFile;
 use terrane_files::format::by_extension;
 
-pub use feature::{Feature, Field, FieldKind, Id, Layer, Member, Properties, Value};
+pub use feature::{
+    Feature, FeatureProperties, FieldDefinition, FieldKind, Id, JsonMember, LayerHeader,
+    PropertyValue,
+};
 pub use find::{files, files_below, is_collection};
-pub use format::{Create, Holds, Values, VectorFormat};
-pub use geometry::{Coordinates, Geometry, Kind, Part, Role};
-pub use keep::Kept;
+pub use format::{Create, PropertySupport, VectorCapabilities, VectorFormat};
+pub use geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType, PartRole};
+pub use keep::KeptVertices;
 pub use round::rounded;
-pub use sink::{FeatureSink, WriteOptions, Written};
-pub use source::{FeatureSource, OpenOptions};
+pub use sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
+pub use source::{FeatureSource, VectorOpenOptions};
 pub use synth::synthetic;
 
 /// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
@@ -72,9 +75,9 @@ pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
 ///
 /// # Errors
 /// A file that cannot be read, is of no known format, or damaged in its header.
-pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     if let Some(lines) = synthetic(path) {
-        return Ok(Box::new(synth::Synthetic::new(lines?)));
+        return Ok(Box::new(synth::SyntheticFeatures::new(lines?)));
     }
     let format = identify(path)?.ok_or_else(|| {
         Error::bad_input("not a file of features of a known format")
@@ -92,8 +95,8 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn FeatureSource>
 pub fn create(
     path: &Path,
     format: &VectorFormat,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     let create = format.create.ok_or_else(|| {
         Error::usage(format!("{} is read, but not written", format.name))
@@ -102,7 +105,7 @@ pub fn create(
     })?;
     let inner = create(path, layer, options)?;
     Ok(match options.decimals {
-        Some(decimals) => Box::new(round::Rounding {
+        Some(decimals) => Box::new(round::RoundingSink {
             inner,
             decimals,
             lines: !options.lines_are_rounded,

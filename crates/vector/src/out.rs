@@ -7,15 +7,15 @@ use terrane_base::error::Result;
 use terrane_files::atomic::AtomicFile;
 
 /// An output file.
-pub(super) struct Out {
+pub(super) struct VectorOutputFile {
     target: AtomicFile,
-    out: terrane_files::Out,
+    out: terrane_files::AppendWriter,
 }
 
-impl Out {
+impl VectorOutputFile {
     pub(super) fn create(path: &Path, overwrite: bool) -> Result<Self> {
         let target = AtomicFile::create(path, overwrite)?;
-        let out = terrane_files::Out::of(&target, 0)?;
+        let out = terrane_files::AppendWriter::of(&target, 0)?;
         Ok(Self { target, out })
     }
 
@@ -27,15 +27,15 @@ impl Out {
     }
 }
 
-impl Deref for Out {
-    type Target = terrane_files::Out;
+impl Deref for VectorOutputFile {
+    type Target = terrane_files::AppendWriter;
 
     fn deref(&self) -> &Self::Target {
         &self.out
     }
 }
 
-impl DerefMut for Out {
+impl DerefMut for VectorOutputFile {
     fn deref_mut(&mut self) -> &mut Self::Target {
         &mut self.out
     }

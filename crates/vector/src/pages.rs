@@ -60,9 +60,9 @@ impl Pages {
 }
 
 /// Takes a record apart from its front; every value is checked against the end.
-pub(super) struct Bytes<'a>(pub(super) &'a [u8]);
+pub(super) struct RecordBytes<'a>(pub(super) &'a [u8]);
 
-impl<'a> Bytes<'a> {
+impl<'a> RecordBytes<'a> {
     /// The next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8]> {
         let taken = self.0.split_at_checked(count);
@@ -149,6 +149,8 @@ mod tests {
     fn numbers_and_pairs() {
         let bytes: Vec<u8> = [1.5_f64, -2.0].iter().flat_map(|v| v.to_le_bytes()).collect();
         assert_eq!((pairs(&bytes), numbers(&bytes)), (vec![[1.5, -2.0]], vec![1.5, -2.0]));
-        assert!(Bytes(&bytes).pairs(2).is_err() && Bytes(&bytes).pairs(usize::MAX).is_err());
+        assert!(
+            RecordBytes(&bytes).pairs(2).is_err() && RecordBytes(&bytes).pairs(usize::MAX).is_err()
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! Rings without an order, grouped into polygons: which is a hole of which.
 
-use super::geometry::{Coordinates, Geometry, Kind};
-use super::tree::{Bounds, NOTHING, Tree, around, hilbert_order};
+use super::geometry::{CoordinateSequence, Geometry, GeometryType};
+use super::tree::{Bounds, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, Result};
 
 /// Most edges and rectangles that are looked at to tell which ring is in which: some seconds.
@@ -20,9 +20,9 @@ const LARGE: usize = 64;
 ///
 /// # Errors
 /// Rings so entangled that telling takes too long.
-pub(super) fn group(coordinates: Coordinates) -> Result<Geometry> {
+pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
     if coordinates.ends.len() <= 1 {
-        return Geometry::new(Kind::Polygon, coordinates);
+        return Geometry::new(GeometryType::Polygon, coordinates);
     }
     let mut rings = Rings::new(&coordinates);
     let is_outer = rings.outer()?;
@@ -35,29 +35,30 @@ pub(super) fn group(coordinates: Coordinates) -> Result<Geometry> {
 
 /// Rings with what is needed to compare them.
 struct Rings<'a> {
-    coordinates: &'a Coordinates,
+    coordinates: &'a CoordinateSequence,
     /// Twice the area, negative where the ring is clockwise.
     areas: Vec<f64>,
     bounds: Vec<Bounds>,
     /// Of all rings in the order of a curve, so that those near each other are near each other in it.
-    tree: Tree,
+    tree: PackedRTree,
     order: Vec<u32>,
     /// Trees of the edges of large rings, by height; made when they are first asked for.
-    edges: Vec<Option<Tree>>,
+    edges: Vec<Option<PackedRTree>>,
     /// Scratch: edges at the height of a place.
     found: Vec<u32>,
     looks: u64,
 }
 
 impl<'a> Rings<'a> {
-    fn new(coordinates: &'a Coordinates) -> Self {
+    fn new(coordinates: &'a CoordinateSequence) -> Self {
         let all = 0..coordinates.ends.len();
         let rings = all.map(|at| ring(coordinates, at));
         let areas = rings.clone().map(area).collect();
         let bounds: Vec<Bounds> = rings.map(bounds).collect();
         let extent = bounds.iter().fold(NOTHING, |all, one| around(&all, one));
         let order = hilbert_order(&bounds, &extent);
-        let tree = Tree::new(&order.iter().map(|&at| bounds[at as usize]).collect::<Vec<_>>());
+        let tree =
+            PackedRTree::new(&order.iter().map(|&at| bounds[at as usize]).collect::<Vec<_>>());
         let edges = bounds.iter().map(|_| None).collect();
         Self { coordinates, areas, bounds, tree, order, edges, found: Vec::new(), looks: 0 }
     }
@@ -201,11 +202,11 @@ impl<'a> Rings<'a> {
 }
 
 /// The polygons, in the order of their outer rings.
-fn arranged(from: &Coordinates, owners: &[usize]) -> Geometry {
+fn arranged(from: &CoordinateSequence, owners: &[usize]) -> Geometry {
     let mut order: Vec<(usize, bool, usize)> =
         owners.iter().enumerate().map(|(at, &owner)| (owner, at != owner, at)).collect();
     order.sort_unstable();
-    let mut to = Coordinates::default();
+    let mut to = CoordinateSequence::default();
     for &(_, is_hole, at) in &order {
         if !is_hole {
             to.end_polygon();
@@ -215,11 +216,12 @@ fn arranged(from: &Coordinates, owners: &[usize]) -> Geometry {
         to.end_part();
     }
     to.end_polygon();
-    let kind = if to.polygons.len() == 1 { Kind::Polygon } else { Kind::MultiPolygon };
+    let kind =
+        if to.polygons.len() == 1 { GeometryType::Polygon } else { GeometryType::MultiPolygon };
     Geometry::of_kind(kind, to)
 }
 
-fn ring(coordinates: &Coordinates, at: usize) -> &[[f64; 2]] {
+fn ring(coordinates: &CoordinateSequence, at: usize) -> &[[f64; 2]] {
     let start = if at == 0 { 0 } else { coordinates.ends[at - 1] };
     &coordinates.xy[start..coordinates.ends[at]]
 }
@@ -239,12 +241,12 @@ fn bounds(ring: &[[f64; 2]]) -> Bounds {
 }
 
 /// A tree of the edges of a ring in which only heights count.
-fn heights(ring: &[[f64; 2]]) -> Tree {
+fn heights(ring: &[[f64; 2]]) -> PackedRTree {
     let height = |pair: &[[f64; 2]]| {
         let [[_, a], [_, b]] = [pair[0], pair[1]];
         [f64::NEG_INFINITY, a.min(b), f64::INFINITY, a.max(b)]
     };
-    Tree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
+    PackedRTree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
 }
 
 /// Whether a place is inside a closed ring, from the edges at its height (and any others); `None` where
@@ -274,7 +276,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// A square around the middle, clockwise or not.
-    fn square(to: &mut Coordinates, [x, y]: [f64; 2], reach: f64, clockwise: bool) {
+    fn square(to: &mut CoordinateSequence, [x, y]: [f64; 2], reach: f64, clockwise: bool) {
         let mut corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]];
         if clockwise {
             corners.reverse();
@@ -284,7 +286,7 @@ mod tests {
     }
 
     fn polygons(squares: &[([f64; 2], f64, bool)]) -> Vec<Vec<f64>> {
-        let mut all = Coordinates::default();
+        let mut all = CoordinateSequence::default();
         squares.iter().for_each(|&(at, reach, clockwise)| square(&mut all, at, reach, clockwise));
         let grouped = group(all).unwrap();
         let reach = |xy: &[[f64; 2]]| (bounds(xy)[2] - bounds(xy)[0]) / 2.0;
@@ -328,9 +330,9 @@ mod tests {
             let last = rings.remove(order % 3);
             rings.rotate_left(order / 3);
             rings.push(last);
-            let mut all = Coordinates::default();
+            let mut all = CoordinateSequence::default();
             for (reach, clockwise, first) in rings {
-                let mut one = Coordinates::default();
+                let mut one = CoordinateSequence::default();
                 square(&mut one, from, reach, clockwise);
                 (0..5).for_each(|k| all.push(one.xy[(first + k) % 4], None, None));
                 all.end_part();
@@ -369,7 +371,7 @@ mod tests {
         for turn in 0..2 {
             let found = polygons(&squares);
             assert!(found.len() == 20_000 && found.iter().all(|rings| *rings == [4.0, 2.0]));
-            let mut all = Coordinates::default();
+            let mut all = CoordinateSequence::default();
             squares.iter().for_each(|&(at, reach, way)| square(&mut all, at, reach, way));
             let mut rings = Rings::new(&all);
             let is_outer = rings.outer().unwrap();
@@ -385,7 +387,7 @@ mod tests {
     fn rings_in_rings_in_rings_do_not_take_forever() {
         let two = [([-9e9, 0.0], 1.0, true), ([9e9, 0.0], 1.0, true)];
         let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
-        let mut all = Coordinates::default();
+        let mut all = CoordinateSequence::default();
         two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
         assert!(group(all).unwrap_err().to_string().contains("entangled"));
     }
@@ -397,7 +399,7 @@ mod tests {
             x in 0_i32..24,
             y in 0_i32..24,
         ) {
-            let mut ring = Coordinates::default();
+            let mut ring = CoordinateSequence::default();
             corners.iter().for_each(|&(x, y)| ring.push([x.into(), y.into()], None, None));
             ring.push([corners[0].0.into(), corners[0].1.into()], None, None);
             ring.end_part();
@@ -409,7 +411,7 @@ mod tests {
 
     #[test]
     fn thousands_of_lakes_in_a_long_coast_are_quick() {
-        let mut all = Coordinates::default();
+        let mut all = CoordinateSequence::default();
         square(&mut all, [9e9, 0.0], 1.0, true);
         let coast = (0..=1_000_000).rev().map(|i| f64::from(i % 1_000_000) * 6.283_185e-6);
         coast.for_each(|turn| all.push([9e3 * turn.cos(), 9e3 * turn.sin()], None, None));

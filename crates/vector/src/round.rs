@@ -1,8 +1,8 @@
 //! Coordinates with no more than so many digits behind the point.
 
-use super::feature::{Feature, Member};
-use super::geometry::Coordinates;
-use super::sink::{FeatureSink, Written};
+use super::feature::{Feature, JsonMember};
+use super::geometry::CoordinateSequence;
+use super::sink::{FeatureSink, WrittenFeatures};
 use terrane_base::error::Result;
 
 /// The number that `value` is in a text of so many digits behind the point (at most 17).
@@ -19,7 +19,7 @@ pub fn rounded(value: f64, decimals: u8) -> f64 {
 }
 
 /// Rounds positions before they are written.
-pub(super) struct Rounding {
+pub(super) struct RoundingSink {
     pub(super) inner: Box<dyn FeatureSink>,
     pub(super) decimals: u8,
     /// Positions of lines and rings, too: they may be rounded already.
@@ -28,10 +28,10 @@ pub(super) struct Rounding {
     pub(super) measures: bool,
 }
 
-impl FeatureSink for Rounding {
+impl FeatureSink for RoundingSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let mut feature = feature.clone();
-        feature.geometry.for_each_leaf(&mut |Coordinates { xy, z, m, ends, .. }| {
+        feature.geometry.for_each_leaf(&mut |CoordinateSequence { xy, z, m, ends, .. }| {
             let xy = if self.lines || ends.is_empty() { &mut xy[..] } else { &mut [] };
             let measures = if self.measures { &mut m[..] } else { &mut [] };
             let all = xy.as_flattened_mut().iter_mut().chain(z).chain(measures);
@@ -40,7 +40,7 @@ impl FeatureSink for Rounding {
         self.inner.write(&feature)
     }
 
-    fn finish(self: Box<Self>, foreign: &[Member]) -> Result<Written> {
+    fn finish(self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures> {
         self.inner.finish(foreign)
     }
 }

@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 
-use super::{Coordinates, Feature, Geometry, Id, Kind, Properties, Value};
+use super::{
+    CoordinateSequence, Feature, FeatureProperties, Geometry, GeometryType, Id, PropertyValue,
+};
 
 /// A position, with numbers of all lengths.
 fn position() -> impl Strategy<Value = [f64; 2]> {
@@ -50,11 +52,11 @@ fn extras() -> impl Strategy<Value = (bool, bool)> {
 }
 
 fn assembled(
-    kind: Kind,
+    kind: GeometryType,
     polygons: &[Vec<Vec<[f64; 2]>>],
     (has_z, has_m): (bool, bool),
 ) -> Geometry {
-    let mut found = Coordinates::default();
+    let mut found = CoordinateSequence::default();
     for rings in polygons {
         for ring in rings {
             for &[x, y] in ring {
@@ -70,63 +72,64 @@ fn assembled(
 }
 
 /// A geometry of a kind; a collection has members of all other kinds but null, and collections.
-pub(super) fn geometry(kind: Kind) -> BoxedStrategy<Geometry> {
-    let one = |kind: Kind| match kind {
-        Kind::Null => Just(Geometry::null()).boxed(),
-        Kind::Point => (prop::collection::vec(position(), 1), extras())
-            .prop_map(|(xy, extras)| assembled(Kind::Point, &[vec![xy]], extras))
+pub(super) fn geometry(kind: GeometryType) -> BoxedStrategy<Geometry> {
+    let one = |kind: GeometryType| match kind {
+        GeometryType::Null => Just(Geometry::null()).boxed(),
+        GeometryType::Point => (prop::collection::vec(position(), 1), extras())
+            .prop_map(|(xy, extras)| assembled(GeometryType::Point, &[vec![xy]], extras))
             .boxed(),
-        Kind::MultiPoint => (line(1), extras())
-            .prop_map(|(xy, extras)| assembled(Kind::MultiPoint, &[vec![xy]], extras))
+        GeometryType::MultiPoint => (line(1), extras())
+            .prop_map(|(xy, extras)| assembled(GeometryType::MultiPoint, &[vec![xy]], extras))
             .boxed(),
-        Kind::LineString => (line(2), extras())
-            .prop_map(|(xy, extras)| assembled(Kind::LineString, &[vec![xy]], extras))
+        GeometryType::LineString => (line(2), extras())
+            .prop_map(|(xy, extras)| assembled(GeometryType::LineString, &[vec![xy]], extras))
             .boxed(),
-        Kind::MultiLineString => (prop::collection::vec(line(2), 2..4), extras())
-            .prop_map(|(lines, extras)| assembled(Kind::MultiLineString, &[lines], extras))
+        GeometryType::MultiLineString => (prop::collection::vec(line(2), 2..4), extras())
+            .prop_map(|(lines, extras)| assembled(GeometryType::MultiLineString, &[lines], extras))
             .boxed(),
-        Kind::Polygon => (polygon(0), extras())
-            .prop_map(|(rings, extras)| assembled(Kind::Polygon, &[rings], extras))
+        GeometryType::Polygon => (polygon(0), extras())
+            .prop_map(|(rings, extras)| assembled(GeometryType::Polygon, &[rings], extras))
             .boxed(),
-        Kind::MultiPolygon | Kind::Collection => (polygons(3), extras())
+        GeometryType::MultiPolygon | GeometryType::Collection => (polygons(3), extras())
             .prop_filter("several", |(polygons, _)| polygons.len() > 1)
-            .prop_map(|(polygons, extras)| assembled(Kind::MultiPolygon, &polygons, extras))
+            .prop_map(|(polygons, extras)| assembled(GeometryType::MultiPolygon, &polygons, extras))
             .boxed(),
     };
-    if kind != Kind::Collection {
+    if kind != GeometryType::Collection {
         return one(kind);
     }
-    let leaf = prop::sample::select(&Kind::ALL[1..7]).prop_flat_map(one);
+    let leaf = prop::sample::select(&GeometryType::ALL[1..7]).prop_flat_map(one);
     leaf.prop_recursive(3, 8, 3, |inner| {
         prop::collection::vec(inner, 1..4)
             .prop_map(|members| Geometry::collection(members).unwrap())
     })
-    .prop_filter("a collection", |geometry| geometry.kind() == Kind::Collection)
+    .prop_filter("a collection", |geometry| geometry.kind() == GeometryType::Collection)
     .boxed()
 }
 
-fn value() -> impl Strategy<Value = Value> {
+fn value() -> impl Strategy<Value = PropertyValue> {
     prop_oneof![
-        Just(Value::Null),
-        any::<bool>().prop_map(Value::Bool),
-        any::<i64>().prop_map(Value::Int),
-        (-1e9..1e9).prop_map(Value::Real),
-        "[a-zé\"\\\\,;<&]{0,8}[a-z]".prop_map(Value::Text),
-        Just(Value::Json("{\"a\":[1,null]}".to_owned())),
+        Just(PropertyValue::Null),
+        any::<bool>().prop_map(PropertyValue::Bool),
+        any::<i64>().prop_map(PropertyValue::Int),
+        (-1e9..1e9).prop_map(PropertyValue::Real),
+        "[a-zé\"\\\\,;<&]{0,8}[a-z]".prop_map(PropertyValue::Text),
+        Just(PropertyValue::Json("{\"a\":[1,null]}".to_owned())),
     ]
 }
 
 /// Properties that every feature of a file has alike: one of each type a table can hold.
-pub(super) fn properties() -> impl Strategy<Value = Properties> {
-    let maybe = |value: Value, is_there: bool| if is_there { value } else { Value::Null };
+pub(super) fn properties() -> impl Strategy<Value = FeatureProperties> {
+    let maybe =
+        |value: PropertyValue, is_there: bool| if is_there { value } else { PropertyValue::Null };
     let values =
         (any::<bool>(), any::<i64>(), -1e9..1e9, "[a-zé\"\\\\,;<&]{0,9}[a-z]", any::<[bool; 4]>());
     values.prop_map(move |(flag, whole, real, text, there)| {
-        let mut found = Properties::default();
-        found.push("flag", maybe(Value::Bool(flag), there[0]));
-        found.push("whole", maybe(Value::Int(whole), there[1]));
-        found.push("real", maybe(Value::Real(real), there[2]));
-        found.push("text", maybe(Value::Text(text), there[3]));
+        let mut found = FeatureProperties::default();
+        found.push("flag", maybe(PropertyValue::Bool(flag), there[0]));
+        found.push("whole", maybe(PropertyValue::Int(whole), there[1]));
+        found.push("real", maybe(PropertyValue::Real(real), there[2]));
+        found.push("text", maybe(PropertyValue::Text(text), there[3]));
         found
     })
 }
@@ -141,9 +144,9 @@ fn id() -> impl Strategy<Value = Option<Id>> {
 
 /// Any feature.
 pub(super) fn feature() -> impl Strategy<Value = Feature> {
-    let kind = prop::sample::select(&Kind::ALL[..]);
+    let kind = prop::sample::select(&GeometryType::ALL[..]);
     let properties = prop::collection::vec(("[a-c]{1,2}", value()), 0..4).prop_map(|list| {
-        let mut found = Properties::default();
+        let mut found = FeatureProperties::default();
         for (name, value) in list {
             if found.get(&name).is_none() {
                 found.push(name, value);

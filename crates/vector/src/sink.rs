@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::feature::{Feature, Member};
+use super::feature::{Feature, JsonMember};
 use terrane_base::error::Result;
 
 /// Options of writing.
 #[derive(Clone, Debug)]
-pub struct WriteOptions {
+pub struct VectorWriteOptions {
     /// Replace files that exist.
     pub overwrite: bool,
     /// Digits behind the point that coordinates are rounded to, in any format; `None` to leave them.
@@ -20,7 +20,7 @@ pub struct WriteOptions {
     pub temp_dir: Option<PathBuf>,
 }
 
-impl Default for WriteOptions {
+impl Default for VectorWriteOptions {
     fn default() -> Self {
         Self {
             overwrite: false,
@@ -34,7 +34,7 @@ impl Default for WriteOptions {
 
 /// What was written.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Written {
+pub struct WrittenFeatures {
     /// Features.
     pub features: u64,
     /// Bytes of all files.
@@ -55,9 +55,9 @@ pub trait FeatureSink: Send {
     fn write(&mut self, feature: &Feature) -> Result<()>;
 
     /// Completes the file and gives it its name. `foreign` are members that were found after the
-    /// features (see [`Layer::foreign`](super::Layer::foreign)), for formats that hold any.
+    /// features (see [`Layer::foreign`](super::LayerHeader::foreign)), for formats that hold any.
     ///
     /// # Errors
     /// What the format cannot hold, and failures to write.
-    fn finish(self: Box<Self>, foreign: &[Member]) -> Result<Written>;
+    fn finish(self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures>;
 }

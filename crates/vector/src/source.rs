@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::feature::{Feature, Layer};
+use super::feature::{Feature, LayerHeader};
 use terrane_base::error::Result;
 
 /// Options of opening.
 #[derive(Clone, Debug, Default)]
-pub struct OpenOptions {
+pub struct VectorOpenOptions {
     /// The object of a TopoJSON file to read; the first one when `None`.
     pub layer: Option<String>,
 }
@@ -21,7 +21,7 @@ pub trait FeatureSource: Send {
     fn next(&mut self) -> Result<Option<Feature>>;
 
     /// What the file says of itself.
-    fn layer(&self) -> &Layer;
+    fn layer(&self) -> &LayerHeader;
 
     /// Where in the file the feature read last is ("line 7", "record 12").
     fn place(&self) -> String;
@@ -63,7 +63,7 @@ impl FeatureSource for Guarded {
         next.map_err(|e| e.at(self.place()).in_file(&self.path))
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         self.inner.layer()
     }
 

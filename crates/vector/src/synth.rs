@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use super::feature::{Feature, Field, FieldKind, Layer, Properties, Value};
-use super::geometry::{Coordinates, Geometry, Kind};
+use super::feature::{
+    Feature, FeatureProperties, FieldDefinition, FieldKind, LayerHeader, PropertyValue,
+};
+use super::geometry::{CoordinateSequence, Geometry, GeometryType};
 use super::source::FeatureSource;
 use terrane_base::error::Result;
-use terrane_synth::lines::Lines;
+use terrane_synth::lines::SyntheticLines;
 
 /// What comes before the name of the lines.
 const PREFIX: &str = "synth:";
@@ -15,48 +17,57 @@ const PREFIX: &str = "synth:";
 ///
 /// # Errors
 /// Parameters that make no sense.
-pub fn synthetic(path: &Path) -> Option<Result<Lines>> {
+pub fn synthetic(path: &Path) -> Option<Result<SyntheticLines>> {
     let name = path.to_str()?.strip_prefix(PREFIX)?;
-    Lines::is_named(name).then(|| Lines::parse(name))
+    SyntheticLines::is_named(name).then(|| SyntheticLines::parse(name))
 }
 
 /// Lines as a source of features, each with its number from 1 as "id".
-pub(super) struct Synthetic {
-    lines: Lines,
-    layer: Layer,
+pub(super) struct SyntheticFeatures {
+    lines: SyntheticLines,
+    layer: LayerHeader,
     /// Features made.
     made: u32,
 }
 
-impl Synthetic {
-    pub(super) fn new(lines: Lines) -> Self {
-        let id = Field { name: "id".into(), kind: FieldKind::Int, width: None, decimals: None };
-        let layer = Layer {
+impl SyntheticFeatures {
+    pub(super) fn new(lines: SyntheticLines) -> Self {
+        let id = FieldDefinition {
+            name: "id".into(),
+            kind: FieldKind::Int,
+            width: None,
+            decimals: None,
+        };
+        let layer = LayerHeader {
             name: Some(lines.shape.name.to_owned()),
             schema: Some(vec![id]),
             features: Some(u64::from(lines.features)),
-            ..Layer::default()
+            ..LayerHeader::default()
         };
         Self { lines, layer, made: 0 }
     }
 }
 
-impl FeatureSource for Synthetic {
+impl FeatureSource for SyntheticFeatures {
     fn next(&mut self) -> Result<Option<Feature>> {
         if self.made == self.lines.features {
             return Ok(None);
         }
-        let mut coordinates = Coordinates::default();
+        let mut coordinates = CoordinateSequence::default();
         self.lines.feature(self.made, &mut coordinates.xy);
         self.made += 1;
-        let kind = if self.lines.shape.is_rings { Kind::Polygon } else { Kind::LineString };
-        let mut properties = Properties::default();
-        properties.push("id", Value::Int(i64::from(self.made)));
+        let kind = if self.lines.shape.is_rings {
+            GeometryType::Polygon
+        } else {
+            GeometryType::LineString
+        };
+        let mut properties = FeatureProperties::default();
+        properties.push("id", PropertyValue::Int(i64::from(self.made)));
         let geometry = Geometry::new(kind, coordinates)?;
         Ok(Some(Feature { properties, geometry, ..Feature::default() }))
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 

@@ -5,20 +5,20 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::feature::{Feature, Field, FieldKind, Id, Layer, Value};
-use super::geometry::{Coordinates, Geometry, Kind};
+use super::feature::{Feature, FieldDefinition, FieldKind, Id, LayerHeader, PropertyValue};
+use super::geometry::{CoordinateSequence, Geometry, GeometryType};
 use super::number;
-use super::pages::{Bytes, Pages};
+use super::pages::{Pages, RecordBytes};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
-use terrane_files::{Out, folder_for};
+use terrane_files::{AppendWriter, folder_for};
 
 /// Name of the column that ids are kept in, where the format has no other place for them.
 const ID: &str = "id";
 
 /// One column of the table of all features.
 #[derive(Clone, Debug)]
-pub(super) struct Column {
+pub(super) struct FeatureColumn {
     pub(super) name: Arc<str>,
     /// What holds all its values; `None` while all are null.
     pub(super) kind: Option<FieldKind>,
@@ -29,11 +29,11 @@ pub(super) struct Column {
 }
 
 /// Features in a temporary file.
-pub(super) struct Table {
-    columns: Vec<Column>,
+pub(super) struct FeatureTable {
+    columns: Vec<FeatureColumn>,
     /// Only looked up, so its order does not matter.
     index: HashMap<Arc<str>, usize>,
-    spool: Out,
+    spool: AppendWriter,
     /// Where each feature begins.
     starts: Vec<u64>,
     /// Ids that are not kept because a property has their name.
@@ -42,26 +42,26 @@ pub(super) struct Table {
 }
 
 /// A table that is complete.
-pub(super) struct Rows {
-    pub(super) columns: Vec<Column>,
+pub(super) struct FeatureRows {
+    pub(super) columns: Vec<FeatureColumn>,
     pages: Option<Pages>,
     starts: Vec<u64>,
     pub(super) notes: Vec<String>,
 }
 
 /// A feature of a table: its geometry, and values by column.
-pub(super) struct Row {
+pub(super) struct FeatureRow {
     pub(super) geometry: Geometry,
-    pub(super) values: Vec<(usize, Value)>,
+    pub(super) values: Vec<(usize, PropertyValue)>,
 }
 
-impl Table {
+impl FeatureTable {
     /// An empty one, with the columns that `layer` has, for the file at `path`.
-    pub(super) fn new(path: &Path, layer: &Layer, folder: Option<&Path>) -> Result<Self> {
+    pub(super) fn new(path: &Path, layer: &LayerHeader, folder: Option<&Path>) -> Result<Self> {
         let mut table = Self {
             columns: Vec::new(),
             index: HashMap::new(),
-            spool: Out::spool(folder_for(path, folder))?,
+            spool: AppendWriter::spool(folder_for(path, folder))?,
             starts: Vec::new(),
             lost_ids: 0,
             scratch: Vec::new(),
@@ -109,13 +109,13 @@ impl Table {
         }
         let at = self.columns.len();
         limits::check("fields of a table", at as u64 + 1, limits::MAX_FIELDS)?;
-        self.columns.push(Column { name: name.clone(), kind: None, width: 0, decimals: 0 });
+        self.columns.push(FeatureColumn { name: name.clone(), kind: None, width: 0, decimals: 0 });
         self.index.insert(name.clone(), at);
         Ok(at)
     }
 
     /// All of it, to be read.
-    pub(super) fn finish(self) -> Result<Rows> {
+    pub(super) fn finish(self) -> Result<FeatureRows> {
         let end = self.spool.bytes();
         let pages = match end {
             0 => None,
@@ -126,47 +126,47 @@ impl Table {
         let lost = self.lost_ids;
         let note = format!("{lost} ids are left out: a property is called \"{ID}\" as well");
         let notes = (lost > 0).then_some(note).into_iter().collect();
-        Ok(Rows { columns: self.columns, pages, starts, notes })
+        Ok(FeatureRows { columns: self.columns, pages, starts, notes })
     }
 }
 
-impl Rows {
+impl FeatureRows {
     /// Number of features.
     pub(super) fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
     /// A feature.
-    pub(super) fn get(&mut self, row: usize) -> Result<Row> {
+    pub(super) fn get(&mut self, row: usize) -> Result<FeatureRow> {
         let (start, end) = (self.starts[row], self.starts[row + 1]);
         let lost = || Error::new(ErrorKind::Internal, "features kept for later are lost");
         let pages = self.pages.as_mut().ok_or_else(lost)?;
-        let mut bytes = Bytes(pages.get(start, end - start)?);
+        let mut bytes = RecordBytes(pages.get(start, end - start)?);
         let geometry = take_geometry(&mut bytes)?;
         let mut values = Vec::new();
         while !bytes.0.is_empty() {
             let column = bytes.u32()? as usize;
             values.push((column, take_value(&mut bytes)?));
         }
-        Ok(Row { geometry, values })
+        Ok(FeatureRow { geometry, values })
     }
 }
 
-impl Column {
+impl FeatureColumn {
     /// Makes room for what a field of another file can hold.
-    fn widen_by(&mut self, field: &Field) {
+    fn widen_by(&mut self, field: &FieldDefinition) {
         self.kind = Some(self.kind.map_or(field.kind, |kind| kind.with(field.kind)));
         self.width = self.width.max(field.width.unwrap_or(0) as usize);
         self.decimals = self.decimals.max(field.decimals.unwrap_or(0) as usize);
     }
 
     /// Makes room for a value of at most `most` bytes.
-    fn widen(&mut self, value: &Value, most: usize) -> Result<()> {
+    fn widen(&mut self, value: &PropertyValue, most: usize) -> Result<()> {
         let Some(kind) = value.kind() else { return Ok(()) };
         self.kind = Some(self.kind.map_or(kind, |found| found.with(kind)));
         let mut text = Vec::new();
         let bytes = match value {
-            Value::Text(text) | Value::Json(text) => text.len(),
+            PropertyValue::Text(text) | PropertyValue::Json(text) => text.len(),
             _ => {
                 push_text(value, &mut text);
                 text.len()
@@ -179,7 +179,8 @@ impl Column {
                 .remedy("shorten it, or write FlatGeobuf or GeoJSON"));
         }
         self.width = self.width.max(bytes);
-        if let (Value::Real(_), Some(point)) = (value, text.iter().position(|&b| b == b'.')) {
+        if let (PropertyValue::Real(_), Some(point)) = (value, text.iter().position(|&b| b == b'.'))
+        {
             let digits = text[point + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
             self.decimals = self.decimals.max(digits);
         }
@@ -188,32 +189,35 @@ impl Column {
 }
 
 /// What the column of ids has for a feature: a property of its name goes before the id.
-pub(super) fn id_of(feature: &Feature) -> Option<Value> {
+pub(super) fn id_of(feature: &Feature) -> Option<PropertyValue> {
     feature.properties.get(ID).cloned().or_else(|| feature.id.as_ref().map(value_of))
 }
 
-fn value_of(id: &Id) -> Value {
+fn value_of(id: &Id) -> PropertyValue {
     match id {
-        Id::Int(id) => Value::Int(*id),
-        Id::Real(id) => Value::Real(*id),
-        Id::Text(id) => Value::Text(id.clone()),
+        Id::Int(id) => PropertyValue::Int(*id),
+        Id::Real(id) => PropertyValue::Real(*id),
+        Id::Text(id) => PropertyValue::Text(id.clone()),
     }
 }
 
 /// Appends a value as text; nothing for null.
-pub(super) fn push_text(value: &Value, text: &mut Vec<u8>) {
+pub(super) fn push_text(value: &PropertyValue, text: &mut Vec<u8>) {
     match value {
-        Value::Null => {}
-        Value::Bool(value) => text.extend_from_slice(value.to_string().as_bytes()),
-        Value::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
-        Value::Real(value) => number::push(*value, text),
-        Value::Text(value) | Value::Date(value) | Value::DateTime(value) | Value::Json(value) => {
+        PropertyValue::Null => {}
+        PropertyValue::Bool(value) => text.extend_from_slice(value.to_string().as_bytes()),
+        PropertyValue::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
+        PropertyValue::Real(value) => number::push(*value, text),
+        PropertyValue::Text(value)
+        | PropertyValue::Date(value)
+        | PropertyValue::DateTime(value)
+        | PropertyValue::Json(value) => {
             text.extend_from_slice(value.as_bytes());
         }
     }
 }
 
-fn put_value(column: u32, value: &Value, out: &mut Vec<u8>) {
+fn put_value(column: u32, value: &PropertyValue, out: &mut Vec<u8>) {
     out.extend_from_slice(&column.to_le_bytes());
     let mut text = |tag: u8, text: &str| {
         out.push(tag);
@@ -221,45 +225,46 @@ fn put_value(column: u32, value: &Value, out: &mut Vec<u8>) {
         out.extend_from_slice(text.as_bytes());
     };
     match value {
-        Value::Text(value) => text(5, value),
-        Value::Date(value) => text(6, value),
-        Value::DateTime(value) => text(7, value),
-        Value::Json(value) => text(8, value),
-        Value::Null => out.push(0),
-        Value::Bool(value) => out.push(1 + u8::from(*value)),
-        Value::Int(value) => {
+        PropertyValue::Text(value) => text(5, value),
+        PropertyValue::Date(value) => text(6, value),
+        PropertyValue::DateTime(value) => text(7, value),
+        PropertyValue::Json(value) => text(8, value),
+        PropertyValue::Null => out.push(0),
+        PropertyValue::Bool(value) => out.push(1 + u8::from(*value)),
+        PropertyValue::Int(value) => {
             out.push(3);
             out.extend_from_slice(&value.to_le_bytes());
         }
-        Value::Real(value) => {
+        PropertyValue::Real(value) => {
             out.push(4);
             out.extend_from_slice(&value.to_le_bytes());
         }
     }
 }
 
-fn take_value(bytes: &mut Bytes<'_>) -> Result<Value> {
+fn take_value(bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
     let tag = bytes.u8()?;
     let mut text = || {
         let length = bytes.u64()? as usize;
         Ok(String::from_utf8_lossy(bytes.take(length)?).into_owned())
     };
     match tag {
-        0 => Ok(Value::Null),
-        1 | 2 => Ok(Value::Bool(tag == 2)),
-        3 => bytes.u64().map(|value| Value::Int(value as i64)),
-        4 => bytes.f64().map(Value::Real),
-        5 => text().map(Value::Text),
-        6 => text().map(Value::Date),
-        7 => text().map(Value::DateTime),
-        _ => text().map(Value::Json),
+        0 => Ok(PropertyValue::Null),
+        1 | 2 => Ok(PropertyValue::Bool(tag == 2)),
+        3 => bytes.u64().map(|value| PropertyValue::Int(value as i64)),
+        4 => bytes.f64().map(PropertyValue::Real),
+        5 => text().map(PropertyValue::Text),
+        6 => text().map(PropertyValue::Date),
+        7 => text().map(PropertyValue::DateTime),
+        _ => text().map(PropertyValue::Json),
     }
 }
 
 // Collections are nested no deeper than their constructor allows.
 fn put_geometry(geometry: &Geometry, out: &mut Vec<u8>) {
-    let Coordinates { xy, z, m, ends, polygons } = geometry.coordinates();
-    let kind = Kind::ALL.iter().position(|kind| *kind == geometry.kind()).unwrap_or_default();
+    let CoordinateSequence { xy, z, m, ends, polygons } = geometry.coordinates();
+    let kind =
+        GeometryType::ALL.iter().position(|kind| *kind == geometry.kind()).unwrap_or_default();
     out.push(kind as u8);
     let members = geometry.members();
     for count in [members.len(), xy.len(), z.len(), m.len(), ends.len(), polygons.len()] {
@@ -271,8 +276,8 @@ fn put_geometry(geometry: &Geometry, out: &mut Vec<u8>) {
     out.extend(ends.iter().chain(polygons).flat_map(|&end| (end as u64).to_le_bytes()));
 }
 
-fn take_geometry(bytes: &mut Bytes<'_>) -> Result<Geometry> {
-    let kind = Kind::ALL[usize::from(bytes.u8()?) % Kind::ALL.len()];
+fn take_geometry(bytes: &mut RecordBytes<'_>) -> Result<Geometry> {
+    let kind = GeometryType::ALL[usize::from(bytes.u8()?) % GeometryType::ALL.len()];
     let mut counts = [0; 6];
     for count in &mut counts {
         *count = bytes.u64()? as usize;
@@ -286,8 +291,8 @@ fn take_geometry(bytes: &mut Bytes<'_>) -> Result<Geometry> {
     };
     let (ends, polygons) = (list(ends)?, list(polygons)?);
     match kind {
-        Kind::Collection => Ok(Geometry::with_members(members)),
-        _ => Ok(Geometry::of_kind(kind, Coordinates { xy, z, m, ends, polygons })),
+        GeometryType::Collection => Ok(Geometry::with_members(members)),
+        _ => Ok(Geometry::of_kind(kind, CoordinateSequence { xy, z, m, ends, polygons })),
     }
 }
 
@@ -302,7 +307,7 @@ mod tests {
         fn what_is_kept_comes_back(features in prop::collection::vec(sample::feature(), 0..6)) {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("a");
-            let mut table = Table::new(&path, &Layer::default(), None).unwrap();
+            let mut table = FeatureTable::new(&path, &LayerHeader::default(), None).unwrap();
             features.iter().for_each(|feature| table.push(feature, usize::MAX).unwrap());
             let mut rows = table.finish().unwrap();
             prop_assert_eq!(rows.len(), features.len());

@@ -8,15 +8,20 @@ use proptest::test_runner::TestRunner;
 use super::*;
 use terrane_base::geom::wkt;
 
-fn write_all(path: &Path, format: &VectorFormat, layer: &Layer, features: &[Feature]) -> Written {
-    let options = WriteOptions { index: false, ..WriteOptions::default() };
+fn write_all(
+    path: &Path,
+    format: &VectorFormat,
+    layer: &LayerHeader,
+    features: &[Feature],
+) -> WrittenFeatures {
+    let options = VectorWriteOptions { index: false, ..VectorWriteOptions::default() };
     let mut sink = create(path, format, layer, &options).unwrap();
     features.iter().for_each(|feature| sink.write(feature).unwrap());
     sink.finish(&[]).unwrap()
 }
 
 fn read_all(path: &Path) -> Result<Vec<Feature>> {
-    let mut source = open(path, &OpenOptions::default())?;
+    let mut source = open(path, &VectorOpenOptions::default())?;
     std::iter::from_fn(|| source.next().transpose()).collect()
 }
 
@@ -26,8 +31,8 @@ fn written(format: &VectorFormat, folder: &Path) -> PathBuf {
 
 /// The geometry with what the format can hold of heights and measures; `uniform` where all features
 /// of a file must have the same.
-fn held(geometry: &Geometry, holds: &Holds) -> Geometry {
-    if geometry.kind() == Kind::Collection {
+fn held(geometry: &Geometry, holds: &VectorCapabilities) -> Geometry {
+    if geometry.kind() == GeometryType::Collection {
         let members = geometry.members().iter().map(|member| held(member, holds));
         return Geometry::collection(members.collect()).unwrap();
     }
@@ -46,19 +51,20 @@ fn features(format: &VectorFormat) -> BoxedStrategy<Vec<Feature>> {
     let kinds = if holds.mixed {
         Just(holds.kinds.to_vec()).boxed()
     } else {
-        let families: [&[Kind]; 4] = [
-            &[Kind::Null, Kind::Point],
-            &[Kind::MultiPoint],
-            &[Kind::LineString, Kind::MultiLineString, Kind::Null],
-            &[Kind::Polygon, Kind::MultiPolygon],
+        let families: [&[GeometryType]; 4] = [
+            &[GeometryType::Null, GeometryType::Point],
+            &[GeometryType::MultiPoint],
+            &[GeometryType::LineString, GeometryType::MultiLineString, GeometryType::Null],
+            &[GeometryType::Polygon, GeometryType::MultiPolygon],
         ];
-        prop::sample::select(families.to_vec()).prop_map(<[Kind]>::to_vec).boxed()
+        prop::sample::select(families.to_vec()).prop_map(<[GeometryType]>::to_vec).boxed()
     };
-    let one = move |kinds: Vec<Kind>| {
+    let one = move |kinds: Vec<GeometryType>| {
         let geometry = prop::sample::select(kinds).prop_flat_map(sample::geometry);
         (geometry, sample::properties(), any::<u8>()).prop_map(move |(geometry, properties, id)| {
             let geometry = held(&geometry, &holds);
-            let properties = if holds.properties { properties } else { Properties::default() };
+            let properties =
+                if holds.properties { properties } else { FeatureProperties::default() };
             let id = holds.ids.then(|| Id::Int(id.into()));
             Feature { id, properties, geometry, foreign: Vec::new() }
         })
@@ -78,13 +84,14 @@ fn numbered(mut features: Vec<Feature>) -> Vec<Feature> {
 /// is one of several.
 fn as_one_type(features: &[Feature]) -> Vec<Feature> {
     let families = [
-        [Kind::Point, Kind::MultiPoint],
-        [Kind::LineString, Kind::MultiLineString],
-        [Kind::Polygon, Kind::MultiPolygon],
+        [GeometryType::Point, GeometryType::MultiPoint],
+        [GeometryType::LineString, GeometryType::MultiLineString],
+        [GeometryType::Polygon, GeometryType::MultiPolygon],
     ];
     let geometries = || features.iter().map(|feature| &feature.geometry);
     let has_more = geometries().any(|geometry| geometry.has_z() || geometry.has_m());
-    let kinds: Vec<Kind> = geometries().map(Geometry::kind).filter(|k| *k != Kind::Null).collect();
+    let kinds: Vec<GeometryType> =
+        geometries().map(Geometry::kind).filter(|k| *k != GeometryType::Null).collect();
     let mut features = features.to_vec();
     for family in families {
         if !has_more || !family.iter().all(|kind| kinds.contains(kind)) {
@@ -112,12 +119,13 @@ fn what_a_format_can_hold_comes_back() {
             let features = numbered(features);
             let folder = tempfile::tempdir().unwrap();
             let path = written(format, folder.path());
-            let counted = write_all(&path, format, &Layer::default(), &features);
+            let counted = write_all(&path, format, &LayerHeader::default(), &features);
             prop_assert_eq!(counted.features, features.len() as u64);
             let mut found = read_all(&path).unwrap();
             if format.name == "GPX" {
                 // Waypoints, routes and tracks each have their place.
-                let order = |kind: Kind| format.holds.kinds.iter().position(|known| *known == kind);
+                let order =
+                    |kind: GeometryType| format.holds.kinds.iter().position(|known| *known == kind);
                 let mut features = features.clone();
                 features.sort_by_key(|feature| order(feature.geometry.kind()));
                 prop_assert_eq!(text(&found), text(&features));
@@ -139,18 +147,18 @@ fn what_a_format_can_hold_comes_back() {
 fn features_larger_than_any_buffer_come_back() {
     let line = |n: u32| {
         let place = |i: u32| [f64::from(i % 360) * 0.5 - 90.0, f64::from(i / 360 + n) * 0.125];
-        let lines = Coordinates {
+        let lines = CoordinateSequence {
             ends: vec![10, 40_000],
-            ..Coordinates::of((0..40_000).map(place).collect())
+            ..CoordinateSequence::of((0..40_000).map(place).collect())
         };
-        let geometry = Geometry::new(Kind::MultiLineString, lines).unwrap();
+        let geometry = Geometry::new(GeometryType::MultiLineString, lines).unwrap();
         Feature { geometry, ..Feature::default() }
     };
     let features: Vec<Feature> = (0..3).map(line).collect();
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         let folder = tempfile::tempdir().unwrap();
         let path = written(format, folder.path());
-        write_all(&path, format, &Layer::default(), &features);
+        write_all(&path, format, &LayerHeader::default(), &features);
         let found = read_all(&path).unwrap();
         let geometries = |features: &[Feature]| {
             features.iter().map(|feature| feature.geometry.clone()).collect::<Vec<_>>()
@@ -169,14 +177,14 @@ fn the_crs_comes_back_wherever_a_format_has_a_place_for_it() {
         for crs in &systems {
             let folder = tempfile::tempdir().unwrap();
             let path = written(format, folder.path());
-            let layer = Layer { crs: crs.clone(), ..Layer::default() };
+            let layer = LayerHeader { crs: crs.clone(), ..LayerHeader::default() };
             if format.name == "GPX" && crs.epsg != Some(4326) {
-                let refused = create(&path, format, &layer, &WriteOptions::default());
+                let refused = create(&path, format, &layer, &VectorWriteOptions::default());
                 assert!(refused.err().unwrap().to_string().contains("reproject"));
                 continue;
             }
             let counted = write_all(&path, format, &layer, std::slice::from_ref(&feature));
-            let found = open(&path, &OpenOptions::default()).unwrap().layer().crs.clone();
+            let found = open(&path, &VectorOpenOptions::default()).unwrap().layer().crs.clone();
             let is_json = format.name.starts_with("GeoJSON");
             let is_held = !is_json || crs.epsg == Some(4326) || format.name == "GeoJSON";
             if is_held {
@@ -195,10 +203,13 @@ fn nothing_is_replaced_or_left_half_done() {
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         let folder = tempfile::tempdir().unwrap();
         let path = written(format, folder.path());
-        drop(create(&path, format, &Layer::default(), &WriteOptions::default()).unwrap());
+        drop(
+            create(&path, format, &LayerHeader::default(), &VectorWriteOptions::default()).unwrap(),
+        );
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{}", format.name);
         std::fs::write(&path, b"mine").unwrap();
-        let refused = create(&path, format, &Layer::default(), &WriteOptions::default());
+        let refused =
+            create(&path, format, &LayerHeader::default(), &VectorWriteOptions::default());
         assert!(refused.is_err() && std::fs::read(&path).unwrap() == b"mine");
     }
 }
@@ -208,21 +219,21 @@ fn an_index_holds_every_feature() {
     let format = by_path(Path::new("a.fgb"), None).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.fgb");
-    let options = WriteOptions::default();
-    let mut sink = create(&path, format, &Layer::default(), &options).unwrap();
+    let options = VectorWriteOptions::default();
+    let mut sink = create(&path, format, &LayerHeader::default(), &options).unwrap();
     for at in 0..1000 {
         let x = f64::from(at * 37 % 1000);
         let mut feature =
             Feature { geometry: Geometry::line(vec![[x, 0.0], [x, 1.0]]), ..Feature::default() };
-        feature.properties.push("n", Value::Int(at.into()));
+        feature.properties.push("n", PropertyValue::Int(at.into()));
         sink.write(&feature).unwrap();
     }
     sink.finish(&[]).unwrap();
-    let mut source = open(&path, &OpenOptions::default()).unwrap();
+    let mut source = open(&path, &VectorOpenOptions::default()).unwrap();
     assert_eq!(source.layer().features, Some(1000));
     let mut seen = [false; 1000];
     while let Some(feature) = source.next().unwrap() {
-        let Some(Value::Int(n)) = feature.properties.get("n") else { panic!() };
+        let Some(PropertyValue::Int(n)) = feature.properties.get("n") else { panic!() };
         assert_eq!(feature.geometry.coordinates().xy[0][0], (n * 37 % 1000) as f64);
         seen[*n as usize] = true;
     }
@@ -251,27 +262,29 @@ fn what_a_shapefile_cannot_hold_is_named() {
     let line =
         Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
     let refused = |second: Feature| {
-        let mut sink = create(&path, format, &Layer::default(), &WriteOptions::default()).unwrap();
+        let mut sink =
+            create(&path, format, &LayerHeader::default(), &VectorWriteOptions::default()).unwrap();
         sink.write(&line).unwrap();
         sink.write(&second).and_then(|()| sink.finish(&[])).unwrap_err().to_string()
     };
     let mut long = line.clone();
-    long.properties.push("story", Value::Text("x".repeat(255)));
+    long.properties.push("story", PropertyValue::Text("x".repeat(255)));
     let error = refused(long);
     assert!(
         error.contains("feature 2") && error.contains("\"story\"") && error.contains("254"),
         "{error}"
     );
-    let point = Geometry::new(Kind::Point, Coordinates::of(vec![[1.0, 2.0]])).unwrap();
+    let point =
+        Geometry::new(GeometryType::Point, CoordinateSequence::of(vec![[1.0, 2.0]])).unwrap();
     let error = refused(Feature { geometry: point.clone(), ..Feature::default() });
     assert!(error.contains("feature 2") && error.contains("lines or points"), "{error}");
     let collection = Geometry::collection(vec![point]).unwrap();
     let error = refused(Feature { geometry: collection, ..Feature::default() });
     assert!(error.contains("feature 2") && error.contains("collections"), "{error}");
-    let mut half = Coordinates::default();
+    let mut half = CoordinateSequence::default();
     half.push([0.0, 0.0], Some(1.0), None);
     half.push([1.0, 0.0], None, None);
-    let half = Geometry::new(Kind::LineString, half).unwrap();
+    let half = Geometry::new(GeometryType::LineString, half).unwrap();
     let error = refused(Feature { geometry: half, ..Feature::default() });
     assert!(error.contains("feature 2") && error.contains("height"), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -283,7 +296,7 @@ fn an_index_of_a_shapefile_that_points_astray_is_named() {
     let path = folder.path().join("a.shp");
     let line =
         Feature { geometry: Geometry::line(vec![[0.0, 0.0], [1.0, 1.0]]), ..Feature::default() };
-    write_all(&path, by_path(&path, None).unwrap(), &Layer::default(), &[line]);
+    write_all(&path, by_path(&path, None).unwrap(), &LayerHeader::default(), &[line]);
     let index = path.with_extension("shx");
     let sound = std::fs::read(&index).unwrap();
     for offset in [0_u32, 49, 90, u32::MAX] {
@@ -303,11 +316,11 @@ fn small_files(folder: &Path) -> Vec<PathBuf> {
     let mut paths = Vec::new();
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         let features = features(format).new_tree(&mut runner).unwrap().current();
-        let layer = Layer { crs: wkt::of_srs("EPSG:4326"), ..Layer::default() };
+        let layer = LayerHeader { crs: wkt::of_srs("EPSG:4326"), ..LayerHeader::default() };
         let own = folder.join(format.name);
         std::fs::create_dir(&own).unwrap();
         let path = written(format, &own);
-        let options = WriteOptions::default();
+        let options = VectorWriteOptions::default();
         let mut sink = create(&path, format, &layer, &options).unwrap();
         features.iter().for_each(|feature| sink.write(feature).unwrap());
         paths.push(sink.finish(&[]).unwrap().files[0].clone());
@@ -324,7 +337,7 @@ fn small_files(folder: &Path) -> Vec<PathBuf> {
 
 /// Reads to the end or to an error, which must not take long or much.
 fn survive(path: &Path) {
-    let Ok(mut source) = open(path, &OpenOptions::default()) else { return };
+    let Ok(mut source) = open(path, &VectorOpenOptions::default()) else { return };
     let mut count = 0;
     while let Ok(Some(feature)) = source.next() {
         assert!(feature.geometry.vertices() < 100_000);

@@ -31,14 +31,14 @@ pub(super) fn levels(items: u64, node: u64) -> Vec<u64> {
 }
 
 /// A tree in memory.
-pub(super) struct Tree {
+pub(super) struct PackedRTree {
     /// The rectangles of all nodes, level by level from the root.
     nodes: Vec<Bounds>,
     /// Where each level begins, and where the last one ends.
     starts: Vec<usize>,
 }
 
-impl Tree {
+impl PackedRTree {
     /// Over `items` (at least one) in their order. O(n).
     pub(super) fn new(items: &[Bounds]) -> Self {
         let counts = levels(items.len() as u64, NODE as u64);
@@ -146,7 +146,7 @@ mod tests {
     proptest! {
         #[test]
         fn finds_what_a_look_at_each_finds(boxes in boxes(), x in 0.0..130.0, y in 0.0..130.0) {
-            let tree = Tree::new(&boxes);
+            let tree = PackedRTree::new(&boxes);
             let wanted = [x, y, x + 1.0, y + 1.0];
             let mut found = Vec::new();
             tree.containing(&wanted, &mut found);

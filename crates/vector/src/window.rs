@@ -10,7 +10,7 @@ use terrane_files::RawFile;
 const CHUNK_BYTES: usize = 1 << 18;
 
 /// The unread part of a file, as much of it as is buffered.
-pub(super) struct Window {
+pub(super) struct FileWindow {
     file: RawFile,
     buffer: Vec<u8>,
     /// The first unread byte in the buffer.
@@ -21,7 +21,7 @@ pub(super) struct Window {
     read: u64,
 }
 
-impl Window {
+impl FileWindow {
     /// Opens a file; a byte order mark of UTF-8 is passed over.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let file = RawFile::open(path)?;
@@ -110,7 +110,7 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let long = "x".repeat(CHUNK_BYTES * 2 + 7);
         std::fs::write(file.path(), format!("\u{feff}a\n{long}\n\nend")).unwrap();
-        let mut window = Window::open(file.path()).unwrap();
+        let mut window = FileWindow::open(file.path()).unwrap();
         let mut lines = Vec::new();
         while let Some(bytes) = window.line().unwrap() {
             lines.push((window.offset(), bytes));

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::context::Asked;
+use super::context::MeshRequirements;
 use super::found::{FaultReport, NO_BOUND};
 use super::options::{AskedBands, MeshProof, Proving};
 use super::parts::verify;
@@ -11,15 +11,15 @@ use super::report::{BandProof, OfGrid, VerifyReport};
 use super::stated::tolerance;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
-use terrane_engine::bands::{Bands, Joined, label};
+use terrane_engine::bands::{Joined, MeshBands, label};
 use terrane_engine::memory::cache_beside;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{self as mesh, HeightBand, MeshInfo, MeshSource, Promises};
 use terrane_raster::GridSource;
 
 /// A mesh and a job that names bands.
-pub(super) struct Proof<'a> {
+pub(super) struct MultibandProof<'a> {
     pub(super) job: &'a Proving<'a, MeshProof>,
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) stated: &'a Promises,
@@ -27,7 +27,7 @@ pub(super) struct Proof<'a> {
     pub(super) cancel: &'a Cancel,
 }
 
-impl Proof<'_> {
+impl MultibandProof<'_> {
     /// Proves every channel and the heights; returns the reference system of the grid, too.
     pub(super) fn run(&self, asked: &AskedBands) -> Result<(VerifyReport, Crs)> {
         let in_mesh = |e: Error| e.in_file(&self.job.written.file);
@@ -59,7 +59,7 @@ impl Proof<'_> {
     /// Proves the channels, and adds what is found to what is found of heights.
     fn channels(
         &self,
-        bands: &Bands,
+        bands: &MeshBands,
         joined: &Joined,
         tolerance: Option<f64>,
         heights: Option<VerifyReport>,
@@ -79,7 +79,7 @@ impl Proof<'_> {
                 over: found.over_tolerance.count,
             };
             let report = whole.get_or_insert_with(|| VerifyReport {
-                verdict: Verdict::default(),
+                verdict: ProofVerdict::default(),
                 over_tolerance: FaultReport::default(),
                 ..found.clone()
             });
@@ -94,7 +94,10 @@ impl Proof<'_> {
         grid: &dyn GridSource,
         tolerance: Option<f64>,
     ) -> Result<VerifyReport> {
-        let asked = Asked { min_angle: self.job.options.min_angle, ..Asked::of_samples(tolerance) };
+        let asked = MeshRequirements {
+            min_angle: self.job.options.min_angle,
+            ..MeshRequirements::of_samples(tolerance)
+        };
         verify(mesh, grid, asked, &self.job.options.resources, self.progress, self.cancel)
     }
 }
@@ -127,7 +130,7 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
     let mut not_judged = Vec::new();
     not_judged.extend(tolerance.is_none().then(|| NO_BOUND.to_owned()));
     not_judged.extend((!heights_known).then(|| "its heights (‹band›)".to_owned()));
-    let verdict = Verdict::of(report.verdict.failures.clone(), not_judged);
+    let verdict = ProofVerdict::of(report.verdict.failures.clone(), not_judged);
     let of = OfGrid { surface_error: None, surface_error_at: None, breaks: 0, ..report.of };
     VerifyReport {
         of,
@@ -143,7 +146,7 @@ fn judged(report: VerifyReport, tolerance: Option<f64>, heights_known: bool) -> 
 }
 
 /// The bands asked for, with weights; fails where the mesh has not as many channels, or states others.
-fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<Bands> {
+fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<MeshBands> {
     let label = label(&asked.bands);
     if let Some(others) = stated.bands.as_ref().filter(|bands| **bands != asked.bands) {
         let others = self::label(others);
@@ -154,7 +157,7 @@ fn bands((info, stated): (&MeshInfo, &Promises), asked: &AskedBands) -> Result<B
         true => stated.weights.clone().unwrap_or_default(),
         false => asked.weights.clone(),
     };
-    let bands = Bands::new(&asked.bands, &weights, asked.heights)?;
+    let bands = MeshBands::new(&asked.bands, &weights, asked.heights)?;
     let names = info.channels.iter().map(String::as_str);
     let expected = bands.list().iter().map(|(band, _)| format!("band_{band}"));
     let is_colour = mesh::is_colour(names) && info.channels.len() == bands.list().len();

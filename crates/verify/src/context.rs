@@ -1,39 +1,44 @@
 //! The context of every pass over a mesh and its grid.
 
 use super::stated::is_delaunay;
-use super::work::Work;
-use terrane_base::bound::Bound;
+use super::work::ProofResources;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, Result};
-use terrane_engine::kept::Kept;
+use terrane_engine::kept::ConstraintSamples;
 use terrane_mesh::Promises;
 use terrane_proof::{Precision, Snapper};
 use terrane_raster::GridSource;
 
 /// What a mesh is held to.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<'a> {
+pub struct MeshRequirements<'a> {
     /// Largest allowed vertical distance; errors are measured, not judged, when `None`.
     pub tolerance: Option<f64>,
     /// What the tolerance is of.
-    pub bound: Bound,
+    pub bound: ErrorBound,
     /// The smallest angle that triangles may have in plan, in degrees.
     pub min_angle: Option<f64>,
     /// Samples that have to be vertices, and breaklines.
-    pub kept: &'a Kept,
+    pub kept: &'a ConstraintSamples,
 }
 
-impl Asked<'_> {
+impl MeshRequirements<'_> {
     /// A tolerance at samples.
     pub fn of_samples(tolerance: Option<f64>) -> Self {
-        Self { tolerance, bound: Bound::Samples, min_angle: None, kept: Kept::NONE }
+        Self {
+            tolerance,
+            bound: ErrorBound::Samples,
+            min_angle: None,
+            kept: ConstraintSamples::NONE,
+        }
     }
 }
 
 /// What every pass over a grid needs to know.
-pub(super) struct Context<'a> {
-    pub(super) work: Work<'a>,
+pub(super) struct GridProofContext<'a> {
+    pub(super) work: ProofResources<'a>,
     pub(super) grid: &'a dyn GridSource,
-    pub(super) asked: Asked<'a>,
+    pub(super) asked: MeshRequirements<'a>,
     /// What the mesh states.
     pub(super) stated: Promises,
     /// Vertices may lie above or below their samples.
@@ -46,8 +51,12 @@ pub(super) struct Context<'a> {
     pub(super) orientation: i128,
 }
 
-impl<'a> Context<'a> {
-    pub(super) fn new(work: Work<'a>, grid: &'a dyn GridSource, asked: Asked<'a>) -> Result<Self> {
+impl<'a> GridProofContext<'a> {
+    pub(super) fn new(
+        work: ProofResources<'a>,
+        grid: &'a dyn GridSource,
+        asked: MeshRequirements<'a>,
+    ) -> Result<Self> {
         check_grid(grid)?;
         let (info, map) = (work.mesh.info(), grid.info().transform);
         let size = [grid.info().width, grid.info().height];

@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::vertices::VertexCounts;
 use terrane_engine::figures::Figures;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_mesh::{MeshInfo, Promises};
-use terrane_proof::{Fault, Position, Tally};
+use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
 /// What a report says where no bound is known.
 pub(super) const NO_BOUND: &str = "the error, as no bound is known (‹max_error›)";
@@ -24,7 +24,7 @@ impl<P: Copy> FaultReport<P> {
         self.count == 0
     }
 
-    pub(super) fn of(fault: &Fault, place: impl Fn(Position) -> P) -> Self {
+    pub(super) fn of(fault: &FaultCount, place: impl Fn(ProofPosition) -> P) -> Self {
         Self { count: fault.count, first: fault.first.map(place) }
     }
 
@@ -84,7 +84,7 @@ pub struct MeshReport<O: Original> {
     pub of: O,
     /// What came of it.
     #[serde(flatten)]
-    pub verdict: Verdict,
+    pub verdict: ProofVerdict,
 
     /// Largest allowed vertical distance; when `None`, errors are measured, not judged.
     pub tolerance: Option<f64>,
@@ -160,7 +160,7 @@ pub struct MeshReport<O: Original> {
 }
 
 /// What was found on the lattice, and what it is in the units of the original.
-pub(super) struct Findings<'a> {
+pub(super) struct MeshFindings<'a> {
     pub(super) mesh: &'a MeshInfo,
     pub(super) stated: &'a Promises,
     /// Whether it states no triangulation that is not Delaunay.
@@ -168,7 +168,7 @@ pub(super) struct Findings<'a> {
     pub(super) tolerance: Option<f64>,
     pub(super) vertices: &'a VertexCounts,
     pub(super) broken: u64,
-    pub(super) tally: &'a Tally,
+    pub(super) tally: &'a ProofTally,
     /// One step of heights.
     pub(super) step: f64,
     /// Width and height of a cell, or of a step both ways.
@@ -177,8 +177,8 @@ pub(super) struct Findings<'a> {
     pub(super) area_matches: bool,
 }
 
-/// Twice the area of a cell in the unit of [`Tally::double_area`].
-pub(super) const DOUBLE_CELL: i128 = 2 << (2 * Position::FRACTION);
+/// Twice the area of a cell in the unit of [`ProofTally::double_area`].
+pub(super) const DOUBLE_CELL: i128 = 2 << (2 * ProofPosition::FRACTION);
 
 /// An area on the lattice, where cells are so wide and high.
 pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
@@ -187,15 +187,19 @@ pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
 
 impl<O: Original> MeshReport<O> {
     /// The findings, judged; without names of files and figures of the run.
-    pub(super) fn new(of: O, found: &Findings<'_>, place: impl Fn(Position) -> O::Place) -> Self {
-        let Findings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
-        let fault = |fault: &Fault| FaultReport::of(fault, &place);
+    pub(super) fn new(
+        of: O,
+        found: &MeshFindings<'_>,
+        place: impl Fn(ProofPosition) -> O::Place,
+    ) -> Self {
+        let MeshFindings { mesh, stated, tolerance, vertices, tally, step, .. } = *found;
+        let fault = |fault: &FaultCount| FaultReport::of(fault, &place);
         let mean = |sum: f64| (tally.covered > 0).then(|| sum / tally.covered as f64);
         let report = Self {
             mesh: String::new(),
             format: mesh.format.to_owned(),
             of,
-            verdict: Verdict::default(),
+            verdict: ProofVerdict::default(),
             tolerance,
             over_tolerance: fault(&tally.over),
             max_error: tally.worst.map(|spot| spot.error * step),
@@ -232,7 +236,7 @@ impl<O: Original> MeshReport<O> {
         Self { verdict, ..report }
     }
 
-    fn judged(&self, found: &Findings<'_>) -> Verdict {
+    fn judged(&self, found: &MeshFindings<'_>) -> ProofVerdict {
         let counts = [
             (self.unusable_vertices, "vertices without a usable position"),
             (self.broken_triangles, "triangles that use such a vertex"),
@@ -249,7 +253,7 @@ impl<O: Original> MeshReport<O> {
         let is_silent = self.made_by_terrane && is_silent(found.mesh, found.stated);
         let no_triangulation = (is_silent && self.non_delaunay_edges.count > 0)
             .then(|| "whether it is Delaunay, as its header had no room to state that".to_owned());
-        Verdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
+        ProofVerdict::of(failures, no_bound.into_iter().chain(no_triangulation).collect())
     }
 
     /// The faults that break a promise, and what they are.

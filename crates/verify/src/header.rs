@@ -6,12 +6,12 @@ use std::path::Path;
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, metres_in, wkt};
 use terrane_engine::input::mesh_bounds;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{MaxError, MeshInfo, MeshSource, Promises, plain};
 
 /// A header to be judged.
-pub(super) struct Header<'a> {
+pub(super) struct CheckedHeader<'a> {
     /// The file, beside which a `.prj` may lie.
     pub(super) mesh: &'a Path,
     pub(super) info: &'a MeshInfo,
@@ -28,7 +28,7 @@ pub(super) struct Header<'a> {
 /// As [`mesh_bounds`].
 pub(super) fn judge_bounds(
     mesh: &dyn MeshSource,
-    verdict: &mut Verdict,
+    verdict: &mut ProofVerdict,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<()> {
     let stated = mesh.stated_bounds().filter(|_| mesh.info().is_own());
@@ -43,12 +43,12 @@ pub(super) fn judge_bounds(
     Ok(())
 }
 
-impl Header<'_> {
+impl CheckedHeader<'_> {
     /// Adds what is wrong, and what could not be judged, to a verdict.
     ///
     /// # Errors
     /// A `.prj` that cannot be read.
-    pub(super) fn judge(&self, verdict: &mut Verdict) -> Result<()> {
+    pub(super) fn judge(&self, verdict: &mut ProofVerdict) -> Result<()> {
         self.systems(verdict)?;
         self.unit_of_error(verdict);
         self.unit_of_file(verdict);
@@ -61,7 +61,7 @@ impl Header<'_> {
     }
 
     /// Judges every name of a reference system, in the file and beside it.
-    fn systems(&self, verdict: &mut Verdict) -> Result<()> {
+    fn systems(&self, verdict: &mut ProofVerdict) -> Result<()> {
         let beside = terrane_files::prj(self.mesh)?;
         let own = self.info.crs.iter().chain(&self.info.systems).map(|text| ("the mesh", text));
         let beside = Some(&beside).filter(|text| !text.is_empty());
@@ -87,7 +87,7 @@ impl Header<'_> {
         Ok(())
     }
 
-    fn system(&self, place: &str, text: &str, verdict: &mut Verdict) {
+    fn system(&self, place: &str, text: &str, verdict: &mut ProofVerdict) {
         let (known, original) = (system(text), self.original);
         match known.as_ref().map_or_else(|| self.is_called(text), |crs| self.is(crs, text)) {
             Some(true) => {}
@@ -130,7 +130,7 @@ impl Header<'_> {
     }
 
     /// Judges the unit behind the tolerance; a tolerance of several bands has none.
-    fn unit_of_error(&self, verdict: &mut Verdict) {
+    fn unit_of_error(&self, verdict: &mut ProofVerdict) {
         let Some(MaxError { unit, .. }) = &self.stated.max_error else { return };
         match (unit.as_deref(), self.crs.heights_unit()) {
             (Some(theirs), Some(ours)) if !is_same(theirs, ours) => verdict.fail(format!(
@@ -161,7 +161,7 @@ impl Header<'_> {
 
     /// Judges the unit that the format itself states. What is stored in a scale of its own is a print, or degrees
     /// in metres: that is told, and promises nothing.
-    fn unit_of_file(&self, verdict: &mut Verdict) {
+    fn unit_of_file(&self, verdict: &mut ProofVerdict) {
         let unit = self.info.details.iter().find(|(key, _)| key == "unit");
         let Some((_, unit)) = unit.filter(|_| self.info.is_own()) else { return };
         let ours = self.crs.horizontal_metres().unwrap_or(1.0);

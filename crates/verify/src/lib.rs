@@ -24,8 +24,8 @@ pub mod tiles;
 mod vertices;
 mod work;
 
-pub use cloud::{CloudVerifyReport, OfCloud, prove_cloud};
-pub use context::Asked;
+pub use cloud::{CloudProofFindings, CloudVerifyReport, prove_cloud};
+pub use context::MeshRequirements;
 pub use found::{FaultReport, MeshReport, Original};
 pub use lines::{LineVerifyReport, verify_lines};
 pub use options::{
@@ -34,7 +34,7 @@ pub use options::{
 };
 pub use parts::verify;
 pub use quality::{
-    Against, AngleReport, AspectReport, Below, DegreeReport, Measured, QualityReport, SlopeReport,
-    quality,
+    AngleReport, AngleShare, AspectReport, DegreeReport, MeasuredMesh, QualityReport,
+    SlopeReference, SlopeReport, quality,
 };
-pub use report::{BandProof, OfGrid, Place, VerifyReport};
+pub use report::{BandProof, GridLocation, OfGrid, VerifyReport};

@@ -27,20 +27,22 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use self::findings::Findings;
-use self::pairs::{Compared, Pairs};
+use self::findings::FeatureFindings;
+use self::pairs::{Compared, FeaturePairs};
 use super::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::{Crs, wkt};
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::PROGRAM;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::on_threads;
-use terrane_proof::lines::{Band, Comparison, Defect, Distance, Drops, Pieces, Report, judge};
-use terrane_simplify::{Measure, goal_of, positions};
-use terrane_vector::{self as vector, OpenOptions};
+use terrane_proof::lines::{
+    Defect, Drops, LineProofPieces, PartComparison, ProofDistance, Report, XRange, judge,
+};
+use terrane_simplify::{DistanceKind, goal_of, positions};
+use terrane_vector::{self as vector, VectorOpenOptions};
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -50,7 +52,7 @@ pub struct LineVerifyReport {
     pub lines: String,
     pub original: String,
     #[serde(flatten)]
-    pub verdict: Verdict,
+    pub verdict: ProofVerdict,
     /// What else should be known.
     pub notes: Vec<String>,
     /// True when crossings, rings, sides and borders were judged, not only measured.
@@ -70,7 +72,7 @@ pub struct LineVerifyReport {
     pub missing: u64,
     /// Before and after.
     pub vertices: [u64; 2],
-    pub measure: Measure,
+    pub measure: DistanceKind,
     pub tolerance: Option<f64>,
     pub largest_distance: f64,
     /// Where that is.
@@ -110,27 +112,27 @@ pub fn verify_lines(
     cancel: &Cancel,
 ) -> Result<LineVerifyReport> {
     let started = Instant::now();
-    let original = vector::open(&job.original, &OpenOptions { layer: job.layer.clone() })?;
+    let original = vector::open(&job.original, &VectorOpenOptions { layer: job.layer.clone() })?;
     let crs = original.layer().crs.clone();
     drop(original);
     let measured = job.tolerance.map(|length| goal_of(length, job.is_space, &crs));
-    let plain = if job.is_space { Measure::Space } else { Measure::Plane };
+    let plain = if job.is_space { DistanceKind::Space } else { DistanceKind::Plane };
     let (measure, tolerance) = match measured.transpose()? {
         Some((measure, tolerance)) => (measure, Some(tolerance)),
         None => (plain, None),
     };
     let points = match &job.sides {
-        Some(path) => positions(path, &OpenOptions::default())?,
+        Some(path) => positions(path, &VectorOpenOptions::default())?,
         None => Vec::new(),
     };
     let distance = match measure {
-        Measure::Plane => Distance::Plane,
-        Measure::Space => Distance::Space,
-        Measure::Geographic => Distance::Geographic,
+        DistanceKind::Plane => ProofDistance::Plane,
+        DistanceKind::Space => ProofDistance::Space,
+        DistanceKind::Geographic => ProofDistance::Geographic,
     };
     let drops = if job.may_drop { Drops::Thin } else { Drops::None };
-    let comparison = Comparison { distance, tolerance, drops };
-    let proof = Proof { job, comparison, points, progress, cancel };
+    let comparison = PartComparison { distance, tolerance, drops };
+    let proof = LineProofRun { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
     let mut report = told(job, (measure, tolerance), (&found, &findings), format);
     judge_system(&crs, job, format, &mut report.verdict)?;
@@ -147,9 +149,9 @@ fn judge_system(
     original: &Crs,
     job: &LineVerifyJob,
     format: &str,
-    verdict: &mut Verdict,
+    verdict: &mut ProofVerdict,
 ) -> Result<()> {
-    let source = vector::open(&job.lines, &OpenOptions::default())?;
+    let source = vector::open(&job.lines, &VectorOpenOptions::default())?;
     let stated = &source.layer().crs;
     let is_wgs84 = (stated.epsg, stated.vertical_epsg) == (Some(4326), None);
     let is_default = is_wgs84 && WGS84_BY_DEFAULT.contains(&format);
@@ -183,8 +185,8 @@ fn judge_system(
 
 fn told(
     job: &LineVerifyJob,
-    (measure, tolerance): (Measure, Option<f64>),
-    (found, findings): (&Report, &Findings),
+    (measure, tolerance): (DistanceKind, Option<f64>),
+    (found, findings): (&Report, &FeatureFindings),
     format: &str,
 ) -> LineVerifyReport {
     let failures = [findings.failures(), failures(found, job.topology)].concat();
@@ -201,7 +203,7 @@ fn told(
     LineVerifyReport {
         lines: job.lines.display().to_string(),
         original: job.original.display().to_string(),
-        verdict: Verdict::of(failures, not_judged),
+        verdict: ProofVerdict::of(failures, not_judged),
         notes: (!cut.is_empty()).then_some(note).into_iter().collect(),
         topology: job.topology,
         features: findings.features,
@@ -230,18 +232,18 @@ fn told(
 }
 
 /// A proof under way.
-struct Proof<'a> {
+struct LineProofRun<'a> {
     job: &'a LineVerifyJob,
-    comparison: Comparison,
+    comparison: PartComparison,
     points: Vec<Xy>,
     progress: &'a dyn Progress,
     cancel: &'a Cancel,
 }
 
-impl Proof<'_> {
+impl LineProofRun<'_> {
     /// What was found, and the name of the format of the lines.
-    fn run(&self) -> Result<(Report, Findings, &'static str)> {
-        let mut pairs = Pairs::new(self.job, self.cancel)?;
+    fn run(&self) -> Result<(Report, FeatureFindings, &'static str)> {
+        let mut pairs = FeaturePairs::new(self.job, self.cancel)?;
         let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
         loop {
             self.judge(&pieces, &mut report)?;
@@ -255,12 +257,16 @@ impl Proof<'_> {
     }
 
     /// Compares all parts; holds as many pieces from x = `from` on as memory allows.
-    fn compare(&self, pairs: &mut Pairs<'_>, from: f64) -> Result<(Pieces, Report, Findings)> {
+    fn compare(
+        &self,
+        pairs: &mut FeaturePairs<'_>,
+        from: f64,
+    ) -> Result<(LineProofPieces, Report, FeatureFindings)> {
         self.progress.begin("compare", 0);
         let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
         loop {
             let mut report = Report::default();
-            let mut pieces = Pieces::new(Band { from, to: f64::INFINITY });
+            let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
             let mut part = 0;
             let compared = pairs.each(self.progress, &mut |before, after, is_ring| {
                 self.comparison.part(part, before, after, is_ring, &mut report, &mut pieces);
@@ -284,12 +290,12 @@ impl Proof<'_> {
     }
 
     /// Looks at the pieces together, band by band.
-    fn judge(&self, pieces: &Pieces, report: &mut Report) -> Result<()> {
+    fn judge(&self, pieces: &LineProofPieces, report: &mut Report) -> Result<()> {
         let Resources { memory, threads, .. } = self.job.resources;
         let share = memory.saturating_sub(PROGRAM) / 2 / threads.max(1) as u64;
         let bands = pieces.bands((share / BAND_VERTEX).clamp(BAND[0], BAND[1]) as usize);
         self.progress.begin("judge", bands.len() as u64);
-        let of = |band: &Band| {
+        let of = |band: &XRange| {
             self.cancel.check()?;
             let found = judge(pieces, &self.points, *band);
             self.progress.advance(1);

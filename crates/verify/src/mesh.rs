@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::bands::{Proof, not_judged};
-use super::context::{Asked, check_grid};
-use super::header::{Header, judge_bounds};
+use super::bands::{MultibandProof, not_judged};
+use super::context::{MeshRequirements, check_grid};
+use super::header::{CheckedHeader, judge_bounds};
 use super::options::{MeshProof, Proving};
 use super::parts::verify;
 use super::report::{OfGrid, VerifyReport};
@@ -12,9 +12,9 @@ use super::stated::{leave_files, open_mesh, stated, tolerance};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_engine::bands::{Joined, label};
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::cache_beside;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{HeightBand, MeshSource, Promises};
 use terrane_raster as raster;
@@ -41,12 +41,12 @@ pub(super) fn run(
     check_system(&stated).map_err(|e| e.in_file(&job.written.file))?;
     let (mut report, crs) = match of_bands {
         Some(bands) => {
-            let proof = Proof { job, mesh: &*mesh, stated: &stated, progress, cancel };
+            let proof = MultibandProof { job, mesh: &*mesh, stated: &stated, progress, cancel };
             in_mesh(proof.run(bands), job)?
         }
         None => heights((&*mesh, &stated), job, progress, cancel)?,
     };
-    let header = Header {
+    let header = CheckedHeader {
         mesh: &job.written.file,
         info: mesh.info(),
         stated: &stated,
@@ -109,15 +109,16 @@ fn heights(
         [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
             .map(Option::as_deref);
     let water = options.water.as_ref();
-    let kept = Features::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
-    let asked = Asked { tolerance, bound, min_angle, kept: &kept };
+    let kept =
+        ConstraintFeatures::read(points, lines, water, &job.options.resources)?.on(grid.info())?;
+    let asked = MeshRequirements { tolerance, bound, min_angle, kept: &kept };
     let report =
         in_mesh(verify(mesh, &*grid, asked, &job.options.resources, progress, cancel), job)?;
     Ok((report, crs))
 }
 
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(stated: &Promises, job: &Proving<'_, MeshProof>, verdict: &mut Verdict) {
+fn tell_of_files(stated: &Promises, job: &Proving<'_, MeshProof>, verdict: &mut ProofVerdict) {
     let mut tell = |told: String, left: String| {
         verdict.failures.extend((!verdict.passed).then_some(told));
         verdict.leave(left);

@@ -2,21 +2,21 @@
 
 use std::path::PathBuf;
 
-use terrane_options::{Choice, Options, Range, Rule};
+use terrane_options::{Choice, OptionRange, OptionRule, Options};
 
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
-use terrane_engine::bands::Bands;
+use terrane_engine::bands::MeshBands;
 use terrane_engine::options::Constraints;
 use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput};
-use terrane_engine::proof::Written;
-use terrane_simplify::{Length, LengthText, Metric};
+use terrane_engine::proof::WrittenOutput;
+use terrane_simplify::{LengthOption, LengthText, MetricOption};
 
 /// A proof as it is asked for.
 #[derive(Clone, Copy)]
 pub(super) struct Proving<'a, O> {
-    pub(super) written: &'a Written,
+    pub(super) written: &'a WrittenOutput,
     pub(super) options: &'a O,
 }
 
@@ -37,15 +37,15 @@ pub struct AskedBands {
 #[non_exhaustive]
 pub struct MeshProof {
     /// Largest vertical distance allowed
-    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+    #[option(value = "E", stands_for = "tolerance", range = OptionRange::FROM_ZERO,
              default_text = "the one the mesh file states")]
     pub max_error: Option<f64>,
     /// What the bound is of: samples, or surface for every point of the lines between neighbouring samples as well
     #[option(value = "WHAT", with = BoundName,
              default_text = "what the mesh file states; samples, where it states nothing")]
-    pub bound: Option<Bound>,
+    pub bound: Option<ErrorBound>,
     /// The smallest angle that triangles may have in plan, in degrees
-    #[option(value = "DEGREES", range = Range::POSITIVE, default_text = "the one the mesh file states")]
+    #[option(value = "DEGREES", range = OptionRange::POSITIVE, default_text = "the one the mesh file states")]
     pub min_angle: Option<f64>,
     /// What has to be in it.
     #[option(flatten)]
@@ -55,19 +55,19 @@ pub struct MeshProof {
     pub grid: GridInput,
     /// Bands that the mesh has the values of, such as 1,2,3 for the colours of a photograph; heights are those of ‹band›,
     /// if it is given
-    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), heading = "Several bands")]
+    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Several bands")]
     pub bands: Vec<u32>,
     /// How much an error in each band counts
-    #[option(value = "W,..", range = Range::POSITIVE, heading = "Several bands", default_text = "what the mesh states")]
+    #[option(value = "W,..", range = OptionRange::POSITIVE, heading = "Several bands", default_text = "what the mesh states")]
     pub weights: Vec<f64>,
     /// Memory, threads and temporary files.
     #[option(flatten)]
     pub resources: Resources,
 }
 
-const OF_MESHES: &[Rule] = &[
-    Rule::Needs("weights", &["bands"]),
-    Rule::NotWith("bands", &["bound=surface", "keep_points", "breaklines", "water"]),
+const OF_MESHES: &[OptionRule] = &[
+    OptionRule::Needs("weights", &["bands"]),
+    OptionRule::NotWith("bands", &["bound=surface", "keep_points", "breaklines", "water"]),
 ];
 
 /// Prove a mesh against the point cloud it was made from
@@ -76,7 +76,7 @@ const OF_MESHES: &[Rule] = &[
 #[non_exhaustive]
 pub struct CloudMeshProof {
     /// Largest vertical distance allowed
-    #[option(value = "E", stands_for = "tolerance", range = Range::FROM_ZERO,
+    #[option(value = "E", stands_for = "tolerance", range = OptionRange::FROM_ZERO,
              default_text = "the one the mesh file states")]
     pub max_error: Option<f64>,
     /// What has to be in it.
@@ -96,12 +96,12 @@ pub struct CloudMeshProof {
 #[non_exhaustive]
 pub struct LineProof {
     /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
-    #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = Range::FROM_ZERO,
+    #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = OptionRange::FROM_ZERO,
              default_text = "only measure it")]
-    pub tolerance: Option<Length>,
+    pub tolerance: Option<LengthOption>,
     /// What a distance is: in x and y, or in x, y and z
     #[option(value = "NAME")]
-    pub metric: Metric,
+    pub metric: MetricOption,
     /// Judge crossings, rings, sides and shared borders, too
     pub topology: bool,
     /// Points that had to stay on their side
@@ -129,7 +129,7 @@ pub struct LineVerifyJob {
     /// The object of a TopoJSON original; its first one when `None`.
     pub layer: Option<String>,
     /// Largest allowed distance; only measured when `None`.
-    pub tolerance: Option<Length>,
+    pub tolerance: Option<LengthOption>,
     /// Heights take part in distances.
     pub is_space: bool,
     /// Crossings, rings, sides and borders are judged, too.
@@ -149,7 +149,7 @@ pub enum Gone {
     Drop,
 }
 
-const OF_LINES: &[Rule] = &[Rule::Needs("sides", &["topology"])];
+const OF_LINES: &[OptionRule] = &[OptionRule::Needs("sides", &["topology"])];
 
 impl MeshProof {
     pub(super) fn tolerance(&self) -> Option<f64> {
@@ -161,7 +161,7 @@ impl MeshProof {
         if self.bands.is_empty() {
             return Ok(None);
         }
-        let heights = Bands::new(&self.bands, &self.weights, self.grid.band)?.heights();
+        let heights = MeshBands::new(&self.bands, &self.weights, self.grid.band)?.heights();
         let (bands, weights) = (self.bands.clone(), self.weights.clone());
         Ok(Some(AskedBands { heights, bands, weights }))
     }

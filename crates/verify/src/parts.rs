@@ -4,18 +4,18 @@
 use std::sync::Mutex;
 use std::time::Instant;
 
-use super::context::{Asked, Context};
+use super::context::{GridProofContext, MeshRequirements};
 use super::report::{VerifyReport, report};
-use super::spread::{MOST_TRIANGLES, Spread};
-use super::work::Work;
+use super::spread::{MOST_TRIANGLES, MeshSpread};
+use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, Progress, Resources, workers};
 use terrane_files::lock;
 use terrane_mesh::MeshSource;
 use terrane_proof::{
-    self as proof, AngleBound, Domain, Followed, Layout, Line, Open, Part, Position, Surface,
-    Tally, Triangle,
+    self as proof, Domain, DomainLayout, Followed, GridProofPart, ProofAngleBound, ProofBreakline,
+    ProofPosition, ProofSurface, ProofTally, ProofTriangle, UnpairedEdge,
 };
 use terrane_raster::{GridInfo, GridSource};
 
@@ -34,15 +34,15 @@ const SHARES: u64 = 4;
 pub fn verify(
     mesh: &dyn MeshSource,
     grid: &dyn GridSource,
-    asked: Asked<'_>,
+    asked: MeshRequirements<'_>,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
     let start = Instant::now();
-    let mut work = Work::new(mesh, asked.tolerance, resources, progress, cancel)?;
+    let mut work = ProofResources::new(mesh, asked.tolerance, resources, progress, cancel)?;
     work.set_aside(asked.kept.bytes());
-    let context = Context::new(work, grid, asked)?;
+    let context = GridProofContext::new(work, grid, asked)?;
     let spread = fill(&context)?;
     let tally = check(&context, &spread)?;
     let mut report = report(&context, &spread.counts, spread.broken, &tally);
@@ -53,7 +53,7 @@ pub fn verify(
 
 /// Divides the grid so that a domain of average density takes half of a thread's memory. On a grid
 /// stored in strips domains are as wide as the grid if they can, so that strips are decoded once.
-fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layout {
+fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> DomainLayout {
     let grid = [info.width, info.height];
     let samples = u64::from(info.width) * u64::from(info.height);
     let unit = u64::from(Domain::UNIT);
@@ -74,11 +74,11 @@ fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Layou
     } else {
         [side(area / unit), Domain::UNIT]
     };
-    Layout { grid, size }
+    DomainLayout { grid, size }
 }
 
 /// Fails when the index of all domains takes more than half of the memory.
-fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
+fn check_index(layout: &DomainLayout, context: &GridProofContext<'_>) -> Result<()> {
     let need = layout.len().saturating_mul(INDEX_BYTES);
     if need <= context.work.memory / 2 {
         return Ok(());
@@ -90,12 +90,12 @@ fn check_index(layout: &Layout, context: &Context<'_>) -> Result<()> {
 const INDEX_BYTES: u64 = 128;
 
 /// Spreads the mesh over the domains of the grid.
-fn fill(context: &Context<'_>) -> Result<Spread> {
-    Spread::fill(&context.work, &context.snapper, divided(context)?)
+fn fill(context: &GridProofContext<'_>) -> Result<MeshSpread> {
+    MeshSpread::fill(&context.work, &context.snapper, divided(context)?)
 }
 
 /// The domains of the grid, whose index fits into the memory.
-pub(super) fn divided(context: &Context<'_>) -> Result<Layout> {
+pub(super) fn divided(context: &GridProofContext<'_>) -> Result<DomainLayout> {
     let (work, grid) = (&context.work, context.grid.info());
     let layout = layout(grid, work.mesh.info().triangles, work.share, work.threads);
     check_index(&layout, context)?;
@@ -103,12 +103,12 @@ pub(super) fn divided(context: &Context<'_>) -> Result<Layout> {
 }
 
 /// Checks every domain.
-fn check(context: &Context<'_>, spread: &Spread) -> Result<Tally> {
-    let judge = |part: &Part<'_>, tally: &mut Tally| {
+fn check(context: &GridProofContext<'_>, spread: &MeshSpread) -> Result<ProofTally> {
+    let judge = |part: &GridProofPart<'_>, tally: &mut ProofTally| {
         let open = proof::check(part, tally);
         open.into_iter().try_for_each(|open| follow(context, &spread.layout, open, tally))
     };
-    each(context, spread, proof::bytes_needed, judge, Tally::merge)
+    each(context, spread, proof::bytes_needed, judge, ProofTally::merge)
 }
 
 /// Bytes that take samples, triangles and vertices.
@@ -117,16 +117,16 @@ type Need = fn(u64, u64, u64) -> u64;
 /// What `judge` finds in all domains, each read with its triangles; `merge` adds up what two threads
 /// found. What `judge` takes, `need` tells.
 pub(super) fn each<T: Default + Send>(
-    context: &Context<'_>,
-    spread: &Spread,
+    context: &GridProofContext<'_>,
+    spread: &MeshSpread,
     need: Need,
-    judge: impl Fn(&Part<'_>, &mut T) -> Result<()> + Sync,
+    judge: impl Fn(&GridProofPart<'_>, &mut T) -> Result<()> + Sync,
     merge: impl Fn(&mut T, &T) + Sync,
 ) -> Result<T> {
     let all = Mutex::new(T::default());
     let (work, info) = (&context.work, context.grid.info());
     work.progress.begin("samples", u64::from(info.width) * u64::from(info.height));
-    let checker = Checker { context, spread, need, judge, crowded: Mutex::new(()) };
+    let checker = GridDomainChecker { context, spread, need, judge, crowded: Mutex::new(()) };
     let judge = |found: &mut T, index| {
         let domain = spread.layout.domain(index);
         checker.check(domain, index as usize, found)?;
@@ -145,25 +145,25 @@ pub(super) fn each<T: Default + Send>(
 }
 
 /// Checks domains, splitting those too crowded for a thread's memory.
-struct Checker<'a, J> {
-    context: &'a Context<'a>,
-    spread: &'a Spread,
+struct GridDomainChecker<'a, J> {
+    context: &'a GridProofContext<'a>,
+    spread: &'a MeshSpread,
     need: Need,
     judge: J,
     /// Held while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
 
-impl<J> Checker<'_, J> {
+impl<J> GridDomainChecker<'_, J> {
     fn check<T>(&self, domain: Domain, bucket: usize, found: &mut T) -> Result<()>
     where
-        J: Fn(&Part<'_>, &mut T) -> Result<()>,
+        J: Fn(&GridProofPart<'_>, &mut T) -> Result<()>,
     {
         let (triangles, positions) = self.count(domain, bucket)?;
         let samples = domain.rect.len() as u64;
-        let kept = samples.min(self.context.asked.kept.count()) * size_of::<Position>() as u64;
+        let kept = samples.min(self.context.asked.kept.count()) * size_of::<ProofPosition>() as u64;
         let lines = self.context.asked.kept.lines().paths().ends_near(domain.rect);
-        let lines: u64 = lines.map(|[a, b]| Line::between(a, b).bytes_in(&domain)).sum();
+        let lines: u64 = lines.map(|[a, b]| ProofBreakline::between(a, b).bytes_in(&domain)).sum();
         let need = kept + lines + (self.need)(domain.apron().len() as u64, triangles, positions);
         if need <= self.context.work.share {
             return self.check_whole(domain, bucket, [triangles, positions], found);
@@ -182,7 +182,7 @@ impl<J> Checker<'_, J> {
 
     /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
     fn count(&self, domain: Domain, bucket: usize) -> Result<(u64, u64)> {
-        let Spread { layout, triangles, positions, .. } = self.spread;
+        let MeshSpread { layout, triangles, positions, .. } = self.spread;
         if domain == layout.domain(bucket as u64) {
             return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
         }
@@ -196,7 +196,7 @@ impl<J> Checker<'_, J> {
         &self,
         domain: Domain,
         bucket: usize,
-        mut visit: impl FnMut(&Triangle),
+        mut visit: impl FnMut(&ProofTriangle),
     ) -> Result<()> {
         self.spread.triangles.read(bucket, |triangles| {
             triangles.iter().filter(|t| domain.may_touch(t)).for_each(&mut visit);
@@ -207,7 +207,7 @@ impl<J> Checker<'_, J> {
         &self,
         domain: Domain,
         bucket: usize,
-        mut visit: impl FnMut(Position),
+        mut visit: impl FnMut(ProofPosition),
     ) -> Result<()> {
         let Some(positions) = &self.spread.positions else { return Ok(()) };
         positions.read(bucket, |positions| {
@@ -223,7 +223,7 @@ impl<J> Checker<'_, J> {
         found: &mut T,
     ) -> Result<()>
     where
-        J: Fn(&Part<'_>, &mut T) -> Result<()>,
+        J: Fn(&GridProofPart<'_>, &mut T) -> Result<()>,
     {
         let mut all = Vec::with_capacity(triangles as usize);
         self.each_triangle(domain, bucket, |triangle| all.push(*triangle))?;
@@ -232,20 +232,24 @@ impl<J> Checker<'_, J> {
         vertices.sort_unstable();
         let kept = self.context.asked.kept.within(domain.rect);
         let mut kept: Vec<_> =
-            kept.map(|[col, row]| Position::sample(col.into(), row.into())).collect();
+            kept.map(|[col, row]| ProofPosition::sample(col.into(), row.into())).collect();
         kept.sort_unstable();
         let near = self.context.asked.kept.lines().paths().ends_near(domain.rect);
-        let lines: Vec<_> = near.map(|[a, b]| Line::between(a, b)).collect();
+        let lines: Vec<_> = near.map(|[a, b]| ProofBreakline::between(a, b)).collect();
         let map = self.context.grid.info().transform;
         let steps = [[map.a, map.d], [map.b, map.e]];
-        let part = Part {
+        let part = GridProofPart {
             domain,
             heights: &read(self.context, domain.apron())?,
             triangles: &all,
             vertices: self.spread.positions.is_some().then_some(&vertices[..]),
             kept: &kept,
             lines: &lines,
-            min_angle: self.context.asked.min_angle.map(|degrees| AngleBound { degrees, steps }),
+            min_angle: self
+                .context
+                .asked
+                .min_angle
+                .map(|degrees| ProofAngleBound { degrees, steps }),
             precision: self.context.precision,
             is_fitted: self.context.is_fitted,
             tolerance: self.context.asked.tolerance,
@@ -256,7 +260,7 @@ impl<J> Checker<'_, J> {
 }
 
 /// Reads an apron, or another window.
-fn read(context: &Context<'_>, rect: Rect) -> Result<Vec<f64>> {
+fn read(context: &GridProofContext<'_>, rect: Rect) -> Result<Vec<f64>> {
     let mut heights = vec![0.0; rect.len()];
     context.grid.read_f64(rect, &mut heights)?;
     context.grid.copied(rect);
@@ -264,10 +268,15 @@ fn read(context: &Context<'_>, rect: Rect) -> Result<Vec<f64>> {
 }
 
 /// Follows an open edge beyond its domain.
-fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Tally) -> Result<()> {
+fn follow(
+    context: &GridProofContext<'_>,
+    layout: &DomainLayout,
+    mut open: UnpairedEdge,
+    tally: &mut ProofTally,
+) -> Result<()> {
     loop {
         let window = open.rest.window(layout.grid);
-        let surface = Surface::new(layout.grid, window, &read(context, window)?);
+        let surface = ProofSurface::new(layout.grid, window, &read(context, window)?);
         match surface.follow(open.rest) {
             Followed::On => return Ok(()),
             Followed::Off => {
@@ -279,7 +288,11 @@ fn follow(context: &Context<'_>, layout: &Layout, mut open: Open, tally: &mut Ta
     }
 }
 
-fn too_crowded(work: &Work<'_>, domain: Domain, [triangles, lines, need]: [u64; 3]) -> Error {
+fn too_crowded(
+    work: &ProofResources<'_>,
+    domain: Domain,
+    [triangles, lines, need]: [u64; 3],
+) -> Error {
     let Rect { col, row, width, height } = domain.rect;
     let beside = match lines >> 20 {
         0 => String::new(),

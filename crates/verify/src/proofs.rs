@@ -6,54 +6,54 @@ use super::mesh::run;
 use super::options::{CloudMeshProof, Gone, LineProof, LineVerifyJob, MeshProof, Proving};
 use super::report::VerifyReport;
 use terrane_base::error::{Error, Result};
-use terrane_engine::proof::{Proof, Verdict, Written};
+use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::path_of;
-use terrane_simplify::Metric;
+use terrane_simplify::MetricOption;
 
-impl Proof for MeshProof {
+impl OutputProof for MeshProof {
     const OF: &'static str = "meshes of grids";
     type Report = VerifyReport;
 
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<VerifyReport> {
         run(&Proving { written, options: self }, progress, cancel)
     }
 
-    fn verdict(report: &VerifyReport) -> &Verdict {
+    fn verdict(report: &VerifyReport) -> &ProofVerdict {
         &report.verdict
     }
 }
 
-impl Proof for CloudMeshProof {
+impl OutputProof for CloudMeshProof {
     const OF: &'static str = "meshes of point clouds";
     type Report = CloudVerifyReport;
 
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<CloudVerifyReport> {
         verify_cloud(&Proving { written, options: self }, progress, cancel)
     }
 
-    fn verdict(report: &CloudVerifyReport) -> &Verdict {
+    fn verdict(report: &CloudVerifyReport) -> &ProofVerdict {
         &report.verdict
     }
 }
 
-impl Proof for LineProof {
+impl OutputProof for LineProof {
     const OF: &'static str = "simplified lines";
     type Report = LineVerifyReport;
 
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<LineVerifyReport> {
@@ -66,7 +66,7 @@ impl Proof for LineProof {
             original: path_of(original).into_owned(),
             layer: self.features.layer.clone(),
             tolerance: self.tolerance,
-            is_space: self.metric == Metric::Space,
+            is_space: self.metric == MetricOption::Space,
             topology: self.topology,
             may_drop: self.collapse == Some(Gone::Drop),
             sides: self.sides.clone(),
@@ -75,7 +75,7 @@ impl Proof for LineProof {
         verify_lines(&job, progress, cancel)
     }
 
-    fn verdict(report: &LineVerifyReport) -> &Verdict {
+    fn verdict(report: &LineVerifyReport) -> &ProofVerdict {
         &report.verdict
     }
 }

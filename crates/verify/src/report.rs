@@ -2,19 +2,19 @@
 
 use serde::Serialize;
 
-use super::context::Context;
-use super::found::{DOUBLE_CELL, FaultReport, Findings, MeshReport, Original, is_zero};
+use super::context::GridProofContext;
+use super::found::{DOUBLE_CELL, FaultReport, MeshFindings, MeshReport, Original, is_zero};
 use super::vertices::VertexCounts;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::kept::KeptReport;
-use terrane_proof::{Fault, Position, Tally};
+use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
 /// A place on the grid, in samples and in world coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct Place {
+pub struct GridLocation {
     pub column: f64,
     pub row: f64,
     pub x: f64,
@@ -33,7 +33,7 @@ pub struct BandProof {
     /// The largest difference found, not multiplied.
     pub max_error: Option<f64>,
     /// Where it is.
-    pub max_error_at: Option<Place>,
+    pub max_error_at: Option<GridLocation>,
     /// Root mean square of the differences.
     pub rmse: Option<f64>,
     /// Samples further off than allowed (decided exactly, closed <=).
@@ -72,44 +72,44 @@ pub struct OfGrid {
     /// Distance up to which that is done, in cells.
     pub snap_radius: f64,
     /// Surface samples no triangle covers.
-    pub uncovered_samples: FaultReport<Place>,
+    pub uncovered_samples: FaultReport<GridLocation>,
     /// Surface cells no triangle overlaps.
-    pub uncovered_cells: FaultReport<Place>,
+    pub uncovered_cells: FaultReport<GridLocation>,
     /// Cells with a void corner that a triangle overlaps.
-    pub void_cells: FaultReport<Place>,
+    pub void_cells: FaultReport<GridLocation>,
     /// Triangles that reach beyond the grid.
-    pub outside_triangles: FaultReport<Place>,
+    pub outside_triangles: FaultReport<GridLocation>,
     /// True when the mesh states that its heights are fitted: vertices may lie above or below samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fitted: bool,
     /// Positions of triangle corners that are no sample, or, unless heights are fitted, not at the height
     /// their sample has in the precision of the format. A failure only where `made_by_terrane`: the error bound of
     /// other meshes may hold all the same.
-    pub off_sample_vertices: FaultReport<Place>,
+    pub off_sample_vertices: FaultReport<GridLocation>,
     /// What the tolerance is of: samples alone, or lines between neighbouring samples, too.
-    pub bound: Bound,
+    pub bound: ErrorBound,
     /// Largest vertical distance between the mesh and the lines between neighbouring samples of the
     /// surface, these samples included.
     pub surface_error: Option<f64>,
     /// Where it is.
-    pub surface_error_at: Option<Place>,
+    pub surface_error_at: Option<GridLocation>,
     /// Where the mesh breaks on such a line: there, or at a sample, it is furthest from it.
     pub breaks: u64,
     /// Breaks further from their line than the tolerance (decided exactly, closed <=). A failure only
     /// where `bound` is the surface.
-    pub over_between_samples: FaultReport<Place>,
+    pub over_between_samples: FaultReport<GridLocation>,
     /// The smallest angle that triangles may have in plan, if there is one, and
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,
     /// triangles that have a smaller one.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
-    pub thin_triangles: FaultReport<Place>,
+    pub thin_triangles: FaultReport<GridLocation>,
     /// Points to keep, if they were given, and
     #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<KeptReport>,
     /// samples nearest to them that are no vertices at their height.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
-    pub not_kept: FaultReport<Place>,
+    pub not_kept: FaultReport<GridLocation>,
     /// Breaklines, if they were given,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
@@ -118,7 +118,7 @@ pub struct OfGrid {
     pub on_breaklines: u64,
     /// samples where edges do not follow them.
     #[serde(skip_serializing_if = "FaultReport::is_none")]
-    pub not_followed: FaultReport<Place>,
+    pub not_followed: FaultReport<GridLocation>,
     /// The bands that the error is of, where channels are held to several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<BandProof>,
@@ -127,19 +127,19 @@ pub struct OfGrid {
 }
 
 impl Original for OfGrid {
-    type Place = Place;
+    type Place = GridLocation;
     const POINTS: &'static str = "samples";
     const WHOLE: &'static str = "surface";
     const PLANE: &'static str = "on the lattice of samples";
 
-    fn told(Place { column, row, x, y }: Place) -> String {
+    fn told(GridLocation { column, row, x, y }: GridLocation) -> String {
         format!("column {column}, row {row} (x {x}, y {y})")
     }
 
-    fn promises(&self) -> Vec<(FaultReport<Place>, &'static str)> {
+    fn promises(&self) -> Vec<(FaultReport<GridLocation>, &'static str)> {
         let between = match self.bound {
-            Bound::Samples => FaultReport::default(),
-            Bound::Surface => self.over_between_samples,
+            ErrorBound::Samples => FaultReport::default(),
+            ErrorBound::Surface => self.over_between_samples,
         };
         vec![
             (between, "places between samples further from the mesh than the tolerance"),
@@ -153,7 +153,7 @@ impl Original for OfGrid {
         ]
     }
 
-    fn off_vertices(&self) -> FaultReport<Place> {
+    fn off_vertices(&self) -> FaultReport<GridLocation> {
         self.off_sample_vertices
     }
 
@@ -168,14 +168,14 @@ impl Original for OfGrid {
 
 /// The findings, judged; without names of files and figures of the run.
 pub(super) fn report(
-    context: &Context<'_>,
+    context: &GridProofContext<'_>,
     vertices: &VertexCounts,
     broken: u64,
-    tally: &Tally,
+    tally: &ProofTally,
 ) -> VerifyReport {
     let grid = context.grid.info();
-    let place = |at: Position| place(&grid.transform, at);
-    let fault = |fault: &Fault| FaultReport::of(fault, place);
+    let place = |at: ProofPosition| place(&grid.transform, at);
+    let fault = |fault: &FaultCount| FaultReport::of(fault, place);
     let of = OfGrid {
         width: grid.width,
         height: grid.height,
@@ -208,7 +208,7 @@ pub(super) fn report(
         not_followed: fault(&tally.not_followed),
         ..OfGrid::default()
     };
-    let found = Findings {
+    let found = MeshFindings {
         mesh: context.work.mesh.info(),
         stated: &context.stated,
         is_delaunay: context.is_delaunay,
@@ -223,8 +223,8 @@ pub(super) fn report(
     MeshReport::new(of, &found, place)
 }
 
-pub(super) fn place(map: &Affine, at: Position) -> Place {
+pub(super) fn place(map: &Affine, at: ProofPosition) -> GridLocation {
     let (column, row) = (at.cols(), at.rows());
     let [x, y] = map.apply(column, row);
-    Place { column, row, x, y }
+    GridLocation { column, row, x, y }
 }

@@ -4,12 +4,12 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::vertices::{VertexCache, VertexCounts};
-use super::work::Work;
+use super::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_engine::workers;
-use terrane_files::{Buckets, Writer, lock};
-use terrane_proof::{Layout, Position, Snap, Triangle};
+use terrane_files::{BucketWriter, Buckets, lock};
+use terrane_proof::{DomainLayout, ProofPosition, ProofTriangle, Snap};
 
 /// Triangles of a part are numbered with their corners in `u32`.
 pub(super) const MOST_TRIANGLES: u64 = 1 << 30;
@@ -19,15 +19,15 @@ const BATCH: u64 = 2048;
 
 /// Which domains get a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reach {
+pub(super) enum DomainReach {
     /// Those that it may touch.
     Touched,
     /// Those that own a corner of it.
     Corners,
 }
 
-impl Reach {
-    fn domains(self, layout: &Layout, triangle: &Triangle, out: &mut Vec<u64>) {
+impl DomainReach {
+    fn domains(self, layout: &DomainLayout, triangle: &ProofTriangle, out: &mut Vec<u64>) {
         match self {
             Self::Touched => layout.touched(triangle, |domain| out.push(domain)),
             Self::Corners => {
@@ -40,21 +40,25 @@ impl Reach {
 }
 
 /// Everything the mesh has, by the domains it touches.
-pub(super) struct Spread {
-    pub(super) layout: Layout,
+pub(super) struct MeshSpread {
+    pub(super) layout: DomainLayout,
     /// Each triangle in every domain it may touch.
-    pub(super) triangles: Buckets<Triangle>,
+    pub(super) triangles: Buckets<ProofTriangle>,
     /// Each vertex in the domain that owns it, where vertices have an identity.
-    pub(super) positions: Option<Buckets<Position>>,
+    pub(super) positions: Option<Buckets<ProofPosition>>,
     /// How the vertices lie.
     pub(super) counts: VertexCounts,
     /// Triangles left out because of an unusable vertex.
     pub(super) broken: u64,
 }
 
-impl Spread {
+impl MeshSpread {
     /// Reads the mesh once.
-    pub(super) fn fill(work: &Work<'_>, snapper: &impl Snap, layout: Layout) -> Result<Self> {
+    pub(super) fn fill(
+        work: &ProofResources<'_>,
+        snapper: &impl Snap,
+        layout: DomainLayout,
+    ) -> Result<Self> {
         let info = work.mesh.info();
         let positions = info.indexed.then(|| work.buckets(layout, work.memory / 2));
         let triangles = work.buckets(layout, work.memory / 4);
@@ -63,16 +67,16 @@ impl Spread {
         work.progress.begin("vertices", info.vertices);
         spread.counts = spread.fill_positions(work, snapper)?;
         work.progress.end();
-        spread.broken = spread.fill_triangles(work, snapper, Reach::Touched)?;
+        spread.broken = spread.fill_triangles(work, snapper, DomainReach::Touched)?;
         Ok(spread)
     }
 
     /// Reads the triangles of the mesh once, and nothing else of it.
     pub(super) fn of_triangles(
-        work: &Work<'_>,
+        work: &ProofResources<'_>,
         snapper: &impl Snap,
-        layout: Layout,
-        reach: Reach,
+        layout: DomainLayout,
+        reach: DomainReach,
     ) -> Result<Self> {
         let triangles = work.buckets(layout, work.memory / 4);
         let counts = VertexCounts::default();
@@ -81,14 +85,18 @@ impl Spread {
         Ok(spread)
     }
 
-    fn fill_positions(&self, work: &Work<'_>, snapper: &impl Snap) -> Result<VertexCounts> {
+    fn fill_positions(
+        &self,
+        work: &ProofResources<'_>,
+        snapper: &impl Snap,
+    ) -> Result<VertexCounts> {
         let all = Mutex::new(VertexCounts::default());
         let pages = VertexCounts::pages(work.mesh);
         let start = || {
             let writer = self.positions.as_ref().map(Buckets::writer);
             (VertexCounts::default(), writer, Vec::new())
         };
-        type State<'s> = (VertexCounts, Option<Writer<'s, Position>>, Vec<Point3>);
+        type State<'s> = (VertexCounts, Option<BucketWriter<'s, ProofPosition>>, Vec<Point3>);
         let page = |(counts, writer, stored): &mut State<'_>, page: u64| {
             counts.page(work.mesh, snapper, page, stored, |at| match writer {
                 Some(writer) => writer.push(self.layout.owner(at) as usize, at),
@@ -99,14 +107,19 @@ impl Spread {
         };
         let finish = |(counts, writer, _): State<'_>| {
             lock(&all).merge(&counts);
-            writer.map_or(Ok(()), Writer::finish)
+            writer.map_or(Ok(()), BucketWriter::finish)
         };
         workers::run(work.threads, pages, &work.cancel, start, page, finish)?;
         self.positions.as_ref().map_or(Ok(()), Buckets::settle)?;
         Ok(*lock(&all))
     }
 
-    fn fill_triangles<S: Snap>(&self, work: &Work<'_>, snapper: &S, reach: Reach) -> Result<u64> {
+    fn fill_triangles<S: Snap>(
+        &self,
+        work: &ProofResources<'_>,
+        snapper: &S,
+        reach: DomainReach,
+    ) -> Result<u64> {
         work.progress.begin("triangles", work.mesh.info().triangles);
         let broken = AtomicU64::new(0);
         let units = work.mesh.info().triangles.div_ceil(BATCH);
@@ -138,10 +151,10 @@ impl Spread {
 
 /// One thread's part in spreading triangles over domains.
 struct Filler<'a, S> {
-    layout: Layout,
-    reach: Reach,
+    layout: DomainLayout,
+    reach: DomainReach,
     cache: VertexCache<'a, S>,
-    writer: Writer<'a, Triangle>,
+    writer: BucketWriter<'a, ProofTriangle>,
     ids: Vec<[u64; 3]>,
     touched: Vec<u64>,
     broken: u64,
@@ -149,7 +162,7 @@ struct Filler<'a, S> {
 
 impl<S: Snap> Filler<'_, S> {
     /// Spreads the batch of triangles that begins with `first`.
-    fn batch(&mut self, work: &Work<'_>, first: u64) -> Result<()> {
+    fn batch(&mut self, work: &ProofResources<'_>, first: u64) -> Result<()> {
         let info = work.mesh.info();
         let mut ids = std::mem::take(&mut self.ids);
         ids.clear();
@@ -173,7 +186,7 @@ impl<S: Snap> Filler<'_, S> {
             self.broken += 1;
             return Ok(());
         };
-        let triangle = Triangle { corners: [a, b, c] };
+        let triangle = ProofTriangle { corners: [a, b, c] };
         self.touched.clear();
         self.reach.domains(&self.layout, &triangle, &mut self.touched);
         self.touched.iter().try_for_each(|&domain| self.writer.push(domain as usize, triangle))

@@ -1,10 +1,10 @@
 //! Squares of a plane that has no blocks of its own, and records spread over pieces of one that is too
 //! crowded.
 
-use super::work::Work;
+use super::work::ProofResources;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
-use terrane_proof::{Domain, Layout};
+use terrane_proof::{Domain, DomainLayout};
 
 /// Points or triangles that a domain should hold: with what is known of them they should stay near
 /// the processor.
@@ -19,13 +19,13 @@ pub(super) const RUN_BYTES: u64 = 16;
 const HALVINGS: u32 = 4;
 
 /// About `wanted` squares, but no more than [`MOST`].
-pub(super) fn divide(grid: [u32; 2], wanted: u64) -> Layout {
+pub(super) fn divide(grid: [u32; 2], wanted: u64) -> DomainLayout {
     let area = u64::from(grid[0]) * u64::from(grid[1]);
     let mut side = (area / wanted).isqrt();
     loop {
         let size =
             side.next_multiple_of(u64::from(Domain::UNIT)).clamp(u64::from(Domain::UNIT), 1 << 30);
-        let layout = Layout { grid, size: [size as u32; 2] };
+        let layout = DomainLayout { grid, size: [size as u32; 2] };
         if layout.len() <= MOST {
             return layout;
         }
@@ -35,7 +35,7 @@ pub(super) fn divide(grid: [u32; 2], wanted: u64) -> Layout {
 
 /// The records of a domain by piece.
 pub(super) fn respread<T: bytemuck::Pod>(
-    work: &Work<'_>,
+    work: &ProofResources<'_>,
     pile: &Buckets<T>,
     number: usize,
     pieces: &[Domain],

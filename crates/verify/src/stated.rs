@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use terrane_base::error::{Error, Result};
-use terrane_baselines::{METHODS, Triangulation};
-use terrane_engine::proof::Verdict;
+use terrane_baselines::{METHODS, TriangulationRule};
+use terrane_engine::proof::ProofVerdict;
 use terrane_mesh::{self as mesh, MeshInfo, MeshSource, Promises};
 
 /// Opens a mesh that can be proved. A solid is none: its walls and bottom are no terrain, and nothing
@@ -53,8 +53,8 @@ pub(super) fn tolerance(stated: &Promises) -> Option<f64> {
 pub(super) fn is_delaunay(stated: &Promises) -> Result<bool> {
     let Some(name) = &stated.triangulation else { return Ok(true) };
     let mut others = METHODS.iter().filter(|method| !method.is_delaunay);
-    match name.parse::<Triangulation>() {
-        Ok(known) => Ok(known == Triangulation::Delaunay),
+    match name.parse::<TriangulationRule>() {
+        Ok(known) => Ok(known == TriangulationRule::Delaunay),
         Err(_) if others.any(|method| method.name == *name) => Ok(false),
         Err(_) => {
             Err(Error::bad_input(format!("states \"triangulation {name}\", which is not known"))
@@ -64,7 +64,11 @@ pub(super) fn is_delaunay(stated: &Promises) -> Result<bool> {
 }
 
 /// Names points and lines of files that a mesh states and that were not given, as not judged.
-pub(super) fn leave_files(stated: &Promises, [points, lines]: [bool; 2], verdict: &mut Verdict) {
+pub(super) fn leave_files(
+    stated: &Promises,
+    [points, lines]: [bool; 2],
+    verdict: &mut ProofVerdict,
+) {
     if let Some(file) = stated.keep_points.as_deref().filter(|_| !points) {
         verdict.leave(format!("whether it keeps the points of {file} (‹keep_points›)"));
     }

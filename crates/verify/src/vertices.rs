@@ -3,15 +3,15 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_mesh::MeshSource;
-use terrane_proof::{Position, Snap, Snapped, Vertex};
+use terrane_proof::{ProofPosition, ProofVertex, Snap, SnapOutcome};
 
 /// Vertices of a page.
 const PAGE: usize = 1024;
 
 /// A page and its number.
-struct Page {
+struct VertexPage {
     number: u64,
-    vertices: Vec<Vertex>,
+    vertices: Vec<ProofVertex>,
 }
 
 /// The vertices of a mesh, on the lattice. Each page number has one slot it can be in: triangles
@@ -19,7 +19,7 @@ struct Page {
 pub(super) struct VertexCache<'a, S> {
     mesh: &'a dyn MeshSource,
     snapper: S,
-    slots: Vec<Option<Page>>,
+    slots: Vec<Option<VertexPage>>,
     stored: Vec<Point3>,
 }
 
@@ -27,12 +27,12 @@ impl<'a, S: Snap> VertexCache<'a, S> {
     /// A cache of about `bytes`.
     pub(super) fn new(mesh: &'a dyn MeshSource, snapper: S, bytes: u64) -> Self {
         let pages = mesh.info().vertices.div_ceil(PAGE as u64);
-        let slots = (bytes / (PAGE * size_of::<Vertex>()) as u64).min(pages).max(1);
+        let slots = (bytes / (PAGE * size_of::<ProofVertex>()) as u64).min(pages).max(1);
         Self { mesh, snapper, slots: (0..slots).map(|_| None).collect(), stored: Vec::new() }
     }
 
     /// Vertex `id`, which the mesh has; `None` when its position or height is unusable.
-    pub(super) fn get(&mut self, id: u64) -> Result<Option<Vertex>> {
+    pub(super) fn get(&mut self, id: u64) -> Result<Option<ProofVertex>> {
         let number = id / PAGE as u64;
         let slot = (number % self.slots.len() as u64) as usize;
         if self.slots[slot].as_ref().is_none_or(|page| page.number != number) {
@@ -45,14 +45,14 @@ impl<'a, S: Snap> VertexCache<'a, S> {
     }
 
     /// Reads a page, reusing the memory of another.
-    fn load(&mut self, number: u64, old: Option<Page>) -> Result<Page> {
+    fn load(&mut self, number: u64, old: Option<VertexPage>) -> Result<VertexPage> {
         let mut vertices = old.map(|page| page.vertices).unwrap_or_default();
         read_page(self.mesh, number, &mut self.stored)?;
-        let unusable = Vertex { at: Position::sample(0, 0), z: f64::NAN };
+        let unusable = ProofVertex { at: ProofPosition::sample(0, 0), z: f64::NAN };
         vertices.clear();
         let snap = |&p: &Point3| self.snapper.snap(p).vertex().unwrap_or(unusable);
         vertices.extend(self.stored.iter().map(snap));
-        Ok(Page { number, vertices })
+        Ok(VertexPage { number, vertices })
     }
 }
 
@@ -90,7 +90,7 @@ impl VertexCounts {
         snapper: &impl Snap,
         number: u64,
         stored: &mut Vec<Point3>,
-        mut visit: impl FnMut(Position) -> Result<()>,
+        mut visit: impl FnMut(ProofPosition) -> Result<()>,
     ) -> Result<()> {
         read_page(mesh, number, stored)?;
         for &point in stored.iter() {
@@ -101,15 +101,15 @@ impl VertexCounts {
         Ok(())
     }
 
-    fn count(&mut self, snapped: Snapped) {
+    fn count(&mut self, snapped: SnapOutcome) {
         match snapped {
-            Snapped::Exact(_) => {}
-            Snapped::Moved(_, distance) => {
+            SnapOutcome::Exact(_) => {}
+            SnapOutcome::Moved(_, distance) => {
                 self.snapped += 1;
                 self.largest_snap = self.largest_snap.max(distance);
             }
-            Snapped::Free(_) => self.free += 1,
-            Snapped::Unusable => self.unusable += 1,
+            SnapOutcome::Free(_) => self.free += 1,
+            SnapOutcome::Unusable => self.unusable += 1,
         }
     }
 

@@ -11,13 +11,13 @@ use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::Buckets;
 use terrane_mesh::MeshSource;
-use terrane_proof::Layout;
+use terrane_proof::DomainLayout;
 
 /// Least memory a verification can work in, and least for each thread.
 pub(super) const LEAST_MEMORY: u64 = 1 << 20;
 
 /// What a proof works with, whatever the mesh is held against.
-pub(super) struct Work<'a> {
+pub(super) struct ProofResources<'a> {
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: Cancel,
@@ -32,7 +32,7 @@ pub(super) struct Work<'a> {
     pub(super) folder: PathBuf,
 }
 
-impl<'a> Work<'a> {
+impl<'a> ProofResources<'a> {
     /// Figures of a proof that ends now.
     pub(super) fn figures(&self, started: Instant, resources: &Resources, spilled: u64) -> Figures {
         Figures::since(started, resources).with_threads(self.threads).with_spilled(spilled)
@@ -76,7 +76,7 @@ impl<'a> Work<'a> {
     }
 
     /// A bucket for each domain, which together hold about `bytes` until they are settled.
-    pub(super) fn buckets<T: Pod>(&self, layout: Layout, bytes: u64) -> Buckets<T> {
+    pub(super) fn buckets<T: Pod>(&self, layout: DomainLayout, bytes: u64) -> Buckets<T> {
         Buckets::new(&self.folder, layout.len() as usize, bytes)
     }
 }

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::heights::{Heights, Spread};
+use crate::heights::{HeightCounts, HeightDistribution};
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
-use terrane_cloud::{Census, Cloud, Flags, PointSource, Record};
+use terrane_cloud::{FilterRecord, Flags, PointCensus, PointCloud, PointSource};
 use terrane_engine::input::workers;
 use terrane_engine::{Cancel, FileAt, Progress, Resources};
 
@@ -17,7 +17,7 @@ use terrane_engine::{Cancel, FileAt, Progress, Resources};
 pub struct CloudStats {
     /// What became of all points.
     #[serde(flatten)]
-    pub census: Census,
+    pub census: PointCensus,
     /// Points by class.
     pub classes: BTreeMap<u8, u64>,
     /// Points by number of their return.
@@ -30,13 +30,13 @@ pub struct CloudStats {
     pub bounds: Option<[Point3; 2]>,
     /// How their heights are spread; absent without points.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub heights: Option<Heights>,
+    pub heights: Option<HeightDistribution>,
     #[serde(skip)]
-    spread: Spread,
+    spread: HeightCounts,
 }
 
 impl CloudStats {
-    fn add(&mut self, record: &Record) {
+    fn add(&mut self, record: &FilterRecord) {
         *self.classes.entry(record.class).or_default() += 1;
         *self.returns.entry(record.number).or_default() += 1;
         self.last += u64::from(record.number >= record.returns);
@@ -73,7 +73,7 @@ fn joined(one: Option<[Point3; 2]>, other: Option<[Point3; 2]>) -> Option<[Point
 /// Reads all wanted points of a cloud, part by part. The result does not depend on the number of
 /// threads.
 pub fn cloud_stats(
-    cloud: &Cloud,
+    cloud: &PointCloud,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,

@@ -18,7 +18,7 @@ const PERCENTILES: [u64; 7] = [1, 5, 25, 50, 75, 95, 99];
 
 /// Heights as they are counted.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Spread {
+pub(crate) struct HeightCounts {
     /// Steps are of 2^power.
     power: i32,
     /// The lowest step, and points of it and those above.
@@ -30,7 +30,7 @@ pub(crate) struct Spread {
 
 /// How heights are spread.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Heights {
+pub struct HeightDistribution {
     /// Mean height.
     pub mean: f64,
     /// Heights that so many of a hundred points lie below, and how far they may be off.
@@ -38,12 +38,12 @@ pub struct Heights {
     /// See [`percentiles`](Self::percentiles).
     pub within: f64,
     /// From the lowest height up; the first and the last one reach as far as there are points.
-    pub histogram: Vec<Bar>,
+    pub histogram: Vec<HistogramBar>,
 }
 
 /// Points of some heights.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Bar {
+pub struct HistogramBar {
     /// The lowest of the heights, which belongs to them.
     pub low: f64,
     /// The first height that does not.
@@ -52,13 +52,13 @@ pub struct Bar {
     pub points: u64,
 }
 
-impl Default for Spread {
+impl Default for HeightCounts {
     fn default() -> Self {
         Self { power: FINEST, first: 0, counts: Vec::new(), sum: 0 }
     }
 }
 
-impl Spread {
+impl HeightCounts {
     /// Counts a height.
     pub(crate) fn add(&mut self, height: f64) {
         let height = height.clamp(-MOST_HEIGHT, MOST_HEIGHT);
@@ -152,13 +152,13 @@ impl Spread {
     }
 
     /// What is told of them; `None` without any.
-    pub(crate) fn told(&self) -> Option<Heights> {
+    pub(crate) fn told(&self) -> Option<HeightDistribution> {
         let points = self.points();
         let percentile = |percent: u64| {
             let step = self.step_of((points * percent).div_ceil(100).max(1));
             (percent, (step as f64 + 0.5) * self.size())
         };
-        (points > 0).then(|| Heights {
+        (points > 0).then(|| HeightDistribution {
             mean: self.sum as f64 / PARTS / points as f64,
             percentiles: PERCENTILES.map(percentile).to_vec(),
             within: self.size() / 2.0,
@@ -166,7 +166,7 @@ impl Spread {
         })
     }
 
-    fn histogram(&self) -> Vec<Bar> {
+    fn histogram(&self) -> Vec<HistogramBar> {
         let points = self.points();
         let beyond = (points as f64 * BEYOND) as u64;
         let [low, high] = [beyond + 1, points - beyond].map(|rank| self.step_of(rank));
@@ -174,8 +174,12 @@ impl Spread {
             (0..63).find(|shift| (high >> shift) - (low >> shift) < MOST_BARS).unwrap_or(63);
         let [low, high] = [low >> shift, high >> shift];
         let size = self.size() * f64::from(shift).exp2();
-        let mut bars: Vec<Bar> = (low..=high)
-            .map(|bar| Bar { low: bar as f64 * size, high: (bar + 1) as f64 * size, points: 0 })
+        let mut bars: Vec<HistogramBar> = (low..=high)
+            .map(|bar| HistogramBar {
+                low: bar as f64 * size,
+                high: (bar + 1) as f64 * size,
+                points: 0,
+            })
             .collect();
         for (step, points) in (self.first..).zip(&self.counts) {
             bars[((step >> shift).clamp(low, high) - low) as usize].points += points;
@@ -197,8 +201,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn spread(heights: &[f64]) -> Spread {
-        let mut spread = Spread::default();
+    fn spread(heights: &[f64]) -> HeightCounts {
+        let mut spread = HeightCounts::default();
         heights.iter().for_each(|height| spread.add(*height));
         spread
     }

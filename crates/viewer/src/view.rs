@@ -29,18 +29,18 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::render::{Field, Light, Style, natural_exaggeration};
-use drawn::{Drawn, FINENESS};
+use crate::render::{PictureHeights, ReliefLight, Style, natural_exaggeration};
+use drawn::{DrawnSurface, FINENESS};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
-use terrane_engine::input::{self, Surface};
+use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::cache_beside;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::outputs::check_ending;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::AtomicFile;
-use terrane_raster::OpenOptions;
+use terrane_raster::GridOpenOptions;
 
 /// What was drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -72,7 +72,7 @@ impl Operation for PictureOptions {
         check_ending(output, &["png"], "a picture")
     }
 
-    fn run(&self, request: Request<'_>) -> Result<ViewReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<ViewReport> {
         let (input, output) = (request.inputs.clone(), request.output.to_path_buf());
         run(&ViewJob { input, output, options: self.clone() }, request.progress, request.cancel)
     }
@@ -83,12 +83,12 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     let started = Instant::now();
     terrane_files::atomic::refuse_existing(&job.output, job.options.replacing.overwrite)?;
     let drawn = match input::open(job.input.names(), &options(job)?)? {
-        Surface::Grid(_) if job.options.edges => {
+        SurfaceInput::Grid(_) if job.options.edges => {
             return Err(Error::usage("a grid has no triangle edges to draw")
                 .remedy("leave ‹edges› out, or view a mesh made by ‹terrane tin›"));
         }
-        Surface::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
-        Surface::Mesh(mesh) => {
+        SurfaceInput::Grid(grid) => grid::draw(grid.as_ref(), job, progress, cancel)?,
+        SurfaceInput::Mesh(mesh) => {
             job.options.grid.refuse_for_meshes()?;
             mesh::draw(mesh.as_ref(), job, progress, cancel)?
         }
@@ -97,7 +97,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
     Ok(ViewReport { run: Figures::since(started, &job.options.resources), ..report })
 }
 
-fn options(job: &ViewJob) -> Result<OpenOptions> {
+fn options(job: &ViewJob) -> Result<GridOpenOptions> {
     let PictureOptions { grid, resources, .. } = &job.options;
     // A part is that of the picture.
     let whole = grid.unbounded();
@@ -106,7 +106,7 @@ fn options(job: &ViewJob) -> Result<OpenOptions> {
 
 fn paint(
     job: &ViewJob,
-    drawn: &Drawn,
+    drawn: &DrawnSurface,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ViewReport> {
@@ -133,16 +133,16 @@ fn paint(
 }
 
 /// How `drawn` is lit.
-fn style(job: &ViewJob, drawn: &Drawn) -> Style {
+fn style(job: &ViewJob, drawn: &DrawnSurface) -> Style {
     let ground = drawn.frame.finer(FINENESS).ground_pixel();
     let natural = || natural_exaggeration(&drawn.field, ground);
     let exaggeration = job.options.lighting.heights.exaggeration.unwrap_or_else(natural);
     let Lighting { azimuth, altitude, .. } = job.options.lighting;
-    let light = Light::new(azimuth, altitude);
+    let light = ReliefLight::new(azimuth, altitude);
     Style { light, exaggeration, ground, fineness: FINENESS as usize }
 }
 
-fn extremes(field: &Field) -> (f32, f32) {
+fn extremes(field: &PictureHeights) -> (f32, f32) {
     let start = (f32::INFINITY, f32::NEG_INFINITY);
     field.z.iter().fold(start, |(low, high), &z| (low.min(z), high.max(z)))
 }

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Args, mesh, name_of, picture, prove, size, terrain};
-use crate::cli::shared::{Outcome, report, say, text};
+use super::{DemoArgs, mesh, name_of, picture, prove, size, terrain};
+use crate::cli::shared::{VerbOutcome, report, say, text};
 use terrane_base::error::{Error, Result};
-use terrane_baselines::{METHODS, Triangulation};
-use terrane_engine::proof::Verdict;
+use terrane_baselines::{METHODS, TriangulationRule};
+use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic;
 use terrane_terrain::convert;
-use terrane_terrain::tin::{Goal, Textbook, TinJob};
+use terrane_terrain::tin::{Textbook, TinGoal, TinJob};
 use terrane_viewer::view::{Panel, SheetJob, run_sheet};
 
 /// Small enough for methods that hold all of it, and for edges to be told apart; and how far a sample may be
@@ -22,21 +22,21 @@ const TERRAIN: &str = "synth:rough,size=129,seed=7";
 const TOLERANCE: f64 = 2.0;
 
 /// A way to make a mesh: the engine's own, or a method by its name; `fit` as with `tin --fit`.
-struct Way {
+struct DemoMethod {
     label: &'static str,
     file: &'static str,
     method: Option<&'static str>,
     fit: bool,
 }
 
-const fn textbook(name: &'static str, file: &'static str) -> Way {
-    Way { label: name, file, method: Some(name), fit: false }
+const fn textbook(name: &'static str, file: &'static str) -> DemoMethod {
+    DemoMethod { label: name, file, method: Some(name), fit: false }
 }
 
 /// What is compared, in the order of the picture.
-const WAYS: [Way; 6] = [
-    Way { label: "greedy", file: "greedy.ply", method: None, fit: false },
-    Way { label: "greedy --fit", file: "greedy-fit.ply", method: None, fit: true },
+const WAYS: [DemoMethod; 6] = [
+    DemoMethod { label: "greedy", file: "greedy.ply", method: None, fit: false },
+    DemoMethod { label: "greedy --fit", file: "greedy-fit.ply", method: None, fit: true },
     textbook("collapse", "collapse.ply"),
     textbook("kdtree", "kdtree.ply"),
     textbook("rtin", "rtin.ply"),
@@ -48,7 +48,7 @@ const PANEL: u32 = 480;
 
 /// What is told of a mesh.
 #[derive(Serialize)]
-struct Row {
+struct DemoMeshRow {
     method: &'static str,
     mesh: String,
     vertices: u64,
@@ -59,23 +59,23 @@ struct Row {
     /// What it took to make, without the proof.
     wall_seconds: f64,
     #[serde(flatten)]
-    verdict: Verdict,
+    verdict: ProofVerdict,
     #[serde(skip)]
     vertical_unit: String,
 }
 
 #[derive(Serialize)]
-struct Comparison {
+struct MethodComparison {
     terrain: String,
     width: u32,
     height: u32,
     tolerance: f64,
     vertical_unit: String,
     picture: String,
-    methods: Vec<Row>,
+    methods: Vec<DemoMeshRow>,
 }
 
-pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+pub(super) fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let folder = args.dir.join("methods");
     atomic::create_folders(&folder)?;
     let [grid, drawn, told] =
@@ -83,15 +83,15 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let (resources, progress) = (args.resources.0.clone(), args.show.progress());
     let progress = progress.as_ref();
     let copied = convert::run(&terrain(TERRAIN, &grid, &resources), progress, cancel)?;
-    let made = |way: &Way| {
+    let made = |way: &DemoMethod| {
         let mut job = mesh(&grid, &folder.join(way.file), &resources)?;
         job.refinement.fit = way.fit;
-        let job = TinJob { goal: Goal::MaxError(TOLERANCE), ..job };
+        let job = TinJob { goal: TinGoal::MaxError(TOLERANCE), ..job };
         row(way, &job, progress, cancel)
     };
-    let methods = WAYS.iter().map(made).collect::<Result<Vec<Row>>>()?;
+    let methods = WAYS.iter().map(made).collect::<Result<Vec<DemoMeshRow>>>()?;
     run_sheet(&sheet(&methods, &drawn, &resources), progress, cancel)?;
-    let comparison = Comparison {
+    let comparison = MethodComparison {
         terrain: name_of(&grid)?,
         width: copied.width,
         height: copied.height,
@@ -107,17 +107,22 @@ pub(super) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
         say::result(&summary(&comparison, [&grid, &drawn, &told])?)?;
     }
     let verdicts = || comparison.methods.iter().map(|row| &row.verdict);
-    Ok(Outcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
+    Ok(VerbOutcome::of(verdicts().all(|v| v.passed), verdicts().all(|v| v.judged)))
 }
 
 /// Makes and proves a mesh.
-fn row(way: &Way, job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Row> {
+fn row(
+    way: &DemoMethod,
+    job: &TinJob,
+    progress: &dyn Progress,
+    cancel: &Cancel,
+) -> Result<DemoMeshRow> {
     let made = match way.method {
         None => terrane_terrain::tin::run(job, progress, cancel)?,
         Some(name) => terrane_terrain::tin::run_by(job, &by_name(name)?, progress, cancel)?,
     };
     let checked = prove(job, &made, progress, cancel)?;
-    Ok(Row {
+    Ok(DemoMeshRow {
         method: way.label,
         mesh: made.output,
         vertices: made.vertices,
@@ -133,11 +138,11 @@ fn row(way: &Way, job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Res
 fn by_name(name: &str) -> Result<Textbook> {
     let found = METHODS.iter().find(|method| method.name == name);
     let method = found.ok_or_else(|| Error::usage(format!("no method {name}")).remedy("report it"));
-    Ok(Textbook { method: method?, triangulation: Triangulation::default() })
+    Ok(Textbook { method: method?, triangulation: TriangulationRule::default() })
 }
 
-fn sheet(rows: &[Row], output: &Path, resources: &Resources) -> SheetJob {
-    let panel = |row: &Row| Panel {
+fn sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> SheetJob {
+    let panel = |row: &DemoMeshRow| Panel {
         mesh: row.mesh.clone(),
         lines: vec![
             row.method.to_owned(),
@@ -149,12 +154,12 @@ fn sheet(rows: &[Row], output: &Path, resources: &Resources) -> SheetJob {
     SheetJob { panels: rows.iter().map(panel).collect(), columns: COLUMNS, each }
 }
 
-fn error(row: &Row) -> String {
+fn error(row: &DemoMeshRow) -> String {
     row.max_error.map_or("-".to_owned(), text::bound)
 }
 
-fn summary(told: &Comparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
-    let Comparison { tolerance, vertical_unit: unit, methods, .. } = told;
+fn summary(told: &MethodComparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<String> {
+    let MethodComparison { tolerance, vertical_unit: unit, methods, .. } = told;
     let all_proved = methods.iter().all(|row| row.verdict.passed);
     let verdict = if all_proved { "proved of every mesh" } else { "NOT kept by every mesh" };
     let samples = u64::from(told.width) * u64::from(told.height);
@@ -165,7 +170,7 @@ fn summary(told: &Comparison, [grid, drawn, report]: [&PathBuf; 3]) -> Result<St
         ("bound", format!("{} {unit} at the most, {verdict}", text::number(*tolerance))),
     ]);
     let heading = ["method", "vertices", "of samples", "triangles", "largest error", "time"];
-    let cells = |row: &Row| {
+    let cells = |row: &DemoMeshRow| {
         [
             row.method.to_owned(),
             text::count(row.vertices),

@@ -6,21 +6,21 @@ mod methods;
 use std::path::{Path, PathBuf};
 
 use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, report, say, text};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, report, say, text};
 use crate::cli::{tin, verify};
 use terrane_base::error::{Error, Result};
-use terrane_engine::proof::{Proof, Written};
+use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic;
 use terrane_terrain::convert::{self, ConvertJob};
-use terrane_terrain::tin::{Goal, TinJob, TinReport};
+use terrane_terrain::tin::{TinGoal, TinJob, TinReport};
 use terrane_verify::{MeshProof, VerifyReport};
 use terrane_viewer::view::{PictureOptions, ViewJob};
 
 /// Make a synthetic terrain, simplify it, prove the result, and draw it
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct DemoArgs {
     /// Folder for the results; its files of an earlier demo are replaced
     #[arg(long, value_name = "DIR", default_value = "terrane-demo")]
     dir: PathBuf,
@@ -39,14 +39,14 @@ const TERRAIN: &str = "synth:rough,size=2049,seed=7";
 const TOLERANCE: f64 = 5.0;
 
 /// Files of the demo's folder.
-struct Files {
+struct DemoFiles {
     grid: PathBuf,
     mesh: PathBuf,
     picture: PathBuf,
     report: PathBuf,
 }
 
-impl Files {
+impl DemoFiles {
     fn within(folder: &Path) -> Self {
         let file = |name: &str| folder.join(name);
         Self {
@@ -58,10 +58,10 @@ impl Files {
     }
 }
 
-impl Verb for Args {
+impl Verb for DemoArgs {
     const NAME: &'static str = "demo";
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         match self.methods {
             true => methods::run(self, call.cancel),
             false => run(self, call.cancel),
@@ -69,9 +69,9 @@ impl Verb for Args {
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &DemoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     atomic::create_folders(&args.dir)?;
-    let files = Files::within(&args.dir);
+    let files = DemoFiles::within(&args.dir);
     let resources = args.resources.0.clone();
     let progress = args.show.progress();
     let progress = progress.as_ref();
@@ -80,7 +80,8 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     let made = terrane_terrain::tin::run(&job, progress, cancel)?;
     let checked = prove(&job, &made, progress, cancel)?;
     terrane_viewer::view::run(&picture(&files.mesh, &files.picture, &resources), progress, cancel)?;
-    let report = tin::Told { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
+    let report =
+        tin::MadeMeshReport { made: &made, checked: Some(&checked), skipped: &[], unmet: None };
     report::write(&files.report, true, &report)?;
     if args.show.json {
         say::json(&report)?;
@@ -108,12 +109,12 @@ fn prove(
     proof.max_error = Some(made.tolerance);
     proof.grid = job.reading.clone();
     proof.resources = job.resources.clone();
-    let written = Written { file: job.output.clone(), original: job.input.clone() };
+    let written = WrittenOutput { file: job.output.clone(), original: job.input.clone() };
     proof.prove(&written, progress, cancel)
 }
 
 fn mesh(grid: &Path, mesh: &Path, resources: &Resources) -> Result<TinJob> {
-    let job = TinJob::new(name_of(grid)?, mesh, Goal::MaxError(TOLERANCE));
+    let job = TinJob::new(name_of(grid)?, mesh, TinGoal::MaxError(TOLERANCE));
     Ok(TinJob { overwrite: true, resources: resources.clone(), ..job })
 }
 
@@ -139,7 +140,7 @@ fn size(path: &Path) -> Result<String> {
     Ok(format!("{}, {}", path.display(), text::bytes(found.len())))
 }
 
-fn summary(files: &Files, made: &TinReport, checked: &VerifyReport) -> Result<String> {
+fn summary(files: &DemoFiles, made: &TinReport, checked: &VerifyReport) -> Result<String> {
     let verdict = if checked.verdict.passed { "proved" } else { "NOT kept" };
     let unit = &made.vertical_unit;
     let rows = [

@@ -4,7 +4,7 @@ use super::picture;
 use crate::cli::shared::text;
 use terrane_base::geom::Point3;
 use terrane_viewer::cloud_stats::CloudStats;
-use terrane_viewer::heights::Heights;
+use terrane_viewer::heights::HeightDistribution;
 use terrane_viewer::info::CloudInfoReport;
 
 /// Names and values.
@@ -79,7 +79,7 @@ fn stats_rows(cloud: &CloudInfoReport, stats: &CloudStats) -> Vec<(String, Strin
 const LONGEST: u64 = 40;
 
 /// The mean, percentiles, and a bar for each step.
-fn heights_rows(heights: &Heights) -> Vec<(String, String)> {
+fn heights_rows(heights: &HeightDistribution) -> Vec<(String, String)> {
     let percentiles = heights.percentiles.iter();
     let told = percentiles.map(|(percent, z)| format!("{percent} %: {}", text::number(*z)));
     let told = told.collect::<Vec<_>>().join(", ");

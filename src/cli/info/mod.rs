@@ -11,11 +11,11 @@ mod quality;
 use serde::Serialize;
 use terrane_options::check_given;
 
-use crate::cli::operation::{Source, take};
+use crate::cli::operation::{OperationInput, take};
 use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{Kind, Kinds, Union};
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, report, say, text};
+use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, report, say, text};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::Has;
@@ -33,7 +33,7 @@ use terrane_viewer::info::{
 /// Tell what grids, meshes, point clouds and files of lines are, what is odd about them, and what a TIN
 /// of a grid would take
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct InfoArgs {
     /// Grid, mesh, cloud and feature files, or synthetic terrains by name; a folder, a list or a pattern in
     /// quotes is one mosaic or one cloud
     #[arg(required = true, value_name = "FILE", value_parser = names::any())]
@@ -54,15 +54,15 @@ pub(crate) struct Args {
 struct Described;
 
 impl Kinds for Described {
-    const ALL: &'static [Kind] = &[
-        Kind::of::<GridInfoOptions>(GridInfoOptions::OF),
-        Kind::of::<MeshInfoOptions>(MeshInfoOptions::OF),
-        Kind::of::<CloudInfoOptions>(CloudInfoOptions::OF),
-        Kind::of::<FeaturesInfoOptions>(FeaturesInfoOptions::OF),
+    const ALL: &'static [InputKindOptions] = &[
+        InputKindOptions::of::<GridInfoOptions>(GridInfoOptions::OF),
+        InputKindOptions::of::<MeshInfoOptions>(MeshInfoOptions::OF),
+        InputKindOptions::of::<CloudInfoOptions>(CloudInfoOptions::OF),
+        InputKindOptions::of::<FeaturesInfoOptions>(FeaturesInfoOptions::OF),
     ];
 }
 
-impl Verb for Args {
+impl Verb for InfoArgs {
     const NAME: &'static str = "info";
 
     fn lists() -> Vec<String> {
@@ -73,13 +73,13 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
 /// Tells about each file; a bad one does not keep the others from being told about.
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &InfoArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let progress = args.show.progress();
     let (mut is_any_told, mut failures) = (false, Vec::new());
     let at_once = if args.mosaic { args.files.len() } else { 1 };
@@ -110,18 +110,18 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
     }
     let last = failures.pop();
     failures.into_iter().for_each(|(_, error)| say::error(&args.many.advise(error)));
-    last.map_or(Ok(Outcome::Kept), |(_, error)| Err(error))
+    last.map_or(Ok(VerbOutcome::Kept), |(_, error)| Err(error))
 }
 
 /// Tells of files by themselves that are left out.
-fn skip(failures: &[(String, Error)], args: &Args) -> Result<Outcome> {
+fn skip(failures: &[(String, Error)], args: &InfoArgs) -> Result<VerbOutcome> {
     let skipped = failures.iter().map(|(name, error)| Skipped::new(name, error));
     let skipped: Vec<Skipped> = skipped.collect();
     skipped.iter().for_each(many::tell);
     if args.show.json && !skipped.is_empty() {
         say::json_line(&serde_json::json!({ "skipped": skipped }))?;
     }
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
 fn told(files: &[String]) -> String {
@@ -131,29 +131,29 @@ fn told(files: &[String]) -> String {
 /// What is known of a file.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
-enum Facts {
+enum InfoReport {
     Grid(Box<GridInfoReport>),
     Mesh(Box<MeshInfoReport>),
     Cloud(Box<CloudInfoReport>),
     Features(Box<FeaturesInfoReport>),
 }
 
-impl Facts {
+impl InfoReport {
     fn text(&self, file: &str) -> String {
         let rows = match self {
-            Facts::Grid(grid) => grid::rows(grid),
-            Facts::Mesh(mesh) => mesh::rows(mesh),
-            Facts::Cloud(cloud) => cloud::rows(cloud),
-            Facts::Features(features) => features::rows(features),
+            InfoReport::Grid(grid) => grid::rows(grid),
+            InfoReport::Mesh(mesh) => mesh::rows(mesh),
+            InfoReport::Cloud(cloud) => cloud::rows(cloud),
+            InfoReport::Features(features) => features::rows(features),
         };
         format!("{file}\n{}", text::table(&rows))
     }
 }
 
 /// What is known of files, with those that were left out.
-type Known<R = Facts> = (R, Vec<Skipped>);
+type Known<R = InfoReport> = (R, Vec<Skipped>);
 
-impl Args {
+impl InfoArgs {
     fn describe(
         &self,
         files: &[String],
@@ -163,7 +163,7 @@ impl Args {
         let at = (progress, cancel);
         if files.iter().any(|file| many::are_features(file)) {
             let (facts, skipped) = self.features(files, at)?;
-            return Ok((Facts::Features(Box::new(facts)), skipped));
+            return Ok((InfoReport::Features(Box::new(facts)), skipped));
         }
         let are_clouds = files.iter().map(|file| self.many.is_cloud(file));
         if are_clouds.collect::<Result<Vec<_>>>()?.contains(&true) {
@@ -172,7 +172,7 @@ impl Args {
                 check::new_file(picture, options.replacing.overwrite)?;
             }
             let (facts, skipped) = self.inspect::<_, CloudInput>(options, files, at)?;
-            return Ok((Facts::Cloud(Box::new(facts)), skipped));
+            return Ok((InfoReport::Cloud(Box::new(facts)), skipped));
         }
         let as_grid = match self.surface(files, at) {
             Err(error) if error.kind() == ErrorKind::BadInput => error,
@@ -185,7 +185,7 @@ impl Args {
         match self.features(files, at) {
             Ok((mut facts, skipped)) if facts.is_more_than_positions() => {
                 facts.notes.push(format!("taken for features, because as a grid: {as_grid}"));
-                Ok((Facts::Features(Box::new(facts)), skipped))
+                Ok((InfoReport::Features(Box::new(facts)), skipped))
             }
             _ => Err(as_grid),
         }
@@ -221,12 +221,12 @@ impl Args {
                     GridInput::check(grid, &self.many, given)?;
                 }
                 let (facts, skipped) = (options.inspect(&one.clone().into(), at.0, at.1)?, vec![]);
-                Ok((Facts::Mesh(Box::new(facts)), skipped))
+                Ok((InfoReport::Mesh(Box::new(facts)), skipped))
             }
             _ => {
                 let options: GridInfoOptions = self.of(files)?;
                 let (facts, skipped) = self.inspect::<_, GridInput>(options, files, at)?;
-                Ok((Facts::Grid(Box::new(facts)), skipped))
+                Ok((InfoReport::Grid(Box::new(facts)), skipped))
             }
         }
     }
@@ -238,7 +238,7 @@ impl Args {
     }
 
     /// What is known of the files that are taken.
-    fn inspect<O: Inspection + Has<I>, I: Source>(
+    fn inspect<O: Inspection + Has<I>, I: OperationInput>(
         &self,
         mut options: O,
         files: &[String],

@@ -1,7 +1,9 @@
 //! `terrane info --quality`: what a mesh is worth as a triangulation, for people.
 
 use crate::cli::shared::text;
-use terrane_verify::{AngleReport, AspectReport, DegreeReport, Place, QualityReport, SlopeReport};
+use terrane_verify::{
+    AngleReport, AspectReport, DegreeReport, GridLocation, QualityReport, SlopeReport,
+};
 
 /// What was measured, for people.
 pub(crate) fn rows(quality: &QualityReport) -> Vec<(String, String)> {
@@ -77,7 +79,7 @@ fn odd(q: &QualityReport) -> Option<String> {
 }
 
 fn slopes(s: &SlopeReport) -> String {
-    let place = s.max_at.map_or(String::new(), |Place { column, row, x, y }| {
+    let place = s.max_at.map_or(String::new(), |GridLocation { column, row, x, y }| {
         format!(" at column {column}, row {row} (x {x}, y {y})")
     });
     let [rms, max] = [s.rms, s.max].map(text::height);

@@ -9,16 +9,16 @@ use clap::Subcommand;
 
 use terrane_options::check_planned;
 
-use crate::cli::operation::{Frame, Source, take};
+use crate::cli::operation::{OperationInput, RunArguments, take};
 use crate::cli::shared::many::Many;
 use crate::cli::shared::tabled::Tabled;
 use crate::cli::shared::union::Union;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, many, names};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, many, names};
 use crate::cli::tin;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
-use terrane_engine::operation::{Divisible, Operation, Request, plan_of};
+use terrane_engine::operation::{Divisible, Operation, RunRequest, plan_of};
 use terrane_engine::plan::StatusReport;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::grid::GridOptions;
@@ -29,7 +29,7 @@ use terrane_tiles::TilesOptions;
 
 /// Write down the work on a large input as tasks, do them, here or on many machines, and tell how far they are
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct PlanArgs {
     #[command(subcommand)]
     what: What,
 }
@@ -44,8 +44,8 @@ enum What {
     Tiles(Box<Planned<TilesOptions>>),
     /// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
     Points(Box<Planned<PointsOptions>>),
-    Run(Box<run::Args>),
-    Status(Box<status::Args>),
+    Run(Box<run::PlanRunArgs>),
+    Status(Box<status::PlanStatusArgs>),
     Finish(Box<run::FinishArgs>),
 }
 
@@ -63,7 +63,7 @@ struct TinArgs {
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
-    options: Union<tin::Sources, true>,
+    options: Union<tin::TinSources, true>,
     /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
     /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
@@ -79,10 +79,16 @@ struct TinArgs {
 }
 
 impl TinArgs {
-    fn run(&self, cancel: &Cancel) -> Result<Outcome> {
+    fn run(&self, cancel: &Cancel) -> Result<VerbOutcome> {
         let Self { input, folder, many, options, show, .. } = self;
-        let frame =
-            Frame { input, output: folder, given: options.given(), report: None, many, show };
+        let frame = RunArguments {
+            input,
+            output: folder,
+            given: options.given(),
+            report: None,
+            many,
+            show,
+        };
         match many.are_clouds(input)? {
             true => {
                 let options: CloudTinOptions = options.of(&input[0])?;
@@ -108,7 +114,7 @@ fn refuse_size(option: &str, given: Option<u32>, of: &str) -> Result<()> {
 
 /// Plan what an operation makes.
 #[derive(Clone, Debug, clap::Args)]
-struct Planned<O: Divisible<Input: Source>> {
+struct Planned<O: Divisible<Input: OperationInput>> {
     #[arg(help = O::Input::NAMES_PLANNED, required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
@@ -129,39 +135,39 @@ fn task_size_alias(operation: &str) -> &'static str {
     if operation == GridOptions::NAME { "tile" } else { "cut" }
 }
 
-impl<O: Divisible<Input: Source>> Planned<O> {
+impl<O: Divisible<Input: OperationInput>> Planned<O> {
     fn run(
         &self,
         cancel: &Cancel,
         summary: fn(&StatusReport<O::Status>) -> String,
-    ) -> Result<Outcome> {
+    ) -> Result<VerbOutcome> {
         let Self { input, folder, many, options: Tabled(options, given), task_size, show } = self;
-        let frame = Frame { input, output: folder, given, report: None, many, show };
+        let frame = RunArguments { input, output: folder, given, report: None, many, show };
         plan(options.clone(), &frame, *task_size, cancel, summary)
     }
 }
 
 /// Writes down what options say, in a folder, and tells of it.
-fn plan<O: Divisible<Input: Source>>(
+fn plan<O: Divisible<Input: OperationInput>>(
     mut options: O,
-    frame: &Frame<'_>,
+    frame: &RunArguments<'_>,
     task_size: Option<u32>,
     cancel: &Cancel,
     summary: fn(&StatusReport<O::Status>) -> String,
-) -> Result<Outcome> {
-    let Frame { input, output, given, many, show, .. } = *frame;
+) -> Result<VerbOutcome> {
+    let RunArguments { input, output, given, many, show, .. } = *frame;
     check_planned(&options, given)?;
     let sifted = take::<O, O::Input>((&mut options, given), input.to_vec(), many)?;
     let (inputs, skipped) = (&Inputs::from(sifted.names), sifted.skipped.as_slice());
     let (progress, is_measured) = (show.progress(), false);
     let progress = progress.as_ref();
-    let request = Request { inputs, output, skipped, is_measured, progress, cancel };
+    let request = RunRequest { inputs, output, skipped, is_measured, progress, cancel };
     let report = plan_of(&options, request, task_size)?;
     show.tell(&report, || summary(&report))?;
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
-impl Verb for Args {
+impl Verb for PlanArgs {
     const NAME: &'static str = "plan";
 
     fn many(&self) -> Option<&Many> {
@@ -174,12 +180,12 @@ impl Verb for Args {
         }
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &PlanArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     match &args.what {
         What::Tin(args) => args.run(cancel),
         What::Grid(args) => args.run(cancel, status::grid_summary),

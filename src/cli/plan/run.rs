@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use crate::cli::plan::status;
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, say, text};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, say, text};
 use crate::cli::{points, tin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{Kind, RunJob, RunOptions, RunReport, Written, kind};
+use terrane_engine::plan::{PlanKind, PlanRunReport, RunJob, RunOptions, RunReport, kind};
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::cloud_tin::plan::PointRun;
 use terrane_lidar::grid::GridOptions;
@@ -24,11 +24,11 @@ use terrane_tiles::{TilesOptions, TilesRun};
 /// Do what a plan says: what is done already is checked and kept, what is missing or damaged is made,
 /// then the mesh, grid, tiles or points are written. Killed, it goes on where it was when it is run again
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct PlanRunArgs {
     /// Folder of the plan
     folder: PathBuf,
     #[command(flatten)]
-    how: How,
+    how: PlanRunSettings,
 }
 
 /// Write the mesh, grid, tiles or points of a plan whose other tasks are all done
@@ -40,11 +40,11 @@ pub(crate) struct FinishArgs {
     /// File, or folder of tiles or points, to write [default: in the folder]
     file: Option<PathBuf>,
     #[command(flatten)]
-    how: How,
+    how: PlanRunSettings,
 }
 
 #[derive(Clone, Debug, clap::Args)]
-struct How {
+struct PlanRunSettings {
     #[command(flatten)]
     options: Tabled<RunOptions>,
     #[command(flatten)]
@@ -54,24 +54,24 @@ struct How {
 impl Verb for FinishArgs {
     const NAME: &'static str = "finish";
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         finish(self, call.cancel)
     }
 }
 
-impl Verb for Args {
+impl Verb for PlanRunArgs {
     const NAME: &'static str = "run";
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
-pub(crate) fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn run(args: &PlanRunArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     work(&args.folder, &args.how.options.0, &args.how, cancel)
 }
 
-pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
+pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let mut options = args.how.options.0.clone();
     if options.task.is_some() {
         return Err(Error::usage("‹task› cannot act: it is the last task that is done")
@@ -85,10 +85,15 @@ pub(crate) fn finish(args: &FinishArgs, cancel: &Cancel) -> Result<Outcome> {
     work(&args.folder, &options, &args.how, cancel)
 }
 
-fn work(folder: &Path, options: &RunOptions, how: &How, cancel: &Cancel) -> Result<Outcome> {
+fn work(
+    folder: &Path,
+    options: &RunOptions,
+    how: &PlanRunSettings,
+    cancel: &Cancel,
+) -> Result<VerbOutcome> {
     let job = options.job(folder.to_path_buf())?;
     let kind = kind(folder)?;
-    if let (Kind::Tin, Some(output)) = (kind, &job.output) {
+    if let (PlanKind::Tin, Some(output)) = (kind, &job.output) {
         // Whether it exists is asked later: it may be the mesh of this very plan.
         match job.form.split {
             Some(_) => check::folder(output)?,
@@ -96,32 +101,32 @@ fn work(folder: &Path, options: &RunOptions, how: &How, cancel: &Cancel) -> Resu
         }
     }
     match kind {
-        Kind::Tin => how.work::<TinOptions>(&job, summary, cancel),
-        Kind::Cloud => how.work::<CloudTinOptions>(&job, cloud_summary, cancel),
-        Kind::Grid => how.work::<GridOptions>(&job, grid_summary, cancel),
-        Kind::Tiles => how.work::<TilesOptions>(&job, tiles_summary, cancel),
-        Kind::Points => how.work::<PointsOptions>(&job, points_summary, cancel),
+        PlanKind::Tin => how.work::<TinOptions>(&job, summary, cancel),
+        PlanKind::Cloud => how.work::<CloudTinOptions>(&job, cloud_summary, cancel),
+        PlanKind::Grid => how.work::<GridOptions>(&job, grid_summary, cancel),
+        PlanKind::Tiles => how.work::<TilesOptions>(&job, tiles_summary, cancel),
+        PlanKind::Points => how.work::<PointsOptions>(&job, points_summary, cancel),
     }
 }
 
-impl How {
+impl PlanRunSettings {
     fn work<O: Divisible>(
         &self,
         job: &RunJob,
         summary: fn(&RunReport<O::Done>) -> String,
         cancel: &Cancel,
-    ) -> Result<Outcome> {
+    ) -> Result<VerbOutcome> {
         let report = O::run_plan(job, self.show.progress().as_ref(), cancel)?;
         self.show.tell(&report, || summary(&report))?;
         let unmet = report.of.unmet();
         unmet.iter().for_each(|unmet| say::failure(unmet));
-        Ok(Outcome::of(unmet.is_none(), true))
+        Ok(VerbOutcome::of(unmet.is_none(), true))
     }
 }
 
 fn tiles_summary(r: &RunReport<TilesRun>) -> String {
     let made = format!("{} tiles", text::count(r.of.made_tiles));
-    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summary::summary))
+    told(r, &rows(r, made, None), r.of.tiles.as_ref().map(Summarize::summary))
 }
 
 fn points_summary(r: &RunReport<SquareRun>) -> String {
@@ -131,7 +136,7 @@ fn points_summary(r: &RunReport<SquareRun>) -> String {
 
 fn cloud_summary(r: &RunReport<PointRun>) -> String {
     let made = format!("{} vertices chosen", text::count(r.of.vertices));
-    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summary::summary))
+    told(r, &rows(r, made, None), r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 fn grid_summary(r: &RunReport<CellRun>) -> String {
@@ -140,17 +145,17 @@ fn grid_summary(r: &RunReport<CellRun>) -> String {
     if let (Some(path), None) = (&r.of.written, &r.of.grid) {
         rows.push(("grid", format!("{path}, written before")));
     }
-    told(r, &rows, r.of.grid.as_ref().map(Summary::summary))
+    told(r, &rows, r.of.grid.as_ref().map(Summarize::summary))
 }
 
 fn summary(r: &RunReport<MeshRun>) -> String {
     let made = format!("{} samples", text::count(r.of.made_samples));
     let rows = rows(r, made, Some(tin::stages(&r.of.stages)));
-    told(r, &rows, r.of.mesh.as_ref().map(Summary::summary))
+    told(r, &rows, r.of.mesh.as_ref().map(Summarize::summary))
 }
 
 /// What a run of any plan did; `made` of what, and the time of its stages in threads.
-fn rows<R: Written>(
+fn rows<R: PlanRunReport>(
     r: &RunReport<R>,
     made: String,
     stages: Option<String>,

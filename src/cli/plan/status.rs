@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, say, text};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, say, text};
 use terrane_base::error::Result;
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{Forecast, Kind, StatusReport, kind};
+use terrane_engine::plan::{Forecast, PlanKind, StatusReport, kind};
 use terrane_engine::sift::Skipped;
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::cloud_tin::plan::PointStatus;
@@ -19,7 +19,7 @@ use terrane_tiles::{TilesOptions, TilesStatus};
 
 /// Tell which tasks of a plan are done and which are not
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct PlanStatusArgs {
     /// Folder of the plan
     folder: PathBuf,
     /// Print the result as JSON, with every task that is not done and those it waits for
@@ -27,34 +27,34 @@ pub(crate) struct Args {
     json: bool,
 }
 
-impl Verb for Args {
+impl Verb for PlanStatusArgs {
     const NAME: &'static str = "status";
 
-    fn run(&self, _: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, _: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self)
     }
 }
 
-pub(crate) fn run(args: &Args) -> Result<Outcome> {
+pub(crate) fn run(args: &PlanStatusArgs) -> Result<VerbOutcome> {
     match kind(&args.folder)? {
-        Kind::Tin => tell::<TinOptions>(args, summary),
-        Kind::Cloud => tell::<CloudTinOptions>(args, cloud_summary),
-        Kind::Grid => tell::<GridOptions>(args, grid_summary),
-        Kind::Tiles => tell::<TilesOptions>(args, tiles_summary),
-        Kind::Points => tell::<PointsOptions>(args, points_summary),
+        PlanKind::Tin => tell::<TinOptions>(args, summary),
+        PlanKind::Cloud => tell::<CloudTinOptions>(args, cloud_summary),
+        PlanKind::Grid => tell::<GridOptions>(args, grid_summary),
+        PlanKind::Tiles => tell::<TilesOptions>(args, tiles_summary),
+        PlanKind::Points => tell::<PointsOptions>(args, points_summary),
     }
 }
 
 fn tell<O: Divisible>(
-    args: &Args,
+    args: &PlanStatusArgs,
     summary: fn(&StatusReport<O::Status>) -> String,
-) -> Result<Outcome> {
+) -> Result<VerbOutcome> {
     let report = O::status(&args.folder)?;
     match args.json {
         true => say::json(&report)?,
         false => say::result(&summary(&report))?,
     }
-    Ok(Outcome::Kept)
+    Ok(VerbOutcome::Kept)
 }
 
 /// The plan of a grid for people.

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use crate::cli::shared::progress::{self, How};
+use crate::cli::shared::progress::{self, ProgressMode};
 use crate::cli::shared::say;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Progress;
@@ -35,8 +35,8 @@ pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
 #[command(next_help_heading = "Messages")]
 pub(crate) struct Show {
     /// Progress on stderr: a bar on a terminal, lines of JSON for programs
-    #[arg(long, value_name = "HOW", value_enum, default_value_t = How::Auto)]
-    progress: How,
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = ProgressMode::Auto)]
+    progress: ProgressMode,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -51,7 +51,7 @@ pub(crate) struct Show {
 impl Show {
     /// The progress display asked for.
     pub(crate) fn progress(&self) -> Box<dyn Progress> {
-        progress::display(if self.quiet { How::None } else { self.progress })
+        progress::display(if self.quiet { ProgressMode::None } else { self.progress })
     }
 
     /// The same, on stderr where stdout has the result itself.

@@ -8,7 +8,7 @@ use terrane_ground::noise;
 use terrane_lidar::translate::KEPT;
 use terrane_line as line;
 use terrane_mesh as mesh;
-use terrane_options::Table;
+use terrane_options::OptionTable;
 use terrane_raster as raster;
 use terrane_synth as synth;
 use terrane_vector as vector;
@@ -41,7 +41,7 @@ pub(crate) fn grids_written() -> String {
 
 pub(crate) fn features_written() -> String {
     let lines = |f: &&vector::VectorFormat| {
-        f.create.is_some() && f.holds.kinds.contains(&vector::Kind::LineString)
+        f.create.is_some() && f.holds.kinds.contains(&vector::GeometryType::LineString)
     };
     let formats = vector::FORMATS.iter().filter(lines);
     let rows: Vec<_> = formats.map(|f| (f.name, endings(f.extensions), f.about)).collect();
@@ -61,7 +61,7 @@ const OF_OPTIONS: &[(&str, List)] = &[
 ];
 
 /// Those of the options of a table.
-pub(crate) fn of_options(table: &'static Table) -> impl Iterator<Item = String> {
+pub(crate) fn of_options(table: &'static OptionTable) -> impl Iterator<Item = String> {
     let own = OF_OPTIONS.iter().filter(|(name, _)| table.find(name).is_some());
     own.map(|(_, list)| list())
 }
@@ -82,10 +82,10 @@ pub(crate) fn clouds() -> String {
 }
 
 fn statistics() -> String {
-    let row = |m: &gridding::Method| (m.name, other_names(m), m.about);
+    let row = |m: &gridding::StatisticMethod| (m.name, other_names(m), m.about);
     let methods = list("Statistics", &gridding::METHODS.iter().map(row).collect::<Vec<_>>());
     let own = gridding::METHODS.iter().flat_map(|m| m.parameters.iter().map(move |p| (m, p)));
-    let row = |(m, p): (&gridding::Method, &gridding::Parameter)| {
+    let row = |(m, p): (&gridding::StatisticMethod, &gridding::StatisticParameter)| {
         (m.name, format!("{}=", p.key), p.about)
     };
     let of_points = gridding::OF_POINTS.map(|p| ("any", format!("{}=", p.key), p.about));
@@ -95,7 +95,7 @@ fn statistics() -> String {
 }
 
 fn attributes() -> String {
-    let row = |a: &attribute::Attribute| (a.name, a.aliases.join(" "), a.about);
+    let row = |a: &attribute::PointAttribute| (a.name, a.aliases.join(" "), a.about);
     let rows: Vec<_> = attribute::ATTRIBUTES.iter().map(row).collect();
     list("Attributes of points, beside the names of extra bytes", &rows)
 }
@@ -132,7 +132,7 @@ fn with_parameters(
     format!("{all}\n\n{}", list(&heading, &own.collect::<Vec<_>>()))
 }
 
-fn other_names(method: &gridding::Method) -> String {
+fn other_names(method: &gridding::StatisticMethod) -> String {
     method.aliases.join(" ")
 }
 
@@ -157,13 +157,13 @@ pub(crate) fn meshers() -> String {
         "Garland & Heckbert 1995".to_owned(),
         "the engine's own: any size, all cores, fewest vertices",
     );
-    let row = |m: &methods::Method| (m.name, m.source.to_owned(), m.about);
+    let row = |m: &methods::BaselineMethod| (m.name, m.source.to_owned(), m.about);
     let rows: Vec<_> = std::iter::once(engine).chain(methods::METHODS.iter().map(row)).collect();
     list("Methods for grids", &rows)
 }
 
 pub(crate) fn simplifiers() -> String {
-    let row = |m: &line::Method| (m.name, String::new(), m.summary);
+    let row = |m: &line::SimplifyMethod| (m.name, String::new(), m.summary);
     list("Methods", &line::METHODS.iter().map(row).collect::<Vec<_>>())
 }
 
@@ -181,7 +181,7 @@ pub(crate) fn characters() -> String {
 pub(crate) fn parameters() -> String {
     let own = synth::CHARACTERS.iter().filter_map(|c| Some((c.own.as_ref()?, c.name)));
     let all = synth::PARAMETERS.iter().map(|p| (p, "")).chain(own);
-    let value = |p: &synth::Parameter, of: &str| match of {
+    let value = |p: &synth::TerrainParameter, of: &str| match of {
         "" => format!("{}", p.default),
         of => format!("{} ({of} only)", p.default),
     };
@@ -197,7 +197,7 @@ pub(crate) fn cloud_parameters() -> String {
 }
 
 pub(crate) fn shapes() -> String {
-    let row = |s: &synth::lines::Shape| (s.name, String::new(), s.about);
+    let row = |s: &synth::lines::LineFamily| (s.name, String::new(), s.about);
     list("Lines", &synth::lines::SHAPES.iter().map(row).collect::<Vec<_>>())
 }
 
@@ -205,7 +205,7 @@ pub(crate) fn line_parameters() -> String {
     list("Parameters of lines, as key=value, with their defaults", &rows(synth::lines::PARAMETERS))
 }
 
-fn rows(parameters: &[synth::Parameter]) -> Vec<(&'static str, String, &'static str)> {
+fn rows(parameters: &[synth::TerrainParameter]) -> Vec<(&'static str, String, &'static str)> {
     parameters.iter().map(|p| (p.key, format!("{}", p.default), p.about)).collect()
 }
 

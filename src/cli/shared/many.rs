@@ -28,13 +28,13 @@ pub(crate) struct Many {
 
 /// What files hold, and how they are opened.
 #[derive(Clone, Copy)]
-pub(crate) enum Kind<'a> {
-    Grids(&'a raster::OpenOptions),
-    Clouds(&'a cloud::OpenOptions),
-    Features(&'a vector::OpenOptions),
+pub(crate) enum InputFileKind<'a> {
+    Grids(&'a raster::GridOpenOptions),
+    Clouds(&'a cloud::CloudOpenOptions),
+    Features(&'a vector::VectorOpenOptions),
 }
 
-impl Kind<'_> {
+impl InputFileKind<'_> {
     fn files(self, inputs: &[String]) -> Result<Vec<String>> {
         match self {
             Self::Grids(_) => raster::files(inputs),
@@ -139,11 +139,11 @@ impl Many {
     ///
     /// # Errors
     /// Folders and patterns without files; files that are not there, unless they are to be sifted.
-    pub(crate) fn find(&self, inputs: &[String], kind: Kind<'_>) -> Result<Vec<String>> {
+    pub(crate) fn find(&self, inputs: &[String], kind: InputFileKind<'_>) -> Result<Vec<String>> {
         inputs.iter().try_for_each(|input| pipes::refuse_input(input))?;
         let names = match (self.recursive, self.skip_bad, kind) {
             (true, ..) => kind.files_below(inputs)?,
-            (_, true, _) | (.., Kind::Features(_)) => kind.files(inputs)?,
+            (_, true, _) | (.., InputFileKind::Features(_)) => kind.files(inputs)?,
             _ => inputs.to_vec(),
         };
         if !self.sifts(&names) {
@@ -157,7 +157,7 @@ impl Many {
     pub(crate) fn sift(
         &self,
         names: Vec<String>,
-        kind: Kind<'_>,
+        kind: InputFileKind<'_>,
         resources: &Resources,
     ) -> Result<Sifted> {
         if !self.sifts(&names) {

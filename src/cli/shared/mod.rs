@@ -16,4 +16,4 @@ pub(crate) mod text;
 pub(crate) mod union;
 pub(crate) mod verb;
 
-pub(crate) use outcome::{NOT_JUDGED, Outcome};
+pub(crate) use outcome::{NOT_JUDGED, VerbOutcome};

@@ -35,7 +35,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What is in a pipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Holds<'a> {
+pub(crate) enum PipeContent<'a> {
     /// A grid: XYZ.
     Grid,
     /// Points as text.
@@ -46,12 +46,12 @@ pub(crate) enum Holds<'a> {
 
 /// Stdin as a file; it goes with the value.
 pub(crate) struct Stdin<'a> {
-    file: Option<Gathered>,
-    holds: Holds<'a>,
+    file: Option<GatheredStdin>,
+    holds: PipeContent<'a>,
 }
 
 /// The file that stdin is gathered in.
-struct Gathered {
+struct GatheredStdin {
     _folder: TempDir,
     path: PathBuf,
 }
@@ -61,10 +61,10 @@ impl<'a> Stdin<'a> {
     /// can be wrong with the rest is to be asked before it is [gathered](Self::gather).
     pub(crate) fn expect(
         names: &mut [String],
-        holds: Holds<'a>,
+        holds: PipeContent<'a>,
         resources: &Resources,
     ) -> Result<Self> {
-        let dash = |name: &String| name == STDIN || (holds == Holds::Points && name == CLOUD);
+        let dash = |name: &String| name == STDIN || (holds == PipeContent::Points && name == CLOUD);
         if names.iter().filter(|name| dash(name)).count() > 1 {
             return Err(Error::usage("stdin can be read only once").remedy("name - once"));
         }
@@ -73,15 +73,15 @@ impl<'a> Stdin<'a> {
         };
         let (folder, mut path) = place(resources, "stdin")?;
         match holds {
-            Holds::Grid | Holds::Points => path.set_extension("xyz"),
-            Holds::Features(Some(name)) => {
+            PipeContent::Grid | PipeContent::Points => path.set_extension("xyz"),
+            PipeContent::Features(Some(name)) => {
                 path.set_extension(streamed(vector::by_path(&path, Some(name))?, "read")?)
             }
-            Holds::Features(None) => false,
+            PipeContent::Features(None) => false,
         };
         File::create(&path).map_err(|e| Error::write(&path, e))?;
         *name = name_of(path.clone())?;
-        Ok(Self { file: Some(Gathered { _folder: folder, path }), holds })
+        Ok(Self { file: Some(GatheredStdin { _folder: folder, path }), holds })
     }
 
     /// True where an input is stdin.
@@ -104,13 +104,13 @@ impl<'a> Stdin<'a> {
     /// Reads stdin, if it is among `names`. Where its format is known only now, the file gets another
     /// name, there too.
     pub(crate) fn gather(&mut self, names: &mut [String], cancel: &Cancel) -> Result<()> {
-        let Some(Gathered { path, .. }) = &mut self.file else { return Ok(()) };
+        let Some(GatheredStdin { path, .. }) = &mut self.file else { return Ok(()) };
         if fill(path, cancel)? == 0 {
             return Err(Error::bad_input("is empty")
                 .in_file(Path::new(STDIN))
                 .remedy("pipe a file in"));
         }
-        if self.holds != Holds::Features(None) {
+        if self.holds != PipeContent::Features(None) {
             return Ok(());
         }
         let format = vector::identify(path)?.ok_or_else(|| {

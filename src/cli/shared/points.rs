@@ -1,10 +1,10 @@
 //! What became of points, for people.
 
 use crate::cli::shared::text;
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 
 /// What became of the points, for people.
-pub(crate) fn census(census: &Census) -> String {
+pub(crate) fn census(census: &PointCensus) -> String {
     let left_out = [
         (census.withheld, "withheld"),
         (census.filtered, "filtered out"),

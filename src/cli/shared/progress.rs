@@ -14,7 +14,7 @@ use terrane_engine::{FileAt, Progress, Silent};
 
 /// How progress is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum How {
+pub(crate) enum ProgressMode {
     /// A bar on a terminal, nothing otherwise
     Auto,
     /// A bar on a terminal, plain lines otherwise
@@ -26,22 +26,22 @@ pub(crate) enum How {
 }
 
 /// The display for `how`.
-pub(crate) fn display(how: How) -> Box<dyn Progress> {
+pub(crate) fn display(how: ProgressMode) -> Box<dyn Progress> {
     match (how, stderr().is_terminal()) {
-        (How::Auto | How::Bar, true) => Box::new(Bar::new()),
-        (How::Bar, false) => Box::new(Lines::new(plain)),
-        (How::Json, _) => Box::new(Lines::new(json)),
-        (How::Auto, false) | (How::None, _) => Box::new(Silent),
+        (ProgressMode::Auto | ProgressMode::Bar, true) => Box::new(StageBar::new()),
+        (ProgressMode::Bar, false) => Box::new(ProgressLines::new(plain)),
+        (ProgressMode::Json, _) => Box::new(ProgressLines::new(json)),
+        (ProgressMode::Auto, false) | (ProgressMode::None, _) => Box::new(Silent),
     }
 }
 
 /// A bar that shows the current stage and vanishes with it.
-struct Bar(Mutex<Option<ProgressBar>>);
+struct StageBar(Mutex<Option<ProgressBar>>);
 
 const TEMPLATE: &str =
     "{prefix:>10} [{bar:36}] {percent:>3} %  {rate}  {eta_precise} left  {wide_msg}";
 
-impl Bar {
+impl StageBar {
     fn new() -> Self {
         Self(Mutex::new(None))
     }
@@ -57,7 +57,7 @@ impl Bar {
     }
 }
 
-impl Progress for Bar {
+impl Progress for StageBar {
     fn begin(&self, stage: &str, total: u64) {
         self.with(|slot| {
             Self::clear(slot);
@@ -97,7 +97,7 @@ impl Progress for Bar {
     }
 }
 
-impl Drop for Bar {
+impl Drop for StageBar {
     fn drop(&mut self) {
         self.end();
     }
@@ -107,12 +107,12 @@ impl Drop for Bar {
 const LINE_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Progress as lines, at the beginning and end of each stage and now and then between.
-struct Lines {
-    stage: Mutex<Option<Stage>>,
+struct ProgressLines {
+    stage: Mutex<Option<LoggedStage>>,
     layout: fn(&Status<'_>) -> String,
 }
 
-struct Stage {
+struct LoggedStage {
     name: String,
     total: u64,
     done: u64,
@@ -156,7 +156,7 @@ impl fmt::Display for InFile {
     }
 }
 
-impl Stage {
+impl LoggedStage {
     fn status(&self) -> Status<'_> {
         let seconds = self.begun.elapsed().as_secs_f64();
         let left = self.total.saturating_sub(self.done) as f64 / self.done as f64 * seconds;
@@ -173,25 +173,31 @@ impl Stage {
     }
 }
 
-impl Lines {
+impl ProgressLines {
     fn new(layout: fn(&Status<'_>) -> String) -> Self {
         Self { stage: Mutex::new(None), layout }
     }
 
-    fn tell(&self, stage: &Stage) {
+    fn tell(&self, stage: &LoggedStage) {
         say::flushed(writeln!(stderr(), "{}", (self.layout)(&stage.status())));
     }
 
-    fn with(&self, change: impl FnOnce(&mut Option<Stage>)) {
+    fn with(&self, change: impl FnOnce(&mut Option<LoggedStage>)) {
         change(&mut self.stage.lock().unwrap_or_else(|e| e.into_inner()));
     }
 }
 
-impl Progress for Lines {
+impl Progress for ProgressLines {
     fn begin(&self, stage: &str, total: u64) {
         let now = Instant::now();
-        let stage =
-            Stage { name: stage.to_owned(), total, done: 0, file: None, begun: now, told: now };
+        let stage = LoggedStage {
+            name: stage.to_owned(),
+            total,
+            done: 0,
+            file: None,
+            begun: now,
+            told: now,
+        };
         self.tell(&stage);
         self.with(|slot| *slot = Some(stage));
     }
@@ -247,7 +253,7 @@ mod tests {
 
     #[test]
     fn a_status_is_an_object_with_the_time_left() {
-        let stage = Stage {
+        let stage = LoggedStage {
             name: "tiles".into(),
             total: 100,
             done: 25,
@@ -269,7 +275,8 @@ mod tests {
     fn a_status_tells_the_file_where_there_are_several() {
         let now = Instant::now();
         let file = Some(FileAt { name: "b.laz", number: 2, of: 3 }.into());
-        let stage = Stage { name: "read".into(), total: 9, done: 3, file, begun: now, told: now };
+        let stage =
+            LoggedStage { name: "read".into(), total: 9, done: 3, file, begun: now, told: now };
         let value: serde_json::Value = serde_json::from_str(&json(&stage.status())).unwrap();
         assert_eq!(
             (&value["file"], &value["file_number"], &value["files"]),
@@ -280,7 +287,9 @@ mod tests {
 
     #[test]
     fn every_display_takes_any_order_of_calls() {
-        for display in [Box::new(Bar::new()) as Box<dyn Progress>, Box::new(Lines::new(plain))] {
+        for display in
+            [Box::new(StageBar::new()) as Box<dyn Progress>, Box::new(ProgressLines::new(plain))]
+        {
             display.advance(3);
             display.end();
             display.begin("a", 0);

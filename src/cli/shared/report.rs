@@ -30,7 +30,7 @@ pub(crate) fn write(path: &Path, overwrite: bool, report: &impl Serialize) -> Re
 }
 
 /// A report for people.
-pub(crate) trait Summary: serde::Serialize {
+pub(crate) trait Summarize: serde::Serialize {
     fn summary(&self) -> String;
 
     /// What was asked for and is not so.

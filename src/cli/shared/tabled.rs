@@ -8,7 +8,9 @@ use clap::builder::{
 };
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Command, ValueHint};
-use terrane_options::{Field, Kind, Options, Role, Shape, set_texts, to_map};
+use terrane_options::{
+    OptionArity, OptionField, OptionKind, OptionRole, Options, set_texts, to_map,
+};
 
 use crate::cli::shared::names;
 use terrane_base::door::Door;
@@ -22,9 +24,9 @@ pub(crate) struct Tabled<O, const PLANNED: bool = false>(
 );
 
 /// The options that are given behind their names.
-fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static Field> {
+fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static OptionField> {
     let fields = O::TABLE.fields().into_iter().filter(|field| !field.positional);
-    fields.filter(|field| !(PLANNED && field.role == Role::Run))
+    fields.filter(|field| !(PLANNED && field.role == OptionRole::Run))
 }
 
 impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
@@ -64,17 +66,17 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
 }
 
 /// The texts that were given for an option.
-pub(crate) fn given(field: &'static Field, matches: &ArgMatches) -> Vec<String> {
+pub(crate) fn given(field: &'static OptionField, matches: &ArgMatches) -> Vec<String> {
     match field.kind {
-        Kind::Flag if matches.get_flag(field.name) => vec![field.off.is_none().to_string()],
-        Kind::Flag => Vec::new(),
+        OptionKind::Flag if matches.get_flag(field.name) => vec![field.off.is_none().to_string()],
+        OptionKind::Flag => Vec::new(),
         _ => matches.get_many(field.name).into_iter().flatten().cloned().collect(),
     }
 }
 
 /// An option as an argument, with what it is.
 pub(crate) fn argument<const PLANNED: bool>(
-    field: &'static Field,
+    field: &'static OptionField,
     default: &serde_json::Value,
     about: &str,
 ) -> Arg {
@@ -99,10 +101,10 @@ pub(crate) fn argument<const PLANNED: bool>(
     let off = if field.off.is_some() { "no-" } else { "" };
     let aliases = field.aliases.iter().map(|alias| format!("{off}{}", alias.replace('_', "-")));
     argument = argument.visible_aliases(aliases.collect::<Vec<_>>());
-    let Kind::Flag = field.kind else {
+    let OptionKind::Flag = field.kind else {
         let action = match field.shape {
-            Shape::Repeated => ArgAction::Append,
-            Shape::One | Shape::Optional => ArgAction::Set,
+            OptionArity::Repeated => ArgAction::Append,
+            OptionArity::One | OptionArity::Optional => ArgAction::Set,
         };
         let argument = argument.value_name(field.value.unwrap_or("VALUE")).action(action);
         let argument = match field.bare {
@@ -110,9 +112,10 @@ pub(crate) fn argument<const PLANNED: bool>(
             None => argument,
         };
         return match (field.kind, field.shape) {
-            (Kind::Number | Kind::Whole | Kind::Choice(_), Shape::Repeated) => {
-                of_values(field, argument.value_delimiter(','))
-            }
+            (
+                OptionKind::Number | OptionKind::Whole | OptionKind::Choice(_),
+                OptionArity::Repeated,
+            ) => of_values(field, argument.value_delimiter(',')),
             _ => of_values(field, argument),
         };
     };
@@ -120,23 +123,25 @@ pub(crate) fn argument<const PLANNED: bool>(
 }
 
 /// What values an argument takes.
-fn of_values(field: &'static Field, argument: Arg) -> Arg {
+fn of_values(field: &'static OptionField, argument: Arg) -> Arg {
     match field.kind {
-        Kind::Choice(_) => argument.value_parser(ValueParser::new(Chosen(field))),
-        Kind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
-        Kind::Number | Kind::Numbers | Kind::Shaped("str") => {
+        OptionKind::Choice(_) => argument.value_parser(ValueParser::new(ChoiceParser(field))),
+        OptionKind::Path => argument.value_hint(ValueHint::FilePath).value_parser(names::any()),
+        OptionKind::Number | OptionKind::Numbers | OptionKind::Shaped("str") => {
             argument.allow_hyphen_values(true).value_parser(checked(field))
         }
-        Kind::Shaped(_) => argument.allow_negative_numbers(true).value_parser(checked(field)),
-        Kind::Flag | Kind::Whole | Kind::Text => argument.value_parser(checked(field)),
+        OptionKind::Shaped(_) => argument.allow_negative_numbers(true).value_parser(checked(field)),
+        OptionKind::Flag | OptionKind::Whole | OptionKind::Text => {
+            argument.value_parser(checked(field))
+        }
     }
 }
 
 /// One of the names of a choice, as its option reads it.
 #[derive(Clone)]
-struct Chosen(&'static Field);
+struct ChoiceParser(&'static OptionField);
 
-impl TypedValueParser for Chosen {
+impl TypedValueParser for ChoiceParser {
     type Value = String;
 
     fn parse_ref(
@@ -157,13 +162,13 @@ impl TypedValueParser for Chosen {
     }
 }
 
-fn names_of(field: &'static Field) -> impl Iterator<Item = PossibleValue> {
-    let choices = if let Kind::Choice(choices) = field.kind { choices() } else { Vec::new() };
+fn names_of(field: &'static OptionField) -> impl Iterator<Item = PossibleValue> {
+    let choices = if let OptionKind::Choice(choices) = field.kind { choices() } else { Vec::new() };
     choices.into_iter().map(|own| PossibleValue::new(own.name).help(own.about))
 }
 
 /// A text that is a value of the option.
-fn checked(field: &'static Field) -> ValueParser {
+fn checked(field: &'static OptionField) -> ValueParser {
     ValueParser::new(StringValueParser::new().try_map(move |text| {
         let range = text.trim().parse().map_or(Ok(()), |number| field.check_range(number));
         range.map_err(|expected| format!("expected {expected}"))?;
@@ -172,13 +177,15 @@ fn checked(field: &'static Field) -> ValueParser {
 }
 
 /// What an option means, and its default.
-fn help(field: &Field, default: &serde_json::Value, about: &str) -> String {
+fn help(field: &OptionField, default: &serde_json::Value, about: &str) -> String {
     let about = Door::CommandLine.spell(about).into_owned();
     let default = match (field.default_text, field.shape, field.kind) {
         (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
-        (None, _, Kind::Flag) | (None, Shape::Optional | Shape::Repeated, _) => return about,
-        (None, Shape::One, _) if default == &serde_json::json!([]) => return about,
-        (None, Shape::One, _) => {
+        (None, _, OptionKind::Flag) | (None, OptionArity::Optional | OptionArity::Repeated, _) => {
+            return about;
+        }
+        (None, OptionArity::One, _) if default == &serde_json::json!([]) => return about,
+        (None, OptionArity::One, _) => {
             let whole = default.as_f64().map(|number| number.to_string());
             whole.or(default.as_str().map(str::to_owned)).unwrap_or_else(|| default.to_string())
         }

@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use serde_json::Value;
 
-use terrane_engine::bands::BandReport;
+use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::Placed;
+use terrane_engine::placing::MeshPlacement;
 use terrane_raster::WaterReport;
 
 /// "1,234,567".
@@ -169,7 +169,7 @@ pub(crate) fn kept(kept: &KeptReport, of: &str) -> String {
 }
 
 /// The error in a band: "2 (weight 0.5): 19.5 at the most, RMSE 4.1".
-pub(crate) fn band(r: &BandReport) -> String {
+pub(crate) fn band(r: &MeshBandReport) -> String {
     let [most, rmse] = [r.max_error.map(bound), r.rmse.map(number)].map(Option::unwrap_or_default);
     format!("{} (weight {}): {most} at the most, RMSE {rmse}", r.band, number(r.weight))
 }
@@ -214,7 +214,7 @@ pub(crate) fn water(water: &WaterReport) -> String {
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
-pub(crate) fn placed(placed: &Placed) -> String {
+pub(crate) fn placed(placed: &MeshPlacement) -> String {
     let scale = placed.scale.map(number).join(" x ");
     let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
     format!("{unit}{scale} to a unit of x, y and z")

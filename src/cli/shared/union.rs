@@ -4,21 +4,23 @@ use std::marker::PhantomData;
 
 use clap::{ArgMatches, Command};
 use serde_json::{Map, Value};
-use terrane_options::{Field, Options, Role, Rule, Table, set_texts, to_map};
+use terrane_options::{
+    OptionField, OptionRole, OptionRule, OptionTable, Options, set_texts, to_map,
+};
 
 use crate::cli::shared::tabled::{argument, given};
 use terrane_base::error::{Error, Result};
 use terrane_files::path_of;
 
 /// The options for one kind of inputs.
-pub(crate) struct Kind {
-    table: &'static Table,
+pub(crate) struct InputKindOptions {
+    table: &'static OptionTable,
     defaults: fn() -> Map<String, Value>,
     /// The inputs, such as "grids".
     of: &'static str,
 }
 
-impl Kind {
+impl InputKindOptions {
     pub(crate) const fn of<O: Options>(of: &'static str) -> Self {
         Self { table: O::TABLE, defaults: || to_map(&O::default()), of }
     }
@@ -26,7 +28,7 @@ impl Kind {
 
 /// The kinds of inputs that a verb takes.
 pub(crate) trait Kinds: Clone + std::fmt::Debug + Send + Sync + 'static {
-    const ALL: &'static [Kind];
+    const ALL: &'static [InputKindOptions];
 }
 
 /// The options for all kinds of inputs, each said once, as far as they were given; of a plan those that say something of
@@ -39,12 +41,12 @@ pub(crate) struct Union<K, const PLANNED: bool = false> {
 }
 
 /// The options of all kinds, each of the first one that has it, with the number of that kind.
-fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static Field)> {
-    let mut found: Vec<(usize, &Field)> = Vec::new();
+fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)> {
+    let mut found: Vec<(usize, &OptionField)> = Vec::new();
     for (number, kind) in K::ALL.iter().enumerate() {
-        let known = |field: &&Field| found.iter().any(|(_, own)| own.name == field.name);
+        let known = |field: &&OptionField| found.iter().any(|(_, own)| own.name == field.name);
         let new = kind.table.fields().into_iter().filter(|field| !known(field));
-        let new: Vec<_> = new.filter(|field| !(PLANNED && field.role == Role::Run)).collect();
+        let new: Vec<_> = new.filter(|field| !(PLANNED && field.role == OptionRole::Run)).collect();
         found.extend(new.into_iter().map(|field| (number, field)));
     }
     found
@@ -52,7 +54,7 @@ fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static Field)> {
 
 /// What an option is, of which kinds if it is not of all, and where they differ in it of each; `all` are the options of
 /// each kind.
-fn about<K: Kinds>(field: &Field, all: &[Vec<&'static Field>]) -> String {
+fn about<K: Kinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) -> String {
     let mut told = vec![field.off.unwrap_or(field.about)];
     let of_each = K::ALL.iter().zip(all);
     let of_each = of_each
@@ -74,11 +76,11 @@ fn about<K: Kinds>(field: &Field, all: &[Vec<&'static Field>]) -> String {
 }
 
 /// True for an option that a plan cannot do without: of several targets, the only one that a plan has.
-fn is_only_one(table: &'static Table, name: &str) -> bool {
-    let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != Role::Run);
+fn is_only_one(table: &'static OptionTable, name: &str) -> bool {
+    let is_planned = |name: &&&str| table.find(name).is_some_and(|own| own.role != OptionRole::Run);
     table.rules().into_iter().any(|rule| match rule {
-        Rule::OneOf(names, _) => names.iter().filter(is_planned).eq([&name]),
-        Rule::NotWith(..) | Rule::Needs(..) => false,
+        OptionRule::OneOf(names, _) => names.iter().filter(is_planned).eq([&name]),
+        OptionRule::NotWith(..) | OptionRule::Needs(..) => false,
     })
 }
 
@@ -143,7 +145,7 @@ impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
     }
 
     /// The error of an option of other kinds of inputs.
-    fn refusal(&self, name: &str, input: &str, own: &'static Table) -> Error {
+    fn refusal(&self, name: &str, input: &str, own: &'static OptionTable) -> Error {
         let having = K::ALL.iter().filter_map(|kind| Some((kind.of, kind.table.find(name)?)));
         let (of, fields): (Vec<_>, Vec<_>) = having.unzip();
         let off = if fields.iter().any(|field| field.off.is_some()) { "=false" } else { "" };

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{ArgMatches, Command};
 
 use crate::cli::shared::many::Many;
-use crate::cli::shared::{Outcome, names};
+use crate::cli::shared::{VerbOutcome, names};
 use terrane_base::door::Door;
 use terrane_base::error::Result;
 use terrane_engine::Cancel;
@@ -44,21 +44,21 @@ pub(crate) trait Verb: clap::Args + 'static {
         None
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome>;
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>;
 }
 
 /// What surrounds a run.
-pub(crate) struct Call<'a> {
+pub(crate) struct VerbCall<'a> {
     pub(crate) cancel: &'a Cancel,
     /// The whole command line, for those who write about it.
     pub(crate) command: fn() -> Command,
 }
 
 /// A verb with its arguments, ready to run.
-pub(crate) type Job = Box<dyn Fn(&Call<'_>) -> Result<Outcome>>;
+pub(crate) type Job = Box<dyn Fn(&VerbCall<'_>) -> Result<VerbOutcome>>;
 
 /// A verb of any type.
-pub(crate) struct Entry {
+pub(crate) struct VerbEntry {
     pub(crate) name: &'static str,
     /// What else it may be called.
     aliases: &'static [&'static str],
@@ -68,7 +68,7 @@ pub(crate) struct Entry {
     pub(crate) parse: fn(&ArgMatches) -> std::result::Result<Job, clap::Error>,
 }
 
-impl Entry {
+impl VerbEntry {
     pub(crate) const fn of<V: Verb>() -> Self {
         Self { name: V::NAME, aliases: V::ALIASES, command: command::<V>, parse: parse::<V> }
     }

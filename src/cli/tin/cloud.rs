@@ -1,11 +1,11 @@
 //! Reports of meshes of clouds, for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
 use crate::cli::tin::told::{errors, stages};
 use terrane_lidar::cloud_tin::CloudTinReport;
 
-impl Summary for CloudTinReport {
+impl Summarize for CloudTinReport {
     fn summary(&self) -> String {
         let share =
             format!("{}, {} of the points", text::count(self.vertices), text::percent(self.kept));

@@ -1,12 +1,12 @@
 //! Reports of meshes of grids, for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{report, text};
 use crate::cli::tin::told::{errors, stages};
 use terrane_raster::undeclared_nodata;
 use terrane_terrain::tin::{GREEDY, TinReport};
 
-impl Summary for TinReport {
+impl Summarize for TinReport {
     fn summary(&self) -> String {
         let mut rows = vec![
             (
@@ -85,7 +85,7 @@ fn samples(r: &TinReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_engine::placing::Placed;
+    use terrane_engine::placing::MeshPlacement;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {
@@ -104,7 +104,7 @@ mod tests {
         report.vertices = 12_345;
         report.kept = 0.016;
         report.samples_per_second = 12.3e6;
-        report.placed = Some(Placed::default());
+        report.placed = Some(MeshPlacement::default());
         report.suspected_nodata = Some(-1.0);
         report.suspected_samples = Some(7);
         (report.run.threads, report.run.peak_memory) = (2, Some(1 << 20));

@@ -4,28 +4,28 @@ mod cloud;
 mod grid;
 mod told;
 
-pub(crate) use told::{Told, stages};
+pub(crate) use told::{MadeMeshReport, stages};
 
 use std::path::PathBuf;
 
-use crate::cli::operation::{Frame, Made, is_replacing, make};
+use crate::cli::operation::{FinishedRun, RunArguments, is_replacing, make};
 use crate::cli::shared::many::Many;
-use crate::cli::shared::report::Summary;
-use crate::cli::shared::union::{Kind, Kinds, Union};
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, lists, many, names};
+use crate::cli::shared::report::Summarize;
+use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, lists, many, names};
 use crate::cli::verify;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::Has;
 use terrane_engine::options::Replacing;
-use terrane_engine::proof::{Proof, Written};
+use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_terrain::tin::TinOptions;
 use terrane_verify::{CloudMeshProof, MeshProof, MeshReport, Original};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct TinVerbArgs {
     /// Grid file, or a synthetic terrain by name such as synth:rough,size=4097,seed=7; several files,
     /// a folder, a list or a pattern in quotes are one mosaic. Or point clouds: .las and .laz files,
     /// one or many. The last name is that of the mesh file to write
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Output")]
     verify: bool,
     #[command(flatten)]
-    options: Union<Sources>,
+    options: Union<TinSources>,
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
@@ -52,14 +52,16 @@ pub(crate) struct Args {
 
 /// What meshes are made of.
 #[derive(Clone, Debug)]
-pub(crate) struct Sources;
+pub(crate) struct TinSources;
 
-impl Kinds for Sources {
-    const ALL: &'static [Kind] =
-        &[Kind::of::<TinOptions>("grids"), Kind::of::<CloudTinOptions>("point clouds")];
+impl Kinds for TinSources {
+    const ALL: &'static [InputKindOptions] = &[
+        InputKindOptions::of::<TinOptions>("grids"),
+        InputKindOptions::of::<CloudTinOptions>("point clouds"),
+    ];
 }
 
-impl Verb for Args {
+impl Verb for TinVerbArgs {
     const NAME: &'static str = "tin";
 
     fn usage() -> Option<String> {
@@ -81,7 +83,7 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         match self.many.are_clouds(&self.input)? {
             true => self.of_cloud(call),
             false => self.of_grid(call),
@@ -89,14 +91,14 @@ impl Verb for Args {
     }
 }
 
-impl Args {
-    fn frame(&self) -> Frame<'_> {
+impl TinVerbArgs {
+    fn frame(&self) -> RunArguments<'_> {
         let Self { input, output, options, report, many, show, .. } = self;
         let (given, report) = (options.given(), report.as_deref());
-        Frame { input, output, given, report, many, show }
+        RunArguments { input, output, given, report, many, show }
     }
 
-    fn of_grid(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn of_grid(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let mut options: TinOptions = self.options.of(&self.input[0])?;
         if self.verify {
             refuse_proof(&options)?;
@@ -112,7 +114,7 @@ impl Args {
         self.tell((&options, &made), &proof, verify::summary, call)
     }
 
-    fn of_cloud(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn of_cloud(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let mut options: CloudTinOptions = self.options.of(&self.input[0])?;
         let made = make(&mut options, &self.frame(), call)?;
         let mut proof = CloudMeshProof::default();
@@ -124,19 +126,24 @@ impl Args {
     }
 
     /// Proves what was made, where that is asked for, and tells of both.
-    fn tell<R: Summary, O: Original, P: Proof<Report = MeshReport<O>>>(
+    fn tell<R: Summarize, O: Original, P: OutputProof<Report = MeshReport<O>>>(
         &self,
-        (options, made): (&impl Has<Replacing>, &Made<R>),
+        (options, made): (&impl Has<Replacing>, &FinishedRun<R>),
         proof: &P,
         summary: fn(&MeshReport<O>) -> String,
-        call: &Call<'_>,
-    ) -> Result<Outcome> {
-        let Made { report, inputs, skipped, .. } = made;
-        let written = Written { file: self.output.clone(), original: inputs.clone() };
+        call: &VerbCall<'_>,
+    ) -> Result<VerbOutcome> {
+        let FinishedRun { report, inputs, skipped, .. } = made;
+        let written = WrittenOutput { file: self.output.clone(), original: inputs.clone() };
         let progress = self.show.progress();
         let checked = self.verify.then(|| proof.prove(&written, progress.as_ref(), call.cancel));
         let checked = checked.transpose()?;
-        let told = Told { made: report, checked: checked.as_ref(), skipped, unmet: report.unmet() };
+        let told = MadeMeshReport {
+            made: report,
+            checked: checked.as_ref(),
+            skipped,
+            unmet: report.unmet(),
+        };
         let file = self.report.as_deref().map(|path| (path, is_replacing(options)));
         told.tell((&self.show, file), || report.summary(), summary)
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::shared::{Outcome, args, report, say, text};
+use crate::cli::shared::{VerbOutcome, args, report, say, text};
 use crate::cli::verify;
 use terrane_base::error::Result;
 use terrane_engine::sift::Skipped;
@@ -14,7 +14,7 @@ use terrane_verify::{MeshReport, Original};
 /// The report of both steps, as one JSON object.
 #[derive(Serialize)]
 #[serde(bound = "T: Serialize")]
-pub(crate) struct Told<'a, T, O: Original> {
+pub(crate) struct MadeMeshReport<'a, T, O: Original> {
     #[serde(flatten)]
     pub(crate) made: &'a T,
     #[serde(rename = "verify", skip_serializing_if = "Option::is_none")]
@@ -26,14 +26,14 @@ pub(crate) struct Told<'a, T, O: Original> {
     pub(crate) unmet: Option<String>,
 }
 
-impl<T: Serialize, O: Original> Told<'_, T, O> {
+impl<T: Serialize, O: Original> MadeMeshReport<'_, T, O> {
     /// Tells of both steps, in a file as well that may be there.
     pub(super) fn tell(
         &self,
         (show, file): (&args::Show, Option<(&Path, bool)>),
         made: impl FnOnce() -> String,
         checked: impl FnOnce(&MeshReport<O>) -> String,
-    ) -> Result<Outcome> {
+    ) -> Result<VerbOutcome> {
         if let Some((path, is_replaced)) = file {
             report::write(path, is_replaced, self)?;
         }
@@ -41,7 +41,9 @@ impl<T: Serialize, O: Original> Told<'_, T, O> {
         if let Some(unmet) = &self.unmet {
             say::failure(unmet);
         }
-        let Some(proof) = self.checked else { return Ok(Outcome::of(self.unmet.is_none(), true)) };
+        let Some(proof) = self.checked else {
+            return Ok(VerbOutcome::of(self.unmet.is_none(), true));
+        };
         if !is_told {
             verify::tell(&proof.verdict);
         }

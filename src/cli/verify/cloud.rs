@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{points, text};
 use crate::cli::verify::told;
-use terrane_verify::{CloudVerifyReport, OfCloud};
+use terrane_verify::{CloudProofFindings, CloudVerifyReport};
 
 /// A proof for people.
 pub(crate) fn summary(r: &CloudVerifyReport) -> String {
@@ -17,7 +17,7 @@ pub(crate) fn summary(r: &CloudVerifyReport) -> String {
     told::summary(r, rows, off, &unit, text::rate(r.of.points_per_second, "points"))
 }
 
-fn points(r: &OfCloud) -> String {
+fn points(r: &CloudProofFindings) -> String {
     let [covered, judged] = [r.covered_points, r.judged_points].map(text::count);
     let stacked = match r.stacked_points {
         0 => String::new(),

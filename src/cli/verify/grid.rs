@@ -2,7 +2,7 @@
 
 use crate::cli::shared::text;
 use crate::cli::verify::told;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_verify::{BandProof, OfGrid, VerifyReport};
 
 /// A proof for people.
@@ -34,9 +34,9 @@ fn band(r: &BandProof) -> String {
 fn surface(r: &VerifyReport) -> String {
     let [over, breaks] = [r.of.over_between_samples.count, r.of.breaks].map(text::count);
     let judged = match (r.of.bound, r.tolerance) {
-        (Bound::Samples, _) => "; no promise of this mesh",
-        (Bound::Surface, None) => "; not judged",
-        (Bound::Surface, Some(_)) => "",
+        (ErrorBound::Samples, _) => "; no promise of this mesh",
+        (ErrorBound::Surface, None) => "; not judged",
+        (ErrorBound::Surface, Some(_)) => "",
     };
     let most = r.of.surface_error.map_or("-".to_owned(), text::bound);
     let over = r.tolerance.map_or(String::new(), |_| format!(", {over} of them over"));

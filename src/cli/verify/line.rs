@@ -2,13 +2,13 @@
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
-use terrane_simplify::Measure;
+use terrane_simplify::DistanceKind;
 use terrane_verify::LineVerifyReport;
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &LineVerifyReport) -> String {
     let verdict = told::in_words(&r.verdict);
-    let unit = if r.measure == Measure::Geographic { " m" } else { "" };
+    let unit = if r.measure == DistanceKind::Geographic { " m" } else { "" };
     let far = text::number(r.largest_distance);
     let place = r.farthest.map_or(String::new(), |[x, y]| format!(", at {x}, {y}"));
     let allowed = match r.tolerance {

@@ -14,21 +14,21 @@ use std::path::{Path, PathBuf};
 
 use terrane_options::{Choice, Options, check_given};
 
-use crate::cli::operation::{Source, take};
+use crate::cli::operation::{OperationInput, take};
 use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{Kind, Kinds, Union};
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, check, lists, many, names, pipes, report};
+use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::is_cloud;
 use terrane_engine::Cancel;
 use terrane_engine::input::is_mesh;
 use terrane_engine::operation::{Has, read_beside};
 use terrane_engine::options::{CloudInput, GridInput};
-use terrane_engine::proof::{Proof, Written};
+use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_engine::sift::{Sifted, Skipped};
 use terrane_files::{name_of, path_of};
-use terrane_tiles::Format;
+use terrane_tiles::TilesFormat;
 use terrane_verify::tiles::{CloudTilesProof, TilesProof, is_tiles};
 use terrane_verify::{CloudMeshProof, LineProof, MeshProof};
 
@@ -39,7 +39,7 @@ use terrane_verify::{CloudMeshProof, LineProof, MeshProof};
 /// as the error of a mesh that states no bound). Vertices that are no samples of the grid, or points of the cloud, are a
 /// failure of meshes written by terrane only: the bound of other meshes may hold all the same
 #[derive(Clone, Debug, clap::Args)]
-pub(crate) struct Args {
+pub(crate) struct VerifyArgs {
     /// Mesh file, or simplified lines, or a folder of terrain tiles: quantized-mesh with its layer.json, 3D Tiles with its tileset.json
     mesh: PathBuf,
     /// Grid file it was made from, or a synthetic terrain by name; several files, a folder, a list or
@@ -66,16 +66,16 @@ pub(crate) struct Args {
 struct Proofs;
 
 impl Kinds for Proofs {
-    const ALL: &'static [Kind] = &[
-        Kind::of::<MeshProof>(MeshProof::OF),
-        Kind::of::<CloudMeshProof>(CloudMeshProof::OF),
-        Kind::of::<TilesProof>(TilesProof::OF),
-        Kind::of::<CloudTilesProof>(CloudTilesProof::OF),
-        Kind::of::<LineProof>(LineProof::OF),
+    const ALL: &'static [InputKindOptions] = &[
+        InputKindOptions::of::<MeshProof>(MeshProof::OF),
+        InputKindOptions::of::<CloudMeshProof>(CloudMeshProof::OF),
+        InputKindOptions::of::<TilesProof>(TilesProof::OF),
+        InputKindOptions::of::<CloudTilesProof>(CloudTilesProof::OF),
+        InputKindOptions::of::<LineProof>(LineProof::OF),
     ];
 }
 
-impl Verb for Args {
+impl Verb for VerifyArgs {
     const NAME: &'static str = "verify";
 
     fn lists() -> Vec<String> {
@@ -86,12 +86,12 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         run(self, call.cancel)
     }
 }
 
-fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
+fn run(args: &VerifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let mesh = name_of(args.mesh.clone())?;
     check::written(&mesh)?;
     args.source.iter().try_for_each(|name| pipes::refuse_input(name))?;
@@ -130,22 +130,22 @@ fn run(args: &Args, cancel: &Cancel) -> Result<Outcome> {
 
 /// The first set of tiles in a folder that is none itself.
 fn one_of_sets(folder: &Path) -> Option<PathBuf> {
-    let mut sets = Format::names().into_iter().map(|format| folder.join(format.name));
+    let mut sets = TilesFormat::names().into_iter().map(|format| folder.join(format.name));
     sets.find(|set| set.is_dir() && is_tiles(set))
 }
 
-impl Args {
+impl VerifyArgs {
     /// The options of a proof.
-    fn of<P: Proof>(&self) -> Result<P> {
+    fn of<P: OutputProof>(&self) -> Result<P> {
         let options = self.options.of(&name_of(self.mesh.clone())?)?;
         check_given(&options, self.options.given()).map(|()| options)
     }
 
-    fn prove<P: Proof + Has<I>, I: Source>(
+    fn prove<P: OutputProof + Has<I>, I: OperationInput>(
         &self,
         cancel: &Cancel,
         summary: fn(&P::Report) -> String,
-    ) -> Result<Outcome> {
+    ) -> Result<VerbOutcome> {
         let mut options: P = self.of()?;
         let (given, many) = (self.options.given(), &self.many);
         let Sifted { names, skipped } =
@@ -154,7 +154,7 @@ impl Args {
         self.tell(&options, names, &skipped, cancel, summary)
     }
 
-    fn prove_lines(&self, cancel: &Cancel) -> Result<Outcome> {
+    fn prove_lines(&self, cancel: &Cancel) -> Result<VerbOutcome> {
         let options: LineProof = self.of()?;
         if let Some(option) = self.many.given() {
             return Err(Error::usage(format!(
@@ -176,15 +176,15 @@ impl Args {
     }
 
     /// Does the proof and tells of it as it was asked for.
-    fn tell<P: Proof>(
+    fn tell<P: OutputProof>(
         &self,
         options: &P,
         originals: Vec<String>,
         skipped: &[Skipped],
         cancel: &Cancel,
         summary: fn(&P::Report) -> String,
-    ) -> Result<Outcome> {
-        let written = Written { file: self.mesh.clone(), original: originals.into() };
+    ) -> Result<VerbOutcome> {
+        let written = WrittenOutput { file: self.mesh.clone(), original: originals.into() };
         let found = options.prove(&written, self.show.progress().as_ref(), cancel)?;
         let proof = report::WithSkipped { report: &found, skipped };
         if let Some(path) = &self.report {

@@ -2,7 +2,7 @@
 
 use crate::cli::shared::{report, text};
 use crate::cli::verify::told;
-use terrane_verify::tiles::{CheckReport, LevelReport, TilesVerifyReport};
+use terrane_verify::tiles::{CheckReport, LevelProofReport, TilesVerifyReport};
 
 /// A proof for people: the verdict, what failed, and the figures.
 pub(super) fn summary(r: &TilesVerifyReport) -> String {
@@ -31,7 +31,7 @@ fn judged(check: &CheckReport) -> String {
 }
 
 /// A level on one line.
-fn of(level: &LevelReport) -> String {
+fn of(level: &LevelProofReport) -> String {
     let [error, allowed] =
         [level.max_error.map_or("-".to_owned(), text::bound), text::number(level.tolerance)];
     let gap = match (level.coarser_gap, level.coarser_gap_allowed) {

@@ -1,24 +1,24 @@
 //! What is told of a proof, whatever it is of.
 
 use crate::cli::shared::report::{self, Row};
-use crate::cli::shared::{Outcome, say, text};
+use crate::cli::shared::{VerbOutcome, say, text};
 use terrane_base::door::Door;
-use terrane_engine::proof::Verdict;
+use terrane_engine::proof::ProofVerdict;
 use terrane_verify::{MeshReport, Original};
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
-pub(crate) fn tell(verdict: &Verdict) {
+pub(crate) fn tell(verdict: &ProofVerdict) {
     verdict.failures.iter().for_each(|failure| say::failure(&Door::CommandLine.spell(failure)));
     verdict.not_judged.iter().for_each(|what| say::not_judged(what));
 }
 
 /// Whether all promises were kept.
-pub(crate) fn outcome(verdict: &Verdict) -> Outcome {
-    Outcome::of(verdict.passed, verdict.judged)
+pub(crate) fn outcome(verdict: &ProofVerdict) -> VerbOutcome {
+    VerbOutcome::of(verdict.passed, verdict.judged)
 }
 
 /// What came of a proof.
-pub(super) fn in_words(verdict: &Verdict) -> String {
+pub(super) fn in_words(verdict: &ProofVerdict) -> String {
     match (verdict.passed, verdict.not_judged.as_slice()) {
         (true, []) => "verified: every promise is kept".to_owned(),
         (true, not) => format!("nothing wrong is found, but not judged: {}", not.join("; ")),

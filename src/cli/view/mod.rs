@@ -5,11 +5,11 @@ mod told;
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::operation::{self, Frame, Source};
+use crate::cli::operation::{self, OperationInput, RunArguments};
 use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{Kind, Kinds, Union};
-use crate::cli::shared::verb::{Call, Verb};
-use crate::cli::shared::{Outcome, args, lists, many, names, pipes};
+use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::verb::{Verb, VerbCall};
+use crate::cli::shared::{VerbOutcome, args, lists, many, names, pipes};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Has, Operation};
@@ -24,7 +24,7 @@ use terrane_viewer::view::PictureOptions;
 /// vertices have colours is drawn in these. Or make a page of it for a browser: one HTML file that holds all it
 /// shows and loads nothing; or serve it to browsers on this machine, and folders of terrain tiles of any size, too
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct Args {
+pub(super) struct ViewArgs {
     /// Grid or mesh file, or a synthetic terrain by name; several grid files, a folder, a list or a
     /// pattern in quotes are one mosaic; for a page also a file of lines or polygons, or point clouds (LAS, LAZ,
     /// COPC, or text after cloud:), of which several are one; to be served also a folder of terrain tiles
@@ -50,7 +50,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     #[command(flatten)]
-    options: Union<Views>,
+    options: Union<ViewSources>,
     #[command(flatten)]
     many: many::Many,
     #[command(flatten)]
@@ -59,19 +59,19 @@ pub(super) struct Args {
 
 /// What is shown.
 #[derive(Clone, Debug)]
-struct Views;
+struct ViewSources;
 
-impl Kinds for Views {
-    const ALL: &'static [Kind] = &[
-        Kind::of::<PictureOptions>("pictures"),
-        Kind::of::<PageOptions>("pages of grids and meshes"),
-        Kind::of::<CloudPageOptions>("pages of point clouds"),
-        Kind::of::<LinePageOptions>("pages of lines"),
-        Kind::of::<TilesPageOptions>("pages of tiles"),
+impl Kinds for ViewSources {
+    const ALL: &'static [InputKindOptions] = &[
+        InputKindOptions::of::<PictureOptions>("pictures"),
+        InputKindOptions::of::<PageOptions>("pages of grids and meshes"),
+        InputKindOptions::of::<CloudPageOptions>("pages of point clouds"),
+        InputKindOptions::of::<LinePageOptions>("pages of lines"),
+        InputKindOptions::of::<TilesPageOptions>("pages of tiles"),
     ];
 }
 
-impl Verb for Args {
+impl Verb for ViewArgs {
     const NAME: &'static str = "view";
 
     fn lists() -> Vec<String> {
@@ -82,7 +82,7 @@ impl Verb for Args {
         Some(&self.many)
     }
 
-    fn run(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn run(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         // What --serve excludes would lift a requirement of the parser's.
         if self.port.is_some() && !self.serve {
             return Err(Error::usage("--port is for pages that are served")
@@ -116,10 +116,10 @@ impl Verb for Args {
     }
 }
 
-impl Args {
-    fn frame<'a>(&'a self, output: &'a Path) -> Frame<'a> {
+impl ViewArgs {
+    fn frame<'a>(&'a self, output: &'a Path) -> RunArguments<'a> {
         let Self { input, many, show, .. } = self;
-        Frame { input, output, given: self.options.given(), report: None, many, show }
+        RunArguments { input, output, given: self.options.given(), report: None, many, show }
     }
 
     /// Fails where many files are spoken of, as the page is of one.
@@ -130,9 +130,9 @@ impl Args {
     }
 
     /// Makes a page, or serves it.
-    fn page<O>(&self, call: &Call<'_>) -> Result<Outcome>
+    fn page<O>(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>
     where
-        O: Operation<Input: Source, Report = PageReport> + Has<Replacing>,
+        O: Operation<Input: OperationInput, Report = PageReport> + Has<Replacing>,
     {
         let mut options: O = self.options.of(&self.input[0])?;
         if let Some(html) = &self.html {
@@ -146,7 +146,7 @@ impl Args {
     }
 
     /// Serves tiles, which a page by itself does not hold.
-    fn tiles(&self, call: &Call<'_>) -> Result<Outcome> {
+    fn tiles(&self, call: &VerbCall<'_>) -> Result<VerbOutcome> {
         let folder = path_of(&self.input[0]);
         if !self.serve {
             return Err(Error::usage("a folder of tiles is looked at as a server sends it")

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::Args;
-use crate::cli::shared::report::Summary;
-use crate::cli::shared::verb::Call;
-use crate::cli::shared::{Outcome, report, text};
+use super::ViewArgs;
+use crate::cli::shared::report::Summarize;
+use crate::cli::shared::verb::VerbCall;
+use crate::cli::shared::{VerbOutcome, report, text};
 use terrane_base::error::{Error, Result};
 use terrane_engine::sift::Skipped;
 use terrane_files::folder_for;
@@ -23,16 +23,16 @@ struct ServeReport<'a> {
     page: report::WithSkipped<'a, PageReport>,
 }
 
-impl Args {
+impl ViewArgs {
     /// Makes a page, and serves it with what is in a folder until it is cancelled. The page is a file until then: it may be
     /// large.
     pub(super) fn serve(
         &self,
         temp_dir: Option<&Path>,
         folder: Option<PathBuf>,
-        call: &Call<'_>,
+        call: &VerbCall<'_>,
         make: impl FnOnce(&Path) -> Result<(PageReport, Vec<Skipped>)>,
-    ) -> Result<Outcome> {
+    ) -> Result<VerbOutcome> {
         let beside = std::env::temp_dir().join("page");
         let place = folder_for(&beside, temp_dir);
         let place = tempfile::tempdir_in(place).map_err(|e| Error::write(place, e))?;
@@ -50,6 +50,6 @@ impl Args {
             format!("{}{}", made.summary(), text::table(&[("until", "Ctrl-C".to_owned())]))
         })?;
         server.run(call.cancel);
-        Ok(Outcome::Kept)
+        Ok(VerbOutcome::Kept)
     }
 }

@@ -1,11 +1,11 @@
 //! Pictures and pages, for people.
 
-use crate::cli::shared::report::Summary;
+use crate::cli::shared::report::Summarize;
 use crate::cli::shared::{points, report, text};
 use terrane_viewer::page::PageReport;
 use terrane_viewer::view::ViewReport;
 
-impl Summary for ViewReport {
+impl Summarize for ViewReport {
     fn summary(&self) -> String {
         let heights = match (self.lowest, self.highest) {
             (Some(low), Some(high)) => {
@@ -32,7 +32,7 @@ impl Summary for ViewReport {
     }
 }
 
-impl Summary for PageReport {
+impl Summarize for PageReport {
     fn summary(&self) -> String {
         let mut rows = vec![("page", format!("{}, {}", self.page, text::bytes(self.output_bytes)))];
         let triangles = self.triangles.map(|n| format!(", {} triangles", text::count(n)));

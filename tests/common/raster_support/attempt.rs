@@ -4,7 +4,7 @@ use std::path::Path;
 
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_raster::{OpenOptions, open};
+use terrane_raster::{GridOpenOptions, open};
 
 /// Most samples read at once.
 const MOST_SAMPLES: u64 = 1 << 19;
@@ -14,7 +14,7 @@ const CACHE_BYTES: usize = 16 << 20;
 /// Opens `path` and reads what the two constants allow. The heights are those of the whole grid, or of
 /// the last window.
 pub(crate) fn attempt(path: &Path) -> Result<Vec<f64>> {
-    let options = OpenOptions { cache_bytes: CACHE_BYTES, ..OpenOptions::default() };
+    let options = GridOpenOptions { cache_bytes: CACHE_BYTES, ..GridOpenOptions::default() };
     let source = open(&path.to_string_lossy(), &options)?;
     let bounds = source.info().bounds();
     let (width, height) = (bounds.width, bounds.height);

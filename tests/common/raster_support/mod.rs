@@ -10,11 +10,11 @@ use std::path::Path;
 
 use terrane::Result;
 use terrane_base::geom::Rect;
-use terrane_raster::{GridSource, OpenOptions, open};
+use terrane_raster::{GridOpenOptions, GridSource, open};
 
 /// Opens `path` with default options and the given band.
 pub(crate) fn open_band(path: &Path, band: u32) -> Result<Box<dyn GridSource>> {
-    open(path.to_str().unwrap(), &OpenOptions { band, ..OpenOptions::default() })
+    open(path.to_str().unwrap(), &GridOpenOptions { band, ..GridOpenOptions::default() })
 }
 
 /// All heights, in f64.

@@ -9,9 +9,9 @@ use terrane_base::geom::plane::orient;
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_simplify::Length;
+use terrane_simplify::LengthOption;
 use terrane_terrain::contour::{ContourJob, ContourOptions, ContourReport, run, trace};
-use terrane_vector::{self as vector, Value};
+use terrane_vector::{self as vector, PropertyValue};
 
 /// A grid in memory.
 #[derive(Clone, Debug)]
@@ -89,8 +89,8 @@ pub fn job(input: &str, output: &Path, interval: f64, tile: u32, threads: usize)
 }
 
 /// A length in units of the data.
-pub fn units(value: f64) -> Length {
-    Length { value, unit: None }
+pub fn units(value: f64) -> LengthOption {
+    LengthOption { value, unit: None }
 }
 
 pub fn made(job: &ContourJob) -> Result<ContourReport> {
@@ -120,8 +120,8 @@ pub fn read(path: &Path, attribute: &str) -> Vec<Line> {
     let mut lines = Vec::new();
     while let Some(feature) = source.next().unwrap() {
         let height = match feature.properties.get(attribute) {
-            Some(Value::Real(height)) => *height,
-            Some(Value::Int(height)) => *height as f64,
+            Some(PropertyValue::Real(height)) => *height,
+            Some(PropertyValue::Int(height)) => *height as f64,
             _ => f64::NAN,
         };
         let parts: Vec<_> = feature.geometry.parts().map(|part| part.xy.to_vec()).collect();

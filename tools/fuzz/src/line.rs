@@ -1,15 +1,17 @@
-//! Lines from bytes, through every method: what each promises, and what slow loops give.
+//! ProofLines from bytes, through every method: what each promises, and what slow loops give.
 
-use terrane_line::metric::{Metric, largest_distance2};
-use terrane_line::topology::{Chains, Collapse, Kept, Options, Strategy, refining, untangle};
-use terrane_line::{Hierarchy, METHODS, Method, Plane, Scratch, Xy};
-use terrane_proof::lines::{Distance, Lines, Question, check};
+use terrane_line::metric::{DistanceMetric, largest_distance2};
+use terrane_line::topology::{
+    ChainVertices, Chains, Collapse, Strategy, UntangleOptions, refining, untangle,
+};
+use terrane_line::{Hierarchy, METHODS, PlaneMetric, SimplifyMethod, SimplifyScratch, Xy};
+use terrane_proof::lines::{ProofDistance, ProofLines, Question, check};
 
 /// Most vertices.
 const MOST: usize = 4000;
 /// Most vertices of a line that may cross itself as often as it has pairs of segments.
 const CROSSING: usize = 400;
-/// Lines of which all segments are tried.
+/// ProofLines of which all segments are tried.
 const SHORT: usize = 24;
 
 /// Simplifies the line in `data` every way there is.
@@ -33,9 +35,9 @@ pub fn simplify(data: &[u8]) {
     clean(&line[..line.len().min(CROSSING)], tolerance * unit);
 }
 
-fn kept(method: &Method, line: &[Xy], tolerance: f64) -> Vec<u32> {
+fn kept(method: &SimplifyMethod, line: &[Xy], tolerance: f64) -> Vec<u32> {
     let mut kept = Vec::new();
-    (method.plane)(&Plane, line, tolerance, &mut Scratch::default(), &mut kept);
+    (method.plane)(&PlaneMetric, line, tolerance, &mut SimplifyScratch::default(), &mut kept);
     assert!(kept.is_sorted_by(|a, b| a < b), "{}: not in order", method.name);
     let ends = [kept.first().copied(), kept.last().map(|last| last + 1)];
     let known = [(!line.is_empty()).then_some(0), Some(line.len() as u32).filter(|n| *n > 0)];
@@ -49,14 +51,14 @@ fn bounded(line: &[Xy], tolerance: f64) {
     let run = |name| kept(terrane_line::registry::method(name).expect("known"), line, tolerance);
     for method in METHODS {
         let kept = kept(method, line, tolerance);
-        let worst = largest_distance2(&Plane, line, &kept).map_or(0.0, |(_, worst)| worst);
+        let worst = largest_distance2(&PlaneMetric, line, &kept).map_or(0.0, |(_, worst)| worst);
         let is_free = method.name.contains("visvalingam");
         assert!(is_free || worst <= square, "{}: {worst} above {square}", method.name);
     }
     let (rdp, fewest) = (run("rdp"), run("imai-iri"));
     assert_eq!(rdp, plain(line, square));
     let mut filtered = Vec::new();
-    let hierarchy = Hierarchy::new(&Plane, line);
+    let hierarchy = Hierarchy::new(&PlaneMetric, line);
     hierarchy.filter(tolerance, &mut filtered);
     assert_eq!(filtered, rdp);
     assert_eq!(Hierarchy::from_bytes(&hierarchy.to_bytes()).expect("its own bytes"), hierarchy);
@@ -75,15 +77,16 @@ fn plain(line: &[Xy], square: f64) -> Vec<u32> {
         keeps.iter_mut().skip(start).take(1).for_each(|keep| *keep = true);
         keeps.iter_mut().skip(end).take(1).for_each(|keep| *keep = true);
         let mut worst = (start, -1.0);
-        let Some([from, to]) = line.get(start).zip(line.get(end)).map(|ends| [ends.0, ends.1]) else {
+        let Some([from, to]) = line.get(start).zip(line.get(end)).map(|ends| [ends.0, ends.1])
+        else {
             continue;
         };
-        let segment = Plane.segment(from, to);
+        let segment = PlaneMetric.segment(from, to);
         for i in start + 1..end {
-            let own = Plane::reach(&segment, &line[i]);
+            let own = PlaneMetric::reach(&segment, &line[i]);
             worst = if own > worst.1 { (i, own) } else { worst };
         }
-        if Plane::squared(&segment, worst.1) > square {
+        if PlaneMetric::squared(&segment, worst.1) > square {
             parts.extend([(start, worst.0), (worst.0, end)]);
         }
     }
@@ -93,7 +96,7 @@ fn plain(line: &[Xy], square: f64) -> Vec<u32> {
 /// The fewest vertices, by trying all segments.
 fn by_trial(line: &[Xy], square: f64) -> usize {
     let holds = |from: usize, to: usize| {
-        (from + 1..to).all(|i| Plane.distance2(&line[i], &line[from], &line[to]) <= square)
+        (from + 1..to).all(|i| PlaneMetric.distance2(&line[i], &line[from], &line[to]) <= square)
     };
     let mut counts: Vec<usize> = Vec::new();
     for to in 0..line.len() {
@@ -113,15 +116,19 @@ fn clean(line: &[Xy], tolerance: f64) {
         let chains = Chains { points: &points, starts: &starts, closed: &[is_closed] };
         for strategy in [Strategy::Retroactive, Strategy::Proactive] {
             for method in METHODS.iter().take(3) {
-                let mut scratch = Scratch::default();
+                let mut scratch = SimplifyScratch::default();
                 let mut refine = refining(&points, |part, kept| {
-                    (method.plane)(&Plane, part, tolerance, &mut scratch, kept);
+                    (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
                 });
-                let kept = Kept::simplified(&chains, &mut refine);
-                let options = Options { strategy, collapse: Collapse::Keep, ..Options::default() };
+                let kept = ChainVertices::simplified(&chains, &mut refine);
+                let options = UntangleOptions {
+                    strategy,
+                    collapse: Collapse::Keep,
+                    ..UntangleOptions::default()
+                };
                 let clean = untangle(&chains, &kept, &[], &options, &mut refine);
                 let own = clean.expect("a sound chain").kept.vertices;
-                let worst = largest_distance2(&Plane, &points, &own).map_or(0.0, |(_, d)| d);
+                let worst = largest_distance2(&PlaneMetric, &points, &own).map_or(0.0, |(_, d)| d);
                 assert!(worst <= tolerance * tolerance, "{}: {worst}", method.name);
                 assert_eq!(new_crossings(&chains, &own), 0, "{}", method.name);
             }
@@ -135,9 +142,14 @@ fn new_crossings(chains: &Chains<'_>, kept: &[u32]) -> u64 {
     let all: Vec<_> = chains.points.iter().map(space).collect();
     let points: Vec<_> = kept.iter().map(|i| all[*i as usize]).collect();
     let starts = [0, points.len()];
-    let original = Lines { points: &all, starts: chains.starts, closed: chains.closed };
-    let simplified = Lines { points: &points, starts: &starts, closed: chains.closed };
-    let question =
-        Question { original, simplified, points: &[], distance: Distance::Plane, tolerance: None };
+    let original = ProofLines { points: &all, starts: chains.starts, closed: chains.closed };
+    let simplified = ProofLines { points: &points, starts: &starts, closed: chains.closed };
+    let question = Question {
+        original,
+        simplified,
+        points: &[],
+        distance: ProofDistance::PlaneMetric,
+        tolerance: None,
+    };
     check(&question).expect("sound lines").new_crossings.count
 }

@@ -1,7 +1,7 @@
 //! Files of features from bytes, read to their end.
 
 use terrane_base::Result;
-use terrane_vector::{FORMATS, OpenOptions, open};
+use terrane_vector::{FORMATS, VectorOpenOptions, open};
 
 /// Reads `data` as a file of the format that the first byte picks. The next two bytes say how many of those
 /// that follow are the table beside it (`.dbf`), where the format has one.
@@ -27,7 +27,7 @@ pub fn read(data: &[u8]) {
 
 /// Reads all features.
 fn features(path: &std::path::Path) -> Result<u64> {
-    let mut source = open(path, &OpenOptions::default())?;
+    let mut source = open(path, &VectorOpenOptions::default())?;
     let mut count = 0;
     while source.next()?.is_some() {
         count += 1;

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// The elements of an array, in C order, which lives as long as this.
-pub(crate) struct Elements<T> {
+pub(crate) struct NumpyElements<T> {
     /// Keeps the memory.
     _array: Py<PyArrayDyn<T>>,
     first: *const T,
@@ -16,11 +16,11 @@ pub(crate) struct Elements<T> {
 
 // SAFETY: numbers are read through a shared pointer, by any thread, and the array they are in is not freed before
 // this is dropped (which any thread may do: the count of references is left to the interpreter then).
-unsafe impl<T: Sync> Send for Elements<T> {}
+unsafe impl<T: Sync> Send for NumpyElements<T> {}
 // SAFETY: as above.
-unsafe impl<T: Sync> Sync for Elements<T> {}
+unsafe impl<T: Sync> Sync for NumpyElements<T> {}
 
-impl<T: Element> Elements<T> {
+impl<T: Element> NumpyElements<T> {
     /// Those of an array that is contiguous in C order.
     pub(crate) fn of(array: &Bound<'_, PyArrayDyn<T>>) -> PyResult<Self> {
         if !array.is_c_contiguous() {
@@ -31,7 +31,7 @@ impl<T: Element> Elements<T> {
     }
 }
 
-impl<T> AsRef<[T]> for Elements<T> {
+impl<T> AsRef<[T]> for NumpyElements<T> {
     fn as_ref(&self) -> &[T] {
         if self.count == 0 {
             return &[];

@@ -13,11 +13,11 @@ use terrane_base::geom::wkt;
 use terrane_files::name_of;
 use terrane_options::Options;
 
-use crate::array::Elements;
+use crate::array::NumpyElements;
 use crate::error::{exception, told};
 use crate::mesh::{Mesh, crs_text};
 use crate::operation;
-use crate::work::{Machine, Settings, run};
+use crate::work::{BuilderSettings, JobSettings, run};
 
 /// A grid of heights.
 #[pyclass(frozen, module = "terrane._terrane")]
@@ -65,7 +65,7 @@ impl Grid {
         };
         let most = u32::MAX as usize;
         let [width, height] = [width, height].map(|side| side.min(most) as u32);
-        let samples = Elements::of(array)?;
+        let samples = NumpyElements::of(array)?;
         let transform = place.map_or(Affine::LATTICE, Affine::from_gdal);
         let open = || {
             let grid = ArrayGrid::shared(samples, width, height)?.with_nodata(nodata);
@@ -153,10 +153,10 @@ impl Grid {
         &self,
         py: Python<'_>,
         options: &Bound<'_, PyDict>,
-        settings: Settings,
+        settings: JobSettings,
     ) -> PyResult<Mesh> {
         let options = told(py, operation::options_of(TinOptions::TABLE, options)?)?;
-        let make = |machine: &Machine| {
+        let make = |machine: &BuilderSettings| {
             let job = self.0.tin().with_named(&options)?;
             job.progress(machine.progress.clone()).cancel(&machine.cancel).build()
         };

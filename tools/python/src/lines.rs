@@ -7,13 +7,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use terrane::{Cancel, Coordinates, ErrorKind, Method};
 use terrane_vector::{
-    Coordinates as Places, Feature, Geometry, Kind, Layer, OpenOptions, Value, WriteOptions,
+    CoordinateSequence as Places, Feature, Geometry, GeometryType, LayerHeader, PropertyValue,
+    VectorOpenOptions, VectorWriteOptions,
 };
 
 use crate::error::told;
 use crate::grid::{crs_of, usage};
 use crate::mesh::{crs_text, rows};
-use crate::work::{Settings, run};
+use crate::work::{JobSettings, run};
 
 /// Methods by the names of the command line.
 const METHODS: [(&str, Method); 5] = [
@@ -41,12 +42,12 @@ pub(crate) fn read_lines<'py>(
     attribute: &str,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let read = || {
-        let mut source = terrane_vector::open(&path, &OpenOptions::default())?;
+        let mut source = terrane_vector::open(&path, &VectorOpenOptions::default())?;
         let (mut flat, mut offsets, mut values) = (Vec::new(), vec![0_i64], Vec::new());
         while let Some(feature) = source.next()? {
             let value = match feature.properties.get(attribute) {
-                Some(Value::Real(value)) => *value,
-                Some(Value::Int(value)) => *value as f64,
+                Some(PropertyValue::Real(value)) => *value,
+                Some(PropertyValue::Int(value)) => *value as f64,
                 _ => f64::NAN,
             };
             for part in feature.geometry.leaves().flat_map(|leaf| leaf.parts()) {
@@ -74,7 +75,7 @@ pub(crate) fn simplify_places<'py>(
     tolerance: f64,
     method: &str,
     rings: bool,
-    settings: Settings,
+    settings: JobSettings,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let method = method_of(py, method)?;
     let (positions, offsets) = (positions.readonly(), offsets.readonly());
@@ -92,7 +93,7 @@ pub(crate) fn simplify_places<'py>(
         return Err(usage(py, message, "give an array of 2 or 3 columns"));
     }
     let (places, ends) = run(py, settings, |machine| {
-        let how = How { tolerance, method, rings, cancel: &machine.cancel };
+        let how = LineSimplification { tolerance, method, rings, cancel: &machine.cancel };
         let threads = machine.threads.unwrap_or_else(terrane_files::cores);
         match width {
             2 => how.side_by_side(all.as_chunks::<2>().0, offsets, threads),
@@ -104,7 +105,7 @@ pub(crate) fn simplify_places<'py>(
 
 /// How lines are made simpler.
 #[derive(Clone, Copy)]
-struct How<'a> {
+struct LineSimplification<'a> {
     tolerance: f64,
     method: Method,
     rings: bool,
@@ -114,7 +115,7 @@ struct How<'a> {
 /// Positions that are left, and where each line ends among them.
 type Left = (Vec<i64>, Vec<i64>);
 
-impl How<'_> {
+impl LineSimplification<'_> {
     /// All lines, by so many threads; what is left does not depend on those.
     fn side_by_side<const N: usize>(
         self,
@@ -196,13 +197,13 @@ pub(crate) fn write_geometries(
     groups: Vec<Group<'_>>,
     crs: Option<&str>,
 ) -> PyResult<()> {
-    let layer = Layer { crs: told(py, crs_of(crs))?, ..Layer::default() };
+    let layer = LayerHeader { crs: told(py, crs_of(crs))?, ..LayerHeader::default() };
     let format = told(py, terrane_vector::by_path(&path, None))?;
-    let options = WriteOptions::default();
+    let options = VectorWriteOptions::default();
     let mut sink = told(py, terrane_vector::create(&path, format, &layer, &options))?;
     for (kind, positions, offsets) in groups {
         let unknown = || usage(py, &format!("{kind:?} are no lines"), "pass lines or polygons");
-        let kind = Kind::by_name(&kind).ok_or_else(unknown)?;
+        let kind = GeometryType::by_name(&kind).ok_or_else(unknown)?;
         let (width, positions) = (positions.shape()[1], positions.readonly());
         let mut levels = Vec::with_capacity(offsets.len());
         for level in &offsets {
@@ -242,15 +243,17 @@ impl Ragged<'_> {
     }
 
     /// The coordinates of a geometry.
-    fn places(&self, kind: Kind, number: usize) -> Option<Places> {
+    fn places(&self, kind: GeometryType, number: usize) -> Option<Places> {
         let mut places = Places::default();
         let polygons = match kind {
-            Kind::LineString | Kind::MultiLineString | Kind::Polygon => number..number + 1,
+            GeometryType::LineString | GeometryType::MultiLineString | GeometryType::Polygon => {
+                number..number + 1
+            }
             _ => self.range(2, number)?,
         };
         for polygon in polygons {
             let parts = match kind {
-                Kind::LineString => polygon..polygon + 1,
+                GeometryType::LineString => polygon..polygon + 1,
                 _ => self.range(1, polygon)?,
             };
             for part in parts {

@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use terrane::{Crs, Surface, Tin, TinParts};
 use terrane_mesh::{MeshHeader, Promises};
 
-use crate::array::{Elements, view};
+use crate::array::{NumpyElements, view};
 use crate::error::told;
 
 /// A mesh in memory, which never changes.
@@ -69,7 +69,7 @@ impl Mesh {
         x: &Bound<'py, PyArrayDyn<f64>>,
         y: &Bound<'py, PyArrayDyn<f64>>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (x, y) = (Elements::of(x)?, Elements::of(y)?);
+        let (x, y) = (NumpyElements::of(x)?, NumpyElements::of(y)?);
         let heights = py.detach(|| {
             let surface = self.surface.get_or_init(|| Surface::new(self.tin.clone()));
             let places = x.as_ref().iter().zip(y.as_ref());
@@ -111,7 +111,7 @@ impl Mesh {
         py: Python<'_>,
         vertices: &Bound<'_, PyArray2<f64>>,
         triangles: &Bound<'_, PyArray2<u32>>,
-        state: State,
+        state: MeshState,
     ) -> PyResult<Self> {
         let [tolerance, max_error, rmse] = state.errors;
         let [origin, scale, low, high] = state.places;
@@ -142,7 +142,7 @@ impl Mesh {
 /// What [`Mesh::state`] gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct State {
+struct MeshState {
     errors: [f64; 3],
     unmet: Option<String>,
     crs: String,

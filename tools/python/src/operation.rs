@@ -8,7 +8,7 @@ use pyo3::types::{PyBool, PyByteArray, PyBytes, PyDict, PyString};
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Error, OPERATIONS, Reads, TinOptions, check_named};
 use terrane_files::name_of;
-use terrane_options::{Field, Kind, Role, Shape, Table, fill};
+use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionTable, fill};
 
 use crate::error::told;
 use crate::report::{REPORTS, dictionary, report_named};
@@ -33,7 +33,7 @@ pub(crate) fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 }
 
 fn described(
-    table: &'static Table,
+    table: &'static OptionTable,
     reads: Reads,
     defaults: &Map<String, Json>,
     task_size: Option<&str>,
@@ -51,12 +51,12 @@ fn described(
 /// Options of runs that plans have, too.
 const OF_MACHINES: [&str; 3] = ["threads", "memory", "temp_dir"];
 
-fn option(field: &Field, default: &Json) -> Json {
-    let is_several = matches!(field.shape, Shape::Repeated) || default.is_array();
+fn option(field: &OptionField, default: &Json) -> Json {
+    let is_several = matches!(field.shape, OptionArity::Repeated) || default.is_array();
     let default = if is_several || field.default_text.is_some() { &Json::Null } else { default };
     let mut ty = type_of(field.kind);
-    let is_alone = matches!(field.kind, Kind::Shaped(text) if text.contains('['));
-    if field.shape == Shape::Repeated && !is_alone {
+    let is_alone = matches!(field.kind, OptionKind::Shaped(text) if text.contains('['));
+    if field.shape == OptionArity::Repeated && !is_alone {
         ty = format!("{ty} | Iterable[{ty}]");
     }
     if field.bare.is_some() {
@@ -74,27 +74,27 @@ fn option(field: &Field, default: &Json) -> Json {
         "default_text": field.default_text,
         "choices": choices_of(field.kind),
         "positional": field.positional,
-        "of_runs": field.role == Role::Run && !OF_MACHINES.contains(&field.name),
+        "of_runs": field.role == OptionRole::Run && !OF_MACHINES.contains(&field.name),
     })
 }
 
 /// The names that there are to choose from, with what they mean.
-fn choices_of(kind: Kind) -> Vec<(&'static str, &'static str)> {
-    let Kind::Choice(choices) = kind else { return Vec::new() };
+fn choices_of(kind: OptionKind) -> Vec<(&'static str, &'static str)> {
+    let OptionKind::Choice(choices) = kind else { return Vec::new() };
     choices().iter().map(|own| (own.name, own.about)).collect()
 }
 
 /// The type of values, as Python's annotations have it.
-fn type_of(kind: Kind) -> String {
+fn type_of(kind: OptionKind) -> String {
     match kind {
-        Kind::Flag => "bool".to_owned(),
-        Kind::Whole => "int".to_owned(),
-        Kind::Number => "float".to_owned(),
-        Kind::Text => "str".to_owned(),
-        Kind::Path => "Path".to_owned(),
-        Kind::Numbers => "float | Sequence[float]".to_owned(),
-        Kind::Shaped(text) => text.to_owned(),
-        Kind::Choice(choices) => {
+        OptionKind::Flag => "bool".to_owned(),
+        OptionKind::Whole => "int".to_owned(),
+        OptionKind::Number => "float".to_owned(),
+        OptionKind::Text => "str".to_owned(),
+        OptionKind::Path => "Path".to_owned(),
+        OptionKind::Numbers => "float | Sequence[float]".to_owned(),
+        OptionKind::Shaped(text) => text.to_owned(),
+        OptionKind::Choice(choices) => {
             let names: Vec<String> =
                 choices().iter().map(|own| format!("\"{}\"", own.name)).collect();
             format!("Literal[{}]", names.join(", "))
@@ -130,7 +130,7 @@ pub(crate) fn check_operation(
 
 /// Options from keywords.
 pub(crate) fn options_of(
-    table: &'static Table,
+    table: &'static OptionTable,
     given: &Bound<'_, PyDict>,
 ) -> PyResult<terrane::Result<Map<String, Json>>> {
     let mut options = Map::new();
@@ -141,13 +141,13 @@ pub(crate) fn options_of(
             options.insert(name, true.into());
             continue;
         };
-        match json_of(&value, matches!(field.kind, Kind::Path), MOST_NESTED)? {
+        match json_of(&value, matches!(field.kind, OptionKind::Path), MOST_NESTED)? {
             Some(value) => options.insert(name, value),
             None => {
                 let kind = value.get_type().name()?;
                 let error = Error::usage(format!("‹{}› is of type {kind}", field.name));
                 return Ok(Err(error.remedy(match field.kind {
-                    Kind::Path => "pass a path",
+                    OptionKind::Path => "pass a path",
                     _ => "pass a number, a text, or a list of these",
                 })));
             }

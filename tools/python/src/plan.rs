@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use crate::error::told;
-use crate::work::{Settings, run, with_machine};
+use crate::work::{JobSettings, run, with_machine};
 
 /// A plan in a folder.
 #[pyclass(frozen, module = "terrane._terrane")]
@@ -50,7 +50,7 @@ impl Plan {
         output: Option<PathBuf>,
         split: Option<u32>,
         overwrite: bool,
-        settings: Settings,
+        settings: JobSettings,
     ) -> PyResult<Bound<'py, PyDict>> {
         let done = run(py, settings, |machine| {
             let mut builder = with_machine!(self.0.run(), machine).overwrite(overwrite);

@@ -8,13 +8,13 @@ use serde::Serialize;
 use serde_json::{Map, Value as Json};
 use terrane::{
     CloudInfoOptions, CloudMeshProof, CloudTilesProof, Data, Error, ErrorKind, FeaturesInfoOptions,
-    GridInfoOptions, Inspection, Job, MeshInfoOptions, MeshProof, Proof, Reads, TilesProof,
-    Written, check_named,
+    GridInfoOptions, Inspection, Job, MeshInfoOptions, MeshProof, OutputProof, Reads, TilesProof,
+    WrittenOutput, check_named,
 };
 use terrane_base::door::Door;
-use terrane_options::{Options, Table, fill, to_map};
+use terrane_options::{OptionTable, Options, fill, to_map};
 
-use crate::work::Machine;
+use crate::work::BuilderSettings;
 
 /// What `--json` tells of a job.
 pub(crate) fn dictionary<'py>(
@@ -29,14 +29,15 @@ pub(crate) fn dictionary<'py>(
 pub(crate) struct AnyReport {
     pub(crate) name: &'static str,
     pub(crate) reads: Reads,
-    pub(crate) table: &'static Table,
+    pub(crate) table: &'static OptionTable,
     pub(crate) defaults: fn() -> Map<String, Json>,
     pub(crate) check: fn(&Map<String, Json>) -> terrane::Result<()>,
     pub(crate) run: Run,
 }
 
 /// Reports on data, or on a file that was made of it, with options by name.
-type Run = fn(&dyn Data, Option<PathBuf>, &Map<String, Json>, &Machine) -> terrane::Result<Json>;
+type Run =
+    fn(&dyn Data, Option<PathBuf>, &Map<String, Json>, &BuilderSettings) -> terrane::Result<Json>;
 
 impl AnyReport {
     const fn of<O: Options>(name: &'static str, reads: Reads, run: Run) -> Self {
@@ -44,9 +45,9 @@ impl AnyReport {
         Self { name, reads, table: O::TABLE, defaults, check, run }
     }
 
-    const fn proof<O: Proof>(name: &'static str, reads: Reads) -> Self {
+    const fn proof<O: OutputProof>(name: &'static str, reads: Reads) -> Self {
         Self::of::<O>(name, reads, |data, file, options, machine| {
-            let written = Written { file: file.unwrap_or_default(), original: data.inputs() };
+            let written = WrittenOutput { file: file.unwrap_or_default(), original: data.inputs() };
             let job = Job::new(written, fill::<O>(&data.reading())?).with_named(options)?;
             json(&job.progress(machine.progress.clone()).cancel(&machine.cancel).run()?)
         })

@@ -13,24 +13,24 @@ use crate::grid::Grid;
 use crate::operation::{named, options_of};
 use crate::plan::Plan;
 use crate::report::{dictionary, report_named};
-use crate::work::{Machine, Settings, run};
+use crate::work::{BuilderSettings, JobSettings, run};
 
 /// A grid or a cloud that is open, or the file of a mesh or of features.
 #[derive(FromPyObject)]
-pub(crate) enum Source<'py> {
+pub(crate) enum PySource<'py> {
     Grid(PyRef<'py, Grid>),
     Cloud(PyRef<'py, Cloud>),
     File(PathBuf),
 }
 
-impl Source<'_> {
+impl PySource<'_> {
     /// Does work on it.
     fn run<T: Send>(
         &self,
         py: Python<'_>,
         reads: Reads,
-        settings: Settings,
-        work: impl FnOnce(&dyn Data, &Machine) -> terrane::Result<T> + Send,
+        settings: JobSettings,
+        work: impl FnOnce(&dyn Data, &BuilderSettings) -> terrane::Result<T> + Send,
     ) -> PyResult<T> {
         match self {
             Self::Grid(grid) => {
@@ -56,10 +56,10 @@ impl Source<'_> {
 pub(crate) fn run_operation<'py>(
     py: Python<'py>,
     operation: &str,
-    source: Source<'py>,
+    source: PySource<'py>,
     path: PathBuf,
     options: &Bound<'py, PyDict>,
-    settings: Settings,
+    settings: JobSettings,
 ) -> PyResult<Bound<'py, PyAny>> {
     let operation = named(operation)?;
     let options = told(py, options_of(operation.table, options)?)?;
@@ -75,11 +75,11 @@ pub(crate) fn run_operation<'py>(
 pub(crate) fn plan_operation(
     py: Python<'_>,
     operation: &str,
-    source: Source<'_>,
+    source: PySource<'_>,
     folder: PathBuf,
     options: &Bound<'_, PyDict>,
     task_size: Option<u32>,
-    settings: Settings,
+    settings: JobSettings,
 ) -> PyResult<Plan> {
     let operation = named(operation)?;
     let options = told(py, options_of(operation.table, options)?)?;
@@ -95,10 +95,10 @@ pub(crate) fn plan_operation(
 pub(crate) fn report_on<'py>(
     py: Python<'py>,
     name: &str,
-    source: Source<'py>,
+    source: PySource<'py>,
     file: Option<PathBuf>,
     options: &Bound<'py, PyDict>,
-    settings: Settings,
+    settings: JobSettings,
 ) -> PyResult<Bound<'py, PyAny>> {
     let asked = report_named(name)?;
     let options = told(py, options_of(asked.table, options)?)?;

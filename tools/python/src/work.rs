@@ -17,7 +17,7 @@ const TICK: Duration = Duration::from_millis(30);
 /// What a job may use and whom to tell of it, as Python has it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct Settings {
+pub(crate) struct JobSettings {
     threads: Option<usize>,
     memory: Option<Amount>,
     progress: Option<Py<PyAny>>,
@@ -30,10 +30,10 @@ enum Amount {
 }
 
 /// The same for a builder.
-pub(crate) struct Machine {
+pub(crate) struct BuilderSettings {
     pub(crate) threads: Option<usize>,
     pub(crate) memory: Option<Memory>,
-    pub(crate) progress: Stage,
+    pub(crate) progress: SharedStage,
     pub(crate) cancel: Cancel,
 }
 
@@ -55,24 +55,24 @@ pub(crate) use with_machine;
 
 /// The stage a job is in; written by its threads, read between ticks.
 #[derive(Clone, Default)]
-pub(crate) struct Stage(Arc<Mutex<Told>>);
+pub(crate) struct SharedStage(Arc<Mutex<StageProgress>>);
 
 #[derive(Clone, Default, PartialEq)]
-struct Told {
+struct StageProgress {
     stage: String,
     done: u64,
     total: u64,
 }
 
-impl Stage {
-    fn told(&self) -> std::sync::MutexGuard<'_, Told> {
+impl SharedStage {
+    fn told(&self) -> std::sync::MutexGuard<'_, StageProgress> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Progress for Stage {
+impl Progress for SharedStage {
     fn begin(&self, stage: &str, total: u64) {
-        *self.told() = Told { stage: stage.to_owned(), done: 0, total };
+        *self.told() = StageProgress { stage: stage.to_owned(), done: 0, total };
     }
 
     fn advance(&self, units: u64) {
@@ -89,17 +89,18 @@ impl Progress for Stage {
 /// and is what is raised once it has stopped.
 pub(crate) fn run<T: Send>(
     py: Python<'_>,
-    settings: Settings,
-    work: impl FnOnce(&Machine) -> Result<T> + Send,
+    settings: JobSettings,
+    work: impl FnOnce(&BuilderSettings) -> Result<T> + Send,
 ) -> PyResult<T> {
-    let Settings { threads, memory, progress } = settings;
+    let JobSettings { threads, memory, progress } = settings;
     let memory = memory.map(|memory| match memory {
         Amount::Bytes(bytes) => Memory::from(bytes),
         Amount::Text(text) => Memory::from(text),
     });
-    let (stage, cancel) = (Stage::default(), Cancel::default());
-    let machine = Machine { threads, memory, progress: stage.clone(), cancel: cancel.clone() };
-    let mut last = Told::default();
+    let (stage, cancel) = (SharedStage::default(), Cancel::default());
+    let machine =
+        BuilderSettings { threads, memory, progress: stage.clone(), cancel: cancel.clone() };
+    let mut last = StageProgress::default();
     let mut look = |py: Python<'_>| -> PyResult<()> {
         py.check_signals()?;
         let Some(progress) = &progress else { return Ok(()) };

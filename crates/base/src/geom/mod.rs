@@ -15,12 +15,12 @@ mod spheroid;
 mod tests;
 
 pub use affine::Affine;
-pub use crs::{Conversion, Crs, Datum, GeoKeys, Heights, is_geographic, metres_in, wkt};
+pub use crs::{Conversion, Crs, Datum, GeoKeys, VerticalReference, is_geographic, metres_in, wkt};
 pub use decimal::Decimal;
-pub use path::{Ends, Paths, Segment, cut};
-pub use point::{Apart, Frame, Point, REACH, is_within};
+pub use path::{Ends, Paths, SampleSegment, cut};
+pub use point::{DistancePredicate, Point, PointFrame, REACH, is_within};
 pub use rect::Rect;
-pub use rounding::Rounding;
+pub use rounding::HeightQuantization;
 pub use ruler::Ruler;
 pub use spheroid::Spheroid;
 

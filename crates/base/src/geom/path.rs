@@ -10,12 +10,12 @@ pub type Ends = [[u32; 2]; 2];
 /// A straight way from sample to sample, and its path: samples from one end to the other, each a step along a row
 /// or a column from the one before, none further than 0.71 cells from the straight way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Segment {
+pub struct SampleSegment {
     from: [i64; 2],
     to: [i64; 2],
 }
 
-impl Segment {
+impl SampleSegment {
     /// Between two samples (column, row), in either order.
     pub fn new(a: [i64; 2], b: [i64; 2]) -> Self {
         let is_first = (a[1], a[0]) <= (b[1], b[0]);
@@ -182,8 +182,8 @@ impl Paths {
 
     /// Those with a path that may come to a sample of a rectangle, in the same order wherever they are asked
     /// for. Time linear in those of all groups near it, and in all groups.
-    pub fn near(&self, rect: Rect) -> impl Iterator<Item = Segment> + '_ {
-        let segment = |[a, b]: Ends| Segment::new(a.map(i64::from), b.map(i64::from));
+    pub fn near(&self, rect: Rect) -> impl Iterator<Item = SampleSegment> + '_ {
+        let segment = |[a, b]: Ends| SampleSegment::new(a.map(i64::from), b.map(i64::from));
         self.ends_near(rect).map(segment)
     }
 
@@ -275,11 +275,11 @@ mod tests {
             let rect = Rect::new(col, row, width.min(900 - col), height.min(700 - row));
             let lines = Paths::of(ends.clone());
             let near: Vec<_> = lines.near(rect).collect();
-            let comes = |segment: &Segment| (0..=segment.steps()).any(|step| {
+            let comes = |segment: &SampleSegment| (0..=segment.steps()).any(|step| {
                 let [col, row] = segment.at(step);
                 rect.contains(col as u32, row as u32)
             });
-            let all = ends.iter().map(|&[a, b]| Segment::new(a.map(i64::from), b.map(i64::from)));
+            let all = ends.iter().map(|&[a, b]| SampleSegment::new(a.map(i64::from), b.map(i64::from)));
             for segment in all.filter(comes) {
                 prop_assert_eq!(near.iter().filter(|&&other| other == segment).count(), 1);
             }

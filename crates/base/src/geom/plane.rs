@@ -51,7 +51,7 @@ pub fn orient(a: Xy, b: Xy, c: Xy) -> Ordering {
 #[cold]
 #[inline(never)]
 fn orient_exact(a: Xy, b: Xy, c: Xy) -> Ordering {
-    let mut sum = Sum::default();
+    let mut sum = FloatExpansion::default();
     sum.add_cross(a, b);
     sum.add_cross(b, c);
     sum.add_cross(c, a);
@@ -87,7 +87,7 @@ pub fn area_sign(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
 #[cold]
 fn area_sign_exact(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
     let Some(first) = ring.clone().next() else { return Ordering::Equal };
-    let mut sum = Sum::default();
+    let mut sum = FloatExpansion::default();
     for (p, q) in ring.clone().zip(ring.skip(1).chain([first])) {
         sum.add_cross(p, q);
     }
@@ -96,11 +96,11 @@ fn area_sign_exact(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
 
 /// Floats that do not overlap, in ascending magnitude; their sum is the value.
 #[derive(Default)]
-struct Sum {
+struct FloatExpansion {
     parts: Vec<f64>,
 }
 
-impl Sum {
+impl FloatExpansion {
     /// Adds p.x q.y - p.y q.x.
     fn add_cross(&mut self, p: Xy, q: Xy) {
         self.add_product(p[0], q[1]);

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{Decimal, Ruler};
 
-/// A point of a cloud, in steps of its [`Frame`]. The order (x, then y, then z) is the canonical one:
+/// A point of a cloud, in steps of its [`PointFrame`]. The order (x, then y, then z) is the canonical one:
 /// wherever a tie must be broken, the lowest point wins.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
@@ -32,14 +32,14 @@ pub const REACH: i32 = (1 << 29) - 1;
 
 /// Where the points of a cloud lie: world = offset + scale * steps, axis by axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
+pub struct PointFrame {
     /// World units of a step along x, y, z; finite and positive.
     pub scale: [f64; 3],
     /// World position of the origin; finite.
     pub offset: [f64; 3],
 }
 
-impl Frame {
+impl PointFrame {
     /// World coordinates of a point.
     pub fn world(&self, point: Point) -> [f64; 3] {
         let steps = [point.x, point.y, point.z].map(f64::from);
@@ -65,21 +65,21 @@ const DOUBT: f64 = 1e-9;
 pub fn is_within(a: Point, b: Point, scale: [f64; 2], most: f64) -> bool {
     let steps = [a.x, a.y].map(i64::from);
     let steps = [steps[0] - i64::from(b.x), steps[1] - i64::from(b.y)];
-    compared(steps, scale, most, || Units::of(scale, most)).is_le()
+    compared(steps, scale, most, || IntegerSteps::of(scale, most)).is_le()
 }
 
 /// A distance in space, for telling many pairs of points that are nearer than it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Apart {
+pub struct DistancePredicate {
     scale: [f64; 3],
     least: f64,
-    units: Option<Units<3>>,
+    units: Option<IntegerSteps<3>>,
 }
 
-impl Apart {
+impl DistancePredicate {
     /// `least` world units between points of steps of these sizes.
     pub fn new(scale: [f64; 3], least: f64) -> Self {
-        Self { scale, least, units: Units::of(scale, least) }
+        Self { scale, least, units: IntegerSteps::of(scale, least) }
     }
 
     /// Whether two points are nearer to each other: exactly, where scale and distance are taken for the decimals
@@ -108,7 +108,7 @@ fn compared<const N: usize>(
     steps: [i64; N],
     scale: [f64; N],
     length: f64,
-    units: impl FnOnce() -> Option<Units<N>>,
+    units: impl FnOnce() -> Option<IntegerSteps<N>>,
 ) -> Ordering {
     let square: f64 = (0..N).map(|axis| (steps[axis] as f64 * scale[axis]).powi(2)).sum();
     let limit = length * length;
@@ -120,8 +120,8 @@ fn compared<const N: usize>(
 
 /// The same in whole numbers; `None` where there are too many digits.
 #[cold]
-fn exactly<const N: usize>(steps: [i64; N], units: Option<Units<N>>) -> Option<Ordering> {
-    let Units { scale, square } = units?;
+fn exactly<const N: usize>(steps: [i64; N], units: Option<IntegerSteps<N>>) -> Option<Ordering> {
+    let IntegerSteps { scale, square } = units?;
     let sum = (0..N).try_fold(0_i128, |sum, axis| {
         let along = scale[axis].checked_mul(steps[axis].into())?;
         sum.checked_add(along.checked_mul(along)?)
@@ -131,12 +131,12 @@ fn exactly<const N: usize>(steps: [i64; N], units: Option<Units<N>>) -> Option<O
 
 /// The sizes of steps in units of the last decimal of all of them and a length, and the square of that.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Units<const N: usize> {
+struct IntegerSteps<const N: usize> {
     scale: [i128; N],
     square: i128,
 }
 
-impl<const N: usize> Units<N> {
+impl<const N: usize> IntegerSteps<N> {
     fn of(scale: [f64; N], length: f64) -> Option<Self> {
         let length = Decimal::of(length)?;
         let mut all = [length; N];
@@ -207,11 +207,11 @@ mod tests {
         for k in 1..400 {
             let least: f64 = format!("{}e-3", 3 * k).parse().unwrap();
             // One, two, two: three. Heights are in finer steps.
-            let apart = Apart::new([0.001, 0.001, 0.0005], least);
+            let apart = DistancePredicate::new([0.001, 0.001, 0.0005], least);
             let (a, b) = (Point::new(-5, 6, 7), Point::new(-5 + k, 6 - 2 * k, 7 + 4 * k));
             assert!(!apart.is_nearer(a, b) && !apart.is_nearer(b, a), "{k}");
             assert!(apart.is_nearer(a, Point { z: b.z - 1, ..b }), "{k}");
-            assert!(Apart::new(apart.scale, least.next_up()).is_nearer(a, b), "{k}");
+            assert!(DistancePredicate::new(apart.scale, least.next_up()).is_nearer(a, b), "{k}");
             let steps = apart.steps();
             assert!(
                 (0..2).all(|axis| steps[axis] >= i64::from(3 * k)) && steps[2] >= 6 * i64::from(k)

@@ -3,14 +3,14 @@
 
 /// How heights are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rounding {
+pub struct HeightQuantization {
     /// The height that others are relative to.
     pub origin: f64,
     /// Stored units in one unit of the heights.
     pub scale: f64,
 }
 
-impl Rounding {
+impl HeightQuantization {
     /// Relative to `origin`, in the unit of the heights.
     pub fn about(origin: f64) -> Self {
         Self { origin, scale: 1.0 }
@@ -36,16 +36,19 @@ mod tests {
 
     #[test]
     fn what_was_read_back_is_written_as_it_is() {
-        let feet = Rounding { origin: 5e5, scale: 0.3048 };
+        let feet = HeightQuantization { origin: 5e5, scale: 0.3048 };
         // A millimetre from the origin an f32 is as fine as the height itself.
         let near = (1..20_000).map(|i| 5e5 + f64::from(i) * 1.234_567e-7);
         for height in near.chain((0..20_000).map(|i| 4e5 + f64::from(i) * 17.123_456_7)) {
-            for rounding in [feet, Rounding::about(0.0), Rounding::about(5e5)] {
+            for rounding in [feet, HeightQuantization::about(0.0), HeightQuantization::about(5e5)] {
                 let read = rounding.apply(height);
                 assert!((read - height).abs() <= 1e-6 * height, "{read} {height}");
                 assert_eq!(rounding.apply(read), read);
             }
         }
-        assert_eq!(Rounding::about(0.5).apply(0.5 + 1.0 / 3.0), 0.5 + f64::from(1.0_f32 / 3.0));
+        assert_eq!(
+            HeightQuantization::about(0.5).apply(0.5 + 1.0 / 3.0),
+            0.5 + f64::from(1.0_f32 / 3.0)
+        );
     }
 }

@@ -87,9 +87,9 @@ proptest! {
             let stored = ((h - origin) * scale) as f32;
             f64::from(stored) / scale + origin
         };
-        let plain = Rounding::about(origin);
+        let plain = HeightQuantization::about(origin);
         prop_assert_eq!(plain.apply(height), by_hand(height, 1.0));
-        let scaled = Rounding { origin, scale: 3.0 };
+        let scaled = HeightQuantization { origin, scale: 3.0 };
         prop_assert_eq!(scaled.apply(height), by_hand(by_hand(height, 3.0), 3.0));
     }
 
@@ -118,7 +118,7 @@ proptest! {
     fn points_are_where_their_frame_says(
         steps in [-999..999_i32, -999..999, -999..999], axis in 0..3_usize,
     ) {
-        let frame = Frame { scale: [0.01, 0.5, 3.0], offset: [-7.0, 11.0, 13.0] };
+        let frame = PointFrame { scale: [0.01, 0.5, 3.0], offset: [-7.0, 11.0, 13.0] };
         let world = frame.world(Point::new(steps[0], steps[1], steps[2]))[axis];
         prop_assert!(near(world, frame.offset[axis] + f64::from(steps[axis]) * frame.scale[axis]));
         prop_assert!(near(frame.steps(axis, world), steps[axis].into()));

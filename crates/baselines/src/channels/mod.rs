@@ -15,15 +15,15 @@ mod sieve;
 #[cfg(test)]
 mod tests;
 
-use crate::candidate::Candidate;
-use crate::greedy::Candidates;
-use crate::grid::{Grid, Sample};
-use crate::mesh::Mesh;
-use crate::plane::{Plane, rows_of, weights_in};
+use crate::candidate::RefinementCandidate;
+use crate::greedy::CandidateHeap;
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::BaselineMesh;
+use crate::plane::{TrianglePlane, rows_of, weights_in};
 use crate::result::{connected, measure};
-use crate::surface::Census;
-use crate::task::{Goal, Size, Task};
-use sieve::Sieve;
+use crate::surface::SampleCensus;
+use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
+use sieve::ChannelSlopeFilter;
 use terrane_base::error::{Error, Result};
 
 /// Planes of values over the same samples, each with the weight of its errors.
@@ -33,25 +33,25 @@ use terrane_base::error::{Error, Result};
 ///
 /// let colours: [Vec<f64>; 2] = [7, 5].map(|n| (0..20 * 20).map(|i| f64::from(i * i % n)).collect());
 /// let picture = Channels::new([20, 20], &colours, &[1.0, 0.5])?;
-/// let drawn = picture.triangulate(Goal::MaxError(1.0), &|| Ok(()))?;
+/// let drawn = picture.triangulate(BaselineGoal::MaxError(1.0), &|| Ok(()))?;
 /// assert!(drawn.channels[0].max_error <= 1.0 && drawn.channels[1].max_error <= 2.0);
 /// # Ok::<(), terrane_base::Error>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Channels<'a> {
+pub struct WeightedChannels<'a> {
     /// At least one.
-    channels: Vec<Channel<'a>>,
+    channels: Vec<WeightedChannel<'a>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Channel<'a> {
-    grid: Grid<'a>,
+struct WeightedChannel<'a> {
+    grid: HeightGrid<'a>,
     weight: f64,
 }
 
 /// The errors of one channel, without its weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measured {
+pub struct ChannelErrors {
     /// The smallest number that no sample is further off than: exact.
     pub max_error: f64,
     /// Sum of the squared errors of the samples of the surface.
@@ -60,17 +60,17 @@ pub struct Measured {
 
 /// A mesh of several channels.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct MultichannelTin {
     /// Samples that are vertices, in (row, column) order.
-    pub vertices: Vec<Sample>,
+    pub vertices: Vec<PackedSample>,
     /// Triangles, counter-clockwise in (column, row) axes, as places in `vertices`.
     pub triangles: Vec<[u32; 3]>,
     /// A tolerance that the mesh keeps, about the smallest there is.
     pub max_error: f64,
     /// The errors of each channel, in their order.
-    pub channels: Vec<Measured>,
+    pub channels: Vec<ChannelErrors>,
     /// What the samples are.
-    pub census: Census,
+    pub census: SampleCensus,
 }
 
 /// Makes samples that are void in one plane void in all. The planes are of one length.
@@ -83,7 +83,7 @@ pub fn join_voids(planes: &mut [Vec<f64>]) {
     }
 }
 
-impl<'a> Channels<'a> {
+impl<'a> WeightedChannels<'a> {
     /// Most bytes for a sample, the result included, for so many channels.
     pub fn sample_bytes(channels: usize) -> u64 {
         GREEDY_BYTES + 8 * channels as u64
@@ -92,7 +92,7 @@ impl<'a> Channels<'a> {
     /// Planes of `width` columns and `height` rows of samples, row by row, NaN where void, and weights.
     ///
     /// # Errors
-    /// Those of [`Grid::new`]; usage: no plane, not as many weights as planes, a weight that is not finite and
+    /// Those of [`HeightGrid::new`]; usage: no plane, not as many weights as planes, a weight that is not finite and
     /// above 0, a sample that is void in some planes only (see [`join_voids`]).
     pub fn new([width, height]: [u32; 2], planes: &'a [Vec<f64>], weights: &[f64]) -> Result<Self> {
         if planes.is_empty() || planes.len() != weights.len() {
@@ -102,7 +102,7 @@ impl<'a> Channels<'a> {
         }
         let channel = |(plane, &weight): (&'a Vec<f64>, &f64)| {
             check_weight(weight)?;
-            Ok(Channel { grid: Grid::new(width, height, plane, None)?, weight })
+            Ok(WeightedChannel { grid: HeightGrid::new(width, height, plane, None)?, weight })
         };
         let channels: Vec<_> = planes.iter().zip(weights).map(channel).collect::<Result<_>>()?;
         let is_void = |plane: &Vec<f64>, at: usize| plane[at].is_nan();
@@ -120,25 +120,35 @@ impl<'a> Channels<'a> {
     /// # Errors
     /// `BadInput`: no cell has four valid samples. Usage: the coarsest mesh is larger than the goal allows. And
     /// those of `pulse`, which is called now and then.
-    pub fn triangulate(&self, goal: Goal, pulse: &dyn Fn() -> Result<()>) -> Result<Drawn> {
+    pub fn triangulate(
+        &self,
+        goal: BaselineGoal,
+        pulse: &dyn Fn() -> Result<()>,
+    ) -> Result<MultichannelTin> {
         let grid = self.channels[0].grid;
-        let task = Task { pulse, ..Task::new(grid, goal) };
-        let mut mesh = Mesh::of_outline(&grid)?;
+        let task = BaselineTask { pulse, ..BaselineTask::new(grid, goal) };
+        let mut mesh = BaselineMesh::of_outline(&grid)?;
         self.insert(&task, &mut mesh, |_| ())?;
         let mut corners =
             mesh.surface().map(|id| mesh.tris[id as usize].corners).collect::<Vec<_>>();
         drop(mesh);
         let (vertices, triangles) = connected(&mut corners);
-        let channels: Vec<Measured> = self.channels.iter().map(|c| c.measured(&corners)).collect();
-        let (max_error, census) = (self.least_tolerance(&channels), Census::of(&grid));
-        Ok(Drawn { vertices, triangles, max_error, channels, census })
+        let channels: Vec<ChannelErrors> =
+            self.channels.iter().map(|c| c.measured(&corners)).collect();
+        let (max_error, census) = (self.least_tolerance(&channels), SampleCensus::of(&grid));
+        Ok(MultichannelTin { vertices, triangles, max_error, channels, census })
     }
 
     /// Inserts until nothing is left to do; `note` hears of every vertex in its turn.
-    fn insert(&self, task: &Task<'_>, mesh: &mut Mesh, mut note: impl FnMut(Sample)) -> Result<()> {
-        let mut size = Size::of(mesh, task.goal)?;
+    fn insert(
+        &self,
+        task: &BaselineTask<'_>,
+        mesh: &mut BaselineMesh,
+        mut note: impl FnMut(PackedSample),
+    ) -> Result<()> {
+        let mut size = SurfaceSize::of(mesh, task.goal)?;
         let worst = |corners| self.worst(task.tolerance(), corners);
-        let mut heap = Candidates::default();
+        let mut heap = CandidateHeap::default();
         heap.look(mesh, &mesh.surface().collect::<Vec<_>>(), worst);
         while let Some((found, t)) = heap.take() {
             (task.pulse)()?;
@@ -150,23 +160,25 @@ impl<'a> Channels<'a> {
     }
 
     /// The greatest candidate of a triangle.
-    fn worst(&self, tolerance: f64, corners: [Sample; 3]) -> Option<Candidate> {
-        let judges: Vec<Judge<'_>> =
+    fn worst(&self, tolerance: f64, corners: [PackedSample; 3]) -> Option<RefinementCandidate> {
+        let judges: Vec<ChannelTriangle<'_>> =
             self.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
-        let mut worst: Option<Candidate> = None;
+        let mut worst: Option<RefinementCandidate> = None;
         for (row, columns) in rows_of(corners) {
             let (low, high) = (*columns.start(), *columns.end());
-            let may_be_worse = |judge: &Judge<'_>, low, high| {
+            let may_be_worse = |judge: &ChannelTriangle<'_>, low, high| {
                 judge.sieve.may_reach(judge.limit(worst), row, low, high)
             };
             if !judges.iter().any(|judge| may_be_worse(judge, low, high)) {
                 continue;
             }
             for col in columns {
-                let may_be_worse =
-                    |judge: &Judge<'_>| judge.sieve.may_reach(judge.limit(worst), row, col, col);
+                let may_be_worse = |judge: &ChannelTriangle<'_>| {
+                    judge.sieve.may_reach(judge.limit(worst), row, col, col)
+                };
                 if judges.iter().any(may_be_worse) {
-                    worst = worst.max(candidate(&judges, Sample::new(col as u32, row as u32)));
+                    worst =
+                        worst.max(candidate(&judges, PackedSample::new(col as u32, row as u32)));
                 }
             }
         }
@@ -174,7 +186,7 @@ impl<'a> Channels<'a> {
     }
 
     /// A tolerance that these errors keep.
-    fn least_tolerance(&self, errors: &[Measured]) -> f64 {
+    fn least_tolerance(&self, errors: &[ChannelErrors]) -> f64 {
         let pairs = || self.channels.iter().zip(errors);
         let keep = |e: f64| pairs().all(|(channel, found)| found.max_error <= channel.tolerance(e));
         let mut least = pairs().map(|(c, found)| c.weight * found.max_error).fold(0.0, f64::max);
@@ -196,42 +208,42 @@ fn check_weight(weight: f64) -> Result<()> {
         .remedy("give finite numbers above 0"))
 }
 
-impl<'a> Channel<'a> {
+impl<'a> WeightedChannel<'a> {
     /// The largest difference of values that a tolerance allows.
     fn tolerance(&self, tolerance: f64) -> f64 {
         (tolerance / self.weight).min(f64::MAX)
     }
 
-    fn judge(&'a self, tolerance: f64, corners: [Sample; 3]) -> Judge<'a> {
-        let plane = Plane::new(&self.grid, corners);
-        let sieve = Sieve::new(&self.grid, plane.corners());
-        Judge { plane, sieve, weight: self.weight, most: self.tolerance(tolerance) }
+    fn judge(&'a self, tolerance: f64, corners: [PackedSample; 3]) -> ChannelTriangle<'a> {
+        let plane = TrianglePlane::new(&self.grid, corners);
+        let sieve = ChannelSlopeFilter::new(&self.grid, plane.corners());
+        ChannelTriangle { plane, sieve, weight: self.weight, most: self.tolerance(tolerance) }
     }
 
-    fn measured(&self, corners: &[[Sample; 3]]) -> Measured {
+    fn measured(&self, corners: &[[PackedSample; 3]]) -> ChannelErrors {
         let (max_error, square_sum) = measure(&self.grid, corners);
-        Measured { max_error, square_sum }
+        ChannelErrors { max_error, square_sum }
     }
 }
 
 /// A channel over one triangle.
-struct Judge<'a> {
-    plane: Plane<'a>,
-    sieve: Sieve<'a>,
+struct ChannelTriangle<'a> {
+    plane: TrianglePlane<'a>,
+    sieve: ChannelSlopeFilter<'a>,
     weight: f64,
     most: f64,
 }
 
-impl Judge<'_> {
+impl ChannelTriangle<'_> {
     /// A sample that is less far off than this in every channel is not beyond the tolerance, or not as far off as
     /// `worst`.
-    fn limit(&self, worst: Option<Candidate>) -> f64 {
+    fn limit(&self, worst: Option<RefinementCandidate>) -> f64 {
         worst.map_or(self.most, |worst| worst.error / self.weight * (1.0 - 1e-14))
     }
 }
 
 /// The candidate that a sample of the triangle is, if a channel of it is beyond its tolerance.
-fn candidate(judges: &[Judge<'_>], at: Sample) -> Option<Candidate> {
+fn candidate(judges: &[ChannelTriangle<'_>], at: PackedSample) -> Option<RefinementCandidate> {
     let weights = weights_in(judges.first()?.plane.corners(), at);
     let (mut exceeds, mut error) = (false, f64::MIN_POSITIVE);
     for judge in judges {
@@ -242,5 +254,5 @@ fn candidate(judges: &[Judge<'_>], at: Sample) -> Option<Candidate> {
         exceeds = exceeds || !offset.is_within(judge.most);
         error = error.max(judge.weight * offset.error());
     }
-    exceeds.then_some(Candidate { error, at })
+    exceeds.then_some(RefinementCandidate { error, at })
 }

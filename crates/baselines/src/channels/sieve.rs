@@ -1,15 +1,15 @@
 //! What spares the exact measure most samples: a plain look at a row of a triangle, in one channel, that tells
 //! when none of its samples can be further off than what is looked for.
 
-use crate::grid::{Grid, Sample};
+use crate::grid::{HeightGrid, PackedSample};
 
 /// Relative rounding of a sum of a few products, with room to spare.
 const DOUBT: f64 = 1e-14;
 
 /// One channel over one triangle, as its slopes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sieve<'a> {
-    grid: &'a Grid<'a>,
+pub(super) struct ChannelSlopeFilter<'a> {
+    grid: &'a HeightGrid<'a>,
     first: [f64; 2],
     height: f64,
     slopes: [f64; 2],
@@ -17,8 +17,8 @@ pub(super) struct Sieve<'a> {
     doubt: f64,
 }
 
-impl<'a> Sieve<'a> {
-    pub(super) fn new(grid: &'a Grid<'a>, corners: [Sample; 3]) -> Self {
+impl<'a> ChannelSlopeFilter<'a> {
+    pub(super) fn new(grid: &'a HeightGrid<'a>, corners: [PackedSample; 3]) -> Self {
         let [a, b, c] = corners.map(|at| [at.col(), at.row()].map(f64::from));
         let heights = corners.map(|at| grid.vertex(at));
         let (p, q) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);

@@ -1,12 +1,12 @@
 //! Channels against the obvious: all samples of all triangles measured again for every vertex, by integers.
 
-use super::{Channels, Drawn, candidate, join_voids};
-use crate::grid::{Grid, Sample};
-use crate::mesh::{Mesh, State, check_surface};
+use super::{MultichannelTin, WeightedChannels, candidate, join_voids};
+use crate::grid::{HeightGrid, PackedSample};
+use crate::mesh::{BaselineMesh, TriangleState, check_surface};
 use crate::plane::samples_of;
-use crate::task::{Goal, Size, Task};
+use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
 use crate::tests::{Heights, check_cover, grids};
-use crate::{METHODS, Tin};
+use crate::{BaselineTin, METHODS};
 use proptest::prelude::*;
 use terrane_base::geom::predicates::orient;
 
@@ -23,21 +23,21 @@ impl Picture {
         self.halves.iter().map(|&halves| halves as f64 / 2.0).collect()
     }
 
-    fn grid(&self) -> Grid<'_> {
-        Grid::new(self.size[0], self.size[1], &self.planes[0], None).unwrap()
+    fn grid(&self) -> HeightGrid<'_> {
+        HeightGrid::new(self.size[0], self.size[1], &self.planes[0], None).unwrap()
     }
 
     /// The error of a sample over a triangle by the definition: of whole numbers, rounded once as a quotient and once
     /// as a product; where a channel is beyond its tolerance, which is that of all divided by its weight, as a double.
-    fn error(&self, corners: [Sample; 3], at: Sample, tolerance: f64) -> Option<f64> {
-        let ([a, b, c], q) = (corners.map(Sample::lattice), at.lattice());
+    fn error(&self, corners: [PackedSample; 3], at: PackedSample, tolerance: f64) -> Option<f64> {
+        let ([a, b, c], q) = (corners.map(PackedSample::lattice), at.lattice());
         let weights = [orient(b, c, q), orient(c, a, q), orient(a, b, q)];
         if weights.iter().any(|&weight| weight < 0) || corners.contains(&at) {
             return None;
         }
-        let place = |at: Sample| (at.row() * self.size[0] + at.col()) as usize;
+        let place = |at: PackedSample| (at.row() * self.size[0] + at.col()) as usize;
         let of = |(plane, halves): (&Vec<f64>, &i64)| {
-            let value = |at: Sample| plane[place(at)] as i64;
+            let value = |at: PackedSample| plane[place(at)] as i64;
             let sum: i64 = weights.iter().zip(corners).map(|(w, z)| w * value(z)).sum();
             let (off, area) = ((sum - orient(a, b, c) * value(at)).abs(), orient(a, b, c));
             let weight = *halves as f64 / 2.0;
@@ -72,16 +72,17 @@ fn is_beyond((off, of): (i64, i64), most: f64) -> bool {
 }
 
 /// The twin: of all samples the one with the largest error, and the first of equals, again and again.
-fn naive(picture: &Picture, goal: Goal, tolerance: f64) -> Vec<Sample> {
+fn naive(picture: &Picture, goal: BaselineGoal, tolerance: f64) -> Vec<PackedSample> {
     let grid = picture.grid();
-    let task = Task::new(grid, goal);
-    let mut mesh = Mesh::of_outline(&grid).unwrap();
-    let mut size = Size::of(&mesh, goal).unwrap();
+    let task = BaselineTask::new(grid, goal);
+    let mut mesh = BaselineMesh::of_outline(&grid).unwrap();
+    let mut size = SurfaceSize::of(&mesh, goal).unwrap();
     let mut order = Vec::new();
     loop {
         let mut worst = None;
         for at in grid.samples() {
-            let surface = (0..mesh.tris.len()).filter(|&t| mesh.tris[t].state == State::Surface);
+            let surface =
+                (0..mesh.tris.len()).filter(|&t| mesh.tris[t].state == TriangleState::Surface);
             let error = |t: usize| picture.error(mesh.tris[t].corners, at, tolerance);
             for (error, t) in surface.filter_map(|t| Some((error(t)?, t))) {
                 if worst.is_none_or(|(most, _, _)| error > most) {
@@ -97,12 +98,12 @@ fn naive(picture: &Picture, goal: Goal, tolerance: f64) -> Vec<Sample> {
     }
 }
 
-fn order(picture: &Picture, goal: Goal) -> (Vec<Sample>, Drawn) {
+fn order(picture: &Picture, goal: BaselineGoal) -> (Vec<PackedSample>, MultichannelTin) {
     let weights = picture.weights();
-    let channels = Channels::new(picture.size, &picture.planes, &weights).unwrap();
+    let channels = WeightedChannels::new(picture.size, &picture.planes, &weights).unwrap();
     let grid = picture.grid();
-    let (mut mesh, mut order) = (Mesh::of_outline(&grid).unwrap(), Vec::new());
-    channels.insert(&Task::new(grid, goal), &mut mesh, |at| order.push(at)).unwrap();
+    let (mut mesh, mut order) = (BaselineMesh::of_outline(&grid).unwrap(), Vec::new());
+    channels.insert(&BaselineTask::new(grid, goal), &mut mesh, |at| order.push(at)).unwrap();
     mesh.validate();
     (order, channels.triangulate(goal, &|| Ok(())).unwrap())
 }
@@ -112,7 +113,7 @@ fn an_error_of_a_third_is_beyond_a_double_below_it() {
     // The double next to a third is less than a third.
     let planes = vec![vec![0.0, 3.0, 0.0, 2.0, 0.0, 2.0, 0.0, 1.0]];
     let picture = Picture { size: [2, 4], planes, halves: vec![3] };
-    let goal = Goal::MaxError(0.5);
+    let goal = BaselineGoal::MaxError(0.5);
     let (found, _) = order(&picture, goal);
     assert_eq!(found, naive(&picture, goal, 0.5));
     assert_eq!(found.len(), 2);
@@ -127,10 +128,10 @@ proptest! {
         prop_assume!(check_surface(&picture.grid()).is_ok());
         let tolerance = halves as f64 / 2.0;
         let (goal, tolerance) = match budget {
-            None => (Goal::MaxError(tolerance), tolerance),
-            Some(most) => (Goal::MaxVertices(most), 0.0),
+            None => (BaselineGoal::MaxError(tolerance), tolerance),
+            Some(most) => (BaselineGoal::MaxVertices(most), 0.0),
         };
-        prop_assume!(Size::of(&Mesh::of_outline(&picture.grid())?, goal).is_ok());
+        prop_assume!(SurfaceSize::of(&BaselineMesh::of_outline(&picture.grid())?, goal).is_ok());
         let (found, drawn) = order(&picture, goal);
         prop_assert_eq!(&found, &naive(&picture, goal, tolerance));
         if let Some(most) = budget {
@@ -144,12 +145,12 @@ proptest! {
     ) {
         prop_assume!(check_surface(&picture.grid()).is_ok());
         let tolerance = halves as f64 / 2.0;
-        let (_, drawn) = order(&picture, Goal::MaxError(tolerance));
-        let Drawn { vertices, triangles, max_error, channels, census } = drawn;
+        let (_, drawn) = order(&picture, BaselineGoal::MaxError(tolerance));
+        let MultichannelTin { vertices, triangles, max_error, channels, census } = drawn;
         prop_assert!(max_error <= tolerance);
-        let tin = Tin { vertices, triangles, max_error, square_sum: 0.0, census };
+        let tin = BaselineTin { vertices, triangles, max_error, square_sum: 0.0, census };
         for ((plane, weight), found) in picture.planes.iter().zip(picture.weights()).zip(channels) {
-            let grid = Grid::new(picture.size[0], picture.size[1], plane, None).unwrap();
+            let grid = HeightGrid::new(picture.size[0], picture.size[1], plane, None).unwrap();
             check_cover(&grid, &tin);
             let (error, of) = crate::tests::worst(&grid, &tin);
             prop_assert!(error as f64 * weight <= tolerance * of as f64);
@@ -174,10 +175,10 @@ proptest! {
         let all: Vec<f64> = bits.iter().enumerate().map(value).collect();
         let planes = [all[..90 * 60].to_vec(), all[90 * 60..].to_vec()];
         let weights = [scales[0], scales[1]].map(|scale| 2_f64.powi(-scale) * 1.3);
-        let corners = [0, 1, 2].map(|i| Sample::new(at[i].0, at[i].1));
-        let [a, b, c] = corners.map(Sample::lattice);
+        let corners = [0, 1, 2].map(|i| PackedSample::new(at[i].0, at[i].1));
+        let [a, b, c] = corners.map(PackedSample::lattice);
         prop_assume!(orient(a, b, c) != 0);
-        let channels = Channels::new([90, 60], &planes, &weights).unwrap();
+        let channels = WeightedChannels::new([90, 60], &planes, &weights).unwrap();
         for tolerance in [0.0, 1e-13, share] {
             let judges: Vec<_> =
                 channels.channels.iter().map(|channel| channel.judge(tolerance, corners)).collect();
@@ -192,11 +193,11 @@ proptest! {
     ) {
         let grid = picture.grid();
         prop_assume!(check_surface(&grid).is_ok());
-        let goal = budget.map_or(Goal::MaxError(f64::from(tolerance) * 0.7), Goal::MaxVertices);
-        prop_assume!(Size::of(&Mesh::of_outline(&grid)?, goal).is_ok());
+        let goal = budget.map_or(BaselineGoal::MaxError(f64::from(tolerance) * 0.7), BaselineGoal::MaxVertices);
+        prop_assume!(SurfaceSize::of(&BaselineMesh::of_outline(&grid)?, goal).is_ok());
         let greedy4 = METHODS.iter().find(|method| method.name == "greedy4").unwrap();
-        let tin = (greedy4.run)(&Task::new(grid, goal)).unwrap();
-        let one = Channels::new(picture.size, &picture.planes[..1], &[1.0]).unwrap();
+        let tin = (greedy4.run)(&BaselineTask::new(grid, goal)).unwrap();
+        let one = WeightedChannels::new(picture.size, &picture.planes[..1], &[1.0]).unwrap();
         let drawn = one.triangulate(goal, &|| Ok(())).unwrap();
         prop_assert_eq!((&drawn.vertices, &drawn.triangles), (&tin.vertices, &tin.triangles));
         prop_assert_eq!(drawn.max_error, tin.max_error);
@@ -209,12 +210,13 @@ fn a_stated_tolerance_is_kept_after_its_division_by_any_weight() {
     let plane = |n: u32| (0..14 * 9).map(|i| f64::from(i * i % n) / 7.0).collect::<Vec<_>>();
     let planes = [plane(31), plane(23)];
     for weights in [[0.1, 3.0], [1.0 / 3.0, 7e-5], [1e200, 1e-200], [0.7, 0.7]] {
-        let channels = Channels::new([14, 9], &planes, &weights).unwrap();
-        let drawn = channels.triangulate(Goal::MaxVertices(40), &|| Ok(())).unwrap();
+        let channels = WeightedChannels::new([14, 9], &planes, &weights).unwrap();
+        let drawn = channels.triangulate(BaselineGoal::MaxVertices(40), &|| Ok(())).unwrap();
         for (weight, found) in weights.iter().zip(&drawn.channels) {
             assert!(found.max_error <= drawn.max_error / weight, "{weights:?}: {found:?}");
         }
-        let again = channels.triangulate(Goal::MaxError(drawn.max_error), &|| Ok(())).unwrap();
+        let again =
+            channels.triangulate(BaselineGoal::MaxError(drawn.max_error), &|| Ok(())).unwrap();
         assert!(again.max_error <= drawn.max_error);
     }
 }
@@ -223,7 +225,7 @@ fn a_stated_tolerance_is_kept_after_its_division_by_any_weight() {
 fn what_makes_no_sense_is_refused() {
     let planes = [vec![1.0; 4], vec![2.0, f64::NAN, 2.0, 2.0]];
     let refused = |planes: &[Vec<f64>], weights: &[f64]| {
-        Channels::new([2, 2], planes, weights).unwrap_err().to_string()
+        WeightedChannels::new([2, 2], planes, weights).unwrap_err().to_string()
     };
     assert!(refused(&[], &[]).contains("0 weights"));
     assert!(refused(&planes, &[1.0]).contains("1 weights for 2 channels"));
@@ -233,7 +235,7 @@ fn what_makes_no_sense_is_refused() {
     assert!(refused(&planes, &[1.0, 1.0]).contains("sample 1 is void in some channels only"));
     let mut joined = planes.clone();
     join_voids(&mut joined);
-    let channels = Channels::new([2, 2], &joined, &[1.0, 1.0]).unwrap();
-    let error = channels.triangulate(Goal::MaxError(1.0), &|| Ok(())).unwrap_err();
+    let channels = WeightedChannels::new([2, 2], &joined, &[1.0, 1.0]).unwrap();
+    let error = channels.triangulate(BaselineGoal::MaxError(1.0), &|| Ok(())).unwrap_err();
     assert!(error.to_string().contains("four valid samples"));
 }

@@ -2,14 +2,14 @@
 //! Heckbert 1995. Time O(m n) and more for m vertices of n samples (the paper has O(m^2 n) where a walk takes
 //! O(m) steps; from its neighbour, a sample is a few steps away). Memory: the mesh.
 
-use super::{Search, method};
-use crate::candidate::Candidate;
-use crate::mesh::{Mesh, State};
-use crate::method::Method;
-use crate::plane::Plane;
-use crate::task::Task;
+use super::{CandidateSearch, method};
+use crate::candidate::RefinementCandidate;
+use crate::mesh::{BaselineMesh, TriangleState};
+use crate::method::BaselineMethod;
+use crate::plane::TrianglePlane;
+use crate::task::BaselineTask;
 
-pub(crate) const GREEDY_1: Method = Method {
+pub(crate) const GREEDY_1: BaselineMethod = BaselineMethod {
     name: "greedy1",
     about: "greedy insertion, all samples located and measured anew for each vertex",
     time: "O(m n), walks aside",
@@ -21,23 +21,28 @@ pub(crate) const GREEDY_1: Method = Method {
 /// Nothing is remembered.
 pub(super) struct AllPoints;
 
-impl Search for AllPoints {
-    fn new(_: &Task<'_>, _: &Mesh) -> Self {
+impl CandidateSearch for AllPoints {
+    fn new(_: &BaselineTask<'_>, _: &BaselineMesh) -> Self {
         Self
     }
 
-    fn update(&mut self, _: &Task<'_>, _: &Mesh, _: &[u32]) {}
+    fn update(&mut self, _: &BaselineTask<'_>, _: &BaselineMesh, _: &[u32]) {}
 
-    fn worst(&mut self, task: &Task<'_>, mesh: &Mesh) -> Option<(Candidate, u32)> {
+    fn worst(
+        &mut self,
+        task: &BaselineTask<'_>,
+        mesh: &BaselineMesh,
+    ) -> Option<(RefinementCandidate, u32)> {
         let (mut t, mut worst) = (0, None);
         for at in task.grid.samples() {
             t = mesh.locate(at, t);
             let tri = &mesh.tris[t as usize];
-            if tri.state == State::Outside {
+            if tri.state == TriangleState::Outside {
                 continue;
             }
-            let offset = Plane::new(&task.grid, tri.corners).offset(at);
-            worst = worst.max(Candidate::of(task, at, &offset).map(|candidate| (candidate, t)));
+            let offset = TrianglePlane::new(&task.grid, tri.corners).offset(at);
+            worst = worst
+                .max(RefinementCandidate::of(task, at, &offset).map(|candidate| (candidate, t)));
         }
         worst
     }

@@ -2,16 +2,16 @@
 //! errors are looked through for the largest. Source: algorithm II of Garland & Heckbert 1995. Time O(m n)
 //! for m vertices of n samples: what remains of it is the search. Memory: a number and an error a sample.
 
-use super::{Search, method};
-use crate::candidate::Candidate;
-use crate::grid::Sample;
-use crate::mesh::{Mesh, State};
-use crate::method::Method;
-use crate::plane::Plane;
-use crate::task::Task;
+use super::{CandidateSearch, method};
+use crate::candidate::RefinementCandidate;
+use crate::grid::PackedSample;
+use crate::mesh::{BaselineMesh, TriangleState};
+use crate::method::BaselineMethod;
+use crate::plane::TrianglePlane;
+use crate::task::BaselineTask;
 use terrane_base::geom::predicates::orient;
 
-pub(crate) const GREEDY_2: Method = Method {
+pub(crate) const GREEDY_2: BaselineMethod = BaselineMethod {
     name: "greedy2",
     about: "greedy insertion, only the samples of changed triangles measured anew",
     time: "O(m n), expected",
@@ -26,22 +26,22 @@ pub(super) struct ByTriangle {
 }
 
 /// A sample, and whether it is a candidate.
-type Listed = (Sample, Option<Candidate>);
+type Listed = (PackedSample, Option<RefinementCandidate>);
 
-impl Search for ByTriangle {
-    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
+impl CandidateSearch for ByTriangle {
+    fn new(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> Self {
         let mut lists = vec![Vec::new(); mesh.tris.len()];
         let mut t = 0;
         for at in task.grid.samples() {
             t = mesh.locate(at, t);
-            if mesh.tris[t as usize].state != State::Outside {
+            if mesh.tris[t as usize].state != TriangleState::Outside {
                 lists[t as usize].push(measured(task, mesh, t, at));
             }
         }
         Self { lists }
     }
 
-    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
+    fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]) {
         self.lists.resize(mesh.tris.len(), Vec::new());
         let listed: Vec<Listed> =
             fresh.iter().flat_map(|&t| std::mem::take(&mut self.lists[t as usize])).collect();
@@ -52,20 +52,24 @@ impl Search for ByTriangle {
         }
     }
 
-    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+    fn worst(
+        &mut self,
+        _: &BaselineTask<'_>,
+        _: &BaselineMesh,
+    ) -> Option<(RefinementCandidate, u32)> {
         let lists = self.lists.iter().enumerate();
         let worst = |list: &[Listed]| list.iter().filter_map(|(_, candidate)| *candidate).max();
         lists.filter_map(|(t, list)| Some((worst(list)?, t as u32))).max()
     }
 }
 
-fn measured(task: &Task<'_>, mesh: &Mesh, t: u32, at: Sample) -> Listed {
-    let offset = Plane::new(&task.grid, mesh.tris[t as usize].corners).offset(at);
-    (at, Candidate::of(task, at, &offset))
+fn measured(task: &BaselineTask<'_>, mesh: &BaselineMesh, t: u32, at: PackedSample) -> Listed {
+    let offset = TrianglePlane::new(&task.grid, mesh.tris[t as usize].corners).offset(at);
+    (at, RefinementCandidate::of(task, at, &offset))
 }
 
-fn holds(mesh: &Mesh, t: u32, at: Sample) -> bool {
-    let [a, b, c] = mesh.tris[t as usize].corners.map(Sample::lattice);
+fn holds(mesh: &BaselineMesh, t: u32, at: PackedSample) -> bool {
+    let [a, b, c] = mesh.tris[t as usize].corners.map(PackedSample::lattice);
     let q = at.lattice();
     orient(a, b, q) >= 0 && orient(b, c, q) >= 0 && orient(c, a, q) >= 0
 }

@@ -4,37 +4,37 @@
 
 use std::collections::BinaryHeap;
 
-use super::{Search, method};
-use crate::candidate::Candidate;
-use crate::grid::Sample;
-use crate::mesh::Mesh;
-use crate::method::Method;
-use crate::task::Task;
+use super::{CandidateSearch, method};
+use crate::candidate::RefinementCandidate;
+use crate::grid::PackedSample;
+use crate::mesh::BaselineMesh;
+use crate::method::BaselineMethod;
+use crate::task::BaselineTask;
 
-pub(crate) const GREEDY_4: Method = Method {
+pub(crate) const GREEDY_4: BaselineMethod = BaselineMethod {
     name: "greedy4",
     about: "greedy insertion, with a heap of one candidate by triangle",
     time: "O((m + n) log m), expected",
     memory: "the grid, the mesh, and a heap of triangles",
     sample_bytes: 220,
-    ..method::<Candidates>()
+    ..method::<CandidateHeap>()
 };
 
 /// The worst sample of each triangle. What has changed since is told by the triangle's stamp and thrown
 /// away when it comes up.
 #[derive(Default)]
-pub(crate) struct Candidates {
-    heap: BinaryHeap<(Candidate, u32, u32)>,
+pub(crate) struct CandidateHeap {
+    heap: BinaryHeap<(RefinementCandidate, u32, u32)>,
     stamps: Vec<u32>,
 }
 
-impl Candidates {
+impl CandidateHeap {
     /// Looks at triangles that are new, of which `worst` finds the worst samples.
     pub(crate) fn look(
         &mut self,
-        mesh: &Mesh,
+        mesh: &BaselineMesh,
         fresh: &[u32],
-        worst: impl Fn([Sample; 3]) -> Option<Candidate>,
+        worst: impl Fn([PackedSample; 3]) -> Option<RefinementCandidate>,
     ) {
         self.stamps.resize(mesh.tris.len(), 0);
         for &t in fresh {
@@ -45,7 +45,7 @@ impl Candidates {
     }
 
     /// Takes the greatest candidate of all, and the triangle that holds it.
-    pub(crate) fn take(&mut self) -> Option<(Candidate, u32)> {
+    pub(crate) fn take(&mut self) -> Option<(RefinementCandidate, u32)> {
         loop {
             let (worst, t, stamp) = self.heap.pop()?;
             if self.stamps[t as usize] == stamp {
@@ -55,18 +55,22 @@ impl Candidates {
     }
 }
 
-impl Search for Candidates {
-    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
+impl CandidateSearch for CandidateHeap {
+    fn new(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> Self {
         let mut search = Self::default();
         search.update(task, mesh, &mesh.surface().collect::<Vec<_>>());
         search
     }
 
-    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
-        self.look(mesh, fresh, |corners| Candidate::worst(task, corners));
+    fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]) {
+        self.look(mesh, fresh, |corners| RefinementCandidate::worst(task, corners));
     }
 
-    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+    fn worst(
+        &mut self,
+        _: &BaselineTask<'_>,
+        _: &BaselineMesh,
+    ) -> Option<(RefinementCandidate, u32)> {
         self.take()
     }
 }

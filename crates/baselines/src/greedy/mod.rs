@@ -15,39 +15,47 @@ mod point_heap;
 
 pub(crate) use all_points::GREEDY_1;
 pub(crate) use by_triangle::GREEDY_2;
-pub(crate) use candidates::{Candidates, GREEDY_4};
+pub(crate) use candidates::{CandidateHeap, GREEDY_4};
 pub(crate) use point_heap::GREEDY_3;
 
-use crate::candidate::Candidate;
-use crate::grid::Sample;
-use crate::mesh::Mesh;
-use crate::method::{Method, Promise};
-use crate::result::Tin;
-use crate::task::{Size, Task};
+use crate::candidate::RefinementCandidate;
+use crate::grid::PackedSample;
+use crate::mesh::BaselineMesh;
+use crate::method::{BaselineMethod, Promise};
+use crate::result::BaselineTin;
+use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
 /// A way to find the worst candidate.
-trait Search {
+trait CandidateSearch {
     /// Begins with a mesh.
-    fn new(task: &Task<'_>, mesh: &Mesh) -> Self;
+    fn new(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> Self;
 
     /// Looks at triangles that are new; whatever else had their numbers is gone.
-    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]);
+    fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]);
 
     /// The greatest candidate of all, and a triangle that holds it.
-    fn worst(&mut self, task: &Task<'_>, mesh: &Mesh) -> Option<(Candidate, u32)>;
+    fn worst(
+        &mut self,
+        task: &BaselineTask<'_>,
+        mesh: &BaselineMesh,
+    ) -> Option<(RefinementCandidate, u32)>;
 }
 
 /// Inserts until nothing is left to do.
-fn run<S: Search>(task: &Task<'_>) -> Result<Tin> {
-    let mut mesh = Mesh::of_outline(&task.grid)?;
+fn run<S: CandidateSearch>(task: &BaselineTask<'_>) -> Result<BaselineTin> {
+    let mut mesh = BaselineMesh::of_outline(&task.grid)?;
     insert::<S>(task, &mut mesh, |_| ())?;
-    Ok(Tin::of_mesh(&task.grid, &mesh))
+    Ok(BaselineTin::of_mesh(&task.grid, &mesh))
 }
 
 /// The same into a mesh that is there; `note` hears of every vertex in its turn.
-fn insert<S: Search>(task: &Task<'_>, mesh: &mut Mesh, mut note: impl FnMut(Sample)) -> Result<()> {
-    let mut size = Size::of(mesh, task.goal)?;
+fn insert<S: CandidateSearch>(
+    task: &BaselineTask<'_>,
+    mesh: &mut BaselineMesh,
+    mut note: impl FnMut(PackedSample),
+) -> Result<()> {
+    let mut size = SurfaceSize::of(mesh, task.goal)?;
     let mut search = S::new(task, mesh);
     while let Some((worst, t)) = search.worst(task, mesh) {
         (task.pulse)()?;
@@ -59,8 +67,8 @@ fn insert<S: Search>(task: &Task<'_>, mesh: &mut Mesh, mut note: impl FnMut(Samp
 }
 
 /// What the versions have in common, to be completed.
-const fn method<S: Search>() -> Method {
-    Method {
+const fn method<S: CandidateSearch>() -> BaselineMethod {
+    BaselineMethod {
         name: "",
         about: "",
         source: "Garland & Heckbert 1995",

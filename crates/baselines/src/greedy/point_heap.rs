@@ -3,15 +3,15 @@
 //! 1973 and Heller 1990. Time O((m + n) log m log n) expected for m vertices of n samples. Memory: twenty
 //! bytes a sample.
 
-use super::{Search, method};
-use crate::candidate::Candidate;
-use crate::grid::Sample;
-use crate::mesh::Mesh;
-use crate::method::Method;
-use crate::plane::Plane;
-use crate::task::Task;
+use super::{CandidateSearch, method};
+use crate::candidate::RefinementCandidate;
+use crate::grid::PackedSample;
+use crate::mesh::BaselineMesh;
+use crate::method::BaselineMethod;
+use crate::plane::TrianglePlane;
+use crate::task::BaselineTask;
 
-pub(crate) const GREEDY_3: Method = Method {
+pub(crate) const GREEDY_3: BaselineMethod = BaselineMethod {
     name: "greedy3",
     about: "greedy insertion, with a heap of all samples",
     time: "O((m + n) log m log n), expected",
@@ -22,7 +22,7 @@ pub(crate) const GREEDY_3: Method = Method {
 
 /// A binary heap of all samples, the greatest on top, that knows where each of them is.
 pub(super) struct PointHeap {
-    heap: Vec<Sample>,
+    heap: Vec<PackedSample>,
     /// By sample: its place in the heap, its error or 0 where it is no candidate, and its triangle.
     places: Vec<u32>,
     errors: Vec<f64>,
@@ -30,8 +30,8 @@ pub(super) struct PointHeap {
     width: usize,
 }
 
-impl Search for PointHeap {
-    fn new(task: &Task<'_>, mesh: &Mesh) -> Self {
+impl CandidateSearch for PointHeap {
+    fn new(task: &BaselineTask<'_>, mesh: &BaselineMesh) -> Self {
         let count = task.grid.len();
         let mut heap = Self {
             heap: task.grid.samples().collect(),
@@ -44,19 +44,23 @@ impl Search for PointHeap {
         heap
     }
 
-    fn update(&mut self, task: &Task<'_>, mesh: &Mesh, fresh: &[u32]) {
+    fn update(&mut self, task: &BaselineTask<'_>, mesh: &BaselineMesh, fresh: &[u32]) {
         for &t in fresh {
-            let plane = Plane::new(&task.grid, mesh.tris[t as usize].corners);
+            let plane = TrianglePlane::new(&task.grid, mesh.tris[t as usize].corners);
             for (at, offset) in plane.offsets() {
                 let index = self.index(at);
                 self.triangles[index] = t;
-                let error = Candidate::of(task, at, &offset).map_or(0.0, |one| one.error);
+                let error = RefinementCandidate::of(task, at, &offset).map_or(0.0, |one| one.error);
                 self.change(index, error);
             }
         }
     }
 
-    fn worst(&mut self, _: &Task<'_>, _: &Mesh) -> Option<(Candidate, u32)> {
+    fn worst(
+        &mut self,
+        _: &BaselineTask<'_>,
+        _: &BaselineMesh,
+    ) -> Option<(RefinementCandidate, u32)> {
         let worst = self.candidate(0);
         let t = self.triangles[self.index(worst.at)];
         (worst.error > 0.0).then_some((worst, t))
@@ -64,14 +68,14 @@ impl Search for PointHeap {
 }
 
 impl PointHeap {
-    fn index(&self, at: Sample) -> usize {
+    fn index(&self, at: PackedSample) -> usize {
         at.row() as usize * self.width + at.col() as usize
     }
 
     /// What is at this place of the heap.
-    fn candidate(&self, place: usize) -> Candidate {
+    fn candidate(&self, place: usize) -> RefinementCandidate {
         let at = self.heap[place];
-        Candidate { error: self.errors[self.index(at)], at }
+        RefinementCandidate { error: self.errors[self.index(at)], at }
     }
 
     fn change(&mut self, index: usize, error: f64) {

@@ -6,21 +6,21 @@ mod seen;
 use std::collections::HashSet;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame};
+use terrane_base::geom::{Crs, PointFrame};
 use terrane_files::{RawFile, path_of, shown};
 
-use crate::column::{Column, Lines, columns};
+use crate::column::{PointColumn, PointLineFormatter, columns};
 use crate::format::PointFormat;
-use crate::las::{Extra, LASZIP, LasFile, OCTREE, PROJECTION, Vlr, extra};
+use crate::las::{Extra, LASZIP, LasFile, OCTREE, PROJECTION, VlrHeader, extra};
 use crate::member::take_room;
-use crate::open::Cloud;
-use crate::origin::Origin;
+use crate::open::PointCloud;
+use crate::origin::CloudFileOrigin;
 use crate::recast::Recast;
-use crate::source::{Census, CloudInfo};
+use crate::source::{CloudInfo, PointCensus};
 use crate::times::Times;
-use crate::version::{LasVersion, Packing};
-use crate::write::{Carried, Vlr as Record, WriteOptions};
-pub use seen::{Seen, Sight};
+use crate::version::{LasVersion, PointPacking};
+use crate::write::{CarriedMetadata, CloudWriteOptions, Vlr as Record};
+pub use seen::{PointAppearance, Sight};
 
 /// Numbers of records of [`extra::USER`]: records that are no longer valid, and descriptions of waveforms, which
 /// are followed by one that holds the waveforms themselves.
@@ -36,16 +36,16 @@ const MOST_BYTES: u64 = 64 << 20;
 
 /// What points are to be in.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Target {
+pub struct LasOutputFormat {
     /// The format of records; the first that holds all fields of all files when `None`.
     pub format: Option<PointFormat>,
     /// The version of LAS; the first that has points of the format when `None`.
     pub version: Option<LasVersion>,
     /// How the file is packed.
-    pub packing: Packing,
+    pub packing: PointPacking,
 }
 
-impl Target {
+impl LasOutputFormat {
     /// The format and version for files of such formats.
     ///
     /// # Errors
@@ -64,13 +64,13 @@ impl Target {
 
 /// How the points of a cloud get into a file of one format.
 pub struct Carrier<'a> {
-    cloud: &'a Cloud,
+    cloud: &'a PointCloud,
     info: CloudInfo,
     as_stored: bool,
     format: PointFormat,
     version: LasVersion,
     extra: Extra,
-    carried: Carried,
+    carried: CarriedMetadata,
     /// By file.
     recasts: Vec<Recast>,
     /// Where a record has its height above the ground.
@@ -88,7 +88,7 @@ impl<'a> Carrier<'a> {
     /// # Errors
     /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
     /// cannot be so packed.
-    pub fn new(cloud: &'a Cloud, target: Target, has_heights: bool) -> Result<Self> {
+    pub fn new(cloud: &'a PointCloud, target: LasOutputFormat, has_heights: bool) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
         let (format, version) = target.choose(held.unwrap_or_default())?;
@@ -100,18 +100,19 @@ impl<'a> Carrier<'a> {
             format.size() + extra.put_steps(name, about, info.frame.scale[2])
         });
         let (vlrs, mut notes) = records(&origins, format)?;
-        let recast =
-            |origin: &Origin<'_>| Recast::new((origin.format, &origin.extra), (format, &extra));
+        let recast = |origin: &CloudFileOrigin<'_>| {
+            Recast::new((origin.format, &origin.extra), (format, &extra))
+        };
         let recasts = origins.iter().map(recast).collect();
         let only = match origins.as_slice() {
-            [Origin { las: Some(file), .. }] => Some(&file.header),
+            [CloudFileOrigin { las: Some(file), .. }] => Some(&file.header),
             _ => None,
         };
         let times = Times::of_all(&origins)?;
         notes.extend(times.note(packing));
-        let has_time = packing != Packing::Text && format.time_at().is_some();
+        let has_time = packing != PointPacking::Text && format.time_at().is_some();
         let (time, time_offset) = times.written(version, has_time)?;
-        let carried = Carried {
+        let carried = CarriedMetadata {
             encoding: time | encoding(&origins, format),
             time_offset,
             source: only.map_or(0, |header| header.source),
@@ -119,11 +120,11 @@ impl<'a> Carrier<'a> {
             extra_bytes: fitting(format, &extra)?,
             vlrs: described(&extra).into_iter().chain(vlrs).collect(),
         };
-        if format.has_waves() && packing != Packing::Text {
+        if format.has_waves() && packing != PointPacking::Text {
             notes.extend(waves(&origins)?);
         }
         notes.extend(left_out(&origins, format, packing));
-        if packing == Packing::Text && extra.has_others() {
+        if packing == PointPacking::Text && extra.has_others() {
             notes.push("extra bytes that are no numbers are left out".to_owned());
         }
         Ok(Self {
@@ -171,19 +172,19 @@ impl<'a> Carrier<'a> {
     }
 
     /// A file with these records, or with them as they are in another frame and system.
-    pub fn file(&self, frame: Frame, crs: Crs) -> WriteOptions {
+    pub fn file(&self, frame: PointFrame, crs: Crs) -> CloudWriteOptions {
         let (version, carried) = (self.version, self.carried.clone());
-        WriteOptions { version, carried, ..WriteOptions::new(self.format, frame, crs) }
+        CloudWriteOptions { version, carried, ..CloudWriteOptions::new(self.format, frame, crs) }
     }
 
     /// Their lines of text, as they are in a frame.
-    pub fn lines(&self, frame: &Frame) -> Lines {
+    pub fn lines(&self, frame: &PointFrame) -> PointLineFormatter {
         let extra = self.extra.columns(self.format.size());
-        Lines::new(self.format, frame, &extra, self.size())
+        PointLineFormatter::new(self.format, frame, &extra, self.size())
     }
 
     /// What their fields are called, and where they are; the coordinates are not among them.
-    pub fn columns(&self) -> Vec<Column> {
+    pub fn columns(&self) -> Vec<PointColumn> {
         columns(self.format, &self.extra.columns(self.format.size()))
     }
 
@@ -197,7 +198,11 @@ impl<'a> Carrier<'a> {
     ///
     /// # Errors
     /// Those of [`PointSource::read`](crate::PointSource::read); what the format cannot hold of a point.
-    pub fn read(&self, part: usize, each: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<Census> {
+    pub fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[u8]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let (number, member, inner) = self.cloud.part(part)?;
         let recast = &self.recasts[number];
         take_room(|room| member.carry(inner, (recast, self.as_stored), room, each))
@@ -205,7 +210,7 @@ impl<'a> Carrier<'a> {
 }
 
 impl Extra {
-    fn of_all(origins: &[Origin<'_>]) -> Result<Self> {
+    fn of_all(origins: &[CloudFileOrigin<'_>]) -> Result<Self> {
         let Some((first, others)) = origins.split_first() else { return Ok(Self::default()) };
         let mut all = first.extra.clone();
         for origin in others {
@@ -238,7 +243,7 @@ fn described(extra: &Extra) -> Option<Record> {
 }
 
 /// The bits of the global encoding that hold for all files, but for those of times.
-fn encoding(origins: &[Origin<'_>], format: PointFormat) -> u16 {
+fn encoding(origins: &[CloudFileOrigin<'_>], format: PointFormat) -> u16 {
     let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
     let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
     all & (MADE_RETURNS | waves)
@@ -248,7 +253,7 @@ fn encoding(origins: &[Origin<'_>], format: PointFormat) -> u16 {
 ///
 /// # Errors
 /// Waveforms of several files: each has its own.
-fn waves(origins: &[Origin<'_>]) -> Result<Option<String>> {
+fn waves(origins: &[CloudFileOrigin<'_>]) -> Result<Option<String>> {
     let mut waved = origins.iter().filter(|origin| origin.encoding() & WAVES_BESIDE > 0);
     let Some(first) = waved.next() else { return Ok(None) };
     match waved.next() {
@@ -266,7 +271,10 @@ fn waves(origins: &[Origin<'_>]) -> Result<Option<String>> {
 }
 
 /// The records that are carried, and what is to be said of others.
-fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, Vec<String>)> {
+fn records(
+    origins: &[CloudFileOrigin<'_>],
+    format: PointFormat,
+) -> Result<(Vec<Record>, Vec<String>)> {
     let mut by_file = Vec::new();
     for (origin, file) in origins.iter().filter_map(|origin| Some((origin, origin.las?))) {
         let found = of_file(file, format).map_err(|e| e.in_file(&path_of(origin.name)))?;
@@ -300,8 +308,8 @@ fn records(origins: &[Origin<'_>], format: PointFormat) -> Result<(Vec<Record>, 
 
 /// The records of a file that do not tell of what is written anew.
 fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
-    let is_wave = |vlr: &Vlr| vlr.user == extra::USER && WAVES.contains(&vlr.id);
-    let is_carried = |vlr: &Vlr| {
+    let is_wave = |vlr: &VlrHeader| vlr.user == extra::USER && WAVES.contains(&vlr.id);
+    let is_carried = |vlr: &VlrHeader| {
         let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
         let is_ours =
             vlr.is(LASZIP.0, LASZIP.1) || vlr.is(extra::USER, extra::NUMBER) || vlr.user == OCTREE;
@@ -319,7 +327,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
     carried.map(|vlr| data(vlr, &raw, &mut left)).collect()
 }
 
-fn data(vlr: &Vlr, file: &RawFile, left: &mut u64) -> Result<Record> {
+fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Record> {
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
         Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
             .remedy("take the largest of them out")
@@ -329,9 +337,13 @@ fn data(vlr: &Vlr, file: &RawFile, left: &mut u64) -> Result<Record> {
 }
 
 /// What the format has no field for.
-fn left_out(origins: &[Origin<'_>], format: PointFormat, packing: Packing) -> Vec<String> {
+fn left_out(
+    origins: &[CloudFileOrigin<'_>],
+    format: PointFormat,
+    packing: PointPacking,
+) -> Vec<String> {
     let own = format.places();
-    let fields = |origin: &Origin<'_>| {
+    let fields = |origin: &CloudFileOrigin<'_>| {
         let places = origin.format.places();
         [
             ("times", origin.has_time() && own.time.is_none()),
@@ -339,7 +351,7 @@ fn left_out(origins: &[Origin<'_>], format: PointFormat, packing: Packing) -> Ve
             ("infrared", places.infrared.is_some() && own.infrared.is_none()),
             (
                 "waveforms",
-                places.wave.is_some() && (own.wave.is_none() || packing == Packing::Text),
+                places.wave.is_some() && (own.wave.is_none() || packing == PointPacking::Text),
             ),
             (
                 "parts of a degree of scan angles",
@@ -352,7 +364,7 @@ fn left_out(origins: &[Origin<'_>], format: PointFormat, packing: Packing) -> Ve
     let lost: Vec<_> = (0..5).filter(is_lost).map(|i| all[0][i].0).collect();
     let lost = lost.join(", ");
     let note = match packing {
-        Packing::Text => format!("{lost} are left out"),
+        PointPacking::Text => format!("{lost} are left out"),
         _ => {
             format!("point format {} has no field for {lost}, which are left out", format.number())
         }

@@ -5,18 +5,18 @@ use terrane_base::geom::Point;
 
 use crate::format::PointFormat;
 use crate::las::Extra;
-use crate::member::{File, take_room};
-use crate::open::Cloud;
+use crate::member::{CloudFile, take_room};
+use crate::open::PointCloud;
 use crate::raw::Flags;
 use crate::recast::Recast;
-use crate::source::Census;
+use crate::source::PointCensus;
 
 /// The format that has a field for all that is seen.
 const FORMAT: u8 = 7;
 
 /// What there is to see of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Seen {
+pub struct PointAppearance {
     /// In steps of the cloud's frame.
     pub point: Point,
     /// Strength of the return.
@@ -34,7 +34,7 @@ pub struct Seen {
 /// Reads what is seen of a cloud. Extra bytes, times and waveforms are not looked at, so files that differ in them
 /// are one cloud all the same.
 pub struct Sight<'a> {
-    cloud: &'a Cloud,
+    cloud: &'a PointCloud,
     format: PointFormat,
     /// By file.
     recasts: Vec<Recast>,
@@ -45,12 +45,12 @@ impl<'a> Sight<'a> {
     ///
     /// # Errors
     /// A file of a point format that does not exist.
-    pub fn new(cloud: &'a Cloud) -> Result<Self> {
+    pub fn new(cloud: &'a PointCloud) -> Result<Self> {
         let (format, none) = (PointFormat::new(FORMAT)?, Extra::default());
-        let recast = |file: &File| {
+        let recast = |file: &CloudFile| {
             let own = match file {
-                File::Las(file) => PointFormat::new(file.header.format)?,
-                File::Text(file) => file.format(),
+                CloudFile::Las(file) => PointFormat::new(file.header.format)?,
+                CloudFile::Text(file) => file.format(),
             };
             Ok(Recast::new((own, &none), (format, &none)))
         };
@@ -61,20 +61,26 @@ impl<'a> Sight<'a> {
     ///
     /// # Errors
     /// Those of [`PointSource::read`](crate::PointSource::read).
-    pub fn read(&self, part: usize, each: &mut dyn FnMut(&[Seen]) -> Result<()>) -> Result<Census> {
+    pub fn read(
+        &self,
+        part: usize,
+        each: &mut dyn FnMut(&[PointAppearance]) -> Result<()>,
+    ) -> Result<PointCensus> {
         let (number, member, inner) = self.cloud.part(part)?;
         let (size, colour) = (self.format.size(), self.format.places().colour.unwrap_or(0));
         let mut seen = Vec::new();
         let mut take = |records: &[u8]| {
             seen.clear();
-            seen.extend(records.chunks_exact(size).map(|record| Seen::of(record, colour)));
+            seen.extend(
+                records.chunks_exact(size).map(|record| PointAppearance::of(record, colour)),
+            );
             each(&seen)
         };
         take_room(|room| member.carry(inner, (&self.recasts[number], false), room, &mut take))
     }
 }
 
-impl Seen {
+impl PointAppearance {
     /// From a record of a format of LAS 1.4 whose colour is there.
     fn of(record: &[u8], colour: usize) -> Self {
         let four = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));

@@ -2,9 +2,9 @@
 
 /// A header's bytes. Numbers beyond its end read as zero: the caller has checked its length.
 #[derive(Clone, Copy)]
-pub(crate) struct Bytes<'a>(pub(crate) &'a [u8]);
+pub(crate) struct LasHeaderBytes<'a>(pub(crate) &'a [u8]);
 
-impl Bytes<'_> {
+impl LasHeaderBytes<'_> {
     fn at<const N: usize>(self, offset: usize) -> [u8; N] {
         let found = self.0.get(offset..).and_then(|rest| rest.first_chunk());
         found.copied().unwrap_or([0; N])

@@ -6,10 +6,10 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use super::bytes::Bytes;
-use super::header::Header;
-use super::laz::Chunk;
-use super::vlr::Vlr;
+use super::bytes::LasHeaderBytes;
+use super::header::LasHeader;
+use super::laz::LazChunk;
+use super::vlr::VlrHeader;
 
 /// Who writes the records, and the number of the one that describes the octree.
 pub(crate) const OCTREE: &str = "copc";
@@ -22,21 +22,21 @@ const MOST_LEVELS: i32 = 31;
 
 /// A node with points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Node {
-    pub(super) chunk: Chunk,
+pub(super) struct CopcNode {
+    pub(super) chunk: LazChunk,
     /// Lowest and highest corner of its cube.
     pub(super) cube: [[f64; 3]; 2],
 }
 
 /// A page of the hierarchy.
 #[derive(Clone, Copy)]
-struct Page {
+struct CopcHierarchyPage {
     at: u64,
     bytes: u64,
 }
 
 /// The cube around all.
-struct Root {
+struct CopcRootCube {
     low: [f64; 3],
     size: f64,
 }
@@ -45,32 +45,39 @@ struct Root {
 ///
 /// # Errors
 /// A hierarchy that does not lie in the file, or does not hold each point once.
-pub(super) fn nodes(file: &RawFile, header: &Header, vlrs: &[Vlr]) -> Result<Option<Vec<Node>>> {
+pub(super) fn nodes(
+    file: &RawFile,
+    header: &LasHeader,
+    vlrs: &[VlrHeader],
+) -> Result<Option<Vec<CopcNode>>> {
     let Some(info) = vlrs.first().filter(|vlr| vlr.is(OCTREE, INFO)) else { return Ok(None) };
     if info.bytes < INFO_BYTES {
         return Err(damaged(format!("its record has {} bytes", info.bytes)));
     }
     let data = file.read_vec(info.at, INFO_BYTES)?;
-    let (root, page) = parse(Bytes(&data))?;
+    let (root, page) = parse(LasHeaderBytes(&data))?;
     let mut nodes = walk(file, &root, page)?;
     nodes.sort_by_key(|node| node.chunk.at);
     check(&nodes, header, file.size())?;
     Ok(Some(nodes))
 }
 
-fn parse(info: Bytes<'_>) -> Result<(Root, Page)> {
+fn parse(info: LasHeaderBytes<'_>) -> Result<(CopcRootCube, CopcHierarchyPage)> {
     let half = info.f64(24);
     let low = [0, 8, 16].map(|at| info.f64(at) - half);
     let sound = half.is_finite() && half > 0.0 && low.iter().all(|v| v.is_finite());
     if !sound {
         return Err(damaged(format!("its cube is {half} wide from {low:?} on")));
     }
-    Ok((Root { low, size: 2.0 * half }, Page { at: info.u64(40), bytes: info.u64(48) }))
+    Ok((
+        CopcRootCube { low, size: 2.0 * half },
+        CopcHierarchyPage { at: info.u64(40), bytes: info.u64(48) },
+    ))
 }
 
 /// Page after page; each is read once, and their bytes together are no more than the file's, so
 /// that pages that name each other end.
-fn walk(file: &RawFile, root: &Root, first: Page) -> Result<Vec<Node>> {
+fn walk(file: &RawFile, root: &CopcRootCube, first: CopcHierarchyPage) -> Result<Vec<CopcNode>> {
     let (mut pages, mut seen, mut left) = (vec![first], HashSet::new(), file.size());
     let mut nodes = Vec::new();
     while let Some(page) = pages.pop() {
@@ -81,23 +88,28 @@ fn walk(file: &RawFile, root: &Root, first: Page) -> Result<Vec<Node>> {
         left -= page.bytes;
         let bytes = file.read_vec(page.at, page.bytes)?;
         for entry in bytes.chunks_exact(ENTRY_BYTES as usize) {
-            take(Bytes(entry), root, &mut pages, &mut nodes)?;
+            take(LasHeaderBytes(entry), root, &mut pages, &mut nodes)?;
         }
     }
     Ok(nodes)
 }
 
 /// An entry is a node, an empty one, or leads to another page.
-fn take(entry: Bytes<'_>, root: &Root, pages: &mut Vec<Page>, nodes: &mut Vec<Node>) -> Result<()> {
+fn take(
+    entry: LasHeaderBytes<'_>,
+    root: &CopcRootCube,
+    pages: &mut Vec<CopcHierarchyPage>,
+    nodes: &mut Vec<CopcNode>,
+) -> Result<()> {
     let (at, bytes, points) = (entry.u64(16), entry.i32(24), entry.i32(28));
     let bytes = u64::try_from(bytes).map_err(|_| damaged(format!("a node of {bytes} bytes")))?;
     match points {
-        -1 => pages.push(Page { at, bytes }),
+        -1 => pages.push(CopcHierarchyPage { at, bytes }),
         0 => {}
         1.. => {
             let key = [0, 4, 8, 12].map(|at| entry.i32(at));
-            let chunk = Chunk { at, bytes, points: u64::from(points.unsigned_abs()) };
-            nodes.push(Node { chunk, cube: cube(root, key)? });
+            let chunk = LazChunk { at, bytes, points: u64::from(points.unsigned_abs()) };
+            nodes.push(CopcNode { chunk, cube: cube(root, key)? });
         }
         _ => return Err(damaged(format!("a node of {points} points"))),
     }
@@ -105,7 +117,7 @@ fn take(entry: Bytes<'_>, root: &Root, pages: &mut Vec<Page>, nodes: &mut Vec<No
 }
 
 /// The cube of a key: level, then which one along x, y, z.
-fn cube(root: &Root, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
+fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
     let sound = (0..MOST_LEVELS).contains(&level)
         && key.iter().all(|k| (0..1_i64 << level).contains(&i64::from(*k)));
     if !sound {
@@ -117,9 +129,9 @@ fn cube(root: &Root, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
 }
 
 /// Nodes lie behind each other between the first point and the file's end, and hold every point.
-fn check(nodes: &[Node], header: &Header, len: u64) -> Result<()> {
+fn check(nodes: &[CopcNode], header: &LasHeader, len: u64) -> Result<()> {
     let mut at = header.points_at;
-    for Node { chunk, .. } in nodes {
+    for CopcNode { chunk, .. } in nodes {
         let end = chunk.at.saturating_add(chunk.bytes);
         if chunk.at < at || end > len {
             return Err(damaged(format!("a node of {} bytes at {}", chunk.bytes, chunk.at)));

@@ -4,7 +4,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, GeoKeys, wkt};
 use terrane_files::RawFile;
 
-use super::vlr::Vlr;
+use super::vlr::VlrHeader;
 
 /// Who writes records of reference systems.
 pub(crate) const PROJECTION: &str = "LASF_Projection";
@@ -17,7 +17,7 @@ pub(crate) const IS_WKT: u16 = 1 << 4;
 
 /// What the records say: the text where the header says so, or where the keys do not tell. Two
 /// definitions are never mixed but for heights, of which text may say nothing and keys something.
-pub(super) fn read(file: &RawFile, vlrs: &[Vlr], encoding: u16) -> Result<Crs> {
+pub(super) fn read(file: &RawFile, vlrs: &[VlrHeader], encoding: u16) -> Result<Crs> {
     let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(PROJECTION, id)).map(|vlr| vlr.data(file));
     let text = data(WKT).transpose()?.map_or_else(Crs::default, |bytes| of_text(&bytes));
     let [keys, doubles, ascii] = KEYS.map(data);

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use terrane_base::error::{Error, Result};
 
-use super::bytes::Bytes;
-use crate::column::{Column, Value};
+use super::bytes::LasHeaderBytes;
+use crate::column::{ColumnEncoding, PointColumn};
 
 /// Who writes the record that describes dimensions, and its number.
 pub(crate) const USER: &str = "LASF_Spec";
@@ -60,7 +60,7 @@ pub(crate) struct Extra {
 
 /// Bytes to take from one record to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Move {
+pub(crate) struct RecordByteCopy {
     pub(crate) from: usize,
     pub(crate) to: usize,
     pub(crate) bytes: usize,
@@ -117,32 +117,32 @@ impl Dimension {
     }
 
     /// A column for each of its values; none of bytes that are no numbers.
-    fn columns(&self, at: usize) -> Vec<Column> {
+    fn columns(&self, at: usize) -> Vec<PointColumn> {
         let (kind, options) = (usize::from(self.about[KIND]), self.about[OPTIONS]);
         let Some(kind) = kind.checked_sub(1) else { return Vec::new() };
         let (size, count) = (SIZES[kind % 10], 1 + kind / 10);
         let value = match kind % 10 {
-            8 | 9 => Value::Float(size),
-            kind if kind % 2 == 0 => Value::Unsigned(size),
-            _ => Value::Signed(size),
+            8 | 9 => ColumnEncoding::Float(size),
+            kind if kind % 2 == 0 => ColumnEncoding::Unsigned(size),
+            _ => ColumnEncoding::Signed(size),
         };
-        let number = |at: usize| Bytes(&self.about).f64(at);
+        let number = |at: usize| LasHeaderBytes(&self.about).f64(at);
         let column = |i: usize| {
             let scale = if options & HAS_SCALE > 0 { number(SCALE + 8 * i) } else { 1.0 };
             let offset = if options & HAS_OFFSET > 0 { number(OFFSET + 8 * i) } else { 0.0 };
             let name = if count == 1 { self.name() } else { format!("{}[{i}]", self.name()) };
             let scale = (options & (HAS_SCALE | HAS_OFFSET) > 0).then_some([scale, offset]);
-            Column { name, at: at + size * i, value, scale, none: self.none(i, value) }
+            PointColumn { name, at: at + size * i, value, scale, none: self.none(i, value) }
         };
         (0..count).map(column).collect()
     }
 
     /// The value that stands for none, of one of its values: a whole number of 8 bytes, or a double.
-    fn none(&self, i: usize, value: Value) -> Option<f64> {
-        let word = Bytes(&self.about).u64(NONE + 8 * i);
+    fn none(&self, i: usize, value: ColumnEncoding) -> Option<f64> {
+        let word = LasHeaderBytes(&self.about).u64(NONE + 8 * i);
         let number = match value {
-            Value::Float(_) => f64::from_bits(word),
-            Value::Signed(_) => word.cast_signed() as f64,
+            ColumnEncoding::Float(_) => f64::from_bits(word),
+            ColumnEncoding::Signed(_) => word.cast_signed() as f64,
             _ => word as f64,
         };
         (self.about[OPTIONS] & HAS_NONE > 0).then_some(number)
@@ -158,7 +158,7 @@ impl Dimension {
         let none = |i: usize| {
             let eight = &self.about[NONE + 8 * i..][..8];
             match kind == SINGLES {
-                true => (Bytes(eight).f64(0) as f32).to_le_bytes().to_vec(),
+                true => (LasHeaderBytes(eight).f64(0) as f32).to_le_bytes().to_vec(),
                 false => eight[..each].to_vec(),
             }
         };
@@ -167,7 +167,7 @@ impl Dimension {
 }
 
 fn name(about: &[u8; BYTES]) -> String {
-    Bytes(about).text(NAME.start, NAME.len())
+    LasHeaderBytes(about).text(NAME.start, NAME.len())
 }
 
 /// Bytes of a dimension of a kind; `None` of one that is not known.
@@ -274,9 +274,9 @@ impl Extra {
 
     /// What to take from a record of another file, whose extra bytes are among these; places count from the first
     /// extra byte.
-    pub(crate) fn moves(&self, from: &Self) -> Vec<Move> {
-        let mut moves: Vec<Move> = Vec::new();
-        let mut add = |new: Move| match moves.last_mut() {
+    pub(crate) fn moves(&self, from: &Self) -> Vec<RecordByteCopy> {
+        let mut moves: Vec<RecordByteCopy> = Vec::new();
+        let mut add = |new: RecordByteCopy| match moves.last_mut() {
             Some(last) if last.from + last.bytes == new.from && last.to + last.bytes == new.to => {
                 last.bytes += new.bytes;
             }
@@ -286,12 +286,12 @@ impl Extra {
         for dimension in &from.dimensions {
             let is_it = |known: &Dimension| known.is_named(dimension) && known.is_alike(dimension);
             if let Some(to) = self.place(is_it) {
-                add(Move { from: at, to, bytes: dimension.size });
+                add(RecordByteCopy { from: at, to, bytes: dimension.size });
             }
             at += dimension.size;
         }
         if from.plain > 0 {
-            add(Move { from: at, to: self.bytes() - self.plain, bytes: from.plain });
+            add(RecordByteCopy { from: at, to: self.bytes() - self.plain, bytes: from.plain });
         }
         moves
     }
@@ -314,7 +314,7 @@ impl Extra {
     }
 
     /// Columns of the dimensions, in records where they begin at a byte.
-    pub(crate) fn columns(&self, mut at: usize) -> Vec<Column> {
+    pub(crate) fn columns(&self, mut at: usize) -> Vec<PointColumn> {
         let mut columns = Vec::new();
         for dimension in &self.dimensions {
             columns.extend(dimension.columns(at));
@@ -362,8 +362,11 @@ mod tests {
         let (first, second) = (extra(&[a, b], 3), extra(&[c, a], 10));
         let both = first.clone().and(&second).unwrap();
         assert_eq!((first.bytes(), both.bytes()), (3, 11));
-        assert_eq!(both.moves(&first), [Move { from: 0, to: 0, bytes: 3 }]);
-        let of_second = [Move { from: 0, to: 3, bytes: 8 }, Move { from: 8, to: 0, bytes: 2 }];
+        assert_eq!(both.moves(&first), [RecordByteCopy { from: 0, to: 0, bytes: 3 }]);
+        let of_second = [
+            RecordByteCopy { from: 0, to: 3, bytes: 8 },
+            RecordByteCopy { from: 8, to: 0, bytes: 2 },
+        ];
         assert_eq!(both.moves(&second), of_second);
         assert_eq!(both.filling(), [&[0, 0, 7][..], &[0; 8]].concat());
         assert_eq!(both.described().unwrap(), [a, b, c].concat());
@@ -385,7 +388,7 @@ mod tests {
     #[test]
     fn bytes_that_nothing_describes_are_kept_and_lies_are_told() {
         let bytes = extra(&[described("a", 3, None)], 5);
-        assert_eq!(bytes.moves(&bytes), [Move { from: 0, to: 0, bytes: 5 }]);
+        assert_eq!(bytes.moves(&bytes), [RecordByteCopy { from: 0, to: 0, bytes: 5 }]);
         let mut of_no_kind = described("x", 0, None);
         of_no_kind[OPTIONS] = 3;
         assert_eq!(extra(&[of_no_kind], 3).bytes(), 3);
@@ -432,7 +435,7 @@ mod tests {
             assert_eq!((found.as_slice(), extra.plain, extra.bytes()), (named, plain, 5));
             assert_eq!(notes.len(), usize::from(word.is_some()), "{notes:?}");
             assert!(word.is_none_or(|word| notes[0].contains(word)), "{notes:?}");
-            assert_eq!(extra.moves(&extra), [Move { from: 0, to: 0, bytes: 5 }]);
+            assert_eq!(extra.moves(&extra), [RecordByteCopy { from: 0, to: 0, bytes: 5 }]);
             // What is written is read again, and nothing is to be said of it.
             let again = Extra::of(&extra.described().unwrap_or_default(), 5);
             assert_eq!(again.0, extra);
@@ -449,10 +452,13 @@ mod tests {
         };
         let (one, two) = (extra(&[said(b"one", 3)], 2), extra(&[said(b"two", 3)], 2));
         let both = one.clone().and(&two).unwrap();
-        assert_eq!((&both, both.moves(&two)), (&one, vec![Move { from: 0, to: 0, bytes: 2 }]));
+        assert_eq!(
+            (&both, both.moves(&two)),
+            (&one, vec![RecordByteCopy { from: 0, to: 0, bytes: 2 }])
+        );
         let (twice, _) = Extra::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
         let all = extra(&[described("b", 1, None)], 1).and(&twice).unwrap();
-        assert_eq!(all.moves(&twice), [Move { from: 0, to: 1, bytes: 4 }]);
+        assert_eq!(all.moves(&twice), [RecordByteCopy { from: 0, to: 1, bytes: 4 }]);
         // Kinds of one name are told apart in their order.
         let (other, _) = Extra::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
         assert!(twice.and(&other).is_err());

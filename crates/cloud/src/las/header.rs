@@ -4,7 +4,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-use super::bytes::Bytes;
+use super::bytes::LasHeaderBytes;
 use crate::format::PointFormat;
 
 /// Bytes of the header of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
@@ -14,7 +14,7 @@ pub(super) const MOST_BYTES: u64 = 393;
 
 /// What a LAS file says of itself.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Header {
+pub(crate) struct LasHeader {
     pub(crate) version: [u8; 2],
     /// Number of the file or flight line.
     pub(crate) source: u16,
@@ -48,7 +48,7 @@ pub(crate) struct Header {
     pub(crate) notes: Vec<String>,
 }
 
-impl Header {
+impl LasHeader {
     /// From the first bytes of a file of `len` bytes.
     pub(super) fn parse(head: &[u8], len: u64) -> Result<Self> {
         if !head.starts_with(b"LASF") {
@@ -61,14 +61,14 @@ impl Header {
             ))
             .remedy("copy it again"));
         }
-        let header = Self::read(Bytes(head));
+        let header = Self::read(LasHeaderBytes(head));
         header.check_version()?;
         header.check_layout(len)?;
         header.check_place()?;
         Ok(header)
     }
 
-    fn read(b: Bytes<'_>) -> Self {
+    fn read(b: LasHeaderBytes<'_>) -> Self {
         let triple = |at: usize, step: usize| [0, 1, 2].map(|axis| b.f64(at + step * axis));
         let version = [b.u8(24), b.u8(25)];
         let is_long = version >= [1, 4];
@@ -190,7 +190,7 @@ fn least(format: u8) -> u16 {
 }
 
 /// Points by the wide count of LAS 1.4, or by the narrow one where that is all there is.
-fn count(b: Bytes<'_>, is_long: bool) -> (u64, Vec<String>) {
+fn count(b: LasHeaderBytes<'_>, is_long: bool) -> (u64, Vec<String>) {
     let narrow = u64::from(b.u32(107));
     let wide = if is_long { b.u64(247) } else { narrow };
     match (wide, narrow) {

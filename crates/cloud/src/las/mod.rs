@@ -20,15 +20,15 @@ use terrane_files::RawFile;
 
 pub(super) use self::crs::{IS_WKT, PROJECTION, WKT};
 pub(super) use copc::OCTREE;
-pub(super) use extra::{Extra, Move};
-pub(super) use header::{Header, SIZES};
-pub(super) use read::{Block, Room};
-pub(super) use record::{New, OVERLAP_CLASS, Old, unpacked};
-pub(super) use vlr::Vlr;
+pub(super) use extra::{Extra, RecordByteCopy};
+pub(super) use header::{LasHeader, SIZES};
+pub(super) use read::{LasPointBlock, LasReadBuffers};
+pub(super) use record::{LegacyLasRecord, New, OVERLAP_CLASS, unpacked};
+pub(super) use vlr::VlrHeader;
 
-use self::laz::{Compressor, Layout};
-use super::frame::Claim;
-use parts::Part;
+use self::laz::{Compressor, LazLayout};
+use super::frame::ClaimedExtent;
+use parts::LasPart;
 
 /// Who writes the record without which compressed points cannot be read, and its number.
 pub(super) const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
@@ -39,15 +39,15 @@ pub(super) struct LasFile {
     pub(super) path: PathBuf,
     /// Its length when it was opened.
     pub(super) len: u64,
-    pub(super) header: Header,
-    pub(super) vlrs: Vec<Vlr>,
+    pub(super) header: LasHeader,
+    pub(super) vlrs: Vec<VlrHeader>,
     pub(super) crs: Crs,
     /// What is known of the extra bytes of its points.
     pub(super) extra: Extra,
     /// How points are compressed, if they are.
-    pub(super) layout: Option<Layout>,
+    pub(super) layout: Option<LazLayout>,
     pub(super) is_copc: bool,
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<LasPart>,
     /// What is odd about it.
     pub(super) notes: Vec<String>,
 }
@@ -60,7 +60,7 @@ impl LasFile {
     }
 
     fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
-        let header = Header::parse(&file.head(header::MOST_BYTES)?, file.size())?;
+        let header = LasHeader::parse(&file.head(header::MOST_BYTES)?, file.size())?;
         let mut notes = header.notes.clone();
         let vlrs = vlr::all(file, &header, &mut notes)?;
         let crs = crs::read(file, &vlrs, header.encoding)?;
@@ -68,7 +68,7 @@ impl LasFile {
         let laszip = vlrs.iter().find(|vlr| vlr.is(LASZIP.0, LASZIP.1));
         let layout = match (header.is_compressed, laszip) {
             (false, _) => None,
-            (true, Some(vlr)) => Some(Layout::parse(&vlr.data(file)?, &header)?),
+            (true, Some(vlr)) => Some(LazLayout::parse(&vlr.data(file)?, &header)?),
             (true, None) => {
                 return Err(Error::bad_input(
                     "its points are compressed, and the LASzip record is missing",
@@ -100,9 +100,9 @@ impl LasFile {
     }
 
     /// Where its points are said to lie; `None` without points.
-    pub(super) fn claim(&self) -> Option<Claim> {
-        let Header { scale, offset, low, high, count, .. } = self.header;
-        (count > 0).then(|| Claim::new(scale, offset, low, high))
+    pub(super) fn claim(&self) -> Option<ClaimedExtent> {
+        let LasHeader { scale, offset, low, high, count, .. } = self.header;
+        (count > 0).then(|| ClaimedExtent::new(scale, offset, low, high))
     }
 
     /// The file again, for reading points.
@@ -120,8 +120,8 @@ impl LasFile {
 /// What the records that describe extra bytes say of them; there should be one, and several are read as one.
 fn extra_bytes(
     file: &RawFile,
-    header: &Header,
-    vlrs: &[Vlr],
+    header: &LasHeader,
+    vlrs: &[VlrHeader],
     notes: &mut Vec<String>,
 ) -> Result<Extra> {
     let found: Vec<_> = vlrs.iter().filter(|vlr| vlr.is(extra::USER, extra::NUMBER)).collect();

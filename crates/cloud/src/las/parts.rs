@@ -3,16 +3,16 @@
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 
-use super::copc::Node;
-use super::header::Header;
-use super::laz::{self, Chunk, Layout, Table};
+use super::copc::CopcNode;
+use super::header::LasHeader;
+use super::laz::{self, LazChunk, LazChunkTable, LazLayout};
 
 /// Uncompressed points of a part.
 const PLAIN_POINTS: u64 = 1 << 17;
 
 /// A part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Part {
+pub(crate) struct LasPart {
     /// Number in the file of its first point.
     pub(crate) first: u64,
     /// Points that may be read.
@@ -21,32 +21,32 @@ pub(crate) struct Part {
     pub(crate) lost: u64,
     pub(super) at: u64,
     pub(super) bytes: u64,
-    pub(super) kind: Kind,
+    pub(super) kind: LasPartKind,
     /// World box of an octree's node.
     pub(crate) cube: Option<[[f64; 3]; 2]>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum LasPartKind {
     Plain,
     Chunk,
     Stream,
 }
 
-impl Part {
-    fn new(kind: Kind, first: u64, chunk: Chunk) -> Self {
-        let Chunk { at, bytes, points } = chunk;
+impl LasPart {
+    fn new(kind: LasPartKind, first: u64, chunk: LazChunk) -> Self {
+        let LazChunk { at, bytes, points } = chunk;
         Self { first, points, lost: 0, at, bytes, kind, cube: None }
     }
 }
 
 /// Runs of uncompressed records.
 pub(super) fn plain(
-    header: &Header,
+    header: &LasHeader,
     len: u64,
     salvage: bool,
     notes: &mut Vec<String>,
-) -> Result<Vec<Part>> {
+) -> Result<Vec<LasPart>> {
     let record = u64::from(header.record);
     let there = (len - header.points_at) / record;
     let room = header.points_end(len).saturating_sub(header.points_at) / record;
@@ -58,7 +58,7 @@ pub(super) fn plain(
     let part = |first: u64| {
         let points = PLAIN_POINTS.min(count - first);
         let (at, bytes) = (header.points_at + first * record, points * record);
-        Part::new(Kind::Plain, first, Chunk { at, bytes, points })
+        LasPart::new(LasPartKind::Plain, first, LazChunk { at, bytes, points })
     };
     let parts = (0..count).step_by(PLAIN_POINTS as usize).map(part).collect();
     Ok(with_lost(parts, header.count))
@@ -89,10 +89,13 @@ fn more(claimed: u64, there: u64, salvage: bool) -> Result<Option<String>> {
 }
 
 /// The nodes of an octree.
-pub(super) fn octree(nodes: Vec<Node>) -> Vec<Part> {
+pub(super) fn octree(nodes: Vec<CopcNode>) -> Vec<LasPart> {
     let mut first = 0;
-    let part = |node: Node| {
-        let part = Part { cube: Some(node.cube), ..Part::new(Kind::Chunk, first, node.chunk) };
+    let part = |node: CopcNode| {
+        let part = LasPart {
+            cube: Some(node.cube),
+            ..LasPart::new(LasPartKind::Chunk, first, node.chunk)
+        };
         first += node.chunk.points;
         part
     };
@@ -102,21 +105,21 @@ pub(super) fn octree(nodes: Vec<Node>) -> Vec<Part> {
 /// Compressed chunks, or one stream.
 pub(super) fn packed(
     file: &RawFile,
-    header: &Header,
-    layout: &Layout,
+    header: &LasHeader,
+    layout: &LazLayout,
     salvage: bool,
     notes: &mut Vec<String>,
-) -> Result<Vec<Part>> {
+) -> Result<Vec<LasPart>> {
     let (table, found) = laz::table(file, header, layout, salvage)?;
     notes.extend(found.note);
     notes.extend(more(header.count, header.count + found.more, salvage)?);
     let parts = match table {
-        Table::Stream(chunk) if chunk.points == 0 => Vec::new(),
-        Table::Stream(chunk) => vec![Part::new(Kind::Stream, 0, chunk)],
-        Table::Chunks(chunks) => {
+        LazChunkTable::Stream(chunk) if chunk.points == 0 => Vec::new(),
+        LazChunkTable::Stream(chunk) => vec![LasPart::new(LasPartKind::Stream, 0, chunk)],
+        LazChunkTable::Chunks(chunks) => {
             let mut first = 0;
-            let part = |chunk: Chunk| {
-                let part = Part::new(Kind::Chunk, first, chunk);
+            let part = |chunk: LazChunk| {
+                let part = LasPart::new(LasPartKind::Chunk, first, chunk);
                 first += chunk.points;
                 part
             };
@@ -131,14 +134,15 @@ pub(super) fn packed(
 }
 
 /// The parts, the last of which knows what is missing to `claimed`.
-fn with_lost(mut parts: Vec<Part>, claimed: u64) -> Vec<Part> {
+fn with_lost(mut parts: Vec<LasPart>, claimed: u64) -> Vec<LasPart> {
     let there: u64 = parts.iter().map(|part| part.points).sum();
     let lost = claimed.saturating_sub(there);
     match parts.last_mut() {
         Some(last) => last.lost = lost,
         None if lost > 0 => {
-            let nothing = Part::new(Kind::Plain, 0, Chunk { at: 0, bytes: 0, points: 0 });
-            parts.push(Part { lost, ..nothing });
+            let nothing =
+                LasPart::new(LasPartKind::Plain, 0, LazChunk { at: 0, bytes: 0, points: 0 });
+            parts.push(LasPart { lost, ..nothing });
         }
         None => {}
     }

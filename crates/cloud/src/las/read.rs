@@ -2,9 +2,9 @@
 
 use super::LasFile;
 use super::laz::Unpacker;
-use super::parts::{Kind, Part};
-use crate::frame::Claim;
-use crate::lazip::{Fields, Wanted};
+use super::parts::{LasPart, LasPartKind};
+use crate::frame::ClaimedExtent;
+use crate::lazip::{DecodedFields, FieldSelection};
 use terrane_base::error::{Error, Result};
 
 /// Bytes of records that are read at a time: they and their points stay in the cache.
@@ -12,7 +12,7 @@ const BLOCK_BYTES: u64 = 1 << 18;
 
 /// Room that a thread keeps for reading.
 #[derive(Default)]
-pub(crate) struct Room {
+pub(crate) struct LasReadBuffers {
     /// As in the file.
     bytes: Vec<u8>,
     unpacker: Unpacker,
@@ -20,16 +20,16 @@ pub(crate) struct Room {
 
 /// Points that are handed on together.
 #[derive(Clone, Copy)]
-pub(crate) enum Block<'a> {
+pub(crate) enum LasPointBlock<'a> {
     /// Whole records.
     Records(&'a [u8]),
     /// The fields that were wanted.
-    Fields(&'a Fields),
+    Fields(&'a DecodedFields),
 }
 
-impl<'a> Block<'a> {
+impl<'a> LasPointBlock<'a> {
     /// What was decompressed, as it was wanted.
-    fn new(fields: &'a Fields, wanted: Wanted) -> Self {
+    fn new(fields: &'a DecodedFields, wanted: FieldSelection) -> Self {
         match wanted.records {
             true => Self::Records(&fields.records),
             false => Self::Fields(fields),
@@ -38,7 +38,7 @@ impl<'a> Block<'a> {
 }
 
 /// What takes points: the number of the first one, and the points.
-type Each<'a> = dyn FnMut(u64, Block<'_>) -> Result<()> + 'a;
+type Each<'a> = dyn FnMut(u64, LasPointBlock<'_>) -> Result<()> + 'a;
 
 impl LasFile {
     /// Hands on the points of a part, as whole records if those are wanted or if they are not compressed;
@@ -51,20 +51,25 @@ impl LasFile {
     pub(crate) fn records(
         &self,
         part: usize,
-        wanted: Wanted,
+        wanted: FieldSelection,
         salvage: bool,
-        room: &mut Room,
+        room: &mut LasReadBuffers,
         each: &mut Each<'_>,
     ) -> Result<u64> {
         let found = &self.parts[part];
         let lost = match found.kind {
-            Kind::Plain => self.read_plain(found, room, each).map(|()| 0),
+            LasPartKind::Plain => self.read_plain(found, room, each).map(|()| 0),
             _ => self.read_packed(part, wanted, salvage, room, each),
         };
         Ok(lost.map_err(|e| e.in_file(&self.path))? + found.lost)
     }
 
-    fn read_plain(&self, part: &Part, room: &mut Room, each: &mut Each<'_>) -> Result<()> {
+    fn read_plain(
+        &self,
+        part: &LasPart,
+        room: &mut LasReadBuffers,
+        each: &mut Each<'_>,
+    ) -> Result<()> {
         let (file, record) = (self.reopen()?, u64::from(self.header.record));
         let step = (BLOCK_BYTES / record).max(1);
         for first in (0..part.points).step_by(step as usize) {
@@ -72,7 +77,7 @@ impl LasFile {
             room.bytes.resize(room.bytes.len().max(bytes as usize), 0);
             let block = &mut room.bytes[..bytes as usize];
             file.read_at(part.at + first * record, block)?;
-            each(part.first + first, Block::Records(block))?;
+            each(part.first + first, LasPointBlock::Records(block))?;
         }
         Ok(())
     }
@@ -80,19 +85,19 @@ impl LasFile {
     fn read_packed(
         &self,
         number: usize,
-        wanted: Wanted,
+        wanted: FieldSelection,
         salvage: bool,
-        room: &mut Room,
+        room: &mut LasReadBuffers,
         each: &mut Each<'_>,
     ) -> Result<u64> {
         let (Some(layout), part) = (&self.layout, self.parts[number]) else { return Ok(0) };
-        let (file, Room { bytes, unpacker }) = (self.reopen()?, room);
-        if part.kind == Kind::Chunk {
+        let (file, LasReadBuffers { bytes, unpacker }) = (self.reopen()?, room);
+        if part.kind == LasPartKind::Chunk {
             bytes.resize(terrane_files::to_usize("chunk", part.bytes)?, 0);
             file.read_at(part.at, bytes)?;
         }
-        let mut unpack = |each: &mut dyn FnMut(&Fields) -> Result<()>| match part.kind {
-            Kind::Stream => {
+        let mut unpack = |each: &mut dyn FnMut(&DecodedFields) -> Result<()>| match part.kind {
+            LasPartKind::Stream => {
                 let found = unpacker.stream(layout, (&file, part.at), part.points, wanted, each)?;
                 Ok(found.map(drop))
             }
@@ -112,7 +117,7 @@ impl LasFile {
         let decoded = unpack(&mut |fields| {
             let first = next;
             next += fields.len() as u64;
-            each(first, Block::new(fields, wanted))
+            each(first, LasPointBlock::new(fields, wanted))
         })?;
         let Err(what) = decoded else { return Ok(0) };
         let last = part.first + part.points - 1;
@@ -122,19 +127,19 @@ impl LasFile {
     }
 
     /// Where points of a part may lie: in the bounds claimed, and in the cube of an octree's node.
-    fn reach(&self, part: &Part) -> Option<Claim> {
+    fn reach(&self, part: &LasPart) -> Option<ClaimedExtent> {
         let claim = self.claim()?;
         let Some([low, high]) = part.cube else { return Some(claim) };
-        let cube = Claim::new(claim.scale, claim.offset, low, high);
+        let cube = ClaimedExtent::new(claim.scale, claim.offset, low, high);
         // Points are rounded to steps.
         let low = std::array::from_fn(|i| claim.low[i].max(cube.low[i].saturating_sub(1)));
         let high = std::array::from_fn(|i| claim.high[i].min(cube.high[i].saturating_add(1)));
-        Some(Claim { low, high, ..claim })
+        Some(ClaimedExtent { low, high, ..claim })
     }
 }
 
 /// Whether all points may be what they are: within `reach`, and no return behind the last one.
-fn can_be(fields: &Fields, reach: &Option<Claim>) -> bool {
+fn can_be(fields: &DecodedFields, reach: &Option<ClaimedExtent>) -> bool {
     let within = |place: &[i32; 3]| reach.is_some_and(|reach| reach.holds(*place));
     let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;
     fields.places.iter().all(within) && fields.returns.iter().all(returned)

@@ -1,17 +1,17 @@
 //! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or as they were decompressed.
 
-use crate::lazip::Fields;
+use crate::lazip::DecodedFields;
 use crate::raw::{Flags, Raw};
 
 /// A record of formats 0 to 5.
 #[derive(Clone, Copy)]
-pub(crate) struct Old<'a>(&'a [u8; 16]);
+pub(crate) struct LegacyLasRecord<'a>(&'a [u8; 16]);
 
 /// A record of formats 6 to 10.
 #[derive(Clone, Copy)]
 pub(crate) struct New<'a>(&'a [u8; 17]);
 
-impl<'a> Old<'a> {
+impl<'a> LegacyLasRecord<'a> {
     /// From a whole record.
     #[inline(always)]
     pub(crate) fn of(record: &'a [u8]) -> Self {
@@ -41,7 +41,7 @@ fn xyz(bytes: &[u8]) -> [i32; 3] {
     [fours[0], fours[1], fours[2]].map(i32::from_le_bytes)
 }
 
-impl Raw for Old<'_> {
+impl Raw for LegacyLasRecord<'_> {
     #[inline(always)]
     fn xyz(self) -> [i32; 3] {
         xyz(&self.0[..12])
@@ -87,7 +87,7 @@ impl Raw for New<'_> {
 
 /// A decompressed point, of formats 6 to 10 if it is `NEW`.
 #[derive(Clone, Copy)]
-pub(crate) struct Unpacked<const NEW: bool> {
+pub(crate) struct UnpackedLasPoint<const NEW: bool> {
     place: [i32; 3],
     class: u8,
     returns: u8,
@@ -96,10 +96,10 @@ pub(crate) struct Unpacked<const NEW: bool> {
 
 /// Decompressed points.
 pub(crate) fn unpacked<const NEW: bool>(
-    fields: &Fields,
-) -> impl ExactSizeIterator<Item = Unpacked<NEW>> + Clone {
+    fields: &DecodedFields,
+) -> impl ExactSizeIterator<Item = UnpackedLasPoint<NEW>> + Clone {
     let bytes = fields.classes.iter().zip(&fields.returns).zip(&fields.flags);
-    fields.places.iter().zip(bytes).map(|(place, ((class, returns), flags))| Unpacked {
+    fields.places.iter().zip(bytes).map(|(place, ((class, returns), flags))| UnpackedLasPoint {
         place: *place,
         class: *class,
         returns: *returns,
@@ -107,7 +107,7 @@ pub(crate) fn unpacked<const NEW: bool>(
     })
 }
 
-impl<const NEW: bool> Raw for Unpacked<NEW> {
+impl<const NEW: bool> Raw for UnpackedLasPoint<NEW> {
     #[inline(always)]
     fn xyz(self) -> [i32; 3] {
         self.place

@@ -4,8 +4,8 @@ use terrane_base::error::Result;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use super::bytes::Bytes;
-use super::header::Header;
+use super::bytes::LasHeaderBytes;
+use super::header::LasHeader;
 
 /// Bytes before a record's data, in front of the points and behind them.
 const HEADS: [u64; 2] = [54, 60];
@@ -14,7 +14,7 @@ const NAMES: [&str; 2] = ["variable length records", "extended variable length r
 
 /// A record, its data not read yet.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Vlr {
+pub(crate) struct VlrHeader {
     pub(crate) user: String,
     pub(crate) id: u16,
     pub(crate) description: String,
@@ -23,7 +23,7 @@ pub(crate) struct Vlr {
     pub(crate) bytes: u64,
 }
 
-impl Vlr {
+impl VlrHeader {
     /// True for the record of this name.
     pub(crate) fn is(&self, user: &str, id: u16) -> bool {
         self.user == user && self.id == id
@@ -39,16 +39,21 @@ impl Vlr {
 /// All records, those before the points first. Records that do not lie where they may are left out
 /// with all that follow, and told in a note: they place no point, but for those that `laz` and `copc`
 /// files cannot do without.
-pub(super) fn all(file: &RawFile, header: &Header, notes: &mut Vec<String>) -> Result<Vec<Vlr>> {
+pub(super) fn all(
+    file: &RawFile,
+    header: &LasHeader,
+    notes: &mut Vec<String>,
+) -> Result<Vec<VlrHeader>> {
     let mut found = Vec::new();
-    let front = Run { at: header.size.into(), end: header.points_at, count: header.vlrs, kind: 0 };
+    let front =
+        VlrSequence { at: header.size.into(), end: header.points_at, count: header.vlrs, kind: 0 };
     front.read(file, &mut found, notes)?;
     let least = header.behind(file.size());
     match header.evlrs {
         0 => {}
         _ if header.evlrs_at < least => notes.push(misplaced(header, least)),
         count => {
-            let behind = Run { at: header.evlrs_at, end: file.size(), count, kind: 1 };
+            let behind = VlrSequence { at: header.evlrs_at, end: file.size(), count, kind: 1 };
             behind.read(file, &mut found, notes)?;
         }
     }
@@ -56,7 +61,7 @@ pub(super) fn all(file: &RawFile, header: &Header, notes: &mut Vec<String>) -> R
 }
 
 /// What is to be said of records that are said to begin before `least`, where points end.
-fn misplaced(header: &Header, least: u64) -> String {
+fn misplaced(header: &LasHeader, least: u64) -> String {
     let at = header.evlrs_at;
     let place = match at < header.points_at {
         true => format!("in the header and its records, which end at {}", header.points_at),
@@ -69,7 +74,7 @@ fn misplaced(header: &Header, least: u64) -> String {
 }
 
 /// Records one after the other.
-struct Run {
+struct VlrSequence {
     at: u64,
     end: u64,
     count: u32,
@@ -77,9 +82,14 @@ struct Run {
     kind: usize,
 }
 
-impl Run {
+impl VlrSequence {
     /// Each record takes bytes of the file, so their number is bounded by its length.
-    fn read(self, file: &RawFile, found: &mut Vec<Vlr>, notes: &mut Vec<String>) -> Result<()> {
+    fn read(
+        self,
+        file: &RawFile,
+        found: &mut Vec<VlrHeader>,
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
         let (mut at, head) = (self.at, HEADS[self.kind]);
         for number in 0..self.count {
             let data = at.saturating_add(head);
@@ -105,13 +115,13 @@ impl Run {
         Ok(())
     }
 
-    fn parse(&self, head: &[u8], at: u64) -> Vlr {
-        let b = Bytes(head);
+    fn parse(&self, head: &[u8], at: u64) -> VlrHeader {
+        let b = LasHeaderBytes(head);
         let (bytes, description) = match self.kind {
             0 => (u64::from(b.u16(20)), b.text(22, 32)),
             _ => (b.u64(20), b.text(28, 32)),
         };
-        Vlr { user: b.text(2, 16), id: b.u16(18), description, at, bytes }
+        VlrHeader { user: b.text(2, 16), id: b.u16(18), description, at, bytes }
     }
 
     fn name(&self) -> &'static str {

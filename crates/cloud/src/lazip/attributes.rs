@@ -3,8 +3,8 @@
 
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
-use super::model::Model;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
 use super::point::RECORD;
 use super::returns::Returns;
 use super::streams::RestStreams;
@@ -13,7 +13,7 @@ use super::trace::Trace;
 
 /// Everything learnt of a channel, beside what the columns hold. A field whose
 /// stream is absent stays as it was.
-pub(super) struct Attributes {
+pub(super) struct AttributeContext {
     /// Whether the chunk had a point of this channel.
     is_used: bool,
     intensity: u16,
@@ -25,12 +25,12 @@ pub(super) struct Attributes {
     intensities: [u16; 8],
     intensity_steps: Integer<4>,
     angle_steps: Integer<2>,
-    users: [Model<16>; 64],
+    users: [ArithmeticModel<16>; 64],
     source_steps: Integer<1>,
     times: Time,
 }
 
-impl Attributes {
+impl AttributeContext {
     /// A channel without a point.
     fn new() -> Self {
         Self {
@@ -43,7 +43,7 @@ impl Attributes {
             intensities: [0; 8],
             intensity_steps: Integer::new(16),
             angle_steps: Integer::new(16),
-            users: [const { Model::new() }; 64],
+            users: [const { ArithmeticModel::new() }; 64],
             source_steps: Integer::new(16),
             times: Time::new(),
         }
@@ -60,14 +60,19 @@ impl Attributes {
         self.intensities = [self.intensity; 8];
         self.intensity_steps.clear();
         self.angle_steps.clear();
-        self.users.iter_mut().for_each(Model::clear);
+        self.users.iter_mut().for_each(ArithmeticModel::clear);
         self.source_steps.clear();
         self.times.clear();
     }
 
     /// Takes in the next point.
     #[inline(always)]
-    fn next<M: Machine>(&mut self, streams: &mut RestStreams<M>, trace: Trace, returns: Returns) {
+    fn next<M: InstructionSet>(
+        &mut self,
+        streams: &mut RestStreams<M>,
+        trace: Trace,
+        returns: Returns,
+    ) {
         if let Some(coder) = &mut streams.intensities {
             self.next_intensity(coder, trace, returns);
         }
@@ -94,7 +99,12 @@ impl Attributes {
     }
 
     #[inline(always)]
-    fn next_intensity<M: Machine>(&mut self, coder: &mut Coder<M>, trace: Trace, returns: Returns) {
+    fn next_intensity<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        trace: Trace,
+        returns: Returns,
+    ) {
         let place = usize::from(returns.is_first()) << 1 | usize::from(returns.is_last());
         let step = self.intensity_steps.next(coder, place).0;
         let last = &mut self.intensities[place << 1 | usize::from(trace.is_later())];
@@ -115,7 +125,7 @@ impl Attributes {
 
 /// The attributes of all channels. They are large: made once per thread, used again and again.
 pub(super) struct Heads {
-    channels: Box<[Attributes; 4]>,
+    channels: Box<[AttributeContext; 4]>,
     current: usize,
 }
 
@@ -123,7 +133,7 @@ impl Heads {
     #[cold]
     #[inline(never)]
     pub(super) fn new() -> Self {
-        let channels: Vec<_> = (0..4).map(|_| Attributes::new()).collect();
+        let channels: Vec<_> = (0..4).map(|_| AttributeContext::new()).collect();
         let channels = channels.into_boxed_slice().try_into();
         Self { channels: channels.unwrap_or_else(|_| unreachable!()), current: 0 }
     }
@@ -137,7 +147,7 @@ impl Heads {
 
     /// Takes in the next point, and puts what it has to its record.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(
+    pub(super) fn next<M: InstructionSet>(
         &mut self,
         streams: &mut RestStreams<M>,
         trace: Trace,

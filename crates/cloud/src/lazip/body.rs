@@ -1,29 +1,29 @@
 //! The parts of a layered chunk: the first record, how many points there are, and the layers.
 
-use super::chunk::{Chunk, Damage, Layer};
+use super::chunk::{CompressedChunk, Damage, LazLayer};
 use super::coder::Coder;
-use super::fields::Wanted;
-use super::machine::Plain;
+use super::fields::FieldSelection;
+use super::machine::PortableInstructions;
 use super::point::RECORD;
-use super::schema::Layers;
+use super::schema::LayeredSchema;
 use super::streams::{RestStreams, Streams};
 
 /// Layers of the part of a record that all formats share.
 const SHARED: usize = 9;
 
 /// The parts of a chunk.
-pub(super) struct Body<'a> {
+pub(super) struct LayeredChunk<'a> {
     /// The first record.
     pub(super) record: &'a [u8],
     /// The layers of the part that all formats share.
     shared: [&'a [u8]; SHARED],
     /// Those of what follows it.
-    tails: Split<'a>,
+    tails: LayerSplitter<'a>,
 }
 
-impl<'a> Body<'a> {
+impl<'a> LayeredChunk<'a> {
     /// Takes a chunk apart.
-    pub(super) fn new(chunk: Chunk<'a>, layers: &Layers) -> Result<Self, Damage> {
+    pub(super) fn new(chunk: CompressedChunk<'a>, layers: &LayeredSchema) -> Result<Self, Damage> {
         let split = |bytes: &'a [u8], at| bytes.split_at_checked(at).ok_or(Damage::Short);
         let (record, rest) = split(chunk.bytes, RECORD + layers.bytes)?;
         let (held, rest) = rest.split_first_chunk().ok_or(Damage::Short)?;
@@ -32,7 +32,7 @@ impl<'a> Body<'a> {
             return Err(Damage::Count(held));
         }
         let (sizes, bytes) = split(rest, 4 * (SHARED + layers.layers.len()))?;
-        let (mut layers, mut shared) = (Split { sizes, bytes }, [&[][..]; SHARED]);
+        let (mut layers, mut shared) = (LayerSplitter { sizes, bytes }, [&[][..]; SHARED]);
         for layer in &mut shared {
             *layer = layers.next()?;
         }
@@ -40,42 +40,48 @@ impl<'a> Body<'a> {
     }
 
     /// The wanted streams.
-    pub(super) fn streams(&self, wanted: Wanted) -> Result<Streams<'a, Plain>, Damage> {
+    pub(super) fn streams(
+        &self,
+        wanted: FieldSelection,
+    ) -> Result<Streams<'a, PortableInstructions>, Damage> {
         let open = |layer, is_wanted| match is_wanted || wanted.records {
             true => self.open(layer),
             false => Ok(None),
         };
         Ok(Streams {
-            places: open(Layer::Places, true)?.ok_or(Damage::Layer(Layer::Places))?,
-            heights: open(Layer::Heights, wanted.z)?,
-            classes: open(Layer::Classes, wanted.class)?,
-            flags: open(Layer::Flags, wanted.flags)?,
+            places: open(LazLayer::Places, true)?.ok_or(Damage::Layer(LazLayer::Places))?,
+            heights: open(LazLayer::Heights, wanted.z)?,
+            classes: open(LazLayer::Classes, wanted.class)?,
+            flags: open(LazLayer::Flags, wanted.flags)?,
         })
     }
 
     /// The streams that only whole records need.
-    pub(super) fn rest(mut self, layers: &Layers) -> Result<RestStreams<'a, Plain>, Damage> {
+    pub(super) fn rest(
+        mut self,
+        layers: &LayeredSchema,
+    ) -> Result<RestStreams<'a, PortableInstructions>, Damage> {
         let mut tails = Vec::with_capacity(layers.layers.len());
         for &layer in &layers.layers {
             tails.push((layer, open(layer, self.tails.next()?)?));
         }
         Ok(RestStreams {
-            intensities: self.open(Layer::Intensities)?,
-            angles: self.open(Layer::Angles)?,
-            user_data: self.open(Layer::UserData)?,
-            sources: self.open(Layer::Sources)?,
-            times: self.open(Layer::Times)?,
+            intensities: self.open(LazLayer::Intensities)?,
+            angles: self.open(LazLayer::Angles)?,
+            user_data: self.open(LazLayer::UserData)?,
+            sources: self.open(LazLayer::Sources)?,
+            times: self.open(LazLayer::Times)?,
             tails,
         })
     }
 
-    fn open(&self, layer: Layer) -> Result<Option<Coder<'a, Plain>>, Damage> {
+    fn open(&self, layer: LazLayer) -> Result<Option<Coder<'a, PortableInstructions>>, Damage> {
         open(layer, self.shared[layer as usize])
     }
 }
 
 /// A layer's stream. A layer of no bytes stands for a field that is as in the first point.
-fn open(layer: Layer, bytes: &[u8]) -> Result<Option<Coder<'_, Plain>>, Damage> {
+fn open(layer: LazLayer, bytes: &[u8]) -> Result<Option<Coder<'_, PortableInstructions>>, Damage> {
     match bytes {
         [] => Ok(None),
         _ => Coder::new(bytes).map(Some).ok_or(Damage::Layer(layer)),
@@ -83,13 +89,13 @@ fn open(layer: Layer, bytes: &[u8]) -> Result<Option<Coder<'_, Plain>>, Damage> 
 }
 
 /// Layers that are still to be split off.
-struct Split<'a> {
+struct LayerSplitter<'a> {
     /// Four bytes each.
     sizes: &'a [u8],
     bytes: &'a [u8],
 }
 
-impl<'a> Split<'a> {
+impl<'a> LayerSplitter<'a> {
     fn next(&mut self) -> Result<&'a [u8], Damage> {
         let (size, sizes) = self.sizes.split_first_chunk().ok_or(Damage::Short)?;
         let size = u32::from_le_bytes(*size) as usize;

@@ -1,7 +1,7 @@
 //! What is learnt of each of the four scanner channels.
 
 /// What is learnt of a channel.
-pub(super) trait State {
+pub(super) trait ChannelContext {
     /// What a new channel takes over from the point before it.
     type Last;
 
@@ -13,13 +13,13 @@ pub(super) trait State {
 }
 
 /// Four channels. They are large: made once per thread, used again and again.
-pub(super) struct Channels<S> {
+pub(super) struct ChannelContexts<S> {
     channels: Box<[S; 4]>,
     /// Whether the chunk had a point of a channel.
     is_used: [bool; 4],
 }
 
-impl<S: State> Channels<S> {
+impl<S: ChannelContext> ChannelContexts<S> {
     /// Channels without a point.
     pub(super) fn new() -> Self {
         let channels: Vec<_> = (0..4).map(|_| S::new()).collect();

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A compressed chunk.
 #[derive(Clone, Copy, Debug)]
-pub struct Chunk<'a> {
+pub struct CompressedChunk<'a> {
     /// Its bytes, from the record of the first point on; bytes that follow are passed over.
     pub bytes: &'a [u8],
     /// How many points to decode.
@@ -13,7 +13,7 @@ pub struct Chunk<'a> {
 
 /// A stream within a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layer {
+pub enum LazLayer {
     /// x, y, return numbers, scanner channel.
     Places,
     /// z.
@@ -44,7 +44,7 @@ pub enum Layer {
     Records,
 }
 
-impl fmt::Display for Layer {
+impl fmt::Display for LazLayer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Places => "places and returns",
@@ -73,7 +73,7 @@ pub enum Damage {
     /// The chunk says that it holds fewer points than asked for: this many.
     Count(u32),
     /// A stream does not end with its last point, or holds what no encoder writes.
-    Layer(Layer),
+    Layer(LazLayer),
 }
 
 impl fmt::Display for Damage {

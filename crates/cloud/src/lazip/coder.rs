@@ -1,7 +1,7 @@
 //! The arithmetic decoder: one stream of bytes, read without a branch per symbol.
 
-use super::machine::Machine;
-use super::model::{Bit, Model};
+use super::machine::InstructionSet;
+use super::model::{ArithmeticModel, Bit};
 use std::marker::PhantomData;
 
 /// Bits of the interval that an adaptive model divides.
@@ -28,7 +28,7 @@ pub(super) struct Coder<'a, M> {
     machine: PhantomData<M>,
 }
 
-impl<'a, M: Machine> Coder<'a, M> {
+impl<'a, M: InstructionSet> Coder<'a, M> {
     /// Starts on a stream; `None` when no encoder begins one like this.
     pub(super) fn new(bytes: &'a [u8]) -> Option<Self> {
         let (value, rest) = bytes.split_first_chunk()?;
@@ -39,7 +39,7 @@ impl<'a, M: Machine> Coder<'a, M> {
     }
 
     /// The same, for another machine.
-    pub(super) fn on<N: Machine>(self) -> Coder<'a, N> {
+    pub(super) fn on<N: InstructionSet>(self) -> Coder<'a, N> {
         let Self { rest, beyond, value, length, excess, .. } = self;
         Coder { rest, beyond, value, length, excess, machine: PhantomData }
     }
@@ -84,7 +84,7 @@ impl<'a, M: Machine> Coder<'a, M> {
 
     /// The next symbol of an adaptive model.
     #[inline(always)]
-    pub(super) fn symbol<const B: usize>(&mut self, model: &mut Model<B>) -> usize {
+    pub(super) fn symbol<const B: usize>(&mut self, model: &mut ArithmeticModel<B>) -> usize {
         let step = self.length >> MODEL_BITS;
         let found = model.find::<M>(self.value / step);
         let low = found.low * step;

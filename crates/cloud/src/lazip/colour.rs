@@ -3,18 +3,18 @@
 
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
-use super::model::Model;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
 
 /// A colour of the first version.
 pub(super) struct OldColour {
-    changes: Model<4>,
+    changes: ArithmeticModel<4>,
     byte: Integer<6>,
 }
 
 impl OldColour {
     pub(super) fn new() -> Self {
-        Self { changes: Model::new(), byte: Integer::new(8) }
+        Self { changes: ArithmeticModel::new(), byte: Integer::new(8) }
     }
 
     /// Forgets everything.
@@ -25,7 +25,7 @@ impl OldColour {
 
     /// Makes the last colour the next one.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
         let changes = coder.symbol(self.changes.ready(64));
         for (number, byte) in colour.iter_mut().enumerate() {
             if changes >> number & 1 != 0 {
@@ -37,8 +37,8 @@ impl OldColour {
 
 /// A colour of the second version and of layered chunks.
 pub(super) struct Colour {
-    changes: Model<8>,
-    bytes: [Model<16>; 6],
+    changes: ArithmeticModel<8>,
+    bytes: [ArithmeticModel<16>; 6],
 }
 
 impl Colour {
@@ -46,18 +46,18 @@ impl Colour {
     const COLOURED: usize = 1 << 6;
 
     pub(super) fn new() -> Self {
-        Self { changes: Model::new(), bytes: [const { Model::new() }; 6] }
+        Self { changes: ArithmeticModel::new(), bytes: [const { ArithmeticModel::new() }; 6] }
     }
 
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         self.changes.clear();
-        self.bytes.iter_mut().for_each(Model::clear);
+        self.bytes.iter_mut().for_each(ArithmeticModel::clear);
     }
 
     /// Makes the last colour the next one.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
         let changes = coder.symbol(self.changes.ready(128));
         let last = colour.map(i32::from);
         let mut read = |byte: usize, expected: i32| match changes >> byte & 1 {
@@ -84,24 +84,24 @@ impl Colour {
 
 /// Near infrared.
 pub(super) struct Infrared {
-    changes: Model<1>,
-    bytes: [Model<16>; 2],
+    changes: ArithmeticModel<1>,
+    bytes: [ArithmeticModel<16>; 2],
 }
 
 impl Infrared {
     pub(super) fn new() -> Self {
-        Self { changes: Model::new(), bytes: [const { Model::new() }; 2] }
+        Self { changes: ArithmeticModel::new(), bytes: [const { ArithmeticModel::new() }; 2] }
     }
 
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         self.changes.clear();
-        self.bytes.iter_mut().for_each(Model::clear);
+        self.bytes.iter_mut().for_each(ArithmeticModel::clear);
     }
 
     /// Makes the last value the next one.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, value: &mut [u8; 2]) {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, value: &mut [u8; 2]) {
         let changes = coder.symbol(self.changes.ready(4));
         for ((number, byte), model) in value.iter_mut().enumerate().zip(&mut self.bytes) {
             if changes >> number & 1 != 0 {

@@ -1,11 +1,11 @@
 //! Fields of points, and the choice of those that are decoded.
 
-use super::point::Point;
+use super::point::LazPoint;
 
 /// Which fields to decode besides x, y and the return numbers. Those left out cost nothing where
 /// fields are layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
+pub struct FieldSelection {
     /// The height.
     pub z: bool,
     /// The class.
@@ -16,7 +16,7 @@ pub struct Wanted {
     pub records: bool,
 }
 
-impl Wanted {
+impl FieldSelection {
     /// Every field that has a column of its own.
     pub const ALL: Self = Self { z: true, class: true, flags: true, records: false };
     /// Whole records, and every field that has a column of its own.
@@ -25,7 +25,7 @@ impl Wanted {
 
 /// Fields of points, an element per point; those that are not wanted hold no meaning.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Fields {
+pub struct DecodedFields {
     /// x, y, z as stored.
     pub places: Vec<[i32; 3]>,
     /// Classes.
@@ -39,14 +39,14 @@ pub struct Fields {
     pub records: Vec<u8>,
 }
 
-/// How much of [`Fields`] was there.
+/// How much of [`DecodedFields`] was there.
 #[derive(Clone, Copy)]
-pub(super) struct Mark {
+pub(super) struct DecodedLength {
     points: usize,
     bytes: usize,
 }
 
-impl Fields {
+impl DecodedFields {
     /// How many points there are.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -59,14 +59,14 @@ impl Fields {
 
     /// Removes all points, and keeps their room.
     pub fn clear(&mut self) {
-        self.truncate(Mark { points: 0, bytes: 0 });
+        self.truncate(DecodedLength { points: 0, bytes: 0 });
     }
 
-    pub(super) fn mark(&self) -> Mark {
-        Mark { points: self.len(), bytes: self.records.len() }
+    pub(super) fn mark(&self) -> DecodedLength {
+        DecodedLength { points: self.len(), bytes: self.records.len() }
     }
 
-    pub(super) fn truncate(&mut self, Mark { points, bytes }: Mark) {
+    pub(super) fn truncate(&mut self, DecodedLength { points, bytes }: DecodedLength) {
         self.places.truncate(points);
         self.classes.truncate(points);
         self.returns.truncate(points);
@@ -92,7 +92,7 @@ impl Fields {
     }
 
     #[inline(always)]
-    pub(super) fn push(&mut self, point: &Point) {
+    pub(super) fn push(&mut self, point: &LazPoint) {
         self.places.push(point.place);
         self.classes.push(point.class);
         self.returns.push(point.returns.0);

@@ -1,47 +1,47 @@
 //! What follows the point in records, item by item. Each is told by what it was in the last record, whose
 //! bytes are made those of the next.
 
-use super::chunk::Layer;
+use super::chunk::LazLayer;
 use super::coder::Coder;
 use super::colour::{Colour, Infrared, OldColour};
-use super::machine::Machine;
-use super::model::Model;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
 use super::packet::{PACKET, Packet};
-use super::schema::Item;
+use super::schema::LaszipItem;
 use super::time::{OldTime, Time};
 use std::mem;
 
 /// What is learnt of an item.
-pub(super) enum Follow {
+pub(super) enum ItemContext {
     OldTime(Box<OldTime>),
     Time(Box<Time>),
     OldColour(Box<OldColour>),
     Colour(Box<Colour>),
     Infrared(Box<Infrared>),
     Packet(Box<Packet>),
-    Bytes(Vec<Model<16>>),
+    Bytes(Vec<ArithmeticModel<16>>),
 }
 
-impl Follow {
+impl ItemContext {
     /// Nothing, of an item that is known.
-    pub(super) fn new(item: &Item) -> Self {
+    pub(super) fn new(item: &LaszipItem) -> Self {
         match (item.kind, item.version) {
             (7, 1) => Self::OldTime(Box::new(OldTime::new())),
             (7, _) => Self::Time(Box::new(Time::new())),
             (8, 1) => Self::OldColour(Box::new(OldColour::new())),
             (8, _) => Self::Colour(Box::new(Colour::new())),
             (9, _) => Self::Packet(Box::new(Packet::new())),
-            _ => Self::Bytes(vec![Model::new(); usize::from(item.size)]),
+            _ => Self::Bytes(vec![ArithmeticModel::new(); usize::from(item.size)]),
         }
     }
 
     /// Nothing, of what a layer holds; one of extra bytes has a byte of each record.
-    pub(super) fn of(layer: Layer) -> Self {
+    pub(super) fn of(layer: LazLayer) -> Self {
         match layer {
-            Layer::Colours => Self::Colour(Box::new(Colour::new())),
-            Layer::Infrared => Self::Infrared(Box::new(Infrared::new())),
-            Layer::Packets => Self::Packet(Box::new(Packet::new())),
-            _ => Self::Bytes(vec![Model::new()]),
+            LazLayer::Colours => Self::Colour(Box::new(Colour::new())),
+            LazLayer::Infrared => Self::Infrared(Box::new(Infrared::new())),
+            LazLayer::Packets => Self::Packet(Box::new(Packet::new())),
+            _ => Self::Bytes(vec![ArithmeticModel::new()]),
         }
     }
 
@@ -54,7 +54,7 @@ impl Follow {
             Self::Colour(colour) => colour.clear(),
             Self::Infrared(value) => value.clear(),
             Self::Packet(packet) => packet.clear(),
-            Self::Bytes(bytes) => bytes.iter_mut().for_each(Model::clear),
+            Self::Bytes(bytes) => bytes.iter_mut().for_each(ArithmeticModel::clear),
         }
     }
 
@@ -71,7 +71,7 @@ impl Follow {
 
     /// Makes the item the next one; it is what `rest` begins with, and is taken off it.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, rest: &mut &mut [u8]) {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, rest: &mut &mut [u8]) {
         match self {
             Self::OldTime(time) => {
                 let Some(part) = take(rest) else { return };

@@ -1,21 +1,21 @@
 //! The column of heights.
 
-use super::channels::{Channels, State};
+use super::channels::{ChannelContext, ChannelContexts};
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
-use super::places::Place;
+use super::machine::InstructionSet;
+use super::places::DecodedPosition;
 use super::returns::Returns;
 
 /// What is learnt of heights.
-pub(super) struct Heights {
-    channels: Channels<Channel>,
+pub(super) struct HeightContext {
+    channels: ChannelContexts<HeightChannel>,
     last: i32,
 }
 
-impl Heights {
+impl HeightContext {
     pub(super) fn new() -> Self {
-        Self { channels: Channels::new(), last: 0 }
+        Self { channels: ChannelContexts::new(), last: 0 }
     }
 
     /// Begins a chunk whose first point is in `channel`.
@@ -26,7 +26,11 @@ impl Heights {
 
     /// The height of the next point; without a stream all are alike.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Option<Coder<M>>, at: &Place) -> i32 {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut Option<Coder<M>>,
+        at: &DecodedPosition,
+    ) -> i32 {
         if let Some(coder) = coder {
             let channel = match at.trace.is_other_channel() {
                 true => self.channels.switch(at.trace.channel(), self.last),
@@ -39,13 +43,13 @@ impl Heights {
 }
 
 /// What is learnt of a channel.
-struct Channel {
+struct HeightChannel {
     /// Last height, by depth of the return.
     heights: [i32; 8],
     steps: Integer<20>,
 }
 
-impl State for Channel {
+impl ChannelContext for HeightChannel {
     type Last = i32;
 
     fn new() -> Self {
@@ -58,9 +62,14 @@ impl State for Channel {
     }
 }
 
-impl Channel {
+impl HeightChannel {
     #[inline(always)]
-    fn next<M: Machine>(&mut self, coder: &mut Coder<M>, spread: usize, returns: Returns) -> i32 {
+    fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        spread: usize,
+        returns: Returns,
+    ) -> i32 {
         let (step, _) = self.steps.next(coder, spread);
         let height = &mut self.heights[returns.depth() & 7];
         *height = height.wrapping_add(step);

@@ -1,8 +1,8 @@
 //! Integers that were coded as differences to what was expected of them.
 
 use super::coder::Coder;
-use super::machine::Machine;
-use super::model::{Bit, Model};
+use super::machine::InstructionSet;
+use super::model::{ArithmeticModel, Bit};
 use std::hint::select_unpredictable;
 
 /// Bits of a difference that are modelled; those below are stored as they are.
@@ -11,11 +11,11 @@ const MODELLED: u32 = 8;
 /// Decoder of integers that come in `C` circumstances.
 pub(super) struct Integer<const C: usize> {
     /// How many bits the difference has, by circumstance.
-    sizes: [Model<4>; C],
+    sizes: [ArithmeticModel<4>; C],
     /// A difference of zero or one.
     bit: Bit,
     /// The upper bits of a difference, by its size.
-    parts: [Model<16>; 32],
+    parts: [ArithmeticModel<16>; 32],
     /// Symbols of `sizes`.
     symbols: usize,
 }
@@ -24,23 +24,23 @@ impl<const C: usize> Integer<C> {
     /// A decoder of integers of `bits` bits, at most 32.
     pub(super) const fn new(bits: usize) -> Self {
         Self {
-            sizes: [const { Model::new() }; C],
+            sizes: [const { ArithmeticModel::new() }; C],
             bit: Bit::new(),
-            parts: [const { Model::new() }; 32],
+            parts: [const { ArithmeticModel::new() }; 32],
             symbols: bits + 1,
         }
     }
 
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
-        self.sizes.iter_mut().for_each(Model::clear);
+        self.sizes.iter_mut().for_each(ArithmeticModel::clear);
         self.bit = Bit::new();
-        self.parts.iter_mut().for_each(Model::clear);
+        self.parts.iter_mut().for_each(ArithmeticModel::clear);
     }
 
     /// The next difference, and how many bits it has.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(
+    pub(super) fn next<M: InstructionSet>(
         &mut self,
         coder: &mut Coder<M>,
         circumstance: usize,
@@ -52,13 +52,17 @@ impl<const C: usize> Integer<C> {
 
     /// How many bits the next difference has.
     #[inline(always)]
-    pub(super) fn size<M: Machine>(&mut self, coder: &mut Coder<M>, circumstance: usize) -> u32 {
+    pub(super) fn size<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        circumstance: usize,
+    ) -> u32 {
         coder.symbol(self.sizes[circumstance.min(C - 1)].ready(self.symbols)) as u32
     }
 
     /// The upper bits of a difference of `size` bits.
     #[inline(always)]
-    pub(super) fn upper<M: Machine>(&mut self, coder: &mut Coder<M>, size: u32) -> u32 {
+    pub(super) fn upper<M: InstructionSet>(&mut self, coder: &mut Coder<M>, size: u32) -> u32 {
         match size {
             0 => u32::from(coder.bit(&mut self.bit)),
             1..32 => {
@@ -73,7 +77,7 @@ impl<const C: usize> Integer<C> {
 /// A difference of `size` bits with these upper bits: one from -(2^size - 1) to 2^size that does not
 /// fit a lesser size.
 #[inline(always)]
-pub(super) fn lower<M: Machine>(coder: &mut Coder<M>, size: u32, upper: u32) -> i32 {
+pub(super) fn lower<M: InstructionSet>(coder: &mut Coder<M>, size: u32, upper: u32) -> i32 {
     let place = match size {
         0 => return upper as i32,
         1..=MODELLED => upper,

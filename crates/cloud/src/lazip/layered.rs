@@ -1,49 +1,49 @@
 //! Chunks of point formats 6 to 10: each group of fields is a layer, a stream of its own.
 
-use super::body::Body;
-use super::chunk::{Chunk, Damage};
-use super::fields::{Fields, Wanted};
-use super::heights::Heights;
-use super::machine::{Machine, Plain, Work, run};
-use super::marks::{Class, Flag, Marks};
-use super::places::Places;
-use super::point::Point;
+use super::body::LayeredChunk;
+use super::chunk::{CompressedChunk, Damage};
+use super::fields::{DecodedFields, FieldSelection};
+use super::heights::HeightContext;
+use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
+use super::marks::{ClassMark, Flag, MarkContext};
+use super::places::PositionContext;
+use super::point::LazPoint;
 use super::rest::{self, Rest};
-use super::schema::Layers;
+use super::schema::LayeredSchema;
 use super::streams::Streams;
 use super::trace::Trace;
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]
 pub(super) struct Layered {
-    columns: Option<Box<Columns>>,
+    columns: Option<Box<LayeredContext>>,
     /// Nothing until whole records are wanted.
-    rest: Option<rest::Room>,
+    rest: Option<rest::RestContext>,
 }
 
 /// What is learnt of the columns, and what they have to know of each other.
-struct Columns {
-    places: Places,
-    heights: Heights,
-    classes: Marks<Class, 16>,
-    flags: Marks<Flag, 4>,
+struct LayeredContext {
+    places: PositionContext,
+    heights: HeightContext,
+    classes: MarkContext<ClassMark, 16>,
+    flags: MarkContext<Flag, 4>,
     /// Of the points of a batch.
     traces: Vec<Trace>,
 }
 
-impl Columns {
+impl LayeredContext {
     fn boxed() -> Box<Self> {
         Box::new(Self {
-            places: Places::new(),
-            heights: Heights::new(),
-            classes: Marks::new(),
-            flags: Marks::new(),
+            places: PositionContext::new(),
+            heights: HeightContext::new(),
+            classes: MarkContext::new(),
+            flags: MarkContext::new(),
             traces: Vec::new(),
         })
     }
 
     /// Begins a chunk whose first point is in `channel`.
-    fn begin(&mut self, channel: usize, first: &Point) {
+    fn begin(&mut self, channel: usize, first: &LazPoint) {
         self.places.begin(channel, first);
         self.heights.begin(channel, first.place[2]);
         self.classes.begin(channel, first.class);
@@ -52,32 +52,32 @@ impl Columns {
 }
 
 /// A chunk on its way, between batches of points.
-pub(super) struct Run<'d, 'a> {
-    columns: &'d mut Columns,
-    streams: Streams<'a, Plain>,
+pub(super) struct LayeredChunkDecoder<'d, 'a> {
+    columns: &'d mut LayeredContext,
+    streams: Streams<'a, PortableInstructions>,
     /// The first point and its record, until they are handed on.
-    first: Option<(Point, &'a [u8])>,
+    first: Option<(LazPoint, &'a [u8])>,
     /// Nothing where whole records are not wanted.
     rest: Option<Box<Rest<'d, 'a>>>,
 }
 
-impl<'d, 'a> Run<'d, 'a> {
+impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
     /// Begins with the record of the first point.
     pub(super) fn new(
         layered: &'d mut Layered,
-        layers: &Layers,
-        chunk: Chunk<'a>,
-        wanted: Wanted,
+        layers: &LayeredSchema,
+        chunk: CompressedChunk<'a>,
+        wanted: FieldSelection,
     ) -> Result<Self, Damage> {
-        let body = Body::new(chunk, layers)?;
+        let body = LayeredChunk::new(chunk, layers)?;
         let streams = body.streams(wanted)?;
         let record = body.record;
-        let (first, channel) = Point::new(record.first_chunk().ok_or(Damage::Short)?);
-        let columns = layered.columns.get_or_insert_with(Columns::boxed);
+        let (first, channel) = LazPoint::new(record.first_chunk().ok_or(Damage::Short)?);
+        let columns = layered.columns.get_or_insert_with(LayeredContext::boxed);
         columns.begin(channel, &first);
         let rest = match wanted.records {
             true => {
-                let room = layered.rest.get_or_insert_with(rest::Room::new);
+                let room = layered.rest.get_or_insert_with(rest::RestContext::new);
                 Some(Box::new(Rest::new(room, body, layers, channel)?))
             }
             false => None,
@@ -86,9 +86,9 @@ impl<'d, 'a> Run<'d, 'a> {
     }
 
     /// Decodes the next `count` points.
-    pub(super) fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
+    pub(super) fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), Damage> {
         let left = self.begin(count, fields);
-        run(Batch { run: self, left, fields });
+        run(LayeredBatch { run: self, left, fields });
         self.streams.check(|coder| coder.is_sound())?;
         let traces = &self.columns.traces;
         self.rest.as_mut().map_or(Ok(()), |rest| rest.read(traces, fields))
@@ -101,7 +101,7 @@ impl<'d, 'a> Run<'d, 'a> {
     }
 
     /// Hands on the first point; returns how many of `count` are left.
-    fn begin(&mut self, count: usize, fields: &mut Fields) -> usize {
+    fn begin(&mut self, count: usize, fields: &mut DecodedFields) -> usize {
         fields.reserve(count);
         let Some((first, record)) = self.first.take_if(|_| count > 0) else { return count };
         fields.push(&first);
@@ -113,19 +113,19 @@ impl<'d, 'a> Run<'d, 'a> {
 }
 
 /// The next points of a chunk.
-struct Batch<'r, 'd, 'a> {
-    run: &'r mut Run<'d, 'a>,
+struct LayeredBatch<'r, 'd, 'a> {
+    run: &'r mut LayeredChunkDecoder<'d, 'a>,
     left: usize,
-    fields: &'r mut Fields,
+    fields: &'r mut DecodedFields,
 }
 
-impl Work for Batch<'_, '_, '_> {
+impl SimdTask for LayeredBatch<'_, '_, '_> {
     type Result = ();
 
     #[inline(always)]
-    fn work<M: Machine>(self, _: M) {
-        let Self { run: Run { columns, streams, .. }, left, fields } = self;
-        let Columns { places, heights, classes, flags, traces } = &mut **columns;
+    fn work<M: InstructionSet>(self, _: M) {
+        let Self { run: LayeredChunkDecoder { columns, streams, .. }, left, fields } = self;
+        let LayeredContext { places, heights, classes, flags, traces } = &mut **columns;
         traces.clear();
         traces.resize(left, Trace::default());
         let from = fields.grow(left);

@@ -5,7 +5,7 @@
 pub(super) type Lanes = [u16; 16];
 
 /// A kind of machine. Its values show that the program runs on one.
-pub(super) trait Machine: Copy {
+pub(super) trait InstructionSet: Copy {
     /// Index of the last of ascending numbers that is at most `place`; the first always is.
     fn last_at_most(numbers: &Lanes, place: u16) -> usize;
 
@@ -13,30 +13,30 @@ pub(super) trait Machine: Copy {
     fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8];
 
     /// Does some work, compiled for this machine.
-    fn run<W: Work>(self, work: W) -> W::Result;
+    fn run<W: SimdTask>(self, work: W) -> W::Result;
 }
 
 /// Something to do on any machine.
-pub(super) trait Work {
+pub(super) trait SimdTask {
     type Result;
     /// To be inlined, and all that it calls.
-    fn work<M: Machine>(self, machine: M) -> Self::Result;
+    fn work<M: InstructionSet>(self, machine: M) -> Self::Result;
 }
 
 /// Does some work on the best kind of machine that this one is.
-pub(super) fn run<W: Work>(work: W) -> W::Result {
+pub(super) fn run<W: SimdTask>(work: W) -> W::Result {
     #[cfg(target_arch = "x86_64")]
     if let Some(machine) = x86::Avx2::found() {
         return machine.run(work);
     }
-    Plain.run(work)
+    PortableInstructions.run(work)
 }
 
 /// Any machine.
 #[derive(Clone, Copy)]
-pub(super) struct Plain;
+pub(super) struct PortableInstructions;
 
-impl Machine for Plain {
+impl InstructionSet for PortableInstructions {
     #[inline(always)]
     fn last_at_most(numbers: &Lanes, place: u16) -> usize {
         let is_at_most = numbers.map(|number| u16::from(number <= place));
@@ -52,14 +52,14 @@ impl Machine for Plain {
         })
     }
 
-    fn run<W: Work>(self, work: W) -> W::Result {
+    fn run<W: SimdTask>(self, work: W) -> W::Result {
         work.work(self)
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use crate::lazip::machine::{Lanes, Machine, Work};
+    use crate::lazip::machine::{InstructionSet, Lanes, SimdTask};
     use std::arch::x86_64::*;
     use std::marker::PhantomData;
 
@@ -80,7 +80,7 @@ mod x86 {
         }
     }
 
-    impl Machine for Avx2 {
+    impl InstructionSet for Avx2 {
         #[inline(always)]
         fn last_at_most(numbers: &Lanes, place: u16) -> usize {
             // SAFETY: called by work that `run` does for a machine that was found.
@@ -93,14 +93,14 @@ mod x86 {
             unsafe { put_between(numbers, neighbours, value) }
         }
 
-        fn run<W: Work>(self, work: W) -> W::Result {
+        fn run<W: SimdTask>(self, work: W) -> W::Result {
             // SAFETY: `self` was found.
             unsafe { run(self, work) }
         }
     }
 
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,movbe,popcnt")]
-    fn run<W: Work>(machine: Avx2, work: W) -> W::Result {
+    fn run<W: SimdTask>(machine: Avx2, work: W) -> W::Result {
         work.work(machine)
     }
 

@@ -2,15 +2,15 @@
 
 use std::marker::PhantomData;
 
-use super::channels::{Channels, State};
+use super::channels::{ChannelContext, ChannelContexts};
 use super::coder::Coder;
-use super::machine::Machine;
-use super::model::Model;
-use super::places::Place;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
+use super::places::DecodedPosition;
 use super::returns::Returns;
 
 /// A kind of mark.
-pub(super) trait Kind {
+pub(super) trait MarkKind {
     /// How many there are.
     const SYMBOLS: usize;
 
@@ -19,9 +19,9 @@ pub(super) trait Kind {
 }
 
 /// Classes.
-pub(super) struct Class;
+pub(super) struct ClassMark;
 
-impl Kind for Class {
+impl MarkKind for ClassMark {
     const SYMBOLS: usize = 256;
 
     #[inline(always)]
@@ -34,7 +34,7 @@ impl Kind for Class {
 /// Flags.
 pub(super) struct Flag;
 
-impl Kind for Flag {
+impl MarkKind for Flag {
     const SYMBOLS: usize = 64;
 
     #[inline(always)]
@@ -44,15 +44,15 @@ impl Kind for Flag {
 }
 
 /// What is learnt of marks of a kind, of which there are at most 16 * `B`.
-pub(super) struct Marks<K, const B: usize> {
-    channels: Channels<Channel<B>>,
+pub(super) struct MarkContext<K, const B: usize> {
+    channels: ChannelContexts<MarkChannel<B>>,
     last: u8,
     kind: PhantomData<K>,
 }
 
-impl<K: Kind, const B: usize> Marks<K, B> {
+impl<K: MarkKind, const B: usize> MarkContext<K, B> {
     pub(super) fn new() -> Self {
-        Self { channels: Channels::new(), last: 0, kind: PhantomData }
+        Self { channels: ChannelContexts::new(), last: 0, kind: PhantomData }
     }
 
     /// Begins a chunk whose first point is in `channel`.
@@ -63,7 +63,11 @@ impl<K: Kind, const B: usize> Marks<K, B> {
 
     /// The mark of the next point; without a stream all are alike.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Option<Coder<M>>, at: &Place) -> u8 {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut Option<Coder<M>>,
+        at: &DecodedPosition,
+    ) -> u8 {
         if let Some(coder) = coder {
             let channel = match at.trace.is_other_channel() {
                 true => self.channels.switch(at.trace.channel(), self.last),
@@ -78,20 +82,20 @@ impl<K: Kind, const B: usize> Marks<K, B> {
 }
 
 /// What is learnt of a channel.
-struct Channel<const B: usize> {
+struct MarkChannel<const B: usize> {
     last: u8,
-    models: [Model<B>; 64],
+    models: [ArithmeticModel<B>; 64],
 }
 
-impl<const B: usize> State for Channel<B> {
+impl<const B: usize> ChannelContext for MarkChannel<B> {
     type Last = u8;
 
     fn new() -> Self {
-        Self { last: 0, models: [const { Model::new() }; 64] }
+        Self { last: 0, models: [const { ArithmeticModel::new() }; 64] }
     }
 
     fn begin(&mut self, last: u8) {
         self.last = last;
-        self.models.iter_mut().for_each(Model::clear);
+        self.models.iter_mut().for_each(ArithmeticModel::clear);
     }
 }

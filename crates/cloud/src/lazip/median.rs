@@ -1,6 +1,6 @@
 //! The middle of recent values.
 
-use super::machine::Machine;
+use super::machine::InstructionSet;
 
 /// Five values in order, between the least and the largest number there is. One that comes in drives out
 /// the largest or the smallest, by turns.
@@ -25,7 +25,7 @@ impl Median {
 
     /// Goes by the middle value and `difference`; returns how far that is.
     #[inline(always)]
-    pub(super) fn go<M: Machine>(&mut self, difference: i32) -> i32 {
+    pub(super) fn go<M: InstructionSet>(&mut self, difference: i32) -> i32 {
         let middle = self.values[3];
         let value = middle.wrapping_add(difference);
         let neighbours = &NEIGHBOURS[usize::from(self.drops_largest)];
@@ -37,16 +37,16 @@ impl Median {
 
 #[cfg(test)]
 mod tests {
-    use super::super::machine::{Plain, Work, run};
+    use super::super::machine::{PortableInstructions, SimdTask, run};
     use super::*;
 
     /// Takes values in; the middle after each.
     struct Middles<'a>(&'a [i32]);
 
-    impl Work for Middles<'_> {
+    impl SimdTask for Middles<'_> {
         type Result = Vec<i32>;
 
-        fn work<M: Machine>(self, _: M) -> Vec<i32> {
+        fn work<M: InstructionSet>(self, _: M) -> Vec<i32> {
             let mut median = Median::new();
             let mut put = |value: i32| {
                 median.go::<M>(value.wrapping_sub(median.values[3]));
@@ -83,6 +83,6 @@ mod tests {
         values.extend([least, most, least, least, least, 0, most, most, most, -1, 1, 1, 1, 1]);
         let expected = sorted(&values);
         assert_eq!(run(Middles(&values)), expected);
-        assert_eq!(Middles(&values).work(Plain), expected);
+        assert_eq!(Middles(&values).work(PortableInstructions), expected);
     }
 }

@@ -55,11 +55,11 @@ mod trace;
 
 use layered::Layered;
 use pointwise::Pointwise;
-use schema::Layout;
+use schema::ChunkLayout;
 
-pub use chunk::{Chunk, Damage, Layer};
-pub use fields::{Fields, Wanted};
-pub use schema::{Item, Schema};
+pub use chunk::{CompressedChunk, Damage, LazLayer};
+pub use fields::{DecodedFields, FieldSelection};
+pub use schema::{LaszipItem, LaszipSchema};
 
 /// Decodes chunks; one per thread, used again and again. It keeps some 1 MiB, once whole records were
 /// wanted some 2 MiB, and for each extra byte a KiB in each scanner channel that there was.
@@ -81,10 +81,10 @@ impl Decoder {
     /// Damage, found wherever it shows; none of the chunk's points are appended then.
     pub fn chunk(
         &mut self,
-        schema: &Schema,
-        chunk: Chunk,
-        wanted: Wanted,
-        fields: &mut Fields,
+        schema: &LaszipSchema,
+        chunk: CompressedChunk,
+        wanted: FieldSelection,
+        fields: &mut DecodedFields,
     ) -> Result<(), Damage> {
         match chunk.count {
             0 => Ok(()),
@@ -98,17 +98,22 @@ impl Decoder {
     /// Damage to the chunk's head.
     pub fn stream<'d, 'a>(
         &'d mut self,
-        schema: &Schema,
-        chunk: Chunk<'a>,
-        wanted: Wanted,
-    ) -> Result<Stream<'d, 'a>, Damage> {
-        Ok(Stream(match &schema.layout {
-            Layout::Layered(layers) => {
-                Way::Layered(layered::Run::new(&mut self.layered, layers, chunk, wanted)?)
-            }
-            Layout::Pointwise(records) => {
-                let run = pointwise::Run::new(&mut self.pointwise, records, chunk.bytes, wanted)?;
-                Way::Pointwise(&mut self.pointwise, run)
+        schema: &LaszipSchema,
+        chunk: CompressedChunk<'a>,
+        wanted: FieldSelection,
+    ) -> Result<ChunkStream<'d, 'a>, Damage> {
+        Ok(ChunkStream(match &schema.layout {
+            ChunkLayout::Layered(layers) => ChunkStreamKind::Layered(
+                layered::LayeredChunkDecoder::new(&mut self.layered, layers, chunk, wanted)?,
+            ),
+            ChunkLayout::Pointwise(records) => {
+                let run = pointwise::PointwiseStream::new(
+                    &mut self.pointwise,
+                    records,
+                    chunk.bytes,
+                    wanted,
+                )?;
+                ChunkStreamKind::Pointwise(&mut self.pointwise, run)
             }
         }))
     }
@@ -120,37 +125,37 @@ impl Decoder {
     /// Bytes that do not hold the first point.
     pub fn flow(
         &mut self,
-        schema: &Schema,
+        schema: &LaszipSchema,
         bytes: &[u8],
-        wanted: Wanted,
-    ) -> Result<(Flow<'_>, usize), Damage> {
-        let Layout::Pointwise(records) = &schema.layout else {
-            return Err(Damage::Layer(Layer::Records));
+        wanted: FieldSelection,
+    ) -> Result<(UnchunkedStream<'_>, usize), Damage> {
+        let ChunkLayout::Pointwise(records) = &schema.layout else {
+            return Err(Damage::Layer(LazLayer::Records));
         };
-        let run = pointwise::Run::new(&mut self.pointwise, records, bytes, wanted)?;
-        Ok((Flow(&mut self.pointwise, run.with(&[])), run.left()))
+        let run = pointwise::PointwiseStream::new(&mut self.pointwise, records, bytes, wanted)?;
+        Ok((UnchunkedStream(&mut self.pointwise, run.with(&[])), run.left()))
     }
 }
 
 /// Points of a chunk, a batch after another.
-pub struct Stream<'d, 'a>(Way<'d, 'a>);
+pub struct ChunkStream<'d, 'a>(ChunkStreamKind<'d, 'a>);
 
-enum Way<'d, 'a> {
-    Layered(layered::Run<'d, 'a>),
-    Pointwise(&'d mut Pointwise, pointwise::Run<'a>),
+enum ChunkStreamKind<'d, 'a> {
+    Layered(layered::LayeredChunkDecoder<'d, 'a>),
+    Pointwise(&'d mut Pointwise, pointwise::PointwiseStream<'a>),
 }
 
-impl Stream<'_, '_> {
+impl ChunkStream<'_, '_> {
     /// Appends the next `count` points to `fields`.
     ///
     /// # Errors
     /// Damage so far; none of the `count` points are appended then.
-    pub fn read(&mut self, count: usize, fields: &mut Fields) -> Result<(), Damage> {
+    pub fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), Damage> {
         let before = fields.mark();
         fields.reserve(count);
         let done = match &mut self.0 {
-            Way::Layered(run) => run.read(count, fields),
-            Way::Pointwise(pointwise, run) => run.read(pointwise, count, fields),
+            ChunkStreamKind::Layered(run) => run.read(count, fields),
+            ChunkStreamKind::Pointwise(pointwise, run) => run.read(pointwise, count, fields),
         };
         done.inspect_err(|_| fields.truncate(before))
     }
@@ -163,16 +168,16 @@ impl Stream<'_, '_> {
     /// was read from it was damaged, and nothing tells from which point on.
     pub fn end(&self) -> Result<usize, Damage> {
         match &self.0 {
-            Way::Layered(run) => run.end().map(|()| 0),
-            Way::Pointwise(_, run) => run.end(),
+            ChunkStreamKind::Layered(run) => run.end().map(|()| 0),
+            ChunkStreamKind::Pointwise(_, run) => run.end(),
         }
     }
 }
 
 /// A stream without chunks, whose bytes are given a window at a time.
-pub struct Flow<'d>(&'d mut Pointwise, pointwise::Run<'static>);
+pub struct UnchunkedStream<'d>(&'d mut Pointwise, pointwise::PointwiseStream<'static>);
 
-impl Flow<'_> {
+impl UnchunkedStream<'_> {
     /// Appends the next `count` points to `fields`, from `bytes`, which begin with the first byte not
     /// yet taken in; returns how many of them are left over.
     ///
@@ -182,7 +187,7 @@ impl Flow<'_> {
         &mut self,
         bytes: &[u8],
         count: usize,
-        fields: &mut Fields,
+        fields: &mut DecodedFields,
     ) -> Result<usize, Damage> {
         let mut run = self.1.with(bytes);
         run.read(self.0, count, fields)?;
@@ -194,7 +199,7 @@ impl Flow<'_> {
     /// How many of `bytes`, which begin with the first byte not yet taken in, are behind the stream.
     ///
     /// # Errors
-    /// As for [`Stream::end`].
+    /// As for [`ChunkStream::end`].
     pub fn end(&self, bytes: &[u8]) -> Result<usize, Damage> {
         self.1.with(bytes).end()
     }

@@ -1,6 +1,6 @@
 //! Adaptive models: how likely each symbol is, learnt from the symbols that came before.
 
-use super::machine::{Lanes, Machine};
+use super::machine::{InstructionSet, Lanes};
 
 /// Symbols that are told apart at once.
 const LANES: usize = 16;
@@ -15,7 +15,7 @@ const NONE: u16 = u16::MAX;
 ///
 /// A model that was cleared begins anew when it is next used.
 #[derive(Clone)]
-pub(super) struct Model<const B: usize> {
+pub(super) struct ArithmeticModel<const B: usize> {
     /// Where each symbol begins in an interval of 2^15, then [`NONE`].
     starts: [Lanes; B],
     /// The first of each of `starts`, or of every so many that there are 16.
@@ -31,7 +31,7 @@ pub(super) struct Model<const B: usize> {
 }
 
 /// A symbol and its part of the interval, of 2^15 in all.
-pub(super) struct Found {
+pub(super) struct DecodedSymbol {
     pub(super) symbol: usize,
     pub(super) low: u32,
     pub(super) high: u32,
@@ -39,7 +39,7 @@ pub(super) struct Found {
     pub(super) is_last: bool,
 }
 
-impl<const B: usize> Model<B> {
+impl<const B: usize> ArithmeticModel<B> {
     /// Blocks from one of `coarse` to the next.
     const STRIDE: usize = B.div_ceil(LANES);
 
@@ -85,7 +85,7 @@ impl<const B: usize> Model<B> {
 
     /// The symbol at `place` of the interval.
     #[inline(always)]
-    pub(super) fn find<M: Machine>(&self, place: u32) -> Found {
+    pub(super) fn find<M: InstructionSet>(&self, place: u32) -> DecodedSymbol {
         let place = place as u16;
         let block = match B {
             1 => 0,
@@ -98,7 +98,7 @@ impl<const B: usize> Model<B> {
         } % B;
         let symbol = LANES * block + M::last_at_most(&self.starts[block], place) % LANES;
         let starts = self.starts.as_flattened();
-        Found {
+        DecodedSymbol {
             symbol,
             low: u32::from(starts[symbol]),
             high: u32::from(starts[(symbol + 1) % (LANES * B)]),

@@ -2,10 +2,10 @@
 
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
+use super::machine::InstructionSet;
 use super::median::Median;
-use super::model::Model;
-use super::point::Point;
+use super::model::ArithmeticModel;
+use super::point::LazPoint;
 use super::returns::Returns;
 
 /// Bytes of that part.
@@ -21,7 +21,7 @@ const SOURCE: usize = 1;
 
 /// The fields of that part.
 #[derive(Clone, Copy)]
-pub(super) struct First {
+pub(super) struct Point10Fields {
     place: [i32; 3],
     intensity: u16,
     /// Return number, number of returns, scan direction, edge of flight line.
@@ -33,7 +33,7 @@ pub(super) struct First {
     source: u16,
 }
 
-impl First {
+impl Point10Fields {
     /// The fields of a record.
     pub(super) fn new(record: &[u8; OLD_RECORD]) -> Self {
         let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
@@ -63,8 +63,8 @@ impl First {
         Returns::new(self.bits & 7, self.bits >> 3 & 7)
     }
 
-    fn point(self) -> Point {
-        Point {
+    fn point(self) -> LazPoint {
+        LazPoint {
             place: self.place,
             returns: self.returns(),
             class: self.class & 31,
@@ -74,9 +74,9 @@ impl First {
 }
 
 /// Everything that is learnt while decoding.
-pub(super) struct Old {
+pub(super) struct Point10Context {
     version: u16,
-    last: First,
+    last: Point10Fields,
     /// Recent steps along x and y, by group of returns.
     steps: [[Median; 2]; 16],
     /// The last three steps along x and y, and which of them is the oldest (first version).
@@ -86,11 +86,11 @@ pub(super) struct Old {
     heights: [i32; 8],
     /// Last intensity, by group of returns (second version).
     intensities: [u16; 16],
-    changes: Model<4>,
-    bits: Vec<Model<16>>,
-    classes: Vec<Model<16>>,
-    users: Vec<Model<16>>,
-    angles: [Model<16>; 2],
+    changes: ArithmeticModel<4>,
+    bits: Vec<ArithmeticModel<16>>,
+    classes: Vec<ArithmeticModel<16>>,
+    users: Vec<ArithmeticModel<16>>,
+    angles: [ArithmeticModel<16>; 2],
     angle: Integer<2>,
     intensity: Integer<4>,
     source: Integer<1>,
@@ -99,23 +99,23 @@ pub(super) struct Old {
     z: Integer<20>,
 }
 
-impl Old {
+impl Point10Context {
     #[cold]
     #[inline(never)]
     pub(super) fn boxed() -> Box<Self> {
         Box::new(Self {
             version: 2,
-            last: First::new(&[0; OLD_RECORD]),
+            last: Point10Fields::new(&[0; OLD_RECORD]),
             steps: [[const { Median::new() }; 2]; 16],
             recent: [[0; 2]; 3],
             oldest: 0,
             heights: [0; 8],
             intensities: [0; 16],
-            changes: Model::new(),
-            bits: vec![Model::new(); 256],
-            classes: vec![Model::new(); 256],
-            users: vec![Model::new(); 256],
-            angles: [const { Model::new() }; 2],
+            changes: ArithmeticModel::new(),
+            bits: vec![ArithmeticModel::new(); 256],
+            classes: vec![ArithmeticModel::new(); 256],
+            users: vec![ArithmeticModel::new(); 256],
+            angles: [const { ArithmeticModel::new() }; 2],
             angle: Integer::new(8),
             intensity: Integer::new(16),
             source: Integer::new(16),
@@ -126,7 +126,7 @@ impl Old {
     }
 
     /// Begins anew after the first point.
-    pub(super) fn begin(&mut self, version: u16, first: First) -> Point {
+    pub(super) fn begin(&mut self, version: u16, first: Point10Fields) -> LazPoint {
         self.version = version;
         self.last = first;
         self.steps = [[Median::new(); 2]; 16];
@@ -136,9 +136,9 @@ impl Old {
         self.intensities = [0; 16];
         self.changes.clear();
         for models in [&mut self.bits, &mut self.classes, &mut self.users] {
-            models.iter_mut().for_each(Model::clear);
+            models.iter_mut().for_each(ArithmeticModel::clear);
         }
-        self.angles.iter_mut().for_each(Model::clear);
+        self.angles.iter_mut().for_each(ArithmeticModel::clear);
         self.angle.clear();
         self.intensity.clear();
         self.source.clear();
@@ -156,7 +156,7 @@ impl Old {
 
     /// Takes in the next point.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>) -> Point {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> LazPoint {
         match self.version {
             1 => self.next_1(coder),
             _ => self.next_2(coder),
@@ -165,7 +165,7 @@ impl Old {
     }
 
     #[inline(always)]
-    fn next_2<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_2<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let changes = coder.symbol(self.changes.ready(64));
         if changes & BITS != 0 {
             self.next_bits(coder);
@@ -207,7 +207,7 @@ impl Old {
     }
 
     #[inline(always)]
-    fn next_1<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_1<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let (x, x_size) = self.x.next(coder, 0);
         let (y, y_size) = self.y.next(coder, x_size.min(19) as usize);
         let size = (x_size + y_size) / 2;
@@ -255,24 +255,24 @@ impl Old {
     }
 
     #[inline(always)]
-    fn next_bits<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_bits<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let bits = &mut self.last.bits;
         *bits = coder.symbol(self.bits[usize::from(*bits)].ready(256)) as u8;
     }
 
     #[inline(always)]
-    fn next_class<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_class<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let class = &mut self.last.class;
         *class = coder.symbol(self.classes[usize::from(*class)].ready(256)) as u8;
     }
 
     #[inline(always)]
-    fn next_user<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_user<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let user = &mut self.last.user;
         *user = coder.symbol(self.users[usize::from(*user)].ready(256)) as u8;
     }
     #[inline(always)]
-    fn next_source<M: Machine>(&mut self, coder: &mut Coder<M>) {
+    fn next_source<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
         let source = &mut self.last.source;
         *source = source.wrapping_add(self.source.next(coder, 0).0 as u16);
     }

@@ -2,8 +2,8 @@
 
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
-use super::model::Model;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
 use super::time::whole;
 
 /// Bytes of a wave packet's place.
@@ -11,9 +11,9 @@ pub(super) const PACKET: usize = 29;
 
 /// A wave packet: descriptor, offset, bytes, place of the return, direction.
 pub(super) struct Packet {
-    descriptor: Model<16>,
+    descriptor: ArithmeticModel<16>,
     /// How the offset goes on, by how it went on before.
-    offset: [Model<1>; 4],
+    offset: [ArithmeticModel<1>; 4],
     last: usize,
     /// By how much the offset went on when that was last told.
     step: i32,
@@ -26,8 +26,8 @@ pub(super) struct Packet {
 impl Packet {
     pub(super) fn new() -> Self {
         Self {
-            descriptor: Model::new(),
-            offset: [const { Model::new() }; 4],
+            descriptor: ArithmeticModel::new(),
+            offset: [const { ArithmeticModel::new() }; 4],
             last: 0,
             step: 0,
             difference: Integer::new(32),
@@ -40,7 +40,7 @@ impl Packet {
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         self.descriptor.clear();
-        self.offset.iter_mut().for_each(Model::clear);
+        self.offset.iter_mut().for_each(ArithmeticModel::clear);
         (self.last, self.step) = (0, 0);
         self.difference.clear();
         self.size.clear();
@@ -50,7 +50,11 @@ impl Packet {
 
     /// Makes the last packet the next one.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, packet: &mut [u8; PACKET]) {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        packet: &mut [u8; PACKET],
+    ) {
         let (head, numbers) = packet.split_at_mut(9);
         let (numbers, _) = numbers.as_chunks_mut::<4>();
         head[0] = coder.symbol(self.descriptor.ready(256)) as u8;
@@ -68,7 +72,12 @@ impl Packet {
 
     /// The offset that follows `offset`, where `size` bytes are.
     #[inline(always)]
-    fn next_offset<M: Machine>(&mut self, coder: &mut Coder<M>, offset: u64, size: u32) -> u64 {
+    fn next_offset<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        offset: u64,
+        size: u32,
+    ) -> u64 {
         self.last = coder.symbol(self.offset[self.last & 3].ready(4));
         match self.last {
             0 => offset,

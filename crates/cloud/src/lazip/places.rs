@@ -1,12 +1,12 @@
 //! The column of places: x, y and return numbers, and what changes from point to point.
 
-use super::channels::{Channels, State};
+use super::channels::{ChannelContext, ChannelContexts};
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
+use super::machine::InstructionSet;
 use super::median::Median;
-use super::model::Model;
-use super::point::Point;
+use super::model::ArithmeticModel;
+use super::point::LazPoint;
 use super::returns::Returns;
 use super::trace::{CHANNEL, TIME, Trace};
 
@@ -15,25 +15,25 @@ const OF: usize = 1 << 2;
 const NUMBER: usize = 3;
 
 /// Where a point is, and what else is told with it.
-pub(super) struct Place {
+pub(super) struct DecodedPosition {
     pub(super) place: [i32; 2],
     pub(super) returns: Returns,
     pub(super) trace: Trace,
 }
 
 /// What is learnt of places.
-pub(super) struct Places {
-    channels: Channels<Channel>,
+pub(super) struct PositionContext {
+    channels: ChannelContexts<PositionChannel>,
     current: usize,
 }
 
-impl Places {
+impl PositionContext {
     pub(super) fn new() -> Self {
-        Self { channels: Channels::new(), current: 0 }
+        Self { channels: ChannelContexts::new(), current: 0 }
     }
 
     /// Begins a chunk whose first point is in `channel`.
-    pub(super) fn begin(&mut self, channel: usize, first: &Point) {
+    pub(super) fn begin(&mut self, channel: usize, first: &LazPoint) {
         self.current = channel;
         self.channels.begin(
             channel,
@@ -43,7 +43,7 @@ impl Places {
 
     /// The next point.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>) -> Place {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> DecodedPosition {
         let mut channel = self.channels.get(self.current);
         let changes = channel.changes(coder);
         if changes & CHANNEL != 0 {
@@ -53,7 +53,7 @@ impl Places {
         }
         let spread = channel.next(coder, changes);
         let Last { place, returns } = channel.last;
-        Place { place, returns, trace: Trace::new(changes, self.current, spread) }
+        DecodedPosition { place, returns, trace: Trace::new(changes, self.current, spread) }
     }
 }
 
@@ -65,22 +65,22 @@ struct Last {
 }
 
 /// What is learnt of a channel.
-struct Channel {
+struct PositionChannel {
     last: Last,
     /// Whether its time differs from that of the point before it.
     is_later: bool,
     /// Recent steps along x and y, by group of returns and change of time.
     steps: [[Median; 2]; 16],
-    changes: [Model<8>; 8],
-    channel: Model<1>,
-    of: [Model<1>; 16],
-    number: [Model<1>; 16],
-    number_same_time: Model<1>,
+    changes: [ArithmeticModel<8>; 8],
+    channel: ArithmeticModel<1>,
+    of: [ArithmeticModel<1>; 16],
+    number: [ArithmeticModel<1>; 16],
+    number_same_time: ArithmeticModel<1>,
     x: Integer<2>,
     y: Integer<22>,
 }
 
-impl State for Channel {
+impl ChannelContext for PositionChannel {
     type Last = Last;
 
     fn new() -> Self {
@@ -88,11 +88,11 @@ impl State for Channel {
             last: Last::default(),
             is_later: false,
             steps: [[const { Median::new() }; 2]; 16],
-            changes: [const { Model::new() }; 8],
-            channel: Model::new(),
-            of: [const { Model::new() }; 16],
-            number: [const { Model::new() }; 16],
-            number_same_time: Model::new(),
+            changes: [const { ArithmeticModel::new() }; 8],
+            channel: ArithmeticModel::new(),
+            of: [const { ArithmeticModel::new() }; 16],
+            number: [const { ArithmeticModel::new() }; 16],
+            number_same_time: ArithmeticModel::new(),
             x: Integer::new(32),
             y: Integer::new(32),
         }
@@ -102,20 +102,20 @@ impl State for Channel {
         self.last = last;
         self.is_later = false;
         self.steps = [[Median::new(); 2]; 16];
-        self.changes.iter_mut().for_each(Model::clear);
+        self.changes.iter_mut().for_each(ArithmeticModel::clear);
         self.channel.clear();
-        self.of.iter_mut().for_each(Model::clear);
-        self.number.iter_mut().for_each(Model::clear);
+        self.of.iter_mut().for_each(ArithmeticModel::clear);
+        self.number.iter_mut().for_each(ArithmeticModel::clear);
         self.number_same_time.clear();
         self.x.clear();
         self.y.clear();
     }
 }
 
-impl Channel {
+impl PositionChannel {
     /// Symbol that says what differs from the last point.
     #[inline(always)]
-    fn changes<M: Machine>(&mut self, coder: &mut Coder<M>) -> usize {
+    fn changes<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> usize {
         let returns = self.last.returns;
         let kind = usize::from(returns.is_first())
             | usize::from(returns.is_last()) << 1
@@ -125,13 +125,13 @@ impl Channel {
 
     /// How many channels on the next point is, less one.
     #[inline(always)]
-    fn step<M: Machine>(&mut self, coder: &mut Coder<M>) -> usize {
+    fn step<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> usize {
         coder.symbol(self.channel.ready(3))
     }
 
     /// Goes on to the next point; returns the circumstance that its height comes in.
     #[inline(always)]
-    fn next<M: Machine>(&mut self, coder: &mut Coder<M>, changes: usize) -> usize {
+    fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, changes: usize) -> usize {
         let returns = self.returns(coder, changes);
         self.last.returns = returns;
         self.is_later = changes & TIME != 0;
@@ -151,7 +151,7 @@ impl Channel {
 
     /// Return numbers of the next point.
     #[inline(always)]
-    fn returns<M: Machine>(&mut self, coder: &mut Coder<M>, changes: usize) -> Returns {
+    fn returns<M: InstructionSet>(&mut self, coder: &mut Coder<M>, changes: usize) -> Returns {
         let last = self.last.returns;
         let of = match changes & OF {
             0 => last.of(),
@@ -167,7 +167,7 @@ impl Channel {
 
     /// A return number that is neither the last nor next to it.
     #[inline(always)]
-    fn other_number<M: Machine>(&mut self, coder: &mut Coder<M>, is_later: bool) -> u8 {
+    fn other_number<M: InstructionSet>(&mut self, coder: &mut Coder<M>, is_later: bool) -> u8 {
         let last = self.last.returns.number();
         match is_later {
             true => coder.symbol(self.number[usize::from(last)].ready(16)) as u8,

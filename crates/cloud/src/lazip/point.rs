@@ -7,7 +7,7 @@ pub(super) const RECORD: usize = 30;
 
 /// The fields of a point.
 #[derive(Clone, Copy)]
-pub(super) struct Point {
+pub(super) struct LazPoint {
     pub(super) place: [i32; 3],
     pub(super) returns: Returns,
     pub(super) class: u8,
@@ -15,7 +15,7 @@ pub(super) struct Point {
     pub(super) flags: u8,
 }
 
-impl Point {
+impl LazPoint {
     /// The point of a record, and its scanner channel.
     pub(super) fn new(record: &[u8; RECORD]) -> (Self, usize) {
         let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));

@@ -1,21 +1,21 @@
 //! Chunks of point formats 0 to 5: one stream, record after record.
 
-use super::chunk::{Damage, Layer};
+use super::chunk::{Damage, LazLayer};
 use super::coder::Coder;
-use super::fields::{Fields, Wanted};
-use super::follow::Follow;
-use super::machine::{Machine, Plain, Work, run};
-use super::old::{First, OLD_RECORD, Old};
-use super::point::Point;
-use super::schema::{self, Item};
+use super::fields::{DecodedFields, FieldSelection};
+use super::follow::ItemContext;
+use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
+use super::old::{OLD_RECORD, Point10Context, Point10Fields};
+use super::point::LazPoint;
+use super::schema::{self, LaszipItem};
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]
 pub(super) struct Pointwise {
-    old: Option<Box<Old>>,
-    follow: Vec<Follow>,
+    old: Option<Box<Point10Context>>,
+    follow: Vec<ItemContext>,
     /// What `follow` decodes.
-    items: Vec<Item>,
+    items: Vec<LaszipItem>,
     /// The last record. What follows the part that all share is up to date.
     record: Vec<u8>,
 }
@@ -23,39 +23,39 @@ pub(super) struct Pointwise {
 impl Pointwise {
     /// Makes ready for a chunk that begins with a record, in the room of the one before where records
     /// are alike.
-    fn begin(&mut self, items: &[Item], record: &[u8]) {
+    fn begin(&mut self, items: &[LaszipItem], record: &[u8]) {
         self.record.clear();
         self.record.extend_from_slice(record);
         if self.items == items {
-            self.follow.iter_mut().for_each(Follow::clear);
+            self.follow.iter_mut().for_each(ItemContext::clear);
             return;
         }
         self.items = items.to_vec();
-        self.follow = items.iter().map(Follow::new).collect();
+        self.follow = items.iter().map(ItemContext::new).collect();
     }
 }
 
 /// A stream on its way.
-pub(super) struct Run<'a> {
-    first: Option<Point>,
+pub(super) struct PointwiseStream<'a> {
+    first: Option<LazPoint>,
     wants_records: bool,
-    coder: Option<Coder<'a, Plain>>,
+    coder: Option<Coder<'a, PortableInstructions>>,
     bytes: &'a [u8],
 }
 
-impl<'a> Run<'a> {
+impl<'a> PointwiseStream<'a> {
     /// Begins with the record of the first point.
     pub(super) fn new(
         pointwise: &mut Pointwise,
-        records: &schema::Records,
+        records: &schema::PointwiseSchema,
         bytes: &'a [u8],
-        wanted: Wanted,
+        wanted: FieldSelection,
     ) -> Result<Self, Damage> {
         let size = OLD_RECORD + records.bytes;
         let (record, bytes) = bytes.split_at_checked(size).ok_or(Damage::Short)?;
-        let first = First::new(record.first_chunk().ok_or(Damage::Short)?);
+        let first = Point10Fields::new(record.first_chunk().ok_or(Damage::Short)?);
         pointwise.begin(&records.follow, record);
-        let old = pointwise.old.get_or_insert_with(Old::boxed);
+        let old = pointwise.old.get_or_insert_with(Point10Context::boxed);
         let first = Some(old.begin(records.version, first));
         Ok(Self { first, wants_records: wanted.records, coder: None, bytes })
     }
@@ -65,7 +65,7 @@ impl<'a> Run<'a> {
         // A single point leaves the stream unopened.
         match self.coder.or_else(|| Coder::new(self.bytes)) {
             Some(coder) if coder.is_at_end() => Ok(coder.left()),
-            _ => Err(Damage::Layer(Layer::Records)),
+            _ => Err(Damage::Layer(LazLayer::Records)),
         }
     }
 
@@ -75,9 +75,9 @@ impl<'a> Run<'a> {
     }
 
     /// The same, with other bytes to go on with.
-    pub(super) fn with<'b>(&self, bytes: &'b [u8]) -> Run<'b> {
+    pub(super) fn with<'b>(&self, bytes: &'b [u8]) -> PointwiseStream<'b> {
         let Self { first, wants_records, coder, .. } = *self;
-        Run { first, wants_records, coder: coder.map(|coder| coder.with(bytes)), bytes }
+        PointwiseStream { first, wants_records, coder: coder.map(|coder| coder.with(bytes)), bytes }
     }
 
     /// Decodes the next `count` points.
@@ -85,20 +85,20 @@ impl<'a> Run<'a> {
         &mut self,
         pointwise: &mut Pointwise,
         count: usize,
-        fields: &mut Fields,
+        fields: &mut DecodedFields,
     ) -> Result<(), Damage> {
         let count = count - usize::from(self.begin(pointwise, count, fields));
         if count == 0 {
             return Ok(());
         }
-        let damage = Damage::Layer(Layer::Records);
+        let damage = Damage::Layer(LazLayer::Records);
         let coder = self.coder.or_else(|| Coder::new(self.bytes)).ok_or(damage)?;
         let Pointwise { old: Some(old), follow, record, .. } = pointwise else {
             return Err(damage);
         };
-        let points = Points { old, follow, record, coder, count, fields };
+        let points = PointwiseBatch { old, follow, record, coder, count, fields };
         let coder = match self.wants_records {
-            true => run(Records(points)),
+            true => run(PointwiseRecordBatch(points)),
             false => run(points),
         };
         self.coder = Some(coder);
@@ -106,7 +106,7 @@ impl<'a> Run<'a> {
     }
 
     /// Hands on the first point, if it is one of `count` and was not yet; returns whether it was.
-    fn begin(&mut self, pointwise: &Pointwise, count: usize, fields: &mut Fields) -> bool {
+    fn begin(&mut self, pointwise: &Pointwise, count: usize, fields: &mut DecodedFields) -> bool {
         if self.wants_records {
             fields.records.reserve(count * pointwise.record.len());
         }
@@ -120,19 +120,21 @@ impl<'a> Run<'a> {
 }
 
 /// Points to be decoded.
-struct Points<'a, 'b> {
-    old: &'a mut Old,
-    follow: &'a mut [Follow],
+struct PointwiseBatch<'a, 'b> {
+    old: &'a mut Point10Context,
+    follow: &'a mut [ItemContext],
     /// The last record.
     record: &'a mut [u8],
-    coder: Coder<'b, Plain>,
+    coder: Coder<'b, PortableInstructions>,
     count: usize,
-    fields: &'a mut Fields,
+    fields: &'a mut DecodedFields,
 }
 
-impl<'b> Points<'_, 'b> {
+impl<'b> PointwiseBatch<'_, 'b> {
     #[inline(always)]
-    fn decode<M: Machine, const WANTS_RECORDS: bool>(self) -> Coder<'b, Plain> {
+    fn decode<M: InstructionSet, const WANTS_RECORDS: bool>(
+        self,
+    ) -> Coder<'b, PortableInstructions> {
         let mut coder = self.coder.on::<M>();
         for _ in 0..self.count {
             let point = self.old.next(&mut coder);
@@ -150,23 +152,23 @@ impl<'b> Points<'_, 'b> {
     }
 }
 
-impl<'b> Work for Points<'_, 'b> {
-    type Result = Coder<'b, Plain>;
+impl<'b> SimdTask for PointwiseBatch<'_, 'b> {
+    type Result = Coder<'b, PortableInstructions>;
 
     #[inline(always)]
-    fn work<M: Machine>(self, _: M) -> Self::Result {
+    fn work<M: InstructionSet>(self, _: M) -> Self::Result {
         self.decode::<M, false>()
     }
 }
 
 /// The same, and their records.
-struct Records<'a, 'b>(Points<'a, 'b>);
+struct PointwiseRecordBatch<'a, 'b>(PointwiseBatch<'a, 'b>);
 
-impl<'b> Work for Records<'_, 'b> {
-    type Result = Coder<'b, Plain>;
+impl<'b> SimdTask for PointwiseRecordBatch<'_, 'b> {
+    type Result = Coder<'b, PortableInstructions>;
 
     #[inline(always)]
-    fn work<M: Machine>(self, _: M) -> Self::Result {
+    fn work<M: InstructionSet>(self, _: M) -> Self::Result {
         self.0.decode::<M, true>()
     }
 }

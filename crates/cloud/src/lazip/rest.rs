@@ -2,24 +2,24 @@
 //! once it is known of those points where they are and what changes with them.
 
 use super::attributes::Heads;
-use super::body::Body;
+use super::body::LayeredChunk;
 use super::chunk::Damage;
-use super::fields::Fields;
-use super::machine::{Machine, Plain, Work, run};
+use super::fields::DecodedFields;
+use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
 use super::point::RECORD;
 use super::returns::Returns;
-use super::schema::Layers;
+use super::schema::LayeredSchema;
 use super::streams::RestStreams;
 use super::tails::Tails;
 use super::trace::Trace;
 
 /// What is kept from chunk to chunk, to be used again.
-pub(super) struct Room {
+pub(super) struct RestContext {
     heads: Heads,
     tails: Tails,
 }
 
-impl Room {
+impl RestContext {
     pub(super) fn new() -> Self {
         Self { heads: Heads::new(), tails: Tails::default() }
     }
@@ -27,8 +27,8 @@ impl Room {
 
 /// The layers on their way, between batches of points.
 pub(super) struct Rest<'d, 'a> {
-    room: &'d mut Room,
-    streams: RestStreams<'a, Plain>,
+    room: &'d mut RestContext,
+    streams: RestStreams<'a, PortableInstructions>,
     /// Bytes of a record.
     size: usize,
 }
@@ -36,9 +36,9 @@ pub(super) struct Rest<'d, 'a> {
 impl<'d, 'a> Rest<'d, 'a> {
     /// Begins a chunk whose first point is in `channel`.
     pub(super) fn new(
-        room: &'d mut Room,
-        body: Body<'a>,
-        layers: &Layers,
+        room: &'d mut RestContext,
+        body: LayeredChunk<'a>,
+        layers: &LayeredSchema,
         channel: usize,
     ) -> Result<Self, Damage> {
         let (head, tail) = body.record.split_first_chunk().ok_or(Damage::Short)?;
@@ -48,9 +48,13 @@ impl<'d, 'a> Rest<'d, 'a> {
     }
 
     /// Appends the records of the last points of `fields`, of which the traces are.
-    pub(super) fn read(&mut self, traces: &[Trace], fields: &mut Fields) -> Result<(), Damage> {
+    pub(super) fn read(
+        &mut self,
+        traces: &[Trace],
+        fields: &mut DecodedFields,
+    ) -> Result<(), Damage> {
         fields.records.reserve(traces.len() * self.size);
-        run(Points(self, traces, fields));
+        run(RestBatch(self, traces, fields));
         self.streams.check(|coder| coder.is_sound())
     }
 
@@ -61,13 +65,13 @@ impl<'d, 'a> Rest<'d, 'a> {
 }
 
 /// Points to be completed.
-struct Points<'r, 'd, 'a>(&'r mut Rest<'d, 'a>, &'r [Trace], &'r mut Fields);
+struct RestBatch<'r, 'd, 'a>(&'r mut Rest<'d, 'a>, &'r [Trace], &'r mut DecodedFields);
 
-impl Work for Points<'_, '_, '_> {
+impl SimdTask for RestBatch<'_, '_, '_> {
     type Result = ();
 
     #[inline(always)]
-    fn work<M: Machine>(self, _: M) {
+    fn work<M: InstructionSet>(self, _: M) {
         let Self(Rest { room, streams, .. }, traces, fields) = self;
         let mut coders = streams.on::<M>();
         let first = fields.len() - traces.len();
@@ -83,7 +87,7 @@ impl Work for Points<'_, '_, '_> {
 
 /// The shared part of a record, as far as it is known.
 #[inline(always)]
-fn head(fields: &Fields, index: usize, trace: Trace) -> [u8; RECORD] {
+fn head(fields: &DecodedFields, index: usize, trace: Trace) -> [u8; RECORD] {
     let mut head = [0; RECORD];
     head[..12].copy_from_slice(fields.places[index].map(i32::to_le_bytes).as_flattened());
     head[14] = fields.returns[index];

@@ -1,11 +1,11 @@
 //! How the records of a compressed file are made up, as its LASzip record says.
 
-use super::chunk::Layer;
+use super::chunk::LazLayer;
 use std::fmt;
 
 /// A part of every record, as the LASzip record lists it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Item {
+pub struct LaszipItem {
     /// Which fields it holds.
     pub kind: u16,
     /// Bytes.
@@ -14,7 +14,7 @@ pub struct Item {
     pub version: u16,
 }
 
-impl Item {
+impl LaszipItem {
     /// Whether it is one of those of formats 0 to 5.
     fn is_of_old_formats(&self) -> bool {
         matches!(
@@ -24,7 +24,7 @@ impl Item {
     }
 }
 
-impl fmt::Display for Item {
+impl fmt::Display for LaszipItem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, size, version } = self;
         let name = match kind {
@@ -46,60 +46,60 @@ impl fmt::Display for Item {
 
 /// How records are made up.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Schema {
-    pub(super) layout: Layout,
+pub struct LaszipSchema {
+    pub(super) layout: ChunkLayout,
 }
 
 /// How chunks are arranged.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Layout {
+pub(super) enum ChunkLayout {
     /// Fields are layers, one after another.
-    Layered(Layers),
+    Layered(LayeredSchema),
     /// Records follow each other.
-    Pointwise(Records),
+    Pointwise(PointwiseSchema),
 }
 
 /// Records of one stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Records {
+pub(super) struct PointwiseSchema {
     /// How the part that they share is compressed.
     pub(super) version: u16,
     /// What follows it.
-    pub(super) follow: Vec<Item>,
+    pub(super) follow: Vec<LaszipItem>,
     /// Bytes of what follows.
     pub(super) bytes: usize,
 }
 
 /// What follows the part that all layered records share.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Layers {
+pub(super) struct LayeredSchema {
     /// How all is compressed.
     pub(super) version: u16,
     /// Bytes of a record.
     pub(super) bytes: usize,
     /// Layers of a chunk, as their parts stand in a record.
-    pub(super) layers: Vec<Layer>,
+    pub(super) layers: Vec<LazLayer>,
 }
 
-impl Schema {
+impl LaszipSchema {
     /// The schema of records of these items, in order.
     ///
     /// # Errors
     /// The first item that this decoder does not know, or that has no place where it is.
-    pub fn new(items: &[Item]) -> Result<Self, Item> {
-        let none = Item { kind: 0, size: 0, version: 0 };
+    pub fn new(items: &[LaszipItem]) -> Result<Self, LaszipItem> {
+        let none = LaszipItem { kind: 0, size: 0, version: 0 };
         let (&first, rest) = items.split_first().ok_or(none)?;
         let layout = match (first.kind, first.size, first.version) {
-            (10, 30, 3 | 4) => Layout::Layered(Layers::new(first.version, rest)?),
-            (6, 20, 1 | 2) => Layout::Pointwise(Records::new(first.version, rest)?),
+            (10, 30, 3 | 4) => ChunkLayout::Layered(LayeredSchema::new(first.version, rest)?),
+            (6, 20, 1 | 2) => ChunkLayout::Pointwise(PointwiseSchema::new(first.version, rest)?),
             _ => return Err(first),
         };
         Ok(Self { layout })
     }
 }
 
-impl Records {
-    fn new(version: u16, items: &[Item]) -> Result<Self, Item> {
+impl PointwiseSchema {
+    fn new(version: u16, items: &[LaszipItem]) -> Result<Self, LaszipItem> {
         match items.iter().find(|item| !item.is_of_old_formats()) {
             Some(item) => Err(*item),
             None => {
@@ -110,17 +110,17 @@ impl Records {
     }
 }
 
-impl Layers {
-    fn new(version: u16, items: &[Item]) -> Result<Self, Item> {
+impl LayeredSchema {
+    fn new(version: u16, items: &[LaszipItem]) -> Result<Self, LaszipItem> {
         let mut all = Self { version, bytes: 0, layers: Vec::new() };
         for item in items {
             all.bytes += usize::from(item.size);
             match (item.kind, item.size) {
                 _ if item.version != version => return Err(*item),
-                (11, 6) => all.layers.push(Layer::Colours),
-                (12, 8) => all.layers.extend([Layer::Colours, Layer::Infrared]),
-                (13, 29) => all.layers.push(Layer::Packets),
-                (14, size) => all.layers.extend(vec![Layer::ExtraBytes; size.into()]),
+                (11, 6) => all.layers.push(LazLayer::Colours),
+                (12, 8) => all.layers.extend([LazLayer::Colours, LazLayer::Infrared]),
+                (13, 29) => all.layers.push(LazLayer::Packets),
+                (14, size) => all.layers.extend(vec![LazLayer::ExtraBytes; size.into()]),
                 _ => return Err(*item),
             }
         }

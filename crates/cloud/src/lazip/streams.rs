@@ -1,8 +1,8 @@
 //! The streams of a layered chunk, and what is wrong with them.
 
-use super::chunk::{Damage, Layer};
+use super::chunk::{Damage, LazLayer};
 use super::coder::Coder;
-use super::machine::Machine;
+use super::machine::InstructionSet;
 
 /// The streams of what grids and meshes need. A stream that is absent leaves its field as it was.
 #[derive(Clone, Copy)]
@@ -13,9 +13,9 @@ pub(super) struct Streams<'a, M> {
     pub(super) flags: Option<Coder<'a, M>>,
 }
 
-impl<'a, M: Machine> Streams<'a, M> {
+impl<'a, M: InstructionSet> Streams<'a, M> {
     /// The same, for another machine.
-    pub(super) fn on<N: Machine>(self) -> Streams<'a, N> {
+    pub(super) fn on<N: InstructionSet>(self) -> Streams<'a, N> {
         Streams {
             places: self.places.on(),
             heights: self.heights.map(Coder::on),
@@ -26,10 +26,10 @@ impl<'a, M: Machine> Streams<'a, M> {
 
     /// Says which layer is not `right`, if any is not.
     pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
-        check(Layer::Places, &Some(self.places), right)?;
-        check(Layer::Heights, &self.heights, right)?;
-        check(Layer::Classes, &self.classes, right)?;
-        check(Layer::Flags, &self.flags, right)
+        check(LazLayer::Places, &Some(self.places), right)?;
+        check(LazLayer::Heights, &self.heights, right)?;
+        check(LazLayer::Classes, &self.classes, right)?;
+        check(LazLayer::Flags, &self.flags, right)
     }
 }
 
@@ -41,13 +41,13 @@ pub(super) struct RestStreams<'a, M> {
     pub(super) sources: Option<Coder<'a, M>>,
     pub(super) times: Option<Coder<'a, M>>,
     /// Those of what follows the part that all formats share.
-    pub(super) tails: Vec<(Layer, Option<Coder<'a, M>>)>,
+    pub(super) tails: Vec<(LazLayer, Option<Coder<'a, M>>)>,
 }
 
-impl<'a, M: Machine> RestStreams<'a, M> {
+impl<'a, M: InstructionSet> RestStreams<'a, M> {
     /// The same, for another machine.
-    pub(super) fn on<N: Machine>(&self) -> RestStreams<'a, N> {
-        let on = |(layer, coder): &(Layer, Option<Coder<'a, M>>)| (*layer, coder.map(Coder::on));
+    pub(super) fn on<N: InstructionSet>(&self) -> RestStreams<'a, N> {
+        let on = |(layer, coder): &(LazLayer, Option<Coder<'a, M>>)| (*layer, coder.map(Coder::on));
         RestStreams {
             intensities: self.intensities.map(Coder::on),
             angles: self.angles.map(Coder::on),
@@ -60,17 +60,17 @@ impl<'a, M: Machine> RestStreams<'a, M> {
 
     /// Says which layer is not `right`, if any is not.
     pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
-        check(Layer::Intensities, &self.intensities, right)?;
-        check(Layer::Angles, &self.angles, right)?;
-        check(Layer::UserData, &self.user_data, right)?;
-        check(Layer::Sources, &self.sources, right)?;
-        check(Layer::Times, &self.times, right)?;
+        check(LazLayer::Intensities, &self.intensities, right)?;
+        check(LazLayer::Angles, &self.angles, right)?;
+        check(LazLayer::UserData, &self.user_data, right)?;
+        check(LazLayer::Sources, &self.sources, right)?;
+        check(LazLayer::Times, &self.times, right)?;
         self.tails.iter().try_for_each(|(layer, coder)| check(*layer, coder, right))
     }
 }
 
 fn check<'a, M>(
-    layer: Layer,
+    layer: LazLayer,
     coder: &Option<Coder<'a, M>>,
     right: fn(&Coder<'a, M>) -> bool,
 ) -> Result<(), Damage> {

@@ -1,9 +1,9 @@
 //! What follows the shared part in records of a layered chunk: each layer has a part of it.
 
-use super::chunk::Layer;
-use super::follow::Follow;
-use super::machine::Machine;
-use super::schema::Layers;
+use super::chunk::LazLayer;
+use super::follow::ItemContext;
+use super::machine::InstructionSet;
+use super::schema::LayeredSchema;
 use super::streams::RestStreams;
 use super::trace::Trace;
 
@@ -16,9 +16,9 @@ const ODD_VERSION: u16 = 3;
 pub(super) struct Tails {
     version: u16,
     /// What `models` decode.
-    layers: Vec<Layer>,
+    layers: Vec<LazLayer>,
     /// What is learnt of each layer, by channel; nothing of channels that never were.
-    models: [Vec<Follow>; 4],
+    models: [Vec<ItemContext>; 4],
     is_used: [bool; 4],
     /// The last bytes, by channel.
     last: [Vec<u8>; 4],
@@ -27,7 +27,7 @@ pub(super) struct Tails {
 
 impl Tails {
     /// Begins a chunk after a point of `channel` with these bytes.
-    pub(super) fn begin(&mut self, layers: &Layers, channel: usize, bytes: &[u8]) {
+    pub(super) fn begin(&mut self, layers: &LayeredSchema, channel: usize, bytes: &[u8]) {
         if self.layers != layers.layers {
             self.layers.clone_from(&layers.layers);
             self.models = Default::default();
@@ -43,14 +43,18 @@ impl Tails {
         self.last[channel & 3].clear();
         self.last[channel & 3].extend_from_slice(bytes);
         let models = &mut self.models[channel & 3];
-        models.iter_mut().for_each(Follow::clear);
+        models.iter_mut().for_each(ItemContext::clear);
         let missing = self.layers.iter().skip(models.len());
-        models.extend(missing.map(|layer| Follow::of(*layer)));
+        models.extend(missing.map(|layer| ItemContext::of(*layer)));
     }
 
     /// The bytes of the next point.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, streams: &mut RestStreams<M>, trace: Trace) -> &[u8] {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        streams: &mut RestStreams<M>,
+        trace: Trace,
+    ) -> &[u8] {
         let last = self.turn(match self.version == ODD_VERSION && !trace.is_other_channel() {
             true => 0,
             false => trace.channel(),

@@ -14,14 +14,14 @@ use laz::{LazItem, LazItemRecordBuilder};
 use records::{Dice, STYLES, Style, axis, new_records, old_records, put};
 use std::io::Cursor;
 
-fn schema(items: &[LazItem]) -> Schema {
+fn schema(items: &[LazItem]) -> LaszipSchema {
     let items: Vec<_> = items.iter().map(plain).collect();
-    Schema::new(&items).unwrap()
+    LaszipSchema::new(&items).unwrap()
 }
 
 /// An item as the file has it.
-fn plain(item: &LazItem) -> Item {
-    Item { kind: item.item_type().into(), size: item.size(), version: item.version() }
+fn plain(item: &LazItem) -> LaszipItem {
+    LaszipItem { kind: item.item_type().into(), size: item.size(), version: item.version() }
 }
 
 fn is_layered(items: &[LazItem]) -> bool {
@@ -62,8 +62,8 @@ fn decompress(items: &Vec<LazItem>, bytes: &[u8], count: usize) -> std::io::Resu
 }
 
 /// The fields of records of formats 0 to 5.
-fn old_fields(records: &[u8], size: usize) -> Fields {
-    let mut fields = Fields::default();
+fn old_fields(records: &[u8], size: usize) -> DecodedFields {
+    let mut fields = DecodedFields::default();
     for record in records.chunks_exact(size) {
         let (bits, class) = (record[14], record[15]);
         fields.places.push([0, 4, 8].map(|at| axis(record, at)));
@@ -75,8 +75,8 @@ fn old_fields(records: &[u8], size: usize) -> Fields {
 }
 
 /// The fields of records of formats 6 to 10.
-fn new_fields(records: &[u8], size: usize) -> Fields {
-    let mut fields = Fields::default();
+fn new_fields(records: &[u8], size: usize) -> DecodedFields {
+    let mut fields = DecodedFields::default();
     for record in records.chunks_exact(size) {
         fields.places.push([0, 4, 8].map(|at| axis(record, at)));
         fields.returns.push(record[14]);
@@ -86,9 +86,13 @@ fn new_fields(records: &[u8], size: usize) -> Fields {
     fields
 }
 
-fn decode(decoder: &mut Decoder, schema: &Schema, chunk: Chunk) -> Result<Fields, Damage> {
-    let mut fields = Fields::default();
-    decoder.chunk(schema, chunk, Wanted::ALL, &mut fields).map(|()| fields)
+fn decode(
+    decoder: &mut Decoder,
+    schema: &LaszipSchema,
+    chunk: CompressedChunk,
+) -> Result<DecodedFields, Damage> {
+    let mut fields = DecodedFields::default();
+    decoder.chunk(schema, chunk, FieldSelection::ALL, &mut fields).map(|()| fields)
 }
 
 /// Items of a format and the size of its records.
@@ -107,7 +111,7 @@ fn layered_chunks_are_decoded_as_they_were() {
                 let (items, size) = items(format, extra);
                 let records = new_records(style, size, count, 7 + count as u64);
                 let bytes = compress(&items, &records);
-                let chunk = Chunk { bytes: &bytes, count };
+                let chunk = CompressedChunk { bytes: &bytes, count };
                 let fields = decode(&mut decoder, &schema(&items), chunk);
                 let what = format!("format {format}, {extra} extra bytes, {style:?}, {count}");
                 assert!(fields == Ok(new_fields(&records, size)), "{what}");
@@ -139,7 +143,7 @@ fn chunks_of_records_are_decoded_as_they_were() {
                     records.chunks_exact_mut(size).for_each(|record| record[size - 1] = 0);
                 }
                 let bytes = compress(&items, &records);
-                let chunk = Chunk { bytes: &bytes, count };
+                let chunk = CompressedChunk { bytes: &bytes, count };
                 let fields = decode(&mut decoder, &schema(&items), chunk);
                 assert!(fields == Ok(old_fields(&records, size)), "{items:?}, {style:?}, {count}");
             }
@@ -157,9 +161,9 @@ fn a_stream_is_read_batch_by_batch() {
         let records = make(Style::Walk, size, 1000, 4);
         let bytes = compress(&items, &records);
         let schema = schema(&items);
-        let mut fields = Fields::default();
-        let chunk = Chunk { bytes: &bytes, count: 1000 };
-        let mut stream = decoder.stream(&schema, chunk, Wanted::ALL).unwrap();
+        let mut fields = DecodedFields::default();
+        let chunk = CompressedChunk { bytes: &bytes, count: 1000 };
+        let mut stream = decoder.stream(&schema, chunk, FieldSelection::ALL).unwrap();
         for count in [0, 1, 400, 0, 599] {
             stream.read(count, &mut fields).unwrap();
         }
@@ -175,7 +179,7 @@ fn a_long_chunk_wears_its_models_in() {
     for style in STYLES {
         let records = new_records(style, size, 90_000, 3);
         let bytes = compress(&items, &records);
-        let chunk = Chunk { bytes: &bytes, count: 90_000 };
+        let chunk = CompressedChunk { bytes: &bytes, count: 90_000 };
         let fields = decode(&mut Decoder::new(), &schema(&items), chunk);
         assert!(fields == Ok(new_fields(&records, size)), "{style:?}");
     }
@@ -186,15 +190,16 @@ fn only_wanted_fields_are_decoded() {
     let (items, size) = items(6, 0);
     let records = new_records(Style::Walk, size, 500, 11);
     let bytes = compress(&items, &records);
-    let chunk = Chunk { bytes: &bytes, count: 500 };
+    let chunk = CompressedChunk { bytes: &bytes, count: 500 };
     let all = new_fields(&records, size);
     let mut decoder = Decoder::new();
     for mask in 0..8 {
         let [z, class, flags] = [1, 2, 4].map(|bit| mask & bit != 0);
-        let wanted = Wanted { z, class, flags, records: false };
-        let mut fields = Fields::default();
+        let wanted = FieldSelection { z, class, flags, records: false };
+        let mut fields = DecodedFields::default();
         decoder.chunk(&schema(&items), chunk, wanted, &mut fields).unwrap();
-        let flat = |fields: &Fields| fields.places.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();
+        let flat =
+            |fields: &DecodedFields| fields.places.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>();
         assert_eq!(flat(&fields), flat(&all));
         assert_eq!(fields.returns, all.returns);
         assert!(!wanted.z || fields.places == all.places);
@@ -210,17 +215,17 @@ fn a_stream_that_ends_early_is_named() {
     let records = new_records(Style::Wild, size, 200, 2);
     let bytes = compress(&items, &records);
     let mut decoder = Decoder::new();
-    let layers = [Layer::Places, Layer::Heights, Layer::Classes, Layer::Flags];
+    let layers = [LazLayer::Places, LazLayer::Heights, LazLayer::Classes, LazLayer::Flags];
     for (number, layer) in layers.into_iter().enumerate() {
         let at = size + 4 + 4 * number;
         let length = axis(&bytes, at);
         for cut in [1, 2, 3, length / 2, length - 4, length - 1] {
             let shorter = without(&bytes, &layers_before(&bytes, size, number), length, cut, at);
-            let chunk = Chunk { bytes: &shorter, count: 200 };
+            let chunk = CompressedChunk { bytes: &shorter, count: 200 };
             assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Layer(layer)), "{cut}");
         }
     }
-    let chunk = Chunk { bytes: &bytes, count: 201 };
+    let chunk = CompressedChunk { bytes: &bytes, count: 201 };
     assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Count(200)));
 }
 
@@ -248,7 +253,7 @@ fn truncated_chunks_are_refused() {
     let mut decoder = Decoder::new();
     let end = layers_before(&bytes, size, 4) + 4 * 3;
     for length in 0..end {
-        let chunk = Chunk { bytes: &bytes[..length], count: 60 };
+        let chunk = CompressedChunk { bytes: &bytes[..length], count: 60 };
         assert!(decode(&mut decoder, &schema, chunk).is_err(), "{length} of {end}");
     }
 }
@@ -272,7 +277,8 @@ fn mutated_chunks_never_disagree_with_laz() {
                     let at = dice.below(bytes.len() as u64) as usize;
                     bytes[at] = dice.roll() as u8;
                 }
-                let Ok(ours) = decode(&mut decoder, &schema, Chunk { bytes: &bytes, count: 120 })
+                let Ok(ours) =
+                    decode(&mut decoder, &schema, CompressedChunk { bytes: &bytes, count: 120 })
                 else {
                     continue;
                 };
@@ -302,7 +308,7 @@ fn noise_is_decoded_or_refused() {
         if round % 3 == 0 {
             bytes[size + 40..].fill(if round % 2 == 0 { 0 } else { 255 });
         }
-        let chunk = Chunk { bytes: &bytes, count: 1000 };
+        let chunk = CompressedChunk { bytes: &bytes, count: 1000 };
         if let Ok(fields) = decode(&mut decoder, &schema, chunk) {
             assert_eq!(fields.len(), 1000);
         }
@@ -311,9 +317,9 @@ fn noise_is_decoded_or_refused() {
 
 #[test]
 fn unknown_items_are_named() {
-    let point = Item { kind: 10, size: 30, version: 3 };
-    let odd = Item { kind: 14, size: 3, version: 7 };
-    assert_eq!(Schema::new(&[point, odd]), Err(odd));
+    let point = LaszipItem { kind: 10, size: 30, version: 3 };
+    let odd = LaszipItem { kind: 14, size: 3, version: 7 };
+    assert_eq!(LaszipSchema::new(&[point, odd]), Err(odd));
     assert_eq!(odd.to_string(), "new extra bytes (type 14) of 3 bytes, version 7");
-    assert!(Schema::new(&[]).is_err());
+    assert!(LaszipSchema::new(&[]).is_err());
 }

@@ -3,20 +3,20 @@
 
 use super::coder::Coder;
 use super::integer::Integer;
-use super::machine::Machine;
-use super::model::Model;
+use super::machine::InstructionSet;
+use super::model::ArithmeticModel;
 
 /// Eight bytes that are stored as they are.
 #[inline(always)]
-pub(super) fn whole<M: Machine>(coder: &mut Coder<M>) -> u64 {
+pub(super) fn whole<M: InstructionSet>(coder: &mut Coder<M>) -> u64 {
     let lower = coder.raw(32);
     u64::from(coder.raw(32)) << 32 | u64::from(lower)
 }
 
 /// A time of the first version.
 pub(super) struct OldTime {
-    multiple: Model<64>,
-    after_same: Model<1>,
+    multiple: ArithmeticModel<64>,
+    after_same: ArithmeticModel<1>,
     difference: Integer<6>,
     last: i32,
     extremes: u32,
@@ -32,8 +32,8 @@ impl OldTime {
 
     pub(super) fn new() -> Self {
         Self {
-            multiple: Model::new(),
-            after_same: Model::new(),
+            multiple: ArithmeticModel::new(),
+            after_same: ArithmeticModel::new(),
             difference: Integer::new(32),
             last: 0,
             extremes: 0,
@@ -50,7 +50,7 @@ impl OldTime {
 
     /// The time that follows `time`.
     #[inline(always)]
-    pub(super) fn next<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
         match self.last {
             0 => self.next_after_same(coder, time),
             last => self.next_multiple(coder, time, last),
@@ -58,7 +58,7 @@ impl OldTime {
     }
 
     #[inline(always)]
-    fn next_after_same<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    fn next_after_same<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
         match coder.symbol(self.after_same.ready(3)) {
             0 => time,
             1 => {
@@ -70,7 +70,12 @@ impl OldTime {
     }
 
     #[inline(always)]
-    fn next_multiple<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64, last: i32) -> u64 {
+    fn next_multiple<M: InstructionSet>(
+        &mut self,
+        coder: &mut Coder<M>,
+        time: u64,
+        last: i32,
+    ) -> u64 {
         let multiple = coder.symbol(self.multiple.ready(Self::MULTIPLES));
         let (expected, circumstance) = match multiple {
             0 => (last.wrapping_div(4), 2),
@@ -105,8 +110,8 @@ fn later(time: u64, difference: i32) -> u64 {
 
 /// A time of the second version and of layered chunks: as the first, of four interleaved sequences.
 pub(super) struct Time {
-    multiple: Model<64>,
-    after_same: Model<1>,
+    multiple: ArithmeticModel<64>,
+    after_same: ArithmeticModel<1>,
     difference: Integer<9>,
     /// The last time of each sequence but the current one.
     times: [u64; 4],
@@ -118,7 +123,7 @@ pub(super) struct Time {
 }
 
 /// The next time of a sequence, or how many sequences to go on by.
-enum Found {
+enum DecodedTime {
     Time(u64),
     Switch(usize),
 }
@@ -139,8 +144,8 @@ impl Time {
 
     pub(super) fn new() -> Self {
         Self {
-            multiple: Model::new(),
-            after_same: Model::new(),
+            multiple: ArithmeticModel::new(),
+            after_same: ArithmeticModel::new(),
             difference: Integer::new(32),
             times: [0; 4],
             last: [0; 4],
@@ -161,7 +166,7 @@ impl Time {
 
     /// The time that follows `time`. Whether it is the same has a symbol unless it `IS_OTHER`.
     #[inline(always)]
-    pub(super) fn next<M: Machine, const IS_OTHER: bool>(
+    pub(super) fn next<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
         coder: &mut Coder<M>,
         time: u64,
@@ -174,8 +179,8 @@ impl Time {
                 last => self.next_multiple::<M, IS_OTHER>(coder, last_time, last),
             };
             match found {
-                Found::Time(time) => return time,
-                Found::Switch(by) => {
+                DecodedTime::Time(time) => return time,
+                DecodedTime::Switch(by) => {
                     self.times[self.current & 3] = last_time;
                     self.current = (self.current + by) & 3;
                     last_time = self.times[self.current & 3];
@@ -188,14 +193,14 @@ impl Time {
 
     /// The next time of a sequence that stood still.
     #[inline(always)]
-    fn next_after_same<M: Machine, const IS_OTHER: bool>(
+    fn next_after_same<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
         coder: &mut Coder<M>,
         time: u64,
-    ) -> Found {
+    ) -> DecodedTime {
         let left_out = usize::from(IS_OTHER);
         let symbol = coder.symbol(self.after_same.ready(Self::AFTER_SAME - left_out)) + left_out;
-        Found::Time(match symbol {
+        DecodedTime::Time(match symbol {
             0 => time,
             1 => {
                 let difference = self.difference.next(coder, 0).0;
@@ -204,18 +209,18 @@ impl Time {
                 later(time, difference)
             }
             2 => self.begin(coder, time),
-            _ => return Found::Switch(symbol - 2),
+            _ => return DecodedTime::Switch(symbol - 2),
         })
     }
 
     /// The next time of a sequence whose last difference was `last`.
     #[inline(always)]
-    fn next_multiple<M: Machine, const IS_OTHER: bool>(
+    fn next_multiple<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
         coder: &mut Coder<M>,
         time: u64,
         last: i32,
-    ) -> Found {
+    ) -> DecodedTime {
         let left_out = usize::from(IS_OTHER);
         let mut symbol = coder.symbol(self.multiple.ready(Self::MULTIPLES - left_out));
         symbol += if symbol < Self::SAME { 0 } else { left_out };
@@ -227,9 +232,9 @@ impl Time {
             Self::LARGEST => 4,
             Self::NEGATIVE..Self::SMALLEST => 5,
             Self::SMALLEST => 6,
-            Self::SAME => return Found::Time(time),
-            Self::WHOLE => return Found::Time(self.begin(coder, time)),
-            _ => return Found::Switch(symbol - Self::WHOLE),
+            Self::SAME => return DecodedTime::Time(time),
+            Self::WHOLE => return DecodedTime::Time(self.begin(coder, time)),
+            _ => return DecodedTime::Switch(symbol - Self::WHOLE),
         };
         let multiple = match symbol <= Self::LARGEST {
             true => symbol as i32,
@@ -242,7 +247,7 @@ impl Time {
             0 | Self::LARGEST | Self::SMALLEST => self.extreme(difference),
             _ => {}
         }
-        Found::Time(later(time, difference))
+        DecodedTime::Time(later(time, difference))
     }
 
     /// Takes in a difference that is far from those expected.
@@ -258,7 +263,7 @@ impl Time {
 
     /// Begins a new sequence in place of the oldest; returns its first time.
     #[inline(always)]
-    fn begin<M: Machine>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    fn begin<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
         let upper = ((time >> 32) as u32).wrapping_add_signed(self.difference.next(coder, 8).0);
         self.times[self.current & 3] = time;
         self.newest = (self.newest + 1) & 3;

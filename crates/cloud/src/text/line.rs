@@ -1,6 +1,6 @@
 //! Lines of text clouds: separators, headings, numbers.
 
-use crate::column::{self, Column, Value};
+use crate::column::{self, ColumnEncoding, PointColumn};
 use crate::format::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::raw::{Flags, Raw};
@@ -42,27 +42,27 @@ const MOST_TOLD: usize = 12;
 
 /// A point of a text file.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct TextPoint {
     pub(super) xyz: [i32; 3],
     pub(super) class: u8,
     pub(super) returns: [u8; 2],
-    pub(super) fields: Fields,
+    pub(super) fields: TextPointRecord,
 }
 
 /// A record with what other columns have.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fields([u8; RECORD]);
+pub(super) struct TextPointRecord([u8; RECORD]);
 
-impl Default for Fields {
+impl Default for TextPointRecord {
     fn default() -> Self {
         Self([0; RECORD])
     }
 }
 
-impl Line {
+impl TextPoint {
     /// As a record of the widest format, which those of others from 6 on begin like.
     pub(crate) fn record(&self) -> [u8; RECORD] {
-        let (Fields(mut record), [number, returns]) = (self.fields, self.returns);
+        let (TextPointRecord(mut record), [number, returns]) = (self.fields, self.returns);
         record[..12].copy_from_slice(self.xyz.map(i32::to_le_bytes).as_flattened());
         record[14] = number | returns << 4;
         record[16] = self.class;
@@ -70,7 +70,7 @@ impl Line {
     }
 }
 
-impl Raw for Line {
+impl Raw for TextPoint {
     fn xyz(self) -> [i32; 3] {
         self.xyz
     }
@@ -91,11 +91,11 @@ impl Raw for Line {
 /// How lines are taken apart.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Grammar {
-    separator: Separator,
+    separator: PointTextSeparator,
     /// Which column holds which of [`NAMES`].
     columns: [Option<usize>; NAMES.len()],
     /// Fields of records, and the columns that hold them.
-    fields: Vec<(usize, Column)>,
+    fields: Vec<(usize, PointColumn)>,
     /// Names of columns that are not read.
     others: Vec<String>,
     /// True when the first line names columns.
@@ -105,7 +105,7 @@ pub(super) struct Grammar {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Separator {
+enum PointTextSeparator {
     Space,
     Comma,
     /// Decimals may have a comma.
@@ -114,12 +114,12 @@ enum Separator {
 
 /// Values of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Values {
+pub(super) struct TextPointValues {
     pub(super) world: [f64; 3],
     pub(super) decimals: [u8; 3],
     pub(super) class: u8,
     pub(super) returns: [u8; 2],
-    pub(super) fields: Fields,
+    pub(super) fields: TextPointRecord,
 }
 
 /// What a line holds: `None` for empty ones and comments.
@@ -132,9 +132,9 @@ impl Grammar {
     /// From the first line that holds anything.
     pub(super) fn of(line: &[u8]) -> Result<Self, String> {
         let separator = match line {
-            _ if line.contains(&b';') => Separator::Semicolon,
-            _ if line.contains(&b',') => Separator::Comma,
-            _ => Separator::Space,
+            _ if line.contains(&b';') => PointTextSeparator::Semicolon,
+            _ if line.contains(&b',') => PointTextSeparator::Comma,
+            _ => PointTextSeparator::Space,
         };
         let mut plain = Self {
             separator,
@@ -177,7 +177,7 @@ impl Grammar {
             }
             let alias = ALIASES.iter().find(|(alias, _)| alias == name);
             let name = alias.map_or(name.as_str(), |(_, name)| name);
-            let is_new = |field: &&Column| self.fields.iter().all(|(_, own)| own != *field);
+            let is_new = |field: &&PointColumn| self.fields.iter().all(|(_, own)| own != *field);
             let found = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
             // Classes and returns are columns of their own.
             let found = found.filter(|_| !NAMES[NEEDED..].iter().any(|own| own.contains(&name)));
@@ -204,13 +204,13 @@ impl Grammar {
     }
 
     /// The time of a point, where a column has it.
-    pub(super) fn time(&self, values: &Values) -> Option<f64> {
+    pub(super) fn time(&self, values: &TextPointValues) -> Option<f64> {
         let (_, field) = self.fields.iter().find(|(_, field)| field.name() == column::TIME)?;
         Some(field.number(&values.fields.0))
     }
 
     /// The fields that there are columns for.
-    pub(super) fn known(&self) -> Vec<Column> {
+    pub(super) fn known(&self) -> Vec<PointColumn> {
         self.fields.iter().map(|(_, field)| field.clone()).collect()
     }
 
@@ -234,7 +234,7 @@ impl Grammar {
     }
 
     /// The values of a line that holds something.
-    pub(super) fn values(&self, line: &[u8]) -> Result<Values, String> {
+    pub(super) fn values(&self, line: &[u8]) -> Result<TextPointValues, String> {
         let mut found: [Option<&[u8]>; NAMES.len()] = [None; NAMES.len()];
         let mut count = 0;
         for (number, field) in self.fields(line).enumerate() {
@@ -248,10 +248,10 @@ impl Grammar {
         if count != self.count && count >= NEEDED {
             return Err(format!("{count} columns, where the first line has {}", self.count));
         }
-        let mut values = Values { returns: [1, 1], ..Values::default() };
+        let mut values = TextPointValues { returns: [1, 1], ..TextPointValues::default() };
         for axis in 0..3 {
             let field = found[axis].ok_or_else(|| format!("there is no {}", NAMES[axis][0]))?;
-            let parsed = number(field, self.separator == Separator::Semicolon);
+            let parsed = number(field, self.separator == PointTextSeparator::Semicolon);
             let (value, decimals) = parsed.ok_or_else(|| {
                 let field = String::from_utf8_lossy(&field[..field.len().min(40)]);
                 format!("{field:?} is no finite number")
@@ -275,16 +275,20 @@ impl Grammar {
         Ok(values)
     }
 
-    fn set_fields(&self, line: &[u8], Fields(record): &mut Fields) -> Result<(), String> {
+    fn set_fields(
+        &self,
+        line: &[u8],
+        TextPointRecord(record): &mut TextPointRecord,
+    ) -> Result<(), String> {
         let mut fields = self.fields(line).enumerate();
         for (at, field) in &self.fields {
             let Some((_, text)) = fields.by_ref().find(|(number, _)| number == at) else {
                 return Err(format!("there is no {}", field.name()));
             };
-            match (number(text, self.separator == Separator::Semicolon), field.value) {
+            match (number(text, self.separator == PointTextSeparator::Semicolon), field.value) {
                 (Some((value, _)), _) => field.set(record, value)?,
                 // Times are whatever a file has.
-                (None, Value::Float(8)) if word(text).is_some() => {
+                (None, ColumnEncoding::Float(8)) if word(text).is_some() => {
                     let bytes = word(text).unwrap_or_default().to_le_bytes();
                     record[field.at..][..8].copy_from_slice(&bytes);
                 }
@@ -301,12 +305,12 @@ impl Grammar {
         let separator = self.separator;
         let is_end = move |c: &u8| match separator {
             // What else is white space is damage within a line.
-            Separator::Space => matches!(c, b' ' | b'\t'),
-            Separator::Comma => *c == b',',
-            Separator::Semicolon => *c == b';',
+            PointTextSeparator::Space => matches!(c, b' ' | b'\t'),
+            PointTextSeparator::Comma => *c == b',',
+            PointTextSeparator::Semicolon => *c == b';',
         };
         let fields = line.split(is_end).map(trimmed);
-        fields.filter(move |field| separator != Separator::Space || !field.is_empty())
+        fields.filter(move |field| separator != PointTextSeparator::Space || !field.is_empty())
     }
 }
 

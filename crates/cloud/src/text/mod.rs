@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, wkt};
+use terrane_base::geom::{Crs, PointFrame, wkt};
 use terrane_base::limits;
 use terrane_files::{self, RawFile};
 
-use line::{Grammar, Values, content};
+use line::{Grammar, TextPointValues, content};
 
-use super::column::Column;
+use super::column::PointColumn;
 use super::format::PointFormat;
-use super::frame::Claim;
-use super::lattice::{Placed, Span};
-pub(super) use line::Line;
+use super::frame::ClaimedExtent;
+use super::lattice::{PointLattice, PositionSpan};
+pub(super) use line::TextPoint;
 
 /// Bytes of a part; lines belong to the part that they begin in.
 const PART_BYTES: u64 = 1 << 20;
@@ -36,20 +36,20 @@ const BLOCK: usize = 8192;
 pub(super) struct TextFile {
     pub(super) path: PathBuf,
     pub(super) crs: Crs,
-    pub(super) lattice: Frame,
-    pub(super) parts: Vec<Part>,
+    pub(super) lattice: PointFrame,
+    pub(super) parts: Vec<PointTextPart>,
     pub(super) notes: Vec<String>,
     /// Times are no seconds of a week, so they are adjusted standard GPS times.
     pub(super) is_standard: bool,
     len: u64,
-    lines: Lines,
-    placed: Placed,
-    claim: Option<Claim>,
+    lines: PointTextLayout,
+    placed: PointLattice,
+    claim: Option<ClaimedExtent>,
 }
 
 /// Lines that begin in a range of bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
+pub(super) struct PointTextPart {
     pub(super) points: u64,
     /// Number of its first point.
     first: u64,
@@ -58,11 +58,11 @@ pub(super) struct Part {
 
 /// What a first pass finds.
 #[derive(Default)]
-struct Survey {
+struct PointTextSurvey {
     /// Lines that hold anything.
     points: u64,
     lines: u64,
-    span: Span,
+    span: PositionSpan,
     /// Least and largest time, where there are times.
     times: Option<[f64; 2]>,
     /// The first of these lines without a point, from 0, and what is wrong with it.
@@ -70,7 +70,7 @@ struct Survey {
 }
 
 /// Where the lines of points are, and how they are read.
-struct Lines {
+struct PointTextLayout {
     grammar: Grammar,
     /// First byte behind the heading.
     at: u64,
@@ -85,9 +85,9 @@ impl TextFile {
     }
 
     fn read(file: &RawFile, path: &Path, salvage: bool) -> Result<Self> {
-        let lines = Lines::of(file)?;
+        let lines = PointTextLayout::of(file)?;
         let starts: Vec<u64> = (lines.at..file.size()).step_by(PART_BYTES as usize).collect();
-        let surveys: Vec<Survey> =
+        let surveys: Vec<PointTextSurvey> =
             starts.par_iter().map(|at| lines.survey(file, *at, salvage)).collect::<Result<_>>()?;
         let mut number = lines.before;
         for survey in &surveys {
@@ -100,12 +100,13 @@ impl TextFile {
         }
         let (mut first, mut parts) = (0, Vec::with_capacity(starts.len()));
         for (at, survey) in starts.iter().zip(&surveys) {
-            parts.push(Part { points: survey.points, first, at: *at });
+            parts.push(PointTextPart { points: survey.points, first, at: *at });
             first += survey.points;
         }
         let all_times = surveys.iter().filter_map(|survey| survey.times).reduce(wider);
-        let all = surveys.into_iter().fold(Span::default(), |all, found| all.join(&found.span));
-        let placed = Placed::of(&all)?;
+        let all =
+            surveys.into_iter().fold(PositionSpan::default(), |all, found| all.join(&found.span));
+        let placed = PointLattice::of(&all)?;
         Ok(Self {
             path: path.to_path_buf(),
             crs: crs_beside(path)?,
@@ -126,18 +127,18 @@ impl TextFile {
     }
 
     /// The fields of records that its lines have, but for classes and returns.
-    pub(super) fn columns(&self) -> Vec<Column> {
+    pub(super) fn columns(&self) -> Vec<PointColumn> {
         self.lines.grammar.known()
     }
 
     /// Where its points lie; `None` without points.
-    pub(super) fn claim(&self) -> Option<Claim> {
+    pub(super) fn claim(&self) -> Option<ClaimedExtent> {
         self.claim
     }
 
-    fn line(&self, values: &Values) -> Line {
-        let Values { world, class, returns, fields, .. } = *values;
-        Line { xyz: self.placed.place(world), class, returns, fields }
+    fn line(&self, values: &TextPointValues) -> TextPoint {
+        let TextPointValues { world, class, returns, fields, .. } = *values;
+        TextPoint { xyz: self.placed.place(world), class, returns, fields }
     }
 
     /// Hands on the points of a part; returns how many lines hold none.
@@ -148,9 +149,9 @@ impl TextFile {
         &self,
         part: usize,
         salvage: bool,
-        each: &mut dyn FnMut(u64, &[Line]) -> Result<()>,
+        each: &mut dyn FnMut(u64, &[TextPoint]) -> Result<()>,
     ) -> Result<u64> {
-        let Part { at, first, .. } = self.parts[part];
+        let PointTextPart { at, first, .. } = self.parts[part];
         let file = RawFile::open(&self.path)?;
         if file.size() != self.len {
             return Err(Error::bad_input("has changed since it was opened")
@@ -177,7 +178,7 @@ impl TextFile {
     }
 }
 
-impl Lines {
+impl PointTextLayout {
     fn of(file: &RawFile) -> Result<Self> {
         let head = file.head(limits::MAX_HEADER_BYTES.min(HEADING_BYTES))?;
         let (mut at, mut before) = (0, 0);
@@ -228,8 +229,8 @@ impl Lines {
     }
 
     /// What the lines of a part hold, up to the first bad one.
-    fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<Survey> {
-        let (mut survey, mut line) = (Survey::default(), 0);
+    fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<PointTextSurvey> {
+        let (mut survey, mut line) = (PointTextSurvey::default(), 0);
         survey.lines = self.each(file, at, |text| {
             match self.grammar.values(text) {
                 Ok(values) => {

@@ -7,10 +7,10 @@ use laz::compressors::IntegerCompressorBuilder;
 use laz::encoders::ArithmeticEncoder;
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 
-use super::record::Record;
-use super::tally::Tally;
+use super::record::PointRecord;
+use super::tally::PointTally;
 use crate::format::PointFormat;
-use crate::version::Packing;
+use crate::version::PointPacking;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Points of a chunk, the usual number in LAZ files.
@@ -18,35 +18,39 @@ pub const CHUNK: usize = 50_000;
 
 /// How points become bytes.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub struct PointLayout {
     format: PointFormat,
     /// Bytes of a record.
     size: usize,
-    packing: Packing,
+    packing: PointPacking,
     /// How they are compressed, if they are.
     laz: Option<Arc<LazVlr>>,
 }
 
 /// Points ready to be written.
 #[derive(Clone, Debug)]
-pub struct Chunk {
+pub struct PointChunk {
     pub(super) bytes: Vec<u8>,
-    pub(super) tally: Tally,
+    pub(super) tally: PointTally,
 }
 
-impl Chunk {
+impl PointChunk {
     /// How many points it holds.
     pub fn points(&self) -> usize {
         self.tally.count() as usize
     }
 }
 
-impl Layout {
-    pub(super) fn new(format: PointFormat, extra_bytes: u16, packing: Packing) -> Result<Self> {
+impl PointLayout {
+    pub(super) fn new(
+        format: PointFormat,
+        extra_bytes: u16,
+        packing: PointPacking,
+    ) -> Result<Self> {
         let laz = match packing {
-            Packing::Plain | Packing::Text => None,
-            Packing::Chunks => Some(vlr(format, extra_bytes, CHUNK as u32)?),
-            Packing::Nodes => Some(vlr(format, extra_bytes, u32::MAX)?),
+            PointPacking::Plain | PointPacking::Text => None,
+            PointPacking::Chunks => Some(vlr(format, extra_bytes, CHUNK as u32)?),
+            PointPacking::Nodes => Some(vlr(format, extra_bytes, u32::MAX)?),
         };
         let size = format.size() + usize::from(extra_bytes);
         Ok(Self { format, size, packing, laz: laz.map(Arc::new) })
@@ -57,7 +61,7 @@ impl Layout {
         self.size
     }
 
-    pub(super) fn packing(&self) -> Packing {
+    pub(super) fn packing(&self) -> PointPacking {
         self.packing
     }
 
@@ -77,12 +81,12 @@ impl Layout {
     ///
     /// # Panics
     /// With more points than that.
-    pub fn chunk(&self, records: &[Record]) -> Result<Chunk> {
+    pub fn chunk(&self, records: &[PointRecord]) -> Result<PointChunk> {
         self.pack(self.records(records))
     }
 
     /// Points as they stand in an uncompressed file, without extra bytes.
-    pub fn records(&self, records: &[Record]) -> Vec<u8> {
+    pub fn records(&self, records: &[PointRecord]) -> Vec<u8> {
         let mut raw = Vec::new();
         self.format.encode(records, &mut raw);
         raw
@@ -95,13 +99,13 @@ impl Layout {
     ///
     /// # Panics
     /// With more than [`CHUNK`] records, where chunks have a fixed number.
-    pub fn pack(&self, records: Vec<u8>) -> Result<Chunk> {
-        let tally = Tally::of(&records, self.size, self.format.is_new());
-        let fits = self.packing == Packing::Nodes || tally.count() <= CHUNK as u64;
+    pub fn pack(&self, records: Vec<u8>) -> Result<PointChunk> {
+        let tally = PointTally::of(&records, self.size, self.format.is_new());
+        let fits = self.packing == PointPacking::Nodes || tally.count() <= CHUNK as u64;
         assert!(fits, "{} points are too many for a chunk", tally.count());
-        let Some(vlr) = &self.laz else { return Ok(Chunk { bytes: records, tally }) };
+        let Some(vlr) = &self.laz else { return Ok(PointChunk { bytes: records, tally }) };
         let bytes = compress(&records, vlr).map_err(|e| fault(&e))?;
-        Ok(Chunk { bytes, tally })
+        Ok(PointChunk { bytes, tally })
     }
 }
 
@@ -137,7 +141,7 @@ pub(super) type Entry = [u32; 2];
 
 /// The table of chunks of a LAZ file: version, number, and their sizes, coded arithmetically as differences; with
 /// their points, where these are not the same for all.
-pub(super) fn table(entries: &[Entry], packing: Packing) -> io::Result<Vec<u8>> {
+pub(super) fn table(entries: &[Entry], packing: PointPacking) -> io::Result<Vec<u8>> {
     /// Models of numbers of points and of sizes.
     const MODELS: [u32; 2] = [0, 1];
     let mut table = [0_u32.to_le_bytes(), (entries.len() as u32).to_le_bytes()].concat();
@@ -146,7 +150,7 @@ pub(super) fn table(entries: &[Entry], packing: Packing) -> io::Result<Vec<u8>> 
     }
     let mut encoder = ArithmeticEncoder::new(&mut table);
     let mut compressor = IntegerCompressorBuilder::new().bits(32).contexts(2).build_initialized();
-    let first = if packing == Packing::Nodes { 0 } else { 1 };
+    let first = if packing == PointPacking::Nodes { 0 } else { 1 };
     let mut last = [0; 2];
     for entry in entries {
         for field in first..2 {

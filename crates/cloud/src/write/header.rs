@@ -1,15 +1,15 @@
 //! The header of LAS 1.2 to 1.5, and the records after it.
 
-use super::chunk::Layout;
-use super::options::WriteOptions;
-use super::tally::{RETURNS, Tally};
+use super::chunk::PointLayout;
+use super::options::CloudWriteOptions;
+use super::tally::{PointTally, RETURNS};
 use super::vlr::{MOST_BYTES, Vlr, text};
 use super::{crs, octree};
 use crate::format::PointFormat;
 use crate::las::{IS_WKT, SIZES, WKT};
-use crate::version::{LasVersion, Packing};
+use crate::version::{LasVersion, PointPacking};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Crs, Frame};
+use terrane_base::geom::{Crs, PointFrame};
 
 /// Bit of the point format that says that points are compressed.
 const COMPRESSED: u8 = 128;
@@ -18,12 +18,12 @@ pub(super) const SOFTWARE: &str = concat!("terrane ", env!("CARGO_PKG_VERSION"))
 pub(super) const SOFTWARE_AT: usize = 58;
 
 /// All of the header that is known from the start.
-pub(super) struct Header {
+pub(super) struct LasHeaderDraft {
     format: PointFormat,
     version: LasVersion,
     size: usize,
     is_compressed: bool,
-    frame: Frame,
+    frame: PointFrame,
     encoding: u16,
     time_offset: u16,
     source: u16,
@@ -37,8 +37,8 @@ pub(super) struct Header {
     pub(super) behind_at: u64,
 }
 
-impl Header {
-    pub(super) fn new(options: &WriteOptions, layout: &Layout) -> Result<Self> {
+impl LasHeaderDraft {
+    pub(super) fn new(options: &CloudWriteOptions, layout: &PointLayout) -> Result<Self> {
         let (format, version, carried) = (layout.format(), options.version, &options.carried);
         let systems = crs::records(&options.crs, format.is_new());
         let is_wkt = systems.iter().any(|vlr| vlr.number == WKT);
@@ -46,7 +46,8 @@ impl Header {
             return Err(no_text(&options.crs));
         }
         // Readers look for it at the first place.
-        let info = options.cube.as_ref().map(|cube| octree::info(cube, &Tally::default(), (0, 0)));
+        let info =
+            options.cube.as_ref().map(|cube| octree::info(cube, &PointTally::default(), (0, 0)));
         let all =
             info.into_iter().chain(systems).chain(laz(layout)?).chain(carried.vlrs.iter().cloned());
         let (behind, before): (Vec<_>, Vec<_>) = all.partition(Vlr::is_long);
@@ -63,7 +64,7 @@ impl Header {
             format,
             version,
             size: layout.size(),
-            is_compressed: layout.packing() != Packing::Plain,
+            is_compressed: layout.packing() != PointPacking::Plain,
             frame: options.frame,
             encoding: carried.encoding
                 | if is_wkt || version >= LasVersion::V1_5 { IS_WKT } else { 0 },
@@ -94,7 +95,7 @@ impl Header {
     }
 
     /// Fails when there are more points than the version counts.
-    pub(super) fn check(&self, tally: &Tally) -> Result<()> {
+    pub(super) fn check(&self, tally: &PointTally) -> Result<()> {
         if self.version >= LasVersion::V1_4 || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
         }
@@ -104,7 +105,7 @@ impl Header {
 
     /// The header with its records. The day it was made is left open, so that equal points are equal
     /// files.
-    pub(super) fn bytes(&self, tally: &Tally) -> Vec<u8> {
+    pub(super) fn bytes(&self, tally: &PointTally) -> Vec<u8> {
         let format = self.format;
         let mut bytes = b"LASF".to_vec();
         bytes.extend_from_slice(&self.source.to_le_bytes());
@@ -137,7 +138,7 @@ impl Header {
     }
 
     /// The counts of 32 bits: zero in files with the new formats, and where they do not hold all points.
-    fn old_counts(&self, tally: &Tally, bytes: &mut Vec<u8>) {
+    fn old_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let is_shown = !self.format.is_new() && tally.count() <= u64::from(u32::MAX);
         let shown = |count: u64| if is_shown { count as u32 } else { 0 };
         bytes.extend_from_slice(&shown(tally.count()).to_le_bytes());
@@ -145,8 +146,8 @@ impl Header {
     }
 
     /// Scale, offset, and the box of all points, high before low; zeros for no points.
-    fn extent(&self, tally: &Tally, bytes: &mut Vec<u8>) {
-        let Frame { scale, offset } = self.frame;
+    fn extent(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
+        let PointFrame { scale, offset } = self.frame;
         let world = |axis: usize, step: i32| match tally.count() {
             0 => 0.0,
             _ => f64::from(step) * scale[axis] + offset[axis],
@@ -157,7 +158,7 @@ impl Header {
     }
 
     /// Records behind the points, and the counts of 64 bits.
-    fn new_counts(&self, tally: &Tally, bytes: &mut Vec<u8>) {
+    fn new_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         bytes.extend_from_slice(&self.behind_at.to_le_bytes());
         bytes.extend_from_slice(&(self.behind.len() as u32).to_le_bytes());
         bytes.extend_from_slice(&tally.count().to_le_bytes());
@@ -183,7 +184,7 @@ fn too_long(vlr: &Vlr) -> Error {
 }
 
 /// The record that tells how points are compressed.
-fn laz(layout: &Layout) -> Result<Option<Vlr>> {
+fn laz(layout: &PointLayout) -> Result<Option<Vlr>> {
     let Some(laz) = layout.vlr() else { return Ok(None) };
     let mut data = Vec::new();
     let fault = |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));

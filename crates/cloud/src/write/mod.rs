@@ -1,6 +1,6 @@
 //! Writing LAS, LAZ and COPC: streamed in chunks of points, whole or not at all.
 //!
-//! A writer gives a [`Layout`]; any thread turns points into a [`Chunk`] with it, and the chunks are appended in
+//! A writer gives a [`PointLayout`]; any thread turns points into a [`PointChunk`] with it, and the chunks are appended in
 //! order. The header, which comes first and counts everything, is written last.
 //! The bytes depend on the points alone: the header bears no date.
 
@@ -14,21 +14,21 @@ mod tally;
 mod value;
 mod vlr;
 
-pub use chunk::{CHUNK, Chunk, Layout};
+pub use chunk::{CHUNK, PointChunk, PointLayout};
 pub use octree::{Cube, Key};
-pub use options::{Carried, WriteOptions};
-pub use record::Record;
+pub use options::{CarriedMetadata, CloudWriteOptions};
+pub use record::PointRecord;
 pub use vlr::Vlr;
 
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
-pub use crate::column::{Column, Lines};
+pub use crate::column::{PointColumn, PointLineFormatter};
 pub use crate::format::PointFormat;
-pub use crate::version::{LasVersion, Packing};
-use header::Header;
+pub use crate::version::{LasVersion, PointPacking};
+use header::LasHeaderDraft;
 use octree::Nodes;
-use tally::Tally;
+use tally::PointTally;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;
@@ -36,9 +36,9 @@ use terrane_files::atomic::AtomicFile;
 /// A LAS or LAZ file in the making; dropped before [`finish`](Self::finish), it leaves nothing.
 pub struct CloudWriter {
     file: AtomicFile,
-    header: Header,
-    layout: Layout,
-    tally: Tally,
+    header: LasHeaderDraft,
+    layout: PointLayout,
+    tally: PointTally,
     /// The chunks of a LAZ file so far.
     entries: Vec<chunk::Entry>,
     /// What an octree has so far.
@@ -51,15 +51,15 @@ pub struct CloudWriter {
 const SOFTWARE_END: u64 = 90;
 
 /// How a file of this name is packed; `None` for names of no known ending.
-pub fn packing_by_name(path: &Path) -> Option<Packing> {
+pub fn packing_by_name(path: &Path) -> Option<PointPacking> {
     let name = path.to_string_lossy().to_lowercase();
     let known = [
-        (".copc.laz", Packing::Nodes),
-        (".laz", Packing::Chunks),
-        (".las", Packing::Plain),
-        (".csv", Packing::Text),
-        (".txt", Packing::Text),
-        (".xyz", Packing::Text),
+        (".copc.laz", PointPacking::Nodes),
+        (".laz", PointPacking::Chunks),
+        (".las", PointPacking::Plain),
+        (".csv", PointPacking::Text),
+        (".txt", PointPacking::Text),
+        (".xyz", PointPacking::Text),
     ];
     known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
@@ -78,15 +78,16 @@ impl CloudWriter {
     ///
     /// # Errors
     /// An output that exists already or cannot be created; records too long for the version.
-    pub fn create(path: &Path, options: &WriteOptions) -> Result<Self> {
-        let layout = Layout::new(options.format, options.carried.extra_bytes, options.packing)?;
-        let header = Header::new(options, &layout).map_err(|e| e.in_file(path))?;
+    pub fn create(path: &Path, options: &CloudWriteOptions) -> Result<Self> {
+        let layout =
+            PointLayout::new(options.format, options.carried.extra_bytes, options.packing)?;
+        let header = LasHeaderDraft::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
-        let (tally, entries) = (Tally::default(), Vec::new());
+        let (tally, entries) = (PointTally::default(), Vec::new());
         let octree = options.cube.map(|cube| (cube, Nodes::default()));
         let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
-        writer.write(&writer.header.bytes(&Tally::default()))?;
-        if options.packing != Packing::Plain {
+        writer.write(&writer.header.bytes(&PointTally::default()))?;
+        if options.packing != PointPacking::Plain {
             // Where the table of chunks lies is known at the end.
             writer.write(&(-1_i64).to_le_bytes())?;
         }
@@ -94,7 +95,7 @@ impl CloudWriter {
     }
 
     /// How points become chunks; cheap to copy for other threads.
-    pub fn layout(&self) -> Layout {
+    pub fn layout(&self) -> PointLayout {
         self.layout.clone()
     }
 
@@ -110,15 +111,15 @@ impl CloudWriter {
     ///
     /// # Panics
     /// When a chunk follows one that is not full.
-    pub fn append(&mut self, chunk: &Chunk) -> Result<()> {
+    pub fn append(&mut self, chunk: &PointChunk) -> Result<()> {
         if chunk.points() == 0 {
             return Ok(());
         }
         assert!(!self.is_ended, "a chunk that is not full must be the last");
-        self.is_ended = self.layout.packing() != Packing::Nodes && chunk.points() < CHUNK;
+        self.is_ended = self.layout.packing() != PointPacking::Nodes && chunk.points() < CHUNK;
         self.tally.add(&chunk.tally);
         self.header.check(&self.tally).map_err(|e| e.in_file(self.file.path()))?;
-        if self.layout.packing() != Packing::Plain {
+        if self.layout.packing() != PointPacking::Plain {
             self.entries.push([chunk.points() as u32, chunk.bytes.len() as u32]);
         }
         self.write(&chunk.bytes)
@@ -128,7 +129,7 @@ impl CloudWriter {
     ///
     /// # Errors
     /// As [`append`](Self::append).
-    pub fn append_node(&mut self, key: Key, chunk: &Chunk) -> Result<()> {
+    pub fn append_node(&mut self, key: Key, chunk: &PointChunk) -> Result<()> {
         let at = self.seek(SeekFrom::End(0))?;
         if let Some((_, nodes)) = &mut self.octree {
             nodes.push(key, [at, chunk.bytes.len() as u64, chunk.points() as u64]);
@@ -141,7 +142,7 @@ impl CloudWriter {
     /// # Errors
     /// A disk that is full.
     pub fn finish(mut self) -> Result<u64> {
-        if self.layout.packing() != Packing::Plain {
+        if self.layout.packing() != PointPacking::Plain {
             self.end_chunks()?;
         }
         if let Some((_, nodes)) = &self.octree {

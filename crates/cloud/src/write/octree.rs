@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::tally::Tally;
+use super::tally::PointTally;
 use super::vlr::Vlr;
 use crate::las::OCTREE;
 
@@ -63,7 +63,7 @@ fn above(key: Key) -> impl Iterator<Item = Key> {
 }
 
 /// The record of the cube, in a file whose hierarchy is the first record behind the points.
-pub(super) fn info(cube: &Cube, tally: &Tally, (behind_at, bytes): (u64, u64)) -> Vlr {
+pub(super) fn info(cube: &Cube, tally: &PointTally, (behind_at, bytes): (u64, u64)) -> Vlr {
     let half = cube.side / 2.0;
     let middle = cube.low.map(|low| low + half);
     let spacing = cube.side / f64::from(cube.cells);

@@ -3,43 +3,43 @@
 use super::octree::Cube;
 use super::vlr::Vlr;
 use crate::format::PointFormat;
-use crate::version::{LasVersion, Packing};
-use terrane_base::geom::{Crs, Frame};
+use crate::version::{LasVersion, PointPacking};
+use terrane_base::geom::{Crs, PointFrame};
 
 /// What a file is to be.
 #[derive(Clone, Debug)]
-pub struct WriteOptions {
+pub struct CloudWriteOptions {
     /// Format of its points.
     pub format: PointFormat,
     /// The version of LAS, which has points of this format.
     pub version: LasVersion,
     /// Whether and how they are compressed.
-    pub packing: Packing,
+    pub packing: PointPacking,
     /// Where nodes lie, of files that have them.
     pub cube: Option<Cube>,
     /// Where the points lie: scale and offset of the header.
-    pub frame: Frame,
+    pub frame: PointFrame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
     /// before it. LAS 1.5 knows nothing but text.
     pub crs: Crs,
     /// What is taken over from other files.
-    pub carried: Carried,
+    pub carried: CarriedMetadata,
     /// Replace an existing file.
     pub overwrite: bool,
 }
 
-impl WriteOptions {
+impl CloudWriteOptions {
     /// An uncompressed file with points of this format, of the first version that has them.
-    pub fn new(format: PointFormat, frame: Frame, crs: Crs) -> Self {
-        let (version, packing) = (LasVersion::of(format), Packing::default());
-        let carried = Carried::default();
+    pub fn new(format: PointFormat, frame: PointFrame, crs: Crs) -> Self {
+        let (version, packing) = (LasVersion::of(format), PointPacking::default());
+        let carried = CarriedMetadata::default();
         Self { format, version, packing, cube: None, frame, crs, carried, overwrite: false }
     }
 }
 
 /// What a file takes over from those that its points come from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Carried {
+pub struct CarriedMetadata {
     /// Bits of the global encoding, but for that of well-known text.
     pub encoding: u16,
     /// What times are counted from, in millions of seconds of GPS time, where the encoding says so.
@@ -54,7 +54,7 @@ pub struct Carried {
     pub vlrs: Vec<Vlr>,
 }
 
-impl Default for Carried {
+impl Default for CarriedMetadata {
     /// Nothing; times are adjusted standard GPS times.
     fn default() -> Self {
         Self {

@@ -6,7 +6,7 @@ use crate::format::{ANGLES, PointFormat};
 
 /// A point with what its record tells. Fields that a format does not have are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Record {
+pub struct PointRecord {
     /// Steps of the file's frame.
     pub point: Point,
     /// Seconds, in adjusted standard GPS time (GPS time less a billion); formats but 0 and 2.
@@ -40,7 +40,7 @@ pub struct Record {
 
 impl PointFormat {
     /// Appends the records as they are stored, without waves.
-    pub(crate) fn encode(self, records: &[Record], bytes: &mut Vec<u8>) {
+    pub(crate) fn encode(self, records: &[PointRecord], bytes: &mut Vec<u8>) {
         bytes.reserve(records.len() * self.size());
         for record in records {
             let (first, common) = (bytes.len(), common(record));
@@ -56,7 +56,7 @@ impl PointFormat {
 
     /// The fields that only some formats have.
     #[inline(always)]
-    fn encode_more(self, record: &Record, bytes: &mut Vec<u8>) {
+    fn encode_more(self, record: &PointRecord, bytes: &mut Vec<u8>) {
         let places = self.places();
         if places.time.is_some() && !self.is_new() {
             bytes.extend_from_slice(&record.time.to_le_bytes());
@@ -72,7 +72,7 @@ impl PointFormat {
 
 /// The first fourteen bytes, which are the same in all formats.
 #[inline(always)]
-fn common(record: &Record) -> [u8; 14] {
+fn common(record: &PointRecord) -> [u8; 14] {
     let mut bytes = [0; 14];
     bytes[0..4].copy_from_slice(&record.point.x.to_le_bytes());
     bytes[4..8].copy_from_slice(&record.point.y.to_le_bytes());
@@ -82,7 +82,7 @@ fn common(record: &Record) -> [u8; 14] {
 }
 
 #[inline(always)]
-fn new(common: [u8; 14], record: &Record) -> [u8; PointFormat::NEW] {
+fn new(common: [u8; 14], record: &PointRecord) -> [u8; PointFormat::NEW] {
     let mut bytes = [0; PointFormat::NEW];
     bytes[..14].copy_from_slice(&common);
     bytes[14] = record.number.min(15) | record.returns.min(15) << 4;
@@ -96,7 +96,7 @@ fn new(common: [u8; 14], record: &Record) -> [u8; PointFormat::NEW] {
 }
 
 #[inline(always)]
-fn old(common: [u8; 14], record: &Record) -> [u8; PointFormat::OLD] {
+fn old(common: [u8; 14], record: &PointRecord) -> [u8; PointFormat::OLD] {
     let class = if record.class < 32 { record.class } else { 1 };
     let mut bytes = [0; PointFormat::OLD];
     bytes[..14].copy_from_slice(&common);

@@ -7,7 +7,7 @@ pub(super) const RETURNS: usize = 15;
 
 /// Counts and extent of some points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Tally {
+pub(super) struct PointTally {
     pub(super) low: [i32; 3],
     pub(super) high: [i32; 3],
     /// Points by number of return, from 1; those beyond 15 or of none count as nothing here.
@@ -27,7 +27,7 @@ fn around([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
     [low.min(from), high.max(to)]
 }
 
-impl Default for Tally {
+impl Default for PointTally {
     fn default() -> Self {
         Self {
             low: [i32::MAX; 3],
@@ -40,7 +40,7 @@ impl Default for Tally {
     }
 }
 
-impl Tally {
+impl PointTally {
     /// Of records of so many bytes, of a new format or an old one.
     pub(super) fn of(records: &[u8], size: usize, is_new: bool) -> Self {
         let mut tally = Self::default();

@@ -1,11 +1,11 @@
 //! Numbers into the fields of records.
 
-use crate::column::{Column, Value};
+use crate::column::{ColumnEncoding, PointColumn};
 
 /// Whole numbers that a double holds in 64 bits.
 const LONG: f64 = (1_u64 << 63) as f64;
 
-impl Column {
+impl PointColumn {
     /// What it is called.
     pub fn name(&self) -> &str {
         &self.name
@@ -19,9 +19,9 @@ impl Column {
         let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
         let stored = match self.value {
             // Steps are three 500ths of a degree.
-            Value::Angle => (number * 500.0 / 3.0).round(),
-            Value::Float(4) => f64::from(((number - offset) / scale) as f32),
-            Value::Float(_) => (number - offset) / scale,
+            ColumnEncoding::Angle => (number * 500.0 / 3.0).round(),
+            ColumnEncoding::Float(4) => f64::from(((number - offset) / scale) as f32),
+            ColumnEncoding::Float(_) => (number - offset) / scale,
             _ => ((number - offset) / scale).round(),
         };
         let [low, high] = self.value.range();
@@ -36,7 +36,7 @@ impl Column {
     }
 }
 
-impl Value {
+impl ColumnEncoding {
     /// The least and largest number.
     fn range(self) -> [f64; 2] {
         match self {
@@ -76,24 +76,24 @@ impl Value {
 mod tests {
     use super::*;
 
-    fn column(value: Value, scale: Option<[f64; 2]>, none: Option<f64>) -> Column {
-        Column { name: "field".into(), at: 3, value, scale, none }
+    fn column(value: ColumnEncoding, scale: Option<[f64; 2]>, none: Option<f64>) -> PointColumn {
+        PointColumn { name: "field".into(), at: 3, value, scale, none }
     }
 
     #[test]
     fn what_is_put_is_read_again_and_nothing_else_changes() {
         for (value, scale, number, read) in [
-            (Value::Bits(0, 5), None, 31.0, 31.0),
-            (Value::Bits(3, 3), None, 5.4, 5.0),
-            (Value::Unsigned(1), None, 255.0, 255.0),
-            (Value::Unsigned(2), None, 65_535.4, 65_535.0),
-            (Value::Unsigned(8), None, 9e18, 9e18),
-            (Value::Signed(1), None, -128.0, -128.0),
-            (Value::Signed(4), Some([0.01, 5.0]), -20.0, -20.0),
-            (Value::Signed(8), None, -9e18, -9e18),
-            (Value::Float(4), None, 0.5, 0.5),
-            (Value::Float(8), Some([2.0, 1.0]), 0.1, 0.1),
-            (Value::Angle, None, -15.0, -15.0),
+            (ColumnEncoding::Bits(0, 5), None, 31.0, 31.0),
+            (ColumnEncoding::Bits(3, 3), None, 5.4, 5.0),
+            (ColumnEncoding::Unsigned(1), None, 255.0, 255.0),
+            (ColumnEncoding::Unsigned(2), None, 65_535.4, 65_535.0),
+            (ColumnEncoding::Unsigned(8), None, 9e18, 9e18),
+            (ColumnEncoding::Signed(1), None, -128.0, -128.0),
+            (ColumnEncoding::Signed(4), Some([0.01, 5.0]), -20.0, -20.0),
+            (ColumnEncoding::Signed(8), None, -9e18, -9e18),
+            (ColumnEncoding::Float(4), None, 0.5, 0.5),
+            (ColumnEncoding::Float(8), Some([2.0, 1.0]), 0.1, 0.1),
+            (ColumnEncoding::Angle, None, -15.0, -15.0),
         ] {
             let column = column(value, scale, None);
             for fill in [0, 255] {
@@ -101,13 +101,15 @@ mod tests {
                 column.set(&mut record, number).unwrap();
                 assert!((column.number(&record) - read).abs() < 1e-12, "{value:?}");
                 let size = match value {
-                    Value::Bits(first, count) => {
+                    ColumnEncoding::Bits(first, count) => {
                         let own = (((1_u32 << count) - 1) << first) as u8;
                         assert_eq!(record[3] & !own, fill & !own);
                         1
                     }
-                    Value::Unsigned(size) | Value::Signed(size) | Value::Float(size) => size,
-                    Value::Angle => 2,
+                    ColumnEncoding::Unsigned(size)
+                    | ColumnEncoding::Signed(size)
+                    | ColumnEncoding::Float(size) => size,
+                    ColumnEncoding::Angle => 2,
                 };
                 assert!(record[..3].iter().chain(&record[3 + size..]).all(|byte| *byte == fill));
             }
@@ -117,17 +119,17 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_told_and_changes_nothing() {
         for (value, scale, none, number) in [
-            (Value::Bits(0, 5), None, None, 32.0),
-            (Value::Bits(0, 5), None, None, -1.0),
-            (Value::Unsigned(2), None, None, 65_535.5),
-            (Value::Unsigned(8), None, None, 2e19),
-            (Value::Signed(1), None, None, 128.0),
-            (Value::Signed(4), Some([0.01, 0.0]), None, 3e7),
-            (Value::Signed(4), Some([0.01, 0.0]), Some(100.0), 1.0),
-            (Value::Float(4), None, None, 1e39),
-            (Value::Float(8), None, None, f64::NAN),
-            (Value::Unsigned(1), None, None, f64::NAN),
-            (Value::Angle, None, None, 200.0),
+            (ColumnEncoding::Bits(0, 5), None, None, 32.0),
+            (ColumnEncoding::Bits(0, 5), None, None, -1.0),
+            (ColumnEncoding::Unsigned(2), None, None, 65_535.5),
+            (ColumnEncoding::Unsigned(8), None, None, 2e19),
+            (ColumnEncoding::Signed(1), None, None, 128.0),
+            (ColumnEncoding::Signed(4), Some([0.01, 0.0]), None, 3e7),
+            (ColumnEncoding::Signed(4), Some([0.01, 0.0]), Some(100.0), 1.0),
+            (ColumnEncoding::Float(4), None, None, 1e39),
+            (ColumnEncoding::Float(8), None, None, f64::NAN),
+            (ColumnEncoding::Unsigned(1), None, None, f64::NAN),
+            (ColumnEncoding::Angle, None, None, 200.0),
         ] {
             let mut record = vec![7; 16];
             let told = column(value, scale, none).set(&mut record, number).unwrap_err();

@@ -95,7 +95,7 @@ fn turned(triangles: impl Iterator<Item = [Point; 3]>) -> Vec<[Point; 3]> {
 }
 
 fn made(points: &[Point], freeze: Freeze) -> SpikeFree {
-    let window = Window::of(points.iter().map(|p| site(*p))).unwrap();
+    let window = PositionWindow::of(points.iter().map(|p| site(*p))).unwrap();
     let made = SpikeFree::new(points.to_vec(), &window, freeze).unwrap();
     let lowest = points.iter().map(|p| p.z).min().unwrap();
     let frozen = |ids: [u32; 3]| {
@@ -107,7 +107,7 @@ fn made(points: &[Point], freeze: Freeze) -> SpikeFree {
 
 /// The frame around points, and the points.
 fn vertices(made: &SpikeFree, points: &[Point]) -> Vec<Point> {
-    let window = Window::of(points.iter().map(|p| site(*p))).unwrap();
+    let window = PositionWindow::of(points.iter().map(|p| site(*p))).unwrap();
     let side = (0..2).map(|i| window.high[i] - window.low[i] + 1).max().unwrap();
     [&frame(side)[..], &made.points].concat()
 }
@@ -179,7 +179,7 @@ fn without_freezing_it_is_the_plain_triangulation() {
 
 /// The height at a place, in steps.
 fn height(made: &SpikeFree, x: f64, y: f64) -> f64 {
-    let at = Position::from_steps(x, y);
+    let at = FixedPosition::from_steps(x, y);
     let (corners, _) = made.find(at, &mut 0, false).unwrap();
     interpolate(&corners, at)
 }
@@ -261,15 +261,15 @@ fn of_points_at_one_position_the_highest_counts() {
     points.extend([7, 900, -3].map(|z| Point::new(20, 20, z)));
     let made = made(&points, Freeze { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
     assert_eq!(height(&made, 20.0, 20.0), 900.0);
-    assert!(made.find(Position::from_steps(-9.0, 20.0), &mut 0, false).is_none());
+    assert!(made.find(FixedPosition::from_steps(-9.0, 20.0), &mut 0, false).is_none());
 }
 
 #[test]
 fn a_window_that_is_too_wide_is_refused_and_no_points_have_no_surface() {
     let freeze = Freeze { edge: 1.0, buffer: 0.5, step: [1.0; 3] };
     let of = |side: i32| {
-        SpikeFree::new(Vec::new(), &Window { low: [0, 0], high: [side - 1, 5] }, freeze)
+        SpikeFree::new(Vec::new(), &PositionWindow { low: [0, 0], high: [side - 1, 5] }, freeze)
     };
-    assert!(of((1 << 28) - 1).unwrap().find(Position::of([3, 3]), &mut 0, false).is_none());
+    assert!(of((1 << 28) - 1).unwrap().find(FixedPosition::of([3, 3]), &mut 0, false).is_none());
     assert!(of(1 << 28).is_err());
 }

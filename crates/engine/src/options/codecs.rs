@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use serde_json::Value as Json;
-use terrane_options::{Codec, Kind, Named};
+use terrane_options::{ChoiceName, OptionCodec, OptionKind};
 
 use terrane_base::attribute::Return;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::Error;
 use terrane_base::geom::wkt;
 use terrane_cloud::{Condition, Flags, LasVersion, PointFormat};
@@ -16,8 +16,8 @@ use terrane_raster::SampleType;
 /// The name of a file, whatever bytes it has.
 pub struct FileName;
 
-impl Codec<String> for FileName {
-    const KIND: Kind = Kind::Path;
+impl OptionCodec<String> for FileName {
+    const KIND: OptionKind = OptionKind::Path;
 
     fn parse(text: &str) -> Result<String, String> {
         if text.is_empty() { Err("expected a name".to_owned()) } else { Ok(text.to_owned()) }
@@ -28,11 +28,11 @@ impl Codec<String> for FileName {
     }
 }
 
-impl Codec<PathBuf> for FileName {
-    const KIND: Kind = Kind::Path;
+impl OptionCodec<PathBuf> for FileName {
+    const KIND: OptionKind = OptionKind::Path;
 
     fn parse(text: &str) -> Result<PathBuf, String> {
-        <Self as Codec<String>>::parse(text).map(|name| path_of(&name).into_owned())
+        <Self as OptionCodec<String>>::parse(text).map(|name| path_of(&name).into_owned())
     }
 
     fn json(value: &PathBuf) -> Json {
@@ -43,8 +43,8 @@ impl Codec<PathBuf> for FileName {
 /// A finite number.
 pub struct Finite;
 
-impl Codec<f64> for Finite {
-    const KIND: Kind = Kind::Number;
+impl OptionCodec<f64> for Finite {
+    const KIND: OptionKind = OptionKind::Number;
 
     fn parse(text: &str) -> Result<f64, String> {
         let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
@@ -63,8 +63,8 @@ impl Codec<f64> for Finite {
 /// A finite number or NaN, as nodata values are.
 pub struct FiniteOrNan;
 
-impl Codec<f64> for FiniteOrNan {
-    const KIND: Kind = Kind::Number;
+impl OptionCodec<f64> for FiniteOrNan {
+    const KIND: OptionKind = OptionKind::Number;
 
     fn parse(text: &str) -> Result<f64, String> {
         let value = text.trim().parse::<f64>().ok().filter(|value| !value.is_infinite());
@@ -77,10 +77,10 @@ impl Codec<f64> for FiniteOrNan {
 }
 
 /// `xmin,ymin,xmax,ymax`.
-pub struct Bounds;
+pub struct BoundsOption;
 
-impl Codec<[f64; 4]> for Bounds {
-    const KIND: Kind = Kind::Numbers;
+impl OptionCodec<[f64; 4]> for BoundsOption {
+    const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 4], String> {
         let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
@@ -98,8 +98,8 @@ impl Codec<[f64; 4]> for Bounds {
 /// `low,high`. Ends that are infinite are as far off as numbers go.
 pub struct Interval;
 
-impl Codec<[f64; 2]> for Interval {
-    const KIND: Kind = Kind::Numbers;
+impl OptionCodec<[f64; 2]> for Interval {
+    const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
         let end = |text: &str| text.trim().parse::<f64>().ok().filter(|end| !end.is_nan());
@@ -115,10 +115,10 @@ impl Codec<[f64; 2]> for Interval {
 }
 
 /// `x,y`.
-pub struct Place;
+pub struct PositionOption;
 
-impl Codec<[f64; 2]> for Place {
-    const KIND: Kind = Kind::Numbers;
+impl OptionCodec<[f64; 2]> for PositionOption {
+    const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
         let place = text.split_once(',').map(|(x, y)| (Finite::parse(x), Finite::parse(y)));
@@ -136,8 +136,8 @@ impl Codec<[f64; 2]> for Place {
 /// `side`, or `width,height`.
 pub struct CellSize;
 
-impl Codec<[f64; 2]> for CellSize {
-    const KIND: Kind = Kind::Numbers;
+impl OptionCodec<[f64; 2]> for CellSize {
+    const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
         let (width, height) = text.split_once(',').unwrap_or((text, text));
@@ -153,13 +153,13 @@ impl Codec<[f64; 2]> for CellSize {
 }
 
 /// Bytes as people write them: `512M`, `4GiB`.
-pub struct Bytes;
+pub struct ByteSize;
 
 /// No job works in less.
 const LEAST_BYTES: u64 = 1 << 20;
 
-impl Codec<u64> for Bytes {
-    const KIND: Kind = Kind::Shaped("int | str");
+impl OptionCodec<u64> for ByteSize {
+    const KIND: OptionKind = OptionKind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
         match FileSize::parse(text)? {
@@ -178,8 +178,8 @@ impl Codec<u64> for Bytes {
 /// The same of any number above 0: sizes of files.
 pub struct FileSize;
 
-impl Codec<u64> for FileSize {
-    const KIND: Kind = Kind::Shaped("int | str");
+impl OptionCodec<u64> for FileSize {
+    const KIND: OptionKind = OptionKind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
         size(text).ok_or_else(|| "expected a size such as 512M or 4GiB".to_owned())
@@ -204,8 +204,8 @@ fn size(text: &str) -> Option<u64> {
 /// `KEY=VAL`, in any case.
 pub struct KeyValue;
 
-impl Codec<(String, String)> for KeyValue {
-    const KIND: Kind = Kind::Shaped("dict[str, Any]");
+impl OptionCodec<(String, String)> for KeyValue {
+    const KIND: OptionKind = OptionKind::Shaped("dict[str, Any]");
 
     fn parse(text: &str) -> Result<(String, String), String> {
         let pair = text.split_once('=').filter(|(key, _)| !key.is_empty());
@@ -228,8 +228,8 @@ pub struct AsFormula;
 #[macro_export]
 macro_rules! by_text {
     ($codec:ident, $kind:expr, $($type:ty)*) => {$(
-        impl terrane_options::Codec<$type> for $codec {
-            const KIND: terrane_options::Kind = $kind;
+        impl terrane_options::OptionCodec<$type> for $codec {
+            const KIND: terrane_options::OptionKind = $kind;
 
             fn parse(text: &str) -> ::std::result::Result<$type, String> {
                 text.parse::<$type>().map_err(|error| error.to_string())
@@ -242,14 +242,14 @@ macro_rules! by_text {
     )*};
 }
 
-by_text!(AsFormula, Kind::Shaped("str"), Condition);
-by_text!(AsNumber, Kind::Shaped("float | str"), LasVersion Return);
+by_text!(AsFormula, OptionKind::Shaped("str"), Condition);
+by_text!(AsNumber, OptionKind::Shaped("float | str"), LasVersion Return);
 
 /// A point format of LAS, by its number.
 pub struct PointFormatNumber;
 
-impl Codec<PointFormat> for PointFormatNumber {
-    const KIND: Kind = Kind::Whole;
+impl OptionCodec<PointFormat> for PointFormatNumber {
+    const KIND: OptionKind = OptionKind::Whole;
 
     fn parse(text: &str) -> Result<PointFormat, String> {
         let number =
@@ -265,15 +265,15 @@ impl Codec<PointFormat> for PointFormatNumber {
 /// The name of a mark of points.
 pub struct MarkName;
 
-impl Codec<Flags> for MarkName {
-    const KIND: Kind = Kind::Choice(|| {
+impl OptionCodec<Flags> for MarkName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |flag| match flag {
             Flags::SYNTHETIC => "made by other means than measuring",
             Flags::KEY => "a key point of a model, not to be thinned out",
             Flags::WITHHELD => "to be left out",
             _ => "in the overlap of flight lines",
         };
-        let named = |(name, flag): (&'static str, Flags)| Named { name, about: about(flag) };
+        let named = |(name, flag): (&'static str, Flags)| ChoiceName { name, about: about(flag) };
         Flags::ALL.into_iter().map(named).collect()
     });
 
@@ -294,8 +294,8 @@ impl Codec<Flags> for MarkName {
 /// A reference system by its code or text.
 pub struct CrsText;
 
-impl Codec<String> for CrsText {
-    const KIND: Kind = Kind::Text;
+impl OptionCodec<String> for CrsText {
+    const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<String, String> {
         let crs = wkt::of_srs(text);
@@ -313,8 +313,8 @@ impl Codec<String> for CrsText {
 /// A length of a print in millimetres, or with a unit: `100mm`, `12cm`, `0.1m`, `4in`.
 pub struct PrintLength;
 
-impl Codec<f64> for PrintLength {
-    const KIND: Kind = Kind::Shaped("float | str");
+impl OptionCodec<f64> for PrintLength {
+    const KIND: OptionKind = OptionKind::Shaped("float | str");
 
     fn parse(text: &str) -> Result<f64, String> {
         let units = [("mm", 1.0), ("cm", 10.0), ("in", 25.4), ("m", 1000.0)];
@@ -340,8 +340,8 @@ impl Codec<f64> for PrintLength {
 /// A scale: `1:50000` or `0.001`.
 pub struct PrintScale;
 
-impl Codec<f64> for PrintScale {
-    const KIND: Kind = Kind::Shaped("float | str");
+impl OptionCodec<f64> for PrintScale {
+    const KIND: OptionKind = OptionKind::Shaped("float | str");
 
     fn parse(text: &str) -> Result<f64, String> {
         let (print, ground) = text.split_once(':').unwrap_or((text, "1"));
@@ -364,20 +364,20 @@ impl Codec<f64> for PrintScale {
 /// The name of what a tolerance is promised of.
 pub struct BoundName;
 
-impl Codec<Bound> for BoundName {
-    const KIND: Kind = Kind::Choice(|| {
+impl OptionCodec<ErrorBound> for BoundName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |bound| match bound {
-            Bound::Samples => "all valid samples",
-            Bound::Surface => "the lines between neighbouring samples, too",
+            ErrorBound::Samples => "all valid samples",
+            ErrorBound::Surface => "the lines between neighbouring samples, too",
         };
-        Bound::ALL.map(|bound| Named { name: bound.name(), about: about(bound) }).to_vec()
+        ErrorBound::ALL.map(|bound| ChoiceName { name: bound.name(), about: about(bound) }).to_vec()
     });
 
-    fn parse(text: &str) -> Result<Bound, String> {
+    fn parse(text: &str) -> Result<ErrorBound, String> {
         text.trim().parse().map_err(|error: Error| error.to_string())
     }
 
-    fn json(value: &Bound) -> Json {
+    fn json(value: &ErrorBound) -> Json {
         value.name().into()
     }
 }
@@ -385,8 +385,8 @@ impl Codec<Bound> for BoundName {
 /// The name of a type of samples.
 pub struct SampleTypeName;
 
-impl Codec<SampleType> for SampleTypeName {
-    const KIND: Kind = Kind::Text;
+impl OptionCodec<SampleType> for SampleTypeName {
+    const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<SampleType, String> {
         SampleType::by_name(text.trim()).ok_or_else(|| {
@@ -407,7 +407,7 @@ mod tests {
     use super::*;
 
     /// What a codec makes of a text, as JSON again.
-    fn read<T, C: Codec<T>>(text: &str) -> Option<Json> {
+    fn read<T, C: OptionCodec<T>>(text: &str) -> Option<Json> {
         C::parse(text).ok().map(|value| C::json(&value))
     }
 
@@ -421,7 +421,7 @@ mod tests {
         assert_eq!(interval("-1.5,2"), Some(json!([-1.5, 2.0])));
         assert_eq!(interval("-inf,2"), Some(json!([f64::MIN, 2.0])));
         assert!(["2,1", "1", "a,b", "1,nan", "1,2,3"].iter().all(|text| interval(text).is_none()));
-        let place = read::<[f64; 2], Place>;
+        let place = read::<[f64; 2], PositionOption>;
         assert_eq!(place("-1.5,2"), Some(json!([-1.5, 2.0])));
         assert!(place("1").is_none() && place("1,inf").is_none());
         let mark = read::<Flags, MarkName>;
@@ -429,13 +429,13 @@ mod tests {
         for text in ["first", "last", "only", "3"] {
             assert_eq!(read::<Return, AsNumber>(text), Some(json!(text)));
         }
-        let length = <PrintLength as Codec<f64>>::parse;
+        let length = <PrintLength as OptionCodec<f64>>::parse;
         for (text, millimetres) in
             [("100mm", 100.0), ("100", 100.0), ("12 cm", 120.0), ("4in", 101.6), ("2m", 2000.0)]
         {
             assert!(length(text).is_ok_and(|own| (own - millimetres).abs() < 1e-9), "{text}");
         }
-        let scale = <PrintScale as Codec<f64>>::parse;
+        let scale = <PrintScale as OptionCodec<f64>>::parse;
         assert_eq!(
             (scale("1:50000"), scale("0.001"), scale("2:1")),
             (Ok(2e-5), Ok(0.001), Ok(2.0))
@@ -443,7 +443,7 @@ mod tests {
         for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
             assert!(length(text).is_err() && scale(text).is_err(), "{text}");
         }
-        let size = |text| <Bytes as Codec<u64>>::parse(text);
+        let size = |text| <ByteSize as OptionCodec<u64>>::parse(text);
         let good =
             [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("2tb", 2 << 40)];
         for (text, value) in good.into_iter().chain([("1536k", 3 << 19), ("2000000", 2_000_000)]) {
@@ -457,7 +457,7 @@ mod tests {
         for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
             assert!(size(text).is_err(), "{text}");
         }
-        let bounds = |text| Bounds::parse(text);
+        let bounds = |text| BoundsOption::parse(text);
         assert_eq!(bounds("-1, 2,3,4.5"), Ok([-1.0, 2.0, 3.0, 4.5]));
         for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
             assert!(bounds(text).is_err(), "{text}");

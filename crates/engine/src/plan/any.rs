@@ -3,15 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json};
-use terrane_options::{Options, Range, Table, check, to_map};
+use terrane_options::{OptionRange, OptionTable, Options, check, to_map};
 
-use super::report::{RunReport, StatusReport, TaskReport, Written};
+use super::report::{PlanRunReport, RunReport, StatusReport, TaskReport};
 use super::run::RunJob;
-use super::sheet::{Kind, kind};
-use super::work::Form;
+use super::sheet::{PlanKind, kind};
+use super::work::OutputForm;
 use crate::disk::DiskCheck;
 use crate::operation::{
-    self, Call, Divisible, Input, Job, Operation, Reads, Writes, divide, plan_of,
+    self, Divisible, InputOptions, Job, Operation, OperationCall, Reads, Writes, divide, plan_of,
 };
 use crate::options::{FileName, Replacing};
 use crate::{Cancel, Progress, Resources};
@@ -21,25 +21,25 @@ use terrane_base::error::{Error, Result};
 /// number of processes and machines that see the folder may [`run`](Self::run) it, or its tasks, at the same time and as
 /// often as they like. What comes out is, byte for byte, what `write` gives.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct AnyPlan {
     folder: PathBuf,
-    division: Division,
+    division: PlanOperations,
 }
 
 /// What is done with the plans of an operation that can be divided.
 #[derive(Clone, Copy, Debug)]
-pub struct Division {
+pub struct PlanOperations {
     /// Their kind.
-    pub kind: Kind,
+    pub kind: PlanKind,
     /// What a task has so many of, for people.
     pub task_size: &'static str,
     /// Writes one down, with tasks of a size.
-    pub plan: fn(&Call<'_>, Option<u32>) -> Result<()>,
+    pub plan: fn(&OperationCall<'_>, Option<u32>) -> Result<()>,
     status: fn(&Path) -> Result<PlanStatus>,
     run: fn(&RunJob, &dyn Progress, &Cancel) -> Result<PlanRun>,
 }
 
-impl Division {
+impl PlanOperations {
     /// Of an operation.
     pub const fn of<O: Divisible>() -> Self {
         Self {
@@ -57,7 +57,7 @@ pub struct AnyOperation {
     /// Its name, with dashes.
     pub name: &'static str,
     /// Its options.
-    pub table: &'static Table,
+    pub table: &'static OptionTable,
     /// What it reads.
     pub reads: Reads,
     /// What it writes.
@@ -67,16 +67,16 @@ pub struct AnyOperation {
     /// What can be known of options by name before anything is opened.
     pub check: fn(&Map<String, Json>, &Path) -> Result<()>,
     /// Runs it with options by name, where how the grid is read is said already.
-    pub run: fn(&Call<'_>) -> Result<Json>,
+    pub run: fn(&OperationCall<'_>) -> Result<Json>,
     /// What its plans do, where it can be divided.
-    pub division: Option<Division>,
+    pub division: Option<PlanOperations>,
 }
 
 impl AnyOperation {
     /// The operation of these options.
     pub const fn of<O: Operation>() -> Self {
         let defaults = || to_map(&O::default());
-        let (reads, writes) = (<O::Input as Input>::READS, O::WRITES);
+        let (reads, writes) = (<O::Input as InputOptions>::READS, O::WRITES);
         let (name, table, division) = (O::NAME, O::TABLE, None);
         let (check, run) = (operation::check_options::<O>, operation::run::<O>);
         Self { name, table, reads, writes, defaults, check, run, division }
@@ -84,7 +84,7 @@ impl AnyOperation {
 
     /// The same of options whose work can be divided.
     pub const fn divisible<O: Divisible>() -> Self {
-        Self { division: Some(Division::of::<O>()), ..Self::of::<O>() }
+        Self { division: Some(PlanOperations::of::<O>()), ..Self::of::<O>() }
     }
 
     /// What a task of its plan has so many of, for people, where it can be divided.
@@ -96,17 +96,17 @@ impl AnyOperation {
     ///
     /// # Errors
     /// An operation that cannot be divided; those of [`Job::plan`].
-    pub fn plan(&self, call: &Call<'_>, task_size: Option<u32>) -> Result<Plan> {
+    pub fn plan(&self, call: &OperationCall<'_>, task_size: Option<u32>) -> Result<AnyPlan> {
         let Some(division) = self.division else {
             return Err(Error::usage(format!("{} is not divided into tasks", self.name))
                 .remedy("run it as a whole"));
         };
         (division.plan)(call, task_size)?;
-        Plan::divided(call.request.output, division)
+        AnyPlan::divided(call.request.output, division)
     }
 }
 
-/// How far the work on a [`Plan`] has come.
+/// How far the work on a [`AnyPlan`] has come.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanStatus {
@@ -128,7 +128,7 @@ pub struct PlanStatus {
     pub fault: Option<String>,
 }
 
-/// What a run of a [`Plan`] did.
+/// What a run of a [`AnyPlan`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanRun {
@@ -144,7 +144,7 @@ pub struct PlanRun {
     pub written: Option<PathBuf>,
 }
 
-impl Plan {
+impl AnyPlan {
     /// Opens the plan in a folder, which is of one of these operations.
     ///
     /// # Errors
@@ -161,7 +161,7 @@ impl Plan {
     }
 
     /// The plan in a folder, of an operation.
-    pub(crate) fn divided(folder: impl Into<PathBuf>, division: Division) -> Result<Self> {
+    pub(crate) fn divided(folder: impl Into<PathBuf>, division: PlanOperations) -> Result<Self> {
         let folder = folder.into();
         let kind = kind(&folder)?;
         if kind != division.kind {
@@ -190,7 +190,7 @@ impl Plan {
 }
 
 /// The error of a folder whose plan is of an operation that is not meant.
-fn another(folder: &Path, kind: Kind) -> Error {
+fn another(folder: &Path, kind: PlanKind) -> Error {
     Error::usage(format!("holds a plan of {}", kind.what()))
         .in_file(folder)
         .remedy("name the folder of another plan")
@@ -224,7 +224,7 @@ pub struct RunOptions {
     #[option(short = 'o', value = "FILE", with = FileName, default_text = "in the folder", heading = "Output")]
     pub output: Option<PathBuf>,
     /// Write a mesh of a grid as a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
-    #[option(value = "N", range = Range::new(1.0, 65_536.0), heading = "Output")]
+    #[option(value = "N", range = OptionRange::new(1.0, 65_536.0), heading = "Output")]
     pub split: Option<u32>,
     /// What is there already.
     #[option(flatten)]
@@ -258,12 +258,12 @@ impl RunOptions {
                 .remedy(format!("leave ‹{name}› out, or run the task finish with it")));
         }
         let disk = if disk_check { DiskCheck::On } else { DiskCheck::Off };
-        let form = Form { split, ..Form::default() };
+        let form = OutputForm { split, ..OutputForm::default() };
         Ok(RunJob { folder, task, output, overwrite, form, disk, resources })
     }
 }
 
-impl Job<'_, RunOptions, Plan> {
+impl Job<'_, RunOptions, AnyPlan> {
     /// Does the work. Tasks that are done and sound are left alone, damaged ones done again; what is done
     /// stays done however this ends.
     ///
@@ -290,17 +290,17 @@ impl<O: Divisible> Job<'_, O> {
         self,
         folder: impl Into<PathBuf>,
         task_size: impl Into<Option<u32>>,
-    ) -> Result<Plan> {
+    ) -> Result<AnyPlan> {
         let (folder, task_size) = (folder.into(), task_size.into());
         self.with_request(&folder, |options, request| {
             plan_of(options, request, task_size).map(drop)
         })?;
-        Plan::divided(folder, Division::of::<O>())
+        AnyPlan::divided(folder, PlanOperations::of::<O>())
     }
 }
 
 impl PlanRun {
-    fn of<R: Written>(report: RunReport<R>) -> Self {
+    fn of<R: PlanRunReport>(report: RunReport<R>) -> Self {
         Self {
             written: report.of.written().map(PathBuf::from),
             tasks: report.tasks,

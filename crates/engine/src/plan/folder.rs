@@ -7,33 +7,33 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::digest::Digest;
-use super::object::{Done, Look, OBJECTS, Place};
+use super::object::{ArtifactLocation, CheckDepth, Done, OBJECTS};
 use super::output::FINISHED;
 use super::report::TaskReport;
 use super::sheet::{PLAN, Plan};
-use super::work::{At, Named, Numbered, Work};
+use super::work::{Numbered, Observer, PlanStep, PlannedWork};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";
 
 /// A folder with a plan in it.
-pub struct Folder<W: Work> {
+pub struct PlanFolder<W: PlannedWork> {
     pub path: PathBuf,
     pub plan: Plan<W>,
     pub id: Digest,
 }
 
 /// Which tasks are done.
-pub struct Survey<'a, W: Work> {
+pub struct TaskSurvey<'a, W: PlannedWork> {
     /// The folder of the plan.
-    pub folder: &'a Folder<W>,
+    pub folder: &'a PlanFolder<W>,
     /// Tasks whose object is there and sound, as far as it was looked at.
     pub done: BTreeMap<W::Task, Done<W::Facts>>,
     /// Tasks whose object is there and not sound.
     pub damaged: Vec<W::Task>,
 }
 
-impl<W: Work> Folder<W> {
+impl<W: PlannedWork> PlanFolder<W> {
     /// Opens the folder `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let (plan, id) = Plan::read(path)?;
@@ -51,9 +51,9 @@ impl<W: Work> Folder<W> {
     }
 
     /// The task of a name.
-    pub(super) fn named(&self, name: &str) -> Result<Named<W::Task>> {
+    pub(super) fn named(&self, name: &str) -> Result<PlanStep<W::Task>> {
         if name == "finish" {
-            return Ok(Named::Finish);
+            return Ok(PlanStep::Finish);
         }
         let parse = |(kind, task): &Numbered<W::Task>| {
             let number = name.strip_prefix(kind)?.strip_prefix('-')?;
@@ -61,7 +61,7 @@ impl<W: Work> Folder<W> {
         };
         let task = W::NAMES.iter().find_map(parse).ok_or_else(|| no_task::<W>(name))?;
         match self.tasks().contains(&task) {
-            true => Ok(Named::Task(task)),
+            true => Ok(PlanStep::Task(task)),
             false => Err(Error::usage(format!("the plan has no task {task}"))
                 .in_file(&self.path)
                 .remedy("see ‹terrane plan status›")),
@@ -69,10 +69,10 @@ impl<W: Work> Folder<W> {
     }
 
     /// What is told of a task that is not done.
-    pub(super) fn tell(&self, task: Named<W::Task>) -> TaskReport {
+    pub(super) fn tell(&self, task: PlanStep<W::Task>) -> TaskReport {
         let after = match task {
-            Named::Task(task) => self.before(task),
-            Named::Finish => self.tasks(),
+            PlanStep::Task(task) => self.before(task),
+            PlanStep::Finish => self.tasks(),
         };
         let after = after.iter().map(W::Task::to_string).collect();
         TaskReport { id: task.to_string(), after, work: self.plan.work.size(task) }
@@ -129,14 +129,18 @@ impl<W: Work> Folder<W> {
     }
 }
 
-impl<'a, W: Work> Survey<'a, W> {
+impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
     /// Of nothing that is looked for yet.
-    pub(super) fn new(folder: &'a Folder<W>) -> Self {
+    pub(super) fn new(folder: &'a PlanFolder<W>) -> Self {
         Self { folder, done: BTreeMap::new(), damaged: Vec::new() }
     }
 
     /// Looks for the objects of all tasks, in parallel; tells of each. Fails when it is to stop.
-    pub(super) fn of_all(folder: &'a Folder<W>, look: Look, at: At<'_>) -> Result<Self> {
+    pub(super) fn of_all(
+        folder: &'a PlanFolder<W>,
+        look: CheckDepth,
+        at: Observer<'_>,
+    ) -> Result<Self> {
         let mut survey = Self::new(folder);
         survey.look_for_all(folder.tasks(), look, at)?;
         Ok(survey)
@@ -144,28 +148,33 @@ impl<'a, W: Work> Survey<'a, W> {
 
     /// Looks for the objects that `task` works on, and at every byte of its own.
     pub(super) fn around(
-        folder: &'a Folder<W>,
+        folder: &'a PlanFolder<W>,
         task: W::Task,
-        look: Look,
-        at: At<'_>,
+        look: CheckDepth,
+        at: Observer<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
         survey.look_for_all(folder.before(task), look, at.silent())?;
-        survey.look_for(&[task], Look::Whole, at.silent())?;
+        survey.look_for(&[task], CheckDepth::Whole, at.silent())?;
         Ok(survey)
     }
 
     /// Looks for the object of a task that was not found before what it works on was done.
-    pub(super) fn look_again(&mut self, task: W::Task, at: At<'_>) -> Result<()> {
+    pub(super) fn look_again(&mut self, task: W::Task, at: Observer<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
         if is_known || self.folder.before(task).is_empty() {
             return Ok(());
         }
-        self.look_for(&[task], Look::Whole, at.silent())
+        self.look_for(&[task], CheckDepth::Whole, at.silent())
     }
 
     /// Looks for the objects of tasks that wait for each other, or for none besides.
-    fn look_for_all(&mut self, tasks: Vec<W::Task>, look: Look, at: At<'_>) -> Result<()> {
+    fn look_for_all(
+        &mut self,
+        tasks: Vec<W::Task>,
+        look: CheckDepth,
+        at: Observer<'_>,
+    ) -> Result<()> {
         let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
         while !left.is_empty() {
             // A key follows from the seals of what was looked for before.
@@ -177,7 +186,7 @@ impl<'a, W: Work> Survey<'a, W> {
         Ok(())
     }
 
-    fn look_for(&mut self, tasks: &[W::Task], look: Look, at: At<'_>) -> Result<()> {
+    fn look_for(&mut self, tasks: &[W::Task], look: CheckDepth, at: Observer<'_>) -> Result<()> {
         let find = |&task: &W::Task| {
             at.progress.advance(1);
             let place = self.place(task).ok()?;
@@ -198,15 +207,15 @@ impl<'a, W: Work> Survey<'a, W> {
 
     /// Where the object of a task lies, which is known by the plan, the task, and the seals of what it
     /// works on. Fails with `NotYet` when not all of that is done.
-    pub(super) fn place(&self, task: W::Task) -> Result<Place> {
+    pub(super) fn place(&self, task: W::Task) -> Result<ArtifactLocation> {
         let seal = |before: &W::Task| match self.done.get(before) {
             Some(done) => Ok(done.seal),
             None => Err(self.folder.not_done(*before)),
         };
         let seals: Vec<Digest> =
             self.folder.before(task).iter().map(seal).collect::<Result<_>>()?;
-        let Folder { path, id, .. } = self.folder;
-        Ok(Place::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
+        let PlanFolder { path, id, .. } = self.folder;
+        Ok(ArtifactLocation::new(&path.join(OBJECTS), (*id, &task.to_string(), &seals), W::ENDING))
     }
 
     /// The file of the object of a finished task, and what is known of it.
@@ -232,7 +241,7 @@ impl<'a, W: Work> Survey<'a, W> {
 }
 
 /// The error of a name that no task of this kind of plan has.
-fn no_task<W: Work>(name: &str) -> Error {
+fn no_task<W: PlannedWork>(name: &str) -> Error {
     let some = |(i, (kind, _)): (usize, &Numbered<W::Task>)| match i {
         0 => format!("{kind}-0, {kind}-1, ..., "),
         _ => format!("{kind}-0, ..., "),

@@ -1,5 +1,5 @@
 //! Plans: work written down in a folder, to be done in pieces, by anyone, and resumed. One engine for
-//! every kind of plan; what a kind's tasks are, and what one does, it says itself (`Work`).
+//! every kind of plan; what a kind's tasks are, and what one does, it says itself (`PlannedWork`).
 //!
 //! | name | what |
 //! |---|---|
@@ -23,29 +23,27 @@ mod sheet;
 mod work;
 
 pub use crate::disk::DiskCheck;
-pub use any::{
-    AnyOperation, Division, Plan as AnyPlan, PlanRun, PlanStatus, RunOptions, RunSetters,
-};
+pub use any::{AnyOperation, AnyPlan, PlanOperations, PlanRun, PlanStatus, RunOptions, RunSetters};
 pub use difference::refuse_another;
 pub use digest::{Digest, digest_of};
 pub use files::with_companions;
-pub use folder::Survey;
+pub use folder::TaskSurvey;
 pub use note::{noted_path, write_json};
-pub use object::{Look, damaged_object};
+pub use object::{CheckDepth, damaged_object};
 pub use planned::{PlannedGrid, grid_files};
-pub use report::{Forecast, RunReport, StatusReport, TaskReport, Told, Written};
-pub use report::{Needs, shared};
+pub use report::{Forecast, LastOutput, PlanRunReport, RunReport, StatusReport, TaskReport};
+pub use report::{PlanNeeds, shared};
 pub use run::{PlanJob, RunJob};
 pub use run::{run, run_in, run_named, status};
-pub use sheet::{Kind, kind};
 pub use sheet::{PLAN, Plan, refuse_file};
-pub use work::{At, Form, Made, Named, Numbered, Order, Work};
+pub use sheet::{PlanKind, kind};
+pub use work::{MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, PlanStep, PlannedWork};
 
 /// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
 #[macro_export]
 macro_rules! planned_as {
     ($work:ty, $status:ty, $done:ty) => {
-        const KIND: $crate::plan::Kind = <$work as $crate::plan::Work>::KIND;
+        const KIND: $crate::plan::PlanKind = <$work as $crate::plan::PlannedWork>::KIND;
         type Status = $status;
         type Done = $done;
 

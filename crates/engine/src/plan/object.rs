@@ -18,7 +18,7 @@ pub(super) const OBJECTS: &str = "objects";
 
 /// How thoroughly results are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum CheckDepth {
     /// What stands for the rest.
     Quick,
     /// Every byte.
@@ -33,12 +33,12 @@ pub fn damaged_object(path: &Path) -> Error {
 }
 
 /// Where an object lies, and the key it is known by.
-pub(super) struct Place {
+pub(super) struct ArtifactLocation {
     pub(super) file: PathBuf,
     pub(super) key: Digest,
 }
 
-impl Place {
+impl ArtifactLocation {
     /// In the folder of objects; the key is that of the plan, the task, and the seals of what it works
     /// on.
     pub(super) fn new(
@@ -68,7 +68,11 @@ pub struct Done<F> {
 
 impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
     /// Looks at what is at `place`; `None` when it is not done. Fails when it is there and damaged.
-    pub(super) fn look(place: &Place, look: Look, cancel: &Cancel) -> Result<Option<Self>> {
+    pub(super) fn look(
+        place: &ArtifactLocation,
+        look: CheckDepth,
+        cancel: &Cancel,
+    ) -> Result<Option<Self>> {
         let note = note(&place.file);
         let Some(text) = found(std::fs::read(&note), &note)? else { return Ok(None) };
         let meta = found(std::fs::metadata(&place.file), &place.file)?;
@@ -80,7 +84,7 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
             return Err(damaged_object(&note));
         }
         let digest = || digest_of(std::slice::from_ref(&place.file), cancel);
-        if done.bytes != meta.len() || (look == Look::Whole && digest()? != done.digest) {
+        if done.bytes != meta.len() || (look == CheckDepth::Whole && digest()? != done.digest) {
             return Err(damaged_object(&place.file));
         }
         Ok(Some(done))
@@ -88,8 +92,8 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
 
     /// Seals the file that was just written at `place`, by the digest of what was written or, where that is
     /// not known, of what is there. It is not interrupted: without a note the work would be lost.
-    pub(super) fn seal(place: &Place, facts: F, digest: Option<Digest>) -> Result<Self> {
-        let Place { file, key } = place;
+    pub(super) fn seal(place: &ArtifactLocation, facts: F, digest: Option<Digest>) -> Result<Self> {
+        let ArtifactLocation { file, key } = place;
         let of_file = || digest_of(std::slice::from_ref(file), &Cancel::default());
         let digest = digest.map_or_else(of_file, Ok)?;
         let bytes = std::fs::metadata(file).map_err(|e| Error::read(file, e))?.len();
@@ -133,7 +137,7 @@ mod tests {
     #[test]
     fn keys_differ_by_plan_task_and_seals() {
         let [a, b] = [b"a", b"b"].map(|text| Digest::of(text));
-        let place = |of| Place::new(Path::new("objects"), of, "tif");
+        let place = |of| ArtifactLocation::new(Path::new("objects"), of, "tif");
         let places = [
             place((a, "strip-1", &[])),
             place((b, "strip-1", &[])),
@@ -141,7 +145,7 @@ mod tests {
             place((a, "seam-1", &[a, b])),
             place((a, "seam-1", &[b, a])),
         ];
-        for (i, Place { file, key }) in places.iter().enumerate() {
+        for (i, ArtifactLocation { file, key }) in places.iter().enumerate() {
             assert!(places[..i].iter().all(|other| other.key != *key && other.file != *file));
         }
     }
@@ -149,22 +153,24 @@ mod tests {
     #[test]
     fn whatever_is_altered_is_damage() {
         let folder = tempfile::tempdir().unwrap();
-        let (place, cancel) =
-            (Place::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"), Cancel::default());
+        let (place, cancel) = (
+            ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
+            Cancel::default(),
+        );
         let look = |look| Done::<Facts>::look(&place, look, &cancel);
-        assert!(look(Look::Whole).unwrap().is_none(), "nothing is there");
+        assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
         let done = Done::seal(&place, Facts { points: 3 }, None).unwrap();
-        assert_eq!(look(Look::Whole).unwrap(), Some(done.clone()));
+        assert_eq!(look(CheckDepth::Whole).unwrap(), Some(done.clone()));
         std::fs::write(&place.file, "two").unwrap();
-        assert!(look(Look::Quick).is_ok() && look(Look::Whole).is_err(), "other bytes");
+        assert!(look(CheckDepth::Quick).is_ok() && look(CheckDepth::Whole).is_err(), "other bytes");
         std::fs::write(&place.file, "three").unwrap();
-        assert!(look(Look::Quick).is_err(), "more bytes");
+        assert!(look(CheckDepth::Quick).is_err(), "more bytes");
         std::fs::write(&place.file, "one").unwrap();
         let facts = Facts { points: 4 };
         for other in [Done { facts, ..done.clone() }, Done { key: done.seal, ..done }] {
             write_json(&note(&place.file), &other).unwrap();
-            assert!(look(Look::Quick).is_err(), "{other:?}");
+            assert!(look(CheckDepth::Quick).is_err(), "{other:?}");
         }
     }
 }

@@ -14,8 +14,8 @@ use serde_json::Value;
 
 use super::digest::{Digest, digest_of};
 use super::note::{no_folder, noted_path, write_json};
-use super::object::Look;
-use super::report::Told;
+use super::object::CheckDepth;
+use super::report::LastOutput;
 use crate::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::refuse_existing;
@@ -27,34 +27,34 @@ pub(super) const FINISHED: &str = "finished.json";
 
 /// The note on what was written last, or is being written.
 #[derive(Serialize, Deserialize)]
-struct Note<R> {
+struct OutputRecord<R> {
     plan_id: Digest,
     /// From the plan's folder on where it is inside, so that the folder may be moved; else absolute.
     path: String,
     /// What else was asked for, beside the plan.
     form: Value,
     /// `None` while it is being written.
-    finished: Option<Finished<R>>,
+    finished: Option<FinishedOutput<R>>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Finished<R> {
+struct FinishedOutput<R> {
     #[serde(flatten)]
-    facts: Facts,
+    facts: FileStamp,
     digest: Digest,
     report: R,
 }
 
 /// What is known of files without reading them.
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Facts {
+struct FileStamp {
     bytes: u64,
     /// Nanoseconds since 1970, of the file changed last.
     modified: u64,
 }
 
 /// How an output stands.
-enum State<R> {
+enum OutputState<R> {
     /// It was never written there.
     Unknown,
     /// A run that did not come to its end, or is not yet there, began to write it.
@@ -85,22 +85,28 @@ impl Output {
     }
 
     /// How it stands; a quick look trusts times of change. Fails only when it is to stop.
-    fn state<R: DeserializeOwned>(&self, look: Look, cancel: &Cancel) -> Result<State<R>> {
-        let is_it = |note: &Note<R>| {
+    fn state<R: DeserializeOwned>(
+        &self,
+        look: CheckDepth,
+        cancel: &Cancel,
+    ) -> Result<OutputState<R>> {
+        let is_it = |note: &OutputRecord<R>| {
             (note.plan_id, &note.form) == (self.plan, &self.form)
                 && place(&self.folder, &note.path).is_ok_and(|path| path == self.absolute)
         };
-        let Some(note) = note::<R>(&self.folder).filter(is_it) else { return Ok(State::Unknown) };
-        let Some(finished) = note.finished else { return Ok(State::Begun) };
+        let Some(note) = note::<R>(&self.folder).filter(is_it) else {
+            return Ok(OutputState::Unknown);
+        };
+        let Some(finished) = note.finished else { return Ok(OutputState::Begun) };
         if self.absolute.symlink_metadata().is_err() {
-            return Ok(State::Missing);
+            return Ok(OutputState::Missing);
         }
         match finished.difference(&self.absolute, look, cancel) {
-            Ok(None) => Ok(State::Whole(finished.report)),
-            Ok(Some(how)) => Ok(State::Altered(how)),
+            Ok(None) => Ok(OutputState::Whole(finished.report)),
+            Ok(Some(how)) => Ok(OutputState::Altered(how)),
             Err(error) if error.kind() == ErrorKind::Interrupted => Err(error),
             // What cannot be read is not what was written.
-            Err(error) => Ok(State::Altered(error.to_string())),
+            Err(error) => Ok(OutputState::Altered(error.to_string())),
         }
     }
 
@@ -112,14 +118,14 @@ impl Output {
         overwrite: bool,
         cancel: &Cancel,
     ) -> Result<(Option<R>, bool)> {
-        let may_replace = match self.state(Look::Whole, cancel)? {
-            State::Whole(report) => return Ok((Some(report), overwrite)),
-            State::Altered(how) if !overwrite => {
+        let may_replace = match self.state(CheckDepth::Whole, cancel)? {
+            OutputState::Whole(report) => return Ok((Some(report), overwrite)),
+            OutputState::Altered(how) if !overwrite => {
                 return Err(Error::usage(format!("was altered since this plan wrote it: {how}"))
                     .in_file(&self.path)
                     .remedy("pass ‹overwrite› to have it made anew, or choose another name"));
             }
-            state => overwrite || matches!(state, State::Begun),
+            state => overwrite || matches!(state, OutputState::Begun),
         };
         if !folder_for(&self.path, None).is_dir() {
             return Err(no_folder(&self.path, std::io::ErrorKind::NotFound.into()));
@@ -136,29 +142,29 @@ impl Output {
     /// Notes that it is written.
     pub(super) fn finish<R: Serialize>(&self, report: R, cancel: &Cancel) -> Result<()> {
         let files = files(&self.absolute)?;
-        let (facts, digest) = (Facts::of(&files)?, digest_of(&files, cancel)?);
-        self.write(Some(Finished { facts, digest, report }))
+        let (facts, digest) = (FileStamp::of(&files)?, digest_of(&files, cancel)?);
+        self.write(Some(FinishedOutput { facts, digest, report }))
     }
 
-    fn write<R: Serialize>(&self, finished: Option<Finished<R>>) -> Result<()> {
+    fn write<R: Serialize>(&self, finished: Option<FinishedOutput<R>>) -> Result<()> {
         let folder =
             std::path::absolute(&self.folder).map_err(|e| Error::write(&self.folder, e))?;
         let path = self.absolute.strip_prefix(folder).unwrap_or(&self.absolute);
         let path = name_of(path.to_path_buf())?;
-        let note = Note { plan_id: self.plan, path, form: self.form.clone(), finished };
+        let note = OutputRecord { plan_id: self.plan, path, form: self.form.clone(), finished };
         write_json(&self.folder.join(FINISHED), &note)
     }
 }
 
-impl<R> Finished<R> {
+impl<R> FinishedOutput<R> {
     /// How the files at `path` differ from what was written, if they do.
-    fn difference(&self, path: &Path, look: Look, cancel: &Cancel) -> Result<Option<String>> {
+    fn difference(&self, path: &Path, look: CheckDepth, cancel: &Cancel) -> Result<Option<String>> {
         let files = files(path)?;
-        let here = Facts::of(&files)?;
+        let here = FileStamp::of(&files)?;
         if here.bytes != self.facts.bytes {
             return Ok(Some(format!("it had {} bytes and has {}", self.facts.bytes, here.bytes)));
         }
-        if look == Look::Quick && here == self.facts {
+        if look == CheckDepth::Quick && here == self.facts {
             return Ok(None);
         }
         let is_same = digest_of(&files, cancel)? == self.digest;
@@ -166,7 +172,7 @@ impl<R> Finished<R> {
     }
 }
 
-impl Facts {
+impl FileStamp {
     fn of(files: &[PathBuf]) -> Result<Self> {
         files.iter().try_fold(Self { bytes: 0, modified: 0 }, |all, path| {
             let meta = std::fs::metadata(path).and_then(|meta| Ok((meta.modified()?, meta.len())));
@@ -179,21 +185,23 @@ impl Facts {
 
 /// What the plan in `folder` wrote last, as it is told: where it is, if it is there as it was written,
 /// and what is wrong with it otherwise. A quick look.
-pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<Told> {
+pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let note = note::<Value>(folder).filter(|note| note.plan_id == plan);
-    let Some(note) = note else { return Ok(Told::default()) };
+    let Some(note) = note else { return Ok(LastOutput::default()) };
     let output = Output::new(folder, plan, &place(folder, &note.path)?, note.form)?;
     let path = output.absolute.display().to_string();
-    let wrong = |how: String| Told { output: None, output_fault: Some(how) };
-    Ok(match output.state::<Value>(Look::Quick, &Cancel::default())? {
-        State::Whole(_) => Told { output: Some(path), output_fault: None },
-        State::Missing => wrong(format!("{path} was written and is missing")),
-        State::Altered(how) => wrong(format!("{path} was altered since it was written: {how}")),
-        State::Unknown | State::Begun => Told::default(),
+    let wrong = |how: String| LastOutput { output: None, output_fault: Some(how) };
+    Ok(match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {
+        OutputState::Whole(_) => LastOutput { output: Some(path), output_fault: None },
+        OutputState::Missing => wrong(format!("{path} was written and is missing")),
+        OutputState::Altered(how) => {
+            wrong(format!("{path} was altered since it was written: {how}"))
+        }
+        OutputState::Unknown | OutputState::Begun => LastOutput::default(),
     })
 }
 
-fn note<R: DeserializeOwned>(folder: &Path) -> Option<Note<R>> {
+fn note<R: DeserializeOwned>(folder: &Path) -> Option<OutputRecord<R>> {
     let text = std::fs::read(folder.join(FINISHED)).ok()?;
     serde_json::from_slice(&text).ok()
 }

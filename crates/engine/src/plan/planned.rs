@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::difference::refuse_another;
 use super::files::with_companions;
 use super::sheet::Plan;
-use super::work::Work;
+use super::work::PlannedWork;
 use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -43,7 +43,7 @@ impl PlannedGrid {
 
     /// Fails when the opened input is another grid than the plan's, or is read from more files (`all`): one beside the
     /// others may say where voids are.
-    pub fn check<W: Work>(
+    pub fn check<W: PlannedWork>(
         &self,
         plan: &Plan<W>,
         source: &dyn GridSource,

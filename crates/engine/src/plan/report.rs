@@ -34,7 +34,7 @@ pub struct Forecast {
 
 /// What the work takes, about, as a plan notes it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Needs {
+pub struct PlanNeeds {
     /// Least bytes of memory for a task.
     pub memory: u64,
     /// Bytes that a further thread takes.
@@ -47,7 +47,7 @@ pub struct Needs {
     pub seconds: [f64; 2],
 }
 
-impl Needs {
+impl PlanNeeds {
     /// What a `share` of the tasks takes and, where it is to be written, the result.
     pub(super) fn forecast(&self, share: f64, writes: bool) -> Forecast {
         let threads = self.threads(&Resources::default());
@@ -80,7 +80,7 @@ pub fn shared(seconds: f64, threads: usize) -> f64 {
 
 /// What a plan wrote.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Told {
+pub struct LastOutput {
     /// Where it is, if it is there as it was written.
     pub output: Option<String>,
     /// What is wrong with it if it was written and is not: it is missing, or altered.
@@ -114,14 +114,14 @@ pub struct StatusReport<S> {
     pub forecast: Forecast,
     /// What is written at the end, once it is.
     #[serde(flatten)]
-    pub told: Told,
+    pub told: LastOutput,
     /// Files that were left out of the input when it was planned.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
 }
 
 /// What a kind of plan tells of a run.
-pub trait Written {
+pub trait PlanRunReport {
     /// Where what it is for is, if it is written.
     fn written(&self) -> Option<&str>;
 
@@ -166,7 +166,8 @@ mod tests {
 
     #[test]
     fn threads_find_room_in_memory() {
-        let needs = Needs { memory: 100 << 20, thread_memory: 100 << 20, ..Needs::default() };
+        let needs =
+            PlanNeeds { memory: 100 << 20, thread_memory: 100 << 20, ..PlanNeeds::default() };
         let of = |threads, memory| needs.threads(&Resources { threads, memory, temp_dir: None });
         assert_eq!([of(8, 1 << 30), of(16, 1 << 30), of(16, 1)], [8, 10, 1]);
     }

@@ -7,12 +7,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::folder::{Folder, Survey};
-use super::object::{Done, Look};
+use super::folder::{PlanFolder, TaskSurvey};
+use super::object::{CheckDepth, Done};
 use super::output::{Output, last_output};
 use super::report::{RunReport, StatusReport};
-use super::sheet::{Kind, PLAN};
-use super::work::{At, Form, Made, Named, Order, Work};
+use super::sheet::{PLAN, PlanKind};
+use super::work::{MadeArtifact, Observer, OutputForm, OutputOrder, PlanStep, PlannedWork};
 use crate::disk::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json, peak_memory};
@@ -70,7 +70,7 @@ pub struct RunJob {
     /// Replace what is there.
     pub overwrite: bool,
     /// What else is asked of what is written.
-    pub form: Form,
+    pub form: OutputForm,
     /// Whether to begin where the disk seems to have too little room.
     pub disk: DiskCheck,
     /// What the work may use.
@@ -82,7 +82,7 @@ impl RunJob {
     pub fn until(
         (folder, output): (&Path, &Path),
         overwrite: bool,
-        form: Form,
+        form: OutputForm,
         (disk, resources): (DiskCheck, &Resources),
     ) -> Self {
         Self {
@@ -98,20 +98,24 @@ impl RunJob {
 }
 
 /// How far the work in the folder `path` has come; objects are looked at, not read through.
-pub fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
-    let (folder, cancel) = (Folder::<W>::open(path)?, Cancel::default());
-    let survey = Survey::of_all(&folder, Look::Quick, At { progress: &Silent, cancel: &cancel })?;
+pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
+    let (folder, cancel) = (PlanFolder::<W>::open(path)?, Cancel::default());
+    let survey = TaskSurvey::of_all(
+        &folder,
+        CheckDepth::Quick,
+        Observer { progress: &Silent, cancel: &cancel },
+    )?;
     let told = last_output(&folder.path, folder.id)?;
     let (work, tasks) = (&folder.plan.work, folder.tasks());
-    let finish = told.output.is_none().then_some(Named::Finish);
+    let finish = told.output.is_none().then_some(PlanStep::Finish);
     let is_left = |task: &W::Task| survey.is_missing(*task);
-    let left = tasks.iter().copied().filter(is_left).map(Named::Task);
-    let left: Vec<Named<W::Task>> = left.chain(finish).collect();
+    let left = tasks.iter().copied().filter(is_left).map(PlanStep::Task);
+    let left: Vec<PlanStep<W::Task>> = left.chain(finish).collect();
     Ok(StatusReport {
         folder: folder.path.display().to_string(),
         plan_id: folder.id.to_string(),
         input: folder.plan.label.clone(),
-        work: work.size(Named::Finish),
+        work: work.size(PlanStep::Finish),
         to_do: left.iter().map(|task| folder.tell(*task)).collect(),
         done: (tasks.len() + 1 - left.len()) as u64,
         damaged: survey.damaged.iter().map(W::Task::to_string).collect(),
@@ -124,7 +128,7 @@ pub fn status<W: Work>(path: &Path) -> Result<StatusReport<W::Status>> {
 }
 
 /// Works on a plan, whose output is named for this run: the name says nothing else than what is written.
-pub fn run_named<W: Work>(
+pub fn run_named<W: PlannedWork>(
     job: &RunJob,
     progress: &dyn Progress,
     cancel: &Cancel,
@@ -133,38 +137,42 @@ pub fn run_named<W: Work>(
         Some(output) => work.check_name(output, &job.form),
         None => Ok(()),
     };
-    run_checked(job, check, At { progress, cancel })
+    run_checked(job, check, Observer { progress, cancel })
 }
 
 /// Works on a plan.
-pub fn run<W: Work>(
+pub fn run<W: PlannedWork>(
     job: &RunJob,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    run_checked(job, |_: &W| Ok(()), At { progress, cancel })
+    run_checked(job, |_: &W| Ok(()), Observer { progress, cancel })
 }
 
-fn run_checked<W: Work>(
+fn run_checked<W: PlannedWork>(
     job: &RunJob,
     check: impl FnOnce(&W) -> Result<()>,
-    at: At<'_>,
+    at: Observer<'_>,
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
-    if W::KIND != Kind::Tin && job.form != Form::default() {
+    if W::KIND != PlanKind::Tin && job.form != OutputForm::default() {
         let message =
             format!("‹split› is for meshes of grids, and this is the plan of {}", W::KIND.what());
         return Err(Error::usage(message).remedy("leave ‹split› out"));
     }
-    let folder = Folder::<W>::open(&job.folder)?;
+    let folder = PlanFolder::<W>::open(&job.folder)?;
     check(&folder.plan.work)?;
     let task = job.task.as_deref().map(|name| folder.named(name)).transpose()?;
     let _lock = folder.enter(task.is_none())?;
     folder.plan.check_files(task.is_none())?;
     let done = match task {
-        None => Run::new(&folder, job, true, at).and_then(Run::all),
-        Some(Named::Finish) => Run::new(&folder, job, true, at).and_then(Run::finish),
-        Some(Named::Task(task)) => Run::new(&folder, job, false, at).and_then(|run| run.one(task)),
+        None => RunningPlan::new(&folder, job, true, at).and_then(RunningPlan::all),
+        Some(PlanStep::Finish) => {
+            RunningPlan::new(&folder, job, true, at).and_then(RunningPlan::finish)
+        }
+        Some(PlanStep::Task(task)) => {
+            RunningPlan::new(&folder, job, false, at).and_then(|run| run.one(task))
+        }
     };
     let mut report = done.map_err(kept)?;
     report.wall_seconds = started.elapsed().as_secs_f64();
@@ -173,10 +181,10 @@ fn run_checked<W: Work>(
 }
 
 /// Plans by `plan` and runs what is left, so that a run that was killed goes on where it was.
-pub fn run_in<W: Work>(
+pub fn run_in<W: PlannedWork>(
     job: &RunJob,
     plan: impl FnOnce() -> Result<()>,
-    At { progress, cancel }: At<'_>,
+    Observer { progress, cancel }: Observer<'_>,
 ) -> Result<RunReport<W::Run>> {
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
@@ -198,20 +206,25 @@ fn kept(error: Error) -> Error {
 }
 
 /// A run in progress.
-struct Run<'a, W: Work> {
-    folder: &'a Folder<W>,
+struct RunningPlan<'a, W: PlannedWork> {
+    folder: &'a PlanFolder<W>,
     opened: W::Opened,
     output: Output,
     /// The note on what is written already and still as it was.
     note: Option<W::Note>,
     disk: DiskCheck,
-    at: At<'a>,
+    at: Observer<'a>,
     report: RunReport<W::Run>,
 }
 
-impl<'a, W: Work> Run<'a, W> {
+impl<'a, W: PlannedWork> RunningPlan<'a, W> {
     /// With the input opened; what `writes` the result looks first at what is in its place.
-    fn new(folder: &'a Folder<W>, job: &RunJob, writes: bool, at: At<'a>) -> Result<Self> {
+    fn new(
+        folder: &'a PlanFolder<W>,
+        job: &RunJob,
+        writes: bool,
+        at: Observer<'a>,
+    ) -> Result<Self> {
         let path = match &job.output {
             Some(path) => path.clone(),
             None => folder.path.join(folder.plan.work.output(&job.form)?),
@@ -228,7 +241,7 @@ impl<'a, W: Work> Run<'a, W> {
         }
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
-        let order = Order { output: path, overwrite, form: job.form, resources };
+        let order = OutputOrder { output: path, overwrite, form: job.form, resources };
         let opened = W::open(&folder.plan, order)?;
         if writes {
             W::check_output(&opened, at)?;
@@ -238,7 +251,7 @@ impl<'a, W: Work> Run<'a, W> {
     }
 
     /// The report on what is not done yet.
-    fn begun(folder: &Folder<W>) -> RunReport<W::Run> {
+    fn begun(folder: &PlanFolder<W>) -> RunReport<W::Run> {
         RunReport {
             folder: folder.path.display().to_string(),
             plan_id: folder.id.to_string(),
@@ -262,10 +275,11 @@ impl<'a, W: Work> Run<'a, W> {
 
     /// One task that is not the last.
     fn one(mut self, task: W::Task) -> Result<RunReport<W::Run>> {
-        let mut survey = Survey::around(self.folder, task, Look::Quick, self.at)?;
+        let mut survey = TaskSurvey::around(self.folder, task, CheckDepth::Quick, self.at)?;
         if survey.is_missing(task) {
             self.check_disk(&[task], false)?;
-            let around = |run: &Self| Survey::around(run.folder, task, Look::Whole, run.at);
+            let around =
+                |run: &Self| TaskSurvey::around(run.folder, task, CheckDepth::Whole, run.at);
             self.staged(&task.to_string(), &[task], |run| {
                 run.mending(&mut survey, around, |run, survey| run.make_missing(task, survey))
             })?;
@@ -276,12 +290,14 @@ impl<'a, W: Work> Run<'a, W> {
     /// The last task.
     fn finish(mut self) -> Result<RunReport<W::Run>> {
         if self.note.is_some() {
-            let nothing = Survey::new(self.folder);
+            let nothing = TaskSurvey::new(self.folder);
             return self.end(&nothing);
         }
         let mut survey = match W::LAST_LOOK {
-            Look::Quick => Survey::of_all(self.folder, Look::Quick, self.at.silent())?,
-            Look::Whole => self.check_done()?,
+            CheckDepth::Quick => {
+                TaskSurvey::of_all(self.folder, CheckDepth::Quick, self.at.silent())?
+            }
+            CheckDepth::Whole => self.check_done()?,
         };
         survey.check_all()?;
         self.check_disk(&survey.damaged, true)?;
@@ -292,9 +308,9 @@ impl<'a, W: Work> Run<'a, W> {
     }
 
     /// Looks at every byte of what is done.
-    fn check_done(&self) -> Result<Survey<'a, W>> {
+    fn check_done(&self) -> Result<TaskSurvey<'a, W>> {
         self.at.progress.begin("check what is done", self.folder.tasks().len() as u64);
-        let survey = Survey::of_all(self.folder, Look::Whole, self.at)?;
+        let survey = TaskSurvey::of_all(self.folder, CheckDepth::Whole, self.at)?;
         self.at.progress.end();
         Ok(survey)
     }
@@ -309,7 +325,7 @@ impl<'a, W: Work> Run<'a, W> {
         if W::STAGE.is_none() {
             return work(self);
         }
-        let size = |task: &W::Task| self.folder.plan.work.size(Named::Task(*task));
+        let size = |task: &W::Task| self.folder.plan.work.size(PlanStep::Task(*task));
         self.at.progress.begin(name, tasks.iter().map(size).sum());
         work(self)?;
         self.at.progress.end();
@@ -321,9 +337,9 @@ impl<'a, W: Work> Run<'a, W> {
     /// was found.
     fn mending(
         &mut self,
-        survey: &mut Survey<'a, W>,
-        look: impl Fn(&Self) -> Result<Survey<'a, W>>,
-        work: impl Fn(&mut Self, &mut Survey<'a, W>) -> Result<()>,
+        survey: &mut TaskSurvey<'a, W>,
+        look: impl Fn(&Self) -> Result<TaskSurvey<'a, W>>,
+        work: impl Fn(&mut Self, &mut TaskSurvey<'a, W>) -> Result<()>,
     ) -> Result<()> {
         self.mend(survey)?;
         let error = match work(self, survey) {
@@ -345,7 +361,7 @@ impl<'a, W: Work> Run<'a, W> {
     }
 
     /// Makes anew what is damaged.
-    fn mend(&mut self, survey: &mut Survey<'a, W>) -> Result<()> {
+    fn mend(&mut self, survey: &mut TaskSurvey<'a, W>) -> Result<()> {
         if survey.damaged.is_empty() {
             return Ok(());
         }
@@ -360,7 +376,7 @@ impl<'a, W: Work> Run<'a, W> {
     }
 
     /// Makes a task's object unless it is there.
-    fn make_missing(&mut self, task: W::Task, survey: &mut Survey<'a, W>) -> Result<()> {
+    fn make_missing(&mut self, task: W::Task, survey: &mut TaskSurvey<'a, W>) -> Result<()> {
         survey.look_again(task, self.at)?;
         if !survey.is_missing(task) {
             return Ok(());
@@ -370,7 +386,8 @@ impl<'a, W: Work> Run<'a, W> {
         }
         let place = survey.place(task)?;
         let (object, told) = ((task, &*place.file), &mut self.report.of);
-        let Made { facts, digest, spilled } = W::make(&self.opened, object, survey, told, self.at)?;
+        let MadeArtifact { facts, digest, spilled } =
+            W::make(&self.opened, object, survey, told, self.at)?;
         let done = Done::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;
@@ -381,14 +398,14 @@ impl<'a, W: Work> Run<'a, W> {
 
     /// Fails when the disks will not hold the objects of these tasks and, if it is written, the result.
     fn check_disk(&self, tasks: &[W::Task], writes: bool) -> Result<()> {
-        let left: Vec<_> = tasks.iter().copied().map(Named::Task).collect();
+        let left: Vec<_> = tasks.iter().copied().map(PlanStep::Task).collect();
         let forecast = self.folder.plan.forecast(&left);
         let written = if writes { forecast.output_bytes } else { 0 };
         self.disk.check(&self.folder.path, &self.output.path, [forecast.disk_needed, written])
     }
 
     /// Writes the result from all objects.
-    fn write(&mut self, survey: &Survey<'a, W>) -> Result<()> {
+    fn write(&mut self, survey: &TaskSurvey<'a, W>) -> Result<()> {
         // Once more: the tasks may have taken days.
         W::check_output(&self.opened, self.at)?;
         self.output.begin()?;
@@ -399,7 +416,7 @@ impl<'a, W: Work> Run<'a, W> {
     }
 
     /// Ends with the result, which may be there already.
-    fn end(mut self, survey: &Survey<'a, W>) -> Result<RunReport<W::Run>> {
+    fn end(mut self, survey: &TaskSurvey<'a, W>) -> Result<RunReport<W::Run>> {
         match self.note.take() {
             Some(note) => W::written(note, &self.output.path, &mut self.report.of),
             None => self.write(survey)?,
@@ -407,7 +424,7 @@ impl<'a, W: Work> Run<'a, W> {
         Ok(self.conclude(survey))
     }
 
-    fn conclude(mut self, survey: &Survey<'a, W>) -> RunReport<W::Run> {
+    fn conclude(mut self, survey: &TaskSurvey<'a, W>) -> RunReport<W::Run> {
         let bytes: u64 = survey.done.values().map(|done| done.bytes).sum();
         self.report.found = (survey.done.len() - self.report.made.len()) as u64;
         self.report.found_bytes = bytes - self.report.made_bytes;

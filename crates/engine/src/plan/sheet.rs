@@ -12,8 +12,8 @@ use super::digest::Digest;
 use super::files::{self, InputFile};
 use super::note::no_folder;
 use super::object::OBJECTS;
-use super::report::{Forecast, Needs};
-use super::work::{Named, Work};
+use super::report::{Forecast, PlanNeeds};
+use super::work::{PlanStep, PlannedWork};
 use crate::sift::Skipped;
 use crate::{REVISION, json};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -28,7 +28,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// What a folder holds a plan of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum PlanKind {
     /// A mesh.
     Tin,
     /// A mesh of a cloud.
@@ -41,7 +41,7 @@ pub enum Kind {
     Points,
 }
 
-impl Kind {
+impl PlanKind {
     /// What was made, which is there at the end.
     pub fn made<T>(self, made: Option<T>) -> Result<T> {
         let lost =
@@ -64,9 +64,9 @@ impl Kind {
 /// A plan.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Plan<W: Work> {
+pub struct Plan<W: PlannedWork> {
     #[serde(flatten)]
-    maker: Maker,
+    maker: PlanHeader,
     /// What the user called the input; people are told, and nothing depends on it.
     pub label: String,
     /// What its tasks do.
@@ -74,7 +74,7 @@ pub struct Plan<W: Work> {
     pub work: W,
     files: Vec<InputFile>,
     /// What they take.
-    pub needs: Needs,
+    pub needs: PlanNeeds,
     /// Files that are left out of the input because they are bad.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skipped: Vec<Skipped>,
@@ -82,15 +82,15 @@ pub struct Plan<W: Work> {
 
 /// What every plan begins with: of what it is, and which version of the program made it.
 #[derive(Clone, Serialize, Deserialize)]
-struct Maker {
-    kind: Kind,
+struct PlanHeader {
+    kind: PlanKind,
     terrane: String,
     revision: u32,
 }
 
 /// A plan with its digest, as it is on disk.
 #[derive(Serialize, Deserialize)]
-struct Sealed<P> {
+struct SignedPlan<P> {
     plan_id: Digest,
     plan: P,
 }
@@ -99,8 +99,8 @@ struct Sealed<P> {
 ///
 /// # Errors
 /// A folder without a plan.
-pub fn kind(folder: &Path) -> Result<Kind> {
-    let named = serde_json::from_slice::<Sealed<Maker>>(&text_of(folder)?);
+pub fn kind(folder: &Path) -> Result<PlanKind> {
+    let named = serde_json::from_slice::<SignedPlan<PlanHeader>>(&text_of(folder)?);
     named.map(|named| named.plan.kind).map_err(|e| bad(folder, &e.to_string()))
 }
 
@@ -127,7 +127,7 @@ fn bad(folder: &Path, how: &str) -> Error {
         .remedy("plan anew in another folder")
 }
 
-impl Maker {
+impl PlanHeader {
     /// Fails where it is another program than this one.
     fn check_version(&self, folder: &Path) -> Result<()> {
         let theirs = (self.terrane.as_str(), self.revision);
@@ -142,18 +142,18 @@ impl Maker {
     }
 }
 
-impl<W: Work> Plan<W> {
+impl<W: PlannedWork> Plan<W> {
     /// The plan of `work` on an input that the user calls `label`: the files of `paths` and what lies beside them;
     /// `skipped` were left out.
     pub fn new(
         work: W,
         (label, paths): (String, Vec<PathBuf>),
-        needs: Needs,
+        needs: PlanNeeds,
         skipped: &[Skipped],
     ) -> Result<Self> {
         let files = files::look_at(&files::with_companions(paths))?;
         let terrane = env!("CARGO_PKG_VERSION").to_owned();
-        let maker = Maker { kind: W::KIND, terrane, revision: REVISION };
+        let maker = PlanHeader { kind: W::KIND, terrane, revision: REVISION };
         Ok(Self { maker, label, work, files, needs, skipped: skipped.to_vec() })
     }
 
@@ -161,10 +161,11 @@ impl<W: Work> Plan<W> {
     pub fn read(folder: &Path) -> Result<(Self, Digest)> {
         let (text, bad) = (text_of(folder)?, |how: &str| bad(folder, how));
         // Of another version all else may have another form.
-        let made: Sealed<Maker> = serde_json::from_slice(&text).map_err(|e| bad(&e.to_string()))?;
+        let made: SignedPlan<PlanHeader> =
+            serde_json::from_slice(&text).map_err(|e| bad(&e.to_string()))?;
         made.plan.check_version(folder)?;
-        let Sealed { plan_id, plan } =
-            serde_json::from_slice::<Sealed<Self>>(&text).map_err(|e| bad(&e.to_string()))?;
+        let SignedPlan { plan_id, plan } =
+            serde_json::from_slice::<SignedPlan<Self>>(&text).map_err(|e| bad(&e.to_string()))?;
         if plan.id() != plan_id {
             return Err(bad("its digest does not match"));
         }
@@ -182,27 +183,27 @@ impl<W: Work> Plan<W> {
     /// The digest that stands for it. Times that were measured differ from run to run, and an input may be called
     /// in many ways, so both are left out: plans of one request have one digest.
     fn id(&self) -> Digest {
-        let needs = Needs { seconds: [0.0; 2], ..self.needs.clone() };
+        let needs = PlanNeeds { seconds: [0.0; 2], ..self.needs.clone() };
         let request = Self { needs, label: String::new(), ..self.clone() };
         Digest::of(json::to_line(&request).unwrap_or_default().as_bytes())
     }
 
     /// The text of its file.
     fn to_text(&self) -> Result<String> {
-        let sealed = Sealed { plan_id: self.id(), plan: self };
+        let sealed = SignedPlan { plan_id: self.id(), plan: self };
         json::to_lines(&sealed).map_err(|e| {
             Error::new(ErrorKind::Internal, format!("cannot write down the plan: {e}"))
         })
     }
 
     /// What the tasks that are `left` take.
-    pub(super) fn forecast(&self, left: &[Named<W::Task>]) -> Forecast {
-        let size = |task: &W::Task| self.work.size(Named::Task(*task));
+    pub(super) fn forecast(&self, left: &[PlanStep<W::Task>]) -> Forecast {
+        let size = |task: &W::Task| self.work.size(PlanStep::Task(*task));
         let all: u64 = self.work.tasks().iter().map(size).sum();
-        let is_task = |task: &&Named<W::Task>| **task != Named::Finish;
+        let is_task = |task: &&PlanStep<W::Task>| **task != PlanStep::Finish;
         let tasks: u64 = left.iter().filter(is_task).map(|task| self.work.size(*task)).sum();
         let share = tasks as f64 / all.max(1) as f64;
-        self.needs.forecast(share, left.contains(&Named::Finish))
+        self.needs.forecast(share, left.contains(&PlanStep::Finish))
     }
 
     /// What it is made from.

@@ -7,23 +7,23 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::digest::Digest;
-use super::folder::Survey;
-use super::object::Look;
-use super::report::{StatusReport, Written};
-use super::sheet::{Kind, Plan};
+use super::folder::TaskSurvey;
+use super::object::CheckDepth;
+use super::report::{PlanRunReport, StatusReport};
+use super::sheet::{Plan, PlanKind};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
 /// A kind of plan. The value is what is asked for and what was found in the input, as the plan notes it.
-pub trait Work: Clone + Sync + Serialize + DeserializeOwned {
+pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
     /// Which.
-    const KIND: Kind;
+    const KIND: PlanKind;
     /// Kinds of tasks: the name that comes before the number, and the task of a number.
     const NAMES: &'static [Numbered<Self::Task>];
     /// The ending of objects.
     const ENDING: &'static str = "object";
     /// How the last task looks at objects: whole, unless they prove themselves as they are read.
-    const LAST_LOOK: Look = Look::Whole;
+    const LAST_LOOK: CheckDepth = CheckDepth::Whole;
     /// What a run of all tasks is called while it goes on, where the tasks have no stages of their own.
     const STAGE: Option<&'static str> = None;
 
@@ -32,7 +32,7 @@ pub trait Work: Clone + Sync + Serialize + DeserializeOwned {
     /// What an object tells of itself without being read through.
     type Facts: Clone + PartialEq + Send + Sync + Serialize + DeserializeOwned;
     /// What a run tells beside what all do.
-    type Run: Default + Written;
+    type Run: Default + PlanRunReport;
     /// What is noted of what was written.
     type Note: Serialize + DeserializeOwned;
     /// What is told of the plan beside what is told of all.
@@ -50,41 +50,41 @@ pub trait Work: Clone + Sync + Serialize + DeserializeOwned {
     fn before(&self, task: Self::Task) -> Vec<Self::Task>;
 
     /// Samples or cells of a task.
-    fn size(&self, task: Named<Self::Task>) -> u64;
+    fn size(&self, task: PlanStep<Self::Task>) -> u64;
 
     /// What is told of it: input, format, cells of a tile, and what only this kind has.
     fn tell(&self) -> StatusReport<Self::Status>;
 
     /// The name in the folder of what is written at the end.
-    fn output(&self, form: &Form) -> Result<PathBuf>;
+    fn output(&self, form: &OutputForm) -> Result<PathBuf>;
 
     /// Fails for a name that says another format than that of the plan; the input is not opened yet. What is no mesh is
     /// looked at with the output.
-    fn check_name(&self, _output: &Path, _form: &Form) -> Result<()> {
+    fn check_name(&self, _output: &Path, _form: &OutputForm) -> Result<()> {
         Ok(())
     }
 
     /// Opens the input; fails when it is not what the plan was made for.
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Self::Opened>;
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<Self::Opened>;
 
     /// Fails before the work where the output cannot be written.
-    fn check_output(opened: &Self::Opened, at: At<'_>) -> Result<()>;
+    fn check_output(opened: &Self::Opened, at: Observer<'_>) -> Result<()>;
 
     /// Does a task: writes its object, whole or not at all, and adds to what is told.
     fn make(
         opened: &Self::Opened,
         object: (Self::Task, &Path),
-        survey: &Survey<'_, Self>,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut Self::Run,
-        at: At<'_>,
-    ) -> Result<Made<Self::Facts>>;
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<Self::Facts>>;
 
     /// Writes what all objects are for.
     fn write(
         opened: &Self::Opened,
-        survey: &Survey<'_, Self>,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut Self::Run,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<Self::Note>;
 
     /// Tells of what is written already.
@@ -96,35 +96,35 @@ pub type Numbered<T> = (&'static str, fn(u32) -> T);
 
 /// Who is told of the work, and may stop it.
 #[derive(Clone, Copy)]
-pub struct At<'a> {
+pub struct Observer<'a> {
     /// Who is told.
     pub progress: &'a dyn Progress,
     /// What may stop it.
     pub cancel: &'a Cancel,
 }
 
-impl At<'_> {
+impl Observer<'_> {
     /// The same, without telling.
     pub fn silent(self) -> Self {
-        At { progress: &Silent, ..self }
+        Observer { progress: &Silent, ..self }
     }
 }
 
 /// What is to be written, and what the work may use.
-pub struct Order {
+pub struct OutputOrder {
     /// The file or folder.
     pub output: PathBuf,
     /// Whether one that exists is replaced.
     pub overwrite: bool,
     /// How it is written.
-    pub form: Form,
+    pub form: OutputForm,
     /// What the work may use.
     pub resources: Resources,
 }
 
 /// What else is asked of a mesh of a grid that is written at the end of a plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Form {
+pub struct OutputForm {
     /// Write a folder of meshes, each of so many by so many tiles.
     pub split: Option<u32>,
     /// STL and 3MF: close the surface down to this height.
@@ -133,14 +133,14 @@ pub struct Form {
 
 /// A task as it is named: the last one, which writes the result, has no object.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Named<T> {
+pub enum PlanStep<T> {
     /// One with an object.
     Task(T),
     /// The last one.
     Finish,
 }
 
-impl<T: fmt::Display> fmt::Display for Named<T> {
+impl<T: fmt::Display> fmt::Display for PlanStep<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Task(task) => task.fmt(f),
@@ -150,7 +150,7 @@ impl<T: fmt::Display> fmt::Display for Named<T> {
 }
 
 /// An object that was made.
-pub struct Made<F> {
+pub struct MadeArtifact<F> {
     /// What the object tells of itself.
     pub facts: F,
     /// The digest of its bytes as they were written, where that is known.

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::temporary::{TEMP_PREFIX, TEMP_SUFFIX, parent, remove_leftovers};
 use super::{plain, refuse_existing, resolve, sync_folder};
-use crate::fault::{self, Point};
+use crate::fault::{self, FaultPoint};
 use terrane_base::error::{Error, Result};
 
 /// Why a folder stays.
@@ -37,7 +37,7 @@ impl AtomicFolder {
         let target = resolve(path)?;
         let beside = parent(&target);
         remove_leftovers(beside);
-        let made = fault::point(Point::Create).and_then(|()| temporary(beside));
+        let made = fault::point(FaultPoint::Create).and_then(|()| temporary(beside));
         let (temp, lock) = made.map_err(|e| Error::write(path, plain(e)))?;
         Ok(Self { temp, path: path.to_path_buf(), target, _lock: lock })
     }
@@ -52,7 +52,7 @@ impl AtomicFolder {
         let Self { temp, path, target, _lock } = self;
         let fail = |e| Error::write(&path, e);
         sync_folder(temp.path());
-        fault::point(Point::Rename).map_err(fail)?;
+        fault::point(FaultPoint::Rename).map_err(fail)?;
         if exchange(temp.path(), &target) {
             // The old one goes with the temporary name it has now.
             sync_folder(parent(&target));

@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use crate::fault::{self, Point};
+use crate::fault::{self, FaultPoint};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 pub use folder::AtomicFolder;
@@ -45,7 +45,7 @@ impl AtomicFile {
         let target = resolve(path)?;
         let folder = parent(&target);
         remove_leftovers(folder);
-        let temp = fault::point(Point::Create).and_then(|()| Temporary::new(folder));
+        let temp = fault::point(FaultPoint::Create).and_then(|()| Temporary::new(folder));
         let temp = temp.map_err(|e| Error::write(path, plain(e)))?;
         Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
     }
@@ -64,9 +64,9 @@ impl AtomicFile {
     pub fn commit(self) -> Result<u64> {
         let Self { temp, path, target, overwrite } = self;
         let fail = |e: io::Error| Error::write(&path, e);
-        fault::point(Point::Sync).and_then(|()| temp.file().sync_all()).map_err(fail)?;
+        fault::point(FaultPoint::Sync).and_then(|()| temp.file().sync_all()).map_err(fail)?;
         let bytes = temp.file().metadata().map_err(fail)?.len();
-        fault::point(Point::Rename).map_err(fail)?;
+        fault::point(FaultPoint::Rename).map_err(fail)?;
         temp.persist(&target, overwrite).map_err(fail)?;
         sync_folder(parent(&target));
         Ok(bytes)
@@ -76,7 +76,7 @@ impl AtomicFile {
 // Straight to the file: the wrapper would add the temporary name to every error.
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        fault::point(Point::Write)?;
+        fault::point(FaultPoint::Write)?;
         self.temp.file().write(bytes)
     }
 

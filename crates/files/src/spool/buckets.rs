@@ -1,4 +1,4 @@
-//! Records in numbered buckets: in memory while their budget lasts, beyond it in a [`Spool`].
+//! Records in numbered buckets: in memory while their budget lasts, beyond it in a [`SpoolFile`].
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use bytemuck::Pod;
 
-use super::{Extent, Spool};
+use super::{SpoolExtent, SpoolFile};
 use crate::lock;
 use terrane_base::error::Result;
 
@@ -18,12 +18,12 @@ const FIRST_CHUNK: usize = 16;
 const READ_BYTES: usize = 64 << 10;
 /// Bytes after which a bucket that leaves memory lets others go on: a few hundredths of a second.
 const SPILLED: u64 = if cfg!(test) { 1 << 10 } else { 16 << 20 };
-/// Records that a [`Writer`] gathers.
+/// Records that a [`BucketWriter`] gathers.
 const GATHERED: usize = 128;
 
 /// Records of one bucket in the file.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct BucketRun {
     offset: u64,
     /// Records of the bucket before the end of this run.
     end: u64,
@@ -31,13 +31,13 @@ struct Run {
 
 /// Records of one bucket in memory.
 #[derive(Debug)]
-struct Chunk<T> {
+struct BucketChunk<T> {
     /// Records of the bucket before them.
     first: u64,
     records: Vec<T>,
 }
 
-impl<T> Chunk<T> {
+impl<T> BucketChunk<T> {
     fn bytes(&self) -> u64 {
         (self.records.capacity() * size_of::<T>()) as u64
     }
@@ -46,8 +46,8 @@ impl<T> Chunk<T> {
 /// The records of a bucket, in the order in which they came.
 #[derive(Debug)]
 struct Bucket<T> {
-    runs: Vec<Run>,
-    chunks: Vec<Chunk<T>>,
+    runs: Vec<BucketRun>,
+    chunks: Vec<BucketChunk<T>>,
 }
 
 impl<T> Default for Bucket<T> {
@@ -78,7 +78,7 @@ impl<T: Pod> Bucket<T> {
     fn grow(&mut self, wanted: usize) -> u64 {
         let twice = self.chunks.last().map_or(FIRST_CHUNK, |chunk| 2 * chunk.records.len());
         let records = Vec::with_capacity(twice.max(wanted).min(CHUNK));
-        let chunk = Chunk { first: self.len(), records };
+        let chunk = BucketChunk { first: self.len(), records };
         let bytes = chunk.bytes();
         self.chunks.push(chunk);
         bytes
@@ -97,15 +97,15 @@ impl<T: Pod> Bucket<T> {
     }
 
     fn bytes(&self) -> u64 {
-        self.chunks.iter().map(Chunk::bytes).sum()
+        self.chunks.iter().map(BucketChunk::bytes).sum()
     }
 
     /// Fills `out` with the records from number `first` on; returns how many there are.
-    fn read(&self, spool: &Spool, mut first: u64, out: &mut [T]) -> Result<usize> {
+    fn read(&self, spool: &SpoolFile, mut first: u64, out: &mut [T]) -> Result<usize> {
         let mut filled = 0;
         let mut run = self.runs.partition_point(|run| run.end <= first);
         while first < self.filed() && filled < out.len() {
-            let Run { offset, end } = self.runs[run];
+            let BucketRun { offset, end } = self.runs[run];
             let begin = run.checked_sub(1).map_or(0, |before| self.runs[before].end);
             let count = usize::try_from(end - first).unwrap_or(usize::MAX).min(out.len() - filled);
             let extent = extent::<T>(offset, end - begin);
@@ -128,15 +128,15 @@ impl<T: Pod> Bucket<T> {
     }
 }
 
-fn extent<T>(offset: u64, records: u64) -> Extent {
-    Extent { offset, len: records * size_of::<T>() as u64 }
+fn extent<T>(offset: u64, records: u64) -> SpoolExtent {
+    SpoolExtent { offset, len: records * size_of::<T>() as u64 }
 }
 
 /// Buckets of records that any thread adds to and any thread reads. What one thread adds to a bucket
 /// stays in its order; between what several add there is none.
 #[derive(Debug)]
 pub struct Buckets<T> {
-    spool: Spool,
+    spool: SpoolFile,
     /// Bytes of records that may be in memory.
     budget: u64,
     held: AtomicU64,
@@ -150,7 +150,7 @@ impl<T: Pod> Buckets<T> {
     /// nameless file in `folder`.
     pub fn new(folder: &Path, count: usize, budget: u64) -> Self {
         Self {
-            spool: Spool::new(folder),
+            spool: SpoolFile::new(folder),
             budget,
             held: AtomicU64::new(0),
             buckets: (0..count).map(|_| Mutex::default()).collect(),
@@ -172,8 +172,8 @@ impl<T: Pod> Buckets<T> {
     }
 
     /// Adds records one by one, for one thread.
-    pub fn writer(&self) -> Writer<'_, T> {
-        Writer { buckets: self, gathered: Vec::with_capacity(GATHERED), run: Vec::new() }
+    pub fn writer(&self) -> BucketWriter<'_, T> {
+        BucketWriter { buckets: self, gathered: Vec::with_capacity(GATHERED), run: Vec::new() }
     }
 
     /// Writes all that is in memory to the file.
@@ -202,8 +202,8 @@ impl<T: Pod> Buckets<T> {
         let end = rest.first().map_or(bucket.len(), |chunk| chunk.first);
         let parts: Vec<&[u8]> =
             chunks.iter().map(|chunk| bytemuck::cast_slice(&chunk.records)).collect();
-        let Extent { offset, .. } = self.spool.put(&parts)?;
-        bucket.runs.push(Run { offset, end });
+        let SpoolExtent { offset, .. } = self.spool.put(&parts)?;
+        bucket.runs.push(BucketRun { offset, end });
         let bytes = bucket.chunks.drain(..count).map(|chunk| chunk.bytes()).sum();
         self.held.fetch_sub(bytes, Ordering::Relaxed);
         Ok(true)
@@ -246,7 +246,7 @@ impl<T: Pod> Buckets<T> {
         let bucket = std::mem::take(&mut *lock(&self.buckets[bucket]));
         self.held.fetch_sub(bucket.bytes(), Ordering::Relaxed);
         let mut begin = 0;
-        for Run { offset, end } in bucket.runs {
+        for BucketRun { offset, end } in bucket.runs {
             self.spool.free(extent::<T>(offset, end - begin));
             begin = end;
         }
@@ -263,15 +263,15 @@ impl<T: Pod> Buckets<T> {
     }
 }
 
-/// Gathers a few records, to add those of a bucket together. Call [`finish`](Writer::finish) at the end.
+/// Gathers a few records, to add those of a bucket together. Call [`finish`](BucketWriter::finish) at the end.
 #[derive(Debug)]
-pub struct Writer<'a, T> {
+pub struct BucketWriter<'a, T> {
     buckets: &'a Buckets<T>,
     gathered: Vec<(usize, T)>,
     run: Vec<T>,
 }
 
-impl<T: Pod> Writer<'_, T> {
+impl<T: Pod> BucketWriter<'_, T> {
     /// Adds a record to a bucket.
     pub fn push(&mut self, bucket: usize, record: T) -> Result<()> {
         self.gathered.push((bucket, record));

@@ -14,11 +14,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock};
 
 use crate::atomic::plain;
-use crate::fault::{self, Point};
+use crate::fault::{self, FaultPoint};
 use crate::{lock, read_exact_at, write_all_at};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-pub use buckets::{Buckets, Writer};
+pub use buckets::{BucketWriter, Buckets};
 
 /// The folder for temporary files on the way to the output at `path`: `asked` for, or the output's.
 pub fn folder_for<'a>(path: &'a Path, asked: Option<&'a Path>) -> &'a Path {
@@ -46,39 +46,39 @@ pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
 /// Bytes of a file that is given back in a moment.
 const LARGE: u64 = 64 << 20;
 
-/// Where bytes lie in a [`Spool`].
+/// Where bytes lie in a [`SpoolFile`].
 #[derive(Debug)]
-pub struct Extent {
+pub struct SpoolExtent {
     offset: u64,
     len: u64,
 }
 
 /// Extents in one nameless file, put and read by any thread. The room of those taken out is used again.
 #[derive(Debug)]
-pub struct Spool {
+pub struct SpoolFile {
     folder: PathBuf,
     file: OnceLock<File>,
-    space: Mutex<Space>,
+    space: Mutex<SpoolFreeSpace>,
 }
 
-impl Spool {
+impl SpoolFile {
     /// One whose file will be in `folder`.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf(), file: OnceLock::new(), space: Mutex::default() }
     }
 
     /// Puts `parts`, one after the other.
-    pub fn put(&self, parts: &[&[u8]]) -> Result<Extent> {
+    pub fn put(&self, parts: &[&[u8]]) -> Result<SpoolExtent> {
         let len = parts.iter().map(|part| part.len() as u64).sum();
         let (file, offset) = self.room(len)?;
         let mut at = offset;
         let written = parts.iter().try_for_each(|part| {
-            fault::point(Point::Write)?;
+            fault::point(FaultPoint::Write)?;
             write_all_at(file, part, at)?;
             at += part.len() as u64;
             Ok(())
         });
-        let extent = Extent { offset, len };
+        let extent = SpoolExtent { offset, len };
         match written {
             Ok(()) => Ok(extent),
             Err(e) => {
@@ -103,10 +103,10 @@ impl Spool {
     }
 
     /// Fills `parts`, one after the other, with the bytes of `extent` from number `from` on.
-    pub fn get(&self, extent: &Extent, from: u64, parts: &mut [&mut [u8]]) -> Result<()> {
+    pub fn get(&self, extent: &SpoolExtent, from: u64, parts: &mut [&mut [u8]]) -> Result<()> {
         let mut at = extent.offset + from;
         let read = parts.iter_mut().try_for_each(|part| {
-            fault::point(Point::Read)?;
+            fault::point(FaultPoint::Read)?;
             let file = self.file.get().ok_or(io::ErrorKind::UnexpectedEof)?;
             read_exact_at(file, part, at)?;
             at += part.len() as u64;
@@ -116,14 +116,14 @@ impl Spool {
     }
 
     /// Fills `parts` with the bytes of `extent`, of which there are as many, and frees it.
-    pub fn take(&self, extent: Extent, parts: &mut [&mut [u8]]) -> Result<()> {
+    pub fn take(&self, extent: SpoolExtent, parts: &mut [&mut [u8]]) -> Result<()> {
         let got = self.get(&extent, 0, parts);
         self.free(extent);
         got
     }
 
     /// Gives the room of `extent` back.
-    pub fn free(&self, extent: Extent) {
+    pub fn free(&self, extent: SpoolExtent) {
         lock(&self.space).put_back(extent);
     }
 
@@ -137,7 +137,7 @@ impl Spool {
     }
 }
 
-impl Drop for Spool {
+impl Drop for SpoolFile {
     /// The system takes a while to give back a large file (0.1 s for 2 GB); nobody waits for that.
     fn drop(&mut self) {
         let written = lock(&self.space).written;
@@ -155,14 +155,14 @@ fn allow_memory(error: Error) -> Error {
 
 /// Which bytes of the file are free.
 #[derive(Debug, Default)]
-struct Space {
+struct SpoolFreeSpace {
     end: u64,
     /// Free runs before the end: length by offset, never touching each other.
     free: BTreeMap<u64, u64>,
     written: u64,
 }
 
-impl Space {
+impl SpoolFreeSpace {
     /// An offset with `len` free bytes: the first hole that is large enough, or the end.
     fn take(&mut self, len: u64) -> u64 {
         let hole = self.free.iter().find(|&(_, &size)| size >= len).map(|(&at, &size)| (at, size));
@@ -178,7 +178,7 @@ impl Space {
     }
 
     /// Frees an extent, joined with the free runs before and after it.
-    fn put_back(&mut self, Extent { mut offset, mut len }: Extent) {
+    fn put_back(&mut self, SpoolExtent { mut offset, mut len }: SpoolExtent) {
         if let Some((&before, &size)) = self.free.range(..offset).next_back()
             && before + size == offset
         {
@@ -208,8 +208,8 @@ mod tests {
             steps in prop::collection::vec((any::<bool>(), any::<prop::sample::Index>(), 0_usize..300), 1..80),
         ) {
             let folder = tempfile::tempdir().unwrap();
-            let spool = Spool::new(folder.path());
-            let mut all: Vec<(Extent, Vec<u8>)> = Vec::new();
+            let spool = SpoolFile::new(folder.path());
+            let mut all: Vec<(SpoolExtent, Vec<u8>)> = Vec::new();
             let (mut written, mut most) = (0, 0);
             for (number, (is_put, which, len)) in steps.into_iter().enumerate() {
                 if is_put || all.is_empty() {
@@ -243,22 +243,22 @@ mod tests {
 
     #[test]
     fn holes_are_split_and_joined() {
-        let mut space = Space::default();
+        let mut space = SpoolFreeSpace::default();
         let offsets: Vec<u64> = [10, 20, 30, 40].into_iter().map(|len| space.take(len)).collect();
         assert_eq!(offsets, [0, 10, 30, 60]);
-        space.put_back(Extent { offset: 10, len: 20 });
-        space.put_back(Extent { offset: 30, len: 30 });
+        space.put_back(SpoolExtent { offset: 10, len: 20 });
+        space.put_back(SpoolExtent { offset: 30, len: 30 });
         assert_eq!(space.free, BTreeMap::from([(10, 50)]));
         assert_eq!(space.take(45), 10);
         assert_eq!(space.free, BTreeMap::from([(55, 5)]));
-        space.put_back(Extent { offset: 60, len: 40 });
+        space.put_back(SpoolExtent { offset: 60, len: 40 });
         assert_eq!((space.end, space.free.len()), (55, 0));
     }
 
     #[test]
     fn a_missing_folder_is_named_with_a_remedy() {
         let missing = Path::new("/nonexistent/terrane");
-        let spool = Spool::new(missing);
+        let spool = SpoolFile::new(missing);
         for error in [spool.put(&[b"x"]).unwrap_err(), nameless(missing).unwrap_err()] {
             assert_eq!((error.kind(), error.path()), (ErrorKind::CannotWrite, Some(missing)));
             let told = error.to_string();
@@ -283,7 +283,7 @@ mod tests {
             return;
         }
         let folder = tempfile::tempdir().unwrap();
-        let spool = Spool::new(folder.path());
+        let spool = SpoolFile::new(folder.path());
         let mut failures = Vec::new();
         let mut all = Vec::new();
         for number in 0..8_u8 {

@@ -1,22 +1,22 @@
 //! The cells of a part of a grid, and what has been kept of their points.
 
-use super::cell::{Cell, Units};
-use super::plane::{Hits, Plane, Primitive};
-use super::recipe::{Band, Recipe};
+use super::cell::{CellUnits, StatisticCell};
+use super::plane::{AccumulatorKind, AccumulatorPlane, CellHits};
+use super::recipe::{Recipe, StatisticBand};
 use terrane_base::error::Result;
 
 /// Cells and what has been kept of their points.
 #[derive(Debug)]
-pub struct Block {
-    planes: Vec<Box<dyn Plane>>,
+pub struct CellBlock {
+    planes: Vec<Box<dyn AccumulatorPlane>>,
     /// The region that each plane is of.
     regions: Vec<usize>,
 }
 
-impl Block {
+impl CellBlock {
     /// `cells` cells without points.
     pub fn new(recipe: &Recipe, cells: usize) -> Self {
-        let make = |primitive: &Primitive| (primitive.make)(cells, primitive.parameters);
+        let make = |primitive: &AccumulatorKind| (primitive.make)(cells, primitive.parameters);
         let planes = recipe.planes.iter().map(|(_, primitive)| make(primitive));
         let regions = recipe.planes.iter().map(|(region, _)| *region).collect();
         Self { planes: planes.collect(), regions }
@@ -26,7 +26,7 @@ impl Block {
     ///
     /// # Errors
     /// More than 2^32 - 1 points in a cell.
-    pub fn add(&mut self, region: usize, hits: Hits<'_>) -> Result<()> {
+    pub fn add(&mut self, region: usize, hits: CellHits<'_>) -> Result<()> {
         let planes = self.planes.iter_mut().zip(&self.regions);
         planes.filter(|(_, of)| **of == region).try_for_each(|(plane, _)| plane.add(hits))
     }
@@ -63,9 +63,9 @@ impl Block {
     }
 
     /// The value of a band in cell `at`; NaN where there is none.
-    pub fn value(&self, band: &Band, at: usize, units: &Units) -> f64 {
+    pub fn value(&self, band: &StatisticBand, at: usize, units: &CellUnits) -> f64 {
         let units = &band.units(units);
-        let cell = Cell { planes: &self.planes, uses: &band.planes, at, units };
+        let cell = StatisticCell { planes: &self.planes, uses: &band.planes, at, units };
         band.statistic.value(&cell, band.is_real)
     }
 }

@@ -6,21 +6,21 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_base::parameters::{Parameter, Values};
-use terrane_base::registry::{Named, named};
+use terrane_base::parameters::{Parameter, ParameterValues};
+use terrane_base::registry::{RegistryEntry, named};
 
 /// All methods. The first is taken where none is named.
-pub const METHODS: &[Method] = &[PIT_FREE, SPIKE_FREE];
+pub const METHODS: &[CanopyMethod] = &[PIT_FREE, SPIKE_FREE];
 
-const PIT_FREE: Method = Method {
+const PIT_FREE: CanopyMethod = CanopyMethod {
     name: "pit-free",
     source: "Khosravipour and others 2014",
     about: "triangulations of the first returns above several heights, the highest of which counts",
     parameters: &[],
-    kind: Kind::PitFree,
+    kind: CanopyMethodKind::PitFree,
 };
 
-const SPIKE_FREE: Method = Method {
+const SPIKE_FREE: CanopyMethod = CanopyMethod {
     name: "spike-free",
     source: "Khosravipour and others 2016",
     about: "all returns from the highest down; small triangles freeze, and take no lower ones",
@@ -38,12 +38,12 @@ const SPIKE_FREE: Method = Method {
             "how much lower the returns to come are when they freeze, metres",
         ),
     ],
-    kind: Kind::SpikeFree,
+    kind: CanopyMethodKind::SpikeFree,
 };
 
 /// One method of the registry.
 #[derive(Debug)]
-pub struct Method {
+pub struct CanopyMethod {
     /// Name for `--canopy`, unique.
     pub name: &'static str,
     /// Where it was published.
@@ -52,18 +52,18 @@ pub struct Method {
     pub about: &'static str,
     /// What may follow its name.
     pub parameters: &'static [Parameter],
-    kind: Kind,
+    kind: CanopyMethodKind,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum CanopyMethodKind {
     PitFree,
     SpikeFree,
 }
 
 /// What is to be done.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
+pub enum CanopyAlgorithm {
     /// As in [`PitFree`](super::pitfree::PitFree).
     PitFree,
     /// Triangles freeze.
@@ -79,8 +79,8 @@ pub enum Way {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub struct Canopy {
-    method: &'static Method,
-    values: Values,
+    method: &'static CanopyMethod,
+    values: ParameterValues,
 }
 
 impl Canopy {
@@ -90,11 +90,11 @@ impl Canopy {
     }
 
     /// What it is to do.
-    pub fn way(&self) -> Way {
+    pub fn way(&self) -> CanopyAlgorithm {
         let value = |key| self.values.get(self.method.parameters, key);
         match self.method.kind {
-            Kind::PitFree => Way::PitFree,
-            Kind::SpikeFree => Way::SpikeFree {
+            CanopyMethodKind::PitFree => CanopyAlgorithm::PitFree,
+            CanopyMethodKind::SpikeFree => CanopyAlgorithm::SpikeFree {
                 freeze: Some(value("freeze")).filter(|freeze| !freeze.is_nan()),
                 buffer: value("buffer"),
             },
@@ -109,7 +109,7 @@ impl Canopy {
 
 impl Default for Canopy {
     fn default() -> Self {
-        Self { method: &METHODS[0], values: Values::usual(METHODS[0].parameters) }
+        Self { method: &METHODS[0], values: ParameterValues::usual(METHODS[0].parameters) }
     }
 }
 
@@ -126,7 +126,10 @@ impl FromStr for Canopy {
     fn from_str(text: &str) -> Result<Self> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let method = named(METHODS, name.trim())?;
-        Ok(Self { method, values: Values::parse(method.name, method.parameters, parameters)? })
+        Ok(Self {
+            method,
+            values: ParameterValues::parse(method.name, method.parameters, parameters)?,
+        })
     }
 }
 
@@ -150,7 +153,7 @@ impl TryFrom<String> for Canopy {
     }
 }
 
-impl Named for Method {
+impl RegistryEntry for CanopyMethod {
     const KIND: &'static str = "canopy method";
 
     fn name(&self) -> &'static str {
@@ -165,15 +168,15 @@ mod tests {
     #[test]
     fn methods_are_read_as_they_are_written() {
         let read = |text: &str| text.parse::<Canopy>().unwrap();
-        assert!(read("Pit-Free").is_usual() && read("pit-free").way() == Way::PitFree);
-        let usual = Way::SpikeFree { freeze: None, buffer: 0.5 };
+        assert!(read("Pit-Free").is_usual() && read("pit-free").way() == CanopyAlgorithm::PitFree);
+        let usual = CanopyAlgorithm::SpikeFree { freeze: None, buffer: 0.5 };
         assert_eq!(read("spike-free").way(), usual);
         assert_eq!(read("spike-free:freeze=auto").way(), usual);
         let given = read("spike-free:buffer=0.25,freeze=2");
-        assert_eq!(given.way(), Way::SpikeFree { freeze: Some(2.0), buffer: 0.25 });
+        assert_eq!(given.way(), CanopyAlgorithm::SpikeFree { freeze: Some(2.0), buffer: 0.25 });
         assert_eq!(
             read("spike-free:freeze=0").way(),
-            Way::SpikeFree { freeze: Some(0.0), buffer: 0.5 }
+            CanopyAlgorithm::SpikeFree { freeze: Some(0.0), buffer: 0.5 }
         );
         for method in METHODS {
             let plain = read(method.name);

@@ -1,10 +1,10 @@
 //! One cell: the numbers kept of its points, and the values of its statistics.
 
-use super::plane::{Cells, Keep, Plane, like};
+use super::plane::{AccumulatorPlane, CellAccumulator, DensePlane, like};
 
 /// What the numbers of cells are worth in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Units {
+pub struct CellUnits {
     /// World units of a step of height.
     pub scale: f64,
     /// World height of step 0.
@@ -13,7 +13,7 @@ pub struct Units {
     pub area: f64,
 }
 
-impl Units {
+impl CellUnits {
     /// A height in steps as one in world units.
     pub(super) fn height(&self, steps: Option<f64>) -> f64 {
         steps.map_or(f64::NAN, |steps| steps * self.scale + self.offset)
@@ -26,22 +26,22 @@ impl Units {
 }
 
 /// What has been kept of the points of one cell, for one statistic.
-pub(super) struct Cell<'a> {
-    pub(super) planes: &'a [Box<dyn Plane>],
+pub(super) struct StatisticCell<'a> {
+    pub(super) planes: &'a [Box<dyn AccumulatorPlane>],
     /// The planes of the statistic, in the order it needs them in.
     pub(super) uses: &'a [usize],
     pub(super) at: usize,
-    pub(super) units: &'a Units,
+    pub(super) units: &'a CellUnits,
 }
 
-impl<'a> Cell<'a> {
+impl<'a> StatisticCell<'a> {
     /// The plane that the statistic has named at `of`.
-    pub(super) fn plane<P: Plane>(&self, of: usize) -> Option<&'a P> {
+    pub(super) fn plane<P: AccumulatorPlane>(&self, of: usize) -> Option<&'a P> {
         like(&*self.planes[self.uses[of]]).ok()
     }
 
     /// What that plane has kept of the cell.
-    pub(super) fn kept<K: Keep>(&self, of: usize) -> K {
-        self.plane::<Cells<K>>(of).map_or(K::NONE, |Cells(cells)| cells[self.at])
+    pub(super) fn kept<K: CellAccumulator>(&self, of: usize) -> K {
+        self.plane::<DensePlane<K>>(of).map_or(K::NONE, |DensePlane(cells)| cells[self.at])
     }
 }

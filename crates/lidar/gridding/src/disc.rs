@@ -3,16 +3,16 @@
 //! Distances from the centres of cells are counted in halves of the last decimal of all that is given, in
 //! `u128`, so that a tie is a tie.
 
-use super::block::Block;
-use super::lattice::{Lattice, Unit};
-use super::plane::Hits;
+use super::block::CellBlock;
+use super::lattice::{CellLattice, DistanceUnit};
+use super::plane::CellHits;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
 
 /// Hands points to the cells whose centres they are nearer to than a radius.
 #[derive(Debug)]
 pub struct Scatter {
-    unit: Unit,
+    unit: DistanceUnit,
     /// Least squared distance that is not within the radius.
     limit: u128,
     /// Most columns and rows that a cell reached is away from the point's own.
@@ -29,12 +29,12 @@ pub struct Scatter {
 
 /// What points are handed to.
 #[derive(Debug)]
-pub struct Target<'a> {
+pub struct BlockTarget<'a> {
     /// The block.
-    pub block: &'a mut Block,
+    pub block: &'a mut CellBlock,
     /// The region of the recipe that they are of.
     pub region: usize,
-    /// Values that are any numbers, as [`Hits`] has them.
+    /// Values that are any numbers, as [`CellHits`] has them.
     pub reals: &'a [f64],
 }
 
@@ -43,7 +43,7 @@ const ROOM: usize = 4096;
 
 impl Scatter {
     /// For cells of `lattice`.
-    pub fn new(lattice: &Lattice, radius: f64) -> Self {
+    pub fn new(lattice: &CellLattice, radius: f64) -> Self {
         let reach = |cell: f64| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64;
         let unit = lattice.unit(radius);
         Self {
@@ -69,13 +69,13 @@ impl Scatter {
     /// of `window`, one row every `stride` places.
     ///
     /// # Errors
-    /// As for [`Block::add`].
+    /// As for [`CellBlock::add`].
     pub fn add(
         &mut self,
-        (lattice, window, stride): (&Lattice, Rect, u32),
+        (lattice, window, stride): (&CellLattice, Rect, u32),
         points: &[Point],
         places: &[(i32, i32)],
-        mut to: Target<'_>,
+        mut to: BlockTarget<'_>,
     ) -> Result<()> {
         for (point, (col, row)) in points.iter().zip(places) {
             let cols = clip(i64::from(*col), self.across, window.col, window.width);
@@ -93,7 +93,13 @@ impl Scatter {
     }
 
     /// The cells of one row, from place `first` on.
-    fn row(&mut self, point: Point, first: u32, down: u128, to: &mut Target<'_>) -> Result<()> {
+    fn row(
+        &mut self,
+        point: Point,
+        first: u32,
+        down: u128,
+        to: &mut BlockTarget<'_>,
+    ) -> Result<()> {
         // Blocks are narrower than the room.
         if self.filled + self.columns.len() > ROOM {
             self.flush(to)?;
@@ -110,11 +116,11 @@ impl Scatter {
         Ok(())
     }
 
-    fn flush(&mut self, to: &mut Target<'_>) -> Result<()> {
+    fn flush(&mut self, to: &mut BlockTarget<'_>) -> Result<()> {
         let filled = std::mem::take(&mut self.filled);
         let (cells, points) = (&self.cells[..filled], &self.points[..filled]);
         let (squares, unit) = (&self.squares[..filled], self.unit.size);
-        to.block.add(to.region, Hits { cells, points, squares, unit, reals: to.reals })
+        to.block.add(to.region, CellHits { cells, points, squares, unit, reals: to.reals })
     }
 }
 

@@ -3,11 +3,11 @@
 
 use std::ops::Range;
 
-use terrane_base::geom::{Affine, Decimal, Frame, Point};
+use terrane_base::geom::{Affine, Decimal, Point, PointFrame};
 
 /// Which two borders belong to a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Edges {
+pub enum CellEdgeRule {
     /// The lower ones: [W, E) x [S, N).
     #[default]
     LowerClosed,
@@ -17,31 +17,34 @@ pub enum Edges {
 
 /// A lattice of cells: all cells of one size that share their corners with a given one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lattice {
+pub struct CellLattice {
     /// From west to east.
-    pub x: Axis,
+    pub x: LatticeAxis,
     /// From north to south; its lattice indices count to the north all the same.
-    pub y: Axis,
+    pub y: LatticeAxis,
 }
 
-impl Lattice {
+impl CellLattice {
     /// Cells of `cell` (x, y) world units with a corner at `anchor`, over points of `frame`.
-    pub fn new(frame: &Frame, anchor: [f64; 2], cell: [f64; 2], edges: Edges) -> Self {
-        let x = Axis::new(frame, 0, anchor[0], cell[0]);
-        let y = Axis::new(frame, 1, anchor[1], cell[1]).down();
-        let y = if edges == Edges::NorthClosed { y.upper_closed() } else { y };
+    pub fn new(frame: &PointFrame, anchor: [f64; 2], cell: [f64; 2], edges: CellEdgeRule) -> Self {
+        let x = LatticeAxis::new(frame, 0, anchor[0], cell[0]);
+        let y = LatticeAxis::new(frame, 1, anchor[1], cell[1]).down();
+        let y = if edges == CellEdgeRule::NorthClosed { y.upper_closed() } else { y };
         let a = x.decimals(frame.scale[0], frame.offset[0]);
         let b = y.decimals(frame.scale[1], frame.offset[1]);
         let Some((a, b)) = a.zip(b) else { return Self { x, y } };
         let digits = a.digits().max(b.digits());
-        Self { x: Axis { units: a.units(digits), ..x }, y: Axis { units: b.units(digits), ..y } }
+        Self {
+            x: LatticeAxis { units: a.units(digits), ..x },
+            y: LatticeAxis { units: b.units(digits), ..y },
+        }
     }
 
     /// What distances up to `reach` are measured in.
-    pub fn unit(&self, reach: f64) -> Unit {
-        let exact = self.x.units.zip(self.y.units).map(|(x, _)| Unit::exact(x.digits));
-        let fits = |unit: &Unit| reach / unit.size < MOST_UNITS;
-        exact.filter(fits).unwrap_or(Unit { size: reach / COARSE_UNITS, digits: None })
+    pub fn unit(&self, reach: f64) -> DistanceUnit {
+        let exact = self.x.units.zip(self.y.units).map(|(x, _)| DistanceUnit::exact(x.digits));
+        let fits = |unit: &DistanceUnit| reach / unit.size < MOST_UNITS;
+        exact.filter(fits).unwrap_or(DistanceUnit { size: reach / COARSE_UNITS, digits: None })
     }
 
     /// The lattice indices of the cells (x, y) that hold the lowest and highest of two points.
@@ -69,7 +72,7 @@ impl Lattice {
 /// What distances from points to the centres of cells are counted in, so that they are whole numbers
 /// and compared exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unit {
+pub struct DistanceUnit {
     /// World units.
     pub size: f64,
     /// It is half of the last of so many decimals, which all points, borders and centres are in;
@@ -82,7 +85,7 @@ const MOST_UNITS: f64 = (1_u64 << 61) as f64;
 /// Units that a radius is divided into where decimals do not serve.
 const COARSE_UNITS: f64 = (1_u64 << 48) as f64;
 
-impl Unit {
+impl DistanceUnit {
     fn exact(digits: u32) -> Self {
         Self { size: Decimal::new(1, digits).value() / 2.0, digits: Some(digits) }
     }
@@ -113,10 +116,10 @@ fn square(number: Decimal, digits: u32) -> Option<u128> {
 /// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it. It
 /// is decided in `f64`, and near borders in whole numbers of the last decimal of all that is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
-    rule: Rule,
+pub struct LatticeAxis {
+    rule: BorderComparison,
     /// The same in whole numbers, where all decimals can be counted.
-    units: Option<Units>,
+    units: Option<DecimalAxis>,
     world_anchor: f64,
     world_cell: f64,
     upper_closed: bool,
@@ -129,7 +132,7 @@ pub struct Axis {
 
 /// How a coordinate in steps is compared with cell borders.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Rule {
+enum BorderComparison {
     /// In steps: the anchor is at `anchor`, which need not be whole, and `cell` is.
     Steps { anchor: f64, cell: i64, scale: f64 },
     /// In world coordinates: steps * scale + offset.
@@ -150,18 +153,18 @@ impl Decimals {
         all.into_iter().map(Decimal::digits).max().unwrap_or(0)
     }
 
-    fn units(&self, digits: u32) -> Option<Units> {
+    fn units(&self, digits: u32) -> Option<DecimalAxis> {
         let twice = |number: Decimal| number.units(digits)?.checked_mul(2);
         let shift = twice(self.offset)?.checked_sub(twice(self.anchor)?)?;
         let (scale, cell) = (twice(self.scale)?, twice(self.cell)?);
         let fits = scale < MOST_SCALE && cell < MOST_SCALE && shift.abs() < MOST_SHIFT;
-        fits.then_some(Units { digits, scale, shift, cell })
+        fits.then_some(DecimalAxis { digits, scale, shift, cell })
     }
 }
 
 /// An axis in halves of the last of so many decimals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Units {
+struct DecimalAxis {
     digits: u32,
     /// From a step to the next.
     scale: i128,
@@ -177,7 +180,7 @@ const MOST_SHIFT: i128 = 1 << 125;
 /// Part of a cell beside a border in which floats do not decide.
 const DOUBT: f64 = 1e-6;
 
-impl Units {
+impl DecimalAxis {
     /// From the anchor to a step.
     fn at(&self, steps: i32) -> i128 {
         i128::from(steps) * self.scale + self.shift
@@ -205,8 +208,8 @@ const MOST_STEPS: f64 = (1_u64 << 31) as f64;
 /// Lattice indices beyond this are cut off: no grid may reach so far.
 pub const FAR: i64 = 1 << 40;
 
-impl Axis {
-    fn new(frame: &Frame, axis: usize, anchor: f64, cell: f64) -> Self {
+impl LatticeAxis {
+    fn new(frame: &PointFrame, axis: usize, anchor: f64, cell: f64) -> Self {
         let (scale, offset) = (frame.scale[axis], frame.offset[axis]);
         let steps = (cell / scale).round();
         let is_whole =
@@ -214,8 +217,8 @@ impl Axis {
         let at = (anchor - offset) / scale;
         let at = if (at - at.round()).abs() < NEAR_STEP { at.round() } else { at };
         let rule = match is_whole && at.abs() < 1e15 {
-            true => Rule::Steps { anchor: at, cell: steps as i64, scale },
-            false => Rule::World { scale, offset },
+            true => BorderComparison::Steps { anchor: at, cell: steps as i64, scale },
+            false => BorderComparison::World { scale, offset },
         };
         let (upper_closed, down) = (false, false);
         Self {
@@ -239,13 +242,15 @@ impl Axis {
             Some(Decimal::new(steps.checked_add(from.units(digits)?)?, digits))
         };
         let (anchor, cell) = match self.rule {
-            Rule::Steps { anchor, cell, .. } if anchor.fract() == 0.0 => {
+            BorderComparison::Steps { anchor, cell, .. } if anchor.fract() == 0.0 => {
                 (world(anchor as i64, offset)?, world(cell, Decimal::new(0, 0))?)
             }
-            Rule::Steps { cell, .. } => {
+            BorderComparison::Steps { cell, .. } => {
                 (Decimal::of(self.world_anchor)?, world(cell, Decimal::new(0, 0))?)
             }
-            Rule::World { .. } => (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?),
+            BorderComparison::World { .. } => {
+                (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?)
+            }
         };
         Some(Decimals { scale, offset, anchor, cell })
     }
@@ -277,14 +282,16 @@ impl Axis {
 
     /// True when points are put into cells in whole numbers.
     pub fn is_exact(&self) -> bool {
-        matches!(self.rule, Rule::Steps { .. })
+        matches!(self.rule, BorderComparison::Steps { .. })
     }
 
     /// Lattice index of the cell that a coordinate in steps lies in.
     pub fn index(&self, steps: i32) -> i64 {
         match self.rule {
-            Rule::Steps { cell, .. } => (i64::from(steps) - self.border()).div_euclid(cell),
-            Rule::World { scale, offset } => {
+            BorderComparison::Steps { cell, .. } => {
+                (i64::from(steps) - self.border()).div_euclid(cell)
+            }
+            BorderComparison::World { scale, offset } => {
                 let cells =
                     (f64::from(steps) * scale + offset - self.world_anchor) / self.world_cell;
                 if let Some(units) = &self.units
@@ -301,9 +308,11 @@ impl Axis {
     /// First whole step of the cell of lattice index 0.
     fn border(&self) -> i64 {
         match self.rule {
-            Rule::Steps { anchor, .. } if self.upper_closed => anchor.floor() as i64 + 1,
-            Rule::Steps { anchor, .. } => anchor.ceil() as i64,
-            Rule::World { .. } => 0,
+            BorderComparison::Steps { anchor, .. } if self.upper_closed => {
+                anchor.floor() as i64 + 1
+            }
+            BorderComparison::Steps { anchor, .. } => anchor.ceil() as i64,
+            BorderComparison::World { .. } => 0,
         }
     }
 
@@ -317,7 +326,7 @@ impl Axis {
     pub fn numbers(&self, steps: impl Iterator<Item = i32>, out: &mut Vec<i32>) {
         out.clear();
         match self.rule {
-            Rule::Steps { cell, .. } => {
+            BorderComparison::Steps { cell, .. } => {
                 let low = self.border() + self.first * cell;
                 let within = u64::from(self.count) * cell as u64;
                 let divide = Divide::by(cell as u64);
@@ -329,7 +338,7 @@ impl Axis {
                     }
                 }));
             }
-            Rule::World { .. } => out.extend(steps.map(|steps| self.number(steps))),
+            BorderComparison::World { .. } => out.extend(steps.map(|steps| self.number(steps))),
         }
     }
 
@@ -341,7 +350,13 @@ impl Axis {
     /// Squared distances along the axis from a coordinate to the centres of cells, in `unit`, into `out`
     /// (emptied first). Each is computed by itself, so that it is the same for any grid on this
     /// lattice.
-    pub fn squares(&self, steps: i32, numbers: Range<i64>, unit: Unit, out: &mut Vec<u128>) {
+    pub fn squares(
+        &self,
+        steps: i32,
+        numbers: Range<i64>,
+        unit: DistanceUnit,
+        out: &mut Vec<u128>,
+    ) {
         out.clear();
         let index = |number: i64| self.turned(number) + self.first;
         let square = |apart: i64| u128::from(apart.unsigned_abs()).pow(2);
@@ -356,7 +371,7 @@ impl Axis {
     }
 
     /// Squared distance along the axis from a coordinate to the centre of the cell it lies in, in `unit`.
-    pub fn square(&self, steps: i32, unit: Unit) -> u128 {
+    pub fn square(&self, steps: i32, unit: DistanceUnit) -> u128 {
         let index = self.index(steps);
         let apart = match self.units.filter(|_| unit.digits.is_some()) {
             Some(units) => units.apart(steps, index),
@@ -369,8 +384,10 @@ impl Axis {
     fn apart(&self, steps: i32, index: i64) -> f64 {
         let (steps, index) = (f64::from(steps), index as f64 + 0.5);
         match self.rule {
-            Rule::Steps { anchor, cell, scale } => (steps - (anchor + index * cell as f64)) * scale,
-            Rule::World { scale, offset } => {
+            BorderComparison::Steps { anchor, cell, scale } => {
+                (steps - (anchor + index * cell as f64)) * scale
+            }
+            BorderComparison::World { scale, offset } => {
                 steps * scale + offset - (self.world_anchor + index * self.world_cell)
             }
         }
@@ -409,8 +426,8 @@ impl Divide {
 mod tests {
     use super::*;
 
-    fn frame(scale: f64, offset: f64) -> Frame {
-        Frame { scale: [scale; 3], offset: [offset; 3] }
+    fn frame(scale: f64, offset: f64) -> PointFrame {
+        PointFrame { scale: [scale; 3], offset: [offset; 3] }
     }
 
     #[test]
@@ -441,7 +458,12 @@ mod tests {
     #[test]
     fn an_anchor_a_hair_off_a_step_is_on_it() {
         let at = |anchor: f64| {
-            let lattice = Lattice::new(&frame(0.1, 0.0), [anchor; 2], [0.5; 2], Edges::LowerClosed);
+            let lattice = CellLattice::new(
+                &frame(0.1, 0.0),
+                [anchor; 2],
+                [0.5; 2],
+                CellEdgeRule::LowerClosed,
+            );
             let x = lattice.x.covering(0, 9);
             let mut squares = Vec::new();
             x.squares(7, 0..9, lattice.unit(2.0), &mut squares);
@@ -455,7 +477,8 @@ mod tests {
 
     #[test]
     fn a_span_is_from_the_cell_of_the_lowest_to_that_of_the_highest() {
-        let lattice = Lattice::new(&frame(1.0, 0.0), [0.0; 2], [10.0, 3.0], Edges::NorthClosed);
+        let lattice =
+            CellLattice::new(&frame(1.0, 0.0), [0.0; 2], [10.0, 3.0], CellEdgeRule::NorthClosed);
         let points = [Point::new(-11, 3, 0), Point::new(30, 4, 0)];
         assert_eq!(lattice.span(points), [[-2, 3], [0, 1]]);
     }
@@ -463,11 +486,13 @@ mod tests {
     #[test]
     fn borders_belong_to_one_cell() {
         // Cells of 1 in steps of 0.01, from -3 to 4.
-        let lattice = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::LowerClosed);
-        let north = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], Edges::NorthClosed);
+        let lattice =
+            CellLattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], CellEdgeRule::LowerClosed);
+        let north =
+            CellLattice::new(&frame(0.01, 0.0), [0.0; 2], [1.0; 2], CellEdgeRule::NorthClosed);
         let [x, y, z] = [lattice.x, lattice.y, north.y].map(|axis| axis.covering(-3, 7));
         assert!(x.is_exact());
-        let numbers = |axis: Axis, steps: &[i32]| {
+        let numbers = |axis: LatticeAxis, steps: &[i32]| {
             let mut out = Vec::new();
             axis.numbers(steps.iter().copied(), &mut out);
             out
@@ -481,7 +506,8 @@ mod tests {
 
     #[test]
     fn anchors_between_steps_leave_membership_whole() {
-        let lattice = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::LowerClosed);
+        let lattice =
+            CellLattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], CellEdgeRule::LowerClosed);
         let x = lattice.x.covering(0, 2);
         assert!(x.is_exact());
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| x.number(steps)), [-1, 0, 0, 1, 1, 2]);
@@ -489,7 +515,8 @@ mod tests {
         x.squares(2, 0..2, unit, &mut squares);
         // In tenths, halved.
         assert_eq!((unit.size, squares), (0.05, vec![0, 3600]));
-        let north = Lattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], Edges::NorthClosed);
+        let north =
+            CellLattice::new(&frame(1.0, 0.0), [0.5; 2], [3.0; 2], CellEdgeRule::NorthClosed);
         let y = north.y.covering(0, 2);
         assert_eq!([0, 1, 3, 4, 6, 7].map(|steps| y.number(steps)), [2, 1, 1, 0, 0, -1]);
     }
@@ -497,8 +524,8 @@ mod tests {
     #[test]
     fn borders_on_steps_belong_to_one_cell_where_cells_are_no_whole_steps() {
         // Cells of one and a half steps: every second border lies on a step.
-        let new = |edges| Lattice::new(&frame(0.5, 0.0), [0.0; 2], [0.75; 2], edges).y;
-        let [south, north] = [Edges::LowerClosed, Edges::NorthClosed].map(new);
+        let new = |edges| CellLattice::new(&frame(0.5, 0.0), [0.0; 2], [0.75; 2], edges).y;
+        let [south, north] = [CellEdgeRule::LowerClosed, CellEdgeRule::NorthClosed].map(new);
         assert!(!south.is_exact() && !north.is_exact());
         assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| south.index(steps)), [-2, 0, 0, 1, 2, 4]);
         assert_eq!([-3, 0, 1, 2, 3, 6].map(|steps| north.index(steps)), [-3, -1, 0, 1, 1, 3]);
@@ -507,8 +534,8 @@ mod tests {
     #[test]
     fn a_part_sees_what_the_whole_sees() {
         for (scale, cell) in [(0.01, 1.0), (0.01, 0.333), (0.3, 0.7), (1e-7, 1.0 / 3600.0)] {
-            for edges in [Edges::LowerClosed, Edges::NorthClosed] {
-                let lattice = Lattice::new(&frame(scale, 12.34), [0.1; 2], [cell; 2], edges);
+            for edges in [CellEdgeRule::LowerClosed, CellEdgeRule::NorthClosed] {
+                let lattice = CellLattice::new(&frame(scale, 12.34), [0.1; 2], [cell; 2], edges);
                 let unit = lattice.unit(1000.0 * cell);
                 let [whole, part] = [(-500, 1000), (-20, 100)]
                     .map(|(first, count)| lattice.y.covering(first, count));
@@ -526,8 +553,14 @@ mod tests {
 
     #[test]
     fn both_rules_agree_between_borders() {
-        let exact = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25; 2], Edges::LowerClosed);
-        let near = Lattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25 + 1e-9; 2], Edges::LowerClosed);
+        let exact =
+            CellLattice::new(&frame(0.01, 0.0), [0.0; 2], [0.25; 2], CellEdgeRule::LowerClosed);
+        let near = CellLattice::new(
+            &frame(0.01, 0.0),
+            [0.0; 2],
+            [0.25 + 1e-9; 2],
+            CellEdgeRule::LowerClosed,
+        );
         assert!(exact.x.is_exact() && !near.x.is_exact());
         for steps in (1..100_000).filter(|steps| steps % 25 != 0) {
             assert_eq!(exact.x.index(steps), near.x.index(steps), "{steps}");

@@ -1,9 +1,9 @@
 //! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
 //!
-//! Points go into the cells of blocks ([`Block`]) in any order and any division: what a block keeps
+//! Points go into the cells of blocks ([`CellBlock`]) in any order and any division: what a block keeps
 //! of them are whole numbers that are added, or extremes, so the result has the same bits whatever
 //! the order, and blocks of the same cells can be added up. A [`Recipe`] says what is kept for the
-//! statistics ([`METHODS`]) that are asked for, a [`Lattice`] where the cells lie.
+//! statistics ([`METHODS`]) that are asked for, a [`CellLattice`] where the cells lie.
 
 mod block;
 pub mod canopy;
@@ -23,17 +23,18 @@ mod tests;
 #[cfg(test)]
 mod tests_of_subjects;
 
-pub use block::Block;
+pub use block::CellBlock;
 pub use canopy::Canopy;
-pub use cell::Units;
-pub use disc::{Scatter, Target};
+pub use cell::CellUnits;
+pub use disc::{BlockTarget, Scatter};
 pub use fill::fill;
-pub use lattice::{Axis, Edges, FAR, Lattice, Unit};
-pub use parameter::Parameter;
-pub use plane::Hits;
-pub use recipe::{Band, Recipe};
-pub use region::{Region, Rules};
+pub use lattice::{CellEdgeRule, CellLattice, DistanceUnit, FAR, LatticeAxis};
+pub use parameter::StatisticParameter;
+pub use plane::CellHits;
+pub use recipe::{Recipe, StatisticBand};
+pub use region::{CellNeighborhood, StatisticDefaults};
 pub use statistic::{
-    Asked, METHODS, MOST_POWER, Method, Shape, Statistic, check_power, parse_list,
+    METHODS, MOST_POWER, Statistic, StatisticMethod, StatisticRequest, SurfaceInterpolation,
+    check_power, parse_list,
 };
 pub use subject::{OF_POINTS, Selected, Selector, Subject};

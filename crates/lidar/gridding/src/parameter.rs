@@ -4,7 +4,7 @@ use terrane_base::error::{Error, Result};
 
 /// A parameter of a statistic.
 #[derive(Debug)]
-pub struct Parameter {
+pub struct StatisticParameter {
     /// Its name.
     pub key: &'static str,
     /// What its value is, in a word.
@@ -16,7 +16,7 @@ pub struct Parameter {
 /// What the value of most is.
 pub(super) const NUMBER: &str = "NUMBER";
 
-pub(super) const RADIUS: Parameter = Parameter {
+pub(super) const RADIUS: StatisticParameter = StatisticParameter {
     key: "radius",
     value: NUMBER,
     about: "points nearer than this to the cell's centre [‹radius›]",
@@ -24,12 +24,12 @@ pub(super) const RADIUS: Parameter = Parameter {
 
 /// Parameters as given.
 #[derive(Debug, Default)]
-pub(super) struct Given {
+pub(super) struct GivenParameters {
     pub(super) rank: Option<f64>,
     pub(super) values: Vec<(String, f64)>,
 }
 
-impl Given {
+impl GivenParameters {
     pub(super) fn value(&self, key: &str) -> Option<f64> {
         self.values.iter().find(|(k, _)| k == key).map(|(_, value)| *value)
     }

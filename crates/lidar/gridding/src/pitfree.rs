@@ -20,7 +20,7 @@ pub struct PitFree {
 
 /// The triangle of a triangulation over a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facet {
+pub struct PitFreeFacet {
     /// Its corners.
     pub corners: [Point; 3],
     /// Its height at the place.
@@ -68,7 +68,7 @@ impl PitFree {
     pub fn height<E>(
         &self,
         scale: [f64; 2],
-        mut facet: impl FnMut(usize) -> Result<Option<Facet>, E>,
+        mut facet: impl FnMut(usize) -> Result<Option<PitFreeFacet>, E>,
     ) -> Result<Option<f64>, E> {
         let Some(base) = facet(0)? else { return Ok(None) };
         let mut highest = base.z;
@@ -118,7 +118,7 @@ mod tests {
         (0..pits.layers()).map(within).collect()
     }
 
-    fn facet(tin: &Tin, x: f64, y: f64) -> Option<Facet> {
+    fn facet(tin: &Tin, x: f64, y: f64) -> Option<PitFreeFacet> {
         let at = Point2::new(x, y);
         let face = match tin.locate(at) {
             PositionInTriangulation::OnFace(face) => tin.face(face),
@@ -131,7 +131,7 @@ mod tests {
         let corners = face.vertices().map(|v| v.data().0);
         let weights = face.barycentric_interpolation(at);
         let z = corners.iter().zip(weights).map(|(p, w)| w * f64::from(p.z)).sum();
-        Some(Facet { corners, z })
+        Some(PitFreeFacet { corners, z })
     }
 
     fn surface(pits: &PitFree, tins: &[Tin], x: f64, y: f64) -> Option<f64> {
@@ -204,7 +204,7 @@ mod tests {
         let pits = PitFree::metres(1.0);
         assert_eq!(pits.height([1.0; 2], |_| Ok::<_, Infallible>(None)), Ok(None));
         let corners = [Point::new(0, 0, 0), Point::new(1, 0, 0), Point::new(0, 1, 0)];
-        let base = Facet { corners, z: 1.0 };
+        let base = PitFreeFacet { corners, z: 1.0 };
         let failing = |layer: usize| if layer == 0 { Ok(Some(base)) } else { Err("more points") };
         assert_eq!(pits.height([1.0; 2], failing), Err("more points"));
     }

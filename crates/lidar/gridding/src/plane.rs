@@ -10,7 +10,7 @@ use terrane_base::geom::Point;
 
 /// Points and the cells they go into.
 #[derive(Clone, Copy, Debug)]
-pub struct Hits<'a> {
+pub struct CellHits<'a> {
     /// Places of the cells in the block.
     pub cells: &'a [u32],
     /// The points, one for each cell, with a value in place of their height where the subject is another.
@@ -26,7 +26,7 @@ pub struct Hits<'a> {
 
 /// What is kept of the points of one cell: whole numbers that are added, or extremes, so that their order
 /// leaves no trace.
-pub(super) trait Keep: Pod + Debug + Send {
+pub(super) trait CellAccumulator: Pod + Debug + Send {
     /// Whether distances from the centre count.
     const BY_DISTANCE: bool = false;
     /// Of no point.
@@ -42,12 +42,12 @@ pub(super) trait Keep: Pod + Debug + Send {
 }
 
 /// One kind of number for each cell of a block.
-pub(super) trait Plane: Any + Debug + Send {
+pub(super) trait AccumulatorPlane: Any + Debug + Send {
     /// Takes points in.
-    fn add(&mut self, hits: Hits<'_>) -> Result<()>;
+    fn add(&mut self, hits: CellHits<'_>) -> Result<()>;
 
     /// Takes in what another plane of the same cells and kind has taken in.
-    fn fold(&mut self, other: &dyn Plane) -> Result<()>;
+    fn fold(&mut self, other: &dyn AccumulatorPlane) -> Result<()>;
 
     /// Its content as bytes, for this machine.
     fn bytes(&self) -> &[u8];
@@ -66,9 +66,9 @@ pub(super) trait Plane: Any + Debug + Send {
 
 /// As many numbers as there are cells.
 #[derive(Clone, Debug)]
-pub(super) struct Cells<K>(pub(super) Vec<K>);
+pub(super) struct DensePlane<K>(pub(super) Vec<K>);
 
-impl<K: Keep> Cells<K> {
+impl<K: CellAccumulator> DensePlane<K> {
     pub(super) fn new(cells: usize) -> Self {
         Self(vec![K::NONE; cells])
     }
@@ -82,8 +82,8 @@ impl<K: Keep> Cells<K> {
     }
 }
 
-impl<K: Keep> Plane for Cells<K> {
-    fn add(&mut self, hits: Hits<'_>) -> Result<()> {
+impl<K: CellAccumulator> AccumulatorPlane for DensePlane<K> {
+    fn add(&mut self, hits: CellHits<'_>) -> Result<()> {
         let each = hits.cells.iter().zip(hits.points);
         let mut fit = true;
         if K::BY_DISTANCE {
@@ -96,7 +96,7 @@ impl<K: Keep> Plane for Cells<K> {
         Self::checked(fit)
     }
 
-    fn fold(&mut self, other: &dyn Plane) -> Result<()> {
+    fn fold(&mut self, other: &dyn AccumulatorPlane) -> Result<()> {
         let pairs = self.0.iter_mut().zip(&like::<Self>(other)?.0);
         Self::checked(pairs.fold(true, |fit, (own, other)| own.join(*other) & fit))
     }
@@ -111,7 +111,7 @@ impl<K: Keep> Plane for Cells<K> {
 }
 
 /// A plane as one of the kind `P`.
-pub(super) fn like<P: Plane>(plane: &dyn Plane) -> Result<&P> {
+pub(super) fn like<P: AccumulatorPlane>(plane: &dyn AccumulatorPlane) -> Result<&P> {
     let plane: &dyn Any = plane;
     plane
         .downcast_ref()
@@ -120,28 +120,28 @@ pub(super) fn like<P: Plane>(plane: &dyn Plane) -> Result<&P> {
 
 /// A kind of plane. Those of one name and parameter keep the same, and are kept once.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Primitive {
+pub(super) struct AccumulatorKind {
     pub(super) name: &'static str,
     /// What the plane is made with, beside the number of cells.
     pub(super) parameters: [f64; 2],
-    pub(super) make: fn(usize, [f64; 2]) -> Box<dyn Plane>,
+    pub(super) make: fn(usize, [f64; 2]) -> Box<dyn AccumulatorPlane>,
     pub(super) bytes_per_cell: usize,
     pub(super) bytes_per_point: usize,
 }
 
-impl PartialEq for Primitive {
+impl PartialEq for AccumulatorKind {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name && self.parameters == other.parameters
     }
 }
 
-impl Primitive {
+impl AccumulatorKind {
     /// A `K` for each cell.
-    pub(super) const fn cells<K: Keep>(name: &'static str) -> Self {
+    pub(super) const fn cells<K: CellAccumulator>(name: &'static str) -> Self {
         Self {
             name,
             parameters: [0.0; 2],
-            make: |cells, _| Box::new(Cells::<K>::new(cells)),
+            make: |cells, _| Box::new(DensePlane::<K>::new(cells)),
             bytes_per_cell: size_of::<K>(),
             bytes_per_point: 0,
         }
@@ -151,13 +151,13 @@ impl Primitive {
 /// How many points.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct Count(pub(super) u32);
+pub(super) struct PointCount(pub(super) u32);
 
-impl Count {
-    pub(super) const KEPT: Primitive = Primitive::cells::<Self>("count");
+impl PointCount {
+    pub(super) const KEPT: AccumulatorKind = AccumulatorKind::cells::<Self>("count");
 }
 
-impl Keep for Count {
+impl CellAccumulator for PointCount {
     const NONE: Self = Self(0);
 
     #[inline(always)]

@@ -6,10 +6,10 @@
 //! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
 //! once, before they are added.
 
-use super::cell::Units;
-use super::plane::Primitive;
-use super::region::{Region, Rules};
-use super::statistic::{Asked, Statistic};
+use super::cell::CellUnits;
+use super::plane::AccumulatorKind;
+use super::region::{CellNeighborhood, StatisticDefaults};
+use super::statistic::{Statistic, StatisticRequest};
 use super::subject::Subject;
 
 /// What is kept of the points, and the bands that are made of it.
@@ -17,15 +17,15 @@ use super::subject::Subject;
 pub struct Recipe {
     subjects: Vec<Subject>,
     /// Regions, each of the points of a subject.
-    pub(super) regions: Vec<(usize, Region)>,
+    pub(super) regions: Vec<(usize, CellNeighborhood)>,
     /// What is kept of the points of which region.
-    pub(super) planes: Vec<(usize, Primitive)>,
-    bands: Vec<Band>,
+    pub(super) planes: Vec<(usize, AccumulatorKind)>,
+    bands: Vec<StatisticBand>,
 }
 
 /// One band.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Band {
+pub struct StatisticBand {
     /// What it is called.
     pub label: String,
     /// What it holds.
@@ -38,7 +38,7 @@ pub struct Band {
     pub(super) is_real: bool,
 }
 
-impl Band {
+impl StatisticBand {
     /// True when a cell without points has a value, which is 0.
     pub fn counts(&self) -> bool {
         self.statistic.counts()
@@ -50,21 +50,21 @@ impl Band {
     }
 
     /// What its numbers are worth, beside those of heights.
-    pub(super) fn units(&self, heights: &Units) -> Units {
-        self.step.map_or(*heights, |scale| Units { scale, offset: 0.0, ..*heights })
+    pub(super) fn units(&self, heights: &CellUnits) -> CellUnits {
+        self.step.map_or(*heights, |scale| CellUnits { scale, offset: 0.0, ..*heights })
     }
 }
 
 impl Recipe {
     /// For these statistics by these rules.
-    pub fn new(asked: &[Asked], rules: &Rules) -> Self {
+    pub fn new(asked: &[StatisticRequest], rules: &StatisticDefaults) -> Self {
         let mut recipe = Self {
             subjects: Vec::new(),
             regions: Vec::new(),
             planes: Vec::new(),
             bands: Vec::new(),
         };
-        for Asked { statistic, label, subject } in asked {
+        for StatisticRequest { statistic, label, subject } in asked {
             let is_real = subject.is_real();
             let needs = statistic.needs(rules, is_real);
             let mut planes = recipe.keep(subject, &needs);
@@ -72,13 +72,17 @@ impl Recipe {
                 planes.extend(recipe.keep(&base, &needs));
             }
             let (label, statistic, step) = (label.clone(), *statistic, subject.step());
-            recipe.bands.push(Band { label, statistic, planes, step, is_real });
+            recipe.bands.push(StatisticBand { label, statistic, planes, step, is_real });
         }
         recipe
     }
 
     /// The planes of what is kept of the points of a subject.
-    fn keep(&mut self, subject: &Subject, needs: &(Region, Vec<Primitive>)) -> Vec<usize> {
+    fn keep(
+        &mut self,
+        subject: &Subject,
+        needs: &(CellNeighborhood, Vec<AccumulatorKind>),
+    ) -> Vec<usize> {
         let (region, primitives) = needs;
         if primitives.is_empty() {
             return Vec::new();
@@ -103,12 +107,12 @@ impl Recipe {
     }
 
     /// The bands, in the order asked for.
-    pub fn bands(&self) -> &[Band] {
+    pub fn bands(&self) -> &[StatisticBand] {
         &self.bands
     }
 
     /// The regions that points of a subject are needed of, by their places among all.
-    pub fn regions_of(&self, subject: usize) -> impl Iterator<Item = (usize, Region)> {
+    pub fn regions_of(&self, subject: usize) -> impl Iterator<Item = (usize, CellNeighborhood)> {
         let all = self.regions.iter().enumerate();
         all.filter(move |(_, (of, _))| *of == subject).map(|(at, (_, region))| (at, *region))
     }
@@ -120,14 +124,14 @@ impl Recipe {
 
     /// True when a band is made of the triangulation of all points.
     pub fn triangulates(&self) -> bool {
-        self.bands.iter().any(Band::is_triangulated)
+        self.bands.iter().any(StatisticBand::is_triangulated)
     }
 
     /// The largest radius that a cell looks around in; 0 when it looks at its own points only.
     pub fn reach(&self) -> f64 {
         self.regions.iter().fold(0.0, |most, (_, region)| match *region {
-            Region::Cell => most,
-            Region::Disc(radius) => radius.max(most),
+            CellNeighborhood::Cell => most,
+            CellNeighborhood::Disc(radius) => radius.max(most),
         })
     }
 
@@ -158,17 +162,17 @@ mod tests {
     #[test]
     fn bands_share_what_they_have_in_common() {
         let recipe = |list: &str, around| {
-            let rules = Rules { radius: 2.0, power: 1.0, around };
+            let rules = StatisticDefaults { radius: 2.0, power: 1.0, around };
             Recipe::new(&parse_list(list).unwrap(), &rules)
         };
         let own = recipe("mean,std,min,range,count", false);
-        assert_eq!(own.regions, [(0, Region::Cell)]);
+        assert_eq!(own.regions, [(0, CellNeighborhood::Cell)]);
         assert_eq!(own.bytes_per_cell(), 4 + 8 + 16 + 4 + 4);
         let wide = recipe("mean,idw,idw:power=2,idw:radius=3,nearest,count", false);
         assert_eq!(wide.regions.len(), 3);
         assert_eq!(wide.bytes_per_cell(), 4 + 8 + (32 + 4) + 32 + (32 + 4) + 32);
         assert_eq!((wide.reach(), own.reach()), (3.0, 0.0));
-        assert_eq!(recipe("mean,idw", true).regions, [(0, Region::Disc(2.0))]);
+        assert_eq!(recipe("mean,idw", true).regions, [(0, CellNeighborhood::Disc(2.0))]);
         assert_eq!(recipe("median,p95,skewness,entropy", false).bytes_per_point(), 8);
         let classes = recipe("count:class=2,count:class=6,share:class=2,count,cover", false);
         assert_eq!((classes.subjects().len(), classes.bytes_per_cell()), (5, 20));

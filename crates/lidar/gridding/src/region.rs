@@ -2,7 +2,7 @@
 
 /// Which points a cell takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Region {
+pub enum CellNeighborhood {
     /// Those in it.
     Cell,
     /// Those nearer to its centre than this, in world units.
@@ -11,7 +11,7 @@ pub enum Region {
 
 /// What holds for all statistics that do not say otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rules {
+pub struct StatisticDefaults {
     /// Radius of idw and nearest, in world units.
     pub radius: f64,
     /// Power of distance for idw.
@@ -20,9 +20,9 @@ pub struct Rules {
     pub around: bool,
 }
 
-impl Rules {
+impl StatisticDefaults {
     /// The points of a statistic that has no radius of its own.
-    pub(super) fn own(&self) -> Region {
-        if self.around { Region::Disc(self.radius) } else { Region::Cell }
+    pub(super) fn own(&self) -> CellNeighborhood {
+        if self.around { CellNeighborhood::Disc(self.radius) } else { CellNeighborhood::Cell }
     }
 }

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::parameter::Parameter;
+use super::parameter::StatisticParameter;
 use terrane_base::attribute::{CLASS, RETURN, RETURNS, Return, known};
-use terrane_base::geom::{Frame, Point};
+use terrane_base::geom::{Point, PointFrame};
 
 /// What a statistic is of. Filters of the cloud come before it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -31,24 +31,35 @@ pub struct Subject {
 }
 
 /// What says that a statistic is of something else than heights.
-pub(super) const ATTRIBUTE: Parameter =
-    Parameter { key: "attribute", value: "NAME", about: "of this attribute instead of heights" };
+pub(super) const ATTRIBUTE: StatisticParameter = StatisticParameter {
+    key: "attribute",
+    value: "NAME",
+    about: "of this attribute instead of heights",
+};
 
 /// What says that it is of some of the points.
-pub(super) const CONDITIONS: [Parameter; 5] = [
-    Parameter { key: "class", value: "CODES", about: "points of these classes only, such as 2+9" },
-    Parameter {
+pub(super) const CONDITIONS: [StatisticParameter; 5] = [
+    StatisticParameter {
+        key: "class",
+        value: "CODES",
+        about: "points of these classes only, such as 2+9",
+    },
+    StatisticParameter {
         key: "return",
         value: "WHICH",
         about: "first, last, only, or a number: points of this return only",
     },
-    Parameter { key: "min", value: "NUMBER", about: "points at this height or higher only" },
-    Parameter { key: "max", value: "NUMBER", about: "points below this height only" },
-    Parameter { key: "above", value: "NUMBER", about: "points above this height only" },
+    StatisticParameter {
+        key: "min",
+        value: "NUMBER",
+        about: "points at this height or higher only",
+    },
+    StatisticParameter { key: "max", value: "NUMBER", about: "points below this height only" },
+    StatisticParameter { key: "above", value: "NUMBER", about: "points above this height only" },
 ];
 
 /// What all statistics of points take, beside parameters of their own.
-pub const OF_POINTS: [&Parameter; 6] =
+pub const OF_POINTS: [&StatisticParameter; 6] =
     [&ATTRIBUTE, &CONDITIONS[0], &CONDITIONS[1], &CONDITIONS[2], &CONDITIONS[3], &CONDITIONS[4]];
 
 /// Names for heights themselves.
@@ -140,12 +151,12 @@ pub struct Selector {
     classes: Option<(usize, [bool; 256])>,
     /// The columns of return numbers and of returns of the pulse, and which are wanted.
     returns: Option<(usize, usize, Return)>,
-    values: Values,
+    values: SubjectValues,
 }
 
 /// What takes the place of heights.
 #[derive(Clone, Copy, Debug)]
-enum Values {
+enum SubjectValues {
     Heights,
     /// Multiples of a step, in this column.
     Whole(usize, f64),
@@ -163,7 +174,7 @@ pub struct Selected {
 
 impl Selector {
     /// For points of `frame` with columns of these attributes, among which are those that the subject takes.
-    pub fn new(subject: &Subject, columns: &[String], frame: &Frame) -> Self {
+    pub fn new(subject: &Subject, columns: &[String], frame: &PointFrame) -> Self {
         let place =
             |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
         let wanted = |classes: &Vec<u8>| {
@@ -172,9 +183,9 @@ impl Selector {
             (place(CLASS), wanted)
         };
         let values = match (subject.attribute.as_deref(), subject.step()) {
-            (Some(name), _) if subject.is_real() => Values::Real(place(name)),
-            (Some(name), Some(step)) => Values::Whole(place(name), step),
-            _ => Values::Heights,
+            (Some(name), _) if subject.is_real() => SubjectValues::Real(place(name)),
+            (Some(name), Some(step)) => SubjectValues::Whole(place(name), step),
+            _ => SubjectValues::Heights,
         };
         Self {
             heights: heights(subject, frame),
@@ -196,12 +207,12 @@ impl Selector {
                 continue;
             }
             match self.values {
-                Values::Heights => out.points.push(*point),
-                Values::Whole(column, step) => {
+                SubjectValues::Heights => out.points.push(*point),
+                SubjectValues::Whole(column, step) => {
                     let z = (number(column, at) / step).round() as i32;
                     out.points.push(Point { z, ..*point });
                 }
-                Values::Real(column) => {
+                SubjectValues::Real(column) => {
                     let value = number(column, at);
                     if value.is_finite() {
                         out.points.push(Point { z: out.reals.len() as i32, ..*point });
@@ -222,7 +233,7 @@ impl Selector {
 }
 
 /// Lowest and highest height in steps.
-fn heights(subject: &Subject, frame: &Frame) -> [i64; 2] {
+fn heights(subject: &Subject, frame: &PointFrame) -> [i64; 2] {
     let ruler = frame.ruler(2);
     let from = subject.min.map_or(i64::MIN, |min| ruler.first(min));
     let above = subject.above.map_or(i64::MIN, |above| ruler.last(above).saturating_add(1));
@@ -235,7 +246,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FRAME: Frame = Frame { scale: [0.1; 3], offset: [0.0; 3] };
+    const FRAME: PointFrame = PointFrame { scale: [0.1; 3], offset: [0.0; 3] };
 
     fn subject(text: &str) -> Subject {
         let mut subject = Subject::default();

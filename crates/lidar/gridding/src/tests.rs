@@ -4,13 +4,13 @@
 use proptest::prelude::*;
 
 use super::*;
-use terrane_base::geom::{Affine, Frame, Point, Rect};
+use terrane_base::geom::{Affine, Point, PointFrame, Rect};
 
-const UNITS: Units = Units { scale: 0.25, offset: -7.0, area: 3.0 };
+const UNITS: CellUnits = CellUnits { scale: 0.25, offset: -7.0, area: 3.0 };
 const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0,p100,tin,natural";
 
 fn recipe(list: &str, around: bool) -> Recipe {
-    Recipe::new(&parse_list(list).unwrap(), &Rules { radius: 2.0, power: 1.0, around })
+    Recipe::new(&parse_list(list).unwrap(), &StatisticDefaults { radius: 2.0, power: 1.0, around })
 }
 
 /// A statistic of the heights of a cell.
@@ -44,8 +44,8 @@ fn plain(statistic: Statistic, steps: &[i32]) -> f64 {
     }
 }
 
-fn to(block: &mut Block) -> Target<'_> {
-    Target { block, region: 0, reals: &[] }
+fn to(block: &mut CellBlock) -> BlockTarget<'_> {
+    BlockTarget { block, region: 0, reals: &[] }
 }
 
 fn near(a: f64, b: f64) -> bool {
@@ -53,8 +53,8 @@ fn near(a: f64, b: f64) -> bool {
 }
 
 /// A block of the same content, by way of its bytes.
-fn reread(recipe: &Recipe, block: &Block, cells: usize) -> Block {
-    let mut copy = Block::new(recipe, cells);
+fn reread(recipe: &Recipe, block: &CellBlock, cells: usize) -> CellBlock {
+    let mut copy = CellBlock::new(recipe, cells);
     let parts = block.parts();
     let lengths: Vec<usize> = parts.iter().map(|part| part.len()).collect();
     for (to, from) in copy.parts_mut(&lengths).into_iter().zip(parts) {
@@ -70,9 +70,9 @@ proptest! {
         around: bool,
     ) {
         let recipe = recipe(OWN, around);
-        let mut blocks = [(); 3].map(|()| Block::new(&recipe, 6));
+        let mut blocks = [(); 3].map(|()| CellBlock::new(&recipe, 6));
         for &(cell, z, division) in &points {
-            let hits = Hits { cells: &[cell], points: &[Point::new(1, 2, z)], squares: &[], unit: 1.0, reals: &[] };
+            let hits = CellHits { cells: &[cell], points: &[Point::new(1, 2, z)], squares: &[], unit: 1.0, reals: &[] };
             blocks[division].add(0, hits).unwrap();
         }
         let fixed = 6 * recipe.bytes_per_cell();
@@ -99,15 +99,20 @@ proptest! {
 #[test]
 fn blocks_of_other_recipes_and_other_regions_are_kept_apart() {
     let [mut low, again, high] =
-        ["min", "min", "max"].map(|list| Block::new(&recipe(list, false), 1));
+        ["min", "min", "max"].map(|list| CellBlock::new(&recipe(list, false), 1));
     assert!(low.fold(&again).is_ok() && low.fold(&high).is_err());
     // Regions: the cell, then the disc.
     let both = recipe("count,nearest,idw", false);
-    let mut block = Block::new(&both, 1);
-    let hits =
-        Hits { cells: &[0], points: &[Point::new(0, 0, 8)], squares: &[4], unit: 1.0, reals: &[] };
+    let mut block = CellBlock::new(&both, 1);
+    let hits = CellHits {
+        cells: &[0],
+        points: &[Point::new(0, 0, 8)],
+        squares: &[4],
+        unit: 1.0,
+        reals: &[],
+    };
     block.add(0, hits).unwrap();
-    let values = |block: &Block| [0, 1, 2].map(|i| block.value(&both.bands()[i], 0, &UNITS));
+    let values = |block: &CellBlock| [0, 1, 2].map(|i| block.value(&both.bands()[i], 0, &UNITS));
     let [count, nearest, idw] = values(&block);
     assert!(count == 1.0 && nearest.is_nan() && idw.is_nan());
     block.add(1, hits).unwrap();
@@ -130,9 +135,9 @@ fn world(units: i64) -> f64 {
 }
 
 impl Whole {
-    fn lattice(self, edges: Edges) -> Lattice {
-        let frame = Frame { scale: [world(self.scale); 3], offset: [world(self.offset); 3] };
-        Lattice::new(&frame, [world(self.anchor); 2], [world(self.cell); 2], edges)
+    fn lattice(self, edges: CellEdgeRule) -> CellLattice {
+        let frame = PointFrame { scale: [world(self.scale); 3], offset: [world(self.offset); 3] };
+        CellLattice::new(&frame, [world(self.anchor); 2], [world(self.cell); 2], edges)
     }
 
     /// From the anchor to a step.
@@ -171,11 +176,11 @@ fn wholes() -> impl Iterator<Item = Whole> {
 #[test]
 fn cells_and_distances_are_those_in_whole_numbers() {
     for whole in wholes() {
-        for edges in [Edges::LowerClosed, Edges::NorthClosed] {
-            let Lattice { x, y } = whole.lattice(edges);
+        for edges in [CellEdgeRule::LowerClosed, CellEdgeRule::NorthClosed] {
+            let CellLattice { x, y } = whole.lattice(edges);
             let (first, count) = (whole.index(-40, false), 60);
             let (x, y) = (x.covering(first, count), y.covering(first, count));
-            let lattice = Lattice { x, y };
+            let lattice = CellLattice { x, y };
             let unit = lattice.unit(world(10 * whole.cell));
             let steps = (-300..300).chain([-1 << 29, i32::MIN, i32::MAX, 1 << 29]);
             let [mut cols, mut rows] = [Vec::new(), Vec::new()];
@@ -183,7 +188,7 @@ fn cells_and_distances_are_those_in_whole_numbers() {
             y.numbers(steps.clone(), &mut rows);
             for (i, steps) in steps.enumerate() {
                 let [col, row] =
-                    [false, edges == Edges::NorthClosed].map(|c| whole.index(steps, c));
+                    [false, edges == CellEdgeRule::NorthClosed].map(|c| whole.index(steps, c));
                 assert_eq!([x.index(steps), y.index(steps)], [col, row], "{whole:?} {steps}");
                 let [east, south] = [col - first, i64::from(count) - 1 - (row - first)]
                     .map(|number| number.clamp(i32::MIN.into(), i32::MAX.into()) as i32);
@@ -218,8 +223,8 @@ fn points_are_scattered_to_the_cells_around_them() {
         // Window in a grid of 40 x 40 cells; a part of the block's row lies beyond the window.
         let (window, stride) = (Rect::new(9, 13, 14, 11), 17);
         let [west, south] = [whole.index(-20, false); 2];
-        let Lattice { x, y } = whole.lattice(Edges::LowerClosed);
-        let lattice = Lattice { x: x.covering(west, 40), y: y.covering(south, 40) };
+        let CellLattice { x, y } = whole.lattice(CellEdgeRule::LowerClosed);
+        let lattice = CellLattice { x: x.covering(west, 40), y: y.covering(south, 40) };
         for (radius, power) in [(5, 1.0), (10, 2.0), (25, 0.5), (43, 3.0), (61, 1.3)] {
             let radius = whole.cell * radius / 10;
             let points = points(n, whole, 90);
@@ -227,9 +232,9 @@ fn points_are_scattered_to_the_cells_around_them() {
             let recipe = recipe(&list, false);
             assert_eq!(
                 recipe.regions_of(0).collect::<Vec<_>>(),
-                [(0, Region::Disc(world(radius)))]
+                [(0, CellNeighborhood::Disc(world(radius)))]
             );
-            let mut block = Block::new(&recipe, (stride * window.height) as usize);
+            let mut block = CellBlock::new(&recipe, (stride * window.height) as usize);
             let mut scatter = Scatter::new(&lattice, world(radius));
             // A cell that no point can be nearer to than the radius, but may be as near, is either.
             let reach = |twice: i64| (twice / whole.cell + 1) / 2;
@@ -304,8 +309,8 @@ fn distances_of_too_many_digits_are_rounded_to_small_units() {
     let third = 1.0 / 3.0;
     let mut exact = Vec::new();
     for (scale, cell) in [(third, 7.0 * third), (third, 0.7), (0.1 + third, 1e3 * third)] {
-        let frame = Frame { scale: [scale; 3], offset: [0.1 + third; 3] };
-        let lattice = Lattice::new(&frame, [-0.4; 2], [cell; 2], Edges::LowerClosed);
+        let frame = PointFrame { scale: [scale; 3], offset: [0.1 + third; 3] };
+        let lattice = CellLattice::new(&frame, [-0.4; 2], [cell; 2], CellEdgeRule::LowerClosed);
         let (reach, x) = (3e4 * cell, lattice.x.covering(-50, 100));
         exact.push(x.is_exact());
         let unit = lattice.unit(reach);
@@ -333,10 +338,10 @@ proptest! {
         points in prop::collection::vec((0..3_u32, -99..99_i32, 0..9_u128, 0..2_usize), 1..40),
     ) {
         let recipe = recipe("idw:power=0.7,nearest,count,range,std", true);
-        let mut blocks = [(); 3].map(|()| Block::new(&recipe, 3));
+        let mut blocks = [(); 3].map(|()| CellBlock::new(&recipe, 3));
         for &(cell, z, square, division) in &points {
             let points = &[Point::new(z % 5, 2, z)];
-            let hits = Hits { cells: &[cell], points, squares: &[square], unit: 0.5, reals: &[] };
+            let hits = CellHits { cells: &[cell], points, squares: &[square], unit: 0.5, reals: &[] };
             blocks[division].add(0, hits).unwrap();
             blocks[2].add(0, hits).unwrap();
         }
@@ -372,8 +377,8 @@ fn bands_tell_what_they_are_made_of() {
 #[test]
 fn room_for_heights_is_held_until_it_is_given_back() {
     let median = recipe("median", false);
-    let mut block = Block::new(&median, 1);
-    let hits = Hits {
+    let mut block = CellBlock::new(&median, 1);
+    let hits = CellHits {
         cells: &[0; 100],
         points: &[Point::new(0, 0, 1); 100],
         squares: &[],
@@ -389,15 +394,15 @@ fn room_for_heights_is_held_until_it_is_given_back() {
 /// More hits than are handed over at once, in rows of many cells and of one.
 #[test]
 fn no_hit_is_lost_however_many_there_are() {
-    let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
-    let lattice = Lattice::new(&frame, [0.0; 2], [1.0; 2], Edges::LowerClosed);
-    let lattice = Lattice { x: lattice.x.covering(0, 40), y: lattice.y.covering(0, 40) };
+    let frame = PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
+    let lattice = CellLattice::new(&frame, [0.0; 2], [1.0; 2], CellEdgeRule::LowerClosed);
+    let lattice = CellLattice { x: lattice.x.covering(0, 40), y: lattice.y.covering(0, 40) };
     let recipe = recipe("count", true);
     for (width, height) in [(1, 1), (1, 30), (37, 30), (30, 1)] {
         let window = Rect::new(2, 5, width, height);
         // All are in one cell, some of whose neighbours are nearer than the radius to them.
         let points = vec![Point::new(250, 3450, 7); 5_000];
-        let mut block = Block::new(&recipe, (width * height) as usize);
+        let mut block = CellBlock::new(&recipe, (width * height) as usize);
         let mut scatter = Scatter::new(&lattice, 2.0);
         let places = vec![(2, 5); points.len()];
         scatter.add((&lattice, window, width), &points, &places, to(&mut block)).unwrap();
@@ -413,9 +418,9 @@ fn no_hit_is_lost_however_many_there_are() {
 #[test]
 fn the_lowest_of_the_points_at_a_centre_is_its_height() {
     let recipe = recipe("idw", false);
-    let mut block = Block::new(&recipe, 2);
+    let mut block = CellBlock::new(&recipe, 2);
     let z = [90, -30, 50, 70, 80].map(|z| Point::new(0, 0, z));
-    let hits = Hits {
+    let hits = CellHits {
         cells: &[0, 0, 0, 1, 1],
         points: &z,
         squares: &[0, 0, 1, 1, 1],
@@ -431,14 +436,14 @@ fn the_lowest_of_the_points_at_a_centre_is_its_height() {
 fn a_cell_with_more_points_than_can_be_counted_is_an_error() {
     let recipe = recipe("count", false);
     let full = |count: u32| {
-        let mut block = Block::new(&recipe, 2);
+        let mut block = CellBlock::new(&recipe, 2);
         let part = &mut block.parts_mut(&[8])[0];
         part[..4].copy_from_slice(&count.to_ne_bytes());
         block
     };
     let points = [Point::new(0, 0, 8); 2];
     for cells in [[0, 1], [1, 0]] {
-        let hits = Hits { cells: &cells, points: &points, squares: &[], unit: 1.0, reals: &[] };
+        let hits = CellHits { cells: &cells, points: &points, squares: &[], unit: 1.0, reals: &[] };
         assert!(full(u32::MAX).add(0, hits).is_err(), "{cells:?}");
         assert!(full(u32::MAX - 1).add(0, hits).is_ok(), "{cells:?}");
     }

@@ -3,10 +3,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use terrane_base::geom::{Frame, Point};
+use terrane_base::geom::{Point, PointFrame};
 
-const FRAME: Frame = Frame { scale: [1.0, 1.0, 0.25], offset: [0.0; 3] };
-const UNITS: Units = Units { scale: 0.25, offset: 0.0, area: 3.0 };
+const FRAME: PointFrame = PointFrame { scale: [1.0, 1.0, 0.25], offset: [0.0; 3] };
+const UNITS: CellUnits = CellUnits { scale: 0.25, offset: 0.0, area: 3.0 };
 const CELLS: usize = 3;
 
 /// A point with what is known of it.
@@ -57,18 +57,18 @@ fn known() -> impl Strategy<Value = Known> {
 }
 
 /// What is kept of points.
-fn block(recipe: &Recipe, all: &[Known]) -> Block {
+fn block(recipe: &Recipe, all: &[Known]) -> CellBlock {
     let names = recipe.attributes();
     let column = |name: &String| all.iter().map(|point| point.attribute(name)).collect();
     let columns: Vec<Vec<f64>> = names.iter().map(column).collect();
     let point = |known: &Known| Point::new(known.cell as i32, 0, known.steps);
     let points: Vec<Point> = all.iter().map(point).collect();
-    let (mut block, mut out) = (Block::new(recipe, CELLS), Selected::default());
+    let (mut block, mut out) = (CellBlock::new(recipe, CELLS), Selected::default());
     for (number, subject) in recipe.subjects().iter().enumerate() {
         Selector::new(subject, &names, &FRAME).select(&points, &columns, &mut out);
         let cells: Vec<u32> = out.points.iter().map(|point| point.x as u32).collect();
         for (region, _) in recipe.regions_of(number) {
-            let hits = Hits {
+            let hits = CellHits {
                 cells: &cells,
                 points: &out.points,
                 squares: &[],
@@ -188,7 +188,10 @@ fn near(a: f64, b: f64, scale: f64) -> bool {
 fn recipe() -> Recipe {
     let names = LIST.iter().map(|(name, ..)| *name).chain(SHARES.iter().map(|(name, ..)| *name));
     let list = names.collect::<Vec<_>>().join(",");
-    Recipe::new(&parse_list(&list).unwrap(), &Rules { radius: 2.0, power: 1.0, around: false })
+    Recipe::new(
+        &parse_list(&list).unwrap(),
+        &StatisticDefaults { radius: 2.0, power: 1.0, around: false },
+    )
 }
 
 proptest! {

@@ -10,20 +10,23 @@
 //! between. Points near its surface are ground: on level ground only those that ranging moved, as low plants
 //! are hardly further off.
 
-use crate::cells::{Cells, WIDEST};
+use crate::cells::{LowestCells, WIDEST};
 use crate::csf::{Cloth, settled};
-use crate::densify::{Limits, densified};
-use crate::finder::{Asked, GroundFinder, Lattice, Method};
+use crate::densify::{DensifyLimits, densified};
+use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
 use crate::grow::{grown, scatter};
 use crate::lows::Lows;
-use crate::surface::Ground;
+use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {
     name: "adaptive",
     source: "ours, after Zhang and others 2016 and Axelsson 2000",
     about: "a cloth and a triangulation that check each other; what auto takes",
     parameters: &[],
-    finder: GroundFinder { lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)), find },
+    finder: GroundFinder {
+        lattice: |_, spacing| FinderTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        find,
+    },
 };
 
 /// Side of the squares whose lowest points the first triangulation begins with, in metres.
@@ -34,8 +37,10 @@ const BLOCK: f64 = 3.0;
 const NEAR: f64 = 0.3;
 const ABOVE: f64 = 2.0;
 /// When points are taken into the first triangulation, and into the second: sines of 45 and 15 degrees.
-const WIDE: Limits = Limits { sine: std::f64::consts::FRAC_1_SQRT_2, distance: 2.0, spacing: 0.0 };
-const NARROW: Limits = Limits { sine: 0.258_819_045_102_520_74, distance: 1.0, spacing: 0.25 };
+const WIDE: DensifyLimits =
+    DensifyLimits { sine: std::f64::consts::FRAC_1_SQRT_2, distance: 2.0, spacing: 0.0 };
+const NARROW: DensifyLimits =
+    DensifyLimits { sine: 0.258_819_045_102_520_74, distance: 1.0, spacing: 0.25 };
 /// How far from the surface ground may lie, in metres: on level ground, by how the cloud scatters there, and at most.
 /// Between, it grows with the cube of the slope, as heights between the centres of cells miss walls and edges, but hardly
 /// slopes. The surface goes through the lowest points, so what scatters lies above it, by two times three deviations; of
@@ -45,8 +50,8 @@ const OF_SCATTER: f64 = 5.5;
 const MOST: f64 = 10.0;
 const CLOTH: Cloth = Cloth { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
-fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
-    let (cells, step) = (Cells::of(lows), lows.step[2]);
+fn find(_: &Asked, lows: &Lows<'_>) -> GroundSurface {
+    let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let checked = checked(lows, &cells);
     let level = OF_SCATTER * scatter(lows, &checked).unwrap_or_default();
     let level = level.clamp(TOLERANCE[0], TOLERANCE[1]);
@@ -56,11 +61,11 @@ fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
         let slope = rise * step / lows.cell;
         (level + lows.cell * slope.powi(3)).min(MOST)
     };
-    Ground::new(lows.width, heights, |rise| tolerance(rise) / step)
+    GroundSurface::new(lows.width, heights, |rise| tolerance(rise) / step)
 }
 
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
-fn checked(lows: &Lows<'_>, cells: &Cells) -> Vec<usize> {
+fn checked(lows: &Lows<'_>, cells: &LowestCells) -> Vec<usize> {
     let (width, cell) = (lows.width, lows.cell);
     let few = cells.thinned(((BLOCK / cell) as usize).max(1));
     let first = few.lowest((SQUARE / cell).ceil() as usize);

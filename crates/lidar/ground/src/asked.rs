@@ -3,20 +3,20 @@
 use std::fmt;
 
 use terrane_base::error::Result;
-use terrane_base::parameters::{Parameter, Values};
-use terrane_base::registry::{Named, named};
+use terrane_base::parameters::{Parameter, ParameterValues};
+use terrane_base::registry::{RegistryEntry, named};
 
 /// What the methods of one registry have beside names and parameters.
-pub trait Finder: Copy + fmt::Debug + 'static {
+pub trait FinderRegistry: Copy + fmt::Debug + 'static {
     /// What one of them is called; the last word takes an s for several.
     const KIND: &'static str;
     /// All of them.
-    const METHODS: &'static [Method<Self>];
+    const METHODS: &'static [FinderMethod<Self>];
 }
 
 /// One method of a registry.
 #[derive(Debug)]
-pub struct Method<F: Finder> {
+pub struct FinderMethod<F: FinderRegistry> {
     /// Its name, unique.
     pub name: &'static str,
     /// Where it was published.
@@ -30,21 +30,21 @@ pub struct Method<F: Finder> {
 
 /// A method with its parameters.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked<F: Finder> {
-    method: &'static Method<F>,
-    values: Values,
+pub struct FinderRequest<F: FinderRegistry> {
+    method: &'static FinderMethod<F>,
+    values: ParameterValues,
 }
 
-impl<F: Finder> PartialEq for Asked<F> {
+impl<F: FinderRegistry> PartialEq for FinderRequest<F> {
     fn eq(&self, other: &Self) -> bool {
         self.name() == other.name() && self.values == other.values
     }
 }
 
-impl<F: Finder> Asked<F> {
+impl<F: FinderRegistry> FinderRequest<F> {
     /// A method with its defaults.
-    pub const fn plain(method: &'static Method<F>) -> Self {
-        Self { method, values: Values::usual(method.parameters) }
+    pub const fn plain(method: &'static FinderMethod<F>) -> Self {
+        Self { method, values: ParameterValues::usual(method.parameters) }
     }
 
     /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
@@ -55,7 +55,10 @@ impl<F: Finder> Asked<F> {
     pub fn parse(text: &str) -> Result<Self> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let method = named(F::METHODS, name.trim())?;
-        Ok(Self { method, values: Values::parse(method.name, method.parameters, parameters)? })
+        Ok(Self {
+            method,
+            values: ParameterValues::parse(method.name, method.parameters, parameters)?,
+        })
     }
 
     /// The name of the method.
@@ -74,14 +77,14 @@ impl<F: Finder> Asked<F> {
     }
 }
 
-impl<F: Finder> fmt::Display for Asked<F> {
-    /// As [`parse`](Asked::parse) reads it, with all parameters.
+impl<F: FinderRegistry> fmt::Display for FinderRequest<F> {
+    /// As [`parse`](FinderRequest::parse) reads it, with all parameters.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.values.write(self.name(), self.method.parameters, f)
     }
 }
 
-impl<F: Finder> Named for Method<F> {
+impl<F: FinderRegistry> RegistryEntry for FinderMethod<F> {
     const KIND: &'static str = F::KIND;
 
     fn name(&self) -> &'static str {

@@ -10,7 +10,7 @@ pub(crate) const WIDEST: f64 = 1000.0;
 
 /// The lowest point of each cell, in millimetres from the corner; no two at one position.
 #[derive(Debug)]
-pub(crate) struct Cells {
+pub(crate) struct LowestCells {
     pub(crate) points: Vec<Option<Point>>,
     /// Cells of a row.
     pub(crate) width: usize,
@@ -18,7 +18,7 @@ pub(crate) struct Cells {
     pub(crate) cell: f64,
 }
 
-impl Cells {
+impl LowestCells {
     pub(crate) fn of(lows: &Lows<'_>) -> Self {
         let whole = |metres: f64| (metres * MILLI).round() as i32;
         let point =
@@ -87,7 +87,7 @@ mod tests {
     fn of_points_that_rounding_puts_together_the_lowest_is_left() {
         let at = |x, y, z| Some(Point::new(x, y, z));
         let cells = |points: Vec<Option<Point>>| {
-            let mut cells = Cells { points, width: 2, cell: 1.0 };
+            let mut cells = LowestCells { points, width: 2, cell: 1.0 };
             cells.part();
             cells.points.iter().map(|p| p.map(|p| p.z)).collect::<Vec<_>>()
         };
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(corner([4, 3, 2, 1]), [None, None, None, Some(1)]);
         assert_eq!(corner([4, 3, 1, 2]), [None, None, Some(1), None]);
         assert_eq!(corner([1, 1, 1, 1]), [Some(1), None, None, None]);
-        let mut none = Cells { points: vec![], width: 3, cell: 1.0 };
+        let mut none = LowestCells { points: vec![], width: 3, cell: 1.0 };
         none.part();
     }
 }

@@ -6,10 +6,10 @@
 //! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
 //! mended in the end.
 
-use crate::finder::{Asked, GroundFinder, Lattice, Method};
+use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::surface::Ground;
+use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
 pub(crate) const METHOD: Method = Method {
@@ -41,10 +41,10 @@ pub(crate) const METHOD: Method = Method {
         )
         .whole(),
     ],
-    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cloth")), find },
+    finder: GroundFinder { lattice: |asked, _| FinderTiling::fixed(asked.value("cloth")), find },
 };
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
+fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
     let step = lows.step[2];
     let cloth = Cloth {
         rigidness: asked.value("rigidness") as u32,
@@ -54,7 +54,7 @@ fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
     };
     let heights = widened(&settled(&lows.heights(), lows.width, &cloth), lows.width);
     let heights = heights.into_iter().map(|z| z / step).collect();
-    Ground::new(lows.width, heights, |_| asked.value("threshold") / step)
+    GroundSurface::new(lows.width, heights, |_| asked.value("threshold") / step)
 }
 
 /// How a cloth behaves.
@@ -90,7 +90,7 @@ pub(crate) fn settled(heights: &[f64], width: usize, cloth: &Cloth) -> Vec<f64> 
         return ceiling;
     }
     let start = vec![lowest - START; ceiling.len()];
-    let mut sheet = Sheet {
+    let mut sheet = ClothNodes {
         width,
         ceiling,
         before: start.clone(),
@@ -119,7 +119,7 @@ fn stiffness(rigidness: u32) -> [f64; 2] {
 }
 
 /// The nodes, one for each cell.
-struct Sheet {
+struct ClothNodes {
     width: usize,
     /// The height that holds each.
     ceiling: Vec<f64>,
@@ -128,7 +128,7 @@ struct Sheet {
     held: Vec<bool>,
 }
 
-impl Sheet {
+impl ClothNodes {
     /// A step of the integration.
     fn rise(&mut self, push: f64) {
         let nodes = self.now.iter_mut().zip(&mut self.before).zip(&self.held);

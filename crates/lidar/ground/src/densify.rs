@@ -1,8 +1,8 @@
 //! A triangulation of ground points that takes in those near it, round by round.
 
-use crate::cells::{Cells, MILLI};
-use crate::frame::Frame;
-use crate::tin::{Tin, gradient, height_of};
+use crate::cells::{LowestCells, MILLI};
+use crate::frame::GroundFrame;
+use crate::tin::{GroundTin, gradient, height_of};
 use terrane_base::geom::Point;
 
 /// Most times that points are taken in.
@@ -10,7 +10,7 @@ const ROUNDS: usize = 64;
 
 /// When a point is taken in.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Limits {
+pub(crate) struct DensifyLimits {
     /// Most sine of the angle at which a corner of the triangle sees the point above its plane.
     pub(crate) sine: f64,
     /// Furthest that it may lie from the plane, in metres.
@@ -20,14 +20,14 @@ pub(crate) struct Limits {
 }
 
 /// A point that waits to be taken in, with the triangle that held it when it was last looked at.
-struct Waiting {
+struct PendingPoint {
     at: u32,
     triangle: u32,
 }
 
 /// Heights in metres at the centres of cells, and of those beside the window, of the triangulation of the
 /// seeds and of all points that can be reached from them; NaN where there are no seeds.
-pub(crate) fn densified(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<f64> {
+pub(crate) fn densified(cells: &LowestCells, seeds: &[usize], limits: &DensifyLimits) -> Vec<f64> {
     let Some(mut densifying) = Densifying::new(cells, seeds, limits) else {
         return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
     };
@@ -36,26 +36,26 @@ pub(crate) fn densified(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<
 }
 
 struct Densifying<'a> {
-    cells: &'a Cells,
-    limits: &'a Limits,
-    frame: Frame,
-    tin: Tin,
+    cells: &'a LowestCells,
+    limits: &'a DensifyLimits,
+    frame: GroundFrame,
+    tin: GroundTin,
     ground: usize,
-    waiting: Vec<Waiting>,
+    waiting: Vec<PendingPoint>,
     /// Of each triangle: whether points in it have to be looked at again, and whether it reaches the frame.
     stale: Vec<bool>,
     outer: Vec<bool>,
 }
 
 impl<'a> Densifying<'a> {
-    fn new(cells: &'a Cells, seeds: &[usize], limits: &'a Limits) -> Option<Self> {
-        let mut frame = Frame::new(cells);
+    fn new(cells: &'a LowestCells, seeds: &[usize], limits: &'a DensifyLimits) -> Option<Self> {
+        let mut frame = GroundFrame::new(cells);
         let known: Vec<Point> = seeds.iter().filter_map(|&at| cells.points[at]).collect();
         known.iter().for_each(|point| frame.see(point));
         let ground = known.len();
         let vertices = frame.vertices().into_iter().chain(known).collect();
         let all = cells.points.iter().flatten().count();
-        let tin = Tin::new(vertices, all - ground).filter(|_| ground > 0)?;
+        let tin = GroundTin::new(vertices, all - ground).filter(|_| ground > 0)?;
         let waiting = waiting(cells, seeds, &tin);
         let stale = vec![true; tin.numbers()];
         let mut made =
@@ -89,7 +89,7 @@ impl<'a> Densifying<'a> {
     fn found(&mut self) -> Vec<(u32, f64, u32)> {
         let moved = self.settle();
         let mut found = Vec::new();
-        for Waiting { at, triangle } in &mut self.waiting {
+        for PendingPoint { at, triangle } in &mut self.waiting {
             let number = *triangle as usize;
             if !(self.stale[number] || moved && self.outer[number]) {
                 continue;
@@ -152,20 +152,20 @@ impl<'a> Densifying<'a> {
 }
 
 /// The points that are no seeds.
-fn waiting(cells: &Cells, seeds: &[usize], tin: &Tin) -> Vec<Waiting> {
+fn waiting(cells: &LowestCells, seeds: &[usize], tin: &GroundTin) -> Vec<PendingPoint> {
     let mut is_seed = vec![false; cells.points.len()];
     seeds.iter().for_each(|&at| is_seed[at] = true);
     let mut last = 0;
     let mut wait = |at: usize| {
         let point = cells.points[at].filter(|_| !is_seed[at])?;
         last = tin.find([point.x, point.y], last)?;
-        Some(Waiting { at: at as u32, triangle: last })
+        Some(PendingPoint { at: at as u32, triangle: last })
     };
     (0..cells.points.len()).filter_map(&mut wait).collect()
 }
 
 /// How far a point is from its triangle, if it is near enough to be taken in.
-fn near(point: &Point, corners: &[Point; 3], limits: &Limits) -> Option<f64> {
+fn near(point: &Point, corners: &[Point; 3], limits: &DensifyLimits) -> Option<f64> {
     let [p, a, b, c] =
         [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));
     let minus = |p: [f64; 3], q: [f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
@@ -199,9 +199,9 @@ mod tests {
     }
 
     /// All triangles of the frame and the ground.
-    fn triangles(cells: &Cells, ground: &[usize]) -> Vec<[Point; 3]> {
+    fn triangles(cells: &LowestCells, ground: &[usize]) -> Vec<[Point; 3]> {
         let known: Vec<Point> = ground.iter().filter_map(|&at| cells.points[at]).collect();
-        let mut frame = Frame::new(cells);
+        let mut frame = GroundFrame::new(cells);
         known.iter().for_each(|point| frame.see(point));
         let vertices = [frame.vertices(), known].concat();
         let triangulation = Triangulation::new(&vertices).unwrap();
@@ -213,7 +213,7 @@ mod tests {
     }
 
     /// Everything anew in each round, and looked for everywhere.
-    fn slow(cells: &Cells, seeds: &[usize], limits: &Limits) -> Vec<f64> {
+    fn slow(cells: &LowestCells, seeds: &[usize], limits: &DensifyLimits) -> Vec<f64> {
         let mut ground = seeds.to_vec();
         for _ in 0..ROUNDS {
             let triangles = triangles(cells, &ground);
@@ -245,7 +245,7 @@ mod tests {
     }
 
     /// Rough slopes with voids; positions anywhere in their cells, or where there are many ties: on a lattice.
-    fn rough() -> impl Strategy<Value = Cells> {
+    fn rough() -> impl Strategy<Value = LowestCells> {
         let point = (any::<bool>(), 0..1000, 0..1000, 0..600);
         let points = prop::collection::vec(prop::option::weighted(0.8, point), 26 * 19);
         (points, -600..600, -600..600, any::<bool>()).prop_map(|(points, by_x, by_y, lattice)| {
@@ -258,7 +258,7 @@ mod tests {
                 })
             };
             let points = points.into_iter().enumerate().map(cell).collect();
-            Cells { points, width: 26, cell: 1.0 }
+            LowestCells { points, width: 26, cell: 1.0 }
         })
     }
 
@@ -266,7 +266,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
         fn what_grows_is_what_would_be_made_anew(cells in rough(), sine in 0.1..0.6f64) {
-            let limits = Limits { sine, distance: 1.0, spacing: 1.2 };
+            let limits = DensifyLimits { sine, distance: 1.0, spacing: 1.2 };
             let seeds = cells.lowest(7);
             prop_assert_eq!(densified(&cells, &seeds, &limits), slow(&cells, &seeds, &limits));
         }

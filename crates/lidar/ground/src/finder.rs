@@ -2,24 +2,24 @@
 
 use super::asked;
 use super::lows::Lows;
-use super::surface::Ground;
+use super::surface::GroundSurface;
 
 /// One method of the registry.
-pub type Method = asked::Method<GroundFinder>;
+pub type Method = asked::FinderMethod<GroundFinder>;
 /// A method with its parameters.
-pub type Asked = asked::Asked<GroundFinder>;
+pub type Asked = asked::FinderRequest<GroundFinder>;
 
 /// How a method finds the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFinder {
     /// How the plane is divided for it, points being so many metres apart.
-    pub(crate) lattice: fn(&Asked, f64) -> Lattice,
-    pub(crate) find: fn(&Asked, &Lows<'_>) -> Ground,
+    pub(crate) lattice: fn(&Asked, f64) -> FinderTiling,
+    pub(crate) find: fn(&Asked, &Lows<'_>) -> GroundSurface,
 }
 
 /// The squares of cells that a method works in, and what each has to see.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lattice {
+pub struct FinderTiling {
     /// Side of a cell in metres.
     pub cell: f64,
     /// Cells that a square sees beyond its own.
@@ -34,7 +34,7 @@ const HALO: (f64, usize) = (128.0, 192);
 /// Fewest cells of both.
 const FEWEST: usize = 16;
 
-impl Lattice {
+impl FinderTiling {
     /// Squares of a size that depends on that of the cells alone: for methods whose cells depend on
     /// others however far away, and which are therefore defined on these squares.
     pub(crate) fn fixed(cell: f64) -> Self {

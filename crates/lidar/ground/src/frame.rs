@@ -1,6 +1,6 @@
 //! Vertices around a window: what lies beyond the ground that is known so far is in triangles, too.
 
-use crate::cells::{Cells, MILLI};
+use crate::cells::{LowestCells, MILLI};
 use terrane_base::geom::Point;
 
 /// Cells from the window to the frame.
@@ -12,17 +12,17 @@ const ENOUGH: i64 = 12;
 
 /// Vertices around a window, each on a plane through the ground points in the blocks nearest to it: a slope
 /// goes on as it is where the ground that is known ends.
-pub(crate) struct Frame {
+pub(crate) struct GroundFrame {
     places: Vec<[i32; 2]>,
     /// Steps along a block, and blocks of a row; the first lies around the frame's lowest corner.
     side: i32,
     low: i32,
     across: usize,
-    blocks: Vec<Moments>,
+    blocks: Vec<PointMoments>,
 }
 
-impl Frame {
-    pub(crate) fn new(cells: &Cells) -> Self {
+impl GroundFrame {
+    pub(crate) fn new(cells: &LowestCells) -> Self {
         let span = |count: usize| (count as f64 * cells.cell * MILLI).ceil() as i32;
         let (side, out) = (span(BLOCK), span(OUT));
         let [east, north] = [cells.width, cells.rows()].map(|count| span(count) + out);
@@ -40,7 +40,7 @@ impl Frame {
         places.sort_unstable();
         places.dedup();
         let count = |end: i32| (end + out).div_euclid(side) as usize + 1;
-        let blocks = vec![Moments::default(); count(east) * count(north)];
+        let blocks = vec![PointMoments::default(); count(east) * count(north)];
         Self { places, side, low: -out, across: count(east), blocks }
     }
 
@@ -74,13 +74,13 @@ impl Frame {
     }
 
     /// Of the blocks so many away from that around a place, and nearer.
-    fn around(&self, place: [i32; 2], away: usize) -> Moments {
+    fn around(&self, place: [i32; 2], away: usize) -> PointMoments {
         let rows = self.blocks.len() / self.across;
         let [col, row] = self.block(place);
         let end = |at: usize, count: usize| (at + away + 1).min(count);
         let cols = col.saturating_sub(away)..end(col, self.across);
         let rows = row.saturating_sub(away)..end(row, rows);
-        let mut sum = Moments::default();
+        let mut sum = PointMoments::default();
         for block in rows.flat_map(|row| &self.blocks[row * self.across..][cols.clone()]) {
             sum.merge(block);
         }
@@ -90,14 +90,14 @@ impl Frame {
 
 /// Sums over points, exact in whatever order these come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Moments {
+struct PointMoments {
     count: i64,
     first: [i64; 3],
     /// Of x x, x y, y y, x z, y z.
     second: [i128; 5],
 }
 
-impl Moments {
+impl PointMoments {
     fn add(&mut self, p: &Point) {
         let [x, y, z] = [p.x, p.y, p.z].map(i64::from);
         let products = [x * x, x * y, y * y, x * z, y * z].map(i128::from);
@@ -135,8 +135,8 @@ impl Moments {
 mod tests {
     use super::*;
 
-    fn frame(width: usize, rows: usize) -> Frame {
-        Frame::new(&Cells { points: vec![None; width * rows], width, cell: 0.5 })
+    fn frame(width: usize, rows: usize) -> GroundFrame {
+        GroundFrame::new(&LowestCells { points: vec![None; width * rows], width, cell: 0.5 })
     }
 
     #[test]

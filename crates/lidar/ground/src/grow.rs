@@ -75,9 +75,9 @@ impl Growing {
     }
 
     /// The plane through the ground beside the point of a cell, counted from that.
-    fn plane(&self, at: usize) -> Option<Plane> {
+    fn plane(&self, at: usize) -> Option<FittedPlane> {
         let [x, y, z] = self.points[at]?;
-        let mut sums = Sums::default();
+        let mut sums = PlaneSums::default();
         for other in self.beside(at).filter(|other| self.is_ground[*other]) {
             if let Some([east, north, up]) = self.points[other] {
                 sums.add([east - x, north - y, up - z]);
@@ -88,7 +88,7 @@ impl Growing {
 
     /// Whether the point of a cell lies on the plane through the ground beside it.
     fn goes_on(&self, at: usize) -> bool {
-        let Some(Plane { height, slope, stray }) = self.plane(at) else { return false };
+        let Some(FittedPlane { height, slope, stray }) = self.plane(at) else { return false };
         let slope = slope[0].hypot(slope[1]);
         let near = NEAR + BY_SLOPE * slope + stray.min(MOST_STRAY);
         slope <= STEEPEST && -height <= near && height <= near.max(BELOW)
@@ -96,13 +96,13 @@ impl Growing {
 }
 
 /// A plane through points: its height at the origin, its slope, and how far the points stray from it.
-pub(crate) struct Plane {
+pub(crate) struct FittedPlane {
     pub(crate) height: f64,
     slope: [f64; 2],
     pub(crate) stray: f64,
 }
 
-impl Plane {
+impl FittedPlane {
     pub(crate) const LEVEL: Self = Self { height: 0.0, slope: [0.0; 2], stray: 0.0 };
 
     /// How far above it a point is.
@@ -113,14 +113,14 @@ impl Plane {
 
 /// Sums over points.
 #[derive(Default)]
-pub(crate) struct Sums {
+pub(crate) struct PlaneSums {
     pub(crate) count: usize,
     first: [f64; 3],
     /// Of x x, x y, y y, x z, y z, z z.
     second: [f64; 6],
 }
 
-impl Sums {
+impl PlaneSums {
     pub(crate) fn add(&mut self, [x, y, z]: [f64; 3]) {
         self.count += 1;
         self.first.iter_mut().zip([x, y, z]).for_each(|(sum, v)| *sum += v);
@@ -129,7 +129,7 @@ impl Sums {
     }
 
     /// The plane with the least squares; `None` of few points, or such that lie on a line.
-    pub(crate) fn plane(&self) -> Option<Plane> {
+    pub(crate) fn plane(&self) -> Option<FittedPlane> {
         let count = (self.count >= FEWEST).then_some(self.count as f64)?;
         let [x, y, z] = self.first.map(|sum| sum / count);
         let centred = |k: usize, a: f64, b: f64| self.second[k] - count * a * b;
@@ -141,7 +141,7 @@ impl Sums {
         }
         let (east, north) = ((xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant);
         let left = (zz - east * xz - north * yz).max(0.0);
-        Some(Plane {
+        Some(FittedPlane {
             height: z - east * x - north * y,
             slope: [east, north],
             stray: (left / (count - 3.0)).sqrt(),

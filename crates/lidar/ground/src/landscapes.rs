@@ -5,7 +5,7 @@ use crate::finder::Asked;
 use crate::lows::{Lows, NO_POINT};
 use crate::method::METHODS;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Position, Triangulation, interpolate};
+use terrane_delaunay::{FixedPosition, Triangulation, interpolate};
 
 /// Metres along a landscape.
 const SIDE: usize = 200;
@@ -13,7 +13,7 @@ const SIDE: usize = 200;
 const RANGING: f64 = 0.03;
 
 /// Numbers from 0 to 1 that look like chance.
-struct Dice(u64);
+struct LandscapeDice(u64);
 
 pub(crate) fn mixed(mut bits: u64) -> u64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -25,7 +25,7 @@ fn share(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-impl Dice {
+impl LandscapeDice {
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         share(mixed(self.0))
@@ -65,7 +65,7 @@ fn rough(x: f64, y: f64, wave: f64, seed: u64) -> f64 {
 /// Height of the ground at a place.
 type Relief = fn(f64, f64) -> f64;
 /// How high above the ground an echo comes from, if one comes: 0 for the ground.
-type Cover = fn(f64, f64, &mut Dice) -> Option<f64>;
+type Cover = fn(f64, f64, &mut LandscapeDice) -> Option<f64>;
 
 /// One landscape.
 struct Landscape {
@@ -140,7 +140,7 @@ fn polder(x: f64, y: f64) -> f64 {
 }
 
 /// Through crowns so high the ground is seen by a share of pulses, and plants below them by another.
-fn forest(x: f64, y: f64, dice: &mut Dice, [open, low, high]: [f64; 3]) -> f64 {
+fn forest(x: f64, y: f64, dice: &mut LandscapeDice, [open, low, high]: [f64; 3]) -> f64 {
     let crown = 0.5 + 0.5 * hills(x / 4.0, y / 4.0, 91) + 0.25 * hills(x / 25.0, y / 25.0, 92);
     if dice.next() < (open * (1.6 - 1.4 * crown)).clamp(0.005, 1.0) {
         return 0.0;
@@ -154,7 +154,7 @@ fn forest(x: f64, y: f64, dice: &mut Dice, [open, low, high]: [f64; 3]) -> f64 {
 }
 
 /// Single trees.
-fn tree(x: f64, y: f64, dice: &mut Dice, share: f64) -> Option<f64> {
+fn tree(x: f64, y: f64, dice: &mut LandscapeDice, share: f64) -> Option<f64> {
     let crown =
         hills(x / 5.0, y / 5.0, 77) + 0.6 * hills(x / 20.0, y / 20.0, 78) - 1.0 + 2.0 * share;
     let is_hit = crown > 0.0 && dice.next() < 0.75;
@@ -162,7 +162,7 @@ fn tree(x: f64, y: f64, dice: &mut Dice, share: f64) -> Option<f64> {
 }
 
 /// Patches of herbs or shrubs so high.
-fn herbs(x: f64, y: f64, dice: &mut Dice, [share, high]: [f64; 2]) -> f64 {
+fn herbs(x: f64, y: f64, dice: &mut LandscapeDice, [share, high]: [f64; 2]) -> f64 {
     let patch = hills(x / 2.0, y / 2.0, 55) + 0.5 * hills(x / 9.0, y / 9.0, 56);
     let is_hit = patch > 1.0 - 2.0 * share && dice.next() < 0.8;
     if is_hit { high * (0.3 + 0.7 * dice.next()) } else { 0.0 }
@@ -171,7 +171,7 @@ fn herbs(x: f64, y: f64, dice: &mut Dice, [share, high]: [f64; 2]) -> f64 {
 /// Houses on lots so wide, of which they fill a share, and so high at most.
 fn house(x: f64, y: f64, [lot, fill, high]: [f64; 3]) -> Option<f64> {
     let (i, j) = ((x / lot).floor(), (y / lot).floor());
-    let mut dice = Dice(mixed(lot as u64 ^ (i as u64) << 20 ^ j as u64));
+    let mut dice = LandscapeDice(mixed(lot as u64 ^ (i as u64) << 20 ^ j as u64));
     let is_built = dice.next() > 0.2;
     let along = [[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.96, 0.28]][(dice.next() * 4.0) as usize];
     let centre = [i, j].map(|at: f64| (at + 0.5 + 0.15 * (dice.next() - 0.5)) * lot);
@@ -246,7 +246,7 @@ fn point([x, y, z]: [f64; 3]) -> Point {
 impl Landscape {
     /// Points in millimetres.
     fn points(&self) -> Vec<Point> {
-        let mut dice = Dice(self.name.len() as u64);
+        let mut dice = LandscapeDice(self.name.len() as u64);
         let count = (self.density * (SIDE * SIDE) as f64) as usize;
         let echo = |_| {
             let [x, y] = [dice.next(), dice.next()].map(|part| part * SIDE as f64);
@@ -258,7 +258,7 @@ impl Landscape {
 
     /// Single points, pairs and clumps below the ground and single ones in the air: of a million points some hundred.
     fn outliers(&self, points: &[Point]) -> Vec<Point> {
-        let mut dice = Dice(7);
+        let mut dice = LandscapeDice(7);
         let mut found = Vec::new();
         for _ in 0..points.len() / 8000 {
             let [x, y] = [dice.next(), dice.next()].map(|part| part * SIDE as f64);
@@ -268,8 +268,9 @@ impl Landscape {
                 (0..25).map(|k| (self.relief)(x + f64::from(k % 5 - 2), y + f64::from(k / 5 - 2)));
             let z = low.fold(f64::INFINITY, f64::min) - deep;
             let clump = [1, 1, 2, 3 + (dice.next() * 6.0) as usize][(dice.next() * 4.0) as usize];
-            let beside =
-                |at: f64, dice: &mut Dice| (at + 2.0 * (dice.next() - 0.5)).clamp(0.0, SIDE as f64);
+            let beside = |at: f64, dice: &mut LandscapeDice| {
+                (at + 2.0 * (dice.next() - 0.5)).clamp(0.0, SIDE as f64)
+            };
             found.extend((0..clump).map(|_| {
                 let at = [beside(x, &mut dice), beside(y, &mut dice)];
                 point([at[0], at[1], z + 0.4 * dice.next()])
@@ -287,7 +288,7 @@ impl Landscape {
         for (at, z) in ground.into_iter().enumerate() {
             let (x, y) = ((at % SIDE) as f64 + 0.5, (at / SIDE) as f64 + 0.5);
             let is_seen =
-                (self.cover)(x, y, &mut Dice(at as u64)).is_some() && deck(x, y).is_none();
+                (self.cover)(x, y, &mut LandscapeDice(at as u64)).is_some() && deck(x, y).is_none();
             if let Some(z) = z.filter(|_| is_seen) {
                 sum += (z - (self.relief)(x, y)).powi(2);
                 count += 1.0;
@@ -330,7 +331,7 @@ fn model(ground: &[Point]) -> Vec<Option<f64>> {
         let site = [at % SIDE, at / SIDE].map(|k| k as i32 * 1000 + 500);
         last = all.find(site, last)?;
         let corners = all.corners(last)?.map(|id| points[id as usize]);
-        Some(interpolate(&corners, Position::of(site)) / 1000.0)
+        Some(interpolate(&corners, FixedPosition::of(site)) / 1000.0)
     };
     (0..SIDE * SIDE).map(height).collect()
 }

@@ -1,16 +1,16 @@
 //! The methods that find the ground, and how the ground is found by the one that is asked for.
 
-use super::asked::Finder;
-use super::finder::{Asked, GroundFinder, Lattice, Method};
+use super::asked::FinderRegistry;
+use super::finder::{Asked, FinderTiling, GroundFinder, Method};
 use super::lows::Lows;
-use super::surface::Ground;
+use super::surface::GroundSurface;
 use super::{adaptive, csf, filter, outliers, ptd, smrf};
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] =
     &[adaptive::METHOD, csf::METHOD, ptd::METHOD, smrf::METHOD, filter::METHOD];
 
-impl Finder for GroundFinder {
+impl FinderRegistry for GroundFinder {
     const KIND: &'static str = "method to find the ground";
     const METHODS: &'static [Method] = METHODS;
 }
@@ -22,15 +22,15 @@ impl Asked {
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
     /// How the plane is divided, points being `spacing` metres apart.
-    pub fn lattice(&self, spacing: f64) -> Lattice {
+    pub fn lattice(&self, spacing: f64) -> FinderTiling {
         let lattice = (self.finder().lattice)(self, spacing);
         let reach = if lattice.core.is_none() { outliers::REACH } else { 0 };
-        Lattice { halo: lattice.halo + reach, ..lattice }
+        FinderTiling { halo: lattice.halo + reach, ..lattice }
     }
 
     /// The ground under the cells of a window, or of a square with its halo. Low outliers are no ground, and left out
     /// before the method begins.
-    pub fn find(&self, lows: &Lows<'_>) -> Ground {
+    pub fn find(&self, lows: &Lows<'_>) -> GroundSurface {
         let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
         let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };
         let points = outliers::without_outliers(lows, passes);
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn squares_are_as_large_as_cells_allow() {
-        let sizes = |cell: f64| (Lattice::fixed(cell).core, Lattice::fixed(cell).halo);
+        let sizes = |cell: f64| (FinderTiling::fixed(cell).core, FinderTiling::fixed(cell).halo);
         assert_eq!(sizes(1.0), (Some(512), 128));
         assert_eq!(sizes(0.01), (Some(768), 192));
         assert_eq!(sizes(1000.0), (Some(16), 16));

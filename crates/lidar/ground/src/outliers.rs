@@ -10,7 +10,7 @@
 //! lies with many others on a plane stays where hardly anything around is smooth.
 
 use crate::grid::slid;
-use crate::grow::{Plane, Sums};
+use crate::grow::{FittedPlane, PlaneSums};
 use crate::lows::{EMPTY, Lows, NO_POINT};
 use terrane_base::geom::Point;
 
@@ -54,7 +54,7 @@ pub(crate) fn without_outliers(lows: &Lows<'_>, passes: usize) -> Vec<Point> {
     let mut left_out = Vec::new();
     for _ in 0..passes {
         let heights: Vec<i32> = points.iter().map(|p| p.z).collect();
-        let blocks = Blocks::new(&heights, lows.width);
+        let blocks = LowestBlocks::new(&heights, lows.width);
         let depth = DEPTH.max(DEPTH_OF_CELL * lows.cell) / lows.step[2];
         let most = ((CLUMP as f64 / lows.cell.powi(2)).ceil() as usize).clamp(1, CLUMP);
         let is_outlier = |at: &usize| {
@@ -104,7 +104,7 @@ fn is_smooth(lows: &Lows<'_>, at: usize) -> Option<bool> {
     let all: Vec<[f64; 3]> = cells.filter_map(|cell| lows.metres(cell)).collect();
     let first = *all.first()?;
     let from = |p: &[f64; 3]| [0, 1, 2].map(|i| p[i] - first[i]);
-    let mut sums = Sums::default();
+    let mut sums = PlaneSums::default();
     all.iter().for_each(|p| sums.add(from(p)));
     let plane = sums.plane()?;
     let mut away: Vec<f64> = all.iter().map(|p| plane.above(from(p)).abs()).collect();
@@ -140,9 +140,9 @@ fn lie_on_one_plane(lows: &Lows<'_>, at: usize, others: &[usize]) -> bool {
     let others: Vec<[f64; 3]> =
         others.into_iter().map(|[east, north, up]| [east - x, north - y, up - z]).collect();
     let mut far = f64::INFINITY;
-    let mut plane = Plane::LEVEL;
+    let mut plane = FittedPlane::LEVEL;
     for _ in 0..=TRIMS {
-        let mut sums = Sums::default();
+        let mut sums = PlaneSums::default();
         others.iter().filter(|p| plane.above(**p).abs() <= far).for_each(|p| sums.add(*p));
         if sums.count < FEWEST {
             return false;
@@ -167,14 +167,14 @@ fn company(heights: &[i32], width: usize, at: usize, most: f64) -> usize {
 
 /// The lowest height of each block that touches the window, by its first column and row, from `BLOCK - 1` before the
 /// window on.
-struct Blocks {
+struct LowestBlocks {
     lowest: Vec<i32>,
     width: usize,
     wide: isize,
     rows: isize,
 }
 
-impl Blocks {
+impl LowestBlocks {
     fn new(heights: &[i32], width: usize) -> Self {
         let before = BLOCK - 1;
         let (wide, rows) = (width + before, heights.len() / width + before);

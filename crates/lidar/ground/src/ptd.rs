@@ -3,11 +3,11 @@
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 
-use crate::cells::{Cells, WIDEST};
-use crate::densify::{Limits, densified};
-use crate::finder::{Asked, GroundFinder, Lattice, Method};
+use crate::cells::{LowestCells, WIDEST};
+use crate::densify::{DensifyLimits, densified};
+use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
 use crate::lows::Lows;
-use crate::surface::Ground;
+use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
 pub(crate) const METHOD: Method = Method {
@@ -46,14 +46,17 @@ pub(crate) const METHOD: Method = Method {
             "how far from the last triangles ground may lie, metres",
         ),
     ],
-    finder: GroundFinder { lattice: |_, spacing| Lattice::fixed(spacing.clamp(1.0, WIDEST)), find },
+    finder: GroundFinder {
+        lattice: |_, spacing| FinderTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        find,
+    },
 };
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
-    let (cells, step) = (Cells::of(lows), lows.step[2]);
+fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
+    let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let [distance, spacing] = ["distance", "spacing"].map(|key| asked.value(key));
-    let limits = Limits { sine: asked.value("angle").to_radians().sin(), distance, spacing };
+    let limits = DensifyLimits { sine: asked.value("angle").to_radians().sin(), distance, spacing };
     let seeds = cells.lowest((asked.value("seed") / cells.cell).ceil() as usize);
     let heights = densified(&cells, &seeds, &limits).into_iter().map(|z| z / step).collect();
-    Ground::new(lows.width, heights, |_| asked.value("tolerance") / step)
+    GroundSurface::new(lows.width, heights, |_| asked.value("tolerance") / step)
 }

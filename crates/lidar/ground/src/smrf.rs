@@ -5,10 +5,10 @@
 //! openings with discs cut off by more than their radius times a slope is an object; holes are filled
 //! by springs; points near what is left are ground, the further off it the steeper it is.
 
-use crate::finder::{Asked, GroundFinder, Lattice, Method};
+use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
 use crate::lows::Lows;
-use crate::surface::Ground;
+use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
 pub(crate) const METHOD: Method = Method {
@@ -27,7 +27,7 @@ pub(crate) const METHOD: Method = Method {
         ),
         Parameter::new("scalar", 1.25, [0.0, 100.0], "how much further for a slope of 1, metres"),
     ],
-    finder: GroundFinder { lattice: |asked, _| Lattice::fixed(asked.value("cell")), find },
+    finder: GroundFinder { lattice: |asked, _| FinderTiling::fixed(asked.value("cell")), find },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.
@@ -36,7 +36,7 @@ const LOW: f64 = 5.0;
 const RELAXED: usize = 200;
 const BEYOND: f64 = 1.85;
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
+fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
     let (cell, step) = (lows.cell, lows.step[2]);
     let heights = lows.heights();
     let radius = (asked.value("window") / cell).ceil() as usize;
@@ -44,7 +44,7 @@ fn find(asked: &Asked, lows: &Lows<'_>) -> Ground {
     let surface = widened(&sprung(&bare, lows.width), lows.width);
     let [near, scalar] = ["threshold", "scalar"].map(|key| asked.value(key));
     let surface = surface.into_iter().map(|z| z / step).collect();
-    Ground::new(lows.width, surface, |rise| (near + scalar * rise * step / cell) / step)
+    GroundSurface::new(lows.width, surface, |rise| (near + scalar * rise * step / cell) / step)
 }
 
 /// Heights without those of objects and of low points, which are NaN; `rise` is that of the steepest

@@ -5,7 +5,7 @@ pub(crate) const BESIDE: usize = 1;
 
 /// The ground under a window of cells.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ground {
+pub struct GroundSurface {
     /// Cells of a row, and of a row with its margins.
     width: usize,
     wide: usize,
@@ -16,7 +16,7 @@ pub struct Ground {
     pub(crate) tolerances: Vec<f32>,
 }
 
-impl Ground {
+impl GroundSurface {
     /// Of heights in steps at the cells and those beside the window, NaN where none is known; what may
     /// lie how far from them goes by the steepness, in steps by cell.
     pub(crate) fn new(width: usize, heights: Vec<f64>, tolerance: impl Fn(f64) -> f64) -> Self {
@@ -87,9 +87,9 @@ mod tests {
     const NONE: i32 = i32::MAX;
 
     /// Two cells by two, with the cells beside them.
-    fn ground_of(heights: [i32; 16], tolerances: [f32; 4]) -> Ground {
+    fn ground_of(heights: [i32; 16], tolerances: [f32; 4]) -> GroundSurface {
         let heights = heights.map(|z| if z == NONE { f64::NAN } else { z.into() }).to_vec();
-        Ground { width: 2, wide: 4, heights, tolerances: tolerances.to_vec() }
+        GroundSurface { width: 2, wide: 4, heights, tolerances: tolerances.to_vec() }
     }
 
     const DISTINCT: [i32; 16] =

@@ -4,12 +4,12 @@ use terrane_base::geom::Point;
 use terrane_delaunay::Triangulation;
 
 /// A triangulation of points in millimetres from the window's corner.
-pub(crate) struct Tin {
+pub(crate) struct GroundTin {
     points: Vec<Point>,
     triangulation: Triangulation,
 }
 
-impl Tin {
+impl GroundTin {
     /// Of points at different positions; `None` where there are too few for a triangle. So many more may
     /// come.
     pub(crate) fn new(mut points: Vec<Point>, more: usize) -> Option<Self> {

@@ -13,50 +13,50 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use super::region_mesh::RegionMesh;
-use super::regions::Region;
-use super::work::Work;
+use super::regions::CloudTinRegion;
+use super::work::CloudTinContext;
 use crate::points::{PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Hull, Window};
+use terrane_delaunay::{ConvexHull, PositionWindow};
 use terrane_files::lock;
-use terrane_tin::scatter::{Fit, Mesh};
+use terrane_tin::scatter::{Fit, ScatterMesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.
 pub(super) const BAND: i32 = 4;
 
 /// What a region found when it looked at the mesh.
 #[derive(Clone, Debug)]
-pub(super) struct Look {
+pub(super) struct RegionInspection {
     /// Points and posts to become vertices.
     pub(super) open: Vec<Point>,
     /// Vertices from which no edge follows a line, and never will.
     apart: Vec<[i32; 2]>,
     /// The part of the plane in which a new vertex may change what was seen.
-    pub(super) influence: Window,
-    pub(super) errors: Errors,
+    pub(super) influence: PositionWindow,
+    pub(super) errors: CloudTinErrors,
 }
 
-impl Look {
+impl RegionInspection {
     /// Of a region that found nothing to add, and has no lines.
-    pub(super) fn settled(influence: Window, points: u64) -> Self {
-        let errors = Errors { points, ..Errors::default() };
+    pub(super) fn settled(influence: PositionWindow, points: u64) -> Self {
+        let errors = CloudTinErrors { points, ..CloudTinErrors::default() };
         Self { open: Vec::new(), apart: Vec::new(), influence, errors }
     }
 }
 
 /// Distances of points from the surface, in steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Errors {
+pub(super) struct CloudTinErrors {
     pub(super) most: f64,
     pub(super) squares: f64,
     pub(super) points: u64,
 }
 
 /// What was chosen.
-pub(super) struct Chosen {
+pub(super) struct ChosenVertices {
     pub(super) vertices: PointStore,
-    pub(super) errors: Errors,
+    pub(super) errors: CloudTinErrors,
     /// Vertices on lines without an edge that goes on, in order.
     pub(super) apart: Vec<[i32; 2]>,
 }
@@ -64,11 +64,11 @@ pub(super) struct Chosen {
 /// Chooses the vertices for the tolerance (in steps of z), all points where that is 0. The hull's corners are among
 /// them, and so are the points of `kept`.
 pub(super) fn choose(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     tolerance: f64,
     hull: &[Point],
     kept: &[Point],
-) -> Result<Chosen> {
+) -> Result<ChosenVertices> {
     let empty = |bytes| PointStore::empty(*work.points.tiling(), work.folder, bytes);
     let of_posts = match work.lines.is_empty() && kept.is_empty() {
         true => 0,
@@ -86,15 +86,15 @@ pub(super) fn choose(
     }
     add_all(&posts, &vertices)?;
     drop(posts);
-    let settling = Settling::new(work.regions.all.len());
+    let settling = RegionWorklist::new(work.regions.all.len());
     let settled =
         settling.run(&vertices, |due| look_at_all(work, &vertices, (tolerance, hull), due))?;
     let (errors, apart) = settled.end(tolerance);
-    Ok(Chosen { vertices, errors, apart })
+    Ok(ChosenVertices { vertices, errors, apart })
 }
 
 /// Puts the posts there that every line has.
-fn first_posts(work: &Work<'_>, posts: &PointStore) -> Result<()> {
+fn first_posts(work: &CloudTinContext<'_>, posts: &PointStore) -> Result<()> {
     if work.lines.is_empty() {
         return Ok(());
     }
@@ -115,7 +115,7 @@ fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {
 
 /// Puts the vertices there that each of some regions chooses.
 pub(super) fn first_choice(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     regions: Range<usize>,
     (tolerance, hull): (f64, &[Point]),
     posts: &PointStore,
@@ -136,7 +136,7 @@ pub(super) fn first_choice(
 
 /// The vertices that a region chooses with the points around it, those of the hull among them.
 fn choose_in(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     number: usize,
     tolerance: f64,
     hull: &[Point],
@@ -146,8 +146,8 @@ fn choose_in(
     let tiling = store.tiling();
     let points = points_around(store, region)?;
     let is_own = |p: &Point| contains(region, tiling, *p);
-    let rim = Hull::of(points.clone()).corners();
-    let Some(mut mesh) = Mesh::of_first(&rim) else {
+    let rim = ConvexHull::of(points.clone()).corners();
+    let Some(mut mesh) = ScatterMesh::of_first(&rim) else {
         return Ok(points.into_iter().filter(is_own).collect());
     };
     for &point in rim.iter().chain(&points_around(posts, region)?) {
@@ -162,7 +162,7 @@ fn choose_in(
 }
 
 /// The points of a region and of a band around it, square by square.
-fn points_around(store: &PointStore, region: &Region) -> Result<Vec<Point>> {
+fn points_around(store: &PointStore, region: &CloudTinRegion) -> Result<Vec<Point>> {
     let near = region.window(store.tiling()).grown(store.tiling().side() / BAND);
     let (mut all, mut points) = (Vec::new(), Vec::new());
     for square in store.tiling().touching(near) {
@@ -172,28 +172,31 @@ fn points_around(store: &PointStore, region: &Region) -> Result<Vec<Point>> {
     Ok(all)
 }
 
-fn contains(region: &Region, tiling: &Tiling, point: Point) -> bool {
+fn contains(region: &CloudTinRegion, tiling: &Tiling, point: Point) -> bool {
     let place = tiling.place([point.x, point.y]);
     (0..2).all(|axis| region.low[axis] <= place[axis] && place[axis] < region.end[axis])
 }
 
 /// Regions that look at the mesh until nothing is left to add.
-pub(super) struct Settling {
+pub(super) struct RegionWorklist {
     /// By region: what it found when it looked last.
-    looks: Vec<Look>,
+    looks: Vec<RegionInspection>,
     /// Regions that have to look.
     due: Vec<usize>,
 }
 
-impl Settling {
+impl RegionWorklist {
     /// Nothing is looked at.
     fn new(regions: usize) -> Self {
-        Self { looks: vec![Look::settled(Window::ALL, 0); regions], due: (0..regions).collect() }
+        Self {
+            looks: vec![RegionInspection::settled(PositionWindow::ALL, 0); regions],
+            due: (0..regions).collect(),
+        }
     }
 
     /// After a round in which vertices were added in some squares.
     pub(super) fn after(
-        looks: Vec<Look>,
+        looks: Vec<RegionInspection>,
         changed: impl Iterator<Item = usize>,
         tiling: &Tiling,
     ) -> Self {
@@ -205,7 +208,7 @@ impl Settling {
     pub(super) fn run(
         mut self,
         vertices: &PointStore,
-        look: impl Fn(&[usize]) -> Result<Vec<(usize, Look)>>,
+        look: impl Fn(&[usize]) -> Result<Vec<(usize, RegionInspection)>>,
     ) -> Result<Self> {
         let tiling = vertices.tiling();
         while !self.due.is_empty() {
@@ -222,7 +225,7 @@ impl Settling {
     }
 
     /// The errors of all, and the vertices on lines without an edge that goes on, in order.
-    pub(super) fn end(self, tolerance: f64) -> (Errors, Vec<[i32; 2]>) {
+    pub(super) fn end(self, tolerance: f64) -> (CloudTinErrors, Vec<[i32; 2]>) {
         let mut errors = sum(&self.looks);
         // It was rounded up, and all points are known to be within.
         errors.most = errors.most.min(tolerance);
@@ -234,7 +237,7 @@ impl Settling {
 
 /// The regions that see any of the squares that changed.
 pub(super) fn due(
-    looks: &[Look],
+    looks: &[RegionInspection],
     changed: impl Iterator<Item = usize>,
     tiling: &Tiling,
 ) -> Vec<usize> {
@@ -244,11 +247,11 @@ pub(super) fn due(
 
 /// What these regions find when they look at the mesh of all vertices.
 pub(super) fn look_at_all(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     vertices: &PointStore,
     (tolerance, hull): (f64, &[Point]),
     regions: &[usize],
-) -> Result<Vec<(usize, Look)>> {
+) -> Result<Vec<(usize, RegionInspection)>> {
     work.progress.begin("prove", regions.len() as u64);
     let found = Mutex::new(Vec::with_capacity(regions.len()));
     let look = |_: &mut (), number: u64| {
@@ -264,12 +267,12 @@ pub(super) fn look_at_all(
 }
 
 fn look_at(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     vertices: &PointStore,
     tolerance: f64,
     hull: &[Point],
     number: usize,
-) -> Result<Look> {
+) -> Result<RegionInspection> {
     let region = &work.regions.all[number];
     let mut local = RegionMesh::new(vertices, *region, hull)?;
     let influence = local.influence();
@@ -284,15 +287,17 @@ fn look_at(
     let (posts, apart) =
         work.lines.of_region(number, work.points, region).follow(&mut local.mesh)?;
     open.extend(posts);
-    let errors = Errors { most, squares, points: points.len() as u64 };
-    Ok(Look { open, apart, influence, errors })
+    let errors = CloudTinErrors { most, squares, points: points.len() as u64 };
+    Ok(RegionInspection { open, apart, influence, errors })
 }
 
-fn sum(looks: &[Look]) -> Errors {
-    looks.iter().fold(Errors::default(), |sum, Look { errors, .. }| Errors {
-        most: sum.most.max(errors.most),
-        squares: sum.squares + errors.squares,
-        points: sum.points + errors.points,
+fn sum(looks: &[RegionInspection]) -> CloudTinErrors {
+    looks.iter().fold(CloudTinErrors::default(), |sum, RegionInspection { errors, .. }| {
+        CloudTinErrors {
+            most: sum.most.max(errors.most),
+            squares: sum.squares + errors.squares,
+            points: sum.points + errors.points,
+        }
     })
 }
 
@@ -320,7 +325,7 @@ impl Changes {
     }
 
     /// True when a square that the window touches has changed.
-    fn touch(&self, window: Window, tiling: &Tiling) -> bool {
+    fn touch(&self, window: PositionWindow, tiling: &Tiling) -> bool {
         let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];
         let (west, south, east, north) = (low[0], low[1], high[0] + 1, high[1] + 1);

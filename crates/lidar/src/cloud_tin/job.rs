@@ -6,12 +6,12 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{Census, OpenOptions, PointSource};
+use terrane_cloud::{CloudOpenOptions, PointCensus, PointSource};
 use terrane_engine::Resources;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::figures::Figures;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::{Placed, Placing};
+use terrane_engine::placing::{MeshPlacement, Placing};
 use terrane_engine::sift::Losses;
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::Inputs;
@@ -23,7 +23,7 @@ pub struct CloudTinJob {
     /// Files, folders, patterns or lists.
     pub inputs: Inputs,
     /// Which points are wanted, and how they are read.
-    pub options: OpenOptions,
+    pub options: CloudOpenOptions,
     /// Mesh file to write.
     pub output: PathBuf,
     /// Mesh format by name; by the output's ending when `None`.
@@ -54,7 +54,7 @@ impl CloudTinJob {
     ) -> Self {
         Self {
             inputs: inputs.into(),
-            options: OpenOptions { threads: resources.threads, ..OpenOptions::default() },
+            options: CloudOpenOptions { threads: resources.threads, ..CloudOpenOptions::default() },
             output,
             format: None,
             overwrite: false,
@@ -104,7 +104,7 @@ pub struct CloudTinReport {
     pub max_error: Option<f64>,
     /// Root mean square error, when measured.
     pub rmse: Option<f64>,
-    pub points: Census,
+    pub points: PointCensus,
     /// Points that lie above another one at the same position: they bind nothing.
     pub stacked_points: u64,
     /// What became of points to keep.
@@ -125,7 +125,7 @@ pub struct CloudTinReport {
     pub prj: Option<String>,
     /// How the mesh lies in its file, where that has coordinates of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub placed: Option<Placed>,
+    pub placed: Option<MeshPlacement>,
     pub regions: u64,
     #[serde(flatten)]
     pub run: Figures,

@@ -5,14 +5,14 @@ use std::collections::HashMap;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Hull, Place, Position, Window};
+use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, PositionWindow};
 
 /// Squares whose points are held at a time.
 const HELD: usize = 256;
 
 /// Points to keep.
 #[derive(Debug, Default)]
-pub(super) struct Nearest {
+pub(super) struct KeptPoints {
     /// Sorted, each once.
     pub(super) points: Vec<Point>,
     /// Positions beyond the hull.
@@ -21,10 +21,15 @@ pub(super) struct Nearest {
 
 /// The point of the store nearest to each position (in steps, sorted) that lies in its hull: of those at one distance
 /// the lowest, of those at one position the lowest, too.
-pub(super) fn nearest(store: &PointStore, hull: &Hull, positions: &[[i32; 2]]) -> Result<Nearest> {
-    let (mut found, mut search) = (Nearest::default(), Search { store, loaded: HashMap::new() });
+pub(super) fn nearest(
+    store: &PointStore,
+    hull: &ConvexHull,
+    positions: &[[i32; 2]],
+) -> Result<KeptPoints> {
+    let (mut found, mut search) =
+        (KeptPoints::default(), NearestPointSearch { store, loaded: HashMap::new() });
     let mut inside: Vec<_> = positions.to_vec();
-    inside.retain(|&at| hull.place(Position::of(at)) != Place::Outside);
+    inside.retain(|&at| hull.place(FixedPosition::of(at)) != HullLocation::Outside);
     found.beyond = (positions.len() - inside.len()) as u64;
     inside.dedup();
     let tiling = store.tiling();
@@ -37,12 +42,12 @@ pub(super) fn nearest(store: &PointStore, hull: &Hull, positions: &[[i32; 2]]) -
     Ok(found)
 }
 
-struct Search<'a> {
+struct NearestPointSearch<'a> {
     store: &'a PointStore,
     loaded: HashMap<usize, Vec<Point>>,
 }
 
-impl Search<'_> {
+impl NearestPointSearch<'_> {
     /// Looks at squares further and further away, until those beyond are too far.
     fn nearest(&mut self, at: [i32; 2]) -> Result<Option<Point>> {
         let tiling = *self.store.tiling();
@@ -101,7 +106,7 @@ fn far(a: [i32; 2], b: [i32; 2]) -> i64 {
 }
 
 /// The same of a position and a window.
-fn gap(at: [i32; 2], window: Window) -> i64 {
+fn gap(at: [i32; 2], window: PositionWindow) -> i64 {
     let inside = [0, 1].map(|axis| at[axis].clamp(window.low[axis], window.high[axis]));
     far(at, inside)
 }

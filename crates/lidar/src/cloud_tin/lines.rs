@@ -12,13 +12,13 @@
 
 use std::collections::HashMap;
 
-use super::regions::{Region, Regions};
-use crate::points::{Around, PointStore, Tiling};
+use super::regions::{CloudTinRegion, CloudTinRegions};
+use crate::points::{PointStore, SurroundingPoints, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point, Segment};
-use terrane_delaunay::{Found, Hull, Place, Position, interpolate};
-use terrane_engine::on_cloud::{Line, OnCloud};
-use terrane_tin::scatter::{Course, Courses, Mesh};
+use terrane_base::geom::{Point, SampleSegment};
+use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, Location, interpolate};
+use terrane_engine::on_cloud::{LatticeLine, OnCloud};
+use terrane_tin::scatter::{Courses, PathCourse, ScatterMesh};
 
 type Site = [i32; 2];
 
@@ -29,7 +29,7 @@ const NONE: u32 = u32::MAX;
 
 /// The steps of a line in a region that begin and end in the hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Piece {
+struct CloudLinePiece {
     region: u32,
     line: u32,
     from: u32,
@@ -40,28 +40,28 @@ struct Piece {
     last: u32,
 }
 
-impl Piece {
+impl CloudLinePiece {
     /// Bytes of it and of what a worker lists of it, its posts included.
     const BYTES: u64 = 1 << 10;
 }
 
 /// All lines over a cloud.
-pub(super) struct Lines<'a> {
-    lines: &'a [Line],
+pub(super) struct CloudLines<'a> {
+    lines: &'a [LatticeLine],
     /// Where the lattice of the lines begins.
     low: [i64; 2],
-    hull: Hull,
+    hull: ConvexHull,
     /// First and last step in the hull.
     spans: Vec<Option<[u32; 2]>>,
     /// Sorted.
-    pieces: Vec<Piece>,
+    pieces: Vec<CloudLinePiece>,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> CloudLines<'a> {
     /// The lines of `kept` over the points of a store.
-    pub(super) fn new(kept: &'a OnCloud, hull: Hull, tiling: &Tiling) -> Self {
+    pub(super) fn new(kept: &'a OnCloud, hull: ConvexHull, tiling: &Tiling) -> Self {
         let low = tiling.window().low.map(i64::from);
-        let outline = Outline::of(&hull);
+        let outline = HullOutline::of(&hull);
         let mut lines =
             Self { lines: &kept.lines, low, hull, spans: Vec::new(), pieces: Vec::new() };
         lines.spans =
@@ -84,19 +84,19 @@ impl<'a> Lines<'a> {
         (size_of_val(&self.spans[..]) + size_of_val(&self.pieces[..])) as u64
     }
 
-    fn segment(&self, line: usize) -> Segment {
+    fn segment(&self, line: usize) -> SampleSegment {
         let [a, b] =
             self.lines[line].ends.map(|end| [0, 1].map(|i| i64::from(end[i]) + self.low[i]));
-        Segment::new(a, b)
+        SampleSegment::new(a, b)
     }
 
     fn is_inside(&self, site: Site) -> bool {
-        self.hull.place(Position::of(site)) != Place::Outside
+        self.hull.place(FixedPosition::of(site)) != HullLocation::Outside
     }
 
     /// The first and the last step in the hull. Steps that are surely outside, as those before them are so far from
     /// it, are not looked at.
-    fn span(&self, segment: &Segment, outline: &Outline) -> Option<[u32; 2]> {
+    fn span(&self, segment: &SampleSegment, outline: &HullOutline) -> Option<[u32; 2]> {
         let all = segment.steps();
         let (mut first, mut last) = (0, all);
         while !self.is_inside(site(segment, first)) {
@@ -129,7 +129,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Divides the lines among regions.
-    pub(super) fn divide(&mut self, regions: &Regions, tiling: &Tiling) {
+    pub(super) fn divide(&mut self, regions: &CloudTinRegions, tiling: &Tiling) {
         let mut pieces = Vec::new();
         for line in 0..self.lines.len() {
             let (segment, first) = (self.segment(line), pieces.len());
@@ -140,7 +140,7 @@ impl<'a> Lines<'a> {
             self.each_window(line, tiling, window, |square, [from, to]| {
                 let inside = |step: &u32| self.is_inside(site(&segment, u64::from(*step)));
                 let ends = (from..=to).find(inside).zip((from..=to).rev().find(inside));
-                pieces.extend(ends.map(|(from, to)| Piece {
+                pieces.extend(ends.map(|(from, to)| CloudLinePiece {
                     region: regions.of(square) as u32,
                     line: line as u32,
                     from,
@@ -149,7 +149,8 @@ impl<'a> Lines<'a> {
                     last: NONE,
                 }));
             });
-            let (mut next, last) = (NONE, pieces.last().map_or(NONE, |piece: &Piece| piece.to));
+            let (mut next, last) =
+                (NONE, pieces.last().map_or(NONE, |piece: &CloudLinePiece| piece.to));
             for piece in pieces[first..].iter_mut().rev() {
                 (piece.next, piece.last) = (next, last);
                 next = piece.from;
@@ -181,7 +182,7 @@ impl<'a> Lines<'a> {
     /// The most bytes that a worker takes for the lines of a region.
     pub(super) fn most_bytes(&self) -> u64 {
         let of_region = self.pieces.chunk_by(|a, b| a.region == b.region);
-        of_region.map(|pieces| pieces.len() as u64).max().unwrap_or(0) * Piece::BYTES
+        of_region.map(|pieces| pieces.len() as u64).max().unwrap_or(0) * CloudLinePiece::BYTES
     }
 
     /// What a region has of them; `points` are those of the region.
@@ -189,13 +190,13 @@ impl<'a> Lines<'a> {
         &self,
         number: usize,
         store: &'a PointStore,
-        region: &Region,
+        region: &CloudTinRegion,
     ) -> RegionLines<'_> {
         let number = number as u32;
         let from = self.pieces.partition_point(|piece| piece.region < number);
         let pieces = &self.pieces[from..];
         let pieces = &pieces[..pieces.partition_point(|piece| piece.region == number)];
-        let courses = pieces.iter().map(|piece| Course {
+        let courses = pieces.iter().map(|piece| PathCourse {
             segment: self.segment(piece.line as usize),
             from: piece.from.into(),
             to: piece.to.into(),
@@ -220,21 +221,21 @@ impl<'a> Lines<'a> {
 fn square_window(
     tiling: &Tiling,
     square: usize,
-    segment: &Segment,
+    segment: &SampleSegment,
 ) -> Option<std::ops::RangeInclusive<u64>> {
     let window = tiling.window_of(square);
     segment.within(window.low.map(i64::from), window.high.map(i64::from))
 }
 
-fn site(segment: &Segment, step: u64) -> Site {
+fn site(segment: &SampleSegment, step: u64) -> Site {
     segment.at(step).map(|steps| steps as i32)
 }
 
 /// The sides of a hull: a corner of each, and the direction outward, of length 1.
-struct Outline(Vec<(Site, [f64; 2])>);
+struct HullOutline(Vec<(Site, [f64; 2])>);
 
-impl Outline {
-    fn of(hull: &Hull) -> Self {
+impl HullOutline {
+    fn of(hull: &ConvexHull) -> Self {
         let corners = hull.corners();
         let next = corners.iter().cycle().skip(1);
         let side = |(a, b): (&Point, &Point)| {
@@ -258,15 +259,15 @@ impl Outline {
 
 /// What a region has of lines.
 pub(super) struct RegionLines<'a> {
-    lines: &'a Lines<'a>,
-    pieces: &'a [Piece],
+    lines: &'a CloudLines<'a>,
+    pieces: &'a [CloudLinePiece],
     courses: Courses,
     store: &'a PointStore,
     /// All points near, once a height needs them.
-    around: Option<Around<'a>>,
+    around: Option<SurroundingPoints<'a>>,
     /// Points by square.
     loaded: HashMap<usize, Vec<Point>>,
-    window: terrane_delaunay::Window,
+    window: terrane_delaunay::PositionWindow,
 }
 
 impl RegionLines<'_> {
@@ -292,7 +293,7 @@ impl RegionLines<'_> {
 
     /// Puts posts into a mesh until edges follow the lines of the region, as far as that can be. Returns the posts, and
     /// vertices that are left without an edge.
-    pub(super) fn follow(&mut self, mesh: &mut Mesh) -> Result<(Vec<Point>, Vec<Site>)> {
+    pub(super) fn follow(&mut self, mesh: &mut ScatterMesh) -> Result<(Vec<Point>, Vec<Site>)> {
         let mut posts = Vec::new();
         if self.pieces.is_empty() {
             return Ok((posts, Vec::new()));
@@ -354,19 +355,19 @@ impl RegionLines<'_> {
     /// Adds posts on the triangulation of all points.
     fn raise_bare(&mut self, sites: &[Site], posts: &mut Vec<Point>) -> Result<()> {
         if self.around.is_none() {
-            self.around = Some(Around::new(self.store, self.window)?);
+            self.around = Some(SurroundingPoints::new(self.store, self.window)?);
         }
         let Some(around) = &mut self.around else { return Ok(()) };
         let (mut rest, before) = (sites.iter(), posts.len());
-        let positions = sites.iter().map(|&site| Position::of(site));
+        let positions = sites.iter().map(|&site| FixedPosition::of(site));
         around.find_all(&self.lines.hull, positions, |position, found| {
             let Some(&[x, y]) = rest.next() else { return };
             let height = match found {
-                Found::At(point) => Some(point.z),
-                Found::Triangle(corners) => {
+                Location::At(point) => Some(point.z),
+                Location::Triangle(corners) => {
                     Some((interpolate(&corners, position) + 0.5).floor() as i32)
                 }
-                Found::Outside => None,
+                Location::Outside => None,
             };
             posts.extend(height.map(|z| Point::new(x, y, z)));
         })?;

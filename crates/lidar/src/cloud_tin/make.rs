@@ -2,26 +2,26 @@
 
 use std::time::Instant;
 
-use super::choose::{Chosen, Errors, choose};
+use super::choose::{ChosenVertices, CloudTinErrors, choose};
 use super::job::{CloudTinJob, CloudTinReport};
-use super::keep::{Nearest, nearest};
-use super::lines::Lines;
-use super::ready::Ready;
-use super::regions::{REGION_POINTS, Regions, no_surface};
-use super::work::Work;
-use super::write::{Written, write};
+use super::keep::{KeptPoints, nearest};
+use super::lines::CloudLines;
+use super::ready::PreparedCloudTin;
+use super::regions::{CloudTinRegions, REGION_POINTS, no_surface};
+use super::work::CloudTinContext;
+use super::write::{WrittenCloudTin, write};
 use crate::points::PointStore;
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point};
-use terrane_cloud::{self as cloud, Census, PointSource};
-use terrane_delaunay::Hull;
+use terrane_base::geom::{Point, PointFrame};
+use terrane_cloud::{self as cloud, PointCensus, PointSource};
+use terrane_delaunay::ConvexHull;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::figures::Figures;
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::on_cloud::OnCloud;
-use terrane_engine::placing::Placed;
-use terrane_engine::plan::At;
+use terrane_engine::placing::MeshPlacement;
+use terrane_engine::plan::Observer;
 use terrane_engine::sift::Losses;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
@@ -43,8 +43,8 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     drop(AtomicFile::create(&job.output, job.overwrite)?);
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
-    let features = Features::read_for_cloud(points, lines, &job.resources)?;
-    let at = At { progress, cancel };
+    let features = ConstraintFeatures::read_for_cloud(points, lines, &job.resources)?;
+    let at = Observer { progress, cancel };
     let mut report = with_polygons(&job.options, &job.resources, |resources| {
         let job = CloudTinJob { resources, ..job.clone() };
         make(&job, &*source, (features, format), REGION_POINTS, at)
@@ -58,21 +58,21 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
 pub fn make(
     job: &CloudTinJob,
     source: &dyn PointSource,
-    (features, format): (Features, &'static MeshFormat),
+    (features, format): (ConstraintFeatures, &'static MeshFormat),
     most: u64,
-    at: At<'_>,
+    at: Observer<'_>,
 ) -> Result<CloudTinReport> {
-    let ready = Ready::new((job, &job.label()), source, features, format)?;
-    let (kept, mut clock) = (&ready.kept, Clock::default());
+    let ready = PreparedCloudTin::new((job, &job.label()), source, features, format)?;
+    let (kept, mut clock) = (&ready.kept, CloudTinClock::default());
     let points = PointStore::fill(source, ready.tiling(), &ready.filling(at))?;
     clock.lap("read", points.census().read);
     let hull = points.hull()?;
     if hull.is_flat() {
         return Err(no_surface());
     }
-    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
+    let mut lines = CloudLines::new(kept, hull.clone(), points.tiling());
     let followed = kept.followed(|line| lines.is_outside(line), 0)?;
-    let regions = Regions::new(&points, &lines.by_square(points.tiling()), most);
+    let regions = CloudTinRegions::new(&points, &lines.by_square(points.tiling()), most);
     lines.divide(&regions, points.tiling());
     let nearest = nearest_points(kept, &points, &hull, ready.bounds)?;
     let count = nearest.points.len() as u64;
@@ -97,9 +97,9 @@ pub fn make(
 fn nearest_points(
     kept: &OnCloud,
     points: &PointStore,
-    hull: &Hull,
+    hull: &ConvexHull,
     [low, _]: [Point; 2],
-) -> Result<Nearest> {
+) -> Result<KeptPoints> {
     let place = |at: &[u32; 2]| {
         [(at[0], low.x), (at[1], low.y)].map(|(at, low)| low.saturating_add_unsigned(at))
     };
@@ -108,9 +108,9 @@ fn nearest_points(
 }
 
 /// What came of the work.
-pub(super) struct Made {
-    pub(super) written: Written,
-    pub(super) errors: Errors,
+pub(super) struct CloudTinOutcome {
+    pub(super) written: WrittenCloudTin,
+    pub(super) errors: CloudTinErrors,
     pub(super) stacked: u64,
     pub(super) spilled: u64,
     /// Vertices on lines without an edge that goes on.
@@ -118,43 +118,49 @@ pub(super) struct Made {
 }
 
 fn triangulate(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     tolerance: f64,
     (hull, nearest): (&[Point], &[Point]),
-    frame: &Frame,
+    frame: &PointFrame,
     sink: impl FnOnce() -> Result<Box<dyn MeshSink>>,
-    clock: &mut Clock,
-) -> Result<Made> {
+    clock: &mut CloudTinClock,
+) -> Result<CloudTinOutcome> {
     let kept = work.points.census().kept;
     if tolerance == 0.0 && work.lines.is_empty() {
         let written = write(work, work.points, hull, frame, sink()?)?;
         clock.lap("write", kept);
         let (stacked, spilled) = (kept - written.vertices, work.points.spilled());
         let apart = Vec::new();
-        return Ok(Made { written, errors: Errors::default(), stacked, spilled, apart });
+        return Ok(CloudTinOutcome {
+            written,
+            errors: CloudTinErrors::default(),
+            stacked,
+            spilled,
+            apart,
+        });
     }
-    let Chosen { vertices, errors, apart } = choose(work, tolerance, hull, nearest)?;
+    let ChosenVertices { vertices, errors, apart } = choose(work, tolerance, hull, nearest)?;
     clock.lap("choose", kept);
     let written = write(work, &vertices, hull, frame, sink()?)?;
     clock.lap("write", written.vertices);
     let spilled = work.points.spilled() + vertices.spilled();
-    Ok(Made { written, errors, stacked: kept - errors.points, spilled, apart })
+    Ok(CloudTinOutcome { written, errors, stacked: kept - errors.points, spilled, apart })
 }
 
 /// Times of the stages.
 #[derive(Debug)]
-pub(super) struct Clock {
+pub(super) struct CloudTinClock {
     last: Instant,
     stages: Vec<StageReport>,
 }
 
-impl Default for Clock {
+impl Default for CloudTinClock {
     fn default() -> Self {
         Self { last: Instant::now(), stages: Vec::new() }
     }
 }
 
-impl Clock {
+impl CloudTinClock {
     /// Ends a stage that handled `points`.
     pub(super) fn lap(&mut self, name: &str, points: u64) {
         let thread_seconds = self.last.elapsed().as_secs_f64();
@@ -164,14 +170,14 @@ impl Clock {
 }
 
 pub(super) fn report(
-    ready: &Ready<'_>,
-    work: &Work<'_>,
-    points: Census,
-    made: &Made,
-    clock: Clock,
+    ready: &PreparedCloudTin<'_>,
+    work: &CloudTinContext<'_>,
+    points: PointCensus,
+    made: &CloudTinOutcome,
+    clock: CloudTinClock,
 ) -> Result<CloudTinReport> {
-    let Ready { job, info, format, .. } = ready;
-    let Made { written, errors, .. } = made;
+    let PreparedCloudTin { job, info, format, .. } = ready;
+    let CloudTinOutcome { written, errors, .. } = made;
     let prj = write_prj(&job.output, &info.crs, job.overwrite)?;
     let step = info.frame.scale[2];
     let measured = |steps: f64| work.measure.then_some(steps * step);
@@ -192,7 +198,7 @@ pub(super) fn report(
         kept: written.vertices as f64 / points.kept.max(1) as f64,
         output_bytes: written.bytes,
         prj: prj.map(|path| path.display().to_string()),
-        placed: Some(ready.placed.clone()).filter(Placed::is_local),
+        placed: Some(ready.placed.clone()).filter(MeshPlacement::is_local),
         regions: work.regions.all.len() as u64,
         run: Figures::since(Instant::now(), &job.resources)
             .with_threads(work.threads)

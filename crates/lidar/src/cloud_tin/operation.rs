@@ -7,7 +7,7 @@ use super::make::run;
 use super::options::CloudTinOptions;
 use super::plan::run_in;
 use terrane_base::error::Result;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::CloudInput;
 use terrane_raster::Inputs;
 
@@ -22,8 +22,8 @@ impl Operation for CloudTinOptions {
         job.format().and(job.check())
     }
 
-    fn run(&self, request: Request<'_>) -> Result<CloudTinReport> {
-        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
+    fn run(&self, request: RunRequest<'_>) -> Result<CloudTinReport> {
+        let RunRequest { inputs, output, skipped, is_measured, progress, cancel } = request;
         let job = CloudTinJob { measure: is_measured, ..self.job(inputs, output)? };
         match &self.resuming.workdir {
             None => run(&job, progress, cancel),

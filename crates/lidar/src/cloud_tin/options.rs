@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
 use super::job::CloudTinJob;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::OpenOptions;
+use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Resources;
 use terrane_engine::options::{CloudInput, Constraints, FileOutput, Resuming};
 use terrane_engine::placing::Placing;
@@ -20,7 +20,7 @@ use terrane_raster::Inputs;
 #[non_exhaustive]
 pub struct CloudTinOptions {
     /// Largest vertical distance of any point from the mesh, in the vertical unit of the data; 0 keeps all points
-    #[option(value = "E", stands_for = "max_vertices", stands_for = "max_triangles", range = Range::FROM_ZERO,
+    #[option(value = "E", stands_for = "max_vertices", stands_for = "max_triangles", range = OptionRange::FROM_ZERO,
              heading = "Target")]
     pub max_error: Option<f64>,
     /// How the cloud is read.
@@ -43,9 +43,9 @@ pub struct CloudTinOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::OneOf(&["max_error"], "target"),
-    Rule::NotWith("workdir", &["keep_degrees", "size", "scale", "exaggeration"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::OneOf(&["max_error"], "target"),
+    OptionRule::NotWith("workdir", &["keep_degrees", "size", "scale", "exaggeration"]),
 ];
 
 impl CloudTinOptions {
@@ -63,7 +63,7 @@ impl CloudTinOptions {
         let none = || Error::usage("no target given").remedy("pass ‹max_error›");
         Ok(CloudTinJob {
             inputs: inputs.clone(),
-            options: OpenOptions::default(),
+            options: CloudOpenOptions::default(),
             output: output.to_path_buf(),
             format: self.file.format.clone(),
             overwrite: self.file.replacing.overwrite,

@@ -4,24 +4,24 @@
 use std::path::Path;
 
 use super::job::CloudTinJob;
-use super::lines::Lines;
-use super::regions::{Regions, no_surface};
-use super::work::Work;
-use crate::points::{Filling, PointStore, Tiling};
+use super::lines::CloudLines;
+use super::regions::{CloudTinRegions, no_surface};
+use super::work::CloudTinContext;
+use crate::points::{PointStore, PointStoreSetup, Tiling};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Point3};
 use terrane_cloud::{CloudInfo, PointSource};
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::{PROGRAM, too_little};
 use terrane_engine::on_cloud::OnCloud;
-use terrane_engine::placing::Placed;
-use terrane_engine::plan::At;
+use terrane_engine::placing::MeshPlacement;
+use terrane_engine::plan::Observer;
 use terrane_engine::{Resources, beside};
 use terrane_files::folder_for;
 use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
 
 /// How the memory is divided.
-pub(super) struct Division {
+pub(super) struct CloudTinMemory {
     /// Eighths for points that wait, for vertices that wait, and for the program and its workers.
     points: u64,
     vertices: u64,
@@ -33,12 +33,14 @@ pub(super) struct Division {
 
 /// Where vertices are chosen among the points, and where every point is one: the mesh is larger then,
 /// and no vertices wait beside the points.
-const CHOSEN: Division = Division { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
-const ALL: Division = Division { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
+const CHOSEN: CloudTinMemory =
+    CloudTinMemory { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
+const ALL: CloudTinMemory = CloudTinMemory { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
 /// The same where lines have posts beside them.
-const ALL_AND_POSTS: Division = Division { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
+const ALL_AND_POSTS: CloudTinMemory =
+    CloudTinMemory { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
 
-impl Division {
+impl CloudTinMemory {
     fn of(tolerance: f64, kept: &OnCloud) -> &'static Self {
         match (tolerance == 0.0, kept.has_lines()) {
             (false, _) => &CHOSEN,
@@ -73,7 +75,7 @@ impl Division {
 const LEAST_SHARED: u64 = 8 << 20;
 
 /// A job on a cloud that is known by its headers: what the mesh and its file will be like.
-pub(super) struct Ready<'a> {
+pub(super) struct PreparedCloudTin<'a> {
     /// What the user calls the input.
     pub(super) label: String,
     pub(super) job: &'a CloudTinJob,
@@ -82,17 +84,17 @@ pub(super) struct Ready<'a> {
     pub(super) kept: OnCloud,
     pub(super) format: &'static MeshFormat,
     header: MeshHeader,
-    pub(super) placed: Placed,
+    pub(super) placed: MeshPlacement,
     pub(super) notes: Vec<String>,
-    pub(super) division: &'static Division,
+    pub(super) division: &'static CloudTinMemory,
 }
 
-impl<'a> Ready<'a> {
+impl<'a> PreparedCloudTin<'a> {
     /// Of a job on points whose input the user calls `label`.
     pub(super) fn new(
         (job, label): (&'a CloudTinJob, &str),
         points: &'a dyn PointSource,
-        features: Features,
+        features: ConstraintFeatures,
         format: &'static MeshFormat,
     ) -> Result<Self> {
         let info = points.info();
@@ -107,7 +109,7 @@ impl<'a> Ready<'a> {
         header.scale = placed.scale;
         header.unit.clone_from(&placed.unit);
         header.origin = placed.origin(header.origin, header.bounds);
-        let division = Division::of(job.tolerance, &kept);
+        let division = CloudTinMemory::of(job.tolerance, &kept);
         let label = label.to_owned();
         Ok(Self { label, job, info, bounds, kept, format, header, placed, notes, division })
     }
@@ -126,9 +128,9 @@ impl<'a> Ready<'a> {
     }
 
     /// How points are read.
-    pub(super) fn filling<'f>(&'f self, at: At<'f>) -> Filling<'f> {
+    pub(super) fn filling<'f>(&'f self, at: Observer<'f>) -> PointStoreSetup<'f> {
         let memory = self.job.resources.memory.saturating_sub(self.kept.bytes());
-        Filling {
+        PointStoreSetup {
             threads: self.job.resources.threads.max(1),
             memory: memory / 8 * self.division.points,
             folder: self.folder(),
@@ -148,13 +150,13 @@ impl<'a> Ready<'a> {
     /// Too little memory.
     pub(super) fn work<'w>(
         &'w self,
-        (points, regions, lines): (&'w PointStore, &'w Regions, &'w Lines<'w>),
+        (points, regions, lines): (&'w PointStore, &'w CloudTinRegions, &'w CloudLines<'w>),
         held: u64,
-        at: At<'w>,
-    ) -> Result<Work<'w>> {
+        at: Observer<'w>,
+    ) -> Result<CloudTinContext<'w>> {
         let Resources { threads, memory, .. } = self.job.resources;
         let worker = self.division.worker(regions.most_points(), lines.most_bytes());
-        Ok(Work {
+        Ok(CloudTinContext {
             points,
             regions,
             lines,

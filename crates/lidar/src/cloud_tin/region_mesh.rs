@@ -7,12 +7,12 @@
 
 use std::collections::HashMap;
 
-use super::regions::{Region, no_surface};
+use super::regions::{CloudTinRegion, no_surface};
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Disc, Window};
-use terrane_tin::scatter::Mesh;
+use terrane_delaunay::{Disc, PositionWindow};
+use terrane_tin::scatter::ScatterMesh;
 
 /// Squares taken in at a time, the nearest first.
 const AT_ONCE: usize = 64;
@@ -22,19 +22,23 @@ const STRIDES: i64 = 6;
 /// A region's part of the triangulation of the vertices in a store.
 pub(super) struct RegionMesh<'a> {
     vertices: &'a PointStore,
-    region: Region,
-    pub(super) mesh: Mesh,
+    region: CloudTinRegion,
+    pub(super) mesh: ScatterMesh,
     /// Squares that are in the mesh as a whole, with their vertices.
     loaded: HashMap<usize, Vec<Point>>,
     /// All squares in here are loaded.
-    whole: Window,
+    whole: PositionWindow,
 }
 
 impl<'a> RegionMesh<'a> {
     /// The triangulation of `vertices` as far as `region` sees it. `hull` has the corners of
     /// the convex hull of all vertices, at least three.
-    pub(super) fn new(vertices: &'a PointStore, region: Region, hull: &[Point]) -> Result<Self> {
-        let mesh = Mesh::of_first(hull).ok_or_else(no_surface)?;
+    pub(super) fn new(
+        vertices: &'a PointStore,
+        region: CloudTinRegion,
+        hull: &[Point],
+    ) -> Result<Self> {
+        let mesh = ScatterMesh::of_first(hull).ok_or_else(no_surface)?;
         let tiling = vertices.tiling();
         let whole = region.window(tiling).grown(tiling.side());
         let mut local = Self { vertices, region, mesh, loaded: HashMap::new(), whole };
@@ -98,13 +102,13 @@ impl<'a> RegionMesh<'a> {
         let all = (0..self.mesh.triangles().len() as u32).filter_map(|t| self.mesh.corners(t));
         let all = all.map(|corners| corners.map(|p| [p.x, p.y]));
         let touches = move |corners: &[[i32; 2]; 3]| {
-            Window::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
+            PositionWindow::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
         };
         all.filter(touches).map(Disc::around)
     }
 
     /// A window that holds every vertex that may change the mesh here.
-    pub(super) fn influence(&self) -> Window {
+    pub(super) fn influence(&self) -> PositionWindow {
         let all = self.vertices.tiling().window();
         let parts = self.discs().filter_map(|disc| disc.clip(&all));
         parts.fold(self.whole, |sum, part| sum.union(&part))
@@ -122,7 +126,7 @@ impl<'a> RegionMesh<'a> {
 }
 
 /// Vertices far from the region, one for so many squares, fewer with the distance.
-fn skeleton(vertices: &PointStore, region: &Region) -> Vec<Point> {
+fn skeleton(vertices: &PointStore, region: &CloudTinRegion) -> Vec<Point> {
     let tiling = vertices.tiling();
     let (counts, mut found) = (tiling.counts().map(i64::from), Vec::new());
     let mut stride = 1;

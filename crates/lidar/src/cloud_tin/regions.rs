@@ -4,14 +4,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::{PointStore, Tiling};
 use terrane_base::error::Error;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 
 /// Most points of a region, unless a single square holds more.
 pub(super) const REGION_POINTS: u64 = 1 << 17;
 
 /// A block of squares that is worked on by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Region {
+pub(super) struct CloudTinRegion {
     /// First column and row of squares.
     pub(super) low: [u32; 2],
     /// Column and row after the last.
@@ -22,13 +22,13 @@ pub(super) struct Region {
 
 /// All regions that hold points or lines, in the order of a curve that keeps neighbours together.
 #[derive(Debug)]
-pub(super) struct Regions {
-    pub(super) all: Vec<Region>,
+pub(super) struct CloudTinRegions {
+    pub(super) all: Vec<CloudTinRegion>,
     /// By square: its region.
     of: Vec<u32>,
 }
 
-impl Region {
+impl CloudTinRegion {
     /// Its squares, row by row.
     pub(super) fn squares<'a>(&self, tiling: &'a Tiling) -> impl Iterator<Item = usize> + use<'a> {
         let Self { low, end, .. } = *self;
@@ -37,13 +37,13 @@ impl Region {
     }
 
     /// What it covers.
-    pub(super) fn window(&self, tiling: &Tiling) -> Window {
+    pub(super) fn window(&self, tiling: &Tiling) -> PositionWindow {
         let first = tiling.window_of(tiling.square(self.low));
         first.union(&tiling.window_of(tiling.square(self.end.map(|end| end - 1))))
     }
 }
 
-impl Regions {
+impl CloudTinRegions {
     /// Divides the squares of a store, in each of which there are so many pieces of lines (none where that is empty):
     /// by halves of both sides while there are more than `most` points and pieces, and more than one square.
     pub(super) fn new(store: &PointStore, lines: &[u32], most: u64) -> Self {
@@ -53,7 +53,7 @@ impl Regions {
         let mut blocks = vec![([0; 2], side)];
         while let Some((low, side)) = blocks.pop() {
             let end = [0, 1].map(|axis| (low[axis] + side).min(counts[axis]));
-            let mut region = Region { low, end, points: 0 };
+            let mut region = CloudTinRegion { low, end, points: 0 };
             let squares = region.squares(store.tiling());
             let held = |s: usize| {
                 let points = store.summary(s).map_or(0, |summary| summary.count);
@@ -70,13 +70,13 @@ impl Regions {
     }
 
     /// Those that were found before.
-    pub(super) fn known(all: &[Region], tiling: &Tiling) -> Self {
+    pub(super) fn known(all: &[CloudTinRegion], tiling: &Tiling) -> Self {
         let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; tiling.count()] };
         all.iter().for_each(|region| regions.push(*region, tiling));
         regions
     }
 
-    fn push(&mut self, region: Region, tiling: &Tiling) {
+    fn push(&mut self, region: CloudTinRegion, tiling: &Tiling) {
         let number = self.all.len() as u32;
         region.squares(tiling).for_each(|square| self.of[square] = number);
         self.all.push(region);

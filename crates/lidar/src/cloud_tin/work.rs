@@ -2,18 +2,18 @@
 
 use std::path::Path;
 
-use super::lines::Lines;
-use super::regions::Regions;
+use super::lines::CloudLines;
+use super::regions::CloudTinRegions;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_engine::{Cancel, Progress, workers};
 
 /// What every stage works with.
 #[derive(Clone, Copy)]
-pub(super) struct Work<'a> {
+pub(super) struct CloudTinContext<'a> {
     pub(super) points: &'a PointStore,
-    pub(super) regions: &'a Regions,
-    pub(super) lines: &'a Lines<'a>,
+    pub(super) regions: &'a CloudTinRegions,
+    pub(super) lines: &'a CloudLines<'a>,
     pub(super) threads: usize,
     /// Bytes of vertices that may wait in memory.
     pub(super) vertex_bytes: u64,
@@ -23,7 +23,7 @@ pub(super) struct Work<'a> {
     pub(super) cancel: &'a Cancel,
 }
 
-impl Work<'_> {
+impl CloudTinContext<'_> {
     /// Does `work` for every number below `count`, on all threads.
     pub(super) fn on_all(
         &self,

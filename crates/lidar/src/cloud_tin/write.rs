@@ -4,23 +4,23 @@
 use std::sync::Mutex;
 
 use super::region_mesh::RegionMesh;
-use super::work::Work;
+use super::work::CloudTinContext;
 use crate::points::PointStore;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Frame, Point, Point3};
+use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_files::lock;
 use terrane_mesh::{MeshBatch, MeshSink};
 
 /// What was written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Written {
+pub(super) struct WrittenCloudTin {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
     pub(super) bytes: u64,
 }
 
 /// A region's part of the mesh.
-struct Part {
+struct RegionMeshPart {
     vertices: Vec<Point>,
     triangles: Vec<[u64; 3]>,
     /// Empty where the sink does not want them.
@@ -32,20 +32,21 @@ const BATCH: usize = 1 << 12;
 
 /// Writes the triangulation of `vertices`.
 pub(super) fn write(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     vertices: &PointStore,
     hull: &[Point],
-    frame: &Frame,
+    frame: &PointFrame,
     mut sink: Box<dyn MeshSink>,
-) -> Result<Written> {
+) -> Result<WrittenCloudTin> {
     let firsts = firsts(work, vertices)?;
-    let mut written = Written::default();
+    let mut written = WrittenCloudTin::default();
     work.progress.begin("write", work.regions.all.len() as u64);
     let all = work.regions.all.len();
     let with_corners = sink.wants_corners();
     for from in (0..all).step_by(work.threads) {
         let count = work.threads.min(all - from);
-        let parts: Vec<Mutex<Option<Part>>> = (0..count).map(|_| Mutex::new(None)).collect();
+        let parts: Vec<Mutex<Option<RegionMeshPart>>> =
+            (0..count).map(|_| Mutex::new(None)).collect();
         let make = |_: &mut (), i: u64| {
             let mut part = part(work, vertices, hull, &firsts, from + i as usize)?;
             sort(&mut part, with_corners);
@@ -66,7 +67,7 @@ pub(super) fn write(
 }
 
 /// By square: the number of its first vertex.
-fn firsts(work: &Work<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
+fn firsts(work: &CloudTinContext<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
     let tiling = vertices.tiling();
     let squares: Vec<usize> =
         work.regions.all.iter().flat_map(|region| region.squares(tiling)).collect();
@@ -83,12 +84,12 @@ fn firsts(work: &Work<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
 }
 
 fn part(
-    work: &Work<'_>,
+    work: &CloudTinContext<'_>,
     vertices: &PointStore,
     hull: &[Point],
     firsts: &[u64],
     number: usize,
-) -> Result<Part> {
+) -> Result<RegionMeshPart> {
     let region = work.regions.all[number];
     let mut local = RegionMesh::new(vertices, region, hull)?;
     let (tiling, mut own) = (vertices.tiling(), Vec::new());
@@ -98,7 +99,7 @@ fn part(
     let squares: Vec<usize> = local.mesh.points().iter().map(|&p| tiling.square_of(p)).collect();
     let regions: Vec<usize> = squares.iter().map(|&square| work.regions.of(square)).collect();
     let mut ids: Vec<Option<u64>> = vec![None; squares.len()];
-    let mut part = Part { vertices: own, triangles: Vec::new(), corners: Vec::new() };
+    let mut part = RegionMeshPart { vertices: own, triangles: Vec::new(), corners: Vec::new() };
     for triangle in 0..local.mesh.triangles().len() as u32 {
         let Some(corners) = local.mesh.corners(triangle) else { continue };
         let at = local.mesh.triangles()[triangle as usize].corners.map(|v| v as usize);
@@ -125,7 +126,7 @@ fn id(local: &mut RegionMesh<'_>, firsts: &[u64], vertex: Point, square: usize) 
 }
 
 /// Turns each triangle to begin with its lowest vertex, and puts them in order.
-fn sort(part: &mut Part, with_corners: bool) {
+fn sort(part: &mut RegionMeshPart, with_corners: bool) {
     for (ids, corners) in part.triangles.iter_mut().zip(&mut part.corners) {
         let least = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);
         ids.rotate_left(least);
@@ -141,7 +142,7 @@ fn sort(part: &mut Part, with_corners: bool) {
     (part.triangles, part.corners) = all.into_iter().unzip();
 }
 
-fn push(part: &Part, frame: &Frame, sink: &mut dyn MeshSink) -> Result<()> {
+fn push(part: &RegionMeshPart, frame: &PointFrame, sink: &mut dyn MeshSink) -> Result<()> {
     let world = |p: &Point| frame.world(*p);
     for vertices in part.vertices.chunks(BATCH) {
         let vertices: Vec<Point3> = vertices.iter().map(world).collect();

@@ -13,27 +13,27 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
-use super::budget::Budget;
-use super::extent::Extent;
+use super::budget::GridBudget;
+use super::extent::GridExtent;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_files::{self as files, Spool, lock};
-use terrane_gridding::{Block, Recipe};
+use terrane_files::{self as files, SpoolFile, lock};
+use terrane_gridding::{CellBlock, Recipe};
 
 /// All blocks of a grid.
-pub(super) struct Blocks<'a> {
+pub(super) struct CellBlocks<'a> {
     recipe: &'a Recipe,
     /// Blocks have 2^shift columns and rows.
     shift: u32,
     width: u32,
     height: u32,
-    slots: Vec<Slot>,
+    slots: Vec<CellBlockSlot>,
     /// Bytes that blocks in memory may take, and take.
     budget: u64,
     held: AtomicU64,
     /// Counts touches.
     clock: AtomicU64,
-    spool: Spool,
+    spool: SpoolFile,
     spilling: Mutex<()>,
     /// Cells of each block that are written, or 0 to keep it.
     written: Vec<AtomicU32>,
@@ -41,30 +41,35 @@ pub(super) struct Blocks<'a> {
 
 /// One block.
 #[derive(Default)]
-struct Slot {
-    state: Mutex<State>,
+struct CellBlockSlot {
+    state: Mutex<CellBlockState>,
     /// When it was last touched; 0 while it is not in memory.
     touched: AtomicU64,
 }
 
 #[derive(Default)]
-struct State {
-    block: Option<Box<Block>>,
-    spilled: Vec<Spilled>,
+struct CellBlockState {
+    block: Option<Box<CellBlock>>,
+    spilled: Vec<SpilledBlock>,
     settled: bool,
 }
 
 /// A block in the spool.
-struct Spilled {
-    place: files::Extent,
+struct SpilledBlock {
+    place: files::SpoolExtent,
     lengths: Vec<usize>,
 }
 
 /// Parts of one block that lie in the spool at most.
 const MOST_PARTS: usize = 4;
 
-impl<'a> Blocks<'a> {
-    pub(super) fn new(recipe: &'a Recipe, extent: &Extent, budget: &Budget, folder: &Path) -> Self {
+impl<'a> CellBlocks<'a> {
+    pub(super) fn new(
+        recipe: &'a Recipe,
+        extent: &GridExtent,
+        budget: &GridBudget,
+        folder: &Path,
+    ) -> Self {
         let (width, height) = extent.lattice.size();
         let side = 1 << budget.shift;
         let blocks = width.div_ceil(side) as usize * height.div_ceil(side) as usize;
@@ -73,11 +78,11 @@ impl<'a> Blocks<'a> {
             shift: budget.shift,
             width,
             height,
-            slots: (0..blocks).map(|_| Slot::default()).collect(),
+            slots: (0..blocks).map(|_| CellBlockSlot::default()).collect(),
             budget: budget.blocks,
             held: AtomicU64::new(0),
             clock: AtomicU64::new(1),
-            spool: Spool::new(folder),
+            spool: SpoolFile::new(folder),
             spilling: Mutex::new(()),
             written: Vec::new(),
         };
@@ -117,7 +122,7 @@ impl<'a> Blocks<'a> {
     pub(super) fn change(
         &self,
         index: u32,
-        work: impl FnOnce(&mut Block) -> Result<()>,
+        work: impl FnOnce(&mut CellBlock) -> Result<()>,
     ) -> Result<()> {
         let slot = &self.slots[index as usize];
         let mut state = self.present(slot)?;
@@ -135,7 +140,7 @@ impl<'a> Blocks<'a> {
     }
 
     /// The block of a slot in memory, as it is or empty.
-    fn present<'s>(&self, slot: &'s Slot) -> Result<MutexGuard<'s, State>> {
+    fn present<'s>(&self, slot: &'s CellBlockSlot) -> Result<MutexGuard<'s, CellBlockState>> {
         let now = self.clock.fetch_add(1, Ordering::Relaxed);
         let state = lock(&slot.state);
         if state.block.is_some() {
@@ -156,8 +161,8 @@ impl<'a> Blocks<'a> {
         Ok(state)
     }
 
-    fn empty(&self) -> Block {
-        Block::new(self.recipe, 1 << (2 * self.shift))
+    fn empty(&self) -> CellBlock {
+        CellBlock::new(self.recipe, 1 << (2 * self.shift))
     }
 
     /// Counts bytes that are about to be held, and makes room for them.
@@ -184,7 +189,7 @@ impl<'a> Blocks<'a> {
         Ok(())
     }
 
-    fn spill(&self, slot: &Slot) -> Result<()> {
+    fn spill(&self, slot: &CellBlockSlot) -> Result<()> {
         let mut state = lock(&slot.state);
         let Some(mut block) = state.block.take() else { return Ok(()) };
         slot.touched.store(0, Ordering::Relaxed);
@@ -195,15 +200,15 @@ impl<'a> Blocks<'a> {
         let parts = block.parts();
         let lengths = parts.iter().map(|part| part.len()).collect();
         let place = self.spool.put(&parts)?;
-        state.spilled.push(Spilled { place, lengths });
+        state.spilled.push(SpilledBlock { place, lengths });
         state.settled = false;
         self.held.fetch_sub(before, Ordering::Relaxed);
         Ok(())
     }
 
     /// Adds the spilled parts of a block to it.
-    fn join(&self, block: &mut Block, spilled: &mut Vec<Spilled>) -> Result<()> {
-        for Spilled { place, lengths } in spilled.drain(..) {
+    fn join(&self, block: &mut CellBlock, spilled: &mut Vec<SpilledBlock>) -> Result<()> {
+        for SpilledBlock { place, lengths } in spilled.drain(..) {
             let mut other = self.empty();
             self.spool.take(place, &mut other.parts_mut(&lengths))?;
             block.fold(&other)?;
@@ -212,7 +217,7 @@ impl<'a> Blocks<'a> {
     }
 
     /// Lets `look` see a block with all its points; nothing happens to one that was never touched.
-    pub(super) fn read(&self, index: u32, look: impl FnOnce(&Block)) -> Result<()> {
+    pub(super) fn read(&self, index: u32, look: impl FnOnce(&CellBlock)) -> Result<()> {
         let slot = &self.slots[index as usize];
         let state = lock(&slot.state);
         if state.block.is_none() && state.spilled.is_empty() {
@@ -220,7 +225,7 @@ impl<'a> Blocks<'a> {
         }
         drop(state);
         let mut state = self.present(slot)?;
-        let State { block, spilled, settled } = &mut *state;
+        let CellBlockState { block, spilled, settled } = &mut *state;
         let Some(block) = block.as_mut() else { return Ok(()) };
         let before = block.held();
         if !spilled.is_empty() {
@@ -251,10 +256,10 @@ impl<'a> Blocks<'a> {
         }
     }
 
-    fn forget(&self, slot: &Slot) {
+    fn forget(&self, slot: &CellBlockSlot) {
         let mut state = lock(&slot.state);
         slot.touched.store(0, Ordering::Relaxed);
-        let State { block, spilled, .. } = std::mem::take(&mut *state);
+        let CellBlockState { block, spilled, .. } = std::mem::take(&mut *state);
         let bytes = block.map_or(0, |block| block.held() as u64);
         self.held.fetch_sub(bytes, Ordering::Relaxed);
         spilled.into_iter().for_each(|part| self.spool.free(part.place));

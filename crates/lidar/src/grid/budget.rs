@@ -3,11 +3,11 @@
 //! | share | bytes |
 //! |---|---|
 //! | the program itself | [`PROGRAM`] |
-//! | half of all, if there is a surface: points it goes through | [`Budget::points`] |
+//! | half of all, if there is a surface: points it goes through | [`GridBudget::points`] |
 //! | the table of blocks | 64 for each |
 //! | each thread: a batch of points and what decodes it, later a block of the output | [`WORKER`] or more |
 //! | each thread: the columns of attributes, if there are any, and what decodes them | [`COLUMNS`] |
-//! | the rest: blocks of cells, those beyond it spilled | [`Budget::blocks`] |
+//! | the rest: blocks of cells, those beyond it spilled | [`GridBudget::blocks`] |
 
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
@@ -15,7 +15,7 @@ use terrane_engine::memory::{PROGRAM, too_little};
 use terrane_gridding::Recipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
-use super::extent::Extent;
+use super::extent::GridExtent;
 use super::neighbours;
 
 const WORKER: u64 = 12 << 20;
@@ -32,7 +32,7 @@ const AT_HAND: u64 = 24;
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Budget {
+pub(super) struct GridBudget {
     pub(super) threads: usize,
     /// Bytes for cells.
     pub(super) blocks: u64,
@@ -42,12 +42,12 @@ pub(super) struct Budget {
     pub(super) shift: u32,
 }
 
-impl Budget {
+impl GridBudget {
     pub(super) fn divide(
         resources: &Resources,
         format: &GridFormat,
         sink: &dyn GridSink,
-        extent: &Extent,
+        extent: &GridExtent,
         recipe: &Recipe,
         points: u64,
     ) -> Result<Self> {
@@ -84,7 +84,7 @@ impl Budget {
     pub(super) fn least(
         format: &GridFormat,
         sink: &dyn GridSink,
-        extent: &Extent,
+        extent: &GridExtent,
         recipe: &Recipe,
     ) -> u64 {
         let slots = cells(extent).div_ceil(1 << (2 * MOST_SHIFT)).saturating_mul(SLOT);
@@ -96,7 +96,7 @@ impl Budget {
     pub(super) fn check(
         resources: &Resources,
         format: &GridFormat,
-        (sink, extent, recipe): (&dyn GridSink, &Extent, &Recipe),
+        (sink, extent, recipe): (&dyn GridSink, &GridExtent, &Recipe),
         before: u64,
     ) -> Result<()> {
         match before > resources.memory {
@@ -113,7 +113,7 @@ impl Budget {
         resources: &Resources,
         format: &GridFormat,
         sink: &dyn GridSink,
-        extent: &Extent,
+        extent: &GridExtent,
         recipe: &Recipe,
     ) -> Result<Self> {
         let worker = WORKER.max(writing(format, sink, extent, recipe));
@@ -130,19 +130,19 @@ impl Budget {
 }
 
 /// Bytes a thread needs.
-fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &GridExtent, recipe: &Recipe) -> u64 {
     let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
     let columns = if recipe.attributes().is_empty() { 0 } else { COLUMNS };
     columns + WORKER.max(around + writing(format, sink, extent, recipe))
 }
 
-fn cells(extent: &Extent) -> u64 {
+fn cells(extent: &GridExtent) -> u64 {
     let (width, height) = extent.lattice.size();
     u64::from(width).saturating_mul(u64::from(height)).max(1)
 }
 
 /// Bytes a thread needs to write a block of the output, with what its voids are filled from.
-fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &Extent, recipe: &Recipe) -> u64 {
+fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &GridExtent, recipe: &Recipe) -> u64 {
     let (width, height) = sink.block();
     let (width, height) = (width.min(extent.output.width), height.min(extent.output.height));
     let (width, height) = (u64::from(width), u64::from(height));

@@ -1,20 +1,20 @@
 //! How values of options of grids are written.
 
 use terrane_gridding::{Canopy, parse_list};
-use terrane_options::{Codec, Json, Kind};
+use terrane_options::{Json, OptionCodec, OptionKind};
 
 use super::preset::kinds::GroundFrom;
 
 /// A value of a form of its own, by the text that it is written as.
 pub struct AsText;
 
-terrane_engine::by_text!(AsText, Kind::Text, Canopy GroundFrom);
+terrane_engine::by_text!(AsText, OptionKind::Text, Canopy GroundFrom);
 
 /// A list of statistics.
 pub struct StatisticList;
 
-impl Codec<String> for StatisticList {
-    const KIND: Kind = Kind::Shaped("str | Sequence[str]");
+impl OptionCodec<String> for StatisticList {
+    const KIND: OptionKind = OptionKind::Shaped("str | Sequence[str]");
 
     fn parse(text: &str) -> Result<String, String> {
         parse_list(text).map(|_| text.to_owned()).map_err(|error| error.to_string())
@@ -31,7 +31,7 @@ mod tests {
 
     #[test]
     fn statistics_have_to_be_known() {
-        let parse = <StatisticList as Codec<String>>::parse;
+        let parse = <StatisticList as OptionCodec<String>>::parse;
         assert!(parse("mean,max").is_ok() && parse("mean,modus").is_err());
     }
 }

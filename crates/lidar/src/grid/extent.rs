@@ -5,7 +5,7 @@ use terrane_base::geom::{Crs, Rect};
 use terrane_base::limits;
 use terrane_cloud::CloudInfo;
 use terrane_files::path_of;
-use terrane_gridding::{Edges, FAR, Lattice, Rules, Statistic};
+use terrane_gridding::{CellEdgeRule, CellLattice, FAR, Statistic, StatisticDefaults};
 use terrane_raster::{self as raster, GridInfo};
 
 use super::job::GridJob;
@@ -13,9 +13,9 @@ use super::placement::{Compat, Placement};
 
 /// Cells whose values are asked for.
 #[derive(Clone, Copy)]
-pub(super) struct Piece<'a> {
+pub(super) struct CellRequest<'a> {
     /// All cells.
-    pub(super) extent: &'a Extent,
+    pub(super) extent: &'a GridExtent,
     /// Those of them.
     pub(super) rect: Rect,
     /// Longest edge of triangles that are surface, in world units.
@@ -24,9 +24,9 @@ pub(super) struct Piece<'a> {
 
 /// The cells of a job.
 #[derive(Clone, Debug)]
-pub(super) struct Extent {
+pub(super) struct GridExtent {
     /// All cells that are computed.
-    pub(super) lattice: Lattice,
+    pub(super) lattice: CellLattice,
     /// Those of them that are written.
     pub(super) output: Rect,
     /// Those that voids may be filled from: the ones that the cloud's bounds overlap, which are the
@@ -44,7 +44,7 @@ const HAIR: f64 = 1e-6;
 /// First and number of the cells along both axes, by lattice index.
 type Spans = [[i64; 2]; 2];
 
-impl Extent {
+impl GridExtent {
     pub(super) fn new(cloud: &CloudInfo, job: &GridJob) -> Result<Self> {
         let (base, spans, crs, notes) = match &job.placement.like {
             Some(like) => like_grid(like, cloud, job)?,
@@ -65,7 +65,7 @@ impl Extent {
         let sides = [width + 2 * margin, height + 2 * margin].map(|side| side as u64);
         limits::check("number of columns", sides[0], limits::MAX_SIDE)?;
         limits::check("number of rows", sides[1], limits::MAX_SIDE)?;
-        let lattice = Lattice {
+        let lattice = CellLattice {
             x: base.x.covering(x - margin, sides[0] as u32),
             y: base.y.covering(y - margin, sides[1] as u32),
         };
@@ -89,9 +89,9 @@ impl Extent {
 
     /// The same for a rectangle of the cells that are written, by their columns and rows.
     pub(super) fn part(&self, rect: Rect, cloud: &CloudInfo) -> Self {
-        let Lattice { x, y } = self.lattice;
+        let CellLattice { x, y } = self.lattice;
         let below = i64::from(self.output.height - rect.row - rect.height);
-        let lattice = Lattice {
+        let lattice = CellLattice {
             x: x.covering(x.first() + i64::from(rect.col), rect.width + 2 * self.fill),
             y: y.covering(y.first() + below, rect.height + 2 * self.fill),
         };
@@ -106,7 +106,7 @@ impl Extent {
     }
 
     /// The radius to report: of the job, where a statistic goes by it.
-    pub(super) fn radius(&self, rules: &Rules, job: &GridJob) -> Option<f64> {
+    pub(super) fn radius(&self, rules: &StatisticDefaults, job: &GridJob) -> Option<f64> {
         let goes_by_it = |statistic: Statistic| match statistic.parameter("radius") {
             Some(_) => false,
             None => rules.around || statistic.lacks("radius"),
@@ -116,7 +116,7 @@ impl Extent {
 }
 
 /// The cells of the lattice that the cloud's bounds overlap.
-fn known(lattice: &Lattice, cloud: &CloudInfo) -> Rect {
+fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     let Some(bounds) = cloud.bounds else { return Rect::new(0, 0, 0, 0) };
     let (width, height) = lattice.size();
     let [[west, east], [south, north]] = lattice.span(bounds);
@@ -158,7 +158,7 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
 }
 
 /// A lattice of cells of the wanted size, and the cells of the cloud or the box.
-fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
+fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
     let Placement { cell, align, extent, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
     refuse_degrees(cell, extent.or_else(|| world(cloud)), &cloud.crs)?;
@@ -167,9 +167,13 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(Lattice, Spans)> {
         Compat::Pdal => extent.map(|b| [b[0], b[1]]).or_else(lowest),
         Compat::None | Compat::Lasr => *align,
     };
-    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let edges = if job.compat == Compat::Lasr {
+        CellEdgeRule::NorthClosed
+    } else {
+        CellEdgeRule::LowerClosed
+    };
     let anchor = anchor.unwrap_or([0.0; 2]);
-    let lattice = Lattice::new(&cloud.frame, anchor, cell, edges);
+    let lattice = CellLattice::new(&cloud.frame, anchor, cell, edges);
     let spans = match (extent, cloud.bounds) {
         (Some([x0, y0, x1, y1]), _) => {
             let pdal = job.compat == Compat::Pdal;
@@ -224,18 +228,22 @@ fn like_grid(
     name: &str,
     cloud: &CloudInfo,
     job: &GridJob,
-) -> Result<(Lattice, Spans, Crs, Vec<String>)> {
+) -> Result<(CellLattice, Spans, Crs, Vec<String>)> {
     let path = &*path_of(name);
-    let source = raster::open(name, &raster::OpenOptions::default())?;
+    let source = raster::open(name, &raster::GridOpenOptions::default())?;
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;
     if !georeferenced || !upright {
         return Err(Error::unsupported("a grid that ‹like› goes by must lie somewhere, north up")
             .in_file(path));
     }
-    let edges = if job.compat == Compat::Lasr { Edges::NorthClosed } else { Edges::LowerClosed };
+    let edges = if job.compat == Compat::Lasr {
+        CellEdgeRule::NorthClosed
+    } else {
+        CellEdgeRule::LowerClosed
+    };
     let corner = [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e];
-    let lattice = Lattice::new(&cloud.frame, corner, [t.a, -t.e], edges);
+    let lattice = CellLattice::new(&cloud.frame, corner, [t.a, -t.e], edges);
     let (width, height) = (i64::from(width), i64::from(height));
     let (crs, notes) = agreed(&source.info().crs, &cloud.crs).map_err(|e| e.in_file(path))?;
     Ok((lattice, [[0, width], [-height, height]], crs, notes))

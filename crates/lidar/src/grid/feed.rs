@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::blocks::Blocks;
-use super::extent::Extent;
+use super::blocks::CellBlocks;
+use super::extent::GridExtent;
 use super::lane::{Lane, Outside};
-use super::queue::Queue;
+use super::queue::ReadQueue;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{Census, Columns, PointSource};
+use terrane_cloud::{AttributeSource, PointCensus, PointSource};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{Recipe, Selected, Selector};
 
@@ -17,18 +17,18 @@ use terrane_gridding::{Recipe, Selected, Selector};
 pub(super) struct Feed<'a> {
     pub(super) source: &'a dyn PointSource,
     /// What reads it with the attributes that the recipe takes, if it takes any.
-    pub(super) columns: Option<&'a dyn Columns>,
+    pub(super) columns: Option<&'a dyn AttributeSource>,
     /// The parts of it that are read.
     pub(super) parts: Vec<usize>,
-    pub(super) extent: &'a Extent,
+    pub(super) extent: &'a GridExtent,
     pub(super) recipe: &'a Recipe,
-    pub(super) blocks: &'a Blocks<'a>,
+    pub(super) blocks: &'a CellBlocks<'a>,
 }
 
 /// What became of the points.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Fed {
-    pub(super) census: Census,
+    pub(super) census: PointCensus,
     /// Points kept that lie in no cell that is written.
     pub(super) outside: u64,
 }
@@ -43,10 +43,10 @@ impl Feed<'_> {
         cancel: &Cancel,
     ) -> Result<Fed> {
         progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
-        let queue = Queue::new(self.parts.len(), threads);
+        let queue = ReadQueue::new(self.parts.len(), threads);
         let failed = AtomicBool::new(false);
         let work = |thread| {
-            let worker = Worker::new(self, store);
+            let worker = GridFeedWorker::new(self, store);
             let fed = self.work(worker, &queue, thread, &failed, (progress, cancel));
             failed.fetch_or(fed.is_err(), Ordering::Relaxed);
             fed
@@ -68,13 +68,13 @@ impl Feed<'_> {
 
     fn work(
         &self,
-        mut worker: Worker<'_>,
-        queue: &Queue,
+        mut worker: GridFeedWorker<'_>,
+        queue: &ReadQueue,
         thread: usize,
         failed: &AtomicBool,
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Fed> {
-        let mut census = Census::default();
+        let mut census = PointCensus::default();
         while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
             cancel.check()?;
             let part = self.parts[part];
@@ -85,7 +85,7 @@ impl Feed<'_> {
         Ok(Fed { census, outside: worker.outside() })
     }
 
-    fn read(&self, part: usize, worker: &mut Worker<'_>) -> Result<Census> {
+    fn read(&self, part: usize, worker: &mut GridFeedWorker<'_>) -> Result<PointCensus> {
         match self.columns {
             Some(columns) => {
                 columns.read(part, &mut |points, columns| worker.take(points, columns))
@@ -96,7 +96,7 @@ impl Feed<'_> {
 }
 
 /// What one thread needs to hand points to blocks.
-struct Worker<'a> {
+struct GridFeedWorker<'a> {
     store: Option<&'a PointStore>,
     /// For each subject: how its points are found, where they are not all of them, and what takes them.
     lanes: Vec<(Option<Selector>, Lane<'a>)>,
@@ -105,7 +105,7 @@ struct Worker<'a> {
     apart: Option<Outside<'a>>,
 }
 
-impl<'a> Worker<'a> {
+impl<'a> GridFeedWorker<'a> {
     fn new(feed: &'a Feed<'a>, store: Option<&'a PointStore>) -> Self {
         let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
         let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {

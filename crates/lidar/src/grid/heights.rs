@@ -1,24 +1,24 @@
 //! Sources of heights for bands that are not statistics: surfaces through the points, models of the terrain.
 
-use super::extent::Piece;
+use super::extent::CellRequest;
 use super::neighbours::Surfaces;
-use super::preset::Model;
+use super::preset::PresetModel;
 use terrane_base::error::Result;
 use terrane_engine::sift::Losses;
 use terrane_gridding::Statistic;
 
 /// Surfaces through the points, or a model of the terrain.
-pub(super) enum Heights {
+pub(super) enum HeightSource {
     Surfaces(Box<Surfaces>),
-    Model(Box<Model>),
+    Model(Box<PresetModel>),
 }
 
-impl Heights {
+impl HeightSource {
     /// The values of a band at the centres of cells, NaN where there is none.
     pub(super) fn values(
         &self,
         statistic: Statistic,
-        piece: Piece<'_>,
+        piece: CellRequest<'_>,
         out: &mut [f64],
     ) -> Result<()> {
         match self {

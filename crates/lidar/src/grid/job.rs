@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use super::placement::{Compat, Placement, usual_cell};
 use super::preset::kinds::{GroundFrom, Preset};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, Filter, OpenOptions};
+use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_files::folder_for;
-use terrane_gridding::canopy::Way;
-use terrane_gridding::{self as gridding, Asked, Canopy, Recipe, Rules};
+use terrane_gridding::canopy::CanopyAlgorithm;
+use terrane_gridding::{self as gridding, Canopy, Recipe, StatisticDefaults, StatisticRequest};
 use terrane_raster::SampleType;
-use terrane_raster::write::{self, BandName, GridFormat, WriteOptions};
+use terrane_raster::write::{self, BandName, GridFormat, GridWriteOptions};
 
 /// A cloud-to-grid job. A plan notes what the cells depend on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ pub struct GridJob {
     pub input: Vec<String>,
     /// How they are read.
     #[serde(flatten)]
-    pub cloud: OpenOptions,
+    pub cloud: CloudOpenOptions,
     /// File to write.
     #[serde(skip)]
     pub output: PathBuf,
@@ -32,7 +32,7 @@ pub struct GridJob {
     /// Creation options of the format, as (key, value).
     pub creation: Vec<(String, String)>,
     /// A band for each ([`gridding::parse_list`]).
-    pub stats: Vec<Asked>,
+    pub stats: Vec<StatisticRequest>,
     /// The model of the terrain that the only band is ([`Preset::band`]), if it is one.
     pub preset: Option<Preset>,
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
@@ -79,12 +79,12 @@ impl GridJob {
     pub fn new(
         input: impl IntoIterator<Item = impl Into<String>>,
         output: impl Into<PathBuf>,
-        stats: Vec<Asked>,
+        stats: Vec<StatisticRequest>,
         cell: f64,
     ) -> Self {
         Self {
             input: input.into_iter().map(Into::into).collect(),
-            cloud: OpenOptions::default(),
+            cloud: CloudOpenOptions::default(),
             output: output.into(),
             format: None,
             creation: Vec::new(),
@@ -133,14 +133,14 @@ impl GridJob {
         creation
     }
 
-    pub(super) fn write_options(&self) -> WriteOptions {
+    pub(super) fn write_options(&self) -> GridWriteOptions {
         let bands = self.stats.iter().map(|asked| BandName {
             name: asked.label.clone(),
             in_vertical_unit: asked.is_height(),
             counts: asked.statistic.counts(),
         });
         let single = !self.format().is_ok_and(|format| format.several_bands);
-        WriteOptions {
+        GridWriteOptions {
             overwrite: self.overwrite,
             creation: self.creation(),
             sample_type: None,
@@ -153,9 +153,9 @@ impl GridJob {
         }
     }
 
-    pub(super) fn rules(&self, cell: [f64; 2]) -> Rules {
+    pub(super) fn rules(&self, cell: [f64; 2]) -> StatisticDefaults {
         let usual = cell[0].max(cell[1]) * std::f64::consts::SQRT_2;
-        Rules {
+        StatisticDefaults {
             radius: self.radius.unwrap_or(usual),
             power: self.power.unwrap_or(1.0),
             around: self.compat == Compat::Pdal,
@@ -165,7 +165,7 @@ impl GridJob {
     /// How the cloud is read: where only a box of cells is wanted, without the points that are too far
     /// away from it to be in any of its values, so that files and parts beyond are not even read. A
     /// triangle may have corners anywhere.
-    pub(super) fn reading(&self) -> OpenOptions {
+    pub(super) fn reading(&self) -> CloudOpenOptions {
         let mut options = self.cloud.clone();
         let cell = self.placement.cell.unwrap_or_default();
         let recipe = Recipe::new(&self.stats, &self.rules(cell));
@@ -192,7 +192,7 @@ impl GridJob {
     pub fn settled(&self) -> Result<Self> {
         let mut job = self.clone();
         if job.preset.is_some() && job.placement.cell.is_none() && job.placement.like.is_none() {
-            let all = OpenOptions { filter: Filter::default(), ..self.cloud.clone() };
+            let all = CloudOpenOptions { filter: CloudFilter::default(), ..self.cloud.clone() };
             let side = usual_cell(cloud::source(&self.input, &all)?.info())?;
             (job.placement.cell, job.placement.is_chosen) = (Some([side; 2]), true);
         }
@@ -201,7 +201,7 @@ impl GridJob {
 
     /// Whether the ground has to be known.
     pub(super) fn needs_ground(&self) -> bool {
-        let has_layers = self.canopy.way() == Way::PitFree;
+        let has_layers = self.canopy.way() == CanopyAlgorithm::PitFree;
         self.preset.is_some_and(|preset| preset != Preset::Dsm || has_layers)
     }
 

@@ -1,26 +1,26 @@
 //! The way of the points of one subject into the blocks of a grid.
 
-use super::blocks::Blocks;
-use super::extent::Extent;
+use super::blocks::CellBlocks;
+use super::extent::GridExtent;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
-use terrane_gridding::{Hits, Recipe, Region, Scatter, Target};
+use terrane_gridding::{BlockTarget, CellHits, CellNeighborhood, Recipe, Scatter};
 
 /// Counts points that lie in no cell that is written.
 pub(super) struct Outside<'a> {
-    extent: &'a Extent,
+    extent: &'a GridExtent,
     pub(super) count: u64,
     cols: Vec<i32>,
     rows: Vec<i32>,
 }
 
 impl<'a> Outside<'a> {
-    pub(super) fn new(extent: &'a Extent) -> Self {
+    pub(super) fn new(extent: &'a GridExtent) -> Self {
         Self { extent, count: 0, cols: Vec::new(), rows: Vec::new() }
     }
 
     pub(super) fn take(&mut self, points: &[Point]) {
-        let Extent { lattice, output, .. } = self.extent;
+        let GridExtent { lattice, output, .. } = self.extent;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
         lattice.y.numbers(points.iter().map(|p| p.y), &mut self.rows);
         let places = self.cols.iter().zip(&self.rows);
@@ -30,8 +30,8 @@ impl<'a> Outside<'a> {
 
 /// What one thread needs to hand the points of a subject to blocks.
 pub(super) struct Lane<'a> {
-    extent: &'a Extent,
-    blocks: &'a Blocks<'a>,
+    extent: &'a GridExtent,
+    blocks: &'a CellBlocks<'a>,
     /// Points in no cell that is written.
     pub(super) outside: u64,
     /// The regions of the subject, and what is for discs.
@@ -39,15 +39,15 @@ pub(super) struct Lane<'a> {
     cols: Vec<i32>,
     rows: Vec<i32>,
     /// Points with their cells, each for one block.
-    batch: Batch,
-    spare: Batch,
+    batch: PointBatch,
+    spare: PointBatch,
     /// The part of a run that lies in the block itself.
-    own: Batch,
+    own: PointBatch,
 }
 
 /// Points for blocks.
 #[derive(Default)]
-struct Batch {
+struct PointBatch {
     blocks: Vec<u32>,
     /// Column and row of the cell that holds the point.
     places: Vec<(i32, i32)>,
@@ -63,12 +63,12 @@ impl<'a> Lane<'a> {
     /// For a subject of the recipe.
     pub(super) fn new(
         (recipe, subject): (&Recipe, usize),
-        extent: &'a Extent,
-        blocks: &'a Blocks<'a>,
+        extent: &'a GridExtent,
+        blocks: &'a CellBlocks<'a>,
     ) -> Self {
         let regions = recipe.regions_of(subject).map(|(number, region)| match region {
-            Region::Cell => (number, None),
-            Region::Disc(radius) => (number, Some(Scatter::new(&extent.lattice, radius))),
+            CellNeighborhood::Cell => (number, None),
+            CellNeighborhood::Disc(radius) => (number, Some(Scatter::new(&extent.lattice, radius))),
         });
         Self {
             extent,
@@ -77,9 +77,9 @@ impl<'a> Lane<'a> {
             regions: regions.collect(),
             cols: Vec::new(),
             rows: Vec::new(),
-            batch: Batch::default(),
-            spare: Batch::default(),
-            own: Batch::default(),
+            batch: PointBatch::default(),
+            spare: PointBatch::default(),
+            own: PointBatch::default(),
         }
     }
 
@@ -151,7 +151,7 @@ impl<'a> Lane<'a> {
         let batch = &self.batch;
         batch.runs().try_for_each(|run| {
             let (cells, points) = (&batch.cells[run.clone()], &points[run.clone()]);
-            let hits = Hits { cells, points, squares: &[], unit: 0.0, reals };
+            let hits = CellHits { cells, points, squares: &[], unit: 0.0, reals };
             blocks.change(batch.blocks[run.start], |block| block.add(region, hits))
         })
     }
@@ -194,7 +194,7 @@ impl<'a> Lane<'a> {
     }
 
     /// Hands points to one block.
-    fn hand_over(&mut self, run: &Run<'_>, reals: &[f64]) -> Result<()> {
+    fn hand_over(&mut self, run: &BlockRun<'_>, reals: &[f64]) -> Result<()> {
         let Self { blocks, extent, .. } = *self;
         let window = blocks.window(run.block);
         let stride = 1 << blocks.shift();
@@ -203,10 +203,10 @@ impl<'a> Lane<'a> {
             regions.iter_mut().try_for_each(|(region, scatter)| match scatter {
                 Some(scatter) => {
                     let cells = (&extent.lattice, window, stride);
-                    let to = Target { block: &mut *block, region: *region, reals };
+                    let to = BlockTarget { block: &mut *block, region: *region, reals };
                     scatter.add(cells, run.points, run.places, to)
                 }
-                None => block.add(*region, Hits { reals, ..run.inside(window, own) }),
+                None => block.add(*region, CellHits { reals, ..run.inside(window, own) }),
             })
         })
     }
@@ -218,19 +218,19 @@ fn is_in(rect: Rect, col: i32, row: i32) -> bool {
 }
 
 /// Consecutive points for one block.
-struct Run<'a> {
+struct BlockRun<'a> {
     block: u32,
     places: &'a [(i32, i32)],
     points: &'a [Point],
     cells: &'a [u32],
 }
 
-impl Run<'_> {
+impl BlockRun<'_> {
     /// The points in the cells of the block itself.
-    fn inside<'a>(&'a self, window: Rect, own: &'a mut Batch) -> Hits<'a> {
+    fn inside<'a>(&'a self, window: Rect, own: &'a mut PointBatch) -> CellHits<'a> {
         let outside = |(col, row): &(i32, i32)| !is_in(window, *col, *row);
         if !self.places.iter().any(outside) {
-            return Hits {
+            return CellHits {
                 cells: self.cells,
                 points: self.points,
                 squares: &[],
@@ -244,11 +244,11 @@ impl Run<'_> {
             own.points.push(*point);
             own.cells.push(*cell);
         }
-        Hits { cells: &own.cells, points: &own.points, squares: &[], unit: 0.0, reals: &[] }
+        CellHits { cells: &own.cells, points: &own.points, squares: &[], unit: 0.0, reals: &[] }
     }
 }
 
-impl Batch {
+impl PointBatch {
     fn clear(&mut self) {
         self.blocks.clear();
         self.places.clear();
@@ -280,8 +280,8 @@ impl Batch {
         self.runs().count() * SHORT_RUN > self.blocks.len()
     }
 
-    fn run(&self, run: std::ops::Range<usize>) -> Run<'_> {
-        Run {
+    fn run(&self, run: std::ops::Range<usize>) -> BlockRun<'_> {
+        BlockRun {
             block: self.blocks[run.start],
             places: &self.places[run.clone()],
             points: &self.points[run.clone()],

@@ -9,7 +9,7 @@ use terrane_engine::memory::cache_beside;
 use terrane_engine::options::GridInput;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{folder_for, name_of};
-use terrane_raster::{self as raster, GridSource, OpenOptions, WaterReport};
+use terrane_raster::{self as raster, GridOpenOptions, GridSource, WaterReport};
 use terrane_terrain::convert::{copy_levels, task};
 
 /// What it is made as: what has no water to add holds all that is known of a grid.
@@ -64,16 +64,16 @@ pub(super) fn run(
 fn copy(
     source: &dyn GridSource,
     job: &GridJob,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(u64, Vec<String>)> {
     let info = source.info();
     let mut sink = job.format()?.create(&job.output, info, &job.write_options())?;
     progress.begin("water", info.bounds().len() as u64);
-    let pieces = task::Pieces::new(info.bounds(), source, sink.as_ref(), options.cache_bytes);
+    let pieces = task::CopyPieces::new(info.bounds(), source, sink.as_ref(), options.cache_bytes);
     let task =
-        task::Task { sources: &[source], window: info.bounds(), sink: sink.as_ref(), pieces };
+        task::CopyTask { sources: &[source], window: info.bounds(), sink: sink.as_ref(), pieces };
     task.run(job.resources.threads, progress, cancel)?;
     progress.end();
     copy_levels(sink.as_mut(), job.resources.threads, progress, cancel)?;

@@ -2,27 +2,27 @@
 
 use std::time::Instant;
 
-use super::blocks::Blocks;
-use super::budget::Budget;
-use super::extent::Extent;
+use super::blocks::CellBlocks;
+use super::budget::GridBudget;
+use super::extent::GridExtent;
 use super::feed::{Fed, Feed};
-use super::heights::Heights;
+use super::heights::HeightSource;
 use super::job::GridJob;
 use super::level;
-use super::near::Near;
+use super::near::CellSurroundings;
 use super::neighbours::{Surfaces, tiling};
-use super::preset::{self, Making, Model, Seen};
+use super::preset::{self, CloudOverview, Making, PresetModel};
 use super::report::{GridReport, GridStage};
-use super::source::{Bands, Finished};
-use crate::points::{Limits, PointStore, parts_in};
+use super::source::{CellBands, FinishedGrid};
+use crate::points::{PointStore, PointStoreLimits, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Frame;
-use terrane_cloud::{self as cloud, Columns, PointSource};
+use terrane_base::geom::PointFrame;
+use terrane_cloud::{self as cloud, AttributeSource, PointSource};
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::sift::Losses;
 use terrane_engine::{Cancel, Progress};
-use terrane_gridding::{Recipe, Units};
+use terrane_gridding::{CellUnits, Recipe};
 use terrane_raster::GridInfo;
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
@@ -41,7 +41,7 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     let opened = GridStage::since("open", start);
     let make = |resources| {
         let job = GridJob { resources, ..job.clone() };
-        Maker::of_whole(&*cloud, &job, progress, cancel)?.make()
+        GridMaker::of_whole(&*cloud, &job, progress, cancel)?.make()
     };
     let mut report = with_polygons(&job.cloud, &job.resources, make)?;
     report.run.memory_budget = job.resources.memory;
@@ -65,22 +65,22 @@ pub fn grid(
         return Err(Error::usage(message).remedy("run the job with the cloud's name"));
     }
     job.check()?;
-    Maker::of_whole(points, job, progress, cancel)?.make()
+    GridMaker::of_whole(points, job, progress, cancel)?.make()
 }
 
 /// A grid to be made of a cloud, whole or in part.
-pub(super) struct Maker<'a> {
+pub(super) struct GridMaker<'a> {
     pub(super) points: &'a dyn PointSource,
     pub(super) job: &'a GridJob,
-    pub(super) extent: Extent,
+    pub(super) extent: GridExtent,
     /// Only what may have points in it is read; a model needs what was seen of the whole cloud then.
-    pub(super) within: Option<Near>,
-    pub(super) seen: Option<&'a Seen>,
+    pub(super) within: Option<CellSurroundings>,
+    pub(super) seen: Option<&'a CloudOverview>,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
 
-impl<'a> Maker<'a> {
+impl<'a> GridMaker<'a> {
     /// Of all cells of a job that was checked.
     pub(super) fn of_whole(
         points: &'a dyn PointSource,
@@ -88,7 +88,7 @@ impl<'a> Maker<'a> {
         progress: &'a dyn Progress,
         cancel: &'a Cancel,
     ) -> Result<Self> {
-        let extent = Extent::new(points.info(), job)?;
+        let extent = GridExtent::new(points.info(), job)?;
         Ok(Self { points, job, extent, within: None, seen: None, progress, cancel })
     }
 
@@ -111,10 +111,11 @@ impl<'a> Maker<'a> {
         let count = parts.iter().map(|part| self.points.points_of(*part)).sum();
         if job.preset.is_some() {
             let least = preset::least(job, self.points.info(), self.seen);
-            Budget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
+            GridBudget::check(&job.resources, format, (sink.as_ref(), extent, &recipe), least)?;
         }
-        let budget = Budget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
-        let blocks = Blocks::new(&recipe, extent, &budget, job.spill_folder());
+        let budget =
+            GridBudget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
+        let blocks = CellBlocks::new(&recipe, extent, &budget, job.spill_folder());
         let columns = columns.as_deref();
         let feed =
             Feed { source: self.points, columns, parts, extent, recipe: &recipe, blocks: &blocks };
@@ -122,20 +123,20 @@ impl<'a> Maker<'a> {
         let accumulated = GridStage::since("points", start);
         let begun = Instant::now();
         let (units, max_edge) = (self.units(), job.max_edge);
-        let finished = Finished { blocks: &blocks, extent, units, heights, max_edge };
-        let bands = Bands { cells: &finished, bands: recipe.bands(), info: &info };
+        let finished = FinishedGrid { blocks: &blocks, extent, units, heights, max_edge };
+        let bands = CellBands { cells: &finished, bands: recipe.bands(), info: &info };
         let valid = bands.write(sink.as_mut(), budget.threads, *progress, cancel);
-        if finished.heights.as_ref().is_some_and(Heights::is_exceeded) {
+        if finished.heights.as_ref().is_some_and(HeightSource::is_exceeded) {
             return Ok(None);
         }
         let valid = valid?;
         cancel.check()?;
-        let through = finished.heights.as_ref().map_or(0, Heights::spilled_bytes);
-        let made_of = finished.heights.as_ref().map_or(&[][..], Heights::notes).to_vec();
+        let through = finished.heights.as_ref().map_or(0, HeightSource::spilled_bytes);
+        let made_of = finished.heights.as_ref().map_or(&[][..], HeightSource::notes).to_vec();
         let notes = [extent.notes.clone(), made_of, sink.notes()].concat();
         let output_bytes = sink.finish()?;
         let mut losses = Losses::of(self.points);
-        finished.heights.iter().filter_map(Heights::losses).for_each(|more| losses.add(more));
+        finished.heights.iter().filter_map(HeightSource::losses).for_each(|more| losses.add(more));
         Ok(Some(GridReport {
             points: fed.census,
             losses,
@@ -153,7 +154,7 @@ impl<'a> Maker<'a> {
     }
 
     /// What reads the cloud with the attributes that the statistics take, if they take any.
-    fn columns(&self, recipe: &Recipe) -> Result<Option<Box<dyn Columns + '_>>> {
+    fn columns(&self, recipe: &Recipe) -> Result<Option<Box<dyn AttributeSource + '_>>> {
         let names = recipe.attributes();
         (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
@@ -172,7 +173,7 @@ impl<'a> Maker<'a> {
         feed: &Feed<'_>,
         threads: usize,
         memory: u64,
-    ) -> Result<(Fed, Option<Heights>)> {
+    ) -> Result<(Fed, Option<HeightSource>)> {
         let Self { points, job, progress, cancel, .. } = *self;
         if let Some(preset) = job.preset {
             let reading = job.reading();
@@ -180,27 +181,27 @@ impl<'a> Maker<'a> {
             let extent = &self.extent;
             let making =
                 Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-            let model = Model::new(preset, points.info(), &making)?;
+            let model = PresetModel::new(preset, points.info(), &making)?;
             let fed = Fed { census: model.census, outside: 0 };
-            return Ok((fed, Some(Heights::Model(Box::new(model)))));
+            return Ok((fed, Some(HeightSource::Model(Box::new(model)))));
         }
-        let limits = || self.within.map(|near| Limits::new(points, near.window()));
+        let limits = || self.within.map(|near| PointStoreLimits::new(points, near.window()));
         let store = (memory > 0).then(|| {
             PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits())
         });
         let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
         let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
-        Ok((fed, surfaces.transpose()?.map(Box::new).map(Heights::Surfaces)))
+        Ok((fed, surfaces.transpose()?.map(Box::new).map(HeightSource::Surfaces)))
     }
 
-    fn units(&self) -> Units {
-        let Frame { scale, offset } = self.points.info().frame;
-        Units { scale: scale[2], offset: offset[2], area: self.extent.lattice.area() }
+    fn units(&self) -> CellUnits {
+        let PointFrame { scale, offset } = self.points.info().frame;
+        CellUnits { scale: scale[2], offset: offset[2], area: self.extent.lattice.area() }
     }
 }
 
 /// What is known of a grid before it is made.
-pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &Extent) -> GridReport {
+pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &GridExtent) -> GridReport {
     let [west, y, cell_x, cell_y] = {
         let t = info.transform;
         [t.x0 - 0.5 * t.a, t.y0 - 0.5 * t.e, t.a, -t.e]

@@ -1,27 +1,27 @@
 //! What is read of a cloud for some of its cells.
 
-use terrane_base::geom::{Frame, REACH};
-use terrane_delaunay::Window;
+use terrane_base::geom::{PointFrame, REACH};
+use terrane_delaunay::PositionWindow;
 
 /// How many times wider a margin becomes when one was too small.
 const WIDER: i32 = 4;
 
 /// What lies near some cells.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Near {
+pub(crate) struct CellSurroundings {
     /// What statistics of the cells are made of.
-    pub(crate) cells: Window,
+    pub(crate) cells: PositionWindow,
     /// Steps around them.
     pub(crate) margin: i32,
 }
 
-impl Near {
-    pub(crate) fn window(self) -> Window {
+impl CellSurroundings {
+    pub(crate) fn window(self) -> PositionWindow {
         self.cells.grown(self.margin)
     }
 
     /// What lies near all of the window.
-    pub(crate) fn beyond(self) -> Window {
+    pub(crate) fn beyond(self) -> PositionWindow {
         self.window().grown(self.margin)
     }
 
@@ -31,7 +31,7 @@ impl Near {
 }
 
 /// The steps that two ends of a world axis lie between, and one more.
-pub(crate) fn near_steps(frame: &Frame, axis: usize, [low, high]: [f64; 2]) -> [i32; 2] {
+pub(crate) fn near_steps(frame: &PointFrame, axis: usize, [low, high]: [f64; 2]) -> [i32; 2] {
     let low = frame.steps(axis, low).floor() - 1.0;
     let high = frame.steps(axis, high).ceil() + 1.0;
     [low, high].map(|steps| steps.clamp(f64::from(-REACH), f64::from(REACH)) as i32)

@@ -1,12 +1,12 @@
 //! Bands that need the points around a cell, not only those in it.
 
-use super::extent::{Extent, Piece};
-use crate::points::{Around, PointStore, Positions, Surface, Tiling};
+use super::extent::{CellRequest, GridExtent};
+use crate::points::{InterpolatedSurface, PointStore, Positions, SurroundingPoints, Tiling};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Frame, Point, Rect};
+use terrane_base::geom::{Point, PointFrame, Rect};
 use terrane_cloud::CloudInfo;
-use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
-use terrane_gridding::{Shape, Statistic};
+use terrane_delaunay::{ConvexHull, FixedPosition, Location, PositionWindow, interpolate};
+use terrane_gridding::{Statistic, SurfaceInterpolation};
 
 /// Bytes that a thread holds for the points around the cells it is at.
 pub(crate) const WORKER: u64 = 32 << 20;
@@ -14,8 +14,8 @@ pub(crate) const WORKER: u64 = 32 << 20;
 /// All points of a cloud, for surfaces through them.
 pub(crate) struct Surfaces {
     store: PointStore,
-    hull: Hull,
-    frame: Frame,
+    hull: ConvexHull,
+    frame: PointFrame,
 }
 
 /// Squares for the points of a cloud.
@@ -26,7 +26,7 @@ pub(crate) fn tiling(cloud: &CloudInfo) -> Tiling {
 
 impl Surfaces {
     /// Through the points of a store that is complete.
-    pub(crate) fn new(store: PointStore, frame: Frame) -> Result<Self> {
+    pub(crate) fn new(store: PointStore, frame: PointFrame) -> Result<Self> {
         let hull = store.hull()?;
         Ok(Self { store, hull, frame })
     }
@@ -45,21 +45,21 @@ impl Surfaces {
     pub(super) fn values(
         &self,
         statistic: Statistic,
-        piece: Piece<'_>,
+        piece: CellRequest<'_>,
         out: &mut [f64],
     ) -> Result<()> {
         let shape = match statistic.shape() {
-            Some(Shape::Linear { max_edge: own }) => {
-                Shape::Linear { max_edge: own.or(piece.max_edge) }
+            Some(SurfaceInterpolation::Linear { max_edge: own }) => {
+                SurfaceInterpolation::Linear { max_edge: own.or(piece.max_edge) }
             }
-            Some(Shape::Natural) => Shape::Natural,
+            Some(SurfaceInterpolation::Natural) => SurfaceInterpolation::Natural,
             None => return Ok(()),
         };
         let Self { store, hull, frame } = self;
         if store.is_exceeded() {
             return Err(more_is_needed());
         }
-        let surface = Surface { store, hull, frame: *frame, shape };
+        let surface = InterpolatedSurface { store, hull, frame: *frame, shape };
         let centres = Centres::new(piece.extent, piece.rect, frame);
         surface.fill(centres.positions(), out)
     }
@@ -72,14 +72,15 @@ impl Surfaces {
         mut each: impl FnMut(&Point, Option<f64>),
     ) -> Result<()> {
         let site = |p: &Point| [p.x, p.y];
-        let Some(window) = Window::of(points.iter().map(site)) else { return Ok(()) };
-        let mut around = Around::new(&self.store, window)?;
-        let (positions, mut left) = (points.iter().map(|p| Position::of(site(p))), points.iter());
+        let Some(window) = PositionWindow::of(points.iter().map(site)) else { return Ok(()) };
+        let mut around = SurroundingPoints::new(&self.store, window)?;
+        let (positions, mut left) =
+            (points.iter().map(|p| FixedPosition::of(site(p))), points.iter());
         around.find_all(&self.hull, positions, |position, found| {
             let height = match found {
-                Found::At(point) => Some(f64::from(point.z)),
-                Found::Triangle(corners) => Some(interpolate(&corners, position)),
-                Found::Outside => None,
+                Location::At(point) => Some(f64::from(point.z)),
+                Location::Triangle(corners) => Some(interpolate(&corners, position)),
+                Location::Outside => None,
             };
             left.next().into_iter().for_each(|point| each(point, height));
         })
@@ -99,7 +100,7 @@ pub(super) struct Centres {
 
 impl Centres {
     /// Of the cells of `rect`.
-    pub(super) fn new(extent: &Extent, rect: Rect, frame: &Frame) -> Self {
+    pub(super) fn new(extent: &GridExtent, rect: Rect, frame: &PointFrame) -> Self {
         let (x, y) = (extent.lattice.x, extent.lattice.y);
         let cols = rect.col..rect.col + rect.width;
         let rows = rect.row..rect.row + rect.height;

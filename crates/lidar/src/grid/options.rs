@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use terrane_options::{Options, Range, Rule, settled};
+use terrane_options::{OptionRange, OptionRule, Options, settled};
 
 use super::codecs::{AsText, StatisticList};
 use super::job::{GridJob, NODATA};
@@ -12,10 +12,10 @@ use super::preset::kinds::{GroundFrom, Preset};
 use super::report::GridReport;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{
-    Bounds, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput, Place,
-    SampleTypeName,
+    BoundsOption, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput,
+    PositionOption, SampleTypeName,
 };
 use terrane_gridding::{Canopy, parse_list};
 use terrane_raster::{Inputs, SampleType};
@@ -60,10 +60,10 @@ pub struct GridOptions {
              default_text = "of ‹dtm›, ‹dsm› and ‹chm› about the distance between points, rounded up to 1, 2 or 5 times a power of ten")]
     pub cell: Option<[f64; 2]>,
     /// A corner of some cell
-    #[option(value = "X,Y", with = Place, heading = "Cells", default_text = "0,0")]
+    #[option(value = "X,Y", with = PositionOption, heading = "Cells", default_text = "0,0")]
     pub align: Option<[f64; 2]>,
     /// All cells that this box overlaps, instead of those of the whole cloud
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = Bounds, heading = "Cells")]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsOption, heading = "Cells")]
     pub extent: Option<[f64; 4]>,
     /// The very cells of this grid
     #[option(value = "GRID", with = FileName, role = ReadsGrid, heading = "Cells")]
@@ -74,18 +74,18 @@ pub struct GridOptions {
     #[option(value = "PROGRAM", heading = "Cells")]
     pub compat: Compat,
     /// Points nearer than this to a cell's centre, for idw and nearest
-    #[option(value = "R", range = Range::POSITIVE, heading = "Method",
+    #[option(value = "R", range = OptionRange::POSITIVE, heading = "Method",
              default_text = "the cell's longer side times the root of 2")]
     pub radius: Option<f64>,
     /// Weights of idw are distance to the power of minus P, 4 at most
-    #[option(value = "P", range = Range::POSITIVE, heading = "Method", default_text = "1")]
+    #[option(value = "P", range = OptionRange::POSITIVE, heading = "Method", default_text = "1")]
     pub power: Option<f64>,
     /// For tin and models of the terrain: triangles with an edge longer than this are no surface
-    #[option(value = "LENGTH", range = Range::POSITIVE, heading = "Method", default_text = "all are")]
+    #[option(value = "LENGTH", range = OptionRange::POSITIVE, heading = "Method", default_text = "all are")]
     pub max_edge: Option<f64>,
     /// Fill voids from known cells at most N columns and rows away, weighted by the inverse of the
     /// larger of the two
-    #[option(value = "N", alias = "window", range = Range::new(0.0, 1024.0), heading = "Method")]
+    #[option(value = "N", alias = "window", range = OptionRange::new(0.0, 1024.0), heading = "Method")]
     pub fill: Option<u32>,
     /// The output file.
     #[option(flatten)]
@@ -111,14 +111,14 @@ pub struct GridOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::NotWith("dtm", &["stat", "dsm", "chm"]),
-    Rule::NotWith("dsm", &["stat", "chm"]),
-    Rule::NotWith("chm", &["stat"]),
-    Rule::Needs("ground", &["dtm", "dsm", "chm"]),
-    Rule::Needs("canopy", &["dsm", "chm"]),
-    Rule::Needs("water", &["dtm"]),
-    Rule::NotWith("like", &["cell", "align", "extent"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("dtm", &["stat", "dsm", "chm"]),
+    OptionRule::NotWith("dsm", &["stat", "chm"]),
+    OptionRule::NotWith("chm", &["stat"]),
+    OptionRule::Needs("ground", &["dtm", "dsm", "chm"]),
+    OptionRule::Needs("canopy", &["dsm", "chm"]),
+    OptionRule::Needs("water", &["dtm"]),
+    OptionRule::NotWith("like", &["cell", "align", "extent"]),
 ];
 
 impl GridOptions {
@@ -190,7 +190,7 @@ impl Operation for GridOptions {
         job.check()
     }
 
-    fn run(&self, request: Request<'_>) -> Result<GridReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<GridReport> {
         run(&self.job(request.inputs, request.output)?, request.progress, request.cancel)
     }
 }

@@ -92,12 +92,12 @@ pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_base::geom::{Frame, Point};
+    use terrane_base::geom::{Point, PointFrame};
 
     #[test]
     fn cells_are_as_wide_as_points_are_apart() {
         let cell = |count: u64, [width, height]: [i32; 2]| {
-            let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
+            let frame = PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
             let bounds = [[0, 0, 0], [width, height, 7]].map(|[x, y, z]| Point { x, y, z });
             let info = CloudInfo { frame, bounds: Some(bounds), count, crs: Default::default() };
             usual_cell(&info).ok()

@@ -7,9 +7,9 @@ use std::sync::Mutex;
 use terrane_files::lock;
 
 /// The parts that are not yet taken, by thread.
-pub(super) struct Queue(Vec<Mutex<Range<usize>>>);
+pub(super) struct ReadQueue(Vec<Mutex<Range<usize>>>);
 
-impl Queue {
+impl ReadQueue {
     /// `parts` parts for so many threads, at least one.
     pub(super) fn new(parts: usize, threads: usize) -> Self {
         let start = |thread: usize| (parts as u128 * thread as u128 / threads as u128) as usize;
@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn every_part_is_taken_once() {
         for (parts, threads) in [(0, 1), (1, 3), (10, 1), (10, 3), (1000, 7)] {
-            let queue = Queue::new(parts, threads);
+            let queue = ReadQueue::new(parts, threads);
             let mut taken: Vec<usize> = std::iter::from_fn(|| queue.take(threads - 1)).collect();
             assert_eq!(taken.len(), parts, "one thread does all when the others do nothing");
             taken.sort_unstable();

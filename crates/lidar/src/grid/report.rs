@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 use terrane_engine::figures::Figures;
 use terrane_engine::sift::Losses;
 use terrane_raster::WaterReport;
@@ -32,14 +32,14 @@ pub struct GridReport {
     /// Radius that cells look around in; absent when no statistic does.
     pub radius: Option<f64>,
     /// What became of the points.
-    pub points: Census,
+    pub points: PointCensus,
     /// Of a plan: points that the cloud has, by its headers; `points` counts them for each tile that
     /// reads them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cloud_points: Option<u64>,
     /// Points kept that lie in no cell of the grid.
     pub outside_grid: u64,
-    pub bands: Vec<BandReport>,
+    pub bands: Vec<GridBandReport>,
     /// What became of water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
@@ -58,7 +58,7 @@ pub struct GridReport {
 /// A band and how many of its cells have a value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct BandReport {
+pub struct GridBandReport {
     pub name: String,
     /// Cells with a value; a count of 0 is none.
     pub valid: u64,

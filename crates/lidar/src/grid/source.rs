@@ -3,36 +3,42 @@
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::blocks::Blocks;
-use super::extent::{Extent, Piece};
-use super::heights::Heights;
-use super::report::BandReport;
+use super::blocks::CellBlocks;
+use super::extent::{CellRequest, GridExtent};
+use super::heights::HeightSource;
+use super::report::GridBandReport;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, Progress};
-use terrane_gridding::{Band, Units, fill};
+use terrane_gridding::{CellUnits, StatisticBand, fill};
 use terrane_raster::write::GridSink;
 use terrane_raster::{GridInfo, GridSource};
 use terrane_terrain::convert::{copy_levels, task};
 
 /// Cells whose values are known.
-pub(super) trait Cells: Sync {
+pub(super) trait CellSource: Sync {
     /// The values of band `number`, which is `band`, in `rect` of what is written, NaN where void.
-    fn values(&self, number: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()>;
+    fn values(
+        &self,
+        number: usize,
+        band: &StatisticBand,
+        rect: Rect,
+        out: &mut [f64],
+    ) -> Result<()>;
 
     /// No band of `rect` will be asked for again.
     fn release(&self, _rect: Rect) {}
 }
 
 /// Bands whose values are known.
-pub(super) struct Bands<'a> {
-    pub(super) cells: &'a dyn Cells,
-    pub(super) bands: &'a [Band],
+pub(super) struct CellBands<'a> {
+    pub(super) cells: &'a dyn CellSource,
+    pub(super) bands: &'a [StatisticBand],
     /// The grid as it is written.
     pub(super) info: &'a GridInfo,
 }
 
-impl Bands<'_> {
+impl CellBands<'_> {
     /// Hands the values of all bands to the sink; returns how many cells of each have one.
     pub(super) fn write(
         &self,
@@ -46,32 +52,35 @@ impl Bands<'_> {
         let sources: Vec<_> = bands.iter().map(|band| band as &dyn GridSource).collect();
         let window = self.info.bounds();
         progress.begin("write", window.len() as u64);
-        let pieces = task::Pieces::new(window, &bands[0], sink, 0);
-        let task = task::Task { sources: &sources, window, sink, pieces };
+        let pieces = task::CopyPieces::new(window, &bands[0], sink, 0);
+        let task = task::CopyTask { sources: &sources, window, sink, pieces };
         task.run(threads, progress, cancel)?;
         progress.end();
         copy_levels(sink, threads, progress, cancel)?;
         Ok(bands.iter().map(BandSource::valid).collect())
     }
 
-    pub(super) fn reports(&self, valid: &[u64]) -> Vec<BandReport> {
-        let report = |(band, &valid): (&Band, &u64)| BandReport { name: band.label.clone(), valid };
+    pub(super) fn reports(&self, valid: &[u64]) -> Vec<GridBandReport> {
+        let report = |(band, &valid): (&StatisticBand, &u64)| GridBandReport {
+            name: band.label.clone(),
+            valid,
+        };
         self.bands.iter().zip(valid).map(report).collect()
     }
 }
 
 /// A grid whose points are all in.
-pub(super) struct Finished<'a> {
-    pub(super) blocks: &'a Blocks<'a>,
-    pub(super) extent: &'a Extent,
-    pub(super) units: Units,
+pub(super) struct FinishedGrid<'a> {
+    pub(super) blocks: &'a CellBlocks<'a>,
+    pub(super) extent: &'a GridExtent,
+    pub(super) units: CellUnits,
     /// Where a band needs it.
-    pub(super) heights: Option<Heights>,
+    pub(super) heights: Option<HeightSource>,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
 }
 
-impl Finished<'_> {
+impl FinishedGrid<'_> {
     /// A rectangle of what is written, among all cells computed.
     fn computed(&self, rect: Rect) -> Rect {
         let Rect { col, row, .. } = self.extent.output;
@@ -79,9 +88,9 @@ impl Finished<'_> {
     }
 
     /// The values of a band in `rect` of all cells computed, NaN where void.
-    fn unfilled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+    fn unfilled(&self, band: &StatisticBand, rect: Rect, out: &mut [f64]) -> Result<()> {
         if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
-            let piece = Piece { extent: self.extent, rect, max_edge: self.max_edge };
+            let piece = CellRequest { extent: self.extent, rect, max_edge: self.max_edge };
             return heights.values(band.statistic, piece, out);
         }
         out.fill(if band.counts() { 0.0 } else { f64::NAN });
@@ -104,7 +113,7 @@ impl Finished<'_> {
     }
 
     /// The same with voids filled.
-    fn filled(&self, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+    fn filled(&self, band: &StatisticBand, rect: Rect, out: &mut [f64]) -> Result<()> {
         let reach = self.extent.fill;
         if reach == 0 || !band.statistic.fills() {
             return self.unfilled(band, rect, out);
@@ -125,8 +134,8 @@ impl Finished<'_> {
     }
 }
 
-impl Cells for Finished<'_> {
-    fn values(&self, _: usize, band: &Band, rect: Rect, out: &mut [f64]) -> Result<()> {
+impl CellSource for FinishedGrid<'_> {
+    fn values(&self, _: usize, band: &StatisticBand, rect: Rect, out: &mut [f64]) -> Result<()> {
         self.filled(band, self.computed(rect), out)
     }
 
@@ -149,7 +158,7 @@ fn void_beyond(values: &mut [f64], around: Rect, known: Rect) {
 
 /// One band.
 pub(super) struct BandSource<'a> {
-    of: &'a Bands<'a>,
+    of: &'a CellBands<'a>,
     number: usize,
     valid: AtomicU64,
 }
@@ -163,7 +172,7 @@ thread_local! {
 const EXACT: f64 = (1 << 24) as f64;
 
 impl<'a> BandSource<'a> {
-    pub(super) fn new(of: &'a Bands<'a>, number: usize) -> Self {
+    pub(super) fn new(of: &'a CellBands<'a>, number: usize) -> Self {
         Self { of, number, valid: AtomicU64::new(0) }
     }
 
@@ -172,7 +181,7 @@ impl<'a> BandSource<'a> {
         self.valid.load(Ordering::Relaxed)
     }
 
-    fn band(&self) -> &'a Band {
+    fn band(&self) -> &'a StatisticBand {
         &self.of.bands[self.number]
     }
 

@@ -5,26 +5,29 @@ use std::cell::RefCell;
 use super::store::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Bins, Disc, Finder, Found, Hull, Natural, Needs, Position, Space, Window};
+use terrane_delaunay::{
+    ConvexHull, Disc, FixedPosition, Location, Natural, NeededWindow, PointBins, PointSpace,
+    PositionWindow, TriangleFinder,
+};
 
 /// Squares taken in at a time, the nearest first.
 const AT_ONCE: usize = 16;
 
 /// All points of a window, and of those squares beyond it that were needed.
-pub(crate) struct Around<'a> {
+pub(crate) struct SurroundingPoints<'a> {
     store: &'a PointStore,
     /// Of the window.
-    bins: Bins,
-    known: Window,
+    bins: PointBins,
+    known: PositionWindow,
     /// By square.
-    beyond: Vec<(usize, Bins)>,
+    beyond: Vec<(usize, PointBins)>,
     /// Squares that the last answer lacked.
     wanted: RefCell<Vec<usize>>,
 }
 
-impl<'a> Around<'a> {
+impl<'a> SurroundingPoints<'a> {
     /// The points of the squares that `window` touches.
-    pub(crate) fn new(store: &'a PointStore, window: Window) -> Result<Self> {
+    pub(crate) fn new(store: &'a PointStore, window: PositionWindow) -> Result<Self> {
         let squares = || store.tiling().touching(window);
         let windows = squares().map(|square| store.tiling().window_of(square));
         let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
@@ -35,9 +38,9 @@ impl<'a> Around<'a> {
     /// What lies at each position, in their order.
     pub(crate) fn find_all(
         &mut self,
-        hull: &Hull,
-        positions: impl Iterator<Item = Position>,
-        each: impl FnMut(Position, Found),
+        hull: &ConvexHull,
+        positions: impl Iterator<Item = FixedPosition>,
+        each: impl FnMut(FixedPosition, Location),
     ) -> Result<()> {
         self.find_all_small(hull, positions, |_| true, each)
     }
@@ -45,14 +48,14 @@ impl<'a> Around<'a> {
     /// The same, where only triangles count that are small: on the side of two, the one that is.
     pub(crate) fn find_all_small(
         &mut self,
-        hull: &Hull,
-        positions: impl Iterator<Item = Position>,
+        hull: &ConvexHull,
+        positions: impl Iterator<Item = FixedPosition>,
         is_small: impl Fn(&[Point; 3]) -> bool,
-        mut each: impl FnMut(Position, Found),
+        mut each: impl FnMut(FixedPosition, Location),
     ) -> Result<()> {
         let mut left = positions.peekable();
         while left.peek().is_some() {
-            let mut finder = Finder::new(&*self, hull);
+            let mut finder = TriangleFinder::new(&*self, hull);
             while let Some(&position) = left.peek() {
                 let Ok(found) = finder.find_small(position, &is_small) else { break };
                 if let Some(limits) = &self.store.limits {
@@ -75,22 +78,22 @@ impl<'a> Around<'a> {
     /// point is within reach, none is looked for.
     pub(crate) fn find_small(
         &mut self,
-        hull: &Hull,
-        positions: impl Iterator<Item = Position>,
+        hull: &ConvexHull,
+        positions: impl Iterator<Item = FixedPosition>,
         reach: i32,
         is_small: impl Fn(&[Point; 3]) -> bool,
-        mut each: impl FnMut(Position, Found),
+        mut each: impl FnMut(FixedPosition, Location),
     ) -> Result<()> {
         let mut left = positions.peekable();
         while left.peek().is_some() {
-            let known = Known(self);
-            let mut finder = Finder::new(&known, hull);
+            let known = KnownPoints(self);
+            let mut finder = TriangleFinder::new(&known, hull);
             while let Some(&position) = left.peek() {
                 let found = match self.is_near(position, reach) {
-                    true => finder.find_small(position, &is_small).unwrap_or(Found::Outside),
-                    false => Found::Outside,
+                    true => finder.find_small(position, &is_small).unwrap_or(Location::Outside),
+                    false => Location::Outside,
                 };
-                if let Found::Triangle(corners) = &found
+                if let Location::Triangle(corners) = &found
                     && is_small(corners)
                     && self.certify(&Disc::around(corners.map(|p| [p.x, p.y]))).is_err()
                 {
@@ -105,9 +108,9 @@ impl<'a> Around<'a> {
     }
 
     /// Whether a known point may be within `reach` steps, along both axes.
-    fn is_near(&self, position: Position, reach: i32) -> bool {
+    fn is_near(&self, position: FixedPosition, reach: i32) -> bool {
         let at = position.floor();
-        let (window, mut any) = (Window { low: at, high: at }.grown(reach + 1), false);
+        let (window, mut any) = (PositionWindow { low: at, high: at }.grown(reach + 1), false);
         self.visit(&window, |run| any |= !run.is_empty());
         any
     }
@@ -115,9 +118,9 @@ impl<'a> Around<'a> {
     /// The natural neighbour height at each position of `window`, in their order.
     pub(crate) fn natural(
         &mut self,
-        hull: &Hull,
-        window: Window,
-        positions: impl Iterator<Item = Position>,
+        hull: &ConvexHull,
+        window: PositionWindow,
+        positions: impl Iterator<Item = FixedPosition>,
         mut each: impl FnMut(Option<f64>),
     ) -> Result<()> {
         let mut left = positions.peekable();
@@ -167,18 +170,18 @@ impl<'a> Around<'a> {
 }
 
 /// The points of squares, which bins put into order.
-fn binned(store: &PointStore, mut squares: impl Iterator<Item = usize>) -> Result<Bins> {
+fn binned(store: &PointStore, mut squares: impl Iterator<Item = usize>) -> Result<PointBins> {
     let mut points = Vec::new();
     squares.try_for_each(|square| store.visit(square, |run| points.extend_from_slice(run)))?;
-    Ok(Bins::new(&points))
+    Ok(PointBins::new(&points))
 }
 
-impl Space for Around<'_> {
+impl PointSpace for SurroundingPoints<'_> {
     fn pitch(&self) -> i32 {
         self.bins.size()
     }
 
-    fn visit(&self, window: &Window, mut each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
         self.bins.visit(window, &mut each);
         for (_, bins) in &self.beyond {
             if bins.window().intersection(window).is_some() {
@@ -187,7 +190,7 @@ impl Space for Around<'_> {
         }
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &Window, mut each: impl FnMut(&[Point])) {
+    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
         self.bins.visit_disc(disc, window, &mut each);
         for (_, bins) in &self.beyond {
             if bins.window().intersection(window).is_some() {
@@ -196,12 +199,12 @@ impl Space for Around<'_> {
         }
     }
 
-    fn extent(&self) -> Window {
+    fn extent(&self) -> PositionWindow {
         let windows = self.beyond.iter().map(|(_, bins)| bins.window());
         windows.fold(self.bins.window(), |all, one| all.union(&one))
     }
 
-    fn certify(&self, disc: &Disc) -> std::result::Result<(), Needs> {
+    fn certify(&self, disc: &Disc) -> std::result::Result<(), NeededWindow> {
         if self.store.is_within(disc, &self.known) {
             self.note(disc);
             return Ok(());
@@ -211,7 +214,7 @@ impl Space for Around<'_> {
         wanted.extend(self.store.squares_in(*disc).filter(|&square| !self.is_loaded(square)));
         let windows = wanted.iter().map(|&square| self.store.tiling().window_of(square));
         match windows.reduce(|all, one| all.union(&one)) {
-            Some(window) => Err(Needs(window)),
+            Some(window) => Err(NeededWindow(window)),
             None => {
                 self.note(disc);
                 Ok(())
@@ -221,26 +224,26 @@ impl Space for Around<'_> {
 }
 
 /// The points around a place as if there were no others.
-struct Known<'a, 'b>(&'a Around<'b>);
+struct KnownPoints<'a, 'b>(&'a SurroundingPoints<'b>);
 
-impl Space for Known<'_, '_> {
+impl PointSpace for KnownPoints<'_, '_> {
     fn pitch(&self) -> i32 {
         self.0.pitch()
     }
 
-    fn visit(&self, window: &Window, each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point])) {
         self.0.visit(window, each);
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &Window, each: impl FnMut(&[Point])) {
+    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point])) {
         self.0.visit_disc(disc, window, each);
     }
 
-    fn extent(&self) -> Window {
+    fn extent(&self) -> PositionWindow {
         self.0.extent()
     }
 
-    fn certify(&self, _: &Disc) -> std::result::Result<(), Needs> {
+    fn certify(&self, _: &Disc) -> std::result::Result<(), NeededWindow> {
         Ok(())
     }
 }
@@ -274,16 +277,16 @@ mod tests {
         store.add(&points).unwrap();
         assert!(store.points.held() <= 50_000 && store.points.spilled() > 0);
         let hull = store.hull().unwrap();
-        assert_eq!(hull.ring(), Hull::of(points.clone()).ring());
-        let bins = Bins::new(&points);
+        assert_eq!(hull.ring(), ConvexHull::of(points.clone()).ring());
+        let bins = PointBins::new(&points);
         let space = Loaded::whole(&bins);
-        let (mut whole, mut asked, mut beyond) = (Finder::new(&space, &hull), 0, 0);
+        let (mut whole, mut asked, mut beyond) = (TriangleFinder::new(&space, &hull), 0, 0);
         for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
-            let window = Window { low: [x, y], high: [x + 999, y + 999] };
-            let mut around = Around::new(&store, window).unwrap();
+            let window = PositionWindow { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = SurroundingPoints::new(&store, window).unwrap();
             let positions = (0..400).map(|i| {
                 let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
-                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+                FixedPosition::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
             });
             around
                 .find_all(&hull, positions, |position, found| {
@@ -304,28 +307,28 @@ mod tests {
         let store = PointStore::empty(Tiling::new(corners, 4_000_000), folder.path(), 50_000);
         store.add(&points).unwrap();
         let hull = store.hull().unwrap();
-        let bins = Bins::new(&points);
+        let bins = PointBins::new(&points);
         let space = Loaded::whole(&bins);
         let reach = 130;
-        let is_small = |found: &Found| match found {
-            Found::Triangle([a, b, c]) => [(a, b), (b, c), (c, a)]
+        let is_small = |found: &Location| match found {
+            Location::Triangle([a, b, c]) => [(a, b), (b, c), (c, a)]
                 .iter()
                 .all(|(p, q)| (p.x - q.x).pow(2) + (p.y - q.y).pow(2) <= reach * reach),
-            Found::At(_) => true,
-            Found::Outside => false,
+            Location::At(_) => true,
+            Location::Outside => false,
         };
-        let (mut whole, mut small, mut large) = (Finder::new(&space, &hull), 0, 0);
+        let (mut whole, mut small, mut large) = (TriangleFinder::new(&space, &hull), 0, 0);
         for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
-            let window = Window { low: [x, y], high: [x + 999, y + 999] };
-            let mut around = Around::new(&store, window.grown(reach)).unwrap();
+            let window = PositionWindow { low: [x, y], high: [x + 999, y + 999] };
+            let mut around = SurroundingPoints::new(&store, window.grown(reach)).unwrap();
             let positions = (0..400).map(|i| {
                 let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
-                Position::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
+                FixedPosition::from_steps(f64::from(x) + 50.0 * col, f64::from(y) + 50.0 * row)
             });
-            let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
+            let is = |corners: &[Point; 3]| is_small(&Location::Triangle(*corners));
             around
                 .find_small(&hull, positions, reach, is, |position, found| {
-                    let is = |corners: &[Point; 3]| is_small(&Found::Triangle(*corners));
+                    let is = |corners: &[Point; 3]| is_small(&Location::Triangle(*corners));
                     let expected = whole.find_small(position, is).unwrap();
                     assert_eq!(is_small(&found), is_small(&expected), "{position:?}");
                     if is_small(&expected) {

@@ -8,12 +8,12 @@
 
 use std::ops::Range;
 
-use super::around::Around;
+use super::around::SurroundingPoints;
 use super::store::PointStore;
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point, REACH};
-use terrane_delaunay::{Found, Hull, Position, Window, interpolate};
-use terrane_gridding::Shape;
+use terrane_base::geom::{Point, PointFrame, REACH};
+use terrane_delaunay::{ConvexHull, FixedPosition, Location, PositionWindow, interpolate};
+use terrane_gridding::SurfaceInterpolation;
 use terrane_gridding::pitfree::is_short;
 
 /// Most points that are held for positions side by side, unless they are all needed for one.
@@ -23,12 +23,12 @@ pub(crate) const MOST_POINTS: u64 = 1 << 19;
 const MOST_TRIANGULATED: u64 = 1 << 16;
 
 /// The surface over the points of a store.
-pub(crate) struct Surface<'a> {
+pub(crate) struct InterpolatedSurface<'a> {
     pub(crate) store: &'a PointStore,
     /// Of all points of the store.
-    pub(crate) hull: &'a Hull,
-    pub(crate) frame: Frame,
-    pub(crate) shape: Shape,
+    pub(crate) hull: &'a ConvexHull,
+    pub(crate) frame: PointFrame,
+    pub(crate) shape: SurfaceInterpolation,
 }
 
 /// Positions in columns and rows, in steps: a rectangle of them has one from each.
@@ -42,7 +42,7 @@ pub(crate) struct Positions<'a> {
 
 /// Some of the columns and rows.
 #[derive(Clone)]
-pub(crate) struct Part {
+pub(crate) struct ColumnRowRange {
     pub(crate) cols: Range<usize>,
     pub(crate) rows: Range<usize>,
 }
@@ -52,10 +52,10 @@ impl Positions<'_> {
     pub(crate) fn in_parts(
         self,
         most: u64,
-        points_near: impl Fn(Window) -> u64,
-        mut each: impl FnMut(&Part, Window) -> Result<()>,
+        points_near: impl Fn(PositionWindow) -> u64,
+        mut each: impl FnMut(&ColumnRowRange, PositionWindow) -> Result<()>,
     ) -> Result<()> {
-        let mut parts = vec![Part { cols: 0..self.xs.len(), rows: 0..self.ys.len() }];
+        let mut parts = vec![ColumnRowRange { cols: 0..self.xs.len(), rows: 0..self.ys.len() }];
         while let Some(part) = parts.pop() {
             let Some(window) = window(self, &part) else { continue };
             match part.halves() {
@@ -67,7 +67,7 @@ impl Positions<'_> {
     }
 }
 
-impl Part {
+impl ColumnRowRange {
     /// Two halves along the longer side, `None` for a single position.
     fn halves(&self) -> Option<[Self; 2]> {
         let half = |range: &Range<usize>| range.start + range.len().div_ceil(2);
@@ -83,14 +83,14 @@ impl Part {
     }
 }
 
-impl Surface<'_> {
+impl InterpolatedSurface<'_> {
     /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
     /// the points and its position alone.
     pub(crate) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
         let near = |window| self.store.points_near(window);
         let most = match self.shape {
-            Shape::Linear { .. } => MOST_POINTS,
-            Shape::Natural => MOST_TRIANGULATED,
+            SurfaceInterpolation::Linear { .. } => MOST_POINTS,
+            SurfaceInterpolation::Natural => MOST_TRIANGULATED,
         };
         at.in_parts(most, near, |part, window| self.fill_part(at, part, window, out))
     }
@@ -98,19 +98,19 @@ impl Surface<'_> {
     fn fill_part(
         &self,
         at: Positions<'_>,
-        part: &Part,
-        window: Window,
+        part: &ColumnRowRange,
+        window: PositionWindow,
         out: &mut [f64],
     ) -> Result<()> {
-        let mut around = Around::new(self.store, window.grown(self.margin()))?;
+        let mut around = SurroundingPoints::new(self.store, window.grown(self.margin()))?;
         let cells =
             || part.rows.clone().flat_map(|row| part.cols.clone().map(move |col| (col, row)));
-        let positions = cells().map(|(col, row)| Position::from_steps(at.xs[col], at.ys[row]));
+        let positions = cells().map(|(col, row)| FixedPosition::from_steps(at.xs[col], at.ys[row]));
         let mut places = cells().map(|(col, row)| row * at.xs.len() + col);
         let mut place = || places.next().unwrap_or_default();
         match self.shape {
-            Shape::Linear { max_edge } => {
-                let each = |position: Position, found: Found| {
+            SurfaceInterpolation::Linear { max_edge } => {
+                let each = |position: FixedPosition, found: Location| {
                     out[place()] = self.height(position, found, max_edge);
                 };
                 let is_short =
@@ -122,9 +122,11 @@ impl Surface<'_> {
                     }
                 }
             }
-            Shape::Natural => around.natural(self.hull, window, positions, |steps| {
-                out[place()] = steps.map_or(f64::NAN, |steps| self.world(steps));
-            }),
+            SurfaceInterpolation::Natural => {
+                around.natural(self.hull, window, positions, |steps| {
+                    out[place()] = steps.map_or(f64::NAN, |steps| self.world(steps));
+                })
+            }
         }
     }
 
@@ -132,7 +134,9 @@ impl Surface<'_> {
     /// cloud is in the store, what has long edges is told from what has not without looking further.
     fn margin(&self) -> i32 {
         match self.shape {
-            Shape::Linear { max_edge: Some(most) } if self.store.limits.is_some() => {
+            SurfaceInterpolation::Linear { max_edge: Some(most) }
+                if self.store.limits.is_some() =>
+            {
                 self.reach(most)
             }
             _ => 0,
@@ -148,15 +152,15 @@ impl Surface<'_> {
         steps * self.frame.scale[2] + self.frame.offset[2]
     }
 
-    fn height(&self, position: Position, found: Found, max_edge: Option<f64>) -> f64 {
+    fn height(&self, position: FixedPosition, found: Location, max_edge: Option<f64>) -> f64 {
         match found {
-            Found::At(point) => self.world(f64::from(point.z)),
-            Found::Triangle(corners)
+            Location::At(point) => self.world(f64::from(point.z)),
+            Location::Triangle(corners)
                 if max_edge.is_none_or(|most| self.is_short(&corners, most)) =>
             {
                 self.world(interpolate(&corners, position))
             }
-            Found::Triangle(_) | Found::Outside => f64::NAN,
+            Location::Triangle(_) | Location::Outside => f64::NAN,
         }
     }
 
@@ -168,18 +172,18 @@ impl Surface<'_> {
 }
 
 /// Steps along a length in world units, at most, rounded up.
-pub(crate) fn reach(frame: &Frame, length: f64) -> i32 {
+pub(crate) fn reach(frame: &PointFrame, length: f64) -> i32 {
     let [x, y, _] = frame.scale;
     (length / x.min(y)).ceil().min(f64::from(REACH)) as i32
 }
 
 /// What the positions of a part lie in.
-fn window(at: Positions<'_>, part: &Part) -> Option<Window> {
+fn window(at: Positions<'_>, part: &ColumnRowRange) -> Option<PositionWindow> {
     let (xs, ys) = (at.xs.get(part.cols.clone())?, at.ys.get(part.rows.clone())?);
-    let site = |x: f64, y: f64| Position::from_steps(x, y).floor();
+    let site = |x: f64, y: f64| FixedPosition::from_steps(x, y).floor();
     let low = site(*xs.first()?, *ys.last()?);
     let high = site(*xs.last()?, *ys.first()?);
-    Some(Window { low, high }.grown(1))
+    Some(PositionWindow { low, high }.grown(1))
 }
 
 #[cfg(test)]
@@ -187,7 +191,7 @@ mod tests {
     use super::*;
     use crate::points::Tiling;
 
-    const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.001], offset: [0.0, 0.0, 5.0] };
+    const FRAME: PointFrame = PointFrame { scale: [0.01, 0.01, 0.001], offset: [0.0, 0.0, 5.0] };
 
     #[test]
     fn a_plane_is_reproduced_and_long_edges_are_no_surface() {
@@ -208,8 +212,8 @@ mod tests {
         let xs: Vec<f64> = (0..60).map(|i| f64::from(i) * 100.0 - 500.0).collect();
         let ys: Vec<f64> = xs.iter().rev().copied().collect();
         let fill = |max_edge| {
-            let shape = Shape::Linear { max_edge };
-            let linear = Surface { store: &store, hull: &hull, frame: FRAME, shape };
+            let shape = SurfaceInterpolation::Linear { max_edge };
+            let linear = InterpolatedSurface { store: &store, hull: &hull, frame: FRAME, shape };
             let mut out = vec![0.0; 3600];
             linear.fill(Positions { xs: &xs, ys: &ys }, &mut out).unwrap();
             out

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
-use terrane_delaunay::{Disc, Hull, Place, Position, Window};
+use terrane_delaunay::{ConvexHull, Disc, FixedPosition, HullLocation, PositionWindow};
 
 /// The part of a cloud that a store is filled from, and whether an answer needed more of it.
 ///
@@ -20,39 +20,39 @@ use terrane_delaunay::{Disc, Hull, Place, Position, Window};
 /// cloud: no disc that had to be empty left the window, and no position that the points known do not
 /// surround may lie among others.
 #[derive(Debug)]
-pub(crate) struct Limits {
+pub(crate) struct PointStoreLimits {
     /// All points of the cloud that lie in it are in the store.
-    window: Window,
+    window: PositionWindow,
     /// All that the cloud may reach.
-    cloud: Window,
+    cloud: PositionWindow,
     /// Around all boxes that other points may lie in.
-    others: Hull,
+    others: ConvexHull,
     /// Around these and the points known.
-    outer: OnceLock<Hull>,
+    outer: OnceLock<ConvexHull>,
     exceeded: AtomicBool,
 }
 
-impl Limits {
+impl PointStoreLimits {
     /// Of a store that has all its points in `window`, and those of its hull.
-    pub(crate) fn with_hull(source: &dyn PointSource, window: Window) -> Self {
+    pub(crate) fn with_hull(source: &dyn PointSource, window: PositionWindow) -> Self {
         Self {
             window,
             cloud: across(source.info().bounds.unwrap_or_default()),
-            others: Hull::default(),
+            others: ConvexHull::default(),
             outer: OnceLock::new(),
             exceeded: AtomicBool::new(false),
         }
     }
 
     /// Of the parts of a cloud that may have points in `window`; the others are not read.
-    pub(crate) fn new(source: &dyn PointSource, window: Window) -> Self {
+    pub(crate) fn new(source: &dyn PointSource, window: PositionWindow) -> Self {
         let corners = (0..source.parts())
             .filter_map(|part| source.bounds_of(part))
             .filter(|bounds| !window.covers(&across(*bounds)))
             .flat_map(|[low, high]| {
                 [low, Point::new(high.x, low.y, 0), high, Point::new(low.x, high.y, 0)]
             });
-        let others = Hull::of(corners.collect());
+        let others = ConvexHull::of(corners.collect());
         Self { others, ..Self::with_hull(source, window) }
     }
 
@@ -69,13 +69,15 @@ impl Limits {
     }
 
     /// Notes that a position was looked up in the surface over the points known, whose hull is `hull`.
-    pub(super) fn note_position(&self, hull: &Hull, position: Position) {
+    pub(super) fn note_position(&self, hull: &ConvexHull, position: FixedPosition) {
         let place = hull.place(position);
-        if place == Place::Inside {
+        if place == HullLocation::Inside {
             return;
         }
         let outer = self.outer.get_or_init(|| hull.merge(&self.others)).place(position);
-        if outer != Place::Outside && !(place == Place::Boundary && outer == Place::Boundary) {
+        if outer != HullLocation::Outside
+            && !(place == HullLocation::Boundary && outer == HullLocation::Boundary)
+        {
             self.exceed();
         }
     }
@@ -86,7 +88,7 @@ impl Limits {
 }
 
 /// The parts that may have points in a window.
-pub(crate) fn parts_in(source: &dyn PointSource, window: &Window) -> Vec<usize> {
+pub(crate) fn parts_in(source: &dyn PointSource, window: &PositionWindow) -> Vec<usize> {
     let touches = |part: &usize| {
         let bounds = source.bounds_of(*part);
         bounds.is_some_and(|bounds| across(bounds).intersection(window).is_some())
@@ -95,6 +97,6 @@ pub(crate) fn parts_in(source: &dyn PointSource, window: &Window) -> Vec<usize> 
 }
 
 /// The window between two points.
-fn across([low, high]: [Point; 2]) -> Window {
-    Window { low: [low.x, low.y], high: [high.x, high.y] }
+fn across([low, high]: [Point; 2]) -> PositionWindow {
+    PositionWindow { low: [low.x, low.y], high: [high.x, high.y] }
 }

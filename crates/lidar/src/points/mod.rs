@@ -14,10 +14,10 @@ mod store;
 mod summary;
 mod tiling;
 
-pub(crate) use around::Around;
-pub(crate) use interpolated::{MOST_POINTS, Part, Positions, Surface, reach};
-pub(crate) use limits::{Limits, parts_in};
+pub(crate) use around::SurroundingPoints;
+pub(crate) use interpolated::{ColumnRowRange, InterpolatedSurface, MOST_POINTS, Positions, reach};
+pub(crate) use limits::{PointStoreLimits, parts_in};
 pub(crate) use shelf::{ENTRY, POINT, ShelfWriter, Shelves};
-pub(crate) use store::{Filling, PointStore};
-pub(crate) use summary::Summary;
+pub(crate) use store::{PointStore, PointStoreSetup};
+pub(crate) use summary::SquareSummary;
 pub(crate) use tiling::Tiling;

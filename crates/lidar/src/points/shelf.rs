@@ -7,10 +7,10 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use super::summary::Summary;
+use super::summary::SquareSummary;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 use terrane_engine::plan::{Digest, damaged_object};
 use terrane_files::atomic::AtomicFile;
 
@@ -41,9 +41,9 @@ impl ShelfWriter {
         }
         let bytes = bytes_of(points);
         self.write(&bytes)?;
-        let mut summary = Summary::EMPTY;
+        let mut summary = SquareSummary::EMPTY;
         summary.add(points);
-        let Summary { window: Window { low, high }, lowest, .. } = summary;
+        let SquareSummary { window: PositionWindow { low, high }, lowest, .. } = summary;
         let [square, count] = [square, points.len()].map(|n| (n as u32).to_le_bytes());
         self.index.extend([square, count].concat());
         let [box_, lowest] = [[low, high].concat(), vec![lowest.x, lowest.y, lowest.z]];
@@ -73,13 +73,13 @@ fn bytes_of(points: &[Point]) -> Vec<u8> {
 
 /// A square of a file.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct SquareIndexEntry {
     square: u32,
     /// Which file, and where in it.
     file: u32,
     start: u64,
     digest: Digest,
-    summary: Summary,
+    summary: SquareSummary,
 }
 
 /// The squares of several files.
@@ -87,7 +87,7 @@ struct Entry {
 pub(crate) struct Shelves {
     files: Vec<PathBuf>,
     /// By square, then file.
-    entries: Vec<Entry>,
+    entries: Vec<SquareIndexEntry>,
 }
 
 impl Shelves {
@@ -107,7 +107,7 @@ impl Shelves {
     }
 
     /// Squares with points, and what is known of them; a square is named for each file that has points of it.
-    pub(crate) fn squares(&self) -> impl Iterator<Item = (usize, Summary)> {
+    pub(crate) fn squares(&self) -> impl Iterator<Item = (usize, SquareSummary)> {
         self.entries.iter().map(|entry| (entry.square as usize, entry.summary))
     }
 
@@ -126,7 +126,7 @@ impl Shelves {
         Ok(())
     }
 
-    fn points_of(&self, entry: &Entry) -> Result<Vec<Point>> {
+    fn points_of(&self, entry: &SquareIndexEntry) -> Result<Vec<Point>> {
         let path = &self.files[entry.file as usize];
         let fail = |e: io::Error| Error::read(path, e);
         let mut bytes = vec![0; (entry.summary.count * POINT) as usize];
@@ -142,7 +142,7 @@ impl Shelves {
 }
 
 /// What the index of a file tells.
-fn index(path: &Path, digest: Digest, number: u32) -> Result<Vec<Entry>> {
+fn index(path: &Path, digest: Digest, number: u32) -> Result<Vec<SquareIndexEntry>> {
     let (fail, damaged) = (|e: io::Error| Error::read(path, e), || damaged_object(path));
     let mut file = File::open(path).map_err(fail)?;
     let length = file.metadata().map_err(fail)?.len();
@@ -164,21 +164,24 @@ fn index(path: &Path, digest: Digest, number: u32) -> Result<Vec<Entry>> {
         start += entry.summary.count * POINT;
         entry
     });
-    let entries: Vec<Entry> = entries.collect();
+    let entries: Vec<SquareIndexEntry> = entries.collect();
     if start == end - size { Ok(entries) } else { Err(damaged()) }
 }
 
-fn entry(bytes: &[u8], (file, start): (u32, u64)) -> Entry {
+fn entry(bytes: &[u8], (file, start): (u32, u64)) -> SquareIndexEntry {
     let (numbers, digest) = bytes.split_at(ENTRY as usize - Digest::BYTES);
     let mut numbers = words(numbers);
     let mut next = || numbers.next().unwrap_or_default();
     let [square, count] = [next(), next()].map(i32::cast_unsigned);
-    let window = Window { low: [next(), next()], high: [next(), next()] };
-    let summary =
-        Summary { count: u64::from(count), window, lowest: Point::new(next(), next(), next()) };
+    let window = PositionWindow { low: [next(), next()], high: [next(), next()] };
+    let summary = SquareSummary {
+        count: u64::from(count),
+        window,
+        lowest: Point::new(next(), next(), next()),
+    };
     let mut of = [0; Digest::BYTES];
     of.copy_from_slice(digest);
-    Entry { square, file, start, digest: Digest(of), summary }
+    SquareIndexEntry { square, file, start, digest: Digest(of), summary }
 }
 
 fn words(bytes: &[u8]) -> impl Iterator<Item = i32> {

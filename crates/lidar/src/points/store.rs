@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::sync::Mutex;
 
-use super::limits::{Limits, parts_in};
+use super::limits::{PointStoreLimits, parts_in};
 use super::shelf::Shelves;
-use super::summary::Summary;
+use super::summary::SquareSummary;
 use super::tiling::Tiling;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{Census, PointSource};
-use terrane_delaunay::{Disc, Hull, Place, Position, Window};
+use terrane_cloud::{PointCensus, PointSource};
+use terrane_delaunay::{ConvexHull, Disc, FixedPosition, HullLocation, PositionWindow};
 use terrane_engine::sift::Losses;
 use terrane_engine::workers;
 use terrane_engine::{Cancel, FileAt, Progress};
@@ -25,17 +25,17 @@ pub(crate) struct PointStore {
     shelves: Shelves,
     /// Squares whose points are kept, where these are not all.
     wanted: Option<Vec<bool>>,
-    summaries: Vec<Mutex<Summary>>,
-    census: Census,
+    summaries: Vec<Mutex<SquareSummary>>,
+    census: PointCensus,
     losses: Losses,
     /// Where not all of the cloud is in it.
-    pub(super) limits: Option<Limits>,
+    pub(super) limits: Option<PointStoreLimits>,
     /// Where no points are kept, but what surrounds them.
-    outline: Option<Mutex<Hull>>,
+    outline: Option<Mutex<ConvexHull>>,
 }
 
 /// How a store is filled.
-pub(crate) struct Filling<'a> {
+pub(crate) struct PointStoreSetup<'a> {
     /// Threads that read.
     pub(crate) threads: usize,
     /// Bytes of points that may stay in memory.
@@ -43,7 +43,7 @@ pub(crate) struct Filling<'a> {
     /// Folder of the temporary file, if one is needed.
     pub(crate) folder: &'a Path,
     /// Only what lies in it, where it is not all of the cloud.
-    pub(crate) within: Option<Window>,
+    pub(crate) within: Option<PositionWindow>,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) cancel: &'a Cancel,
 }
@@ -53,13 +53,17 @@ impl PointStore {
     pub(crate) fn fill(
         source: &dyn PointSource,
         tiling: Tiling,
-        filling: &Filling<'_>,
+        filling: &PointStoreSetup<'_>,
     ) -> Result<Self> {
         Self::empty(tiling, filling.folder, filling.memory).filled(source, filling)
     }
 
     /// The same store with the points of a cloud, read once.
-    pub(crate) fn filled(self, source: &dyn PointSource, filling: &Filling<'_>) -> Result<Self> {
+    pub(crate) fn filled(
+        self,
+        source: &dyn PointSource,
+        filling: &PointStoreSetup<'_>,
+    ) -> Result<Self> {
         self.filled_and(source, filling, &|_| Ok(()))
     }
 
@@ -67,7 +71,7 @@ impl PointStore {
     pub(crate) fn filled_and(
         self,
         source: &dyn PointSource,
-        filling: &Filling<'_>,
+        filling: &PointStoreSetup<'_>,
         also: &(dyn Fn(&[Point]) -> Result<()> + Sync),
     ) -> Result<Self> {
         let add = |points: &[Point]| {
@@ -93,7 +97,7 @@ impl PointStore {
     /// A store without points, which may have about `memory` bytes of them before it takes to a file
     /// in `folder`.
     pub(crate) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
-        let summaries = (0..tiling.count()).map(|_| Mutex::new(Summary::EMPTY)).collect();
+        let summaries = (0..tiling.count()).map(|_| Mutex::new(SquareSummary::EMPTY)).collect();
         let points = Buckets::new(folder, tiling.count(), memory);
         Self {
             tiling,
@@ -101,7 +105,7 @@ impl PointStore {
             shelves: Shelves::default(),
             wanted: None,
             summaries,
-            census: Census::default(),
+            census: PointCensus::default(),
             losses: Losses::default(),
             limits: None,
             outline: None,
@@ -109,7 +113,7 @@ impl PointStore {
     }
 
     /// The same store, which will hold only the points within `limits`, if there are any.
-    pub(crate) fn limited(self, limits: Option<Limits>) -> Self {
+    pub(crate) fn limited(self, limits: Option<PointStoreLimits>) -> Self {
         Self { limits, ..self }
     }
 
@@ -130,22 +134,22 @@ impl PointStore {
 
     /// True once an answer needed points that it does not hold.
     pub(crate) fn is_exceeded(&self) -> bool {
-        self.limits.as_ref().is_some_and(Limits::is_exceeded)
+        self.limits.as_ref().is_some_and(PointStoreLimits::is_exceeded)
     }
 
     fn read_all(
         &self,
         source: &dyn PointSource,
-        filling: &Filling<'_>,
+        filling: &PointStoreSetup<'_>,
         take: &(dyn Fn(&[Point]) -> Result<()> + Sync),
-    ) -> Result<Census> {
-        let census = Mutex::new(Census::default());
+    ) -> Result<PointCensus> {
+        let census = Mutex::new(PointCensus::default());
         let parts = match &filling.within {
             Some(window) => parts_in(source, window),
             None => (0..source.parts()).collect(),
         };
         filling.progress.begin("read", parts.iter().map(|part| source.points_of(*part)).sum());
-        let part = |found: &mut Census, part: u64| {
+        let part = |found: &mut PointCensus, part: u64| {
             let part = parts[part as usize];
             FileAt::tell(filling.progress, source, part);
             let read = source.read(part, &mut |batch| take(batch))?;
@@ -153,12 +157,12 @@ impl PointStore {
             filling.progress.advance(read.read);
             Ok(())
         };
-        let finish = |found: Census| {
+        let finish = |found: PointCensus| {
             lock(&census).add(&found);
             Ok(())
         };
         let count = parts.len() as u64;
-        workers::run(filling.threads, count, filling.cancel, Census::default, part, finish)?;
+        workers::run(filling.threads, count, filling.cancel, PointCensus::default, part, finish)?;
         filling.progress.end();
         Ok(*lock(&census))
     }
@@ -192,12 +196,12 @@ impl PointStore {
     }
 
     /// What became of the points read.
-    pub(crate) fn census(&self) -> &Census {
+    pub(crate) fn census(&self) -> &PointCensus {
         &self.census
     }
 
     /// What a square holds; `None` when it holds nothing.
-    pub(crate) fn summary(&self, square: usize) -> Option<Summary> {
+    pub(crate) fn summary(&self, square: usize) -> Option<SquareSummary> {
         let summary = *lock(&self.summaries[square]);
         (summary.count > 0).then_some(summary)
     }
@@ -222,7 +226,7 @@ impl PointStore {
     }
 
     /// Points of the squares that a window touches.
-    pub(crate) fn points_near(&self, window: Window) -> u64 {
+    pub(crate) fn points_near(&self, window: PositionWindow) -> u64 {
         let squares = self.tiling.touching(window);
         squares.filter_map(|square| Some(self.summary(square)?.count)).sum()
     }
@@ -236,26 +240,27 @@ impl PointStore {
     }
 
     /// The convex hull of all points.
-    pub(crate) fn hull(&self) -> Result<Hull> {
+    pub(crate) fn hull(&self) -> Result<ConvexHull> {
         if let Some(outline) = &self.outline {
             return Ok(lock(outline).clone());
         }
         let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
-        let inner = Hull::of(summaries().map(|(_, summary)| summary.lowest).collect());
+        let inner = ConvexHull::of(summaries().map(|(_, summary)| summary.lowest).collect());
         let (mut hull, mut points) = (inner.clone(), Vec::new());
-        for (square, Summary { window: Window { low, high }, .. }) in summaries() {
+        for (square, SquareSummary { window: PositionWindow { low, high }, .. }) in summaries() {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
-            let is_outside = |corner| inner.place(Position::of(corner)) == Place::Outside;
+            let is_outside =
+                |corner| inner.place(FixedPosition::of(corner)) == HullLocation::Outside;
             if corners.into_iter().any(is_outside) {
                 self.load_distinct(square, &mut points)?;
-                hull = hull.merge(&Hull::of(points.clone()));
+                hull = hull.merge(&ConvexHull::of(points.clone()));
             }
         }
         Ok(hull)
     }
 
     /// True when every point that may lie in the disc lies in `known`.
-    pub(crate) fn is_within(&self, disc: &Disc, known: &Window) -> bool {
+    pub(crate) fn is_within(&self, disc: &Disc, known: &PositionWindow) -> bool {
         // Few discs reach beyond, and it takes no root to tell of most that they do not.
         disc.lies_in(known)
             || disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
@@ -281,7 +286,7 @@ impl PointStore {
         [first, last]: [u32; 2],
     ) -> impl Iterator<Item = usize> + use<> {
         let (tiling, strip) = (self.tiling, self.tiling.window_of(self.tiling.square([0, row])));
-        let west_to_east = Window {
+        let west_to_east = PositionWindow {
             low: [tiling.window().low[0], strip.low[1]],
             high: [tiling.window().high[0], strip.high[1]],
         };
@@ -298,10 +303,10 @@ impl PointStore {
 }
 
 /// Makes a hull that of more points.
-fn surround(hull: &Mutex<Hull>, points: &[Point]) {
+fn surround(hull: &Mutex<ConvexHull>, points: &[Point]) {
     let known = lock(hull).clone();
-    let is_beyond = |p: &&Point| known.place(Position::of([p.x, p.y])) != Place::Inside;
-    let beyond = Hull::of(points.iter().filter(is_beyond).copied().collect());
+    let is_beyond = |p: &&Point| known.place(FixedPosition::of([p.x, p.y])) != HullLocation::Inside;
+    let beyond = ConvexHull::of(points.iter().filter(is_beyond).copied().collect());
     let mut hull = lock(hull);
     *hull = hull.merge(&beyond);
 }

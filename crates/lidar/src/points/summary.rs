@@ -1,29 +1,29 @@
 //! Number, bounds and window of a square of points, known without reading it.
 
 use terrane_base::geom::Point;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 
 /// What is known of a square without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Summary {
+pub(crate) struct SquareSummary {
     /// Points in it.
     pub(crate) count: u64,
     /// The smallest that holds them.
-    pub(crate) window: Window,
+    pub(crate) window: PositionWindow,
     /// The lowest of them.
     pub(crate) lowest: Point,
 }
 
-impl Summary {
+impl SquareSummary {
     pub(super) const EMPTY: Self = Self {
         count: 0,
-        window: Window { low: [i32::MAX; 2], high: [i32::MIN; 2] },
+        window: PositionWindow { low: [i32::MAX; 2], high: [i32::MIN; 2] },
         lowest: Point::new(i32::MAX, i32::MAX, i32::MAX),
     };
 
     pub(super) fn add(&mut self, run: &[Point]) {
         self.count += run.len() as u64;
-        let Window { low, high } = &mut self.window;
+        let PositionWindow { low, high } = &mut self.window;
         for &point in run {
             *low = [low[0].min(point.x), low[1].min(point.y)];
             *high = [high[0].max(point.x), high[1].max(point.y)];

@@ -7,15 +7,15 @@ use std::collections::HashMap;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{Flow, Records, Take, Unit, numbered};
+use super::{PointRecords, RecordFlow, RecordUnit, Take, numbered};
 use terrane_base::bits::{BitSet, mixed};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_files::Buckets;
 
 /// Says which group a record is of, and how good it is there: the least rank is best.
-pub(crate) trait Choice: Sync {
+pub(crate) trait RecordRanking: Sync {
     fn mark(&self, record: &[u8]) -> (Group, Rank);
 
     /// Whether not the best of a group alone is kept, but all in it whose ranks end with the same number.
@@ -32,7 +32,7 @@ pub(crate) type Rank = [u64; 2];
 /// A record's mark.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Mark {
+struct RecordMark {
     group: Group,
     rank: Rank,
     /// Number of the record.
@@ -47,7 +47,7 @@ const MOST_BUCKETS: u64 = 1 << 14;
 
 /// Buckets for the marks of so many points.
 fn buckets(points: u64) -> u64 {
-    (points * size_of::<Mark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
+    (points * size_of::<RecordMark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
 }
 
 /// Bytes of memory that choosing from so many points needs: a bit for each, and the groups of a bucket with a
@@ -57,8 +57,8 @@ pub(crate) fn needed(points: u64) -> u64 {
 }
 
 /// Records without those that were not chosen.
-pub(crate) struct Chosen<'a> {
-    records: &'a dyn Records,
+pub(crate) struct ChosenRecords<'a> {
+    records: &'a dyn PointRecords,
     record: usize,
     kept: BitSet,
     /// Number of the first record of each unit, and how many there are.
@@ -66,13 +66,13 @@ pub(crate) struct Chosen<'a> {
     all: u64,
 }
 
-impl<'a> Chosen<'a> {
+impl<'a> ChosenRecords<'a> {
     /// Looks at all records once; marks may take so many bytes of memory, and go to `folder` beyond it.
     pub(crate) fn new(
-        records: &'a dyn Records,
-        choice: &dyn Choice,
-        (flow, memory, folder): (Flow, u64, &std::path::Path),
-        at: At<'_>,
+        records: &'a dyn PointRecords,
+        choice: &dyn RecordRanking,
+        (flow, memory, folder): (RecordFlow, u64, &std::path::Path),
+        at: Observer<'_>,
     ) -> Result<Self> {
         let points: u64 = (0..records.units()).map(|unit| records.unit(unit).points).sum();
         let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
@@ -80,7 +80,7 @@ impl<'a> Chosen<'a> {
         let (firsts, number) = numbered::pass(records, flow, at, &mut |number, record| {
             let (group, rank) = choice.mark(record);
             let bucket = (mixed(&group) % count) as usize;
-            buckets.push(bucket, &[Mark { group, rank, number }])
+            buckets.push(bucket, &[RecordMark { group, rank, number }])
         })?;
         let kept = best(&buckets, count as usize, choice.keeps_alike(), (number, left), at)?;
         Ok(Self { records, record: flow.record, kept, firsts, all: number })
@@ -88,7 +88,7 @@ impl<'a> Chosen<'a> {
 
     /// Those whose numbers are kept, of all with these numbers of the first of each unit.
     pub(crate) fn of(
-        records: &'a dyn Records,
+        records: &'a dyn PointRecords,
         record: usize,
         (firsts, all): (Vec<u64>, u64),
         kept: BitSet,
@@ -110,12 +110,12 @@ impl<'a> Chosen<'a> {
     }
 }
 
-impl Records for Chosen<'_> {
+impl PointRecords for ChosenRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 
@@ -136,18 +136,18 @@ impl Records for Chosen<'_> {
 
 /// The numbers of the best of each group, and of those alike if they are kept.
 fn best(
-    buckets: &Buckets<Mark>,
+    buckets: &Buckets<RecordMark>,
     count: usize,
     keeps_alike: bool,
     (numbers, memory): (u64, u64),
-    at: At<'_>,
+    at: Observer<'_>,
 ) -> Result<BitSet> {
     let mut kept = BitSet::new(numbers as usize);
     for bucket in 0..count {
         at.cancel.check()?;
         let mut best: HashMap<Group, (Rank, u64)> = HashMap::new();
         buckets.try_read(bucket, |marks| {
-            for Mark { group, rank, number } in marks {
+            for RecordMark { group, rank, number } in marks {
                 let one = best.entry(*group).or_insert((*rank, *number));
                 *one = (*one).min((*rank, *number));
             }
@@ -157,7 +157,7 @@ fn best(
             }
         })?;
         if keeps_alike {
-            let is_alike = |mark: &&Mark| {
+            let is_alike = |mark: &&RecordMark| {
                 best.get(&mark.group).is_some_and(|(rank, _)| rank[1] == mark.rank[1])
             };
             buckets.read(bucket, |marks| {

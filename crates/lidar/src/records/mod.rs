@@ -6,22 +6,22 @@ mod pack;
 
 use rayon::prelude::*;
 
-pub(crate) use pack::Packer;
+pub(crate) use pack::RecordPacker;
 
 use terrane_base::error::Result;
 use terrane_engine::FileAt;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 
 /// Takes records, some at a time.
 pub(crate) type Take<'a> = dyn FnMut(&[u8]) -> Result<()> + Send + 'a;
 
 /// Records in units that any thread reads, in any order, as often as it likes.
-pub(crate) trait Records: Sync {
+pub(crate) trait PointRecords: Sync {
     /// How many units there are.
     fn units(&self) -> usize;
 
     /// What a unit is.
-    fn unit(&self, unit: usize) -> Unit<'_>;
+    fn unit(&self, unit: usize) -> RecordUnit<'_>;
 
     /// Hands on the records of a unit, in their order.
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()>;
@@ -29,14 +29,14 @@ pub(crate) trait Records: Sync {
 
 /// Records that are read together.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Unit<'a> {
+pub(crate) struct RecordUnit<'a> {
     /// How many, at most.
     pub(crate) points: u64,
     /// The file that they are read from, where there are several.
     pub(crate) file: Option<FileAt<'a>>,
 }
 
-impl Unit<'_> {
+impl RecordUnit<'_> {
     /// Of no file.
     pub(crate) fn of(points: u64) -> Self {
         Self { points, file: None }
@@ -45,7 +45,7 @@ impl Unit<'_> {
 
 /// How many records are on their way at a time.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Flow {
+pub(crate) struct RecordFlow {
     /// Bytes of a record.
     pub(crate) record: usize,
     /// Bytes of the records of a round.
@@ -53,21 +53,26 @@ pub(crate) struct Flow {
 }
 
 /// Units that are made together.
-enum Round {
+enum RecordRound {
     /// These, by all threads.
     Many(std::ops::Range<usize>),
     /// One that has too many points to be held; they are taken as they come.
     Large(usize),
 }
 
-impl Flow {
+impl RecordFlow {
     /// Hands on all records in order: while those of a round are taken, the ones of the next are made.
-    pub(crate) fn run(self, records: &dyn Records, at: At<'_>, take: &mut Take<'_>) -> Result<()> {
+    pub(crate) fn run(
+        self,
+        records: &dyn PointRecords,
+        at: Observer<'_>,
+        take: &mut Take<'_>,
+    ) -> Result<()> {
         let mut made = Vec::new();
         for round in self.rounds(records) {
             at.cancel.check()?;
             match round {
-                Round::Many(units) => {
+                RecordRound::Many(units) => {
                     let make =
                         || units.clone().into_par_iter().map(|unit| whole(records, unit, at));
                     let (taken, next) =
@@ -76,7 +81,7 @@ impl Flow {
                     made = next?;
                     at.progress.advance(units.map(|unit| records.unit(unit).points).sum());
                 }
-                Round::Large(unit) => {
+                RecordRound::Large(unit) => {
                     pass(&std::mem::take(&mut made), take)?;
                     let mut each = |bytes: &[u8]| {
                         at.cancel.check()?;
@@ -91,23 +96,23 @@ impl Flow {
         pass(&made, take)
     }
 
-    fn rounds(self, records: &dyn Records) -> Vec<Round> {
+    fn rounds(self, records: &dyn PointRecords) -> Vec<RecordRound> {
         let bytes = |unit: usize| records.unit(unit).points.saturating_mul(self.record as u64);
         let (mut rounds, mut first, mut held) = (Vec::new(), 0, 0);
         for unit in 0..records.units() {
             let more = bytes(unit);
             if held + more > self.round && first < unit {
-                rounds.push(Round::Many(first..unit));
+                rounds.push(RecordRound::Many(first..unit));
                 (first, held) = (unit, 0);
             }
             held += more;
             if more > self.round {
-                rounds.push(Round::Large(unit));
+                rounds.push(RecordRound::Large(unit));
                 (first, held) = (unit + 1, 0);
             }
         }
         if first < records.units() {
-            rounds.push(Round::Many(first..records.units()));
+            rounds.push(RecordRound::Many(first..records.units()));
         }
         rounds
     }
@@ -117,13 +122,13 @@ fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
     made.iter().try_for_each(|bytes| take(bytes))
 }
 
-fn tell(records: &dyn Records, unit: usize, at: At<'_>) {
+fn tell(records: &dyn PointRecords, unit: usize, at: Observer<'_>) {
     if let Some(file) = records.unit(unit).file {
         at.progress.file(file);
     }
 }
 
-fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
+fn whole(records: &dyn PointRecords, unit: usize, at: Observer<'_>) -> Result<Vec<u8>> {
     tell(records, unit, at);
     let mut all = Vec::new();
     records.read(unit, &mut |bytes| {
@@ -134,12 +139,15 @@ fn whole(records: &dyn Records, unit: usize, at: At<'_>) -> Result<Vec<u8>> {
 }
 
 /// Records made of others, where there are any, or these.
-pub(crate) fn over<'r>(made: &'r Option<impl Records>, others: &'r dyn Records) -> &'r dyn Records {
+pub(crate) fn over<'r>(
+    made: &'r Option<impl PointRecords>,
+    others: &'r dyn PointRecords,
+) -> &'r dyn PointRecords {
     made.as_ref().map_or(others, |made| made)
 }
 
 /// How many records there are, at most.
-pub(crate) fn total(records: &dyn Records) -> u64 {
+pub(crate) fn total(records: &dyn PointRecords) -> u64 {
     (0..records.units()).map(|unit| records.unit(unit).points).sum()
 }
 
@@ -151,13 +159,13 @@ mod tests {
     /// Unit k has so many records of two bytes, which tell the unit.
     struct Counted(Vec<u64>);
 
-    impl Records for Counted {
+    impl PointRecords for Counted {
         fn units(&self) -> usize {
             self.0.len()
         }
 
-        fn unit(&self, unit: usize) -> Unit<'_> {
-            Unit::of(self.0[unit])
+        fn unit(&self, unit: usize) -> RecordUnit<'_> {
+            RecordUnit::of(self.0[unit])
         }
 
         fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
@@ -172,12 +180,12 @@ mod tests {
             (0..8).flat_map(|unit| [unit as u8, 7].repeat(records.0[unit] as usize)).collect();
         for round in [0, 1, 4, 10, 40, 1000] {
             let mut taken = Vec::new();
-            let at = At { progress: &Silent, cancel: &Cancel::default() };
+            let at = Observer { progress: &Silent, cancel: &Cancel::default() };
             let mut take = |bytes: &[u8]| {
                 taken.extend_from_slice(bytes);
                 Ok(())
             };
-            Flow { record: 2, round }.run(&records, at, &mut take).unwrap();
+            RecordFlow { record: 2, round }.run(&records, at, &mut take).unwrap();
             assert_eq!(taken, expected, "{round}");
         }
     }

@@ -2,21 +2,21 @@
 
 use std::sync::Mutex;
 
-use super::{Flow, Records, Take, Unit};
+use super::{PointRecords, RecordFlow, RecordUnit, Take};
 use terrane_base::error::Result;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_files::lock;
 
 /// Hands on all records in order, each with its number; returns the number of the first of each unit, and how many
 /// there are.
 pub(crate) fn pass(
-    records: &dyn Records,
-    flow: Flow,
-    at: At<'_>,
+    records: &dyn PointRecords,
+    flow: RecordFlow,
+    at: Observer<'_>,
     take: &mut (dyn FnMut(u64, &[u8]) -> Result<()> + Send),
 ) -> Result<(Vec<u64>, u64)> {
     let counts = Mutex::new(vec![0; records.units()]);
-    let counted = Counted { records, record: flow.record, counts: &counts };
+    let counted = CountedRecords { records, record: flow.record, counts: &counts };
     let mut number = 0;
     flow.run(&counted, at, &mut |bytes| {
         for record in bytes.chunks_exact(flow.record) {
@@ -35,18 +35,18 @@ pub(crate) fn pass(
 }
 
 /// Counts the records of each unit as they pass.
-struct Counted<'a> {
-    records: &'a dyn Records,
+struct CountedRecords<'a> {
+    records: &'a dyn PointRecords,
     record: usize,
     counts: &'a Mutex<Vec<u64>>,
 }
 
-impl Records for Counted<'_> {
+impl PointRecords for CountedRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 

@@ -6,7 +6,7 @@ use terrane_base::error::Result;
 use terrane_cloud::write::{CHUNK, CloudWriter};
 
 /// A file in the making, and records that do not fill its chunks yet.
-pub(crate) struct Packer<'a> {
+pub(crate) struct RecordPacker<'a> {
     writer: &'a mut CloudWriter,
     pending: Vec<u8>,
     /// Bytes of a chunk.
@@ -15,7 +15,7 @@ pub(crate) struct Packer<'a> {
     together: usize,
 }
 
-impl<'a> Packer<'a> {
+impl<'a> RecordPacker<'a> {
     /// For a file whose chunks are packed so many at a time.
     pub(crate) fn new(writer: &'a mut CloudWriter, together: usize) -> Self {
         let chunk = CHUNK * writer.layout().size();

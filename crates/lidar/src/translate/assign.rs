@@ -6,13 +6,13 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::records::choice::place;
-use crate::records::{Records, Take, Unit};
+use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::attribute;
 use terrane_base::error::{Error, Result};
 use terrane_base::formula::Formula;
-use terrane_base::geom::{Frame, Ruler};
-use terrane_cloud::write::Column;
-use terrane_cloud::{AXES, Cloud, PointFormat, PointSource};
+use terrane_base::geom::{PointFrame, Ruler};
+use terrane_cloud::write::PointColumn;
+use terrane_cloud::{AXES, PointCloud, PointFormat, PointSource};
 use terrane_files::path_of;
 
 /// An attribute and what it is to be.
@@ -62,15 +62,15 @@ impl fmt::Display for Assign {
 
 /// Where a number of a formula is.
 #[derive(Clone)]
-enum Source {
+enum AssignOperand {
     Axis(usize),
-    Field(Column),
+    Field(PointColumn),
 }
 
 /// What is set, one after the other.
 pub(super) struct Assigning {
     rulers: [Ruler; 3],
-    steps: Vec<(Column, Formula<Source>)>,
+    steps: Vec<(PointColumn, Formula<AssignOperand>)>,
 }
 
 impl Assigning {
@@ -80,14 +80,14 @@ impl Assigning {
     /// Names that are none of them.
     pub(super) fn new(
         asked: &[Assign],
-        (format, columns): (PointFormat, &[Column]),
-        frame: &Frame,
+        (format, columns): (PointFormat, &[PointColumn]),
+        frame: &PointFrame,
     ) -> Result<Self> {
         let find = |name: &str| column(name, format, columns);
         let source = |name: &str| match AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis))
         {
-            Some(axis) => Ok(Source::Axis(axis)),
-            None => find(name).map(Source::Field),
+            Some(axis) => Ok(AssignOperand::Axis(axis)),
+            None => find(name).map(AssignOperand::Field),
         };
         let step =
             |one: &Assign| -> Result<_> { Ok((find(&one.name)?, one.formula.resolve(source)?)) };
@@ -104,10 +104,10 @@ impl Assigning {
         Ok(())
     }
 
-    fn value(&self, source: &Source, record: &[u8]) -> std::result::Result<f64, String> {
+    fn value(&self, source: &AssignOperand, record: &[u8]) -> std::result::Result<f64, String> {
         match source {
-            Source::Axis(axis) => Ok(self.place(record)[*axis]),
-            Source::Field(column) => match column.number(record) {
+            AssignOperand::Axis(axis) => Ok(self.place(record)[*axis]),
+            AssignOperand::Field(column) => match column.number(record) {
                 number if number.is_finite() => Ok(number),
                 _ => Err(format!("{} has no value", column.name())),
             },
@@ -125,12 +125,16 @@ impl Assigning {
 ///
 /// # Errors
 /// A name of none.
-pub(super) fn column(name: &str, format: PointFormat, columns: &[Column]) -> Result<Column> {
+pub(super) fn column(
+    name: &str,
+    format: PointFormat,
+    columns: &[PointColumn],
+) -> Result<PointColumn> {
     let known = attribute::known(name.trim()).map_or(name.trim(), |attribute| attribute.name);
     let found = columns.iter().find(|column| column.name().trim().eq_ignore_ascii_case(known));
     found.cloned().ok_or_else(|| {
         let number = format.number();
-        let names: Vec<&str> = columns.iter().map(Column::name).collect();
+        let names: Vec<&str> = columns.iter().map(PointColumn::name).collect();
         Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
             .remedy(format!("they have {}; ‹point_format› takes others", names.join(", ")))
     })
@@ -138,12 +142,12 @@ pub(super) fn column(name: &str, format: PointFormat, columns: &[Column]) -> Res
 
 /// Records with attributes that were set.
 pub(super) struct Assigned<'a> {
-    pub(super) records: &'a dyn Records,
+    pub(super) records: &'a dyn PointRecords,
     pub(super) assigning: &'a Assigning,
     /// Bytes of a record.
     pub(super) record: usize,
     /// Whose parts the units are.
-    pub(super) cloud: &'a Cloud,
+    pub(super) cloud: &'a PointCloud,
 }
 
 impl Assigned<'_> {
@@ -158,12 +162,12 @@ impl Assigned<'_> {
     }
 }
 
-impl Records for Assigned<'_> {
+impl PointRecords for Assigned<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 

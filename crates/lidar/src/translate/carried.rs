@@ -5,36 +5,36 @@ use std::sync::Mutex;
 use super::noise::noted::{Marks, Noted};
 use crate::points::parts_in;
 use crate::records::choice::place;
-use crate::records::{Records, Take, Unit};
+use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::Result;
-use terrane_cloud::{Carrier, Census, Cloud, PointSource};
-use terrane_delaunay::Window;
+use terrane_cloud::{Carrier, PointCensus, PointCloud, PointSource};
+use terrane_delaunay::PositionWindow;
 use terrane_engine::FileAt;
 use terrane_files::lock;
 
 /// The records that a carrier hands on.
 pub(super) struct CarriedRecords<'a> {
-    cloud: &'a Cloud,
+    cloud: &'a PointCloud,
     carrier: &'a Carrier<'a>,
     /// The parts that are read, and where points of them are wanted, if not everywhere.
     parts: Vec<usize>,
-    within: Option<Window>,
+    within: Option<PositionWindow>,
     /// Those that are noise, where that is known.
     noise: Option<&'a Noted>,
     /// Of each part that was read.
-    census: Mutex<Vec<Census>>,
+    census: Mutex<Vec<PointCensus>>,
 }
 
 impl<'a> CarriedRecords<'a> {
     /// Those that lie in a window of the cloud's frame, or all.
     pub(super) fn within(
-        cloud: &'a Cloud,
+        cloud: &'a PointCloud,
         carrier: &'a Carrier<'a>,
-        within: Option<Window>,
+        within: Option<PositionWindow>,
     ) -> Self {
         let all = || (0..cloud.parts()).collect();
         let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));
-        let census = Mutex::new(vec![Census::default(); parts.len()]);
+        let census = Mutex::new(vec![PointCensus::default(); parts.len()]);
         Self { cloud, carrier, parts, within, noise: None, census }
     }
 
@@ -56,7 +56,7 @@ impl<'a> CarriedRecords<'a> {
     }
 
     /// Hands on the records of a part that are wanted, with their classes.
-    fn read_some(&self, part: usize, take: &mut Take<'_>) -> Result<Census> {
+    fn read_some(&self, part: usize, take: &mut Take<'_>) -> Result<PointCensus> {
         let (format, size) = (self.carrier.format(), self.carrier.size());
         let mut marks = self.noise.map(|noise| noise.marks(part));
         let mut some = Vec::new();
@@ -75,26 +75,26 @@ impl<'a> CarriedRecords<'a> {
     }
 
     /// The cloud that they are of.
-    pub(super) fn cloud(&self) -> &Cloud {
+    pub(super) fn cloud(&self) -> &PointCloud {
         self.cloud
     }
 
     /// What became of the points.
-    pub(super) fn census(&self) -> Census {
-        let mut sum = Census::default();
+    pub(super) fn census(&self) -> PointCensus {
+        let mut sum = PointCensus::default();
         lock(&self.census).iter().for_each(|census| sum.add(census));
         sum
     }
 }
 
-impl Records for CarriedRecords<'_> {
+impl PointRecords for CarriedRecords<'_> {
     fn units(&self) -> usize {
         self.parts.len()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         let part = self.parts[unit];
-        Unit { points: self.cloud.points_of(part), file: FileAt::new(self.cloud, part) }
+        RecordUnit { points: self.cloud.points_of(part), file: FileAt::new(self.cloud, part) }
     }
 
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {

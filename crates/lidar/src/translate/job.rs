@@ -4,19 +4,21 @@ use std::path::{Path, PathBuf};
 
 use super::above::asked::{Above, HeightsAs};
 use super::assign::Assign;
-use super::moved::Move;
+use super::moved::CloudReprojection;
 use super::overlap::Overlap;
 use super::sorted::{self, Sort};
-use super::split::Split;
-use super::squares::Squares;
-use super::thin::Thin;
+use super::split::AttributeSplit;
+use super::squares::SquareSplit;
+use super::thin::CellThinning;
 use super::{discs, noise};
 use crate::records::choice::needed;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::write::{Packing, packing_by_name};
-use terrane_cloud::{Cloud, CloudInfo, Filter, LasVersion, OpenOptions, PointFormat, Target};
+use terrane_cloud::write::{PointPacking, packing_by_name};
+use terrane_cloud::{
+    CloudFilter, CloudInfo, CloudOpenOptions, LasOutputFormat, LasVersion, PointCloud, PointFormat,
+};
 use terrane_engine::Resources;
-use terrane_engine::transform::Transform;
+use terrane_engine::transform::OutputTransform;
 use terrane_files::path_of;
 
 /// Clouds to be written as one.
@@ -25,7 +27,7 @@ pub struct TranslateJob {
     /// File names, folders, patterns, lists.
     pub input: Vec<String>,
     /// How they are read, and which points; those marked as withheld are kept unless the filter drops that mark.
-    pub cloud: OpenOptions,
+    pub cloud: CloudOpenOptions,
     /// LAS, LAZ or COPC file to write, or a folder of the first two.
     pub output: PathBuf,
     /// Format of its points; the first that holds all fields of all files when `None`.
@@ -41,17 +43,17 @@ pub struct TranslateJob {
     /// Keep the points of one flight line in each cell.
     pub overlap: Option<Overlap>,
     /// Keep one point of each cell.
-    pub thin: Option<Thin>,
+    pub thin: Option<CellThinning>,
     /// Keep points that are no nearer to each other than this, in space and world units; as many as that allows.
     pub distance: Option<f64>,
     /// The system that they are to be in.
-    pub transform: Option<Transform>,
+    pub transform: Option<OutputTransform>,
     /// Their order; that of files and of points in them when `None`.
     pub sort: Option<Sort>,
     /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
-    pub squares: Option<(Squares, bool)>,
+    pub squares: Option<(SquareSplit, bool)>,
     /// A folder of a file for each value of an attribute, rather than one file.
-    pub split: Option<Split>,
+    pub split: Option<AttributeSplit>,
     /// Replace an existing output.
     pub overwrite: bool,
     /// What the job may use.
@@ -63,7 +65,7 @@ impl TranslateJob {
     pub fn new(input: Vec<String>, output: impl Into<PathBuf>) -> Self {
         Self {
             input,
-            cloud: OpenOptions::default(),
+            cloud: CloudOpenOptions::default(),
             output: output.into(),
             format: None,
             version: None,
@@ -88,7 +90,7 @@ const SPREAD: u64 = 32 << 20;
 
 impl TranslateJob {
     /// The cloud, opened as it is to be read.
-    pub(super) fn open(&self) -> Result<Cloud> {
+    pub(super) fn open(&self) -> Result<PointCloud> {
         terrane_cloud::open(&self.input, &self.reading())
     }
 
@@ -110,7 +112,7 @@ impl TranslateJob {
     /// but a part; and more for each thread.
     pub(super) fn needed(
         &self,
-        packing: Packing,
+        packing: PointPacking,
         info: &CloudInfo,
         (points, is_part): (u64, bool),
     ) -> [u64; 2] {
@@ -118,7 +120,8 @@ impl TranslateJob {
         let is_wide = is_part && self.dedupe && self.above.is_asked();
         let wide = if is_wide { needed(info.count) } else { 0 };
         let choices = self.choices() * needed(points) + wide;
-        let is_spread = packing == Packing::Nodes || self.squares.is_some() || self.split.is_some();
+        let is_spread =
+            packing == PointPacking::Nodes || self.squares.is_some() || self.split.is_some();
         let spread = if is_spread { SPREAD } else { 0 };
         let sort = self.sort.map_or(0, |_| sorted::LEAST);
         let [discs, each_disc] = self.distance.map_or([0; 2], |_| discs::needed(info.count));
@@ -132,7 +135,7 @@ impl TranslateJob {
     /// Fails where something asked for cannot act on points of a format and packing, which lie so.
     pub(super) fn check(
         &self,
-        (format, packing): (PointFormat, Packing),
+        (format, packing): (PointFormat, PointPacking),
         info: &CloudInfo,
     ) -> Result<()> {
         self.above.check(format)?;
@@ -141,7 +144,7 @@ impl TranslateJob {
             discs::check(least, info)?;
         }
         match self.sort {
-            Some(_) if packing == Packing::Nodes => {
+            Some(_) if packing == PointPacking::Nodes => {
                 Err(Error::usage("‹sort› cannot act: an octree has an order of its own")
                     .remedy("leave it out, or choose a name that ends in .laz only"))
             }
@@ -151,9 +154,9 @@ impl TranslateJob {
     }
 
     /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
-    pub(super) fn reading(&self) -> OpenOptions {
-        let filter = Filter { keep_withheld: true, ..self.cloud.filter.clone() };
-        OpenOptions { filter, any_extent: self.is_copy(), ..self.cloud.clone() }
+    pub(super) fn reading(&self) -> CloudOpenOptions {
+        let filter = CloudFilter { keep_withheld: true, ..self.cloud.filter.clone() };
+        CloudOpenOptions { filter, any_extent: self.is_copy(), ..self.cloud.clone() }
     }
 
     /// Whether nothing is computed of the places of several points.
@@ -165,7 +168,7 @@ impl TranslateJob {
     }
 
     /// Where points lie in the system asked for.
-    pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<Move>> {
+    pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
         let Some(transform) = &self.transform else { return Ok(None) };
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let extent = corners.map(|[low, high]| [low[0], low[1], high[0], high[1]]);
@@ -175,25 +178,27 @@ impl TranslateJob {
             return Err(Error::usage("heights above the ground do not change with the system")
                 .remedy("leave ‹geoid› out, or put them into a dimension"));
         }
-        Move::new(info, operation).map(Some)
+        CloudReprojection::new(info, operation).map(Some)
     }
 
     /// What its points are to be in.
-    pub(super) fn target(&self) -> Result<Target> {
-        Ok(Target { format: self.format, version: self.version, packing: self.packing()? })
+    pub(super) fn target(&self) -> Result<LasOutputFormat> {
+        Ok(LasOutputFormat { format: self.format, version: self.version, packing: self.packing()? })
     }
 
     /// How its files are packed.
-    pub(super) fn packing(&self) -> Result<Packing> {
+    pub(super) fn packing(&self) -> Result<PointPacking> {
         match (&self.squares, &self.split) {
-            (Some((_, plain)), _) => Ok(if *plain { Packing::Plain } else { Packing::Chunks }),
+            (Some((_, plain)), _) => {
+                Ok(if *plain { PointPacking::Plain } else { PointPacking::Chunks })
+            }
             (None, Some(split)) => Ok(split.packing()),
             (None, None) => packing(&self.output),
         }
     }
 }
 
-fn packing(path: &Path) -> Result<Packing> {
+fn packing(path: &Path) -> Result<PointPacking> {
     packing_by_name(path).ok_or_else(|| {
         Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
             .in_file(path)

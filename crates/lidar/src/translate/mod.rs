@@ -32,7 +32,7 @@ mod wide;
 mod work;
 mod write;
 
-pub use above::{Above, Classify, HeightsAs, Layers, Reclassify};
+pub use above::{Above, Classify, HeightClasses, HeightsAs, Reclassify};
 pub use assign::Assign;
 pub use job::TranslateJob;
 pub use options::{PointsOptions, PointsSetters, TileFormat};
@@ -40,6 +40,6 @@ pub use overlap::Overlap;
 pub use prepared::run;
 pub use report::TranslateReport;
 pub use sorted::Sort;
-pub use split::Split;
-pub use squares::{BufferMark, Squares};
-pub use thin::{KEPT, Keep, Thin};
+pub use split::AttributeSplit;
+pub use squares::{BufferMark, SquareSplit};
+pub use thin::{CellThinning, KEPT, ThinningRule};

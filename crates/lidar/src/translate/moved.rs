@@ -1,11 +1,11 @@
 //! Points in another reference system: what is asked of them is decided before, and what they are put into after.
 
 use crate::records::choice::place;
-use crate::records::{Records, Take, Unit};
+use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, Point, REACH};
+use terrane_base::geom::{Crs, Point, PointFrame, REACH};
 use terrane_cloud::CloudInfo;
-use terrane_crs::Operation;
+use terrane_crs::CoordinateOperation;
 
 /// Metres of a degree, about.
 const DEGREE: f64 = 111_320.0;
@@ -15,21 +15,21 @@ const PLACES: u32 = 32;
 const MARGIN: f64 = 0.01;
 
 /// How a cloud lies in another system.
-pub(super) struct Move {
-    pub(super) operation: Operation,
-    from: Frame,
+pub(super) struct CloudReprojection {
+    pub(super) operation: CoordinateOperation,
+    from: PointFrame,
     /// Frame, bounds and system of what is written.
     pub(super) info: CloudInfo,
     /// What is to be said of it.
     pub(super) notes: Vec<String>,
 }
 
-impl Move {
+impl CloudReprojection {
     /// Of a cloud by an operation.
     ///
     /// # Errors
     /// Places that the operation does not reach.
-    pub(super) fn new(info: &CloudInfo, operation: Operation) -> Result<Self> {
+    pub(super) fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
         let [low, high] = extent(info, &operation)?;
         let asked = scale(&info.frame, (&info.crs, operation.target()), operation.keeps_heights());
         let reach = |axis: usize| (high[axis] - low[axis]) / f64::from(REACH);
@@ -43,7 +43,7 @@ impl Move {
         });
         let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
         let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
-        let frame = Frame { scale, offset };
+        let frame = PointFrame { scale, offset };
         let steps = |world: [f64; 3], up: i32| {
             let [x, y, z] = [0, 1, 2].map(|axis| frame.steps(axis, world[axis]).round() as i32);
             Point { x: x.saturating_add(up), y: y.saturating_add(up), z: z.saturating_add(up) }
@@ -79,7 +79,7 @@ fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
 }
 
 /// Lowest and highest coordinates of a cloud in the other system, with a margin.
-fn extent(info: &CloudInfo, operation: &Operation) -> Result<[[f64; 3]; 2]> {
+fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]; 2]> {
     let (mut lowest, mut highest) = ([f64::MAX; 3], [f64::MIN; 3]);
     let Some([low, high]) = info.bounds else { return Ok([[0.0; 3]; 2]) };
     let [low, high] = [low, high].map(|point| info.frame.world(point));
@@ -103,7 +103,7 @@ fn extent(info: &CloudInfo, operation: &Operation) -> Result<[[f64; 3]; 2]> {
 }
 
 /// Steps no longer than those of the cloud, powers of ten.
-fn scale(frame: &Frame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
+fn scale(frame: &PointFrame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
     let metres = |crs: &Crs| crs.horizontal_metres().unwrap_or(DEGREE);
     let below = |length: f64| power_of_ten((length.log10() + 1e-9).floor() as i32);
     let across = |axis: usize| below(frame.scale[axis] * metres(from) / metres(to));
@@ -118,15 +118,15 @@ fn power_of_ten(power: i32) -> f64 {
 
 /// Records in another system.
 pub(super) struct MovedRecords<'a> {
-    pub(super) records: &'a dyn Records,
-    pub(super) to: &'a Move,
+    pub(super) records: &'a dyn PointRecords,
+    pub(super) to: &'a CloudReprojection,
     /// Bytes of a record.
     pub(super) record: usize,
 }
 
 impl MovedRecords<'_> {
     fn place(&self, record: &[u8]) -> Result<Point> {
-        let Move { operation, from, info, .. } = self.to;
+        let CloudReprojection { operation, from, info, .. } = self.to;
         let world = operation.point(from.world(place(record)))?;
         let steps = [0, 1, 2].map(|axis| info.frame.steps(axis, world[axis]).round());
         let [x, y, z] = steps.map(|step| step as i32);
@@ -146,12 +146,12 @@ impl MovedRecords<'_> {
     }
 }
 
-impl Records for MovedRecords<'_> {
+impl PointRecords for MovedRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 

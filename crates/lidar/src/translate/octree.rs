@@ -15,12 +15,12 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::records::choice::place;
-use crate::records::{Flow, Records, total};
+use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point};
-use terrane_cloud::write::{Chunk, CloudWriter, Cube, Key, Layout};
+use terrane_base::geom::{Point, PointFrame};
+use terrane_cloud::write::{CloudWriter, Cube, Key, PointChunk, PointLayout};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_files::Buckets;
 
 /// Points that a node may have without nodes below it; more only where they are all at one place.
@@ -35,17 +35,17 @@ const COLUMN_POINTS: u64 = 50_000;
 const MOST_LEVELS: u32 = 8;
 
 /// Where points are in the cube.
-pub(super) struct Place {
-    frame: Frame,
+pub(super) struct OctreePlacement {
+    frame: PointFrame,
     cube: Cube,
 }
 
 /// The points of the nodes of a column, by their numbers from the bottom: what may still go up.
-type Column = BTreeMap<u32, Node>;
+type Column = BTreeMap<u32, PendingOctreeNode>;
 
 /// A node whose points may still go up.
 #[derive(Default)]
-struct Node {
+struct PendingOctreeNode {
     records: Vec<u8>,
     /// Of the points here and below.
     occupied: Occupancy,
@@ -89,7 +89,7 @@ impl Occupancy {
 /// A node with nothing to be changed.
 type Done = (Key, Vec<u8>);
 
-impl Place {
+impl OctreePlacement {
     /// The cube around a cloud.
     pub(super) fn new(info: &CloudInfo) -> Self {
         let origin = Point { x: 0, y: 0, z: 0 };
@@ -126,27 +126,27 @@ fn below(at: [u32; 2]) -> [[u32; 2]; 4] {
 
 /// Makes the octree of records.
 pub(super) struct Octree<'a> {
-    pub(super) place: &'a Place,
-    pub(super) layout: Layout,
+    pub(super) place: &'a OctreePlacement,
+    pub(super) layout: PointLayout,
     pub(super) folder: &'a Path,
     /// Bytes of the records of a column that are held; and of all that wait.
     pub(super) memory: [u64; 2],
-    pub(super) at: At<'a>,
+    pub(super) at: Observer<'a>,
 }
 
 impl Octree<'_> {
     /// Writes all records.
     pub(super) fn write(
         &self,
-        records: &dyn Records,
-        flow: Flow,
+        records: &dyn PointRecords,
+        flow: RecordFlow,
         writer: &mut CloudWriter,
     ) -> Result<()> {
         let all = total(records);
         self.at.progress.begin("columns", all);
         let level = (0..MOST_LEVELS).find(|level| all >> (2 * level) <= COLUMN_POINTS);
         let level = level.unwrap_or(MOST_LEVELS);
-        let columns = Columns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
+        let columns = OctreeColumns::new(level, 0, [0; 2], (self.folder, self.memory[1]));
         flow.run(records, self.at, &mut |bytes| columns.take(bytes, self))?;
         self.at.progress.end();
         self.at.progress.begin("nodes", all);
@@ -166,7 +166,7 @@ impl Octree<'_> {
         &self,
         level: u32,
         at: [u32; 2],
-        columns: &Columns,
+        columns: &OctreeColumns,
         writer: &mut CloudWriter,
     ) -> Result<Column> {
         self.at.cancel.check()?;
@@ -176,7 +176,8 @@ impl Octree<'_> {
                 return self.leaf(level, at, columns, writer);
             }
             true => {
-                let finer = Columns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
+                let finer =
+                    OctreeColumns::new(level + 1, level, at, (self.folder, self.memory[1] / 4));
                 columns.each(at, self.size(), &mut |bytes| finer.take(bytes, self))?;
                 columns.forget(at);
                 self.all(level + 1, four, &finer, writer)?
@@ -194,7 +195,7 @@ impl Octree<'_> {
         &self,
         level: u32,
         four: [[u32; 2]; 4],
-        columns: &Columns,
+        columns: &OctreeColumns,
         writer: &mut CloudWriter,
     ) -> Result<Vec<([u32; 2], Column)>> {
         let is_small = |at: &[u32; 2]| columns.bytes(*at) <= self.memory[0];
@@ -217,7 +218,7 @@ impl Octree<'_> {
         &self,
         level: u32,
         at: [u32; 2],
-        columns: &Columns,
+        columns: &OctreeColumns,
         writer: &mut CloudWriter,
     ) -> Result<Column> {
         let (column, chunks) = self.build(level, at, columns)?;
@@ -230,8 +231,8 @@ impl Octree<'_> {
         &self,
         level: u32,
         at: [u32; 2],
-        columns: &Columns,
-    ) -> Result<(Column, Vec<(Key, Chunk)>)> {
+        columns: &OctreeColumns,
+    ) -> Result<(Column, Vec<(Key, PointChunk)>)> {
         let mut records = Vec::new();
         columns.each(at, self.size(), &mut |bytes| {
             records.extend_from_slice(bytes);
@@ -269,7 +270,7 @@ impl Octree<'_> {
 
     /// The nodes of a column above four others, which are done then.
     fn above(&self, level: u32, below: Vec<([u32; 2], Column)>, done: &mut Vec<Done>) -> Column {
-        let mut nodes: BTreeMap<u32, Vec<([u32; 3], Node)>> = BTreeMap::new();
+        let mut nodes: BTreeMap<u32, Vec<([u32; 3], PendingOctreeNode)>> = BTreeMap::new();
         for ([x, y], column) in below {
             for (z, node) in column {
                 nodes.entry(z / 2).or_default().push(([x, y, z], node));
@@ -279,7 +280,12 @@ impl Octree<'_> {
     }
 
     /// What a node takes of those below it, which are done then.
-    fn taken(&self, level: u32, below: Vec<([u32; 3], Node)>, done: &mut Vec<Done>) -> Node {
+    fn taken(
+        &self,
+        level: u32,
+        below: Vec<([u32; 3], PendingOctreeNode)>,
+        done: &mut Vec<Done>,
+    ) -> PendingOctreeNode {
         let all = below.iter().map(|(_, node)| node.occupied);
         let occupied = all.fold(Occupancy::default(), Occupancy::and);
         let all: Vec<(usize, &[u8])> = (0..)
@@ -300,7 +306,7 @@ impl Octree<'_> {
             let [x, y, z] = at.map(|number| number as i32);
             done.push(([level, x, y, z], records));
         }
-        Node { records: own, occupied }
+        PendingOctreeNode { records: own, occupied }
     }
 
     /// By cell, the point nearest to its middle; of several the first by its bytes.
@@ -335,12 +341,12 @@ impl Octree<'_> {
         self.append(self.packed(done)?, writer)
     }
 
-    fn packed(&self, done: Vec<Done>) -> Result<Vec<(Key, Chunk)>> {
+    fn packed(&self, done: Vec<Done>) -> Result<Vec<(Key, PointChunk)>> {
         let pack = |(key, records): Done| Ok((key, self.layout.pack(self.sorted(&records))?));
         done.into_par_iter().map(pack).collect()
     }
 
-    fn append(&self, chunks: Vec<(Key, Chunk)>, writer: &mut CloudWriter) -> Result<()> {
+    fn append(&self, chunks: Vec<(Key, PointChunk)>, writer: &mut CloudWriter) -> Result<()> {
         for (key, chunk) in chunks {
             writer.append_node(key, &chunk)?;
             self.at.progress.advance(chunk.points() as u64);
@@ -361,14 +367,14 @@ impl Octree<'_> {
 }
 
 /// Records by columns of a level, in memory and in a file.
-struct Columns {
+struct OctreeColumns {
     level: u32,
     /// The level and place of the column that they are all in.
     within: (u32, [u32; 2]),
     buckets: Buckets<u8>,
 }
 
-impl Columns {
+impl OctreeColumns {
     fn new(level: u32, above: u32, at: [u32; 2], (folder, memory): (&Path, u64)) -> Self {
         let count = 1 << (2 * (level - above));
         Self { level, within: (above, at), buckets: Buckets::new(folder, count, memory) }

@@ -9,7 +9,7 @@ use super::prepared::run;
 use super::report::TranslateReport;
 use terrane_base::error::Result;
 use terrane_engine::figures::Figures;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::CloudInput;
 use terrane_engine::outputs::refuse_file_name;
 
@@ -30,8 +30,8 @@ impl Operation for PointsOptions {
         }
     }
 
-    fn run(&self, request: Request<'_>) -> Result<TranslateReport> {
-        let Request { inputs, output, skipped, progress, cancel, .. } = request;
+    fn run(&self, request: RunRequest<'_>) -> Result<TranslateReport> {
+        let RunRequest { inputs, output, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs.names(), output)?;
         let Some(folder) = &self.resuming.workdir else { return run(&job, progress, cancel) };
         let start = Instant::now();

@@ -2,27 +2,27 @@
 
 use std::path::Path;
 
-use terrane_options::{Choice, Kind, Options, Range, Rule};
+use terrane_options::{Choice, OptionKind, OptionRange, OptionRule, Options};
 
 use super::above::asked::{Above, Classify, HeightsAs};
 use super::assign::Assign;
 use super::job::TranslateJob;
 use super::overlap::Overlap;
 use super::sorted::Sort;
-use super::split::Split;
-use super::squares::{BufferMark, Squares};
-use super::thin::Thin;
+use super::split::AttributeSplit;
+use super::squares::{BufferMark, SquareSplit};
+use super::thin::CellThinning;
 use crate::grid::{AsText, GroundFrom};
 use terrane_base::error::Result;
-use terrane_cloud::{LasVersion, OpenOptions, PointFormat};
+use terrane_cloud::{CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::Resources;
 use terrane_engine::options::{
     AsFormula, AsNumber, CloudInput, PointFormatNumber, Replacing, Reprojection, Resuming,
 };
 
-terrane_engine::by_text!(AsFormula, Kind::Shaped("str"), Assign);
-terrane_engine::by_text!(AsNumber, Kind::Shaped("float | str"), Overlap Thin);
-terrane_engine::by_text!(AsText, Kind::Text, Classify);
+terrane_engine::by_text!(AsFormula, OptionKind::Shaped("str"), Assign);
+terrane_engine::by_text!(AsNumber, OptionKind::Shaped("float | str"), Overlap CellThinning);
+terrane_engine::by_text!(AsText, OptionKind::Text, Classify);
 
 /// Write the points of clouds with all that is known of them: filtered, merged, thinned, in another format
 ///
@@ -76,20 +76,20 @@ pub struct PointsOptions {
     /// Only one point of each square of this size, in units of x and y, whose corners are at its multiples; which one is
     /// said after a colon
     #[option(value = "CELL[:WHICH]", with = AsNumber, heading = "Fewer points")]
-    pub thin: Option<Thin>,
+    pub thin: Option<CellThinning>,
     /// Only points that are no nearer to each other than this, in space and the units of coordinates, and so many that
     /// each point left out is nearer than that to one of them (Poisson discs); chosen by a hash of places
-    #[option(value = "DISTANCE", range = Range::POSITIVE, heading = "Fewer points")]
+    #[option(value = "DISTANCE", range = OptionRange::POSITIVE, heading = "Fewer points")]
     pub thin_distance: Option<f64>,
     /// A folder instead of one file, of a file for each square of this size, named by its lowest corner
-    #[option(value = "SIDE", range = Range::POSITIVE, heading = "Folders")]
+    #[option(value = "SIDE", range = OptionRange::POSITIVE, heading = "Folders")]
     pub tile: Option<f64>,
     /// A folder instead of one file, of a file for each value of this attribute, such as classification or
     /// point_source_id (flight lines), named by both
     #[option(value = "ATTRIBUTE", heading = "Folders")]
     pub split: Option<String>,
     /// Points around each square up to so far away, too, marked by ‹buffer_mark›
-    #[option(value = "WIDTH", range = Range::FROM_ZERO, heading = "Folders")]
+    #[option(value = "WIDTH", range = OptionRange::FROM_ZERO, heading = "Folders")]
     pub buffer: Option<f64>,
     /// How points of buffers are marked
     #[option(value = "MARK", heading = "Folders")]
@@ -114,12 +114,12 @@ pub struct PointsOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::NotWith("tile", &["split"]),
-    Rule::Needs("buffer", &["tile"]),
-    Rule::Needs("buffer_mark", &["buffer"]),
-    Rule::Needs("tile_format", &["tile", "split"]),
-    Rule::Needs("workdir", &["tile"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("tile", &["split"]),
+    OptionRule::Needs("buffer", &["tile"]),
+    OptionRule::Needs("buffer_mark", &["buffer"]),
+    OptionRule::Needs("tile_format", &["tile", "split"]),
+    OptionRule::Needs("workdir", &["tile"]),
 ];
 
 /// The format of files in a folder.
@@ -147,7 +147,7 @@ impl PointsOptions {
         let is_plain = self.tile_format == TileFormat::Las;
         let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);
         TranslateJob {
-            cloud: OpenOptions::default(),
+            cloud: CloudOpenOptions::default(),
             format: self.point_format,
             version: self.las_version,
             dedupe: self.dedupe,
@@ -162,8 +162,8 @@ impl PointsOptions {
             distance: self.thin_distance,
             transform: self.reprojection.transform(),
             sort: self.sort,
-            squares: self.tile.map(|side| (Squares { side, buffer, mark }, is_plain)),
-            split: self.split.clone().map(|attribute| Split { attribute, is_plain }),
+            squares: self.tile.map(|side| (SquareSplit { side, buffer, mark }, is_plain)),
+            split: self.split.clone().map(|attribute| AttributeSplit { attribute, is_plain }),
             overwrite: self.replacing.overwrite,
             resources: self.resources.clone(),
             ..TranslateJob::new(inputs.to_vec(), output)
@@ -174,7 +174,7 @@ impl PointsOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_options::{Codec, Json};
+    use terrane_options::{Json, OptionCodec};
 
     #[test]
     fn cells_of_flight_lines_are_written_as_they_are_read() {

@@ -5,11 +5,11 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::records::choice::{Choice, Group, Rank, place};
+use crate::records::choice::{Group, Rank, RecordRanking, place};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Frame;
+use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, PointFormat, round_side};
-use terrane_gridding::{Edges, Lattice};
+use terrane_gridding::{CellEdgeRule, CellLattice};
 
 /// Of the flight lines that have points in a cell the one that looks down most nearly upright there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -58,25 +58,28 @@ impl Overlap {
 
 /// Cells, in each of which a flight line is chosen.
 pub(super) struct FlightLines {
-    lattice: Lattice,
+    lattice: CellLattice,
     format: PointFormat,
 }
 
 impl FlightLines {
-    pub(super) fn new(side: f64, frame: &Frame, format: PointFormat) -> Result<Self> {
+    pub(super) fn new(side: f64, frame: &PointFrame, format: PointFormat) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| side < *step) {
             return Err(Error::usage(format!(
                 "cells of {side} are smaller than a step of the points"
             ))
             .remedy("choose larger ones with ‹drop_overlap›=CELL"));
         }
-        Ok(Self { lattice: Lattice::new(frame, [0.0; 2], [side; 2], Edges::default()), format })
+        Ok(Self {
+            lattice: CellLattice::new(frame, [0.0; 2], [side; 2], CellEdgeRule::default()),
+            format,
+        })
     }
 }
 
-impl Choice for FlightLines {
+impl RecordRanking for FlightLines {
     fn mark(&self, record: &[u8]) -> (Group, Rank) {
-        let (at, Lattice { x, y }) = (place(record), &self.lattice);
+        let (at, CellLattice { x, y }) = (place(record), &self.lattice);
         let group = [x.index(at.x) as u64, y.index(at.y) as u64, 0];
         (
             group,

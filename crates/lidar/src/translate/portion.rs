@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde::{Deserialize, Serialize};
 
 use super::noise::noted::Noise;
-use super::squares::{Spans, Squares};
-use crate::grid::preset::Seen;
-use crate::grid::{Near, near_steps};
-use crate::points::Limits;
-use terrane_base::geom::Frame;
+use super::squares::{Spans, SquareSplit};
+use crate::grid::preset::CloudOverview;
+use crate::grid::{CellSurroundings, near_steps};
+use crate::points::PointStoreLimits;
+use terrane_base::geom::PointFrame;
 use terrane_cloud::PointSource;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 
 /// What has to be known of the whole cloud before some squares are made.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ pub(super) struct Looked {
     pub(super) noise: Option<Noise>,
     /// Of the ground, where something is told of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) seen: Option<Seen>,
+    pub(super) seen: Option<CloudOverview>,
 }
 
 impl Looked {
@@ -37,7 +37,7 @@ impl Looked {
 pub(super) struct Portion<'a> {
     pub(super) spans: Spans,
     /// The points that are looked at, and how far around them the ground is.
-    pub(super) near: Near,
+    pub(super) near: CellSurroundings,
     /// What is known of the whole cloud.
     pub(super) looked: &'a Looked,
     /// The cloud: of its parts only the bounds are asked.
@@ -49,7 +49,7 @@ pub(super) struct Portion<'a> {
 
 impl<'a> Portion<'a> {
     pub(super) fn new(
-        (spans, near): (Spans, Near),
+        (spans, near): (Spans, CellSurroundings),
         looked: &'a Looked,
         points: &'a dyn PointSource,
         folder: &'a Path,
@@ -63,20 +63,20 @@ impl<'a> Portion<'a> {
     }
 
     /// All points that may be in the files, or decide which are.
-    pub(super) fn window(&self) -> Window {
+    pub(super) fn window(&self) -> PositionWindow {
         self.near.cells
     }
 
     /// Where the ground is to be known.
-    pub(super) fn ground(&self) -> Window {
+    pub(super) fn ground(&self) -> PositionWindow {
         self.near.window()
     }
 
     /// How far the ground that is read is all there is; where all that surrounds it is known, it is in the store.
-    pub(super) fn limits(&self, is_surrounded: bool) -> Limits {
+    pub(super) fn limits(&self, is_surrounded: bool) -> PointStoreLimits {
         match is_surrounded {
-            true => Limits::with_hull(self.points, self.ground()),
-            false => Limits::new(self.points, self.ground()),
+            true => PointStoreLimits::with_hull(self.points, self.ground()),
+            false => PointStoreLimits::new(self.points, self.ground()),
         }
     }
 
@@ -92,7 +92,12 @@ impl<'a> Portion<'a> {
 }
 
 /// What lies in squares, or no further from them than `margin`.
-pub(super) fn window(squares: &Squares, spans: Spans, margin: f64, frame: &Frame) -> Window {
+pub(super) fn window(
+    squares: &SquareSplit,
+    spans: Spans,
+    margin: f64,
+    frame: &PointFrame,
+) -> PositionWindow {
     let margin = margin + squares.buffer;
     let ends = [0, 1].map(|axis| {
         let [first, last] = spans[axis];
@@ -100,5 +105,5 @@ pub(super) fn window(squares: &Squares, spans: Spans, margin: f64, frame: &Frame
         let high = (last + 1) as f64 * squares.side + margin;
         near_steps(frame, axis, [low, high])
     });
-    Window { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) }
+    PositionWindow { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) }
 }

@@ -11,19 +11,19 @@ use super::noise::Marked;
 use super::noise::noted::Noise;
 use super::portion::{Looked, Portion};
 use super::report::TranslateReport;
-use super::shares::Shares;
-use super::split::{Split, Values};
-use super::squares::{Made, refuse_within};
+use super::shares::TranslateMemory;
+use super::split::{AttributeSplit, SplitColumn};
+use super::squares::{SplitFiles, refuse_within};
 use super::wide::Wide;
-use super::work::Work;
-use crate::records::{Records, over};
+use super::work::TranslateContext;
+use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
-use terrane_cloud::write::WriteOptions;
-use terrane_cloud::{Carrier, Cloud, PointSource};
+use terrane_cloud::write::CloudWriteOptions;
+use terrane_cloud::{Carrier, PointCloud, PointSource};
 use terrane_engine::figures::Figures;
 use terrane_engine::input::workers;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::sift::Losses;
 use terrane_engine::transform::Transformed;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -39,7 +39,7 @@ pub fn run(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TranslateReport> {
-    let (start, at) = (Instant::now(), At { progress, cancel });
+    let (start, at) = (Instant::now(), Observer { progress, cancel });
     refuse_existing(&job.output, job.overwrite)?;
     job.packing()?;
     let cloud = job.open()?;
@@ -58,9 +58,9 @@ pub fn run(
 /// Does something with all that a job on a cloud, or some squares of it, needs.
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
-    cloud: &Cloud,
+    cloud: &PointCloud,
     portion: Option<&Portion<'_>>,
-    at: At<'_>,
+    at: Observer<'_>,
     act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
 ) -> Result<T> {
     let packing = job.packing()?;
@@ -68,18 +68,19 @@ pub(super) fn prepared<T: Send>(
     let told = job.above.info(carrier.info());
     let columns = carrier.columns();
     let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
-    let values = |split: &Split| Values::new(split, (carrier.format(), &columns));
+    let values = |split: &AttributeSplit| SplitColumn::new(split, (carrier.format(), &columns));
     let values = job.split.as_ref().map(values).transpose()?;
     let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window))
         .with(portion.and_then(Portion::noise).map(|noise| &noise.own));
     let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
-    let shares = Shares::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
+    let shares =
+        TranslateMemory::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
     let threads = shares.threads;
     let moved = job.moved(&told)?;
     let info = moved.as_ref().map_or(&told, |moved| &moved.info);
     let file = carrier.file(info.frame, info.crs.clone());
-    let options = WriteOptions { packing, overwrite: job.overwrite, ..file };
-    let work = Work {
+    let options = CloudWriteOptions { packing, overwrite: job.overwrite, ..file };
+    let work = TranslateContext {
         job,
         input: cloud,
         cloud: cloud.info(),
@@ -101,13 +102,13 @@ pub(super) fn prepared<T: Send>(
 
 /// A job that is ready to be done.
 pub(super) struct Prepared<'a> {
-    pub(super) work: Work<'a>,
+    pub(super) work: TranslateContext<'a>,
     pub(super) source: &'a CarriedRecords<'a>,
 }
 
 impl Prepared<'_> {
     /// Writes what is asked for; tells what was made, and what became of points, one line each.
-    pub(super) fn make(&self) -> Result<(Made, Vec<String>)> {
+    pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
         let wide = self.work.job.wide(self.work.portion.is_some())?;
         self.work.run(self.source, wide.as_ref())
     }
@@ -115,7 +116,7 @@ impl Prepared<'_> {
     /// Writes it and tells of it, the work being begun at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (made, found) = self.make()?;
-        let Work { job, info, moved, carrier, shares, .. } = &self.work;
+        let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
         let run = Figures::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
         Ok(TranslateReport {
@@ -137,7 +138,7 @@ impl Prepared<'_> {
 
     /// What is told of the cloud and of what is carried, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
-        let Work { carrier, moved, .. } = &self.work;
+        let TranslateContext { carrier, moved, .. } = &self.work;
         let moved = moved.iter().flat_map(|moved| &moved.notes);
         self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
     }
@@ -164,9 +165,13 @@ impl Prepared<'_> {
     }
 }
 
-impl Work<'_> {
+impl TranslateContext<'_> {
     /// Writes what is chosen of all records, and says what was found.
-    fn run(&self, source: &dyn Records, wide: Option<&Wide>) -> Result<(Made, Vec<String>)> {
+    fn run(
+        &self,
+        source: &dyn PointRecords,
+        wide: Option<&Wide>,
+    ) -> Result<(SplitFiles, Vec<String>)> {
         let (job, record) = (self.job, self.shares.flow.record);
         let single = self.single(source)?;
         let records = over(&single, source);
@@ -202,7 +207,7 @@ impl Work<'_> {
 }
 
 /// What carries the points of a job that can be done.
-pub(super) fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrier<'a>> {
+pub(super) fn carrier<'a>(job: &TranslateJob, cloud: &'a PointCloud) -> Result<Carrier<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
     let carrier = Carrier::new(cloud, job.target()?, has_dimension)?;
     job.check((carrier.format(), job.packing()?), carrier.info())?;
@@ -210,8 +215,8 @@ pub(super) fn carrier<'a>(job: &TranslateJob, cloud: &'a Cloud) -> Result<Carrie
 }
 
 /// Bytes of memory that a part of a job needs which looks at so many points, and those of them for a thread.
-pub(super) fn least(job: &TranslateJob, cloud: &Cloud, points: u64) -> Result<[u64; 2]> {
+pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let carrier = carrier(job, cloud)?;
     let needed = job.needed(job.packing()?, carrier.info(), (points, true));
-    Ok(Shares::least((carrier.size(), carrier.extra_bytes()), needed))
+    Ok(TranslateMemory::least((carrier.size(), carrier.extra_bytes()), needed))
 }

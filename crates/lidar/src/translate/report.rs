@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 use terrane_engine::figures::Figures;
 use terrane_engine::transform::Transformed;
 
@@ -16,7 +16,7 @@ pub struct TranslateReport {
     pub point_format: u8,
     /// What became of the points that were read; of work that was kept it is not known.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub census: Option<Census>,
+    pub census: Option<PointCensus>,
     /// Files written.
     pub files: u64,
     /// Points written; those of buffers are so in several files.

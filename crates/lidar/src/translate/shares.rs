@@ -1,6 +1,6 @@
 //! How the memory of a job on points is divided.
 
-use crate::records::Flow;
+use crate::records::RecordFlow;
 use terrane_base::error::Result;
 use terrane_cloud::write::CHUNK;
 use terrane_engine::Resources;
@@ -16,14 +16,14 @@ const PACKING: u64 = 4;
 const ROUND: u64 = 16 << 20;
 
 /// How the memory is divided.
-pub(super) struct Shares {
+pub(super) struct TranslateMemory {
     pub(super) threads: usize,
-    pub(super) flow: Flow,
+    pub(super) flow: RecordFlow,
     /// Bytes for what is looked at before.
     pub(super) marks: u64,
 }
 
-impl Shares {
+impl TranslateMemory {
     /// For records of so many bytes, some of them extra, beside so many that what is looked at before needs, and
     /// each thread for it.
     pub(super) fn new(
@@ -39,7 +39,7 @@ impl Shares {
         let threads = resources.threads.clamp(1, 1 + (rest / (2 * worker)) as usize);
         let rest = rest - worker * (threads as u64 - 1);
         let round = (2 * chunk + rest / 4).min(ROUND * threads as u64);
-        Ok(Self { threads, flow: Flow { record, round }, marks: needed + rest / 2 })
+        Ok(Self { threads, flow: RecordFlow { record, round }, marks: needed + rest / 2 })
     }
 
     /// Bytes without which nothing can be done, and those of them for a thread.

@@ -9,12 +9,12 @@ use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
 use crate::records::choice::{place, time};
-use crate::records::{Flow, Records, Take, Unit, total};
+use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointFormat;
-use terrane_engine::plan::At;
-use terrane_files::{Extent, Spool};
+use terrane_engine::plan::Observer;
+use terrane_files::{SpoolExtent, SpoolFile};
 
 /// An order of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice, Serialize, Deserialize)]
@@ -31,13 +31,13 @@ type Key = [u64; 3];
 
 /// How records are compared.
 #[derive(Clone, Copy)]
-struct Order {
+struct RecordOrder {
     by: Sort,
     /// Where a record has its time.
     time: Option<usize>,
 }
 
-impl Order {
+impl RecordOrder {
     fn key(self, record: &[u8]) -> Key {
         let at = place(record);
         let time = time(record, self.time);
@@ -66,43 +66,43 @@ pub(super) const LEAST: u64 = 4 << 20;
 const KEY: usize = size_of::<(Key, u32)>();
 
 /// A run: sorted records in pieces.
-type Run = Vec<Piece>;
+type Run = Vec<SortedRunPiece>;
 
-struct Piece {
-    extent: Extent,
+struct SortedRunPiece {
+    extent: SpoolExtent,
     bytes: usize,
 }
 
 /// Sorted records.
-pub(super) struct Sorted {
-    order: Order,
+pub(super) struct SortedRecords {
+    order: RecordOrder,
     /// Bytes of a record.
     record: usize,
-    spool: Spool,
+    spool: SpoolFile,
     runs: Vec<Run>,
     points: u64,
 }
 
 /// Where a run is read.
-struct Cursor<'a> {
-    pieces: std::slice::Iter<'a, Piece>,
+struct SortedRunCursor<'a> {
+    pieces: std::slice::Iter<'a, SortedRunPiece>,
     records: Vec<u8>,
     at: usize,
 }
 
-impl Sorted {
+impl SortedRecords {
     /// Reads all records once; so many bytes of memory are there for it, and `folder` for the rest.
     ///
     /// # Errors
     /// Times asked for of a format that has none.
     pub(super) fn new(
-        records: &dyn Records,
+        records: &dyn PointRecords,
         (by, format): (Sort, PointFormat),
-        (flow, memory, folder): (Flow, u64, &Path),
-        at: At<'_>,
+        (flow, memory, folder): (RecordFlow, u64, &Path),
+        at: Observer<'_>,
     ) -> Result<Self> {
         check(by, format)?;
-        let (order, spool) = (Order { by, time: format.time_at() }, Spool::new(folder));
+        let (order, spool) = (RecordOrder { by, time: format.time_at() }, SpoolFile::new(folder));
         let record = flow.record;
         let mut sorted = Self { order, record, spool, runs: Vec::new(), points: 0 };
         at.progress.begin("sorting", total(records));
@@ -118,9 +118,9 @@ impl Sorted {
 
     fn fill(
         &mut self,
-        records: &dyn Records,
-        (flow, memory): (Flow, u64),
-        at: At<'_>,
+        records: &dyn PointRecords,
+        (flow, memory): (RecordFlow, u64),
+        at: Observer<'_>,
     ) -> Result<()> {
         let each = (self.record + KEY) as u64;
         let most = (memory / each).clamp(1, u32::MAX.into()) as usize * self.record;
@@ -164,7 +164,7 @@ impl Sorted {
     /// Adds a piece to a run, if it has so many bytes.
     fn put(&self, piece: &mut Vec<u8>, least: usize, run: &mut Run) -> Result<()> {
         if piece.len() >= least {
-            run.push(Piece { extent: self.spool.put(&[piece])?, bytes: piece.len() });
+            run.push(SortedRunPiece { extent: self.spool.put(&[piece])?, bytes: piece.len() });
             piece.clear();
         }
         Ok(())
@@ -190,7 +190,7 @@ impl Sorted {
 
     /// Hands on the records of some runs in order, a piece at a time; of equal ones those of the first run first.
     fn merge(&self, runs: &[Run], take: &mut Take<'_>) -> Result<()> {
-        let mut cursors: Vec<_> = runs.iter().map(|run| Cursor::new(run)).collect();
+        let mut cursors: Vec<_> = runs.iter().map(|run| SortedRunCursor::new(run)).collect();
         let mut next = BinaryHeap::new();
         for (number, cursor) in cursors.iter_mut().enumerate() {
             next.extend(cursor.key(self)?.map(|key| Reverse((key, number))));
@@ -210,15 +210,17 @@ impl Sorted {
     }
 }
 
-impl<'a> Cursor<'a> {
-    fn new(run: &'a [Piece]) -> Self {
+impl<'a> SortedRunCursor<'a> {
+    fn new(run: &'a [SortedRunPiece]) -> Self {
         Self { pieces: run.iter(), records: Vec::new(), at: 0 }
     }
 
     /// The key of the record that is next; `None` at the end of the run.
-    fn key(&mut self, sorted: &Sorted) -> Result<Option<Key>> {
+    fn key(&mut self, sorted: &SortedRecords) -> Result<Option<Key>> {
         if self.at == self.records.len() {
-            let Some(Piece { extent, bytes }) = self.pieces.next() else { return Ok(None) };
+            let Some(SortedRunPiece { extent, bytes }) = self.pieces.next() else {
+                return Ok(None);
+            };
             self.records.resize(*bytes, 0);
             sorted.spool.get(extent, 0, &mut [&mut self.records])?;
             self.at = 0;
@@ -227,13 +229,13 @@ impl<'a> Cursor<'a> {
     }
 }
 
-impl Records for Sorted {
+impl PointRecords for SortedRecords {
     fn units(&self) -> usize {
         1
     }
 
-    fn unit(&self, _: usize) -> Unit<'_> {
-        Unit::of(self.points)
+    fn unit(&self, _: usize) -> RecordUnit<'_> {
+        RecordUnit::of(self.points)
     }
 
     fn read(&self, _: usize, take: &mut Take<'_>) -> Result<()> {
@@ -262,13 +264,13 @@ mod tests {
     /// Records of format 1 in units of a few.
     struct Listed(Vec<Vec<u8>>);
 
-    impl Records for Listed {
+    impl PointRecords for Listed {
         fn units(&self) -> usize {
             self.0.len().div_ceil(7)
         }
 
-        fn unit(&self, unit: usize) -> Unit<'_> {
-            Unit::of(self.0.len().saturating_sub(7 * unit).min(7) as u64)
+        fn unit(&self, unit: usize) -> RecordUnit<'_> {
+            RecordUnit::of(self.0.len().saturating_sub(7 * unit).min(7) as u64)
         }
 
         fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()> {
@@ -306,9 +308,9 @@ mod tests {
                 Sort::Time => a.3.total_cmp(&b.3),
             });
             let folder = tempfile::tempdir().unwrap();
-            let (flow, at) = (Flow { record: 28, round: 100 }, At { progress: &Silent, cancel: &Cancel::default() });
+            let (flow, at) = (RecordFlow { record: 28, round: 100 }, Observer { progress: &Silent, cancel: &Cancel::default() });
             let format = PointFormat::new(1).unwrap();
-            let sorted = Sorted::new(&records, (by, format), (flow, memory, folder.path()), at).unwrap();
+            let sorted = SortedRecords::new(&records, (by, format), (flow, memory, folder.path()), at).unwrap();
             for _ in 0..2 {
                 let mut found = Vec::new();
                 sorted.read(0, &mut |bytes| {

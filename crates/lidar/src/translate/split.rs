@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::assign::column;
-use super::squares::{Filled, Made, ending, holds_only};
-use crate::records::{Flow, Records, total};
+use super::squares::{Filled, SplitFiles, ending, holds_only};
+use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Ruler;
-use terrane_cloud::write::{Column, Packing, WriteOptions};
+use terrane_cloud::write::{CloudWriteOptions, PointColumn, PointPacking};
 use terrane_cloud::{AXES, PointFormat};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_files::Buckets;
 
 /// Most files: as many as there are values of 16 bits, which point sources have.
@@ -22,32 +22,35 @@ const NONE: &str = "none";
 
 /// How points are divided by an attribute.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Split {
+pub struct AttributeSplit {
     /// Its name: of the standard, or of extra bytes.
     pub attribute: String,
     /// True for files that are not compressed.
     pub is_plain: bool,
 }
 
-impl Split {
+impl AttributeSplit {
     /// How the files are packed.
-    pub(super) fn packing(&self) -> Packing {
-        if self.is_plain { Packing::Plain } else { Packing::Chunks }
+    pub(super) fn packing(&self) -> PointPacking {
+        if self.is_plain { PointPacking::Plain } else { PointPacking::Chunks }
     }
 }
 
 /// Where the values are that records are divided by.
-pub(super) struct Values {
-    column: Column,
+pub(super) struct SplitColumn {
+    column: PointColumn,
     ruler: Option<Ruler>,
 }
 
-impl Values {
+impl SplitColumn {
     /// Of records of a format that have these columns.
     ///
     /// # Errors
     /// A name of none of them, or of a coordinate.
-    pub(super) fn new(split: &Split, (format, columns): (PointFormat, &[Column])) -> Result<Self> {
+    pub(super) fn new(
+        split: &AttributeSplit,
+        (format, columns): (PointFormat, &[PointColumn]),
+    ) -> Result<Self> {
         let name = split.attribute.trim().trim_matches('"');
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(Error::usage(format!("{name} is a coordinate, not an attribute"))
@@ -93,12 +96,12 @@ impl Values {
     /// Writes all records into a folder; they wait in `waiting` beyond so many bytes.
     pub(super) fn write(
         &self,
-        records: &dyn Records,
-        (flow, threads): (Flow, usize),
-        (folder, options): (&Path, &WriteOptions),
+        records: &dyn PointRecords,
+        (flow, threads): (RecordFlow, usize),
+        (folder, options): (&Path, &CloudWriteOptions),
         (waiting, memory): (&Path, u64),
-        at: At<'_>,
-    ) -> Result<Made> {
+        at: Observer<'_>,
+    ) -> Result<SplitFiles> {
         let buckets = Buckets::new(waiting, MOST_FILES, memory);
         let (mut numbers, mut keys) = (HashMap::new(), Vec::new());
         at.progress.begin("values", total(records));

@@ -6,16 +6,16 @@ use serde::{Deserialize, Serialize};
 use terrane_options::Choice;
 
 use crate::records::choice::place;
-use crate::records::{Flow, Records, total};
+use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Decimal, Frame, Point};
+use terrane_base::geom::{Decimal, Point, PointFrame};
 use terrane_cloud::write::is_written_here;
-use terrane_cloud::write::{CHUNK, CloudWriter, Packing, WriteOptions};
+use terrane_cloud::write::{CHUNK, CloudWriteOptions, CloudWriter, PointPacking};
 use terrane_cloud::{CloudInfo, Flags};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::workers;
 use terrane_files::{Buckets, path_of, shown};
-use terrane_gridding::{Edges, Lattice};
+use terrane_gridding::{CellEdgeRule, CellLattice};
 
 /// Most squares: each takes some memory.
 const MOST_SQUARES: u64 = 1 << 20;
@@ -24,7 +24,7 @@ const MOST_SQUARES_BESIDE: f64 = 8.0;
 
 /// How a cloud is divided into squares.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Squares {
+pub struct SquareSplit {
     /// Their side, in units of x and y; corners are at its multiples.
     pub side: f64,
     /// Points around a square that its file has, too, up to so far away.
@@ -57,22 +57,27 @@ pub(super) type Spans = [[i64; 2]; 2];
 
 /// Files that were made, and the points in them.
 #[derive(Default)]
-pub(super) struct Made {
+pub(super) struct SplitFiles {
     pub(super) files: u64,
     pub(super) points: u64,
     pub(super) bytes: u64,
 }
 
 /// Squares along an axis: for each of them the first and last step of its file's points.
-struct Axis {
+struct SquareAxis {
     first: i64,
     reaches: Vec<[i64; 2]>,
     /// Squares on either side that a buffer may reach into.
     beside: usize,
 }
 
-impl Axis {
-    fn new(frame: &Frame, axis: usize, [first, last]: [i64; 2], squares: &Squares) -> Self {
+impl SquareAxis {
+    fn new(
+        frame: &PointFrame,
+        axis: usize,
+        [first, last]: [i64; 2],
+        squares: &SquareSplit,
+    ) -> Self {
         let ruler = frame.ruler(axis);
         let reach = |square: i64| {
             let low = square as f64 * squares.side - squares.buffer;
@@ -100,23 +105,23 @@ impl Axis {
 }
 
 /// Divides records.
-pub(super) struct Division<'a> {
-    squares: Squares,
-    lattice: Lattice,
-    axes: [Axis; 2],
+pub(super) struct SquareSplitter<'a> {
+    squares: SquareSplit,
+    lattice: CellLattice,
+    axes: [SquareAxis; 2],
     buckets: Buckets<u8>,
-    options: &'a WriteOptions,
+    options: &'a CloudWriteOptions,
 }
 
-impl<'a> Division<'a> {
+impl<'a> SquareSplitter<'a> {
     /// Of some squares of a cloud; records wait in `folder` beyond so many bytes.
     pub(super) fn new(
-        (squares, spans): (Squares, Spans),
+        (squares, spans): (SquareSplit, Spans),
         info: &CloudInfo,
         (folder, memory): (&Path, u64),
-        options: &'a WriteOptions,
+        options: &'a CloudWriteOptions,
     ) -> Self {
-        let axes = [0, 1].map(|axis| Axis::new(&info.frame, axis, spans[axis], &squares));
+        let axes = [0, 1].map(|axis| SquareAxis::new(&info.frame, axis, spans[axis], &squares));
         let count = axes.iter().map(|axis| axis.reaches.len()).product();
         let buckets = Buckets::new(folder, count, memory);
         Self { squares, lattice: squares.lattice(&info.frame), axes, buckets, options }
@@ -125,11 +130,11 @@ impl<'a> Division<'a> {
     /// Writes all records into a folder.
     pub(super) fn write(
         &self,
-        records: &dyn Records,
-        (flow, threads): (Flow, usize),
+        records: &dyn PointRecords,
+        (flow, threads): (RecordFlow, usize),
         folder: &Path,
-        at: At<'_>,
-    ) -> Result<Made> {
+        at: Observer<'_>,
+    ) -> Result<SplitFiles> {
         at.progress.begin("squares", total(records));
         let mut copy = Vec::new();
         flow.run(records, at, &mut |bytes| {
@@ -179,8 +184,8 @@ impl<'a> Division<'a> {
 }
 
 /// What files of a folder end with.
-pub(super) fn ending(packing: Packing) -> &'static str {
-    if packing == Packing::Plain { "las" } else { "laz" }
+pub(super) fn ending(packing: PointPacking) -> &'static str {
+    if packing == PointPacking::Plain { "las" } else { "laz" }
 }
 
 /// Records that are divided, each bucket to become a file.
@@ -188,7 +193,7 @@ pub(super) struct Filled<'a> {
     pub(super) buckets: &'a Buckets<u8>,
     /// How many of the buckets may have records.
     pub(super) count: usize,
-    pub(super) options: &'a WriteOptions,
+    pub(super) options: &'a CloudWriteOptions,
 }
 
 impl Filled<'_> {
@@ -197,10 +202,10 @@ impl Filled<'_> {
         &self,
         (record, threads): (usize, usize),
         name: impl Fn(usize) -> PathBuf + Sync,
-        at: At<'_>,
-    ) -> Result<Made> {
+        at: Observer<'_>,
+    ) -> Result<SplitFiles> {
         at.progress.begin("files", self.count as u64);
-        let mut made = Made::default();
+        let mut made = SplitFiles::default();
         let one = |(): &mut (), number: u64| {
             let file = self.file(number as usize, record, &name(number as usize))?;
             at.progress.advance(1);
@@ -252,7 +257,7 @@ fn times(count: i64, number: f64) -> f64 {
 ///
 /// # Errors
 /// Too many squares; a buffer that is too wide.
-pub(super) fn spans(squares: &Squares, info: &CloudInfo) -> Result<Spans> {
+pub(super) fn spans(squares: &SquareSplit, info: &CloudInfo) -> Result<Spans> {
     if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
         return Err(Error::usage(format!(
             "a buffer of {} is too wide for squares of {}",
@@ -273,9 +278,9 @@ pub(super) fn spans(squares: &Squares, info: &CloudInfo) -> Result<Spans> {
     Ok(spans)
 }
 
-impl Squares {
-    fn lattice(&self, frame: &Frame) -> Lattice {
-        Lattice::new(frame, [0.0; 2], [self.side; 2], Edges::default())
+impl SquareSplit {
+    fn lattice(&self, frame: &PointFrame) -> CellLattice {
+        CellLattice::new(frame, [0.0; 2], [self.side; 2], CellEdgeRule::default())
     }
 }
 

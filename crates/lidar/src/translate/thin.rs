@@ -5,16 +5,16 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::records::choice::{Choice, Group, Rank, place};
+use crate::records::choice::{Group, Rank, RecordRanking, place};
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::Frame;
+use terrane_base::geom::PointFrame;
 use terrane_cloud::PointFormat;
-use terrane_gridding::{Edges, Lattice, Unit};
+use terrane_gridding::{CellEdgeRule, CellLattice, DistanceUnit};
 
 /// Which point of a cell is kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Keep {
+pub enum ThinningRule {
     /// The lowest.
     Lowest,
     /// The highest.
@@ -28,11 +28,11 @@ pub enum Keep {
 
 /// One point of each cell that has any.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Thin {
+pub struct CellThinning {
     /// Side of the cells, in units of x and y; corners are at its multiples.
     pub cell: f64,
     /// Which one.
-    pub keep: Keep,
+    pub keep: ThinningRule,
 }
 
 /// The names of what is kept, and what it is.
@@ -43,7 +43,7 @@ pub const KEPT: [(&str, &str); 4] = [
     ("random", "any point, by chance; random=SEED for another one [default: 0]"),
 ];
 
-impl FromStr for Thin {
+impl FromStr for CellThinning {
     type Err = String;
 
     /// "2.5", "2.5:lowest", "2.5:random=7".
@@ -53,10 +53,10 @@ impl FromStr for Thin {
         let cell =
             cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
         let keep = match keep.split_once('=').unwrap_or((keep, "0")) {
-            ("centre" | "center", "0") => Keep::Centre,
-            ("lowest", "0") => Keep::Lowest,
-            ("highest", "0") => Keep::Highest,
-            ("random", seed) => Keep::Random(
+            ("centre" | "center", "0") => ThinningRule::Centre,
+            ("lowest", "0") => ThinningRule::Lowest,
+            ("highest", "0") => ThinningRule::Highest,
+            ("random", seed) => ThinningRule::Random(
                 seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?,
             ),
             _ => {
@@ -67,27 +67,27 @@ impl FromStr for Thin {
     }
 }
 
-impl fmt::Display for Thin {
+impl fmt::Display for CellThinning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.keep {
-            Keep::Centre => "centre".to_owned(),
-            Keep::Lowest => "lowest".to_owned(),
-            Keep::Highest => "highest".to_owned(),
-            Keep::Random(seed) => format!("random={seed}"),
+            ThinningRule::Centre => "centre".to_owned(),
+            ThinningRule::Lowest => "lowest".to_owned(),
+            ThinningRule::Highest => "highest".to_owned(),
+            ThinningRule::Random(seed) => format!("random={seed}"),
         };
         write!(f, "{}:{name}", self.cell)
     }
 }
 
 /// Cells to choose from.
-pub(super) struct Cells {
-    lattice: Lattice,
-    unit: Unit,
-    keep: Keep,
+pub(super) struct ThinningCells {
+    lattice: CellLattice,
+    unit: DistanceUnit,
+    keep: ThinningRule,
 }
 
-impl Cells {
-    pub(super) fn new(thin: Thin, frame: &Frame) -> Result<Self> {
+impl ThinningCells {
+    pub(super) fn new(thin: CellThinning, frame: &PointFrame) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| thin.cell < *step) {
             return Err(Error::usage(format!(
                 "cells of {} are smaller than a step of the points",
@@ -95,24 +95,24 @@ impl Cells {
             ))
             .remedy("choose a larger cell"));
         }
-        let lattice = Lattice::new(frame, [0.0; 2], [thin.cell; 2], Edges::default());
+        let lattice = CellLattice::new(frame, [0.0; 2], [thin.cell; 2], CellEdgeRule::default());
         Ok(Self { unit: lattice.unit(thin.cell), lattice, keep: thin.keep })
     }
 }
 
-impl Choice for Cells {
+impl RecordRanking for ThinningCells {
     fn mark(&self, record: &[u8]) -> (Group, Rank) {
         let at = place(record);
-        let Lattice { x, y } = &self.lattice;
+        let CellLattice { x, y } = &self.lattice;
         let group = [x.index(at.x) as u64, y.index(at.y) as u64, 0];
         let rank = match self.keep {
-            Keep::Lowest => [ordered(at.z), 0],
-            Keep::Highest => [u64::MAX - ordered(at.z), 0],
-            Keep::Random(seed) => {
+            ThinningRule::Lowest => [ordered(at.z), 0],
+            ThinningRule::Highest => [u64::MAX - ordered(at.z), 0],
+            ThinningRule::Random(seed) => {
                 let [x, y, z] = [at.x, at.y, at.z].map(ordered);
                 [mixed(&[seed, x, y, z]), 0]
             }
-            Keep::Centre => {
+            ThinningRule::Centre => {
                 let square = x.square(at.x, self.unit) + y.square(at.y, self.unit);
                 [(square >> 64) as u64, square as u64]
             }
@@ -133,7 +133,7 @@ impl Twice {
     }
 }
 
-impl Choice for Twice {
+impl RecordRanking for Twice {
     fn mark(&self, record: &[u8]) -> (Group, Rank) {
         let at = place(record);
         let time = self
@@ -151,12 +151,12 @@ mod tests {
     #[test]
     fn thinning_is_read_as_it_is_written() {
         for text in ["2.5:centre", "1:lowest", "0.5:highest", "10:random=7"] {
-            assert_eq!(text.parse::<Thin>().unwrap().to_string(), text);
+            assert_eq!(text.parse::<CellThinning>().unwrap().to_string(), text);
         }
-        assert_eq!("3".parse::<Thin>().unwrap().to_string(), "3:centre");
-        assert_eq!("3:random".parse::<Thin>().unwrap().to_string(), "3:random=0");
+        assert_eq!("3".parse::<CellThinning>().unwrap().to_string(), "3:centre");
+        assert_eq!("3:random".parse::<CellThinning>().unwrap().to_string(), "3:random=0");
         for text in ["", "0", "-1", "nan", "1:best", "1:lowest=2", "1:random=x"] {
-            assert!(text.parse::<Thin>().is_err(), "{text}");
+            assert!(text.parse::<CellThinning>().is_err(), "{text}");
         }
     }
 }

@@ -5,17 +5,17 @@ use super::carried::CarriedRecords;
 use super::job::TranslateJob;
 use super::noise::noted::Noise;
 use super::portion::Portion;
-use super::work::Work;
-use crate::grid::preset::{Metres, Seen, around};
-use crate::records::{Records, over};
+use super::work::TranslateContext;
+use crate::grid::preset::{CloudOverview, Metres, around};
+use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
-use terrane_cloud::{Carrier, Cloud, Filter, OpenOptions, Target};
-use terrane_delaunay::Window;
+use terrane_cloud::{Carrier, CloudFilter, CloudOpenOptions, LasOutputFormat, PointCloud};
+use terrane_delaunay::PositionWindow;
 
 /// A cloud with points beyond those asked for.
 pub(super) struct Wide {
-    cloud: Cloud,
-    target: Target,
+    cloud: PointCloud,
+    target: LasOutputFormat,
     /// Whether it has none but those asked for, which are looked at in parts.
     is_same: bool,
 }
@@ -30,17 +30,17 @@ impl TranslateJob {
         if (is_same && !is_part) || !self.above.is_asked() {
             return Ok(None);
         }
-        let filter = Filter { classes: None, returns: None, condition: None, ..own.filter };
-        let cloud = terrane_cloud::open(&self.input, &OpenOptions { filter, ..own })?;
+        let filter = CloudFilter { classes: None, returns: None, condition: None, ..own.filter };
+        let cloud = terrane_cloud::open(&self.input, &CloudOpenOptions { filter, ..own })?;
         Ok(Some(Wide { cloud, target: self.target()?, is_same }))
     }
 }
 
-impl Work<'_> {
+impl TranslateContext<'_> {
     /// The records with what the ground tells of them.
     pub(super) fn tell<'r>(
         &self,
-        records: &'r dyn Records,
+        records: &'r dyn PointRecords,
         wide: Option<&Wide>,
     ) -> Result<Told<'r>> {
         let looking = self.looking();
@@ -58,7 +58,11 @@ impl Work<'_> {
     }
 
     /// What has to be known of the ground of all points, whose noise is noted.
-    pub(super) fn look_at_wide(&self, wide: &Wide, noise: Option<&mut Noise>) -> Result<Seen> {
+    pub(super) fn look_at_wide(
+        &self,
+        wide: &Wide,
+        noise: Option<&mut Noise>,
+    ) -> Result<CloudOverview> {
         let carrier = Carrier::new(&wide.cloud, wide.target, self.carrier.heights_at().is_some())?;
         let wide = CarriedRecords::within(&wide.cloud, &carrier, None);
         let marked = self.mark(&wide)?;
@@ -69,7 +73,7 @@ impl Work<'_> {
     }
 
     /// Where points lie that the ground of the squares is made of, if not everywhere.
-    fn around_ground(&self) -> Result<Option<Window>> {
+    fn around_ground(&self) -> Result<Option<PositionWindow>> {
         let Some(portion) = self.portion else { return Ok(None) };
         let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
             return Ok(Some(portion.ground()));

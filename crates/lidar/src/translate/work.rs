@@ -6,55 +6,58 @@ use super::above::look::Looking;
 use super::assign::Assigning;
 use super::discs::Discs;
 use super::job::TranslateJob;
-use super::moved::Move;
+use super::moved::CloudReprojection;
 use super::noise::{self, Marked};
 use super::overlap::{FlightLines, Overlap};
 use super::portion::Portion;
-use super::shares::Shares;
-use super::sorted::{Sort, Sorted};
-use super::split::Values;
-use super::thin::{self, Thin};
-use crate::records::choice::{Choice, Chosen};
-use crate::records::{Records, total};
+use super::shares::TranslateMemory;
+use super::sorted::{Sort, SortedRecords};
+use super::split::SplitColumn;
+use super::thin::{self, CellThinning};
+use crate::records::choice::{ChosenRecords, RecordRanking};
+use crate::records::{PointRecords, total};
 use terrane_base::error::Result;
-use terrane_base::geom::Apart;
-use terrane_cloud::write::WriteOptions;
-use terrane_cloud::{Carrier, Cloud, CloudInfo};
-use terrane_engine::plan::At;
+use terrane_base::geom::DistancePredicate;
+use terrane_cloud::write::CloudWriteOptions;
+use terrane_cloud::{Carrier, CloudInfo, PointCloud};
+use terrane_engine::plan::Observer;
 use terrane_files::folder_for;
 
 /// A job whose input is open.
-pub(super) struct Work<'a> {
+pub(super) struct TranslateContext<'a> {
     pub(super) job: &'a TranslateJob,
-    pub(super) input: &'a Cloud,
+    pub(super) input: &'a PointCloud,
     /// What is read, in the frame that methods work in.
     pub(super) cloud: &'a CloudInfo,
     /// What is known before points are moved.
     pub(super) told: &'a CloudInfo,
     pub(super) assigning: &'a Assigning,
     /// What records are divided by.
-    pub(super) values: Option<&'a Values>,
+    pub(super) values: Option<&'a SplitColumn>,
     /// What is written.
     pub(super) info: &'a CloudInfo,
-    pub(super) moved: Option<&'a Move>,
+    pub(super) moved: Option<&'a CloudReprojection>,
     pub(super) carrier: &'a Carrier<'a>,
-    pub(super) options: WriteOptions,
-    pub(super) shares: Shares,
+    pub(super) options: CloudWriteOptions,
+    pub(super) shares: TranslateMemory,
     /// The squares that are made, if not all.
     pub(super) portion: Option<&'a Portion<'a>>,
-    pub(super) at: At<'a>,
+    pub(super) at: Observer<'a>,
 }
 
-impl Work<'_> {
+impl TranslateContext<'_> {
     /// The records without those that are there twice, where these are not wanted.
-    pub(super) fn single<'r>(&self, records: &'r dyn Records) -> Result<Option<Chosen<'r>>> {
+    pub(super) fn single<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+    ) -> Result<Option<ChosenRecords<'r>>> {
         let twice = thin::Twice::new(self.options.format);
         let choose = || self.choose(records, &twice, "points there twice");
         self.job.dedupe.then(choose).transpose()
     }
 
     /// The records with the class of noise for those that are, where it is looked for.
-    pub(super) fn mark<'r>(&self, records: &'r dyn Records) -> Result<Option<Marked<'r>>> {
+    pub(super) fn mark<'r>(&self, records: &'r dyn PointRecords) -> Result<Option<Marked<'r>>> {
         let look = |asked| noise::Looking {
             asked,
             info: self.carrier.info(),
@@ -71,21 +74,25 @@ impl Work<'_> {
 
     pub(super) fn lines<'r>(
         &self,
-        records: &'r dyn Records,
+        records: &'r dyn PointRecords,
         overlap: Overlap,
-    ) -> Result<Chosen<'r>> {
+    ) -> Result<ChosenRecords<'r>> {
         let (side, format) = (overlap.side(self.told), self.options.format);
         let lines = FlightLines::new(side, &self.told.frame, format)?;
         self.choose(records, &lines, "flight lines")
     }
 
-    pub(super) fn thin<'r>(&self, records: &'r dyn Records, thin: Thin) -> Result<Chosen<'r>> {
-        self.choose(records, &thin::Cells::new(thin, &self.told.frame)?, "cells")
+    pub(super) fn thin<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+        thin: CellThinning,
+    ) -> Result<ChosenRecords<'r>> {
+        self.choose(records, &thin::ThinningCells::new(thin, &self.told.frame)?, "cells")
     }
 
     pub(super) fn discs(&self, least: f64) -> Discs<'_> {
         Discs {
-            apart: Apart::new(self.told.frame.scale, least),
+            apart: DistancePredicate::new(self.told.frame.scale, least),
             info: self.told,
             format: self.options.format,
             flow: self.shares.flow,
@@ -96,9 +103,9 @@ impl Work<'_> {
         }
     }
 
-    pub(super) fn sort(&self, records: &dyn Records, by: Sort) -> Result<Sorted> {
+    pub(super) fn sort(&self, records: &dyn PointRecords, by: Sort) -> Result<SortedRecords> {
         let held = (self.shares.flow, self.shares.marks / 4, self.folder());
-        Sorted::new(records, (by, self.options.format), held, self.at)
+        SortedRecords::new(records, (by, self.options.format), held, self.at)
     }
 
     pub(super) fn looking(&self) -> Looking<'_> {
@@ -121,13 +128,13 @@ impl Work<'_> {
 
     fn choose<'r>(
         &self,
-        records: &'r dyn Records,
-        choice: &dyn Choice,
+        records: &'r dyn PointRecords,
+        choice: &dyn RecordRanking,
         stage: &str,
-    ) -> Result<Chosen<'r>> {
+    ) -> Result<ChosenRecords<'r>> {
         self.at.progress.begin(stage, total(records));
         let held = (self.shares.flow, self.shares.marks, self.folder());
-        let chosen = Chosen::new(records, choice, held, self.at)?;
+        let chosen = ChosenRecords::new(records, choice, held, self.at)?;
         self.at.progress.end();
         Ok(chosen)
     }

@@ -5,43 +5,43 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::octree::{Octree, Place};
+use super::octree::{Octree, OctreePlacement};
 use super::portion::Portion;
-use super::split::Values;
-use super::squares::{self, Division, Made, Spans, Squares};
-use super::work::Work;
-use crate::records::{Packer, Records, total};
+use super::split::SplitColumn;
+use super::squares::{self, Spans, SplitFiles, SquareSplit, SquareSplitter};
+use super::work::TranslateContext;
+use crate::records::{PointRecords, RecordPacker, total};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::write::{CloudWriter, Packing, WriteOptions};
+use terrane_cloud::write::{CloudWriteOptions, CloudWriter, PointPacking};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar};
 
 /// Lines that a thread makes at a time.
 const LINES: usize = 4096;
 
-impl Work<'_> {
-    pub(super) fn write(&self, records: &dyn Records) -> Result<Made> {
+impl TranslateContext<'_> {
+    pub(super) fn write(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
         if let Some(values) = self.values {
             return self.split(values, records);
         }
         match (&self.job.squares, self.options.packing) {
             (Some((squares, _)), _) => self.divide(*squares, records),
-            (None, Packing::Nodes) => self.octree(records),
-            (None, Packing::Text) => self.text(records),
+            (None, PointPacking::Nodes) => self.octree(records),
+            (None, PointPacking::Text) => self.text(records),
             (None, _) => self.file(records),
         }
     }
 
-    fn file(&self, records: &dyn Records) -> Result<Made> {
+    fn file(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
         let mut writer = CloudWriter::create(&self.job.output, &self.options)?;
         self.at.progress.begin("points", total(records));
-        let mut packer = Packer::new(&mut writer, self.shares.threads);
+        let mut packer = RecordPacker::new(&mut writer, self.shares.threads);
         self.shares.flow.run(records, self.at, &mut |bytes| packer.take(bytes))?;
         packer.finish()?;
         self.at.progress.end();
         finish(writer)
     }
 
-    fn text(&self, records: &dyn Records) -> Result<Made> {
+    fn text(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
         let path = &self.job.output;
         let beside = path.with_extension("prj");
         let says_so = |found: &str| self.info.crs.is_said_by(found);
@@ -67,12 +67,12 @@ impl Work<'_> {
         self.at.progress.end();
         let bytes = file.commit()?;
         beside.commit()?;
-        Ok(Made { files: 1, points, bytes })
+        Ok(SplitFiles { files: 1, points, bytes })
     }
 
-    fn octree(&self, records: &dyn Records) -> Result<Made> {
-        let place = &Place::new(self.info);
-        let options = WriteOptions { cube: Some(place.cube()), ..self.options.clone() };
+    fn octree(&self, records: &dyn PointRecords) -> Result<SplitFiles> {
+        let place = &OctreePlacement::new(self.info);
+        let options = CloudWriteOptions { cube: Some(place.cube()), ..self.options.clone() };
         let mut writer = CloudWriter::create(&self.job.output, &options)?;
         let (layout, folder) = (writer.layout(), self.folder());
         let octree = Octree { place, layout, folder, memory: self.shares.columns(), at: self.at };
@@ -80,7 +80,7 @@ impl Work<'_> {
         finish(writer)
     }
 
-    fn divide(&self, squares: Squares, records: &dyn Records) -> Result<Made> {
+    fn divide(&self, squares: SquareSplit, records: &dyn PointRecords) -> Result<SplitFiles> {
         if let Some(Portion { spans, folder, .. }) = self.portion {
             return self.files((squares, *spans), records, folder);
         }
@@ -91,7 +91,7 @@ impl Work<'_> {
         Ok(made)
     }
 
-    fn split(&self, values: &Values, records: &dyn Records) -> Result<Made> {
+    fn split(&self, values: &SplitColumn, records: &dyn PointRecords) -> Result<SplitFiles> {
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, |folder| {
             values.is_ours(folder)
         })?;
@@ -106,17 +106,17 @@ impl Work<'_> {
     /// Writes the files of some squares into a folder.
     fn files(
         &self,
-        squares: (Squares, Spans),
-        records: &dyn Records,
+        squares: (SquareSplit, Spans),
+        records: &dyn PointRecords,
         folder: &Path,
-    ) -> Result<Made> {
+    ) -> Result<SplitFiles> {
         let waiting = (self.folder(), self.shares.marks / 2);
-        let division = Division::new(squares, self.info, waiting, &self.options);
+        let division = SquareSplitter::new(squares, self.info, waiting, &self.options);
         division.write(records, (self.shares.flow, self.shares.threads), folder, self.at)
     }
 }
 
-fn finish(writer: CloudWriter) -> Result<Made> {
+fn finish(writer: CloudWriter) -> Result<SplitFiles> {
     let points = writer.points();
-    Ok(Made { files: 1, points, bytes: writer.finish()? })
+    Ok(SplitFiles { files: 1, points, bytes: writer.finish()? })
 }

@@ -8,7 +8,7 @@ pub(super) const PACKED_NAME: &str = "GLB-meshopt";
 
 /// How vertices and triangles lie in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Packing {
+pub(super) enum GltfCompression {
     None,
     Meshopt,
 }

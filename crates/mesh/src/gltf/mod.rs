@@ -10,7 +10,7 @@ mod write;
 
 use std::path::Path;
 
-use self::layout::{MAGIC, NAME, PACKED_NAME, Packing};
+use self::layout::{GltfCompression, MAGIC, NAME, PACKED_NAME};
 use crate::channels::Carries;
 use crate::format::MeshFormat;
 use crate::source::MeshSource;
@@ -27,7 +27,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     names_crs: true,
     admits: |_| Ok(()),
     most: || write::MOST,
-    create: |path, header, options| write::create(path, header, options, Packing::None),
+    create: |path, header, options| write::create(path, header, options, GltfCompression::None),
     open,
     sniff,
 };
@@ -37,7 +37,7 @@ pub(super) const PACKED: MeshFormat = MeshFormat {
     name: PACKED_NAME,
     extensions: &["meshopt.glb"],
     about: "the same, compressed without loss (EXT_meshopt_compression)",
-    create: |path, header, options| write::create(path, header, options, Packing::Meshopt),
+    create: |path, header, options| write::create(path, header, options, GltfCompression::Meshopt),
     ..FORMAT
 };
 

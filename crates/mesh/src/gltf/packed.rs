@@ -2,15 +2,15 @@
 
 use serde::Deserialize;
 
-use super::meshopt::stream::{Stream, Window};
+use super::meshopt::stream::{MeshoptStream, MeshoptWindow};
 use super::meshopt::{attributes, triangles};
-use crate::input::Input;
+use crate::input::MeshFile;
 use terrane_base::error::{Error, Result};
 
 /// What a buffer view says of its compression.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct Packed {
+pub(super) struct MeshoptExtension {
     buffer: u64,
     #[serde(default)]
     byte_offset: u64,
@@ -22,14 +22,18 @@ pub(super) struct Packed {
 }
 
 /// Where the elements of an accessor are.
-pub(super) enum Place {
+pub(super) enum MeshoptAccessor {
     /// In those of a stream from `first` on, `inner` bytes from the start of each.
-    Attributes { stream: Stream<attributes::Reader>, first: u64, inner: usize },
+    Attributes {
+        stream: MeshoptStream<attributes::MeshoptAttributeReader>,
+        first: u64,
+        inner: usize,
+    },
     /// In those of a stream, all of them.
-    Triangles(Stream<triangles::Reader>),
+    Triangles(MeshoptStream<triangles::MeshoptTriangleReader>),
 }
 
-impl Packed {
+impl MeshoptExtension {
     /// The buffer that the compressed bytes are in.
     pub(super) fn buffer(&self) -> u64 {
         self.buffer
@@ -40,11 +44,11 @@ impl Packed {
     /// file, and its length.
     pub(super) fn open(
         &self,
-        input: &Input,
+        input: &MeshFile,
         data: (u64, u64),
         range: (u64, u64),
         shape: (usize, u64),
-    ) -> Result<Place> {
+    ) -> Result<MeshoptAccessor> {
         let end = self.byte_offset.checked_add(self.byte_length);
         if end.is_none_or(|end| end > data.1) {
             return Err(input.bad("has a compressed buffer view outside its buffer"));
@@ -67,45 +71,57 @@ impl Packed {
 
     fn attributes(
         &self,
-        input: &Input,
+        input: &MeshFile,
         bytes: (u64, u64),
         (offset, count): (u64, u64),
         (width, parts): (usize, u64),
-    ) -> Result<Place> {
+    ) -> Result<MeshoptAccessor> {
         let stride = usize::try_from(self.byte_stride).unwrap_or(0);
-        let reader = attributes::Reader::new(&mut Window::new(input), bytes, (stride, self.count))?;
+        let reader = attributes::MeshoptAttributeReader::new(
+            &mut MeshoptWindow::new(input),
+            bytes,
+            (stride, self.count),
+        )?;
         let (first, inner) = (offset / self.byte_stride, offset % self.byte_stride);
         let is_within = inner + width as u64 * parts <= self.byte_stride
             && first.checked_add(count).is_some_and(|end| end <= self.count);
         if !is_within {
             return Err(input.bad("has an accessor outside its compressed buffer view"));
         }
-        Ok(Place::Attributes { stream: Stream::new(reader), first, inner: inner as usize })
+        Ok(MeshoptAccessor::Attributes {
+            stream: MeshoptStream::new(reader),
+            first,
+            inner: inner as usize,
+        })
     }
 
     fn triangles(
         &self,
-        input: &Input,
+        input: &MeshFile,
         bytes: (u64, u64),
         (offset, count): (u64, u64),
         (width, parts): (usize, u64),
-    ) -> Result<Place> {
+    ) -> Result<MeshoptAccessor> {
         if self.byte_stride != width as u64 || width < 2 || parts != 1 {
             return Err(input.bad("has compressed triangles whose corners are of another type"));
         }
         if offset != 0 || count != self.count || !count.is_multiple_of(3) {
             return Err(input.unsupported("takes a part of its compressed triangles"));
         }
-        let reader = triangles::Reader::new(&mut Window::new(input), bytes, count / 3)?;
-        Ok(Place::Triangles(Stream::new(reader)))
+        let reader = triangles::MeshoptTriangleReader::new(
+            &mut MeshoptWindow::new(input),
+            bytes,
+            count / 3,
+        )?;
+        Ok(MeshoptAccessor::Triangles(MeshoptStream::new(reader)))
     }
 }
 
-impl Place {
+impl MeshoptAccessor {
     /// Hands `each` the bytes of elements of attributes, and what follows behind them.
     pub(super) fn elements(
         &self,
-        input: &Input,
+        input: &MeshFile,
         first: u64,
         count: usize,
         mut each: impl FnMut(usize, &[u8]) -> Result<()>,
@@ -117,7 +133,12 @@ impl Place {
     }
 
     /// Reads triangles from `first` on.
-    pub(super) fn triangles(&self, input: &Input, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
+    pub(super) fn triangles(
+        &self,
+        input: &MeshFile,
+        first: u64,
+        out: &mut [[u64; 3]],
+    ) -> Result<()> {
         let Self::Triangles(stream) = self else {
             return Err(input.bad("has attributes of vertices where triangles should be"));
         };

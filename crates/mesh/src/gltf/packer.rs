@@ -4,36 +4,38 @@ use std::path::Path;
 
 use super::meshopt::{attributes, triangles};
 use terrane_base::error::Result;
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Streams begin at such offsets.
 const ALIGNED: u64 = 4;
 
 /// Both streams of a file.
-pub(super) struct Packer {
-    vertices: attributes::Writer,
-    triangles: triangles::Writer,
+pub(super) struct MeshoptPacker {
+    vertices: attributes::MeshoptAttributeWriter,
+    triangles: triangles::MeshoptTriangleWriter,
     /// Of the triangles what follows behind all their codes.
-    data: Out,
+    data: AppendWriter,
     is_begun: bool,
     sizes: Sizes,
 }
 
-impl Packer {
+impl MeshoptPacker {
     /// For vertices of so many bytes; what has to wait goes to a nameless file in `folder`.
     pub(super) fn new(vertex_bytes: usize, folder: &Path) -> Result<Self> {
-        let (vertices, triangles) =
-            (attributes::Writer::new(vertex_bytes), triangles::Writer::new());
+        let (vertices, triangles) = (
+            attributes::MeshoptAttributeWriter::new(vertex_bytes),
+            triangles::MeshoptTriangleWriter::new(),
+        );
         Ok(Self {
             vertices,
             triangles,
-            data: Out::spool(folder)?,
+            data: AppendWriter::spool(folder)?,
             is_begun: false,
             sizes: Sizes::default(),
         })
     }
 
-    pub(super) fn push_vertex(&mut self, element: &[u8], body: &mut Out) -> Result<()> {
+    pub(super) fn push_vertex(&mut self, element: &[u8], body: &mut AppendWriter) -> Result<()> {
         let before = body.bytes();
         self.vertices.push(element, &mut body.buffer);
         self.sizes.0[0] += body.bytes() - before;
@@ -43,11 +45,11 @@ impl Packer {
     pub(super) fn push_triangles(
         &mut self,
         all: impl Iterator<Item = [u32; 3]>,
-        tail: &mut Out,
+        tail: &mut AppendWriter,
     ) -> Result<()> {
         for corners in all {
             if !self.is_begun {
-                tail.write(&triangles::Writer::HEAD)?;
+                tail.write(&triangles::MeshoptTriangleWriter::HEAD)?;
                 self.is_begun = true;
             }
             self.triangles.push(corners, &mut tail.buffer, &mut self.data.buffer);
@@ -58,15 +60,19 @@ impl Packer {
     }
 
     /// Ends both streams.
-    pub(super) fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+    pub(super) fn complete(
+        &mut self,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         let before = body.bytes();
         self.vertices.complete(&mut body.buffer);
         self.sizes.0[0] += body.bytes() - before;
         pad(self.sizes.0[0], body);
         if self.is_begun {
-            let empty = Out::spool(self.data.path())?;
+            let empty = AppendWriter::spool(self.data.path())?;
             tail.append(std::mem::replace(&mut self.data, empty))?;
-            tail.write(&triangles::Writer::TAIL)?;
+            tail.write(&triangles::MeshoptTriangleWriter::TAIL)?;
             self.sizes.0[1] = tail.bytes();
             pad(self.sizes.0[1], tail);
         }
@@ -96,7 +102,7 @@ impl Sizes {
     }
 }
 
-fn pad(bytes: u64, out: &mut Out) {
+fn pad(bytes: u64, out: &mut AppendWriter) {
     let more = bytes.next_multiple_of(ALIGNED) - bytes;
     out.buffer.extend(std::iter::repeat_n(0, more as usize));
 }

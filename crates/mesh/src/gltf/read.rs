@@ -9,9 +9,9 @@ use super::layout::{
     VERSION, to_z_up,
 };
 use super::meshopt;
-use super::packed::{self, Packed};
+use super::packed::{self, MeshoptExtension};
 use crate::channels::{COLOURS, from_linear, from_opacity, linear};
-use crate::input::{Input, check_corners, check_position, check_range};
+use crate::input::{MeshFile, check_corners, check_position, check_range};
 use crate::local::{is_scale, to_world};
 use crate::source::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
@@ -26,23 +26,23 @@ const UNSIGNED_SHORT: u32 = 5123;
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Document {
-    asset: Asset,
+    asset: GltfAsset,
     #[serde(default)]
     extensions_required: Vec<String>,
     #[serde(default)]
-    nodes: Vec<Node>,
+    nodes: Vec<GltfNode>,
     #[serde(default)]
-    meshes: Vec<Mesh>,
+    meshes: Vec<GltfMesh>,
     #[serde(default)]
-    accessors: Vec<Accessor>,
+    accessors: Vec<GltfAccessor>,
     #[serde(default)]
-    buffer_views: Vec<View>,
+    buffer_views: Vec<GltfBufferView>,
     #[serde(default)]
-    buffers: Vec<Buffer>,
+    buffers: Vec<GltfBuffer>,
 }
 
 #[derive(Deserialize)]
-struct Asset {
+struct GltfAsset {
     generator: Option<String>,
     /// Whatever others put here is not ours to complain about.
     #[serde(default)]
@@ -50,7 +50,7 @@ struct Asset {
 }
 
 #[derive(Deserialize)]
-struct Node {
+struct GltfNode {
     mesh: Option<u64>,
     matrix: Option<[f64; 16]>,
     translation: Option<[f64; 3]>,
@@ -59,13 +59,13 @@ struct Node {
 }
 
 #[derive(Deserialize)]
-struct Mesh {
-    primitives: Vec<Primitive>,
+struct GltfMesh {
+    primitives: Vec<GltfPrimitive>,
 }
 
 #[derive(Deserialize)]
-struct Primitive {
-    attributes: Attributes,
+struct GltfPrimitive {
+    attributes: GltfAttributes,
     indices: Option<usize>,
     #[serde(default = "triangles")]
     mode: u32,
@@ -76,7 +76,7 @@ fn triangles() -> u32 {
 }
 
 #[derive(Deserialize)]
-struct Attributes {
+struct GltfAttributes {
     #[serde(rename = "POSITION")]
     position: Option<usize>,
     #[serde(rename = "COLOR_0")]
@@ -85,7 +85,7 @@ struct Attributes {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Accessor {
+struct GltfAccessor {
     buffer_view: Option<usize>,
     #[serde(default)]
     byte_offset: u64,
@@ -103,53 +103,53 @@ struct Accessor {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct View {
+struct GltfBufferView {
     buffer: u64,
     #[serde(default)]
     byte_offset: u64,
     byte_length: u64,
     byte_stride: Option<u64>,
     #[serde(default)]
-    extensions: Extensions,
+    extensions: BufferViewExtensions,
 }
 
 /// Those of a buffer view.
 #[derive(Default, Deserialize)]
-struct Extensions {
+struct BufferViewExtensions {
     #[serde(rename = "EXT_meshopt_compression")]
-    packed: Option<Packed>,
+    packed: Option<MeshoptExtension>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Buffer {
+struct GltfBuffer {
     byte_length: u64,
     uri: Option<serde::de::IgnoredAny>,
 }
 
 /// Where the elements of an accessor lie in the file.
-struct Span {
-    place: Place,
+struct AccessorSpan {
+    place: AccessorLocation,
     count: u64,
     /// Bytes of one component.
     width: usize,
 }
 
-enum Place {
+enum AccessorLocation {
     Plain { offset: u64, stride: u64 },
-    Packed(packed::Place),
+    Packed(packed::MeshoptAccessor),
 }
 
 /// An open GLB file.
 pub(super) struct GlbSource {
-    input: Input,
-    positions: Option<Span>,
+    input: MeshFile,
+    positions: Option<AccessorSpan>,
     /// The least and the greatest of them, as the file states.
     bounds: Option<[Point3; 2]>,
     /// `None` when every three vertices are a triangle, or when there is none.
-    indices: Option<Span>,
+    indices: Option<AccessorSpan>,
     /// Colours in f32.
-    colours: Option<Span>,
+    colours: Option<AccessorSpan>,
     /// Channels of a colour: 3 or 4.
     parts: usize,
     /// What bytes of sRGB are in light.
@@ -159,9 +159,9 @@ pub(super) struct GlbSource {
 
 impl GlbSource {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let input = Input::open(path)?;
+        let input = MeshFile::open(path)?;
         let (document, data) = read_chunks(&input)?;
-        let layout = Layout { input: &input, document: &document, data };
+        let layout = GltfResolver { input: &input, document: &document, data };
         let primitive = layout.primitive()?;
         let positions = primitive.map(|p| layout.positions(p)).transpose()?;
         let bounds = primitive.and_then(|p| document.accessors[p.attributes.position?].bounds());
@@ -189,7 +189,7 @@ impl GlbSource {
     }
 }
 
-fn info(asset: &Asset, plain: MeshInfo) -> MeshInfo {
+fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
     let extras = &asset.extras;
     let origin = serde_json::from_value::<Point3>(extras["origin"].clone()).unwrap_or_default();
     let scale = serde_json::from_value::<Point3>(extras["scale"].clone()).ok();
@@ -207,7 +207,7 @@ fn info(asset: &Asset, plain: MeshInfo) -> MeshInfo {
 }
 
 /// The JSON document, and where the binary data begins and how much there is.
-fn read_chunks(input: &Input) -> Result<(Document, (u64, u64))> {
+fn read_chunks(input: &MeshFile) -> Result<(Document, (u64, u64))> {
     let [magic, version, length] = words(input, 0)?;
     if magic != *MAGIC {
         return Err(input.bad("does not begin with \"glTF\""));
@@ -233,7 +233,7 @@ fn read_chunks(input: &Input) -> Result<(Document, (u64, u64))> {
 }
 
 /// Start and length of the chunk at `offset`, which must be of `kind` and inside the file.
-fn chunk(input: &Input, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
+fn chunk(input: &MeshFile, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
     let [length, found] = words(input, offset)?;
     let (start, length) = (offset + 8, u64::from(u32::from_le_bytes(length)));
     let name = String::from_utf8_lossy(kind).trim_end_matches('\0').to_owned();
@@ -246,7 +246,7 @@ fn chunk(input: &Input, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
     Ok((start, length))
 }
 
-fn words<const N: usize>(input: &Input, offset: u64) -> Result<[[u8; 4]; N]> {
+fn words<const N: usize>(input: &MeshFile, offset: u64) -> Result<[[u8; 4]; N]> {
     let mut words = [[0; 4]; N];
     if offset + 4 * N as u64 > input.bytes() {
         return Err(input.bad("is truncated").remedy("write or copy it again"));
@@ -256,13 +256,13 @@ fn words<const N: usize>(input: &Input, offset: u64) -> Result<[[u8; 4]; N]> {
 }
 
 /// Finds things in a document and checks them against the binary data: its start and length.
-struct Layout<'a> {
-    input: &'a Input,
+struct GltfResolver<'a> {
+    input: &'a MeshFile,
     document: &'a Document,
     data: (u64, u64),
 }
 
-impl<'a> Layout<'a> {
+impl<'a> GltfResolver<'a> {
     fn bad(&self, message: impl Into<String>) -> Error {
         self.input.bad(message)
     }
@@ -272,7 +272,7 @@ impl<'a> Layout<'a> {
     }
 
     /// The only primitive of the only mesh, if there is any.
-    fn primitive(&self) -> Result<Option<&'a Primitive>> {
+    fn primitive(&self) -> Result<Option<&'a GltfPrimitive>> {
         let required = self.document.extensions_required.iter();
         if let Some(name) = required.into_iter().find(|name| *name != meshopt::NAME) {
             return Err(self.unsupported(format!("requires the glTF extension {name}")));
@@ -304,7 +304,7 @@ impl<'a> Layout<'a> {
         Ok(())
     }
 
-    fn positions(&self, primitive: &Primitive) -> Result<Span> {
+    fn positions(&self, primitive: &GltfPrimitive) -> Result<AccessorSpan> {
         let at = primitive.attributes.position.ok_or_else(|| self.bad("has no positions"))?;
         let accessor = self.accessor(at)?;
         if accessor.component_type != FLOAT || accessor.shape != "VEC3" {
@@ -314,7 +314,11 @@ impl<'a> Layout<'a> {
     }
 
     /// The colours of so many vertices and their channels, where they are in f32: others are left alone.
-    fn colours(&self, primitive: &Primitive, vertices: u64) -> Result<Option<(Span, usize)>> {
+    fn colours(
+        &self,
+        primitive: &GltfPrimitive,
+        vertices: u64,
+    ) -> Result<Option<(AccessorSpan, usize)>> {
         let Some(at) = primitive.attributes.colour else { return Ok(None) };
         let accessor = self.accessor(at)?;
         let parts = match accessor.shape.as_str() {
@@ -332,7 +336,7 @@ impl<'a> Layout<'a> {
         Ok(Some((self.span(accessor, 4, parts as u64)?, parts)))
     }
 
-    fn indices(&self, at: usize) -> Result<Span> {
+    fn indices(&self, at: usize) -> Result<AccessorSpan> {
         let accessor = self.accessor(at)?;
         let width = match accessor.component_type {
             UNSIGNED_BYTE => 1,
@@ -346,7 +350,7 @@ impl<'a> Layout<'a> {
         self.span(accessor, width, 1)
     }
 
-    fn accessor(&self, at: usize) -> Result<&'a Accessor> {
+    fn accessor(&self, at: usize) -> Result<&'a GltfAccessor> {
         let missing = || self.bad(format!("has no accessor {at}"));
         let accessor = self.document.accessors.get(at).ok_or_else(missing)?;
         if accessor.sparse.is_some() {
@@ -356,7 +360,7 @@ impl<'a> Layout<'a> {
     }
 
     /// Where an accessor of `parts` components of `width` bytes lies; all of it is in the file.
-    fn span(&self, accessor: &Accessor, width: usize, parts: u64) -> Result<Span> {
+    fn span(&self, accessor: &GltfAccessor, width: usize, parts: u64) -> Result<AccessorSpan> {
         let size = width as u64 * parts;
         let lost = || self.bad("has an accessor outside its buffer");
         let view = accessor.buffer_view.and_then(|at| self.document.buffer_views.get(at));
@@ -365,7 +369,11 @@ impl<'a> Layout<'a> {
             let data = self.buffer_bytes(packed.buffer())?;
             let range = (accessor.byte_offset, accessor.count);
             let place = packed.open(self.input, (self.data.0, data), range, (width, parts))?;
-            return Ok(Span { place: Place::Packed(place), count: accessor.count, width });
+            return Ok(AccessorSpan {
+                place: AccessorLocation::Packed(place),
+                count: accessor.count,
+                width,
+            });
         }
         let stride = view.byte_stride.unwrap_or(size);
         if stride < size || stride > 252 {
@@ -381,8 +389,8 @@ impl<'a> Layout<'a> {
         if end > self.buffer_bytes(view.buffer)? {
             return Err(lost());
         }
-        let place = Place::Plain { offset: self.data.0 + start, stride };
-        Ok(Span { place, count: accessor.count, width })
+        let place = AccessorLocation::Plain { offset: self.data.0 + start, stride };
+        Ok(AccessorSpan { place, count: accessor.count, width })
     }
 
     /// Bytes of the buffer, which must be the file's own.
@@ -396,7 +404,7 @@ impl<'a> Layout<'a> {
     }
 }
 
-impl Accessor {
+impl GltfAccessor {
     /// The corners of the box that positions are said to lie in, as they are stored.
     fn bounds(&self) -> Option<[Point3; 2]> {
         let corner = |of: &serde_json::Value| serde_json::from_value::<Point3>(of.clone()).ok();
@@ -404,7 +412,7 @@ impl Accessor {
     }
 }
 
-impl Node {
+impl GltfNode {
     fn is_identity(&self) -> bool {
         let matrix = std::array::from_fn(|i| if i % 5 == 0 { 1.0 } else { 0.0 });
         self.matrix.is_none_or(|m| m == matrix)
@@ -419,7 +427,7 @@ impl GlbSource {
     /// stride would go on, so that it is read by itself.
     fn elements(
         &self,
-        span: &Span,
+        span: &AccessorSpan,
         parts: usize,
         first: u64,
         count: usize,
@@ -427,8 +435,10 @@ impl GlbSource {
     ) -> Result<()> {
         let Some(last) = count.checked_sub(1) else { return Ok(()) };
         let (offset, stride) = match &span.place {
-            Place::Plain { offset, stride } => (offset, *stride),
-            Place::Packed(place) => return place.elements(&self.input, first, count, each),
+            AccessorLocation::Plain { offset, stride } => (offset, *stride),
+            AccessorLocation::Packed(place) => {
+                return place.elements(&self.input, first, count, each);
+            }
         };
         let start = offset + first * stride;
         let end = start + last as u64 * stride;
@@ -493,7 +503,7 @@ impl MeshSource for GlbSource {
     fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()> {
         check_range("triangles", first, out.len(), self.info.triangles)?;
         match &self.indices {
-            Some(Span { place: Place::Packed(place), .. }) => {
+            Some(AccessorSpan { place: AccessorLocation::Packed(place), .. }) => {
                 place.triangles(&self.input, first, out)?;
             }
             Some(span) => {

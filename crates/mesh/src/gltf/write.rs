@@ -5,19 +5,19 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::layout::{
-    BIN_CHUNK, FLOAT, JSON_CHUNK, MAGIC, NAME, PACKED_NAME, POINTS, Packing, TRIANGLES,
+    BIN_CHUNK, FLOAT, GltfCompression, JSON_CHUNK, MAGIC, NAME, PACKED_NAME, POINTS, TRIANGLES,
     UNSIGNED_INT, VERSION, to_y_up,
 };
 use super::meshopt;
-use super::packer::{Packer, Sizes};
+use super::packer::{MeshoptPacker, Sizes};
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::{Carries, Channel, linear, opacity};
-use crate::local::Local;
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
+use crate::channels::{Carries, VertexChannel, linear, opacity};
+use crate::local::LocalCoordinates;
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
 use crate::text;
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
-use terrane_files::{Out, folder_for};
+use terrane_files::{AppendWriter, folder_for};
 
 /// The file's length is a u32, and so is that of what a compressed one is unpacked to.
 pub(super) const MOST: MeshCapacity = MeshCapacity::new([u32::MAX as u64; 3], 12, 12);
@@ -34,17 +34,19 @@ pub(super) fn create(
     path: &Path,
     header: &MeshHeader,
     options: &SinkOptions,
-    packing: Packing,
+    packing: GltfCompression,
 ) -> Result<Box<dyn MeshSink>> {
-    let local = Local::new(header.origin, header.scale)?;
+    let local = LocalCoordinates::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.promises.to_lines();
     capacity::check_channels(NAME, Carries::Colours, &header.channels)?;
     let (channels, light) = (header.channels.clone(), linear());
     let spool = folder_for(path, options.temp_dir.as_deref());
     let packer = match packing {
-        Packing::None => None,
-        Packing::Meshopt => Some(Packer::new(VERTEX_BYTES + 4 * channels.len(), spool)?),
+        GltfCompression::None => None,
+        GltfCompression::Meshopt => {
+            Some(MeshoptPacker::new(VERTEX_BYTES + 4 * channels.len(), spool)?)
+        }
     };
     let encoder = GlbEncoder { local, crs, comments, channels, light, packer };
     FileSink::create(path, options, encoder)
@@ -52,19 +54,24 @@ pub(super) fn create(
 
 struct GlbEncoder {
     /// In world axes.
-    local: Local,
+    local: LocalCoordinates,
     crs: Option<String>,
     comments: Vec<String>,
     /// Those of a colour, or none.
-    channels: Vec<Channel>,
+    channels: Vec<VertexChannel>,
     /// What bytes of sRGB are in light.
     light: [f32; 256],
     /// What compresses.
-    packer: Option<Packer>,
+    packer: Option<MeshoptPacker>,
 }
 
 impl GlbEncoder {
-    fn json(&self, counts: Counts, [low, high]: [[f32; 3]; 2], packed: Option<Sizes>) -> Vec<u8> {
+    fn json(
+        &self,
+        counts: MeshCounts,
+        [low, high]: [[f32; 3]; 2],
+        packed: Option<Sizes>,
+    ) -> Vec<u8> {
         let mut asset = json!({
             "version": "2.0",
             "generator": text::generator(),
@@ -107,11 +114,11 @@ impl GlbEncoder {
 
     /// Bytes of what is compressed.
     fn sizes(&self) -> Option<Sizes> {
-        self.packer.as_ref().map(Packer::sizes)
+        self.packer.as_ref().map(MeshoptPacker::sizes)
     }
 
     /// Bytes behind the JSON.
-    fn data_bytes(&self, counts: Counts) -> u64 {
+    fn data_bytes(&self, counts: MeshCounts) -> u64 {
         let raw =
             counts.vertices * self.vertex_bytes() as u64 + counts.triangles * TRIANGLE_BYTES as u64;
         self.sizes().map_or(raw, Sizes::bytes)
@@ -120,7 +127,7 @@ impl GlbEncoder {
     /// Bytes kept free for the JSON text: as many as the largest mesh could need.
     fn json_bytes(&self) -> usize {
         let largest = u32::MAX.into();
-        let counts = Counts { vertices: largest, triangles: largest };
+        let counts = MeshCounts { vertices: largest, triangles: largest };
         let sizes = self.sizes().map(|_| Sizes([largest; 2]));
         self.json(counts, [[f32::MIN; 3]; 2], sizes).len().next_multiple_of(4)
     }
@@ -128,8 +135,8 @@ impl GlbEncoder {
 
 /// Completes a document with its mesh. A mesh without triangles becomes a set of points, because
 /// glTF has no empty index lists. A colour of three or four channels lies behind the position of its vertex.
-fn add_mesh(document: &mut Value, counts: Counts, [low, high]: [[f32; 3]; 2], channels: usize) {
-    let Counts { vertices, triangles } = counts;
+fn add_mesh(document: &mut Value, counts: MeshCounts, [low, high]: [[f32; 3]; 2], channels: usize) {
+    let MeshCounts { vertices, triangles } = counts;
     let vertex_bytes = (VERTEX_BYTES + 4 * channels) as u64;
     let (position_bytes, index_bytes) =
         (vertices * vertex_bytes, triangles * TRIANGLE_BYTES as u64);
@@ -187,13 +194,13 @@ impl Encoder for GlbEncoder {
         MeshCapacity { vertex_bytes: self.vertex_bytes() as u64, ..MOST }
     }
 
-    fn channels(&self) -> &[Channel] {
+    fn channels(&self) -> &[VertexChannel] {
         &self.channels
     }
 
     /// Frame and JSON; spaces after the JSON take up the room that larger numbers would need. A
     /// file without vertices has no binary chunk, whose header then becomes spaces too.
-    fn header(&self, counts: Counts) -> Vec<u8> {
+    fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let mut json = self.json(counts, self.local.bounds(), self.sizes());
         let mut room = self.json_bytes();
         let is_empty = counts.vertices == 0;
@@ -212,7 +219,12 @@ impl Encoder for GlbEncoder {
         header
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         if self.packer.is_some() {
             self.pack(batch, body, tail)?;
         } else if self.channels.is_empty() {
@@ -230,7 +242,7 @@ impl Encoder for GlbEncoder {
         self.local.check()
     }
 
-    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<()> {
         let Some(packer) = &mut self.packer else { return Ok(()) };
         packer.complete(body, tail)?;
         let bytes = FRAME_BYTES + packer.sizes().bytes() + self.json_bytes() as u64;
@@ -249,7 +261,12 @@ impl GlbEncoder {
     }
 
     /// Compresses a batch.
-    fn pack(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn pack(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         let channels = self.channels.len();
         let mut element = Vec::new();
         for (place, point) in batch.vertices.iter().enumerate() {
@@ -268,7 +285,7 @@ impl GlbEncoder {
 
 /// Says of a document that what its buffer holds is compressed, and that of what it speaks is in another
 /// buffer, which is nowhere.
-fn pack(document: &mut Value, sizes: Sizes, counts: Counts, vertex_bytes: u64) {
+fn pack(document: &mut Value, sizes: Sizes, counts: MeshCounts, vertex_bytes: u64) {
     let raw = document["buffers"][0]["byteLength"].clone();
     let fallback = json!({ meshopt::NAME: { "fallback": true } });
     document["buffers"] = json!([
@@ -294,7 +311,7 @@ fn pack(document: &mut Value, sizes: Sizes, counts: Counts, vertex_bytes: u64) {
 }
 
 /// The bytes of a position.
-fn placed(local: &mut Local, point: &Point3) -> [u8; 12] {
+fn placed(local: &mut LocalCoordinates, point: &Point3) -> [u8; 12] {
     record(to_y_up(local.place(point)), f32::to_le_bytes)
 }
 

@@ -21,7 +21,7 @@ const URN: &str = "urn:ogc:def:crs:EPSG::";
 
 /// One block's file.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Block {
+pub(super) struct MeshBlock {
     pub(super) file: String,
     pub(super) vertices: u64,
     pub(super) triangles: u64,
@@ -32,16 +32,16 @@ pub(super) struct Block {
 
 /// All blocks.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Index {
+pub(super) struct MeshBlockIndex {
     pub(super) format: String,
     pub(super) epsg: Option<u32>,
     /// What readers of GeoJSON are told of the system: "urn:ogc:def:crs:EPSG::32631".
     pub(super) crs: Option<String>,
     pub(super) comments: Vec<String>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<MeshBlock>,
 }
 
-impl Index {
+impl MeshBlockIndex {
     pub(super) fn new(format: &str, header: &MeshHeader) -> Self {
         let (epsg, comments) = (header.crs.epsg, header.promises.to_lines());
         let crs = epsg.map(|code| format!("{URN}{code}"));
@@ -93,7 +93,7 @@ struct Collection {
     crs: Option<Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     epsg: Option<u32>,
-    features: Vec<Feature>,
+    features: Vec<BlockIndexFeature>,
     format: String,
     name: String,
     #[serde(rename = "type", skip_deserializing)]
@@ -101,35 +101,35 @@ struct Collection {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Feature {
-    geometry: Polygon,
-    properties: Properties,
+struct BlockIndexFeature {
+    geometry: BlockIndexPolygon,
+    properties: BlockIndexProperties,
     #[serde(rename = "type", skip_deserializing)]
     kind: &'static str,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Polygon {
+struct BlockIndexPolygon {
     coordinates: [[[f64; 2]; 5]; 1],
     #[serde(rename = "type", skip_deserializing)]
     kind: &'static str,
 }
 
 #[derive(Serialize, Deserialize)]
-struct Properties {
+struct BlockIndexProperties {
     bytes: u64,
     file: String,
     triangles: u64,
     vertices: u64,
 }
 
-impl From<Index> for Collection {
-    fn from(index: Index) -> Self {
-        let feature = |block: Block| {
-            let Block { file, vertices, triangles, bytes, ring } = block;
-            Feature {
-                geometry: Polygon { coordinates: [ring], kind: "Polygon" },
-                properties: Properties { bytes, file, triangles, vertices },
+impl From<MeshBlockIndex> for Collection {
+    fn from(index: MeshBlockIndex) -> Self {
+        let feature = |block: MeshBlock| {
+            let MeshBlock { file, vertices, triangles, bytes, ring } = block;
+            BlockIndexFeature {
+                geometry: BlockIndexPolygon { coordinates: [ring], kind: "Polygon" },
+                properties: BlockIndexProperties { bytes, file, triangles, vertices },
                 kind: "Feature",
             }
         };
@@ -147,12 +147,12 @@ impl From<Index> for Collection {
 
 impl Collection {
     /// The index, if it is one and names nothing outside its folder.
-    fn index(self) -> Option<Index> {
-        let block = |feature: Feature| {
-            let Properties { bytes, file, triangles, vertices } = feature.properties;
+    fn index(self) -> Option<MeshBlockIndex> {
+        let block = |feature: BlockIndexFeature| {
+            let BlockIndexProperties { bytes, file, triangles, vertices } = feature.properties;
             let is_name = Path::new(&file).file_name().is_some_and(|name| name == file.as_str());
             let [ring] = feature.geometry.coordinates;
-            is_name.then_some(Block { file, vertices, triangles, bytes, ring })
+            is_name.then_some(MeshBlock { file, vertices, triangles, bytes, ring })
         };
         if self.name != MARK {
             return None;
@@ -160,7 +160,7 @@ impl Collection {
         let blocks = self.features.into_iter().map(block).collect::<Option<_>>()?;
         let crs = self.crs.as_ref().and_then(|crs| crs["properties"]["name"].as_str());
         let (epsg, crs) = (self.epsg, crs.map(str::to_owned));
-        Some(Index { format: self.format, epsg, crs, comments: self.comments, blocks })
+        Some(MeshBlockIndex { format: self.format, epsg, crs, comments: self.comments, blocks })
     }
 }
 
@@ -172,15 +172,17 @@ mod tests {
     fn comes_back_from_its_text_and_never_leads_out_of_its_folder() {
         let ring = [[0.5, 1.0], [0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]];
         let file = "block-0000-0001.ply".to_owned();
-        let block = Block { file, vertices: 4, triangles: 2, bytes: 99, ring };
-        let mut index = Index {
+        let block = MeshBlock { file, vertices: 4, triangles: 2, bytes: 99, ring };
+        let mut index = MeshBlockIndex {
             format: "PLY".into(),
             epsg: Some(32631),
             crs: Some("urn:ogc:def:crs:EPSG::32631".into()),
             comments: vec!["max error 5".into()],
             blocks: vec![block],
         };
-        let text = |index: &Index| serde_json::to_string(&Collection::from(index.clone())).unwrap();
+        let text = |index: &MeshBlockIndex| {
+            serde_json::to_string(&Collection::from(index.clone())).unwrap()
+        };
         let read = |text: &str| serde_json::from_str::<Collection>(text).ok()?.index();
         assert_eq!(read(&text(&index)).as_ref(), Some(&index));
         let same = serde_json::from_str::<Value>(&text(&index)).unwrap().to_string();

@@ -20,7 +20,7 @@ use crate::format::MeshFormat;
 use crate::registry::open_file;
 use crate::sidecar::{prj_path, write_prj};
 use crate::sink::{MeshBatch, MeshHeader, MeshSink, SinkOptions};
-use index::{Block, Index};
+use index::{MeshBlock, MeshBlockIndex};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Point3};
 use terrane_files::atomic::AtomicFolder;
@@ -36,14 +36,14 @@ const WAITING_BYTES: u64 = 3 << 20;
 /// A triangle with its vertices' ids in the whole mesh.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Record {
+struct BlockTriangle {
     ids: [u64; 3],
     corners: [Point3; 3],
 }
 
 /// How a grid is cut into blocks.
 #[derive(Clone, Copy, Debug)]
-pub struct Blocks {
+pub struct MeshBlockLayout {
     /// Cells along a block's side; whole tiles.
     pub cells: u32,
     /// Columns and rows of the grid's samples.
@@ -52,7 +52,7 @@ pub struct Blocks {
     pub to_world: Affine,
 }
 
-impl Blocks {
+impl MeshBlockLayout {
     /// Columns and rows of blocks.
     fn count(&self) -> [u32; 2] {
         self.samples.map(|samples| (samples - 1).div_ceil(self.cells).max(1))
@@ -88,7 +88,7 @@ impl Blocks {
 
 /// True for a folder that this room has made.
 pub fn is_split(path: &Path) -> bool {
-    path.is_dir() && Index::read(path).is_ok()
+    path.is_dir() && MeshBlockIndex::read(path).is_ok()
 }
 
 /// True for such a folder with nothing else in it, so that nothing of the user's goes with it.
@@ -110,18 +110,18 @@ pub fn create(
     format: &'static MeshFormat,
     header: &MeshHeader,
     options: &SinkOptions,
-    blocks: Blocks,
+    blocks: MeshBlockLayout,
 ) -> Result<Box<dyn MeshSink>> {
     let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
     let spool = folder_for(path, options.temp_dir.as_deref());
     // Told at the start, not when the file is needed.
     drop(nameless(spool)?);
     let buckets = Buckets::new(spool, blocks.count()[0] as usize, WAITING_BYTES);
-    let index = Index::new(format.name, header);
+    let index = MeshBlockIndex::new(format.name, header);
     let temp_dir = Some(spool.to_path_buf());
     let (header, options) =
         (header.clone(), SinkOptions { overwrite: false, temp_dir, ..options.clone() });
-    Ok(Box::new(Split {
+    Ok(Box::new(SplitMeshSink {
         folder,
         format,
         header,
@@ -135,20 +135,20 @@ pub fn create(
 }
 
 /// The sink of a folder of meshes.
-struct Split {
+struct SplitMeshSink {
     folder: AtomicFolder,
     format: &'static MeshFormat,
     header: MeshHeader,
     options: SinkOptions,
-    blocks: Blocks,
-    buckets: Buckets<Record>,
-    index: Index,
+    blocks: MeshBlockLayout,
+    buckets: Buckets<BlockTriangle>,
+    index: MeshBlockIndex,
     /// The row of blocks that triangles come for.
     row: u32,
     bytes: u64,
 }
 
-impl Split {
+impl SplitMeshSink {
     /// Writes the files of the blocks of a row, and goes on to the next.
     fn finish_row(&mut self) -> Result<()> {
         for col in 0..self.blocks.count()[0] {
@@ -165,7 +165,7 @@ impl Split {
         let name = format!("block-{row:04}-{col:04}.{}", self.format.extensions[0]);
         let path = self.folder.inside().join(&name);
         let ring = self.blocks.ring([col, row]);
-        let mut piece = Piece::new((self.format.create)(&path, &self.header, &self.options)?);
+        let mut piece = BlockMesh::new((self.format.create)(&path, &self.header, &self.options)?);
         self.buckets.try_read(col as usize, |records| piece.push(records))?;
         let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
         let bytes = piece.sink.finish()?;
@@ -175,12 +175,12 @@ impl Split {
         }
         write_prj(&path, &self.header.crs, false)?;
         self.bytes += bytes;
-        self.index.blocks.push(Block { file: name, vertices, triangles, bytes, ring });
+        self.index.blocks.push(MeshBlock { file: name, vertices, triangles, bytes, ring });
         Ok(())
     }
 }
 
-impl MeshSink for Split {
+impl MeshSink for SplitMeshSink {
     fn wants_corners(&self) -> bool {
         true
     }
@@ -197,7 +197,7 @@ impl MeshSink for Split {
             while self.row < row {
                 self.finish_row()?;
             }
-            self.buckets.push(col as usize, &[Record { ids: *ids, corners: *corners }])?;
+            self.buckets.push(col as usize, &[BlockTriangle { ids: *ids, corners: *corners }])?;
         }
         Ok(())
     }
@@ -216,13 +216,13 @@ const PAGE: u64 = 512;
 /// Ids in the whole mesh to ids in one block. Those of a tile follow each other, so pages are full:
 /// about 8 bytes for a vertex.
 #[derive(Default)]
-struct Ids {
+struct BlockVertexIds {
     /// Each id and 1, or 0 where there is none.
     pages: HashMap<u64, Box<[u64; PAGE as usize]>>,
     count: u64,
 }
 
-impl Ids {
+impl BlockVertexIds {
     /// The block's id for `id`, and whether it is a new one.
     fn of(&mut self, id: u64) -> (u64, bool) {
         let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
@@ -237,18 +237,18 @@ impl Ids {
 }
 
 /// One block's mesh in the making.
-struct Piece {
+struct BlockMesh {
     sink: Box<dyn MeshSink>,
-    ids: Ids,
+    ids: BlockVertexIds,
     triangles: u64,
 }
 
-impl Piece {
+impl BlockMesh {
     fn new(sink: Box<dyn MeshSink>) -> Self {
-        Self { sink, ids: Ids::default(), triangles: 0 }
+        Self { sink, ids: BlockVertexIds::default(), triangles: 0 }
     }
 
-    fn push(&mut self, records: &[Record]) -> Result<()> {
+    fn push(&mut self, records: &[BlockTriangle]) -> Result<()> {
         for records in records.chunks(BATCH) {
             let mut vertices = Vec::new();
             let triangles: Vec<[u64; 3]> = records
@@ -282,7 +282,7 @@ impl Piece {
 
 /// The index of a folder of meshes, and then the meshes.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
-    let index = Index::read(path)?;
+    let index = MeshBlockIndex::read(path)?;
     let blocks = index.blocks.iter().map(|block| path.join(&block.file));
     Ok([path.join(index::NAME)].into_iter().chain(blocks).collect())
 }

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use super::index::{Block, Index};
+use super::index::{MeshBlock, MeshBlockIndex};
 use crate::registry::open_file;
 use crate::source::{MeshInfo, MeshSource};
 use terrane_base::error::{Error, Result};
@@ -19,12 +19,12 @@ const BATCH: usize = 1 << 12;
 /// A folder of meshes.
 struct SplitSource {
     info: MeshInfo,
-    parts: Vec<Part>,
+    parts: Vec<SplitMeshPart>,
     /// The blocks read last, by their place in `parts`; the latest last.
     held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
 }
 
-struct Part {
+struct SplitMeshPart {
     path: PathBuf,
     /// Its first triangle among those of all blocks, and
     first: u64,
@@ -34,7 +34,7 @@ struct Part {
 
 /// Opens the folder `path`.
 pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
-    let index = Index::read(path)?;
+    let index = MeshBlockIndex::read(path)?;
     let mut parts = Vec::new();
     let (mut first, mut solid) = (0, false);
     let mut systems = index.systems();
@@ -51,7 +51,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         }
         let prj = terrane_files::prj(&path)?;
         systems.extend((!prj.is_empty() && !systems.contains(&prj)).then_some(prj));
-        parts.push(Part { path, first, triangles: found.triangles });
+        parts.push(SplitMeshPart { path, first, triangles: found.triangles });
         first += found.triangles;
         solid |= found.solid;
         info.get_or_insert(found);
@@ -78,7 +78,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
 
 /// Fails unless a block is what the index says of it. Vertices of triangles that share none, and of solids, are
 /// more than those of the surface.
-fn check(found: &MeshInfo, block: &Block, index: &Index, path: &Path) -> Result<()> {
+fn check(found: &MeshInfo, block: &MeshBlock, index: &MeshBlockIndex, path: &Path) -> Result<()> {
     let bytes = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
     let has_vertices = found.indexed && !found.solid;
     let facts = [
@@ -112,7 +112,7 @@ impl SplitSource {
         let mut part = self.parts.partition_point(|part| part.first <= first).saturating_sub(1);
         let (mut at, end) = (first, first + count);
         while at < end {
-            let Part { first, triangles, .. } = self.parts[part];
+            let SplitMeshPart { first, triangles, .. } = self.parts[part];
             let last = end.min(first + triangles);
             if at < last {
                 self.part(part)?.visit(at - first, last - first, &mut each)?;
@@ -136,7 +136,7 @@ impl SplitSource {
     }
 }
 
-impl Part {
+impl SplitMeshPart {
     fn open(&self) -> Result<OpenPart> {
         let mesh = open_file(&self.path)?;
         let info = mesh.info();

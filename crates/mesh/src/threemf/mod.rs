@@ -18,14 +18,14 @@ use self::walls::Walls;
 use crate::capacity::{self, MeshCapacity};
 use crate::channels::Carries;
 use crate::format::MeshFormat;
-use crate::local::Local;
-use crate::sink::{Counts, Encoder, FileSink, MeshBatch, MeshHeader, MeshSink, SinkOptions};
-use crate::solid::{Base, lowered};
+use crate::local::LocalCoordinates;
+use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::solid::{SolidBase, lowered};
 use crate::text;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_files::xml::escaped;
-use terrane_files::{Out, folder_for};
+use terrane_files::{AppendWriter, folder_for};
 
 /// Numbers of vertices are below 2^31.
 const MOST: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
@@ -57,9 +57,9 @@ fn holds(head: &[u8], words: &[u8]) -> bool {
 }
 
 fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box<dyn MeshSink>> {
-    let local = Local::new(header.origin, header.scale)?;
+    let local = LocalCoordinates::new(header.origin, header.scale)?;
     let folder = folder_for(path, options.temp_dir.as_deref());
-    let base = options.solid_base.map(|height| Base::new(height, header)).transpose()?;
+    let base = options.solid_base.map(|height| SolidBase::new(height, header)).transpose()?;
     let walls = base.map(|base| Walls::new(base, folder));
     let head = head(header, walls.is_some()).map_err(|e| e.in_file(path))?;
     FileSink::create(path, options, Encoder3mf { local, head, walls })
@@ -108,7 +108,7 @@ const END: &[u8] = b"</triangles>\n</mesh>\n</object>\n</resources>\n\
     <build>\n<item objectid=\"1\"/>\n</build>\n</model>\n";
 
 struct Encoder3mf {
-    local: Local,
+    local: LocalCoordinates,
     head: String,
     walls: Option<Walls>,
 }
@@ -125,7 +125,7 @@ impl Encoder for Encoder3mf {
         MeshCapacity { vertices: surface.vertices / copies, ..surface }
     }
 
-    fn header(&self, _counts: Counts) -> Vec<u8> {
+    fn header(&self, _counts: MeshCounts) -> Vec<u8> {
         self.head.clone().into_bytes()
     }
 
@@ -133,7 +133,12 @@ impl Encoder for Encoder3mf {
         self.walls.is_some()
     }
 
-    fn encode(&mut self, batch: MeshBatch<'_>, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn encode(
+        &mut self,
+        batch: MeshBatch<'_>,
+        body: &mut AppendWriter,
+        tail: &mut AppendWriter,
+    ) -> Result<()> {
         let Self { local, walls, .. } = self;
         let base = walls.as_ref().map(Walls::base);
         body.lines(batch.vertices, |point, text| {
@@ -155,7 +160,7 @@ impl Encoder for Encoder3mf {
         self.local.check()
     }
 
-    fn complete(&mut self, body: &mut Out, tail: &mut Out) -> Result<()> {
+    fn complete(&mut self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<()> {
         if let Some(walls) = self.walls.take() {
             let vertices = walls.complete(body, tail)?;
             if vertices > MOST.vertices {

@@ -8,16 +8,16 @@ use std::path::Path;
 use zip::ZipArchive;
 
 use super::parts::{MODEL, NAME, PREFIX, RELATIONS};
-use crate::input::{Input, check_corners, check_range};
+use crate::input::{MeshFile, check_corners, check_range};
 use crate::local::{is_scale, to_world};
-use crate::obj_index::{Mark, SparseIndex};
+use crate::obj_index::{ObjLineMark, SparseIndex};
 use crate::source::{MeshInfo, MeshSource};
-use crate::xml::{Xml, number};
+use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
 use terrane_files::nameless;
-use terrane_files::xml::{Part, Tag};
+use terrane_files::xml::{XmlEvent, XmlStartTag};
 
 /// Entries of an archive, and bytes of its relations, at the most.
 const MOST_ENTRIES: u64 = 4096;
@@ -28,33 +28,33 @@ const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3
 const MOST_COMMENTS: usize = 64;
 
 /// An open file, and its model.
-pub(super) struct Source {
-    input: Input,
+pub(super) struct ThreeMfSource {
+    input: MeshFile,
     vertices: SparseIndex,
     triangles: SparseIndex,
     info: MeshInfo,
 }
 
 /// Opens a file and goes through its model once.
-pub(super) fn open(path: &Path) -> Result<Source> {
+pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     let input = unpacked(path).map_err(|e| e.in_file(path))?;
     let (mut vertices, mut triangles) = (SparseIndex::new(), SparseIndex::new());
-    let mut found = Found::default();
-    let mut xml = Xml::new(&input, 0);
+    let mut found = ThreeMfSummary::default();
+    let mut xml = MeshXmlReader::new(&input, 0);
     loop {
         let at = xml.offset();
-        let mark = Mark { offset: at, ..Mark::default() };
+        let mark = ObjLineMark { offset: at, ..ObjLineMark::default() };
         let place = |e: Error| e.in_file(path).at(format!("byte {at} of the model"));
         match xml.next()? {
-            Part::Over => break,
-            Part::Start(tag) if tag.local_name() == "vertex" => vertices.note(mark),
-            Part::Start(tag) if tag.local_name() == "triangle" => triangles.note(mark),
-            Part::Start(tag) if tag.local_name() == "metadata" => {
+            XmlEvent::Over => break,
+            XmlEvent::Start(tag) if tag.local_name() == "vertex" => vertices.note(mark),
+            XmlEvent::Start(tag) if tag.local_name() == "triangle" => triangles.note(mark),
+            XmlEvent::Start(tag) if tag.local_name() == "metadata" => {
                 let name = tag.attribute("name").map_err(place)?;
                 found.record(name.unwrap_or_default(), xml.text()?);
             }
-            Part::Start(tag) => found.note(&tag).map_err(place)?,
-            Part::Text(_) | Part::End => {}
+            XmlEvent::Start(tag) => found.note(&tag).map_err(place)?,
+            XmlEvent::Text(_) | XmlEvent::End => {}
         }
     }
     drop(xml);
@@ -63,7 +63,7 @@ pub(super) fn open(path: &Path) -> Result<Source> {
         return Err(error.in_file(path).remedy("give a file with one"));
     }
     let info = found.info(vertices.count(), triangles.count());
-    Ok(Source { input, vertices, triangles, info })
+    Ok(ThreeMfSource { input, vertices, triangles, info })
 }
 
 fn damaged(e: impl std::fmt::Display) -> Error {
@@ -71,9 +71,9 @@ fn damaged(e: impl std::fmt::Display) -> Error {
 }
 
 /// The model of an archive.
-fn unpacked(path: &Path) -> Result<Input> {
+fn unpacked(path: &Path) -> Result<MeshFile> {
     // What is no plain file is refused as for all meshes.
-    drop(Input::open(path)?);
+    drop(MeshFile::open(path)?);
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
     limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
@@ -88,7 +88,7 @@ fn unpacked(path: &Path) -> Result<Input> {
         return Err(damaged(format!("the model should unpack to {declared} bytes and does not")));
     }
     model.seek(SeekFrom::Start(0)).map_err(|e| Error::read(&folder, e))?;
-    Input::of(model, path)
+    MeshFile::of(model, path)
 }
 
 /// Copies a stream; what it cannot be read for is the archive's fault, the rest that of the disk.
@@ -123,7 +123,7 @@ fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
 
 /// What is found on the way through a model.
 #[derive(Default)]
-struct Found {
+struct ThreeMfSummary {
     unit: Option<String>,
     is_solid: bool,
     /// Objects with triangles.
@@ -134,8 +134,8 @@ struct Found {
     application: Option<String>,
 }
 
-impl Found {
-    fn note(&mut self, tag: &Tag) -> Result<()> {
+impl ThreeMfSummary {
+    fn note(&mut self, tag: &XmlStartTag) -> Result<()> {
         if tag.local_name() == "model" {
             // What a file says nothing of is in millimetres.
             self.unit = tag.attribute("unit")?.or_else(|| Some("millimeter".to_owned()));
@@ -152,7 +152,7 @@ impl Found {
         Ok(())
     }
 
-    fn check_item(&self, tag: &Tag) -> Result<()> {
+    fn check_item(&self, tag: &XmlStartTag) -> Result<()> {
         const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
         let Some(transform) = tag.attribute("transform")? else { return Ok(()) };
         let numbers = transform.split_ascii_whitespace().map(|word| word.parse().ok());
@@ -197,7 +197,7 @@ fn numbers(text: &str) -> Option<Point3> {
     point.iter().all(|c| c.is_finite()).then_some(point)
 }
 
-impl Source {
+impl ThreeMfSource {
     /// Hands `each` the start tags from `first` on that are called so and noted in an index, with their numbers,
     /// until it has enough.
     fn scan(
@@ -205,17 +205,17 @@ impl Source {
         index: &SparseIndex,
         name: &str,
         first: u64,
-        mut each: impl FnMut(u64, &Tag) -> Result<bool>,
+        mut each: impl FnMut(u64, &XmlStartTag) -> Result<bool>,
     ) -> Result<()> {
         let (mut at, mark) = index.before(first);
-        let mut xml = Xml::new(&self.input, mark.offset);
+        let mut xml = MeshXmlReader::new(&self.input, mark.offset);
         loop {
             match xml.next()? {
-                Part::Over => {
+                XmlEvent::Over => {
                     let message = "the unpacked model has become shorter";
                     return Err(Error::new(ErrorKind::Internal, message));
                 }
-                Part::Start(tag) if tag.local_name() == name => {
+                XmlEvent::Start(tag) if tag.local_name() == name => {
                     at += 1;
                     if at > first {
                         let is_enough = each(at - 1, &tag);
@@ -224,13 +224,13 @@ impl Source {
                         }
                     }
                 }
-                Part::Start(_) | Part::Text(_) | Part::End => {}
+                XmlEvent::Start(_) | XmlEvent::Text(_) | XmlEvent::End => {}
             }
         }
     }
 }
 
-impl MeshSource for Source {
+impl MeshSource for ThreeMfSource {
     fn info(&self) -> &MeshInfo {
         &self.info
     }

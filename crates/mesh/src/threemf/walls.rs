@@ -11,18 +11,18 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use super::parts::{push_triangle, push_vertex};
-use crate::solid::{Base, Edge, Outline};
+use crate::solid::{DirectedEdge, SolidBase, SolidOutline};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::Out;
+use terrane_files::AppendWriter;
 
 /// Vertices that several loops pass through, at the most.
 const MOST_PINCHES: u64 = 1 << 20;
 
 /// Makes a solid of a surface.
 pub(super) struct Walls {
-    base: Base,
-    outline: Outline,
+    base: SolidBase,
+    outline: SolidOutline,
     folder: PathBuf,
     /// Vertices of the surface.
     vertices: u64,
@@ -30,8 +30,8 @@ pub(super) struct Walls {
 
 impl Walls {
     /// Down to `base`; what has to wait goes to nameless files in `folder`.
-    pub(super) fn new(base: Base, folder: &Path) -> Self {
-        let outline = Outline::new(folder);
+    pub(super) fn new(base: SolidBase, folder: &Path) -> Self {
+        let outline = SolidOutline::new(folder);
         Self { base, outline, folder: folder.to_path_buf(), vertices: 0 }
     }
 
@@ -56,19 +56,19 @@ impl Walls {
 
     /// Appends the walls, and the vertices that they need. `body` has had all vertices. Returns how many there
     /// are in all.
-    pub(super) fn complete(self, body: &mut Out, tail: &mut Out) -> Result<u64> {
+    pub(super) fn complete(self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<u64> {
         let base = self.base();
-        let mut edges = Out::spool(&self.folder)?;
+        let mut edges = AppendWriter::spool(&self.folder)?;
         let mut starts = Starts::default();
         self.outline.complete(|edge| {
             starts.note(edge.ids[0])?;
             edges.write(bytemuck::bytes_of(&edge))
         })?;
-        let mut corners = Corners::new(starts.pinches(), top(self.vertices));
+        let mut corners = WallCorners::new(starts.pinches(), top(self.vertices));
         let mut reader = BufReader::with_capacity(256 << 10, edges.into_file()?);
-        let mut bytes = [0; size_of::<Edge>()];
+        let mut bytes = [0; size_of::<DirectedEdge>()];
         while read(&mut reader, &mut bytes, &self.folder)? {
-            let edge: Edge = bytemuck::pod_read_unaligned(&bytes);
+            let edge: DirectedEdge = bytemuck::pod_read_unaligned(&bytes);
             let turns = [0, 1].map(|end| corners.turn(edge.ids[end], end));
             for (turn, position) in turns.iter().zip(edge.ends) {
                 if let Some((_, true)) = turn {
@@ -143,7 +143,7 @@ impl Starts {
 }
 
 /// Where walls turn at vertices that several loops pass through.
-struct Corners {
+struct WallCorners {
     /// By vertex the edges that have begun there and that have ended there, and the first of the numbers of
     /// its own that walls turn at.
     passed: BTreeMap<u64, [u64; 2]>,
@@ -152,7 +152,7 @@ struct Corners {
     next: u64,
 }
 
-impl Corners {
+impl WallCorners {
     fn new(pinches: impl Iterator<Item = u64>, next: u64) -> Self {
         Self { passed: pinches.map(|id| (id, [0; 2])).collect(), middles: BTreeMap::new(), next }
     }

@@ -30,17 +30,17 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
         let about = docs::text(&variant.attrs);
         let about = about.split("\n\n").next().unwrap_or_default();
         choices.push(
-            quote!((#name::#ident, ::terrane_options::Named { name: #called, about: #about })),
+            quote!((#name::#ident, ::terrane_options::ChoiceName { name: #called, about: #about })),
         );
     }
     Ok(quote! {
         impl ::terrane_options::Choice for #name {
-            const ALL: &'static [(Self, ::terrane_options::Named)] = &[#(#choices),*];
+            const ALL: &'static [(Self, ::terrane_options::ChoiceName)] = &[#(#choices),*];
         }
 
-        impl ::terrane_options::Codec<#name> for ::terrane_options::Plain {
-            const KIND: ::terrane_options::Kind =
-                ::terrane_options::Kind::Choice(<#name as ::terrane_options::Choice>::names);
+        impl ::terrane_options::OptionCodec<#name> for ::terrane_options::PlainCodec {
+            const KIND: ::terrane_options::OptionKind =
+                ::terrane_options::OptionKind::Choice(<#name as ::terrane_options::Choice>::names);
 
             fn parse(text: &str) -> ::core::result::Result<#name, ::std::string::String> {
                 <#name as ::terrane_options::Choice>::named(text)

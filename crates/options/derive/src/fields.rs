@@ -11,7 +11,7 @@ use crate::docs;
 
 /// The attributes of a field.
 #[derive(Default)]
-struct Said {
+struct FieldAttributes {
     flatten: bool,
     name: Option<LitStr>,
     aliases: Vec<LitStr>,
@@ -35,7 +35,7 @@ struct Said {
 }
 
 /// The attributes of the struct.
-struct Whole {
+struct StructAttributes {
     heading: LitStr,
     rules: Option<Path>,
     /// Setters for builders of one operation (`own`) or of each that has the group (`group`).
@@ -44,7 +44,7 @@ struct Whole {
 
 /// What a field adds to each impl.
 #[derive(Default)]
-struct Parts {
+struct FieldTokens {
     entries: Vec<TokenStream>,
     visits: Vec<TokenStream>,
     mutable_visits: Vec<TokenStream>,
@@ -59,7 +59,7 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
         return Err(Error::new_spanned(name, "options are a struct"));
     };
     let whole = whole(&input.attrs)?;
-    let mut parts = Parts::default();
+    let mut parts = FieldTokens::default();
     for field in &data.fields {
         let said = said(&field.attrs)?;
         match said.flatten {
@@ -68,13 +68,13 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
         }
     }
     let about = docs::text(&input.attrs);
-    let Parts { entries, visits, mutable_visits, defaults, setters, groups } = &parts;
+    let FieldTokens { entries, visits, mutable_visits, defaults, setters, groups } = &parts;
     let rules = whole.rules.as_ref().map_or_else(|| quote!(&[]), |rules| quote!(#rules));
     let setters = whole.setters.as_ref().map(|kind| traits(name, kind, setters));
     Ok(quote! {
         impl ::terrane_options::Options for #name {
-            const TABLE: &'static ::terrane_options::Table =
-                &::terrane_options::Table { about: #about, entries: &[#(#entries),*], rules: #rules };
+            const TABLE: &'static ::terrane_options::OptionTable =
+                &::terrane_options::OptionTable { about: #about, entries: &[#(#entries),*], rules: #rules };
 
             fn visit(&self, visit: &mut ::terrane_options::Visit<'_>) { #(#visits)* }
 
@@ -94,7 +94,7 @@ pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-fn whole(attributes: &[Attribute]) -> Result<Whole> {
+fn whole(attributes: &[Attribute]) -> Result<StructAttributes> {
     let mut heading = LitStr::new("Options", proc_macro2::Span::call_site());
     let (mut setters, mut rules) = (None, None);
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("options")) {
@@ -108,11 +108,11 @@ fn whole(attributes: &[Attribute]) -> Result<Whole> {
             Ok(())
         })?;
     }
-    Ok(Whole { heading, rules, setters })
+    Ok(StructAttributes { heading, rules, setters })
 }
 
-fn said(attributes: &[Attribute]) -> Result<Said> {
-    let mut said = Said::default();
+fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
+    let mut said = FieldAttributes::default();
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("option")) {
         attribute.parse_nested_meta(|meta| {
             let is = |name: &str| meta.path.is_ident(name);
@@ -141,12 +141,12 @@ fn said(attributes: &[Attribute]) -> Result<Said> {
     Ok(said)
 }
 
-impl Parts {
+impl FieldTokens {
     /// A group of options, whose fields are as if they were of the struct.
-    fn add_group(&mut self, name: &Ident, field: &Field, whole: &Whole) {
+    fn add_group(&mut self, name: &Ident, field: &Field, whole: &StructAttributes) {
         let (ident, ty) = (&field.ident, &field.ty);
         self.entries.push(quote! {
-            ::terrane_options::Entry::Group(<#ty as ::terrane_options::Options>::TABLE)
+            ::terrane_options::OptionEntry::Group(<#ty as ::terrane_options::Options>::TABLE)
         });
         self.visits.push(quote!(::terrane_options::Options::visit(&self.#ident, visit);));
         self.mutable_visits
@@ -163,7 +163,12 @@ impl Parts {
         }
     }
 
-    fn add_field(&mut self, field: &Field, said: &Said, whole: &Whole) -> Result<()> {
+    fn add_field(
+        &mut self,
+        field: &Field,
+        said: &FieldAttributes,
+        whole: &StructAttributes,
+    ) -> Result<()> {
         let ty = &field.ty;
         let Some(ident) = &field.ident else {
             return Err(Error::new_spanned(field, "an option has a name"));
@@ -174,34 +179,37 @@ impl Parts {
         }
         let called = said.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
         let codec = said.codec.as_ref();
-        let codec = codec.map_or_else(|| quote!(::terrane_options::Plain), |path| quote!(#path));
+        let codec =
+            codec.map_or_else(|| quote!(::terrane_options::PlainCodec), |path| quote!(#path));
         let heading = said.heading.as_ref().unwrap_or(&whole.heading);
-        let Said { aliases, stands_for, default, positional, .. } = said;
+        let FieldAttributes { aliases, stands_for, default, positional, .. } = said;
         let (short, default_text) =
             (optional(said.short.as_ref()), optional(said.default_text.as_ref()));
         let (off, value) = (optional(said.off.as_ref()), optional(said.value.as_ref()));
         let (range, bare) = (optional(said.range.as_ref()), optional(said.bare.as_ref()));
         let role = said.role.clone().unwrap_or_else(|| format_ident!("Result"));
-        self.entries.push(quote!(::terrane_options::Entry::Field(::terrane_options::Field {
-            name: #called,
-            aliases: &[#(#aliases),*],
-            stands_for: &[#(#stands_for),*],
-            short: #short,
-            about: #about,
-            off: #off,
-            heading: #heading,
-            positional: #positional,
-            value: #value,
-            default_text: #default_text,
-            bare: #bare,
-            range: #range,
-            role: ::terrane_options::Role::#role,
-            kind: <#codec as ::terrane_options::Codec<#ty>>::KIND,
-            shape: <#codec as ::terrane_options::Codec<#ty>>::SHAPE,
-            read: ::terrane_options::read_text::<#ty, #codec>,
-        })));
+        self.entries.push(
+            quote!(::terrane_options::OptionEntry::Field(::terrane_options::OptionField {
+                name: #called,
+                aliases: &[#(#aliases),*],
+                stands_for: &[#(#stands_for),*],
+                short: #short,
+                about: #about,
+                off: #off,
+                heading: #heading,
+                positional: #positional,
+                value: #value,
+                default_text: #default_text,
+                bare: #bare,
+                range: #range,
+                role: ::terrane_options::OptionRole::#role,
+                kind: <#codec as ::terrane_options::OptionCodec<#ty>>::KIND,
+                shape: <#codec as ::terrane_options::OptionCodec<#ty>>::SHAPE,
+                read: ::terrane_options::read_text::<#ty, #codec>,
+            })),
+        );
         self.visits.push(
-            quote!(visit(#called, &::terrane_options::Seen::<#ty, #codec>::new(&self.#ident));),
+            quote!(visit(#called, &::terrane_options::CodecValue::<#ty, #codec>::new(&self.#ident));),
         );
         self.mutable_visits.push(
             quote!(visit(#called, &mut ::terrane_options::Settable::<#ty, #codec>::new(&mut self.#ident));),

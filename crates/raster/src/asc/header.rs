@@ -21,7 +21,7 @@ const KEYS: [&str; 10] = [
 
 /// What the header says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Header {
+pub(super) struct AscHeader {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) transform: Affine,
@@ -42,9 +42,9 @@ pub(super) fn is_header(head: &[u8]) -> bool {
 
 /// Values by key, in the order of [`KEYS`].
 #[derive(Default)]
-struct Values([Option<f64>; KEYS.len()]);
+struct AscHeaderValues([Option<f64>; KEYS.len()]);
 
-impl Values {
+impl AscHeaderValues {
     fn get(&self, key: &str) -> Option<f64> {
         KEYS.iter().position(|k| *k == key).and_then(|i| self.0[i])
     }
@@ -55,8 +55,8 @@ impl Values {
 }
 
 /// Reads the header from the start of the file.
-pub(super) fn read(tokens: &mut Tokens<'_>) -> Result<Header> {
-    let mut values = Values::default();
+pub(super) fn read(tokens: &mut Tokens<'_>) -> Result<AscHeader> {
+    let mut values = AscHeaderValues::default();
     loop {
         let Some((offset, word)) = tokens.next()? else {
             return Err(Error::bad_input("file ends within its header"));
@@ -92,7 +92,7 @@ fn unknown(word: &[u8]) -> Error {
     Error::bad_input(format!("{word:?} is neither a header key nor a number"))
 }
 
-fn finish(values: &Values, data: (u64, u64)) -> Result<Header> {
+fn finish(values: &AscHeaderValues, data: (u64, u64)) -> Result<AscHeader> {
     let width = side(values, "ncols")?;
     let height = side(values, "nrows")?;
     let (dx, dy) = match values.get("cellsize") {
@@ -107,10 +107,10 @@ fn finish(values: &Values, data: (u64, u64)) -> Result<Header> {
         return Err(Error::bad_input("cell size or position in the header is not usable"));
     }
     let nodata = values.get("nodata_value");
-    Ok(Header { width, height, transform, is_centre: half_x == 0.0, nodata, data })
+    Ok(AscHeader { width, height, transform, is_centre: half_x == 0.0, nodata, data })
 }
 
-fn side(values: &Values, key: &str) -> Result<u32> {
+fn side(values: &AscHeaderValues, key: &str) -> Result<u32> {
     let value = values.need(key)?;
     if value < 1.0 || value.fract() != 0.0 || value.is_nan() {
         return Err(Error::bad_input(format!("{key} is {value}, not a whole number above 0")));
@@ -120,7 +120,7 @@ fn side(values: &Values, key: &str) -> Result<u32> {
 }
 
 /// The lower left coordinate, and the part of a cell from it to the sample.
-fn lower_left(values: &Values, corner: &str, centre: &str) -> Result<(f64, f64)> {
+fn lower_left(values: &AscHeaderValues, corner: &str, centre: &str) -> Result<(f64, f64)> {
     match values.get(centre) {
         Some(position) => Ok((position, 0.0)),
         None => Ok((values.need(corner)?, 0.5)),

@@ -7,17 +7,17 @@ mod tokens;
 use std::path::Path;
 
 use crate::cache::{BlockCache, too_large_for_cache};
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::prj;
-use crate::sample::{Height, ToHeight};
-use crate::window::Window;
+use crate::sample::{HeightSample, ToHeight};
+use crate::window::SampleWindow;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use header::Header;
+use header::AscHeader;
 use tokens::Tokens;
 
 /// The registry entry.
@@ -32,7 +32,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 /// Samples of one block, about; at least one row.
 const BLOCK_SAMPLES: u64 = 1 << 16;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let grid = AscGrid::open(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
 }
@@ -48,7 +48,7 @@ struct AscGrid {
 }
 
 impl AscGrid {
-    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+    fn open(path: &Path, options: &GridOpenOptions) -> Result<Self> {
         only_band(options.band)?;
         let file = RawFile::open(path)?;
         let header = header::read(&mut Tokens::new(&file, 0, 1))?;
@@ -56,7 +56,7 @@ impl AscGrid {
         let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
         let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
         limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
-        let scan = Scan::run(&file, &header, rows)?;
+        let scan = AscScan::run(&file, &header, rows)?;
         let samples = u64::from(header.width) * rows;
         check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
         let info = describe(path, &header, &scan, rows as u32, options)?;
@@ -64,9 +64,9 @@ impl AscGrid {
         Ok(Self { to_height: ToHeight::of(&info), starts: scan.starts, file, info, cache })
     }
 
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window =
-            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
+            SampleWindow::new(&self.info, rect, out).map_err(|e| e.in_file(self.file.path()))?;
         if rect.is_empty() {
             return Ok(());
         }
@@ -152,7 +152,7 @@ fn fill<const N: usize>(
 }
 
 /// Each value takes a byte and a separator, so a file can be too short for its header.
-fn check_length(header: &Header, file: &RawFile) -> Result<()> {
+fn check_length(header: &AscHeader, file: &RawFile) -> Result<()> {
     let values = u64::from(header.width) * u64::from(header.height);
     let room = (file.size() - header.data.0).div_ceil(2);
     if values <= room {
@@ -174,19 +174,19 @@ fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
 }
 
 /// What the pass over all values found.
-struct Scan {
+struct AscScan {
     starts: Vec<u64>,
     sample_type: SampleType,
 }
 
 /// Range of the values seen, as far as they are whole numbers.
-struct Range {
+struct AscValueRange {
     whole: bool,
     low: f64,
     high: f64,
 }
 
-impl Range {
+impl AscValueRange {
     fn add(&mut self, value: f64) {
         // Whole numbers beyond 32 bits are read as decimals are.
         self.whole &= f64::from(value as i32) == value;
@@ -209,13 +209,13 @@ impl Range {
     }
 }
 
-impl Scan {
+impl AscScan {
     /// Parses every value once, remembering only where each block of `rows` rows starts.
-    fn run(file: &RawFile, header: &Header, rows: u64) -> Result<Self> {
+    fn run(file: &RawFile, header: &AscHeader, rows: u64) -> Result<Self> {
         let values = u64::from(header.width) * u64::from(header.height);
         let mut tokens = Tokens::new(file, header.data.0, header.data.1);
-        let mut range = Range { whole: true, low: 0.0, high: 0.0 };
-        let mut lines = Lines::default();
+        let mut range = AscValueRange { whole: true, low: 0.0, high: 0.0 };
+        let mut lines = AscLineCheck::default();
         let mut starts = Vec::new();
         for first in (0..values).step_by((u64::from(header.width) * rows) as usize) {
             starts.push(tokens.offset());
@@ -238,14 +238,14 @@ impl Scan {
 /// Whether rows are lines. They need not be, but where the first one is a line, a value too many or too
 /// few in another would move all that follow.
 #[derive(Default)]
-struct Lines {
+struct AscLineCheck {
     rows: u64,
     are_rows: bool,
     /// Ends of lines before the last value.
     end: u64,
 }
 
-impl Lines {
+impl AscLineCheck {
     /// Hands a row of values to `each`; returns how many there were if the file ends before.
     fn row(
         &mut self,
@@ -283,10 +283,10 @@ fn truncated(i: u64, values: u64) -> Error {
 
 fn describe(
     path: &Path,
-    header: &Header,
-    scan: &Scan,
+    header: &AscHeader,
+    scan: &AscScan,
     rows: u32,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
 ) -> Result<GridInfo> {
     let registration = if header.is_centre { "centre" } else { "corner" };
     Ok(GridInfo {

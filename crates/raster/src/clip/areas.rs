@@ -4,15 +4,15 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::ops::{ControlFlow, Range};
 
-use super::scan::{Labelled, Scan};
-use super::{ClipRings, Edge};
+use super::scan::{Labelled, PolygonScan};
+use super::{ClipRings, PolygonEdge};
 use terrane_base::geom::{Affine, Rect};
 
 /// Polygons, by edges.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Areas {
+pub struct PolygonEdgeIndex {
     /// By their lower ends.
-    pub(super) edges: Vec<Edge>,
+    pub(super) edges: Vec<PolygonEdge>,
     /// The highest upper end of each block of edges, and of each block of those, up to one.
     tops: Vec<Vec<f64>>,
     /// Most edges at one height.
@@ -25,13 +25,13 @@ const BLOCK: usize = 16;
 /// a feature, and half as many columns again; and lists that grow take up to twice as much.
 const AT_HAND: u64 = 48;
 
-impl Areas {
+impl PolygonEdgeIndex {
     /// Those of rings. Takes O(n log n) time for n edges.
     pub fn new(rings: ClipRings) -> Self {
         Self::of_edges(rings.edges)
     }
 
-    fn of_edges(mut edges: Vec<Edge>) -> Self {
+    fn of_edges(mut edges: Vec<PolygonEdge>) -> Self {
         edges.sort_unstable_by(|a, b| a.low[1].total_cmp(&b.low[1]));
         edges.shrink_to_fit();
         let (tops, most_at_once) = (tops(&edges), most_at_once(&edges));
@@ -70,7 +70,7 @@ impl Areas {
         let odd: Vec<_> = odd.map(|same| same[0]).collect();
         let upright = |pair: &[(u32, f64)]| {
             let [low, high] = [pair[0].1, pair[1].1].map(|y| [beside, y]);
-            Edge { low, high, feature: pair[0].0 }
+            PolygonEdge { low, high, feature: pair[0].0 }
         };
         edges.extend(odd.chunks_exact(2).map(upright));
         Self::of_edges(edges)
@@ -86,7 +86,7 @@ impl Areas {
         mut see: impl FnMut(u32, &[Range<u32>]),
     ) {
         let mut runs = Vec::new();
-        let _ = Scan::new(self, map, Rect::new(0, 0, width, height)).rows(
+        let _ = PolygonScan::new(self, map, Rect::new(0, 0, width, height)).rows(
             |row, inside: &[Labelled]| {
                 runs.clear();
                 runs.extend(inside.iter().map(|(_, run)| run.clone()));
@@ -132,10 +132,10 @@ impl Areas {
     }
 }
 
-fn tops(edges: &[Edge]) -> Vec<Vec<f64>> {
+fn tops(edges: &[PolygonEdge]) -> Vec<Vec<f64>> {
     let highest = |ends: &[f64]| ends.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let of_edges =
-        |block: &[Edge]| block.iter().map(|e| e.high[1]).fold(f64::NEG_INFINITY, f64::max);
+        |block: &[PolygonEdge]| block.iter().map(|e| e.high[1]).fold(f64::NEG_INFINITY, f64::max);
     let mut levels = vec![edges.chunks(BLOCK).map(of_edges).collect::<Vec<_>>()];
     while let Some(below) = levels.last().filter(|level| level.len() > 1) {
         levels.push(below.chunks(BLOCK).map(highest).collect());
@@ -144,7 +144,7 @@ fn tops(edges: &[Edge]) -> Vec<Vec<f64>> {
 }
 
 /// Most edges that have one height in common, of `edges` by their lower ends.
-fn most_at_once(edges: &[Edge]) -> usize {
+fn most_at_once(edges: &[PolygonEdge]) -> usize {
     let mut ends: BinaryHeap<Reverse<i64>> = BinaryHeap::new();
     let mut most = 0;
     for edge in edges {

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Clip;
-use super::scan::{Labelled, Scan};
+use super::scan::{Labelled, PolygonScan};
 use crate::cache::too_large_for_cache;
-use crate::window::{Sample, Window};
-use crate::{GridInfo, GridSource, OpenOptions};
+use crate::window::{GridHeight, SampleWindow};
+use crate::{GridInfo, GridOpenOptions, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -26,11 +26,11 @@ struct Clipped {
 /// or hold no sample.
 pub(crate) fn clipped(
     clip: &Arc<Clip>,
-    options: &OpenOptions,
-    open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
+    options: &GridOpenOptions,
+    open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
     let cache_bytes = cache_beside(clip.held(options.threads), options, ("polygons", &clip.path))?;
-    let inner = open(&OpenOptions { cache_bytes, clip: None, ..options.clone() })?;
+    let inner = open(&GridOpenOptions { cache_bytes, clip: None, ..options.clone() })?;
     let mut info = inner.info().clone();
     info.crs.check_same(&clip.crs, "polygons").map_err(|e| e.in_file(&clip.path))?;
     info.details.push(("clip".to_owned(), clip.path.display().to_string()));
@@ -48,7 +48,7 @@ pub(crate) fn clipped(
 /// The bytes that are left for decoded blocks beside `held` ones of `what`, of a file.
 pub(crate) fn cache_beside(
     held: u64,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     (what, path): (&str, &Path),
 ) -> Result<usize> {
     let too_large = || {
@@ -61,8 +61,8 @@ pub(crate) fn cache_beside(
 }
 
 impl Clipped {
-    fn scan(&self, rect: Rect) -> Scan<'_> {
-        Scan::new(&self.clip.areas, self.info.transform, rect)
+    fn scan(&self, rect: Rect) -> PolygonScan<'_> {
+        PolygonScan::new(&self.clip.areas, self.info.transform, rect)
     }
 
     /// True when a sample of `rect` stays.
@@ -74,14 +74,14 @@ impl Clipped {
         self.scan(rect).rows(see).is_break()
     }
 
-    fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        let mut window = Window::new(&self.info, rect, out)?;
+    fn read<H: GridHeight>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         if !self.holds_any(rect) {
             (0..rect.height).for_each(|row| window.row(rect, row).fill(H::VOID));
             return Ok(());
         }
         H::read(&*self.inner, rect, out)?;
-        let mut window = Window::new(&self.info, rect, out)?;
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         let _ = self.scan(rect).rows(|row, inside| {
             let row = window.row(rect, row);
             let starts = std::iter::once(0).chain(inside.iter().map(|(_, range)| range.end));

@@ -13,9 +13,9 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
-pub use areas::Areas;
+pub use areas::PolygonEdgeIndex;
 pub(crate) use layer::{cache_beside, clipped};
-pub(crate) use scan::{Labelled, Scan, join};
+pub(crate) use scan::{Labelled, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, plane};
 
@@ -24,7 +24,7 @@ type Xy = [f64; 2];
 
 /// An edge of a ring, its lower end first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Edge {
+struct PolygonEdge {
     low: Xy,
     high: Xy,
     feature: u32,
@@ -33,13 +33,13 @@ struct Edge {
 /// Polygons that are being gathered: feature by feature, ring by ring.
 #[derive(Debug, Default)]
 pub struct ClipRings {
-    edges: Vec<Edge>,
+    edges: Vec<PolygonEdge>,
     features: u32,
 }
 
 impl ClipRings {
     /// Bytes that an edge takes, without those of threads that look at it.
-    pub const EDGE_BYTES: u64 = size_of::<Edge>() as u64;
+    pub const EDGE_BYTES: u64 = size_of::<PolygonEdge>() as u64;
 
     /// Begins another feature.
     ///
@@ -74,8 +74,8 @@ impl ClipRings {
         let feature = self.features;
         let nexts = ring.iter().skip(1).chain(ring.first());
         let edge = |(a, b): (&Xy, &Xy)| match is_lower(a, b) {
-            true => Edge { low: *a, high: *b, feature },
-            false => Edge { low: *b, high: *a, feature },
+            true => PolygonEdge { low: *a, high: *b, feature },
+            false => PolygonEdge { low: *b, high: *a, feature },
         };
         // One from a position to itself is a border that small.
         self.edges.extend(ring.iter().zip(nexts).map(edge));
@@ -96,13 +96,13 @@ fn is_lower(a: &Xy, b: &Xy) -> bool {
 pub struct Clip {
     path: PathBuf,
     crs: Crs,
-    areas: Areas,
+    areas: PolygonEdgeIndex,
 }
 
 impl Clip {
     /// The polygons of the file `path`, in the system `crs`. Takes O(n log n) time for n edges.
     pub fn new(rings: ClipRings, path: &Path, crs: Crs) -> Self {
-        Self { path: path.to_path_buf(), crs, areas: Areas::new(rings) }
+        Self { path: path.to_path_buf(), crs, areas: PolygonEdgeIndex::new(rings) }
     }
 
     /// The file that they are from.

@@ -7,12 +7,12 @@
 use std::cmp::Ordering;
 use std::ops::{ControlFlow, Range};
 
-use super::{Areas, Edge, Xy};
+use super::{PolygonEdge, PolygonEdgeIndex, Xy};
 use terrane_base::geom::{Affine, Rect, plane};
 
 /// A window of samples that is looked at, and the lists for a row of it.
-pub(crate) struct Scan<'a> {
-    areas: &'a Areas,
+pub(crate) struct PolygonScan<'a> {
+    areas: &'a PolygonEdgeIndex,
     /// What features are told apart by; `None` where they are not.
     labels: Option<&'a [u32]>,
     map: Affine,
@@ -28,9 +28,9 @@ pub(crate) struct Scan<'a> {
 /// Columns of a row inside of features with a label.
 pub(crate) type Labelled = (u32, Range<u32>);
 
-impl<'a> Scan<'a> {
+impl<'a> PolygonScan<'a> {
     /// All features together, with the label 0.
-    pub(crate) fn new(areas: &'a Areas, map: Affine, rect: Rect) -> Self {
+    pub(crate) fn new(areas: &'a PolygonEdgeIndex, map: Affine, rect: Rect) -> Self {
         let (active, turns, inside) = (Vec::new(), Vec::new(), Vec::new());
         Self { areas, labels: None, map, rect, active, turns, inside }
     }
@@ -91,8 +91,8 @@ impl<'a> Scan<'a> {
     }
 
     /// Notes what an edge at the height `y` of a row has to say about its samples.
-    fn look_at_edge(&mut self, edge: &Edge, (row, y): (u32, f64)) {
-        let Edge { low, high, feature } = *edge;
+    fn look_at_edge(&mut self, edge: &PolygonEdge, (row, y): (u32, f64)) {
+        let PolygonEdge { low, high, feature } = *edge;
         let border = if low[1] == high[1] {
             self.columns((low[0], high[0]), row)
         } else if high[1] == y {
@@ -166,7 +166,7 @@ fn label(labels: Option<&[u32]>, feature: u32) -> u32 {
     labels.map_or(0, |labels| labels[feature as usize - 1])
 }
 
-impl Areas {
+impl PolygonEdgeIndex {
     /// Appends the features that hold a position, or have it on their border: some more than once.
     pub(crate) fn features_at(&self, at: Xy, turns: &mut Vec<(u32, u32)>, out: &mut Vec<u32>) {
         turns.clear();
@@ -174,7 +174,7 @@ impl Areas {
         while let Some(edge) =
             self.reaching(next, at[1]).filter(|edge| self.edges[*edge].low[1] <= at[1])
         {
-            let Edge { low, high, feature } = self.edges[edge];
+            let PolygonEdge { low, high, feature } = self.edges[edge];
             let is_between = low[0].min(high[0]) <= at[0] && at[0] <= low[0].max(high[0]);
             match plane::orient(low, high, at) {
                 Ordering::Equal if is_between => out.push(feature),

@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 
-use super::scan::Scan;
-use super::{Areas, Clip, ClipRings, Xy, clipped};
-use crate::{GridInfo, GridSource, OpenOptions, SampleType};
+use super::scan::PolygonScan;
+use super::{Clip, ClipRings, PolygonEdgeIndex, Xy, clipped};
+use crate::{GridInfo, GridOpenOptions, GridSource, SampleType};
 use terrane_base::error::{ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs, Rect, plane};
 
@@ -134,7 +134,7 @@ proptest! {
         let inside = |col: u32, row: u32| is_inside(&features, map.apply(f64::from(col), f64::from(row)));
         let any = (0..SIDE * SIDE).any(|i| inside(i % SIDE, i / SIDE));
         let clip = clip_of(&features, Crs::default());
-        let opened = clipped(&clip, &OpenOptions::default(), |_| {
+        let opened = clipped(&clip, &GridOpenOptions::default(), |_| {
             Ok(told(map, [SIDE; 2], Crs::default()))
         });
         prop_assert_eq!(opened.is_ok(), any);
@@ -164,7 +164,7 @@ proptest! {
         let features = placed(&features, &map);
         let all = clip_of(&features, Crs::default()).areas.clone();
         // Of a box, and of one in it, whose borders samples lie on.
-        let rows = |areas: &Areas, [col, row]: [u32; 2], size: [u32; 2]| {
+        let rows = |areas: &PolygonEdgeIndex, [col, row]: [u32; 2], size: [u32; 2]| {
             let from = map.shifted(f64::from(col), f64::from(row));
             let mut found = vec![Vec::new(); size[1] as usize];
             areas.rows(from, size, |row, runs| found[row as usize] = runs.to_vec());
@@ -222,7 +222,7 @@ fn a_window_is_done_with_the_edges_at_its_height() {
     let clip = clip_of(&vec![vec![ring]], Crs::default());
     assert!(clip.areas.most_at_once <= 5, "{}", clip.areas.most_at_once);
     let mut rows = 0;
-    let scan = Scan::new(&clip.areas, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
+    let scan = PolygonScan::new(&clip.areas, Affine::LATTICE, Rect::new(0, 30_000, 8, 16));
     let _ = scan.rows(|_, inside| {
         rows += 1;
         assert_eq!(inside, [(0, 0..6)]);
@@ -234,7 +234,7 @@ fn a_window_is_done_with_the_edges_at_its_height() {
 fn refusal(features: &Features, crs: [Crs; 2], cache_bytes: usize) -> (ErrorKind, String) {
     let [own, grids] = crs;
     let clip = clip_of(features, own);
-    let options = OpenOptions { cache_bytes, ..OpenOptions::default() };
+    let options = GridOpenOptions { cache_bytes, ..GridOpenOptions::default() };
     let opened = clipped(&clip, &options, |_| Ok(told(Affine::LATTICE, [9, 9], grids)));
     let error = opened.err().expect("a refusal");
     (error.kind(), error.to_string())

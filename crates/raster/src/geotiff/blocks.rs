@@ -4,9 +4,11 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{RawFile, RowRun, to_usize};
 
-use super::codec::{Compression, Decoders, Fault, Scratch, with_scratch};
-use super::ifd::{Directory, IntArray, about};
-use super::layout::Layout;
+use super::codec::{
+    Decoders, DecompressionFault, GeoTiffCompression, GeoTiffScratch, with_scratch,
+};
+use super::ifd::{GeoTiffDirectory, IntArray, about};
+use super::layout::GeoTiffLayout;
 use super::lerc;
 use super::predictor::{self, Predictor};
 use super::tags;
@@ -29,19 +31,19 @@ fn most_packed(plain: u64) -> u64 {
 
 /// Where one block lies in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
+pub(super) struct GeoTiffBlockExtent {
     pub(super) offset: u64,
     pub(super) bytes: u64,
 }
 
 /// Offsets or byte counts of all blocks.
 #[derive(Debug)]
-enum Index {
+enum GeoTiffBlockTable {
     Held(Vec<u64>),
     OnDisk(IntArray),
 }
 
-impl Index {
+impl GeoTiffBlockTable {
     fn of(values: IntArray, file: &RawFile) -> Result<Self> {
         if values.count > MOST_HELD {
             return Ok(Self::OnDisk(values));
@@ -59,20 +61,20 @@ impl Index {
 
 /// The blocks of the chosen band.
 #[derive(Debug)]
-pub(super) struct Blocks {
-    pub(super) layout: Layout,
-    offsets: Index,
+pub(super) struct GeoTiffBlocks {
+    pub(super) layout: GeoTiffLayout,
+    offsets: GeoTiffBlockTable,
     /// `None` when the file does not say, or says too little.
-    byte_counts: Option<Index>,
+    byte_counts: Option<GeoTiffBlockTable>,
     /// From 0.
     band: u32,
 }
 
-impl Blocks {
+impl GeoTiffBlocks {
     /// Finds the arrays in `directory` and checks every block of the band against the file.
     pub(super) fn read(
-        directory: &Directory<'_>,
-        layout: Layout,
+        directory: &GeoTiffDirectory<'_>,
+        layout: GeoTiffLayout,
         band: u32,
         file: &RawFile,
     ) -> Result<Self> {
@@ -86,15 +88,16 @@ impl Blocks {
             return Err(about(offsets_tag, message));
         }
         let counts = directory.int_array(counts_tag)?.filter(|counts| counts.count >= blocks);
-        let byte_counts = counts.map(|counts| Index::of(counts, file)).transpose()?;
-        let blocks = Self { layout, offsets: Index::of(offsets, file)?, byte_counts, band };
+        let byte_counts = counts.map(|counts| GeoTiffBlockTable::of(counts, file)).transpose()?;
+        let blocks =
+            Self { layout, offsets: GeoTiffBlockTable::of(offsets, file)?, byte_counts, band };
         blocks.check_places(file)?;
         Ok(blocks)
     }
 
     /// Finds truncated files at once, where the arrays are in memory anyway.
     fn check_places(&self, file: &RawFile) -> Result<()> {
-        if matches!(self.offsets, Index::OnDisk(_)) {
+        if matches!(self.offsets, GeoTiffBlockTable::OnDisk(_)) {
             return Ok(());
         }
         for by in 0..self.layout.blocks_down() as u32 {
@@ -112,16 +115,21 @@ impl Blocks {
     }
 
     /// Where block (`bx`, `by`) lies, inside the file; `None` when it is sparse.
-    pub(super) fn place(&self, bx: u32, by: u32, file: &RawFile) -> Result<Option<Place>> {
+    pub(super) fn place(
+        &self,
+        bx: u32,
+        by: u32,
+        file: &RawFile,
+    ) -> Result<Option<GeoTiffBlockExtent>> {
         let number = self.number(bx, by);
         self.find(number, by, file).map_err(|e| self.named(e, bx, by).in_file(file.path()))
     }
 
-    fn find(&self, number: u64, by: u32, file: &RawFile) -> Result<Option<Place>> {
+    fn find(&self, number: u64, by: u32, file: &RawFile) -> Result<Option<GeoTiffBlockExtent>> {
         let plain = self.layout.block_bytes(self.layout.stored_rows(by));
         let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
         let offset = self.offsets.get(file, number)?;
-        let raw = self.layout.compression == Compression::None;
+        let raw = self.layout.compression == GeoTiffCompression::None;
         let bytes = match &self.byte_counts {
             Some(counts) => counts.get(file, number)?,
             None if raw => needed,
@@ -140,7 +148,7 @@ impl Blocks {
         }
         let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
-        Ok(Some(Place { offset, bytes: bytes.min(most_packed(plain)) }))
+        Ok(Some(GeoTiffBlockExtent { offset, bytes: bytes.min(most_packed(plain)) }))
     }
 
     fn named(&self, error: Error, bx: u32, by: u32) -> Error {
@@ -151,16 +159,22 @@ impl Blocks {
 
     /// Decodes block (`bx`, `by`) at `place`: `stored_rows` rows of `block_width` samples of the
     /// chosen band, in native order.
-    pub(super) fn decode(&self, bx: u32, by: u32, place: Place, file: &RawFile) -> Result<Vec<u8>> {
+    pub(super) fn decode(
+        &self,
+        bx: u32,
+        by: u32,
+        place: GeoTiffBlockExtent,
+        file: &RawFile,
+    ) -> Result<Vec<u8>> {
         with_scratch(|scratch| self.decode_with(scratch, by, place, file))
             .map_err(|e| self.named(e, bx, by).in_file(file.path()))
     }
 
     fn decode_with(
         &self,
-        scratch: &mut Scratch,
+        scratch: &mut GeoTiffScratch,
         by: u32,
-        place: Place,
+        place: GeoTiffBlockExtent,
         file: &RawFile,
     ) -> Result<Vec<u8>> {
         let layout = &self.layout;
@@ -192,11 +206,13 @@ impl Blocks {
         out: &mut [u8],
         by: u32,
     ) -> Result<()> {
-        if let Compression::Lerc(packing) = self.layout.compression {
+        if let GeoTiffCompression::Lerc(packing) = self.layout.compression {
             let shape = self.lerc_shape(by);
             return decoders.lerc(packing, packed, shape, out).map_err(|fault| match fault {
-                Fault::Corrupt(message) => Error::bad_input(message),
-                Fault::TooLong => Error::bad_input("LERC data is longer than its samples allow"),
+                DecompressionFault::Corrupt(message) => Error::bad_input(message),
+                DecompressionFault::TooLong => {
+                    Error::bad_input("LERC data is longer than its samples allow")
+                }
             });
         }
         let needed = self.layout.block_bytes(self.layout.block_rect(0, by).height);
@@ -205,14 +221,14 @@ impl Blocks {
             Ok(bytes) => {
                 Err(Error::bad_input(format!("decodes to {bytes} of the {needed} bytes expected")))
             }
-            Err(Fault::Corrupt(message)) => Err(Error::bad_input(message)),
-            Err(Fault::TooLong) => self.unpack_padded(decoders, packed, out),
+            Err(DecompressionFault::Corrupt(message)) => Err(Error::bad_input(message)),
+            Err(DecompressionFault::TooLong) => self.unpack_padded(decoders, packed, out),
         }
     }
 
-    fn lerc_shape(&self, by: u32) -> lerc::Shape {
+    fn lerc_shape(&self, by: u32) -> lerc::LercBlockShape {
         let layout = &self.layout;
-        lerc::Shape {
+        lerc::LercBlockShape {
             kind: layout.sample_type,
             width: layout.block_width as usize,
             height: layout.stored_rows(by) as usize,
@@ -287,7 +303,7 @@ impl Blocks {
     pub(super) fn read_raw(
         &self,
         (bx, by): (u32, u32),
-        place: Place,
+        place: GeoTiffBlockExtent,
         part: Rect,
         file: &RawFile,
         mut each: impl FnMut(usize, &[u8]),
@@ -305,7 +321,7 @@ impl Blocks {
             rows: part.height as usize,
         };
         let band = self.band_in_pixel();
-        with_scratch(|Scratch { packed, plain, .. }| {
+        with_scratch(|GeoTiffScratch { packed, plain, .. }| {
             let chosen = grown(plain, part.width as usize * size);
             file.each_row(run, packed, |row, bytes| {
                 predictor::to_native(bytes, size, layout.order);
@@ -322,7 +338,7 @@ impl Blocks {
 }
 
 /// Tags of the offsets and the byte counts. Some writers mix up the two pairs.
-fn array_tags(directory: &Directory<'_>, tiled: bool) -> (u16, u16) {
+fn array_tags(directory: &GeoTiffDirectory<'_>, tiled: bool) -> (u16, u16) {
     let tiles = (tags::TILE_OFFSETS, tags::TILE_BYTE_COUNTS);
     let strips = (tags::STRIP_OFFSETS, tags::STRIP_BYTE_COUNTS);
     let (own, other) = if tiled { (tiles, strips) } else { (strips, tiles) };

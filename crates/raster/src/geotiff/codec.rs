@@ -12,7 +12,7 @@ const KEPT_SCRATCH: usize = 16 << 20;
 
 /// A compression that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Compression {
+pub(super) enum GeoTiffCompression {
     None,
     Lzw,
     Deflate,
@@ -29,7 +29,7 @@ pub(super) enum LercPacking {
     Zstd,
 }
 
-impl Compression {
+impl GeoTiffCompression {
     /// From the value of the Compression tag and the second of LercParameters; others are refused by
     /// name.
     pub(super) fn from_code(code: u64, lerc_packing: u64) -> Result<Self> {
@@ -100,7 +100,7 @@ fn unsupported(code: u64) -> Error {
 
 /// Why a block could not be decompressed.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Fault {
+pub(super) enum DecompressionFault {
     /// There is more data than the output holds.
     TooLong,
     /// The data is damaged: what the decoder said of it.
@@ -108,7 +108,7 @@ pub(super) enum Fault {
 }
 
 /// Buffers and decoders of one thread, reused from block to block.
-pub(super) struct Scratch {
+pub(super) struct GeoTiffScratch {
     /// Compressed bytes.
     pub(super) packed: Vec<u8>,
     /// Decompressed bytes that still need sorting.
@@ -118,7 +118,7 @@ pub(super) struct Scratch {
 }
 
 thread_local! {
-    static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch {
+    static SCRATCH: RefCell<GeoTiffScratch> = RefCell::new(GeoTiffScratch {
         packed: Vec::new(),
         plain: Vec::new(),
         decoders: Decoders { deflate: Decompressor::new(), zstd: None, lzw: None },
@@ -126,7 +126,7 @@ thread_local! {
 }
 
 /// Runs `work` with this thread's scratch.
-pub(super) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
+pub(super) fn with_scratch<T>(work: impl FnOnce(&mut GeoTiffScratch) -> T) -> T {
     SCRATCH.with_borrow_mut(|scratch| {
         let result = work(scratch);
         for buffer in [&mut scratch.packed, &mut scratch.plain] {
@@ -142,25 +142,25 @@ pub(super) fn with_scratch<T>(work: impl FnOnce(&mut Scratch) -> T) -> T {
 pub(super) struct Decoders {
     deflate: Decompressor,
     zstd: Option<zstd::bulk::Decompressor<'static>>,
-    lzw: Option<Box<lzw::Table>>,
+    lzw: Option<Box<lzw::LzwTable>>,
 }
 
 impl Decoders {
     /// Decompresses `packed` into the start of `out` and returns the bytes written. LZW and
-    /// packbits stop when `out` is full; deflate and zstd report [`Fault::TooLong`].
+    /// packbits stop when `out` is full; deflate and zstd report [`DecompressionFault::TooLong`].
     pub(super) fn run(
         &mut self,
-        compression: Compression,
+        compression: GeoTiffCompression,
         packed: &[u8],
         out: &mut [u8],
-    ) -> std::result::Result<usize, Fault> {
+    ) -> std::result::Result<usize, DecompressionFault> {
         match compression {
             // LERC is decoded by shape: `lerc`.
-            Compression::None | Compression::Lerc(_) => Ok(copy(packed, out)),
-            Compression::Lzw => self.unlzw(packed, out),
-            Compression::PackBits => packbits(packed, out),
-            Compression::Deflate => self.inflate(packed, out),
-            Compression::Zstd => self.unzstd(packed, out),
+            GeoTiffCompression::None | GeoTiffCompression::Lerc(_) => Ok(copy(packed, out)),
+            GeoTiffCompression::Lzw => self.unlzw(packed, out),
+            GeoTiffCompression::PackBits => packbits(packed, out),
+            GeoTiffCompression::Deflate => self.inflate(packed, out),
+            GeoTiffCompression::Zstd => self.unzstd(packed, out),
         }
     }
 
@@ -169,9 +169,9 @@ impl Decoders {
         &mut self,
         packing: LercPacking,
         packed: &[u8],
-        shape: lerc::Shape,
+        shape: lerc::LercBlockShape,
         out: &mut [u8],
-    ) -> std::result::Result<(), Fault> {
+    ) -> std::result::Result<(), DecompressionFault> {
         // Blocks of noise grow a little, and the mask comes on top.
         let most = out.len() + out.len() / 2 + 4096;
         let unpacked = match packing {
@@ -179,40 +179,55 @@ impl Decoders {
             LercPacking::Deflate => Some(unpacked(most, |room| self.inflate(packed, room))?),
             LercPacking::Zstd => Some(unpacked(most, |room| self.unzstd(packed, room))?),
         };
-        lerc::decode(unpacked.as_deref().unwrap_or(packed), shape, out).map_err(Fault::Corrupt)
+        lerc::decode(unpacked.as_deref().unwrap_or(packed), shape, out)
+            .map_err(DecompressionFault::Corrupt)
     }
 
-    fn inflate(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+    fn inflate(
+        &mut self,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> std::result::Result<usize, DecompressionFault> {
         self.deflate.zlib_decompress(packed, out).map_err(|e| match e {
-            DecompressionError::InsufficientSpace => Fault::TooLong,
-            DecompressionError::BadData => Fault::Corrupt("invalid deflate data".to_owned()),
+            DecompressionError::InsufficientSpace => DecompressionFault::TooLong,
+            DecompressionError::BadData => {
+                DecompressionFault::Corrupt("invalid deflate data".to_owned())
+            }
         })
     }
 
-    fn unzstd(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
-        let corrupt = |e: std::io::Error| Fault::Corrupt(e.to_string());
+    fn unzstd(
+        &mut self,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> std::result::Result<usize, DecompressionFault> {
+        let corrupt = |e: std::io::Error| DecompressionFault::Corrupt(e.to_string());
         let decoder = match &mut self.zstd {
             Some(decoder) => decoder,
             none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
         };
         decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
             // The binding turns zstd's error code into its name.
-            "Destination buffer is too small" => Fault::TooLong,
+            "Destination buffer is too small" => DecompressionFault::TooLong,
             _ => corrupt(e),
         })
     }
-    fn unlzw(&mut self, packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
-        let table = self.lzw.get_or_insert_with(lzw::Table::new);
+    fn unlzw(
+        &mut self,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> std::result::Result<usize, DecompressionFault> {
+        let table = self.lzw.get_or_insert_with(lzw::LzwTable::new);
         lzw::decode(packed, out, table)
-            .map_err(|lzw::InvalidCode| Fault::Corrupt("invalid LZW code".to_owned()))
+            .map_err(|lzw::InvalidCode| DecompressionFault::Corrupt("invalid LZW code".to_owned()))
     }
 }
 
 /// Up to `most` bytes that `unpack` makes.
 fn unpacked(
     most: usize,
-    unpack: impl FnOnce(&mut [u8]) -> std::result::Result<usize, Fault>,
-) -> std::result::Result<Vec<u8>, Fault> {
+    unpack: impl FnOnce(&mut [u8]) -> std::result::Result<usize, DecompressionFault>,
+) -> std::result::Result<Vec<u8>, DecompressionFault> {
     let mut room = vec![0; most];
     let bytes = unpack(&mut room)?;
     room.truncate(bytes);
@@ -225,7 +240,7 @@ fn copy(packed: &[u8], out: &mut [u8]) -> usize {
     bytes
 }
 
-fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, Fault> {
+fn packbits(mut packed: &[u8], out: &mut [u8]) -> std::result::Result<usize, DecompressionFault> {
     let mut written = 0;
     while let (Some((head, rest)), true) = (packed.split_first(), written < out.len()) {
         let room = out.len() - written;
@@ -255,10 +270,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn run(
-        compression: Compression,
+        compression: GeoTiffCompression,
         packed: &[u8],
         bytes: usize,
-    ) -> std::result::Result<Vec<u8>, Fault> {
+    ) -> std::result::Result<Vec<u8>, DecompressionFault> {
         let mut out = vec![0; bytes];
         let written = with_scratch(|s| s.decoders.run(compression, packed, &mut out))?;
         out.truncate(written);
@@ -274,9 +289,9 @@ mod tests {
         let mut expected = vec![0xAA, 0xAA, 0xAA, 0x80, 0x00, 0x2A, 0xAA, 0xAA, 0xAA, 0xAA];
         expected.extend([0x80, 0x00, 0x2A, 0x22]);
         expected.extend([0xAA; 10]);
-        assert_eq!(run(Compression::PackBits, &packed, 24).unwrap(), expected);
-        assert_eq!(run(Compression::PackBits, &packed, 20).unwrap(), expected[..20]);
-        assert_eq!(run(Compression::PackBits, &[0x80, 0x05, 1, 2], 9).unwrap(), [1, 2]);
+        assert_eq!(run(GeoTiffCompression::PackBits, &packed, 24).unwrap(), expected);
+        assert_eq!(run(GeoTiffCompression::PackBits, &packed, 20).unwrap(), expected[..20]);
+        assert_eq!(run(GeoTiffCompression::PackBits, &[0x80, 0x05, 1, 2], 9).unwrap(), [1, 2]);
     }
 
     #[test]
@@ -286,22 +301,22 @@ mod tests {
         let level = libdeflater::CompressionLvl::default();
         let bytes = libdeflater::Compressor::new(level).zlib_compress(&data, &mut zlib).unwrap();
         let packed = [
-            (Compression::Deflate, zlib[..bytes].to_vec()),
-            (Compression::Zstd, zstd::bulk::compress(&data, 3).unwrap()),
+            (GeoTiffCompression::Deflate, zlib[..bytes].to_vec()),
+            (GeoTiffCompression::Zstd, zstd::bulk::compress(&data, 3).unwrap()),
         ];
         for (compression, mut packed) in packed {
             assert_eq!(run(compression, &packed, 5000).unwrap(), data);
             assert_eq!(run(compression, &packed, 6000).unwrap(), data);
-            assert_eq!(run(compression, &packed, 4999).unwrap_err(), Fault::TooLong);
+            assert_eq!(run(compression, &packed, 4999).unwrap_err(), DecompressionFault::TooLong);
             packed[0] ^= 0x55;
-            assert!(matches!(run(compression, &packed, 5000), Err(Fault::Corrupt(_))));
+            assert!(matches!(run(compression, &packed, 5000), Err(DecompressionFault::Corrupt(_))));
         }
     }
 
     proptest! {
         #[test]
         fn garbage_never_panics(packed in prop::collection::vec(any::<u8>(), 0..300)) {
-            use Compression::{Deflate, Lzw, PackBits, Zstd};
+            use GeoTiffCompression::{Deflate, Lzw, PackBits, Zstd};
             for compression in [Lzw, Deflate, PackBits, Zstd] {
                 let _ = run(compression, &packed, 500);
             }

@@ -1,10 +1,10 @@
 //! What GDAL writes into TIFFs beyond GeoTIFF: the nodata tag, and band items (scale, offset, unit)
 //! in a small XML text.
 
-use crate::xml::{Node, Xml};
+use crate::xml::{RasterXmlElement, RasterXmlReader};
 use terrane_base::error::{Error, Result};
 
-use super::ifd::Directory;
+use super::ifd::GeoTiffDirectory;
 use super::tags;
 
 /// Facts of a band, and what kind of grid it is of.
@@ -19,7 +19,7 @@ pub(super) struct BandItems {
 }
 
 /// The declared nodata value.
-pub(super) fn nodata(directory: &Directory<'_>) -> Result<Option<f64>> {
+pub(super) fn nodata(directory: &GeoTiffDirectory<'_>) -> Result<Option<f64>> {
     let Some(text) = directory.text(tags::GDAL_NODATA)? else { return Ok(None) };
     let text = text.trim();
     if text.is_empty() {
@@ -37,7 +37,7 @@ fn shortened(text: &str) -> String {
 }
 
 /// The items of band `band` (from 1).
-pub(super) fn band_items(directory: &Directory<'_>, band: u32) -> Result<BandItems> {
+pub(super) fn band_items(directory: &GeoTiffDirectory<'_>, band: u32) -> Result<BandItems> {
     let xml = directory.text(tags::GDAL_METADATA)?.unwrap_or_default();
     items_of(&xml, band)
 }
@@ -45,7 +45,7 @@ pub(super) fn band_items(directory: &Directory<'_>, band: u32) -> Result<BandIte
 fn items_of(text: &str, band: u32) -> Result<BandItems> {
     let mut found = BandItems { scale: 1.0, ..BandItems::default() };
     let sample = (band - 1).to_string();
-    for Node { tag, text, .. } in items(text).map_err(|e| e.at("tag GDAL_METADATA"))? {
+    for RasterXmlElement { tag, text, .. } in items(text).map_err(|e| e.at("tag GDAL_METADATA"))? {
         if tag.attribute("sample") != Some(&sample) {
             if tag.attribute("name") == Some("TYPE") && tag.attribute("sample").is_none() {
                 found.kind = Some(text);
@@ -67,8 +67,8 @@ fn items_of(text: &str, band: u32) -> Result<BandItems> {
 }
 
 /// All elements within the outermost one.
-fn items(text: &str) -> Result<Vec<Node>> {
-    let (mut xml, mut items) = (Xml::new(text.as_bytes()), Vec::new());
+fn items(text: &str) -> Result<Vec<RasterXmlElement>> {
+    let (mut xml, mut items) = (RasterXmlReader::new(text.as_bytes()), Vec::new());
     if text.trim().is_empty() {
         return Ok(items);
     }

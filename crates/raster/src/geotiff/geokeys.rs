@@ -3,12 +3,12 @@
 use terrane_base::error::Result;
 use terrane_base::geom::GeoKeys;
 
-use super::ifd::Directory;
+use super::ifd::GeoTiffDirectory;
 use super::tags;
 
 /// Reads the three tags; absent ones are empty. Damaged keys are skipped one by one, because they
 /// never change a height.
-pub(super) fn read(directory: &Directory<'_>) -> Result<GeoKeys> {
+pub(super) fn read(directory: &GeoTiffDirectory<'_>) -> Result<GeoKeys> {
     let raw = directory.ints(tags::GEO_KEY_DIRECTORY)?.unwrap_or_default();
     Ok(GeoKeys::new(
         raw.into_iter().map(|v| u16::try_from(v).unwrap_or(u16::MAX)).collect(),

@@ -4,7 +4,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
-use super::ifd::Directory;
+use super::ifd::GeoTiffDirectory;
 use super::tags;
 
 /// How the file says where it lies.
@@ -19,7 +19,7 @@ pub(super) enum Georeference {
 }
 
 /// Reads the georeference; `is_point` when raster positions mean samples, not cell corners.
-pub(super) fn read(directory: &Directory<'_>, is_point: bool) -> Result<Georeference> {
+pub(super) fn read(directory: &GeoTiffDirectory<'_>, is_point: bool) -> Result<Georeference> {
     let scale = directory.doubles(tags::MODEL_PIXEL_SCALE)?.unwrap_or_default();
     let tiepoints = directory.doubles(tags::MODEL_TIEPOINT)?.unwrap_or_default();
     let matrix = directory.doubles(tags::MODEL_TRANSFORMATION)?.unwrap_or_default();

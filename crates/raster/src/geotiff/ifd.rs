@@ -38,7 +38,7 @@ impl ByteOrder {
 
 /// Type of the values of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum GeoTiffFieldType {
     Unsigned,
     Signed,
     Float,
@@ -49,9 +49,9 @@ enum Kind {
 
 /// One entry of the directory. Its values lie in the file from `offset` on.
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct GeoTiffEntry {
     tag: u16,
-    kind: Kind,
+    kind: GeoTiffFieldType,
     size: u64,
     count: u64,
     offset: u64,
@@ -71,13 +71,13 @@ pub(super) struct IntArray {
 
 /// One directory of a file.
 #[derive(Debug)]
-pub(super) struct Directory<'a> {
+pub(super) struct GeoTiffDirectory<'a> {
     file: &'a RawFile,
     /// Byte order of the file.
     pub(super) order: ByteOrder,
     /// True for BigTIFF.
     pub(super) big: bool,
-    entries: Vec<Entry>,
+    entries: Vec<GeoTiffEntry>,
     /// Where the next directory lies; 0 after the last.
     pub(super) next: u64,
 }
@@ -103,7 +103,7 @@ pub(super) fn is_tiff(head: &[u8]) -> bool {
     matches!(head.get(..4), Some(b"II*\0" | b"MM\0*" | b"II+\0" | b"MM\0+"))
 }
 
-impl<'a> Directory<'a> {
+impl<'a> GeoTiffDirectory<'a> {
     /// Reads the header and the first directory.
     pub(super) fn read(file: &'a RawFile) -> Result<Self> {
         let head = file.head(16)?;
@@ -158,16 +158,16 @@ impl<'a> Directory<'a> {
     }
 
     /// Decodes one raw entry whose value field lies at `field`.
-    fn entry(&self, raw: &[u8], field: u64, width: usize) -> Entry {
+    fn entry(&self, raw: &[u8], field: u64, width: usize) -> GeoTiffEntry {
         let (kind, size) = kind_and_size(self.order.uint(&raw[2..4]));
         let count = self.order.uint(&raw[4..4 + width]);
         let fits = count.checked_mul(size).is_some_and(|bytes| bytes <= width as u64);
         let offset = if fits { field } else { self.order.uint(&raw[4 + width..]) };
-        Entry { tag: self.order.uint(&raw[..2]) as u16, kind, size, count, offset }
+        GeoTiffEntry { tag: self.order.uint(&raw[..2]) as u16, kind, size, count, offset }
     }
 
     /// The entry of `tag`; the first one when a damaged directory has several.
-    fn find(&self, tag: u16) -> Option<&Entry> {
+    fn find(&self, tag: u16) -> Option<&GeoTiffEntry> {
         self.entries.iter().find(|e| e.tag == tag)
     }
 
@@ -194,19 +194,19 @@ impl<'a> Directory<'a> {
     /// The unsigned values of `tag`, not yet read but known to lie inside the file.
     pub(super) fn int_array(&self, tag: u16) -> Result<Option<IntArray>> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
-        if !matches!(entry.kind, Kind::Unsigned | Kind::Signed) {
+        if !matches!(entry.kind, GeoTiffFieldType::Unsigned | GeoTiffFieldType::Signed) {
             return Err(about(tag, "is not of an integer type"));
         }
         self.check_values(entry)?;
-        let Entry { tag, kind, size, count, offset } = *entry;
-        let signed = kind == Kind::Signed;
+        let GeoTiffEntry { tag, kind, size, count, offset } = *entry;
+        let signed = kind == GeoTiffFieldType::Signed;
         Ok(Some(IntArray { count, offset, size, signed, order: self.order, tag }))
     }
 
     /// All values of `tag` as doubles.
     pub(super) fn doubles(&self, tag: u16) -> Result<Option<Vec<f64>>> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
-        if entry.kind != Kind::Float {
+        if entry.kind != GeoTiffFieldType::Float {
             return Err(about(tag, "is not of a floating point type"));
         }
         let bytes = self.value_bytes(entry)?;
@@ -230,7 +230,7 @@ impl<'a> Directory<'a> {
         Ok(Some(String::from_utf8_lossy(&bytes[..end]).into_owned()))
     }
 
-    fn value_bytes(&self, entry: &Entry) -> Result<Vec<u8>> {
+    fn value_bytes(&self, entry: &GeoTiffEntry) -> Result<Vec<u8>> {
         let bytes = self.check_values(entry)?;
         limits::check("bytes of one tag", bytes, limits::MAX_HEADER_BYTES)
             .map_err(|e| e.at(tags::name(entry.tag)))?;
@@ -238,7 +238,7 @@ impl<'a> Directory<'a> {
     }
 
     /// Bytes of the entry's values, which lie inside the file.
-    fn check_values(&self, entry: &Entry) -> Result<u64> {
+    fn check_values(&self, entry: &GeoTiffEntry) -> Result<u64> {
         let bytes = entry.count.saturating_mul(entry.size);
         self.file
             .check_range(entry.offset, bytes)
@@ -266,20 +266,20 @@ pub(super) fn about(tag: u16, message: impl std::fmt::Display) -> Error {
 }
 
 /// Meaning and bytes of a TIFF field type.
-fn kind_and_size(code: u64) -> (Kind, u64) {
+fn kind_and_size(code: u64) -> (GeoTiffFieldType, u64) {
     match code {
-        1 | 7 => (Kind::Unsigned, 1),
-        2 => (Kind::Text, 1),
-        3 => (Kind::Unsigned, 2),
-        4 | 13 => (Kind::Unsigned, 4),
-        16 | 18 => (Kind::Unsigned, 8),
-        6 => (Kind::Signed, 1),
-        8 => (Kind::Signed, 2),
-        9 => (Kind::Signed, 4),
-        17 => (Kind::Signed, 8),
-        11 => (Kind::Float, 4),
-        12 => (Kind::Float, 8),
-        _ => (Kind::Other, 8),
+        1 | 7 => (GeoTiffFieldType::Unsigned, 1),
+        2 => (GeoTiffFieldType::Text, 1),
+        3 => (GeoTiffFieldType::Unsigned, 2),
+        4 | 13 => (GeoTiffFieldType::Unsigned, 4),
+        16 | 18 => (GeoTiffFieldType::Unsigned, 8),
+        6 => (GeoTiffFieldType::Signed, 1),
+        8 => (GeoTiffFieldType::Signed, 2),
+        9 => (GeoTiffFieldType::Signed, 4),
+        17 => (GeoTiffFieldType::Signed, 8),
+        11 => (GeoTiffFieldType::Float, 4),
+        12 => (GeoTiffFieldType::Float, 8),
+        _ => (GeoTiffFieldType::Other, 8),
     }
 }
 
@@ -331,7 +331,7 @@ mod tests {
         let big = b"MM\0*\0\0\0\x08\0\x01\x01\0\0\x03\0\0\0\x01\0\x07\0\0\0\0\0\0";
         for bytes in [little, big] {
             let file = file_of(bytes);
-            let directory = Directory::read(&file).unwrap();
+            let directory = GeoTiffDirectory::read(&file).unwrap();
             assert_eq!(directory.int(tags::IMAGE_WIDTH).unwrap(), Some(7));
             assert_eq!(directory.int(tags::IMAGE_LENGTH).unwrap(), None);
             assert!(directory.text(tags::IMAGE_WIDTH).is_err());
@@ -343,7 +343,7 @@ mod tests {
         let head = b"II+\0\x08\0\0\0\x10\0\0\0\0\0\0\0\x01\0\0\0\0\0\0\0";
         let entry = b"\x11\x01\x10\0\x01\0\0\0\0\0\0\0\x07\0\0\0\x01\0\0\0";
         let file = file_of(&[&head[..], entry, &[0; 8]].concat());
-        let directory = Directory::read(&file).unwrap();
+        let directory = GeoTiffDirectory::read(&file).unwrap();
         let offsets = directory.ints(tags::STRIP_OFFSETS).unwrap();
         assert_eq!(offsets, Some(vec![0x1_0000_0007]));
         let array = directory.int_array(tags::STRIP_OFFSETS).unwrap().unwrap();
@@ -355,13 +355,15 @@ mod tests {
         // One LONG8-sized claim of 2^31 values in a file of 26 bytes.
         let lie = b"II*\0\x08\0\0\0\x01\0\x11\x01\x04\0\0\0\0\x80\x07\0\0\0\0\0\0\0";
         let file = file_of(lie);
-        let directory = Directory::read(&file).unwrap();
+        let directory = GeoTiffDirectory::read(&file).unwrap();
         let error = directory.ints(tags::STRIP_OFFSETS).unwrap_err().to_string();
         assert!(error.contains("StripOffsets") && error.contains("8589934592"), "{error}");
         let entries = b"II*\0\x08\0\0\0\xff\xff";
-        assert!(Directory::read(&file_of(entries)).unwrap_err().to_string().contains("limit"));
+        assert!(
+            GeoTiffDirectory::read(&file_of(entries)).unwrap_err().to_string().contains("limit")
+        );
         let nowhere = b"II*\0\xff\xff\xff\xff";
-        assert!(Directory::read(&file_of(nowhere)).is_err());
-        assert!(Directory::read(&file_of(b"II+\0\x08\0\0\0")).is_err());
+        assert!(GeoTiffDirectory::read(&file_of(nowhere)).is_err());
+        assert!(GeoTiffDirectory::read(&file_of(b"II+\0\x08\0\0\0")).is_err());
     }
 }

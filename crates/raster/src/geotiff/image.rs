@@ -7,14 +7,14 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::RawFile;
 
-use super::blocks::{Blocks, Place};
-use super::ifd::Directory;
-use super::layout::Layout;
+use super::blocks::{GeoTiffBlockExtent, GeoTiffBlocks};
+use super::ifd::GeoTiffDirectory;
+use super::layout::GeoTiffLayout;
 
 /// An image that shares its cache with others of the same grid.
-pub(super) struct Image {
+pub(super) struct GeoTiffImage {
     pub(super) file: Arc<RawFile>,
-    pub(super) blocks: Blocks,
+    pub(super) blocks: GeoTiffBlocks,
     /// Which of the images of the cache this is; its blocks' keys begin with it.
     slot: u64,
 }
@@ -22,16 +22,16 @@ pub(super) struct Image {
 /// Bits of a cache key that number a block: far more than [`terrane_base::limits::MAX_BLOCKS`].
 const BLOCK_BITS: u32 = 40;
 
-impl Image {
+impl GeoTiffImage {
     /// The band `band` (from 0) of the image that `directory` and `layout` describe.
     pub(super) fn new(
         file: &Arc<RawFile>,
-        directory: &Directory<'_>,
-        layout: Layout,
+        directory: &GeoTiffDirectory<'_>,
+        layout: GeoTiffLayout,
         band: u32,
         slot: usize,
     ) -> Result<Self> {
-        let blocks = Blocks::read(directory, layout, band, file)?;
+        let blocks = GeoTiffBlocks::read(directory, layout, band, file)?;
         Ok(Self { file: file.clone(), blocks, slot: slot as u64 })
     }
 
@@ -61,7 +61,7 @@ impl Image {
     fn each_decoded(
         &self,
         (bx, by): (u32, u32),
-        place: Place,
+        place: GeoTiffBlockExtent,
         part: Rect,
         cache: &BlockCache,
         each: &mut impl FnMut(Rect, u32, Option<&[u8]>),
@@ -96,7 +96,7 @@ impl Image {
 }
 
 /// Blocks with samples in `rect` (inside the grid), row by row.
-fn blocks_touching(layout: &Layout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
+fn blocks_touching(layout: &GeoTiffLayout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
     let (width, height) = (layout.block_width, layout.block_height);
     let columns = rect.col / width..rect.end_col().div_ceil(width);
     let rows = rect.row / height..rect.end_row().div_ceil(height);
@@ -105,7 +105,7 @@ fn blocks_touching(layout: &Layout, rect: Rect) -> impl Iterator<Item = (u32, u3
 }
 
 /// A block that is decoded whole has to fit.
-pub(super) fn check_cache(layout: &Layout, cache_bytes: usize) -> Result<()> {
+pub(super) fn check_cache(layout: &GeoTiffLayout, cache_bytes: usize) -> Result<()> {
     let bytes = layout.decoded_bytes();
     if layout.is_read_by_rows() || bytes <= cache_bytes as u64 {
         return Ok(());

@@ -6,14 +6,14 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 
-use super::codec::Compression;
-use super::ifd::{ByteOrder, Directory, about};
+use super::codec::GeoTiffCompression;
+use super::ifd::{ByteOrder, GeoTiffDirectory, about};
 use super::predictor::Predictor;
 use super::tags;
 
 /// The image of a file.
 #[derive(Clone, Debug)]
-pub(super) struct Layout {
+pub(super) struct GeoTiffLayout {
     pub(super) width: u32,
     pub(super) height: u32,
     /// Columns and rows of a block; strips are as wide as the image.
@@ -26,25 +26,25 @@ pub(super) struct Layout {
     pub(super) sample_type: SampleType,
     /// True when each sample is one bit; it is unpacked to `sample_type`, a byte.
     pub(super) one_bit: bool,
-    pub(super) compression: Compression,
+    pub(super) compression: GeoTiffCompression,
     pub(super) predictor: Predictor,
     pub(super) order: ByteOrder,
 }
 
-impl Layout {
+impl GeoTiffLayout {
     /// Reads and checks the layout of the grid in `directory`.
-    pub(super) fn read(directory: &Directory<'_>) -> Result<Self> {
+    pub(super) fn read(directory: &GeoTiffDirectory<'_>) -> Result<Self> {
         Self::of(directory, |directory| Ok((sample_type(directory)?, false)))
     }
 
     /// Reads and checks the layout of the mask in `directory`, whose samples are bits or bytes.
-    pub(super) fn read_mask(directory: &Directory<'_>) -> Result<Self> {
+    pub(super) fn read_mask(directory: &GeoTiffDirectory<'_>) -> Result<Self> {
         Self::of(directory, mask_sample_type)
     }
 
     fn of(
-        directory: &Directory<'_>,
-        samples: impl Fn(&Directory<'_>) -> Result<(SampleType, bool)>,
+        directory: &GeoTiffDirectory<'_>,
+        samples: impl Fn(&GeoTiffDirectory<'_>) -> Result<(SampleType, bool)>,
     ) -> Result<Self> {
         let width = side(directory, tags::IMAGE_WIDTH)?;
         let height = side(directory, tags::IMAGE_LENGTH)?;
@@ -107,7 +107,7 @@ impl Layout {
     /// True when windows are read row by row straight from the file, false when blocks are decoded
     /// whole.
     pub(super) fn is_read_by_rows(&self) -> bool {
-        self.compression == Compression::None && !self.one_bit
+        self.compression == GeoTiffCompression::None && !self.one_bit
     }
 
     /// Bytes of a full block of all its bands, each sample in its type. Saturates.
@@ -120,7 +120,9 @@ impl Layout {
     /// The predictor that was really applied: uncompressed data has none, whatever the tag says.
     pub(super) fn effective_predictor(&self) -> Predictor {
         match self.compression {
-            Compression::None | Compression::PackBits | Compression::Lerc(_) => Predictor::None,
+            GeoTiffCompression::None
+            | GeoTiffCompression::PackBits
+            | GeoTiffCompression::Lerc(_) => Predictor::None,
             _ => self.predictor,
         }
     }
@@ -194,7 +196,7 @@ impl Layout {
 }
 
 /// A required side of the image: 1 to [`limits::MAX_SIDE`].
-fn side(directory: &Directory<'_>, tag: u16) -> Result<u32> {
+fn side(directory: &GeoTiffDirectory<'_>, tag: u16) -> Result<u32> {
     let Some(value) = directory.int(tag)? else {
         return Err(about(tag, "is missing"));
     };
@@ -206,7 +208,7 @@ fn side(directory: &Directory<'_>, tag: u16) -> Result<u32> {
 }
 
 fn block_size(
-    directory: &Directory<'_>,
+    directory: &GeoTiffDirectory<'_>,
     tiled: bool,
     width: u32,
     height: u32,
@@ -222,13 +224,13 @@ fn block_size(
 }
 
 /// LERC data may be packed once more, which its own tag tells.
-fn compression(directory: &Directory<'_>) -> Result<Compression> {
+fn compression(directory: &GeoTiffDirectory<'_>) -> Result<GeoTiffCompression> {
     let code = directory.int(tags::COMPRESSION)?.unwrap_or(1);
     let parameters = directory.ints(tags::LERC_PARAMETERS)?.unwrap_or_default();
-    Compression::from_code(code, parameters.get(1).copied().unwrap_or(0))
+    GeoTiffCompression::from_code(code, parameters.get(1).copied().unwrap_or(0))
 }
 
-fn is_separate(directory: &Directory<'_>) -> Result<bool> {
+fn is_separate(directory: &GeoTiffDirectory<'_>) -> Result<bool> {
     match directory.int(tags::PLANAR_CONFIGURATION)?.unwrap_or(1) {
         1 => Ok(false),
         2 => Ok(true),
@@ -237,7 +239,7 @@ fn is_separate(directory: &Directory<'_>) -> Result<bool> {
 }
 
 /// Colours that are not the samples themselves, and reversed bits, are no elevation data.
-fn refuse_odd_pixels(directory: &Directory<'_>) -> Result<()> {
+fn refuse_odd_pixels(directory: &GeoTiffDirectory<'_>) -> Result<()> {
     let colours = match directory.int(tags::PHOTOMETRIC)? {
         Some(3) => Some("palette"),
         Some(5) => Some("CMYK"),
@@ -262,7 +264,7 @@ fn refuse_odd_pixels(directory: &Directory<'_>) -> Result<()> {
     }
 }
 
-fn sample_type(directory: &Directory<'_>) -> Result<SampleType> {
+fn sample_type(directory: &GeoTiffDirectory<'_>) -> Result<SampleType> {
     let bits = common(directory, tags::BITS_PER_SAMPLE, 1)?;
     let format = common(directory, tags::SAMPLE_FORMAT, 1)?;
     // Format 4 is "untyped"; it is read as unsigned, as GDAL does.
@@ -281,7 +283,7 @@ fn sample_type(directory: &Directory<'_>) -> Result<SampleType> {
 }
 
 /// Masks have one bit a sample, or a byte.
-fn mask_sample_type(directory: &Directory<'_>) -> Result<(SampleType, bool)> {
+fn mask_sample_type(directory: &GeoTiffDirectory<'_>) -> Result<(SampleType, bool)> {
     match common(directory, tags::BITS_PER_SAMPLE, 1)? {
         1 => Ok((SampleType::U8, true)),
         8 => Ok((SampleType::U8, false)),
@@ -307,7 +309,7 @@ fn unsupported_samples(format: u64, bits: u64) -> Error {
 }
 
 /// The value all bands share, or `missing` when the tag is absent.
-fn common(directory: &Directory<'_>, tag: u16, missing: u64) -> Result<u64> {
+fn common(directory: &GeoTiffDirectory<'_>, tag: u16, missing: u64) -> Result<u64> {
     let Some(values) = directory.ints(tag)? else { return Ok(missing) };
     match values.split_first() {
         None => Err(about(tag, "is empty")),

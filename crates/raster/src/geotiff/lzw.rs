@@ -24,7 +24,7 @@ pub(super) struct InvalidCode;
 pub(super) fn decode(
     packed: &[u8],
     out: &mut [u8],
-    table: &mut Table,
+    table: &mut LzwTable,
 ) -> Result<usize, InvalidCode> {
     // Both kinds begin with a clear code.
     if matches!(packed, [0, second, ..] if second & 1 == 1) {
@@ -37,7 +37,7 @@ pub(super) fn decode(
 fn run<const OLD: bool>(
     packed: &[u8],
     out: &mut [u8],
-    table: &mut Table,
+    table: &mut LzwTable,
 ) -> Result<usize, InvalidCode> {
     let mut codes = Codes::<OLD>::new(packed);
     let mut at = 0;
@@ -48,9 +48,9 @@ fn run<const OLD: bool>(
             None | Some(END) => break,
             Some(byte @ 0..CLEAR) => {
                 out[at] = byte as u8;
-                match strings(&mut codes, Text::of(byte as u8), out, at, table)? {
-                    Stop::Clear(end) => at = end,
-                    Stop::End(end) => return Ok(end),
+                match strings(&mut codes, LzwString::of(byte as u8), out, at, table)? {
+                    LzwStop::Clear(end) => at = end,
+                    LzwStop::End(end) => return Ok(end),
                 }
             }
             Some(_) => return Err(InvalidCode),
@@ -60,7 +60,7 @@ fn run<const OLD: bool>(
 }
 
 /// Where the output ends, and whether more may follow.
-enum Stop {
+enum LzwStop {
     Clear(usize),
     End(usize),
 }
@@ -69,17 +69,17 @@ enum Stop {
 /// `last_at`. Every code defines the next free one: the string before it and its own first byte.
 fn strings<const OLD: bool>(
     codes: &mut Codes<'_, OLD>,
-    mut last: Text,
+    mut last: LzwString,
     out: &mut [u8],
     mut last_at: usize,
-    Table(table): &mut Table,
-) -> Result<Stop, InvalidCode> {
+    LzwTable(table): &mut LzwTable,
+) -> Result<LzwStop, InvalidCode> {
     let mut at = last_at + 1;
     let mut free = FIRST;
     while at < out.len() {
         let Some(code) = codes.next() else { break };
         let text = match code {
-            CLEAR => return Ok(Stop::Clear(at)),
+            CLEAR => return Ok(LzwStop::Clear(at)),
             END => break,
             _ if code < free => table[code],
             // The very code that it defines: its first byte is that of the string before.
@@ -96,7 +96,7 @@ fn strings<const OLD: bool>(
         (last, last_at) = (text, at);
         at = text.write(out, at);
     }
-    Ok(Stop::End(at))
+    Ok(LzwStop::End(at))
 }
 
 /// The codes of a stream.
@@ -151,25 +151,25 @@ fn last_bytes(packed: &[u8], bit: usize, width: u32) -> Option<[u8; 4]> {
 }
 
 /// The strings of the codes, and one that no code reaches.
-pub(super) struct Table([Text; CODES + 1]);
+pub(super) struct LzwTable([LzwString; CODES + 1]);
 
-impl Table {
+impl LzwTable {
     /// The strings of one byte; a stream sets each of the others before it uses it.
     pub(super) fn new() -> Box<Self> {
-        Box::new(Self(std::array::from_fn(|code| Text::of(code as u8))))
+        Box::new(Self(std::array::from_fn(|code| LzwString::of(code as u8))))
     }
 }
 
 /// A string. The highest byte is its length, the others are its bytes from the lowest on. Of a
 /// string too long for them there is the first byte, the place in the output where it was written
-/// (4 bytes) and the length (2 bytes), with [`Text::LONG`] on top.
+/// (4 bytes) and the length (2 bytes), with [`LzwString::LONG`] on top.
 #[derive(Clone, Copy)]
-struct Text(u64);
+struct LzwString(u64);
 
 // A place has four bytes.
 const _: () = assert!(MAX_BLOCK_BYTES <= u32::MAX as u64);
 
-impl Text {
+impl LzwString {
     const LONG: u64 = 8;
     /// Bytes copied in one step.
     const STEP: usize = 16;
@@ -253,7 +253,7 @@ mod tests {
 
     fn ours(packed: &[u8], bytes: usize) -> Result<Vec<u8>, InvalidCode> {
         let mut out = vec![0; bytes];
-        let written = decode(packed, &mut out, &mut Table::new())?;
+        let written = decode(packed, &mut out, &mut LzwTable::new())?;
         out.truncate(written);
         Ok(out)
     }
@@ -380,7 +380,7 @@ mod tests {
 
     #[test]
     fn a_table_used_before_gives_the_same() {
-        let mut table = Table::new();
+        let mut table = LzwTable::new();
         for shift in [3, 9, 0] {
             let data: Vec<u8> = (0..9000_u32).map(|i| (i >> shift) as u8).collect();
             let mut out = vec![0; data.len()];

@@ -7,16 +7,16 @@ use std::sync::Arc;
 
 use crate::beside;
 use crate::cache::BlockCache;
-use crate::sample::Height;
-use crate::window::Window;
+use crate::sample::HeightSample;
+use crate::window::SampleWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use super::ifd::Directory;
-use super::image::{Image, check_cache};
-use super::layout::Layout;
+use super::ifd::GeoTiffDirectory;
+use super::image::{GeoTiffImage, check_cache};
+use super::layout::GeoTiffLayout;
 use super::tags;
 
 /// Bits of NewSubfileType.
@@ -26,25 +26,25 @@ const MASK: u64 = 4;
 const ALPHA: [u64; 2] = [1, 2];
 
 /// One source of voids.
-pub(super) struct Mask {
-    pub(super) image: Image,
+pub(super) struct GeoTiffMask {
+    pub(super) image: GeoTiffImage,
     /// What it is, for `terrane info`.
     pub(super) name: String,
 }
 
 /// The grid whose masks are sought.
 #[derive(Clone, Copy)]
-pub(super) struct Grid<'a> {
+pub(super) struct MaskedGrid<'a> {
     pub(super) file: &'a Arc<RawFile>,
-    pub(super) directory: &'a Directory<'a>,
-    pub(super) layout: &'a Layout,
+    pub(super) directory: &'a GeoTiffDirectory<'a>,
+    pub(super) layout: &'a GeoTiffLayout,
     /// The chosen band, from 0.
     pub(super) band: u32,
     pub(super) cache_bytes: usize,
 }
 
 /// All masks of a grid.
-pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
+pub(super) fn find(grid: MaskedGrid<'_>) -> Result<Vec<GeoTiffMask>> {
     let mut masks = Vec::new();
     if let Some(directory) = internal(grid.directory)? {
         let mask = grid.mask(grid.file, &directory, "internal".to_owned(), 1);
@@ -58,7 +58,7 @@ pub(super) fn find(grid: Grid<'_>) -> Result<Vec<Mask>> {
 }
 
 /// The first directory of a mask in full size.
-fn internal<'a>(first: &Directory<'a>) -> Result<Option<Directory<'a>>> {
+fn internal<'a>(first: &GeoTiffDirectory<'a>) -> Result<Option<GeoTiffDirectory<'a>>> {
     let mut seen = HashSet::from([first.next]);
     let mut next = first.following()?;
     while let Some(directory) = next {
@@ -75,30 +75,30 @@ fn internal<'a>(first: &Directory<'a>) -> Result<Option<Directory<'a>>> {
     Ok(None)
 }
 
-impl Grid<'_> {
-    fn beside(&self, path: &Path) -> Result<Mask> {
+impl MaskedGrid<'_> {
+    fn beside(&self, path: &Path) -> Result<GeoTiffMask> {
         let file = Arc::new(RawFile::open(path)?);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let directory = Directory::read(&file)?;
+        let directory = GeoTiffDirectory::read(&file)?;
         self.mask(&file, &directory, name, 2)
     }
 
     fn mask(
         &self,
         file: &Arc<RawFile>,
-        directory: &Directory<'_>,
+        directory: &GeoTiffDirectory<'_>,
         name: String,
         slot: usize,
-    ) -> Result<Mask> {
-        let layout = Layout::read_mask(directory)?;
+    ) -> Result<GeoTiffMask> {
+        let layout = GeoTiffLayout::read_mask(directory)?;
         self.check_shape(&layout)?;
         check_cache(&layout, self.cache_bytes)?;
         let band = if layout.bands == 1 { 0 } else { self.band };
-        Ok(Mask { image: Image::new(file, directory, layout, band, slot)?, name })
+        Ok(GeoTiffMask { image: GeoTiffImage::new(file, directory, layout, band, slot)?, name })
     }
 
     /// A mask has the size of the grid, and one band for all or one for each.
-    fn check_shape(&self, mask: &Layout) -> Result<()> {
+    fn check_shape(&self, mask: &GeoTiffLayout) -> Result<()> {
         let grid = self.layout;
         let same_size = (mask.width, mask.height) == (grid.width, grid.height);
         if same_size && (mask.bands == 1 || mask.bands == grid.bands) {
@@ -113,24 +113,24 @@ impl Grid<'_> {
     }
 
     /// The last band, where it is declared to be alpha and is not the one that is read.
-    fn alpha(&self) -> Result<Option<Mask>> {
+    fn alpha(&self) -> Result<Option<GeoTiffMask>> {
         let last = self.layout.bands - 1;
         let extra = self.directory.ints(tags::EXTRA_SAMPLES)?.unwrap_or_default();
         if self.band == last || !extra.last().is_some_and(|kind| ALPHA.contains(kind)) {
             return Ok(None);
         }
-        let image = Image::new(self.file, self.directory, self.layout.clone(), last, 3)?;
-        Ok(Some(Mask { image, name: format!("alpha (band {})", last + 1) }))
+        let image = GeoTiffImage::new(self.file, self.directory, self.layout.clone(), last, 3)?;
+        Ok(Some(GeoTiffMask { image, name: format!("alpha (band {})", last + 1) }))
     }
 }
 
-impl Mask {
+impl GeoTiffMask {
     /// Voids the heights of `window`, which is `rect`, where the mask is 0 or was never written.
-    pub(super) fn apply<H: Height>(
+    pub(super) fn apply<H: HeightSample>(
         &self,
         rect: Rect,
         cache: &BlockCache,
-        window: &mut Window<'_, H>,
+        window: &mut SampleWindow<'_, H>,
     ) -> Result<()> {
         let size = self.image.blocks.layout.sample_type.bytes();
         self.image.each_row(rect, cache, |part, row, samples| {
@@ -144,7 +144,7 @@ impl Mask {
 }
 
 /// Voids the heights whose sample of `size` bytes is 0.
-fn void_zeros<H: Height>(samples: &[u8], size: usize, heights: &mut [H]) {
+fn void_zeros<H: HeightSample>(samples: &[u8], size: usize, heights: &mut [H]) {
     for (height, sample) in heights.iter_mut().zip(samples.chunks_exact(size)) {
         if sample.iter().all(|byte| *byte == 0) {
             *height = H::VOID;

@@ -21,21 +21,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::cache::BlockCache;
-use crate::format::{OpenOptions, RasterFormat};
+use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::MASK;
-use crate::sample::{Height, ToHeight};
-use crate::window::Window;
+use crate::sample::{HeightSample, ToHeight};
+use crate::window::SampleWindow;
 use crate::{beside, store, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, GeoKeys, Rect};
 use terrane_files::RawFile;
 
 use georef::Georeference;
-use ifd::Directory;
-use image::{Image, check_cache};
-use layout::Layout;
-use mask::Mask;
+use ifd::GeoTiffDirectory;
+use image::{GeoTiffImage, check_cache};
+use layout::GeoTiffLayout;
+use mask::GeoTiffMask;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -51,7 +51,7 @@ const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 
 /// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
 /// beside it.
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let masked = beside::mask(path).is_some();
     if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
         return Ok(store);
@@ -62,33 +62,33 @@ fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 
 /// An open GeoTIFF.
 struct GeoTiff {
-    image: Image,
-    masks: Vec<Mask>,
+    image: GeoTiffImage,
+    masks: Vec<GeoTiffMask>,
     info: GridInfo,
     to_height: ToHeight,
     cache: BlockCache,
 }
 
 impl GeoTiff {
-    fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+    fn open(path: &Path, options: &GridOpenOptions) -> Result<Self> {
         let file = Arc::new(RawFile::open(path)?);
-        let directory = Directory::read(&file)?;
-        let layout = Layout::read(&directory)?;
+        let directory = GeoTiffDirectory::read(&file)?;
+        let layout = GeoTiffLayout::read(&directory)?;
         check_band(options.band, layout.bands)?;
         let (band, cache_bytes) = (options.band - 1, options.cache_bytes);
         check_cache(&layout, cache_bytes)?;
         let mut info = describe(path, &directory, &layout, options)?;
-        let image = Image::new(&file, &directory, layout, band, 0)?;
+        let image = GeoTiffImage::new(&file, &directory, layout, band, 0)?;
         let (file, directory, layout) = (&file, &directory, &image.blocks.layout);
-        let masks = mask::find(mask::Grid { file, directory, layout, band, cache_bytes })?;
+        let masks = mask::find(mask::MaskedGrid { file, directory, layout, band, cache_bytes })?;
         info.details.extend(masks.iter().map(|mask| (MASK.to_owned(), mask.name.clone())));
         let (to_height, cache) = (ToHeight::of(&info), BlockCache::new(cache_bytes));
         Ok(Self { image, masks, info, to_height, cache })
     }
 
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        let mut window =
-            Window::new(&self.info, rect, out).map_err(|e| e.in_file(self.image.file.path()))?;
+    fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        let mut window = SampleWindow::new(&self.info, rect, out)
+            .map_err(|e| e.in_file(self.image.file.path()))?;
         let sparse = self.sparse();
         self.image.each_row(rect, &self.cache, |part, row, samples| {
             let heights = window.row(part, row);
@@ -101,7 +101,7 @@ impl GeoTiff {
     }
 
     /// Blocks that were never written are nodata; without a declared nodata they are zeros.
-    fn sparse<H: Height>(&self) -> H {
+    fn sparse<H: HeightSample>(&self) -> H {
         match self.info.nodata {
             Some(_) => H::VOID,
             None => H::of_f64(self.info.offset),
@@ -115,7 +115,11 @@ impl GridSource for GeoTiff {
     fn block_bytes(&self) -> u64 {
         let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
         let layouts = images.map(|image| &image.blocks.layout);
-        layouts.filter(|l| !l.is_read_by_rows()).map(Layout::decoded_bytes).max().unwrap_or(0)
+        layouts
+            .filter(|l| !l.is_read_by_rows())
+            .map(GeoTiffLayout::decoded_bytes)
+            .max()
+            .unwrap_or(0)
     }
 
     /// Forgets the blocks that lie wholly inside `rect`.
@@ -138,9 +142,9 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
 /// Everything the directory says of the grid.
 fn describe(
     path: &Path,
-    directory: &Directory<'_>,
-    layout: &Layout,
-    options: &OpenOptions,
+    directory: &GeoTiffDirectory<'_>,
+    layout: &GeoTiffLayout,
+    options: &GridOpenOptions,
 ) -> Result<GridInfo> {
     let keys = geokeys::read(directory)?;
     let pixel_is_point = keys.pixel_is_point();
@@ -184,8 +188,8 @@ fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
 }
 
 fn details(
-    directory: &Directory<'_>,
-    layout: &Layout,
+    directory: &GeoTiffDirectory<'_>,
+    layout: &GeoTiffLayout,
     items: &gdal::BandItems,
     georeference: Georeference,
     is_placed: bool,

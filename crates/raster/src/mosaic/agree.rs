@@ -5,17 +5,17 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_files::path_of;
 
-use super::layout::{Misfit, SLACK, Shape};
+use super::layout::{GridShape, LatticeMisfit, SLACK};
 
 /// A file by its name, and what is known of it.
 #[derive(Clone, Copy)]
-pub(super) struct Named<'a> {
+pub(super) struct NamedGrid<'a> {
     pub(super) name: &'a str,
     pub(super) info: &'a GridInfo,
 }
 
 /// Fails unless the heights and the coordinates of `other` mean what those of `first` do.
-pub(super) fn check(first: Named<'_>, other: Named<'_>) -> Result<()> {
+pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if !other.info.georeferenced {
         return Err(nowhere(other.name));
     }
@@ -56,7 +56,7 @@ pub(super) fn nowhere(name: &str) -> Error {
         ))
 }
 
-fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
+fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     let (a, b) = (&first.info.crs, &other.info.crs);
     if a.agrees(b) {
         return Ok(());
@@ -81,18 +81,18 @@ fn check_crs(first: Named<'_>, other: Named<'_>) -> Result<()> {
 
 /// The answer to a file that does not lie on the lattice of the first one.
 pub(super) fn misplaced(
-    (first, first_shape): (&str, &Shape),
-    (other, shape): (&str, &Shape),
-    misfit: Misfit,
+    (first, first_shape): (&str, &GridShape),
+    (other, shape): (&str, &GridShape),
+    misfit: LatticeMisfit,
 ) -> Error {
     let pair = |[x, y]: [f64; 2]| format!("{x} x {y}");
     let error = match misfit {
-        Misfit::Cell(theirs, ours) => differ(other, "cell size", &pair(theirs), &pair(ours), first),
-        Misfit::Rotation(theirs, ours) => {
+        LatticeMisfit::Cell(theirs, ours) => differ(other, "cell size", &pair(theirs), &pair(ours), first),
+        LatticeMisfit::Rotation(theirs, ours) => {
             differ(other, "rotation of the transform", &pair(theirs), &pair(ours), first)
         }
-        Misfit::Offset([x, y]) => {
-            let origin = |shape: &Shape| pair([shape.transform.x0, shape.transform.y0]);
+        LatticeMisfit::Offset([x, y]) => {
+            let origin = |shape: &GridShape| pair([shape.transform.x0, shape.transform.y0]);
             Error::bad_input(format!(
                 "its samples lie {x:.6} x {y:.6} cells off those of {first}, more than {SLACK}: the \
                  first sample is at {}, that of the other file at {}",
@@ -101,7 +101,7 @@ pub(super) fn misplaced(
             ))
             .in_file(&path_of(other))
         }
-        Misfit::Far => Error::bad_input(format!(
+        LatticeMisfit::Far => Error::bad_input(format!(
             "lies too far from {first} for one mosaic: the first sample is at {}, that of the other \
              file at {}",
             pair([shape.transform.x0, shape.transform.y0]),
@@ -110,13 +110,13 @@ pub(super) fn misplaced(
         .in_file(&path_of(other)),
     };
     error.remedy(match misfit {
-        Misfit::Far => "leave one of them out".to_owned(),
+        LatticeMisfit::Far => "leave one of them out".to_owned(),
         _ => warp(&first_shape.transform, other, shape),
     })
 }
 
 /// The call that brings `shape` onto the lattice of `target`.
-fn warp(target: &Affine, name: &str, shape: &Shape) -> String {
+fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
     let out = renamed(name, "aligned");
     if target.b != 0.0 || target.d != 0.0 {
         return format!(
@@ -168,14 +168,14 @@ mod tests {
     fn refusal(change: impl Fn(&mut GridInfo)) -> String {
         let (a, mut b) = (info(), info());
         change(&mut b);
-        let first = Named { name: "a.tif", info: &a };
-        check(first, Named { name: "d/b.tif", info: &b }).unwrap_err().to_string()
+        let first = NamedGrid { name: "a.tif", info: &a };
+        check(first, NamedGrid { name: "d/b.tif", info: &b }).unwrap_err().to_string()
     }
 
     #[test]
     fn differences_name_both_files_both_values_and_a_remedy() {
         let same = info();
-        let named = Named { name: "a", info: &same };
+        let named = NamedGrid { name: "a", info: &same };
         assert!(check(named, named).is_ok());
         assert_eq!(
             refusal(|b| b.crs.epsg = Some(4326)),
@@ -210,9 +210,9 @@ mod tests {
     #[test]
     fn the_warp_reaches_over_the_file_on_the_first_lattice() {
         let map = |x0, y0, cell| Affine { x0, a: cell, b: 0.0, y0, d: 0.0, e: -cell };
-        let first = Shape { transform: map(5.0, -5.0, 10.0), width: 10, height: 10 };
-        let other = Shape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
-        let error = misplaced(("a", &first), ("b.tif", &other), Misfit::Offset([0.3, 0.0]));
+        let first = GridShape { transform: map(5.0, -5.0, 10.0), width: 10, height: 10 };
+        let other = GridShape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
+        let error = misplaced(("a", &first), ("b.tif", &other), LatticeMisfit::Offset([0.3, 0.0]));
         let text = error.to_string();
         assert!(text.contains("lie 0.300000 x 0.000000 cells off those of a"), "{text}");
         assert!(text.contains("-tr 10 10 -te 100 -100 210 0 b.tif b-aligned.tif"), "{text}");

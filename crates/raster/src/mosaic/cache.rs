@@ -22,32 +22,32 @@ const SHARES: usize = 8;
 pub(super) type Grid = Arc<dyn GridSource>;
 
 /// An open file and the most bytes that its blocks can take.
-pub(super) struct Open {
+pub(super) struct OpenMosaicFile {
     pub(super) grid: Grid,
     pub(super) bytes: usize,
 }
 
 /// The open files of a mosaic and of all mosaics within it.
-pub(super) struct Pool {
+pub(super) struct MosaicFilePool {
     most_files: usize,
     most_bytes: usize,
     share: usize,
     keys: AtomicU64,
-    state: Mutex<State>,
+    state: Mutex<MosaicPoolState>,
     /// Signalled whenever a file is open or could not be opened.
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    slots: HashMap<u64, Slot>,
+struct MosaicPoolState {
+    slots: HashMap<u64, MosaicPoolSlot>,
     /// Stamp of last use to key; the first entry is the next to go.
     order: BTreeMap<u64, u64>,
     clock: u64,
     bytes: usize,
 }
 
-enum Slot {
+enum MosaicPoolSlot {
     /// Some thread is at it.
     Opening,
     Ready {
@@ -57,7 +57,7 @@ enum Slot {
     },
 }
 
-impl Pool {
+impl MosaicFilePool {
     /// For a mosaic of `files` files whose blocks may take `most_bytes` bytes together.
     pub(super) fn new(files: usize, most_bytes: usize) -> Self {
         Self::with(open_files_allowed(), files, most_bytes)
@@ -91,12 +91,16 @@ impl Pool {
 
     /// The file `key`, opened by `open` unless it is open. `open` must not wait for other threads
     /// that may want the same file.
-    pub(super) fn get(&self, key: u64, open: impl FnOnce() -> Result<Open>) -> Result<Grid> {
+    pub(super) fn get(
+        &self,
+        key: u64,
+        open: impl FnOnce() -> Result<OpenMosaicFile>,
+    ) -> Result<Grid> {
         if let Some(grid) = self.find_or_claim(key) {
             return Ok(grid);
         }
         // Dropped on failure and on panic alike, so that waiting threads try for themselves.
-        let _claim = Claim { pool: self, key };
+        let _claim = MosaicOpenClaim { pool: self, key };
         lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
         let opened = open()?;
         let grid = opened.grid.clone();
@@ -107,7 +111,7 @@ impl Pool {
     }
 
     /// Keeps a file that happens to be open, if there is room for it.
-    pub(super) fn offer(&self, key: u64, opened: Open) {
+    pub(super) fn offer(&self, key: u64, opened: OpenMosaicFile) {
         let mut state = lock(&self.state);
         let room = self.most_bytes.saturating_sub(state.bytes);
         if state.order.len() < self.most_files && opened.bytes <= room {
@@ -118,7 +122,7 @@ impl Pool {
     /// The file `key` if it is open; it counts as no use of it.
     pub(super) fn peek(&self, key: u64) -> Option<Grid> {
         match lock(&self.state).slots.get(&key) {
-            Some(Slot::Ready { grid, .. }) => Some(grid.clone()),
+            Some(MosaicPoolSlot::Ready { grid, .. }) => Some(grid.clone()),
             _ => None,
         }
     }
@@ -128,12 +132,12 @@ impl Pool {
         let mut state = lock(&self.state);
         loop {
             match state.slots.get(&key) {
-                Some(Slot::Ready { .. }) => return state.touch(key),
-                Some(Slot::Opening) => {
+                Some(MosaicPoolSlot::Ready { .. }) => return state.touch(key),
+                Some(MosaicPoolSlot::Opening) => {
                     state = wait(&self.changed, state);
                 }
                 None => {
-                    state.slots.insert(key, Slot::Opening);
+                    state.slots.insert(key, MosaicPoolSlot::Opening);
                     return None;
                 }
             }
@@ -141,9 +145,11 @@ impl Pool {
     }
 }
 
-impl State {
+impl MosaicPoolState {
     fn touch(&mut self, key: u64) -> Option<Grid> {
-        let Some(Slot::Ready { grid, stamp, .. }) = self.slots.get_mut(&key) else { return None };
+        let Some(MosaicPoolSlot::Ready { grid, stamp, .. }) = self.slots.get_mut(&key) else {
+            return None;
+        };
         self.clock += 1;
         self.order.remove(stamp);
         self.order.insert(self.clock, key);
@@ -158,30 +164,30 @@ impl State {
         };
         while is_full(self) {
             let Some((_, oldest)) = self.order.pop_first() else { return };
-            if let Some(Slot::Ready { bytes, .. }) = self.slots.remove(&oldest) {
+            if let Some(MosaicPoolSlot::Ready { bytes, .. }) = self.slots.remove(&oldest) {
                 self.bytes -= bytes;
             }
         }
     }
 
-    fn insert(&mut self, key: u64, Open { grid, bytes }: Open) {
+    fn insert(&mut self, key: u64, OpenMosaicFile { grid, bytes }: OpenMosaicFile) {
         self.clock += 1;
         self.bytes += bytes;
         self.order.insert(self.clock, key);
-        self.slots.insert(key, Slot::Ready { grid, bytes, stamp: self.clock });
+        self.slots.insert(key, MosaicPoolSlot::Ready { grid, bytes, stamp: self.clock });
     }
 }
 
 /// The right and duty of one thread to open one file.
-struct Claim<'a> {
-    pool: &'a Pool,
+struct MosaicOpenClaim<'a> {
+    pool: &'a MosaicFilePool,
     key: u64,
 }
 
-impl Drop for Claim<'_> {
+impl Drop for MosaicOpenClaim<'_> {
     fn drop(&mut self) {
         let mut state = lock(&self.pool.state);
-        if let Some(Slot::Opening) = state.slots.get(&self.key) {
+        if let Some(MosaicPoolSlot::Opening) = state.slots.get(&self.key) {
             state.slots.remove(&self.key);
         }
         drop(state);
@@ -209,22 +215,22 @@ fn open_files_limit() -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{OpenOptions, open};
+    use crate::{GridOpenOptions, open};
     use std::sync::atomic::AtomicUsize;
     use terrane_base::error::Error;
 
-    fn file(bytes: usize) -> Result<Open> {
-        let grid = open("synth:rough,size=9", &OpenOptions::default())?;
-        Ok(Open { grid: grid.into(), bytes })
+    fn file(bytes: usize) -> Result<OpenMosaicFile> {
+        let grid = open("synth:rough,size=9", &GridOpenOptions::default())?;
+        Ok(OpenMosaicFile { grid: grid.into(), bytes })
     }
 
-    fn is_open(pool: &Pool, key: u64) -> bool {
+    fn is_open(pool: &MosaicFilePool, key: u64) -> bool {
         pool.peek(key).is_some()
     }
 
     #[test]
     fn the_least_recently_used_file_is_closed_first() {
-        let pool = Pool::with(2, 9, 100);
+        let pool = MosaicFilePool::with(2, 9, 100);
         pool.get(1, || file(10)).unwrap();
         pool.get(2, || file(10)).unwrap();
         pool.get(1, || panic!("is open")).unwrap();
@@ -240,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_file_that_cannot_be_opened_is_tried_again() {
-        let pool = Pool::with(2, 1, 100);
+        let pool = MosaicFilePool::with(2, 1, 100);
         assert!(pool.get(1, || Err(Error::bad_input("no"))).is_err());
         let caught = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             let _ = pool.get(1, || panic!("bug"));
@@ -251,7 +257,7 @@ mod tests {
 
     #[test]
     fn many_threads_open_each_file_once() {
-        let pool = Pool::with(64, 50, 1 << 20);
+        let pool = MosaicFilePool::with(64, 50, 1 << 20);
         let opened = AtomicUsize::new(0);
         std::thread::scope(|scope| {
             for _ in 0..8 {
@@ -272,8 +278,8 @@ mod tests {
 
     #[test]
     fn shares_and_limits() {
-        assert_eq!(Pool::with(2, 3, 90).share(), 30);
-        assert_eq!(Pool::with(2, 1000, 80).share(), 10);
+        assert_eq!(MosaicFilePool::with(2, 3, 90).share(), 30);
+        assert_eq!(MosaicFilePool::with(2, 1000, 80).share(), 10);
         assert!((1..=MOST_FILES).contains(&open_files_allowed()));
     }
 }

@@ -8,49 +8,49 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::format::OpenOptions;
+use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, SampleType};
 use crate::registry::{file_name, open};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::{is_made, path_of};
 
-use super::cache::{Grid, Open, Pool};
+use super::cache::{Grid, MosaicFilePool, OpenMosaicFile};
 use super::vrt;
 
 /// What a mosaic and all mosaics within it share.
 pub(super) struct Family {
-    pub(super) pool: Pool,
+    pub(super) pool: MosaicFilePool,
     /// Files and sources so far.
     members: AtomicU64,
     /// Bytes of VRTs read so far.
     vrt_bytes: AtomicU64,
     /// Folder for what has to be unpacked first.
     temp_dir: Option<PathBuf>,
-    /// See [`OpenOptions::colours`].
+    /// See [`GridOpenOptions::colours`].
     colours: bool,
 }
 
 /// A file that can be opened at any time.
-pub(super) struct File {
+pub(super) struct MosaicFile {
     pub(super) key: u64,
     name: String,
     band: u32,
     nodata: Option<f64>,
-    facts: Facts,
+    facts: MosaicFileFacts,
     /// Bytes of its largest block that is decoded whole.
     pub(super) block_bytes: u64,
 }
 
 /// What must stay as it was.
 #[derive(Clone, Copy, PartialEq)]
-struct Facts {
+struct MosaicFileFacts {
     width: u32,
     height: u32,
     sample_type: SampleType,
 }
 
-impl Facts {
+impl MosaicFileFacts {
     fn of(info: &GridInfo) -> Self {
         Self { width: info.width, height: info.height, sample_type: info.sample_type }
     }
@@ -65,23 +65,23 @@ pub(super) struct Nest {
 }
 
 /// Where samples come from.
-pub(super) enum Source {
+pub(super) enum MosaicSource {
     /// A file, opened when needed.
-    File(File),
+    File(MosaicFile),
     /// A mosaic in the mosaic. It holds no file itself.
     Nested { grid: Grid, path: PathBuf },
 }
 
 /// A file as it was found.
-pub(super) struct Found {
+pub(super) struct MosaicEntry {
     pub(super) info: GridInfo,
-    pub(super) source: Source,
+    pub(super) source: MosaicSource,
 }
 
 impl Family {
-    pub(super) fn new(files: usize, options: &OpenOptions) -> Arc<Self> {
+    pub(super) fn new(files: usize, options: &GridOpenOptions) -> Arc<Self> {
         Arc::new(Self {
-            pool: Pool::new(files, options.cache_bytes),
+            pool: MosaicFilePool::new(files, options.cache_bytes),
             members: AtomicU64::new(0),
             vrt_bytes: AtomicU64::new(0),
             temp_dir: options.temp_dir.clone(),
@@ -102,10 +102,10 @@ impl Family {
     }
 
     /// The open file.
-    pub(super) fn grid(&self, file: &File) -> Result<Grid> {
+    pub(super) fn grid(&self, file: &MosaicFile) -> Result<Grid> {
         self.pool.get(file.key, || {
             let (open, info) = open_file(self, &file.name, file.band, file.nodata)?;
-            if Facts::of(&info) != file.facts {
+            if MosaicFileFacts::of(&info) != file.facts {
                 return Err(changed(&file.name));
             }
             Ok(open)
@@ -113,7 +113,7 @@ impl Family {
     }
 }
 
-impl File {
+impl MosaicFile {
     /// The file's name, as it is opened by.
     pub(super) fn name(&self) -> &str {
         &self.name
@@ -127,24 +127,27 @@ impl File {
 }
 
 /// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
-pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<Found> {
+pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<MosaicEntry> {
     if is_vrt(name)? {
         let path = &*path_of(name);
         let share = nest.family.pool.share();
         let colours = nest.family.colours;
-        let alone = OpenOptions { threads: 1, colours, ..OpenOptions::default() };
-        let options = OpenOptions { band, nodata, cache_bytes: share, ..alone };
+        let alone = GridOpenOptions { threads: 1, colours, ..GridOpenOptions::default() };
+        let options = GridOpenOptions { band, nodata, cache_bytes: share, ..alone };
         let grid: Grid = Arc::new(vrt::open_within(path, &options, nest)?);
         let info = grid.info().clone();
-        return Ok(Found { info, source: Source::Nested { grid, path: path.to_path_buf() } });
+        return Ok(MosaicEntry {
+            info,
+            source: MosaicSource::Nested { grid, path: path.to_path_buf() },
+        });
     }
     let pool = &nest.family.pool;
     let (open, info) = open_file(&nest.family, name, band, nodata)?;
-    let (key, facts) = (pool.new_key(), Facts::of(&info));
+    let (key, facts) = (pool.new_key(), MosaicFileFacts::of(&info));
     let block_bytes = open.grid.block_bytes();
     pool.offer(key, open);
-    let file = File { key, name: name.to_owned(), band, nodata, facts, block_bytes };
-    Ok(Found { info, source: Source::File(file) })
+    let file = MosaicFile { key, name: name.to_owned(), band, nodata, facts, block_bytes };
+    Ok(MosaicEntry { info, source: MosaicSource::File(file) })
 }
 
 fn is_vrt(name: &str) -> Result<bool> {
@@ -160,17 +163,17 @@ fn open_file(
     name: &str,
     band: u32,
     nodata: Option<f64>,
-) -> Result<(Open, GridInfo)> {
+) -> Result<(OpenMosaicFile, GridInfo)> {
     let pool = &family.pool;
     let with = |cache_bytes| {
         let temp_dir = family.temp_dir.clone();
         let colours = family.colours;
-        let alone = OpenOptions { threads: 1, colours, ..OpenOptions::default() };
-        let options = OpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
+        let alone = GridOpenOptions { threads: 1, colours, ..GridOpenOptions::default() };
+        let options = GridOpenOptions { band, nodata, cache_bytes, temp_dir, ..alone };
         let grid = open(name, &options)?;
         let info = grid.info().clone();
         let bytes = block_bytes(&info).min(cache_bytes as u64) as usize;
-        Ok((Open { grid: grid.into(), bytes }, info))
+        Ok((OpenMosaicFile { grid: grid.into(), bytes }, info))
     };
     let opened: Result<_> = with(pool.share()).or_else(|e: Error| match e.kind() {
         ErrorKind::Resource => with(pool.most_bytes()),

@@ -8,20 +8,20 @@ use terrane_base::geom::Rect;
 const FANOUT: usize = 16;
 
 /// The tree. Level 0 has a box for each rectangle, the last level a single one.
-pub(super) struct Index {
-    levels: Vec<Vec<Bounds>>,
+pub(super) struct MosaicRTree {
+    levels: Vec<Vec<MosaicTreeBox>>,
     /// The rectangle that each box of level 0 belongs to.
     ids: Vec<u32>,
 }
 
 /// First and one past the last column and row.
 #[derive(Clone, Copy)]
-struct Bounds {
+struct MosaicTreeBox {
     low: [u32; 2],
     high: [u32; 2],
 }
 
-impl Bounds {
+impl MosaicTreeBox {
     fn of(rect: &Rect) -> Self {
         Self { low: [rect.col, rect.row], high: [rect.end_col(), rect.end_row()] }
     }
@@ -42,11 +42,11 @@ impl Bounds {
     }
 }
 
-impl Index {
+impl MosaicRTree {
     /// Of at most 2^32 rectangles, in bands of rows and by column within a band (Leutenegger, Lopez
     /// & Edgington 1997).
     pub(super) fn new(rects: &[Rect]) -> Self {
-        let bounds: Vec<Bounds> = rects.iter().map(Bounds::of).collect();
+        let bounds: Vec<MosaicTreeBox> = rects.iter().map(MosaicTreeBox::of).collect();
         let mut ids: Vec<u32> = (0..rects.len() as u32).collect();
         let middle = |id: &u32, axis| bounds[*id as usize].middle(axis);
         ids.sort_unstable_by_key(|id| (middle(id, 1), *id));
@@ -55,7 +55,7 @@ impl Index {
         ids.chunks_mut(band).for_each(|b| b.sort_unstable_by_key(|id| (middle(id, 0), *id)));
         let mut levels = vec![ids.iter().map(|id| bounds[*id as usize]).collect::<Vec<_>>()];
         while let Some(below) = levels.last().filter(|level| level.len() > 1) {
-            levels.push(below.chunks(FANOUT).map(Bounds::around).collect());
+            levels.push(below.chunks(FANOUT).map(MosaicTreeBox::around).collect());
         }
         Self { levels, ids }
     }
@@ -66,7 +66,7 @@ impl Index {
         if rect.is_empty() {
             return found;
         }
-        let wanted = Bounds::of(rect);
+        let wanted = MosaicTreeBox::of(rect);
         let mut open: Vec<(usize, usize)> = vec![(self.levels.len() - 1, 0)];
         while let Some((level, at)) = open.pop() {
             if !self.levels[level].get(at).is_some_and(|b| b.touches(&wanted)) {
@@ -98,14 +98,14 @@ mod tests {
             let slow: Vec<u32> = (0..rects.len() as u32)
                 .filter(|id| !rects[*id as usize].intersect(&window).is_empty())
                 .collect();
-            prop_assert_eq!(Index::new(&rects).find(&window), slow);
+            prop_assert_eq!(MosaicRTree::new(&rects).find(&window), slow);
         }
     }
 
     #[test]
     fn a_window_of_many_tiles_looks_at_few_boxes() {
         let tile = |i: u32| Rect::new(i % 320 * 100, i / 320 * 100, 100, 100);
-        let index = Index::new(&(0..102_400).map(tile).collect::<Vec<_>>());
+        let index = MosaicRTree::new(&(0..102_400).map(tile).collect::<Vec<_>>());
         assert_eq!(index.find(&Rect::new(1050, 2050, 100, 100)), [6410, 6411, 6730, 6731]);
         assert!(index.levels.len() <= 6);
     }

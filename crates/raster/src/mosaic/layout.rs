@@ -12,7 +12,7 @@ const FAR: f64 = (1_u64 << 40) as f64;
 
 /// Where a grid lies, and its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct GridShape {
     pub(super) transform: Affine,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -20,7 +20,7 @@ pub(super) struct Shape {
 
 /// All grids on one lattice.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct MosaicLayout {
     pub(super) transform: Affine,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -30,7 +30,7 @@ pub(super) struct Layout {
 
 /// How a grid fails to lie on the lattice of the first one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Misfit {
+pub(super) enum LatticeMisfit {
     /// Cells of another size; theirs and those of the first, x and y.
     Cell([f64; 2], [f64; 2]),
     /// Turned or sheared against it; theirs and the first's change of x by row and y by column.
@@ -45,8 +45,10 @@ pub(super) enum Misfit {
 ///
 /// # Errors
 /// More columns or rows than [`limits::MAX_SIDE`].
-pub(super) fn lay_out(shapes: &[Shape]) -> Result<std::result::Result<Layout, (usize, Misfit)>> {
-    let Some(first) = shapes.first() else { return Ok(Err((0, Misfit::Far))) };
+pub(super) fn lay_out(
+    shapes: &[GridShape],
+) -> Result<std::result::Result<MosaicLayout, (usize, LatticeMisfit)>> {
+    let Some(first) = shapes.first() else { return Ok(Err((0, LatticeMisfit::Far))) };
     let mut places = Vec::with_capacity(shapes.len());
     for (i, shape) in shapes.iter().enumerate() {
         match place(&first.transform, shape) {
@@ -55,14 +57,14 @@ pub(super) fn lay_out(shapes: &[Shape]) -> Result<std::result::Result<Layout, (u
         }
     }
     let low = [0, 1].map(|axis| places.iter().map(|p| p[axis]).min().unwrap_or(0));
-    let side = |axis: usize, size: fn(&Shape) -> u32| {
+    let side = |axis: usize, size: fn(&GridShape) -> u32| {
         let ends = places.iter().zip(shapes).map(|(p, s)| p[axis] + i64::from(size(s)));
         (ends.max().unwrap_or(0) - low[axis]) as u64
     };
     let (width, height) = (side(0, |s| s.width), side(1, |s| s.height));
     limits::check("columns of the mosaic", width, limits::MAX_SIDE)?;
     limits::check("rows of the mosaic", height, limits::MAX_SIDE)?;
-    Ok(Ok(Layout {
+    Ok(Ok(MosaicLayout {
         transform: origin(shapes, &places, low),
         width: width as u32,
         height: height as u32,
@@ -72,7 +74,7 @@ pub(super) fn lay_out(shapes: &[Shape]) -> Result<std::result::Result<Layout, (u
 }
 
 /// Column and row of the grid's first sample on the lattice of `first`.
-fn place(first: &Affine, shape: &Shape) -> std::result::Result<[i64; 2], Misfit> {
+fn place(first: &Affine, shape: &GridShape) -> std::result::Result<[i64; 2], LatticeMisfit> {
     let map = &shape.transform;
     check_steps(first, shape)?;
     let at = first.invert(map.x0, map.y0);
@@ -80,25 +82,25 @@ fn place(first: &Affine, shape: &Shape) -> std::result::Result<[i64; 2], Misfit>
     // Adding 0 makes -0 of it 0.
     let off = [0, 1].map(|axis| at[axis] - nearest[axis] + 0.0);
     if !nearest.iter().all(|n| n.abs() < FAR) {
-        return Err(Misfit::Far);
+        return Err(LatticeMisfit::Far);
     }
     if off.iter().any(|o| o.abs() > SLACK) {
-        return Err(Misfit::Offset(off));
+        return Err(LatticeMisfit::Offset(off));
     }
     Ok(nearest.map(|n| n as i64))
 }
 
 /// Fails when the grid's far corners drift off the lattice of `first`.
-fn check_steps(first: &Affine, shape: &Shape) -> std::result::Result<(), Misfit> {
+fn check_steps(first: &Affine, shape: &GridShape) -> std::result::Result<(), LatticeMisfit> {
     let map = &shape.transform;
     let (right, down) = (step_of(first, map.a, map.d), step_of(first, map.b, map.e));
     let (cols, rows) = (f64::from(shape.width), f64::from(shape.height));
     let drift = |value: f64, expected: f64, count: f64| (value - expected).abs() * count;
     if !(drift(right[1], 0.0, cols) <= SLACK && drift(down[0], 0.0, rows) <= SLACK) {
-        return Err(Misfit::Rotation([map.b, map.d], [first.b, first.d]));
+        return Err(LatticeMisfit::Rotation([map.b, map.d], [first.b, first.d]));
     }
     if !(drift(right[0], 1.0, cols) <= SLACK && drift(down[1], 1.0, rows) <= SLACK) {
-        return Err(Misfit::Cell([map.a, map.e], [first.a, first.e]));
+        return Err(LatticeMisfit::Cell([map.a, map.e], [first.a, first.e]));
     }
     Ok(())
 }
@@ -111,7 +113,7 @@ fn step_of(map: &Affine, dx: f64, dy: f64) -> [f64; 2] {
 
 /// The map of the whole: on an upright lattice, the origin comes from the grids at its first column
 /// and row, whose headers say it exactly.
-fn origin(shapes: &[Shape], places: &[[i64; 2]], low: [i64; 2]) -> Affine {
+fn origin(shapes: &[GridShape], places: &[[i64; 2]], low: [i64; 2]) -> Affine {
     let first = shapes[0].transform;
     let shifted = first.shifted(low[0] as f64, low[1] as f64);
     if first.b != 0.0 || first.d != 0.0 {
@@ -128,16 +130,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn shape(x0: f64, y0: f64, cell: f64, width: u32, height: u32) -> Shape {
+    fn shape(x0: f64, y0: f64, cell: f64, width: u32, height: u32) -> GridShape {
         let transform = Affine { x0, a: cell, b: 0.0, y0, d: 0.0, e: -cell };
-        Shape { transform, width, height }
+        GridShape { transform, width, height }
     }
 
-    fn laid(shapes: &[Shape]) -> Layout {
+    fn laid(shapes: &[GridShape]) -> MosaicLayout {
         lay_out(shapes).unwrap().unwrap()
     }
 
-    fn misfit(shapes: &[Shape]) -> (usize, Misfit) {
+    fn misfit(shapes: &[GridShape]) -> (usize, LatticeMisfit) {
         lay_out(shapes).unwrap().unwrap_err()
     }
 
@@ -162,14 +164,17 @@ mod tests {
             change(&mut other.transform);
             [base, other]
         };
-        assert!(matches!(misfit(&with(|t| t.a = 30.0)), (1, Misfit::Cell([30.0, _], [10.0, _]))));
-        assert!(matches!(misfit(&with(|t| t.e = 10.0)), (1, Misfit::Cell(..))));
-        assert!(matches!(misfit(&with(|t| t.b = 1.0)), (1, Misfit::Rotation([1.0, _], _))));
-        assert!(matches!(misfit(&with(|t| t.x0 = 4.0)), (1, Misfit::Offset([0.4, 0.0]))));
-        assert!(matches!(misfit(&with(|t| t.x0 = 1e18)), (1, Misfit::Far)));
+        assert!(matches!(
+            misfit(&with(|t| t.a = 30.0)),
+            (1, LatticeMisfit::Cell([30.0, _], [10.0, _]))
+        ));
+        assert!(matches!(misfit(&with(|t| t.e = 10.0)), (1, LatticeMisfit::Cell(..))));
+        assert!(matches!(misfit(&with(|t| t.b = 1.0)), (1, LatticeMisfit::Rotation([1.0, _], _))));
+        assert!(matches!(misfit(&with(|t| t.x0 = 4.0)), (1, LatticeMisfit::Offset([0.4, 0.0]))));
+        assert!(matches!(misfit(&with(|t| t.x0 = 1e18)), (1, LatticeMisfit::Far)));
         // A cell size of fewer digits passes as long as its far edge lies on the lattice.
         assert!(lay_out(&with(|t| t.a += 0.9e-4)).unwrap().is_ok());
-        assert!(matches!(misfit(&with(|t| t.a += 1.1e-4)), (1, Misfit::Cell(..))));
+        assert!(matches!(misfit(&with(|t| t.a += 1.1e-4)), (1, LatticeMisfit::Cell(..))));
         assert!(lay_out(&with(|t| t.x0 = 0.009)).unwrap().is_ok());
         assert!(lay_out(&[]).unwrap().is_err());
     }
@@ -190,10 +195,10 @@ mod tests {
             let whole = Affine {
                 x0, a: cell, b: cell * turn, y0, d: cell * turn * 0.5, e: -cell * 0.7,
             };
-            let cut = |&(col, row, width, height): &(i32, i32, u32, u32)| Shape {
+            let cut = |&(col, row, width, height): &(i32, i32, u32, u32)| GridShape {
                 transform: whole.shifted(col.into(), row.into()), width, height,
             };
-            let shapes: Vec<Shape> = at.iter().map(cut).collect();
+            let shapes: Vec<GridShape> = at.iter().map(cut).collect();
             let layout = laid(&shapes);
             let low = |axis: fn(&(i32, i32, u32, u32)) -> i32| at.iter().map(axis).min().unwrap();
             let (left, top) = (low(|a| a.0), low(|a| a.1));

@@ -28,13 +28,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::grid::{GridInfo, GridSource};
-use crate::window::{Sample, Window};
+use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::path_of;
 
-use find::{Family, Source};
-use index::Index;
+use find::{Family, MosaicSource};
+use index::MosaicRTree;
 pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
 use recode::Recode;
@@ -46,14 +46,14 @@ const SCRATCH_SAMPLES: u32 = 1 << 19;
 struct Mosaic {
     info: GridInfo,
     /// Bottom to top.
-    parts: Vec<Part>,
-    index: Index,
+    parts: Vec<MosaicPart>,
+    index: MosaicRTree,
     family: Arc<Family>,
 }
 
 /// A rectangle of a file and where it goes.
-struct Part {
-    source: Source,
+struct MosaicPart {
+    source: MosaicSource,
     /// In the mosaic; not empty.
     rect: Rect,
     /// Column and row in the file of the rectangle's first sample.
@@ -64,8 +64,8 @@ struct Part {
 }
 
 impl Mosaic {
-    fn new(info: GridInfo, parts: Vec<Part>, family: Arc<Family>) -> Self {
-        let index = Index::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
+    fn new(info: GridInfo, parts: Vec<MosaicPart>, family: Arc<Family>) -> Self {
+        let index = MosaicRTree::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
         Self { info, parts, index, family }
     }
 
@@ -75,18 +75,18 @@ impl Mosaic {
             let part = &self.parts[i as usize];
             let there = part.in_source(part.rect.intersect(&rect));
             match &part.source {
-                Source::Nested { grid, .. } => hint(&**grid, there),
-                Source::File(file) => {
+                MosaicSource::Nested { grid, .. } => hint(&**grid, there),
+                MosaicSource::File(file) => {
                     self.family.pool.peek(file.key).into_iter().for_each(|g| hint(&*g, there));
                 }
             }
         }
     }
 
-    fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
-        Window::new(&self.info, rect, out)?;
+    fn read<H: GridHeight>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+        SampleWindow::new(&self.info, rect, out)?;
         let found = self.index.find(&rect);
-        let parts: Vec<&Part> = found.iter().map(|i| &self.parts[*i as usize]).collect();
+        let parts: Vec<&MosaicPart> = found.iter().map(|i| &self.parts[*i as usize]).collect();
         if let [only] = parts[..]
             && only.recode.is_none()
             && only.rect.intersect(&rect) == rect
@@ -94,12 +94,17 @@ impl Mosaic {
             return self.read_from(only, rect, out);
         }
         out.fill(H::VOID);
-        let mut window = Window::new(&self.info, rect, out)?;
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         parts.into_iter().try_for_each(|part| self.paint(part, &mut window, rect))
     }
 
     /// Puts what `part` has of `rect` into the window.
-    fn paint<H: Sample>(&self, part: &Part, window: &mut Window<'_, H>, rect: Rect) -> Result<()> {
+    fn paint<H: GridHeight>(
+        &self,
+        part: &MosaicPart,
+        window: &mut SampleWindow<'_, H>,
+        rect: Rect,
+    ) -> Result<()> {
         let whole = part.rect.intersect(&rect);
         let rows = (SCRATCH_SAMPLES / whole.width).max(1);
         for row in (whole.row..whole.end_row()).step_by(rows as usize) {
@@ -115,10 +120,10 @@ impl Mosaic {
         Ok(())
     }
 
-    fn paint_strip<R: Sample, H: Sample>(
+    fn paint_strip<R: GridHeight, H: GridHeight>(
         &self,
-        part: &Part,
-        window: &mut Window<'_, H>,
+        part: &MosaicPart,
+        window: &mut SampleWindow<'_, H>,
         strip: Rect,
         height: impl Fn(R) -> H,
     ) -> Result<()> {
@@ -137,16 +142,16 @@ impl Mosaic {
     }
 
     /// Reads `rect` (of the mosaic, inside the part) from the part's file.
-    fn read_from<H: Sample>(&self, part: &Part, rect: Rect, out: &mut [H]) -> Result<()> {
+    fn read_from<H: GridHeight>(&self, part: &MosaicPart, rect: Rect, out: &mut [H]) -> Result<()> {
         let there = part.in_source(rect);
         match &part.source {
-            Source::Nested { grid, .. } => H::read(grid.as_ref(), there, out),
-            Source::File(file) => H::read(self.family.grid(file)?.as_ref(), there, out),
+            MosaicSource::Nested { grid, .. } => H::read(grid.as_ref(), there, out),
+            MosaicSource::File(file) => H::read(self.family.grid(file)?.as_ref(), there, out),
         }
     }
 }
 
-impl Part {
+impl MosaicPart {
     /// `rect` of the mosaic, inside the part, in the part's file.
     fn in_source(&self, rect: Rect) -> Rect {
         let col = self.from[0] + (rect.col - self.rect.col);
@@ -159,17 +164,17 @@ impl GridSource for Mosaic {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {
-        let of = |part: &Part| match &part.source {
-            Source::Nested { grid, .. } => grid.block_bytes(),
-            Source::File(file) => file.block_bytes,
+        let of = |part: &MosaicPart| match &part.source {
+            MosaicSource::Nested { grid, .. } => grid.block_bytes(),
+            MosaicSource::File(file) => file.block_bytes,
         };
         self.parts.iter().map(of).max().unwrap_or(0)
     }
 
     fn members(&self) -> Vec<PathBuf> {
-        let of = |part: &Part| match &part.source {
-            Source::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
-            Source::File(file) => vec![path_of(file.name()).into_owned()],
+        let of = |part: &MosaicPart| match &part.source {
+            MosaicSource::Nested { grid, path } => [vec![path.clone()], grid.members()].concat(),
+            MosaicSource::File(file) => vec![path_of(file.name()).into_owned()],
         };
         let mut members: Vec<PathBuf> = self.parts.iter().flat_map(of).collect();
         members.sort();

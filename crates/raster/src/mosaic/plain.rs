@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::format::OpenOptions;
+use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::nodata::is_no_height;
 use crate::notes::{MASK, NODATA_VALUES};
@@ -11,19 +11,19 @@ use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Rect;
 use terrane_files::{on_threads, path_of};
 
-use super::agree::{self, Named};
-use super::find::{Family, Found, Nest, Source, find};
-use super::layout::{Layout, Shape, lay_out};
+use super::agree::{self, NamedGrid};
+use super::find::{Family, MosaicEntry, MosaicSource, Nest, find};
+use super::layout::{GridShape, MosaicLayout, lay_out};
 use super::recode::{Recode, is_same, void_range, wider};
-use super::{Mosaic, Part, members};
+use super::{Mosaic, MosaicPart, members};
 
 /// Most nodata values that are told.
 const MOST_TOLD: usize = 8;
 
 /// What a mosaic needs to remember of each file.
-struct Member {
-    source: Source,
-    shape: Shape,
+struct MosaicMember {
+    source: MosaicSource,
+    shape: GridShape,
     sample_type: SampleType,
     nodata: Option<f64>,
     unit: Option<String>,
@@ -31,10 +31,10 @@ struct Member {
     mask: Option<(String, String)>,
 }
 
-impl Member {
-    fn of(Found { info, source }: Found) -> Self {
+impl MosaicMember {
+    fn of(MosaicEntry { info, source }: MosaicEntry) -> Self {
         let GridInfo { transform, width, height, sample_type, nodata, .. } = info;
-        let shape = Shape { transform, width, height };
+        let shape = GridShape { transform, width, height };
         let mask = info.details.into_iter().find(|(name, _)| name == MASK && nodata.is_some());
         Self { source, shape, sample_type, nodata, unit: info.crs.vertical_unit, mask }
     }
@@ -45,7 +45,7 @@ impl Member {
 ///
 /// # Errors
 /// Inputs that yield no file, a file that cannot be opened, two files that do not fit together.
-pub(crate) fn open(inputs: &[String], options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let names = members::files(inputs)?;
     match names.as_slice() {
         [] => Err(nothing()),
@@ -58,7 +58,7 @@ fn nothing() -> Error {
     Error::usage("no input is given").remedy("name a grid file")
 }
 
-fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
+fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
     let family = Family::new(names.len(), options);
     family.count_members(names.len() as u64)?;
     let nest = Nest { family, around: Vec::new() };
@@ -71,13 +71,13 @@ fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
     let member = |name: &String| {
         let found = look(name)?;
         if let Some(info) = &info {
-            let reference = Named { name: &names[0], info };
-            agree::check(reference, Named { name, info: &found.info })?;
+            let reference = NamedGrid { name: &names[0], info };
+            agree::check(reference, NamedGrid { name, info: &found.info })?;
         }
-        Ok(Member::of(found))
+        Ok(MosaicMember::of(found))
     };
-    let rest = || Ok(names[1..].par_iter().map(member).collect::<Vec<Result<Member>>>());
-    let mut looked = vec![first.map(Member::of)];
+    let rest = || Ok(names[1..].par_iter().map(member).collect::<Vec<Result<MosaicMember>>>());
+    let mut looked = vec![first.map(MosaicMember::of)];
     looked.extend(on_threads(options.threads.min(names.len() - 1), rest)?);
     let members = all(looked)?;
     let info = info.ok_or_else(nothing)?;
@@ -89,7 +89,7 @@ fn mosaic(names: &[String], options: &OpenOptions) -> Result<Mosaic> {
 }
 
 /// The one unit of height that files state; those that state none are taken to agree.
-fn unit(names: &[String], members: &[Member]) -> Result<Option<String>> {
+fn unit(names: &[String], members: &[MosaicMember]) -> Result<Option<String>> {
     let stated =
         names.iter().zip(members).filter_map(|(n, m)| Some((n.as_str(), m.unit.as_deref()?)));
     let mut stated = stated.peekable();
@@ -98,8 +98,8 @@ fn unit(names: &[String], members: &[Member]) -> Result<Option<String>> {
     Ok(Some(first.1.to_owned()))
 }
 
-fn laid_out(names: &[String], members: &[Member]) -> Result<Layout> {
-    let shapes: Vec<Shape> = members.iter().map(|member| member.shape).collect();
+fn laid_out(names: &[String], members: &[MosaicMember]) -> Result<MosaicLayout> {
+    let shapes: Vec<GridShape> = members.iter().map(|member| member.shape).collect();
     lay_out(&shapes).map_err(|e| e.in_file(&path_of(&names[0])))?.map_err(|(i, misfit)| {
         agree::misplaced((&names[0], &shapes[0]), (&names[i], &shapes[i]), misfit)
     })
@@ -109,8 +109,8 @@ fn laid_out(names: &[String], members: &[Member]) -> Result<Layout> {
 /// samples, with a nodata value that no file has for a height.
 fn describe(
     first: GridInfo,
-    members: &[Member],
-    layout: &Layout,
+    members: &[MosaicMember],
+    layout: &MosaicLayout,
     unit: Option<String>,
 ) -> GridInfo {
     let types = members.iter().map(|member| member.sample_type);
@@ -132,9 +132,9 @@ fn describe(
     info
 }
 
-fn parts(members: Vec<Member>, layout: &Layout, info: &GridInfo) -> Vec<Part> {
+fn parts(members: Vec<MosaicMember>, layout: &MosaicLayout, info: &GridInfo) -> Vec<MosaicPart> {
     let placed = members.into_iter().zip(&layout.places);
-    let part = |(member, place): (Member, &[u32; 2])| Part {
+    let part = |(member, place): (MosaicMember, &[u32; 2])| MosaicPart {
         recode: recode(member.nodata, info),
         source: member.source,
         rect: Rect::new(place[0], place[1], member.shape.width, member.shape.height),
@@ -147,7 +147,7 @@ fn parts(members: Vec<Member>, layout: &Layout, info: &GridInfo) -> Vec<Part> {
 /// The value that stands for voids of the mosaic: the one that all files declare, or else the first that no
 /// terrain has for a height, or the last resort of the type. A height that is this value all the same
 /// cannot be written, and is told by name then.
-fn nodata(members: &[Member], kind: SampleType) -> Option<f64> {
+fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
     match &declared(members)[..] {
         [] => None,
         [only] if members.iter().all(|member| member.nodata.is_some()) => Some(*only),
@@ -159,7 +159,7 @@ fn nodata(members: &[Member], kind: SampleType) -> Option<f64> {
 }
 
 /// The different nodata values that files declare, in order.
-fn declared(members: &[Member]) -> Vec<f64> {
+fn declared(members: &[MosaicMember]) -> Vec<f64> {
     let mut all: Vec<f64> = Vec::new();
     for value in members.iter().filter_map(|member| member.nodata) {
         if !all.iter().any(|own| is_same(*own, value)) {
@@ -192,7 +192,7 @@ fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
 }
 
 /// How many files there are, what the first is, and where they differ in nodata.
-fn facts(members: &[Member], first: &GridInfo) -> Vec<(String, String)> {
+fn facts(members: &[MosaicMember], first: &GridInfo) -> Vec<(String, String)> {
     let compression = first.details.iter().find(|(name, _)| name == "compression").cloned();
     let mut facts = vec![
         ("files".to_owned(), members.len().to_string()),

@@ -2,7 +2,7 @@
 //! they are the mosaic's nodata value.
 
 use crate::grid::SampleType;
-use crate::sample::Stored;
+use crate::sample::StoredSample;
 
 /// What is done to each valid height of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +58,7 @@ pub(super) fn is_same(a: f64, b: f64) -> bool {
 
 /// The values of `kind` that count as `nodata`, lowest and highest.
 pub(super) fn void_range(kind: SampleType, nodata: f64) -> Option<(f64, f64)> {
-    fn of<S: Stored<N>, const N: usize>(nodata: f64) -> Option<(f64, f64)> {
+    fn of<S: StoredSample<N>, const N: usize>(nodata: f64) -> Option<(f64, f64)> {
         S::nodata_range(nodata).map(|(low, high)| (low.f64(), high.f64()))
     }
     match kind {

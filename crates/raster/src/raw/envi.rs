@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
-use super::header::{Header, Interleave, count, number, once, whole};
+use super::header::{Interleave, RawRasterHeader, count, number, once, whole};
 use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, wkt};
 use terrane_base::limits;
 
 /// Values by key, keys in lower case, braces removed.
-struct Values(HashMap<String, String>);
+struct EnviHeaderValues(HashMap<String, String>);
 
-impl Values {
+impl EnviHeaderValues {
     fn of(text: &str) -> Result<Self> {
         let mut values = Vec::new();
         let mut lines = text.lines();
@@ -51,8 +51,8 @@ impl Values {
 }
 
 /// Reads a header.
-pub(super) fn read(text: &str) -> Result<Header> {
-    let values = Values::of(text)?;
+pub(super) fn read(text: &str) -> Result<RawRasterHeader> {
+    let values = EnviHeaderValues::of(text)?;
     check_plain(&values)?;
     let map = values.get("map info").map(MapInfo::read).transpose()?;
     let crs = match values.get("coordinate system string") {
@@ -60,7 +60,7 @@ pub(super) fn read(text: &str) -> Result<Header> {
         _ => map.as_ref().map(|map| map.crs.clone()).unwrap_or_default(),
     };
     let ignore = values.get("data ignore value").map(|v| number("data ignore value", v));
-    Ok(Header {
+    Ok(RawRasterHeader {
         kind: "ENVI",
         width: values.count("samples", limits::MAX_SIDE)?,
         height: values.count("lines", limits::MAX_SIDE)?,
@@ -81,7 +81,7 @@ pub(super) fn read(text: &str) -> Result<Header> {
 }
 
 /// Refuses what changes where or how the samples lie and is rare.
-fn check_plain(values: &Values) -> Result<()> {
+fn check_plain(values: &EnviHeaderValues) -> Result<()> {
     if values.get("file compression").is_some_and(|v| v != "0") {
         return Err(Error::unsupported("compressed ENVI files are not supported"));
     }
@@ -96,13 +96,13 @@ fn check_plain(values: &Values) -> Result<()> {
     }
 }
 
-fn interleave(values: &Values) -> Result<Interleave> {
+fn interleave(values: &EnviHeaderValues) -> Result<Interleave> {
     let name = values.get("interleave").unwrap_or("bsq");
     Interleave::named(name)
         .ok_or_else(|| Error::unsupported(format!("interleave {name} is not supported")))
 }
 
-fn sample_type(values: &Values) -> Result<SampleType> {
+fn sample_type(values: &EnviHeaderValues) -> Result<SampleType> {
     match values.whole("data type")?.unwrap_or(1) {
         1 => Ok(SampleType::U8),
         2 => Ok(SampleType::I16),

@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
-use super::header::{Header, Interleave, count, number, once, whole};
+use super::header::{Interleave, RawRasterHeader, count, number, once, whole};
 use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
 
 /// Values by key, keys in lower case.
-struct Values<'a>(HashMap<String, &'a str>);
+struct EsriHeaderValues<'a>(HashMap<String, &'a str>);
 
-impl<'a> Values<'a> {
+impl<'a> EsriHeaderValues<'a> {
     fn of(text: &'a str) -> Result<Self> {
         let pair = |line: &'a str| {
             let mut words = line.split_whitespace();
@@ -45,17 +45,17 @@ const BITS: [u64; 4] = [8, 16, 32, 64];
 
 /// Reads a header; `ending` is that of the data file, which tells floats from integers where the
 /// header does not, and `bytes` its length, which tells how wide samples are.
-pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<Header> {
-    let values = Values::of(text)?;
+pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
+    let values = EsriHeaderValues::of(text)?;
     let header = match values.whole("nbits")? {
         Some(bits) => with(&values, ending, sample_type(&values, ending, bits)?)?,
         None => by_length(&values, ending, bytes)?,
     };
-    Ok(Header { big_endian: big_endian(&values, header.sample_type)?, ..header })
+    Ok(RawRasterHeader { big_endian: big_endian(&values, header.sample_type)?, ..header })
 }
 
 /// The header of the samples that are as wide as the length of the data says.
-fn by_length(values: &Values<'_>, ending: &str, bytes: u64) -> Result<Header> {
+fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let mut fitting = Vec::new();
     for bits in BITS {
         // Wide samples of an unknown kind are floats, as GDAL has it.
@@ -70,7 +70,7 @@ fn by_length(values: &Values<'_>, ending: &str, bytes: u64) -> Result<Header> {
         }
     }
     if fitting.len() > 1 {
-        fitting.retain(Header::is_dense);
+        fitting.retain(RawRasterHeader::is_dense);
     }
     match fitting.pop().filter(|_| fitting.is_empty()) {
         Some(header) => Ok(header),
@@ -82,13 +82,17 @@ fn by_length(values: &Values<'_>, ending: &str, bytes: u64) -> Result<Header> {
 }
 
 /// The header of samples of this type, but for their byte order.
-fn with(values: &Values<'_>, ending: &str, sample_type: SampleType) -> Result<Header> {
+fn with(
+    values: &EsriHeaderValues<'_>,
+    ending: &str,
+    sample_type: SampleType,
+) -> Result<RawRasterHeader> {
     let (width, height) = (values.side("ncols")?, values.side("nrows")?);
     let bands = match values.get(&["nbands"]) {
         Some((key, value)) => count(key, value, limits::MAX_BANDS)?,
         None => 1,
     };
-    Ok(Header {
+    Ok(RawRasterHeader {
         kind: "ESRI",
         width,
         height,
@@ -108,11 +112,11 @@ fn with(values: &Values<'_>, ending: &str, sample_type: SampleType) -> Result<He
     })
 }
 
-fn nodata(values: &Values<'_>) -> Result<Option<f64>> {
+fn nodata(values: &EsriHeaderValues<'_>) -> Result<Option<f64>> {
     values.number(&["nodata", "nodata_value"])
 }
 
-fn interleave(values: &Values<'_>, ending: &str) -> Result<Interleave> {
+fn interleave(values: &EsriHeaderValues<'_>, ending: &str) -> Result<Interleave> {
     match values.get(&["layout"]) {
         Some((_, name)) => Interleave::named(name)
             .ok_or_else(|| Error::unsupported(format!("layout {name} is not supported"))),
@@ -121,7 +125,7 @@ fn interleave(values: &Values<'_>, ending: &str) -> Result<Interleave> {
 }
 
 /// Esri's programs take the order of their machine where none is stated, GDAL takes big-endian.
-fn big_endian(values: &Values<'_>, sample_type: SampleType) -> Result<bool> {
+fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<bool> {
     let Some((_, order)) = values.get(&["byteorder"]) else {
         return match sample_type.bytes() {
             1 => Ok(false),
@@ -140,26 +144,26 @@ fn big_endian(values: &Values<'_>, sample_type: SampleType) -> Result<bool> {
 
 /// What kind of number PIXELTYPE says.
 #[derive(PartialEq)]
-enum Kind {
+enum EsriPixelType {
     Signed,
     Unsigned,
     Float,
 }
 
-fn sample_type(values: &Values<'_>, ending: &str, bits: u64) -> Result<SampleType> {
+fn sample_type(values: &EsriHeaderValues<'_>, ending: &str, bits: u64) -> Result<SampleType> {
     let stated = match values.get(&["pixeltype"]).map(|(_, name)| name.to_ascii_uppercase()) {
         None => None,
         Some(name) => Some(match name.as_str() {
-            "SIGNEDINT" | "SIGNED" | "INT" => Kind::Signed,
-            "UNSIGNEDINT" | "UNSIGNED" | "UINT" => Kind::Unsigned,
-            "FLOAT" => Kind::Float,
+            "SIGNEDINT" | "SIGNED" | "INT" => EsriPixelType::Signed,
+            "UNSIGNEDINT" | "UNSIGNED" | "UINT" => EsriPixelType::Unsigned,
+            "FLOAT" => EsriPixelType::Float,
             _ => return Err(Error::unsupported(format!("pixel type {name} is not supported"))),
         }),
     };
     let by_ending = stated.is_none() && ending == "flt" && bits == 32;
-    let is_float = stated == Some(Kind::Float) || by_ending;
+    let is_float = stated == Some(EsriPixelType::Float) || by_ending;
     // Old global grids say nodata -9999 and no pixel type: a negative nodata has a sign.
-    let signed = stated == Some(Kind::Signed)
+    let signed = stated == Some(EsriPixelType::Signed)
         || (stated.is_none() && ending != "flt" && nodata(values)?.is_some_and(|v| v < 0.0));
     match (bits, is_float, signed) {
         (32, true, _) => Ok(SampleType::F32),
@@ -178,7 +182,7 @@ fn sample_type(values: &Values<'_>, ending: &str, bits: u64) -> Result<SampleTyp
 }
 
 /// From the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
-fn transform(values: &Values<'_>, height: u32) -> Result<Option<Affine>> {
+fn transform(values: &EsriHeaderValues<'_>, height: u32) -> Result<Option<Affine>> {
     let size = values.number(&["cellsize"])?;
     let dx = values.number(&["xdim"])?.or(size);
     let dy = values.number(&["ydim"])?.or(size);

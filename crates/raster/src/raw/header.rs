@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
 use crate::grid::SampleType;
-use crate::strided::Layout;
+use crate::strided::StridedLayout;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
@@ -41,7 +41,7 @@ impl Interleave {
 
 /// What a header of either kind says.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Header {
+pub(super) struct RawRasterHeader {
     pub(super) kind: &'static str,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -65,9 +65,9 @@ pub(super) struct Header {
     pub(super) crs: Crs,
 }
 
-impl Header {
+impl RawRasterHeader {
     /// Where the samples of band `band` (from 1) lie; `None` when that is beyond counting.
-    pub(super) fn layout(&self, band: u32) -> Option<Layout> {
+    pub(super) fn layout(&self, band: u32) -> Option<StridedLayout> {
         let size = self.sample_type.bytes() as u64;
         let (width, bands) = (u64::from(self.width), u64::from(self.bands));
         let before = u64::from(band) - 1;
@@ -89,7 +89,7 @@ impl Header {
             }
         };
         let offset = self.skip.checked_add(band_pitch.checked_mul(before)?)?;
-        Some(Layout { offset, col_pitch, row_pitch, big_endian: self.big_endian })
+        Some(StridedLayout { offset, col_pitch, row_pitch, big_endian: self.big_endian })
     }
 
     /// The lengths that a file of this can have: it ends with the last sample, or with what fills up

@@ -7,8 +7,8 @@ mod header;
 
 use std::path::{Path, PathBuf};
 
-use self::header::Header;
-use crate::format::{OpenOptions, RasterFormat, some_band};
+use self::header::RawRasterHeader;
+use crate::format::{GridOpenOptions, RasterFormat, some_band};
 use crate::grid::{GridInfo, GridSource};
 use crate::strided::{Strided, check_exact};
 use crate::{beside, prj, world};
@@ -28,8 +28,8 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 /// Most bytes of a header.
 const MOST_HEADER: u64 = 1 << 20;
 
-impl Header {
-    fn info(self, path: &Path, options: &OpenOptions) -> Result<GridInfo> {
+impl RawRasterHeader {
+    fn info(self, path: &Path, options: &GridOpenOptions) -> Result<GridInfo> {
         let place = match self.transform {
             Some(map) => Some(map),
             None => world::beside(path, &["wld", "blw", "bpw", "bqw", "bilw", "bipw", "bsqw"])?,
@@ -62,7 +62,7 @@ pub(super) fn is_header_name(path: &Path) -> bool {
 }
 
 /// Opens the data file `path` by the header beside it.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_header_name(path) {
         return Err(is_header(path));
     }
@@ -110,7 +110,7 @@ fn is_header(path: &Path) -> Error {
     Error::usage("is the header of a grid, not its data").in_file(path).remedy(remedy)
 }
 
-fn read_header(data: &RawFile, path: &Path) -> Result<Header> {
+fn read_header(data: &RawFile, path: &Path) -> Result<RawRasterHeader> {
     let text = beside::small_text(path, "bytes of a header", MOST_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {

@@ -1,6 +1,6 @@
 //! GeoKeys of a store: those of the source, or made from what is known of its CRS.
 
-use super::tags::{Values, tag};
+use super::tags::{TiffTagValues, tag};
 use terrane_base::geom::{Crs, is_geographic};
 
 /// Key numbers and values of the OGC GeoTIFF standard 1.1 (19-008r4).
@@ -20,13 +20,13 @@ mod key {
 
 /// The three GeoKey tags; all empty when nothing is known.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct GeoKeys {
+pub(crate) struct GeoKeyTags {
     pub(crate) directory: Vec<u16>,
     pub(super) doubles: Vec<f64>,
     pub(super) ascii: String,
 }
 
-impl GeoKeys {
+impl GeoKeyTags {
     /// The keys for `crs`, saying PixelIsPoint or PixelIsArea.
     pub(crate) fn of(crs: &Crs, point: bool) -> Self {
         let raster_type = if point { key::PIXEL_IS_POINT } else { key::PIXEL_IS_AREA };
@@ -93,16 +93,16 @@ impl GeoKeys {
         Self { directory, doubles: Vec::new(), ascii }
     }
 
-    pub(crate) fn tags(&self) -> Vec<(u16, Values)> {
+    pub(crate) fn tags(&self) -> Vec<(u16, TiffTagValues)> {
         let mut tags = Vec::new();
         if !self.directory.is_empty() {
-            tags.push((tag::GEO_KEYS, Values::Short(self.directory.clone())));
+            tags.push((tag::GEO_KEYS, TiffTagValues::Short(self.directory.clone())));
         }
         if !self.doubles.is_empty() {
-            tags.push((tag::GEO_DOUBLES, Values::Double(self.doubles.clone())));
+            tags.push((tag::GEO_DOUBLES, TiffTagValues::Double(self.doubles.clone())));
         }
         if !self.ascii.is_empty() {
-            tags.push((tag::GEO_ASCII, Values::Ascii(self.ascii.clone())));
+            tags.push((tag::GEO_ASCII, TiffTagValues::Ascii(self.ascii.clone())));
         }
         tags
     }
@@ -110,7 +110,7 @@ impl GeoKeys {
 
 /// Fills in the GeoKeys of a CRS known by its code only.
 pub fn complete(crs: Crs) -> Crs {
-    let GeoKeys { directory, doubles, ascii } = GeoKeys::of(&crs, false);
+    let GeoKeyTags { directory, doubles, ascii } = GeoKeyTags::of(&crs, false);
     Crs { geo_keys: directory, geo_doubles: doubles, geo_ascii: ascii, ..crs }
 }
 

@@ -1,9 +1,9 @@
 //! The facts a store's directory is made of: from a grid, to a grid, and to TIFF tags.
 
-use super::crs::GeoKeys;
-use super::layout::Layout;
-use super::metadata::{BandName, Metadata, number};
-use super::tags::{Front, Values, tag};
+use super::crs::GeoKeyTags;
+use super::layout::StoreLayout;
+use super::metadata::{BandName, GdalMetadata, number};
+use super::tags::{StorePreamble, TiffTagValues, tag};
 use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -15,7 +15,7 @@ const FORMAT: &str = "terrane store";
 
 /// How a store says where it lies.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Position {
+pub(super) enum StoreGeoreference {
     Nowhere,
     /// Cell size in x and y, and the world position of sample (0, 0), the centre of its cell.
     North {
@@ -26,37 +26,37 @@ pub(super) enum Position {
     Matrix(Vec<f64>),
 }
 
-/// The facts. `Front` is made of nothing else.
+/// The facts. `StorePreamble` is made of nothing else.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Header {
-    pub(super) layout: Layout,
-    pub(super) position: Position,
-    pub(super) keys: GeoKeys,
-    pub(super) metadata: Metadata,
+pub(super) struct StoreHeader {
+    pub(super) layout: StoreLayout,
+    pub(super) position: StoreGeoreference,
+    pub(super) keys: GeoKeyTags,
+    pub(super) metadata: GdalMetadata,
     /// As text, so that it is kept to the letter.
     pub(super) nodata: Option<String>,
 }
 
-impl Header {
+impl StoreHeader {
     /// The facts of a grid, with tiles of `side`.
     pub(super) fn new(info: &GridInfo, side: u32) -> Result<Self> {
-        let layout = Layout::new(info.width, info.height, side, info.sample_type)?;
+        let layout = StoreLayout::new(info.width, info.height, side, info.sample_type)?;
         check_place(info)?;
-        let position = Position::new(info);
-        let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
-        let metadata = Metadata::new(info, matches!(position, Position::Matrix(_)));
+        let position = StoreGeoreference::new(info);
+        let keys = GeoKeyTags::of(&info.crs, info.pixel_is_point);
+        let metadata = GdalMetadata::new(info, matches!(position, StoreGeoreference::Matrix(_)));
         Ok(Self { layout, position, keys, metadata, nodata: info.nodata.map(number) })
     }
 
     /// The grid these facts describe; `None` when they contradict each other.
     pub(super) fn info(&self) -> Option<GridInfo> {
-        let Layout { width, height, tile_width, tile_height, sample_type } = self.layout;
+        let StoreLayout { width, height, tile_width, tile_height, sample_type } = self.layout;
         let transform = self.transform()?;
         Some(GridInfo {
             width,
             height,
             transform,
-            georeferenced: self.position != Position::Nowhere,
+            georeferenced: self.position != StoreGeoreference::Nowhere,
             pixel_is_point: self.keys.is_point(),
             crs: self.metadata.crs(&self.keys)?,
             sample_type,
@@ -77,12 +77,12 @@ impl Header {
 
     fn transform(&self) -> Option<Affine> {
         let transform = match &self.position {
-            Position::Nowhere => Affine::LATTICE,
-            Position::North { scale, origin } => {
+            StoreGeoreference::Nowhere => Affine::LATTICE,
+            StoreGeoreference::North { scale, origin } => {
                 let ([a, e], [x0, y0]) = (*scale, *origin);
                 Affine { x0, a, b: 0.0, y0, d: 0.0, e: -e }
             }
-            Position::Matrix(m) => {
+            StoreGeoreference::Matrix(m) => {
                 let [x0, y0] = self.metadata.origin()?;
                 let (a, b, d, e) = (*m.first()?, *m.get(1)?, *m.get(4)?, *m.get(5)?);
                 Affine { x0, a, b, y0, d, e }
@@ -92,16 +92,16 @@ impl Header {
     }
 
     /// Everything before the tiles.
-    pub(super) fn front(&self) -> Front {
-        Front::new(|data| self.tags(data))
+    pub(super) fn front(&self) -> StorePreamble {
+        StorePreamble::new(|data| self.tags(data))
     }
 
-    fn tags(&self, data: u64) -> Vec<(u16, Values)> {
+    fn tags(&self, data: u64) -> Vec<(u16, TiffTagValues)> {
         let layout = &self.layout;
         let (bits, format) = sample_tags(layout.sample_type);
         let (count, step) = (layout.tiles(), layout.tile_bytes());
-        let short = |value| Values::Short(vec![value]);
-        let long = |value| Values::Long(vec![value]);
+        let short = |value| TiffTagValues::Short(vec![value]);
+        let long = |value| TiffTagValues::Long(vec![value]);
         let mut tags = vec![
             (tag::WIDTH, long(layout.width)),
             (tag::HEIGHT, long(layout.height)),
@@ -110,22 +110,22 @@ impl Header {
             (tag::PHOTOMETRIC, short(1)),
             (tag::SAMPLES_PER_PIXEL, short(1)),
             (tag::PLANAR, short(1)),
-            (tag::SOFTWARE, Values::Ascii(MARK.to_owned())),
+            (tag::SOFTWARE, TiffTagValues::Ascii(MARK.to_owned())),
             (tag::TILE_WIDTH, long(layout.tile_width)),
             (tag::TILE_HEIGHT, long(layout.tile_height)),
-            (tag::TILE_OFFSETS, Values::Table { count, first: data, step }),
-            (tag::TILE_BYTES, Values::Table { count, first: step, step: 0 }),
+            (tag::TILE_OFFSETS, TiffTagValues::Table { count, first: data, step }),
+            (tag::TILE_BYTES, TiffTagValues::Table { count, first: step, step: 0 }),
             (tag::SAMPLE_FORMAT, short(format)),
         ];
         tags.extend(self.position.tags(self.keys.is_point()));
         tags.extend(self.keys.tags());
-        tags.extend(self.metadata.xml().map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
-        tags.extend(self.nodata.clone().map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
+        tags.extend(self.metadata.xml().map(|xml| (tag::GDAL_METADATA, TiffTagValues::Ascii(xml))));
+        tags.extend(self.nodata.clone().map(|text| (tag::GDAL_NODATA, TiffTagValues::Ascii(text))));
         tags
     }
 }
 
-impl Position {
+impl StoreGeoreference {
     fn new(info: &GridInfo) -> Self {
         let t = info.transform;
         if !info.georeferenced && t == Affine::LATTICE {
@@ -142,30 +142,30 @@ impl Position {
     }
 
     /// Samples that are areas are tied at the centre of their cell.
-    fn tags(&self, point: bool) -> Vec<(u16, Values)> {
+    fn tags(&self, point: bool) -> Vec<(u16, TiffTagValues)> {
         let tie = if point { 0.0 } else { 0.5 };
         match self {
             Self::Nowhere => Vec::new(),
             Self::North { scale: [a, e], origin: [x, y] } => vec![
-                (tag::PIXEL_SCALE, Values::Double(vec![*a, *e, 0.0])),
-                (tag::TIEPOINT, Values::Double(vec![tie, tie, 0.0, *x, *y, 0.0])),
+                (tag::PIXEL_SCALE, TiffTagValues::Double(vec![*a, *e, 0.0])),
+                (tag::TIEPOINT, TiffTagValues::Double(vec![tie, tie, 0.0, *x, *y, 0.0])),
             ],
-            Self::Matrix(matrix) => vec![(tag::MATRIX, Values::Double(matrix.clone()))],
+            Self::Matrix(matrix) => vec![(tag::MATRIX, TiffTagValues::Double(matrix.clone()))],
         }
     }
 }
 
 /// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit, nodata, and
 /// what its bands are called.
-pub(crate) fn facts(info: &GridInfo, bands: &[BandName]) -> Result<Vec<(u16, Values)>> {
+pub(crate) fn facts(info: &GridInfo, bands: &[BandName]) -> Result<Vec<(u16, TiffTagValues)>> {
     check_place(info)?;
-    let keys = GeoKeys::of(&info.crs, info.pixel_is_point);
-    let mut tags = Position::new(info).tags(keys.is_point());
+    let keys = GeoKeyTags::of(&info.crs, info.pixel_is_point);
+    let mut tags = StoreGeoreference::new(info).tags(keys.is_point());
     tags.extend(keys.tags());
-    let xml = Metadata::of_bands(info, bands).xml();
-    tags.extend(xml.map(|xml| (tag::GDAL_METADATA, Values::Ascii(xml))));
+    let xml = GdalMetadata::of_bands(info, bands).xml();
+    tags.extend(xml.map(|xml| (tag::GDAL_METADATA, TiffTagValues::Ascii(xml))));
     let nodata = info.nodata.map(number);
-    tags.extend(nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text))));
+    tags.extend(nodata.map(|text| (tag::GDAL_NODATA, TiffTagValues::Ascii(text))));
     Ok(tags)
 }
 

@@ -16,7 +16,7 @@ const SIDE_STEP: u32 = 64;
 
 /// The shape of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct StoreLayout {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) tile_width: u32,
@@ -24,7 +24,7 @@ pub(super) struct Layout {
     pub(super) sample_type: SampleType,
 }
 
-impl Layout {
+impl StoreLayout {
     /// The layout with tiles of `side`, narrower where the grid itself is.
     pub(super) fn new(width: u32, height: u32, side: u32, sample_type: SampleType) -> Result<Self> {
         if !TILE_SIDES.contains(&side) {

@@ -16,9 +16,9 @@ use memmap2::Mmap;
 
 /// A whole file, mapped for reading.
 #[derive(Debug)]
-pub(super) struct Map(Mmap);
+pub(super) struct MappedFile(Mmap);
 
-impl Map {
+impl MappedFile {
     /// Maps `file`, which must be a store whose length has been checked against its directory.
     pub(super) fn new(file: &File) -> io::Result<Self> {
         // SAFETY: the map is private to this module, read-only, and handed out as plain bytes only.
@@ -50,7 +50,7 @@ impl Map {
     }
 }
 
-impl Deref for Map {
+impl Deref for MappedFile {
     type Target = [u8];
 
     fn deref(&self) -> &[u8] {

@@ -1,7 +1,7 @@
 //! The GDAL_METADATA tag of a store: scale, offset, vertical unit, and what is known of the CRS
 //! beyond the GeoKeys.
 
-use super::crs::GeoKeys;
+use super::crs::GeoKeyTags;
 use crate::grid::{GridInfo, unit_and_text};
 use terrane_base::geom::Crs;
 
@@ -18,11 +18,11 @@ pub struct BandName {
 
 /// Items in the order they are written.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Metadata(Vec<Item>);
+pub(super) struct GdalMetadata(Vec<GdalMetadataItem>);
 
 /// One item: its name, its role for GDAL where it has one, and its value.
 #[derive(Clone, Debug, PartialEq)]
-struct Item {
+struct GdalMetadataItem {
     name: String,
     role: Option<String>,
     /// The band that one with a role is of, from 0.
@@ -33,7 +33,7 @@ struct Item {
 const OPEN: &str = "<GDALMetadata>\n";
 const CLOSE: &str = "</GDALMetadata>\n";
 
-impl Metadata {
+impl GdalMetadata {
     /// What GDAL knows of a band too: offset, scale and vertical unit.
     pub(super) fn of_band(info: &GridInfo) -> Self {
         let crs = &info.crs;
@@ -79,7 +79,7 @@ impl Metadata {
         let Some(value) = value else { return };
         let role = role.map(str::to_owned);
         let value = value.replace('\0', " ");
-        self.0.push(Item { name: name.to_owned(), role, sample: 0, value });
+        self.0.push(GdalMetadataItem { name: name.to_owned(), role, sample: 0, value });
     }
 
     fn get(&self, name: &str) -> Option<&str> {
@@ -105,7 +105,7 @@ impl Metadata {
     }
 
     /// The CRS, with the given GeoKeys; `None` when an item is not what it should be.
-    pub(super) fn crs(&self, keys: &GeoKeys) -> Option<Crs> {
+    pub(super) fn crs(&self, keys: &GeoKeyTags) -> Option<Crs> {
         let text = |name| self.get(name).map(str::to_owned);
         let (vertical_unit, vertical_unit_text) = self.get("UNITTYPE").map(unit_and_text).unzip();
         Some(Crs {
@@ -128,18 +128,18 @@ impl Metadata {
 
     /// The tag's text; `None` when there is nothing to say.
     pub(super) fn xml(&self) -> Option<String> {
-        let lines: String = self.0.iter().map(Item::line).collect();
+        let lines: String = self.0.iter().map(GdalMetadataItem::line).collect();
         (!self.0.is_empty()).then(|| format!("{OPEN}{lines}{CLOSE}"))
     }
 
     /// The items of a text that [`xml`](Self::xml) wrote.
     pub(super) fn from_xml(xml: &str) -> Option<Self> {
         let body = xml.strip_prefix(OPEN)?.strip_suffix(CLOSE)?;
-        body.lines().map(Item::parse).collect::<Option<Vec<_>>>().map(Self)
+        body.lines().map(GdalMetadataItem::parse).collect::<Option<Vec<_>>>().map(Self)
     }
 }
 
-impl Item {
+impl GdalMetadataItem {
     fn line(&self) -> String {
         let of = self.sample;
         let role = self.role.as_ref().map(|role| format!(" sample=\"{of}\" role=\"{role}\""));
@@ -194,12 +194,12 @@ mod tests {
 
     #[test]
     fn awkward_values_round_trip() {
-        let mut items = Metadata::default();
+        let mut items = GdalMetadata::default();
         items.push("A", None, Some("GEOGCS[\"a & b\",\r\n <c>] &amp;lt; é".to_owned()));
         items.push("B", Some("scale"), Some("0.001".to_owned()));
         items.push("C", None, Some(String::new()));
         let xml = items.xml().unwrap();
-        assert_eq!(Metadata::from_xml(&xml), Some(items));
+        assert_eq!(GdalMetadata::from_xml(&xml), Some(items));
         assert_eq!(xml.lines().count(), 5);
     }
 }

@@ -5,7 +5,7 @@ use terrane_base::error::Error;
 
 /// Why a height cannot be stored, and which one of the run it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Misfit {
+pub(crate) enum SampleMisfit {
     /// A void, but no value is declared to stand for voids.
     Void(usize),
     /// A height beyond the range of the sample type.
@@ -23,7 +23,7 @@ const CHOOSE_NODATA: &str =
 const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
-impl Misfit {
+impl SampleMisfit {
     /// The error, for a run that begins at (`col`, `row`) of a grid of such samples.
     pub(super) fn error(
         self,

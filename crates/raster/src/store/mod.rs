@@ -28,4 +28,4 @@ pub(super) mod writer;
 pub use crs::complete;
 pub use layout::{DEFAULT_TILE, TILE_SIDES};
 pub use reader::try_open;
-pub use writer::{Heights, StoreWriter};
+pub use writer::{HeightSlice, StoreWriter};

@@ -5,14 +5,14 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
 
-use super::crs::GeoKeys;
-use super::header::{Header, MARK, Position, sample_type};
-use super::layout::Layout;
-use super::map::Map;
-use super::metadata::Metadata;
-use super::sample::{Codec, Height};
-use super::tags::{ENTRY, Front, MAGIC, START, Values, tag, value_bytes};
-use crate::format::OpenOptions;
+use super::crs::GeoKeyTags;
+use super::header::{MARK, StoreGeoreference, StoreHeader, sample_type};
+use super::layout::StoreLayout;
+use super::map::MappedFile;
+use super::metadata::GdalMetadata;
+use super::sample::{SampleCodec, StoreHeight};
+use super::tags::{ENTRY, MAGIC, START, StorePreamble, TiffTagValues, tag, value_bytes};
+use crate::format::GridOpenOptions;
 use crate::grid::{GridInfo, GridSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -21,7 +21,7 @@ use terrane_base::limits;
 /// Opens `path` when it is a store written by this version, every byte outside the tiles as this
 /// version writes it; `None` when it is anything else. Fails when the file cannot be read, or has
 /// no band as asked.
-pub fn try_open(path: &Path, options: &OpenOptions) -> Result<Option<Box<dyn GridSource>>> {
+pub fn try_open(path: &Path, options: &GridOpenOptions) -> Result<Option<Box<dyn GridSource>>> {
     let mut file = File::open(path).map_err(|e| Error::read(path, e))?;
     let facts = file.metadata().map_err(|e| Error::read(path, e))?;
     if !facts.is_file() {
@@ -35,13 +35,16 @@ pub fn try_open(path: &Path, options: &OpenOptions) -> Result<Option<Box<dyn Gri
             .remedy("the file has one band: leave ‹band› out"));
     }
     info.nodata = options.nodata.or(info.nodata);
-    let map = Map::new(&file).map_err(|e| Error::read(path, e))?;
-    let (codec, data) = (Codec::new(&info), front.data as usize);
-    Ok(Some(Box::new(Store { info, layout: header.layout, codec, map, data })))
+    let map = MappedFile::new(&file).map_err(|e| Error::read(path, e))?;
+    let (codec, data) = (SampleCodec::new(&info), front.data as usize);
+    Ok(Some(Box::new(MappedStore { info, layout: header.layout, codec, map, data })))
 }
 
 /// The facts of a file that is a store to the last byte; `None` for any other.
-fn recognise(file: &mut File, length: u64) -> io::Result<Option<(Header, Front, GridInfo)>> {
+fn recognise(
+    file: &mut File,
+    length: u64,
+) -> io::Result<Option<(StoreHeader, StorePreamble, GridInfo)>> {
     let Some(tags) = read_tags(file, length)? else { return Ok(None) };
     let Some(header) = parse(&tags) else { return Ok(None) };
     let Some(info) = header.info() else { return Ok(None) };
@@ -67,7 +70,7 @@ fn next_bytes_are(file: &mut File, expected: &[u8]) -> io::Result<bool> {
 
 /// The directory of a file that begins as a store does. Nothing is read or allocated beyond the
 /// file's end or the limit for header values.
-fn read_tags(file: &mut File, length: u64) -> io::Result<Option<Vec<(u16, Values)>>> {
+fn read_tags(file: &mut File, length: u64) -> io::Result<Option<Vec<(u16, TiffTagValues)>>> {
     let mut start = [0; START + 8];
     if length < start.len() as u64 {
         return Ok(None);
@@ -86,7 +89,11 @@ fn read_tags(file: &mut File, length: u64) -> io::Result<Option<Vec<(u16, Values
 }
 
 /// One tag; `None` when it is not one of a store. Of tables of tiles only the count is read.
-fn read_tag(file: &mut File, length: u64, entry: &[u8]) -> io::Result<Option<(u16, Values)>> {
+fn read_tag(
+    file: &mut File,
+    length: u64,
+    entry: &[u8],
+) -> io::Result<Option<(u16, TiffTagValues)>> {
     let number = |range: Range<usize>| {
         let bytes = entry.get(range).unwrap_or_default();
         bytes.iter().rev().fold(0_u64, |sum, byte| sum << 8 | u64::from(*byte))
@@ -94,7 +101,7 @@ fn read_tag(file: &mut File, length: u64, entry: &[u8]) -> io::Result<Option<(u1
     let (tag, kind, count, place) = (number(0..2), number(2..4), number(4..12), number(12..20));
     let (tag, kind) = (tag as u16, kind as u16);
     if [tag::TILE_OFFSETS, tag::TILE_BYTES].contains(&tag) {
-        return Ok(Some((tag, Values::Table { count, first: 0, step: 0 })));
+        return Ok(Some((tag, TiffTagValues::Table { count, first: 0, step: 0 })));
     }
     let size = value_bytes(kind).and_then(|size| size.checked_mul(count));
     let most = limits::MAX_HEADER_BYTES.min(length);
@@ -104,7 +111,7 @@ fn read_tag(file: &mut File, length: u64, entry: &[u8]) -> io::Result<Option<(u1
     if size > 8 && !read_inside(file, place, length, &mut bytes)? {
         return Ok(None);
     }
-    Ok(Values::decode(kind, &bytes).map(|values| (tag, values)))
+    Ok(TiffTagValues::decode(kind, &bytes).map(|values| (tag, values)))
 }
 
 /// Fills `bytes` from `place`, unless they end beyond the file.
@@ -118,29 +125,29 @@ fn read_inside(file: &mut File, place: u64, length: u64, bytes: &mut [u8]) -> io
 }
 
 /// The facts in a store's tags; `None` when one is missing or strange.
-fn parse(tags: &[(u16, Values)]) -> Option<Header> {
+fn parse(tags: &[(u16, TiffTagValues)]) -> Option<StoreHeader> {
     let get = |tag| tags.iter().find(|(found, _)| *found == tag).map(|(_, values)| values);
     let long = |tag| match get(tag) {
-        Some(Values::Long(values)) => values.first().copied(),
+        Some(TiffTagValues::Long(values)) => values.first().copied(),
         _ => None,
     };
     let short = |tag| match get(tag) {
-        Some(Values::Short(values)) => values.clone(),
+        Some(TiffTagValues::Short(values)) => values.clone(),
         _ => Vec::new(),
     };
     let doubles = |tag| match get(tag) {
-        Some(Values::Double(values)) => values.clone(),
+        Some(TiffTagValues::Double(values)) => values.clone(),
         _ => Vec::new(),
     };
     let text = |tag| match get(tag) {
-        Some(Values::Ascii(text)) => Some(text.clone()),
+        Some(TiffTagValues::Ascii(text)) => Some(text.clone()),
         _ => None,
     };
     if text(tag::SOFTWARE)? != MARK {
         return None;
     }
     let (bits, format) = (short(tag::BITS), short(tag::SAMPLE_FORMAT));
-    let layout = Layout {
+    let layout = StoreLayout {
         width: long(tag::WIDTH)?,
         height: long(tag::HEIGHT)?,
         tile_width: long(tag::TILE_WIDTH)?,
@@ -149,43 +156,43 @@ fn parse(tags: &[(u16, Values)]) -> Option<Header> {
     };
     layout.check().ok()?;
     let place = [tag::PIXEL_SCALE, tag::TIEPOINT, tag::MATRIX].map(doubles);
-    let metadata = text(tag::GDAL_METADATA).map(|xml| Metadata::from_xml(&xml));
-    Some(Header {
+    let metadata = text(tag::GDAL_METADATA).map(|xml| GdalMetadata::from_xml(&xml));
+    Some(StoreHeader {
         layout,
         position: position(place)?,
-        keys: GeoKeys {
+        keys: GeoKeyTags {
             directory: short(tag::GEO_KEYS),
             doubles: doubles(tag::GEO_DOUBLES),
             ascii: text(tag::GEO_ASCII).unwrap_or_default(),
         },
-        metadata: metadata.unwrap_or(Some(Metadata::default()))?,
+        metadata: metadata.unwrap_or(Some(GdalMetadata::default()))?,
         nodata: text(tag::GDAL_NODATA),
     })
 }
 
-fn position([scale, tiepoint, matrix]: [Vec<f64>; 3]) -> Option<Position> {
+fn position([scale, tiepoint, matrix]: [Vec<f64>; 3]) -> Option<StoreGeoreference> {
     if !matrix.is_empty() {
-        return Some(Position::Matrix(matrix));
+        return Some(StoreGeoreference::Matrix(matrix));
     }
     if scale.is_empty() && tiepoint.is_empty() {
-        return Some(Position::Nowhere);
+        return Some(StoreGeoreference::Nowhere);
     }
     let scale = [*scale.first()?, *scale.get(1)?];
-    Some(Position::North { scale, origin: [*tiepoint.get(3)?, *tiepoint.get(4)?] })
+    Some(StoreGeoreference::North { scale, origin: [*tiepoint.get(3)?, *tiepoint.get(4)?] })
 }
 
 /// A mapped store.
-struct Store {
+struct MappedStore {
     info: GridInfo,
-    layout: Layout,
-    codec: Codec,
-    map: Map,
+    layout: StoreLayout,
+    codec: SampleCodec,
+    map: MappedFile,
     /// Byte at which tile 0 starts.
     data: usize,
 }
 
-impl Store {
-    fn read<H: Height>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+impl MappedStore {
+    fn read<H: StoreHeight>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         self.check(rect, out.len())?;
         for (across, down) in self.tiles(rect) {
             self.read_tile(across, down, rect, out);
@@ -207,7 +214,7 @@ impl Store {
 
     /// The tiles that `rect` touches.
     fn tiles(&self, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
-        let Layout { tile_width, tile_height, .. } = self.layout;
+        let StoreLayout { tile_width, tile_height, .. } = self.layout;
         let across = rect.col / tile_width..rect.end_col().div_ceil(tile_width);
         let down = rect.row / tile_height..rect.end_row().div_ceil(tile_height);
         let down = if rect.is_empty() { 0..0 } else { down };
@@ -221,7 +228,7 @@ impl Store {
         start..start + bytes
     }
 
-    fn read_tile<H: Height>(&self, across: u32, down: u32, rect: Rect, out: &mut [H]) {
+    fn read_tile<H: StoreHeight>(&self, across: u32, down: u32, rect: Rect, out: &mut [H]) {
         let tile = self.layout.tile_rect(across, down);
         let part = tile.intersect(&rect);
         let range = self.tile_bytes(across, down);
@@ -239,7 +246,7 @@ impl Store {
     }
 }
 
-impl GridSource for Store {
+impl GridSource for MappedStore {
     reads_alike!();
 
     /// The same as [`copied`](Self::copied): a page that is read again is in the system's cache.

@@ -2,23 +2,23 @@
 
 use half::f16;
 
-use super::misfit::Misfit;
+use super::misfit::SampleMisfit;
 use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::Error;
 
 /// What stored samples mean: height = stored * scale + offset, one value stands for voids.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Codec {
+pub(crate) struct SampleCodec {
     sample_type: SampleType,
     nodata: Option<f64>,
     scale: f64,
     offset: f64,
-    rounding: Rounding,
+    rounding: SampleRounding,
 }
 
 /// What becomes of heights that the sample type does not hold as they are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Rounding {
+pub(crate) enum SampleRounding {
     /// They are refused.
     #[default]
     Exact,
@@ -49,23 +49,23 @@ macro_rules! by_type {
     };
 }
 
-impl Codec {
+impl SampleCodec {
     pub(crate) fn new(info: &GridInfo) -> Self {
         let GridInfo { sample_type, nodata, scale, offset, .. } = *info;
-        Self { sample_type, nodata, scale, offset, rounding: Rounding::Exact }
+        Self { sample_type, nodata, scale, offset, rounding: SampleRounding::Exact }
     }
 
     /// The same with another way of rounding.
-    pub(crate) fn rounding(self, rounding: Rounding) -> Self {
+    pub(crate) fn rounding(self, rounding: SampleRounding) -> Self {
         Self { rounding, ..self }
     }
 
     /// Heights of stored bytes (as many as `out` holds); voids become NaN.
-    pub(super) fn decode<H: Height>(&self, stored: &[u8], out: &mut [H]) {
+    pub(super) fn decode<H: StoreHeight>(&self, stored: &[u8], out: &mut [H]) {
         by_type!(self, decode_as, stored, out);
     }
 
-    fn decode_as<T: Stored, H: Height>(&self, stored: &[u8], out: &mut [H]) {
+    fn decode_as<T: StoreSample, H: StoreHeight>(&self, stored: &[u8], out: &mut [H]) {
         let (scale, offset) = (self.scale, self.offset);
         match (T::exactly(self.nodata), self.is_plain()) {
             (None, true) => decode_run(stored, out, |v: T| v.is_hole(), H::of),
@@ -83,15 +83,19 @@ impl Codec {
 
     /// Stored bytes of heights. `bytes` may be longer: the rest is padded with voids (zeros where
     /// no value is declared for them).
-    pub(crate) fn encode<H: Height>(&self, heights: &[H], bytes: &mut [u8]) -> Result<(), Misfit> {
-        by_type!(self, encode_as, heights, bytes)
-    }
-
-    fn encode_as<T: Stored, H: Height>(
+    pub(crate) fn encode<H: StoreHeight>(
         &self,
         heights: &[H],
         bytes: &mut [u8],
-    ) -> Result<(), Misfit> {
+    ) -> Result<(), SampleMisfit> {
+        by_type!(self, encode_as, heights, bytes)
+    }
+
+    fn encode_as<T: StoreSample, H: StoreHeight>(
+        &self,
+        heights: &[H],
+        bytes: &mut [u8],
+    ) -> Result<(), SampleMisfit> {
         let fill = T::exactly(self.nodata).or(T::HOLE);
         let (bytes, padding) = bytes.split_at_mut(heights.len() * T::BYTES);
         let mut sound = true;
@@ -112,7 +116,7 @@ impl Codec {
     }
 
     /// What a reader will get of `height`, for formats that write numbers their own way.
-    pub(crate) fn fit(&self, height: f64) -> Result<f64, Misfit> {
+    pub(crate) fn fit(&self, height: f64) -> Result<f64, SampleMisfit> {
         let (mut bytes, mut out) = ([0; 8], [0.0]);
         let bytes = &mut bytes[..self.sample_type.bytes()];
         self.encode(&[height], bytes)?;
@@ -121,7 +125,7 @@ impl Codec {
     }
 
     #[inline(always)]
-    fn store<T: Stored, H: Height>(&self, height: H, fill: Option<T>) -> (T, bool) {
+    fn store<T: StoreSample, H: StoreHeight>(&self, height: H, fill: Option<T>) -> (T, bool) {
         if height.is_void() {
             return (fill.unwrap_or(T::ZERO), fill.is_some());
         }
@@ -129,49 +133,53 @@ impl Codec {
         let (value, held) = T::nearest(wanted);
         let meets = fill.is_some_and(|fill| value.meets(fill));
         match self.rounding {
-            Rounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
-            Rounding::Nearest => (value, held & !meets),
-            Rounding::Aside => (if meets { value.aside() } else { value }, held),
+            SampleRounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
+            SampleRounding::Nearest => (value, held & !meets),
+            SampleRounding::Aside => (if meets { value.aside() } else { value }, held),
         }
     }
 
     /// The value that is stored for a void; `None` where the type has none.
-    fn void_as<T: Stored, H: Height>(&self, void: H) -> Option<f64> {
+    fn void_as<T: StoreSample, H: StoreHeight>(&self, void: H) -> Option<f64> {
         let (value, is_held) = self.store::<T, H>(void, T::exactly(self.nodata).or(T::HOLE));
         is_held.then(|| value.to_f64())
     }
 
     /// What would have to be stored for `height`.
     #[inline(always)]
-    fn wanted<T: Stored>(&self, height: f64) -> f64 {
+    fn wanted<T: StoreSample>(&self, height: f64) -> f64 {
         if self.is_plain() { height } else { T::unscale(height, self.scale, self.offset) }
     }
 
     /// True when `value` is `wanted`, but for what scale and offset have rounded.
     #[inline(always)]
-    fn is_close<T: Stored>(&self, value: T, wanted: f64) -> bool {
+    fn is_close<T: StoreSample>(&self, value: T, wanted: f64) -> bool {
         let apart = (value.to_f64() - wanted).abs();
         apart <= if self.is_plain() { 0.0 } else { T::slack(wanted, self.offset / self.scale) }
     }
 
     /// Finds what [`encode`](Self::encode) stumbled over.
-    fn misfit<T: Stored, H: Height>(&self, heights: &[H], fill: Option<T>) -> Misfit {
+    fn misfit<T: StoreSample, H: StoreHeight>(
+        &self,
+        heights: &[H],
+        fill: Option<T>,
+    ) -> SampleMisfit {
         let bad = |height: &H| !self.store::<T, H>(*height, fill).1;
         let at = heights.iter().position(bad).unwrap_or_default();
         let Some(height) = heights.get(at).filter(|height| !height.is_void()) else {
-            return Misfit::Void(at);
+            return SampleMisfit::Void(at);
         };
         let height = height.to_f64();
         let (value, held) = T::nearest(self.wanted::<T>(height));
         match (held, fill.is_some_and(|fill| value.meets(fill))) {
-            (false, _) => Misfit::Beyond(at, height),
-            (true, true) => Misfit::Nodata(at, height),
-            (true, false) => Misfit::Between(at, height),
+            (false, _) => SampleMisfit::Beyond(at, height),
+            (true, true) => SampleMisfit::Nodata(at, height),
+            (true, false) => SampleMisfit::Between(at, height),
         }
     }
 
     /// The error of a misfit in a run that begins at (`col`, `row`): what, where and what to do.
-    pub(crate) fn refusal(&self, misfit: Misfit, col: u32, row: u32) -> Error {
+    pub(crate) fn refusal(&self, misfit: SampleMisfit, col: u32, row: u32) -> Error {
         misfit.error(self.sample_type, self.nodata, (col, row))
     }
 }
@@ -180,12 +188,12 @@ impl Codec {
 /// floats, and NaN for infinities. `None` where integers lack it.
 pub(crate) fn stored_nodata(sample_type: SampleType, nodata: f64) -> Option<f64> {
     let info = GridInfo::plain("", 1, 1, sample_type);
-    let codec = Codec::new(&GridInfo { nodata: Some(nodata), ..info });
+    let codec = SampleCodec::new(&GridInfo { nodata: Some(nodata), ..info });
     by_type!(codec, void_as, f64::NAN)
 }
 
 #[inline(always)]
-fn decode_run<T: Stored, H: Height>(
+fn decode_run<T: StoreSample, H: StoreHeight>(
     stored: &[u8],
     out: &mut [H],
     is_hole: impl Fn(T) -> bool,
@@ -198,19 +206,19 @@ fn decode_run<T: Stored, H: Height>(
 }
 
 /// A float that heights are handed out in.
-pub(crate) trait Height: Copy {
+pub(crate) trait StoreHeight: Copy {
     const VOID: Self;
-    fn of<T: Stored>(value: T) -> Self;
+    fn of<T: StoreSample>(value: T) -> Self;
     fn of_f64(value: f64) -> Self;
     fn to_f64(self) -> f64;
     fn is_void(self) -> bool;
 }
 
-impl Height for f32 {
+impl StoreHeight for f32 {
     const VOID: Self = f32::NAN;
 
     #[inline(always)]
-    fn of<T: Stored>(value: T) -> Self {
+    fn of<T: StoreSample>(value: T) -> Self {
         value.to_f32()
     }
 
@@ -230,11 +238,11 @@ impl Height for f32 {
     }
 }
 
-impl Height for f64 {
+impl StoreHeight for f64 {
     const VOID: Self = f64::NAN;
 
     #[inline(always)]
-    fn of<T: Stored>(value: T) -> Self {
+    fn of<T: StoreSample>(value: T) -> Self {
         value.to_f64()
     }
 
@@ -255,7 +263,7 @@ impl Height for f64 {
 }
 
 /// A sample type.
-pub(crate) trait Stored: Copy + PartialEq {
+pub(crate) trait StoreSample: Copy + PartialEq {
     const BYTES: usize;
     const ZERO: Self;
     /// A value that is void by itself (NaN).
@@ -271,7 +279,7 @@ pub(crate) trait Stored: Copy + PartialEq {
 
     /// Writes heights that are whole numbers of this type. False where one is not, or stands for voids; what is written
     /// is of no use then.
-    fn write_whole<H: Height>(_heights: &[H], _bytes: &mut [u8], _fill: Option<Self>) -> bool {
+    fn write_whole<H: StoreHeight>(_heights: &[H], _bytes: &mut [u8], _fill: Option<Self>) -> bool {
         false
     }
 
@@ -313,7 +321,7 @@ macro_rules! bytes_of {
 
 macro_rules! stored_integer {
     ($($t:ty),*) => {$(
-        impl Stored for $t {
+        impl StoreSample for $t {
             bytes_of!($t);
             const ZERO: Self = 0;
             const HOLE: Option<Self> = None;
@@ -341,7 +349,7 @@ macro_rules! stored_integer {
                 (whole as $t, f64::from(whole as $t) == whole)
             }
 
-            fn write_whole<H: Height>(heights: &[H], bytes: &mut [u8], fill: Option<Self>) -> bool {
+            fn write_whole<H: StoreHeight>(heights: &[H], bytes: &mut [u8], fill: Option<Self>) -> bool {
                 let mut all = true;
                 for (bytes, height) in bytes.chunks_exact_mut(Self::BYTES).zip(heights) {
                     let height = height.to_f64();
@@ -386,18 +394,18 @@ macro_rules! float_rules {
 
         #[inline(always)]
         fn meets(self, nodata: Self) -> bool {
-            let nodata = Stored::to_f64(nodata);
-            (Stored::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
+            let nodata = StoreSample::to_f64(nodata);
+            (StoreSample::to_f64(self) - nodata).abs() <= 4.0 * $epsilon * nodata.abs()
         }
 
         fn aside(self) -> Self {
-            let value = Stored::to_f64(self);
+            let value = StoreSample::to_f64(self);
             Self::nearest(if value == 0.0 { $step } else { value * (1.0 - $step) }).0
         }
     };
 }
 
-impl Stored for f32 {
+impl StoreSample for f32 {
     bytes_of!(f32);
     float_rules!(f64::from(f32::EPSILON), 1e-5);
     const ZERO: Self = 0.0;
@@ -429,7 +437,7 @@ impl Stored for f32 {
     }
 }
 
-impl Stored for f16 {
+impl StoreSample for f16 {
     bytes_of!(f16);
     float_rules!(0.0, 2e-3);
     const ZERO: Self = f16::ZERO;
@@ -461,7 +469,7 @@ impl Stored for f16 {
     }
 }
 
-impl Stored for f64 {
+impl StoreSample for f64 {
     bytes_of!(f64);
     float_rules!(f64::EPSILON, 1e-9);
     const ZERO: Self = 0.0;
@@ -505,9 +513,12 @@ mod tests {
 
     use super::*;
 
-    impl Codec {
+    impl SampleCodec {
         /// Runs are stored as heights one by one are.
-        fn check<T: Stored, H: Height>(&self, heights: &[H]) -> Result<(), TestCaseError> {
+        fn check<T: StoreSample, H: StoreHeight>(
+            &self,
+            heights: &[H],
+        ) -> Result<(), TestCaseError> {
             let fill = T::exactly(self.nodata).or(T::HOLE);
             let (mut slow, mut sound) = (vec![0; heights.len() * T::BYTES], true);
             for (bytes, height) in slow.chunks_exact_mut(T::BYTES).zip(heights) {
@@ -532,14 +543,14 @@ mod tests {
         fn runs_are_stored_as_their_heights_one_by_one(
             heights in prop::collection::vec(height(), 1..900),
             nodata in prop::option::of(prop::sample::select(vec![0.0, 119.0, 255.0, -9999.0])),
-            rounding in prop::sample::select(vec![Rounding::Exact, Rounding::Nearest, Rounding::Aside]),
+            rounding in prop::sample::select(vec![SampleRounding::Exact, SampleRounding::Nearest, SampleRounding::Aside]),
             scale in prop::sample::select(vec![1.0, 0.5]),
         ) {
             let info = GridInfo { nodata, scale, ..GridInfo::plain("test", 1, 1, SampleType::U8) };
             let narrow: Vec<f32> = heights.iter().map(|height| *height as f32).collect();
             for sample_type in SampleType::ALL {
                 let info = GridInfo { sample_type, ..info.clone() };
-                let codec = Codec::new(&info).rounding(rounding);
+                let codec = SampleCodec::new(&info).rounding(rounding);
                 by_type!(codec, check, &heights)?;
                 by_type!(codec, check, &narrow)?;
             }

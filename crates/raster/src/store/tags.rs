@@ -38,7 +38,7 @@ const INLINE: usize = 8;
 
 /// The values of one tag.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Values {
+pub(crate) enum TiffTagValues {
     Short(Vec<u16>),
     Long(Vec<u32>),
     Double(Vec<f64>),
@@ -51,7 +51,7 @@ pub(crate) enum Values {
     },
 }
 
-impl Values {
+impl TiffTagValues {
     pub(crate) fn kind(&self) -> u16 {
         match self {
             Self::Ascii(_) => 2,
@@ -113,7 +113,7 @@ pub(super) fn value_bytes(kind: u16) -> Option<u64> {
 
 /// Everything before the tiles.
 #[derive(Clone, Debug)]
-pub(super) struct Front {
+pub(super) struct StorePreamble {
     /// Header, directory and small values.
     pub(super) head: Vec<u8>,
     /// Tables that follow the head, one after the other: (count, first value, step).
@@ -122,17 +122,17 @@ pub(super) struct Front {
     pub(super) data: u64,
 }
 
-impl Front {
+impl StorePreamble {
     /// Lays out the directory. `tags` must be in ascending order; it is called with the byte at
     /// which tile 0 starts, and must give the same types and counts whatever that is.
-    pub(super) fn new(tags: impl Fn(u64) -> Vec<(u16, Values)>) -> Self {
+    pub(super) fn new(tags: impl Fn(u64) -> Vec<(u16, TiffTagValues)>) -> Self {
         let draft = Self::place(&tags(0));
         let end = draft.head.len() as u64 + draft.tables.iter().map(|t| 8 * t.0).sum::<u64>();
         let data = end.next_multiple_of(PAGE);
         Self { data, ..Self::place(&tags(data)) }
     }
 
-    fn place(tags: &[(u16, Values)]) -> Self {
+    fn place(tags: &[(u16, TiffTagValues)]) -> Self {
         let directory = 8 + ENTRY * tags.len() + 8;
         let mut small = Vec::new();
         let mut places = Vec::new();
@@ -149,7 +149,7 @@ impl Front {
         head.extend((tags.len() as u64).to_le_bytes());
         let mut tables = Vec::new();
         for ((tag, values), mut place) in tags.iter().zip(places) {
-            if let Values::Table { count: count @ 2.., first, step } = *values {
+            if let TiffTagValues::Table { count: count @ 2.., first, step } = *values {
                 place = table;
                 table += 8 * count;
                 tables.push((count, first, step));
@@ -176,12 +176,12 @@ impl Front {
     }
 }
 
-fn entry(tag: u16, values: &Values, place: u64) -> Vec<u8> {
+fn entry(tag: u16, values: &TiffTagValues, place: u64) -> Vec<u8> {
     let mut entry = Vec::with_capacity(ENTRY);
     entry.extend(tag.to_le_bytes());
     entry.extend(values.kind().to_le_bytes());
     entry.extend(values.count().to_le_bytes());
-    let long_table = matches!(values, Values::Table { count: 2.., .. });
+    let long_table = matches!(values, TiffTagValues::Table { count: 2.., .. });
     let bytes = values.bytes();
     if long_table || bytes.len() > INLINE {
         entry.extend(place.to_le_bytes());

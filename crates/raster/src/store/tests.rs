@@ -4,14 +4,14 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::{OpenOptions, synth};
+use crate::{GridOpenOptions, synth};
 use terrane_base::ErrorKind;
 use terrane_base::geom::Rect;
 
 /// A small store of a terrain, with every optional tag.
 fn make(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join("a.tif");
-    let source = synth::open(name, &OpenOptions::default()).unwrap();
+    let source = synth::open(name, &GridOpenOptions::default()).unwrap();
     let info = source.info();
     let writer = StoreWriter::create(&path, info, 256, true).unwrap();
     for row in (0..info.height).step_by(256) {
@@ -19,7 +19,7 @@ fn make(folder: &Path, name: &str) -> PathBuf {
             let rect = Rect::new(col, row, 256, 256).intersect(&info.bounds());
             let mut heights = vec![0.0; rect.len()];
             source.read_f32(rect, &mut heights).unwrap();
-            writer.write(rect, Heights::F32(&heights), &mut Vec::new()).unwrap();
+            writer.write(rect, HeightSlice::F32(&heights), &mut Vec::new()).unwrap();
         }
     }
     writer.finish().unwrap();
@@ -34,7 +34,7 @@ fn patch(path: &Path, at: usize, bytes: &[u8]) {
 }
 
 fn is_mapped(path: &Path) -> bool {
-    let Some(store) = try_open(path, &OpenOptions::default()).unwrap() else { return false };
+    let Some(store) = try_open(path, &GridOpenOptions::default()).unwrap() else { return false };
     let rect = store.info().bounds();
     store.read_f32(rect, &mut vec![0.0; rect.len()]).unwrap();
     true
@@ -119,7 +119,7 @@ fn other_files_are_left_to_others() {
         assert!(!is_mapped(&path));
     }
     assert!(!is_mapped(folder.path()));
-    let error = try_open(&folder.path().join("b.tif"), &OpenOptions::default()).err().unwrap();
+    let error = try_open(&folder.path().join("b.tif"), &GridOpenOptions::default()).err().unwrap();
     assert_eq!(error.kind(), ErrorKind::BadInput);
 }
 
@@ -127,14 +127,14 @@ fn other_files_are_left_to_others() {
 fn options_apply() {
     let folder = tempfile::tempdir().unwrap();
     let path = make(folder.path(), "integer,size=64");
-    let first = try_open(&path, &OpenOptions::default()).unwrap().unwrap();
+    let first = try_open(&path, &GridOpenOptions::default()).unwrap().unwrap();
     let mut height = [0.0];
     first.read_f32(Rect::new(3, 3, 1, 1), &mut height).unwrap();
     let nodata = Some(f64::from(height[0]));
-    let options = OpenOptions { nodata, ..OpenOptions::default() };
+    let options = GridOpenOptions { nodata, ..GridOpenOptions::default() };
     let second = try_open(&path, &options).unwrap().unwrap();
     second.read_f32(Rect::new(3, 3, 1, 1), &mut height).unwrap();
     assert!(height[0].is_nan() && second.info().nodata == nodata);
-    let options = OpenOptions { band: 2, ..OpenOptions::default() };
+    let options = GridOpenOptions { band: 2, ..GridOpenOptions::default() };
     assert_eq!(try_open(&path, &options).err().unwrap().kind(), ErrorKind::Usage);
 }

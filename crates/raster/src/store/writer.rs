@@ -5,12 +5,12 @@ use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::header::Header;
-use super::layout::Layout;
+use super::header::StoreHeader;
+use super::layout::StoreLayout;
 use super::map;
-use super::misfit::Misfit;
-use super::sample::{Codec, Height, Rounding};
-use super::tags::Front;
+use super::misfit::SampleMisfit;
+use super::sample::{SampleCodec, SampleRounding, StoreHeight};
+use super::tags::StorePreamble;
 use crate::grid::GridInfo;
 use crate::{beside, pam};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -20,7 +20,7 @@ use terrane_files::write_all_at;
 
 /// Heights handed to a [`StoreWriter`]; voids are NaN.
 #[derive(Clone, Copy, Debug)]
-pub enum Heights<'a> {
+pub enum HeightSlice<'a> {
     /// Exact for the types of [`GridInfo::exact_in_f32`].
     F32(&'a [f32]),
     /// Exact for every type.
@@ -32,9 +32,9 @@ pub enum Heights<'a> {
 #[derive(Debug)]
 pub struct StoreWriter {
     file: AtomicFile,
-    layout: Layout,
-    front: Front,
-    codec: Codec,
+    layout: StoreLayout,
+    front: StorePreamble,
+    codec: SampleCodec,
     /// Samples written so far.
     written: AtomicU64,
 }
@@ -46,18 +46,18 @@ impl StoreWriter {
     /// .aux.xml of an earlier file lies beside `path`: it would change what is read of the store.
     pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
         refuse_old_sidecars(path)?;
-        let header = Header::new(info, side).map_err(|e| e.in_file(path))?;
+        let header = StoreHeader::new(info, side).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, overwrite)?;
         let (layout, front) = (header.layout, header.front());
         let length = layout.tile_bytes().checked_mul(layout.tiles());
         let length = length.and_then(|tiles| tiles.checked_add(front.data));
         let length = length.ok_or_else(|| Error::usage("the store is too large").in_file(path))?;
         set_length(path, file.file(), length)?;
-        Ok(Self { file, layout, front, codec: Codec::new(info), written: AtomicU64::new(0) })
+        Ok(Self { file, layout, front, codec: SampleCodec::new(info), written: AtomicU64::new(0) })
     }
 
     /// The writer with its heights rounded to what the sample type holds.
-    pub(crate) fn rounding(self, rounding: Rounding) -> Self {
+    pub(crate) fn rounding(self, rounding: SampleRounding) -> Self {
         Self { codec: self.codec.rounding(rounding), ..self }
     }
 
@@ -69,14 +69,14 @@ impl StoreWriter {
     /// Writes the heights of `rect`: some rows of one tile, in the whole width that the tile has
     /// inside the grid. May be called from several threads, in any order, once for each sample.
     /// `scratch` is a buffer to be used again.
-    pub fn write(&self, rect: Rect, heights: Heights<'_>, scratch: &mut Vec<u8>) -> Result<()> {
+    pub fn write(&self, rect: Rect, heights: HeightSlice<'_>, scratch: &mut Vec<u8>) -> Result<()> {
         match heights {
-            Heights::F32(heights) => self.write_heights(rect, heights, scratch),
-            Heights::F64(heights) => self.write_heights(rect, heights, scratch),
+            HeightSlice::F32(heights) => self.write_heights(rect, heights, scratch),
+            HeightSlice::F64(heights) => self.write_heights(rect, heights, scratch),
         }
     }
 
-    fn write_heights<H: Height>(
+    fn write_heights<H: StoreHeight>(
         &self,
         rect: Rect,
         heights: &[H],
@@ -100,8 +100,8 @@ impl StoreWriter {
     }
 
     /// Where the rows of `rect` go.
-    fn place(&self, rect: Rect, values: usize) -> Result<Place> {
-        let Layout { tile_width, tile_height, .. } = self.layout;
+    fn place(&self, rect: Rect, values: usize) -> Result<StoreTileOffset> {
+        let StoreLayout { tile_width, tile_height, .. } = self.layout;
         let (across, down) = (rect.col / tile_width, rect.row / tile_height);
         let inside = across < self.layout.across() && down < self.layout.down();
         let tile = if inside { self.layout.tile_rect(across, down) } else { Rect::new(0, 0, 0, 0) };
@@ -115,17 +115,17 @@ impl StoreWriter {
         let last = rect.end_row() == self.layout.height;
         let rows = if last { tile_height - from } else { rect.height };
         let tile = self.front.data + self.layout.tile(across, down) * self.layout.tile_bytes();
-        Ok(Place { byte: tile + u64::from(from) * self.layout.row_bytes(), rows })
+        Ok(StoreTileOffset { byte: tile + u64::from(from) * self.layout.row_bytes(), rows })
     }
 
-    fn refuse(&self, misfit: Misfit, col: u32, row: u32) -> Error {
+    fn refuse(&self, misfit: SampleMisfit, col: u32, row: u32) -> Error {
         self.codec.refusal(misfit, col, row).in_file(self.file.path())
     }
 
     /// Completes the store, puts it under its name, and returns its size in bytes. Fails when
     /// samples are missing.
     pub fn finish(self) -> Result<u64> {
-        let Layout { width, height, .. } = self.layout;
+        let StoreLayout { width, height, .. } = self.layout;
         let (all, written) = (u64::from(width) * u64::from(height), self.written.into_inner());
         if written != all {
             let message = format!("{written} of {all} samples were written to the store");
@@ -152,7 +152,7 @@ pub(crate) fn refuse_old_sidecars(path: &Path) -> Result<()> {
 }
 
 /// Bytes in the file, and how many rows of a tile go there.
-struct Place {
+struct StoreTileOffset {
     byte: u64,
     rows: u32,
 }

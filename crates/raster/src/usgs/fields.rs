@@ -11,7 +11,7 @@ const FIELDS: [usize; 2] = [6, 10];
 const MOST_WORD: usize = 64;
 
 /// A reader of numbers, one after the other.
-pub(super) struct Fields<'a> {
+pub(super) struct UsgsDemFieldReader<'a> {
     file: &'a RawFile,
     buffer: Vec<u8>,
     /// Next byte in `buffer`.
@@ -20,7 +20,7 @@ pub(super) struct Fields<'a> {
     end: u64,
 }
 
-impl<'a> Fields<'a> {
+impl<'a> UsgsDemFieldReader<'a> {
     /// From `offset` on.
     pub(super) fn new(file: &'a RawFile, offset: u64) -> Self {
         Self { file, buffer: Vec::new(), next: 0, end: offset }
@@ -135,7 +135,7 @@ mod tests {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(b"  12-32767+5 0.5D+01-2.5e-1  7               8").unwrap();
         let file = RawFile::of(file, Path::new("t.dem")).unwrap();
-        let mut fields = Fields::new(&file, 0);
+        let mut fields = UsgsDemFieldReader::new(&file, 0);
         assert_eq!(fields.integer().unwrap(), 12);
         assert_eq!(fields.integer().unwrap(), -32767);
         assert_eq!(fields.integer().unwrap(), 5);
@@ -147,8 +147,8 @@ mod tests {
         fields.align(0, 1000).unwrap();
         let error = fields.integer().unwrap_err().to_string();
         assert!(error.contains("it has 46 bytes"), "{error}");
-        assert!(Fields::new(&file, 32).integer().is_err());
-        let mut fields = Fields::new(&file, 0);
+        assert!(UsgsDemFieldReader::new(&file, 32).integer().is_err());
+        let mut fields = UsgsDemFieldReader::new(&file, 0);
         fields.integer().unwrap();
         assert!(fields.align(0, 40).unwrap_err().to_string().contains("more follows"));
         assert!(fields.finish(41).unwrap_err().to_string().contains("42 bytes follow"));

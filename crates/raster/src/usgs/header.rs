@@ -1,6 +1,6 @@
 //! The first record of a USGS model: fields at fixed columns.
 
-use super::fields::{Fields, decimal};
+use super::fields::{UsgsDemFieldReader, decimal};
 use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -14,7 +14,7 @@ const OLD_START: u64 = 893;
 const ARC_SECONDS: f64 = 3600.0;
 
 /// What the record says.
-pub(super) struct Header {
+pub(super) struct UsgsDemHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -34,9 +34,9 @@ pub(super) struct Header {
     pub(super) record_bytes: Option<u64>,
 }
 
-impl Header {
+impl UsgsDemHeader {
     pub(super) fn read(file: &RawFile) -> Result<Self> {
-        let record = Record(file.head(RECORD)?);
+        let record = UsgsDemRecord(file.head(RECORD)?);
         if record.0.len() < 864 {
             return Err(Error::bad_input(format!(
                 "file is truncated: its first record has 1024 bytes and the file {}",
@@ -44,7 +44,7 @@ impl Header {
             )));
         }
         let (data, record_bytes) = data_start(file)?;
-        let grid = Grid::read(&record, file, data)?;
+        let grid = UsgsDemGrid::read(&record, file, data)?;
         let datum = if record_bytes.is_some() { record.text(890, 2) } else { "1" };
         // Geographic models leave the zone blank.
         let zone = if grid.system == 0 { 0 } else { record.integer("zone", 162, 6)? };
@@ -80,7 +80,7 @@ impl Header {
 }
 
 /// Size and place.
-struct Grid {
+struct UsgsDemGrid {
     /// 0 geographic, 1 UTM, 2 state plane.
     system: i64,
     width: u32,
@@ -90,8 +90,8 @@ struct Grid {
     resolution: f64,
 }
 
-impl Grid {
-    fn read(record: &Record, file: &RawFile, data: u64) -> Result<Self> {
+impl UsgsDemGrid {
+    fn read(record: &UsgsDemRecord, file: &RawFile, data: u64) -> Result<Self> {
         let system = record.integer("reference system", 156, 6)?;
         let (dx, dy) =
             (record.decimal("x spacing", 816, 12)?, record.decimal("y spacing", 828, 12)?);
@@ -146,7 +146,7 @@ fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
 
 /// The x of the first profile.
 fn first_x(file: &RawFile, data: u64) -> Result<f64> {
-    let mut fields = Fields::new(file, data);
+    let mut fields = UsgsDemFieldReader::new(file, data);
     for _ in 0..4 {
         fields.integer().map_err(|e| e.at("profile 1"))?;
     }
@@ -159,7 +159,7 @@ fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
         if offset >= file.size() {
             return false;
         }
-        let mut fields = Fields::new(file, offset);
+        let mut fields = UsgsDemFieldReader::new(file, offset);
         matches!((fields.integer(), fields.integer()), (Ok(1), Ok(1)))
     };
     if starts_at(RECORD) {
@@ -200,9 +200,9 @@ fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
 }
 
 /// The record's bytes.
-struct Record(Vec<u8>);
+struct UsgsDemRecord(Vec<u8>);
 
-impl Record {
+impl UsgsDemRecord {
     fn text(&self, offset: usize, bytes: usize) -> &str {
         let field = self.0.get(offset..self.0.len().min(offset + bytes)).unwrap_or_default();
         std::str::from_utf8(field).unwrap_or_default()

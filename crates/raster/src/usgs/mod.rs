@@ -6,17 +6,17 @@ mod header;
 
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::raw;
-use crate::spool::Spool;
-use crate::strided::{Layout, Strided};
+use crate::spool::SampleSpool;
+use crate::strided::{Strided, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
 use terrane_files::RawFile;
 
-use fields::Fields;
-use header::Header;
+use fields::UsgsDemFieldReader;
+use header::UsgsDemHeader;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -34,7 +34,7 @@ const MOST_RECORD: u64 = 1024 + 2;
 /// Part of a cell that a profile may lie off its place.
 const SLACK: f64 = 0.05;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     // Old global grids are raw data that ends in .dem.
     if raw::header_beside(path).is_some() && !is_text(path)? {
         return raw::open(path, options);
@@ -49,17 +49,17 @@ fn is_text(path: &Path) -> Result<bool> {
     Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
 }
 
-fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
-    let header = Header::read(&file)?;
-    let spool = Spool::new(path, options.temp_dir.as_deref())?;
+    let header = UsgsDemHeader::read(&file)?;
+    let spool = SampleSpool::new(path, options.temp_dir.as_deref())?;
     let spool = unpack(&file, &header, spool)?;
-    let layout = Layout::columns(header.height, header.sample_type().bytes());
+    let layout = StridedLayout::columns(header.height, header.sample_type().bytes());
     Strided::new(spool, info(&header, options), layout)
 }
 
-fn info(header: &Header, options: &OpenOptions) -> GridInfo {
+fn info(header: &UsgsDemHeader, options: &GridOpenOptions) -> GridInfo {
     let crs = Crs {
         epsg: header.epsg,
         citation: Some(header.system.clone()),
@@ -87,8 +87,8 @@ fn info(header: &Header, options: &OpenOptions) -> GridInfo {
 }
 
 /// Decodes every profile into a column from north to south.
-fn unpack(file: &RawFile, header: &Header, mut spool: Spool) -> Result<RawFile> {
-    let mut fields = Fields::new(file, header.data);
+fn unpack(file: &RawFile, header: &UsgsDemHeader, mut spool: SampleSpool) -> Result<RawFile> {
+    let mut fields = UsgsDemFieldReader::new(file, header.data);
     let mut column = Vec::new();
     for i in 0..header.width {
         let place = format!("profile {} of {}", i + 1, header.width);
@@ -112,7 +112,11 @@ fn push(out: &mut Vec<u8>, height: f64, kind: SampleType) {
 }
 
 /// The heights of profile `i` from north to south, void where it has none.
-fn profile(fields: &mut Fields<'_>, header: &Header, i: u32) -> Result<Vec<f64>> {
+fn profile(
+    fields: &mut UsgsDemFieldReader<'_>,
+    header: &UsgsDemHeader,
+    i: u32,
+) -> Result<Vec<f64>> {
     let (_, number) = (fields.integer()?, fields.integer()?);
     if number != i64::from(i) + 1 {
         return Err(Error::bad_input(format!("it says to be number {number}")));
@@ -148,7 +152,7 @@ fn profile(fields: &mut Fields<'_>, header: &Header, i: u32) -> Result<Vec<f64>>
     Ok(heights)
 }
 
-fn height(fields: &mut Fields<'_>, header: &Header, datum: f64) -> Result<f64> {
+fn height(fields: &mut UsgsDemFieldReader<'_>, header: &UsgsDemHeader, datum: f64) -> Result<f64> {
     let stored = fields.integer()? as f64;
     if stored == VOID {
         return Ok(VOID);

@@ -4,15 +4,15 @@ use super::Xy;
 
 /// The lines of a river, segment by segment.
 #[derive(Debug)]
-pub(super) struct Axis {
-    segments: Vec<Reach>,
+pub(super) struct RiverAxis {
+    segments: Vec<RiverReach>,
     /// Bounds of each [`Self::GROUP`] of them.
     groups: Vec<[Xy; 2]>,
 }
 
 /// A segment of a line.
 #[derive(Clone, Copy, Debug)]
-struct Reach {
+struct RiverReach {
     ends: [Xy; 2],
     line: u32,
     /// Where it begins, and how long it is, in stations.
@@ -22,13 +22,13 @@ struct Reach {
 
 /// Where a line is nearest to a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct RiverStation {
     pub(super) line: u32,
     /// Stations from its beginning on.
     pub(super) along: f64,
 }
 
-impl Axis {
+impl RiverAxis {
     const GROUP: usize = 16;
 
     /// Of lines and their numbers; of which some have a length.
@@ -38,7 +38,7 @@ impl Axis {
             let mut start = 0.0;
             for pair in at.windows(2) {
                 let length = distance(pair[0], pair[1]) / station;
-                segments.push(Reach { ends: [pair[0], pair[1]], line, start, length });
+                segments.push(RiverReach { ends: [pair[0], pair[1]], line, start, length });
                 start += length;
             }
         }
@@ -48,7 +48,7 @@ impl Axis {
 
     /// The place nearest to `at`, the first of several. What was found last, if it is not far, makes it quick; it
     /// changes nothing.
-    pub(super) fn nearest(&self, at: Xy, last: &mut usize) -> Place {
+    pub(super) fn nearest(&self, at: Xy, last: &mut usize) -> RiverStation {
         let mut best = *last;
         let (mut share, mut least) = self.segments[best].nearest(at);
         for (group, bounds) in self.groups.iter().enumerate() {
@@ -67,12 +67,12 @@ impl Axis {
             }
         }
         *last = best;
-        let Reach { line, start, length, .. } = self.segments[best];
-        Place { line, along: start + share * length }
+        let RiverReach { line, start, length, .. } = self.segments[best];
+        RiverStation { line, along: start + share * length }
     }
 }
 
-impl Reach {
+impl RiverReach {
     /// The share of it that lies before what is nearest to `at`, and how far that is.
     fn nearest(&self, at: Xy) -> (f64, f64) {
         let [a, b] = self.ends.map(|end| [end[0] - at[0], end[1] - at[1]]);
@@ -95,7 +95,7 @@ fn distance(a: Xy, b: Xy) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
-fn bounds(segments: &[Reach]) -> [Xy; 2] {
+fn bounds(segments: &[RiverReach]) -> [Xy; 2] {
     let all = || segments.iter().flat_map(|segment| segment.ends);
     let least = |axis: usize| all().map(|at| at[axis]).fold(f64::INFINITY, f64::min);
     let most = |axis: usize| all().map(|at| at[axis]).fold(f64::NEG_INFINITY, f64::max);

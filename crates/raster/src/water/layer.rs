@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Water;
-use super::levels::Levels;
+use super::levels::WaterLevels;
 use crate::clip::cache_beside;
-use crate::window::{Sample, Window};
-use crate::{GridInfo, GridSource, OpenOptions};
+use crate::window::{GridHeight, SampleWindow};
+use crate::{GridInfo, GridOpenOptions, GridSource};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
@@ -25,33 +25,33 @@ struct Levelled {
 /// grid.
 pub(crate) fn levelled(
     water: &Arc<Water>,
-    options: &OpenOptions,
-    open: impl FnOnce(&OpenOptions) -> Result<Box<dyn GridSource>>,
+    options: &GridOpenOptions,
+    open: impl FnOnce(&GridOpenOptions) -> Result<Box<dyn GridSource>>,
 ) -> Result<Box<dyn GridSource>> {
     let cache_bytes = cache_beside(water.held(), options, ("water", water.path()))?;
-    let inner = open(&OpenOptions { cache_bytes, water: None, ..options.clone() })?;
+    let inner = open(&GridOpenOptions { cache_bytes, water: None, ..options.clone() })?;
     let mut info = inner.info().clone();
-    super::mask::Mask::new(water, &info)?;
+    super::mask::WaterMask::new(water, &info)?;
     info.details.push(("water".to_owned(), water.path().display().to_string()));
     Ok(Box::new(Levelled { info, inner, water: water.clone() }))
 }
 
 impl Levelled {
     /// Those found before, or now.
-    fn levels(&self) -> Result<Arc<Levels>> {
+    fn levels(&self) -> Result<Arc<WaterLevels>> {
         let mut known = self.water.lock();
         if let Some(levels) = &*known {
             return Ok(levels.clone());
         }
-        let levels = Arc::new(Levels::new(&self.water, &*self.inner)?);
+        let levels = Arc::new(WaterLevels::new(&self.water, &*self.inner)?);
         *known = Some(levels.clone());
         Ok(levels)
     }
 
-    fn read<H: Sample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
+    fn read<H: GridHeight>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let levels = self.levels()?;
         H::read(&*self.inner, rect, out)?;
-        let mut window = Window::new(&self.info, rect, out)?;
+        let mut window = SampleWindow::new(&self.info, rect, out)?;
         let mut of_row = Vec::new();
         for (row, runs) in (0..rect.height).zip(levels.mask.rows(rect)) {
             if runs.is_empty() {

@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use super::axis::{Axis, length};
-use super::mask::Mask;
-use super::profile::{Profile, Stations, rises};
+use super::axis::{RiverAxis, length};
+use super::mask::WaterMask;
+use super::profile::{RiverProfile, Stations, rises};
 use super::{Water, WaterReport, Xy};
 use crate::{GridInfo, GridSource, SampleType};
 use terrane_base::bits::BitSet;
@@ -28,19 +28,19 @@ fn most_stations(line_vertices: usize) -> u64 {
 
 /// The level of all water of a grid.
 #[derive(Debug)]
-pub(super) struct Levels {
-    pub(super) mask: Mask,
-    rounding: Rounding,
+pub(super) struct WaterLevels {
+    pub(super) mask: WaterMask,
+    rounding: LevelRounding,
     lakes: Vec<f64>,
     /// Of each body that is a river.
-    axes: Vec<Option<Axis>>,
-    profiles: Vec<Profile>,
-    found: Found,
+    axes: Vec<Option<RiverAxis>>,
+    profiles: Vec<RiverProfile>,
+    found: BankLevels,
 }
 
 /// What banks tell.
 #[derive(Debug)]
-struct Found {
+struct BankLevels {
     /// The lowest bank of each body.
     lowest: Vec<f64>,
     /// True for bodies with a sample.
@@ -53,26 +53,26 @@ struct Found {
     reaches: Vec<Option<[f64; 2]>>,
 }
 
-impl Levels {
+impl WaterLevels {
     /// Those of `water` on `grid`. Reads all samples near water once.
     ///
     /// # Errors
-    /// As [`Mask::new`]; lines that run in a circle; water without a bank; what reading fails with.
+    /// As [`WaterMask::new`]; lines that run in a circle; water without a bank; what reading fails with.
     pub(super) fn new(water: &Water, grid: &dyn GridSource) -> Result<Self> {
         let info = grid.info();
-        let mask = Mask::new(water, info)?;
+        let mask = WaterMask::new(water, info)?;
         let lines: Vec<_> = water.features.lines().collect();
         let station = station(info, &lines);
         let axis = |numbers: &Vec<u32>| {
             let of_body = numbers.iter().map(|&number| (number, lines[number as usize]));
-            (!numbers.is_empty()).then(|| Axis::new(of_body, station))
+            (!numbers.is_empty()).then(|| RiverAxis::new(of_body, station))
         };
         let axes: Vec<_> = water.bodies.iter().map(axis).collect();
-        let found = Found::new(grid, &mask, &axes, lines.len())?;
+        let found = BankLevels::new(grid, &mask, &axes, lines.len())?;
         let network = Network::new(water, &mask, info, &lines, station);
         let (lakes, profiles) =
             network.solve(&found.lowest, &found.stations).map_err(|e| e.in_file(&water.path))?;
-        let rounding = Rounding::of(info);
+        let rounding = LevelRounding::of(info);
         let levels = Self { mask, rounding, lakes, axes, profiles, found };
         levels.check(water).map_err(|e| e.in_file(&water.path))?;
         Ok(levels)
@@ -119,7 +119,7 @@ impl Levels {
 
     /// What became of the water.
     pub(super) fn report(&self, water: &Water) -> WaterReport {
-        let Found { is_there, stations, reaches, .. } = &self.found;
+        let BankLevels { is_there, stations, reaches, .. } = &self.found;
         let there = |body: &u32| is_there[*body as usize];
         let bodies = water.bodies.len() as u32;
         let rivers = (0..bodies).filter(there).filter(|&body| water.is_river(body)).count() as u64;
@@ -160,11 +160,11 @@ fn station(info: &GridInfo, lines: &[&[Xy]]) -> f64 {
     cell.max(all / most_stations(vertices) as f64)
 }
 
-impl Found {
+impl BankLevels {
     fn new(
         grid: &dyn GridSource,
-        mask: &Mask,
-        axes: &[Option<Axis>],
+        mask: &WaterMask,
+        axes: &[Option<RiverAxis>],
         lines: usize,
     ) -> Result<Self> {
         let bodies = axes.len();
@@ -191,7 +191,7 @@ impl Found {
     /// Looks at the water in `core`, and what is around it.
     fn look_at(
         &mut self,
-        (grid, mask, axes): (&dyn GridSource, &Mask, &[Option<Axis>]),
+        (grid, mask, axes): (&dyn GridSource, &WaterMask, &[Option<RiverAxis>]),
         core: Rect,
         heights: &mut Vec<f64>,
     ) -> Result<()> {
@@ -255,7 +255,13 @@ impl Found {
     }
 
     /// Notes a sample of a body, and its lowest bank.
-    fn note(&mut self, (body, axis): (u32, Option<&Axis>), at: Xy, bank: f64, last: &mut usize) {
+    fn note(
+        &mut self,
+        (body, axis): (u32, Option<&RiverAxis>),
+        at: Xy,
+        bank: f64,
+        last: &mut usize,
+    ) {
         self.is_there[body as usize] = true;
         let lowest = &mut self.lowest[body as usize];
         *lowest = lowest.min(bank);
@@ -281,7 +287,13 @@ struct Network {
 }
 
 impl Network {
-    fn new(water: &Water, mask: &Mask, info: &GridInfo, lines: &[&[Xy]], station: f64) -> Self {
+    fn new(
+        water: &Water,
+        mask: &WaterMask,
+        info: &GridInfo,
+        lines: &[&[Xy]],
+        station: f64,
+    ) -> Self {
         let bodies = water.bodies.len();
         let mut numbers: HashMap<[u64; 2], usize> = HashMap::new();
         let mut node = |at: Xy| {
@@ -303,7 +315,11 @@ impl Network {
     }
 
     /// The level of each lake, and along each line, infinite where nothing tells of one.
-    fn solve(&self, lowest: &[f64], stations: &[Stations]) -> Result<(Vec<f64>, Vec<Profile>)> {
+    fn solve(
+        &self,
+        lowest: &[f64],
+        stations: &[Stations],
+    ) -> Result<(Vec<f64>, Vec<RiverProfile>)> {
         let order = self.downstream()?;
         let mut levels = vec![f64::INFINITY; self.nodes];
         // Rivers' own numbers are no nodes that a line has.
@@ -315,10 +331,10 @@ impl Network {
             let lake = &mut levels[self.lines[line].0[0]];
             *lake = stations[line].values().copied().fold(*lake, f64::min);
         }
-        let mut profiles = vec![Profile::default(); self.lines.len()];
+        let mut profiles = vec![RiverProfile::default(); self.lines.len()];
         for &line in &order {
             let ([from, to], length) = self.lines[line];
-            profiles[line] = Profile::new(levels[from], &stations[line]);
+            profiles[line] = RiverProfile::new(levels[from], &stations[line]);
             levels[to] = levels[to].min(profiles[line].at(length));
         }
         // Where nothing upstream tells of a level, what is downstream does.
@@ -326,7 +342,7 @@ impl Network {
         for &line in order.iter().rev() {
             let ([from, to], _) = self.lines[line];
             if profiles[line].is_unknown() {
-                profiles[line] = Profile::new(levels[to], &Stations::new());
+                profiles[line] = RiverProfile::new(levels[to], &Stations::new());
             }
             if is_open[from] {
                 let known = if levels[from].is_finite() { levels[from] } else { f64::NEG_INFINITY };
@@ -334,7 +350,7 @@ impl Network {
             }
         }
         for line in side_lines {
-            profiles[line] = Profile::new(levels[self.lines[line].0[0]], &Stations::new());
+            profiles[line] = RiverProfile::new(levels[self.lines[line].0[0]], &Stations::new());
         }
         levels.truncate(self.bodies);
         Ok((levels, profiles))
@@ -381,7 +397,7 @@ impl Network {
 
 /// What the samples of a grid can be.
 #[derive(Clone, Copy, Debug)]
-enum Rounding {
+enum LevelRounding {
     /// Any `f64`,
     None,
     /// any `f32`, or
@@ -390,7 +406,7 @@ enum Rounding {
     Whole { scale: f64, offset: f64 },
 }
 
-impl Rounding {
+impl LevelRounding {
     fn of(info: &GridInfo) -> Self {
         use SampleType::{F16, F32, F64};
         let GridInfo { scale, offset, .. } = *info;

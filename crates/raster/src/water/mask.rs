@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Water, Xy};
 use crate::GridInfo;
-use crate::clip::{Areas, ClipRings, Labelled, Scan, join};
+use crate::clip::{ClipRings, Labelled, PolygonEdgeIndex, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Ends, Paths, Rect, cut};
 
@@ -13,24 +13,24 @@ const SAMPLES: Affine = Affine { x0: 0.0, a: 1.0, b: 0.0, y0: 0.0, d: 0.0, e: 1.
 
 /// The water of a grid.
 #[derive(Debug)]
-pub(super) struct Mask {
+pub(super) struct WaterMask {
     size: [u32; 2],
     /// Polygons whose corners are samples.
-    inside: Areas,
+    inside: PolygonEdgeIndex,
     /// The body of each of them.
     body_of: Vec<u32>,
-    bodies: Vec<Body>,
+    bodies: Vec<WaterBody>,
 }
 
 /// A body of water on the grid.
 #[derive(Clone, Debug, Default)]
-struct Body {
+struct WaterBody {
     sides: Paths,
     /// What it lies within: least and largest column and row.
     bounds: Option<Ends>,
 }
 
-impl Mask {
+impl WaterMask {
     /// Where the water of a file is on a grid. Takes O(n log n) time for n sides.
     ///
     /// # Errors
@@ -40,7 +40,7 @@ impl Mask {
         grid.crs.check_same(&water.crs, "water").map_err(of_file)?;
         let size = [grid.width, grid.height];
         let mut inside = ClipRings::default();
-        let mut bodies = vec![Body::default(); water.bodies.len()];
+        let mut bodies = vec![WaterBody::default(); water.bodies.len()];
         let mut sides = vec![Vec::new(); bodies.len()];
         let mut begun = 0;
         for (area, ring) in water.features.rings() {
@@ -63,7 +63,12 @@ impl Mask {
         for (body, sides) in bodies.iter_mut().zip(sides) {
             body.sides = Paths::of(sides);
         }
-        Ok(Self { size, inside: Areas::new(inside), body_of: water.body_of.clone(), bodies })
+        Ok(Self {
+            size,
+            inside: PolygonEdgeIndex::new(inside),
+            body_of: water.body_of.clone(),
+            bodies,
+        })
     }
 
     /// The sides of all bodies.
@@ -83,7 +88,7 @@ impl Mask {
         if !self.may_be_in(rect) {
             return rows;
         }
-        let scan = Scan::new(&self.inside, SAMPLES, rect).labelled(&self.body_of);
+        let scan = PolygonScan::new(&self.inside, SAMPLES, rect).labelled(&self.body_of);
         let _ = scan.rows(|row, inside| {
             rows[row as usize].extend_from_slice(inside);
             ControlFlow::<()>::Continue(())
@@ -110,7 +115,7 @@ impl Mask {
     }
 }
 
-impl Body {
+impl WaterBody {
     fn grow(&mut self, corners: &[Xy], size: [u32; 2]) {
         let axis = |axis: usize| {
             let all = || corners.iter().map(|at| at[axis]);

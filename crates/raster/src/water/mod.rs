@@ -34,10 +34,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use crate::GridInfo;
-use crate::clip::{Areas, ClipRings};
+use crate::clip::{ClipRings, PolygonEdgeIndex};
 pub(crate) use layer::levelled;
-use levels::Levels;
-use mask::Mask;
+use levels::WaterLevels;
+use mask::WaterMask;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Ends};
 
@@ -127,7 +127,7 @@ pub struct Water {
     body_of: Vec<u32>,
     /// The lines of each body; none of a lake.
     bodies: Vec<Vec<u32>>,
-    levels: Mutex<Option<Arc<Levels>>>,
+    levels: Mutex<Option<Arc<WaterLevels>>>,
 }
 
 /// What became of water.
@@ -167,7 +167,7 @@ impl Water {
     /// The water of the file `path`, in the system `crs`. Takes O((n + m) log n) time for n sides and m vertices
     /// of lines, where few sides are at a height.
     pub fn new(mut features: WaterFeatures, path: &Path, crs: Crs) -> Self {
-        let world = Areas::new(std::mem::take(&mut features.rings));
+        let world = PolygonEdgeIndex::new(std::mem::take(&mut features.rings));
         let lines_of = lines_of(&features, &world);
         let is_river = |area: u32| !lines_of[area as usize].is_empty();
         let body_of = bodies(&features, is_river);
@@ -210,7 +210,7 @@ impl Water {
     /// # Errors
     /// Another reference system; no polygon on the grid.
     pub fn banks(&self, grid: &GridInfo) -> Result<Vec<Ends>> {
-        Ok(Mask::new(self, grid)?.into_sides())
+        Ok(WaterMask::new(self, grid)?.into_sides())
     }
 
     /// What became of it; `None` before anything was read.
@@ -218,7 +218,7 @@ impl Water {
         self.lock().as_ref().map(|levels| levels.report(self))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Option<Arc<Levels>>> {
+    fn lock(&self) -> MutexGuard<'_, Option<Arc<WaterLevels>>> {
         self.levels.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -228,7 +228,7 @@ impl Water {
 }
 
 /// The lines that run within each area: with a vertex that is no end, or the middle of a segment.
-fn lines_of(features: &WaterFeatures, world: &Areas) -> Vec<Vec<u32>> {
+fn lines_of(features: &WaterFeatures, world: &PolygonEdgeIndex) -> Vec<Vec<u32>> {
     let mut lines_of = vec![Vec::new(); features.areas as usize];
     let (mut turns, mut found) = (Vec::new(), Vec::new());
     for (number, line) in (0..).zip(features.lines()) {

@@ -7,12 +7,12 @@ pub(super) type Stations = BTreeMap<u32, f64>;
 
 /// The level along a line: straight between knots, constant before the first and after the last.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Profile {
+pub(super) struct RiverProfile {
     /// Stations and levels: the ones rise, the others fall.
     knots: Vec<(f64, f64)>,
 }
 
-impl Profile {
+impl RiverProfile {
     /// Down from `above` (infinite where it is not known), with a knot wherever banks are lower than any before.
     /// A knot is where its station begins, so that all of the station is as low.
     pub(super) fn new(above: f64, stations: &Stations) -> Self {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::{GridSource, SampleType};
 use proptest::prelude::*;
-use terrane_base::geom::{Affine, Rect, Segment};
+use terrane_base::geom::{Affine, Rect, SampleSegment};
 
 /// Heights that lie in memory.
 struct Land {
@@ -65,7 +65,7 @@ fn box_of(low: Xy, high: Xy) -> Vec<Xy> {
 /// The grid with its water, read in windows of `side` samples.
 fn levelled_heights(land: Land, water: &Arc<Water>, side: u32) -> Result<Vec<f64>> {
     let GridInfo { width, height, .. } = land.info;
-    let grid = levelled(water, &crate::OpenOptions::default(), |_| Ok(Box::new(land)))?;
+    let grid = levelled(water, &crate::GridOpenOptions::default(), |_| Ok(Box::new(land)))?;
     let mut all = vec![0.0; (width * height) as usize];
     for row in (0..height).step_by(side as usize) {
         for col in (0..width).step_by(side as usize) {
@@ -263,7 +263,7 @@ fn twin(polygon: &[Xy], size: [u32; 2]) -> Vec<bool> {
     let sides: Vec<_> =
         corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| (*a, *b)).collect();
     let is_water = |at: [i64; 2]| {
-        let on_path = sides.iter().any(|&(a, b)| Segment::new(a, b).step_of(at).is_some());
+        let on_path = sides.iter().any(|&(a, b)| SampleSegment::new(a, b).step_of(at).is_some());
         let crossings = sides.iter().filter(|&&(a, b)| {
             let [a, b] = if a[1] <= b[1] { [a, b] } else { [b, a] };
             let turn = (b[0] - a[0]) * (at[1] - a[1]) - (b[1] - a[1]) * (at[0] - a[0]);
@@ -326,7 +326,7 @@ proptest! {
         let shifted: Vec<_> = polygon.iter().map(|at| at.map(|c| c + 45.0)).collect();
         let part = GridInfo::plain("test", 40, 30, SampleType::F32);
         let mask = |info: &GridInfo, polygon: &Vec<Xy>| {
-            mask::Mask::new(&water(info, std::slice::from_ref(polygon), &[]), info)
+            mask::WaterMask::new(&water(info, std::slice::from_ref(polygon), &[]), info)
         };
         let rect = |col, row| Rect::new(col, row, 40, 30);
         let of_whole = mask(&whole, &shifted).unwrap().rows(rect(45, 45));
@@ -356,7 +356,7 @@ proptest! {
     ) {
         let lines: Vec<Vec<Xy>> =
             lines.iter().map(|line| line.iter().map(|at| at.map(f64::from)).collect()).collect();
-        let axis = axis::Axis::new((0..).zip(lines.iter().map(Vec::as_slice)), 1.0);
+        let axis = axis::RiverAxis::new((0..).zip(lines.iter().map(Vec::as_slice)), 1.0);
         let count: usize = lines.iter().map(|line| line.len() - 1).sum();
         let at = at.map(f64::from);
         let mut last = last % count;

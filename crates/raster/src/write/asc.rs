@@ -3,17 +3,17 @@
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
 
-use super::format::{GridFormat, Order};
+use super::format::{GridFormat, GridWriteRequest};
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use crate::grid::{GridInfo, SampleType};
 use crate::store::metadata::number;
-use crate::store::misfit::Misfit;
-use crate::store::sample::{Codec, Height};
+use crate::store::misfit::SampleMisfit;
+use crate::store::sample::{SampleCodec, StoreHeight};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, lock, unlocked};
+use terrane_files::{AppendWriter, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -38,24 +38,24 @@ struct AscSink {
     /// Whether readers have heights in single precision.
     is_single: bool,
     /// Where a type was asked for: what its values may be.
-    codec: Option<Codec>,
+    codec: Option<SampleCodec>,
     sidecars: Sidecars,
-    text: Mutex<Out>,
+    text: Mutex<AppendWriter>,
 }
 
 impl AscSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         check_north_up(&order.info.transform, FORMAT.name)?;
         let wide = order.heights(SampleType::F64)?;
         let nodata = wide.nodata.unwrap_or_default();
         let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
         let info = GridInfo { sample_type, ..wide };
-        let codec = Codec::new(&GridInfo { nodata: None, ..info.clone() });
+        let codec = SampleCodec::new(&GridInfo { nodata: None, ..info.clone() });
         let codec = order.options.sample_type.map(|_| codec.rounding(order.rounding()));
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let mut sidecars = Sidecars::new(order.path, order.options);
         sidecars.add_prj(&info.crs)?;
-        let mut text = Out::of(&target, 0)?;
+        let mut text = AppendWriter::of(&target, 0)?;
         text.write(header(&info, nodata).as_bytes())?;
         let (text, nodata_text) = (Mutex::new(text), number(nodata));
         let is_single = matches!(sample_type, SampleType::F16 | SampleType::F32);
@@ -63,11 +63,11 @@ impl AscSink {
     }
 
     /// One sample and a space.
-    fn write_sample<H: Height + Display>(
+    fn write_sample<H: StoreHeight + Display>(
         &self,
         height: H,
         out: &mut String,
-    ) -> std::result::Result<(), Misfit> {
+    ) -> std::result::Result<(), SampleMisfit> {
         let first = out.len();
         // Writing to a string does not fail.
         let _ = match &self.codec {
@@ -80,14 +80,14 @@ impl AscSink {
         let is_alike = self.is_single && height as f32 == nodata as f32;
         let is_nodata = is_alike || height == nodata || out[first..] == self.nodata_text;
         if is_nodata && !height.is_nan() {
-            return Err(Misfit::Nodata(0, height));
+            return Err(SampleMisfit::Nodata(0, height));
         }
         out.push(' ');
         Ok(())
     }
 
-    fn refuse(&self, misfit: Misfit, col: u32, row: u32) -> terrane_base::error::Error {
-        Codec::new(&self.info).refusal(misfit, col, row).in_file(self.target.path())
+    fn refuse(&self, misfit: SampleMisfit, col: u32, row: u32) -> terrane_base::error::Error {
+        SampleCodec::new(&self.info).refusal(misfit, col, row).in_file(self.target.path())
     }
 }
 
@@ -114,7 +114,7 @@ impl RowSink for AscSink {
         &self.info
     }
 
-    fn encode_rows<H: Height + Display>(
+    fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use ::png::{BitDepth, ColorType, Encoder, EncodingError, StreamWriter};
 
-use super::format::Order;
+use super::format::GridWriteRequest;
 use super::sidecar::Sidecars;
 use crate::grid::GridInfo;
 use crate::store::metadata::number;
@@ -16,18 +16,18 @@ use terrane_files::atomic::AtomicFile;
 use terrane_files::{lock, unlocked};
 
 /// A picture that is written from above, with what lies beside it.
-pub(super) struct Canvas {
+pub(super) struct PngCanvas {
     target: AtomicFile,
     sidecars: Sidecars,
-    picture: Mutex<StreamWriter<'static, Told>>,
+    picture: Mutex<StreamWriter<'static, PngOutputFile>>,
     /// Why the file could not be written, once that is so.
     cause: Cause,
 }
 
-impl Canvas {
+impl PngCanvas {
     /// Of such pixels; `transparent` is the gray that is.
     pub(super) fn new(
-        order: &Order<'_>,
+        order: &GridWriteRequest<'_>,
         pixels: (ColorType, BitDepth),
         transparent: Option<u16>,
     ) -> Result<Self> {
@@ -58,7 +58,7 @@ impl Canvas {
     }
 }
 
-fn sidecars(order: &Order<'_>) -> Result<Sidecars> {
+fn sidecars(order: &GridWriteRequest<'_>) -> Result<Sidecars> {
     let mut sidecars = Sidecars::new(order.path, order.options);
     if order.info.georeferenced {
         let map = order.info.transform;
@@ -76,10 +76,10 @@ fn start(
     info: &GridInfo,
     ((colours, depth), transparent): ((ColorType, BitDepth), Option<u16>),
     cause: &Cause,
-) -> Result<StreamWriter<'static, Told>> {
+) -> Result<StreamWriter<'static, PngOutputFile>> {
     let path = target.path();
     let file = target.file().try_clone().map_err(|e| Error::write(path, e))?;
-    let told = Told { file, cause: cause.clone() };
+    let told = PngOutputFile { file, cause: cause.clone() };
     let mut encoder = Encoder::new(told, info.width, info.height);
     encoder.set_color(colours);
     encoder.set_depth(depth);
@@ -94,12 +94,12 @@ fn start(
 type Cause = Arc<Mutex<Option<io::Error>>>;
 
 /// A file that remembers why it could not be written: of that the encoder keeps the words alone.
-struct Told {
+struct PngOutputFile {
     file: File,
     cause: Cause,
 }
 
-impl Told {
+impl PngOutputFile {
     fn told<T>(&self, done: io::Result<T>) -> io::Result<T> {
         done.map_err(|error| {
             let kind = error.kind();
@@ -111,7 +111,7 @@ impl Told {
     }
 }
 
-impl Write for Told {
+impl Write for PngOutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let done = self.file.write(bytes);
         self.told(done)
@@ -151,7 +151,7 @@ mod tests {
     fn a_full_disk_is_told_with_its_remedy() {
         let cause = Cause::default();
         let file = File::options().write(true).open("/dev/full").unwrap();
-        let mut encoder = Encoder::new(Told { file, cause: cause.clone() }, 64, 64);
+        let mut encoder = Encoder::new(PngOutputFile { file, cause: cause.clone() }, 64, 64);
         encoder.set_depth(BitDepth::Eight);
         let error = encoder.write_header().err().expect("no room for a header");
         let error = failed(Path::new("a.png"), &cause, error);

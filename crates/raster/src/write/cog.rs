@@ -6,25 +6,25 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::sync::Mutex;
 
-use super::compress::Compression;
+use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
 use super::creation::{Creation, CreationOption};
-use super::directory::{Directory, Form, Places};
-use super::format::{GridFormat, GridSink, Order};
-use super::level::{self, Level, Resampling};
-use super::packed::{Packed, beside};
-use super::tiff::{self, Coding, Image};
+use super::directory::{TiffDirectoryBuilder, TiffOffsets, TiffVariant};
+use super::format::{GridFormat, GridSink, GridWriteRequest};
+use super::level::{self, OverviewLevel, OverviewResampling};
+use super::packed::{PackedBlocks, beside};
+use super::tiff::{self, Coding, TiffImage};
 use crate::grid::{GridInfo, GridSource};
-use crate::store::Heights;
+use crate::store::HeightSlice;
 use crate::store::header::facts;
 use crate::store::metadata::{BandName, number};
-use crate::store::sample::{Codec, Height, Rounding};
-use crate::store::tags::{Values, tag};
+use crate::store::sample::{SampleCodec, SampleRounding, StoreHeight};
+use crate::store::tags::{TiffTagValues, tag};
 use crate::store::writer::check_room;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, lock, unlocked};
+use terrane_files::{AppendWriter, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -74,29 +74,29 @@ struct CogSink {
     bands: Vec<BandName>,
     creation: Creation,
     /// From the full resolution down.
-    layers: Vec<Layer>,
+    layers: Vec<CogLevel>,
     /// The layer that is being fed.
     current: usize,
-    codec: Codec,
-    how: Resampling,
+    codec: SampleCodec,
+    how: OverviewResampling,
 }
 
 /// One resolution.
-struct Layer {
-    image: Image,
-    blocks: Mutex<Packed>,
+struct CogLevel {
+    image: TiffImage,
+    blocks: Mutex<PackedBlocks>,
     /// The heights it is made from, band by band, until it is the current one; those of the first come
     /// from outside.
-    heights: Vec<Level>,
+    heights: Vec<OverviewLevel>,
 }
 
 impl CogSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let info = order.stored()?;
         let creation = order.creation.clone();
         let side = creation.number("BLOCKSIZE").unwrap_or(TILE);
         let coding = Coding::of(&creation, info.sample_type, "DEFLATE")?;
-        let image = Image {
+        let image = TiffImage {
             width: info.width,
             height: info.height,
             block: (side, side),
@@ -110,24 +110,24 @@ impl CogSink {
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let (path, folder) = (target.path(), order.options.temp_dir.as_deref());
         let sizes = below(&creation, &image)?;
-        let below: Vec<Image> =
-            sizes.iter().map(|&(width, height)| Image { width, height, ..image }).collect();
+        let below: Vec<TiffImage> =
+            sizes.iter().map(|&(width, height)| TiffImage { width, height, ..image }).collect();
         check_room(path, target.file(), room(&image, &below, folder.is_some()))?;
         let spools = beside(path, folder)?;
-        let spool = || Ok::<_, Error>(Mutex::new(Packed::new(Out::spool(&spools)?)));
-        let mut layers = vec![Layer { image, blocks: spool()?, heights: Vec::new() }];
+        let spool = || Ok::<_, Error>(Mutex::new(PackedBlocks::new(AppendWriter::spool(&spools)?)));
+        let mut layers = vec![CogLevel { image, blocks: spool()?, heights: Vec::new() }];
         for image in below {
             let size = (image.width, image.height);
-            let level = || Level::new(path, folder, size, order.info.exact_in_f32());
+            let level = || OverviewLevel::new(path, folder, size, order.info.exact_in_f32());
             let heights = (0..image.bands).map(|_| level()).collect::<Result<_>>()?;
-            layers.push(Layer { image, blocks: spool()?, heights });
+            layers.push(CogLevel { image, blocks: spool()?, heights });
         }
         let (codec, how) = (order.codec(&info), resampling(&creation));
         let bands = order.options.bands.clone();
         Ok(Self { target, info, bands, creation, layers, current: 0, codec, how })
     }
 
-    fn encode_heights<H: Height>(
+    fn encode_heights<H: StoreHeight>(
         &self,
         band: u32,
         rect: Rect,
@@ -143,9 +143,9 @@ impl CogSink {
     }
 
     /// Each layer's directory; overviews say nothing of the grid but nodata.
-    fn directories(&self) -> Result<Vec<Directory>> {
+    fn directories(&self) -> Result<Vec<TiffDirectoryBuilder>> {
         let nodata = self.info.nodata.map(number);
-        let nodata = nodata.map(|text| (tag::GDAL_NODATA, Values::Ascii(text)));
+        let nodata = nodata.map(|text| (tag::GDAL_NODATA, TiffTagValues::Ascii(text)));
         let mut all = vec![self.layers[0].image.directory(facts(&self.info, &self.bands)?, false)];
         let overviews = self.layers.iter().skip(1);
         all.extend(overviews.map(|l| l.image.directory(nodata.iter().cloned().collect(), true)));
@@ -156,8 +156,8 @@ impl CogSink {
 /// Bytes that are known to be needed beside the output, whatever compression makes of its blocks:
 /// uncompressed ones are there twice in the end, the second time as the spool, which may be
 /// `elsewhere`. The heights of overviews find their room by themselves.
-fn room(image: &Image, below: &[Image], elsewhere: bool) -> u64 {
-    if image.coding.compression != Compression::None {
+fn room(image: &TiffImage, below: &[TiffImage], elsewhere: bool) -> u64 {
+    if image.coding.compression != TiffCompression::None {
         return 0;
     }
     let plain =
@@ -166,7 +166,7 @@ fn room(image: &Image, below: &[Image], elsewhere: bool) -> u64 {
 }
 
 /// Sizes of the overviews.
-fn below(creation: &Creation, image: &Image) -> Result<Vec<(u32, u32)>> {
+fn below(creation: &Creation, image: &TiffImage) -> Result<Vec<(u32, u32)>> {
     if creation.word("OVERVIEWS") == Some("NONE") {
         for key in ["OVERVIEW_RESAMPLING", "RESAMPLING"] {
             creation.refuse(key, "without overviews")?;
@@ -176,11 +176,11 @@ fn below(creation: &Creation, image: &Image) -> Result<Vec<(u32, u32)>> {
     Ok(level::sizes(image.width, image.height, image.block.0))
 }
 
-fn resampling(creation: &Creation) -> Resampling {
+fn resampling(creation: &Creation) -> OverviewResampling {
     let words = ["OVERVIEW_RESAMPLING", "RESAMPLING"].map(|key| creation.word(key));
     match words.into_iter().flatten().next() {
-        Some("NEAREST") => Resampling::Nearest,
-        _ => Resampling::Average,
+        Some("NEAREST") => OverviewResampling::Nearest,
+        _ => OverviewResampling::Average,
     }
 }
 
@@ -193,10 +193,16 @@ impl GridSink for CogSink {
         self.layers[self.current].image.block
     }
 
-    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        band: u32,
+        rect: Rect,
+        heights: HeightSlice<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         match heights {
-            Heights::F32(heights) => self.encode_heights(band, rect, heights, out),
-            Heights::F64(heights) => self.encode_heights(band, rect, heights, out),
+            HeightSlice::F32(heights) => self.encode_heights(band, rect, heights, out),
+            HeightSlice::F64(heights) => self.encode_heights(band, rect, heights, out),
         }
         .map_err(|e| e.in_file(self.target.path()))
     }
@@ -209,10 +215,10 @@ impl GridSink for CogSink {
         let Some(next) = self.layers.get_mut(self.current + 1) else { return Ok(None) };
         let heights = std::mem::take(&mut next.heights);
         self.current += 1;
-        if self.how == Resampling::Average {
-            self.codec = self.codec.rounding(Rounding::Aside);
+        if self.how == OverviewResampling::Average {
+            self.codec = self.codec.rounding(SampleRounding::Aside);
         }
-        heights.into_iter().map(Level::into_source).collect::<Result<_>>().map(Some)
+        heights.into_iter().map(OverviewLevel::into_source).collect::<Result<_>>().map(Some)
     }
 
     fn finish(self: Box<Self>) -> Result<u64> {
@@ -221,20 +227,20 @@ impl GridSink for CogSink {
         let bytes: u64 = layers.iter().map(|layer| lock(&layer.blocks).bytes()).sum();
         let exact = |form| front(&directories, form).saturating_add(bytes);
         let plain: u64 = layers.iter().map(|layer| layer.image.plain_bytes()).sum();
-        let form = tiff::form(&creation, Some(exact(Form::Classic)), plain)?;
-        let finished = |layer: Layer| unlocked(layer.blocks).finish(layer.image.blocks());
+        let form = tiff::form(&creation, Some(exact(TiffVariant::Classic)), plain)?;
+        let finished = |layer: CogLevel| unlocked(layer.blocks).finish(layer.image.blocks());
         let spools = layers.into_iter().map(finished).collect::<Result<Vec<_>>>()?;
         let sizes: Vec<&[u32]> = spools.iter().map(|(_, sizes)| &sizes[..]).collect();
         write_directories(target.file(), form, &directories, &sizes)
             .map_err(|e| Error::write(target.path(), e))?;
-        let mut out = Out::of(&target, front(&directories, form))?;
+        let mut out = AppendWriter::of(&target, front(&directories, form))?;
         spools.into_iter().rev().try_for_each(|(spool, _)| out.append(spool))?;
         target.commit()
     }
 }
 
 /// Bytes before the first block.
-fn front(directories: &[Directory], form: Form) -> u64 {
+fn front(directories: &[TiffDirectoryBuilder], form: TiffVariant) -> u64 {
     form.start() + directories.iter().map(|directory| directory.bytes(form)).sum::<u64>()
 }
 
@@ -242,8 +248,8 @@ fn front(directories: &[Directory], form: Form) -> u64 {
 /// sizes, which follow from the smallest resolution up.
 fn write_directories(
     file: &File,
-    form: Form,
-    directories: &[Directory],
+    form: TiffVariant,
+    directories: &[TiffDirectoryBuilder],
     sizes: &[&[u32]],
 ) -> io::Result<()> {
     let mut out = BufWriter::new(file);
@@ -254,7 +260,7 @@ fn write_directories(
         end -= sizes.iter().map(|size| u64::from(*size)).sum::<u64>();
         let after = at + directory.bytes(form);
         let next = if i + 1 < directories.len() { after } else { 0 };
-        directory.write(&mut out, form, Places { at, next, data: end }, sizes)?;
+        directory.write(&mut out, form, TiffOffsets { at, next, data: end }, sizes)?;
         at = after;
     }
     out.flush()

@@ -8,7 +8,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 /// A compression with its level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Compression {
+pub(super) enum TiffCompression {
     None,
     Lzw,
     Deflate(i32),
@@ -20,7 +20,7 @@ const DEFLATE_LEVEL: i32 = 6;
 const MOST_DEFLATE_LEVEL: u32 = 12;
 const ZSTD_LEVEL: i32 = 9;
 
-impl Compression {
+impl TiffCompression {
     /// By COMPRESS and LEVEL; `default` is the value of COMPRESS when it is not given.
     pub(super) fn of(creation: &Creation, default: &str) -> Result<Self> {
         let name = creation.word("COMPRESS").unwrap_or(default);
@@ -124,17 +124,17 @@ mod tests {
     use proptest::prelude::*;
 
     /// What independent decoders make of it.
-    fn unpacked(compression: Compression, packed: &[u8], bytes: usize) -> Vec<u8> {
+    fn unpacked(compression: TiffCompression, packed: &[u8], bytes: usize) -> Vec<u8> {
         let mut out = vec![0; bytes];
         match compression {
-            Compression::None => return packed.to_vec(),
-            Compression::PackBits => return unpackbits(packed),
-            Compression::Zstd(_) => return zstd::bulk::decompress(packed, bytes).unwrap(),
-            Compression::Lzw => {
+            TiffCompression::None => return packed.to_vec(),
+            TiffCompression::PackBits => return unpackbits(packed),
+            TiffCompression::Zstd(_) => return zstd::bulk::decompress(packed, bytes).unwrap(),
+            TiffCompression::Lzw => {
                 let mut decoder = weezl::decode::Decoder::with_tiff_size_switch(BitOrder::Msb, 8);
                 return decoder.decode(packed).unwrap();
             }
-            Compression::Deflate(_) => {
+            TiffCompression::Deflate(_) => {
                 let mut decoder = libdeflater::Decompressor::new();
                 assert_eq!(decoder.zlib_decompress(packed, &mut out).unwrap(), bytes);
             }
@@ -166,7 +166,7 @@ mod tests {
             let mut plain: Vec<u8> =
                 runs.iter().flat_map(|(byte, count)| vec![*byte; *count]).collect();
             plain.extend(noise);
-            use Compression::{Deflate, Lzw, None, PackBits, Zstd};
+            use TiffCompression::{Deflate, Lzw, None, PackBits, Zstd};
             for compression in [None, Lzw, Deflate(1), Deflate(12), Zstd(1), Zstd(22), PackBits] {
                 let (mut first, mut second) = (Vec::new(), vec![7; 9]);
                 compression.run(&plain, plain.len(), &mut first).unwrap();
@@ -197,12 +197,12 @@ mod tests {
     fn levels_belong_to_their_compression() {
         let of = |given: &[(&str, &str)]| {
             let given: Vec<_> = given.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
-            Compression::of(&Creation::new("COG", CODING, &given)?, "NONE")
+            TiffCompression::of(&Creation::new("COG", CODING, &given)?, "NONE")
         };
-        assert_eq!(of(&[]).unwrap(), Compression::None);
-        assert_eq!(of(&[("COMPRESS", "ZSTD")]).unwrap(), Compression::Zstd(9));
+        assert_eq!(of(&[]).unwrap(), TiffCompression::None);
+        assert_eq!(of(&[("COMPRESS", "ZSTD")]).unwrap(), TiffCompression::Zstd(9));
         let deflate = of(&[("COMPRESS", "DEFLATE"), ("LEVEL", "12")]);
-        assert_eq!(deflate.unwrap(), Compression::Deflate(12));
+        assert_eq!(deflate.unwrap(), TiffCompression::Deflate(12));
         for (name, level) in [("DEFLATE", "13"), ("LZW", "1"), ("NONE", "1"), ("ZSTD", "23")] {
             assert!(of(&[("COMPRESS", name), ("LEVEL", level)]).is_err(), "{name} {level}");
         }

@@ -3,15 +3,15 @@
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
 
-use super::format::{GridFormat, GridSink, Order, WriteOptions};
+use super::format::{GridFormat, GridSink, GridWriteOptions, GridWriteRequest};
 use super::sidecar::{self, Sidecars};
 use crate::grid::{GridInfo, SampleType};
-use crate::store::Heights;
-use crate::store::sample::{Codec, Height};
+use crate::store::HeightSlice;
+use crate::store::sample::{SampleCodec, StoreHeight};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, lock, unlocked};
+use terrane_files::{AppendWriter, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -39,43 +39,48 @@ struct CsvSink {
     /// Whether 0 stands for no value, by band.
     counts: Vec<bool>,
     /// For values of types of whole numbers.
-    codec: Option<Codec>,
+    codec: Option<SampleCodec>,
     decimals: usize,
     sidecars: Sidecars,
-    rows: Mutex<Rows>,
+    rows: Mutex<GridCsvRows>,
 }
 
 /// Lines on their way into the file.
-struct Rows {
-    text: Out,
+struct GridCsvRows {
+    text: AppendWriter,
     /// The columns of the bands of a block so far.
     columns: Vec<Vec<u8>>,
 }
 
 impl CsvSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let sample_type = order.options.sample_type.unwrap_or(order.info.sample_type);
         let info = GridInfo { sample_type, nodata: None, ..order.heights(SampleType::F64)? };
         order.info.check_cells()?;
         let is_float = matches!(sample_type, SampleType::F32 | SampleType::F64);
-        let codec = Codec::new(&info);
+        let codec = SampleCodec::new(&info);
         let codec = (!is_float).then(|| codec.rounding(order.rounding()));
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         let mut sidecars = Sidecars::new(order.path, order.options);
         sidecars.add_prj(&info.crs)?;
-        let mut text = Out::of(&target, 0)?;
+        let mut text = AppendWriter::of(&target, 0)?;
         text.write(heading(order.options).as_bytes())?;
         let counts = match order.options.bands.as_slice() {
             [] => vec![false],
             bands => bands.iter().map(|band| band.counts).collect(),
         };
-        let rows = Mutex::new(Rows { text, columns: Vec::new() });
+        let rows = Mutex::new(GridCsvRows { text, columns: Vec::new() });
         let decimals = decimals(&info.transform);
         Ok(Self { target, info, counts, codec, decimals, sidecars, rows })
     }
 
     /// The values of a band, a line for each; behind the places of the cells for the first band. A void is empty.
-    fn column<H: Height + Display>(&self, band: u32, rect: Rect, values: &[H]) -> Result<Vec<u8>> {
+    fn column<H: StoreHeight + Display>(
+        &self,
+        band: u32,
+        rect: Rect,
+        values: &[H],
+    ) -> Result<Vec<u8>> {
         let mut text = String::new();
         let rows = (rect.row..).zip(values.chunks_exact(rect.width as usize));
         let cells = rows.flat_map(|(row, line)| {
@@ -138,7 +143,7 @@ impl CsvSink {
 }
 
 /// Names of columns, in quotes where they need them.
-fn heading(options: &WriteOptions) -> String {
+fn heading(options: &GridWriteOptions) -> String {
     let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),
         false => name.to_owned(),
@@ -173,16 +178,22 @@ impl GridSink for CsvSink {
         (width, (BLOCK_CELLS / width).clamp(1, height))
     }
 
-    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn encode(
+        &self,
+        band: u32,
+        rect: Rect,
+        heights: HeightSlice<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         *out = match heights {
-            Heights::F32(heights) => self.column(band, rect, heights)?,
-            Heights::F64(heights) => self.column(band, rect, heights)?,
+            HeightSlice::F32(heights) => self.column(band, rect, heights)?,
+            HeightSlice::F64(heights) => self.column(band, rect, heights)?,
         };
         Ok(())
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
-        let Rows { text, columns } = &mut *lock(&self.rows);
+        let GridCsvRows { text, columns } = &mut *lock(&self.rows);
         columns.push(bytes.to_vec());
         if columns.len() < self.counts.len() {
             return Ok(());

@@ -2,18 +2,18 @@
 
 use std::io::{self, Write};
 
-use crate::store::tags::Values;
+use crate::store::tags::TiffTagValues;
 
 /// Which of the two kinds of TIFF a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Form {
+pub(super) enum TiffVariant {
     /// Offsets of 32 bits.
     Classic,
     /// Offsets of 64 bits.
     Big,
 }
 
-impl Form {
+impl TiffVariant {
     /// Bytes of the file header, and the place of the first directory.
     pub(super) fn start(self) -> u64 {
         if self == Self::Classic { 8 } else { 16 }
@@ -58,22 +58,22 @@ const LONG8: u16 = 16;
 /// One image: its tags, and its blocks in the order in which they lie in the file: those of all bands
 /// at a place, then those at the next. The tables tell them band by band.
 #[derive(Debug)]
-pub(super) struct Directory {
-    fields: Vec<(u16, Content)>,
+pub(super) struct TiffDirectoryBuilder {
+    fields: Vec<(u16, TiffFieldContent)>,
     blocks: u64,
     bands: u32,
 }
 
 #[derive(Debug)]
-enum Content {
-    Values(Values),
+enum TiffFieldContent {
+    Values(TiffTagValues),
     Offsets,
     Sizes,
 }
 
 /// Where things of one image lie.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
+pub(super) struct TiffOffsets {
     /// The directory itself, a multiple of 8.
     pub(super) at: u64,
     /// The next directory, 0 after the last.
@@ -82,49 +82,49 @@ pub(super) struct Places {
     pub(super) data: u64,
 }
 
-impl Directory {
+impl TiffDirectoryBuilder {
     /// A directory of `tags` in any order, whose `blocks` of so many bands are told by the tags
     /// numbered `offsets` and `sizes`.
     pub(super) fn new(
-        tags: Vec<(u16, Values)>,
+        tags: Vec<(u16, TiffTagValues)>,
         [offsets, sizes]: [u16; 2],
         blocks: u64,
         bands: u32,
     ) -> Self {
-        let values = tags.into_iter().map(|(tag, values)| (tag, Content::Values(values)));
-        let tables = [(offsets, Content::Offsets), (sizes, Content::Sizes)];
+        let values = tags.into_iter().map(|(tag, values)| (tag, TiffFieldContent::Values(values)));
+        let tables = [(offsets, TiffFieldContent::Offsets), (sizes, TiffFieldContent::Sizes)];
         let mut fields: Vec<_> = values.chain(tables).collect();
         fields.sort_by_key(|(tag, _)| *tag);
         Self { fields, blocks, bands }
     }
 
     /// Bytes of the directory with all its values, a multiple of 8.
-    pub(super) fn bytes(&self, form: Form) -> u64 {
+    pub(super) fn bytes(&self, form: TiffVariant) -> u64 {
         let large = self.fields.iter().map(|(_, content)| self.content_bytes(content, form));
         let large = large.filter(|bytes| *bytes > form.word_bytes());
         self.head_bytes(form) + large.map(|bytes| bytes.next_multiple_of(ALIGNMENT)).sum::<u64>()
     }
 
-    fn head_bytes(&self, form: Form) -> u64 {
+    fn head_bytes(&self, form: TiffVariant) -> u64 {
         let (count, entry) = form.counts();
         let head = count + entry * self.fields.len() as u64 + form.word_bytes();
         head.next_multiple_of(ALIGNMENT)
     }
 
-    fn content_bytes(&self, content: &Content, form: Form) -> u64 {
+    fn content_bytes(&self, content: &TiffFieldContent, form: TiffVariant) -> u64 {
         match content {
-            Content::Values(values) => values.bytes().len() as u64,
-            Content::Offsets => self.blocks * form.word_bytes(),
-            Content::Sizes => self.blocks * 4,
+            TiffFieldContent::Values(values) => values.bytes().len() as u64,
+            TiffFieldContent::Offsets => self.blocks * form.word_bytes(),
+            TiffFieldContent::Sizes => self.blocks * 4,
         }
     }
 
     /// Kind and number of values.
-    fn kind(&self, content: &Content, form: Form) -> (u16, u64) {
+    fn kind(&self, content: &TiffFieldContent, form: TiffVariant) -> (u16, u64) {
         match content {
-            Content::Values(values) => (values.kind(), values.count()),
-            Content::Offsets if form == Form::Big => (LONG8, self.blocks),
-            Content::Offsets | Content::Sizes => (LONG, self.blocks),
+            TiffFieldContent::Values(values) => (values.kind(), values.count()),
+            TiffFieldContent::Offsets if form == TiffVariant::Big => (LONG8, self.blocks),
+            TiffFieldContent::Offsets | TiffFieldContent::Sizes => (LONG, self.blocks),
         }
     }
 
@@ -132,8 +132,8 @@ impl Directory {
     pub(super) fn write(
         &self,
         out: &mut impl Write,
-        form: Form,
-        places: Places,
+        form: TiffVariant,
+        places: TiffOffsets,
         sizes: &[u32],
     ) -> io::Result<()> {
         out.write_all(&self.head(form, places, sizes)?)?;
@@ -149,7 +149,7 @@ impl Directory {
     }
 
     /// The entries; values that do not fit into one lie behind them all.
-    fn head(&self, form: Form, places: Places, sizes: &[u32]) -> io::Result<Vec<u8>> {
+    fn head(&self, form: TiffVariant, places: TiffOffsets, sizes: &[u32]) -> io::Result<Vec<u8>> {
         let (count_bytes, entry_bytes) = form.counts();
         let mut head = (self.fields.len() as u64).to_le_bytes()[..count_bytes as usize].to_vec();
         let mut place = places.at + self.head_bytes(form);
@@ -175,18 +175,18 @@ impl Directory {
 
     fn write_content(
         &self,
-        content: &Content,
+        content: &TiffFieldContent,
         out: &mut impl Write,
-        form: Form,
+        form: TiffVariant,
         data: u64,
         sizes: &[u32],
     ) -> io::Result<()> {
         match content {
-            Content::Values(values) => out.write_all(&values.bytes()),
-            Content::Sizes => {
+            TiffFieldContent::Values(values) => out.write_all(&values.bytes()),
+            TiffFieldContent::Sizes => {
                 self.by_band(sizes).try_for_each(|size| out.write_all(&size.to_le_bytes()))
             }
-            Content::Offsets => {
+            TiffFieldContent::Offsets => {
                 let mut next = data;
                 let places = sizes.iter().map(|size| {
                     let place = next;
@@ -213,17 +213,17 @@ mod tests {
 
     #[test]
     fn bytes_are_as_many_as_were_announced() {
-        for form in [Form::Classic, Form::Big] {
+        for form in [TiffVariant::Classic, TiffVariant::Big] {
             for blocks in [1_u32, 2, 3, 1000] {
                 let tags = vec![
-                    (339, Values::Short(vec![3])),
-                    (256, Values::Long(vec![7])),
-                    (33_550, Values::Double(vec![1.0, 2.0, 0.0])),
-                    (305, Values::Ascii("abc".to_owned())),
+                    (339, TiffTagValues::Short(vec![3])),
+                    (256, TiffTagValues::Long(vec![7])),
+                    (33_550, TiffTagValues::Double(vec![1.0, 2.0, 0.0])),
+                    (305, TiffTagValues::Ascii("abc".to_owned())),
                 ];
-                let directory = Directory::new(tags, [324, 325], u64::from(blocks), 1);
+                let directory = TiffDirectoryBuilder::new(tags, [324, 325], u64::from(blocks), 1);
                 let sizes: Vec<u32> = (0..blocks).map(|i| i + 5).collect();
-                let places = Places { at: form.start(), next: 0, data: 99 };
+                let places = TiffOffsets { at: form.start(), next: 0, data: 99 };
                 let mut out = Vec::new();
                 directory.write(&mut out, form, places, &sizes).unwrap();
                 assert_eq!(out.len() as u64, directory.bytes(form), "{form:?} {blocks}");
@@ -234,20 +234,22 @@ mod tests {
 
     #[test]
     fn blocks_beyond_four_gibibytes_keep_their_offsets() {
-        let directory = Directory::new(Vec::new(), [324, 325], 2, 1);
+        let directory = TiffDirectoryBuilder::new(Vec::new(), [324, 325], 2, 1);
         let mut out = Vec::new();
         let data = u64::from(u32::MAX) - 1;
-        directory.write(&mut out, Form::Big, Places { at: 16, next: 0, data }, &[9, 9]).unwrap();
+        directory
+            .write(&mut out, TiffVariant::Big, TiffOffsets { at: 16, next: 0, data }, &[9, 9])
+            .unwrap();
         let offsets: Vec<u8> = [data, data + 9].iter().flat_map(|at| at.to_le_bytes()).collect();
         assert!(out.windows(16).any(|bytes| bytes == offsets), "{out:?}");
     }
 
     #[test]
     fn tables_go_band_by_band() {
-        let directory = Directory::new(Vec::new(), [324, 325], 6, 2);
+        let directory = TiffDirectoryBuilder::new(Vec::new(), [324, 325], 6, 2);
         let mut out = Vec::new();
-        let places = Places { at: 8, next: 0, data: 100 };
-        directory.write(&mut out, Form::Classic, places, &[1, 10, 2, 20, 3, 30]).unwrap();
+        let places = TiffOffsets { at: 8, next: 0, data: 100 };
+        directory.write(&mut out, TiffVariant::Classic, places, &[1, 10, 2, 20, 3, 30]).unwrap();
         let words: Vec<u32> =
             out.chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap())).collect();
         let has = |run: &[u32]| words.windows(run.len()).any(|words| words == run);
@@ -256,16 +258,17 @@ mod tests {
 
     #[test]
     fn a_directory_to_the_byte() {
-        let directory = Directory::new(vec![(256, Values::Long(vec![7]))], [273, 279], 2, 1);
+        let directory =
+            TiffDirectoryBuilder::new(vec![(256, TiffTagValues::Long(vec![7]))], [273, 279], 2, 1);
         let mut out = Vec::new();
-        let places = Places { at: 8, next: 0, data: 0x100 };
-        directory.write(&mut out, Form::Classic, places, &[5, 6]).unwrap();
+        let places = TiffOffsets { at: 8, next: 0, data: 0x100 };
+        directory.write(&mut out, TiffVariant::Classic, places, &[5, 6]).unwrap();
         let mut expected = vec![3, 0, 0, 1, 4, 0, 1, 0, 0, 0, 7, 0, 0, 0];
         expected.extend([17, 1, 4, 0, 2, 0, 0, 0, 56, 0, 0, 0]);
         expected.extend([23, 1, 4, 0, 2, 0, 0, 0, 64, 0, 0, 0]);
         expected.resize(48, 0);
         expected.extend([0, 1, 0, 0, 5, 1, 0, 0, 5, 0, 0, 0, 6, 0, 0, 0]);
         assert_eq!(out, expected);
-        assert_eq!(Form::Classic.header(), [b'I', b'I', 42, 0, 8, 0, 0, 0]);
+        assert_eq!(TiffVariant::Classic.header(), [b'I', b'I', 42, 0, 8, 0, 0, 0]);
     }
 }

@@ -3,16 +3,16 @@
 use std::fmt::Display;
 use std::sync::Mutex;
 
-use super::format::{GridFormat, Order};
+use super::format::{GridFormat, GridWriteRequest};
 use super::rows::RowSink;
 use super::sidecar::{self, Sidecars, check_north_up, lower_left};
 use crate::grid::{GridInfo, SampleType};
 use crate::store::metadata::number;
-use crate::store::sample::{Codec, Height};
+use crate::store::sample::{SampleCodec, StoreHeight};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, lock, unlocked};
+use terrane_files::{AppendWriter, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -32,13 +32,13 @@ pub(super) const FORMAT: GridFormat = GridFormat {
 struct FltSink {
     target: AtomicFile,
     info: GridInfo,
-    codec: Codec,
+    codec: SampleCodec,
     sidecars: Sidecars,
-    out: Mutex<Out>,
+    out: Mutex<AppendWriter>,
 }
 
 impl FltSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         if let Some(other) = order.options.sample_type.filter(|t| *t != SampleType::F32) {
             let message = format!("{} holds float32, not {}", FORMAT.name, other.name());
             return Err(Error::usage(message).remedy("leave ‹type› out"));
@@ -54,7 +54,7 @@ impl FltSink {
         }
         sidecars.add("hdr", &header(&info))?;
         sidecars.add_prj(&info.crs)?;
-        let (codec, out) = (order.codec(&info), Mutex::new(Out::of(&target, 0)?));
+        let (codec, out) = (order.codec(&info), Mutex::new(AppendWriter::of(&target, 0)?));
         Ok(Self { target, info, codec, sidecars, out })
     }
 }
@@ -86,7 +86,7 @@ impl RowSink for FltSink {
         &self.info
     }
 
-    fn encode_rows<H: Height + Display>(
+    fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use super::creation::{Creation, CreationOption};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::store::Heights;
+use crate::store::HeightSlice;
 use crate::store::metadata::BandName;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
-use terrane_base::registry::Named;
-use terrane_files::format::Format;
+use terrane_base::registry::RegistryEntry;
+use terrane_files::format::FileFormat;
 
 /// One format of grids: an entry of [`FORMATS`](super::FORMATS).
 #[derive(Debug)]
@@ -33,12 +33,12 @@ pub struct GridFormat {
     /// Bytes that a thread holds for each sample of a block, heights included, at most.
     pub bytes_per_sample: u64,
     /// Starts a file.
-    pub(super) create: fn(&Order<'_>) -> Result<Box<dyn GridSink>>,
+    pub(super) create: fn(&GridWriteRequest<'_>) -> Result<Box<dyn GridSink>>,
 }
 
 /// How a grid is to be written.
 #[derive(Clone, Debug, Default)]
-pub struct WriteOptions {
+pub struct GridWriteOptions {
     /// Replace existing files.
     pub overwrite: bool,
     /// Creation options as given.
@@ -59,7 +59,7 @@ pub struct WriteOptions {
     pub read: Vec<PathBuf>,
 }
 
-impl WriteOptions {
+impl GridWriteOptions {
     /// Bands to write.
     pub fn band_count(&self) -> u32 {
         u32::try_from(self.bands.len()).unwrap_or(u32::MAX).max(1)
@@ -67,10 +67,10 @@ impl WriteOptions {
 }
 
 /// What a format is asked to write.
-pub(super) struct Order<'a> {
+pub(super) struct GridWriteRequest<'a> {
     pub(super) path: &'a Path,
     pub(super) info: &'a GridInfo,
-    pub(super) options: &'a WriteOptions,
+    pub(super) options: &'a GridWriteOptions,
     pub(super) creation: Creation,
 }
 
@@ -94,7 +94,13 @@ pub trait GridSink: Send + Sync {
     ///
     /// # Errors
     /// A height that the format cannot hold, with its column and row.
-    fn encode(&self, band: u32, rect: Rect, heights: Heights<'_>, out: &mut Vec<u8>) -> Result<()>;
+    fn encode(
+        &self,
+        band: u32,
+        rect: Rect,
+        heights: HeightSlice<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()>;
 
     /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time; those of
     /// all bands one after the other before the next block.
@@ -134,7 +140,7 @@ impl GridFormat {
     }
 }
 
-impl Named for GridFormat {
+impl RegistryEntry for GridFormat {
     const KIND: &'static str = "grid format";
 
     fn name(&self) -> &'static str {
@@ -142,7 +148,7 @@ impl Named for GridFormat {
     }
 }
 
-impl Format for GridFormat {
+impl FileFormat for GridFormat {
     fn extensions(&self) -> &'static [&'static str] {
         self.extensions
     }

@@ -4,22 +4,22 @@
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::sync::Mutex;
 
-use super::compress::Compression;
+use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
 use super::creation::CreationOption;
-use super::directory::{Directory, Form, Places};
-use super::format::{GridFormat, GridSink, Order};
-use super::packed::Packed;
-use super::tiff::{self, Coding, Image};
+use super::directory::{TiffDirectoryBuilder, TiffOffsets, TiffVariant};
+use super::format::{GridFormat, GridSink, GridWriteRequest};
+use super::packed::PackedBlocks;
+use super::tiff::{self, Coding, TiffImage};
 use crate::grid::GridInfo;
-use crate::store::Heights;
+use crate::store::HeightSlice;
 use crate::store::header::facts;
-use crate::store::sample::Codec;
+use crate::store::sample::SampleCodec;
 use crate::store::writer::check_room;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::atomic::AtomicFile;
-use terrane_files::{Out, lock, unlocked};
+use terrane_files::{AppendWriter, lock, unlocked};
 
 /// The registry entry.
 pub(super) const FORMAT: GridFormat = GridFormat {
@@ -63,39 +63,41 @@ const STRIP_BYTES: u64 = 64 << 10;
 struct GeoTiffSink {
     target: AtomicFile,
     info: GridInfo,
-    image: Image,
-    codec: Codec,
-    directory: Directory,
-    form: Form,
-    blocks: Mutex<Packed>,
+    image: TiffImage,
+    codec: SampleCodec,
+    directory: TiffDirectoryBuilder,
+    form: TiffVariant,
+    blocks: Mutex<PackedBlocks>,
 }
 
 impl GeoTiffSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let info = order.stored()?;
         let image = image(order, &info)?;
         image.check()?;
         let directory = image.directory(facts(&info, &order.options.bands)?, false);
         let plain = image.plain_bytes();
         let exact = match image.coding.compression {
-            Compression::None => Some(front(&directory, Form::Classic).saturating_add(plain)),
+            TiffCompression::None => {
+                Some(front(&directory, TiffVariant::Classic).saturating_add(plain))
+            }
             _ => None,
         };
         let form = tiff::form(&order.creation, exact, plain)?;
         let target = AtomicFile::create(order.path, order.options.overwrite)?;
         check_room(target.path(), target.file(), exact.unwrap_or(0))?;
-        let blocks = Packed::new(Out::of(&target, front(&directory, form))?);
+        let blocks = PackedBlocks::new(AppendWriter::of(&target, front(&directory, form))?);
         let codec = order.codec(&info);
         Ok(Self { target, info, image, codec, directory, form, blocks: Mutex::new(blocks) })
     }
 }
 
 /// Bytes before the first block.
-fn front(directory: &Directory, form: Form) -> u64 {
+fn front(directory: &TiffDirectoryBuilder, form: TiffVariant) -> u64 {
     form.start() + directory.bytes(form)
 }
 
-fn image(order: &Order<'_>, info: &GridInfo) -> Result<Image> {
+fn image(order: &GridWriteRequest<'_>, info: &GridInfo) -> Result<TiffImage> {
     let (creation, bands) = (&order.creation, order.options.band_count());
     let are_colours = order.options.are_colours;
     let GridInfo { width, height, sample_type, .. } = *info;
@@ -114,7 +116,7 @@ fn image(order: &Order<'_>, info: &GridInfo) -> Result<Image> {
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))
     };
-    Ok(Image { width, height, block, tiled, sample_type, coding, bands, are_colours })
+    Ok(TiffImage { width, height, block, tiled, sample_type, coding, bands, are_colours })
 }
 
 impl GridSink for GeoTiffSink {
@@ -130,12 +132,12 @@ impl GridSink for GeoTiffSink {
         &self,
         _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: HeightSlice<'_>,
         out: &mut Vec<u8>,
     ) -> Result<()> {
         match heights {
-            Heights::F32(heights) => self.image.encode(&self.codec, rect, heights, out),
-            Heights::F64(heights) => self.image.encode(&self.codec, rect, heights, out),
+            HeightSlice::F32(heights) => self.image.encode(&self.codec, rect, heights, out),
+            HeightSlice::F64(heights) => self.image.encode(&self.codec, rect, heights, out),
         }
         .map_err(|e| e.in_file(self.target.path()))
     }
@@ -154,7 +156,7 @@ impl GridSink for GeoTiffSink {
         let (_, sizes) = unlocked(blocks).finish(image.blocks())?;
         let mut out = BufWriter::new(target.file());
         let data = front(&directory, form);
-        let places = Places { at: form.start(), next: 0, data };
+        let places = TiffOffsets { at: form.start(), next: 0, data };
         out.seek(SeekFrom::Start(0))
             .and_then(|_| out.write_all(&form.header()))
             .and_then(|()| directory.write(&mut out, form, places, &sizes))

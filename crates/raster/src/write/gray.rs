@@ -5,12 +5,12 @@ use std::fmt::Display;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::Canvas;
-use super::format::Order;
+use super::canvas::PngCanvas;
+use super::format::GridWriteRequest;
 use super::rows::RowSink;
 use super::sidecar;
 use crate::grid::{GridInfo, SampleType};
-use crate::store::sample::{Codec, Height, stored_nodata};
+use crate::store::sample::{SampleCodec, StoreHeight, stored_nodata};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -18,7 +18,7 @@ use terrane_base::geom::Rect;
 ///
 /// # Errors
 /// Usage: gray of a type that it does not hold.
-pub(super) fn is_asked(order: &Order<'_>) -> Result<bool> {
+pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     let asked = order.options.sample_type;
     let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));
     match (order.creation.word("ENCODING"), asked) {
@@ -33,13 +33,13 @@ pub(super) fn is_asked(order: &Order<'_>) -> Result<bool> {
 
 /// A picture in the making.
 pub(super) struct GraySink {
-    canvas: Canvas,
+    canvas: PngCanvas,
     info: GridInfo,
-    codec: Codec,
+    codec: SampleCodec,
 }
 
 impl GraySink {
-    pub(super) fn new(order: &Order<'_>) -> Result<Self> {
+    pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         order.creation.refuse("ALPHA", "on gray, where one value stands for voids")?;
         let wide = order.info.sample_type != SampleType::U8;
         let own = if wide { SampleType::U16 } else { SampleType::U8 };
@@ -54,7 +54,7 @@ impl GraySink {
         };
         // Whole, and within the type.
         let transparent = nodata.map(|value| value as u16);
-        let canvas = Canvas::new(order, (ColorType::Grayscale, depth), transparent)?;
+        let canvas = PngCanvas::new(order, (ColorType::Grayscale, depth), transparent)?;
         Ok(Self { canvas, codec: order.codec(&info), info })
     }
 }
@@ -64,7 +64,7 @@ impl RowSink for GraySink {
         &self.info
     }
 
-    fn encode_rows<H: Height + Display>(
+    fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

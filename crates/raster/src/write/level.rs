@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::packed::beside;
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::store::sample::Height;
+use crate::store::sample::StoreHeight;
 use crate::store::writer::set_length;
-use crate::strided::{Layout, Strided};
+use crate::strided::{Strided, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::RawFile;
@@ -16,7 +16,7 @@ use terrane_files::{nameless, write_all_at};
 
 /// How four samples become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Resampling {
+pub(super) enum OverviewResampling {
     /// The mean of those that are valid; void where none is.
     Average,
     /// The upper left one.
@@ -32,13 +32,13 @@ pub(super) fn sizes(width: u32, height: u32, block: u32) -> Vec<(u32, u32)> {
 }
 
 /// The heights of one level.
-pub(super) struct Level {
+pub(super) struct OverviewLevel {
     file: File,
     info: GridInfo,
     path: PathBuf,
 }
 
-impl Level {
+impl OverviewLevel {
     /// An empty level of `width` x `height` heights in `f32` or `f64`, in `folder` or else beside the
     /// output at `path`, after making sure that there is room for it.
     pub(super) fn new(
@@ -58,7 +58,12 @@ impl Level {
 
     /// Puts the halved heights of `rect`, a block of the level above that begins at an even column
     /// and row. Any thread, any order.
-    pub(super) fn put<H: Height>(&self, rect: Rect, heights: &[H], how: Resampling) -> Result<()> {
+    pub(super) fn put<H: StoreHeight>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        how: OverviewResampling,
+    ) -> Result<()> {
         let halved = halve(heights, rect.width as usize, how);
         let width = rect.width.div_ceil(2) as usize;
         let (col, first) = (rect.col / 2, rect.row / 2);
@@ -80,22 +85,22 @@ impl Level {
 
     /// The heights as a grid, once all were put.
     pub(super) fn into_source(self) -> Result<Box<dyn GridSource>> {
-        let layout = Layout::rows(self.info.width, self.info.sample_type.bytes());
+        let layout = StridedLayout::rows(self.info.width, self.info.sample_type.bytes());
         let file = RawFile::of(self.file, &self.path)?;
         Ok(Box::new(Strided::new(file, self.info, layout)?))
     }
 }
 
 /// Rows of `width` heights at half the resolution; a last odd column or row stands for itself.
-fn halve<H: Height>(heights: &[H], width: usize, how: Resampling) -> Vec<f64> {
+fn halve<H: StoreHeight>(heights: &[H], width: usize, how: OverviewResampling) -> Vec<f64> {
     let mut halved = Vec::with_capacity(heights.len() / 4 + width);
     for rows in heights.chunks(2 * width) {
         let (upper, lower) = rows.split_at(width);
         for (i, upper) in upper.chunks(2).enumerate() {
             let lower = lower.get(2 * i..(2 * i + 2).min(lower.len())).unwrap_or_default();
             halved.push(match how {
-                Resampling::Nearest => upper[0].to_f64(),
-                Resampling::Average => mean(upper, lower),
+                OverviewResampling::Nearest => upper[0].to_f64(),
+                OverviewResampling::Average => mean(upper, lower),
             });
         }
     }
@@ -103,7 +108,7 @@ fn halve<H: Height>(heights: &[H], width: usize, how: Resampling) -> Vec<f64> {
 }
 
 #[inline(always)]
-fn mean<H: Height>(upper: &[H], lower: &[H]) -> f64 {
+fn mean<H: StoreHeight>(upper: &[H], lower: &[H]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for height in upper.iter().chain(lower).filter(|height| !height.is_void()) {
         sum += height.to_f64();
@@ -128,11 +133,11 @@ mod tests {
     fn means_are_of_the_valid_ones() {
         const V: f32 = f32::NAN;
         let rows = [1.0, 3.0, V, V, 7.0, 5.0, V, V, V, V, 2.0, 4.0, 6.0, V, 8.0];
-        let halved = halve(&rows, 5, Resampling::Average);
+        let halved = halve(&rows, 5, OverviewResampling::Average);
         assert_eq!(halved[0], 3.0);
         assert!(halved[1].is_nan());
         assert_eq!(halved[2..], [7.0, 3.0, 6.0, 8.0]);
-        let nearest = halve(&rows, 5, Resampling::Nearest);
+        let nearest = halve(&rows, 5, OverviewResampling::Nearest);
         assert!(nearest[1].is_nan());
         assert_eq!((nearest[0], &nearest[2..]), (1.0, &[7.0, 2.0, 6.0, 8.0][..]));
     }
@@ -142,11 +147,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tif");
         for single in [true, false] {
-            let level = Level::new(&path, None, (3, 2), single).unwrap();
+            let level = OverviewLevel::new(&path, None, (3, 2), single).unwrap();
             level
-                .put(Rect::new(4, 0, 2, 3), &[5.0, 7.0, 5.0, 7.0, 9.0, 9.0], Resampling::Average)
+                .put(
+                    Rect::new(4, 0, 2, 3),
+                    &[5.0, 7.0, 5.0, 7.0, 9.0, 9.0],
+                    OverviewResampling::Average,
+                )
                 .unwrap();
-            level.put(Rect::new(0, 0, 4, 3), &[1.0_f32; 12], Resampling::Average).unwrap();
+            level.put(Rect::new(0, 0, 4, 3), &[1.0_f32; 12], OverviewResampling::Average).unwrap();
             let source = level.into_source().unwrap();
             let mut out = [0.0; 6];
             source.read_f64(Rect::new(0, 0, 3, 2), &mut out).unwrap();

@@ -29,16 +29,16 @@ mod tiff;
 use std::path::Path;
 
 pub use creation::{Accepts, Creation, CreationOption};
-pub use format::{GridFormat, GridSink, WriteOptions};
+pub use format::{GridFormat, GridSink, GridWriteOptions};
 
-use self::format::Order;
+use self::format::GridWriteRequest;
 use crate::grid::GridInfo;
 pub use crate::store::metadata::BandName;
 use crate::store::writer::refuse_old_sidecars;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_base::registry;
-use terrane_files::format::Format;
+use terrane_files::format::FileFormat;
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
 /// ending, the first is meant unless another is named.
@@ -72,7 +72,7 @@ impl GridFormat {
         &self,
         path: &Path,
         info: &GridInfo,
-        options: &WriteOptions,
+        options: &GridWriteOptions,
     ) -> Result<Box<dyn GridSink>> {
         let creation = Creation::new(self.name, self.options, &options.creation)?;
         self.check_bands(options)?;
@@ -80,7 +80,8 @@ impl GridFormat {
             self.check_voids("‹out_nodata›")?;
         }
         refuse_old_sidecars(path)?;
-        (self.create)(&Order { path, info, options, creation }).map_err(|e| e.in_file(path))
+        (self.create)(&GridWriteRequest { path, info, options, creation })
+            .map_err(|e| e.in_file(path))
     }
 
     /// Fails unless a file may be a picture.
@@ -97,7 +98,7 @@ impl GridFormat {
             .remedy(format!("write {}", names.join(" or "))))
     }
 
-    fn check_bands(&self, options: &WriteOptions) -> Result<()> {
+    fn check_bands(&self, options: &GridWriteOptions) -> Result<()> {
         if options.are_colours {
             return self.check_colours();
         }

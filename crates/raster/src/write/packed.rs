@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
-use terrane_files::{Out, atomic, folder_for};
+use terrane_files::{AppendWriter, atomic, folder_for};
 
 /// The folder for temporary files on the way to the output at `path`, links followed.
 pub(super) fn beside(path: &Path, folder: Option<&Path>) -> Result<PathBuf> {
@@ -11,17 +11,17 @@ pub(super) fn beside(path: &Path, folder: Option<&Path>) -> Result<PathBuf> {
 }
 
 /// Blocks one after the other.
-pub(super) struct Packed {
-    out: Out,
+pub(super) struct PackedBlocks {
+    out: AppendWriter,
     /// Bytes of each block.
     sizes: Vec<u32>,
     /// Bytes of all.
     bytes: u64,
 }
 
-impl Packed {
+impl PackedBlocks {
     /// No block yet.
-    pub(super) fn new(out: Out) -> Self {
+    pub(super) fn new(out: AppendWriter) -> Self {
         Self { out, sizes: Vec::new(), bytes: 0 }
     }
 
@@ -41,7 +41,7 @@ impl Packed {
     }
 
     /// Fails unless there are `blocks`; gives what they were written to, and the sizes.
-    pub(super) fn finish(mut self, blocks: u64) -> Result<(Out, Vec<u32>)> {
+    pub(super) fn finish(mut self, blocks: u64) -> Result<(AppendWriter, Vec<u32>)> {
         let found = self.sizes.len() as u64;
         if found != blocks {
             let message = format!("{found} of {blocks} blocks were written");

@@ -4,11 +4,11 @@ use std::sync::Mutex;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::Canvas;
-use super::format::{GridSink, Order};
+use super::canvas::PngCanvas;
+use super::format::{GridSink, GridWriteRequest};
 use crate::grid::{GridInfo, SampleType};
-use crate::store::Heights;
-use crate::store::sample::{Codec, Height};
+use crate::store::HeightSlice;
+use crate::store::sample::{SampleCodec, StoreHeight};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
@@ -18,16 +18,16 @@ const BLOCK_PIXELS: u32 = 1 << 16;
 
 /// A picture in the making.
 pub(super) struct PictureSink {
-    canvas: Canvas,
+    canvas: PngCanvas,
     info: GridInfo,
-    codec: Codec,
+    codec: SampleCodec,
     bands: usize,
     /// Bands of the next block that are there.
     ready: Mutex<Vec<Vec<u8>>>,
 }
 
 impl PictureSink {
-    pub(super) fn new(order: &Order<'_>) -> Result<Self> {
+    pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         for key in ["ENCODING", "ALPHA"] {
             order.creation.refuse(key, "on colours, which are no heights")?;
         }
@@ -37,12 +37,17 @@ impl PictureSink {
         }
         let info = GridInfo { nodata: None, ..order.info.clone() };
         let colours = if bands == 4 { ColorType::Rgba } else { ColorType::Rgb };
-        let canvas = Canvas::new(order, (colours, BitDepth::Eight), None)?;
+        let canvas = PngCanvas::new(order, (colours, BitDepth::Eight), None)?;
         let (codec, ready) = (order.codec(&info), Mutex::default());
         Ok(Self { canvas, info, codec, bands: bands as usize, ready })
     }
 
-    fn encode_bytes<H: Height>(&self, rect: Rect, heights: &[H], out: &mut Vec<u8>) -> Result<()> {
+    fn encode_bytes<H: StoreHeight>(
+        &self,
+        rect: Rect,
+        heights: &[H],
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         out.clear();
         out.resize(heights.len(), 0);
         let encoded = self.codec.encode(heights, out);
@@ -64,12 +69,12 @@ impl GridSink for PictureSink {
         &self,
         _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: HeightSlice<'_>,
         out: &mut Vec<u8>,
     ) -> Result<()> {
         match heights {
-            Heights::F32(heights) => self.encode_bytes(rect, heights, out),
-            Heights::F64(heights) => self.encode_bytes(rect, heights, out),
+            HeightSlice::F32(heights) => self.encode_bytes(rect, heights, out),
+            HeightSlice::F64(heights) => self.encode_bytes(rect, heights, out),
         }
         .map_err(|e| e.in_file(self.canvas.path()))
     }

@@ -5,17 +5,17 @@ use std::fmt::Display;
 
 use ::png::{BitDepth, ColorType};
 
-use super::canvas::Canvas;
+use super::canvas::PngCanvas;
 use super::creation::Accepts::Words;
 use super::creation::CreationOption;
-use super::format::{GridFormat, Order};
+use super::format::{GridFormat, GridWriteRequest};
 use super::gray::{self, GraySink};
 use super::picture::PictureSink;
 use super::rows::RowSink;
 use super::sidecar;
 use crate::grid::{GridInfo, SampleType};
-use crate::png::{PACKINGS, Packing};
-use crate::store::sample::Height;
+use crate::png::{PACKINGS, RgbHeightEncoding};
+use crate::store::sample::StoreHeight;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
@@ -58,15 +58,15 @@ const HAIR: f64 = 1e-3;
 /// A picture in the making.
 struct PngSink {
     info: GridInfo,
-    packing: &'static Packing,
+    packing: &'static RgbHeightEncoding,
     alpha: bool,
     round: bool,
-    canvas: Canvas,
+    canvas: PngCanvas,
     notes: Vec<String>,
 }
 
 impl PngSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let options = order.options;
         if let Some(other) = options.sample_type {
             let message = format!(
@@ -87,7 +87,7 @@ impl PngSink {
             None => order.info.nodata.is_some(),
         };
         let colours = if alpha { ColorType::Rgba } else { ColorType::Rgb };
-        let canvas = Canvas::new(order, (colours, BitDepth::Eight), None)?;
+        let canvas = PngCanvas::new(order, (colours, BitDepth::Eight), None)?;
         let (info, notes) = (order.info.clone(), notes(order, packing));
         let info = GridInfo { scale: packing.scale, offset: packing.offset, nodata: None, ..info };
         let info = GridInfo { sample_type: SampleType::U32, ..info };
@@ -104,7 +104,7 @@ impl PngSink {
     }
 
     /// Red, green, blue and full opacity.
-    fn pack<H: Height>(&self, height: H) -> Result<[u8; 4]> {
+    fn pack<H: StoreHeight>(&self, height: H) -> Result<[u8; 4]> {
         let height = height.to_f64();
         let wanted = (height - self.packing.offset) / self.packing.scale;
         let step = wanted.round();
@@ -125,8 +125,8 @@ impl PngSink {
 }
 
 /// By ENCODING, or else by the name, which readers go by too: the two must not contradict.
-fn packing(order: &Order<'_>) -> Result<&'static Packing> {
-    let named = Packing::named(order.path);
+fn packing(order: &GridWriteRequest<'_>) -> Result<&'static RgbHeightEncoding> {
+    let named = RgbHeightEncoding::named(order.path);
     let asked = order.creation.word("ENCODING");
     let asked =
         asked.and_then(|word| PACKINGS.iter().find(|p| word.eq_ignore_ascii_case(p.name())));
@@ -139,9 +139,9 @@ fn packing(order: &Order<'_>) -> Result<&'static Packing> {
     }
 }
 
-fn notes(order: &Order<'_>, packing: &Packing) -> Vec<String> {
+fn notes(order: &GridWriteRequest<'_>, packing: &RgbHeightEncoding) -> Vec<String> {
     let mut notes = sidecar::lost(order.info);
-    if Packing::named(order.path).is_none() {
+    if RgbHeightEncoding::named(order.path).is_none() {
         let (name, path) = (packing.name().to_lowercase(), order.path.display());
         notes.push(format!("the name does not tell the encoding: read it as {name}:{path}"));
     }
@@ -153,7 +153,7 @@ impl RowSink for PngSink {
         &self.info
     }
 
-    fn encode_rows<H: Height + Display>(
+    fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],

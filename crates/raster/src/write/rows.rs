@@ -4,8 +4,8 @@ use std::fmt::Display;
 
 use super::format::GridSink;
 use crate::grid::GridInfo;
-use crate::store::Heights;
-use crate::store::sample::Height;
+use crate::store::HeightSlice;
+use crate::store::sample::StoreHeight;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
@@ -17,7 +17,7 @@ pub(super) trait RowSink: Send + Sync {
     fn info(&self) -> &GridInfo;
 
     /// Puts the rows of `rect` into `out`, which is empty.
-    fn encode_rows<H: Height + Display>(
+    fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,
         heights: &[H],
@@ -45,13 +45,13 @@ impl<S: RowSink> GridSink for S {
         &self,
         _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: HeightSlice<'_>,
         out: &mut Vec<u8>,
     ) -> Result<()> {
         out.clear();
         match heights {
-            Heights::F32(heights) => self.encode_rows(rect, heights, out),
-            Heights::F64(heights) => self.encode_rows(rect, heights, out),
+            HeightSlice::F32(heights) => self.encode_rows(rect, heights, out),
+            HeightSlice::F64(heights) => self.encode_rows(rect, heights, out),
         }
     }
 

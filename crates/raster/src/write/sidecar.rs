@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::format::WriteOptions;
+use super::format::GridWriteOptions;
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -20,7 +20,7 @@ pub(super) struct Sidecars {
 
 impl Sidecars {
     /// None yet.
-    pub(super) fn new(grid: &Path, options: &WriteOptions) -> Self {
+    pub(super) fn new(grid: &Path, options: &GridWriteOptions) -> Self {
         let read = options.read.iter().filter_map(|path| path.canonicalize().ok()).collect();
         Self { grid: grid.to_path_buf(), overwrite: options.overwrite, read, files: Vec::new() }
     }
@@ -132,16 +132,16 @@ mod tests {
         std::fs::write(&prj, "old").unwrap();
         let known = Crs { epsg: Some(4326), ..Crs::default() };
         let read = || std::fs::read_to_string(&prj);
-        let replacing = WriteOptions { overwrite: true, ..WriteOptions::default() };
+        let replacing = GridWriteOptions { overwrite: true, ..GridWriteOptions::default() };
         for crs in [&Crs::default(), &known] {
-            assert!(Sidecars::new(&grid, &WriteOptions::default()).add_prj(crs).is_err());
+            assert!(Sidecars::new(&grid, &GridWriteOptions::default()).add_prj(crs).is_err());
         }
         let mut sidecars = Sidecars::new(&grid, &replacing);
         sidecars.add_prj(&known).unwrap();
         assert_eq!(read().unwrap(), "old", "until the grid is whole");
         sidecars.commit().unwrap();
         assert!(read().unwrap().starts_with("GEOGCS["));
-        Sidecars::new(&grid, &WriteOptions::default()).add_prj(&known).unwrap();
+        Sidecars::new(&grid, &GridWriteOptions::default()).add_prj(&known).unwrap();
         let mut sidecars = Sidecars::new(&grid, &replacing);
         sidecars.add_prj(&Crs::default()).unwrap();
         sidecars.commit().unwrap();

@@ -2,9 +2,9 @@
 
 use super::creation::Accepts::Words;
 use super::creation::CreationOption;
-use super::format::{GridFormat, GridSink, Order};
+use super::format::{GridFormat, GridSink, GridWriteRequest};
 use crate::grid::GridInfo;
-use crate::store::{DEFAULT_TILE, Heights, StoreWriter};
+use crate::store::{DEFAULT_TILE, HeightSlice, StoreWriter};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
@@ -33,7 +33,7 @@ struct StoreSink {
 }
 
 impl StoreSink {
-    fn new(order: &Order<'_>) -> Result<Self> {
+    fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         let info = order.stored()?;
         let side = order.creation.number("BLOCKSIZE").unwrap_or(DEFAULT_TILE);
         let writer = StoreWriter::create(order.path, &info, side, order.options.overwrite)?;
@@ -59,7 +59,7 @@ impl GridSink for StoreSink {
         &self,
         _band: u32,
         rect: Rect,
-        heights: Heights<'_>,
+        heights: HeightSlice<'_>,
         out: &mut Vec<u8>,
     ) -> Result<()> {
         self.writer.write(rect, heights, out)

@@ -1,15 +1,15 @@
 //! What a file will hold of a grid: sample type, nodata, scale and offset, by the options and by what
 //! the format knows. The declared nodata value is the very one that voids are stored as.
 
-use super::format::Order;
+use super::format::GridWriteRequest;
 use crate::grid::{GridInfo, SampleType};
-use crate::store::sample::{Codec, Rounding, stored_nodata};
+use crate::store::sample::{SampleCodec, SampleRounding, stored_nodata};
 use terrane_base::error::{Error, Result};
 
 /// Stands for voids where a format has to name a value and the grid names none.
 const USUAL_NODATA: f64 = -9999.0;
 
-impl Order<'_> {
+impl GridWriteRequest<'_> {
     /// For formats that hold stored values: scale and offset stay.
     pub(super) fn stored(&self) -> Result<GridInfo> {
         let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
@@ -46,11 +46,11 @@ impl Order<'_> {
     }
 
     /// What heights become stored values by.
-    pub(super) fn codec(&self, info: &GridInfo) -> Codec {
-        Codec::new(info).rounding(self.rounding())
+    pub(super) fn codec(&self, info: &GridInfo) -> SampleCodec {
+        SampleCodec::new(info).rounding(self.rounding())
     }
 
-    pub(super) fn rounding(&self) -> Rounding {
-        if self.options.round { Rounding::Nearest } else { Rounding::Exact }
+    pub(super) fn rounding(&self) -> SampleRounding {
+        if self.options.round { SampleRounding::Nearest } else { SampleRounding::Exact }
     }
 }

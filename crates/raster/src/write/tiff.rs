@@ -1,14 +1,14 @@
 //! What GeoTIFF and COG share: how an image is cut into blocks, how a block is coded, and its tags.
 
-use super::compress::Compression;
+use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
 use super::creation::{Creation, CreationOption};
-use super::directory::{Directory, Form};
+use super::directory::{TiffDirectoryBuilder, TiffVariant};
 use super::predict;
 use crate::grid::SampleType;
 use crate::store::header::sample_tags;
-use crate::store::sample::{Codec, Height};
-use crate::store::tags::{Values, tag};
+use crate::store::sample::{SampleCodec, StoreHeight};
+use crate::store::tags::{TiffTagValues, tag};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
@@ -53,7 +53,7 @@ const PLANAR: u16 = 2;
 /// How samples are coded, by COMPRESS, LEVEL and PREDICTOR.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coding {
-    pub(super) compression: Compression,
+    pub(super) compression: TiffCompression,
     /// The value of the Predictor tag.
     predictor: u16,
 }
@@ -61,7 +61,7 @@ pub(super) struct Coding {
 impl Coding {
     /// By the options; `default` is the compression when none is given.
     pub(super) fn of(creation: &Creation, sample_type: SampleType, default: &str) -> Result<Self> {
-        let compression = Compression::of(creation, default)?;
+        let compression = TiffCompression::of(creation, default)?;
         let word = creation.word("PREDICTOR");
         let plain = matches!(word, Some("NO" | "1"));
         if !compression.predicts() && !plain {
@@ -88,7 +88,7 @@ fn is_float(sample_type: SampleType) -> bool {
 
 /// One image: its size, its blocks, and how they are coded.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Image {
+pub(super) struct TiffImage {
     pub(super) width: u32,
     pub(super) height: u32,
     /// Columns and rows of a block; strips are as wide as the image.
@@ -102,7 +102,7 @@ pub(super) struct Image {
     pub(super) are_colours: bool,
 }
 
-impl Image {
+impl TiffImage {
     /// Fails when there are more blocks, or larger ones, than the limits allow.
     pub(super) fn check(&self) -> Result<()> {
         limits::check("number of blocks", self.blocks(), limits::MAX_BLOCKS)?;
@@ -131,11 +131,15 @@ impl Image {
     }
 
     /// The directory, with `facts` about the grid.
-    pub(super) fn directory(&self, facts: Vec<(u16, Values)>, is_overview: bool) -> Directory {
+    pub(super) fn directory(
+        &self,
+        facts: Vec<(u16, TiffTagValues)>,
+        is_overview: bool,
+    ) -> TiffDirectoryBuilder {
         let (bits, format) = sample_tags(self.sample_type);
-        let short = |value| Values::Short(vec![value]);
-        let long = |value| Values::Long(vec![value]);
-        let by_band = |value| Values::Short(vec![value; self.bands as usize]);
+        let short = |value| TiffTagValues::Short(vec![value]);
+        let long = |value| TiffTagValues::Long(vec![value]);
+        let by_band = |value| TiffTagValues::Short(vec![value; self.bands as usize]);
         let mut tags = facts;
         tags.extend([
             (tag::WIDTH, long(self.width)),
@@ -149,7 +153,10 @@ impl Image {
         ]);
         let (own, extra) = if self.are_colours { (3, OPACITY) } else { (1, UNSPECIFIED) };
         if self.bands > own {
-            tags.push((EXTRA_SAMPLES, Values::Short(vec![extra; (self.bands - own) as usize])));
+            tags.push((
+                EXTRA_SAMPLES,
+                TiffTagValues::Short(vec![extra; (self.bands - own) as usize]),
+            ));
         }
         if is_overview {
             tags.push((SUBFILE_TYPE, long(1)));
@@ -161,17 +168,17 @@ impl Image {
         if !self.tiled {
             tags.push((ROWS_PER_STRIP, long(block_height)));
             let tables = [STRIP_OFFSETS, STRIP_BYTES];
-            return Directory::new(tags, tables, self.blocks(), self.bands);
+            return TiffDirectoryBuilder::new(tags, tables, self.blocks(), self.bands);
         }
         tags.extend([(tag::TILE_WIDTH, long(block_width)), (tag::TILE_HEIGHT, long(block_height))]);
         let tables = [tag::TILE_OFFSETS, tag::TILE_BYTES];
-        Directory::new(tags, tables, self.blocks(), self.bands)
+        TiffDirectoryBuilder::new(tags, tables, self.blocks(), self.bands)
     }
 
     /// Codes the block of the heights of `rect` into `out`; tiles are filled up with voids.
-    pub(super) fn encode<H: Height>(
+    pub(super) fn encode<H: StoreHeight>(
         &self,
-        codec: &Codec,
+        codec: &SampleCodec,
         rect: Rect,
         heights: &[H],
         out: &mut Vec<u8>,
@@ -210,15 +217,15 @@ const SAFE_BYTES: u64 = 2 << 30;
 ///
 /// # Errors
 /// Usage: BIGTIFF=NO, and the file is known to be too large.
-pub(super) fn form(creation: &Creation, exact: Option<u64>, plain: u64) -> Result<Form> {
-    let fits = exact.map_or(plain <= SAFE_BYTES, |bytes| bytes <= Form::Classic.most());
+pub(super) fn form(creation: &Creation, exact: Option<u64>, plain: u64) -> Result<TiffVariant> {
+    let fits = exact.map_or(plain <= SAFE_BYTES, |bytes| bytes <= TiffVariant::Classic.most());
     match creation.word("BIGTIFF").unwrap_or("IF_NEEDED") {
-        "YES" => Ok(Form::Big),
+        "YES" => Ok(TiffVariant::Big),
         "NO" if exact.is_some() && !fits => Err(too_large()),
-        "NO" => Ok(Form::Classic),
-        "IF_SAFER" if plain > SAFE_BYTES => Ok(Form::Big),
-        _ if fits => Ok(Form::Classic),
-        _ => Ok(Form::Big),
+        "NO" => Ok(TiffVariant::Classic),
+        "IF_SAFER" if plain > SAFE_BYTES => Ok(TiffVariant::Big),
+        _ if fits => Ok(TiffVariant::Classic),
+        _ => Ok(TiffVariant::Big),
     }
 }
 
@@ -245,15 +252,15 @@ mod tests {
         let of = |given, exact, plain| form(&creation(given), exact, plain).ok();
         let (most, safe) = (u64::from(u32::MAX), SAFE_BYTES);
         for (given, exact, plain, expected) in [
-            (none, Some(most), most, Some(Form::Classic)),
-            (none, Some(most + 1), 0, Some(Form::Big)),
-            (none, None, safe, Some(Form::Classic)),
-            (none, None, safe + 1, Some(Form::Big)),
-            (yes, Some(1), 1, Some(Form::Big)),
+            (none, Some(most), most, Some(TiffVariant::Classic)),
+            (none, Some(most + 1), 0, Some(TiffVariant::Big)),
+            (none, None, safe, Some(TiffVariant::Classic)),
+            (none, None, safe + 1, Some(TiffVariant::Big)),
+            (yes, Some(1), 1, Some(TiffVariant::Big)),
             (no, Some(most + 1), 0, None),
-            (no, None, safe + 1, Some(Form::Classic)),
-            (safer, Some(safe), safe, Some(Form::Classic)),
-            (safer, Some(safe + 1), safe + 1, Some(Form::Big)),
+            (no, None, safe + 1, Some(TiffVariant::Classic)),
+            (safer, Some(safe), safe, Some(TiffVariant::Classic)),
+            (safer, Some(safe + 1), safe + 1, Some(TiffVariant::Big)),
         ] {
             assert_eq!(of(given, exact, plain), expected, "{given:?} {exact:?} {plain}");
         }

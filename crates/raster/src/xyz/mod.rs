@@ -6,17 +6,17 @@ mod points;
 
 use std::path::Path;
 
-use crate::format::{OpenOptions, RasterFormat, only_band};
+use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::prj;
-use crate::spool::Spool;
-use crate::strided::{Layout, Strided};
+use crate::spool::SampleSpool;
+use crate::strided::{Strided, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-use points::Points;
+use points::XyzPointReader;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -34,17 +34,17 @@ const SLACK: f64 = 0.1;
 /// Whole numbers up to here are exact in `f32`.
 const EXACT_IN_F32: f64 = 16_777_216.0;
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let grid = read(path, options).map_err(|e| e.in_file(path))?;
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
-    let survey = Survey::of(&file)?;
+    let survey = XyzSurvey::of(&file)?;
     let grid = survey.grid(file.size())?;
-    let spool = grid.spool(&file, Spool::new(path, options.temp_dir.as_deref())?)?;
+    let spool = grid.spool(&file, SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let order = if grid.by_column { "by column" } else { "by row" };
     let info = GridInfo {
         transform: grid.transform(),
@@ -60,8 +60,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<Strided> {
     };
     let size = grid.sample_type.bytes();
     let layout = match grid.by_column {
-        true => Layout::columns(grid.y.count, size),
-        false => Layout::rows(grid.x.count, size),
+        true => StridedLayout::columns(grid.y.count, size),
+        false => StridedLayout::rows(grid.x.count, size),
     };
     Strided::new(spool, info, layout)
 }
@@ -90,12 +90,12 @@ impl Steps {
 
 /// Lowest and highest.
 #[derive(Clone, Copy)]
-struct Span {
+struct XyzRange {
     low: f64,
     high: f64,
 }
 
-impl Span {
+impl XyzRange {
     const EMPTY: Self = Self { low: f64::INFINITY, high: f64::NEG_INFINITY };
 
     fn add(&mut self, value: f64) {
@@ -105,28 +105,28 @@ impl Span {
 }
 
 /// What the first pass finds.
-struct Survey {
+struct XyzSurvey {
     points: u64,
     by_column: bool,
     /// True when the first change of row was to the north.
     northward: bool,
-    spans: [Span; 2],
+    spans: [XyzRange; 2],
     steps: [Steps; 2],
     whole: bool,
-    heights: Span,
+    heights: XyzRange,
 }
 
-impl Survey {
+impl XyzSurvey {
     fn of(file: &RawFile) -> Result<Self> {
-        let mut points = Points::new(file)?;
+        let mut points = XyzPointReader::new(file)?;
         let mut survey = Self {
             points: 0,
             by_column: false,
             northward: false,
-            spans: [Span::EMPTY; 2],
+            spans: [XyzRange::EMPTY; 2],
             steps: [Steps::default(); 2],
             whole: true,
-            heights: Span::EMPTY,
+            heights: XyzRange::EMPTY,
         };
         let mut last = None;
         while let Some(point) = points.next()? {
@@ -169,8 +169,8 @@ impl Survey {
         Ok(())
     }
 
-    fn grid(&self, file_bytes: u64) -> Result<Grid> {
-        let axis = |name: &str, i: usize| Axis::of(name, self.spans[i], self.steps[i]);
+    fn grid(&self, file_bytes: u64) -> Result<XyzGrid> {
+        let axis = |name: &str, i: usize| XyzAxis::of(name, self.spans[i], self.steps[i]);
         let (x, y) = (axis("x", 0)?, axis("y", 1)?);
         let samples = u64::from(x.count) * u64::from(y.count);
         if samples / MOST_SPARSE > self.points {
@@ -185,7 +185,7 @@ impl Survey {
         let most = if self.whole { EXACT_IN_F32 } else { f32::MAX.into() };
         let wide = largest > most;
         let sample_type = if wide { SampleType::F64 } else { SampleType::F32 };
-        Ok(Grid { x, y, by_column: self.by_column, northward: self.northward, sample_type })
+        Ok(XyzGrid { x, y, by_column: self.by_column, northward: self.northward, sample_type })
     }
 }
 
@@ -196,14 +196,14 @@ fn irregular(message: impl Into<String>) -> Error {
 
 /// Positions along x or y.
 #[derive(Clone, Copy)]
-struct Axis {
+struct XyzAxis {
     low: f64,
     step: f64,
     count: u32,
 }
 
-impl Axis {
-    fn of(name: &str, span: Span, steps: Steps) -> Result<Self> {
+impl XyzAxis {
+    fn of(name: &str, span: XyzRange, steps: Steps) -> Result<Self> {
         if steps.count == 0 {
             return Err(irregular(format!("no two neighbours tell the spacing of {name}")));
         }
@@ -226,15 +226,15 @@ impl Axis {
 }
 
 /// The grid that the points make.
-struct Grid {
-    x: Axis,
-    y: Axis,
+struct XyzGrid {
+    x: XyzAxis,
+    y: XyzAxis,
     by_column: bool,
     northward: bool,
     sample_type: SampleType,
 }
 
-impl Grid {
+impl XyzGrid {
     fn transform(&self) -> Affine {
         let high = self.y.low + f64::from(self.y.count - 1) * self.y.step;
         let (y0, e) = if self.northward { (self.y.low, self.y.step) } else { (high, -self.y.step) };
@@ -243,7 +243,7 @@ impl Grid {
 
     /// Column and row of a point.
     fn cell(&self, [x, y, _]: [f64; 3]) -> Result<(u32, u32)> {
-        let off = |axis: &Axis, name: &str, at: f64| {
+        let off = |axis: &XyzAxis, name: &str, at: f64| {
             irregular(format!("{name} {at} is off the grid of spacing {}", axis.step))
         };
         let col = self.x.index(x).ok_or_else(|| off(&self.x, "x", x))?;
@@ -252,14 +252,14 @@ impl Grid {
     }
 
     /// The second pass: lines of heights, void where there is no point.
-    fn spool(&self, file: &RawFile, spool: Spool) -> Result<RawFile> {
-        let mut points = Points::new(file)?;
+    fn spool(&self, file: &RawFile, spool: SampleSpool) -> Result<RawFile> {
+        let mut points = XyzPointReader::new(file)?;
         let (inner, outer) = if self.by_column {
             (self.y.count, self.x.count)
         } else {
             (self.x.count, self.y.count)
         };
-        let mut lines = Lines {
+        let mut lines = XyzLines {
             spool,
             line: Vec::new(),
             length: inner as usize,
@@ -278,8 +278,8 @@ impl Grid {
 }
 
 /// Lines of the grid on their way to the spool.
-struct Lines {
-    spool: Spool,
+struct XyzLines {
+    spool: SampleSpool,
     /// Heights of the line at hand; empty before its first.
     line: Vec<Option<f64>>,
     length: usize,
@@ -288,7 +288,7 @@ struct Lines {
     kind: SampleType,
 }
 
-impl Lines {
+impl XyzLines {
     fn put(&mut self, line: u32, at: usize, height: f64) -> Result<()> {
         if line < self.number {
             return Err(irregular("it goes back to an earlier row or column"));

@@ -19,19 +19,19 @@ const NAMES: [&[&str]; 3] = [
 ];
 
 /// The points of a file, one after the other.
-pub(super) struct Points<'a> {
+pub(super) struct XyzPointReader<'a> {
     file: &'a RawFile,
-    lines: BufReader<file::Reader<'a>>,
+    lines: BufReader<file::RawFileReader<'a>>,
     text: Vec<u8>,
     line: u64,
-    separator: Option<Separator>,
+    separator: Option<XyzSeparator>,
     /// Which words are x, y and z.
     columns: [usize; 3],
     /// Words of the first line, and so of all.
     words: Option<usize>,
 }
 
-impl<'a> Points<'a> {
+impl<'a> XyzPointReader<'a> {
     /// At the first point: a heading is read.
     pub(super) fn new(file: &'a RawFile) -> Result<Self> {
         let mut points = Self {
@@ -45,7 +45,7 @@ impl<'a> Points<'a> {
         };
         if points.next_line()?.is_some_and(is_heading) {
             let heading = points.line_text();
-            points.words = Some(Separator::of(heading).words(heading).count());
+            points.words = Some(XyzSeparator::of(heading).words(heading).count());
             points.columns = columns(points.line_text()).map_err(|e| e.at("line 1"))?;
         } else {
             points.lines = BufReader::with_capacity(64 << 10, file.reader());
@@ -63,7 +63,7 @@ impl<'a> Points<'a> {
             return Ok(None);
         }
         let text = self.line_text();
-        let separator = self.separator.unwrap_or_else(|| Separator::of(text));
+        let separator = self.separator.unwrap_or_else(|| XyzSeparator::of(text));
         let words: Vec<&str> = separator.words(text).collect();
         let found = words.len();
         let point = point(&words, separator, self.columns)
@@ -127,13 +127,13 @@ fn trimmed(text: &str) -> &str {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Separator {
+enum XyzSeparator {
     Space,
     Comma,
     Semicolon,
 }
 
-impl Separator {
+impl XyzSeparator {
     fn of(line: &str) -> Self {
         let mut spaced = line.split([' ', '\t']).filter(|word| !word.is_empty());
         if line.contains(';') {
@@ -200,7 +200,7 @@ fn spaces(text: &[u8]) -> usize {
 
 /// The point of the line that `text` begins with and the line's bytes, when it is three plain
 /// decimals and all there; `None` for all else, points or not.
-fn plain_point(text: &[u8], separator: Separator) -> Option<([f64; 3], usize)> {
+fn plain_point(text: &[u8], separator: XyzSeparator) -> Option<([f64; 3], usize)> {
     let mut point = [0.0; 3];
     let mut at = spaces(text);
     for (i, value) in point.iter_mut().enumerate() {
@@ -219,14 +219,15 @@ fn plain_point(text: &[u8], separator: Separator) -> Option<([f64; 3], usize)> {
 }
 
 fn is_heading(line: &str) -> bool {
-    let separator = Separator::of(line);
+    let separator = XyzSeparator::of(line);
     let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
     separator.words(line).take(3).all(is_name)
 }
 
 /// Which columns a heading calls x, y and z; the first three when it calls them otherwise.
 fn columns(heading: &str) -> Result<[usize; 3]> {
-    let names: Vec<String> = Separator::of(heading).words(heading).map(str::to_lowercase).collect();
+    let names: Vec<String> =
+        XyzSeparator::of(heading).words(heading).map(str::to_lowercase).collect();
     let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
     match NAMES.map(find) {
         [Some(x), Some(y), Some(z)] => Ok([x, y, z]),
@@ -239,7 +240,7 @@ fn columns(heading: &str) -> Result<[usize; 3]> {
     }
 }
 
-fn point(words: &[&str], separator: Separator, columns: [usize; 3]) -> Result<[f64; 3]> {
+fn point(words: &[&str], separator: XyzSeparator, columns: [usize; 3]) -> Result<[f64; 3]> {
     let mut point = [0.0; 3];
     for (value, column) in point.iter_mut().zip(columns) {
         let word = words.get(column).ok_or_else(|| {
@@ -267,7 +268,7 @@ mod tests {
         fn plain_lines_give_what_any_line_gives(
             line in "[ \t]{0,2}-?[0-9]{0,3}(\\.[0-9]{0,3})?[,; ][ \t]{0,2}-?[0-9]{1,9}[,; ]{1,2}[-0-9e.]{1,9}[ ,]?\r?",
         ) {
-            for separator in [Separator::Space, Separator::Comma, Separator::Semicolon] {
+            for separator in [XyzSeparator::Space, XyzSeparator::Comma, XyzSeparator::Semicolon] {
                 let text = format!("{line}\n1");
                 if let Some((plain, bytes)) = plain_point(text.as_bytes(), separator) {
                     prop_assert_eq!(bytes, line.len() + 1);
@@ -282,7 +283,7 @@ mod tests {
 
     #[test]
     fn common_lines_are_plain() {
-        use Separator::{Comma, Semicolon, Space};
+        use XyzSeparator::{Comma, Semicolon, Space};
         for (line, separator) in [
             ("500000.5 4750000.0 -12.25\n", Space),
             ("  1\t2  3\r\n", Space),
@@ -299,7 +300,7 @@ mod tests {
     }
 
     fn point_of(line: &str) -> Option<[f64; 3]> {
-        let separator = Separator::of(line);
+        let separator = XyzSeparator::of(line);
         point(&separator.words(line).collect::<Vec<_>>(), separator, [0, 1, 2]).ok()
     }
 

@@ -14,10 +14,10 @@
 //! next to be ended: twice the work of one end, for a third to two thirds less of what is kept above the
 //! fewest vertices.
 
-use super::metric::Metric;
+use super::metric::DistanceMetric;
 use super::regions::first_beyond;
-use super::scratch::{Scratch, keep_short};
-use super::wedge::{Step, Wedge};
+use super::scratch::{SimplifyScratch, keep_short};
+use super::wedge::{Wedge, WedgeStep};
 
 /// How far to look at least.
 const LOOK: usize = 64;
@@ -29,11 +29,11 @@ const PATIENCE: usize = 4;
 const TRIES: usize = 8;
 
 /// Appends to `kept` the vertices at which the double cone ends its segments.
-pub fn cone<V: Copy, M: Metric<V>>(
+pub fn cone<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
     if keep_short(points.len(), kept) {
@@ -66,7 +66,7 @@ pub fn cone<V: Copy, M: Metric<V>>(
 }
 
 /// The last end of a segment that holds, at least an eighth of it before the furthest one.
-fn nearer_end<V: Copy, M: Metric<V>>(
+fn nearer_end<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     (anchor, furthest): (usize, usize),
@@ -81,7 +81,7 @@ fn nearer_end<V: Copy, M: Metric<V>>(
 
 /// Fills `candidates` with the vertices at which a segment from `anchor` may end: all at which one can,
 /// as far as it looks.
-fn look_ahead<V: Copy, M: Metric<V>>(
+fn look_ahead<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     anchor: usize,
@@ -97,16 +97,18 @@ fn look_ahead<V: Copy, M: Metric<V>>(
     let (mut limit, mut proof) = (anchor + LOOK, anchor + LOOK / 2);
     for (i, p) in points.iter().enumerate().skip(anchor + 1) {
         let step = wedge.step(p);
-        if step == Step::Stops || i > limit {
+        if step == WedgeStep::Stops || i > limit {
             break;
         }
         let span = wedge.span2(p);
         if span >= span2 {
             (outermost, span2) = (i, span);
-        } else if step == Step::Ends && metric.distance2(&points[outermost], from, p) > tolerance2 {
+        } else if step == WedgeStep::Ends
+            && metric.distance2(&points[outermost], from, p) > tolerance2
+        {
             continue;
         }
-        if step == Step::Ends {
+        if step == WedgeStep::Ends {
             candidates.push(i as u32);
             if i >= proof {
                 proof = i + (i - anchor) / 2;
@@ -120,7 +122,7 @@ fn look_ahead<V: Copy, M: Metric<V>>(
 
 /// The last of the candidates that holds against all vertices it passes. The first candidate always
 /// does, as it follows the anchor.
-fn last_valid<V: Copy, M: Metric<V>>(
+fn last_valid<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     anchor: usize,

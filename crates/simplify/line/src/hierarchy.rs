@@ -10,7 +10,7 @@
 //! vertices at 28 % kept and 61 at all (cache misses), 80 to load; distances take 8 bytes, 1 ms, and 3 to
 //! load.
 
-use super::metric::Metric;
+use super::metric::DistanceMetric;
 use super::rdp::Splits;
 use terrane_base::error::{Error, Result};
 
@@ -35,7 +35,7 @@ pub struct Hierarchy {
 }
 
 /// A part of the line to be split.
-struct Part {
+struct LineSplit {
     start: u32,
     end: u32,
     /// The squared distance at which it came to be.
@@ -44,7 +44,7 @@ struct Part {
 
 impl Hierarchy {
     /// The hierarchy of a line. O(n log n) as [`super::rdp::rdp`].
-    pub fn new<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Self {
+    pub fn new<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Self {
         Self::of(points.len() as u32, squares(metric, points))
     }
 
@@ -164,13 +164,14 @@ impl Hierarchy {
 }
 
 /// The squared distance at which each inner vertex of a line appears; 0 for those that never do.
-fn squares<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Vec<f64> {
+fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> {
     let mut squares = vec![0.0; points.len().saturating_sub(2)];
     if squares.is_empty() {
         return squares;
     }
     let mut finder = Splits::new(metric, points);
-    let mut parts = vec![Part { start: 0, end: points.len() as u32 - 1, square: f64::INFINITY }];
+    let mut parts =
+        vec![LineSplit { start: 0, end: points.len() as u32 - 1, square: f64::INFINITY }];
     while let Some(part) = parts.pop() {
         let (start, end) = (part.start as usize, part.end as usize);
         let Some((vertex, own)) = finder.split(start, end, 0.0) else {
@@ -179,8 +180,8 @@ fn squares<V: Copy, M: Metric<V>>(metric: &M, points: &[V]) -> Vec<f64> {
         let square = own.min(part.square);
         squares[vertex - 1] = square;
         let vertex = vertex as u32;
-        parts.push(Part { start: vertex, square, ..part });
-        parts.push(Part { end: vertex, square, ..part });
+        parts.push(LineSplit { start: vertex, square, ..part });
+        parts.push(LineSplit { end: vertex, square, ..part });
     }
     squares
 }

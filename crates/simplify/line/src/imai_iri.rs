@@ -27,11 +27,11 @@
 //! Memory O(n); O(n^2) at worst, near-linear on lines that wander off.
 
 use super::cone::cone;
-use super::metric::Metric;
+use super::metric::DistanceMetric;
 use super::metric::range::larger;
-use super::regions::{Regions, farthest_beyond, first_beyond, last_above};
-use super::scratch::{Node, Scratch, keep_short};
-use super::wedge::{MOST_SIDES, Step, Wedge, first_inside};
+use super::regions::{VertexRegions, farthest_beyond, first_beyond, last_above};
+use super::scratch::{PathNode, SimplifyScratch, keep_short};
+use super::wedge::{MOST_SIDES, Wedge, WedgeStep, first_inside};
 
 /// No vertex.
 const NONE: u32 = u32::MAX;
@@ -49,18 +49,18 @@ const LOOKS: u64 = 2000;
 const FEWEST_LOOKS: u64 = 1 << 20;
 
 /// Appends to `kept` the fewest vertices whose segments pass all others within `tolerance`.
-pub fn imai_iri<V: Copy, M: Metric<V>>(
+pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
     if keep_short(points.len(), kept) {
         return;
     }
     let from = kept.len();
-    Search::run(metric, points, tolerance, None, scratch, kept);
+    ShortcutSearch::run(metric, points, tolerance, None, scratch, kept);
     let holds = |pair: &[u32]| {
         let (from, to) = (pair[0] as usize, pair[1] as usize);
         first_beyond(metric, points, from, to, tolerance * tolerance).is_none()
@@ -70,7 +70,7 @@ pub fn imai_iri<V: Copy, M: Metric<V>>(
     }
     let path = kept.split_off(from);
     let looks = FEWEST_LOOKS + LOOKS * points.len() as u64;
-    if Search::run(metric, points, tolerance, Some(looks), scratch, kept) {
+    if ShortcutSearch::run(metric, points, tolerance, Some(looks), scratch, kept) {
         return;
     }
     kept.push(0);
@@ -106,7 +106,7 @@ impl Witness {
 }
 
 /// What may be seen from a vertex past some others.
-struct View<W> {
+struct VisibilityWedge<W> {
     wedge: W,
     /// The least squared distance of what may be seen.
     least_span2: f64,
@@ -116,10 +116,10 @@ struct View<W> {
     is_new: bool,
 }
 
-impl<W> View<W> {
+impl<W> VisibilityWedge<W> {
     /// Narrows the wedge by vertex `i`.
     #[inline(always)]
-    fn pass<V>(&mut self, points: &[V], i: usize) -> Step
+    fn pass<V>(&mut self, points: &[V], i: usize) -> WedgeStep
     where
         W: Wedge<V>,
     {
@@ -130,36 +130,40 @@ impl<W> View<W> {
 }
 
 /// A breadth-first search under way.
-struct Search<'a, V: Copy, M: Metric<V>> {
+struct ShortcutSearch<'a, V: Copy, M: DistanceMetric<V>> {
     metric: &'a M,
     points: &'a [V],
     tolerance: f64,
     tolerance2: f64,
-    nodes: &'a mut [Node],
+    nodes: &'a mut [PathNode],
     /// Vertices of the next layer.
     found: &'a mut Vec<u32>,
     witness: Witness,
     /// A vertex that spoiled segments, farther off than others.
     outermost: usize,
     /// Made for the first long segment.
-    tree: Option<Regions<M::Region>>,
+    tree: Option<VertexRegions<M::Region>>,
     /// Looks left, when every segment is held against the formula.
     looks: Option<u64>,
 }
 
-impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
+impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
     /// Searches, and appends the path: `false`, and nothing is appended, when it ran out of looks.
     fn run(
         metric: &'a M,
         points: &'a [V],
         tolerance: f64,
         looks: Option<u64>,
-        scratch: &'a mut Scratch,
+        scratch: &'a mut SimplifyScratch,
         kept: &mut Vec<u32>,
     ) -> bool {
-        let Scratch { nodes, layer, next_layer: found, .. } = scratch;
+        let SimplifyScratch { nodes, layer, next_layer: found, .. } = scratch;
         nodes.clear();
-        nodes.extend((0..points.len() as u32).map(|i| Node { parent: NONE, spoiler: 0, next: i }));
+        nodes.extend((0..points.len() as u32).map(|i| PathNode {
+            parent: NONE,
+            spoiler: 0,
+            next: i,
+        }));
         found.clear();
         let mut search = Self {
             metric,
@@ -260,7 +264,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
                 return;
             }
             at = at.max(known + 1);
-            if view.pass(self.points, known) == Step::Stops {
+            if view.pass(self.points, known) == WedgeStep::Stops {
                 if view.is_new {
                     self.stop(view.witness, known);
                 }
@@ -270,10 +274,10 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         at = self.unvisited(at);
         while at < self.points.len() {
             let step = view.pass(self.points, at);
-            if step == Step::Stops {
+            if step == WedgeStep::Stops {
                 return self.stop(view.witness, at);
             }
-            if step == Step::Ends && !self.try_one(from, at, &mut view) {
+            if step == WedgeStep::Ends && !self.try_one(from, at, &mut view) {
                 return;
             }
             at = self.unvisited(at + 1);
@@ -281,12 +285,12 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
     }
 
     /// All directions from `from`, for segments that end at `first` or later.
-    fn view(&self, from: usize, first: usize) -> View<M::Wedge> {
+    fn view(&self, from: usize, first: usize) -> VisibilityWedge<M::Wedge> {
         let wedge = M::Wedge::new(&self.points[from], self.tolerance);
         let is_passed = (from + 1..first).contains(&self.outermost);
         let least_span2 =
             if is_passed { wedge.least_span2(&self.points[self.outermost]) } else { 0.0 };
-        View { wedge, least_span2, witness: Witness::NONE, is_new: false }
+        VisibilityWedge { wedge, least_span2, witness: Witness::NONE, is_new: false }
     }
 
     /// Tries the segments to the unvisited vertices of `at..end` that are in view: `false` when nothing
@@ -296,7 +300,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         from: usize,
         mut at: usize,
         end: usize,
-        view: &mut View<M::Wedge>,
+        view: &mut VisibilityWedge<M::Wedge>,
     ) -> bool {
         loop {
             at = self.unvisited(at);
@@ -316,7 +320,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
     }
 
     /// Tries the segment to `to`: `false` when what spoils it leaves no direction.
-    fn try_one(&mut self, from: usize, to: usize, view: &mut View<M::Wedge>) -> bool {
+    fn try_one(&mut self, from: usize, to: usize, view: &mut VisibilityWedge<M::Wedge>) -> bool {
         if self.is_valid(from, to) {
             self.visit(to, from);
             return true;
@@ -328,7 +332,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
             view.least_span2 = least_span2;
             self.outermost = spoiler;
         }
-        let is_left = view.pass(self.points, spoiler) != Step::Stops;
+        let is_left = view.pass(self.points, spoiler) != WedgeStep::Stops;
         if !is_left {
             self.stop(view.witness, spoiler);
         }
@@ -350,14 +354,16 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
         for to in from + 1..self.points.len() {
             let p = &self.points[to];
             let step = wedge.step(p);
-            if step == Step::Stops {
+            if step == WedgeStep::Stops {
                 return self.stop(witness, to);
             }
             let span = wedge.span2(p);
             let is_outermost = span >= span2;
             span2 = larger(span, span2);
             let is_taken = || is_outermost && self.looks.is_none();
-            if step == Step::Ends && !self.is_visited(to) && (is_taken() || self.is_valid(from, to))
+            if step == WedgeStep::Ends
+                && !self.is_visited(to)
+                && (is_taken() || self.is_valid(from, to))
             {
                 self.visit(to, from);
             }
@@ -382,7 +388,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
             }
         }
         if to - from > LONG {
-            let tree = self.tree.get_or_insert_with(|| Regions::new::<V, M>(points));
+            let tree = self.tree.get_or_insert_with(|| VertexRegions::new::<V, M>(points));
             let farthest =
                 farthest_beyond::<V, M>(&segment, points, tree, from + 1, to, tolerance2);
             if let Some((i, _)) = farthest {
@@ -406,7 +412,7 @@ impl<'a, V: Copy, M: Metric<V>> Search<'a, V, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metric::{Plane, largest_distance2};
+    use crate::metric::{PlaneMetric, largest_distance2};
     use proptest::prelude::*;
 
     /// A segment costs as many looks as vertices it passes and the end, and the last look is not enough.
@@ -420,12 +426,12 @@ mod tests {
             (Some(3), Some(0), false),
             (None, None, true),
         ] {
-            let mut search = Search {
-                metric: &Plane,
+            let mut search = ShortcutSearch {
+                metric: &PlaneMetric,
                 points: &points,
                 tolerance: 1.0,
                 tolerance2: 1.0,
-                nodes: &mut [Node { parent: NONE, spoiler: 0, next: 0 }; 12],
+                nodes: &mut [PathNode { parent: NONE, spoiler: 0, next: 0 }; 12],
                 found: &mut Vec::new(),
                 witness: Witness::NONE,
                 outermost: 0,
@@ -449,9 +455,9 @@ mod tests {
         for (from, spoiler, left, next) in
             [(4, 5, 100, 5), (4, 7, 100, 7), (4, 2, 94, 7), (4, 6, 94, 7)]
         {
-            let mut nodes = [Node { parent: NONE, spoiler, next: 0 }; 12];
-            let mut search = Search {
-                metric: &Plane,
+            let mut nodes = [PathNode { parent: NONE, spoiler, next: 0 }; 12];
+            let mut search = ShortcutSearch {
+                metric: &PlaneMetric,
                 points: &points,
                 tolerance: 1.0,
                 tolerance2: 1.0,
@@ -477,9 +483,9 @@ mod tests {
         ) {
             let mut kept = Vec::new();
             let is_found =
-                Search::run(&Plane, &line, tolerance, None, &mut Scratch::default(), &mut kept);
+                ShortcutSearch::run(&PlaneMetric, &line, tolerance, None, &mut SimplifyScratch::default(), &mut kept);
             prop_assert!(is_found);
-            let most = largest_distance2(&Plane, &line, &kept);
+            let most = largest_distance2(&PlaneMetric, &line, &kept);
             prop_assert!(most.is_none_or(|(_, square)| square <= tolerance * tolerance));
         }
 
@@ -492,13 +498,13 @@ mod tests {
             let mut line: Vec<_> =
                 head.iter().map(|(x, y)| [f64::from(*x) * 0.1, f64::from(*y) * 0.1]).collect();
             line.extend((0..1600).map(|i| [f64::from(i) + 9.0, 0.0]));
-            let (tolerance, mut scratch) = (0.1, Scratch::default());
+            let (tolerance, mut scratch) = (0.1, SimplifyScratch::default());
             let (mut kept, mut want) = (Vec::new(), Vec::new());
             let most = (1 << 20) + 2000 * line.len() as u64;
             let is_found =
-                Search::run(&Plane, &line, tolerance, Some(most), &mut scratch, &mut want);
+                ShortcutSearch::run(&PlaneMetric, &line, tolerance, Some(most), &mut scratch, &mut want);
             prop_assume!(is_found);
-            imai_iri(&Plane, &line, tolerance, &mut scratch, &mut kept);
+            imai_iri(&PlaneMetric, &line, tolerance, &mut scratch, &mut kept);
             prop_assert_eq!(kept.len(), want.len());
         }
     }

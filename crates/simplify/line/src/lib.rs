@@ -1,7 +1,7 @@
 //! Line simplification: pure functions on slices of vertices.
 //!
 //! Every method bounds, or reports, the distance from each vertex of the input to the *segment* that
-//! replaces it, in a [`Metric`]; [`metric`] has the formula. A method takes the vertices of one line and
+//! replaces it, in a [`DistanceMetric`]; [`metric`] has the formula. A method takes the vertices of one line and
 //! a tolerance and gives the ascending indices of the vertices it keeps, the first and the last among
 //! them. Coordinates must be finite and a line has fewer than 2^32 vertices; duplicates are vertices
 //! like others, lines of two vertices or fewer are kept as they are, and a tolerance of 0 drops what
@@ -24,9 +24,11 @@ pub mod visvalingam;
 pub mod wedge;
 
 pub use hierarchy::Hierarchy;
-pub use metric::{Geographic, Located, Metric, Plane, Space, Vertical};
-pub use registry::{METHODS, Method};
-pub use scratch::Scratch;
+pub use metric::{
+    DistanceMetric, GeographicMetric, Located, PlaneMetric, SpaceMetric, VerticalMetric,
+};
+pub use registry::{METHODS, SimplifyMethod};
+pub use scratch::SimplifyScratch;
 pub use terrane_base::geom::plane::Xy;
 
 #[cfg(test)]

@@ -45,8 +45,8 @@ use std::cmp::Ordering;
 use std::ops::Range as Indices;
 
 use super::metric::range::larger;
-use super::metric::{Metric, Plane, PlaneBox, PlaneSegment};
-use super::regions::{Farthest, scan};
+use super::metric::{DistanceMetric, PlaneBox, PlaneMetric, PlaneSegment};
+use super::regions::{FarthestVertex, scan};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::plane::orient;
 
@@ -76,15 +76,15 @@ const WHOLE: f64 = 4096.0;
 #[derive(Clone, Debug)]
 pub(super) struct Hulls {
     /// The lowest level first.
-    levels: Vec<Level>,
+    levels: Vec<HullLevel>,
 }
 
 /// The hulls of runs of one length.
 #[derive(Clone, Debug)]
-struct Level {
+struct HullLevel {
     /// Vertices of a run.
     length: usize,
-    hulls: Vec<Hull>,
+    hulls: Vec<RunHull>,
     /// The vertices of all their chains.
     chains: Vec<u32>,
     /// One vertex at each position of those runs that have few.
@@ -93,12 +93,12 @@ struct Level {
 
 /// The convex hull of a run: two chains, both from its lowest vertex by x and y to its highest.
 #[derive(Clone, Debug)]
-struct Hull {
+struct RunHull {
     around: PlaneBox,
     /// The coordinates of the run are whole multiples of this power of two.
     unit: i32,
     /// What is known of the farthest from a begin and from an end.
-    far: [Cell<Far>; 2],
+    far: [Cell<FarthestBound>; 2],
     /// Where the lower chain begins, the upper one, and where that ends.
     lower: usize,
     upper: usize,
@@ -109,13 +109,13 @@ struct Hull {
 
 /// How far the vertices of a run are from an end, squared, at most, and how many corners were walked.
 #[derive(Clone, Copy, Debug)]
-struct Far {
+struct FarthestBound {
     from: Xy,
     square: f64,
     walked: usize,
 }
 
-impl Far {
+impl FarthestBound {
     /// Nothing is known.
     const fn new(from: Xy) -> Self {
         Self { from, square: f64::INFINITY, walked: 0 }
@@ -134,7 +134,7 @@ struct Doubt {
 /// A run that a query has yet to look at: its level, its place there, and the most that its vertices
 /// reach.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Run {
+pub(super) struct HullRun {
     level: usize,
     place: usize,
     most: f64,
@@ -156,8 +156,8 @@ struct Query<'a> {
 impl Hulls {
     /// The hulls of a line. O(n log n), in memory as well; mostly linear.
     pub(super) fn new(points: &[Xy]) -> Self {
-        let mut levels: Vec<Level> = Vec::new();
-        let mut lowest = Level::new(LEAF);
+        let mut levels: Vec<HullLevel> = Vec::new();
+        let mut lowest = HullLevel::new(LEAF);
         let mut sorted = Vec::with_capacity(LEAF);
         for first in (0..points.len() / LEAF).map(|run| run * LEAF) {
             sorted.clear();
@@ -167,7 +167,7 @@ impl Hulls {
         }
         levels.push(lowest);
         while let Some(below) = levels.last().filter(|level| level.hulls.len() >= 2 * FAN) {
-            let level = Level::above(points, below);
+            let level = HullLevel::above(points, below);
             levels.push(level);
         }
         Self { levels }
@@ -185,12 +185,12 @@ impl Hulls {
         segment: &PlaneSegment,
         points: &[Xy],
         vertices: Indices<usize>,
-        open: &mut Vec<Run>,
-        farthest: &mut Farthest,
+        open: &mut Vec<HullRun>,
+        farthest: &mut FarthestVertex,
     ) -> u64 {
         let (from, to) = (vertices.start, vertices.end);
         if to - from < SHORTEST {
-            scan::<Xy, Plane>(segment, points, from, to, farthest);
+            scan::<Xy, PlaneMetric>(segment, points, from, to, farthest);
             return (to - from) as u64;
         }
         let (start, end) = (from.next_multiple_of(LEAF), to / LEAF * LEAF);
@@ -201,11 +201,11 @@ impl Hulls {
         open.clear();
         open.extend(self.runs(start..end).map(|(level, place)| query.run(level, place)));
         open.reverse();
-        scan::<Xy, Plane>(segment, points, from, start, farthest);
+        scan::<Xy, PlaneMetric>(segment, points, from, start, farthest);
         while let Some(run) = open.pop() {
             query.open(run, open, farthest);
         }
-        scan::<Xy, Plane>(segment, points, end, to, farthest);
+        scan::<Xy, PlaneMetric>(segment, points, end, to, farthest);
         query.looks
     }
 
@@ -233,7 +233,7 @@ impl Hulls {
 impl Query<'_> {
     /// Looks at the vertices of a run of the lowest level, or puts off those of which another is made
     /// up, unless nothing in it is farther.
-    fn open(&mut self, run: Run, open: &mut Vec<Run>, farthest: &mut Farthest) {
+    fn open(&mut self, run: HullRun, open: &mut Vec<HullRun>, farthest: &mut FarthestVertex) {
         self.limit = larger(self.limit, farthest.reach);
         if run.most <= self.limit {
             return;
@@ -241,7 +241,13 @@ impl Query<'_> {
         if run.level == 0 {
             let first = run.place * LEAF;
             self.looks += LEAF as u64;
-            return scan::<Xy, Plane>(self.segment, self.points, first, first + LEAF, farthest);
+            return scan::<Xy, PlaneMetric>(
+                self.segment,
+                self.points,
+                first,
+                first + LEAF,
+                farthest,
+            );
         }
         let first = run.place * FAN;
         for place in (first..first + FAN).rev() {
@@ -250,18 +256,18 @@ impl Query<'_> {
     }
 
     /// A run with the most that its vertices reach, or anything not above the limit.
-    fn run(&mut self, level: usize, place: usize) -> Run {
+    fn run(&mut self, level: usize, place: usize) -> HullRun {
         let hulls = &self.hulls.levels[level];
         let hull = &hulls.hulls[place];
         self.looks += 1;
-        let most = Plane::reach_most(self.segment, &hull.around);
+        let most = PlaneMetric::reach_most(self.segment, &hull.around);
         let most = if most > self.limit { self.most(hulls, hull).min(most) } else { most };
         let most = if most > self.limit { self.most_of_few(hulls, hull).min(most) } else { most };
-        Run { level, place, most }
+        HullRun { level, place, most }
     }
 
     /// As [`Query::run`], by the hull.
-    fn most(&mut self, level: &Level, hull: &Hull) -> f64 {
+    fn most(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let doubt = self.doubt(hull);
         let [x, y] = self.segment.direction();
         let across = self.extremes(level, hull, [y, -x]);
@@ -284,17 +290,17 @@ impl Query<'_> {
     }
 
     /// As [`Query::most`], where the run has few positions: what they reach, as it is computed.
-    fn most_of_few(&mut self, level: &Level, hull: &Hull) -> f64 {
+    fn most_of_few(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let few = &level.few[hull.few[0]..hull.few[1]];
         self.looks += few.len() as u64;
-        let reach = |i: &u32| Plane::reach(self.segment, &self.points[*i as usize]);
+        let reach = |i: &u32| PlaneMetric::reach(self.segment, &self.points[*i as usize]);
         let reach = few.iter().map(reach).fold(0.0, larger);
         self.limit = larger(self.limit, reach.next_down());
         if few.is_empty() { f64::INFINITY } else { reach }
     }
 
     /// What rounding may do, by the run and the segment together.
-    fn doubt(&self, hull: &Hull) -> Doubt {
+    fn doubt(&self, hull: &RunHull) -> Doubt {
         let span = self.segment.span(&hull.around);
         let units = span * 2.0_f64.powi(-hull.unit.min(self.unit).clamp(-1000, 1000));
         let slack = if units < EXACT { 0.0 } else { self.segment.rounding(&hull.around) };
@@ -305,8 +311,8 @@ impl Query<'_> {
     /// none is beyond the one at `place`. These corners follow one another around the hull.
     fn beyond(
         &mut self,
-        level: &Level,
-        hull: &Hull,
+        level: &HullLevel,
+        hull: &RunHull,
         side: usize,
         place: usize,
         doubt: Doubt,
@@ -320,7 +326,7 @@ impl Query<'_> {
         }
         let mut far = hull.far[side].get();
         if far.from != self.ends[side] {
-            far = Far::new(self.ends[side]);
+            far = FarthestBound::new(self.ends[side]);
         }
         let known = wider(self.segment.reach_from_end(far.square));
         if known <= self.limit {
@@ -339,10 +345,10 @@ impl Query<'_> {
 
     /// The farthest reach of the corners beyond an end, both ways from the one at `place`, and how many
     /// were looked at.
-    fn walk(&self, level: &Level, hull: &Hull, side: usize, place: usize) -> (f64, usize) {
-        let mut reach = Plane::reach(self.segment, &self.corner(level, place));
+    fn walk(&self, level: &HullLevel, hull: &RunHull, side: usize, place: usize) -> (f64, usize) {
+        let mut reach = PlaneMetric::reach(self.segment, &self.corner(level, place));
         let (mut count, corners) = (1, hull.end - hull.lower);
-        for next in [Hull::after, Hull::before] {
+        for next in [RunHull::after, RunHull::before] {
             let mut at = next(hull, place);
             while count < corners {
                 count += 1;
@@ -350,7 +356,7 @@ impl Query<'_> {
                 if !self.segment.is_beyond(&corner, side) {
                     break;
                 }
-                reach = larger(reach, Plane::reach(self.segment, &corner));
+                reach = larger(reach, PlaneMetric::reach(self.segment, &corner));
                 at = next(hull, at);
             }
         }
@@ -358,7 +364,7 @@ impl Query<'_> {
     }
 
     /// The largest squared distance of a corner from `place`.
-    fn farthest_from(&mut self, level: &Level, hull: &Hull, place: Xy) -> f64 {
+    fn farthest_from(&mut self, level: &HullLevel, hull: &RunHull, place: Xy) -> f64 {
         let corners = &level.chains[hull.lower..hull.end];
         self.looks += corners.len() as u64;
         let square = |i: &u32| {
@@ -371,21 +377,21 @@ impl Query<'_> {
 
     /// The places of the vertices of a hull that are farthest against and along `direction`; what they
     /// reach raises the limit.
-    fn extremes(&mut self, level: &Level, hull: &Hull, direction: Xy) -> [usize; 2] {
+    fn extremes(&mut self, level: &HullLevel, hull: &RunHull, direction: Xy) -> [usize; 2] {
         let (lower, upper) = (hull.lower..hull.upper, hull.upper..hull.end);
         let back = [-direction[0], -direction[1]];
         let (with, against) = if direction[1] >= 0.0 { (upper, lower) } else { (lower, upper) };
         let extremes = [self.extreme(level, against, back), self.extreme(level, with, direction)];
         for place in extremes {
             // Not itself, so that the first that is as far as it is found.
-            let reach = Plane::reach(self.segment, &self.corner(level, place));
+            let reach = PlaneMetric::reach(self.segment, &self.corner(level, place));
             self.limit = larger(self.limit, reach.next_down());
         }
         extremes
     }
 
     /// The place of the vertex of a chain that is farthest in `direction`, which is the chain's own side.
-    fn extreme(&mut self, level: &Level, chain: Indices<usize>, direction: Xy) -> usize {
+    fn extreme(&mut self, level: &HullLevel, chain: Indices<usize>, direction: Xy) -> usize {
         let (mut low, mut high) = (chain.start, chain.end - 1);
         while low < high {
             self.looks += 1;
@@ -400,12 +406,12 @@ impl Query<'_> {
         low
     }
 
-    fn corner(&self, level: &Level, place: usize) -> Xy {
+    fn corner(&self, level: &HullLevel, place: usize) -> Xy {
         self.points[level.chains[place] as usize]
     }
 }
 
-impl Hull {
+impl RunHull {
     /// The place that follows one around the hull: along the lower chain and back along the upper.
     fn after(&self, place: usize) -> usize {
         match place < self.upper {
@@ -427,7 +433,7 @@ impl Hull {
     }
 }
 
-impl Level {
+impl HullLevel {
     fn new(length: usize) -> Self {
         Self { length, hulls: Vec::new(), chains: Vec::new(), few: Vec::new() }
     }
@@ -459,16 +465,16 @@ impl Level {
         let at = |i: &u32| points[*i as usize];
         // Stable: chains come sorted, and are merged in linear time.
         run.sort_by(|i, j| at(i).partial_cmp(&at(j)).unwrap_or(Ordering::Equal));
-        let around = run[1..].iter().fold(Plane::region(&at(&run[0])), |around, i| {
-            Plane::join(&around, &Plane::region(&at(i)))
+        let around = run[1..].iter().fold(PlaneMetric::region(&at(&run[0])), |around, i| {
+            PlaneMetric::join(&around, &PlaneMetric::region(&at(i)))
         });
         let lower = self.chains.len();
         self.push_chain(points, run, Ordering::Greater);
         let upper = self.chains.len();
         self.push_chain(points, run, Ordering::Less);
-        let far = [(); 2].map(|()| Cell::new(Far::new([f64::NAN; 2])));
+        let far = [(); 2].map(|()| Cell::new(FarthestBound::new([f64::NAN; 2])));
         let (end, few) = (self.chains.len(), [self.few.len(); 2]);
-        self.hulls.push(Hull { around, unit, far, lower, upper, end, few });
+        self.hulls.push(RunHull { around, unit, far, lower, upper, end, few });
     }
 
     /// Keeps one vertex at each position of `run` for the last hull, if they are few.
@@ -541,7 +547,7 @@ mod tests {
             let (level, hull) = (&hulls.levels[0], &hulls.levels[0].hulls[0]);
             assert_eq!((hull.lower, hull.end), (0, count + 2));
             let corner = |place: usize| level.chains[place];
-            for next in [Hull::after, Hull::before] {
+            for next in [RunHull::after, RunHull::before] {
                 let mut at = hull.lower;
                 let mut seen = Vec::new();
                 for _ in 0..count + 2 {

@@ -12,32 +12,32 @@
 //! Plain scans stay at the baseline instruction set: with AVX2, the coast takes 4 to 8 % less, as
 //! branches cost, not arithmetic.
 
-use super::metric::{Metric, Plane};
-use super::path_hull::{Hulls, Run};
-use super::regions::{LOOK, Regions, SHORTEST, beyond};
-use super::scratch::{Scratch, keep_short};
+use super::metric::{DistanceMetric, PlaneMetric};
+use super::path_hull::{HullRun, Hulls};
+use super::regions::{LOOK, SHORTEST, VertexRegions, beyond};
+use super::scratch::{SimplifyScratch, keep_short};
 use terrane_base::geom::plane::Xy;
 
 /// Regions looked at, by vertex and doubling of the line, after which boxes are given up.
 const ENOUGH: u64 = 3;
 
 /// Appends to `kept` the vertices that Ramer-Douglas-Peucker keeps at `tolerance`.
-pub fn rdp<V: Copy, M: Metric<V>>(
+pub fn rdp<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
     counted(metric, points, tolerance, scratch, kept);
 }
 
 /// As [`rdp`]. Returns how many vertices, regions, runs and corners were looked at, in tests.
-pub(super) fn counted<V: Copy, M: Metric<V>>(
+pub(super) fn counted<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) -> u64 {
     if keep_short(points.len(), kept) {
@@ -82,23 +82,23 @@ pub fn refine(
 }
 
 /// Finds the vertices at which a line is split.
-pub(super) struct Splits<'a, V: Copy, M: Metric<V>> {
+pub(super) struct Splits<'a, V: Copy, M: DistanceMetric<V>> {
     metric: &'a M,
     points: &'a [V],
-    tree: Regions<M::Region>,
+    tree: VertexRegions<M::Region>,
     /// Regions that may still be looked at before the hulls are made.
     left: u64,
     hulls: Option<Hulls>,
-    open: Vec<Run>,
+    open: Vec<HullRun>,
     /// Vertices, regions, runs and corners looked at; those of the boxes in tests only.
     pub(super) looks: u64,
 }
 
-impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
+impl<'a, V: Copy, M: DistanceMetric<V>> Splits<'a, V, M> {
     /// For the splits of `points`.
     pub(super) fn new(metric: &'a M, points: &'a [V]) -> Self {
         let left = ENOUGH * points.len() as u64 * u64::from(points.len().max(1).ilog2());
-        let tree = Regions::new::<V, M>(points);
+        let tree = VertexRegions::new::<V, M>(points);
         Self { metric, points, tree, left, hulls: None, open: Vec::new(), looks: 0 }
     }
 
@@ -149,8 +149,8 @@ impl<'a, V: Copy, M: Metric<V>> Splits<'a, V, M> {
         tolerance2: f64,
     ) -> Option<(usize, f64)> {
         let (hulls, line) = (self.hulls.as_ref()?, M::in_plane(self.points)?);
-        let segment = Plane.segment(&line[start], &line[end]);
-        beyond::<Xy, Plane>(&segment, tolerance2, |farthest| {
+        let segment = PlaneMetric.segment(&line[start], &line[end]);
+        beyond::<Xy, PlaneMetric>(&segment, tolerance2, |farthest| {
             let vertices = start + 1..end;
             self.looks += hulls.farthest(&segment, line, vertices, &mut self.open, farthest);
         })

@@ -1,10 +1,10 @@
 //! A tree of regions over a line: the farthest vertex from a segment without looking at all of them.
 //!
 //! Regions of 16 vertices, then of eight times as many, and so on. A region whose most distant place is
-//! not farther than what is known is passed over as a whole. [`Metric::reach_most`] bounds distances as
+//! not farther than what is known is passed over as a whole. [`DistanceMetric::reach_most`] bounds distances as
 //! they are computed, so the vertex found is that of a plain scan, ties included.
 
-use super::metric::Metric;
+use super::metric::DistanceMetric;
 use super::metric::range::larger;
 
 /// Vertices in a region of the lowest level.
@@ -24,9 +24,9 @@ const LONG: usize = 4 * LEAF * FAN;
 
 /// The farthest vertex known.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Farthest {
+pub(super) struct FarthestVertex {
     pub(super) index: usize,
-    /// Its distance, as [`Metric::reach`] has it.
+    /// Its distance, as [`DistanceMetric::reach`] has it.
     pub(super) reach: f64,
 }
 
@@ -39,12 +39,12 @@ const LANES: usize = 8;
 /// Eight vertices side by side, no branch for any of them: the lane of the largest is looked up at the
 /// end.
 #[inline]
-pub(super) fn scan<V: Copy, M: Metric<V>>(
+pub(super) fn scan<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
     points: &[V],
     from: usize,
     to: usize,
-    farthest: &mut Farthest,
+    farthest: &mut FarthestVertex,
 ) {
     let (mut most, mut place) = (farthest.reach, to);
     let chunks = points[from..to].chunks_exact(LANES);
@@ -63,12 +63,12 @@ pub(super) fn scan<V: Copy, M: Metric<V>>(
     }
     let run = &points[place..to.min(place + LANES)];
     if let Some(lane) = run.iter().position(|p| M::reach(segment, p) == most) {
-        *farthest = Farthest { index: place + lane, reach: most };
+        *farthest = FarthestVertex { index: place + lane, reach: most };
     }
 }
 
 #[inline(always)]
-fn reaches<V: Copy, M: Metric<V>>(segment: &M::Segment, chunk: &[V]) -> [f64; LANES] {
+fn reaches<V: Copy, M: DistanceMetric<V>>(segment: &M::Segment, chunk: &[V]) -> [f64; LANES] {
     let mut reaches = [0.0; LANES];
     for (reach, p) in reaches.iter_mut().zip(chunk) {
         *reach = M::reach(segment, p);
@@ -84,7 +84,7 @@ fn largest(r: &[f64; LANES]) -> f64 {
 
 /// The first vertex of `from..to` whose reach is above `limit`.
 #[inline]
-pub(super) fn first_above<V: Copy, M: Metric<V>>(
+pub(super) fn first_above<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
     points: &[V],
     from: usize,
@@ -106,7 +106,7 @@ pub(super) fn first_above<V: Copy, M: Metric<V>>(
 
 /// The first vertex between `from` and `to` that is beyond the tolerance from the segment that joins
 /// them.
-pub(super) fn first_beyond<V: Copy, M: Metric<V>>(
+pub(super) fn first_beyond<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     from: usize,
@@ -127,10 +127,10 @@ pub(super) fn first_beyond<V: Copy, M: Metric<V>>(
 
 /// The vertex farthest from `segment` among `from..to`, and its squared distance, if that is above
 /// `tolerance2`; the lowest index among equals.
-pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
+pub(super) fn farthest_beyond<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
     points: &[V],
-    tree: &Regions<M::Region>,
+    tree: &VertexRegions<M::Region>,
     from: usize,
     to: usize,
     tolerance2: f64,
@@ -142,13 +142,13 @@ pub(super) fn farthest_beyond<V: Copy, M: Metric<V>>(
 
 /// The farthest vertex that `find` finds, and its squared distance, if that is above `tolerance2`.
 #[inline(always)]
-pub(super) fn beyond<V: Copy, M: Metric<V>>(
+pub(super) fn beyond<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
     tolerance2: f64,
-    find: impl FnOnce(&mut Farthest),
+    find: impl FnOnce(&mut FarthestVertex),
 ) -> Option<(usize, f64)> {
     let within = M::within(segment, tolerance2);
-    let mut farthest = Farthest { index: 0, reach: within };
+    let mut farthest = FarthestVertex { index: 0, reach: within };
     find(&mut farthest);
     if farthest.reach <= within {
         return None;
@@ -159,14 +159,14 @@ pub(super) fn beyond<V: Copy, M: Metric<V>>(
 
 /// Regions of a line's vertices, level by level.
 #[derive(Clone, Debug)]
-pub(super) struct Regions<R> {
+pub(super) struct VertexRegions<R> {
     /// The lowest level first.
     levels: Vec<Vec<R>>,
 }
 
-impl<R: Copy> Regions<R> {
+impl<R: Copy> VertexRegions<R> {
     /// The tree of a line; linear in its vertices.
-    pub(super) fn new<V: Copy, M: Metric<V, Region = R>>(points: &[V]) -> Self {
+    pub(super) fn new<V: Copy, M: DistanceMetric<V, Region = R>>(points: &[V]) -> Self {
         let mut levels = Vec::new();
         if points.len() < SHORTEST {
             return Self { levels };
@@ -185,13 +185,13 @@ impl<R: Copy> Regions<R> {
     }
 
     /// As [`scan`]. Returns how many regions were looked at or passed over.
-    pub(super) fn farthest<V: Copy, M: Metric<V, Region = R>>(
+    pub(super) fn farthest<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,
         segment: &M::Segment,
         points: &[V],
         from: usize,
         to: usize,
-        farthest: &mut Farthest,
+        farthest: &mut FarthestVertex,
     ) -> u64 {
         if self.levels.is_empty() || to - from < SHORTEST {
             scan::<V, M>(segment, points, from, to, farthest);
@@ -221,7 +221,7 @@ impl<R: Copy> Regions<R> {
     }
 
     /// The largest reach in the lowest region that promises most, from the largest regions down.
-    fn likely<V: Copy, M: Metric<V, Region = R>>(
+    fn likely<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,
         segment: &M::Segment,
         points: &[V],
@@ -250,7 +250,7 @@ impl<R: Copy> Regions<R> {
             });
             place = first + best.0;
         }
-        let mut farthest = Farthest { index: 0, reach: f64::NEG_INFINITY };
+        let mut farthest = FarthestVertex { index: 0, reach: f64::NEG_INFINITY };
         scan::<V, M>(segment, points, place * LEAF, place * LEAF + LEAF, &mut farthest);
         farthest.reach
     }
@@ -269,7 +269,7 @@ impl<R: Copy> Regions<R> {
 
     /// The end of the largest region from `at` on, within `to`, that holds nothing above `limit`.
     #[inline(always)]
-    fn passed_over<V: Copy, M: Metric<V, Region = R>>(
+    fn passed_over<V: Copy, M: DistanceMetric<V, Region = R>>(
         &self,
         segment: &M::Segment,
         at: usize,
@@ -292,7 +292,7 @@ impl<R: Copy> Regions<R> {
 
 /// The last vertex of `from..to` whose reach is above `limit`.
 #[inline]
-pub(super) fn last_above<V: Copy, M: Metric<V>>(
+pub(super) fn last_above<V: Copy, M: DistanceMetric<V>>(
     segment: &M::Segment,
     points: &[V],
     from: usize,

@@ -1,26 +1,26 @@
 //! The methods by name.
 
-use super::metric::{Geographic, Located, Plane, Space, Vertical};
-use super::scratch::Scratch;
+use super::metric::{GeographicMetric, Located, PlaneMetric, SpaceMetric, VerticalMetric};
+use super::scratch::SimplifyScratch;
 use super::visvalingam::{self, Weight};
 use super::{cone, imai_iri, rdp};
 use terrane_base::geom::plane::Xy;
-use terrane_base::registry::{Named, find};
+use terrane_base::registry::{RegistryEntry, find};
 
 /// A method for vertices `V` in the metric `M`: metric, vertices, tolerance, scratch, kept indices
 /// (appended).
-pub type Run<V, M> = fn(&M, &[V], f64, &mut Scratch, &mut Vec<u32>);
+pub type Run<V, M> = fn(&M, &[V], f64, &mut SimplifyScratch, &mut Vec<u32>);
 
 /// What the tolerance of a method is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bounds {
+pub enum ToleranceKind {
     /// The largest distance of a vertex from the segment that replaces it.
     Distance,
     /// The effective area, weighted like this, below which a vertex goes; no distance is bounded.
     Area(Weight),
 }
 
-impl Bounds {
+impl ToleranceKind {
     /// How areas are weighted; `None` for methods that go by distance.
     pub fn weight(self) -> Option<Weight> {
         match self {
@@ -32,29 +32,29 @@ impl Bounds {
 
 /// A method of simplification.
 #[derive(Clone, Copy, Debug)]
-pub struct Method {
+pub struct SimplifyMethod {
     /// Name on the command line.
     pub name: &'static str,
     /// One line for help texts.
     pub summary: &'static str,
     /// What it bounds.
-    pub bounds: Bounds,
+    pub bounds: ToleranceKind,
     /// It splits at vertices, so what it keeps at a tolerance it keeps at any smaller one: a
     /// [`Hierarchy`](crate::Hierarchy) answers for it, and rings keep the vertex they were split at first.
     pub splits: bool,
     /// In the plane.
-    pub plane: Run<Xy, Plane>,
+    pub plane: Run<Xy, PlaneMetric>,
     /// In space.
-    pub space: Run<[f64; 3], Space>,
+    pub space: Run<[f64; 3], SpaceMetric>,
     /// On profiles.
-    pub vertical: Run<Xy, Vertical>,
+    pub vertical: Run<Xy, VerticalMetric>,
     /// In metres on the ellipsoid.
-    pub geographic: Run<Located, Geographic>,
+    pub geographic: Run<Located, GeographicMetric>,
 }
 
 macro_rules! method {
     ($name:literal, $bounds:expr, $run:path, $summary:literal) => {
-        Method {
+        SimplifyMethod {
             name: $name,
             summary: $summary,
             bounds: $bounds,
@@ -67,11 +67,11 @@ macro_rules! method {
     };
 }
 
-impl Method {
+impl SimplifyMethod {
     /// Greedy double cone.
     pub const CONE: Self = method!(
         "cone",
-        Bounds::Distance,
+        ToleranceKind::Distance,
         cone::cone,
         "greedy double cone: one pass, near the fewest vertices"
     );
@@ -80,7 +80,7 @@ impl Method {
         splits: true,
         ..method!(
             "rdp",
-            Bounds::Distance,
+            ToleranceKind::Distance,
             rdp::rdp,
             "Ramer-Douglas-Peucker: split at the farthest vertex"
         )
@@ -88,41 +88,41 @@ impl Method {
     /// Imai and Iri.
     pub const IMAI_IRI: Self = method!(
         "imai-iri",
-        Bounds::Distance,
+        ToleranceKind::Distance,
         imai_iri::imai_iri,
         "the fewest vertices, by shortest path"
     );
     /// Visvalingam and Whyatt.
     pub const VISVALINGAM: Self = method!(
         "visvalingam",
-        Bounds::Area(Weight::Plain),
+        ToleranceKind::Area(Weight::Plain),
         visvalingam::visvalingam,
         "Visvalingam-Whyatt: smallest triangles first"
     );
     /// Visvalingam and Whyatt, with areas weighted by the angle.
     pub const WEIGHTED_VISVALINGAM: Self = method!(
         "weighted-visvalingam",
-        Bounds::Area(Weight::Angle),
+        ToleranceKind::Area(Weight::Angle),
         visvalingam::weighted_visvalingam,
         "Visvalingam-Whyatt with areas weighted by the angle: spikes first"
     );
 }
 
 /// All methods, the default first.
-pub const METHODS: &[Method] = &[
-    Method::CONE,
-    Method::RDP,
-    Method::IMAI_IRI,
-    Method::VISVALINGAM,
-    Method::WEIGHTED_VISVALINGAM,
+pub const METHODS: &[SimplifyMethod] = &[
+    SimplifyMethod::CONE,
+    SimplifyMethod::RDP,
+    SimplifyMethod::IMAI_IRI,
+    SimplifyMethod::VISVALINGAM,
+    SimplifyMethod::WEIGHTED_VISVALINGAM,
 ];
 
 /// The method called `name`.
-pub fn method(name: &str) -> Option<&'static Method> {
+pub fn method(name: &str) -> Option<&'static SimplifyMethod> {
     find(METHODS, name)
 }
 
-impl Named for Method {
+impl RegistryEntry for SimplifyMethod {
     const KIND: &'static str = "method";
 
     fn name(&self) -> &'static str {

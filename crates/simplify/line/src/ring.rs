@@ -16,15 +16,15 @@
 //! vertex farthest from it, the one farthest from the segment between them, and what the tolerance asks for
 //! besides; what to do with it is for the caller to say.
 
-use super::metric::Metric;
+use super::metric::DistanceMetric;
 use super::rdp::rdp;
-use super::regions::{Regions, farthest_beyond};
-use super::scratch::Scratch;
-use super::visvalingam::{Areas, Weight};
+use super::regions::{VertexRegions, farthest_beyond};
+use super::scratch::SimplifyScratch;
+use super::visvalingam::{EffectiveAreas, Weight};
 
 /// What became of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum RingFate {
     /// At least three vertices were needed.
     Kept,
     /// Fewer would do; the ring given is a minimal one. It has fewer than three vertices only where the
@@ -38,19 +38,19 @@ const AROUND: usize = 64;
 /// Simplifies a ring, first and last vertex the same, with a method for lines.
 ///
 /// `can_move` says that the start may be dropped too: true for all methods but those that split.
-pub fn simplify<V: Copy, M: Metric<V>>(
+pub fn simplify<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     ring: &[V],
     tolerance: f64,
     can_move: bool,
-    mut method: impl FnMut(&[V], &mut Scratch, &mut Vec<u32>),
-    scratch: &mut Scratch,
+    mut method: impl FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>),
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
-) -> Fate {
+) -> RingFate {
     let count = ring.len().saturating_sub(1);
     if count < 3 {
         kept.extend(0..count as u32);
-        return Fate::Collapsed;
+        return RingFate::Collapsed;
     }
     let start = lowest::<V, M>(&ring[..count]);
     let line = unrolled(ring, start, start + count);
@@ -64,8 +64,8 @@ pub fn simplify<V: Copy, M: Metric<V>>(
             chosen = moved;
         }
     }
-    let fate = if chosen.len() < 3 { Fate::Collapsed } else { Fate::Kept };
-    if fate == Fate::Collapsed {
+    let fate = if chosen.len() < 3 { RingFate::Collapsed } else { RingFate::Kept };
+    if fate == RingFate::Collapsed {
         chosen = minimal(metric, &line, tolerance, scratch);
     }
     let from = kept.len();
@@ -77,28 +77,28 @@ pub fn simplify<V: Copy, M: Metric<V>>(
 /// Visvalingam-Whyatt on a ring: drops vertices with an effective area of at most `area`.
 ///
 /// A ring collapses when three are left and the triangle they make has no more area than that.
-pub fn visvalingam<V: Copy, M: Metric<V>>(
+pub fn visvalingam<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     ring: &[V],
     area: f64,
     weight: Weight,
     kept: &mut Vec<u32>,
-) -> Fate {
+) -> RingFate {
     let count = ring.len().saturating_sub(1);
     let from = kept.len();
-    Areas::of_ring(metric, &ring[..count], weight).filter(area, kept);
+    EffectiveAreas::of_ring(metric, &ring[..count], weight).filter(area, kept);
     match kept[from..] {
         [a, b, c] => {
             let [a, b, c] = [a, b, c].map(|i| &ring[i as usize]);
-            if metric.area(a, b, c) <= area { Fate::Collapsed } else { Fate::Kept }
+            if metric.area(a, b, c) <= area { RingFate::Collapsed } else { RingFate::Kept }
         }
-        [] | [_] | [_, _] => Fate::Collapsed,
-        _ => Fate::Kept,
+        [] | [_] | [_, _] => RingFate::Collapsed,
+        _ => RingFate::Kept,
     }
 }
 
 /// The first of the vertices that are lowest by x, y and z.
-fn lowest<V: Copy, M: Metric<V>>(points: &[V]) -> usize {
+fn lowest<V: Copy, M: DistanceMetric<V>>(points: &[V]) -> usize {
     let mut lowest = 0;
     for i in 1..points.len() {
         if M::coordinates(&points[i]) < M::coordinates(&points[lowest]) {
@@ -135,14 +135,14 @@ fn around_start<V: Copy>(
 
 /// The start of a closed line, the vertex farthest from it, the one farthest from their segment, and
 /// what the tolerance asks for between them.
-fn minimal<V: Copy, M: Metric<V>>(
+fn minimal<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     line: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
 ) -> Vec<u32> {
     let last = line.len() - 1;
-    let tree = Regions::new::<V, M>(line);
+    let tree = VertexRegions::new::<V, M>(line);
     let mut corners = vec![0, last];
     let farthest = |from: usize, to: usize| {
         let segment = metric.segment(&line[from], &line[to]);

@@ -2,13 +2,13 @@
 
 /// Memory that methods keep between calls, so that many short lines cost no allocation.
 #[derive(Clone, Debug, Default)]
-pub struct Scratch {
+pub struct SimplifyScratch {
     /// Ends of ranges still to be looked at.
     pub(super) ends: Vec<usize>,
     /// Vertices at which three segments may end.
     pub(super) candidates: [Vec<u32>; 3],
     /// What the shortest path knows of each vertex.
-    pub(super) nodes: Vec<Node>,
+    pub(super) nodes: Vec<PathNode>,
     /// Vertices of one layer of the search, and of the next.
     pub(super) layer: Vec<u32>,
     pub(super) next_layer: Vec<u32>,
@@ -16,7 +16,7 @@ pub struct Scratch {
 
 /// What a search for the shortest path knows of a vertex.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct PathNode {
     /// The vertex it was reached from.
     pub(super) parent: u32,
     /// A vertex that was beyond the tolerance from the last segment tried.

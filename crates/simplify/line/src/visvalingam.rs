@@ -10,8 +10,8 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::metric::Metric;
-use super::scratch::{Scratch, keep_short};
+use super::metric::DistanceMetric;
+use super::scratch::{SimplifyScratch, keep_short};
 
 /// How the area of a triangle is weighted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,54 +27,62 @@ pub enum Weight {
 const ANGLE: f64 = 0.7;
 
 /// Appends to `kept` the vertices whose effective area is more than `area`.
-pub fn visvalingam<V: Copy, M: Metric<V>>(
+pub fn visvalingam<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     area: f64,
-    _: &mut Scratch,
+    _: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
     if !keep_short(points.len(), kept) {
-        Areas::of_line(metric, points, Weight::Plain).filter(area, kept);
+        EffectiveAreas::of_line(metric, points, Weight::Plain).filter(area, kept);
     }
 }
 
 /// As [`visvalingam`], with areas weighted by the angle.
-pub fn weighted_visvalingam<V: Copy, M: Metric<V>>(
+pub fn weighted_visvalingam<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     area: f64,
-    _: &mut Scratch,
+    _: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
     if !keep_short(points.len(), kept) {
-        Areas::of_line(metric, points, Weight::Angle).filter(area, kept);
+        EffectiveAreas::of_line(metric, points, Weight::Angle).filter(area, kept);
     }
 }
 
 /// Effective areas of a line's vertices, and the order in which they go.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Areas {
+pub struct EffectiveAreas {
     /// One a vertex; infinite for those that never go.
     areas: Vec<f64>,
     /// Vertices that go, in that order.
     order: Vec<u32>,
 }
 
-impl Areas {
+impl EffectiveAreas {
     /// The areas of a line, whose ends stay.
-    pub fn of_line<V: Copy, M: Metric<V>>(metric: &M, points: &[V], weight: Weight) -> Self {
+    pub fn of_line<V: Copy, M: DistanceMetric<V>>(
+        metric: &M,
+        points: &[V],
+        weight: Weight,
+    ) -> Self {
         match weight {
-            Weight::Plain => Chain::line(points.len()).dissolve(points, plain(metric)),
-            Weight::Angle => Chain::line(points.len()).dissolve(points, by_angle(metric)),
+            Weight::Plain => VertexChain::line(points.len()).dissolve(points, plain(metric)),
+            Weight::Angle => VertexChain::line(points.len()).dissolve(points, by_angle(metric)),
         }
     }
 
     /// The areas of a ring, given without its closing vertex; its last three vertices stay.
-    pub fn of_ring<V: Copy, M: Metric<V>>(metric: &M, points: &[V], weight: Weight) -> Self {
+    pub fn of_ring<V: Copy, M: DistanceMetric<V>>(
+        metric: &M,
+        points: &[V],
+        weight: Weight,
+    ) -> Self {
         match weight {
-            Weight::Plain => Chain::ring(points.len()).dissolve(points, plain(metric)),
-            Weight::Angle => Chain::ring(points.len()).dissolve(points, by_angle(metric)),
+            Weight::Plain => VertexChain::ring(points.len()).dissolve(points, plain(metric)),
+            Weight::Angle => VertexChain::ring(points.len()).dissolve(points, by_angle(metric)),
         }
     }
 
@@ -98,11 +106,11 @@ impl Areas {
     }
 }
 
-fn plain<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
+fn plain<V: Copy, M: DistanceMetric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
     |a, b, c| metric.area(a, b, c)
 }
 
-fn by_angle<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
+fn by_angle<V: Copy, M: DistanceMetric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
     |a, b, c| metric.area(a, b, c) * (1.0 - ANGLE * metric.cosine(a, b, c))
 }
 
@@ -110,7 +118,7 @@ fn by_angle<V: Copy, M: Metric<V>>(metric: &M) -> impl Fn(&V, &V, &V) -> f64 {
 const GONE: u32 = u32::MAX;
 
 /// The vertices still there, each with its neighbours.
-struct Chain {
+struct VertexChain {
     neighbours: Vec<[u32; 2]>,
     /// Vertices before this one stay, and those from `end` on.
     start: u32,
@@ -119,7 +127,7 @@ struct Chain {
     least: usize,
 }
 
-impl Chain {
+impl VertexChain {
     fn line(count: usize) -> Self {
         let n = count as u32;
         let neighbours = (0..n).map(|i| [i.wrapping_sub(1), i + 1]).collect();
@@ -134,7 +142,7 @@ impl Chain {
     }
 
     /// Takes away vertex after vertex.
-    fn dissolve<V>(mut self, points: &[V], area: impl Fn(&V, &V, &V) -> f64) -> Areas {
+    fn dissolve<V>(mut self, points: &[V], area: impl Fn(&V, &V, &V) -> f64) -> EffectiveAreas {
         let of = |i: u32, [before, after]: [u32; 2]| {
             area(&points[before as usize], &points[i as usize], &points[after as usize])
         };
@@ -143,18 +151,19 @@ impl Chain {
         for i in inner.clone() {
             areas[i as usize] = of(i, self.neighbours[i as usize]);
         }
-        let mut queue = Queue::new(inner.clone().map(|i| Entry { key: areas[i as usize], i }));
+        let mut queue =
+            AreaQueue::new(inner.clone().map(|i| VertexArea { key: areas[i as usize], i }));
         let gone = inner.len().saturating_sub(self.least);
         let mut order = Vec::with_capacity(gone);
         let mut most = 0.0_f64;
         while order.len() < gone {
             // All of a bucket are looked at first, which fetches what they need from memory side by
             // side; one after the other, the removals would wait for each.
-            let is_present = |entry: &Entry| {
+            let is_present = |entry: &VertexArea| {
                 let near = self.neighbours[entry.i as usize];
                 near[0] != GONE && of(entry.i, near) == entry.key
             };
-            let Some(Entry { key, i }) = queue.pop(is_present) else { break };
+            let Some(VertexArea { key, i }) = queue.pop(is_present) else { break };
             let [before, after] = self.neighbours[i as usize];
             // Left behind when the area changed, or the vertex went.
             if before == GONE || areas[i as usize] != key {
@@ -171,7 +180,7 @@ impl Chain {
                     let key = of(near, self.neighbours[near as usize]);
                     if key != areas[near as usize] {
                         areas[near as usize] = key;
-                        queue.push(Entry { key, i: near });
+                        queue.push(VertexArea { key, i: near });
                     }
                 }
             }
@@ -179,32 +188,32 @@ impl Chain {
         for i in inner.filter(|i| self.neighbours[*i as usize][0] != GONE) {
             areas[i as usize] = f64::INFINITY;
         }
-        Areas { areas, order }
+        EffectiveAreas { areas, order }
     }
 }
 
 /// A vertex and its area at some time.
 #[derive(Clone, Copy)]
-struct Entry {
+struct VertexArea {
     key: f64,
     i: u32,
 }
 
-impl PartialEq for Entry {
+impl PartialEq for VertexArea {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Entry {}
+impl Eq for VertexArea {}
 
-impl PartialOrd for Entry {
+impl PartialOrd for VertexArea {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Entry {
+impl Ord for VertexArea {
     /// The smallest area is the greatest entry, the lowest index among equals.
     fn cmp(&self, other: &Self) -> Ordering {
         other.key.total_cmp(&self.key).then(other.i.cmp(&self.i))
@@ -216,19 +225,19 @@ const CROWD: usize = 256;
 
 /// Entries by area, the smallest first: a heap of those at hand, and buckets of the others by the first
 /// bits of their areas. The heap stays small, so it stays in the cache.
-struct Queue {
-    heap: BinaryHeap<Entry>,
+struct AreaQueue {
+    heap: BinaryHeap<VertexArea>,
     /// Bits of the smallest area above 0, which is that of the first bucket.
     least: u64,
     /// Bits that a bucket spans.
     shift: u32,
     /// The buckets before this one are in the heap.
     at: usize,
-    buckets: Vec<Vec<Entry>>,
+    buckets: Vec<Vec<VertexArea>>,
 }
 
-impl Queue {
-    fn new(entries: impl ExactSizeIterator<Item = Entry> + Clone) -> Self {
+impl AreaQueue {
+    fn new(entries: impl ExactSizeIterator<Item = VertexArea> + Clone) -> Self {
         // The bits of floats that are not negative are ordered as the floats are.
         let bits = entries.clone().map(|entry| entry.key.to_bits()).filter(|bits| *bits > 0);
         let (least, most) = (bits.clone().min().unwrap_or(0), bits.max().unwrap_or(0));
@@ -243,7 +252,7 @@ impl Queue {
 
     /// Adds an entry: to the heap if it is not above what is at hand.
     #[inline]
-    fn push(&mut self, entry: Entry) {
+    fn push(&mut self, entry: VertexArea) {
         let bits = entry.key.to_bits();
         let bucket = (bits.saturating_sub(self.least) >> self.shift) as usize;
         let bucket = bucket.min(self.buckets.len() - 1);
@@ -255,7 +264,7 @@ impl Queue {
 
     /// Takes the smallest entry; of a new bucket, only those present come to the heap.
     #[inline]
-    fn pop(&mut self, is_present: impl Fn(&Entry) -> bool) -> Option<Entry> {
+    fn pop(&mut self, is_present: impl Fn(&VertexArea) -> bool) -> Option<VertexArea> {
         while self.heap.is_empty() {
             let mut bucket = std::mem::take(self.buckets.get_mut(self.at)?);
             self.at += 1;

@@ -20,7 +20,7 @@ use terrane_base::geom::plane::Xy;
 
 /// What a vertex does to a wedge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum WedgeStep {
     /// Its direction was in the wedge: the segment may end here.
     Ends,
     /// Its direction was not, but some directions pass it.
@@ -35,10 +35,10 @@ pub trait Wedge<V>: Copy {
     fn new(anchor: &V, tolerance: f64) -> Self;
 
     /// Keeps the directions that pass `p`, and says what it did.
-    fn step(&mut self, p: &V) -> Step;
+    fn step(&mut self, p: &V) -> WedgeStep;
 
     /// How far `p` is beside the wedge, in no unit: not above 0 where [`Wedge::step`] would say
-    /// [`Step::Ends`], and hardly anywhere else.
+    /// [`WedgeStep::Ends`], and hardly anywhere else.
     fn outside(&self, p: &V) -> f64;
 
     /// Which of its sides the last step cut, as bits below [`MOST_SIDES`].
@@ -86,7 +86,7 @@ pub const MOST_SIDES: usize = 6;
 const SLACK: f64 = 1e-14;
 
 /// How a vertex looks from another.
-pub trait Look<V>: Copy {
+pub trait WedgeView<V>: Copy {
     /// True when all scales are 1.
     const IS_UNIFORM: bool;
 
@@ -97,9 +97,9 @@ pub trait Look<V>: Copy {
 
 /// In the plane.
 #[derive(Clone, Copy, Debug)]
-pub struct Flat;
+pub struct PlaneView;
 
-impl Look<Xy> for Flat {
+impl WedgeView<Xy> for PlaneView {
     const IS_UNIFORM: bool = true;
 
     #[inline(always)]
@@ -110,9 +110,9 @@ impl Look<Xy> for Flat {
 
 /// In space, on the plane of axes `I` and `J`: a distance in space is at least that of its image.
 #[derive(Clone, Copy, Debug)]
-pub struct Side<const I: usize, const J: usize>;
+pub struct ProjectedView<const I: usize, const J: usize>;
 
-impl<const I: usize, const J: usize> Look<[f64; 3]> for Side<I, J> {
+impl<const I: usize, const J: usize> WedgeView<[f64; 3]> for ProjectedView<I, J> {
     const IS_UNIFORM: bool = true;
 
     #[inline(always)]
@@ -123,9 +123,9 @@ impl<const I: usize, const J: usize> Look<[f64; 3]> for Side<I, J> {
 
 /// On the ellipsoid: discs are ellipses in degrees.
 #[derive(Clone, Copy, Debug)]
-pub struct Local;
+pub struct EllipsoidView;
 
-impl Look<Located> for Local {
+impl WedgeView<Located> for EllipsoidView {
     const IS_UNIFORM: bool = false;
 
     #[inline(always)]
@@ -136,10 +136,10 @@ impl Look<Located> for Local {
 }
 
 /// The wedge in the plane.
-pub type PlaneWedge = DiscWedge<Xy, Flat>;
+pub type PlaneWedge = DiscWedge<Xy, PlaneView>;
 
 /// The wedge in longitude and latitude.
-pub type EllipseWedge = DiscWedge<Located, Local>;
+pub type EllipseWedge = DiscWedge<Located, EllipsoidView>;
 
 /// A wedge between two rays, tangents to discs.
 #[derive(Clone, Copy, Debug)]
@@ -155,7 +155,7 @@ pub struct DiscWedge<V, L> {
 
 /// A vertex beside a ray.
 #[derive(Clone, Copy)]
-struct Beside {
+struct RaySide {
     /// Distance to the left of it.
     left: f64,
     /// Distance along it.
@@ -199,31 +199,31 @@ fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
     ]
 }
 
-impl<V, L: Look<V>> DiscWedge<V, L> {
+impl<V, L: WedgeView<V>> DiscWedge<V, L> {
     /// The vertex at `v` beside the ray in direction `ray`.
     #[inline(always)]
-    fn beside(ray: Xy, v: Xy, k: Xy) -> Beside {
+    fn beside(ray: Xy, v: Xy, k: Xy) -> RaySide {
         if L::IS_UNIFORM {
-            return Beside { left: cross(ray, v), ahead: dot(ray, v) };
+            return RaySide { left: cross(ray, v), ahead: dot(ray, v) };
         }
         let ray = [ray[0] * k[0], ray[1] * k[1]];
         let unit = 1.0 / dot(ray, ray).sqrt();
-        Beside { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
+        RaySide { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
     }
 
     /// With a tolerance of 0, only the direction of the first vertex is left; its length does not
     /// matter.
-    fn step_straight(&mut self, v: Xy) -> Step {
+    fn step_straight(&mut self, v: Xy) -> WedgeStep {
         self.cuts = 0;
         match self.rays {
-            _ if v == [0.0; 2] => Step::Ends,
+            _ if v == [0.0; 2] => WedgeStep::Ends,
             None => {
                 self.cuts = 1;
                 self.rays = Some([v, v]);
-                Step::Ends
+                WedgeStep::Ends
             }
-            Some([ray, _]) if cross(ray, v) == 0.0 && dot(ray, v) > 0.0 => Step::Ends,
-            Some(_) => Step::Stops,
+            Some([ray, _]) if cross(ray, v) == 0.0 && dot(ray, v) > 0.0 => WedgeStep::Ends,
+            Some(_) => WedgeStep::Stops,
         }
     }
 
@@ -234,7 +234,7 @@ impl<V, L: Look<V>> DiscWedge<V, L> {
             return true;
         }
         let [left, right] = rays.map(|ray| Self::beside(ray, v, k));
-        let meets = |ray: Beside| ray.ahead > 0.0 && ray.left.abs() <= reach;
+        let meets = |ray: RaySide| ray.ahead > 0.0 && ray.left.abs() <= reach;
         let tangents = tangents(v, k, reach);
         let met = [meets(left), meets(right)];
         let [Some(left), Some(right)] = [0, 1].map(|i| match met[i] {
@@ -265,17 +265,17 @@ fn is_between(direction: Xy, [left, right]: [Xy; 2]) -> bool {
         && dot(direction, bisector) >= -SLACK
 }
 
-impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
+impl<V: Copy, L: WedgeView<V>> Wedge<V> for DiscWedge<V, L> {
     #[inline(always)]
     fn new(anchor: &V, tolerance: f64) -> Self {
         Self { anchor: *anchor, tolerance, rays: None, cuts: 0, look: PhantomData }
     }
 
     #[inline(always)]
-    fn step(&mut self, p: &V) -> Step {
+    fn step(&mut self, p: &V) -> WedgeStep {
         let (v, k) = L::look(&self.anchor, p);
         if !L::IS_UNIFORM && k[0] <= 0.0 {
-            return Step::Ends;
+            return WedgeStep::Ends;
         }
         if L::IS_UNIFORM && self.tolerance == 0.0 {
             return self.step_straight(v);
@@ -288,14 +288,14 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
                 self.cuts = 3;
                 self.rays = Some(tangents(v, k, reach));
             }
-            return Step::Ends;
+            return WedgeStep::Ends;
         };
         let (left, right) = (Self::beside(rays[0], v, k), Self::beside(rays[1], v, k));
         let is_ahead = left.ahead + right.ahead >= 0.0;
         let ends = left.left <= slack && right.left >= -slack && is_ahead;
         if left.ahead > 0.0 && right.ahead > 0.0 {
             if left.left > reach || right.left < -reach {
-                return Step::Stops;
+                return WedgeStep::Stops;
             }
             let (is_left_cut, is_right_cut) = (left.left < -reach, right.left > reach);
             if is_left_cut | is_right_cut {
@@ -305,12 +305,12 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
                 self.rays = Some([kept(is_left_cut, l, rays[0]), kept(is_right_cut, r, rays[1])]);
             }
         } else if !self.step_behind(v, k, rays, reach) {
-            return Step::Stops;
+            return WedgeStep::Stops;
         }
         match ends {
-            true => Step::Ends,
-            false if slack > self.tolerance => Step::Stops,
-            false => Step::Passes,
+            true => WedgeStep::Ends,
+            false if slack > self.tolerance => WedgeStep::Stops,
+            false => WedgeStep::Passes,
         }
     }
 
@@ -348,9 +348,9 @@ impl<V: Copy, L: Look<V>> Wedge<V> for DiscWedge<V, L> {
 /// The wedge in space: those of the three images, which hold all directions that pass, and others.
 #[derive(Clone, Copy, Debug)]
 pub struct SpaceWedge {
-    xy: DiscWedge<[f64; 3], Side<0, 1>>,
-    yz: DiscWedge<[f64; 3], Side<1, 2>>,
-    zx: DiscWedge<[f64; 3], Side<2, 0>>,
+    xy: DiscWedge<[f64; 3], ProjectedView<0, 1>>,
+    yz: DiscWedge<[f64; 3], ProjectedView<1, 2>>,
+    zx: DiscWedge<[f64; 3], ProjectedView<2, 0>>,
 }
 
 impl Wedge<[f64; 3]> for SpaceWedge {
@@ -359,12 +359,12 @@ impl Wedge<[f64; 3]> for SpaceWedge {
         Self { xy, yz, zx: Wedge::new(anchor, tolerance) }
     }
 
-    fn step(&mut self, p: &[f64; 3]) -> Step {
+    fn step(&mut self, p: &[f64; 3]) -> WedgeStep {
         let steps = [self.xy.step(p), self.yz.step(p), self.zx.step(p)];
-        match steps.contains(&Step::Stops) {
-            true => Step::Stops,
-            false if steps == [Step::Ends; 3] => Step::Ends,
-            false => Step::Passes,
+        match steps.contains(&WedgeStep::Stops) {
+            true => WedgeStep::Stops,
+            false if steps == [WedgeStep::Ends; 3] => WedgeStep::Ends,
+            false => WedgeStep::Passes,
         }
     }
 
@@ -404,7 +404,7 @@ impl Wedge<Xy> for SlopeWedge {
     }
 
     #[inline(always)]
-    fn step(&mut self, p: &Xy) -> Step {
+    fn step(&mut self, p: &Xy) -> WedgeStep {
         let (x, y) = (p[0] - self.anchor[0], p[1] - self.anchor[1]);
         let unit = 1.0 / x;
         let slope = y * unit;
@@ -416,9 +416,9 @@ impl Wedge<Xy> for SlopeWedge {
         self.low = self.low.max(low);
         self.high = self.high.min(high);
         match ends {
-            true => Step::Ends,
-            false if self.low > self.high + slack || reach <= 2.0 * slack => Step::Stops,
-            false => Step::Passes,
+            true => WedgeStep::Ends,
+            false if self.low > self.high + slack || reach <= 2.0 * slack => WedgeStep::Stops,
+            false => WedgeStep::Passes,
         }
     }
 
@@ -473,7 +473,7 @@ mod tests {
         for v in [[10.0, 0.0], [6.0, -8.0], [-3.0, 9.0], [0.0, -10.0]] {
             for tolerance in [0.5, 4.0] {
                 let mut wedge = PlaneWedge::new(&[0.0; 2], tolerance);
-                assert_eq!(wedge.step(&v), Step::Ends);
+                assert_eq!(wedge.step(&v), WedgeStep::Ends);
                 let want = SLACK * (tolerance + v[0].abs() + v[1].abs());
                 let rays = wedge.rays.expect("the disc does not hold the anchor");
                 for own in [-cross(rays[0], v), cross(rays[1], v)] {
@@ -488,18 +488,21 @@ mod tests {
     #[test]
     fn segments_end_beside_a_ray_by_no_more_than_rounding() {
         let mut wedge = PlaneWedge::new(&[0.0; 2], 1.0);
-        assert_eq!(wedge.step(&[10.0, 3.0]), Step::Ends);
+        assert_eq!(wedge.step(&[10.0, 3.0]), WedgeStep::Ends);
         for (side, ray) in wedge.rays.expect("some directions are left").into_iter().enumerate() {
             let out = if side == 0 { [-ray[1], ray[0]] } else { [ray[1], -ray[0]] };
-            for (off, want) in [(-0.5, Step::Ends), (0.5, Step::Ends), (2.0, Step::Passes)] {
+            for (off, want) in
+                [(-0.5, WedgeStep::Ends), (0.5, WedgeStep::Ends), (2.0, WedgeStep::Passes)]
+            {
                 let off = off * SLACK * 8.0 * (ray[0].abs() + ray[1].abs());
                 let p = [0, 1].map(|i| 8.0 * ray[i] + off * out[i]);
                 assert_eq!({ wedge }.step(&p), want, "{off} beside ray {side}");
             }
         }
-        for (tolerance, off, want) in [(0.9, 3.0, Step::Stops), (1.1, 3.3, Step::Passes)] {
+        for (tolerance, off, want) in [(0.9, 3.0, WedgeStep::Stops), (1.1, 3.3, WedgeStep::Passes)]
+        {
             let mut wedge = PlaneWedge::new(&[0.0; 2], tolerance * SLACK);
-            assert_eq!(wedge.step(&[1.0, 0.0]), Step::Ends);
+            assert_eq!(wedge.step(&[1.0, 0.0]), WedgeStep::Ends);
             assert_eq!(wedge.step(&[1.0, off * SLACK]), want);
         }
     }
@@ -509,19 +512,21 @@ mod tests {
     fn slopes_are_wider_by_what_rounding_may_do() {
         for (p, slope) in [([4.0, 2.0], 0.5), ([-4.0, 2.0], -0.5), ([4.0, -6.0], -1.5)] {
             let mut wedge = SlopeWedge::new(&[0.0; 2], 1.0);
-            assert_eq!((wedge.step(&p), wedge.cuts), (Step::Ends, 3));
+            assert_eq!((wedge.step(&p), wedge.cuts), (WedgeStep::Ends, 3));
             let want = 0.25 + SLACK * (0.25 + f64::abs(slope));
             for own in [slope - wedge.low, wedge.high - slope] {
                 assert!((own - want).abs() < 1e-15, "{own} at {p:?}");
             }
             let (low, high) = (wedge.low, wedge.high);
-            for (off, step) in [(-0.5, Step::Ends), (0.5, Step::Ends), (2.0, Step::Passes)] {
+            for (off, step) in
+                [(-0.5, WedgeStep::Ends), (0.5, WedgeStep::Ends), (2.0, WedgeStep::Passes)]
+            {
                 for own in [low - off * SLACK * low.abs(), high + off * SLACK * high.abs()] {
                     assert_eq!({ wedge }.step(&[1.0, own]), step, "{off} beside, at {p:?}");
                 }
             }
             // None is left when the lowest is above the highest by more than that.
-            for (off, step) in [(0.5, Step::Passes), (2.0, Step::Stops)] {
+            for (off, step) in [(0.5, WedgeStep::Passes), (2.0, WedgeStep::Stops)] {
                 let reach = |slope: f64| 1.0 + SLACK * (1.0 + f64::abs(slope));
                 let (up, down) = (high + reach(high + 1.0), low - reach(low - 1.0));
                 for own in [up + off * SLACK * up.abs(), down - off * SLACK * down.abs()] {
@@ -529,9 +534,10 @@ mod tests {
                 }
             }
         }
-        for (tolerance, off, want) in [(0.9, 3.0, Step::Stops), (1.1, 3.3, Step::Passes)] {
+        for (tolerance, off, want) in [(0.9, 3.0, WedgeStep::Stops), (1.1, 3.3, WedgeStep::Passes)]
+        {
             let mut wedge = SlopeWedge::new(&[0.0; 2], tolerance * SLACK);
-            assert_eq!(wedge.step(&[1.0, 1.0]), Step::Ends);
+            assert_eq!(wedge.step(&[1.0, 1.0]), WedgeStep::Ends);
             assert_eq!(wedge.step(&[1.0, 1.0 + off * SLACK]), want);
         }
     }

@@ -2,22 +2,22 @@
 
 use rayon::prelude::*;
 
-use super::input::{Collected, Input};
-use super::trial::{Leaves, Wanted, Whole};
-use crate::part::{self, Tally};
+use super::input::{Collected, CoverageInput};
+use super::trial::{SimplifiedSource, TrialGoal, WholeJob};
+use crate::part::{self, PartCounts};
 use crate::report::LineReport;
-use crate::tool::Rule;
+use crate::tool::SimplifyRule;
 use terrane_base::error::Result;
 use terrane_files::on_threads;
 use terrane_vector::{Feature, Geometry};
 
-impl Whole<'_> {
+impl WholeJob<'_> {
     /// Simplifies all features and writes them, if that is what is wanted; else tells what came.
     pub(super) fn alone(
         &self,
-        input: &mut Input<'_>,
-        rule: &Rule,
-        wanted: &Wanted,
+        input: &mut CoverageInput<'_>,
+        rule: &SimplifyRule,
+        wanted: &TrialGoal,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.progress.begin("simplify", 0);
@@ -30,18 +30,18 @@ impl Whole<'_> {
         })?;
         self.progress.end();
         let kept = made.iter().map(|(_, tally)| tally.kept).sum();
-        let unwanted = self.unwanted(input, wanted, kept, &mut Made(made.iter()))?;
+        let unwanted = self.unwanted(input, wanted, kept, &mut PendingFeatures(made.iter()))?;
         if unwanted.is_some() {
             return Ok(unwanted);
         }
-        let written = self.write(input, &mut Made(made.iter()), None)?;
+        let written = self.write(input, &mut PendingFeatures(made.iter()), None)?;
         made.iter().for_each(|(_, tally)| report.add(tally));
         self.note(input, written, report);
         Ok(None)
     }
 }
 
-fn simplified(file: &Collected, rule: &Rule) -> Result<Vec<(Geometry, Tally)>> {
+fn simplified(file: &Collected, rule: &SimplifyRule) -> Result<Vec<(Geometry, PartCounts)>> {
     let features = file.features.par_iter().enumerate();
     features
         .map(|(at, feature)| part::simplify(&feature.geometry, file.trees.get(at), rule))
@@ -49,9 +49,9 @@ fn simplified(file: &Collected, rule: &Rule) -> Result<Vec<(Geometry, Tally)>> {
 }
 
 /// What was made of features that are still to come.
-struct Made<'a>(std::slice::Iter<'a, (Geometry, Tally)>);
+struct PendingFeatures<'a>(std::slice::Iter<'a, (Geometry, PartCounts)>);
 
-impl Leaves for Made<'_> {
+impl SimplifiedSource for PendingFeatures<'_> {
     fn of(&mut self, feature: &Feature) -> Result<Geometry> {
         Ok(self.0.next().map_or_else(|| feature.geometry.clone(), |(geometry, _)| geometry.clone()))
     }

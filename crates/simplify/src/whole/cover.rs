@@ -26,18 +26,20 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use super::gaps::Gaps;
-use super::input::{Input, REST, beside};
-use super::kept::Kept;
-use super::left::{Cutting, Left, Now, Parts};
-use super::moves::{self, Snapped};
-use super::spool::{self, Spool, by_square};
-use super::square::{Flat, How, KEPT_VERTEX, MOST_PAIRS, Rounding, Solved, VERTEX, World, solve};
-use super::trial::{Leaves, Wanted, Whole};
-use crate::files::Files;
+use super::gaps::NearMisses;
+use super::input::{CoverageInput, REST, beside};
+use super::kept::KeptBits;
+use super::left::{Cutting, Now, Parts, RemainingFeatures};
+use super::moves::{self, SnappedPositions};
+use super::spool::{self, TileSpool, by_square};
+use super::square::{
+    FlatChains, KEPT_VERTEX, MOST_PAIRS, Solved, TileRounding, TileSettings, VERTEX, World, solve,
+};
+use super::trial::{SimplifiedSource, TrialGoal, WholeJob};
+use crate::files::LineFiles;
 use crate::job::{LineJob, Topology};
 use crate::report::LineReport;
-use crate::tool::{Measure, Rule, check};
+use crate::tool::{DistanceKind, SimplifyRule, check};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane;
 use terrane_engine::memory::short;
@@ -45,36 +47,37 @@ use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress, disk};
 use terrane_files::{Buckets, lock};
 use terrane_line::Xy;
-use terrane_line::squares::{Place, Squares};
+use terrane_line::squares::{LastTile, VertexTiles};
 use terrane_line::topology::{Collapse, conflict};
-use terrane_vector::{self as vector, OpenOptions};
+use terrane_vector::{self as vector, VectorOpenOptions};
 
 /// Bytes for each segment that comes by a square.
 const OBSTACLE: u64 = 320;
 /// A job on all features.
-pub(super) struct Cover<'a> {
+pub(super) struct CoverageJob<'a> {
     pub(super) job: &'a LineJob,
-    pub(super) files: &'a Files,
+    pub(super) files: &'a LineFiles,
     pub(super) topology: &'a Topology,
-    pub(super) rule: &'a Rule,
+    pub(super) rule: &'a SimplifyRule,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
 
-impl Cover<'_> {
+impl CoverageJob<'_> {
     /// Simplifies all features together and writes them; unless something else is wanted: then tells what
     /// came.
     pub(super) fn run(
         &self,
-        input: &mut Input<'_>,
-        wanted: Option<&Wanted>,
+        input: &mut CoverageInput<'_>,
+        wanted: Option<&TrialGoal>,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         self.snap(input)?;
         let squares = self.squares(input)?;
         let mut whole = Parts::new();
         loop {
-            let bits = || Kept::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
+            let bits =
+                || KeptBits::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
             let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
             let (squares, rounded) = (&squares, rounded.as_ref());
             let now = Now { squares, whole: &whole, kept: &kept, rounded };
@@ -108,9 +111,9 @@ impl Cover<'_> {
         }
     }
 
-    fn whole(&self) -> Whole<'_> {
+    fn whole(&self) -> WholeJob<'_> {
         let &Self { job, files, progress, cancel, .. } = self;
-        Whole { job, files, progress, cancel }
+        WholeJob { job, files, progress, cancel }
     }
 
     fn memory(&self) -> u64 {
@@ -119,7 +122,7 @@ impl Cover<'_> {
 
     /// Bytes beside features and squares: bits by vertex, where vertices are moved to (from before they are
     /// moved), and the rest.
-    fn others(&self, input: &Input<'_>) -> u64 {
+    fn others(&self, input: &CoverageInput<'_>) -> u64 {
         let moved = match self.topology.snap > 0.0 {
             true => (input.vertices * size_of::<Xy>() as u64).min(moves::most_held(self.memory())),
             false => 0,
@@ -128,14 +131,14 @@ impl Cover<'_> {
     }
 
     /// Bytes of what is known of each vertex: whether it is kept, and rounded.
-    fn bits(&self, input: &Input<'_>) -> u64 {
+    fn bits(&self, input: &CoverageInput<'_>) -> u64 {
         input.vertices / 8 * (1 + u64::from(self.job.decimals.is_some()))
     }
 
     /// There is too little memory. Told is what is enough for a square that takes `square` bytes, whatever
     /// is kept of it: features are held as long as they take no more than half, and so much of the rest
     /// waits for its square.
-    fn too_little(&self, input: &Input<'_>, square: u64) -> Error {
+    fn too_little(&self, input: &CoverageInput<'_>, square: u64) -> Error {
         let rest = square + self.others(input);
         let needed = rest + input.bytes.min(rest);
         let mib = ((needed + needed / 7) >> 20) + 1;
@@ -155,15 +158,15 @@ impl Cover<'_> {
     }
 
     /// Divides space so that a square fits into the memory, beside the features or without them.
-    fn squares(&self, input: &mut Input<'_>) -> Result<Squares> {
+    fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexTiles> {
         let most = self.topology.square.clamp(1, spool::MOST);
-        let mut squares = Squares::new(&input.seen.census, most)?;
+        let mut squares = VertexTiles::new(&input.seen.census, most)?;
         while let Some(mut finer) = squares.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
                 Ok(())
             })?;
-            squares = Squares::refined(finer, &squares)?;
+            squares = VertexTiles::refined(finer, &squares)?;
         }
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
@@ -177,7 +180,7 @@ impl Cover<'_> {
     }
 
     /// Makes vertices one that are nearly so, in all features.
-    fn snap(&self, input: &mut Input<'_>) -> Result<()> {
+    fn snap(&self, input: &mut CoverageInput<'_>) -> Result<()> {
         if self.topology.snap == 0.0 || input.moves.snapped.is_some() {
             return Ok(());
         }
@@ -186,12 +189,13 @@ impl Cover<'_> {
         let buckets = Buckets::new(&folder, squares.count(), self.memory() / 8);
         input.sort(&squares, &buckets, self.cancel)?;
         let room = (&*folder, self.memory());
-        let snapped = Snapped::new(buckets, squares, self.topology.snap, room, self.cancel)?;
+        let snapped =
+            SnappedPositions::new(buckets, squares, self.topology.snap, room, self.cancel)?;
         input.snap(snapped, self.cancel)
     }
 
     /// What users have to know of the input, which is read again for it: before anything is written.
-    fn notes(&self, input: &mut Input<'_>, total: &Total) -> Result<Vec<String>> {
+    fn notes(&self, input: &mut CoverageInput<'_>, total: &TileTotals) -> Result<Vec<String>> {
         let mut notes: Vec<String> = total.gaps.note().into_iter().collect();
         let pairs = self.made_by_moving(input, &total.pairs)?;
         let harm = [
@@ -227,7 +231,7 @@ impl Cover<'_> {
 
     /// How many of these pairs of segments, which meet, are of some that did not before their vertices were
     /// moved.
-    fn made_by_moving(&self, input: &mut Input<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
+    fn made_by_moving(&self, input: &mut CoverageInput<'_>, pairs: &[[[Xy; 2]; 2]]) -> Result<u64> {
         if pairs.is_empty() || input.moves.is_none() {
             return Ok(0);
         }
@@ -258,27 +262,28 @@ impl Cover<'_> {
     /// Finds out what is kept of all squares.
     fn solve_all(
         &self,
-        input: &mut Input<'_>,
+        input: &mut CoverageInput<'_>,
         now: &Now<'_>,
         report: &mut LineReport,
-    ) -> Result<Total> {
+    ) -> Result<TileTotals> {
         let squares = now.squares;
         let sides = match &self.topology.sides {
-            Some(path) => by_square(positions(path, &OpenOptions::default())?, squares),
+            Some(path) => by_square(positions(path, &VectorOpenOptions::default())?, squares),
             None => Vec::new(),
         };
         self.progress.begin("simplify", squares.count() as u64);
-        let total = Mutex::new(Total::default());
+        let total = Mutex::new(TileTotals::default());
         let solve_one = |square: usize, mut world: World, room: u64| {
             let own = sides.partition_point(|(other, _)| (*other as usize) < square);
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
-            let place = Mutex::new(Place::default());
+            let place = Mutex::new(LastTile::default());
             let holds = |at: Xy| {
                 squares.count() == 1 || squares.of(at, &mut lock(&place)) == Some(square as u32)
             };
-            let rounding = self.job.decimals.map(|decimals| Rounding { decimals, holds: &holds });
-            let how = How { strategy: self.topology.strategy, rule: self.rule, rounding };
+            let rounding =
+                self.job.decimals.map(|decimals| TileRounding { decimals, holds: &holds });
+            let how = TileSettings { strategy: self.topology.strategy, rule: self.rule, rounding };
             let solved = solve(&world, &how, room, self.cancel)?;
             now.kept.set(square, &solved.bits)?;
             now.rounded.map_or(Ok(()), |rounded| rounded.set(square, &solved.rounded))?;
@@ -308,13 +313,13 @@ impl Cover<'_> {
     }
 
     /// All parts as they are held, as one square.
-    fn flat(&self, input: &mut Input<'_>, now: &Now<'_>) -> Result<World> {
-        let mut flat = Flat::default();
+    fn flat(&self, input: &mut CoverageInput<'_>, now: &Now<'_>) -> Result<World> {
+        let mut flat = FlatChains::default();
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
                 flat.points.extend_from_slice(part.xy);
-                if self.rule.measure == Measure::Space {
+                if self.rule.measure == DistanceKind::Space {
                     flat.z.extend_from_slice(part.z);
                 }
                 flat.end_part(part.xy.len(), part.is_ring());
@@ -327,21 +332,21 @@ impl Cover<'_> {
     }
 
     /// Bytes of the square that takes most, if all of its vertices are kept.
-    fn most_bytes(&self, squares: &Squares) -> u64 {
+    fn most_bytes(&self, squares: &VertexTiles) -> u64 {
         let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
 
     /// Memory for squares that are worked on and for what waits for them.
-    fn room(&self, input: &Input<'_>) -> u64 {
+    fn room(&self, input: &CoverageInput<'_>) -> u64 {
         let held = input.held().unwrap_or(0) + input.moves.held();
         beside(self.memory()).saturating_sub(held + self.bits(input))
     }
 
     /// Sorts all parts into squares.
-    fn spool<'s>(&self, input: &mut Input<'_>, now: &Now<'s>) -> Result<Spool<'s>> {
+    fn spool<'s>(&self, input: &mut CoverageInput<'_>, now: &Now<'s>) -> Result<TileSpool<'s>> {
         let squares = now.squares;
-        let has_z = self.rule.measure == Measure::Space;
+        let has_z = self.rule.measure == DistanceKind::Space;
         let (room, largest) = (self.room(input), self.most_bytes(squares));
         let workers = self.workers(room / 8 * 7, largest) as u64;
         let memory = room.saturating_sub(workers * largest).max(beside(self.memory()) / 8);
@@ -349,7 +354,7 @@ impl Cover<'_> {
         if bytes > memory {
             disk::check(&self.folder(), bytes)?;
         }
-        let mut spool = Spool::new(squares, has_z, &self.folder(), memory);
+        let mut spool = TileSpool::new(squares, has_z, &self.folder(), memory);
         let mut parts = Cutting::new(squares);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
@@ -369,9 +374,9 @@ impl Cover<'_> {
     /// Squares by so many threads as have room, those that take longest first.
     fn solve_spooled(
         &self,
-        input: &Input<'_>,
-        squares: &Squares,
-        spool: &Spool<'_>,
+        input: &CoverageInput<'_>,
+        squares: &VertexTiles,
+        spool: &TileSpool<'_>,
         solve_one: impl Fn(usize, World, u64) -> Result<()> + Sync,
     ) -> Result<()> {
         let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
@@ -395,12 +400,16 @@ impl Cover<'_> {
     }
 
     /// What is left of all features, from the first one on.
-    fn left<'k>(&self, now: Now<'k>) -> Left<'k> {
-        Left::new(now, self.rule.collapse, self.job.decimals)
+    fn left<'k>(&self, now: Now<'k>) -> RemainingFeatures<'k> {
+        RemainingFeatures::new(now, self.rule.collapse, self.job.decimals)
     }
 
     /// Looks at what is left of all features.
-    fn look<'k>(&self, input: &mut Input<'_>, now: &Now<'k>) -> Result<Left<'k>> {
+    fn look<'k>(
+        &self,
+        input: &mut CoverageInput<'_>,
+        now: &Now<'k>,
+    ) -> Result<RemainingFeatures<'k>> {
         let mut left = self.left(*now);
         input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
         Ok(left)
@@ -410,7 +419,7 @@ impl Cover<'_> {
     /// they are, and nothing is written.
     fn write(
         &self,
-        input: &mut Input<'_>,
+        input: &mut CoverageInput<'_>,
         now: &Now<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
@@ -425,7 +434,7 @@ impl Cover<'_> {
 
 /// Sums over squares.
 #[derive(Debug, Default)]
-struct Total {
+struct TileTotals {
     arcs: u64,
     refined: u64,
     crossings: u64,
@@ -434,11 +443,11 @@ struct Total {
     square: f64,
     /// Some of the pairs of segments that meet.
     pairs: Vec<[[Xy; 2]; 2]>,
-    gaps: Gaps,
+    gaps: NearMisses,
 }
 
-impl Total {
-    fn add(&mut self, solved: &Solved, square: usize, squares: &Squares) {
+impl TileTotals {
+    fn add(&mut self, solved: &Solved, square: usize, squares: &VertexTiles) {
         self.arcs += solved.arcs;
         self.refined += solved.refined;
         self.collapsed += solved.collapsed;
@@ -461,7 +470,7 @@ impl Total {
 }
 
 /// The points of a file, wherever they are in it.
-pub fn positions(path: &Path, options: &OpenOptions) -> Result<Vec<Xy>> {
+pub fn positions(path: &Path, options: &VectorOpenOptions) -> Result<Vec<Xy>> {
     let mut source = vector::open(path, options)?;
     let mut all = Vec::new();
     while let Some(feature) = source.next()? {

@@ -1,17 +1,17 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
-use super::moves::{Harm, Moves, Snapped};
-use crate::files::{Files, Pair};
+use super::moves::{Harm, Moves, SnappedPositions};
+use crate::files::{LineFilePair, LineFiles};
 use crate::job::LineJob;
-use crate::stored::{Order, Store};
+use crate::stored::{FeatureOrder, HierarchyStore};
 use crate::trees::Trees;
 use terrane_base::error::Result;
 use terrane_engine::memory::{beside_program, short};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::Buckets;
 use terrane_line::Xy;
-use terrane_line::squares::{Census, Place, Run, Squares, cut};
-use terrane_vector::{Feature, Geometry, Layer, Member};
+use terrane_line::squares::{LastTile, TileRun, VertexHistogram, VertexTiles, cut};
+use terrane_vector::{Feature, Geometry, JsonMember, LayerHeader};
 
 /// Bytes for each feature beside its vertices, about.
 const FEATURE: u64 = 400;
@@ -38,28 +38,28 @@ pub(super) fn room(job: &LineJob) -> u64 {
 /// A file that has been read.
 pub(super) struct Collected {
     /// What it says of itself at its beginning.
-    pub(super) layer: Layer,
+    pub(super) layer: LayerHeader,
     /// And after its features.
-    pub(super) foreign: Vec<Member>,
+    pub(super) foreign: Vec<JsonMember>,
     pub(super) notes: Vec<String>,
     /// Its features, if they are held.
     pub(super) features: Vec<Feature>,
     /// How each of them is simplified, and where it was, until hierarchies are made.
-    pub(super) orders: Vec<(Order, String)>,
+    pub(super) orders: Vec<(FeatureOrder, String)>,
     /// The hierarchies of each; none without `--hierarchy`.
     pub(super) trees: Vec<Trees>,
 }
 
 /// What is known of all features where they are moved to.
 #[derive(Default)]
-pub(super) struct Seen {
+pub(super) struct CoverageExtent {
     /// Where they are.
-    pub(super) census: Census,
+    pub(super) census: VertexHistogram,
     /// What moving has done.
     pub(super) harm: Harm,
 }
 
-impl Seen {
+impl CoverageExtent {
     fn add(&mut self, before: &Geometry, moved: Option<&Geometry>) -> Result<()> {
         if let Some(after) = moved {
             self.harm.add(before, after);
@@ -70,28 +70,28 @@ impl Seen {
 }
 
 /// All files of a job.
-pub(super) struct Input<'a> {
+pub(super) struct CoverageInput<'a> {
     job: &'a LineJob,
-    files: &'a Files,
+    files: &'a LineFiles,
     pub(super) all: Vec<Collected>,
     pub(super) vertices: u64,
     /// Where they go when they are shown.
     pub(super) moves: Moves,
     /// What is known of them then.
-    pub(super) seen: Seen,
+    pub(super) seen: CoverageExtent,
     /// Bytes that all features take when they are held.
     pub(super) bytes: u64,
     /// Whether they are.
     is_held: bool,
 }
 
-impl<'a> Input<'a> {
+impl<'a> CoverageInput<'a> {
     /// Reads all files and holds their features as long as they take no more than `most` bytes.
     pub(super) fn read(
         job: &'a LineJob,
-        files: &'a Files,
+        files: &'a LineFiles,
         most: u64,
-        store: &mut Store,
+        store: &mut HierarchyStore,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<Self> {
@@ -101,7 +101,7 @@ impl<'a> Input<'a> {
             all: Vec::new(),
             vertices: 0,
             moves: Moves::default(),
-            seen: Seen::default(),
+            seen: CoverageExtent::default(),
             bytes: 0,
             is_held: true,
         };
@@ -116,9 +116,9 @@ impl<'a> Input<'a> {
 
     fn collect(
         &mut self,
-        pair: &Pair,
+        pair: &LineFilePair,
         most: u64,
-        store: &mut Store,
+        store: &mut HierarchyStore,
         cancel: &Cancel,
     ) -> Result<()> {
         let mut source = pair.open(self.job)?;
@@ -176,9 +176,9 @@ impl<'a> Input<'a> {
     }
 
     /// From now on shows features snapped.
-    pub(super) fn snap(&mut self, snapped: Snapped, cancel: &Cancel) -> Result<()> {
+    pub(super) fn snap(&mut self, snapped: SnappedPositions, cancel: &Cancel) -> Result<()> {
         self.moves = Moves { snapped: Some(snapped) };
-        let mut seen = Seen::default();
+        let mut seen = CoverageExtent::default();
         self.visit_moves(cancel, |before, after| seen.add(before, Some(after)))?;
         self.seen = seen;
         Ok(())
@@ -250,15 +250,15 @@ impl<'a> Input<'a> {
     /// Sorts all vertices by square.
     pub(super) fn sort(
         &mut self,
-        squares: &Squares,
+        squares: &VertexTiles,
         buckets: &Buckets<Xy>,
         cancel: &Cancel,
     ) -> Result<()> {
-        let (mut place, mut runs) = (Place::default(), Vec::new());
+        let (mut place, mut runs) = (LastTile::default(), Vec::new());
         self.visit_all(cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
                 cut(part.xy, false, squares, &mut place, &mut runs);
-                let push = |run: &Run| {
+                let push = |run: &TileRun| {
                     buckets.push(run.square as usize, &part.xy[run.first..run.first + run.count])
                 };
                 runs.iter().try_for_each(push)

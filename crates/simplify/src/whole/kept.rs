@@ -8,31 +8,31 @@ use bytemuck::Pod;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
-use terrane_line::squares::Run;
+use terrane_line::squares::TileRun;
 use terrane_vector as vector;
 
 /// Records of a square that are held at a time.
 const RECORDS: usize = 128;
 
 /// Adds what is kept of `count` vertices, of which the first has number `first`, to `bits`.
-pub(super) fn add(bits: &mut BitSet, kept: &vector::Kept, first: usize, count: usize) {
+pub(super) fn add(bits: &mut BitSet, kept: &vector::KeptVertices, first: usize, count: usize) {
     let mut insert = |at| {
         bits.insert(at);
     };
     match kept {
-        vector::Kept::All => (first..first + count).for_each(insert),
-        vector::Kept::Nothing => {}
-        vector::Kept::Vertices(own) => own.iter().for_each(|v| insert(first + *v as usize)),
+        vector::KeptVertices::All => (first..first + count).for_each(insert),
+        vector::KeptVertices::Nothing => {}
+        vector::KeptVertices::Vertices(own) => own.iter().for_each(|v| insert(first + *v as usize)),
     }
 }
 
 /// The bits of all squares, in memory or in a nameless file.
-pub(super) struct Kept {
+pub(super) struct KeptBits {
     bits: Buckets<u64>,
     squares: usize,
 }
 
-impl Kept {
+impl KeptBits {
     pub(super) fn new(folder: &Path, squares: usize, memory: u64) -> Self {
         Self { bits: Buckets::new(folder, squares, memory), squares }
     }
@@ -42,8 +42,8 @@ impl Kept {
         self.bits.push(square, bits.words())
     }
 
-    pub(super) fn reader(&self) -> Reader<'_> {
-        Reader {
+    pub(super) fn reader(&self) -> KeptBitsReader<'_> {
+        KeptBitsReader {
             bits: &self.bits,
             words: Cursors::new(self.squares),
             open: vec![(0, 0); self.squares],
@@ -53,7 +53,7 @@ impl Kept {
 
 /// The next records of a square.
 #[derive(Clone, Debug)]
-struct Cursor<T> {
+struct TileCursor<T> {
     records: Vec<T>,
     /// The number of the first of them.
     first: usize,
@@ -63,11 +63,11 @@ struct Cursor<T> {
 
 /// Records read square by square, each from its beginning: 128 of them for each square.
 #[derive(Debug)]
-pub(super) struct Cursors<T>(Vec<Cursor<T>>);
+pub(super) struct Cursors<T>(Vec<TileCursor<T>>);
 
 impl<T: Pod> Cursors<T> {
     pub(super) fn new(squares: usize) -> Self {
-        Self((0..squares).map(|_| Cursor { records: Vec::new(), first: 0, next: 0 }).collect())
+        Self((0..squares).map(|_| TileCursor { records: Vec::new(), first: 0, next: 0 }).collect())
     }
 
     /// The next record of a square; `None` after its last.
@@ -86,17 +86,22 @@ impl<T: Pod> Cursors<T> {
 }
 
 /// Bits read square by square, each from its beginning.
-pub(super) struct Reader<'a> {
+pub(super) struct KeptBitsReader<'a> {
     bits: &'a Buckets<u64>,
     words: Cursors<u64>,
     /// What is left of each square's last word, and of how many bits.
     open: Vec<(u64, u32)>,
 }
 
-impl Reader<'_> {
+impl KeptBitsReader<'_> {
     /// What is kept of a part of `count` vertices, with these runs, the next ones of their squares:
     /// indices, ascending.
-    pub(super) fn part(&mut self, runs: &[Run], count: usize, found: &mut Vec<u32>) -> Result<()> {
+    pub(super) fn part(
+        &mut self,
+        runs: &[TileRun],
+        count: usize,
+        found: &mut Vec<u32>,
+    ) -> Result<()> {
         found.clear();
         for run in runs {
             for k in 0..run.count {
@@ -132,7 +137,7 @@ mod tests {
     fn bits_come_back_in_the_order_of_the_parts() {
         let folder = tempfile::tempdir().unwrap();
         for memory in [1 << 20, 0] {
-            let kept = Kept::new(folder.path(), 2, memory);
+            let kept = KeptBits::new(folder.path(), 2, memory);
             // Every third vertex of the first square, every fifth of the second.
             for (square, step) in [(0, 3), (1, 5)] {
                 let mut bits = BitSet::new(20_000);
@@ -144,9 +149,10 @@ mod tests {
             let mut reader = kept.reader();
             let (mut found, mut first) = (Vec::new(), [0, 0]);
             for part in 0..1500 {
-                let runs: Vec<Run> = (0..3)
+                let runs: Vec<TileRun> = (0..3)
                     .scan(2, |at, k| {
-                        let run = Run { square: k % 2, first: *at, count: 3 + (part + *at) % 5 };
+                        let run =
+                            TileRun { square: k % 2, first: *at, count: 3 + (part + *at) % 5 };
                         *at += run.count;
                         Some(run)
                     })

@@ -2,16 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use super::kept::{Kept, Reader};
+use super::kept::{KeptBits, KeptBitsReader};
 use super::own;
-use super::trial::Leaves;
+use super::trial::SimplifiedSource;
 use crate::part::chosen;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::key;
 use terrane_line::Xy;
-use terrane_line::squares::{Place, Run, Squares, cut};
+use terrane_line::squares::{LastTile, TileRun, VertexTiles, cut};
 use terrane_line::topology::Collapse;
-use terrane_vector::{self as vector, Feature, Part, Role};
+use terrane_vector::{self as vector, Feature, GeometryPart, PartRole};
 
 /// Numbers of parts.
 pub(super) type Parts = BTreeSet<u64>;
@@ -19,31 +19,31 @@ pub(super) type Parts = BTreeSet<u64>;
 /// What is known when all squares are done: twice, if rings have turned over.
 #[derive(Clone, Copy)]
 pub(super) struct Now<'a> {
-    pub(super) squares: &'a Squares,
+    pub(super) squares: &'a VertexTiles,
     /// Parts that stay whole.
     pub(super) whole: &'a Parts,
     /// What is kept.
-    pub(super) kept: &'a Kept,
+    pub(super) kept: &'a KeptBits,
     /// What is rounded of it, where anything is to be.
-    pub(super) rounded: Option<&'a Kept>,
+    pub(super) rounded: Option<&'a KeptBits>,
 }
 
 /// Parts cut into runs, one after the other.
 pub(super) struct Cutting<'a> {
-    squares: &'a Squares,
-    place: Place,
-    pub(super) runs: Vec<Run>,
+    squares: &'a VertexTiles,
+    place: LastTile,
+    pub(super) runs: Vec<TileRun>,
     /// Parts so far.
     pub(super) number: u64,
 }
 
 impl<'a> Cutting<'a> {
-    pub(super) fn new(squares: &'a Squares) -> Self {
-        Self { squares, place: Place::default(), runs: Vec::new(), number: 0 }
+    pub(super) fn new(squares: &'a VertexTiles) -> Self {
+        Self { squares, place: LastTile::default(), runs: Vec::new(), number: 0 }
     }
 
     /// Fills the runs with those of the next part; returns its number.
-    pub(super) fn cut(&mut self, part: &Part<'_>) -> u64 {
+    pub(super) fn cut(&mut self, part: &GeometryPart<'_>) -> u64 {
         cut(part.xy, part.is_ring(), self.squares, &mut self.place, &mut self.runs);
         self.number += 1;
         self.number - 1
@@ -51,11 +51,11 @@ impl<'a> Cutting<'a> {
 }
 
 /// What is left of features, one after the other.
-pub(super) struct Left<'a> {
+pub(super) struct RemainingFeatures<'a> {
     pub(super) parts: Cutting<'a>,
     whole: &'a Parts,
-    kept: Reader<'a>,
-    rounded: Option<(Reader<'a>, u8)>,
+    kept: KeptBitsReader<'a>,
+    rounded: Option<(KeptBitsReader<'a>, u8)>,
     collapse: Collapse,
     indices: Vec<u32>,
     /// The last outer ring, if nothing is kept of it.
@@ -66,13 +66,13 @@ pub(super) struct Left<'a> {
     pub(super) vertices: u64,
 }
 
-impl<'a> Left<'a> {
+impl<'a> RemainingFeatures<'a> {
     pub(super) fn new(now: Now<'a>, collapse: Collapse, decimals: Option<u8>) -> Self {
         Self {
             parts: Cutting::new(now.squares),
             whole: now.whole,
             kept: now.kept.reader(),
-            rounded: now.rounded.map(Kept::reader).zip(decimals),
+            rounded: now.rounded.map(KeptBits::reader).zip(decimals),
             collapse,
             indices: Vec::new(),
             gone: None,
@@ -82,27 +82,29 @@ impl<'a> Left<'a> {
         }
     }
 
-    fn part(&mut self, part: &Part<'_>) -> Result<vector::Kept> {
+    fn part(&mut self, part: &GeometryPart<'_>) -> Result<vector::KeptVertices> {
         let number = self.parts.cut(part);
         let is_cut = self.parts.runs.len() > 1;
         let count = part.xy.len() - usize::from(is_cut && part.is_ring());
         self.kept.part(&self.parts.runs, count, &mut self.indices)?;
         let is_whole = self.whole.contains(&number);
         let kept = match part.is_ring() {
-            true if is_whole || self.indices.len() == part.xy.len() => Some(vector::Kept::All),
+            true if is_whole || self.indices.len() == part.xy.len() => {
+                Some(vector::KeptVertices::All)
+            }
             true if is_cut => own::ring(part.xy, &self.indices, self.collapse),
             _ => Some(chosen(&self.indices)),
         };
         if kept.is_none() {
             self.turned.insert(number);
         }
-        let kept = kept.unwrap_or(vector::Kept::All);
-        self.note_outer(part.role, number, kept == vector::Kept::Nothing);
+        let kept = kept.unwrap_or(vector::KeptVertices::All);
+        self.note_outer(part.role, number, kept == vector::KeptVertices::Nothing);
         Ok(kept)
     }
 
     /// Appends the positions of the part that was cut last that are rounded: all vertices at one are.
-    fn rounded(&mut self, part: &Part<'_>, positions: &mut Vec<[u64; 2]>) -> Result<()> {
+    fn rounded(&mut self, part: &GeometryPart<'_>, positions: &mut Vec<[u64; 2]>) -> Result<()> {
         let Some((rounded, _)) = &mut self.rounded else { return Ok(()) };
         let count = part.xy.len() - usize::from(self.parts.runs.len() > 1 && part.is_ring());
         rounded.part(&self.parts.runs, count, &mut self.indices)?;
@@ -112,18 +114,18 @@ impl<'a> Left<'a> {
 
     /// A polygon without its outer ring is nothing: that ring stays whole where a hole does not go, as one
     /// that lies outside of it may not.
-    fn note_outer(&mut self, role: Role, number: u64, is_gone: bool) {
+    fn note_outer(&mut self, role: PartRole, number: u64, is_gone: bool) {
         match (role, self.gone) {
-            (Role::Hole, Some(outer)) if !is_gone => {
+            (PartRole::Hole, Some(outer)) if !is_gone => {
                 self.turned.insert(outer);
             }
-            (Role::Hole, _) => {}
+            (PartRole::Hole, _) => {}
             _ => self.gone = is_gone.then_some(number),
         }
     }
 }
 
-impl Leaves for Left<'_> {
+impl SimplifiedSource for RemainingFeatures<'_> {
     fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
         let (mut choices, mut rounded) = (Vec::new(), Vec::new());
         for part in feature.geometry.parts() {
@@ -131,7 +133,7 @@ impl Leaves for Left<'_> {
             self.rounded(&part, &mut rounded)?;
         }
         let mut choices = choices.into_iter();
-        let keep = |_, _: Part<'_>| choices.next().unwrap_or(vector::Kept::All);
+        let keep = |_, _: GeometryPart<'_>| choices.next().unwrap_or(vector::KeptVertices::All);
         let mut geometry = feature.geometry.keep(keep);
         if let Some((_, decimals)) = self.rounded {
             rounded.sort_unstable();

@@ -14,14 +14,14 @@ use terrane_base::error::Result;
 use terrane_base::geom::plane::{area_sign, key};
 use terrane_engine::Cancel;
 use terrane_files::Buckets;
-use terrane_line::squares::{Place, Squares};
+use terrane_line::squares::{LastTile, VertexTiles};
 use terrane_line::{Xy, arcs};
-use terrane_vector::{Geometry, Part};
+use terrane_vector::{Geometry, GeometryPart};
 
 /// Where vertices go.
 #[derive(Default)]
 pub(super) struct Moves {
-    pub(super) snapped: Option<Snapped>,
+    pub(super) snapped: Option<SnappedPositions>,
 }
 
 impl Moves {
@@ -60,20 +60,20 @@ pub(super) fn most_held(memory: u64) -> u64 {
 }
 
 /// Positions after snapping: of each square in the order in which the input comes by them.
-pub(super) struct Snapped {
-    squares: Squares,
+pub(super) struct SnappedPositions {
+    squares: VertexTiles,
     places: Buckets<Xy>,
     cursors: Cursors<Xy>,
-    place: Place,
+    place: LastTile,
 }
 
-impl Snapped {
+impl SnappedPositions {
     /// Snaps all vertices, sorted by square, square after square: what has stayed in one is not moved by those to come, so
     /// in all of them no two positions are left that are nearer than `distance`, and none has moved
     /// farther. In a square the rule is that of [`arcs::snap`].
     pub(super) fn new(
         old: Buckets<Xy>,
-        squares: Squares,
+        squares: VertexTiles,
         distance: f64,
         (folder, memory): (&Path, u64),
         cancel: &Cancel,
@@ -101,7 +101,7 @@ impl Snapped {
                 later.try_for_each(|other| stayed.push(*other as usize, &[*p]))?;
             }
         }
-        Ok(Self { cursors: Cursors::new(count), squares, places, place: Place::default() })
+        Ok(Self { cursors: Cursors::new(count), squares, places, place: LastTile::default() })
     }
 
     /// Moves the next vertex.
@@ -127,8 +127,8 @@ impl Harm {
     /// Adds what has happened to a geometry.
     pub(super) fn add(&mut self, before: &Geometry, after: &Geometry) {
         let pairs = before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring());
-        let sign = |part: &Part<'_>| area_sign(part.xy.iter().copied());
-        let is_lost = |(old, new): &(Part<'_>, Part<'_>)| {
+        let sign = |part: &GeometryPart<'_>| area_sign(part.xy.iter().copied());
+        let is_lost = |(old, new): &(GeometryPart<'_>, GeometryPart<'_>)| {
             let then = sign(old);
             then != Ordering::Equal && then != sign(new)
         };

@@ -6,15 +6,19 @@ use crate::part::chosen;
 use terrane_base::geom::plane::area_sign;
 use terrane_line::Xy;
 use terrane_line::topology::Collapse;
-use terrane_vector::Kept;
+use terrane_vector::KeptVertices;
 
 /// What is written of a ring that keeps `left` of its own vertices; `None` where it has to stay whole, as
 /// it has turned over, or lost what area it had.
-pub(super) fn ring(own: &[Xy], left: &[u32], collapse: Collapse) -> Option<Kept> {
+pub(super) fn ring(own: &[Xy], left: &[u32], collapse: Collapse) -> Option<KeptVertices> {
     let kept = left.iter().map(|at| own[*at as usize]);
     if is_flat(own.iter().copied()) {
         // It had no area to begin with.
-        return Some(if collapse == Collapse::Drop { Kept::Nothing } else { Kept::All });
+        return Some(if collapse == Collapse::Drop {
+            KeptVertices::Nothing
+        } else {
+            KeptVertices::All
+        });
     }
     let then = area_sign(own.iter().copied());
     let is_ring = !is_flat(kept.clone()) && (then == Ordering::Equal || then == area_sign(kept));

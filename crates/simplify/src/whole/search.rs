@@ -4,34 +4,33 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::cover::Cover;
-use super::input::Input;
-use super::trial::{Wanted, Whole};
-use crate::goal::Unit;
+use super::cover::CoverageJob;
+use super::input::CoverageInput;
+use super::trial::{TrialGoal, WholeJob};
+use crate::goal::GoalUnit;
 use crate::report::LineReport;
-use crate::seek::{Profile, Target, seek};
-use crate::tool::Rule;
+use crate::seek::{GoalTarget, ThresholdProfile, seek};
+use crate::tool::SimplifyRule;
 use crate::trees;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, on_threads};
 use terrane_line::topology::Collapse;
-use terrane_vector::{Feature, Part};
+use terrane_vector::{Feature, GeometryPart};
 
-impl Whole<'_> {
+impl WholeJob<'_> {
     /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
     /// what came.
     pub(super) fn make(
         &self,
-        input: &mut Input<'_>,
-        rule: &Rule,
-        wanted: Option<&Wanted>,
+        input: &mut CoverageInput<'_>,
+        rule: &SimplifyRule,
+        wanted: Option<&TrialGoal>,
         report: &mut LineReport,
     ) -> Result<Option<u64>> {
         let &Self { job, files, progress, cancel } = self;
         match (&job.topology, wanted) {
-            (Some(topology), _) => {
-                Cover { job, files, topology, rule, progress, cancel }.run(input, wanted, report)
-            }
+            (Some(topology), _) => CoverageJob { job, files, topology, rule, progress, cancel }
+                .run(input, wanted, report),
             (None, Some(wanted)) => self.alone(input, rule, wanted, report),
             (None, None) => Err(Error::new(ErrorKind::Internal, "nothing is looked for")),
         }
@@ -40,9 +39,9 @@ impl Whole<'_> {
 
 /// Meets a goal of so many vertices or bytes.
 pub(super) fn run(
-    whole: &Whole<'_>,
-    input: &mut Input<'_>,
-    (most, unit): (u64, Unit),
+    whole: &WholeJob<'_>,
+    input: &mut CoverageInput<'_>,
+    (most, unit): (u64, GoalUnit),
     report: &mut LineReport,
 ) -> Result<()> {
     let job = whole.job;
@@ -50,31 +49,31 @@ pub(super) fn run(
     let is_area = job.method.bounds.weight().is_some();
     let (profile, extent) = profile(whole, input, &rule)?;
     let all = match unit {
-        Unit::Vertices => profile.total as f64,
-        Unit::Bytes => whole.files.pairs.iter().map(|pair| pair.size() as f64).sum(),
+        GoalUnit::Vertices => profile.total as f64,
+        GoalUnit::Bytes => whole.files.pairs.iter().map(|pair| pair.size() as f64).sum(),
     };
     let largest = (4.0 * extent).max(f64::MIN_POSITIVE);
     let dial = profile.dial(if is_area { largest * largest } else { largest }, is_area);
-    let left = seek(&Target { most, all }, &dial, |threshold, range| {
+    let left = seek(&GoalTarget { most, all }, &dial, |threshold, range| {
         whole.cancel.check()?;
-        let rule = Rule { threshold, ..rule };
-        let left = whole.make(input, &rule, Some(&Wanted { unit, range }), report)?;
+        let rule = SimplifyRule { threshold, ..rule };
+        let left = whole.make(input, &rule, Some(&TrialGoal { unit, range }), report)?;
         report.measured_by(&rule);
         Ok(left)
     })?;
     left.map_or(Ok(()), |least| Err(too_few(whole, (most, unit), least)))
 }
 
-fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
+fn too_few(whole: &WholeJob<'_>, (most, unit): (u64, GoalUnit), least: u64) -> Error {
     let what = match unit {
-        Unit::Vertices => "vertices",
-        Unit::Bytes => "bytes",
+        GoalUnit::Vertices => "vertices",
+        GoalUnit::Bytes => "bytes",
     };
     let others = match (whole.job.collapse, unit) {
-        (Collapse::Drop, Unit::Vertices) => "",
-        (Collapse::Drop, Unit::Bytes) => ", or fewer ‹decimals› in a text format",
-        (_, Unit::Vertices) => ", or pass ‹collapse› drop",
-        (_, Unit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
+        (Collapse::Drop, GoalUnit::Vertices) => "",
+        (Collapse::Drop, GoalUnit::Bytes) => ", or fewer ‹decimals› in a text format",
+        (_, GoalUnit::Vertices) => ", or pass ‹collapse› drop",
+        (_, GoalUnit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
     };
     let stays = match whole.job.topology {
         Some(_) => "ends of lines, corners of the smallest rings and what keeps neighbours apart",
@@ -88,10 +87,14 @@ fn too_few(whole: &Whole<'_>, (most, unit): (u64, Unit), least: u64) -> Error {
 
 /// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
 /// around all of them.
-fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Profile, f64)> {
+fn profile(
+    whole: &WholeJob<'_>,
+    input: &mut CoverageInput<'_>,
+    rule: &SimplifyRule,
+) -> Result<(ThresholdProfile, f64)> {
     // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
-    let rule = &Rule { threshold: f64::MAX, ..*rule };
-    let state = Mutex::new((Profile::default(), None));
+    let rule = &SimplifyRule { threshold: f64::MAX, ..*rule };
+    let state = Mutex::new((ThresholdProfile::default(), None));
     let add = |feature: &Feature, own: Option<&trees::Trees>| {
         let thresholds = trees::thresholds(&feature.geometry, own, rule)?;
         let mut state = lock(&state);
@@ -121,7 +124,7 @@ fn profile(whole: &Whole<'_>, input: &mut Input<'_>, rule: &Rule) -> Result<(Pro
 }
 
 /// Vertices of a part that stay at any threshold.
-fn stay(part: &Part<'_>) -> u64 {
+fn stay(part: &GeometryPart<'_>) -> u64 {
     part.xy.len().min(if part.is_ring() { 4 } else { 2 }) as u64
 }
 

@@ -7,8 +7,8 @@ use super::square::World;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
 use terrane_line::Xy;
-use terrane_line::squares::{Place, Run, Squares, cross_overs};
-use terrane_vector::Part;
+use terrane_line::squares::{LastTile, TileRun, VertexTiles, cross_overs};
+use terrane_vector::GeometryPart;
 
 /// What the bits of a run's word say beside the number of its vertices.
 const RING: u32 = 1;
@@ -20,8 +20,8 @@ const FLAGS: u32 = 3;
 pub(super) const MOST: u64 = (1 << (u32::BITS - FLAGS)) - 1;
 
 /// What the squares hold.
-pub(super) struct Spool<'a> {
-    squares: &'a Squares,
+pub(super) struct TileSpool<'a> {
+    squares: &'a VertexTiles,
     runs: Buckets<u32>,
     points: Buckets<Xy>,
     /// Nothing where no distance asks for heights.
@@ -33,9 +33,9 @@ pub(super) struct Spool<'a> {
     near: Vec<u32>,
 }
 
-impl<'a> Spool<'a> {
+impl<'a> TileSpool<'a> {
     /// Of about `memory` bytes, and the rest in `folder`.
-    pub(super) fn new(squares: &'a Squares, has_z: bool, folder: &Path, memory: u64) -> Self {
+    pub(super) fn new(squares: &'a VertexTiles, has_z: bool, folder: &Path, memory: u64) -> Self {
         let (count, share) = (squares.count(), memory / 8);
         Self {
             squares,
@@ -49,7 +49,12 @@ impl<'a> Spool<'a> {
     }
 
     /// Adds a part with its runs; one that is to stay whole keeps all of its vertices.
-    pub(super) fn push(&mut self, part: &Part<'_>, runs: &[Run], stays_whole: bool) -> Result<()> {
+    pub(super) fn push(
+        &mut self,
+        part: &GeometryPart<'_>,
+        runs: &[TileRun],
+        stays_whole: bool,
+    ) -> Result<()> {
         let is_cut = runs.len() > 1;
         let flags = [(part.is_ring(), RING), (is_cut, CUT), (stays_whole, WHOLE)];
         let flags = flags.iter().map(|(is_so, flag)| u32::from(*is_so) * flag).sum::<u32>();
@@ -134,8 +139,8 @@ fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
 }
 
 /// Given points by square, in the order of the squares.
-pub(super) fn by_square(points: Vec<Xy>, squares: &Squares) -> Vec<(u32, Xy)> {
-    let mut place = Place::default();
+pub(super) fn by_square(points: Vec<Xy>, squares: &VertexTiles) -> Vec<(u32, Xy)> {
+    let mut place = LastTile::default();
     let known = points.into_iter().filter_map(|p| Some((squares.of(p, &mut place)?, p)));
     let mut all: Vec<_> = known.collect();
     all.sort_by_key(|(square, _)| *square);

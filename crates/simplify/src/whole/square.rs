@@ -6,28 +6,28 @@
 //! right one of the two. A closed arc keeps the sign of its area by itself; a ring of several arcs that
 //! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
 
-use super::gaps::Gaps;
+use super::gaps::NearMisses;
 use super::{kept, own};
 use crate::part::chosen;
-use crate::tool::{Rule, Task, Tool, Vertex};
+use crate::tool::{MetricTask, MetricVertex, SimplifyRule, Tool};
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::key;
 use terrane_engine::Cancel;
-use terrane_line::arcs::Arcs;
+use terrane_line::arcs::CoverageArcs;
 use terrane_line::topology::{
-    Chains, Kept as Chosen, Options, Outcome, PIECE_BYTES, PIECES, Strategy, refining, round,
-    untangle_within,
+    ChainVertices as Chosen, Chains, PIECE_BYTES, PIECES, Strategy, UntangleOptions,
+    UntangledChains, refining, round, untangle_within,
 };
-use terrane_line::{Metric, Scratch, Xy};
-use terrane_vector::{self as vector, Kept};
+use terrane_line::{DistanceMetric, SimplifyScratch, Xy};
+use terrane_vector::{self as vector, KeptVertices};
 
 /// Most pairs of segments that are remembered, of those that meet.
 pub(super) const MOST_PAIRS: usize = 1 << 16;
 
 /// Lines and rings, flat.
 #[derive(Debug)]
-pub(super) struct Flat {
+pub(super) struct FlatChains {
     pub(super) points: Vec<Xy>,
     /// Heights; empty where no distance asks for them.
     pub(super) z: Vec<f64>,
@@ -35,13 +35,13 @@ pub(super) struct Flat {
     pub(super) closed: Vec<bool>,
 }
 
-impl Default for Flat {
+impl Default for FlatChains {
     fn default() -> Self {
         Self { points: Vec::new(), z: Vec::new(), starts: vec![0], closed: Vec::new() }
     }
 }
 
-impl Flat {
+impl FlatChains {
     /// Ends a part of `count` vertices.
     pub(super) fn end_part(&mut self, count: usize, is_ring: bool) {
         self.starts.push(self.starts[self.closed.len()] + count);
@@ -61,7 +61,7 @@ impl Flat {
 #[derive(Debug, Default)]
 pub(super) struct World {
     /// Runs of parts, some of which are whole parts.
-    pub(super) flat: Flat,
+    pub(super) flat: FlatChains,
     /// Numbers of those that go on in other squares: both of their ends stay.
     pub(super) cut: Vec<u32>,
     /// Numbers of those of which all vertices stay.
@@ -89,7 +89,7 @@ pub(super) struct Solved {
     /// The first of these pairs.
     pub(super) pairs: Vec<[[Xy; 2]; 2]>,
     /// How near they come to share an end.
-    pub(super) gaps: Gaps,
+    pub(super) gaps: NearMisses,
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
     /// The largest squared distance.
@@ -103,7 +103,7 @@ pub(super) const VERTEX: u64 = 112;
 pub(super) const KEPT_VERTEX: u64 = VERTEX + PIECES * PIECE_BYTES;
 
 /// How what is kept is rounded.
-pub(super) struct Rounding<'a> {
+pub(super) struct TileRounding<'a> {
     /// Digits behind the point.
     pub(super) decimals: u8,
     /// Whether a position is in the square: vertices do not leave it.
@@ -111,16 +111,21 @@ pub(super) struct Rounding<'a> {
 }
 
 /// How a square is simplified.
-pub(super) struct How<'a> {
+pub(super) struct TileSettings<'a> {
     pub(super) strategy: Strategy,
-    pub(super) rule: &'a Rule,
-    pub(super) rounding: Option<Rounding<'a>>,
+    pub(super) rule: &'a SimplifyRule,
+    pub(super) rounding: Option<TileRounding<'a>>,
 }
 
 /// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
 /// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
-pub(super) fn solve(world: &World, how: &How<'_>, room: u64, cancel: &Cancel) -> Result<Solved> {
-    let &How { strategy, rule, .. } = how;
+pub(super) fn solve(
+    world: &World,
+    how: &TileSettings<'_>,
+    room: u64,
+    cancel: &Cancel,
+) -> Result<Solved> {
+    let &TileSettings { strategy, rule, .. } = how;
     let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
     let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
     let mut whole = world.whole.clone();
@@ -143,8 +148,8 @@ pub(super) fn solve(world: &World, how: &How<'_>, room: u64, cancel: &Cancel) ->
 }
 
 /// The arcs of all runs, and each obstacle as one more.
-fn with_obstacles(world: &World) -> Result<Arcs> {
-    let mut arcs = Arcs::new(&world.flat.chains(), 0.0)?;
+fn with_obstacles(world: &World) -> Result<CoverageArcs> {
+    let mut arcs = CoverageArcs::new(&world.flat.chains(), 0.0)?;
     for segment in &world.obstacles {
         arcs.points.extend(segment);
         // Without heights: nothing of it is left out.
@@ -158,26 +163,26 @@ fn with_obstacles(world: &World) -> Result<Arcs> {
 
 /// Arcs to be simplified together.
 struct Together<'a> {
-    arcs: Arcs,
+    arcs: CoverageArcs,
     world: &'a World,
     /// Numbers of the runs of which all vertices stay, ascending.
     whole: &'a [u32],
     strategy: Strategy,
-    rule: &'a Rule,
+    rule: &'a SimplifyRule,
     /// Most pieces that there is room for.
     pieces: usize,
     cancel: &'a Cancel,
 }
 
 /// What became of them.
-struct Made {
-    arcs: Arcs,
-    outcome: Outcome,
+struct TileOutcome {
+    arcs: CoverageArcs,
+    outcome: UntangledChains,
     /// The largest squared distance.
     square: f64,
 }
 
-impl Made {
+impl TileOutcome {
     /// What there is to tell of it.
     fn solved(&self, world: &World) -> Solved {
         let own = self.arcs.closed.len() - world.obstacles.len();
@@ -206,7 +211,13 @@ impl Made {
     }
 
     /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
-    fn own_bits(&self, world: &World, whole: &[u32], rule: &Rule, bits: &mut BitSet) -> Vec<u32> {
+    fn own_bits(
+        &self,
+        world: &World,
+        whole: &[u32],
+        rule: &SimplifyRule,
+        bits: &mut BitSet,
+    ) -> Vec<u32> {
         let flat = &world.flat;
         *bits = BitSet::new(flat.points.len());
         let (mut left, mut spoiled) = (Vec::new(), Vec::new());
@@ -215,8 +226,8 @@ impl Made {
             self.arcs.own(run, points, is_ring, &self.outcome.kept, &mut left);
             let kept = match is_ring {
                 // Vertices that arcs leave out, too: those that repeat the one before them.
-                _ if rule.keeps_everything() => Some(Kept::All),
-                true if whole.binary_search(&(run as u32)).is_ok() => Some(Kept::All),
+                _ if rule.keeps_everything() => Some(KeptVertices::All),
+                true if whole.binary_search(&(run as u32)).is_ok() => Some(KeptVertices::All),
                 true => own::ring(points, &left, rule.collapse),
                 false => Some(chosen(&left)),
             };
@@ -229,12 +240,12 @@ impl Made {
     }
 }
 
-impl Made {
+impl TileOutcome {
     /// Sets the bits of what is rounded. The ends of segments that cross over stay.
     fn round(
         &self,
         world: &World,
-        rounding: &Rounding<'_>,
+        rounding: &TileRounding<'_>,
         solved: &mut Solved,
         cancel: &Cancel,
     ) -> Result<()> {
@@ -266,33 +277,40 @@ impl Made {
     }
 }
 
-impl Task for Together<'_> {
-    type Output = Result<Made>;
+impl MetricTask for Together<'_> {
+    type Output = Result<TileOutcome>;
 
-    fn run<V: Vertex, M: Metric<V> + Copy>(mut self, tool: &Tool<V, M>) -> Result<Made> {
-        let mut scratch = Scratch::default();
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+        mut self,
+        tool: &Tool<V, M>,
+    ) -> Result<TileOutcome> {
+        let mut scratch = SimplifyScratch::default();
         let kept = self.plain(tool, &mut scratch);
         let vertices = self.vertices::<V>();
         let run = |part: &[V], kept: &mut Vec<u32>| tool.line(part, &mut scratch, kept);
         let loops = self.loops();
-        let Rule { collapse, .. } = *self.rule;
-        let options =
-            Options { strategy: self.strategy, collapse, loops: &loops, cancel: Some(self.cancel) };
+        let SimplifyRule { collapse, .. } = *self.rule;
+        let options = UntangleOptions {
+            strategy: self.strategy,
+            collapse,
+            loops: &loops,
+            cancel: Some(self.cancel),
+        };
         let (chains, sides) = (self.arcs.chains(), &self.world.sides);
         let refine = &mut refining(&vertices, run);
         let outcome = untangle_within(&chains, &kept, sides, &options, self.pieces, refine)?;
         let square = largest(tool, &vertices, &outcome.kept);
-        Ok(Made { arcs: self.arcs, outcome, square })
+        Ok(TileOutcome { arcs: self.arcs, outcome, square })
     }
 }
 
 impl Together<'_> {
     /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
     /// is kept; of one that collapsed it is only that vertex.
-    fn plain<V: Vertex, M: Metric<V> + Copy>(
+    fn plain<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         &mut self,
         tool: &Tool<V, M>,
-        scratch: &mut Scratch,
+        scratch: &mut SimplifyScratch,
     ) -> Chosen {
         let mut all = Chosen::new();
         let whole = self.whole();
@@ -349,18 +367,22 @@ impl Together<'_> {
         loops
     }
 
-    fn vertex<V: Vertex>(&self, vertex: usize) -> V {
+    fn vertex<V: MetricVertex>(&self, vertex: usize) -> V {
         let source = self.arcs.sources[vertex] as usize;
         V::of(self.arcs.points[vertex], self.world.flat.z.get(source).copied().unwrap_or(0.0))
     }
 
-    fn vertices<V: Vertex>(&self) -> Vec<V> {
+    fn vertices<V: MetricVertex>(&self) -> Vec<V> {
         (0..self.arcs.points.len()).map(|vertex| self.vertex(vertex)).collect()
     }
 }
 
 /// The largest squared distance of what was left out of chains that are still there.
-fn largest<V: Vertex, M: Metric<V> + Copy>(tool: &Tool<V, M>, points: &[V], kept: &Chosen) -> f64 {
+fn largest<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+    tool: &Tool<V, M>,
+    points: &[V],
+    kept: &Chosen,
+) -> f64 {
     let chains = kept.starts.windows(2).map(|ends| &kept.vertices[ends[0]..ends[1]]);
     chains.map(|chain| tool.largest(points, chain)).fold(0.0, f64::max)
 }

@@ -3,31 +3,31 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use super::input::Input;
-use crate::files::{self, Files};
-use crate::goal::Unit;
+use super::input::CoverageInput;
+use crate::files::{self, LineFiles};
+use crate::goal::GoalUnit;
 use crate::job::LineJob;
 use crate::report::LineReport;
 use terrane_base::error::{Error, Result};
 use terrane_engine::{Cancel, Progress};
-use terrane_vector::{Feature, Geometry, Written};
+use terrane_vector::{Feature, Geometry, WrittenFeatures};
 
 /// A job on all features.
-pub(super) struct Whole<'a> {
+pub(super) struct WholeJob<'a> {
     pub(super) job: &'a LineJob,
-    pub(super) files: &'a Files,
+    pub(super) files: &'a LineFiles,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
 
 /// What may come of a threshold.
-pub(super) struct Wanted {
-    pub(super) unit: Unit,
+pub(super) struct TrialGoal {
+    pub(super) unit: GoalUnit,
     pub(super) range: RangeInclusive<u64>,
 }
 
 /// What is left of features, one after the other.
-pub(super) trait Leaves {
+pub(super) trait SimplifiedSource {
     /// What is left of the next feature.
     fn of(&mut self, feature: &Feature) -> Result<Geometry>;
 
@@ -37,25 +37,29 @@ pub(super) trait Leaves {
     }
 }
 
-impl Whole<'_> {
+impl WholeJob<'_> {
     /// What came of a threshold, where it is not what is wanted: `vertices`, or the bytes that `leaves`
     /// take.
     pub(super) fn unwanted(
         &self,
-        input: &mut Input<'_>,
-        wanted: &Wanted,
+        input: &mut CoverageInput<'_>,
+        wanted: &TrialGoal,
         vertices: u64,
-        leaves: &mut dyn Leaves,
+        leaves: &mut dyn SimplifiedSource,
     ) -> Result<Option<u64>> {
         let came = match wanted.unit {
-            Unit::Vertices => vertices,
-            Unit::Bytes => self.size(input, leaves)?,
+            GoalUnit::Vertices => vertices,
+            GoalUnit::Bytes => self.size(input, leaves)?,
         };
         Ok(Some(came).filter(|came| !wanted.range.contains(came)))
     }
 
     /// Bytes of all files, written under their names in a folder that is taken away again.
-    fn size(&self, input: &mut Input<'_>, leaves: &mut dyn Leaves) -> Result<u64> {
+    fn size(
+        &self,
+        input: &mut CoverageInput<'_>,
+        leaves: &mut dyn SimplifiedSource,
+    ) -> Result<u64> {
         let folder = match &self.job.resources.temp_dir {
             Some(folder) => tempfile::tempdir_in(folder),
             None => tempfile::tempdir(),
@@ -69,10 +73,10 @@ impl Whole<'_> {
     /// appear as long as `leaves` allows it; those that did are returned.
     pub(super) fn write(
         &self,
-        input: &mut Input<'_>,
-        leaves: &mut dyn Leaves,
+        input: &mut CoverageInput<'_>,
+        leaves: &mut dyn SimplifiedSource,
         trial: Option<&Path>,
-    ) -> Result<Vec<Written>> {
+    ) -> Result<Vec<WrittenFeatures>> {
         let (job, mut all) = (self.job, Vec::new());
         self.progress.begin("write", input.all.len() as u64);
         for (file, pair) in self.files.pairs.iter().enumerate() {
@@ -101,7 +105,12 @@ impl Whole<'_> {
     }
 
     /// Tells in a report what was written.
-    pub(super) fn note(&self, input: &Input<'_>, written: Vec<Written>, report: &mut LineReport) {
+    pub(super) fn note(
+        &self,
+        input: &CoverageInput<'_>,
+        written: Vec<WrittenFeatures>,
+        report: &mut LineReport,
+    ) {
         for (written, file) in written.into_iter().zip(&input.all) {
             files::note(report, written, file.notes.clone());
         }

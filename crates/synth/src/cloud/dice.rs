@@ -4,9 +4,9 @@ use crate::hash::mix64;
 
 /// A source of chance that is a pure function of its start.
 #[derive(Clone, Copy)]
-pub(super) struct Dice(pub(super) u64);
+pub(super) struct SurveyRandom(pub(super) u64);
 
-impl Dice {
+impl SurveyRandom {
     #[inline(always)]
     pub(super) fn bits(&mut self) -> u64 {
         self.0 = mix64(self.0);

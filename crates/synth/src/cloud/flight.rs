@@ -1,7 +1,7 @@
 //! Where the aircraft flies and its pulses go: lines, scan lines, and the parts of both.
 
-use super::dice::Dice;
-use super::survey::Survey;
+use super::dice::SurveyRandom;
+use super::survey::LidarSurvey;
 use crate::hash::mix64;
 
 /// Metres between flight lines.
@@ -24,7 +24,7 @@ const START: f64 = 3.0e8;
 
 /// The whole flight.
 pub(super) struct Flight<'a> {
-    survey: &'a Survey,
+    survey: &'a LidarSurvey,
     lines: u64,
     /// Scan lines of a flight line, and metres between them.
     scans: u64,
@@ -37,7 +37,7 @@ pub(super) struct Flight<'a> {
 }
 
 impl<'a> Flight<'a> {
-    pub(super) fn new(survey: &'a Survey) -> Self {
+    pub(super) fn new(survey: &'a LidarSurvey) -> Self {
         let lines = (survey.width / SPACING).ceil().max(1.0);
         let by_line =
             survey.density * survey.width / (seen(survey.width, lines) * mean_returns(survey));
@@ -59,11 +59,11 @@ impl<'a> Flight<'a> {
     }
 
     /// The part of this index.
-    pub(super) fn leg(&self, part: usize) -> Leg<'_> {
+    pub(super) fn leg(&self, part: usize) -> FlightLeg<'_> {
         let line = part as u64 / self.parts_of_line();
         assert!(line < self.lines, "there is no part {part}");
         let from = part as u64 % self.parts_of_line() * self.each;
-        Leg { flight: self, line, from, to: (from + self.each).min(self.scans) }
+        FlightLeg { flight: self, line, from, to: (from + self.each).min(self.scans) }
     }
 }
 
@@ -75,12 +75,12 @@ fn seen(width: f64, lines: f64) -> f64 {
     lines * SWATH - overlap - last_two
 }
 
-fn mean_returns(survey: &Survey) -> f64 {
+fn mean_returns(survey: &LidarSurvey) -> f64 {
     if survey.cover { RETURNS } else { 1.0 }
 }
 
 /// A run of scan lines of one flight line.
-pub(super) struct Leg<'a> {
+pub(super) struct FlightLeg<'a> {
     flight: &'a Flight<'a>,
     line: u64,
     from: u64,
@@ -91,7 +91,7 @@ pub(super) struct Leg<'a> {
 pub(super) struct Shot {
     pub(super) x: f64,
     pub(super) y: f64,
-    pub(super) dice: Dice,
+    pub(super) dice: SurveyRandom,
     /// A number from 0 up to 1.
     pub(super) luck: f64,
     pub(super) time: f64,
@@ -103,7 +103,7 @@ pub(super) struct Shot {
     pub(super) edge: bool,
 }
 
-impl Leg<'_> {
+impl FlightLeg<'_> {
     /// West end of the swath, which may lie beyond the survey.
     fn west(&self) -> f64 {
         self.line as f64 * SPACING - 0.5 * (SWATH - SPACING)
@@ -154,7 +154,7 @@ impl Leg<'_> {
         let key = mix64(survey.key(1) ^ mix64(self.line << 32 | scan));
         for k in 0..within.end - within.start {
             let pulse = if eastward { within.start + k } else { within.end - 1 - k };
-            let shot = self.shot(scan, pulse, eastward, Dice(key ^ pulse));
+            let shot = self.shot(scan, pulse, eastward, SurveyRandom(key ^ pulse));
             if (0.0..survey.width).contains(&shot.x) && (0.0..survey.height).contains(&shot.y) {
                 each(shot);
             }
@@ -163,7 +163,7 @@ impl Leg<'_> {
 
     /// The pulse of a number from the west. It strays from its place by up to 0.4 of a step.
     #[inline(always)]
-    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: Dice) -> Shot {
+    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: SurveyRandom) -> Shot {
         let flight = self.flight;
         let bits = dice.bits();
         let [right, ahead] = [0, 16].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0));

@@ -1,9 +1,9 @@
 //! What lies under a part of a flight: ground, zones, buildings, trees and voids.
 
 use super::building::{self, Building};
-use super::dice::Dice;
+use super::dice::SurveyRandom;
 use super::spline::{GROUND, Spline, ZONES};
-use super::survey::Survey;
+use super::survey::LidarSurvey;
 use crate::hash::{RowHash, mix64};
 use terrane_base::geom::Rect;
 
@@ -25,18 +25,18 @@ pub(super) struct Land {
     /// Deviation of the ranging in metres.
     pub(super) noise: f64,
     ground: Spline,
-    cover: Option<Cover>,
+    cover: Option<LandCover>,
     voids: Vec<[f64; 3]>,
 }
 
-struct Cover {
+struct LandCover {
     zones: Spline,
     town: building::Town,
     trees: u64,
 }
 
 /// What a pulse finds on top of the ground.
-pub(super) enum Place<'a> {
+pub(super) enum PulseTarget<'a> {
     Bare,
     Roof(&'a Building),
     /// In a crown of this height above the ground.
@@ -47,10 +47,10 @@ pub(super) enum Place<'a> {
 
 impl Land {
     /// The landscape over [x min, y min, x max, y max].
-    pub(super) fn new(survey: &Survey, area: [f64; 4]) -> Self {
+    pub(super) fn new(survey: &LidarSurvey, area: [f64; 4]) -> Self {
         let wide = building::whole_lots(area);
         let ground = ground(survey, wide);
-        let cover = survey.cover.then(|| Cover::new(survey, wide, &ground));
+        let cover = survey.cover.then(|| LandCover::new(survey, wide, &ground));
         let touches = |[x, y, r]: &[f64; 3]| {
             x + r >= area[0] && x - r <= area[2] && y + r >= area[1] && y - r <= area[3]
         };
@@ -67,7 +67,7 @@ impl Land {
 
     /// What is at a place; `None` where nothing comes back.
     #[inline(always)]
-    pub(super) fn at(&self, x: f64, y: f64) -> Option<Place<'_>> {
+    pub(super) fn at(&self, x: f64, y: f64) -> Option<PulseTarget<'_>> {
         let inside = |[cx, cy, r]: &[f64; 3]| {
             let (dx, dy) = (x - cx, y - cy);
             dx * dx + dy * dy < r * r
@@ -75,12 +75,12 @@ impl Land {
         if self.voids.iter().any(inside) {
             return None;
         }
-        self.cover.as_ref().map_or(Some(Place::Bare), |cover| cover.at(x, y))
+        self.cover.as_ref().map_or(Some(PulseTarget::Bare), |cover| cover.at(x, y))
     }
 }
 
-impl Cover {
-    fn new(survey: &Survey, wide: [f64; 4], ground: &Spline) -> Self {
+impl LandCover {
+    fn new(survey: &LidarSurvey, wide: [f64; 4], ground: &Spline) -> Self {
         let zones = zones(survey, wide);
         let is_town = |x: f64, y: f64| TOWN.contains(&zones.at(x, y));
         let town = building::Town::new(survey.key(4), wide, is_town, ground);
@@ -88,25 +88,25 @@ impl Cover {
     }
 
     #[inline(always)]
-    fn at(&self, x: f64, y: f64) -> Option<Place<'_>> {
+    fn at(&self, x: f64, y: f64) -> Option<PulseTarget<'_>> {
         let zone = self.zones.at(x, y);
         if zone < WATER {
             return None;
         }
         if let Some(building) = self.town.at(x, y) {
-            return Some(Place::Roof(building));
+            return Some(PulseTarget::Roof(building));
         }
         if zone <= FOREST {
-            return Some(Place::Bare);
+            return Some(PulseTarget::Bare);
         }
-        Some(self.crown(x, y).map_or(Place::Undergrowth, Place::Crown))
+        Some(self.crown(x, y).map_or(PulseTarget::Undergrowth, PulseTarget::Crown))
     }
 
     /// Height of the crown above a place, if there is one: trees have squares of their own.
     #[inline(always)]
     fn crown(&self, x: f64, y: f64) -> Option<f64> {
         let (col, row) = ((x * (1.0 / TREE)) as u64, (y * (1.0 / TREE)) as u64);
-        let [size, tall, right, up] = Dice(self.trees ^ (col << 32 | row)).four();
+        let [size, tall, right, up] = SurveyRandom(self.trees ^ (col << 32 | row)).four();
         let radius = 1.8 + 1.2 * size;
         let free = 0.5 * TREE - radius;
         let dx = x - (col as f64 + 0.5) * TREE - free * (2.0 * right - 1.0);
@@ -117,7 +117,7 @@ impl Cover {
     }
 }
 
-impl Survey {
+impl LidarSurvey {
     /// Centres and radii of the voids, as [x, y, radius].
     pub fn void_places(&self) -> impl Iterator<Item = [f64; 3]> + use<'_> {
         (0..self.voids).map(|k| void(self, k))
@@ -125,7 +125,7 @@ impl Survey {
 }
 
 /// The ground over a rectangle.
-pub(super) fn ground(survey: &Survey, area: [f64; 4]) -> Spline {
+pub(super) fn ground(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     let terrain = survey.terrain();
     Spline::new(GROUND, area, |[col, row, width, height], nodes| {
         terrain.fill_f32(Rect::new(col, row, width, height), nodes);
@@ -133,7 +133,7 @@ pub(super) fn ground(survey: &Survey, area: [f64; 4]) -> Spline {
 }
 
 /// The map of what is where.
-fn zones(survey: &Survey, area: [f64; 4]) -> Spline {
+fn zones(survey: &LidarSurvey, area: [f64; 4]) -> Spline {
     let key = survey.key(2);
     Spline::new(ZONES, area, |[col, row, width, _], nodes| {
         for (line, row) in nodes.chunks_exact_mut(width as usize).zip(row..) {
@@ -147,8 +147,8 @@ fn zones(survey: &Survey, area: [f64; 4]) -> Spline {
 
 /// Centre and radius of the void of this number: on a corner of tiles, on a line between columns of
 /// tiles, on a line between rows, in turn, as far as there are such.
-fn void(survey: &Survey, number: u32) -> [f64; 3] {
-    let [across, along, size, _] = Dice(mix64(survey.key(3) ^ u64::from(number))).four();
+fn void(survey: &LidarSurvey, number: u32) -> [f64; 3] {
+    let [across, along, size, _] = SurveyRandom(mix64(survey.key(3) ^ u64::from(number))).four();
     let line = |share: f64, length: f64| {
         let lines = (length / survey.tile).ceil() - 1.0;
         (lines >= 1.0).then(|| survey.tile * (1.0 + (share * lines).floor()))

@@ -6,7 +6,7 @@
 //! Only additions, multiplications, divisions and square roots are used, which IEEE 754 defines to the
 //! last bit, so the points are the same on every machine.
 //!
-//! The truth: [`Survey::ground`] is the ground at any place. A return of class [`GROUND`] that is not
+//! The truth: [`LidarSurvey::ground`] is the ground at any place. A return of class [`GROUND`] that is not
 //! withheld lies on it at its own recorded x and y, but for the noise of ranging (a bell curve that
 //! ends at 3.5 times its deviation) and half a step of z.
 
@@ -21,12 +21,12 @@ mod survey;
 
 pub use name::PARAMETERS;
 pub use pulse::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE};
-pub use survey::Survey;
+pub use survey::LidarSurvey;
 
 use flight::Flight;
 use land::Land;
 
-impl Survey {
+impl LidarSurvey {
     /// How many parts there are.
     pub fn parts(&self) -> usize {
         Flight::new(self).parts()

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use super::Survey;
-use crate::Parameter;
-use crate::words::{Given, Words};
+use super::LidarSurvey;
+use crate::TerrainParameter;
+use crate::words::{GivenSynthParameter, Words};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::REACH;
 
@@ -17,14 +17,14 @@ const fn parameter(
     default: f64,
     range: (f64, f64),
     whole: bool,
-) -> Parameter {
-    Parameter { key, about, default, range, whole }
+) -> TerrainParameter {
+    TerrainParameter { key, about, default, range, whole }
 }
 
 const SIDE: (f64, f64) = (1.0, 1e6);
 
 /// The parameters of a survey.
-pub const PARAMETERS: &[Parameter] = &[
+pub const PARAMETERS: &[TerrainParameter] = &[
     parameter("size", "metres from west to east and from south to north", 1000.0, SIDE, false),
     parameter("width", "metres from west to east, instead of size", 1000.0, SIDE, false),
     parameter("height", "metres from south to north, instead of size", 1000.0, SIDE, false),
@@ -56,7 +56,7 @@ fn default(key: &str) -> f64 {
     PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default)
 }
 
-impl Default for Survey {
+impl Default for LidarSurvey {
     fn default() -> Self {
         Self {
             width: default("width"),
@@ -75,7 +75,7 @@ impl Default for Survey {
     }
 }
 
-impl Survey {
+impl LidarSurvey {
     /// True when a name is that of a survey: its first word is `cloud`.
     pub fn is_named(name: &str) -> bool {
         name.split(',').next().is_some_and(|word| word.trim() == KIND)
@@ -99,7 +99,7 @@ impl Survey {
         Ok(survey)
     }
 
-    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+    fn set(&mut self, given: &GivenSynthParameter<'_>) -> Result<()> {
         let value = given.value;
         match given.key {
             "size" => (self.width, self.height) = (value, value),
@@ -138,8 +138,8 @@ impl Survey {
     }
 }
 
-/// The name that [`Survey::parse`] turns back into the same survey.
-impl fmt::Display for Survey {
+/// The name that [`LidarSurvey::parse`] turns back into the same survey.
+impl fmt::Display for LidarSurvey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { width, height, density, seed, noise, scale, .. } = self;
         let Self { relief, voids, tile, outliers, .. } = self;

@@ -1,9 +1,9 @@
 //! What comes back of one pulse.
 
-use super::dice::Dice;
+use super::dice::SurveyRandom;
 use super::flight::Shot;
-use super::land::{Land, Place};
-use super::survey::Survey;
+use super::land::{Land, PulseTarget};
+use super::survey::LidarSurvey;
 use terrane_base::geom::Point;
 
 /// Class of the ground.
@@ -18,7 +18,7 @@ pub const HIGH_NOISE: u8 = 18;
 /// A return of a pulse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Echo {
-    /// Steps of [`Survey::scale`] east and north of the south-west corner, and up from zero.
+    /// Steps of [`LidarSurvey::scale`] east and north of the south-west corner, and up from zero.
     pub point: Point,
     /// Seconds, growing along a line and from line to line.
     pub time: f64,
@@ -53,26 +53,26 @@ pub(super) const LEAN: f64 = 5.0;
 
 /// A return above the ground, and what it is of.
 #[derive(Clone, Copy)]
-struct Hit {
+struct PulseReturn {
     /// Metres above the ground.
     above: f64,
     class: u8,
 }
 
-const ON_GROUND: Hit = Hit { above: 0.0, class: GROUND };
+const ON_GROUND: PulseReturn = PulseReturn { above: 0.0, class: GROUND };
 
 /// Returns of a pulse, from high to low.
-struct Hits {
-    hits: [Hit; MOST_RETURNS as usize],
+struct PulseReturns {
+    hits: [PulseReturn; MOST_RETURNS as usize],
     count: usize,
 }
 
-impl Hits {
-    fn one(hit: Hit) -> Self {
+impl PulseReturns {
+    fn one(hit: PulseReturn) -> Self {
         Self { hits: [hit; MOST_RETURNS as usize], count: 1 }
     }
 
-    fn push(&mut self, hit: Hit) {
+    fn push(&mut self, hit: PulseReturn) {
         self.hits[self.count] = hit;
         self.count += 1;
     }
@@ -80,7 +80,7 @@ impl Hits {
 
 /// Adds the returns of a pulse to `echoes`.
 #[inline(always)]
-pub(super) fn echoes(survey: &Survey, land: &Land, shot: &Shot, echoes: &mut Vec<Echo>) {
+pub(super) fn echoes(survey: &LidarSurvey, land: &Land, shot: &Shot, echoes: &mut Vec<Echo>) {
     let steps = [shot.x, shot.y].map(|place| (place * land.by_metre) as i32);
     let [x, y] = steps.map(|step| f64::from(step) * survey.scale);
     let Some(place) = land.at(x, y) else { return };
@@ -92,12 +92,13 @@ pub(super) fn echoes(survey: &Survey, land: &Land, shot: &Shot, echoes: &mut Vec
         return;
     }
     let hits = match place {
-        Place::Bare => Hits::one(ON_GROUND),
-        Place::Roof(building) => {
-            Hits::one(Hit { above: building.height(x, y) - ground, class: BUILDING })
-        }
-        Place::Crown(height) => through_crown(height, &mut dice),
-        Place::Undergrowth => through_undergrowth(&mut dice),
+        PulseTarget::Bare => PulseReturns::one(ON_GROUND),
+        PulseTarget::Roof(building) => PulseReturns::one(PulseReturn {
+            above: building.height(x, y) - ground,
+            class: BUILDING,
+        }),
+        PulseTarget::Crown(height) => through_crown(height, &mut dice),
+        PulseTarget::Undergrowth => through_undergrowth(&mut dice),
     };
     for (hit, number) in hits.hits[..hits.count].iter().zip(1..) {
         let point = place_of(land, steps, [ground, shot.tangent], *hit, &mut dice);
@@ -130,8 +131,8 @@ fn place_of(
     land: &Land,
     [x, y]: [i32; 2],
     [ground, tangent]: [f64; 2],
-    hit: Hit,
-    dice: &mut Dice,
+    hit: PulseReturn,
+    dice: &mut SurveyRandom,
 ) -> Point {
     let shift = (hit.above * tangent * land.by_metre) as i32;
     let nearer = if hit.class == GROUND || hit.class == BUILDING { x } else { x - shift };
@@ -145,7 +146,7 @@ fn whole(land: &Land, z: f64) -> i32 {
     ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
 }
 
-fn intensity(class: u8, dice: &mut Dice) -> u16 {
+fn intensity(class: u8, dice: &mut SurveyRandom) -> u16 {
     let base = match class {
         GROUND => 400,
         BUILDING => 700,
@@ -155,7 +156,7 @@ fn intensity(class: u8, dice: &mut Dice) -> u16 {
 }
 
 /// A return that is wrong: from below the ground, from the air, or one that is marked as withheld.
-fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut Dice) -> Echo {
+fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut SurveyRandom) -> Echo {
     let [kind, size, strength, _] = dice.four();
     let (class, above, withheld) = match kind {
         k if k < 0.4 => (LOW_NOISE, -(1.0 + 29.0 * size * size), false),
@@ -168,17 +169,17 @@ fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut Dice
 }
 
 /// Class of vegetation of a height.
-fn vegetation(above: f64) -> Hit {
+fn vegetation(above: f64) -> PulseReturn {
     let class = match above {
         h if h < 0.5 => 3,
         h if h < 2.0 => 4,
         _ => 5,
     };
-    Hit { above, class }
+    PulseReturn { above, class }
 }
 
 /// A crown gives one to four returns; the last one is mostly of the ground.
-fn through_crown(height: f64, dice: &mut Dice) -> Hits {
+fn through_crown(height: f64, dice: &mut SurveyRandom) -> PulseReturns {
     let [count, through, top, depth] = dice.four();
     let first = vegetation(height * (1.0 - 0.1 * top));
     let more = match count {
@@ -188,9 +189,9 @@ fn through_crown(height: f64, dice: &mut Dice) -> Hits {
         _ => 3,
     };
     if more == 0 {
-        return Hits::one(if through < 0.3 { ON_GROUND } else { first });
+        return PulseReturns::one(if through < 0.3 { ON_GROUND } else { first });
     }
-    let mut hits = Hits::one(first);
+    let mut hits = PulseReturns::one(first);
     for k in 1..more {
         let share = (f64::from(more - k) + 0.6 * (depth - 0.5)) / f64::from(more + 1);
         hits.push(vegetation(first.above * share));
@@ -200,13 +201,13 @@ fn through_crown(height: f64, dice: &mut Dice) -> Hits {
 }
 
 /// Between crowns there are shrubs here and there.
-fn through_undergrowth(dice: &mut Dice) -> Hits {
+fn through_undergrowth(dice: &mut SurveyRandom) -> PulseReturns {
     let [is_there, height, through, _] = dice.four();
     if is_there >= 0.25 {
-        return Hits::one(ON_GROUND);
+        return PulseReturns::one(ON_GROUND);
     }
     let shrub = vegetation(0.15 + 1.6 * height);
-    let mut hits = Hits::one(shrub);
+    let mut hits = PulseReturns::one(shrub);
     if shrub.above > 0.8 && through < 0.5 {
         hits.push(ON_GROUND);
     }

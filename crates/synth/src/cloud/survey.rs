@@ -3,10 +3,10 @@
 use crate::hash::mix64;
 use crate::{CHARACTERS, Terrain};
 
-/// A survey: what [`fill`](Survey::fill) makes parts of. Lengths are metres; x and y count from the
+/// A survey: what [`fill`](LidarSurvey::fill) makes parts of. Lengths are metres; x and y count from the
 /// south-west corner.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Survey {
+pub struct LidarSurvey {
     /// West to east.
     pub width: f64,
     /// South to north.
@@ -33,7 +33,7 @@ pub struct Survey {
     pub zigzag: bool,
 }
 
-impl Survey {
+impl LidarSurvey {
     /// Width and height in whole steps: coordinates are from 0 to one less.
     pub fn steps(&self) -> [i32; 2] {
         [self.width, self.height].map(|side| (side / self.scale).ceil() as i32)

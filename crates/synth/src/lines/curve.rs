@@ -1,40 +1,40 @@
 //! The curves, each in a square of side 1 whose lower left corner is its place.
 
-use super::{Lines, Place, Shape, Xy};
+use super::{LineFamily, Place, SyntheticLines, Xy};
 
 /// Every family.
-pub const SHAPES: &[Shape] = &[
-    Shape {
+pub const SHAPES: &[LineFamily] = &[
+    LineFamily {
         name: "koch",
         about: "the curve of von Koch, cut off after so many vertices",
         is_rings: false,
         draw: koch,
     },
-    Shape {
+    LineFamily {
         name: "walk",
         about: "a random walk, which crosses itself",
         is_rings: false,
         draw: walk,
     },
-    Shape {
+    LineFamily {
         name: "zigzag",
         about: "to and fro, ever wider: splits take off one vertex at a time",
         is_rings: false,
         draw: zigzag,
     },
-    Shape {
+    LineFamily {
         name: "spiral",
         about: "inwards, a thousand vertices a turn",
         is_rings: false,
         draw: spiral,
     },
-    Shape {
+    LineFamily {
         name: "arc",
         about: "a quarter of a circle: every vertex counts alike",
         is_rings: false,
         draw: arc,
     },
-    Shape {
+    LineFamily {
         name: "coverage",
         about: "polygons side by side that share rough borders, and neither gap nor overlap",
         is_rings: true,
@@ -62,7 +62,7 @@ const SIXTHS: [Xy; 6] = [
 
 /// From west to east, H. von Koch, "Sur une courbe continue sans tangente" (1904), with as many levels
 /// as the vertices need.
-fn koch(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn koch(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let segments = u64::from(lines.vertices) - 1;
     let levels = (0..).find(|level| 4_u64.pow(*level) >= segments).unwrap_or(0);
     out.extend((0..u64::from(lines.vertices)).map(|vertex| within(place, koch_at(vertex, levels))));
@@ -90,7 +90,7 @@ fn koch_at(vertex: u64, levels: u32) -> Xy {
 
 /// From the middle. A walk gets about as far as the root of its steps, times one, so few leave the
 /// square.
-fn walk(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn walk(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let step = 0.25 / f64::from(lines.vertices).sqrt();
     let of = key(place);
     let mut at = [0.5, 0.5];
@@ -104,7 +104,7 @@ fn key([col, row]: Place) -> u64 {
     u64::from(col) << 32 | u64::from(row)
 }
 
-fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn zigzag(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
     let at = |vertex: u32| {
         let x = f64::from(vertex) / last;
@@ -114,7 +114,7 @@ fn zigzag(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     out.extend((0..lines.vertices).map(at));
 }
 
-fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn spiral(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     /// Half the angle from one vertex to the next, a thousandth of a turn.
     const HALF_STEP: f64 = std::f64::consts::PI / 1000.0;
     let [cosine, sine] = on_circle(HALF_STEP);
@@ -126,7 +126,7 @@ fn spiral(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
     }
 }
 
-fn arc(lines: &Lines, place: Place, out: &mut Vec<Xy>) {
+fn arc(lines: &SyntheticLines, place: Place, out: &mut Vec<Xy>) {
     let last = f64::from(lines.vertices - 1);
     let at = |vertex| within(place, on_circle(f64::from(vertex) / last));
     out.extend((0..lines.vertices).map(at));
@@ -140,7 +140,7 @@ fn on_circle(half_tangent: f64) -> Xy {
 
 /// The ring of a cell, against the clock from its lower left corner. A border strays sideways by less
 /// than its nearer end is away, so it meets no other.
-fn cell(lines: &Lines, [col, row]: Place, out: &mut Vec<Xy>) {
+fn cell(lines: &SyntheticLines, [col, row]: Place, out: &mut Vec<Xy>) {
     let steps = (lines.vertices / 4).max(1);
     // Both cells along a border compute it by the same operations.
     let share = |i: u32| f64::from(i) / f64::from(steps);
@@ -160,7 +160,7 @@ fn cell(lines: &Lines, [col, row]: Place, out: &mut Vec<Xy>) {
 
 /// How far a border is off the line between its corners, at a share of its way: noise with octaves down
 /// to its steps.
-fn stray(lines: &Lines, border: u64, share: f64, steps: u32) -> f64 {
+fn stray(lines: &SyntheticLines, border: u64, share: f64, steps: u32) -> f64 {
     let (mut height, mut weight, mut waves) = (0.0, 0.5, 4_u32);
     while waves / 4 < steps {
         let place = share * f64::from(waves);

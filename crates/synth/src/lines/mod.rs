@@ -18,7 +18,7 @@ type Place = [u32; 2];
 
 /// A family of lines.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct LineFamily {
     /// Its name.
     pub name: &'static str,
     /// What it is, for lists.
@@ -26,14 +26,14 @@ pub struct Shape {
     /// Its features are polygons of one ring, closed.
     pub is_rings: bool,
     /// Appends the vertices of a feature in the square at its place.
-    draw: fn(&Lines, Place, &mut Vec<Xy>),
+    draw: fn(&SyntheticLines, Place, &mut Vec<Xy>),
 }
 
-/// Lines or rings: what [`feature`](Lines::feature) draws.
+/// Lines or rings: what [`feature`](SyntheticLines::feature) draws.
 #[derive(Clone, Copy, Debug)]
-pub struct Lines {
+pub struct SyntheticLines {
     /// What they are.
-    pub shape: &'static Shape,
+    pub shape: &'static LineFamily,
     /// Vertices of each feature, at least 2; of a ring about as many.
     pub vertices: u32,
     /// How many there are, side by side in rows.
@@ -44,7 +44,7 @@ pub struct Lines {
     pub seed: u64,
 }
 
-impl Lines {
+impl SyntheticLines {
     /// Replaces `out` with the vertices of feature `number`. Linear in these, but for "koch" and
     /// "coverage", which take a logarithm more.
     pub fn feature(&self, number: u32, out: &mut Vec<Xy>) {

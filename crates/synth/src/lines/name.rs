@@ -2,36 +2,36 @@
 
 use std::fmt;
 
-use super::{Lines, SHAPES, Shape};
-use crate::Parameter;
-use crate::words::{Given, Words};
+use super::{LineFamily, SHAPES, SyntheticLines};
+use crate::TerrainParameter;
+use crate::words::{GivenSynthParameter, Words};
 use terrane_base::error::Result;
-use terrane_base::registry::{Named, find, named};
+use terrane_base::registry::{RegistryEntry, find, named};
 
 /// The parameters of synthetic lines.
-pub const PARAMETERS: &[Parameter] = &[
-    Parameter {
+pub const PARAMETERS: &[TerrainParameter] = &[
+    TerrainParameter {
         key: "vertices",
         about: "vertices of each feature",
         default: 10_000.0,
         range: (2.0, 1e8),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "features",
         about: "how many, side by side",
         default: 1.0,
         range: (1.0, 1e9),
         whole: true,
     },
-    Parameter {
+    TerrainParameter {
         key: "size",
         about: "side of the square that a feature is drawn in",
         default: 1000.0,
         range: (1e-6, 1e9),
         whole: false,
     },
-    Parameter {
+    TerrainParameter {
         key: "seed",
         about: "any whole number: another number is another walk or coverage",
         default: 1.0,
@@ -44,7 +44,7 @@ fn default(key: &str) -> f64 {
     PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default)
 }
 
-impl Lines {
+impl SyntheticLines {
     /// True for the name of synthetic lines: its first word is one of [`SHAPES`].
     pub fn is_named(name: &str) -> bool {
         find(SHAPES, first_word(name)).is_some()
@@ -70,7 +70,7 @@ impl Lines {
         Ok(lines)
     }
 
-    fn set(&mut self, given: &Given<'_>) -> Result<()> {
+    fn set(&mut self, given: &GivenSynthParameter<'_>) -> Result<()> {
         match given.key {
             "vertices" => self.vertices = given.value as u32,
             "features" => self.features = given.value as u32,
@@ -85,7 +85,7 @@ fn first_word(name: &str) -> &str {
     name.split(',').next().unwrap_or_default().trim()
 }
 
-impl Named for Shape {
+impl RegistryEntry for LineFamily {
     const KIND: &'static str = "line shape";
 
     fn name(&self) -> &'static str {
@@ -93,8 +93,8 @@ impl Named for Shape {
     }
 }
 
-/// The name that [`Lines::parse`] turns back into the same lines.
-impl fmt::Display for Lines {
+/// The name that [`SyntheticLines::parse`] turns back into the same lines.
+impl fmt::Display for SyntheticLines {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { shape, vertices, features, size, seed } = self;
         write!(f, "{},vertices={vertices},features={features},size={size},seed={seed}", shape.name)

@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn lines(name: &str) -> Lines {
-    Lines::parse(name).unwrap()
+fn lines(name: &str) -> SyntheticLines {
+    SyntheticLines::parse(name).unwrap()
 }
 
 fn drawn(name: &str, number: u32) -> Vec<Xy> {
@@ -23,10 +23,13 @@ fn names_come_back() {
         assert_eq!(named.to_string(), lines(&named.to_string()).to_string());
         assert_eq!((named.vertices, named.features, named.seed), (50, 1, 7));
     }
-    let error = Lines::parse("knot").unwrap_err().to_string();
+    let error = SyntheticLines::parse("knot").unwrap_err().to_string();
     assert!(error.contains("knot") && error.contains("koch, walk, zigzag, spiral, arc"), "{error}");
-    assert!(Lines::parse("koch,vertices=1").is_err() && Lines::parse("koch,turns=3").is_err());
-    assert!(!Lines::is_named("rough,size=5") && Lines::is_named("walk"));
+    assert!(
+        SyntheticLines::parse("koch,vertices=1").is_err()
+            && SyntheticLines::parse("koch,turns=3").is_err()
+    );
+    assert!(!SyntheticLines::is_named("rough,size=5") && SyntheticLines::is_named("walk"));
 }
 
 #[test]

@@ -3,10 +3,10 @@
 use super::job::ContourJob;
 use terrane_base::error::Result;
 use terrane_engine::memory;
-use terrane_window::contour::{self as contour, Vertex};
+use terrane_window::contour::{self as contour, ContourVertex};
 
 /// Bytes of a vertex that waits.
-pub(super) const VERTEX_BYTES: u64 = size_of::<Vertex>() as u64;
+pub(super) const VERTEX_BYTES: u64 = size_of::<ContourVertex>() as u64;
 
 /// Bytes of a crossing in the tile at hand: its node, and its vertex.
 const CROSSING_BYTES: u64 = contour::CROSSING_BYTES + VERTEX_BYTES;
@@ -25,7 +25,7 @@ const WRITING_BYTES: u64 = 128;
 
 /// A divided budget.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Budget {
+pub(super) struct ContourMemory {
     pub(super) threads: usize,
     /// Bytes for decoded blocks of the source.
     pub(super) cache: u64,
@@ -38,7 +38,7 @@ pub(super) struct Budget {
     memory: u64,
 }
 
-impl Budget {
+impl ContourMemory {
     pub(super) fn divide(job: &ContourJob) -> Result<Self> {
         let side = u64::from(job.options.tile) + 1;
         let samples = side * side * 8;

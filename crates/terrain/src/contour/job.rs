@@ -11,11 +11,11 @@ use terrane_engine::figures::Figures;
 use terrane_engine::options::{FileOutput, Finite, GridInput, Reprojection};
 use terrane_engine::transform::{Transformed, extent_of};
 use terrane_files::folder_for;
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 use terrane_raster::{GridInfo, Inputs};
-use terrane_simplify::{Length, LengthText, Threshold};
+use terrane_simplify::{LengthOption, LengthText, Threshold};
 use terrane_vector::{self as vector, VectorFormat};
-use terrane_window::contour::Levels;
+use terrane_window::contour::ContourLevels;
 
 /// The property that tells index contours from others.
 pub(super) const INDEX: &str = "index";
@@ -33,7 +33,7 @@ const TILE_CELLS: [f64; 2] = [16.0, 8192.0];
 #[non_exhaustive]
 pub struct ContourOptions {
     /// Lines at all multiples of this height, in the vertical unit of the data
-    #[option(short = 'i', alias = "every", value = "HEIGHT", range = Range::POSITIVE, heading = "Levels")]
+    #[option(short = 'i', alias = "every", value = "HEIGHT", range = OptionRange::POSITIVE, heading = "Levels")]
     pub interval: Option<f64>,
     /// Lines at these heights, such as 10,50,100, instead
     #[option(alias = "at", value = "LIST", with = Finite, heading = "Levels")]
@@ -42,14 +42,14 @@ pub struct ContourOptions {
     #[option(alias = "offset", value = "HEIGHT", with = Finite, default_text = "0", heading = "Levels")]
     pub base: Option<f64>,
     /// Mark lines at every N-th level from the base in a property "index" (true or false)
-    #[option(value = "N", range = Range::new(1.0, u32::MAX as f64), heading = "Levels")]
+    #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Levels")]
     pub index: Option<u32>,
     /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
     /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
-    #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = Range::FROM_ZERO, heading = "Simplification")]
-    pub tolerance: Option<Length>,
+    #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "Simplification")]
+    pub tolerance: Option<LengthOption>,
     /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
-    #[option(value = "CELLS", default = 1024, range = Range::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
+    #[option(value = "CELLS", default = 1024, range = OptionRange::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
     pub tile: u32,
     /// Name of the property that holds the height of a line
     #[option(short = 'a', value = "NAME", default = "elev".to_owned(), heading = "Output")]
@@ -71,16 +71,16 @@ pub struct ContourOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::OneOf(&["interval", "levels"], "levels of lines"),
-    Rule::NotWith("levels", &["base", "index"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::OneOf(&["interval", "levels"], "levels of lines"),
+    OptionRule::NotWith("levels", &["base", "index"]),
 ];
 
 impl ContourOptions {
-    pub(super) fn heights(&self) -> Result<Levels> {
+    pub(super) fn heights(&self) -> Result<ContourLevels> {
         match self.interval {
-            Some(interval) => Levels::every(interval, self.base.unwrap_or(0.0)),
-            None => Levels::list(self.levels.clone()),
+            Some(interval) => ContourLevels::every(interval, self.base.unwrap_or(0.0)),
+            None => ContourLevels::list(self.levels.clone()),
         }
     }
 
@@ -92,7 +92,7 @@ impl ContourOptions {
                 .remedy("choose another ‹attribute›"));
         }
         let format = vector::by_path(output, self.file.format.as_deref())?;
-        if !format.holds.kinds.contains(&vector::Kind::LineString) {
+        if !format.holds.kinds.contains(&vector::GeometryType::LineString) {
             return Err(Error::usage(format!("{} holds no lines", format.name))
                 .in_file(output)
                 .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
@@ -120,7 +120,7 @@ impl ContourJob {
     }
 
     /// What leads to the system to write in.
-    pub(super) fn operation(&self, info: &GridInfo) -> Result<Option<crs::Operation>> {
+    pub(super) fn operation(&self, info: &GridInfo) -> Result<Option<crs::CoordinateOperation>> {
         let Some(transform) = self.options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
         let source = (Path::new(&input), &info.crs);

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use bytemuck::Zeroable;
 
-use super::budget::{Budget, VERTEX_BYTES};
-use super::tiles::{Tiles, lowest};
+use super::budget::{ContourMemory, VERTEX_BYTES};
+use super::tiles::{ContourTiles, lowest};
 use super::trace::Traced;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
 use terrane_files::Buckets;
-use terrane_window::contour::{Edge, Vertex};
+use terrane_window::contour::{ContourVertex, CrossedEdge};
 
 /// Vertices handed over before the job may be stopped.
 const PUSHED: usize = 1 << 16;
@@ -22,13 +22,13 @@ const NONE: u32 = u32::MAX;
 
 /// A part of a line, from one rim to another; or a whole one.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
+struct ContourPiece {
     /// Address of its vertices.
     at: u64,
     /// Its first edge, and the lowest.
-    first: Edge,
-    low: Edge,
-    /// See [`terrane_window::contour::Line::around`].
+    first: CrossedEdge,
+    low: CrossedEdge,
+    /// See [`terrane_window::contour::JoinedContour::around`].
     around: Option<i64>,
     count: u32,
     level: i32,
@@ -47,32 +47,32 @@ enum End {
 
 /// A line made of pieces. Lines are written in this order; no two are equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Line {
+pub(super) struct JoinedContour {
     /// The number of its level.
     pub(super) level: i32,
     /// Where it begins: of a ring, its lowest edge. A crossing belongs to one line only.
-    pub(super) start: Edge,
+    pub(super) start: CrossedEdge,
     /// The first piece: of a ring, the one with that edge.
     first: u32,
     pub(super) closed: bool,
-    /// See [`terrane_window::contour::Line::around`].
+    /// See [`terrane_window::contour::JoinedContour::around`].
     pub(super) around: Option<i64>,
 }
 
 /// All pieces so far.
-pub(super) struct Pieces {
-    pieces: Vec<Piece>,
+pub(super) struct ContourPieces {
+    pieces: Vec<ContourPiece>,
     most: u64,
     /// The vertices of all of them: one bucket.
-    vertices: Buckets<Vertex>,
+    vertices: Buckets<ContourVertex>,
     /// Open ends by their crossing. Looked up only, so its order leaves no trace.
-    ends: HashMap<(Edge, i32), End>,
+    ends: HashMap<(CrossedEdge, i32), End>,
     pub(super) original_vertices: u64,
     pub(super) left_out: u64,
 }
 
-impl Pieces {
-    pub(super) fn new(budget: &Budget, folder: &Path) -> Self {
+impl ContourPieces {
+    pub(super) fn new(budget: &ContourMemory, folder: &Path) -> Self {
         // The rest is for the vertices of a tile on their way here.
         let waiting = budget.vertices * VERTEX_BYTES / 3 * 2;
         Self {
@@ -90,7 +90,7 @@ impl Pieces {
         &mut self,
         traced: Traced<'_>,
         rect: Rect,
-        tiles: Tiles,
+        tiles: ContourTiles,
         cancel: &Cancel,
     ) -> Result<()> {
         let Traced { lines, original_vertices, left_out } = traced;
@@ -108,7 +108,7 @@ impl Pieces {
         for (index, line) in lines.lines.iter().enumerate() {
             let vertices = lines.of(index);
             let id = self.pieces.len() as u32;
-            self.pieces.push(Piece {
+            self.pieces.push(ContourPiece {
                 at: first_address + start,
                 first: vertices[0].edge,
                 low: vertices[lowest(vertices)].edge,
@@ -131,7 +131,7 @@ impl Pieces {
     }
 
     /// Joins an end to its counterpart, or lets it wait.
-    fn meet(&mut self, crossing: (Edge, i32), end: End) {
+    fn meet(&mut self, crossing: (CrossedEdge, i32), end: End) {
         let (last, first) = match (self.ends.remove(&crossing), end) {
             (Some(End::Last(last)), End::First(first))
             | (Some(End::First(first)), End::Last(last)) => (last, first),
@@ -148,7 +148,7 @@ impl Pieces {
     }
 
     /// All lines in the order in which they are written. Call it when all tiles are there.
-    pub(super) fn lines(&mut self) -> Vec<Line> {
+    pub(super) fn lines(&mut self) -> Vec<JoinedContour> {
         self.ends = HashMap::new();
         let mut seen = vec![false; self.pieces.len()];
         let mut lines = Vec::new();
@@ -169,10 +169,12 @@ impl Pieces {
     }
 
     /// The line that goes on from piece `start`.
-    fn line(&self, start: u32, seen: &mut [bool]) -> Line {
-        let Piece { level, first, low, is_entered: closed, .. } = self.pieces[start as usize];
+    fn line(&self, start: u32, seen: &mut [bool]) -> JoinedContour {
+        let ContourPiece { level, first, low, is_entered: closed, .. } =
+            self.pieces[start as usize];
         let begins = if closed { low } else { first };
-        let mut line = Line { level, start: begins, first: start, closed, around: Some(0) };
+        let mut line =
+            JoinedContour { level, start: begins, first: start, closed, around: Some(0) };
         for id in self.from(start) {
             let piece = self.pieces[id as usize];
             seen[id as usize] = true;
@@ -194,20 +196,24 @@ impl Pieces {
     }
 
     /// How many vertices `line` has, at most.
-    pub(super) fn count(&self, line: &Line) -> u64 {
+    pub(super) fn count(&self, line: &JoinedContour) -> u64 {
         self.from(line.first).map(|id| u64::from(self.pieces[id as usize].count)).sum()
     }
 
     /// Fills `vertices` with those of `line`. A ring begins, and ends, at its lowest edge.
-    pub(super) fn read(&mut self, line: &Line, vertices: &mut Vec<Vertex>) -> Result<()> {
+    pub(super) fn read(
+        &mut self,
+        line: &JoinedContour,
+        vertices: &mut Vec<ContourVertex>,
+    ) -> Result<()> {
         vertices.clear();
         let mut id = line.first;
         loop {
-            let Piece { at, count, next, .. } = self.pieces[id as usize];
+            let ContourPiece { at, count, next, .. } = self.pieces[id as usize];
             // A piece begins with the vertex that the one before it ends with.
             vertices.pop();
             let start = vertices.len();
-            vertices.resize(start + count as usize, Vertex::zeroed());
+            vertices.resize(start + count as usize, ContourVertex::zeroed());
             self.vertices.read_from(0, at, &mut vertices[start..])?;
             id = next;
             if id == NONE || id == line.first {

@@ -31,25 +31,25 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use budget::Budget;
-use join::Pieces;
+use budget::ContourMemory;
+use join::ContourPieces;
 use simplify::{Tolerance, measured};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_crs as crs;
 use terrane_engine::figures::Figures;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::outputs::not_member;
 use terrane_engine::transform::{Moving, Transformed};
 use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, unlocked};
-use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions};
-use terrane_simplify::{Measure, Threshold};
-use terrane_vector::{self as vector, FeatureSink, VectorFormat, WriteOptions};
-use terrane_window::contour::Levels;
-use tiles::Tiles;
-use trace::{Task, Worker};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
+use terrane_simplify::{DistanceKind, Threshold};
+use terrane_vector::{self as vector, FeatureSink, VectorFormat, VectorWriteOptions};
+use terrane_window::contour::ContourLevels;
+use tiles::ContourTiles;
+use trace::{ContourTask, ContourWorker};
 
 pub use job::{ContourJob, ContourOptions, ContourReport, ContourSetters};
 
@@ -63,7 +63,7 @@ impl Operation for ContourOptions {
         self.format(output).map(drop)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<ContourReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<ContourReport> {
         let (input, output) = (request.inputs.clone(), request.output.to_path_buf());
         let job = ContourJob { input, output, options: self.clone() };
         run(&job, request.progress, request.cancel)
@@ -79,13 +79,13 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let start = Instant::now();
     job.check()?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
-    let budget = Budget::divide(job)?;
+    let budget = ContourMemory::divide(job)?;
     let cache_bytes = usize::try_from(budget.cache).unwrap_or(usize::MAX);
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
-    let options = OpenOptions { threads: budget.threads, ..options };
+    let options = GridOpenOptions { threads: budget.threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     not_member(source.as_ref(), &job.output)?;
-    let work = Work::new(job, source.info())?;
+    let work = ContourWork::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;
     // Decoded blocks and polygons make room for lines.
@@ -104,24 +104,24 @@ pub fn trace(
     cancel: &Cancel,
 ) -> Result<ContourReport> {
     let start = Instant::now();
-    let work = Work::new(job, source.info())?;
+    let work = ContourWork::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source, progress, cancel)?;
     work.write(pieces, sink, start, progress, cancel)
 }
 
 /// A job on a grid.
-struct Work<'a> {
+struct ContourWork<'a> {
     job: &'a ContourJob,
     format: &'static VectorFormat,
-    levels: Levels,
+    levels: ContourLevels,
     tolerance: Option<Tolerance>,
-    budget: Budget,
+    budget: ContourMemory,
     info: GridInfo,
-    operation: Option<Arc<crs::Operation>>,
+    operation: Option<Arc<crs::CoordinateOperation>>,
 }
 
-impl<'a> Work<'a> {
+impl<'a> ContourWork<'a> {
     fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
         info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
         Ok(Self {
@@ -129,17 +129,17 @@ impl<'a> Work<'a> {
             format: job.check()?,
             levels: job.options.heights()?,
             tolerance: job.options.tolerance.map(|length| measured(length, info)).transpose()?,
-            budget: Budget::divide(job)?,
+            budget: ContourMemory::divide(job)?,
             info: info.clone(),
             operation: job.operation(info)?.map(Arc::new),
         })
     }
 
     fn sink(&self) -> Result<Box<dyn FeatureSink>> {
-        let options = WriteOptions {
+        let options = VectorWriteOptions {
             overwrite: self.job.options.file.replacing.overwrite,
             temp_dir: self.job.options.resources.temp_dir.clone(),
-            ..WriteOptions::default()
+            ..VectorWriteOptions::default()
         };
         let mut layer = write::layer(self.job, self.format, &self.info);
         let Some(operation) = &self.operation else {
@@ -155,19 +155,19 @@ impl<'a> Work<'a> {
         source: &dyn GridSource,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Pieces> {
-        let tiles = Tiles::new(&self.info, self.job.options.tile);
+    ) -> Result<ContourPieces> {
+        let tiles = ContourTiles::new(&self.info, self.job.options.tile);
         progress.begin("trace", self.samples());
-        let pieces = Mutex::new(Pieces::new(&self.budget, self.job.spill_folder()));
+        let pieces = Mutex::new(ContourPieces::new(&self.budget, self.job.spill_folder()));
         let Self { levels, budget, tolerance, .. } = self;
         let (budget, tolerance) = (*budget, *tolerance);
-        let task = Task { source, levels, tiles, budget, tolerance, cancel };
+        let task = ContourTask { source, levels, tiles, budget, tolerance, cancel };
         workers::run(
             budget.threads,
             tiles.count(),
             cancel,
-            || Worker::new(&task),
-            |worker: &mut Worker<'_, '_>, tile| {
+            || ContourWorker::new(&task),
+            |worker: &mut ContourWorker<'_, '_>, tile| {
                 let traced = worker.trace(tile).map_err(|e| self.of_input(e))?;
                 lock(&pieces).add(traced, tiles.rect(tile), tiles, cancel)?;
                 progress.advance(tiles.owned(tile));
@@ -181,7 +181,7 @@ impl<'a> Work<'a> {
 
     fn write(
         &self,
-        pieces: Pieces,
+        pieces: ContourPieces,
         sink: Box<dyn FeatureSink>,
         start: Instant,
         progress: &dyn Progress,
@@ -189,7 +189,7 @@ impl<'a> Work<'a> {
     ) -> Result<ContourReport> {
         let Self { job, format, levels, info, .. } = self;
         let most = self.budget.line_vertices();
-        let writer = write::Writer { job, format, levels, info, most };
+        let writer = write::ContourWriter { job, format, levels, info, most };
         let mut made = writer.write(pieces, sink, progress, cancel)?;
         let operation = self.operation.as_deref();
         made.notes.extend(raster::cautions(info));
@@ -209,7 +209,7 @@ impl<'a> Work<'a> {
             transformed: operation.map(Transformed::of),
             tolerance: self.tolerance.map(|own| Threshold {
                 value: own.value,
-                metres: own.measure == Measure::Geographic,
+                metres: own.measure == DistanceKind::Geographic,
             }),
             tile: job.options.tile,
             samples: self.samples(),

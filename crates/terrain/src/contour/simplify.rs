@@ -1,30 +1,34 @@
 //! Simplifying the lines of a tile, so that they cross neither each other nor those of other tiles.
 
-use super::tiles::{Rim, Tiles, lowest};
+use super::tiles::{ContourTiles, TileEdge, lowest};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_line::cone::cone;
-use terrane_line::topology::{Chains, Kept, Options, open_at, refining, untangle};
-use terrane_line::{Geographic, Located, Metric, Plane, Scratch, Xy, ring};
+use terrane_line::topology::{ChainVertices, Chains, UntangleOptions, open_at, refining, untangle};
+use terrane_line::{
+    DistanceMetric, GeographicMetric, Located, PlaneMetric, SimplifyScratch, Xy, ring,
+};
 use terrane_raster::GridInfo;
-use terrane_simplify::{Length, Measure, goal_of};
-use terrane_window::contour::{Line, Lines, Vertex};
+use terrane_simplify::{DistanceKind, LengthOption, goal_of};
+use terrane_window::contour::{ContourVertex, WindowContour, WindowContours};
 
 /// A tolerance as it is measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerance {
-    pub(super) measure: Measure,
+    pub(super) measure: DistanceKind,
     pub(super) value: f64,
 }
 
 /// A length over a grid.
-pub(super) fn measured(length: Length, info: &GridInfo) -> Result<Tolerance> {
+pub(super) fn measured(length: LengthOption, info: &GridInfo) -> Result<Tolerance> {
     let (measure, value) = goal_of(length, false, &info.crs)?;
     let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
     let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
     let latitude = |[col, row]: [f64; 2]| info.transform.apply(col, row)[1];
-    if measure == Measure::Geographic && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6) {
+    if measure == DistanceKind::Geographic
+        && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6)
+    {
         return Err(Error::bad_input("a latitude is beyond 90 degrees")
             .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
     }
@@ -36,18 +40,18 @@ pub(super) struct Simplifier {
     transform: Affine,
     cone: Cone,
     /// What became of the last tile.
-    lines: Lines,
+    lines: WindowContours,
 }
 
 /// The lines of a tile as chains, whose ends stay.
 #[derive(Default)]
-struct Input {
-    vertices: Vec<Vertex>,
+struct TileChains {
+    vertices: Vec<ContourVertex>,
     points: Vec<Xy>,
     starts: Vec<usize>,
     closed: Vec<bool>,
     /// What is kept of each chain.
-    kept: Kept,
+    kept: ChainVertices,
     /// True for a chain that goes on from the one before it, as one line.
     goes_on: Vec<bool>,
 }
@@ -55,19 +59,20 @@ struct Input {
 impl Simplifier {
     /// Distances are those of positions after `transform`.
     pub(super) fn new(tolerance: Tolerance, transform: Affine) -> Self {
-        let cone = Cone { tolerance, scratch: Scratch::default(), located: Vec::new() };
-        Self { transform, cone, lines: Lines::default() }
+        let cone = Cone { tolerance, scratch: SimplifyScratch::default(), located: Vec::new() };
+        Self { transform, cone, lines: WindowContours::default() }
     }
 
     /// Simplifies the lines of the tile with the samples `rect`.
     pub(super) fn simplify(
         &mut self,
-        lines: &Lines,
+        lines: &WindowContours,
         rect: Rect,
-        tiles: Tiles,
+        tiles: ContourTiles,
         cancel: &Cancel,
-    ) -> Result<&Lines> {
-        let mut input = Input { starts: vec![0], kept: Kept::new(), ..Input::default() };
+    ) -> Result<&WindowContours> {
+        let mut input =
+            TileChains { starts: vec![0], kept: ChainVertices::new(), ..TileChains::default() };
         for (index, line) in lines.lines.iter().enumerate() {
             cancel.check()?;
             let vertices = lines.of(index);
@@ -80,10 +85,10 @@ impl Simplifier {
                 self.add(&mut input, &vertices[ends[0]..=ends[1]], part > 0, tiles);
             }
         }
-        let Input { points, starts, closed, kept, .. } = &input;
+        let TileChains { points, starts, closed, kept, .. } = &input;
         let chains = Chains { points, starts, closed };
         let mut refine = refining(points, |points, kept| self.cone.line(points, kept));
-        let options = Options { cancel: Some(cancel), ..Options::default() };
+        let options = UntangleOptions { cancel: Some(cancel), ..UntangleOptions::default() };
         let outcome = untangle(&chains, kept, &[], &options, &mut refine)?;
         drop(refine);
         self.collect(lines, &input, &outcome.kept);
@@ -91,7 +96,13 @@ impl Simplifier {
     }
 
     /// Adds an open chain.
-    fn add(&mut self, input: &mut Input, vertices: &[Vertex], goes_on: bool, tiles: Tiles) {
+    fn add(
+        &mut self,
+        input: &mut TileChains,
+        vertices: &[ContourVertex],
+        goes_on: bool,
+        tiles: ContourTiles,
+    ) {
         let start = input.points.len();
         input.points.extend(vertices.iter().map(|v| position(&self.transform, v, tiles)));
         input.vertices.extend_from_slice(vertices);
@@ -103,7 +114,12 @@ impl Simplifier {
     }
 
     /// Adds a ring, beginning at its lowest edge, which stays.
-    fn add_ring(&mut self, input: &mut Input, vertices: &[Vertex], tiles: Tiles) {
+    fn add_ring(
+        &mut self,
+        input: &mut TileChains,
+        vertices: &[ContourVertex],
+        tiles: ContourTiles,
+    ) {
         let start = input.points.len();
         input.points.extend(vertices.iter().map(|v| position(&self.transform, v, tiles)));
         input.vertices.extend_from_slice(vertices);
@@ -126,7 +142,7 @@ impl Simplifier {
     }
 
     /// Fills `lines` with the kept vertices of those given.
-    fn collect(&mut self, lines: &Lines, input: &Input, kept: &Kept) {
+    fn collect(&mut self, lines: &WindowContours, input: &TileChains, kept: &ChainVertices) {
         self.lines.clear();
         let mut originals = lines.lines.iter();
         for (chain, goes_on) in input.goes_on.iter().enumerate() {
@@ -136,7 +152,10 @@ impl Simplifier {
             let end = self.lines.vertices.len();
             match (goes_on, self.lines.lines.last_mut()) {
                 (true, Some(line)) => line.end = end,
-                _ => self.lines.lines.extend(originals.next().map(|line| Line { end, ..*line })),
+                _ => self
+                    .lines
+                    .lines
+                    .extend(originals.next().map(|line| WindowContour { end, ..*line })),
             }
         }
     }
@@ -145,7 +164,7 @@ impl Simplifier {
 /// The greedy double cone, in the metric asked for.
 struct Cone {
     tolerance: Tolerance,
-    scratch: Scratch,
+    scratch: SimplifyScratch,
     located: Vec<Located>,
 }
 
@@ -154,11 +173,13 @@ impl Cone {
     fn line(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
         let (tolerance, scratch) = (self.tolerance.value, &mut self.scratch);
         match self.tolerance.measure {
-            Measure::Geographic => {
+            DistanceKind::Geographic => {
                 locate(points, &mut self.located);
-                cone(&Geographic, &self.located, tolerance, scratch, kept);
+                cone(&GeographicMetric, &self.located, tolerance, scratch, kept);
             }
-            Measure::Plane | Measure::Space => cone(&Plane, points, tolerance, scratch, kept),
+            DistanceKind::Plane | DistanceKind::Space => {
+                cone(&PlaneMetric, points, tolerance, scratch, kept)
+            }
         }
     }
 
@@ -179,12 +200,18 @@ impl Cone {
     /// Appends the vertices kept of a ring.
     fn ring(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
         match self.tolerance.measure {
-            Measure::Geographic => {
+            DistanceKind::Geographic => {
                 locate(points, &mut self.located);
-                ring_in(&Geographic, &self.located, self.tolerance.value, &mut self.scratch, kept);
+                ring_in(
+                    &GeographicMetric,
+                    &self.located,
+                    self.tolerance.value,
+                    &mut self.scratch,
+                    kept,
+                );
             }
-            Measure::Plane | Measure::Space => {
-                ring_in(&Plane, points, self.tolerance.value, &mut self.scratch, kept);
+            DistanceKind::Plane | DistanceKind::Space => {
+                ring_in(&PlaneMetric, points, self.tolerance.value, &mut self.scratch, kept);
             }
         }
     }
@@ -195,20 +222,20 @@ fn locate(points: &[Xy], located: &mut Vec<Located>) {
     located.extend(points.iter().map(|point| Located::new(*point)));
 }
 
-fn ring_in<V: Copy, M: Metric<V>>(
+fn ring_in<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
-    scratch: &mut Scratch,
+    scratch: &mut SimplifyScratch,
     kept: &mut Vec<u32>,
 ) {
-    let method = |points: &[V], scratch: &mut Scratch, kept: &mut Vec<u32>| {
+    let method = |points: &[V], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>| {
         cone(metric, points, tolerance, scratch, kept);
     };
     ring::simplify(metric, points, tolerance, true, method, scratch, kept);
 }
 
-impl Input {
+impl TileChains {
     fn end_chain(&mut self, closed: bool, goes_on: bool) {
         self.starts.push(self.points.len());
         self.closed.push(closed);
@@ -218,14 +245,14 @@ impl Input {
 }
 
 /// Where a vertex is, in the units of the CRS.
-pub(super) fn position(transform: &Affine, vertex: &Vertex, tiles: Tiles) -> Xy {
+pub(super) fn position(transform: &Affine, vertex: &ContourVertex, tiles: ContourTiles) -> Xy {
     let [col, row] = vertex.place(tiles.width);
     transform.apply(col, row)
 }
 
 /// The vertices of an open line that stay, ends included. One from rim to rim may be part of a ring: its
 /// lowest edge may be where that begins.
-fn staying(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Vec<usize> {
+fn staying(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Vec<usize> {
     let last = vertices.len() - 1;
     let is_on_rim = |at: usize| tiles.rim(rect, &vertices[at]).is_some();
     let mut stays = vec![0, last];
@@ -239,18 +266,18 @@ fn staying(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Vec<usize> {
 }
 
 /// The vertex that is farthest from the rim which a line comes from and goes back to, if it does.
-fn turning(vertices: &[Vertex], rect: Rect, tiles: Tiles) -> Option<usize> {
+fn turning(vertices: &[ContourVertex], rect: Rect, tiles: ContourTiles) -> Option<usize> {
     let rim = tiles.rim(rect, vertices.first()?)?;
     if tiles.rim(rect, vertices.last()?)? != rim {
         return None;
     }
-    let depth = |vertex: &Vertex| {
+    let depth = |vertex: &ContourVertex| {
         let [col, row] = vertex.place(tiles.width);
         match rim {
-            Rim::North => row - f64::from(rect.row),
-            Rim::South => f64::from(rect.end_row() - 1) - row,
-            Rim::West => col - f64::from(rect.col),
-            Rim::East => f64::from(rect.end_col() - 1) - col,
+            TileEdge::North => row - f64::from(rect.row),
+            TileEdge::South => f64::from(rect.end_row() - 1) - row,
+            TileEdge::West => col - f64::from(rect.col),
+            TileEdge::East => f64::from(rect.end_col() - 1) - col,
         }
     };
     let deepest = |best: (usize, f64), (at, depth)| if depth > best.1 { (at, depth) } else { best };

@@ -2,11 +2,11 @@
 
 use terrane_base::geom::Rect;
 use terrane_raster::GridInfo;
-use terrane_window::contour::Vertex;
+use terrane_window::contour::ContourVertex;
 
 /// Squares of cells; neighbours share the samples on their rim.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tiles {
+pub(super) struct ContourTiles {
     pub(super) width: u32,
     height: u32,
     cells: u32,
@@ -14,14 +14,14 @@ pub(super) struct Tiles {
 
 /// The four rims of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rim {
+pub(super) enum TileEdge {
     North,
     East,
     South,
     West,
 }
 
-impl Tiles {
+impl ContourTiles {
     pub(super) fn new(info: &GridInfo, cells: u32) -> Self {
         Self { width: info.width, height: info.height, cells }
     }
@@ -57,21 +57,21 @@ impl Tiles {
     }
 
     /// The rim of a tile, with another tile beyond it, that a vertex is on.
-    pub(super) fn rim(&self, rect: Rect, vertex: &Vertex) -> Option<Rim> {
+    pub(super) fn rim(&self, rect: Rect, vertex: &ContourVertex) -> Option<TileEdge> {
         let (col, row) = vertex.edge.first(self.width);
         let (east, south) = (rect.end_col() - 1, rect.end_row() - 1);
         match vertex.edge.is_down() {
-            false if row == rect.row && row > 0 => Some(Rim::North),
-            false if row == south && south + 1 < self.height => Some(Rim::South),
-            true if col == rect.col && col > 0 => Some(Rim::West),
-            true if col == east && east + 1 < self.width => Some(Rim::East),
+            false if row == rect.row && row > 0 => Some(TileEdge::North),
+            false if row == south && south + 1 < self.height => Some(TileEdge::South),
+            true if col == rect.col && col > 0 => Some(TileEdge::West),
+            true if col == east && east + 1 < self.width => Some(TileEdge::East),
             _ => None,
         }
     }
 }
 
 /// The vertex with the lowest edge.
-pub(super) fn lowest(vertices: &[Vertex]) -> usize {
+pub(super) fn lowest(vertices: &[ContourVertex]) -> usize {
     let edge = |at: &usize| vertices[*at].edge;
     (0..vertices.len()).min_by_key(edge).unwrap_or(0)
 }

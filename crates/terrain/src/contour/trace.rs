@@ -1,28 +1,30 @@
 //! The lines of one tile: read, traced and simplified.
 
-use super::budget::Budget;
+use super::budget::ContourMemory;
 use super::simplify::{Simplifier, Tolerance};
-use super::tiles::Tiles;
+use super::tiles::ContourTiles;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
 use terrane_raster::GridSource;
-use terrane_window::contour::{self as contour, Levels, Line, Lines, Scratch, Window};
+use terrane_window::contour::{
+    self as contour, ContourLevels, ContourScratch, ContourWindow, WindowContour, WindowContours,
+};
 
 /// What all workers share.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a> {
+pub(super) struct ContourTask<'a> {
     pub(super) source: &'a dyn GridSource,
-    pub(super) levels: &'a Levels,
-    pub(super) tiles: Tiles,
-    pub(super) budget: Budget,
+    pub(super) levels: &'a ContourLevels,
+    pub(super) tiles: ContourTiles,
+    pub(super) budget: ContourMemory,
     pub(super) tolerance: Option<Tolerance>,
     pub(super) cancel: &'a Cancel,
 }
 
 /// The lines of a tile.
 pub(super) struct Traced<'a> {
-    pub(super) lines: &'a Lines,
+    pub(super) lines: &'a WindowContours,
     /// Vertices before anything was left out.
     pub(super) original_vertices: u64,
     /// Rings around nothing, which are not among the lines.
@@ -30,31 +32,31 @@ pub(super) struct Traced<'a> {
 }
 
 /// One thread and its buffers.
-pub(super) struct Worker<'a, 'b> {
-    task: &'b Task<'a>,
+pub(super) struct ContourWorker<'a, 'b> {
+    task: &'b ContourTask<'a>,
     narrow: Vec<f32>,
     wide: Vec<f64>,
-    scratch: Scratch,
-    lines: Lines,
+    scratch: ContourScratch,
+    lines: WindowContours,
     simplifier: Option<Simplifier>,
 }
 
-impl<'a, 'b> Worker<'a, 'b> {
-    pub(super) fn new(task: &'b Task<'a>) -> Self {
+impl<'a, 'b> ContourWorker<'a, 'b> {
+    pub(super) fn new(task: &'b ContourTask<'a>) -> Self {
         let transform = task.source.info().transform;
         Self {
             task,
             narrow: Vec::new(),
             wide: Vec::new(),
-            scratch: Scratch::default(),
-            lines: Lines::default(),
+            scratch: ContourScratch::default(),
+            lines: WindowContours::default(),
             simplifier: task.tolerance.map(|tolerance| Simplifier::new(tolerance, transform)),
         }
     }
 
     /// Reads, traces and simplifies a tile.
     pub(super) fn trace(&mut self, tile: u64) -> Result<Traced<'_>> {
-        let Task { source, tiles, .. } = *self.task;
+        let ContourTask { source, tiles, .. } = *self.task;
         let rect = tiles.rect(tile);
         if source.info().exact_in_f32() {
             self.narrow.resize(rect.len(), 0.0);
@@ -76,27 +78,27 @@ impl<'a, 'b> Worker<'a, 'b> {
     }
 
     fn lines_of<H: Copy + Into<f64>>(
-        task: &Task<'_>,
+        task: &ContourTask<'_>,
         rect: Rect,
         heights: &[H],
-        scratch: &mut Scratch,
-        lines: &mut Lines,
+        scratch: &mut ContourScratch,
+        lines: &mut WindowContours,
     ) -> Result<()> {
-        let window = Window { rect, grid_width: task.tiles.width, heights };
+        let window = ContourWindow { rect, grid_width: task.tiles.width, heights };
         contour::trace(&window, task.levels, task.budget.crossings, scratch, lines, task.cancel)
     }
 }
 
 /// Takes out the rings that go around nothing; how many.
-fn leave_out(lines: &mut Lines) -> u64 {
-    let is_nothing = |line: &Line| line.closed && line.around == Some(0);
+fn leave_out(lines: &mut WindowContours) -> u64 {
+    let is_nothing = |line: &WindowContour| line.closed && line.around == Some(0);
     if !lines.lines.iter().any(is_nothing) {
         return 0;
     }
-    let mut kept = Lines::default();
+    let mut kept = WindowContours::default();
     for (index, line) in lines.lines.iter().enumerate().filter(|(_, line)| !is_nothing(line)) {
         kept.vertices.extend_from_slice(lines.of(index));
-        kept.lines.push(Line { end: kept.vertices.len(), ..*line });
+        kept.lines.push(WindowContour { end: kept.vertices.len(), ..*line });
     }
     let left_out = lines.lines.len() - kept.lines.len();
     *lines = kept;

@@ -1,16 +1,16 @@
 //! Lines put together from their pieces, and written.
 
 use super::job::{ContourJob, ContourReport, INDEX};
-use super::join::{Line, Pieces};
+use super::join::{ContourPieces, JoinedContour};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridInfo;
 use terrane_vector::{
-    Coordinates, Feature, FeatureSink, Field, FieldKind, Geometry, Id, Kind, Layer, Properties,
-    Value, VectorFormat,
+    CoordinateSequence, Feature, FeatureProperties, FeatureSink, FieldDefinition, FieldKind,
+    Geometry, GeometryType, Id, LayerHeader, PropertyValue, VectorFormat,
 };
-use terrane_window::contour::{Levels, Vertex};
+use terrane_window::contour::{ContourLevels, ContourVertex};
 
 /// The property that numbers lines in formats without ids.
 const ID: &str = "id";
@@ -19,30 +19,36 @@ const ID: &str = "id";
 const BATCH: usize = 256;
 
 /// What is said of the file before its first line.
-pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> Layer {
-    let field = |name: &str, kind| Field { name: name.into(), kind, width: None, decimals: None };
+pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> LayerHeader {
+    let field =
+        |name: &str, kind| FieldDefinition { name: name.into(), kind, width: None, decimals: None };
     let id = (!format.holds.ids).then(|| field(ID, FieldKind::Int));
     let height = field(&job.options.attribute, FieldKind::Real);
     let index = job.options.index.map(|_| field(INDEX, FieldKind::Bool));
     let schema = Some(id.into_iter().chain([height]).chain(index).collect());
-    Layer { name: Some("contour".to_owned()), crs: info.crs.clone(), schema, ..Layer::default() }
+    LayerHeader {
+        name: Some("contour".to_owned()),
+        crs: info.crs.clone(),
+        schema,
+        ..LayerHeader::default()
+    }
 }
 
 /// What is needed to write.
-pub(super) struct Writer<'a> {
+pub(super) struct ContourWriter<'a> {
     pub(super) job: &'a ContourJob,
     pub(super) format: &'a VectorFormat,
-    pub(super) levels: &'a Levels,
+    pub(super) levels: &'a ContourLevels,
     pub(super) info: &'a GridInfo,
     /// Most vertices of a line.
     pub(super) most: u64,
 }
 
-impl Writer<'_> {
+impl ContourWriter<'_> {
     /// Writes all lines and finishes the file; of the report, what follows from that.
     pub(super) fn write(
         &self,
-        mut pieces: Pieces,
+        mut pieces: ContourPieces,
         mut sink: Box<dyn FeatureSink>,
         progress: &dyn Progress,
         cancel: &Cancel,
@@ -73,7 +79,7 @@ impl Writer<'_> {
         Ok(ContourReport { notes: written.notes, output_bytes: written.bytes, run, ..report })
     }
 
-    fn check(&self, vertices: u64, line: &Line) -> Result<()> {
+    fn check(&self, vertices: u64, line: &JoinedContour) -> Result<()> {
         if vertices <= self.most {
             return Ok(());
         }
@@ -87,16 +93,21 @@ impl Writer<'_> {
 
     /// True for a line along samples exactly on its level that ends where it began and has no cell
     /// within.
-    fn is_around_nothing(&self, line: &Line, vertices: &[Vertex]) -> bool {
+    fn is_around_nothing(&self, line: &JoinedContour, vertices: &[ContourVertex]) -> bool {
         let [first, .., last] = vertices else { return false };
-        let nearer = |vertex: &Vertex| vertex.nearer(self.info.width);
+        let nearer = |vertex: &ContourVertex| vertex.nearer(self.info.width);
         line.around == Some(0) && nearer(first) == nearer(last)
     }
 
-    fn feature(&self, line: &Line, vertices: &[Vertex], number: u64) -> Result<Feature> {
+    fn feature(
+        &self,
+        line: &JoinedContour,
+        vertices: &[ContourVertex],
+        number: u64,
+    ) -> Result<Feature> {
         let height = self.levels.height(line.level);
         let transform = &self.info.transform;
-        let position = |vertex: &Vertex| {
+        let position = |vertex: &ContourVertex| {
             let [col, row] = vertex.place(self.info.width);
             transform.apply(col, row)
         };
@@ -106,17 +117,20 @@ impl Writer<'_> {
             xy.reverse();
         }
         let z = if self.job.options.with_z { vec![height; xy.len()] } else { Vec::new() };
-        let geometry = Geometry::new(Kind::LineString, Coordinates { z, ..Coordinates::of(xy) })?;
+        let geometry = Geometry::new(
+            GeometryType::LineString,
+            CoordinateSequence { z, ..CoordinateSequence::of(xy) },
+        )?;
         let number = number as i64;
-        let mut properties = Properties::default();
+        let mut properties = FeatureProperties::default();
         let id = self.format.holds.ids.then_some(Id::Int(number));
         if id.is_none() {
-            properties.push(ID, Value::Int(number));
+            properties.push(ID, PropertyValue::Int(number));
         }
-        properties.push(self.job.options.attribute.as_str(), Value::Real(height));
+        properties.push(self.job.options.attribute.as_str(), PropertyValue::Real(height));
         if let Some(every) = self.job.options.index {
             let is_index = i64::from(line.level) % i64::from(every) == 0;
-            properties.push(INDEX, Value::Bool(is_index));
+            properties.push(INDEX, PropertyValue::Bool(is_index));
         }
         Ok(Feature { id, properties, geometry, foreign: Vec::new() })
     }
@@ -124,7 +138,7 @@ impl Writer<'_> {
 
 impl ContourReport {
     /// Counts a line that is about to be written; they come by level.
-    fn count(&mut self, line: &Line, vertices: usize, levels: &Levels) {
+    fn count(&mut self, line: &JoinedContour, vertices: usize, levels: &ContourLevels) {
         let height = levels.height(line.level);
         self.levels += u64::from(self.highest != Some(height));
         self.lowest.get_or_insert(height);

@@ -3,16 +3,16 @@
 use std::time::Instant;
 
 use super::job::{ConvertJob, ConvertReport};
-use super::task::{Pieces, Summary, Task};
+use super::task::{CopyPieces, CopySummary, CopyTask};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::outputs::not_member;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_raster::write::{BandName, GridFormat, GridSink, WriteOptions};
-use terrane_raster::{self as raster, GridInfo, GridSource, OpenOptions, WaterReport};
+use terrane_raster::write::{BandName, GridFormat, GridSink, GridWriteOptions};
+use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, WaterReport};
 
 /// What stands in front of a grid that is read.
-pub(crate) struct Front {
+pub(crate) struct GridFront {
     /// What is written, alike in size and type.
     bands: Vec<Box<dyn GridSource>>,
     /// What the bands are called, where they are colours.
@@ -21,7 +21,7 @@ pub(crate) struct Front {
     notes: Vec<String>,
 }
 
-impl Front {
+impl GridFront {
     /// A grid.
     pub(crate) fn of(grid: Box<dyn GridSource>, notes: Vec<String>) -> Self {
         Self { bands: vec![grid], colours: Vec::new(), notes }
@@ -43,18 +43,19 @@ pub(crate) fn run_of(
     held: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
-    front: impl FnOnce(Box<dyn GridSource>) -> Result<Front>,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<GridFront>,
 ) -> Result<ConvertReport> {
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
     terrane_files::atomic::refuse_existing(&job.output, job.options.file.replacing.overwrite)?;
-    let Budget { threads, cache: cache_bytes, .. } = Budget::divide(job, format, held)?;
+    let ConvertMemory { threads, cache: cache_bytes, .. } =
+        ConvertMemory::divide(job, format, held)?;
     let options = job.options.grid.options(&job.options.resources, cache_bytes)?;
-    let options = OpenOptions { threads, ..options };
+    let options = GridOpenOptions { threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
-    let Front { bands, colours, notes } = front(source)?;
+    let GridFront { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
     let report = copy_of(&bands, colours, job, held, progress, cancel)?;
@@ -84,17 +85,17 @@ fn copy_of(
 ) -> Result<ConvertReport> {
     let start = Instant::now();
     let format = job.options.format(&job.output)?;
-    let budget = Budget::divide(job, format, held)?;
+    let budget = ConvertMemory::divide(job, format, held)?;
     let Some(source) = bands.first().copied() else { return Ok(ConvertReport::default()) };
     let (window, info) = (source.info().bounds(), source.info());
     let (are_colours, read) = (!colours.is_empty(), job.read_beside(source)?);
-    let options = WriteOptions { read, bands: colours, are_colours, ..job.write_options() };
+    let options = GridWriteOptions { read, bands: colours, are_colours, ..job.write_options() };
     let mut sink = format.create(&job.output, info, &options)?;
     let threads = budget.threads_for(sink.as_ref(), format)?;
     let samples = u64::from(info.width) * u64::from(info.height);
     progress.begin("convert", samples);
-    let pieces = Pieces::new(window, source, sink.as_ref(), budget.cache);
-    let task = Task { sources: bands, window, sink: sink.as_ref(), pieces };
+    let pieces = CopyPieces::new(window, source, sink.as_ref(), budget.cache);
+    let task = CopyTask { sources: bands, window, sink: sink.as_ref(), pieces };
     let summary = task.run(threads, progress, cancel)?;
     progress.end();
     copy_levels(sink.as_mut(), threads, progress, cancel)?;
@@ -136,15 +137,15 @@ pub fn copy_levels(
         let Some(first) = sources.first() else { continue };
         let window = first.info().bounds();
         progress.begin("overview", window.len() as u64);
-        let pieces = Pieces::new(window, *first, sink, 0);
-        let task = Task { sources: &sources, window, sink, pieces };
+        let pieces = CopyPieces::new(window, *first, sink, 0);
+        let task = CopyTask { sources: &sources, window, sink, pieces };
         task.run(threads, progress, cancel)?;
         progress.end();
     }
     Ok(())
 }
 
-fn report(job: &ConvertJob, info: &GridInfo, summary: &Summary) -> ConvertReport {
+fn report(job: &ConvertJob, info: &GridInfo, summary: &CopySummary) -> ConvertReport {
     let seen = |height: f64| (summary.valid > 0).then_some(height);
     ConvertReport {
         input: job.input.to_string(),
@@ -166,7 +167,7 @@ const HAIR: f64 = 1e-6;
 
 /// How the job's memory is divided.
 #[derive(Clone, Copy)]
-struct Budget {
+struct ConvertMemory {
     threads: usize,
     /// Bytes for decoded blocks of the source.
     cache: usize,
@@ -180,7 +181,7 @@ const USUAL_SAMPLES: u64 = 512 * 512;
 /// Least memory left for the source's blocks.
 const LEAST_CACHE: u64 = 8 << 20;
 
-impl Budget {
+impl ConvertMemory {
     /// A block for each thread, and the rest, but not more than half, for the source: fewer threads
     /// where memory is short.
     fn divide(job: &ConvertJob, format: &GridFormat, held: u64) -> Result<Self> {

@@ -14,10 +14,10 @@ use terrane_engine::options::{
 };
 use terrane_engine::transform::Transformed;
 use terrane_files::{beside_grid, path_of};
-use terrane_options::{Codec, Json, Kind, Named, Options, Rule};
-use terrane_raster::write::{self, GridFormat, WriteOptions};
+use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind, OptionRule, Options};
+use terrane_raster::write::{self, GridFormat, GridWriteOptions};
 use terrane_raster::{self as raster, GridSource, Inputs, SampleType, WaterReport};
-use terrane_window::resample::{RESAMPLINGS, Resampling};
+use terrane_window::resample::{RESAMPLINGS, ResamplingMethod};
 
 /// Copy a grid, or a part of it, into a file of another format
 ///
@@ -63,13 +63,13 @@ pub struct ConvertOptions {
     pub resources: Resources,
 }
 
-const RULES: &[Rule] = &[
-    Rule::Needs("resampling", &["to_crs", "resolution", "extent", "like"]),
-    Rule::Needs("to_crs", &["resampling"]),
-    Rule::Needs("resolution", &["resampling"]),
-    Rule::Needs("extent", &["resampling"]),
-    Rule::Needs("like", &["resampling"]),
-    Rule::NotWith("like", &["resolution", "extent"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::Needs("resampling", &["to_crs", "resolution", "extent", "like"]),
+    OptionRule::Needs("to_crs", &["resampling"]),
+    OptionRule::Needs("resolution", &["resampling"]),
+    OptionRule::Needs("extent", &["resampling"]),
+    OptionRule::Needs("like", &["resampling"]),
+    OptionRule::NotWith("like", &["resolution", "extent"]),
 ];
 
 impl ConvertOptions {
@@ -104,10 +104,10 @@ impl ConvertJob {
         self
     }
 
-    pub(super) fn write_options(&self) -> WriteOptions {
+    pub(super) fn write_options(&self) -> GridWriteOptions {
         let ConvertOptions { file, written, sample_type, out_nodata, round, resources, .. } =
             self.options.clone();
-        WriteOptions {
+        GridWriteOptions {
             overwrite: file.replacing.overwrite,
             creation: written.co,
             sample_type,
@@ -176,9 +176,9 @@ pub struct ConvertReport {
 /// The name of a way to find heights between samples.
 pub struct ResamplingName;
 
-impl Codec<String> for ResamplingName {
-    const KIND: Kind = Kind::Choice(|| {
-        let named = |own: &Resampling| Named { name: own.name, about: own.about };
+impl OptionCodec<String> for ResamplingName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
+        let named = |own: &ResamplingMethod| ChoiceName { name: own.name, about: own.about };
         RESAMPLINGS.iter().map(named).collect()
     });
 

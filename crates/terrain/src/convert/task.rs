@@ -9,12 +9,12 @@ use terrane_base::geom::Rect;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, wait};
 use terrane_raster::GridSource;
-use terrane_raster::store::Heights;
+use terrane_raster::store::HeightSlice;
 use terrane_raster::write::GridSink;
 
 /// The units of work, along rows of blocks: blocks, or some rows of one each.
 #[derive(Clone, Copy, Debug)]
-pub struct Pieces {
+pub struct CopyPieces {
     width: u32,
     height: u32,
     block_width: u32,
@@ -22,7 +22,7 @@ pub struct Pieces {
     rows: u32,
 }
 
-impl Pieces {
+impl CopyPieces {
     /// Pieces are whole blocks, unless the sink takes parts and a row of blocks across those of the
     /// source is more than half of `cache` holds: then they are lower, so that no block is decoded
     /// twice.
@@ -54,7 +54,7 @@ impl Pieces {
 }
 
 /// Copying, shared between the threads.
-pub struct Task<'a> {
+pub struct CopyTask<'a> {
     /// One for each band; alike in size and type.
     pub sources: &'a [&'a dyn GridSource],
     /// The part of the sources to copy.
@@ -62,21 +62,26 @@ pub struct Task<'a> {
     /// Where it goes.
     pub sink: &'a dyn GridSink,
     /// How it is divided.
-    pub pieces: Pieces,
+    pub pieces: CopyPieces,
 }
 
 /// Buffers of one thread.
 #[derive(Default)]
-struct Buffers {
+struct CopyBuffers {
     narrow: Vec<f32>,
     wide: Vec<f64>,
     /// Band by band.
     bytes: Vec<Vec<u8>>,
 }
 
-impl Task<'_> {
+impl CopyTask<'_> {
     /// Copies everything on so many threads.
-    pub fn run(&self, threads: usize, progress: &dyn Progress, cancel: &Cancel) -> Result<Summary> {
+    pub fn run(
+        &self,
+        threads: usize,
+        progress: &dyn Progress,
+        cancel: &Cancel,
+    ) -> Result<CopySummary> {
         let (next, turns) = (AtomicU64::new(0), Turns::default());
         let work = || self.work(&next, &turns, progress, cancel);
         let summaries: Result<_> = std::thread::scope(|scope| {
@@ -84,8 +89,8 @@ impl Task<'_> {
             let joined = workers.into_iter().map(|worker| worker.join());
             joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
         });
-        let summaries: Vec<Summary> = summaries?;
-        Ok(summaries.into_iter().fold(Summary::NONE, Summary::join))
+        let summaries: Vec<CopySummary> = summaries?;
+        Ok(summaries.into_iter().fold(CopySummary::NONE, CopySummary::join))
     }
 
     fn work(
@@ -94,11 +99,11 @@ impl Task<'_> {
         turns: &Turns,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Summary> {
+    ) -> Result<CopySummary> {
         let alarm = Alarm(turns);
         let bytes = vec![Vec::new(); self.sources.len()];
-        let mut buffers = Buffers { bytes, ..Buffers::default() };
-        let mut summary = Summary::NONE;
+        let mut buffers = CopyBuffers { bytes, ..CopyBuffers::default() };
+        let mut summary = CopySummary::NONE;
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= self.pieces.count() || turns.are_over() {
@@ -116,10 +121,10 @@ impl Task<'_> {
         }
     }
 
-    fn copy(&self, rect: Rect, buffers: &mut Buffers) -> Result<Summary> {
+    fn copy(&self, rect: Rect, buffers: &mut CopyBuffers) -> Result<CopySummary> {
         let Rect { col, row, .. } = self.window;
         let from = Rect::new(col + rect.col, row + rect.row, rect.width, rect.height);
-        let mut summary = Summary::NONE;
+        let mut summary = CopySummary::NONE;
         for (band, source) in (0..).zip(self.sources) {
             summary = summary.join(self.copy_band((band, *source), rect, from, buffers)?);
         }
@@ -132,20 +137,20 @@ impl Task<'_> {
         (band, source): (u32, &dyn GridSource),
         rect: Rect,
         from: Rect,
-        buffers: &mut Buffers,
-    ) -> Result<Summary> {
-        let Buffers { narrow, wide, bytes } = buffers;
+        buffers: &mut CopyBuffers,
+    ) -> Result<CopySummary> {
+        let CopyBuffers { narrow, wide, bytes } = buffers;
         let bytes = &mut bytes[band as usize];
         if source.info().exact_in_f32() {
             narrow.resize(rect.len(), 0.0);
             source.read_f32(from, narrow)?;
-            self.sink.encode(band, rect, Heights::F32(narrow), bytes)?;
-            return Ok(Summary::of_f32(narrow));
+            self.sink.encode(band, rect, HeightSlice::F32(narrow), bytes)?;
+            return Ok(CopySummary::of_f32(narrow));
         }
         wide.resize(rect.len(), 0.0);
         source.read_f64(from, wide)?;
-        self.sink.encode(band, rect, Heights::F64(wide), bytes)?;
-        Ok(Summary::of_f64(wide))
+        self.sink.encode(band, rect, HeightSlice::F64(wide), bytes)?;
+        Ok(CopySummary::of_f64(wide))
     }
 
     /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
@@ -159,12 +164,12 @@ impl Task<'_> {
 /// Lets the holders of 0, 1, 2, ... through in that order.
 #[derive(Default)]
 struct Turns {
-    state: Mutex<State>,
+    state: Mutex<CopyState>,
     changed: Condvar,
 }
 
 #[derive(Default)]
-struct State {
+struct CopyState {
     next: u64,
     over: bool,
 }
@@ -201,7 +206,7 @@ impl Drop for Alarm<'_> {
 
 /// What was seen while copying.
 #[derive(Clone, Copy, Debug)]
-pub struct Summary {
+pub struct CopySummary {
     /// Samples with a value.
     pub valid: u64,
     /// The lowest value.
@@ -210,7 +215,7 @@ pub struct Summary {
     pub highest: f64,
 }
 
-impl Summary {
+impl CopySummary {
     /// That of no sample.
     pub const NONE: Self = Self { valid: 0, lowest: f64::INFINITY, highest: f64::NEG_INFINITY };
 

@@ -4,16 +4,18 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::{Asked, DerivativeOptions, run};
+use super::{DerivativeOptions, ReliefRequest, run};
 use crate::convert::job::ConvertReport;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{FileOutput, Finite, GridInput, GridOutput};
 use terrane_raster::Inputs;
-use terrane_window::relief::{self as kernels, Gradient, Kind, Light, Measure};
+use terrane_window::relief::{
+    self as kernels, CurvatureKind, Gradient, LightSource, RuggednessMeasure,
+};
 
 terrane_engine::has_within!(
     SlopeOptions AspectOptions HillshadeOptions CurvatureOptions RoughnessOptions TpiOptions TriOptions:
@@ -33,10 +35,13 @@ macro_rules! derivative {
                 self.common.copy(&Inputs::default(), output).options.check(output)
             }
 
-            fn run(&self, request: Request<'_>) -> Result<ConvertReport> {
+            fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {
                 let $own = self;
-                let asked =
-                    Asked { derivative: Arc::new($kernel), scale: $scale, common: &self.common };
+                let asked = ReliefRequest {
+                    derivative: Arc::new($kernel),
+                    scale: $scale,
+                    common: &self.common,
+                };
                 run(&asked, request)
             }
         }
@@ -56,7 +61,7 @@ pub struct SlopeOptions {
     /// In per cent instead of degrees
     pub percent: bool,
     /// Units of heights in a unit of x and y
-    #[option(value = "S", range = Range::POSITIVE,
+    #[option(value = "S", range = OptionRange::POSITIVE,
              default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
@@ -85,7 +90,7 @@ pub struct AspectOptions {
     /// Level ground has the aspect 0 instead of none
     pub zero_for_flat: bool,
     /// Units of heights in a unit of x and y
-    #[option(value = "S", range = Range::POSITIVE,
+    #[option(value = "S", range = OptionRange::POSITIVE,
              default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
@@ -114,10 +119,10 @@ pub struct HillshadeOptions {
     #[option(value = "DEG", with = Finite, default_text = "315")]
     pub azimuth: Option<f64>,
     /// Height of the light above the horizon, in degrees
-    #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
+    #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
     pub altitude: f64,
     /// Factor on heights
-    #[option(value = "FACTOR", default = 1.0, range = Range::POSITIVE)]
+    #[option(value = "FACTOR", default = 1.0, range = OptionRange::POSITIVE)]
     pub z_factor: f64,
     /// Light from south-west, west, north-west and north, each weighted by how much the ground falls towards it or away
     /// from it
@@ -125,7 +130,7 @@ pub struct HillshadeOptions {
     /// The angle to the light scaled by the slope's, so that level ground is brightest
     pub combined: bool,
     /// Units of heights in a unit of x and y
-    #[option(value = "S", range = Range::POSITIVE,
+    #[option(value = "S", range = OptionRange::POSITIVE,
              default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
@@ -135,14 +140,15 @@ pub struct HillshadeOptions {
 
 derivative!(HillshadeOptions, "hillshade", |own| own.scale, own.kernel());
 
-const OF_LIGHT: &[Rule] = &[Rule::NotWith("multidirectional", &["azimuth", "combined"])];
+const OF_LIGHT: &[OptionRule] =
+    &[OptionRule::NotWith("multidirectional", &["azimuth", "combined"])];
 
 impl HillshadeOptions {
     fn kernel(&self) -> kernels::Hillshade {
         let light = match (self.multidirectional, self.combined) {
-            (true, _) => Light::Four,
-            (false, true) => Light::Combined,
-            (false, false) => Light::One,
+            (true, _) => LightSource::Four,
+            (false, true) => LightSource::Combined,
+            (false, false) => LightSource::One,
         };
         let azimuth = self.azimuth.unwrap_or(kernels::Hillshade::default().azimuth);
         let (altitude, exaggeration) = (self.altitude, self.z_factor);
@@ -160,9 +166,9 @@ impl HillshadeOptions {
 pub struct CurvatureOptions {
     /// Which curvature
     #[option(value = "NAME")]
-    pub kind: Kind,
+    pub kind: CurvatureKind,
     /// Units of heights in a unit of x and y
-    #[option(value = "S", range = Range::POSITIVE,
+    #[option(value = "S", range = OptionRange::POSITIVE,
              default_text = "what the grid says of both; of degrees, their length at each latitude")]
     pub scale: Option<f64>,
     /// Options of all derivatives.
@@ -198,7 +204,7 @@ pub struct TpiOptions {
     pub common: DerivativeOptions,
 }
 
-derivative!(TpiOptions, "tpi", |_own| None, kernels::Position);
+derivative!(TpiOptions, "tpi", |_own| None, kernels::PositionIndex);
 
 /// Terrain ruggedness index of a grid at each sample
 ///
@@ -218,5 +224,9 @@ derivative!(
     TriOptions,
     "tri",
     |own| None,
-    kernels::Ruggedness(if own.wilson { Measure::Wilson } else { Measure::Riley })
+    kernels::Ruggedness(if own.wilson {
+        RuggednessMeasure::Wilson
+    } else {
+        RuggednessMeasure::Riley
+    })
 );

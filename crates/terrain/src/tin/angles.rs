@@ -2,7 +2,7 @@
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
-use terrane_tin::{AngleBound, Local};
+use terrane_tin::{MinimumAngle, TilePosition};
 
 /// What the triangles of a grid with this map are held to.
 ///
@@ -12,9 +12,9 @@ use terrane_tin::{AngleBound, Local};
 ///
 /// # Errors
 /// An angle that is not above 0, or larger.
-pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<AngleBound>> {
+pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<MinimumAngle>> {
     let Some(degrees) = degrees else { return Ok(None) };
-    let bound = AngleBound::new(degrees, [map.a, map.d], [map.b, map.e]);
+    let bound = MinimumAngle::new(degrees, [map.a, map.d], [map.b, map.e]);
     let most = most(&bound);
     if degrees > 0.0 && degrees <= most {
         return Ok(Some(bound));
@@ -27,9 +27,10 @@ pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<A
 }
 
 /// The smallest angle of all triangles that are half of two cells.
-fn most(bound: &AngleBound) -> f64 {
-    let half =
-        |corners: [(u32, u32); 3]| bound.smallest(corners.map(|(col, row)| Local::new(col, row)));
+fn most(bound: &MinimumAngle) -> f64 {
+    let half = |corners: [(u32, u32); 3]| {
+        bound.smallest(corners.map(|(col, row)| TilePosition::new(col, row)))
+    };
     let halves = [
         [(0, 0), (2, 0), (0, 1)],
         [(0, 0), (2, 0), (2, 1)],

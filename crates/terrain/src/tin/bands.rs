@@ -4,21 +4,21 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::job::TinJob;
-use super::make::{Carried, Maker, Opened, in_input, options};
+use super::make::{OpenedTinJob, TinMaker, VertexExtras, in_input, options};
 use super::report::TinReport;
-use super::run::Outcome;
-use super::textbook::{self, Stages, Whole, surface};
-use super::window::Window;
+use super::run::TinOutcome;
+use super::textbook::{self, Stages, WholeGridMethod, surface};
+use super::window::WorkerBuffers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
-use terrane_baselines::{Channels, Drawn, Sample, join_voids};
-use terrane_engine::bands::{BandReport, Bands, kind_of};
+use terrane_baselines::{MultichannelTin, PackedSample, WeightedChannels, join_voids};
+use terrane_engine::bands::{MeshBandReport, MeshBands, kind_of};
 use terrane_engine::memory;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::refuse_existing;
-use terrane_mesh::{Channel, ChannelKind, MeshSink};
+use terrane_mesh::{ChannelKind, MeshSink, VertexChannel};
 
 /// Runs a job on several bands of its input: the error of a sample is the largest over the bands of weight x
 /// |value - mesh|. What the job says of refinement, tiles and the like is not looked at.
@@ -28,7 +28,7 @@ use terrane_mesh::{Channel, ChannelKind, MeshSink};
 /// room for them.
 pub fn run_bands(
     job: &TinJob,
-    bands: &Bands,
+    bands: &MeshBands,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
@@ -37,54 +37,54 @@ pub fn run_bands(
     textbook::refuse_water(job, "of several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
-    let mut opened = Opened::with(job, || open(job, bands).map_err(named))?;
+    let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
     let kinds = kinds(job, bands).map_err(named)?;
     opened.carried = carried(bands, &kinds);
     opened.format.check_channels(&opened.carried.channels)?;
-    let maker = Maker { job, opened: &opened, progress, cancel };
+    let maker = TinMaker { job, opened: &opened, progress, cancel };
     let picture =
         maker.check_output().and_then(|()| Picture::read(&maker, bands)).map_err(named)?;
     opened.carried = carried(bands, &picture.kinds(kinds));
-    let maker = Maker { job, opened: &opened, progress, cancel };
+    let maker = TinMaker { job, opened: &opened, progress, cancel };
     let mut report = picture.make(&maker, bands).map_err(named)?;
     report.took(started.elapsed());
     Ok(report)
 }
 
 /// Opens the band of heights, or the first, where the memory holds all of them.
-fn open(job: &TinJob, bands: &Bands) -> Result<memory::Opened> {
+fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     let options = options(job)?;
-    let all = memory::look_at(&job.input, &Bands::options(1, &options))?;
+    let all = memory::look_at(&job.input, &MeshBands::options(1, &options))?;
     bands.check(all.info()).map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
     drop(all);
     let (first, _) = bands.list()[0];
     let whole = whole(bands);
-    textbook::open(job, &Bands::options(bands.heights().unwrap_or(first), &options), &whole)
+    textbook::open(job, &MeshBands::options(bands.heights().unwrap_or(first), &options), &whole)
 }
 
 /// Bytes for a sample while a band is read.
-fn whole(bands: &Bands) -> Whole {
-    Whole {
+fn whole(bands: &MeshBands) -> WholeGridMethod {
+    WholeGridMethod {
         what: format!("a mesh of {} bands", bands.list().len()),
-        sample_bytes: Channels::sample_bytes(bands.list().len()),
+        sample_bytes: WeightedChannels::sample_bytes(bands.list().len()),
         otherwise: "make it coarser before (gdal_translate -outsize)".to_owned(),
     }
 }
 
 /// How each band is stored, by its type alone.
-fn kinds(job: &TinJob, bands: &Bands) -> Result<Vec<ChannelKind>> {
+fn kinds(job: &TinJob, bands: &MeshBands) -> Result<Vec<ChannelKind>> {
     let options = options(job)?;
     let look = |&(band, _): &(u32, f64)| {
-        Ok(kind_of(memory::look_at(&job.input, &Bands::options(band, &options))?.info()))
+        Ok(kind_of(memory::look_at(&job.input, &MeshBands::options(band, &options))?.info()))
     };
     bands.list().iter().map(look).collect()
 }
 
-fn carried(bands: &Bands, kinds: &[ChannelKind]) -> Carried {
+fn carried(bands: &MeshBands, kinds: &[ChannelKind]) -> VertexExtras {
     let numbers = bands.list().iter().map(|(band, _)| *band);
     let stored: Vec<_> = numbers.zip(kinds.iter().copied()).collect();
-    let channels = Channel::of_bands(&stored);
-    Carried { channels, bands: Some(bands.clone()), triangulation: None }
+    let channels = VertexChannel::of_bands(&stored);
+    VertexExtras { channels, bands: Some(bands.clone()), triangulation: None }
 }
 
 /// The values of all bands.
@@ -96,7 +96,7 @@ struct Picture {
 
 impl Picture {
     /// Reads all bands, one after the other; what is void in one becomes void in all.
-    fn read(maker: &Maker<'_>, bands: &Bands) -> Result<Self> {
+    fn read(maker: &TinMaker<'_>, bands: &MeshBands) -> Result<Self> {
         let info = maker.opened.source.info();
         let (size, mut stages) = ([info.width, info.height], Stages::default());
         let planes = stages.time(maker, "read", || {
@@ -119,27 +119,28 @@ impl Picture {
         by_type.into_iter().zip(&self.planes).map(kind).collect()
     }
 
-    fn make(self, maker: &Maker<'_>, bands: &Bands) -> Result<TinReport> {
+    fn make(self, maker: &TinMaker<'_>, bands: &MeshBands) -> Result<TinReport> {
         let Self { size, planes, mut stages } = self;
         let weights: Vec<f64> = bands.list().iter().map(|(_, weight)| *weight).collect();
         let goal = maker.job.goal;
         let drawn = stages.time(maker, "method", || {
             let pulse = || maker.cancel.check();
-            Channels::new(size, &planes, &weights)?.triangulate(textbook::asked(goal), &pulse)
+            WeightedChannels::new(size, &planes, &weights)?
+                .triangulate(textbook::asked(goal), &pulse)
         })?;
         let [vertices, triangles] =
             [drawn.vertices.len(), drawn.triangles.len()].map(|count| count as u64);
         maker.opened.format.check_capacity(vertices, triangles)?;
-        let values = Values { planes: &planes, width: size[0], heights: heights(bands) };
+        let values = VertexValues { planes: &planes, width: size[0], heights: heights(bands) };
         values.check_heights(maker, &drawn)?;
         let tolerance = match goal {
-            Goal::MaxError(tolerance) => tolerance,
-            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => drawn.max_error,
+            TinGoal::MaxError(tolerance) => tolerance,
+            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => drawn.max_error,
         };
         let surface = surface(&drawn.census);
         let write = |sink, _| {
             let output_bytes = stages.time(maker, "write", || values.write(maker, &drawn, sink))?;
-            Ok(Outcome {
+            Ok(TinOutcome {
                 vertices,
                 triangles,
                 valid: drawn.census.valid,
@@ -147,17 +148,18 @@ impl Picture {
                 max_error: drawn.max_error,
                 output_bytes,
                 stages: stages.0,
-                ..Outcome::default()
+                ..TinOutcome::default()
             })
         };
         let report = maker.complete(tolerance, 0, write)?;
-        let told =
-            |(&(band, weight), found): (&(u32, f64), &terrane_baselines::Measured)| BandReport {
+        let told = |(&(band, weight), found): (&(u32, f64), &terrane_baselines::ChannelErrors)| {
+            MeshBandReport {
                 band,
                 weight,
                 max_error: Some(found.max_error),
                 rmse: Some((found.square_sum / surface).sqrt()),
-            };
+            }
+        };
         Ok(TinReport {
             method: Some("greedy4".to_owned()),
             triangulation: Some("delaunay".to_owned()),
@@ -173,20 +175,20 @@ impl Picture {
 }
 
 /// The place of the band of heights in the list.
-fn heights(bands: &Bands) -> Option<usize> {
+fn heights(bands: &MeshBands) -> Option<usize> {
     let heights = bands.heights()?;
     bands.list().iter().position(|(band, _)| *band == heights)
 }
 
 /// All values of a band, checked as heights are.
-fn read(maker: &Maker<'_>, band: u32) -> Result<Vec<f64>> {
+fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
     maker.cancel.check()?;
-    let Maker { job, opened, .. } = maker;
+    let TinMaker { job, opened, .. } = maker;
     let info = opened.source.info();
     let other = match info.band == band {
         true => None,
         false => {
-            let options = Bands::options(band, &options(job)?);
+            let options = MeshBands::options(band, &options(job)?);
             let resources = Resources { threads: 1, ..job.resources.clone() };
             let samples = u64::from(info.width) * u64::from(info.height);
             let held = samples * textbook::READ_BYTES;
@@ -199,30 +201,30 @@ fn read(maker: &Maker<'_>, band: u32) -> Result<Vec<f64>> {
         let message = format!("bands {} and {band} differ in size or place", info.band);
         return Err(Error::unsupported(message).remedy("name bands of one lattice"));
     }
-    let mut window = Window::default();
+    let mut window = WorkerBuffers::default();
     window.read(source, Rect::new(0, 0, info.width, info.height))?;
     Ok(textbook::all_heights(&window))
 }
 
 /// What vertices are told to be.
-struct Values<'a> {
+struct VertexValues<'a> {
     planes: &'a [Vec<f64>],
     width: u32,
     /// The plane of heights.
     heights: Option<usize>,
 }
 
-impl Values<'_> {
-    fn place(&self, at: Sample) -> usize {
+impl VertexValues<'_> {
+    fn place(&self, at: PackedSample) -> usize {
         at.row() as usize * self.width as usize + at.col() as usize
     }
 
-    fn height(&self, at: Sample) -> f64 {
+    fn height(&self, at: PackedSample) -> f64 {
         self.heights.map_or(0.0, |plane| self.planes[plane][self.place(at)])
     }
 
     /// Fails where the format does not store the heights of vertices as they are.
-    fn check_heights(&self, maker: &Maker<'_>, drawn: &Drawn) -> Result<()> {
+    fn check_heights(&self, maker: &TinMaker<'_>, drawn: &MultichannelTin) -> Result<()> {
         let Some(rounding) = maker.opened.rounding() else { return Ok(()) };
         let mut heights = drawn.vertices.iter().map(|&at| self.height(at));
         match heights.find(|&height| rounding.apply(height) != height) {
@@ -235,13 +237,18 @@ impl Values<'_> {
         }
     }
 
-    fn write(&self, maker: &Maker<'_>, drawn: &Drawn, sink: Box<dyn MeshSink>) -> Result<u64> {
+    fn write(
+        &self,
+        maker: &TinMaker<'_>,
+        drawn: &MultichannelTin,
+        sink: Box<dyn MeshSink>,
+    ) -> Result<u64> {
         let to_world = &maker.opened.source.info().transform;
-        let position = |at: Sample| -> Point3 {
+        let position = |at: PackedSample| -> Point3 {
             let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
             [x, y, self.height(at)]
         };
-        let values = |at: Sample| {
+        let values = |at: PackedSample| {
             let place = self.place(at);
             self.planes.iter().map(move |plane| plane[place])
         };

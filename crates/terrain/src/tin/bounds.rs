@@ -1,9 +1,9 @@
 //! Boxes of positions, and positions seen from other tiles.
 
-use super::layout::{Layout, TileId};
+use super::layout::{TileId, TileLayout};
 use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::Lattice;
-use terrane_tin::{Local, Triangle};
+use terrane_tin::{TilePosition, TileTriangle};
 
 /// Moves positions by a fixed number of columns and rows.
 #[derive(Clone, Copy)]
@@ -22,24 +22,27 @@ impl Shift {
 
     /// The moved position; it must be one (no coordinate below zero).
     #[inline]
-    pub(super) fn apply(self, at: Local) -> Local {
-        Local::new(at.col().wrapping_add_signed(self.cols), at.row().wrapping_add_signed(self.rows))
+    pub(super) fn apply(self, at: TilePosition) -> TilePosition {
+        TilePosition::new(
+            at.col().wrapping_add_signed(self.cols),
+            at.row().wrapping_add_signed(self.rows),
+        )
     }
 
     /// The moved triangle.
-    pub(super) fn triangle(self, triangle: &Triangle) -> Triangle {
-        Triangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
+    pub(super) fn triangle(self, triangle: &TileTriangle) -> TileTriangle {
+        TileTriangle { corners: triangle.corners.map(|at| self.apply(at)), ..*triangle }
     }
 }
 
 /// A box of positions in some frame that may begin before its zero.
 #[derive(Clone, Copy)]
-pub(super) struct Frame {
+pub(super) struct OffsetFrame {
     first: [i32; 2],
     size: [u32; 2],
 }
 
-impl Frame {
+impl OffsetFrame {
     /// The samples of `rect` as positions relative to grid position `origin` (column, row).
     pub(super) fn new(rect: Rect, origin: (u32, u32)) -> Self {
         let Shift { cols, rows } = Shift::new((rect.col, rect.row), origin);
@@ -48,7 +51,7 @@ impl Frame {
 
     /// True when `at` is one of the samples.
     #[inline]
-    pub(super) fn contains(&self, at: Local) -> bool {
+    pub(super) fn contains(&self, at: TilePosition) -> bool {
         let col = at.col().wrapping_add_signed(self.first[0].wrapping_neg());
         let row = at.row().wrapping_add_signed(self.first[1].wrapping_neg());
         (col < self.size[0]) & (row < self.size[1])
@@ -57,15 +60,15 @@ impl Frame {
 
 /// First and last column, first and last row.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
+pub(super) struct SampleBounds {
     pub(super) cols: [i32; 2],
     pub(super) rows: [i32; 2],
 }
 
-impl Bounds {
+impl SampleBounds {
     /// The box around a triangle.
     #[inline]
-    pub(super) fn of(corners: [Local; 3]) -> Self {
+    pub(super) fn of(corners: [TilePosition; 3]) -> Self {
         let [a, b, c] = corners.map(|at| [at.col() as i32, at.row() as i32]);
         let span = |i: usize| [a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i])];
         Self { cols: span(0), rows: span(1) }
@@ -106,16 +109,16 @@ impl Bounds {
 const MARGIN: u32 = 40;
 
 /// The samples of a tile that are [`MARGIN`] cells away from its sides.
-pub(super) fn inner_bounds(layout: &Layout, tile: TileId) -> Bounds {
+pub(super) fn inner_bounds(layout: &TileLayout, tile: TileId) -> SampleBounds {
     bounds_within(layout.rect(tile), MARGIN as i32)
 }
 
 /// The samples of a tile.
-pub(super) fn all_bounds(layout: &Layout, tile: TileId) -> Bounds {
+pub(super) fn all_bounds(layout: &TileLayout, tile: TileId) -> SampleBounds {
     bounds_within(layout.rect(tile), 0)
 }
 
-fn bounds_within(rect: Rect, margin: i32) -> Bounds {
+fn bounds_within(rect: Rect, margin: i32) -> SampleBounds {
     let span = |count: u32| [margin, count as i32 - 1 - margin];
-    Bounds { cols: span(rect.width), rows: span(rect.height) }
+    SampleBounds { cols: span(rect.width), rows: span(rect.height) }
 }

@@ -28,7 +28,7 @@ const TINY: f64 = 1e-9;
 
 /// A tolerance and what its mesh counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Trial {
+pub(super) struct ToleranceTrial {
     pub(super) tolerance: f64,
     pub(super) count: u64,
 }
@@ -39,15 +39,15 @@ pub(super) struct Trial {
 /// not even the coarsest mesh fits.
 pub(super) fn search(
     budget: u64,
-    known: Option<Trial>,
-    mut guess: impl FnMut(Option<Trial>) -> Result<f64>,
+    known: Option<ToleranceTrial>,
+    mut guess: impl FnMut(Option<ToleranceTrial>) -> Result<f64>,
     mut count: impl FnMut(f64) -> Result<u64>,
 ) -> Result<(f64, u32)> {
     let spent = known.is_some().into();
     let mut search =
-        Search { budget, guess: guess(known)?, spent, trials: Vec::new(), same_side: 0 };
+        ToleranceSearch { budget, guess: guess(known)?, spent, trials: Vec::new(), same_side: 0 };
     while let Some(tolerance) = search.next() {
-        let trial = Trial { tolerance, count: count(tolerance)? };
+        let trial = ToleranceTrial { tolerance, count: count(tolerance)? };
         search.note(trial);
         let least = search.least();
         if least > budget {
@@ -67,16 +67,16 @@ fn too_small(budget: u64, least: u64) -> Error {
 }
 
 /// What is known so far.
-struct Search {
+struct ToleranceSearch {
     budget: u64,
     guess: f64,
     spent: u32,
-    trials: Vec<Trial>,
+    trials: Vec<ToleranceTrial>,
     /// Trials in a row that have moved the side of the bracket that is beyond the budget.
     same_side: u32,
 }
 
-impl Search {
+impl ToleranceSearch {
     /// The next tolerance to try; `None` when the search is over.
     fn next(&self) -> Option<f64> {
         let left = MOST_TRIALS - self.spent - self.trials.len() as u32;
@@ -99,7 +99,7 @@ impl Search {
         self.fits().is_some_and(|fits| fits.tolerance == 0.0 || fits.count as f64 >= least)
     }
 
-    fn note(&mut self, trial: Trial) {
+    fn note(&mut self, trial: ToleranceTrial) {
         let moves = self.over().is_some_and(|over| trial.tolerance > over.tolerance);
         let is_over = trial.count > self.budget;
         self.same_side = if is_over && moves { self.same_side + 1 } else { 0 };
@@ -107,13 +107,13 @@ impl Search {
     }
 
     /// The largest tolerance known not to fit.
-    fn over(&self) -> Option<Trial> {
+    fn over(&self) -> Option<ToleranceTrial> {
         let over = self.trials.iter().filter(|trial| trial.count > self.budget);
         over.copied().max_by(|a, b| a.tolerance.total_cmp(&b.tolerance))
     }
 
     /// The smallest known to fit.
-    fn fits(&self) -> Option<Trial> {
+    fn fits(&self) -> Option<ToleranceTrial> {
         let fits = self.trials.iter().filter(|trial| trial.count <= self.budget);
         fits.copied().min_by(|a, b| a.tolerance.total_cmp(&b.tolerance))
     }
@@ -125,7 +125,7 @@ impl Search {
     }
 
     /// The logarithms of a tolerance and of what its count has beyond the least.
-    fn place(&self, trial: Trial) -> [f64; 2] {
+    fn place(&self, trial: ToleranceTrial) -> [f64; 2] {
         [trial.tolerance.ln(), self.height(trial.count as f64)]
     }
 
@@ -139,14 +139,14 @@ impl Search {
     }
 
     /// The logarithm of the tolerance that a line through the two trials gives, followed from the first.
-    fn followed(&self, near: Trial, other: Trial) -> f64 {
+    fn followed(&self, near: ToleranceTrial, other: ToleranceTrial) -> f64 {
         let ([x, y], [other_x, other_y]) = (self.place(near), self.place(other));
         let slope = ((y - other_y) / (other_x - x)).max(LEAST_SLOPE);
         x + self.miss(near.count as f64) / slope
     }
 
     /// True when the guess is clearly on the side of a trial where the budget must be.
-    fn leads_on(&self, trial: Trial) -> bool {
+    fn leads_on(&self, trial: ToleranceTrial) -> bool {
         if trial.count > self.budget {
             self.guess > trial.tolerance * WIDTH
         } else {
@@ -155,11 +155,12 @@ impl Search {
     }
 
     /// A tolerance beyond all trials on one side, where the other is not known.
-    fn beyond(&self, over: Option<Trial>, fits: Option<Trial>) -> f64 {
-        let is_usual = |trial: &&Trial| trial.tolerance > 0.0 && trial.tolerance < COARSEST;
-        let mut known: Vec<Trial> = self.trials.iter().filter(is_usual).copied().collect();
+    fn beyond(&self, over: Option<ToleranceTrial>, fits: Option<ToleranceTrial>) -> f64 {
+        let is_usual =
+            |trial: &&ToleranceTrial| trial.tolerance > 0.0 && trial.tolerance < COARSEST;
+        let mut known: Vec<ToleranceTrial> = self.trials.iter().filter(is_usual).copied().collect();
         known.sort_by(|a, b| {
-            let miss = |trial: &Trial| self.miss(trial.count as f64).abs();
+            let miss = |trial: &ToleranceTrial| self.miss(trial.count as f64).abs();
             miss(a).total_cmp(&miss(b))
         });
         let wanted = match known[..] {
@@ -184,13 +185,13 @@ impl Search {
 
     /// A tolerance between two trials: on the line through them, or towards the middle where that was
     /// beyond the budget before, so that a curve with jumps (integer heights) cannot hold the search up.
-    fn between(&self, over: Trial, fits: Trial) -> Option<f64> {
+    fn between(&self, over: ToleranceTrial, fits: ToleranceTrial) -> Option<f64> {
         if over.tolerance == 0.0 || fits.tolerance <= over.tolerance * WIDTH {
             return None;
         }
         let [low, high] = [over, fits].map(|trial| trial.tolerance.ln());
-        let nearer = |a: Trial, b: Trial| {
-            let miss = |trial: Trial| self.miss(trial.count as f64).abs();
+        let nearer = |a: ToleranceTrial, b: ToleranceTrial| {
+            let miss = |trial: ToleranceTrial| self.miss(trial.count as f64).abs();
             if miss(a) < miss(b) { [a, b] } else { [b, a] }
         };
         let [near, other] = nearer(over, fits);
@@ -277,7 +278,7 @@ mod tests {
         ) {
             let count = |tolerance| curve(tolerance, 0.0, slope);
             let budget = count(exact);
-            let guess = |trial: Option<Trial>| {
+            let guess = |trial: Option<ToleranceTrial>| {
                 let factor = trial.map_or(1.0, |trial| {
                     off * count(trial.tolerance) as f64 / trial.count as f64
                 });
@@ -285,7 +286,7 @@ mod tests {
                 let fits = |t: &f64| off * count(*t) as f64 <= wanted;
                 Ok((0..1400).map(|i| 1e-4 * 1.01_f64.powi(i)).find(fits).unwrap_or(1e6))
             };
-            let known = whole.then(|| Trial { tolerance: 0.0, count: count(0.0) });
+            let known = whole.then(|| ToleranceTrial { tolerance: 0.0, count: count(0.0) });
             let (tolerance, trials) = search(budget, known, guess, |t| Ok(count(t))).unwrap();
             let used = count(tolerance) as f64 / budget as f64;
             prop_assert!((0.99..=1.0).contains(&used), "{}", used);

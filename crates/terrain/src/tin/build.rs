@@ -2,27 +2,27 @@
 
 use std::path::Path;
 
-use super::goal::Goal;
-use super::layout::{Layout, checked_tile};
-use super::make::{Origin, header, in_input, open_tiled};
+use super::goal::TinGoal;
+use super::layout::{TileLayout, checked_tile};
+use super::make::{MeshOrigin, header, in_input, open_tiled};
 use super::refinement::Refinement;
 use super::report::{FlawReport, unmet};
-use super::run::Outcome;
+use super::run::TinOutcome;
 use super::seek::{Seeker, run_stage};
-use super::settings::Settings;
+use super::settings::TinSettings;
 use terrane_base::error::Result;
-use terrane_engine::kept::Features;
-use terrane_engine::memory::{self, Shares};
+use terrane_engine::kept::ConstraintFeatures;
+use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::{Cancel, Progress, Resources, beside};
 use terrane_mesh::{MeshHeader, MeshSink};
-use terrane_raster::{GridSource, Inputs, OpenOptions, Upright};
+use terrane_raster::{GridOpenOptions, GridSource, Inputs, NorthUpGrid};
 use terrane_tin::Spec;
 
 /// A mesh to make of a grid that is open.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildJob<'a> {
     /// What to reach.
-    pub goal: Goal,
+    pub goal: TinGoal,
     /// How.
     pub refinement: &'a Refinement,
     /// Cells along a tile's side.
@@ -33,7 +33,7 @@ pub struct BuildJob<'a> {
 
 impl BuildJob<'_> {
     /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
-    fn worker(&self, features: &Features, tile: u32) -> u64 {
+    fn worker(&self, features: &ConstraintFeatures, tile: u32) -> u64 {
         let worker = self.refinement.worker_bytes(self.goal, tile, features.has_lines());
         features.bytes() + worker
     }
@@ -45,7 +45,7 @@ pub struct Built {
     /// The tolerance of the mesh.
     pub tolerance: f64,
     /// What the run counted, errors measured.
-    pub outcome: Outcome,
+    pub outcome: TinOutcome,
     /// What was asked for and is not so, in words.
     pub unmet: Option<String>,
     /// What files of the mesh are to be told of it.
@@ -64,9 +64,9 @@ pub fn build(
     cancel: &Cancel,
 ) -> Result<Built> {
     job.goal.check()?;
-    let source = &Upright::new(source);
+    let source = &NorthUpGrid::new(source);
     let info = source.info();
-    let layout = Layout::new(info.width, info.height, checked_tile(job.tile)?)?;
+    let layout = TileLayout::new(info.width, info.height, checked_tile(job.tile)?)?;
     let features = job.refinement.features(None, job.resources)?;
     let worker = job.worker(&features, layout.side());
     let shares = memory::divide(job.resources.memory, job.resources.threads, worker)
@@ -80,7 +80,7 @@ pub fn build(
 /// As [`build`], and those of opening and reading the files.
 pub fn build_files(
     input: &Inputs,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
     progress: &dyn Progress,
@@ -99,18 +99,18 @@ pub fn build_files(
 }
 
 fn build_within(
-    (source, [clip, water], features): (&dyn GridSource, [Option<&Path>; 2], Features),
+    (source, [clip, water], features): (&dyn GridSource, [Option<&Path>; 2], ConstraintFeatures),
     sink: Box<dyn MeshSink>,
     job: &BuildJob<'_>,
-    shares: Shares,
+    shares: MemoryShares,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<Built> {
     let info = source.info();
-    let layout = Layout::new(info.width, info.height, job.tile)?;
+    let layout = TileLayout::new(info.width, info.height, job.tile)?;
     let kept = features.on(info)?;
     let folder = job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
-    let settings = Settings {
+    let settings = TinSettings {
         spec: job.refinement.spec(&info.transform)?,
         tile: job.tile,
         kept: &kept,
@@ -122,10 +122,10 @@ fn build_within(
         cancel,
     };
     let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
-    let settings = Settings { spec: Spec { tolerance, ..settings.spec }, ..settings };
+    let settings = TinSettings { spec: Spec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
     let [clip, water] = [clip, water].map(|path| path.map(beside::label));
-    let from = Origin { input: info.format, clip, water, refinement: job.refinement };
+    let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
     let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
     Ok(Built { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })

@@ -7,20 +7,20 @@
 
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
-use super::bounds::{Bounds, Frame, Shift, all_bounds, inner_bounds};
-use super::layout::{Layout, TileId};
-use super::zone::Zone;
+use super::bounds::{OffsetFrame, SampleBounds, Shift, all_bounds, inner_bounds};
+use super::layout::{TileId, TileLayout};
+use super::zone::PatchZone;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_files::{Extent, Spool};
-use terrane_tin::{AngleBound, Local, Triangle, sort_by_position};
+use terrane_files::{SpoolExtent, SpoolFile};
+use terrane_tin::{MinimumAngle, TilePosition, TileTriangle, sort_by_position};
 
 /// Part of a mesh, with positions relative to the sample (`col`, `row`) of the grid.
 #[derive(Clone, Copy)]
-pub(super) struct Piece<'a> {
+pub(super) struct MeshPiece<'a> {
     pub(super) rect: Rect,
-    pub(super) triangles: &'a [Triangle],
-    pub(super) vertices: &'a [Local],
+    pub(super) triangles: &'a [TileTriangle],
+    pub(super) vertices: &'a [TilePosition],
     pub(super) heights: &'a [f64],
 }
 
@@ -28,10 +28,10 @@ pub(super) struct Piece<'a> {
 #[derive(Debug, Default)]
 pub(super) struct Container {
     /// Those near the sides of the tile, and all that seam patches brought.
-    pub(super) triangles: Vec<Triangle>,
+    pub(super) triangles: Vec<TileTriangle>,
     /// The others; no triangle of a neighbour has a corner among theirs.
-    pub(super) inner: Vec<Triangle>,
-    pub(super) vertices: Vec<Local>,
+    pub(super) inner: Vec<TileTriangle>,
+    pub(super) vertices: Vec<TilePosition>,
     pub(super) heights: Vec<f64>,
     /// This many vertices from the first are sorted and unique; later ones were added by
     /// neighbours and seam patches.
@@ -42,15 +42,15 @@ impl Container {
     /// Moves all triangles of `zone` to `out`, relative to its limits.
     pub(super) fn extract(
         &mut self,
-        zone: &Zone,
+        zone: &PatchZone,
         tile: TileId,
-        layout: &Layout,
-        out: &mut Vec<Triangle>,
+        layout: &TileLayout,
+        out: &mut Vec<TileTriangle>,
     ) {
         let origin = layout.origin(tile);
         let members = zone.seen_from(origin);
         let shift = Shift::new(origin, (zone.limits().col, zone.limits().row));
-        let is_left = |triangle: &Triangle| {
+        let is_left = |triangle: &TileTriangle| {
             let is_member = members.contains(triangle);
             if is_member {
                 out.push(shift.triangle(triangle));
@@ -66,10 +66,10 @@ impl Container {
     /// True when a triangle of `zone` has too small an angle.
     pub(super) fn is_thin_in(
         &self,
-        zone: &Zone,
+        zone: &PatchZone,
         tile: TileId,
-        layout: &Layout,
-        bound: &AngleBound,
+        layout: &TileLayout,
+        bound: &MinimumAngle,
     ) -> bool {
         let members = zone.seen_from(layout.origin(tile));
         let touches_inner = members.touches(&inner_bounds(layout, tile));
@@ -79,15 +79,15 @@ impl Container {
     }
 
     /// Takes what belongs to `tile` out of a piece of the mesh.
-    pub(super) fn insert(&mut self, piece: Piece<'_>, tile: TileId, layout: &Layout) {
+    pub(super) fn insert(&mut self, piece: MeshPiece<'_>, tile: TileId, layout: &TileLayout) {
         let at = (piece.rect.col, piece.rect.row);
         let shift = Shift::new(at, layout.origin(tile));
-        let owned = Frame::new(layout.owned(tile), at);
+        let owned = OffsetFrame::new(layout.owned(tile), at);
         let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
         if piece.rect == layout.rect(tile) {
             let inner = inner_bounds(layout, tile);
             for &triangle in kept {
-                let is_inner = inner.holds(&Bounds::of(triangle.corners));
+                let is_inner = inner.holds(&SampleBounds::of(triangle.corners));
                 if is_inner { &mut self.inner } else { &mut self.triangles }.push(triangle);
             }
             self.insert_sorted(piece, owned);
@@ -98,16 +98,21 @@ impl Container {
     }
 
     /// The triangles that lie in the tile.
-    pub(super) fn within(&self, tile: TileId, layout: &Layout) -> Vec<Triangle> {
+    pub(super) fn within(&self, tile: TileId, layout: &TileLayout) -> Vec<TileTriangle> {
         let inside = all_bounds(layout, tile);
-        let near = self.triangles.iter().filter(|t| inside.holds(&Bounds::of(t.corners)));
+        let near = self.triangles.iter().filter(|t| inside.holds(&SampleBounds::of(t.corners)));
         near.chain(&self.inner).copied().collect()
     }
 
     /// Puts a piece of the whole tile in the place of the triangles that lie in it.
-    pub(super) fn replace_within(&mut self, piece: Piece<'_>, tile: TileId, layout: &Layout) {
+    pub(super) fn replace_within(
+        &mut self,
+        piece: MeshPiece<'_>,
+        tile: TileId,
+        layout: &TileLayout,
+    ) {
         let inside = all_bounds(layout, tile);
-        self.triangles.retain(|t| !inside.holds(&Bounds::of(t.corners)));
+        self.triangles.retain(|t| !inside.holds(&SampleBounds::of(t.corners)));
         self.inner.clear();
         self.insert(piece, tile, layout);
     }
@@ -118,11 +123,12 @@ impl Container {
         &self,
         rect: Rect,
         tile: TileId,
-        layout: &Layout,
-        out: &mut Vec<(Local, f64)>,
+        layout: &TileLayout,
+        out: &mut Vec<(TilePosition, f64)>,
     ) {
         let origin = layout.origin(tile);
-        let (inside, shift) = (Frame::new(rect, origin), Shift::new(origin, (rect.col, rect.row)));
+        let (inside, shift) =
+            (OffsetFrame::new(rect, origin), Shift::new(origin, (rect.col, rect.row)));
         let all = self.vertices.iter().zip(&self.heights);
         out.extend(
             all.filter(|&(&at, _)| inside.contains(at)).map(|(&at, &z)| (shift.apply(at), z)),
@@ -130,13 +136,13 @@ impl Container {
     }
 
     /// Adds the tile's own vertices before those its neighbours have added so far, which are not listed twice.
-    fn insert_sorted(&mut self, piece: Piece<'_>, owned: Frame) {
+    fn insert_sorted(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame) {
         let own = || {
             let all = piece.vertices.iter().zip(piece.heights);
             all.filter(|&(&at, _)| owned.contains(at))
         };
         let loose = self.vertices.drain(..).zip(self.heights.drain(..));
-        let is_new = |(at, _): &(Local, f64)| piece.vertices.binary_search(at).is_err();
+        let is_new = |(at, _): &(TilePosition, f64)| piece.vertices.binary_search(at).is_err();
         let loose: Vec<_> = loose.filter(is_new).collect();
         self.sorted = own().count();
         self.vertices.extend(own().map(|(&at, _)| at).chain(loose.iter().map(|&(at, _)| at)));
@@ -144,7 +150,7 @@ impl Container {
     }
 
     /// Appends the vertices that are not among the tile's own; those that are may have moved.
-    fn insert_loose(&mut self, piece: Piece<'_>, owned: Frame, shift: Shift) {
+    fn insert_loose(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame, shift: Shift) {
         for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
             if !owned.contains(at) {
                 continue;
@@ -161,9 +167,9 @@ impl Container {
     }
 
     /// Sorts the vertices and leaves only those that `used` accepts, once each, at their last height.
-    pub(super) fn settle(&mut self, used: impl Fn(Local) -> bool) {
+    pub(super) fn settle(&mut self, used: impl Fn(TilePosition) -> bool) {
         let all = self.vertices.iter().copied().zip(self.heights.iter().copied());
-        let mut kept: Vec<(Local, f64)> = all.rev().filter(|&(at, _)| used(at)).collect();
+        let mut kept: Vec<(TilePosition, f64)> = all.rev().filter(|&(at, _)| used(at)).collect();
         kept.sort_by_key(|&(at, _)| at);
         kept.dedup_by_key(|&mut (at, _)| at);
         self.vertices = kept.iter().map(|&(at, _)| at).collect();
@@ -172,7 +178,7 @@ impl Container {
     }
 
     /// Takes out all triangles.
-    pub(super) fn take_triangles(&mut self) -> Vec<Triangle> {
+    pub(super) fn take_triangles(&mut self) -> Vec<TileTriangle> {
         let mut triangles = std::mem::take(&mut self.triangles);
         triangles.append(&mut std::mem::take(&mut self.inner));
         triangles
@@ -188,16 +194,22 @@ impl Container {
     /// Bytes held.
     pub(super) fn bytes(&self) -> u64 {
         let triangles = self.triangles.capacity() + self.inner.capacity();
-        let triangles = triangles * size_of::<Triangle>();
-        let vertices = self.vertices.capacity() * size_of::<Local>();
+        let triangles = triangles * size_of::<TileTriangle>();
+        let vertices = self.vertices.capacity() * size_of::<TilePosition>();
         (triangles + vertices + self.heights.capacity() * size_of::<f64>()) as u64
     }
 
     /// Writes all to the spool.
-    pub(super) fn spill(&self, spool: &Spool) -> Result<Spilled> {
+    pub(super) fn spill(&self, spool: &SpoolFile) -> Result<SpilledContainer> {
         let extent = spool.put(&self.parts())?;
         let (triangles, inner) = (self.triangles.len(), self.inner.len());
-        Ok(Spilled { extent, triangles, inner, vertices: self.vertices.len(), sorted: self.sorted })
+        Ok(SpilledContainer {
+            extent,
+            triangles,
+            inner,
+            vertices: self.vertices.len(),
+            sorted: self.sorted,
+        })
     }
 
     /// All of a closed container as bytes.
@@ -243,30 +255,30 @@ fn take<T: AnyBitPattern + NoUninit>(bytes: &mut &[u8], count: u64) -> Option<Ve
 
 /// A container in the spool.
 #[derive(Debug)]
-pub(super) struct Spilled {
-    pub(super) extent: Extent,
+pub(super) struct SpilledContainer {
+    pub(super) extent: SpoolExtent,
     triangles: usize,
     inner: usize,
     vertices: usize,
     sorted: usize,
 }
 
-impl Spilled {
+impl SpilledContainer {
     /// Number of vertices.
     pub(super) fn vertices(&self) -> usize {
         self.vertices
     }
 
     /// Reads the container back and frees its space.
-    pub(super) fn load(self, spool: &Spool) -> Result<Container> {
-        let mut triangles = vec![Triangle::zeroed(); self.triangles];
-        let mut inner = vec![Triangle::zeroed(); self.inner];
-        let mut vertices = vec![Local::zeroed(); self.vertices];
+    pub(super) fn load(self, spool: &SpoolFile) -> Result<Container> {
+        let mut triangles = vec![TileTriangle::zeroed(); self.triangles];
+        let mut inner = vec![TileTriangle::zeroed(); self.inner];
+        let mut vertices = vec![TilePosition::zeroed(); self.vertices];
         let mut heights = vec![0.0; self.vertices];
         let mut parts: [&mut [u8]; 4] = [
-            bytemuck::cast_slice_mut::<Triangle, u8>(&mut triangles),
-            bytemuck::cast_slice_mut::<Triangle, u8>(&mut inner),
-            bytemuck::cast_slice_mut::<Local, u8>(&mut vertices),
+            bytemuck::cast_slice_mut::<TileTriangle, u8>(&mut triangles),
+            bytemuck::cast_slice_mut::<TileTriangle, u8>(&mut inner),
+            bytemuck::cast_slice_mut::<TilePosition, u8>(&mut vertices),
             bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
         ];
         spool.take(self.extent, &mut parts)?;
@@ -275,9 +287,9 @@ impl Spilled {
 }
 
 /// The first corner of a triangle's bounding box.
-fn first_corner(triangle: &Triangle) -> Local {
+fn first_corner(triangle: &TileTriangle) -> TilePosition {
     let [a, b, c] = triangle.corners;
-    Local::new(a.col().min(b.col()).min(c.col()), a.row().min(b.row()).min(c.row()))
+    TilePosition::new(a.col().min(b.col()).min(c.col()), a.row().min(b.row()).min(c.row()))
 }
 
 #[cfg(test)]
@@ -285,26 +297,27 @@ mod tests {
     use super::*;
     use crate::tin::layout::Seam;
 
-    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
-        let corners = corners.map(|(col, row)| Local::new(col, row));
-        Triangle { corners, max_error: 1.0, square_sum: 2.0 }
+    fn triangle(corners: [(u32, u32); 3]) -> TileTriangle {
+        let corners = corners.map(|(col, row)| TilePosition::new(col, row));
+        TileTriangle { corners, max_error: 1.0, square_sum: 2.0 }
     }
 
     #[test]
     fn a_piece_is_divided_among_owners_and_found_again() {
-        let layout = Layout::new(257, 129, 128).unwrap();
+        let layout = TileLayout::new(257, 129, 128).unwrap();
         let (left, right) = (TileId::new(0, 0), TileId::new(0, 1));
-        let zone = Zone::new(&layout, Seam::Vertical, left, 64, 0);
+        let zone = PatchZone::new(&layout, Seam::Vertical, left, 64, 0);
         let triangles = [
             triangle([(0, 0), (127, 0), (64, 9)]),
             triangle([(64, 1), (65, 1), (64, 90)]),
             triangle([(20, 50), (21, 50), (22, 60)]),
         ];
-        let mut vertices: Vec<Local> = triangles.iter().flat_map(|t| t.corners).collect();
+        let mut vertices: Vec<TilePosition> = triangles.iter().flat_map(|t| t.corners).collect();
         vertices.sort();
         let heights: Vec<f64> = vertices.iter().map(|at| f64::from(at.col())).collect();
         let rect = zone.limits();
-        let piece = Piece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
+        let piece =
+            MeshPiece { rect, triangles: &triangles, vertices: &vertices, heights: &heights };
         let mut found = Vec::new();
         let mut counts = Vec::new();
         for tile in [left, right] {
@@ -322,18 +335,18 @@ mod tests {
 
     #[test]
     fn inner_triangles_are_found_when_a_zone_reaches_them() {
-        let layout = Layout::new(257, 129, 128).unwrap();
+        let layout = TileLayout::new(257, 129, 128).unwrap();
         let tile = TileId::new(0, 0);
         let triangles =
             [triangle([(70, 50), (80, 50), (75, 60)]), triangle([(110, 50), (120, 50), (115, 60)])];
         let rect = layout.rect(tile);
-        let piece = Piece { rect, triangles: &triangles, vertices: &[], heights: &[] };
+        let piece = MeshPiece { rect, triangles: &triangles, vertices: &[], heights: &[] };
         let mut container = Container::default();
         container.insert(piece, tile, &layout);
         assert_eq!((container.inner.len(), container.triangles.len()), (1, 1));
         for (reach, taken) in [(8, 1), (32, 1), (60, 2)] {
             let mut found = Vec::new();
-            let zone = Zone::new(&layout, Seam::Vertical, tile, reach, 0);
+            let zone = PatchZone::new(&layout, Seam::Vertical, tile, reach, 0);
             container.extract(&zone, tile, &layout, &mut found);
             assert_eq!(found.len(), if reach == 32 { 0 } else { taken.min(1) }, "reach {reach}");
         }
@@ -342,11 +355,15 @@ mod tests {
     #[test]
     fn spilled_and_loaded_is_the_same() {
         let folder = tempfile::tempdir().unwrap();
-        let spool = Spool::new(folder.path());
+        let spool = SpoolFile::new(folder.path());
         let container = Container {
             triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
             inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
-            vertices: vec![Local::new(0, 0), Local::new(1, 0), Local::new(0, 1)],
+            vertices: vec![
+                TilePosition::new(0, 0),
+                TilePosition::new(1, 0),
+                TilePosition::new(0, 1),
+            ],
             heights: vec![1.5, 2.5, -3.5],
             sorted: 2,
         };
@@ -359,7 +376,7 @@ mod tests {
 
     #[test]
     fn a_closed_container_comes_back_from_its_bytes_and_from_no_others() {
-        let at = |col| Local::new(col, 3);
+        let at = |col| TilePosition::new(col, 3);
         let mut container = Container {
             triangles: [7, 2].map(|col| triangle([(col, 0), (col + 1, 0), (0, 9)])).to_vec(),
             inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::layout::{Layout, USUAL_TILE};
+use super::layout::{TileLayout, USUAL_TILE};
 use super::worker::worker_bytes;
 use terrane_engine::{Resources, memory, plan};
 use terrane_raster::GridSource;
-use terrane_tin::{Local, Triangle};
+use terrane_tin::{TilePosition, TileTriangle};
 
 /// A mesh is coarse when it keeps this share of the samples, and fine when it keeps that.
 const KEPT: [f64; 2] = [0.002, 0.05];
@@ -42,7 +42,7 @@ pub struct Cost {
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
 pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
-    let layout = Layout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
+    let layout = TileLayout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
     let worker = worker_bytes(layout.side(), false, false);
     let least_memory = memory::least(worker, source.block_bytes());
@@ -75,17 +75,17 @@ pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
 
 /// Bytes of the mesh of so many samples: two triangles to a vertex, which has a height.
 fn mesh_bytes(samples: u64, kept: f64) -> u64 {
-    let vertex = 2 * size_of::<Triangle>() + size_of::<Local>() + size_of::<f64>();
+    let vertex = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
     (samples as f64 * kept * vertex as f64) as u64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_raster::{OpenOptions, open};
+    use terrane_raster::{GridOpenOptions, open};
 
     fn cost_of(terrain: &str, threads: usize, memory: u64) -> Option<Cost> {
-        let source = open(terrain, &OpenOptions::default()).unwrap();
+        let source = open(terrain, &GridOpenOptions::default()).unwrap();
         cost(source.as_ref(), &Resources { threads, memory, temp_dir: None })
     }
 

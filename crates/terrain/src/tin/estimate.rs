@@ -5,14 +5,14 @@
 
 use std::collections::HashMap;
 
-use super::budget::Trial;
-use super::layout::{Layout, TileId};
-use super::window::Window;
+use super::budget::ToleranceTrial;
+use super::layout::{TileId, TileLayout};
+use super::window::WorkerBuffers;
 use super::worker::tile_input;
 use terrane_base::error::Result;
 use terrane_engine::{Cancel, workers};
 use terrane_raster::GridSource;
-use terrane_tin::{Scratch, Spec, TileMesh, triangulate_tile};
+use terrane_tin::{Spec, TileMesh, TileScratch, triangulate_tile};
 
 /// One tile in this many is sampled, but no more than [`MOST_TILES`].
 const ONE_IN: u64 = 32;
@@ -32,12 +32,12 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Vertices and triangles of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Size {
+pub(super) struct MeshSize {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
 }
 
-impl Size {
+impl MeshSize {
     /// With so many vertices more.
     pub(super) fn with(self, vertices: u64) -> Self {
         Self { vertices: self.vertices + vertices, triangles: self.triangles + 2 * vertices }
@@ -52,12 +52,12 @@ impl Size {
 /// Triangulates the same few tiles at any tolerance, each at once on one of several threads.
 pub(super) struct Estimator<'a> {
     source: &'a dyn GridSource,
-    layout: Layout,
+    layout: TileLayout,
     threads: usize,
     cancel: &'a Cancel,
     tiles: Vec<TileId>,
     /// What was found: a search comes back to the same tolerances again and again.
-    known: HashMap<u64, Vec<(u64, Size)>>,
+    known: HashMap<u64, Vec<(u64, MeshSize)>>,
     /// Highest minus lowest height.
     relief: Option<f64>,
 }
@@ -66,7 +66,7 @@ impl<'a> Estimator<'a> {
     /// Chooses the tiles.
     pub(super) fn new(
         source: &'a dyn GridSource,
-        layout: Layout,
+        layout: TileLayout,
         threads: usize,
         cancel: &'a Cancel,
     ) -> Self {
@@ -77,7 +77,7 @@ impl<'a> Estimator<'a> {
     /// Chooses smaller tiles, and more of them, in a few bands: those of a band are read together.
     pub(super) fn thorough(
         source: &'a dyn GridSource,
-        layout: Layout,
+        layout: TileLayout,
         threads: usize,
         cancel: &'a Cancel,
     ) -> Result<Self> {
@@ -88,16 +88,17 @@ impl<'a> Estimator<'a> {
     }
 
     /// The estimated size of the whole mesh.
-    pub(super) fn size(&mut self, spec: &Spec) -> Result<Size> {
+    pub(super) fn size(&mut self, spec: &Spec) -> Result<MeshSize> {
         self.sizes(spec).map(|sizes| self.whole(&sizes))
     }
 
     /// The same with what it is likely to be off by on top: the standard error of the sampled tiles.
-    pub(super) fn size_at_most(&mut self, spec: &Spec) -> Result<Size> {
+    pub(super) fn size_at_most(&mut self, spec: &Spec) -> Result<MeshSize> {
         let sizes = self.sizes(spec)?;
         let size = self.whole(&sizes);
         let a_sample = size.vertices as f64 / self.layout.samples() as f64;
-        let off = |(samples, own): &(u64, Size)| own.vertices as f64 - a_sample * *samples as f64;
+        let off =
+            |(samples, own): &(u64, MeshSize)| own.vertices as f64 - a_sample * *samples as f64;
         let squares: f64 = sizes.iter().map(|size| off(size).powi(2)).sum();
         // None where every tile was looked at.
         let unseen = 1.0 - sizes.len() as f64 / self.layout.tiles() as f64;
@@ -106,8 +107,8 @@ impl<'a> Estimator<'a> {
     }
 
     /// Of all tiles, from the samples of some and what a mesh of these keeps.
-    fn whole(&self, sizes: &[(u64, Size)]) -> Size {
-        let mut found = Size::default();
+    fn whole(&self, sizes: &[(u64, MeshSize)]) -> MeshSize {
+        let mut found = MeshSize::default();
         for (_, own) in sizes {
             found.vertices += own.vertices;
             found.triangles += own.triangles;
@@ -116,7 +117,7 @@ impl<'a> Estimator<'a> {
         found.times(self.layout.samples() as f64 / samples.max(1) as f64)
     }
 
-    fn sizes(&mut self, spec: &Spec) -> Result<Vec<(u64, Size)>> {
+    fn sizes(&mut self, spec: &Spec) -> Result<Vec<(u64, MeshSize)>> {
         self.look(spec, &[spec.tolerance])?;
         Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
     }
@@ -127,7 +128,7 @@ impl<'a> Estimator<'a> {
         let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
         let (count, mut made) = (self.tiles.len() as u64, Vec::new());
         let this = &*self;
-        let size = |state: &mut (Window, Scratch), unit: u64| {
+        let size = |state: &mut (WorkerBuffers, TileScratch), unit: u64| {
             let spec = Spec { tolerance: new[(unit / count) as usize], ..*spec };
             this.size_of(this.tiles[(unit % count) as usize], &spec, state)
         };
@@ -145,10 +146,10 @@ impl<'a> Estimator<'a> {
     }
 
     /// Buffers of a thread.
-    fn state(&self) -> (Window, Scratch) {
-        let mut scratch = Scratch::default();
+    fn state(&self) -> (WorkerBuffers, TileScratch) {
+        let mut scratch = TileScratch::default();
         scratch.stop_by(self.cancel);
-        (Window::default(), scratch)
+        (WorkerBuffers::default(), scratch)
     }
 
     /// Samples of a tile, and what a mesh of it keeps.
@@ -156,13 +157,14 @@ impl<'a> Estimator<'a> {
         &self,
         tile: TileId,
         spec: &Spec,
-        state: &mut (Window, Scratch),
-    ) -> Result<(u64, Size)> {
+        state: &mut (WorkerBuffers, TileScratch),
+    ) -> Result<(u64, MeshSize)> {
         let mesh = self.triangulate(tile, spec, state)?;
         let owned = self.layout.owned(tile);
-        let is_owned = |at: &&terrane_tin::Local| at.col() < owned.width && at.row() < owned.height;
+        let is_owned =
+            |at: &&terrane_tin::TilePosition| at.col() < owned.width && at.row() < owned.height;
         let vertices = mesh.vertices.iter().filter(is_owned).count() as u64;
-        Ok((owned.len() as u64, Size { vertices, triangles: mesh.triangles.len() as u64 }))
+        Ok((owned.len() as u64, MeshSize { vertices, triangles: mesh.triangles.len() as u64 }))
     }
 
     /// A tolerance at which `count` of the mesh's size is about `budget`; it is above 0. Estimates are
@@ -171,8 +173,8 @@ impl<'a> Estimator<'a> {
         &mut self,
         spec: &Spec,
         budget: u64,
-        trial: Option<Trial>,
-        count: impl Fn(Size) -> u64,
+        trial: Option<ToleranceTrial>,
+        count: impl Fn(MeshSize) -> u64,
     ) -> Result<f64> {
         let mut estimate = |tolerance| self.size(&Spec { tolerance, ..*spec }).map(&count);
         let factor = match trial {
@@ -200,7 +202,7 @@ impl<'a> Estimator<'a> {
             return Ok(relief);
         }
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        let mut window = Window::default();
+        let mut window = WorkerBuffers::default();
         for &tile in &self.tiles {
             window.read(self.source, self.layout.rect(tile))?;
             let heights = window.heights().f32;
@@ -216,7 +218,7 @@ impl<'a> Estimator<'a> {
         &self,
         tile: TileId,
         spec: &Spec,
-        (window, scratch): &mut (Window, Scratch),
+        (window, scratch): &mut (WorkerBuffers, TileScratch),
     ) -> Result<TileMesh> {
         self.cancel.check()?;
         window.read(self.source, self.layout.apron(tile))?;
@@ -228,7 +230,7 @@ impl<'a> Estimator<'a> {
 }
 
 /// `count` tiles at the points of a rank-one lattice, which lie evenly in both directions.
-fn spread(layout: &Layout, count: u64) -> Vec<TileId> {
+fn spread(layout: &TileLayout, count: u64) -> Vec<TileId> {
     let place = |i: u64| {
         let down = (i as f64 + 0.5) / count as f64;
         let across = (0.5 + i as f64 * GOLDEN).fract();
@@ -243,7 +245,7 @@ fn spread(layout: &Layout, count: u64) -> Vec<TileId> {
 
 /// `count` tiles, evenly in both directions, in so few rows of tiles that each has as many of them as it
 /// can.
-fn banded(layout: &Layout, count: u64) -> Vec<TileId> {
+fn banded(layout: &TileLayout, count: u64) -> Vec<TileId> {
     let aspect = f64::from(layout.rows) / f64::from(layout.cols);
     let rows = (count as f64 * aspect).sqrt().ceil().clamp(1.0, f64::from(layout.rows)) as u64;
     let cols = count.div_ceil(rows).min(layout.cols.into());
@@ -265,7 +267,7 @@ mod tests {
     #[test]
     fn bands_are_few_and_small_grids_are_looked_at_whole() {
         for (cols, rows, count, bands) in [(200, 300, 256, 20), (300, 2, 256, 2), (3, 2, 6, 2)] {
-            let layout = Layout::new(cols * FINE + 1, rows * FINE + 1, FINE).unwrap();
+            let layout = TileLayout::new(cols * FINE + 1, rows * FINE + 1, FINE).unwrap();
             let tiles = banded(&layout, 256);
             let distinct: std::collections::HashSet<_> = tiles.iter().collect();
             assert!(
@@ -280,11 +282,11 @@ mod tests {
 
     #[test]
     fn tiles_are_spread_and_distinct() {
-        let layout = Layout::new(512 * 20, 512 * 30, 512).unwrap();
+        let layout = TileLayout::new(512 * 20, 512 * 30, 512).unwrap();
         let tiles = spread(&layout, 16);
         assert_eq!(tiles.len(), 16);
         let cols: std::collections::HashSet<u32> = tiles.iter().map(|tile| tile.col / 5).collect();
         assert_eq!(cols.len(), 4);
-        assert_eq!(spread(&Layout::new(100, 100, 512).unwrap(), 1), [TileId::new(0, 0)]);
+        assert_eq!(spread(&TileLayout::new(100, 100, 512).unwrap(), 1), [TileId::new(0, 0)]);
     }
 }

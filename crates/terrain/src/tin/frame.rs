@@ -5,26 +5,26 @@ use std::path::Path;
 use std::sync::Arc;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Point3};
-use terrane_crs::Operation;
-use terrane_engine::transform::{Extent, extent_of};
+use terrane_crs::CoordinateOperation;
+use terrane_engine::transform::{PositionExtent, extent_of};
 use terrane_mesh::MeshFormat;
 use terrane_raster::GridInfo;
 
 /// Where a mesh is written.
-pub(super) struct Frame {
+pub(super) struct MeshFrame {
     pub(super) crs: Crs,
     /// World bounding box of the samples; z is not known.
     pub(super) bounds: [Point3; 2],
     /// The least that samples differ by along x and y; heights by any part of their unit.
     pub(super) steps: Point3,
     /// What leads there from the system of the grid, where that is another.
-    pub(super) operation: Option<Arc<Operation>>,
+    pub(super) operation: Option<Arc<CoordinateOperation>>,
 }
 
 /// Positions along each side of a grid that tell where it lies in another system.
 const LATTICE: u32 = 33;
 
-impl Frame {
+impl MeshFrame {
     /// Of a grid in its own system, or in the one it is to be transformed to.
     ///
     /// # Errors
@@ -48,9 +48,9 @@ impl Frame {
         own.moved(operation)
     }
 
-    fn moved(self, operation: Operation) -> Result<Self> {
+    fn moved(self, operation: CoordinateOperation) -> Result<Self> {
         let [low, high] = self.bounds;
-        let mut extent = Extent::NONE;
+        let mut extent = PositionExtent::NONE;
         for at in (0..LATTICE * LATTICE).map(|i| [i % LATTICE, i / LATTICE]) {
             let share = |axis: usize| f64::from(at[axis]) / f64::from(LATTICE - 1);
             let place = |axis: usize| low[axis] + (high[axis] - low[axis]) * share(axis);

@@ -7,7 +7,7 @@ use terrane_base::error::{Error, Result};
 /// What the mesh has to reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Goal {
+pub enum TinGoal {
     /// No valid sample further than this from the surface, vertically.
     MaxError(f64),
     /// The smallest tolerance whose mesh has at most this many vertices.
@@ -16,7 +16,7 @@ pub enum Goal {
     MaxTriangles(u64),
 }
 
-impl Goal {
+impl TinGoal {
     /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
     pub(super) fn check(self) -> Result<()> {
         match self {

@@ -12,7 +12,7 @@ use terrane_engine::operation::Job;
 use terrane_engine::options::GridInput;
 use terrane_files::lock;
 use terrane_mesh::{MeshBatch, MeshHeader, MeshSink};
-use terrane_raster::{ArrayGrid, ArraySample, OpenOptions};
+use terrane_raster::{ArrayGrid, ArraySample, GridOpenOptions};
 
 /// A triangle mesh in memory.
 ///
@@ -23,7 +23,7 @@ use terrane_raster::{ArrayGrid, ArraySample, OpenOptions};
 ///
 /// ```
 /// # fn main() -> terrane_base::Result<()> {
-/// use terrane_terrain::tin::{BuildTin, TargetSetters, Tin};
+/// use terrane_terrain::tin::{BuildTin, TinTargetSetters, Tin};
 /// let heights: Vec<f32> = (0..64 * 64).map(|i| ((i % 64) as f32 / 5.0).sin() * 10.0).collect();
 /// let tin = Tin::from_array(&heights, 64, 64)?.max_error(0.5).build()?;
 /// assert!(tin.max_error() <= 0.5 && tin.vertices().len() < 64 * 64);
@@ -84,7 +84,7 @@ impl Tin {
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
-    /// use terrane_terrain::tin::{BuildTin, RefinementSetters, TargetSetters, Tin};
+    /// use terrane_terrain::tin::{BuildTin, RefinementSetters, TinTargetSetters, Tin};
     /// let tin = Tin::from_array(&[0.0_f32, 1.0, 4.0, 9.0, 2.0, 3.0], 3, 2)?.max_error(0.5).min_angle(20.0).build()?;
     /// assert_eq!(tin.unmet(), None);
     /// # Ok(())
@@ -137,7 +137,7 @@ impl Tin {
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
-    /// use terrane_terrain::tin::{BuildTin, TargetSetters, Tin};
+    /// use terrane_terrain::tin::{BuildTin, TinTargetSetters, Tin};
     /// let tin = Tin::from_array(&[0.0_f32, 1.0, 4.0, 9.0], 2, 2)?.max_error(5.0).build()?;
     /// let parts = tin.clone().into_parts();
     /// assert_eq!(Tin::from_parts(parts)?.triangles(), tin.triangles());
@@ -200,7 +200,7 @@ impl BuildTin for Job<'_, TinOptions> {
     fn build(self) -> Result<Tin> {
         self.act(|inputs, options, progress, cancel| {
             options.check_in_memory(&options.grid)?;
-            let cache_bytes = OpenOptions::default().cache_bytes;
+            let cache_bytes = GridOpenOptions::default().cache_bytes;
             let open = options.grid.options(&options.resources, cache_bytes)?;
             build_by(options, |sink, job| build_files(&inputs, &open, sink, job, progress, cancel))
         })
@@ -237,14 +237,14 @@ fn build_by(
 ) -> Result<Tin> {
     let TinOptions { refinement, tile, resources, .. } = options;
     let job = BuildJob { goal: options.target.goal()?, refinement, tile: *tile, resources };
-    let kept = Kept::default();
+    let kept = MemorySink::default();
     let built = build(Box::new(kept.clone()), &job)?;
     Ok(kept.into_tin(built))
 }
 
 /// A sink that keeps what it is given.
 #[derive(Clone, Default)]
-struct Kept(Arc<Mutex<Lists>>);
+struct MemorySink(Arc<Mutex<Lists>>);
 
 #[derive(Default)]
 struct Lists {
@@ -252,7 +252,7 @@ struct Lists {
     triangles: Vec<[u32; 3]>,
 }
 
-impl Kept {
+impl MemorySink {
     fn into_tin(self, built: Built) -> Tin {
         let mut lists = lock(&self.0);
         let Lists { vertices, triangles } = std::mem::take(&mut *lists);
@@ -270,7 +270,7 @@ impl Kept {
     }
 }
 
-impl MeshSink for Kept {
+impl MeshSink for MemorySink {
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
         let mut lists = lock(&self.0);
         lists.vertices.extend_from_slice(batch.vertices);

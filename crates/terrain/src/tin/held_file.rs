@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::{Tin, height_origin_of};
-use terrane_base::geom::Rounding;
+use terrane_base::geom::HeightQuantization;
 use terrane_base::{Error, Result};
-use terrane_engine::placing::{Placed, Placing};
+use terrane_engine::placing::{MeshPlacement, Placing};
 use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions};
 
 /// Vertices or triangles handed to a sink at once.
@@ -23,7 +23,7 @@ impl Tin {
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
-    /// use terrane_terrain::tin::{BuildTin, TargetSetters};
+    /// use terrane_terrain::tin::{BuildTin, TinTargetSetters};
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let path = folder.path().join("mesh.glb");
     /// let heights: Vec<f64> = (0..64 * 64).map(|i| (f64::from(i % 64) / 5.0).sin()).collect();
@@ -85,7 +85,7 @@ impl Tin {
     }
 
     /// How it lies in a file, what heights are relative to there, and the bound of them as they are stored.
-    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(Placed, f64, f64)> {
+    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(MeshPlacement, f64, f64)> {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
         let (placed, _) = Placing::default()
@@ -100,7 +100,7 @@ impl Tin {
             heights().fold(f64::INFINITY, f64::min),
             heights().fold(f64::NEG_INFINITY, f64::max),
         );
-        let rounding = Rounding { origin, scale: placed.scale[2] };
+        let rounding = HeightQuantization { origin, scale: placed.scale[2] };
         let loss = heights().map(|z| (rounding.apply(z) - z).abs()).fold(0.0, f64::max);
         if !loss.is_finite() {
             let message = format!("{} does not hold heights as large as these", format.name);

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::layout::USUAL_TILE;
 use super::refinement::Refinement;
 use terrane_engine::Resources;
 use terrane_engine::options::GridInput;
 use terrane_engine::placing::Placing;
-use terrane_engine::transform::Transform;
+use terrane_engine::transform::OutputTransform;
 use terrane_raster::Inputs;
 
 /// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
@@ -43,10 +43,10 @@ pub struct TinJob {
     pub placing: Placing,
     /// The system to write in; that of the grid when `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub transform: Option<Transform>,
+    pub transform: Option<OutputTransform>,
     /// What to reach.
     #[serde(flatten)]
-    pub goal: Goal,
+    pub goal: TinGoal,
     /// How.
     #[serde(with = "terrane_options::as_map")]
     pub refinement: Refinement,
@@ -62,7 +62,7 @@ pub struct TinJob {
 
 impl TinJob {
     /// The job with everything else at its default, errors measured.
-    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: Goal) -> Self {
+    pub fn new(input: impl Into<Inputs>, output: impl Into<PathBuf>, goal: TinGoal) -> Self {
         Self {
             input: input.into(),
             reading: GridInput::default(),

@@ -2,9 +2,9 @@
 
 use super::tally::Flaws;
 use terrane_base::bits::BitSet;
-use terrane_base::geom::{Rect, Segment};
+use terrane_base::geom::{Rect, SampleSegment};
 use terrane_engine::breaklines::Breaklines;
-use terrane_tin::{Triangle, goes_on};
+use terrane_tin::{TileTriangle, goes_on};
 
 /// A sample, counted from the first of a tile: neighbours are as large.
 type At = [i16; 2];
@@ -12,7 +12,7 @@ type At = [i16; 2];
 /// The triangles around the vertices of a tile that lie on breaklines.
 #[derive(Default)]
 pub(super) struct Joints {
-    segments: Vec<Segment>,
+    segments: Vec<SampleSegment>,
     /// Samples on their paths.
     on: BitSet,
     rect: Option<Rect>,
@@ -39,7 +39,7 @@ impl Joints {
     }
 
     /// Takes note of triangles whose positions are counted from `origin`.
-    pub(super) fn see(&mut self, triangles: &[Triangle], (col, row): (u32, u32)) {
+    pub(super) fn see(&mut self, triangles: &[TileTriangle], (col, row): (u32, u32)) {
         let Some(rect) = self.rect else { return };
         let shift = [i64::from(col) - i64::from(rect.col), i64::from(row) - i64::from(rect.row)];
         for triangle in triangles {
@@ -86,7 +86,7 @@ impl Joints {
 }
 
 /// The steps of a path in a tile, from whose first sample its positions are counted.
-fn steps(segment: &Segment, rect: Rect) -> impl Iterator<Item = u64> + use<> {
+fn steps(segment: &SampleSegment, rect: Rect) -> impl Iterator<Item = u64> + use<> {
     let high = [rect.width, rect.height].map(|count| i64::from(count) - 1);
     segment.within([0, 0], high).into_iter().flatten()
 }
@@ -102,11 +102,11 @@ fn index([col, row]: [i64; 2], rect: Rect) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_tin::Local;
+    use terrane_tin::TilePosition;
 
-    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
-        let corners = corners.map(|(col, row)| Local::new(col, row));
-        Triangle { corners, max_error: 0.0, square_sum: 0.0 }
+    fn triangle(corners: [(u32, u32); 3]) -> TileTriangle {
+        let corners = corners.map(|(col, row)| TilePosition::new(col, row));
+        TileTriangle { corners, max_error: 0.0, square_sum: 0.0 }
     }
 
     /// Two triangles of 4 by 2 cells, whose diagonal goes from (4, 0) to (0, 2), in a tile that begins at (10, 20)

@@ -8,7 +8,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
 /// Fewest and most cells along a tile's side. A triangle stored with its tile reaches at most 1.5
-/// tiles beyond the tile's first sample, which must stay below the 2^14 of [`terrane_tin::Local`].
+/// tiles beyond the tile's first sample, which must stay below the 2^14 of [`terrane_tin::TilePosition`].
 pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
 const _: () = assert!(*TILE_CELLS.end() * 3 / 2 < 1 << 14);
 
@@ -63,7 +63,7 @@ pub(super) fn checked_tile(tile: u32) -> Result<u32> {
 
 /// The tiling of one grid.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layout {
+pub(super) struct TileLayout {
     width: u32,
     height: u32,
     tile: u32,
@@ -74,7 +74,7 @@ pub(super) struct Layout {
     pub(super) rows: u32,
 }
 
-impl Layout {
+impl TileLayout {
     /// The tiling of `width` x `height` samples into tiles of `tile` cells.
     pub(super) fn new(width: u32, height: u32, tile: u32) -> Result<Self> {
         checked_tile(tile)?;
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn tiles_own_every_sample_once() {
         for (width, height) in [(2, 2), (17, 33), (18, 40), (100, 16)] {
-            let layout = Layout::new(width, height, 16).unwrap();
+            let layout = TileLayout::new(width, height, 16).unwrap();
             let owned: u64 =
                 (0..layout.tiles()).map(|i| layout.owned(layout.tile_at(i)).len() as u64).sum();
             assert_eq!(owned, layout.samples());
@@ -280,7 +280,7 @@ mod tests {
     #[test]
     fn reaches_double_up_to_half_a_tile() {
         let reaches =
-            |tile| -> Vec<u32> { Layout::new(9000, 9000, tile).unwrap().reaches().collect() };
+            |tile| -> Vec<u32> { TileLayout::new(9000, 9000, tile).unwrap().reaches().collect() };
         assert_eq!(reaches(16), [8]);
         assert_eq!(reaches(100), [FIRST_REACH, 2 * FIRST_REACH, 50]);
         assert_eq!(reaches(512).last(), Some(&256));
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn finer_tiles_have_posts_no_closer() {
         for tile in 16..=2000 {
-            let layout = Layout::new(9000, 9000, tile).unwrap();
+            let layout = TileLayout::new(9000, 9000, tile).unwrap();
             let finer = layout.finer(128).unwrap();
             let [side, spacing] = [finer.side(), finer.spacing()];
             assert_eq!(spacing, layout.spacing());
@@ -300,7 +300,7 @@ mod tests {
 
     #[test]
     fn patches_of_a_phase_share_no_cell() {
-        let layout = Layout::new(100, 100, 17).unwrap();
+        let layout = TileLayout::new(100, 100, 17).unwrap();
         let widest = layout.widest_reach();
         for col in 0..layout.cols - 2 {
             let here = layout.patch(Seam::Vertical, TileId::new(0, col), widest);
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn the_grid_ends_at_its_borders() {
-        let layout = Layout::new(129, 129, 64).unwrap();
+        let layout = TileLayout::new(129, 129, 64).unwrap();
         let ends = |seam, row, col| layout.grid_ends(layout.patch(seam, TileId::new(row, col), 8));
         assert_eq!(ends(Seam::Vertical, 0, 0), [false, false, true, false]);
         assert_eq!(ends(Seam::Vertical, 1, 0), [false, false, false, true]);
@@ -324,7 +324,7 @@ mod tests {
     #[test]
     fn too_small_a_grid_is_refused() {
         for (width, height) in [(1, 1), (1, 9), (9, 1), (0, 0)] {
-            let error = Layout::new(width, height, 16).unwrap_err();
+            let error = TileLayout::new(width, height, 16).unwrap_err();
             assert_eq!(error.kind(), terrane_base::ErrorKind::BadInput);
         }
     }

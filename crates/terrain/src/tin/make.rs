@@ -4,40 +4,40 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::estimate::Size;
-use super::frame::{Frame, bounds};
-use super::goal::Goal;
+use super::estimate::MeshSize;
+use super::frame::{MeshFrame, bounds};
+use super::goal::TinGoal;
 use super::height_origin::height_origin;
 use super::job::TinJob;
-use super::layout::{Layout, checked_tile};
+use super::layout::{TileLayout, checked_tile};
 use super::refinement::Refinement;
 use super::report::{FlawReport, TinReport};
-use super::run::Outcome;
+use super::run::TinOutcome;
 use super::seek::{Seeker, run_stage};
-use super::settings::Settings;
-use terrane_base::bound::Bound;
+use super::settings::TinSettings;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rounding};
-use terrane_baselines::Triangulation;
-use terrane_engine::bands::Bands;
+use terrane_base::geom::{HeightQuantization, Point3};
+use terrane_baselines::TriangulationRule;
+use terrane_engine::bands::MeshBands;
 use terrane_engine::beside;
 use terrane_engine::figures::Figures;
 use terrane_engine::input::grid_stats;
-use terrane_engine::kept::{Features, Kept};
-use terrane_engine::memory::{self, Shares};
+use terrane_engine::kept::{ConstraintFeatures, ConstraintSamples};
+use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::outputs::refuse_file_name;
-use terrane_engine::placing::Placed;
+use terrane_engine::placing::MeshPlacement;
 use terrane_engine::transform::{MovingMesh, Transformed};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
 use terrane_files::folder_for;
-use terrane_mesh::split::{self, Blocks};
+use terrane_mesh::split::{self, MeshBlockLayout};
 use terrane_mesh::{
-    self as mesh, Channel, FittedHeights, MaxError, MeshFormat, MeshHeader, MeshSink, Promises,
-    SinkOptions, check_prj, write_prj,
+    self as mesh, FittedHeights, MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions,
+    VertexChannel, check_prj, write_prj,
 };
 use terrane_raster::{
-    self as raster, GridInfo, GridSource, Inputs, OpenOptions, Upright, Water, WaterReport,
+    self as raster, GridInfo, GridOpenOptions, GridSource, Inputs, NorthUpGrid, Water, WaterReport,
 };
 use terrane_tin::Spec;
 
@@ -57,35 +57,35 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
     let started = Instant::now();
     job.goal.check()?;
     refuse_existing(&job.output, job.overwrite)?;
-    let opened = Opened::new(job)?;
-    let report = Maker { job, opened: &opened, progress, cancel }.make();
+    let opened = OpenedTinJob::new(job)?;
+    let report = TinMaker { job, opened: &opened, progress, cancel }.make();
     let mut report = report.map_err(|error| in_input(error, &job.input))?;
     report.took(started.elapsed());
     Ok(report)
 }
 
 /// What a job works with: its input, its format, and the shares of its memory.
-pub(super) struct Opened {
+pub(super) struct OpenedTinJob {
     pub(super) source: Box<dyn GridSource>,
     pub(super) format: &'static MeshFormat,
     /// What heights are stored relative to, where the format stores them in f32.
     pub(super) height_origin: Option<f64>,
-    pub(super) placed: Placed,
+    pub(super) placed: MeshPlacement,
     /// The system that the mesh is written in.
-    pub(super) frame: Frame,
+    pub(super) frame: MeshFrame,
     notes: Vec<String>,
-    pub(super) shares: Shares,
+    pub(super) shares: MemoryShares,
     /// Samples that stay vertices, and breaklines.
-    pub(super) kept: Kept,
+    pub(super) kept: ConstraintSamples,
     /// What is made level.
     water: Option<Arc<Water>>,
     /// What vertices have beside their positions.
-    pub(super) carried: Carried,
+    pub(super) carried: VertexExtras,
     /// What the kernel is told, for whatever tolerance.
     spec: Spec,
 }
 
-impl Opened {
+impl OpenedTinJob {
     /// Opens the input of `job` and divides its memory.
     pub(super) fn new(job: &TinJob) -> Result<Self> {
         let options = options(job)?;
@@ -108,11 +108,11 @@ impl Opened {
         let origin = || height_origin(&*source).map_err(|error| in_input(error, &job.input));
         let height_origin = format.single_precision.then(origin).transpose()?;
         let info = source.info();
-        let frame = Frame::new(info, job, format)?;
+        let frame = MeshFrame::new(info, job, format)?;
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
-        let (kept, carried) = (Kept::default(), Carried::default());
+        let (kept, carried) = (ConstraintSamples::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
         let mut opened = Self {
@@ -136,23 +136,23 @@ impl Opened {
     }
 
     /// What becomes of heights in the file, where it stores them in f32.
-    pub(super) fn rounding(&self) -> Option<Rounding> {
+    pub(super) fn rounding(&self) -> Option<HeightQuantization> {
         let scale = self.placed.scale[2];
-        self.height_origin.map(|origin| Rounding { origin, scale })
+        self.height_origin.map(|origin| HeightQuantization { origin, scale })
     }
 }
 
 /// What vertices have beside their positions, and how they are connected.
 #[derive(Default)]
-pub(super) struct Carried {
-    pub(super) channels: Vec<Channel>,
+pub(super) struct VertexExtras {
+    pub(super) channels: Vec<VertexChannel>,
     /// Those that the channels are of.
-    pub(super) bands: Option<Bands>,
+    pub(super) bands: Option<MeshBands>,
     /// What triangles are called that are not Delaunay.
     pub(super) triangulation: Option<&'static str>,
 }
 
-impl Carried {
+impl VertexExtras {
     /// Tells the file of it.
     fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
         header.channels.clone_from(&self.channels);
@@ -168,7 +168,11 @@ impl Carried {
 
 /// Opens the input of `job` and divides its memory, of which `features` are held; a tile is not larger than the
 /// grid.
-fn open(job: &TinJob, options: &OpenOptions, features: &Features) -> Result<memory::Opened> {
+fn open(
+    job: &TinJob,
+    options: &GridOpenOptions,
+    features: &ConstraintFeatures,
+) -> Result<memory::Opened> {
     // To count what is held with each worker allows for a little more than there is.
     let (held, follows) = (features.bytes(), features.has_lines());
     let worker = |tile| held + job.refinement.worker_bytes(job.goal, tile, follows);
@@ -176,21 +180,21 @@ fn open(job: &TinJob, options: &OpenOptions, features: &Features) -> Result<memo
 }
 
 /// How to open the input of `job`.
-pub(super) fn options(job: &TinJob) -> Result<OpenOptions> {
-    job.reading.options(&job.resources, OpenOptions::default().cache_bytes)
+pub(super) fn options(job: &TinJob) -> Result<GridOpenOptions> {
+    job.reading.options(&job.resources, GridOpenOptions::default().cache_bytes)
 }
 
 /// Opens `input` for workers on tiles of `tile` cells, which take so many bytes.
 pub(super) fn open_tiled(
     input: &Inputs,
-    options: &OpenOptions,
+    options: &GridOpenOptions,
     tile: u32,
     worker: impl Fn(u32) -> u64,
     resources: &Resources,
 ) -> Result<memory::Opened> {
     let open = |tile| {
         let (source, shares) = memory::open(input, options, resources, worker(tile))?;
-        Ok((Box::new(Upright::new(source)) as Box<dyn GridSource>, shares))
+        Ok((Box::new(NorthUpGrid::new(source)) as Box<dyn GridSource>, shares))
     };
     let tile = checked_tile(tile)?;
     open(tile)
@@ -198,7 +202,7 @@ pub(super) fn open_tiled(
             let too_large = |_: &Error| {
                 let source = memory::look_at(input, options).ok()?;
                 let GridInfo { width, height, .. } = *source.info();
-                Layout::new(width, height, tile).ok().map(|layout| layout.side())
+                TileLayout::new(width, height, tile).ok().map(|layout| layout.side())
             };
             let side = Some(&error).filter(|error| error.kind() == ErrorKind::Resource);
             match side.and_then(too_large) {
@@ -219,14 +223,14 @@ pub(super) fn in_input(error: Error, input: &Inputs) -> Error {
 }
 
 /// An opened job.
-pub(super) struct Maker<'a> {
+pub(super) struct TinMaker<'a> {
     pub(super) job: &'a TinJob,
-    pub(super) opened: &'a Opened,
+    pub(super) opened: &'a OpenedTinJob,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
 }
 
-impl Maker<'_> {
+impl TinMaker<'_> {
     fn make(&self) -> Result<TinReport> {
         self.check_output()?;
         let (tolerance, trials) = self.tolerance()?;
@@ -238,12 +242,12 @@ impl Maker<'_> {
         &self,
         tolerance: f64,
         trials: u32,
-        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<Outcome>,
+        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<TinOutcome>,
     ) -> Result<TinReport> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
         let spec = self.spec(tolerance);
-        let from = Origin {
+        let from = MeshOrigin {
             input: &beside::source(&job.input),
             clip: job.reading.clip.as_deref().map(beside::label_of),
             water: job.reading.water.as_deref().map(beside::label_of),
@@ -307,19 +311,19 @@ impl Maker<'_> {
     }
 
     /// How the mesh is divided among files, if it is.
-    fn blocks(&self) -> Result<Option<Blocks>> {
+    fn blocks(&self) -> Result<Option<MeshBlockLayout>> {
         let Some(tiles) = self.job.split else { return Ok(None) };
         let info = self.opened.source.info();
         let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
         let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
         let samples = [info.width, info.height];
-        Ok(Some(Blocks { cells, samples, to_world: info.transform }))
+        Ok(Some(MeshBlockLayout { cells, samples, to_world: info.transform }))
     }
 
     /// The tiling.
-    pub(super) fn layout(&self) -> Result<Layout> {
+    pub(super) fn layout(&self) -> Result<TileLayout> {
         let info = self.opened.source.info();
-        Layout::new(info.width, info.height, self.job.tile)
+        TileLayout::new(info.width, info.height, self.job.tile)
     }
 
     /// Finds out before the work that the output can be created.
@@ -347,22 +351,22 @@ impl Maker<'_> {
         let most = seeker.most();
         match self.job.goal {
             // Hardly any mesh keeps all samples.
-            Goal::MaxError(tolerance) => {
+            TinGoal::MaxError(tolerance) => {
                 self.check_size(most).or_else(|_| self.check_size(seeker.estimate(tolerance)?))?;
             }
-            Goal::MaxVertices(vertices) if vertices < most.vertices => {
-                self.check_size(Size { vertices, triangles: vertices })?;
+            TinGoal::MaxVertices(vertices) if vertices < most.vertices => {
+                self.check_size(MeshSize { vertices, triangles: vertices })?;
             }
-            Goal::MaxTriangles(triangles) if triangles < most.triangles => {
-                self.check_size(Size { vertices: triangles / 2, triangles })?;
+            TinGoal::MaxTriangles(triangles) if triangles < most.triangles => {
+                self.check_size(MeshSize { vertices: triangles / 2, triangles })?;
             }
-            Goal::MaxVertices(_) | Goal::MaxTriangles(_) => self.check_size(most)?,
+            TinGoal::MaxVertices(_) | TinGoal::MaxTriangles(_) => self.check_size(most)?,
         }
         seeker.tolerance(self.job.goal)
     }
 
     /// Fails when the format will not hold a mesh of `size`, or a block's share of it.
-    fn check_size(&self, size: Size) -> Result<()> {
+    fn check_size(&self, size: MeshSize) -> Result<()> {
         let share = self.blocks()?.map_or(1.0, |blocks| blocks.largest_share());
         let [vertices, triangles] =
             [size.vertices, size.triangles].map(|count| (count as f64 * share).ceil() as u64);
@@ -373,14 +377,14 @@ impl Maker<'_> {
         Spec { tolerance, ..self.opened.spec }
     }
 
-    fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<Outcome> {
+    fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<TinOutcome> {
         let settings = self.settings(spec, self.temp_dir());
         run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
     }
 
     /// How to run the core.
-    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> Settings<'a> {
-        Settings {
+    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> TinSettings<'a> {
+        TinSettings {
             spec,
             tile: self.job.tile,
             kept: &self.opened.kept,
@@ -402,7 +406,7 @@ impl Maker<'_> {
         &self,
         tolerance: f64,
         trials: u32,
-        outcome: Outcome,
+        outcome: TinOutcome,
         prj: Option<PathBuf>,
     ) -> Result<TinReport> {
         let layout = self.layout()?;
@@ -427,7 +431,7 @@ impl Maker<'_> {
             vertical_unit: info.crs.heights_unit().unwrap_or("units").to_owned(),
             method: None,
             triangulation: (self.opened.spec.data_dependent)
-                .then(|| Triangulation::DataDependent.name().to_owned()),
+                .then(|| TriangulationRule::DataDependent.name().to_owned()),
             bands: Vec::new(),
             tolerance,
             bound: job.refinement.bound,
@@ -452,7 +456,7 @@ impl Maker<'_> {
                 .map(|_| FlawReport::of(outcome.thin, &info.transform)),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
-            placed: Some(self.opened.placed.clone()).filter(Placed::is_local),
+            placed: Some(self.opened.placed.clone()).filter(MeshPlacement::is_local),
             notes,
             tiles: layout.tiles(),
             tile_cells: layout.side(),
@@ -468,7 +472,7 @@ impl Maker<'_> {
 
 /// Where a mesh comes from: the names of its grid, of polygons that this was clipped to and of its water, and what
 /// was asked.
-pub(super) struct Origin<'a> {
+pub(super) struct MeshOrigin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<String>,
     pub(super) water: Option<String>,
@@ -476,7 +480,12 @@ pub(super) struct Origin<'a> {
 }
 
 /// What a file of the mesh is told of it.
-pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64) -> MeshHeader {
+pub(super) fn header(
+    info: &GridInfo,
+    from: MeshOrigin<'_>,
+    spec: &Spec,
+    height: f64,
+) -> MeshHeader {
     let bounds = bounds(info);
     let unit = info.crs.heights_unit().map(str::to_owned);
     MeshHeader {
@@ -491,15 +500,15 @@ pub(super) fn header(info: &GridInfo, from: Origin<'_>, spec: &Spec, height: f64
 }
 
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
-fn promises(from: Origin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
+fn promises(from: MeshOrigin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
     let [kept, lines] = from.refinement.files();
     Promises {
         source: Some(from.input.to_owned()),
         max_error: Some(MaxError { value: spec.tolerance, unit }),
-        bound: (spec.bound != Bound::Samples).then_some(spec.bound),
+        bound: (spec.bound != ErrorBound::Samples).then_some(spec.bound),
         fitted: spec.fit.then_some(FittedHeights),
         triangulation: (spec.data_dependent)
-            .then(|| Triangulation::DataDependent.name().to_owned()),
+            .then(|| TriangulationRule::DataDependent.name().to_owned()),
         min_angle: spec.min_angle.map(|least| least.degrees()),
         clip: from.clip,
         water: from.water,
@@ -509,7 +518,7 @@ fn promises(from: Origin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
     }
 }
 
-impl Frame {
+impl MeshFrame {
     /// Tells the file of the system that it is in.
     fn tell(&self, header: &mut MeshHeader, height: f64) {
         let Some(operation) = &self.operation else { return };

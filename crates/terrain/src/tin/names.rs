@@ -1,30 +1,32 @@
 //! How values of options of meshes are written.
 
 use terrane_base::{error::Error, registry};
-use terrane_baselines::{METHODS, Triangulation};
-use terrane_options::{Codec, Json, Kind, Named};
+use terrane_baselines::{METHODS, TriangulationRule};
+use terrane_options::{ChoiceName, Json, OptionCodec, OptionKind};
 
 /// The name of a triangulation.
 pub struct TriangulationName;
 
-impl Codec<Triangulation> for TriangulationName {
-    const KIND: Kind = Kind::Choice(|| {
+impl OptionCodec<TriangulationRule> for TriangulationName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
         let about = |triangulation| match triangulation {
-            Triangulation::Delaunay => "Delaunay on the lattice of samples",
-            Triangulation::Split3 => "no edge is ever flipped; not of the method greedy",
-            Triangulation::DataDependent => {
+            TriangulationRule::Delaunay => "Delaunay on the lattice of samples",
+            TriangulationRule::Split3 => "no edge is ever flipped; not of the method greedy",
+            TriangulationRule::DataDependent => {
                 "any that keep the error, where that takes fewer vertices (a fifth to a third fewer; some two times \
                  slower); of other methods edges flipped for the smaller sum of largest errors"
             }
         };
-        Triangulation::ALL.map(|own| Named { name: own.name(), about: about(own) }).to_vec()
+        TriangulationRule::ALL
+            .map(|own| ChoiceName { name: own.name(), about: about(own) })
+            .to_vec()
     });
 
-    fn parse(text: &str) -> Result<Triangulation, String> {
+    fn parse(text: &str) -> Result<TriangulationRule, String> {
         text.trim().parse().map_err(|error: Error| error.to_string())
     }
 
-    fn json(value: &Triangulation) -> Json {
+    fn json(value: &TriangulationRule) -> Json {
         value.name().into()
     }
 }
@@ -35,10 +37,10 @@ pub struct MeshMethodName;
 /// What the engine's own way to make meshes of grids is called.
 pub const GREEDY: &str = "greedy";
 
-impl Codec<String> for MeshMethodName {
-    const KIND: Kind = Kind::Choice(|| {
-        let own = Named { name: GREEDY, about: "in tiles with shared borders, out of core" };
-        let others = METHODS.iter().map(|own| Named { name: own.name, about: own.about });
+impl OptionCodec<String> for MeshMethodName {
+    const KIND: OptionKind = OptionKind::Choice(|| {
+        let own = ChoiceName { name: GREEDY, about: "in tiles with shared borders, out of core" };
+        let others = METHODS.iter().map(|own| ChoiceName { name: own.name, about: own.about });
         std::iter::once(own).chain(others).collect()
     });
 

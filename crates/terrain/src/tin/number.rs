@@ -6,21 +6,21 @@
 
 use super::bounds::Shift;
 use super::container::Container;
-use super::layout::{Layout, TileId};
+use super::layout::{TileId, TileLayout};
 use super::writer::Faces;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::{Affine, Point3, Rect};
-use terrane_tin::{Local, Triangle, sort_by_position};
+use terrane_tin::{TilePosition, TileTriangle, sort_by_position};
 
 /// The samples of one tile that are vertices in use: one bit each.
 #[derive(Default)]
-pub(super) struct Marks {
+pub(super) struct VertexFlags {
     bits: BitSet,
     owned: Option<Rect>,
     count: u64,
 }
 
-impl Marks {
+impl VertexFlags {
     /// Clears all marks; from now on they are for the samples of `owned`.
     pub(super) fn reset(&mut self, owned: Rect) {
         self.bits.reset(owned.len());
@@ -28,7 +28,7 @@ impl Marks {
     }
 
     /// Marks the corners of `triangles`, which are relative to `origin` (column, row).
-    pub(super) fn mark(&mut self, triangles: &[Triangle], origin: (u32, u32)) {
+    pub(super) fn mark(&mut self, triangles: &[TileTriangle], origin: (u32, u32)) {
         let Some(owned) = self.owned else { return };
         let (left, above) = (owned.col.wrapping_sub(origin.0), owned.row.wrapping_sub(origin.1));
         for at in triangles.iter().flat_map(|triangle| triangle.corners) {
@@ -41,7 +41,7 @@ impl Marks {
     }
 
     /// True when the tile's sample `at` is marked.
-    pub(super) fn contains(&self, at: Local) -> bool {
+    pub(super) fn contains(&self, at: TilePosition) -> bool {
         let width = self.owned.map_or(0, |owned| owned.width as usize);
         self.bits.contains(at.row() as usize * width + at.col() as usize)
     }
@@ -67,7 +67,7 @@ pub(super) fn positions(
     all.map(|(&at, &height)| position(at, height, origin, to_world)).collect()
 }
 
-fn position(at: Local, height: f64, (col, row): (u32, u32), to_world: &Affine) -> Point3 {
+fn position(at: TilePosition, height: f64, (col, row): (u32, u32), to_world: &Affine) -> Point3 {
     let [x, y] = to_world.apply(f64::from(col + at.col()), f64::from(row + at.row()));
     [x, y, height]
 }
@@ -83,7 +83,7 @@ pub(super) struct Ranks {
     /// Vertices before each word of `bits`.
     before: Vec<u32>,
     /// Copies for [`Lookup::faces`] with corners; else empty.
-    vertices: Vec<Local>,
+    vertices: Vec<TilePosition>,
     heights: Vec<f64>,
 }
 
@@ -122,7 +122,7 @@ impl Ranks {
     }
 
     /// Rank of the vertex at `at`.
-    fn rank(&self, at: Local) -> Option<usize> {
+    fn rank(&self, at: TilePosition) -> Option<usize> {
         let bit = at.row() as usize * self.pitch + at.col() as usize;
         let below = self.bits.words().get(bit / 64)? & (2_u64 << (bit % 64)).wrapping_sub(1);
         let is_vertex = below >> (bit % 64) == 1;
@@ -150,7 +150,7 @@ impl Lookup {
     /// tile concerned.
     pub(super) fn begin<'a>(
         &'a mut self,
-        layout: &'a Layout,
+        layout: &'a TileLayout,
         tile: TileId,
     ) -> impl Iterator<Item = (TileId, &'a mut Ranks)> {
         let owned = layout.owned(tile);
@@ -170,11 +170,11 @@ impl Lookup {
     /// what becomes of them.
     pub(super) fn bytes(triangles: usize, with_corners: bool) -> u64 {
         let corners = if with_corners { size_of::<[Point3; 3]>() } else { 0 };
-        (triangles * (2 * size_of::<Triangle>() + size_of::<[u64; 3]>() + corners)) as u64
+        (triangles * (2 * size_of::<TileTriangle>() + size_of::<[u64; 3]>() + corners)) as u64
     }
 
     /// The tile among the four that owns `at` (relative to the first), and its rank there.
-    fn find(&self, at: Local) -> Option<(usize, usize)> {
+    fn find(&self, at: TilePosition) -> Option<(usize, usize)> {
         let right = usize::from(at.col() >= self.owned.0);
         let below = usize::from(at.row() >= self.owned.1);
         let near = 2 * below + right;
@@ -199,7 +199,7 @@ impl Lookup {
     /// `None` when a corner is not a vertex, which cannot be.
     pub(super) fn faces(
         &self,
-        mut triangles: Vec<Triangle>,
+        mut triangles: Vec<TileTriangle>,
         to_world: &Affine,
         with_corners: bool,
     ) -> Option<Faces> {
@@ -228,7 +228,8 @@ mod tests {
 
     fn ranks(positions: &[(u32, u32)], first_id: u64) -> Ranks {
         let mut container = Container::default();
-        container.vertices = positions.iter().map(|&(col, row)| Local::new(col, row)).collect();
+        container.vertices =
+            positions.iter().map(|&(col, row)| TilePosition::new(col, row)).collect();
         container.heights = vec![0.0; positions.len()];
         let mut ranks = Ranks::default();
         ranks.fill(&container, Rect::new(0, 0, 10, 7), first_id, false);
@@ -238,7 +239,7 @@ mod tests {
     #[test]
     fn ranks_follow_rows_and_columns() {
         let ranks = ranks(&[(3, 0), (9, 0), (1, 4), (7, 4), (8, 4)], 10);
-        let found = |col, row| ranks.rank(Local::new(col, row));
+        let found = |col, row| ranks.rank(TilePosition::new(col, row));
         assert_eq!(found(3, 0), Some(0));
         assert_eq!(found(9, 0), Some(1));
         assert_eq!(found(1, 4), Some(2));
@@ -250,13 +251,15 @@ mod tests {
 
     #[test]
     fn marks_count_each_owned_sample_once() {
-        let mut marks = Marks::default();
+        let mut marks = VertexFlags::default();
         marks.reset(Rect::new(16, 16, 16, 16));
-        let corners = [(15, 15), (16, 17), (31, 31)].map(|(col, row)| Local::new(col, row));
-        let triangle = Triangle { corners, max_error: 0.0, square_sum: 0.0 };
+        let corners = [(15, 15), (16, 17), (31, 31)].map(|(col, row)| TilePosition::new(col, row));
+        let triangle = TileTriangle { corners, max_error: 0.0, square_sum: 0.0 };
         marks.mark(&[triangle, triangle], (0, 0));
         assert_eq!(marks.count(), 2);
-        assert!(marks.contains(Local::new(0, 1)) && marks.contains(Local::new(15, 15)));
-        assert!(!marks.contains(Local::new(1, 0)));
+        assert!(
+            marks.contains(TilePosition::new(0, 1)) && marks.contains(TilePosition::new(15, 15))
+        );
+        assert!(!marks.contains(TilePosition::new(1, 0)));
     }
 }

@@ -18,11 +18,11 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use super::container::Container;
-use super::tally::Tally;
+use super::tally::SampleCounts;
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::{Digest, damaged_object as damaged};
 use terrane_files::atomic::AtomicFile;
-use terrane_files::fault::{self, Point};
+use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 
 const MAGIC: &[u8; 16] = b"terrane object 2";
@@ -33,7 +33,7 @@ const _: () = assert!(cfg!(target_endian = "little"), "records are written as th
 /// Where a record lies.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Entry {
+struct RecordOffset {
     offset: u64,
     len: u64,
     digest: [u8; 32],
@@ -41,26 +41,26 @@ struct Entry {
 
 /// What an object tells of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct TinArtifactFacts {
     /// Digest of the index.
     pub(super) index: Digest,
     #[serde(flatten)]
-    pub(super) tally: Tally,
+    pub(super) tally: SampleCounts,
 }
 
 /// Bytes of an object whose containers take `kept` bytes in memory.
 pub(super) fn object_bytes(kept: u64, tiles: u64) -> u64 {
-    kept + tiles * (size_of::<Entry>() as u64 + RECORD_HEAD) + MAGIC.len() as u64
+    kept + tiles * (size_of::<RecordOffset>() as u64 + RECORD_HEAD) + MAGIC.len() as u64
 }
 
 /// A container as bytes, with their digest.
 #[derive(Debug)]
-pub(super) struct Record {
+pub(super) struct ContainerRecord {
     bytes: Vec<u8>,
     digest: Digest,
 }
 
-impl Record {
+impl ContainerRecord {
     /// Of a settled container.
     pub(super) fn of(container: &Container) -> Self {
         let bytes = container.to_bytes();
@@ -81,7 +81,7 @@ pub(super) struct ObjectWriter {
     /// Of all that was written.
     hasher: blake3::Hasher,
     offset: u64,
-    index: Vec<Entry>,
+    index: Vec<RecordOffset>,
 }
 
 impl ObjectWriter {
@@ -95,21 +95,21 @@ impl ObjectWriter {
     }
 
     /// Appends the next tile's record.
-    pub(super) fn push(&mut self, record: &Record) -> Result<()> {
-        let Record { bytes, digest } = record;
-        self.index.push(Entry { offset: self.offset, len: record.len(), digest: digest.0 });
+    pub(super) fn push(&mut self, record: &ContainerRecord) -> Result<()> {
+        let ContainerRecord { bytes, digest } = record;
+        self.index.push(RecordOffset { offset: self.offset, len: record.len(), digest: digest.0 });
         self.write(bytes)
     }
 
     /// Puts the whole object at its place; returns what it tells of itself, and the digest of its bytes.
-    pub(super) fn finish(mut self, tally: Tally) -> Result<(Facts, Digest)> {
+    pub(super) fn finish(mut self, tally: SampleCounts) -> Result<(TinArtifactFacts, Digest)> {
         let index = std::mem::take(&mut self.index);
         let bytes: &[u8] = bytemuck::cast_slice(&index);
         self.write(bytes)?;
         let file = self.file.into_inner().map_err(|e| Error::write(&self.path, e.into_error()))?;
         file.commit()?;
         let digest = Digest(*self.hasher.finalize().as_bytes());
-        Ok((Facts { index: Digest::of(bytes), tally }, digest))
+        Ok((TinArtifactFacts { index: Digest::of(bytes), tally }, digest))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
@@ -123,7 +123,7 @@ impl ObjectWriter {
 pub(super) struct Object {
     path: PathBuf,
     file: Mutex<File>,
-    index: Vec<Entry>,
+    index: Vec<RecordOffset>,
 }
 
 impl Object {
@@ -133,16 +133,17 @@ impl Object {
         let fail = |e| Error::read(&path, e);
         let mut file = File::open(&path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
-        let len = tiles * size_of::<Entry>() as u64;
+        let len = tiles * size_of::<RecordOffset>() as u64;
         let offset = bytes.checked_sub(len).ok_or_else(|| damaged(&path))?;
         let mut end = vec![0; len as usize];
         read_at(&mut file, &mut end, offset).map_err(fail)?;
         if Digest::of(&end) != index {
             return Err(damaged(&path));
         }
-        let index: Vec<Entry> = bytemuck::allocation::pod_collect_to_vec(&end);
-        let is_inside =
-            |entry: &Entry| entry.offset.checked_add(entry.len).is_some_and(|end| end <= offset);
+        let index: Vec<RecordOffset> = bytemuck::allocation::pod_collect_to_vec(&end);
+        let is_inside = |entry: &RecordOffset| {
+            entry.offset.checked_add(entry.len).is_some_and(|end| end <= offset)
+        };
         match index.iter().all(is_inside) {
             true => Ok(Self { path, file: Mutex::new(file), index }),
             false => Err(damaged(&path)),
@@ -162,7 +163,7 @@ impl Object {
 }
 
 fn read_at(file: &mut File, out: &mut [u8], offset: u64) -> io::Result<()> {
-    fault::point(Point::Read)?;
+    fault::point(FaultPoint::Read)?;
     file.seek(SeekFrom::Start(offset))?;
     file.read_exact(out)
 }
@@ -176,7 +177,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.object");
         for (offset, len) in [(16, 0), (16, 1), (0, u64::MAX >> 1), (u64::MAX, 2)] {
-            let index = [Entry { offset, len, digest: Digest::of(b"").0 }];
+            let index = [RecordOffset { offset, len, digest: Digest::of(b"").0 }];
             let index: &[u8] = bytemuck::cast_slice(&index);
             std::fs::write(&path, [MAGIC, index].concat()).unwrap();
             let opened = Object::open(path.clone(), Digest::of(index), 1);

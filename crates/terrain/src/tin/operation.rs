@@ -10,7 +10,7 @@ use super::report::TinReport;
 use super::textbook::run_by;
 use super::workdir::run_in;
 use terrane_base::error::Result;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_raster::Inputs;
 
@@ -30,8 +30,8 @@ impl Operation for TinOptions {
         self.job(&Inputs::from(Vec::new()), output).map(drop)
     }
 
-    fn run(&self, request: Request<'_>) -> Result<TinReport> {
-        let Request { inputs, output, skipped, is_measured, progress, cancel } = request;
+    fn run(&self, request: RunRequest<'_>) -> Result<TinReport> {
+        let RunRequest { inputs, output, skipped, is_measured, progress, cancel } = request;
         let job = TinJob { measure: is_measured, ..self.job(inputs, output)? };
         if let Some(folder) = &self.resuming.workdir {
             return run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel);

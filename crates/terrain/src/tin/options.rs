@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use terrane_options::{Codec, Options, Range, Rule, check, settled};
+use terrane_options::{OptionCodec, OptionRange, OptionRule, Options, check, settled};
 
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::job::TinJob;
 use super::layout::{TILE_CELLS, USUAL_TILE};
 use super::names::{GREEDY, MeshMethodName};
@@ -12,9 +12,9 @@ use super::refinement::Refinement;
 use super::textbook::Textbook;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry;
-use terrane_baselines::{METHODS, Method, Triangulation};
+use terrane_baselines::{BaselineMethod, METHODS, TriangulationRule};
 use terrane_engine::Resources;
-use terrane_engine::bands::Bands;
+use terrane_engine::bands::MeshBands;
 use terrane_engine::options::{
     Constraints, FileOutput, Finite, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
 };
@@ -29,32 +29,32 @@ terrane_engine::has_within!(TinOptions: Refinement => [Constraints]);
 #[derive(Clone, Debug, PartialEq, Options)]
 #[options(heading = "Target", setters = group, rules = OF_TARGET)]
 #[non_exhaustive]
-pub struct Target {
+pub struct TinTarget {
     /// Largest vertical distance of any valid sample from the mesh, in the vertical unit of the data
-    #[option(value = "E", range = Range::FROM_ZERO)]
+    #[option(value = "E", range = OptionRange::FROM_ZERO)]
     pub max_error: Option<f64>,
     /// The smallest error that this many vertices allow
-    #[option(value = "N", range = Range::new(3.0, f64::MAX), role = Run)]
+    #[option(value = "N", range = OptionRange::new(3.0, f64::MAX), role = Run)]
     pub max_vertices: Option<u64>,
     /// The smallest error that this many triangles allow
-    #[option(value = "N", range = Range::new(1.0, f64::MAX), role = Run)]
+    #[option(value = "N", range = OptionRange::new(1.0, f64::MAX), role = Run)]
     pub max_triangles: Option<u64>,
 }
 
-const OF_TARGET: &[Rule] =
-    &[Rule::OneOf(&["max_error", "max_vertices", "max_triangles"], "target")];
+const OF_TARGET: &[OptionRule] =
+    &[OptionRule::OneOf(&["max_error", "max_vertices", "max_triangles"], "target")];
 
-impl Target {
+impl TinTarget {
     /// As jobs have it.
     ///
     /// # Errors
     /// Usage: there is none, or more than one.
-    pub fn goal(&self) -> Result<Goal> {
+    pub fn goal(&self) -> Result<TinGoal> {
         check(self)?;
         // Without the sign that a zero may have.
-        let error = self.max_error.map(|error| Goal::MaxError(error.abs()));
-        let vertices = self.max_vertices.map(Goal::MaxVertices);
-        let goal = error.or(vertices).or(self.max_triangles.map(Goal::MaxTriangles));
+        let error = self.max_error.map(|error| TinGoal::MaxError(error.abs()));
+        let vertices = self.max_vertices.map(TinGoal::MaxVertices);
+        let goal = error.or(vertices).or(self.max_triangles.map(TinGoal::MaxTriangles));
         goal.ok_or_else(|| Error::usage("no target given").remedy("pass ‹max_error›"))
     }
 }
@@ -66,7 +66,7 @@ impl Target {
 pub struct TinOptions {
     /// What it has to reach.
     #[option(flatten)]
-    pub target: Target,
+    pub target: TinTarget,
     /// How the grid is read.
     #[option(flatten)]
     pub grid: GridInput,
@@ -77,7 +77,7 @@ pub struct TinOptions {
     #[option(value = "KEY=VAL", with = KeyValue, role = Run, heading = "Output")]
     pub co: Vec<(String, String)>,
     /// Write a folder with a mesh for every N x N tiles and an index (GeoJSON), instead of one file
-    #[option(value = "N", range = Range::new(1.0, 65_536.0), role = Run, heading = "Output")]
+    #[option(value = "N", range = OptionRange::new(1.0, 65_536.0), role = Run, heading = "Output")]
     pub split: Option<u32>,
     /// How the mesh lies in its file.
     #[option(flatten)]
@@ -97,15 +97,15 @@ pub struct TinOptions {
     pub method: String,
     /// Cells along the side of a tile, 16 to 8192
     #[option(value = "CELLS", default = USUAL_TILE, heading = "Method",
-             range = Range::new(*TILE_CELLS.start() as f64, *TILE_CELLS.end() as f64))]
+             range = OptionRange::new(*TILE_CELLS.start() as f64, *TILE_CELLS.end() as f64))]
     pub tile: u32,
     /// Bands that share one mesh, such as 1,2,3 for the colours of a photograph: the error of a sample is the
     /// largest over them of weight x |value - mesh|. The mesh has their values at its vertices; heights are
     /// those of ‹band›, one of them, if it is given, and 0 else
-    #[option(value = "N,..", range = Range::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
+    #[option(value = "N,..", range = OptionRange::new(1.0, u32::MAX as f64), role = Run, heading = "Several bands")]
     pub bands: Vec<u32>,
     /// How much an error in each band counts
-    #[option(value = "W,..", range = Range::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
+    #[option(value = "W,..", range = OptionRange::POSITIVE, role = Run, heading = "Several bands", default_text = "1 each")]
     pub weights: Vec<f64>,
     /// Where work is kept.
     #[option(flatten)]
@@ -130,16 +130,16 @@ const OF_GREEDY: &[&str] = &[
     "bound=surface",
 ];
 
-const RULES: &[Rule] = &[
-    Rule::NotWith("workdir", &["max_vertices", "max_triangles"]),
-    Rule::NotWith("workdir", &["base", "keep_degrees", "size", "scale", "exaggeration"]),
-    Rule::Needs("base", &["size", "scale"]),
-    Rule::NotWith("base", &["co"]),
-    Rule::NotWith("water", &["min_angle", "fit"]),
-    Rule::Needs("weights", &["bands"]),
-    Rule::NotWith("bands", &["method", "triangulation"]),
-    Rule::NotWith("bands", OF_GREEDY),
-    Rule::NotWith("method!=greedy", OF_GREEDY),
+const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("workdir", &["max_vertices", "max_triangles"]),
+    OptionRule::NotWith("workdir", &["base", "keep_degrees", "size", "scale", "exaggeration"]),
+    OptionRule::Needs("base", &["size", "scale"]),
+    OptionRule::NotWith("base", &["co"]),
+    OptionRule::NotWith("water", &["min_angle", "fit"]),
+    OptionRule::Needs("weights", &["bands"]),
+    OptionRule::NotWith("bands", &["method", "triangulation"]),
+    OptionRule::NotWith("bands", OF_GREEDY),
+    OptionRule::NotWith("method!=greedy", OF_GREEDY),
 ];
 
 impl TinOptions {
@@ -148,14 +148,15 @@ impl TinOptions {
         let triangulation = self.refinement.triangulation;
         if self.method == GREEDY {
             return match triangulation {
-                Some(Triangulation::Split3) => Err(not_of(GREEDY, "triangulation=split3").remedy(
-                    "leave it out, or choose a ‹method› that leaves the triangulation open",
-                )),
+                Some(TriangulationRule::Split3) => Err(not_of(GREEDY, "triangulation=split3")
+                    .remedy(
+                        "leave it out, or choose a ‹method› that leaves the triangulation open",
+                    )),
                 _ => Ok(None),
             };
         }
-        let method: &'static Method = registry::named(METHODS, &self.method)?;
-        let Target { max_vertices, max_triangles, .. } = &self.target;
+        let method: &'static BaselineMethod = registry::named(METHODS, &self.method)?;
+        let TinTarget { max_vertices, max_triangles, .. } = &self.target;
         let of_some = [
             ("triangulation", triangulation.is_some() && !method.takes_triangulation),
             ("max_vertices", max_vertices.is_some() && !method.takes_budget),
@@ -178,8 +179,8 @@ impl TinOptions {
     ///
     /// # Errors
     /// Usage: bands and weights that do not fit together.
-    pub fn shared(&self) -> Result<Option<Bands>> {
-        let bands = || Bands::new(&self.bands, &self.weights, self.grid.band);
+    pub fn shared(&self) -> Result<Option<MeshBands>> {
+        let bands = || MeshBands::new(&self.bands, &self.weights, self.grid.band);
         (!self.bands.is_empty()).then(bands).transpose()
     }
 

@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use terrane_options::{Options, Range, Rule, check};
+use terrane_options::{OptionRange, OptionRule, Options, check};
 
 use super::angles::angle_bound;
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::names::TriangulationName;
 use super::worker::{line_bytes, worker_bytes};
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
-use terrane_baselines::Triangulation;
+use terrane_baselines::TriangulationRule;
 use terrane_engine::Resources;
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::options::{BoundName, Constraints};
 use terrane_raster::Water;
 use terrane_tin::Spec;
@@ -26,7 +26,7 @@ pub struct Refinement {
     /// Of what the error is promised: of the samples, or of the whole surface: of the lines between neighbouring
     /// samples, too
     #[option(value = "WHAT", with = BoundName)]
-    pub bound: Bound,
+    pub bound: ErrorBound,
     /// Insert one global maximum at a time (the reference; slower, more vertices)
     pub strict: bool,
     /// Drop vertices that turned out to be redundant
@@ -40,21 +40,21 @@ pub struct Refinement {
     pub fit: bool,
     /// Which triangles vertices get
     #[option(value = "NAME", with = TriangulationName, default_text = "delaunay")]
-    pub triangulation: Option<Triangulation>,
+    pub triangulation: Option<TriangulationRule>,
     /// The smallest angle that triangles may have in plan, in degrees: samples are inserted until that holds
-    #[option(value = "DEGREES", range = Range::POSITIVE)]
+    #[option(value = "DEGREES", range = OptionRange::POSITIVE)]
     pub min_angle: Option<f64>,
     /// What stays.
     #[option(flatten)]
     pub constraints: Constraints,
 }
 
-const RULES: &[Rule] = &[
-    Rule::NotWith("fit", &["strict", "drop"]),
+const RULES: &[OptionRule] = &[
+    OptionRule::NotWith("fit", &["strict", "drop"]),
     // Which triangles are not Delaunay is found by dropping vertices.
-    Rule::NotWith("triangulation=data-dependent", &["drop"]),
+    OptionRule::NotWith("triangulation=data-dependent", &["drop"]),
     // Lines may meet under any angle.
-    Rule::NotWith("breaklines", &["min_angle"]),
+    OptionRule::NotWith("breaklines", &["min_angle"]),
 ];
 
 impl Refinement {
@@ -85,9 +85,9 @@ impl Refinement {
         &self,
         water: Option<&Arc<Water>>,
         resources: &Resources,
-    ) -> Result<Features> {
+    ) -> Result<ConstraintFeatures> {
         let [points, lines] = self.files();
-        Features::read(points, lines, water, resources)
+        ConstraintFeatures::read(points, lines, water, resources)
     }
 
     /// The names of the files of points and of breaklines.
@@ -98,14 +98,14 @@ impl Refinement {
 
     /// True where triangles may be others than Delaunay ones.
     pub(super) fn is_data_dependent(&self) -> bool {
-        self.triangulation == Some(Triangulation::DataDependent)
+        self.triangulation == Some(TriangulationRule::DataDependent)
     }
 
     /// Most bytes of a worker on tiles of `tile` cells, without what all hold together, that `follows` lines or
     /// not.
-    pub(super) fn worker_bytes(&self, goal: Goal, tile: u32, follows: bool) -> u64 {
+    pub(super) fn worker_bytes(&self, goal: TinGoal, tile: u32, follows: bool) -> u64 {
         // Any sample may become a vertex to reach these.
-        let keeps_all = goal == Goal::MaxError(0.0) || self.min_angle.is_some();
+        let keeps_all = goal == TinGoal::MaxError(0.0) || self.min_angle.is_some();
         let lines = if follows { line_bytes(tile) } else { 0 };
         lines + worker_bytes(tile, keeps_all, self.fit)
     }

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::tally::Flaws;
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
-use terrane_engine::bands::BandReport;
+use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::figures::Figures;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::Placed;
+use terrane_engine::placing::MeshPlacement;
 use terrane_engine::transform::Transformed;
 use terrane_raster::WaterReport;
 
@@ -51,10 +51,10 @@ pub struct TinReport {
     pub triangulation: Option<String>,
     /// The bands that the error is of, where there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub bands: Vec<BandReport>,
+    pub bands: Vec<MeshBandReport>,
     pub tolerance: f64,
     /// Of what it is promised.
-    pub bound: Bound,
+    pub bound: ErrorBound,
     /// True when vertices may lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fit: bool,
@@ -99,7 +99,7 @@ pub struct TinReport {
     pub prj: Option<String>,
     /// How the mesh lies in its file, where that has coordinates of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub placed: Option<Placed>,
+    pub placed: Option<MeshPlacement>,
     /// What the user of the mesh should know.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
@@ -169,7 +169,7 @@ impl TinReport {
 
 /// A stage of the pipeline.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Stage {
+pub(super) enum PipelineStage {
     Read,
     Tiles,
     Seams,
@@ -182,27 +182,27 @@ pub(super) enum Stage {
 
 /// Time and samples by stage, of one worker or summed.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Clock {
+pub(super) struct StageClock {
     spent: [Duration; 6],
     samples: [u64; 6],
 }
 
-impl Clock {
+impl StageClock {
     const NAMES: [&str; 6] = ["read", "tiles", "seams", "write", "reduce", "load"];
 
     /// Adds the time since `started` and `samples` to a stage.
-    pub(super) fn add(&mut self, stage: Stage, started: Instant, samples: u64) {
+    pub(super) fn add(&mut self, stage: PipelineStage, started: Instant, samples: u64) {
         self.add_time(stage, started.elapsed());
         self.samples[stage as usize] += samples;
     }
 
     /// Adds time to a stage.
-    pub(super) fn add_time(&mut self, stage: Stage, spent: Duration) {
+    pub(super) fn add_time(&mut self, stage: PipelineStage, spent: Duration) {
         self.spent[stage as usize] += spent;
     }
 
     /// Adds another clock.
-    pub(super) fn merge(&mut self, other: &Clock) {
+    pub(super) fn merge(&mut self, other: &StageClock) {
         for stage in 0..Self::NAMES.len() {
             self.spent[stage] += other.spent[stage];
             self.samples[stage] += other.samples[stage];
@@ -216,7 +216,7 @@ impl Clock {
             thread_seconds: self.spent[i].as_secs_f64(),
             samples: self.samples[i],
         };
-        let rare = [Stage::Reduce, Stage::Load].map(|stage| stage as usize);
+        let rare = [PipelineStage::Reduce, PipelineStage::Load].map(|stage| stage as usize);
         let is_used = |i: &usize| !rare.contains(i) || self.samples[*i] > 0;
         (0..Self::NAMES.len()).filter(is_used).map(stage).collect()
     }

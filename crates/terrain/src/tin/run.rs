@@ -5,16 +5,16 @@ use std::sync::atomic::AtomicU64;
 
 use crossbeam_channel::{Receiver, bounded};
 
-use super::layout::{Layout, TileId};
+use super::layout::{TileId, TileLayout};
 use super::object::ObjectWriter;
-use super::report::{Clock, Stage, StageReport};
-use super::schedule::Queue;
-use super::scope::{Scope, Work};
-use super::settings::Settings;
-use super::store::Store;
-use super::tally::{Flaws, Tally};
-use super::worker::{Kernel, Outlet, Shared, Stock, Worker};
-use super::writer::{Collect, Part, Saver, Totals, Writer};
+use super::report::{PipelineStage, StageClock, StageReport};
+use super::schedule::TaskQueue;
+use super::scope::{LayoutWork, Scope};
+use super::settings::TinSettings;
+use super::store::ContainerStore;
+use super::tally::{Flaws, SampleCounts};
+use super::worker::{ContainerSource, Outlet, PipelineKernel, Shared, TinWorker};
+use super::writer::{Collect, Saver, TilePart, TinWriter, Totals};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::workers::spawn;
 use terrane_files::{lock, unlocked};
@@ -23,7 +23,7 @@ use terrane_raster::GridSource;
 
 /// What a run did.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outcome {
+pub struct TinOutcome {
     /// Vertices written.
     pub vertices: u64,
     /// Triangles written.
@@ -64,19 +64,19 @@ pub struct Outcome {
 pub fn run_on(
     source: &dyn GridSource,
     sink: Box<dyn MeshSink>,
-    settings: &Settings<'_>,
-) -> Result<Outcome> {
-    run_with(source, sink, settings, Kernel::GREEDY)
+    settings: &TinSettings<'_>,
+) -> Result<TinOutcome> {
+    run_with(source, sink, settings, PipelineKernel::GREEDY)
 }
 
 /// As [`run_on`], with another kernel.
 pub(super) fn run_with(
     source: &dyn GridSource,
     sink: Box<dyn MeshSink>,
-    settings: &Settings<'_>,
-    kernel: Kernel,
-) -> Result<Outcome> {
-    let work = Work { layout: layout(source, settings)?, scope: Scope::Whole };
+    settings: &TinSettings<'_>,
+    kernel: PipelineKernel,
+) -> Result<TinOutcome> {
+    let work = LayoutWork { layout: layout(source, settings)?, scope: Scope::Whole };
     let shared = Shared::new(source, settings, kernel, work, None, sink.wants_corners());
     write_mesh(shared, sink)
 }
@@ -85,14 +85,20 @@ pub(super) fn run_with(
 /// counted.
 pub(super) fn write(
     source: &dyn GridSource,
-    stock: &dyn Stock,
-    tally: Tally,
+    stock: &dyn ContainerSource,
+    tally: SampleCounts,
     sink: Box<dyn MeshSink>,
-    settings: &Settings<'_>,
-) -> Result<Outcome> {
-    let work = Work { layout: layout(source, settings)?, scope: Scope::Write };
-    let shared =
-        Shared::new(source, settings, Kernel::GREEDY, work, Some(stock), sink.wants_corners());
+    settings: &TinSettings<'_>,
+) -> Result<TinOutcome> {
+    let work = LayoutWork { layout: layout(source, settings)?, scope: Scope::Write };
+    let shared = Shared::new(
+        source,
+        settings,
+        PipelineKernel::GREEDY,
+        work,
+        Some(stock),
+        sink.wants_corners(),
+    );
     lock(&shared.tally).add(tally);
     write_mesh(shared, sink)
 }
@@ -103,12 +109,12 @@ pub(super) fn write(
 pub(super) fn save(
     source: &dyn GridSource,
     scope: Scope,
-    stock: Option<&dyn Stock>,
+    stock: Option<&dyn ContainerSource>,
     object: ObjectWriter,
-    settings: &Settings<'_>,
+    settings: &TinSettings<'_>,
 ) -> Result<Saved> {
-    let work = Work { layout: layout(source, settings)?, scope };
-    let shared = Shared::new(source, settings, Kernel::GREEDY, work, stock, false);
+    let work = LayoutWork { layout: layout(source, settings)?, scope };
+    let shared = Shared::new(source, settings, PipelineKernel::GREEDY, work, stock, false);
     let saver = Mutex::new(Saver::new(work, object));
     let clock = drive(&shared, &saver);
     shared.queue.into_result()?;
@@ -124,22 +130,22 @@ pub(super) fn save(
 /// What [`save`] did.
 pub(super) struct Saved {
     pub(super) object: ObjectWriter,
-    pub(super) tally: Tally,
-    pub(super) clock: Clock,
+    pub(super) tally: SampleCounts,
+    pub(super) clock: StageClock,
     pub(super) spilled_bytes: u64,
 }
 
-fn layout(source: &dyn GridSource, settings: &Settings<'_>) -> Result<Layout> {
-    Layout::new(source.info().width, source.info().height, settings.tile)
+fn layout(source: &dyn GridSource, settings: &TinSettings<'_>) -> Result<TileLayout> {
+    TileLayout::new(source.info().width, source.info().height, settings.tile)
 }
 
 impl<'a> Shared<'a> {
     fn new(
         source: &'a dyn GridSource,
-        settings: &'a Settings<'a>,
-        kernel: Kernel,
-        work: Work,
-        stock: Option<&'a dyn Stock>,
+        settings: &'a TinSettings<'a>,
+        kernel: PipelineKernel,
+        work: LayoutWork,
+        stock: Option<&'a dyn ContainerSource>,
         with_corners: bool,
     ) -> Self {
         let layout = work.layout;
@@ -149,8 +155,8 @@ impl<'a> Shared<'a> {
             kernel,
             layout,
             stock,
-            store: Store::new(layout, settings.mesh_bytes, settings.temp_dir),
-            queue: Queue::new(work, settings.threads.max(1), settings.order_seed),
+            store: ContainerStore::new(layout, settings.mesh_bytes, settings.temp_dir),
+            queue: TaskQueue::new(work, settings.threads.max(1), settings.order_seed),
             next_id: AtomicU64::new(0),
             tally: Mutex::default(),
             with_corners,
@@ -159,11 +165,11 @@ impl<'a> Shared<'a> {
 }
 
 /// Carries out all tasks; what they send goes to `collector`.
-fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
+fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> StageClock {
     if threads_for(shared) > 1 {
         run_threads(shared, collector)
     } else {
-        Worker::new(shared, Outlet { collector, writer: None }).run()
+        TinWorker::new(shared, Outlet { collector, writer: None }).run()
     }
 }
 
@@ -173,8 +179,8 @@ fn threads_for(shared: &Shared<'_>) -> usize {
     shared.settings.threads.min(tiles)
 }
 
-fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
-    let writer = Mutex::new(Writer::new(shared.layout, sink));
+fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<TinOutcome> {
+    let writer = Mutex::new(TinWriter::new(shared.layout, sink));
     let clock = drive(&shared, &writer);
     conclude(shared, unlocked(writer), clock)
 }
@@ -182,17 +188,18 @@ fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<Outcome> {
 /// Parts that may wait for the writer, by worker.
 const WAITING_PARTS: usize = 4;
 
-fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Clock {
+fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> StageClock {
     let threads = threads_for(shared);
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
         let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
         // Where there are no threads to be had, this one does it all.
         let Some(writing) = writing else {
-            return Worker::new(shared, Outlet { collector, writer: None }).run();
+            return TinWorker::new(shared, Outlet { collector, writer: None }).run();
         };
-        let work =
-            |sender| move || Worker::new(shared, Outlet { collector, writer: Some(sender) }).run();
+        let work = |sender| {
+            move || TinWorker::new(shared, Outlet { collector, writer: Some(sender) }).run()
+        };
         let others: Vec<_> =
             (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
         let mut clock = work(sender)();
@@ -213,7 +220,7 @@ fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Cloc
 fn write_parts(
     shared: &Shared<'_>,
     collector: &Mutex<dyn Collect + '_>,
-    parts: &Receiver<(TileId, Part)>,
+    parts: &Receiver<(TileId, TilePart)>,
 ) {
     for (tile, part) in parts {
         match lock(collector).accept(tile, part) {
@@ -223,14 +230,15 @@ fn write_parts(
     }
 }
 
-fn conclude(shared: Shared<'_>, writer: Writer, mut clock: Clock) -> Result<Outcome> {
+fn conclude(shared: Shared<'_>, writer: TinWriter, mut clock: StageClock) -> Result<TinOutcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
-    let Tally { valid, isolated, suspects, odd_range, kept, thin, apart } = unlocked(shared.tally);
+    let SampleCounts { valid, isolated, suspects, odd_range, kept, thin, apart } =
+        unlocked(shared.tally);
     shared.queue.into_result()?;
     check_surface(valid, totals)?;
-    clock.add_time(Stage::Write, writing);
-    Ok(Outcome {
+    clock.add_time(PipelineStage::Write, writing);
+    Ok(TinOutcome {
         vertices: totals.vertices,
         triangles: totals.triangles,
         valid,
@@ -268,14 +276,14 @@ mod tests {
     use crate::tin::container::Container;
     use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
-    use terrane_base::bound::Bound;
+    use terrane_base::bound::ErrorBound;
     use terrane_base::geom::Rect;
-    use terrane_engine::kept::Kept;
+    use terrane_engine::kept::ConstraintSamples;
     use terrane_engine::{Cancel, Silent};
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};
-    use terrane_tin::{Local, Spec, Triangle, mend_patch};
-    use terrane_tin::{PatchInput, PatchMesh, Scratch, TileInput, TileMesh, triangulate_tile};
+    use terrane_tin::{PatchInput, PatchMesh, TileInput, TileMesh, TileScratch, triangulate_tile};
+    use terrane_tin::{Spec, TilePosition, TileTriangle, mend_patch};
 
     /// A saddle with a fault in it, if wanted.
     struct Saddle {
@@ -326,11 +334,11 @@ mod tests {
         }
     }
 
-    fn settings(cancel: &Cancel, threads: usize) -> Settings<'_> {
-        Settings {
+    fn settings(cancel: &Cancel, threads: usize) -> TinSettings<'_> {
+        TinSettings {
             spec: Spec {
                 tolerance: 5.0,
-                bound: Bound::Samples,
+                bound: ErrorBound::Samples,
                 strict: false,
                 drop: true,
                 fit: false,
@@ -340,7 +348,7 @@ mod tests {
                 measure: false,
             },
             tile: 64,
-            kept: Kept::NONE,
+            kept: ConstraintSamples::NONE,
             threads,
             mesh_bytes: 1 << 20,
             temp_dir: Path::new("."),
@@ -350,17 +358,17 @@ mod tests {
         }
     }
 
-    fn run(source: &Saddle, threads: usize, kernel: Kernel) -> Result<Outcome> {
+    fn run(source: &Saddle, threads: usize, kernel: PipelineKernel) -> Result<TinOutcome> {
         let cancel = Cancel::default();
         run_with(source, Box::new(Drain), &settings(&cancel, threads), kernel)
     }
 
-    fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut Scratch) -> TileMesh {
+    fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
         assert!(input.apron_left + input.apron_above > 0, "planted fault");
         triangulate_tile(input, spec, scratch)
     }
 
-    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut Scratch) -> PatchMesh {
+    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut TileScratch) -> PatchMesh {
         panic!("planted fault {}", 7);
     }
 
@@ -368,11 +376,11 @@ mod tests {
     fn a_panic_becomes_an_error_that_names_the_tile() {
         let source = Saddle::new(257);
         for threads in [1, 3] {
-            let kernel = Kernel { tile: faulty_tile, ..Kernel::GREEDY };
+            let kernel = PipelineKernel { tile: faulty_tile, ..PipelineKernel::GREEDY };
             let error = run(&source, threads, kernel).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Internal);
             assert!(error.to_string().starts_with("tile 0,0: a worker failed: planted fault"));
-            let kernel = Kernel { patch: faulty_patch, ..Kernel::GREEDY };
+            let kernel = PipelineKernel { patch: faulty_patch, ..PipelineKernel::GREEDY };
             let error = run(&source, threads, kernel).unwrap_err().to_string();
             assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");
         }
@@ -389,7 +397,7 @@ mod tests {
         of: usize,
         input: &PatchInput<'_>,
         spec: &Spec,
-        scratch: &mut Scratch,
+        scratch: &mut TileScratch,
     ) -> PatchMesh {
         if is_corner(input) {
             TALLEST[of].fetch_max(input.heights.height, Ordering::Relaxed);
@@ -398,55 +406,56 @@ mod tests {
     }
 
     /// Leaves something to mend at the first row of all patches along rows.
-    fn leaving(input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch) -> PatchMesh {
+    fn leaving(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
         let is_row = input.seam_row.is_some() && !is_corner(input);
-        let left = if is_row { vec![Local::new(0, 0)] } else { Vec::new() };
+        let left = if is_row { vec![TilePosition::new(0, 0)] } else { Vec::new() };
         PatchMesh { left, ..measured(1, input, spec, scratch) }
     }
 
     #[test]
     fn what_is_left_between_samples_beside_a_seam_is_taken_up_around_the_corners() {
         let source = Saddle::new(257);
-        let usual = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+        let usual = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
             measured(0, input, spec, scratch)
         };
-        run(&source, 1, Kernel { patch: usual, ..Kernel::GREEDY }).unwrap();
-        run(&source, 1, Kernel { patch: leaving, ..Kernel::GREEDY }).unwrap();
+        run(&source, 1, PipelineKernel { patch: usual, ..PipelineKernel::GREEDY }).unwrap();
+        run(&source, 1, PipelineKernel { patch: leaving, ..PipelineKernel::GREEDY }).unwrap();
         let [usual, leaving] = [0, 1].map(|i| TALLEST[i].load(Ordering::Relaxed));
         assert!(leaving > usual, "{leaving} rows against {usual}");
     }
 
     #[test]
     fn what_no_patch_around_a_corner_can_mend_between_samples_is_an_error() {
-        let stuck = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
-            let left = if is_corner(input) { vec![Local::new(0, 0)] } else { Vec::new() };
+        let stuck = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
+            let left = if is_corner(input) { vec![TilePosition::new(0, 0)] } else { Vec::new() };
             PatchMesh { left, ..mend_patch(input, spec, scratch) }
         };
-        let kernel = Kernel { patch: stuck, ..Kernel::GREEDY };
+        let kernel = PipelineKernel { patch: stuck, ..PipelineKernel::GREEDY };
         let error = run(&Saddle::new(257), 1, kernel).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Internal);
         assert!(error.to_string().contains("cannot be kept within the tolerance"), "{error}");
-        let narrow = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut Scratch| {
+        let narrow = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
             let is_left = is_corner(input) && input.heights.width < 55;
-            let left = if is_left { vec![Local::new(0, 0)] } else { Vec::new() };
+            let left = if is_left { vec![TilePosition::new(0, 0)] } else { Vec::new() };
             PatchMesh { left, ..mend_patch(input, spec, scratch) }
         };
-        run(&Saddle::new(257), 1, Kernel { patch: narrow, ..Kernel::GREEDY }).unwrap();
+        run(&Saddle::new(257), 1, PipelineKernel { patch: narrow, ..PipelineKernel::GREEDY })
+            .unwrap();
     }
 
     /// Two triangles for every tile of a flat land.
-    struct Flat(Layout);
+    struct Flat(TileLayout);
 
-    impl Stock for Flat {
+    impl ContainerSource for Flat {
         fn load(&self, tile: TileId) -> Result<Container> {
             let (rect, owned) = (self.0.rect(tile), self.0.owned(tile));
             let (right, below) = (rect.width - 1, rect.height - 1);
             let corners = [(0, 0), (right, 0), (0, below), (right, below)];
-            let at = corners.map(|(col, row)| Local::new(col, row));
-            let triangle = |corners| Triangle { corners, max_error: 0.0, square_sum: 0.0 };
+            let at = corners.map(|(col, row)| TilePosition::new(col, row));
+            let triangle = |corners| TileTriangle { corners, max_error: 0.0, square_sum: 0.0 };
             let mut kept = Container::default();
             kept.triangles = vec![triangle([at[0], at[3], at[2]]), triangle([at[0], at[1], at[3]])];
-            let is_own = |at: &Local| at.col() < owned.width && at.row() < owned.height;
+            let is_own = |at: &TilePosition| at.col() < owned.width && at.row() < owned.height;
             kept.vertices = at.into_iter().filter(is_own).collect();
             kept.heights = vec![0.0; kept.vertices.len()];
             kept.close();
@@ -454,12 +463,12 @@ mod tests {
         }
     }
 
-    fn write_flat(side: u32, tile: u32) -> Outcome {
+    fn write_flat(side: u32, tile: u32) -> TinOutcome {
         let source = Saddle::new(side);
         let cancel = Cancel::default();
-        let settings = Settings { tile, ..settings(&cancel, 2) };
+        let settings = TinSettings { tile, ..settings(&cancel, 2) };
         let layout = layout(&source, &settings).unwrap();
-        let tally = Tally { valid: layout.samples(), ..Tally::default() };
+        let tally = SampleCounts { valid: layout.samples(), ..SampleCounts::default() };
         write(&source, &Flat(layout), tally, Box::new(Drain), &settings).unwrap()
     }
 
@@ -485,7 +494,7 @@ mod tests {
     fn a_read_error_names_the_tile() {
         let source = Saddle { broken_row: Some(200), ..Saddle::new(257) };
         for threads in [1, 3] {
-            let error = run(&source, threads, Kernel::GREEDY).unwrap_err();
+            let error = run(&source, threads, PipelineKernel::GREEDY).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::BadInput);
             assert!(error.to_string().contains("3,"), "{error}");
         }

@@ -11,31 +11,31 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::{Condvar, Mutex};
 
 use super::layout::TileId;
-use super::scope::Work;
-use super::task::{MOST_LAG, Step, Task};
+use super::scope::LayoutWork;
+use super::task::{MOST_LAG, TileStep, TileTask};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, unlocked, wait};
 
 /// Offsets (step, rows, columns) of tasks around a tile.
-type Edges = &'static [(Step, i32, i32)];
+type Edges = &'static [(TileStep, i32, i32)];
 
-impl Task {
-    fn at(step: Step, tile: TileId) -> Self {
+impl TileTask {
+    fn at(step: TileStep, tile: TileId) -> Self {
         Self { tile, step }
     }
 
     /// The tasks at the end of `edges`; a run that saves tiles does so where others gather them.
-    fn around(self, work: &Work, edges: Edges) -> impl Iterator<Item = Task> {
+    fn around(self, work: &LayoutWork, edges: Edges) -> impl Iterator<Item = TileTask> {
         edges.iter().filter_map(move |&(step, rows, cols)| {
-            let step = if step == Step::Gather { work.last_touch() } else { step };
-            let task = Task::at(step, work.layout.step(self.tile, rows, cols)?);
+            let step = if step == TileStep::Gather { work.last_touch() } else { step };
+            let task = TileTask::at(step, work.layout.step(self.tile, rows, cols)?);
             work.has(task).then_some(task)
         })
     }
 
     /// The tasks this one waits for.
-    fn inputs(self, work: &Work) -> Vec<Task> {
-        use Step::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
+    fn inputs(self, work: &LayoutWork) -> Vec<TileTask> {
+        use TileStep::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
         let edges: Edges = match self.step {
             Tile => &[],
             Vertical => &[(Tile, 0, 0), (Tile, 0, 1)],
@@ -66,20 +66,20 @@ impl Task {
                 (Corner, 0, 0),
             ],
             Number => return self.number_inputs(work),
-            Emit => return vec![Task::at(Number, work.layout.furthest_vertex(self.tile))],
+            Emit => return vec![TileTask::at(Number, work.layout.furthest_vertex(self.tile))],
         };
         self.around(work, edges).collect()
     }
 
-    fn number_inputs(self, work: &Work) -> Vec<Task> {
+    fn number_inputs(self, work: &LayoutWork) -> Vec<TileTask> {
         let before = work.position(self.tile).checked_sub(1).map(|i| work.tile_at(i));
-        let before = before.map(|tile| Task::at(Step::Number, tile));
-        [Task::at(Step::Gather, self.tile)].into_iter().chain(before).collect()
+        let before = before.map(|tile| TileTask::at(TileStep::Number, tile));
+        [TileTask::at(TileStep::Gather, self.tile)].into_iter().chain(before).collect()
     }
 
     /// The tasks that wait for this one: the inverse of [`inputs`](Self::inputs).
-    fn outputs(self, work: &Work) -> Vec<Task> {
-        use Step::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
+    fn outputs(self, work: &LayoutWork) -> Vec<TileTask> {
+        use TileStep::{Corner, Emit, Gather, Horizontal, Number, Save, Tile, Vertical};
         let edges: Edges = match self.step {
             Tile => &[
                 (Vertical, 0, -1),
@@ -111,32 +111,33 @@ impl Task {
         self.around(work, edges).collect()
     }
 
-    fn number_outputs(self, work: &Work) -> Vec<Task> {
+    fn number_outputs(self, work: &LayoutWork) -> Vec<TileTask> {
         let next = work.position(self.tile) + 1;
-        let next = (next < work.tiles()).then(|| Task::at(Step::Number, work.tile_at(next)));
+        let next =
+            (next < work.tiles()).then(|| TileTask::at(TileStep::Number, work.tile_at(next)));
         let near = [(-1, -1), (-1, 0), (0, -1), (0, 0)];
         let emits = near
             .into_iter()
             .filter_map(|(rows, cols)| work.layout.step(self.tile, rows, cols))
             .filter(|&tile| work.layout.furthest_vertex(tile) == self.tile)
-            .map(|tile| Task::at(Step::Emit, tile));
+            .map(|tile| TileTask::at(TileStep::Emit, tile));
         next.into_iter().chain(emits).collect()
     }
 }
 
 /// The queue of ready tasks, shared by all workers.
-pub(super) struct Queue {
-    work: Work,
+pub(super) struct TaskQueue {
+    work: LayoutWork,
     threads: u64,
     order_seed: Option<u64>,
-    state: Mutex<State>,
+    state: Mutex<TaskQueueState>,
     wake: Condvar,
 }
 
 #[derive(Default)]
-struct State {
-    ready: BinaryHeap<Reverse<(u64, Task)>>,
-    waiting: HashMap<Task, usize>,
+struct TaskQueueState {
+    ready: BinaryHeap<Reverse<(u64, TileTask)>>,
+    waiting: HashMap<TileTask, usize>,
     /// Tiles put into `ready` so far, in row-by-row order.
     begun: u64,
     /// Tiles in `ready`.
@@ -146,10 +147,10 @@ struct State {
     failure: Option<Error>,
 }
 
-impl Queue {
+impl TaskQueue {
     /// A queue for `threads` workers. With `order_seed`, ready tasks are taken in an order drawn
     /// from it (to test that results do not depend on the order).
-    pub(super) fn new(work: Work, threads: usize, order_seed: Option<u64>) -> Self {
+    pub(super) fn new(work: LayoutWork, threads: usize, order_seed: Option<u64>) -> Self {
         let (state, wake) = (Mutex::default(), Condvar::new());
         Self { work, threads: threads as u64, order_seed, state, wake }
     }
@@ -157,7 +158,7 @@ impl Queue {
     /// The next task; waits for one to become ready. `None` when all is done or a task failed.
     /// Without room, no tile is begun while anything else can be done: a worker that the system has
     /// stopped for a while would otherwise hold up the writer while the others fill the memory.
-    pub(super) fn next(&self, has_room: impl Fn() -> bool) -> Option<Task> {
+    pub(super) fn next(&self, has_room: impl Fn() -> bool) -> Option<TileTask> {
         let mut state = lock(&self.state);
         loop {
             if state.failure.is_some() || state.finished == self.work.tiles() {
@@ -166,7 +167,7 @@ impl Queue {
             self.begin_tiles(&mut state, &has_room);
             if let Some(Reverse((_, task))) = state.ready.pop() {
                 state.running += 1;
-                state.tiles_ready -= u64::from(task.step == Step::Tile);
+                state.tiles_ready -= u64::from(task.step == TileStep::Tile);
                 return Some(task);
             }
             if state.running == 0 {
@@ -178,10 +179,10 @@ impl Queue {
     }
 
     /// Notes that `task` is done and readies those that waited for it only.
-    pub(super) fn done(&self, task: Task) {
+    pub(super) fn done(&self, task: TileTask) {
         let mut state = lock(&self.state);
         state.running -= 1;
-        state.finished += u64::from(matches!(task.step, Step::Emit | Step::Save));
+        state.finished += u64::from(matches!(task.step, TileStep::Emit | TileStep::Save));
         for output in task.outputs(&self.work) {
             let left =
                 state.waiting.entry(output).or_insert_with(|| output.inputs(&self.work).len());
@@ -209,7 +210,7 @@ impl Queue {
 
     /// Adds tiles to the ready tasks: one for each worker while there is room, and none too far ahead
     /// of the writer.
-    fn begin_tiles(&self, state: &mut State, has_room: impl Fn() -> bool) {
+    fn begin_tiles(&self, state: &mut TaskQueueState, has_room: impl Fn() -> bool) {
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());
         while state.begun < end && state.tiles_ready < most {
@@ -217,7 +218,7 @@ impl Queue {
             if !idle && !has_room() {
                 return;
             }
-            let task = Task::at(Step::Tile, self.work.tile_at(state.begun));
+            let task = TileTask::at(TileStep::Tile, self.work.tile_at(state.begun));
             state.ready.push(Reverse((self.key(task), task)));
             state.begun += 1;
             state.tiles_ready += 1;
@@ -232,7 +233,7 @@ impl Queue {
     }
 
     /// Lower goes first: the position of the last tile the task waits for, then the step.
-    fn key(&self, task: Task) -> u64 {
+    fn key(&self, task: TileTask) -> u64 {
         let (rows, cols) = task.step.lag();
         let layout = &self.work.layout;
         // As if the sweep went on beyond the last row and column, so that what waits for tiles that
@@ -258,38 +259,38 @@ mod tests {
     use super::*;
     use std::collections::{BTreeSet, HashSet};
 
-    use crate::tin::layout::Layout;
+    use crate::tin::layout::TileLayout;
     use crate::tin::scope::Scope;
 
-    const STEPS: [Step; 8] = [
-        Step::Tile,
-        Step::Vertical,
-        Step::Horizontal,
-        Step::Corner,
-        Step::Gather,
-        Step::Number,
-        Step::Emit,
-        Step::Save,
+    const STEPS: [TileStep; 8] = [
+        TileStep::Tile,
+        TileStep::Vertical,
+        TileStep::Horizontal,
+        TileStep::Corner,
+        TileStep::Gather,
+        TileStep::Number,
+        TileStep::Emit,
+        TileStep::Save,
     ];
 
     /// Every scope of layouts of several shapes.
-    fn works() -> Vec<Work> {
+    fn works() -> Vec<LayoutWork> {
         let shapes = [(1, 1), (1, 2), (2, 1), (1, 7), (7, 1), (2, 2), (3, 5), (5, 3)];
         let layouts =
-            shapes.map(|(cols, rows)| Layout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap());
-        let scopes = |layout: Layout| {
+            shapes.map(|(cols, rows)| TileLayout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap());
+        let scopes = |layout: TileLayout| {
             let strips =
                 (0..layout.rows).map(move |row| Scope::Strip { first: row / 2, end: row + 1 });
             let seams = (0..layout.rows - 1).map(|above| Scope::Seam { above });
             let scopes = [Scope::Whole, Scope::Write].into_iter().chain(strips).chain(seams);
-            scopes.map(move |scope| Work { layout, scope }).collect::<Vec<_>>()
+            scopes.map(move |scope| LayoutWork { layout, scope }).collect::<Vec<_>>()
         };
         layouts.into_iter().flat_map(scopes).collect()
     }
 
-    fn all_tasks(work: &Work) -> Vec<Task> {
+    fn all_tasks(work: &LayoutWork) -> Vec<TileTask> {
         let tiles = (0..work.layout.tiles()).map(|i| work.layout.tile_at(i));
-        let tasks = tiles.flat_map(|tile| STEPS.map(|step| Task { tile, step }));
+        let tasks = tiles.flat_map(|tile| STEPS.map(|step| TileTask { tile, step }));
         tasks.filter(|task| work.has(*task)).collect()
     }
 
@@ -314,7 +315,7 @@ mod tests {
             for task in all_tasks(&work).into_iter().filter(|task| task.step == work.last_touch()) {
                 let inputs = task.inputs(&work);
                 let owners = work.layout.owners(work.layout.rect(task.tile));
-                for tile in owners.map(|tile| Task { tile, step: Step::Tile }) {
+                for tile in owners.map(|tile| TileTask { tile, step: TileStep::Tile }) {
                     assert!(!work.has(tile) || inputs.contains(&tile), "{task:?} {tile:?}");
                 }
             }
@@ -325,7 +326,7 @@ mod tests {
     fn every_task_runs_once_after_its_inputs_in_any_order() {
         for work in works() {
             for seed in [None, Some(1), Some(2), Some(3)] {
-                let queue = Queue::new(work, 1, seed);
+                let queue = TaskQueue::new(work, 1, seed);
                 let mut seen = HashSet::new();
                 while let Some(task) = queue.next(|| true) {
                     assert!(task.inputs(&work).iter().all(|input| seen.contains(input)));
@@ -341,7 +342,7 @@ mod tests {
     #[test]
     fn without_room_one_tile_is_begun_when_nothing_else_can_be_done() {
         for work in works() {
-            let queue = Queue::new(work, 2, None);
+            let queue = TaskQueue::new(work, 2, None);
             let mut first = queue.next(|| false);
             while let Some(task) = first {
                 assert_eq!(lock(&queue.state).tiles_ready, 0, "a tile was begun beside {task:?}");
@@ -353,11 +354,11 @@ mod tests {
     }
 
     /// The tiles whose triangles or vertices a task may change, by its widest rectangle.
-    fn touched(layout: &Layout, task: Task) -> Option<terrane_base::geom::Rect> {
+    fn touched(layout: &TileLayout, task: TileTask) -> Option<terrane_base::geom::Rect> {
         let widest = layout.widest_reach();
         match task.step.seam() {
             Some(seam) => Some(layout.patch(seam, task.tile, widest)),
-            None => (task.step == Step::Tile).then(|| layout.rect(task.tile)),
+            None => (task.step == TileStep::Tile).then(|| layout.rect(task.tile)),
         }
     }
 
@@ -366,7 +367,7 @@ mod tests {
     fn overlapping_tasks_never_run_at_the_same_time() {
         for work in works() {
             let tasks = all_tasks(&work);
-            let before = |a: Task, b: Task| {
+            let before = |a: TileTask, b: TileTask| {
                 let mut open = vec![a];
                 let mut seen = HashSet::new();
                 while let Some(task) = open.pop() {
@@ -394,8 +395,8 @@ mod tests {
 
     #[test]
     fn the_first_failure_stops_the_queue() {
-        let layout = Layout::new(33, 33, 16).unwrap();
-        let queue = Queue::new(Work { layout, scope: Scope::Whole }, 1, None);
+        let layout = TileLayout::new(33, 33, 16).unwrap();
+        let queue = TaskQueue::new(LayoutWork { layout, scope: Scope::Whole }, 1, None);
         assert!(queue.next(|| true).is_some());
         queue.fail(Error::usage("first"));
         queue.fail(Error::usage("second"));

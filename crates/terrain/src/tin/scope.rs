@@ -1,7 +1,7 @@
 //! Which part of the work one run does: all of it, or a unit that other runs go on from.
 
-use super::layout::{Layout, TileId};
-use super::task::{Step, Task};
+use super::layout::{TileId, TileLayout};
+use super::task::{TileStep, TileTask};
 
 /// The part of the work one run does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,23 +19,23 @@ pub(super) enum Scope {
 
 /// A part of the work on a layout.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Work {
-    pub(super) layout: Layout,
+pub(super) struct LayoutWork {
+    pub(super) layout: TileLayout,
     pub(super) scope: Scope,
 }
 
-impl Work {
+impl LayoutWork {
     /// True when `task` is one of this part: of its rows, of its steps, and with a seam the layout
     /// has (the last column has none on its right, and so on).
-    pub(super) fn has(&self, Task { tile, step }: Task) -> bool {
+    pub(super) fn has(&self, TileTask { tile, step }: TileTask) -> bool {
         let right = tile.col + 1 < self.layout.cols;
         let below = self.has_row(tile.row + 1);
         self.has_row(tile.row)
             && self.has_step(step)
             && match step {
-                Step::Vertical => right,
-                Step::Horizontal => below,
-                Step::Corner => right && below,
+                TileStep::Vertical => right,
+                TileStep::Horizontal => below,
+                TileStep::Corner => right && below,
                 _ => true,
             }
     }
@@ -45,20 +45,22 @@ impl Work {
         (first..end).contains(&row)
     }
 
-    fn has_step(&self, step: Step) -> bool {
+    fn has_step(&self, step: TileStep) -> bool {
         use Scope::{Seam, Strip, Whole, Write};
         match step {
-            Step::Tile => true,
-            Step::Vertical => matches!(self.scope, Whole | Strip { .. }),
-            Step::Horizontal | Step::Corner => self.scope != Write,
-            Step::Gather | Step::Number | Step::Emit => matches!(self.scope, Whole | Write),
-            Step::Save => matches!(self.scope, Strip { .. } | Seam { .. }),
+            TileStep::Tile => true,
+            TileStep::Vertical => matches!(self.scope, Whole | Strip { .. }),
+            TileStep::Horizontal | TileStep::Corner => self.scope != Write,
+            TileStep::Gather | TileStep::Number | TileStep::Emit => {
+                matches!(self.scope, Whole | Write)
+            }
+            TileStep::Save => matches!(self.scope, Strip { .. } | Seam { .. }),
         }
     }
 
     /// The first step that needs a tile to be final.
-    pub(super) fn last_touch(&self) -> Step {
-        if self.has_step(Step::Save) { Step::Save } else { Step::Gather }
+    pub(super) fn last_touch(&self) -> TileStep {
+        if self.has_step(TileStep::Save) { TileStep::Save } else { TileStep::Gather }
     }
 
     /// True when tiles come from saved containers, not from heights.

@@ -1,11 +1,11 @@
 //! The tolerance that meets a goal.
 
-use super::budget::{Trial, search};
-use super::estimate::{Estimator, Size};
-use super::goal::Goal;
-use super::layout::Layout;
-use super::run::{Outcome, run_on};
-use super::settings::Settings;
+use super::budget::{ToleranceTrial, search};
+use super::estimate::{Estimator, MeshSize};
+use super::goal::TinGoal;
+use super::layout::TileLayout;
+use super::run::{TinOutcome, run_on};
+use super::settings::TinSettings;
 use terrane_base::error::{Error, Result};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridSource;
@@ -14,31 +14,31 @@ use terrane_tin::Spec;
 /// Seeks among the meshes of one grid.
 pub(super) struct Seeker<'a> {
     pub(super) source: &'a dyn GridSource,
-    pub(super) layout: Layout,
+    pub(super) layout: TileLayout,
     /// How meshes are made, whatever their tolerance.
-    pub(super) settings: Settings<'a>,
+    pub(super) settings: TinSettings<'a>,
 }
 
 impl Seeker<'_> {
     /// The tolerance to run with, and how many trials it took to find it.
-    pub(super) fn tolerance(&self, goal: Goal) -> Result<(f64, u32)> {
+    pub(super) fn tolerance(&self, goal: TinGoal) -> Result<(f64, u32)> {
         let most = self.most();
         match goal {
-            Goal::MaxError(tolerance) => Ok((tolerance, 0)),
-            Goal::MaxVertices(budget) if budget >= most.vertices => Ok((0.0, 0)),
-            Goal::MaxTriangles(budget) if budget >= most.triangles => Ok((0.0, 0)),
-            Goal::MaxVertices(budget) => self.search(budget, |size| size.vertices),
-            Goal::MaxTriangles(budget) => self.search(budget, |size| size.triangles),
+            TinGoal::MaxError(tolerance) => Ok((tolerance, 0)),
+            TinGoal::MaxVertices(budget) if budget >= most.vertices => Ok((0.0, 0)),
+            TinGoal::MaxTriangles(budget) if budget >= most.triangles => Ok((0.0, 0)),
+            TinGoal::MaxVertices(budget) => self.search(budget, |size| size.vertices),
+            TinGoal::MaxTriangles(budget) => self.search(budget, |size| size.triangles),
         }
     }
 
     /// The size of the mesh of all samples.
-    pub(super) fn most(&self) -> Size {
-        Size { vertices: self.layout.samples(), triangles: 2 * self.layout.cells() }
+    pub(super) fn most(&self) -> MeshSize {
+        MeshSize { vertices: self.layout.samples(), triangles: 2 * self.layout.cells() }
     }
 
     /// The size of the mesh at a tolerance, about.
-    pub(super) fn estimate(&self, tolerance: f64) -> Result<Size> {
+    pub(super) fn estimate(&self, tolerance: f64) -> Result<MeshSize> {
         self.estimator().size(&self.spec(tolerance))
     }
 
@@ -50,10 +50,10 @@ impl Seeker<'_> {
         Spec { measure: false, tolerance, ..self.settings.spec }
     }
 
-    fn search(&self, budget: u64, counted: impl Fn(Size) -> u64) -> Result<(f64, u32)> {
+    fn search(&self, budget: u64, counted: impl Fn(MeshSize) -> u64) -> Result<(f64, u32)> {
         let count = |tolerance| self.count(tolerance, &counted);
         let may_be_all = budget >= self.layout.samples() / 2;
-        let all = || Ok::<_, Error>(Trial { tolerance: 0.0, count: count(0.0)? });
+        let all = || Ok::<_, Error>(ToleranceTrial { tolerance: 0.0, count: count(0.0)? });
         let known = may_be_all.then(all).transpose()?;
         if known.is_some_and(|all| all.count <= budget) {
             return Ok((0.0, 1));
@@ -63,11 +63,11 @@ impl Seeker<'_> {
     }
 
     /// The size of the mesh at a tolerance, by making it and throwing it away.
-    fn count(&self, tolerance: f64, counted: impl Fn(Size) -> u64) -> Result<u64> {
+    fn count(&self, tolerance: f64, counted: impl Fn(MeshSize) -> u64) -> Result<u64> {
         let stage = format!("count at {tolerance:.4}");
-        let settings = Settings { spec: self.spec(tolerance), ..self.settings };
+        let settings = TinSettings { spec: self.spec(tolerance), ..self.settings };
         let outcome = run_stage(&stage, self.source, Box::new(Counter), self.layout, &settings)?;
-        Ok(counted(Size { vertices: outcome.vertices, triangles: outcome.triangles }))
+        Ok(counted(MeshSize { vertices: outcome.vertices, triangles: outcome.triangles }))
     }
 }
 
@@ -76,9 +76,9 @@ pub(super) fn run_stage(
     name: &str,
     source: &dyn GridSource,
     sink: Box<dyn MeshSink>,
-    layout: Layout,
-    settings: &Settings<'_>,
-) -> Result<Outcome> {
+    layout: TileLayout,
+    settings: &TinSettings<'_>,
+) -> Result<TinOutcome> {
     settings.progress.begin(name, layout.samples());
     let outcome = run_on(source, sink, settings);
     settings.progress.end();

@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use terrane_engine::kept::Kept;
+use terrane_engine::kept::ConstraintSamples;
 use terrane_engine::{Cancel, Progress};
 use terrane_tin::Spec;
 
 /// How to run the core of a job.
 #[derive(Clone, Copy)]
-pub struct Settings<'a> {
+pub struct TinSettings<'a> {
     /// What each tile has to reach.
     pub spec: Spec,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Samples that stay vertices.
-    pub kept: &'a Kept,
+    pub kept: &'a ConstraintSamples,
     /// Worker threads. With one, everything runs on the calling thread; with more, one further
     /// thread writes.
     pub threads: usize,

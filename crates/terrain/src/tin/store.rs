@@ -12,15 +12,15 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use super::container::{Container, Spilled};
-use super::layout::{Layout, TileId};
+use super::container::{Container, SpilledContainer};
+use super::layout::{TileId, TileLayout};
 use terrane_base::error::Result;
-use terrane_files::{Spool, lock};
+use terrane_files::{SpoolFile, lock};
 
 /// A container and where it is.
 #[derive(Default)]
-struct Slot {
-    place: Place,
+struct ContainerSlot {
+    place: SlotState,
     /// Id of the first vertex, once numbered.
     first_id: u64,
     /// How far from its seam the patch below this tile would have changed its neighbours' triangles.
@@ -29,22 +29,22 @@ struct Slot {
     readers: u32,
 }
 
-enum Place {
+enum SlotState {
     Held(Container),
-    Spilled(Spilled),
+    Spilled(SpilledContainer),
 }
 
-impl Default for Place {
+impl Default for SlotState {
     fn default() -> Self {
         Self::Held(Container::default())
     }
 }
 
 /// The containers of all tiles that are begun and not finished.
-pub(super) struct Store {
-    layout: Layout,
-    slots: Mutex<HashMap<TileId, Arc<Mutex<Slot>>>>,
-    spool: Spool,
+pub(super) struct ContainerStore {
+    layout: TileLayout,
+    slots: Mutex<HashMap<TileId, Arc<Mutex<ContainerSlot>>>>,
+    spool: SpoolFile,
     /// Bytes in memory, and
     held: AtomicU64,
     /// how many there may be.
@@ -53,13 +53,13 @@ pub(super) struct Store {
     relief: Mutex<()>,
 }
 
-impl Store {
+impl ContainerStore {
     /// An empty store that holds about `limit` bytes and spills to `folder`.
-    pub(super) fn new(layout: Layout, limit: u64, folder: &Path) -> Self {
+    pub(super) fn new(layout: TileLayout, limit: u64, folder: &Path) -> Self {
         Self {
             layout,
             slots: Mutex::default(),
-            spool: Spool::new(folder),
+            spool: SpoolFile::new(folder),
             held: AtomicU64::new(0),
             limit,
             relief: Mutex::default(),
@@ -76,8 +76,8 @@ impl Store {
         let vertices = self.slot(tile, |slot| {
             slot.first_id = first_id;
             match &slot.place {
-                Place::Held(container) => container.vertices.len(),
-                Place::Spilled(spilled) => spilled.vertices(),
+                SlotState::Held(container) => container.vertices.len(),
+                SlotState::Spilled(spilled) => spilled.vertices(),
             }
         })?;
         Ok(first_id + vertices as u64)
@@ -116,8 +116,8 @@ impl Store {
         }
         let Some(slot) = lock(&self.slots).remove(&tile) else { return Ok(()) };
         match std::mem::take(&mut lock(&slot).place) {
-            Place::Held(container) => self.account(container.bytes(), 0),
-            Place::Spilled(spilled) => self.spool.free(spilled.extent),
+            SlotState::Held(container) => self.account(container.bytes(), 0),
+            SlotState::Spilled(spilled) => self.spool.free(spilled.extent),
         }
         Ok(())
     }
@@ -155,7 +155,7 @@ impl Store {
         self.spool.written()
     }
 
-    fn slot<R>(&self, tile: TileId, f: impl FnOnce(&mut Slot) -> R) -> Result<R> {
+    fn slot<R>(&self, tile: TileId, f: impl FnOnce(&mut ContainerSlot) -> R) -> Result<R> {
         let slot = {
             let mut slots = lock(&self.slots);
             Arc::clone(slots.entry(tile).or_insert_with(|| Arc::new(self.fresh(tile))))
@@ -166,15 +166,15 @@ impl Store {
     }
 
     /// An empty slot; its readers are the tiles up to one row above and one column to the left.
-    fn fresh(&self, tile: TileId) -> Mutex<Slot> {
+    fn fresh(&self, tile: TileId) -> Mutex<ContainerSlot> {
         let readers = (1 + u32::from(tile.row > 0)) * (1 + u32::from(tile.col > 0));
-        Mutex::new(Slot { readers, ..Slot::default() })
+        Mutex::new(ContainerSlot { readers, ..ContainerSlot::default() })
     }
 
-    fn load<R>(&self, slot: &mut Slot, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
+    fn load<R>(&self, slot: &mut ContainerSlot, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
         let mut container = match std::mem::take(&mut slot.place) {
-            Place::Held(container) => container,
-            Place::Spilled(spilled) => {
+            SlotState::Held(container) => container,
+            SlotState::Spilled(spilled) => {
                 let container = spilled.load(&self.spool)?;
                 self.account(0, container.bytes());
                 container
@@ -183,7 +183,7 @@ impl Store {
         let before = container.bytes();
         let result = f(&mut container);
         self.account(before, container.bytes());
-        slot.place = Place::Held(container);
+        slot.place = SlotState::Held(container);
         Ok(result)
     }
 
@@ -216,12 +216,12 @@ impl Store {
         Ok(())
     }
 
-    fn spill_slot(&self, slot: &mut Slot) -> Result<()> {
-        if let Place::Held(container) = &slot.place
+    fn spill_slot(&self, slot: &mut ContainerSlot) -> Result<()> {
+        if let SlotState::Held(container) = &slot.place
             && container.bytes() > 0
         {
             let bytes = container.bytes();
-            slot.place = Place::Spilled(container.spill(&self.spool)?);
+            slot.place = SlotState::Spilled(container.spill(&self.spool)?);
             self.account(bytes, 0);
         }
         Ok(())
@@ -238,7 +238,7 @@ impl Store {
 
 /// Bytes in use by a worker.
 pub(super) struct Reserved<'a> {
-    store: &'a Store,
+    store: &'a ContainerStore,
     bytes: u64,
 }
 
@@ -251,24 +251,25 @@ impl Drop for Reserved<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_tin::Local;
+    use terrane_tin::TilePosition;
 
     #[test]
     fn containers_survive_a_tiny_limit() {
         let folder = tempfile::tempdir().unwrap();
-        let layout = Layout::new(161, 33, 16).unwrap();
-        let store = Store::new(layout, 100, folder.path());
+        let layout = TileLayout::new(161, 33, 16).unwrap();
+        let store = ContainerStore::new(layout, 100, folder.path());
         let tiles: Vec<TileId> = (0..layout.tiles()).map(|i| layout.tile_at(i)).collect();
         for &tile in &tiles {
             let fill = |c: &mut Container| {
-                c.vertices.extend([Local::new(tile.col, tile.row); 10]);
+                c.vertices.extend([TilePosition::new(tile.col, tile.row); 10]);
                 c.heights.extend([f64::from(tile.col); 10]);
             };
             store.with(tile, fill).unwrap();
         }
         assert!(store.spilled() > 0 && store.held.load(Ordering::Relaxed) <= 300);
         for &tile in tiles.iter().rev() {
-            let same = |c: &mut Container| c.vertices == [Local::new(tile.col, tile.row); 10];
+            let same =
+                |c: &mut Container| c.vertices == [TilePosition::new(tile.col, tile.row); 10];
             assert!(store.with(tile, same).unwrap());
             assert_eq!(store.number(tile, 5).unwrap(), 15);
         }

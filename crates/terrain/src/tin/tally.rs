@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Counts of samples. Adding is commutative, so the order of work leaves no trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Tally {
+pub(super) struct SampleCounts {
     /// Valid samples.
     pub(super) valid: u64,
     /// Valid samples without a valid cell.
@@ -46,9 +46,9 @@ impl Flaws {
     }
 }
 
-impl Tally {
+impl SampleCounts {
     /// Adds another tally; of two suspected values the lower one counts.
-    pub(super) fn add(&mut self, other: Tally) {
+    pub(super) fn add(&mut self, other: SampleCounts) {
         self.valid += other.valid;
         self.isolated += other.isolated;
         self.kept += other.kept;
@@ -70,25 +70,26 @@ mod tests {
 
     #[test]
     fn the_lowest_suspect_counts() {
-        let mut all = Tally::default();
+        let mut all = SampleCounts::default();
         for suspects in
             [Some((-99.0, 5)), None, Some((-9999.0, 2)), Some((-9999.0, 1)), Some((-99.0, 7))]
         {
             let odd_range = suspects.map(|(low, count)| [low, count as f64]);
             let kept = 2;
-            all.add(Tally {
+            all.add(SampleCounts {
                 valid: 10,
                 isolated: 1,
                 suspects,
                 odd_range,
                 kept,
-                ..Tally::default()
+                ..SampleCounts::default()
             });
         }
         let suspects = Some((-9999.0, 3));
         let odd_range = Some([-9999.0, 7.0]);
-        let all_of_them = Tally { valid: 50, isolated: 5, kept: 10, ..Tally::default() };
-        let expected = Tally { suspects, odd_range, ..all_of_them };
+        let all_of_them =
+            SampleCounts { valid: 50, isolated: 5, kept: 10, ..SampleCounts::default() };
+        let expected = SampleCounts { suspects, odd_range, ..all_of_them };
         assert_eq!(all, expected);
     }
 

@@ -7,7 +7,7 @@ pub(super) const MOST_LAG: u32 = 3;
 
 /// What is done for a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Step {
+pub(super) enum TileStep {
     /// Triangulate the tile.
     Tile,
     /// Mend the seam to the tile on the right.
@@ -26,7 +26,7 @@ pub(super) enum Step {
     Save,
 }
 
-impl Step {
+impl TileStep {
     /// The seam a step mends.
     pub(super) fn seam(self) -> Option<Seam> {
         match self {
@@ -51,12 +51,12 @@ impl Step {
 
 /// One unit of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) struct Task {
+pub(super) struct TileTask {
     pub(super) tile: TileId,
-    pub(super) step: Step,
+    pub(super) step: TileStep,
 }
 
-impl std::fmt::Display for Task {
+impl std::fmt::Display for TileTask {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.step.seam() {
             None => self.tile.fmt(f),

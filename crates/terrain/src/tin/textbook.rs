@@ -2,30 +2,31 @@
 
 use std::time::Instant;
 
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::job::TinJob;
-use super::make::{Maker, Opened, in_input, options};
+use super::make::{OpenedTinJob, TinMaker, in_input, options};
 use super::report::{StageReport, TinReport};
-use super::run::Outcome;
-use super::window::Window;
+use super::run::TinOutcome;
+use super::window::WorkerBuffers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_baselines::{
-    Census, Goal as MethodGoal, Grid, MOST_SIDE, Method, Promise, Sample, Task, Tin, Triangulation,
+    BaselineGoal as MethodGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, MOST_SIDE,
+    PackedSample, Promise, SampleCensus, TriangulationRule,
 };
 use terrane_engine::{Cancel, Progress, Resources, memory};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{MeshBatch, MeshSink};
-use terrane_raster::OpenOptions;
+use terrane_raster::GridOpenOptions;
 use terrane_tin::Spec;
 
 /// A way to make a mesh that is not the engine's own.
 #[derive(Clone, Copy, Debug)]
 pub struct Textbook {
     /// The method.
-    pub method: &'static Method,
+    pub method: &'static BaselineMethod,
     /// How vertices are connected, by methods that leave it open.
-    pub triangulation: Triangulation,
+    pub triangulation: TriangulationRule,
 }
 
 /// Vertices or triangles that are written at a time.
@@ -53,14 +54,14 @@ pub fn run_by(
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
-    let whole = Whole {
+    let whole = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
         otherwise: "leave ‹method› out".to_owned(),
     };
-    let mut opened = Opened::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
+    let mut opened = OpenedTinJob::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
     opened.carried.triangulation = other_triangles(by);
-    let maker = Maker { job, opened: &opened, progress, cancel };
+    let maker = TinMaker { job, opened: &opened, progress, cancel };
     let mut report = make(&maker, by).map_err(named)?;
     report.took(started.elapsed());
     Ok(report)
@@ -69,14 +70,14 @@ pub fn run_by(
 /// What triangles are called that are not Delaunay.
 fn other_triangles(by: &Textbook) -> Option<&'static str> {
     match by.method.is_delaunay {
-        true if by.triangulation == Triangulation::Delaunay => None,
+        true if by.triangulation == TriangulationRule::Delaunay => None,
         true => Some(by.triangulation.name()),
         false => Some(by.method.name),
     }
 }
 
 /// What holds a whole grid.
-pub(super) struct Whole {
+pub(super) struct WholeGridMethod {
     /// What it is called.
     pub(super) what: String,
     /// Most bytes it takes for a sample, the result included.
@@ -99,7 +100,11 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
 }
 
 /// Opens the input where the memory holds all of it.
-pub(super) fn open(job: &TinJob, options: &OpenOptions, whole: &Whole) -> Result<memory::Opened> {
+pub(super) fn open(
+    job: &TinJob,
+    options: &GridOpenOptions,
+    whole: &WholeGridMethod,
+) -> Result<memory::Opened> {
     let resources = &job.resources;
     let source = memory::look_at(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
@@ -116,7 +121,12 @@ pub(super) fn open(job: &TinJob, options: &OpenOptions, whole: &Whole) -> Result
 /// Bytes for a sample while the grid is read.
 pub(super) const READ_BYTES: u64 = 20;
 
-fn too_large(whole: &Whole, [width, height]: [u32; 2], least: u64, resources: &Resources) -> Error {
+fn too_large(
+    whole: &WholeGridMethod,
+    [width, height]: [u32; 2],
+    least: u64,
+    resources: &Resources,
+) -> Error {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let room = resources.memory.saturating_sub(memory::least(0, 0));
     let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
@@ -130,21 +140,21 @@ fn too_large(whole: &Whole, [width, height]: [u32; 2], least: u64, resources: &R
     memory::short(message, least).or(&smaller)
 }
 
-fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
+fn make(maker: &TinMaker<'_>, by: &Textbook) -> Result<TinReport> {
     maker.check_output()?;
     let mut stages = Stages::default();
-    let mut window = Window::default();
+    let mut window = WorkerBuffers::default();
     let heights = stages.time(maker, "read", || read(maker, &mut window))?;
     let info = maker.opened.source.info();
     let whole = Rect::new(0, 0, info.width, info.height);
     let (suspects, odd_range) = (window.suspects(whole, info), window.odd_range());
     drop(window);
-    let grid = Grid::new(info.width, info.height, &heights, maker.opened.rounding())?;
+    let grid = HeightGrid::new(info.width, info.height, &heights, maker.opened.rounding())?;
     let tin = stages.time(maker, "method", || triangulate(maker, by, grid))?;
     maker.opened.format.check_capacity(tin.vertices.len() as u64, tin.triangles.len() as u64)?;
     let write = |sink, _| {
         let to_world = &info.transform;
-        let position = |at: Sample| {
+        let position = |at: PackedSample| {
             let [x, y] = to_world.apply(f64::from(at.col()), f64::from(at.row()));
             [x, y, grid.vertex(at)]
         };
@@ -152,8 +162,8 @@ fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
         let output_bytes = stages.time(maker, "write", || {
             write(mesh, position, |_| std::iter::empty(), sink, is_mirrored)
         })?;
-        let known = Outcome { suspects, odd_range, ..outcome(&tin) };
-        Ok(Outcome { output_bytes, stages: stages.0, ..known })
+        let known = TinOutcome { suspects, odd_range, ..outcome(&tin) };
+        Ok(TinOutcome { output_bytes, stages: stages.0, ..known })
     };
     let report = maker.complete(stated(maker.job.goal, by.method, &tin), 0, write)?;
     let triangulation = by.method.takes_triangulation.then(|| by.triangulation.to_string());
@@ -169,73 +179,73 @@ fn make(maker: &Maker<'_>, by: &Textbook) -> Result<TinReport> {
 }
 
 /// The bound that the mesh states.
-fn stated(goal: Goal, method: &Method, tin: &Tin) -> f64 {
+fn stated(goal: TinGoal, method: &BaselineMethod, tin: &BaselineTin) -> f64 {
     match goal {
-        Goal::MaxError(tolerance) if method.promise == Promise::Samples => tolerance,
+        TinGoal::MaxError(tolerance) if method.promise == Promise::Samples => tolerance,
         _ => tin.max_error,
     }
 }
 
 /// Samples on the surface.
-pub(super) fn surface(census: &Census) -> f64 {
+pub(super) fn surface(census: &SampleCensus) -> f64 {
     (census.valid - census.isolated).max(1) as f64
 }
 
-fn outcome(tin: &Tin) -> Outcome {
-    Outcome {
+fn outcome(tin: &BaselineTin) -> TinOutcome {
+    TinOutcome {
         vertices: tin.vertices.len() as u64,
         triangles: tin.triangles.len() as u64,
         valid: tin.census.valid,
         isolated: tin.census.isolated,
         max_error: tin.max_error,
         square_sum: tin.square_sum,
-        ..Outcome::default()
+        ..TinOutcome::default()
     }
 }
 
 /// All heights, checked as those of tiles are.
-fn read(maker: &Maker<'_>, window: &mut Window) -> Result<Vec<f64>> {
+fn read(maker: &TinMaker<'_>, window: &mut WorkerBuffers) -> Result<Vec<f64>> {
     maker.cancel.check()?;
     let info = maker.opened.source.info();
     window.read(&*maker.opened.source, Rect::new(0, 0, info.width, info.height))?;
-    if let Goal::MaxError(tolerance) = maker.job.goal {
+    if let TinGoal::MaxError(tolerance) = maker.job.goal {
         window.check_rounding(&Spec { ..maker.spec(tolerance) })?;
     }
     Ok(all_heights(window))
 }
 
 /// All heights that a window has, exact.
-pub(super) fn all_heights(window: &Window) -> Vec<f64> {
+pub(super) fn all_heights(window: &WorkerBuffers) -> Vec<f64> {
     let heights = window.heights();
     let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
     heights.f64.map_or_else(narrow, <[f64]>::to_vec)
 }
 
 /// The goal as methods know it.
-pub(super) fn asked(goal: Goal) -> MethodGoal {
+pub(super) fn asked(goal: TinGoal) -> MethodGoal {
     match goal {
-        Goal::MaxError(tolerance) => MethodGoal::MaxError(tolerance),
-        Goal::MaxVertices(most) => MethodGoal::MaxVertices(most),
-        Goal::MaxTriangles(most) => MethodGoal::MaxTriangles(most),
+        TinGoal::MaxError(tolerance) => MethodGoal::MaxError(tolerance),
+        TinGoal::MaxVertices(most) => MethodGoal::MaxVertices(most),
+        TinGoal::MaxTriangles(most) => MethodGoal::MaxTriangles(most),
     }
 }
 
-fn triangulate(maker: &Maker<'_>, by: &Textbook, grid: Grid<'_>) -> Result<Tin> {
+fn triangulate(maker: &TinMaker<'_>, by: &Textbook, grid: HeightGrid<'_>) -> Result<BaselineTin> {
     let goal = asked(maker.job.goal);
     let pulse = || maker.cancel.check();
-    (by.method.run)(&Task {
+    (by.method.run)(&BaselineTask {
         triangulation: by.triangulation,
         pulse: &pulse,
-        ..Task::new(grid, goal)
+        ..BaselineTask::new(grid, goal)
     })
 }
 
 /// Vertices and then triangles, in batches, counter-clockwise in the world: `position` tells where samples lie
 /// there, `values` what else they have.
 pub(super) fn write<V: Iterator<Item = f64>>(
-    (samples, triangles): (&[Sample], &[[u32; 3]]),
-    position: impl Fn(Sample) -> Point3,
-    values: impl Fn(Sample) -> V,
+    (samples, triangles): (&[PackedSample], &[[u32; 3]]),
+    position: impl Fn(PackedSample) -> Point3,
+    values: impl Fn(PackedSample) -> V,
     mut sink: Box<dyn MeshSink>,
     is_mirrored: bool,
 ) -> Result<u64> {
@@ -270,7 +280,7 @@ pub(super) struct Stages(pub(super) Vec<StageReport>);
 impl Stages {
     pub(super) fn time<T>(
         &mut self,
-        maker: &Maker<'_>,
+        maker: &TinMaker<'_>,
         name: &str,
         work: impl FnOnce() -> Result<T>,
     ) -> Result<T> {

@@ -1,10 +1,10 @@
 //! Reading a rectangle of a grid into buffers that a worker keeps.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Rect, Rounding};
+use terrane_base::geom::{HeightQuantization, Rect};
 use terrane_base::limits::MAX_HEIGHT;
 use terrane_raster::{GridInfo, GridSource, looks_like_nodata};
-use terrane_tin::{Heights, Spec};
+use terrane_tin::{HeightWindow, Spec};
 
 /// Nodata values in use are below the first, and no land is; hardly any land is above the second: only beyond
 /// them the lowest and the highest height are sought.
@@ -13,7 +13,7 @@ const LAND: [f32; 2] = [-900.0, 8800.0];
 /// The buffers of one worker. They never shrink, because what they grow by is filled first; only what
 /// `rect` covers counts.
 #[derive(Default)]
-pub(super) struct Window {
+pub(super) struct WorkerBuffers {
     rect: Option<Rect>,
     f32: Vec<f32>,
     f64: Vec<f64>,
@@ -23,7 +23,7 @@ pub(super) struct Window {
     range: Option<[f32; 2]>,
 }
 
-impl Window {
+impl WorkerBuffers {
     /// Most bytes for a rectangle of `samples` samples.
     pub(super) fn bytes(samples: u64) -> u64 {
         samples * 12
@@ -50,7 +50,7 @@ impl Window {
         let Some(stored) = spec.single_precision else { return Ok(()) };
         let moved = |height: f64| (stored.apply(height) - height).abs();
         let heights = self.heights();
-        let rounding = match (heights.f64, stored == Rounding::about(0.0)) {
+        let rounding = match (heights.f64, stored == HeightQuantization::about(0.0)) {
             (_, true) => self.rounding,
             (Some(exact), _) => exact.iter().fold(0.0, |most, &z| moved(z).max(most)),
             (None, _) => heights.f32.iter().fold(0.0, |most, &z| moved(z.into()).max(most)),
@@ -98,10 +98,15 @@ impl Window {
     }
 
     /// The heights of the last rectangle read (none before the first).
-    pub(super) fn heights(&self) -> Heights<'_> {
+    pub(super) fn heights(&self) -> HeightWindow<'_> {
         let rect = self.rect.unwrap_or(Rect::new(0, 0, 0, 0));
         let exact = (self.rounding > 0.0).then(|| &self.f64[..rect.len()]);
-        Heights { width: rect.width, height: rect.height, f32: &self.f32[..rect.len()], f64: exact }
+        HeightWindow {
+            width: rect.width,
+            height: rect.height,
+            f32: &self.f32[..rect.len()],
+            f64: exact,
+        }
     }
 }
 
@@ -131,7 +136,7 @@ fn too_coarse(rounding: f64, tolerance: f64) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_base::bound::Bound;
+    use terrane_base::bound::ErrorBound;
     use terrane_base::error::ErrorKind;
 
     #[test]
@@ -144,11 +149,11 @@ mod tests {
 
     #[test]
     fn a_tolerance_below_the_rounding_of_the_output_is_refused() {
-        let window = Window { rounding: 0.01, ..Window::default() };
+        let window = WorkerBuffers { rounding: 0.01, ..WorkerBuffers::default() };
         let spec = |tolerance, single: bool| Spec {
             tolerance,
-            single_precision: single.then_some(Rounding::about(0.0)),
-            bound: Bound::Samples,
+            single_precision: single.then_some(HeightQuantization::about(0.0)),
+            bound: ErrorBound::Samples,
             strict: false,
             drop: true,
             fit: false,
@@ -160,21 +165,23 @@ mod tests {
         assert!(window.check_rounding(&spec(0.001, false)).is_ok());
         let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        let far = Window {
+        let far = WorkerBuffers {
             rect: Some(Rect::new(0, 0, 2, 1)),
             f32: vec![2e7, f32::NAN],
             f64: vec![2e7 + 0.25, f64::NAN],
             rounding: 0.25,
-            ..Window::default()
+            ..WorkerBuffers::default()
         };
         assert!(far.check_rounding(&spec(0.1, true)).is_err());
-        let near = Spec { single_precision: Some(Rounding::about(2e7)), ..spec(0.0, true) };
+        let near =
+            Spec { single_precision: Some(HeightQuantization::about(2e7)), ..spec(0.0, true) };
         assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
     }
 
     #[test]
     fn what_is_left_of_a_larger_rectangle_does_not_count() {
-        let mut window = Window { f32: vec![1.0, 2.0, 3e38, -2000.0], ..Window::default() };
+        let mut window =
+            WorkerBuffers { f32: vec![1.0, 2.0, 3e38, -2000.0], ..WorkerBuffers::default() };
         let rect = Rect::new(5, 6, 2, 1);
         window.rect = Some(rect);
         window.refuse_extremes(rect).unwrap();
@@ -186,7 +193,7 @@ mod tests {
     #[test]
     fn undeclared_nodata_is_named() {
         let heights = vec![1.0, 2.0, 3.0, 4.0, f32::MIN, 6.0];
-        let mut window = Window { f32: heights, ..Window::default() };
+        let mut window = WorkerBuffers { f32: heights, ..WorkerBuffers::default() };
         let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         let text = error.to_string();

@@ -8,62 +8,62 @@ use std::time::Instant;
 use crossbeam_channel::Sender;
 
 use super::bounds::Shift;
-use super::container::{Container, Piece};
+use super::container::{Container, MeshPiece};
 use super::joints::Joints;
-use super::layout::{Layout, Seam, TileId};
-use super::number::{Lookup, Marks, Ranks, positions};
-use super::object::Record;
-use super::report::{Clock, Stage};
-use super::schedule::Queue;
-use super::settings::Settings;
-use super::store::Store;
-use super::tally::{Flaws, Tally};
-use super::task::{Step, Task};
-use super::window::Window;
-use super::writer::{Collect, Part};
-use super::zone::{Frontier, Zone, rect_around};
+use super::layout::{Seam, TileId, TileLayout};
+use super::number::{Lookup, Ranks, VertexFlags, positions};
+use super::object::ContainerRecord;
+use super::report::{PipelineStage, StageClock};
+use super::schedule::TaskQueue;
+use super::settings::TinSettings;
+use super::store::ContainerStore;
+use super::tally::{Flaws, SampleCounts};
+use super::task::{TileStep, TileTask};
+use super::window::WorkerBuffers;
+use super::writer::{Collect, TilePart};
+use super::zone::{Frontier, PatchZone, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Point3, Rect, Segment};
-use terrane_files::fault::{self, Point};
+use terrane_base::geom::{Point3, Rect, SampleSegment};
+use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, Heights, Local, PatchInput, PatchMesh, Scratch, Spec, Stretch, TileInput,
-    TileMesh, Triangle, mend_patch, reduce_patch, triangulate_tile,
+    self as tin, HeightWindow, PatchInput, PatchMesh, Spec, Stretch, TileInput, TileMesh,
+    TilePosition, TileScratch, TileTriangle, mend_patch, reduce_patch, triangulate_tile,
 };
 
 /// The pure functions the pipeline is built around; tests plant faults here.
 #[derive(Clone, Copy)]
-pub(super) struct Kernel {
-    pub(super) tile: fn(&TileInput<'_>, &Spec, &mut Scratch) -> TileMesh,
-    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
-    pub(super) reduce: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
+pub(super) struct PipelineKernel {
+    pub(super) tile: fn(&TileInput<'_>, &Spec, &mut TileScratch) -> TileMesh,
+    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
+    pub(super) reduce: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
 }
 
-impl Kernel {
-    pub(super) const GREEDY: Kernel =
-        Kernel { tile: triangulate_tile, patch: mend_patch, reduce: reduce_patch };
+impl PipelineKernel {
+    pub(super) const GREEDY: PipelineKernel =
+        PipelineKernel { tile: triangulate_tile, patch: mend_patch, reduce: reduce_patch };
 }
 
 /// What all workers of a running job share.
 pub(super) struct Shared<'a> {
     pub(super) source: &'a dyn GridSource,
-    pub(super) settings: &'a Settings<'a>,
-    pub(super) kernel: Kernel,
-    pub(super) layout: Layout,
+    pub(super) settings: &'a TinSettings<'a>,
+    pub(super) kernel: PipelineKernel,
+    pub(super) layout: TileLayout,
     /// Where tiles come from that are not triangulated.
-    pub(super) stock: Option<&'a dyn Stock>,
-    pub(super) store: Store,
-    pub(super) queue: Queue,
+    pub(super) stock: Option<&'a dyn ContainerSource>,
+    pub(super) store: ContainerStore,
+    pub(super) queue: TaskQueue,
     /// Id of the next vertex to be numbered.
     pub(super) next_id: AtomicU64,
-    pub(super) tally: Mutex<Tally>,
+    pub(super) tally: Mutex<SampleCounts>,
     /// The sink wants triangles by position.
     pub(super) with_corners: bool,
 }
 
 /// Where saved containers come from.
-pub(super) trait Stock: Sync {
+pub(super) trait ContainerSource: Sync {
     /// The container of `tile`.
     fn load(&self, tile: TileId) -> Result<Container>;
 }
@@ -72,50 +72,50 @@ pub(super) trait Stock: Sync {
 pub(super) struct Outlet<'a> {
     pub(super) collector: &'a Mutex<dyn Collect + 'a>,
     /// The way to a thread that hands them to the collector while the worker goes on.
-    pub(super) writer: Option<Sender<(TileId, Part)>>,
+    pub(super) writer: Option<Sender<(TileId, TilePart)>>,
 }
 
 /// One worker and its buffers.
-pub(super) struct Worker<'a> {
+pub(super) struct TinWorker<'a> {
     job: &'a Shared<'a>,
     outlet: Outlet<'a>,
-    window: Window,
-    scratch: Scratch,
-    triangles: Vec<Triangle>,
+    window: WorkerBuffers,
+    scratch: TileScratch,
+    triangles: Vec<TileTriangle>,
     /// Heights of their corners, where those are free.
-    vertices: Vec<(Local, f64)>,
+    vertices: Vec<(TilePosition, f64)>,
     /// Samples to keep where it works, sorted.
-    kept: Vec<Local>,
+    kept: Vec<TilePosition>,
     /// Parts of breaklines there, in the same order for all tiles.
     lines: Vec<Stretch>,
     joints: Joints,
-    marks: Marks,
+    marks: VertexFlags,
     lookup: Lookup,
-    clock: Clock,
+    clock: StageClock,
 }
 
-impl<'a> Worker<'a> {
+impl<'a> TinWorker<'a> {
     pub(super) fn new(job: &'a Shared<'a>, outlet: Outlet<'a>) -> Self {
-        let mut scratch = Scratch::default();
+        let mut scratch = TileScratch::default();
         scratch.stop_by(job.settings.cancel);
         Self {
             job,
             outlet,
-            window: Window::default(),
+            window: WorkerBuffers::default(),
             scratch,
             triangles: Vec::new(),
             vertices: Vec::new(),
             kept: Vec::new(),
             lines: Vec::new(),
             joints: Joints::default(),
-            marks: Marks::default(),
+            marks: VertexFlags::default(),
             lookup: Lookup::default(),
-            clock: Clock::default(),
+            clock: StageClock::default(),
         }
     }
 
     /// Carries out tasks until there are no more; returns the time spent on them.
-    pub(super) fn run(mut self) -> Clock {
+    pub(super) fn run(mut self) -> StageClock {
         while let Some(task) = self.job.queue.next(|| self.job.store.has_room()) {
             match self.job.settings.cancel.check().and_then(|()| self.attempt(task)) {
                 Ok(()) => self.job.queue.done(task),
@@ -126,27 +126,27 @@ impl<'a> Worker<'a> {
     }
 
     /// Carries out `task`; a panic becomes an error that names the tile.
-    fn attempt(&mut self, task: Task) -> Result<()> {
+    fn attempt(&mut self, task: TileTask) -> Result<()> {
         let outcome = catch_unwind(AssertUnwindSafe(|| {
-            fault::point(Point::Panic).map_err(|e| Error::io(ErrorKind::Io, "work", e))?;
+            fault::point(FaultPoint::Panic).map_err(|e| Error::io(ErrorKind::Io, "work", e))?;
             self.perform(task)
         }));
         outcome.unwrap_or_else(|panic| Err(panicked(&*panic))).map_err(|error| error.at(task))
     }
 
-    fn perform(&mut self, task: Task) -> Result<()> {
+    fn perform(&mut self, task: TileTask) -> Result<()> {
         match task.step {
-            Step::Tile => match self.job.stock {
+            TileStep::Tile => match self.job.stock {
                 None => self.triangulate(task.tile),
                 Some(stock) => self.load(stock, task.tile),
             },
-            Step::Vertical => self.mend(Seam::Vertical, task.tile),
-            Step::Horizontal => self.mend(Seam::Horizontal, task.tile),
-            Step::Corner => self.mend(Seam::Corner, task.tile),
-            Step::Gather => self.gather(task.tile),
-            Step::Number => self.number(task.tile),
-            Step::Emit => self.emit(task.tile),
-            Step::Save => self.save(task.tile),
+            TileStep::Vertical => self.mend(Seam::Vertical, task.tile),
+            TileStep::Horizontal => self.mend(Seam::Horizontal, task.tile),
+            TileStep::Corner => self.mend(Seam::Corner, task.tile),
+            TileStep::Gather => self.gather(task.tile),
+            TileStep::Number => self.number(task.tile),
+            TileStep::Emit => self.emit(task.tile),
+            TileStep::Save => self.save(task.tile),
         }
     }
 
@@ -168,13 +168,13 @@ impl<'a> Worker<'a> {
         self.job.settings.cancel.check()?;
         let TileMesh { triangles, vertices, heights, isolated, valid } = &mesh;
         let odd_range = self.window.odd_range();
-        let tally = Tally { suspects, odd_range, ..Tally::default() };
-        let tally = Tally { valid: *valid, isolated: *isolated, ..tally };
+        let tally = SampleCounts { suspects, odd_range, ..SampleCounts::default() };
+        let tally = SampleCounts { valid: *valid, isolated: *isolated, ..tally };
         lock(&self.job.tally).add(tally);
         let _room = self.job.store.reserve(mesh.bytes(), tile)?;
-        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         let samples = layout.owned(tile).len() as u64;
-        self.clock.add(Stage::Tiles, started, samples);
+        self.clock.add(PipelineStage::Tiles, started, samples);
         self.job.settings.progress.advance(samples);
         if layout.cols == 1 {
             self.job.source.release(layout.middle(tile));
@@ -183,12 +183,12 @@ impl<'a> Worker<'a> {
     }
 
     /// Brings a tile that another run has made.
-    fn load(&mut self, stock: &dyn Stock, tile: TileId) -> Result<()> {
+    fn load(&mut self, stock: &dyn ContainerSource, tile: TileId) -> Result<()> {
         let started = Instant::now();
         let saved = stock.load(tile)?;
         self.job.store.with(tile, |kept| *kept = saved)?;
         let samples = self.job.layout.owned(tile).len() as u64;
-        self.clock.add(Stage::Load, started, samples);
+        self.clock.add(PipelineStage::Load, started, samples);
         self.job.settings.progress.advance(samples);
         Ok(())
     }
@@ -199,7 +199,7 @@ impl<'a> Worker<'a> {
         let along = self.reach_along(seam, tile)?;
         self.triangles.clear();
         for reach in layout.reaches() {
-            let zone = Zone::new(&layout, seam, tile, reach, along);
+            let zone = PatchZone::new(&layout, seam, tile, reach, along);
             self.extract(&zone)?;
             let is_widest = reach == layout.widest_reach();
             if !is_widest && self.is_last_of_lines(seam, &zone) {
@@ -226,7 +226,7 @@ impl<'a> Worker<'a> {
 
     /// True around a corner near breaklines. Nobody comes after that patch, and what others have left of a line may
     /// be anywhere it can reach.
-    fn is_last_of_lines(&self, seam: Seam, zone: &Zone) -> bool {
+    fn is_last_of_lines(&self, seam: Seam, zone: &PatchZone) -> bool {
         seam == Seam::Corner
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
@@ -255,7 +255,7 @@ impl<'a> Worker<'a> {
             return Ok(patch.thin > 0);
         }
         let layout = &self.job.layout;
-        let widest = Zone::new(layout, seam, tile, layout.widest_reach(), along);
+        let widest = PatchZone::new(layout, seam, tile, layout.widest_reach(), along);
         let mut is_thin = patch.thin > 0;
         for tile in layout.keepers(widest.limits()) {
             let look = |kept: &mut Container| kept.is_thin_in(&widest, tile, layout, &bound);
@@ -265,14 +265,14 @@ impl<'a> Worker<'a> {
     }
 
     /// Adds the triangles of `zone` to those found in a narrower one.
-    fn extract(&mut self, zone: &Zone) -> Result<()> {
+    fn extract(&mut self, zone: &PatchZone) -> Result<()> {
         let started = Instant::now();
         let layout = &self.job.layout;
         for tile in layout.keepers(zone.limits()) {
             let out = &mut self.triangles;
             self.job.store.with(tile, |kept| kept.extract(zone, tile, layout, out))?;
         }
-        self.clock.add(Stage::Seams, started, 0);
+        self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())
     }
 
@@ -296,18 +296,19 @@ impl<'a> Worker<'a> {
         let layout = &self.job.layout;
         let seams = layout.seam_lines(seam, tile, rect);
         let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
-        let triangles: Vec<Triangle> = self.triangles.iter().map(|t| shift.triangle(t)).collect();
+        let triangles: Vec<TileTriangle> =
+            self.triangles.iter().map(|t| shift.triangle(t)).collect();
         let patch = self.patch(self.job.kernel.patch, rect, &triangles, seams);
-        self.clock.add(Stage::Seams, started, rect.len() as u64);
+        self.clock.add(PipelineStage::Seams, started, rect.len() as u64);
         patch
     }
 
     /// What `make` makes of triangles in `rect`, whose heights have been read.
     fn patch(
         &mut self,
-        make: fn(&PatchInput<'_>, &Spec, &mut Scratch) -> PatchMesh,
+        make: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
         rect: Rect,
-        triangles: &[Triangle],
+        triangles: &[TileTriangle],
         [seam_col, seam_row]: [Option<u32>; 2],
     ) -> PatchMesh {
         self.list_kept(rect);
@@ -341,14 +342,14 @@ impl<'a> Worker<'a> {
         let patch = self.patch(self.job.kernel.reduce, rect, &triangles, [None; 2]);
         self.job.settings.cancel.check()?;
         let PatchMesh { triangles, vertices, heights, .. } = &patch;
-        let piece = Piece { rect, triangles, vertices, heights };
+        let piece = MeshPiece { rect, triangles, vertices, heights };
         self.job.store.with(tile, |kept| kept.replace_within(piece, tile, &layout))?;
-        self.clock.add(Stage::Reduce, started, layout.owned(tile).len() as u64);
+        self.clock.add(PipelineStage::Reduce, started, layout.owned(tile).len() as u64);
         Ok(())
     }
 
     /// What the mesh beyond a mended patch says to it.
-    fn frontier(&mut self, patch: &PatchMesh, rect: Rect, zone: &Zone) -> Result<Frontier> {
+    fn frontier(&mut self, patch: &PatchMesh, rect: Rect, zone: &PatchZone) -> Result<Frontier> {
         let started = Instant::now();
         let layout = &self.job.layout;
         let limits = zone.limits();
@@ -359,7 +360,7 @@ impl<'a> Worker<'a> {
                 frontier.see([&kept.triangles, &kept.inner], zone, tile, layout)
             })?;
         }
-        self.clock.add(Stage::Seams, started, 0);
+        self.clock.add(PipelineStage::Seams, started, 0);
         Ok(frontier)
     }
 
@@ -374,7 +375,7 @@ impl<'a> Worker<'a> {
     ) -> Result<()> {
         let started = Instant::now();
         let PatchMesh { triangles, vertices, heights, .. } = patch;
-        self.job.insert(Piece { rect, triangles, vertices, heights })?;
+        self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         match seam {
             Seam::Vertical => self.release_left_of_seam(tile),
             Seam::Horizontal => {
@@ -386,7 +387,7 @@ impl<'a> Worker<'a> {
             }
             Seam::Corner => {}
         }
-        self.clock.add(Stage::Seams, started, 0);
+        self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())
     }
 
@@ -426,12 +427,12 @@ impl<'a> Worker<'a> {
         self.list_kept(layout.owned(tile));
         let kept = self.kept.iter().filter(|&&at| self.marks.contains(at)).count() as u64;
         let apart = self.joints.apart();
-        lock(&job.tally).add(Tally { kept, apart, ..Tally::default() });
+        lock(&job.tally).add(SampleCounts { kept, apart, ..SampleCounts::default() });
         if points.len() as u64 != self.marks.count() {
             return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
         }
-        self.clock.add(Stage::Write, started, 0);
-        self.send(tile, Part::Vertices(points))
+        self.clock.add(PipelineStage::Write, started, 0);
+        self.send(tile, TilePart::Vertices(points))
     }
 
     /// Fixes the ids of a tile's vertices. All that touches the tile is done by now.
@@ -453,7 +454,8 @@ impl<'a> Worker<'a> {
             job.store.with_ids(near, fill)?;
         }
         let triangles = job.store.with(tile, Container::take_triangles)?;
-        lock(&job.tally).add(Tally { thin: self.thin(tile, &triangles), ..Tally::default() });
+        lock(&job.tally)
+            .add(SampleCounts { thin: self.thin(tile, &triangles), ..SampleCounts::default() });
         let _room = job.store.reserve(Lookup::bytes(triangles.len(), job.with_corners), tile)?;
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
@@ -463,12 +465,12 @@ impl<'a> Worker<'a> {
         for near in steps.into_iter().filter_map(|(rows, cols)| job.layout.step(tile, rows, cols)) {
             job.store.finish(near)?;
         }
-        self.clock.add(Stage::Write, started, job.layout.owned(tile).len() as u64);
-        self.send(tile, Part::Triangles(faces))
+        self.clock.add(PipelineStage::Write, started, job.layout.owned(tile).len() as u64);
+        self.send(tile, TilePart::Triangles(faces))
     }
 
     /// The triangles of a tile with too small an angle.
-    fn thin(&self, tile: TileId, triangles: &[Triangle]) -> Flaws {
+    fn thin(&self, tile: TileId, triangles: &[TileTriangle]) -> Flaws {
         let mut thin = Flaws::default();
         let Some(bound) = self.job.settings.spec.min_angle else { return thin };
         let (col, row) = self.job.layout.origin(tile);
@@ -486,17 +488,17 @@ impl<'a> Worker<'a> {
         self.job.store.discard(tile);
         let _room = self.job.store.reserve(2 * kept.bytes(), tile)?;
         kept.close();
-        let record = Record::of(&kept);
+        let record = ContainerRecord::of(&kept);
         self.job.source.release(self.job.layout.rect(tile));
-        self.clock.add(Stage::Write, started, self.job.layout.owned(tile).len() as u64);
-        self.send(tile, Part::Saved(record))
+        self.clock.add(PipelineStage::Write, started, self.job.layout.owned(tile).len() as u64);
+        self.send(tile, TilePart::Saved(record))
     }
 
     /// Lists the samples to keep in `rect`, as positions there.
     fn list_kept(&mut self, rect: Rect) {
         let kept = self.job.settings.kept.within(rect);
         self.kept.clear();
-        self.kept.extend(kept.map(|[col, row]| Local::new(col - rect.col, row - rect.row)));
+        self.kept.extend(kept.map(|[col, row]| TilePosition::new(col - rect.col, row - rect.row)));
         self.kept.sort_unstable();
     }
 
@@ -504,7 +506,8 @@ impl<'a> Worker<'a> {
     fn list_lines(&mut self, rect: Rect) {
         let origin = [rect.col, rect.row].map(i64::from);
         let near = self.job.settings.kept.lines().paths().near(rect);
-        let stretch = |line: Segment| Stretch::of(line.seen_from(origin), rect.width, rect.height);
+        let stretch =
+            |line: SampleSegment| Stretch::of(line.seen_from(origin), rect.width, rect.height);
         self.lines.clear();
         self.lines.extend(near.filter_map(stretch));
     }
@@ -513,13 +516,13 @@ impl<'a> Worker<'a> {
         let started = Instant::now();
         self.window.read(self.job.source, rect)?;
         self.window.check_rounding(&self.job.settings.spec)?;
-        self.clock.add(Stage::Read, started, rect.len() as u64);
+        self.clock.add(PipelineStage::Read, started, rect.len() as u64);
         Ok(())
     }
 
     /// Hands over a part. Without room it does not wait in the channel: the worker waits for the collector, so that
     /// no more parts are made than can be written.
-    fn send(&self, tile: TileId, part: Part) -> Result<()> {
+    fn send(&self, tile: TileId, part: TilePart) -> Result<()> {
         let store = &self.job.store;
         store.account(0, part.bytes());
         match &self.outlet.writer {
@@ -537,7 +540,7 @@ impl<'a> Worker<'a> {
 
 impl Shared<'_> {
     /// Hands a piece of the mesh to the containers it belongs to.
-    fn insert(&self, piece: Piece<'_>) -> Result<()> {
+    fn insert(&self, piece: MeshPiece<'_>) -> Result<()> {
         self.layout.owners(piece.rect).try_for_each(|tile| {
             self.store.with(tile, |kept| kept.insert(piece, tile, &self.layout))
         })
@@ -546,10 +549,10 @@ impl Shared<'_> {
 
 /// The kernel's view of a tile whose apron has been read.
 pub(super) fn tile_input<'a>(
-    layout: &Layout,
+    layout: &TileLayout,
     tile: TileId,
-    heights: Heights<'a>,
-    (kept, lines): (&'a [Local], &'a [Stretch]),
+    heights: HeightWindow<'a>,
+    (kept, lines): (&'a [TilePosition], &'a [Stretch]),
 ) -> TileInput<'a> {
     let (rect, apron) = (layout.rect(tile), layout.apron(tile));
     TileInput {
@@ -566,7 +569,7 @@ pub(super) fn tile_input<'a>(
 
 /// How many more a worker holds where breaklines are followed.
 pub(super) fn line_bytes(cells: u32) -> u64 {
-    tin::Scratch::line_bytes(cells + 2) + Joints::bytes(cells)
+    tin::TileScratch::line_bytes(cells + 2) + Joints::bytes(cells)
 }
 
 /// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
@@ -576,9 +579,9 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
     let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
     let mesh = if keeps_all { whole } else { 0 };
-    mesh + tin::Scratch::bytes(cells + 2, fit)
-        + Window::bytes(samples)
-        + Marks::bytes(cells)
+    mesh + tin::TileScratch::bytes(cells + 2, fit)
+        + WorkerBuffers::bytes(samples)
+        + VertexFlags::bytes(cells)
         + 4 * Ranks::bytes(cells)
 }
 

@@ -6,9 +6,9 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use super::layout::{Layout, TileId};
-use super::object::{ObjectWriter, Record};
-use super::scope::Work;
+use super::layout::{TileId, TileLayout};
+use super::object::{ContainerRecord, ObjectWriter};
+use super::scope::LayoutWork;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 use terrane_mesh::{MeshBatch, MeshSink};
@@ -25,16 +25,16 @@ pub(super) struct Faces {
 
 /// One finished part of a tile.
 #[derive(Debug)]
-pub(super) enum Part {
+pub(super) enum TilePart {
     /// The vertices it owns.
     Vertices(Vec<Point3>),
     /// The triangles kept with it.
     Triangles(Faces),
     /// All that is kept with it, for another run.
-    Saved(Record),
+    Saved(ContainerRecord),
 }
 
-impl Part {
+impl TilePart {
     /// Bytes held.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = match self {
@@ -49,19 +49,19 @@ impl Part {
 /// Where finished parts of tiles go, in whatever order they come.
 pub(super) trait Collect: Send {
     /// Takes a part and writes all that is now in order; returns the bytes that left.
-    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64>;
+    fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64>;
 }
 
 /// Puts what is kept with each tile into an object, tile by tile.
 pub(super) struct Saver {
-    work: Work,
+    work: LayoutWork,
     object: ObjectWriter,
-    waiting: BTreeMap<u64, Record>,
+    waiting: BTreeMap<u64, ContainerRecord>,
     next: u64,
 }
 
 impl Saver {
-    pub(super) fn new(work: Work, object: ObjectWriter) -> Self {
+    pub(super) fn new(work: LayoutWork, object: ObjectWriter) -> Self {
         Self { work, object, waiting: BTreeMap::new(), next: 0 }
     }
 
@@ -72,8 +72,8 @@ impl Saver {
 }
 
 impl Collect for Saver {
-    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
-        let Part::Saved(record) = part else { return Err(misplaced()) };
+    fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64> {
+        let TilePart::Saved(record) = part else { return Err(misplaced()) };
         self.waiting.insert(self.work.position(tile), record);
         let mut bytes = 0;
         while let Some(record) = self.waiting.remove(&self.next) {
@@ -99,8 +99,8 @@ pub(super) struct Totals {
 }
 
 /// The ordered end of the pipeline.
-pub(super) struct Writer {
-    layout: Layout,
+pub(super) struct TinWriter {
+    layout: TileLayout,
     sink: Box<dyn MeshSink>,
     vertices: BTreeMap<u64, Vec<Point3>>,
     triangles: BTreeMap<u64, Faces>,
@@ -112,8 +112,8 @@ pub(super) struct Writer {
     spent: Duration,
 }
 
-impl Writer {
-    pub(super) fn new(layout: Layout, sink: Box<dyn MeshSink>) -> Self {
+impl TinWriter {
+    pub(super) fn new(layout: TileLayout, sink: Box<dyn MeshSink>) -> Self {
         Self {
             layout,
             sink,
@@ -137,7 +137,7 @@ impl Writer {
     }
 
     /// The next part in order, if it has come.
-    fn next_part(&mut self) -> Option<Part> {
+    fn next_part(&mut self) -> Option<TilePart> {
         let due = self.next_triangles < self.layout.tiles() && {
             let last = self.layout.furthest_vertex(self.layout.tile_at(self.next_triangles));
             self.layout.index(last) < self.next_vertices
@@ -145,18 +145,18 @@ impl Writer {
         if due {
             let faces = self.triangles.remove(&self.next_triangles)?;
             self.next_triangles += 1;
-            Some(Part::Triangles(faces))
+            Some(TilePart::Triangles(faces))
         } else {
             let points = self.vertices.remove(&self.next_vertices)?;
             self.next_vertices += 1;
-            Some(Part::Vertices(points))
+            Some(TilePart::Vertices(points))
         }
     }
 
-    fn write(&mut self, part: Part) -> Result<()> {
+    fn write(&mut self, part: TilePart) -> Result<()> {
         let totals = &mut self.totals;
         match part {
-            Part::Vertices(vertices) => {
+            TilePart::Vertices(vertices) => {
                 totals.vertices += vertices.len() as u64;
                 self.sink.push(MeshBatch {
                     vertices: &vertices,
@@ -165,7 +165,7 @@ impl Writer {
                     corners: &[],
                 })
             }
-            Part::Triangles(Faces { ids, corners, max_error, square_sum }) => {
+            TilePart::Triangles(Faces { ids, corners, max_error, square_sum }) => {
                 totals.triangles += ids.len() as u64;
                 totals.max_error = totals.max_error.max(max_error);
                 totals.square_sum += square_sum;
@@ -176,19 +176,19 @@ impl Writer {
                     corners: &corners,
                 })
             }
-            Part::Saved(_) => Err(misplaced()),
+            TilePart::Saved(_) => Err(misplaced()),
         }
     }
 }
 
-impl Collect for Writer {
-    fn accept(&mut self, tile: TileId, part: Part) -> Result<u64> {
+impl Collect for TinWriter {
+    fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64> {
         let started = Instant::now();
         let index = self.layout.index(tile);
         match part {
-            Part::Vertices(points) => drop(self.vertices.insert(index, points)),
-            Part::Triangles(faces) => drop(self.triangles.insert(index, faces)),
-            Part::Saved(_) => return Err(misplaced()),
+            TilePart::Vertices(points) => drop(self.vertices.insert(index, points)),
+            TilePart::Triangles(faces) => drop(self.triangles.insert(index, faces)),
+            TilePart::Saved(_) => return Err(misplaced()),
         }
         let mut bytes = 0;
         while let Some(part) = self.next_part() {

@@ -9,11 +9,11 @@
 //! Measured, against patches that take in rectangles: integer heights with sea at 5.5 % kept, seams 0.54
 //! to 0.12 s, tiles 0.55 s.
 
-use super::bounds::{Bounds, Frame, Shift, inner_bounds};
-use super::layout::{Layout, Seam, TileId};
+use super::bounds::{OffsetFrame, SampleBounds, Shift, inner_bounds};
+use super::layout::{Seam, TileId, TileLayout};
 use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::{Lattice, in_circle};
-use terrane_tin::{Local, Triangle};
+use terrane_tin::{TilePosition, TileTriangle};
 
 /// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a
 /// cell there) that touch a band around the seam. Where triangles are large, few are taken in; where
@@ -22,16 +22,22 @@ use terrane_tin::{Local, Triangle};
 /// A patch around a tile corner also takes in the triangles on the vertical line as far up and down
 /// as the horizontal patches on its two sides would have gone on: each of them stopped there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Zone {
+pub(super) struct PatchZone {
     /// Positions are relative to these.
     limits: Rect,
-    bands: [Bounds; 2],
+    bands: [SampleBounds; 2],
 }
 
-impl Zone {
+impl PatchZone {
     /// The zone of a seam of `tile`, `reach` cells on each side; around a corner, `along` cells up
     /// and down the vertical line.
-    pub(super) fn new(layout: &Layout, seam: Seam, tile: TileId, reach: u32, along: u32) -> Self {
+    pub(super) fn new(
+        layout: &TileLayout,
+        seam: Seam,
+        tile: TileId,
+        reach: u32,
+        along: u32,
+    ) -> Self {
         let limits = layout.patch(seam, tile, layout.widest_reach());
         let around = |line: Option<u32>, size: u32, reach: u32| match line {
             Some(line) => [line as i32 - reach as i32, (line + reach) as i32],
@@ -40,8 +46,8 @@ impl Zone {
         let [col, row] = layout.seam_lines(seam, tile, limits);
         let cols = |reach| around(col, limits.width, reach);
         let rows = |reach| around(row, limits.height, reach);
-        let band = Bounds { cols: cols(reach), rows: rows(reach) };
-        let line = Bounds { cols: cols(0), rows: rows(along) };
+        let band = SampleBounds { cols: cols(reach), rows: rows(reach) };
+        let line = SampleBounds { cols: cols(0), rows: rows(along) };
         Self { limits, bands: [band, if seam == Seam::Corner { line } else { band }] }
     }
 
@@ -54,39 +60,44 @@ impl Zone {
     pub(super) fn seen_from(&self, origin: (u32, u32)) -> Membership {
         let Shift { cols, rows } = Shift::new((self.limits.col, self.limits.row), origin);
         let bands = self.bands.map(|band| band.moved(cols, rows));
-        Membership { limits: Frame::new(self.limits, origin), bands }
+        Membership { limits: OffsetFrame::new(self.limits, origin), bands }
     }
 }
 
-/// A [`Zone`] as seen from a tile.
+/// A [`PatchZone`] as seen from a tile.
 pub(super) struct Membership {
-    limits: Frame,
-    bands: [Bounds; 2],
+    limits: OffsetFrame,
+    bands: [SampleBounds; 2],
 }
 
 impl Membership {
     /// True when the patch takes the triangle in.
     #[inline]
-    pub(super) fn contains(&self, triangle: &Triangle) -> bool {
-        self.is_within_limits(triangle) && self.touches(&Bounds::of(triangle.corners))
+    pub(super) fn contains(&self, triangle: &TileTriangle) -> bool {
+        self.is_within_limits(triangle) && self.touches(&SampleBounds::of(triangle.corners))
     }
 
     /// True when one of the bands touches the box.
-    pub(super) fn touches(&self, bounds: &Bounds) -> bool {
+    pub(super) fn touches(&self, bounds: &SampleBounds) -> bool {
         self.bands.iter().any(|band| band.touches(bounds))
     }
 
     /// True when the patch could take the triangle in.
     #[inline]
-    pub(super) fn is_within_limits(&self, triangle: &Triangle) -> bool {
+    pub(super) fn is_within_limits(&self, triangle: &TileTriangle) -> bool {
         triangle.corners.into_iter().fold(true, |all, at| all & self.limits.contains(at))
     }
 }
 
 /// The rectangle that the triangles fill, with one more sample on each side where the grid goes on.
 /// Their positions are relative to `limits`.
-pub(super) fn rect_around(triangles: &[Triangle], limits: Rect, layout: &Layout) -> Option<Rect> {
-    let bounds = triangles.iter().map(|t| Bounds::of(t.corners)).reduce(Bounds::join)?;
+pub(super) fn rect_around(
+    triangles: &[TileTriangle],
+    limits: Rect,
+    layout: &TileLayout,
+) -> Option<Rect> {
+    let bounds =
+        triangles.iter().map(|t| SampleBounds::of(t.corners)).reduce(SampleBounds::join)?;
     let first = [limits.col + bounds.cols[0] as u32, limits.row + bounds.rows[0] as u32];
     let last = [limits.col + bounds.cols[1] as u32, limits.row + bounds.rows[1] as u32];
     Some(layout.between(first.map(|at| at.saturating_sub(1)), last.map(|at| at + 1)))
@@ -104,10 +115,10 @@ pub(super) struct Frontier {
 
 impl Frontier {
     /// The border of a patch whose positions are relative to `from`, in positions relative to `to`.
-    pub(super) fn new(border: &[[Local; 3]], from: (u32, u32), to: (u32, u32)) -> Self {
+    pub(super) fn new(border: &[[TilePosition; 3]], from: (u32, u32), to: (u32, u32)) -> Self {
         let Shift { cols, rows } = Shift::new(from, to);
-        let place = |at: Local| [at.col() as i32 + cols, at.row() as i32 + rows];
-        let turned = |corners: &[Local; 3]| {
+        let place = |at: TilePosition| [at.col() as i32 + cols, at.row() as i32 + rows];
+        let turned = |corners: &[TilePosition; 3]| {
             let [a, b, c] = corners.map(place);
             ([b, a], c)
         };
@@ -119,22 +130,23 @@ impl Frontier {
     /// Looks at the triangles kept with a tile, and its inner ones, where the patch could have taken them in.
     pub(super) fn see(
         &mut self,
-        [triangles, inner]: [&[Triangle]; 2],
-        zone: &Zone,
+        [triangles, inner]: [&[TileTriangle]; 2],
+        zone: &PatchZone,
         tile: TileId,
-        layout: &Layout,
+        layout: &TileLayout,
     ) {
         let origin = layout.origin(tile);
         let Shift { cols, rows } = Shift::new(origin, (zone.limits.col, zone.limits.row));
         let members = zone.seen_from(origin);
         let within = inner_bounds(layout, tile).moved(cols, rows);
         let around = self.bounds();
-        let concerns_inner = self.edges.iter().any(|(edge, _)| within.holds(&Bounds::along(*edge)));
+        let concerns_inner =
+            self.edges.iter().any(|(edge, _)| within.holds(&SampleBounds::along(*edge)));
         let inner = if concerns_inner { inner } else { &[] };
         for triangle in triangles.iter().chain(inner) {
             let corners =
                 triangle.corners.map(|at| [at.col() as i32 + cols, at.row() as i32 + rows]);
-            let near = corners.iter().filter(|&&at| around.holds(&Bounds::along([at, at])));
+            let near = corners.iter().filter(|&&at| around.holds(&SampleBounds::along([at, at])));
             if near.count() >= 2 && members.is_within_limits(triangle) {
                 for i in 0..3 {
                     let [from, to, third] = [i, (i + 1) % 3, (i + 2) % 3].map(|i| corners[i]);
@@ -145,9 +157,9 @@ impl Frontier {
     }
 
     /// The box around all edges.
-    fn bounds(&self) -> Bounds {
-        let boxes = self.edges.iter().map(|&(edge, _)| Bounds::along(edge));
-        boxes.reduce(Bounds::join).unwrap_or(Bounds { cols: [0, -1], rows: [0, -1] })
+    fn bounds(&self) -> SampleBounds {
+        let boxes = self.edges.iter().map(|&(edge, _)| SampleBounds::along(edge));
+        boxes.reduce(SampleBounds::join).unwrap_or(SampleBounds { cols: [0, -1], rows: [0, -1] })
     }
 
     fn see_edge(&mut self, edge: [Lattice; 2], beyond: Lattice) {
@@ -174,16 +186,16 @@ impl Frontier {
 mod tests {
     use super::*;
 
-    fn triangle(corners: [(u32, u32); 3]) -> Triangle {
-        let corners = corners.map(|(col, row)| Local::new(col, row));
-        Triangle { corners, max_error: 0.0, square_sum: 0.0 }
+    fn triangle(corners: [(u32, u32); 3]) -> TileTriangle {
+        let corners = corners.map(|(col, row)| TilePosition::new(col, row));
+        TileTriangle { corners, max_error: 0.0, square_sum: 0.0 }
     }
 
     #[test]
     fn a_zone_takes_what_touches_its_band_within_its_limits() {
-        let layout = Layout::new(129, 129, 32).unwrap();
+        let layout = TileLayout::new(129, 129, 32).unwrap();
         let takes = |seam, reach, along, corners| {
-            let zone = Zone::new(&layout, seam, TileId::new(1, 1), reach, along);
+            let zone = PatchZone::new(&layout, seam, TileId::new(1, 1), reach, along);
             zone.seen_from((32, 32)).contains(&triangle(corners))
         };
         assert!(takes(Seam::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
@@ -199,11 +211,11 @@ mod tests {
 
     #[test]
     fn a_frontier_finds_what_is_not_delaunay_beyond_it() {
-        let layout = Layout::new(129, 129, 32).unwrap();
+        let layout = TileLayout::new(129, 129, 32).unwrap();
         let tile = TileId::new(1, 1);
-        let zone = Zone::new(&layout, Seam::Vertical, tile, 4, 0);
+        let zone = PatchZone::new(&layout, Seam::Vertical, tile, 4, 0);
         let base = (zone.limits().col, zone.limits().row);
-        let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| Local::new(col, row))];
+        let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| TilePosition::new(col, row))];
         for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {
             let mut frontier = Frontier::new(&border, (26, 0), base);
             let mut kept = Vec::new();

@@ -16,24 +16,24 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::convert::copy::{Front, run_of};
+use crate::convert::copy::{GridFront, run_of};
 use crate::convert::job::{ConvertJob, ConvertReport};
 use terrane_base::error::{Error, Result};
-use terrane_crs::Operation;
+use terrane_crs::CoordinateOperation;
 use terrane_engine::transform::{Transformed, extent_of};
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_window::resample::{Resampling, Scale};
+use terrane_window::resample::{ResamplingMethod, Scale};
 
 pub use lattice::{LatticeOptions as Lattice, LatticeSetters};
 use source::Warped;
-use way::Way;
+use way::CrsTransform;
 
 /// A grid to be written on another lattice.
 struct WarpJob<'a> {
     copy: &'a ConvertJob,
     /// How heights are found between samples of the grid.
-    resampling: &'static Resampling,
+    resampling: &'static ResamplingMethod,
 }
 
 /// Writes a grid on another lattice. Unless told otherwise, samples are of the grid's type where heights stay what they
@@ -46,7 +46,7 @@ struct WarpJob<'a> {
 /// too many of the grid.
 pub(crate) fn run(
     copy: &ConvertJob,
-    resampling: &'static Resampling,
+    resampling: &'static ResamplingMethod,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<ConvertReport> {
@@ -59,7 +59,7 @@ pub(crate) fn run(
         let transformed = operation.as_ref().map(Transformed::of);
         let warped = job.warped(inner, operation, nowhere.clone())?;
         about = Some((transformed, warped.scale()));
-        Ok(Front::of(Box::new(warped), notes))
+        Ok(GridFront::of(Box::new(warped), notes))
     })?;
     let (transformed, scale) = about.unwrap_or((None, Scale::ONE));
     let mut notes = report.notes.clone();
@@ -71,7 +71,7 @@ pub(crate) fn run(
 
 impl WarpJob<'_> {
     /// What leads to the system to write in.
-    fn operation(&self, info: &GridInfo) -> Result<Option<Operation>> {
+    fn operation(&self, info: &GridInfo) -> Result<Option<CoordinateOperation>> {
         let options = &self.copy.options;
         let Some(transform) = options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.copy.input.to_string(), Some(extent_of(info)));
@@ -82,12 +82,12 @@ impl WarpJob<'_> {
     fn warped(
         &self,
         inner: Box<dyn GridSource>,
-        operation: Option<Operation>,
+        operation: Option<CoordinateOperation>,
         nowhere: Arc<AtomicU64>,
     ) -> Result<Warped> {
         let own = inner.info();
-        let crs = operation.as_ref().map_or(&own.crs, Operation::target).clone();
-        let way = Way::new(operation);
+        let crs = operation.as_ref().map_or(&own.crs, CoordinateOperation::target).clone();
+        let way = CrsTransform::new(operation);
         let lattice = lattice::of(&self.copy.options.lattice, own, &crs, &way)?;
         let is_made = self.resampling.radius > 0 || !way.keeps_heights();
         let info = GridInfo {

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::way::Way;
+use super::way::CrsTransform;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_window::resample::{Place, Resampling, Scale, Window};
+use terrane_window::resample::{Place, ResamplingMethod, Scale, SourceWindow};
 
 /// Most samples of the grid that are held for a piece of the output, unless a single height needs more.
 pub(super) const MOST_SAMPLES: usize = 1 << 18;
@@ -31,8 +31,8 @@ pub(super) const WORKER_BYTES: u64 =
 pub(super) struct Warped {
     info: GridInfo,
     inner: Box<dyn GridSource>,
-    way: Way,
-    resampling: &'static Resampling,
+    way: CrsTransform,
+    resampling: &'static ResamplingMethod,
     scale: Scale,
     /// Heights are computed, so they are as near as the type has them.
     is_made: bool,
@@ -44,7 +44,7 @@ pub(super) struct Warped {
 
 /// What a piece is made with.
 #[derive(Default)]
-struct Buffers {
+struct WarpBuffers {
     places: Vec<Place>,
     samples: Vec<f64>,
     heights: Vec<f64>,
@@ -54,8 +54,8 @@ impl Warped {
     pub(super) fn new(
         info: GridInfo,
         inner: Box<dyn GridSource>,
-        way: Way,
-        resampling: &'static Resampling,
+        way: CrsTransform,
+        resampling: &'static ResamplingMethod,
         scale: Scale,
         is_made: bool,
         nowhere: Arc<AtomicU64>,
@@ -71,7 +71,7 @@ impl Warped {
 
     /// Hands on each piece of a rectangle with its heights.
     fn each(&self, rect: Rect, found: &mut dyn FnMut(Rect, &[f64])) -> Result<()> {
-        let mut buffers = Buffers::default();
+        let mut buffers = WarpBuffers::default();
         for row in (rect.row..rect.end_row()).step_by(self.side as usize) {
             for col in (rect.col..rect.end_col()).step_by(self.side as usize) {
                 let piece = Rect::new(col, row, self.side, self.side).intersect(&rect);
@@ -85,7 +85,7 @@ impl Warped {
     fn piece(
         &self,
         piece: Rect,
-        buffers: &mut Buffers,
+        buffers: &mut WarpBuffers,
         found: &mut dyn FnMut(Rect, &[f64]),
     ) -> Result<()> {
         let mut left = vec![piece];
@@ -121,8 +121,8 @@ impl Warped {
     }
 
     /// Finds the heights of a piece.
-    fn fill(&self, needed: Rect, grid: [u32; 2], buffers: &mut Buffers) -> Result<()> {
-        let Buffers { places, samples, heights } = buffers;
+    fn fill(&self, needed: Rect, grid: [u32; 2], buffers: &mut WarpBuffers) -> Result<()> {
+        let WarpBuffers { places, samples, heights } = buffers;
         heights.clear();
         heights.resize(places.len(), f64::NAN);
         if needed.is_empty() {
@@ -132,7 +132,7 @@ impl Warped {
         samples.resize(needed.len(), 0.0);
         self.inner.read_f64(needed, samples)?;
         self.inner.copied(needed);
-        let window = Window { grid, rect: needed, heights: samples };
+        let window = SourceWindow { grid, rect: needed, heights: samples };
         self.resampling.heights(&window, places, self.scale, heights);
         if self.is_made { self.settle(places, heights) } else { Ok(()) }
     }

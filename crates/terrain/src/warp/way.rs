@@ -1,16 +1,16 @@
 //! From places of the grid to those of the output, and back.
 
 use terrane_base::error::Result;
-use terrane_crs::Operation;
+use terrane_crs::CoordinateOperation;
 
 /// The way between two systems, or none where both are one.
-pub(super) struct Way {
+pub(super) struct CrsTransform {
     /// There, and back.
-    operations: Option<[Operation; 2]>,
+    operations: Option<[CoordinateOperation; 2]>,
 }
 
-impl Way {
-    pub(super) fn new(there: Option<Operation>) -> Self {
+impl CrsTransform {
+    pub(super) fn new(there: Option<CoordinateOperation>) -> Self {
         let operations = there.filter(|there| !there.is_null()).map(|there| {
             let back = there.inverse();
             [there, back]

@@ -1,21 +1,21 @@
 //! Borders of tiles: chosen from what lies on the border alone, so that the tiles on both sides choose alike.
 
-use crate::globe::{Upright, Vector};
-use crate::ground::Ground;
-use crate::level::Level;
-use crate::tiling::{STEPS, TileId};
+use crate::globe::{EllipsoidNormal, Vector};
+use crate::ground::GroundSampler;
+use crate::level::TileLevel;
+use crate::tiling::{GlobeTileId, STEPS};
 
 /// A side of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub(crate) enum Side {
+pub(crate) enum TileSide {
     West,
     South,
     East,
     North,
 }
 
-impl Side {
+impl TileSide {
     /// All of them, in the order in which files list them.
     pub(crate) const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
 
@@ -42,7 +42,7 @@ impl Side {
 }
 
 /// A place on a border where a vertex may be.
-struct Stop {
+struct BorderStop {
     along: i32,
     /// Always a vertex.
     is_post: bool,
@@ -50,7 +50,7 @@ struct Stop {
     height: i32,
     /// The height in metres before it is rounded.
     metres: f64,
-    upright: Upright,
+    upright: EllipsoidNormal,
     point: Vector,
 }
 
@@ -59,10 +59,10 @@ struct Stop {
 /// from one above it than the goal of tiles. Vertices a step beside the border may be joined with the ends of the part
 /// from anywhere along it, and a sample on the way there is off by what it is off from the part and what the vertex is.
 pub(crate) fn vertices(
-    tile: TileId,
-    side: Side,
-    level: &Level,
-    ground: &impl Ground,
+    tile: GlobeTileId,
+    side: TileSide,
+    level: &TileLevel,
+    ground: &impl GroundSampler,
 ) -> Vec<[i32; 2]> {
     let stops = stops(tile, side, level, ground);
     let mut kept: Vec<usize> = (0..stops.len()).filter(|i| stops[*i].is_post).collect();
@@ -85,33 +85,38 @@ pub(crate) fn along(part: u32, parts: u32) -> i32 {
 
 /// Places where the ground bends, and posts. Where nothing is known, what stands for it counts alike and goes on in
 /// the same straight lines, so that borders of different levels are as near to each other there as elsewhere.
-fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<Stop> {
+fn stops(
+    tile: GlobeTileId,
+    side: TileSide,
+    level: &TileLevel,
+    ground: &impl GroundSampler,
+) -> Vec<BorderStop> {
     let stop = |along: i32, metres: f64, is_post: bool| {
         let height = level.steps(metres);
-        let upright = Upright::at(tile.place(side.position(along)));
+        let upright = EllipsoidNormal::at(tile.place(side.position(along)));
         let point = upright.point(f64::from(height) * level.step);
-        Stop { along, is_post, height, metres, upright, point }
+        BorderStop { along, is_post, height, metres, upright, point }
     };
     let post = |part: u32| {
         let along = along(part, level.posts);
         let place = tile.place(side.position(along));
         stop(along, ground.height(place).unwrap_or_else(|| ground.filled(place)), true)
     };
-    let mut stops: Vec<Stop> = (0..=level.posts).map(post).collect();
+    let mut stops: Vec<BorderStop> = (0..=level.posts).map(post).collect();
     let ends = [0, STEPS].map(|end| tile.place(side.position(end)));
     ground.bends(ends, &mut |place, height| {
         let [u, v] = tile.steps(place).map(|at| at.round() as i32);
-        let along = if matches!(side, Side::West | Side::East) { v } else { u };
+        let along = if matches!(side, TileSide::West | TileSide::East) { v } else { u };
         let height = height.unwrap_or_else(|| ground.filled(place));
         stops.push(stop(along.clamp(0, STEPS), height, false));
     });
     // Of those at one position a post counts, or else the first.
-    let sort = |stops: &mut Vec<Stop>| {
+    let sort = |stops: &mut Vec<BorderStop>| {
         stops.sort_by_key(|stop| (stop.along, !stop.is_post));
         stops.dedup_by_key(|stop| stop.along);
     };
     sort(&mut stops);
-    let fallen = |stop: &Stop| ground.beyond(tile.place(side.position(stop.along)));
+    let fallen = |stop: &BorderStop| ground.beyond(tile.place(side.position(stop.along)));
     let feet = feet(&stops, fallen);
     if !feet.is_empty() {
         stops.extend(feet.into_iter().map(|along| stop(along, 0.0, false)));
@@ -122,7 +127,7 @@ fn stops(tile: TileId, side: Side, level: &Level, ground: &impl Ground) -> Vec<S
 
 /// Where ground that falls beyond a grid reaches the ellipsoid: between two stops both the height at the edge and how
 /// far it has fallen grow or shrink evenly.
-fn feet(stops: &[Stop], fallen: impl Fn(&Stop) -> Option<[f64; 2]>) -> Vec<i32> {
+fn feet(stops: &[BorderStop], fallen: impl Fn(&BorderStop) -> Option<[f64; 2]>) -> Vec<i32> {
     let found: Vec<_> = stops.iter().map(fallen).collect();
     let mut feet = Vec::new();
     for (two, of) in stops.windows(2).zip(found.windows(2)).filter(|(_, of)| **of != [None; 2]) {
@@ -140,10 +145,10 @@ fn feet(stops: &[Stop], fallen: impl Fn(&Stop) -> Option<[f64; 2]>) -> Vec<i32> 
 
 /// The stop between two that is furthest from the straight line between them, where it is further than one goal, or
 /// stops on both sides of the line are further apart than the other.
-fn worst(stops: &[Stop], [from, to]: [usize; 2], [most, apart]: [f64; 2]) -> Option<usize> {
+fn worst(stops: &[BorderStop], [from, to]: [usize; 2], [most, apart]: [f64; 2]) -> Option<usize> {
     let (a, b) = (&stops[from], &stops[to]);
     let chord = b.point - a.point;
-    let off = |stop: &Stop| {
+    let off = |stop: &BorderStop| {
         let part = f64::from(stop.along - a.along) / f64::from(b.along - a.along);
         (stop.point - (a.point + chord * part)).dot(stop.upright.normal)
     };

@@ -8,11 +8,11 @@ mod tests;
 
 use std::sync::{Arc, OnceLock};
 
-use crate::globe::{Turn, Upright, Vector, bend};
+use crate::globe::{EllipsoidNormal, SinCos, Vector, bend};
 use crate::outline::{crossings, metres, outline, spacing};
-use crate::run::Sample;
-use crate::table::Table;
-use crate::tiling::Bounds;
+use crate::run::GroundSample;
+use crate::table::CubicTable;
+use crate::tiling::GeodeticBounds;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
@@ -32,21 +32,21 @@ const ALONG: u32 = 4;
 #[derive(Clone, Debug)]
 pub struct Chart {
     whole: [u32; 2],
-    way: Way,
+    way: ChartMapping,
     /// Metres that heights fall for each metre beyond the grid.
     slope: f64,
 }
 
 /// A place among the samples of a grid; beyond it, the nearest one at its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Spot {
+pub(crate) struct ChartSpot {
     /// Columns and rows.
     pub(crate) at: [f64; 2],
     /// Metres that heights have come nearer to the ellipsoid.
     pub(crate) fall: f64,
 }
 
-impl Spot {
+impl ChartSpot {
     /// The height at the place, of that at the edge.
     pub(crate) fn lower(&self, height: f64) -> f64 {
         if self.fall == 0.0 {
@@ -58,7 +58,7 @@ impl Spot {
 }
 
 #[derive(Clone, Debug)]
-enum Way {
+enum ChartMapping {
     Straight(Affine),
     Bent(Arc<Bent>),
 }
@@ -67,10 +67,10 @@ enum Way {
 #[derive(Debug)]
 struct Bent {
     /// From columns and rows to what is upright there, nearly of length 1.
-    upright: Table<3>,
+    upright: CubicTable<3>,
     /// From longitudes and latitudes to columns and rows; not a number where they have none.
-    samples: Table<2>,
-    bounds: Bounds,
+    samples: CubicTable<2>,
+    bounds: GeodeticBounds,
     spacing: f64,
     /// Degrees between the places on a border that are looked at.
     stop: f64,
@@ -82,7 +82,7 @@ impl Chart {
     /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes without turning it.
     pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
-        Self { whole, way: Way::Straight(map), slope: 0.0 }
+        Self { whole, way: ChartMapping::Straight(map), slope: 0.0 }
     }
 
     /// The same with ground beyond the grid that falls to the ellipsoid, so many metres for each metre along the
@@ -119,11 +119,11 @@ impl Chart {
             let parts = ends.map(|end| end.div_ceil(between).clamp(PARTS[0], PARTS[1]));
             let chart = Self::of_parts(whole, parts, &to, &back)?;
             found = chart.check(parts, &to).map(|off| match &chart.way {
-                Way::Bent(bent) => {
+                ChartMapping::Bent(bent) => {
                     bent.off.set(off).unwrap_or_default();
                     chart
                 }
-                Way::Straight(_) => chart,
+                ChartMapping::Straight(_) => chart,
             });
             if found.is_ok() {
                 break;
@@ -141,17 +141,18 @@ impl Chart {
     ) -> Result<Self> {
         let ends = whole.map(|count| f64::from(count.max(2) - 1));
         let sides = ends.map(|end| [0.0, end]);
-        let upright = Table::new(sides, parts, |at| Ok(Upright::at(to(at)?).normal.0))?;
+        let upright =
+            CubicTable::new(sides, parts, |at| Ok(EllipsoidNormal::at(to(at)?).normal.0))?;
         let spacing = spacing(&upright);
         let bounds = outline(whole, &upright, spacing)?;
         // Beside what the samples lie in, so that it is known at its border.
         let known = bounds.grown(2.0 * spacing);
         let sides = [[known.west, known.east], [known.south, known.north]];
-        let samples = Table::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
+        let samples = CubicTable::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
         // Half of what a sample takes at the most, and a part of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
         let bent = Bent { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
-        Ok(Self { whole, way: Way::Bent(Arc::new(bent)), slope: 0.0 })
+        Ok(Self { whole, way: ChartMapping::Bent(Arc::new(bent)), slope: 0.0 })
     }
 
     /// Fails where places between nodes are not where they should be. Metres that they are off by, at the most.
@@ -174,7 +175,8 @@ impl Chart {
                 };
                 let at = [middle(0, col), middle(1, row)];
                 let place = to(at)?;
-                let off = (self.upright(at).point(0.0) - Upright::at(place).point(0.0)).length();
+                let off =
+                    (self.upright(at).point(0.0) - EllipsoidNormal::at(place).point(0.0)).length();
                 if off > OFF {
                     return Err(too_bent(off, "m"));
                 }
@@ -194,8 +196,8 @@ impl Chart {
         /// Rounding: some places of a number of the size of the earth.
         const ROUNDED: f64 = 5e-8;
         match &self.way {
-            Way::Straight(_) => ROUNDED,
-            Way::Bent(bent) => ROUNDED + bent.off.get().unwrap_or(&OFF),
+            ChartMapping::Straight(_) => ROUNDED,
+            ChartMapping::Bent(bent) => ROUNDED + bent.off.get().unwrap_or(&OFF),
         }
     }
 
@@ -207,76 +209,80 @@ impl Chart {
     /// The map to longitudes and latitudes, where rows are parallels and columns meridians.
     pub(crate) fn map(&self) -> Option<&Affine> {
         match &self.way {
-            Way::Straight(map) => Some(map),
-            Way::Bent(_) => None,
+            ChartMapping::Straight(map) => Some(map),
+            ChartMapping::Bent(_) => None,
         }
     }
 
     /// Whether rows are other lines than parallels, or columns than meridians.
     pub fn is_bent(&self) -> bool {
-        matches!(self.way, Way::Bent(_))
+        matches!(self.way, ChartMapping::Bent(_))
     }
 
     /// What all samples lie in.
-    pub fn bounds(&self) -> Bounds {
+    pub fn bounds(&self) -> GeodeticBounds {
         match &self.way {
-            Way::Straight(map) => {
+            ChartMapping::Straight(map) => {
                 let [a, b] = [[0; 2], self.whole.map(|count| count - 1)]
                     .map(|[col, row]| map.apply(f64::from(col), f64::from(row)));
-                Bounds {
+                GeodeticBounds {
                     west: a[0].min(b[0]),
                     south: a[1].min(b[1]),
                     east: a[0].max(b[0]),
                     north: a[1].max(b[1]),
                 }
             }
-            Way::Bent(bent) => bent.bounds,
+            ChartMapping::Bent(bent) => bent.bounds,
         }
     }
 
     /// Degrees between samples, along the finer axis: of longitude or latitude, or as along the equator.
     pub fn spacing(&self) -> f64 {
         match &self.way {
-            Way::Straight(map) => map.a.abs().min(map.e.abs()),
-            Way::Bent(bent) => bent.spacing,
+            ChartMapping::Straight(map) => map.a.abs().min(map.e.abs()),
+            ChartMapping::Bent(bent) => bent.spacing,
         }
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
         match &self.way {
-            Way::Straight(_) => 0,
-            Way::Bent(bent) => bent.upright.bytes() + bent.samples.bytes(),
+            ChartMapping::Straight(_) => 0,
+            ChartMapping::Bent(bent) => bent.upright.bytes() + bent.samples.bytes(),
         }
     }
 
     /// What is upright at a column and row.
-    fn upright(&self, at: [f64; 2]) -> Upright {
+    fn upright(&self, at: [f64; 2]) -> EllipsoidNormal {
         match &self.way {
-            Way::Straight(map) => Upright::at(map.apply(at[0], at[1])),
-            Way::Bent(bent) => Upright::along(Vector(bent.upright.at(at))),
+            ChartMapping::Straight(map) => EllipsoidNormal::at(map.apply(at[0], at[1])),
+            ChartMapping::Bent(bent) => EllipsoidNormal::along(Vector(bent.upright.at(at))),
         }
     }
 
     /// Longitude and latitude of a column and row.
     pub fn place(&self, at: [f64; 2]) -> [f64; 2] {
         match &self.way {
-            Way::Straight(map) => map.apply(at[0], at[1]),
-            Way::Bent(_) => self.upright(at).place(),
+            ChartMapping::Straight(map) => map.apply(at[0], at[1]),
+            ChartMapping::Bent(_) => self.upright(at).place(),
         }
     }
 
     /// A sample so many columns and rows from the first.
-    pub(crate) fn sample(&self, at: [f64; 2], height: f64) -> Sample {
+    pub(crate) fn sample(&self, at: [f64; 2], height: f64) -> GroundSample {
         match &self.way {
-            Way::Straight(map) => {
+            ChartMapping::Straight(map) => {
                 let place = map.apply(at[0], at[1]);
-                let lat = Turn::of(place[1]);
-                Sample { place, height, upright: Upright::of(Turn::of(place[0]), lat, bend(lat)) }
+                let lat = SinCos::of(place[1]);
+                GroundSample {
+                    place,
+                    height,
+                    upright: EllipsoidNormal::of(SinCos::of(place[0]), lat, bend(lat)),
+                }
             }
-            Way::Bent(_) => {
+            ChartMapping::Bent(_) => {
                 let upright = self.upright(at);
-                Sample { place: upright.place(), height, upright }
+                GroundSample { place: upright.place(), height, upright }
             }
         }
     }
@@ -290,14 +296,14 @@ impl Chart {
     /// The same, of the side of 180 degrees that a place says.
     fn columns(&self, place: [f64; 2]) -> [f64; 2] {
         match &self.way {
-            Way::Straight(map) => map.invert(place[0], place[1]),
-            Way::Bent(bent) => bent.samples.at(bent.bounds.nearest(place)),
+            ChartMapping::Straight(map) => map.invert(place[0], place[1]),
+            ChartMapping::Bent(bent) => bent.samples.at(bent.bounds.nearest(place)),
         }
     }
 
     /// 180 degrees is one meridian: it is on the side of it that the samples are nearer to.
     fn on_one_side(&self, place: [f64; 2]) -> [f64; 2] {
-        let Bounds { west, east, .. } = self.bounds();
+        let GeodeticBounds { west, east, .. } = self.bounds();
         if place[0].abs() != 180.0 || (west..=east).contains(&place[0]) {
             return place;
         }
@@ -305,24 +311,24 @@ impl Chart {
     }
 
     /// The same; a hair beside a sample is on it. Where there are no columns and rows it is as at the first sample.
-    pub(crate) fn within(&self, place: [f64; 2]) -> Spot {
+    pub(crate) fn within(&self, place: [f64; 2]) -> ChartSpot {
         let at = self.at(place);
         if at[0].is_nan() || at[1].is_nan() {
             let fall = if self.slope > 0.0 { f64::INFINITY } else { 0.0 };
-            return Spot { at: [0.0; 2], fall };
+            return ChartSpot { at: [0.0; 2], fall };
         }
         let near = at.map(|at| if (at - at.round()).abs() < HAIR { at.round() } else { at });
         let clamp = |axis: usize| near[axis].clamp(0.0, f64::from(self.whole[axis] - 1));
         let at = [0, 1].map(clamp);
         let is_beside = match &self.way {
-            Way::Straight(_) => false,
-            Way::Bent(bent) => !bent.bounds.holds(place),
+            ChartMapping::Straight(_) => false,
+            ChartMapping::Bent(bent) => !bent.bounds.holds(place),
         };
         let fall = match self.slope > 0.0 && (is_beside || at != near) {
             true => self.slope * metres(self.on_one_side(place), self.place(at)),
             false => 0.0,
         };
-        Spot { at, fall }
+        ChartSpot { at, fall }
     }
 
     /// The place so many metres out from a sample at the edge, along the columns or rows that end there; `inwards` is 1
@@ -336,9 +342,9 @@ impl Chart {
     }
 
     /// The lowest and the highest column and row that places of a rectangle may have, in parts of samples.
-    pub fn range(&self, bounds: &Bounds) -> [[f64; 2]; 2] {
-        let Bounds { west, south, east, north } = *bounds;
-        if let Way::Straight(map) = &self.way {
+    pub fn range(&self, bounds: &GeodeticBounds) -> [[f64; 2]; 2] {
+        let GeodeticBounds { west, south, east, north } = *bounds;
+        if let ChartMapping::Straight(map) = &self.way {
             let [a, b] = [[west, north], [east, south]].map(|[lon, lat]| map.invert(lon, lat));
             return [0, 1].map(|axis: usize| [a[axis].min(b[axis]), a[axis].max(b[axis])]);
         }
@@ -373,7 +379,7 @@ impl Chart {
     /// Metres that the middle of a rectangle of samples is from a flat surface through its corners, at the most;
     /// nothing where rows are parallels, whose bend is the earth's.
     pub(crate) fn bow(&self, [left, top]: [f64; 2], [right, bottom]: [f64; 2]) -> f64 {
-        if let Way::Straight(_) = &self.way {
+        if let ChartMapping::Straight(_) = &self.way {
             return 0.0;
         }
         let point = |at: [f64; 2]| self.upright(at).point(0.0);
@@ -389,9 +395,9 @@ impl Chart {
     /// Hands on the places along the straight line between two on one meridian or parallel that tell how a bent
     /// grid goes there: the same, whatever part of the line is asked for. None of a straight one.
     pub(crate) fn stops(&self, [from, to]: [[f64; 2]; 2], found: &mut impl FnMut([f64; 2])) {
-        let Way::Bent(bent) = &self.way else { return };
+        let ChartMapping::Bent(bent) = &self.way else { return };
         let axis = usize::from(from[0] == to[0]);
-        let Bounds { west, south, east, north } = bent.bounds;
+        let GeodeticBounds { west, south, east, north } = bent.bounds;
         let [origin, low, high] =
             if axis == 0 { [-180.0, west, east] } else { [-90.0, south, north] };
         let [a, b] = [from[axis].min(to[axis]).max(low), from[axis].max(to[axis]).min(high)];

@@ -2,12 +2,12 @@
 //! steps, triangles by how long ago a vertex was new, the vertices of each border, and, if wanted, normals; and
 //! what is proven of the tile, in the extension for metadata.
 
-use crate::border::Side;
-use crate::globe::{EQUATOR, Upright, Vector};
-use crate::ground::Ground;
+use crate::border::TileSide;
+use crate::globe::{EQUATOR, EllipsoidNormal, Vector};
+use crate::ground::GroundSampler;
 use crate::horizon;
-use crate::level::Level;
-use crate::tile::{Tile, Vertex};
+use crate::level::TileLevel;
+use crate::tile::{TerrainTile, TileVertex};
 use crate::tiling::{self, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -34,7 +34,7 @@ const STEEPEST: f64 = 32.0;
 const PLACES: i32 = 3;
 
 /// The heights that a tile can hold: from the lowest one on, in its own steps.
-pub(crate) struct Heights {
+pub(crate) struct QuantizedHeights {
     /// Steps of the level.
     lowest: i32,
     /// Own steps in a step of the level.
@@ -43,18 +43,18 @@ pub(crate) struct Heights {
     range: [f32; 2],
 }
 
-impl Heights {
+impl QuantizedHeights {
     /// The finest steps that reach from the lowest height to the highest, so that clients know the range of
     /// heights as well as they can.
-    pub(crate) fn of(tile: &Tile) -> Result<Self> {
+    pub(crate) fn of(tile: &TerrainTile) -> Result<Self> {
         Self::fitting(tile).ok_or_else(|| {
-            let tiling::TileId { level, x, y } = tile.id;
+            let tiling::GlobeTileId { level, x, y } = tile.id;
             let message = format!("tile {level}/{x}/{y} is higher than its steps can tell");
             Error::new(ErrorKind::Internal, message)
         })
     }
 
-    fn fitting(tile: &Tile) -> Option<Self> {
+    fn fitting(tile: &TerrainTile) -> Option<Self> {
         let heights = || tile.vertices.iter().map(|vertex| vertex.height);
         let (lowest, highest) = (heights().min()?, heights().max()?);
         let fits = |halvings: &u32| {
@@ -77,7 +77,7 @@ impl Heights {
 
 /// What a tile says beside its surface.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Extras<'a> {
+pub struct TileExtensions<'a> {
     /// What tiles there are below it, as JSON.
     pub available: Option<&'a str>,
     /// The mask of water: a byte for each of [`MASK_SIDE`] times as many pixels, or one for all.
@@ -88,17 +88,17 @@ pub struct Extras<'a> {
 ///
 /// # Errors
 /// A tile whose heights have too large a range.
-pub fn quantized_mesh<G: Ground>(
-    tile: &Tile,
-    normals: Option<(&Level, &G)>,
-    extras: Extras<'_>,
+pub fn quantized_mesh<G: GroundSampler>(
+    tile: &TerrainTile,
+    normals: Option<(&TileLevel, &G)>,
+    extras: TileExtensions<'_>,
 ) -> Result<Vec<u8>> {
-    let heights = Heights::of(tile)?;
+    let heights = QuantizedHeights::of(tile)?;
     let (vertices, triangles) = in_order(tile);
     let mut out = Vec::with_capacity(vertices.len() * 12 + 256);
     header(tile, &heights, &mut out);
     out.extend((vertices.len() as u32).to_le_bytes());
-    let parts: [&dyn Fn(&Vertex) -> i32; 3] =
+    let parts: [&dyn Fn(&TileVertex) -> i32; 3] =
         [&|v| v.at[0], &|v| v.at[1], &|v| heights.stored(v.height)];
     parts.iter().for_each(|part| differences(vertices.iter().map(part), &mut out));
     let is_short = vertices.len() <= SHORT;
@@ -115,8 +115,8 @@ pub fn quantized_mesh<G: Ground>(
         index(next - corner, &mut out);
         next += u32::from(*corner == next);
     }
-    for side in Side::ALL {
-        let on_side = |(i, v): (u32, &Vertex)| side.along(v.at).map(|along| (along, i));
+    for side in TileSide::ALL {
+        let on_side = |(i, v): (u32, &TileVertex)| side.along(v.at).map(|along| (along, i));
         let mut ends: Vec<(i32, u32)> = (0..).zip(&vertices).filter_map(on_side).collect();
         ends.sort_unstable();
         out.extend((ends.len() as u32).to_le_bytes());
@@ -138,7 +138,7 @@ pub fn quantized_mesh<G: Ground>(
     Ok(out)
 }
 
-fn header(tile: &Tile, heights: &Heights, out: &mut Vec<u8>) {
+fn header(tile: &TerrainTile, heights: &QuantizedHeights, out: &mut Vec<u8>) {
     let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
     let (centre, radius) = horizon::sphere(&points);
     let occlusion = horizon::occlusion(centre, &points, heights.range[0].into());
@@ -164,7 +164,7 @@ fn differences(values: impl Iterator<Item = i32>, out: &mut Vec<u8>) {
 
 /// Triangles in an order in which neighbours follow each other, and vertices in the order in which these name
 /// them.
-pub(crate) fn in_order(tile: &Tile) -> (Vec<Vertex>, Vec<[u32; 3]>) {
+pub(crate) fn in_order(tile: &TerrainTile) -> (Vec<TileVertex>, Vec<[u32; 3]>) {
     let mut numbers = vec![u32::MAX; tile.vertices.len()];
     let mut vertices = Vec::with_capacity(tile.vertices.len());
     let mut triangles = Vec::with_capacity(tile.triangles.len());
@@ -217,9 +217,9 @@ fn walk(triangles: &[[u32; 3]]) -> Vec<(usize, usize)> {
 
 /// What is at right angles to the ground at a place: a function of the ground alone, so that tiles beside each
 /// other are lit alike.
-pub(crate) fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Vector {
+pub(crate) fn normal(place: [f64; 2], level: &TileLevel, ground: &impl GroundSampler) -> Vector {
     let by = level.slope;
-    let upright = Upright::at(place);
+    let upright = EllipsoidNormal::at(place);
     let [east, north] = upright.across();
     let here = ground.height(place);
     let slope = |axis: usize| {
@@ -233,7 +233,9 @@ pub(crate) fn normal(place: [f64; 2], level: &Level, ground: &impl Ground) -> Ve
             ([Some(low), None], Some(here)) => 2.0 * (here - low),
             _ => return 0.0,
         };
-        let length = (Upright::at(ends[1]).point(0.0) - Upright::at(ends[0]).point(0.0)).length();
+        let length = (EllipsoidNormal::at(ends[1]).point(0.0)
+            - EllipsoidNormal::at(ends[0]).point(0.0))
+        .length();
         // Meridians meet at the poles.
         let least = 2.0 * by.to_radians() * EQUATOR * NARROWEST;
         if length > least { rise / length } else { 0.0 }
@@ -257,7 +259,7 @@ fn octants(direction: Vector) -> [u8; 2] {
 }
 
 /// The error of a tile, rounded up, but not beyond what clients assume.
-fn stated(tile: &Tile) -> f64 {
+fn stated(tile: &TerrainTile) -> f64 {
     let (error, scale) = (tile.measure.largest, 10_f64.powi(PLACES));
     let rounded = (error * scale).ceil() / scale;
     if rounded <= tiling::level_error(tile.id.level) { rounded } else { error }

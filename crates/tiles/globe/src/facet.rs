@@ -1,9 +1,9 @@
 //! A triangle of the surface of a tile, and how it is seen from a sample.
 
-use crate::globe::{Frame, Vector};
+use crate::globe::{EastNorthUpFrame, Vector};
 
 /// A triangle of the surface.
-pub(crate) struct Facet {
+pub(crate) struct TileFacet {
     pub(crate) corners: [Vector; 3],
     /// At right angles to it; its length is twice the area.
     pub(crate) across: Vector,
@@ -14,7 +14,7 @@ pub(crate) struct Facet {
     pub(crate) on_parallel: [bool; 3],
 }
 
-impl Facet {
+impl TileFacet {
     /// Of corners, their positions in the tile, and the triangles across from each.
     pub(crate) fn new(corners: [Vector; 3], at: [[i32; 2]; 3], twins: [u32; 3]) -> Self {
         let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
@@ -24,19 +24,24 @@ impl Facet {
 
     /// As it is seen from a sample.
     #[inline]
-    pub(crate) fn seen_from(&self, frame: &Frame) -> Seen {
+    pub(crate) fn seen_from(&self, frame: &EastNorthUpFrame) -> FacetView {
         let corners = self.corners.map(|corner| frame.look(corner));
         let part = |k: usize| {
             let ([ax, ay, _], [bx, by, _]) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
             ax * by - ay * bx
         };
-        Seen { corners, parts: [part(0), part(1), part(2)], square: frame.square, area: self.area }
+        FacetView {
+            corners,
+            parts: [part(0), part(1), part(2)],
+            square: frame.square,
+            area: self.area,
+        }
     }
 }
 
 /// A triangle as it is seen from a sample.
-pub(crate) struct Seen {
-    /// As [`Frame::look`] has them.
+pub(crate) struct FacetView {
+    /// As [`EastNorthUpFrame::look`] has them.
     pub(crate) corners: [[f64; 3]; 3],
     /// Of each corner, twice the area between the sample and the side across from it, from above, times `square`.
     pub(crate) parts: [f64; 3],
@@ -45,7 +50,7 @@ pub(crate) struct Seen {
     area: f64,
 }
 
-impl Seen {
+impl FacetView {
     /// How far the sample is from the plane, along what is upright there, and metres up the plane for one along it.
     pub(crate) fn plane(&self) -> [f64; 2] {
         let ([a, b, c], [p, q, r]) = (self.corners, self.parts);

@@ -2,9 +2,9 @@
 //! decode earth-centred coordinates put vertices on a lattice, whose steps may be larger than a triangle. A sample there
 //! has several distances.
 
-use crate::facet::Facet;
-use crate::globe::{EQUATOR, Frame, Upright};
-use crate::tiling::{STEPS, TileId, degrees};
+use crate::facet::TileFacet;
+use crate::globe::{EQUATOR, EastNorthUpFrame, EllipsoidNormal};
+use crate::tiling::{GlobeTileId, STEPS, degrees};
 
 /// Part of a triangle's length that it has to reach up, so that it is not turned over whatever is exactly upright.
 const SURELY: f64 = 0.02;
@@ -15,9 +15,9 @@ pub(crate) struct Folds {
     squares: usize,
 }
 
-impl Facet {
+impl TileFacet {
     /// Whether the line upright at a point meets it, from above or from below.
-    pub(crate) fn is_met(&self, frame: &Frame) -> bool {
+    pub(crate) fn is_met(&self, frame: &EastNorthUpFrame) -> bool {
         let sides = self.seen_from(frame).parts;
         let is_over =
             sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
@@ -25,18 +25,18 @@ impl Facet {
     }
 
     /// How far a sample is from it, where it is no plane: no further than from one of its corners.
-    pub(crate) fn within(&self, frame: &Frame, doubt: f64) -> f64 {
+    pub(crate) fn within(&self, frame: &EastNorthUpFrame, doubt: f64) -> f64 {
         let seen = self.seen_from(frame);
         let highest = seen.corners.iter().fold(0.0_f64, |most, corner| most.max(corner[2].abs()));
         seen.off(doubt).min(highest + doubt)
     }
 
-    fn is_turned_over(&self, id: TileId, at: [[i32; 2]; 3]) -> bool {
+    fn is_turned_over(&self, id: GlobeTileId, at: [[i32; 2]; 3]) -> bool {
         let out = self.corners[0].unit();
         if self.across.dot(out) > SURELY * self.across.length() {
             return false;
         }
-        let up = |at: [i32; 2]| Upright::at(id.place(at)).normal;
+        let up = |at: [i32; 2]| EllipsoidNormal::at(id.place(at)).normal;
         at.into_iter().any(|at| self.across.dot(up(at)) <= 0.0)
     }
 }
@@ -45,8 +45,8 @@ impl Folds {
     /// Of triangles by number, with the positions of their corners, on a lattice of so many metres, 0 where there is none;
     /// `None` where none is turned over.
     pub(crate) fn of(
-        (id, lattice): (TileId, f64),
-        facets: &[Facet],
+        (id, lattice): (GlobeTileId, f64),
+        facets: &[TileFacet],
         triangles: impl Iterator<Item = (u32, [[i32; 2]; 3])> + Clone,
     ) -> Option<Self> {
         triangles.clone().find(|(number, at)| facets[*number as usize].is_turned_over(id, *at))?;

@@ -79,14 +79,14 @@ impl Mul<f64> for Vector {
 
 /// The sine and the cosine of an angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turn {
+pub struct SinCos {
     /// Of the angle.
     pub sin: f64,
     /// Of the angle.
     pub cos: f64,
 }
 
-impl Turn {
+impl SinCos {
     /// Of an angle in degrees.
     pub fn of(degrees: f64) -> Self {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -96,23 +96,23 @@ impl Turn {
 
 /// The line that is upright at a place of the ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Upright {
+pub struct EllipsoidNormal {
     /// Up, of length 1.
     pub normal: Vector,
     /// Metres from the ellipsoid to the axis of the earth, along the normal.
     bend: f64,
 }
 
-impl Upright {
+impl EllipsoidNormal {
     /// At a longitude and a latitude in degrees.
     pub fn at([lon, lat]: [f64; 2]) -> Self {
-        let lat = Turn::of(lat);
-        Self::of(Turn::of(lon), lat, bend(lat))
+        let lat = SinCos::of(lat);
+        Self::of(SinCos::of(lon), lat, bend(lat))
     }
 
     /// At a longitude and a latitude, whose distance from the axis is known.
     #[inline]
-    pub fn of(lon: Turn, lat: Turn, bend: f64) -> Self {
+    pub fn of(lon: SinCos, lat: SinCos, bend: f64) -> Self {
         Self { normal: Vector([lat.cos * lon.cos, lat.cos * lon.sin, lat.sin]), bend }
     }
 
@@ -120,7 +120,7 @@ impl Upright {
     pub(crate) fn along(up: Vector) -> Self {
         let normal = up.unit();
         let [x, y, sin] = normal.0;
-        Self { normal, bend: bend(Turn { sin, cos: x.hypot(y) }) }
+        Self { normal, bend: bend(SinCos { sin, cos: x.hypot(y) }) }
     }
 
     /// Longitude and latitude in degrees.
@@ -150,7 +150,7 @@ impl Upright {
 
 /// A sample, and the directions to the east, to the north and up from there. What is near it is seen without the
 /// rounding of coordinates that count from the centre of the earth.
-pub(crate) struct Frame {
+pub(crate) struct EastNorthUpFrame {
     at: Vector,
     /// The first two have the cosine of the latitude for their length, so that no root is taken for each sample.
     axes: [Vector; 3],
@@ -158,10 +158,10 @@ pub(crate) struct Frame {
     pub(crate) square: f64,
 }
 
-impl Frame {
+impl EastNorthUpFrame {
     /// At so many metres above the ellipsoid.
     #[inline]
-    pub(crate) fn new(upright: &Upright, height: f64) -> Self {
+    pub(crate) fn new(upright: &EllipsoidNormal, height: f64) -> Self {
         let up = upright.normal;
         let [x, y, _] = up.0;
         let east = Vector([-y, x, 0.0]);
@@ -178,13 +178,13 @@ impl Frame {
 
 /// Metres from the ellipsoid to the axis of the earth at a latitude, along what is upright there.
 #[inline]
-pub(crate) fn bend(lat: Turn) -> f64 {
+pub(crate) fn bend(lat: SinCos) -> f64 {
     EQUATOR / (1.0 - ECCENTRICITY * lat.sin * lat.sin).sqrt()
 }
 
 /// Metres north of the centre at which the line that is upright at a latitude meets the axis of the earth.
 #[inline]
-pub(crate) fn beneath(lat: Turn, bend: f64) -> f64 {
+pub(crate) fn beneath(lat: SinCos, bend: f64) -> f64 {
     -bend * ECCENTRICITY * lat.sin
 }
 
@@ -208,11 +208,11 @@ mod tests {
             ([179.5, 80.25], 12.5, [-1_083_624.137_381, 9_456.644_582, 6_264_342.711_328]),
         ];
         for (place, height, [x, y, z]) in known {
-            let off = Upright::at(place).point(height) - Vector([x, y, z]);
+            let off = EllipsoidNormal::at(place).point(height) - Vector([x, y, z]);
             assert!(
                 off.length() < 1e-5,
                 "{place:?} {off:?} {:?}",
-                Upright::at(place).point(height)
+                EllipsoidNormal::at(place).point(height)
             );
         }
     }
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn what_is_upright_is_at_right_angles_to_what_is_across() {
         for place in [[7.0, 46.0], [-120.0, -30.0], [0.0, 90.0], [33.0, -90.0]] {
-            let upright = Upright::at(place);
+            let upright = EllipsoidNormal::at(place);
             let [east, north] = upright.across();
             let flat = [east.dot(north), east.dot(upright.normal), north.dot(upright.normal)];
             assert!(flat.iter().all(|dot| dot.abs() < 1e-15));

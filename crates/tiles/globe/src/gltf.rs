@@ -1,19 +1,19 @@
 //! The bytes of a tile as binary glTF 2.0, the content of 3D Tiles 1.1: one mesh in earth-centred metres from its
 //! middle, in single precision; and what the set has to tell of it.
 //!
-//! Vertices lie on the lattice of the level ([`Level::on_lattice`]), and so does the middle that they are counted
+//! Vertices lie on the lattice of the level ([`TileLevel::on_lattice`]), and so does the middle that they are counted
 //! from: single precision is exact, and what was measured is what clients decode.
 
-use crate::border::Side;
-use crate::encode::{Heights, in_order, normal};
+use crate::border::TileSide;
+use crate::encode::{QuantizedHeights, in_order, normal};
 use crate::globe::{EQUATOR, POLE, Vector};
-use crate::ground::Ground;
+use crate::ground::GroundSampler;
 use crate::horizon;
-use crate::level::Level;
-use crate::parts::{MESHOPT, Parts};
+use crate::level::TileLevel;
+use crate::parts::{MESHOPT, TileBufferBuilder};
 use crate::skirt::skirted;
-use crate::tile::{Tile, Vertex};
-use crate::tiling::{STEPS, TileId};
+use crate::tile::{TerrainTile, TileVertex};
+use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// The least radius of the ellipsoid's bend: that of a meridian at the equator.
@@ -31,7 +31,7 @@ const COARSER: f64 = 512.0;
 
 /// How a tile is written.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Form {
+pub struct GlbTileOptions {
     /// With the vertices of its sides (CESIUM_tile_edges).
     pub edges: bool,
     /// Compressed (EXT_meshopt_compression), of a level of [`in_shorts`].
@@ -43,19 +43,19 @@ pub struct Form {
 /// A level whose tiles two bytes can number the coordinates of, as far as that is fine enough for its heights; those
 /// of larger tiles are written in single precision, and those of steep ground, whose vertices would be rounded across each
 /// other.
-pub fn in_shorts(level: Level) -> Level {
+pub fn in_shorts(level: TileLevel) -> TileLevel {
     if level.is_steep {
         return level;
     }
     let coarser = |lattice: f64| (lattice * COARSER).min(level.step / 2.0).max(lattice);
-    Level { lattice: level.lattice.map(coarser), ..level }
+    TileLevel { lattice: level.lattice.map(coarser), ..level }
 }
 
 /// What a set of tiles tells of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facts {
+pub struct TileMetadata {
     /// Which.
-    pub id: TileId,
+    pub id: GlobeTileId,
     /// Metres from the ellipsoid that no place of its triangles is below or above.
     pub heights: [f64; 2],
     /// Middle and radius of a sphere around its triangles.
@@ -66,8 +66,8 @@ pub struct Facts {
     pub error: f64,
 }
 
-impl Facts {
-    fn of(tile: &Tile, lattice: f64, points: &[Vector]) -> Self {
+impl TileMetadata {
+    fn of(tile: &TerrainTile, lattice: f64, points: &[Vector]) -> Self {
         let (centre, radius) = horizon::sphere(points);
         let lowest = tile.triangles.iter().map(|corners| lowest(tile, points, *corners));
         let highest = tile.vertices.iter().map(|vertex| vertex.height).max().unwrap_or(0);
@@ -87,7 +87,7 @@ impl Facts {
     }
 
     /// Those of a tile, of such numbers.
-    pub fn of_numbers(id: TileId, numbers: [f64; 10]) -> Self {
+    pub fn of_numbers(id: GlobeTileId, numbers: [f64; 10]) -> Self {
         let [low, high, x, y, z, radius, u, v, w, error] = numbers;
         let (sphere, occlusion) = ((Vector([x, y, z]), radius), Vector([u, v, w]));
         Self { id, heights: [low, high], sphere, occlusion, error }
@@ -104,7 +104,7 @@ impl Facts {
 
 /// A height that no place of a triangle is below. Heights bend along a line by no more than the ellipsoid does, so a
 /// place is lower than its corners by L^2 / 6 R at the most, of the longest side.
-fn lowest(tile: &Tile, points: &[Vector], corners: [u32; 3]) -> f64 {
+fn lowest(tile: &TerrainTile, points: &[Vector], corners: [u32; 3]) -> f64 {
     let heights =
         corners.map(|corner| f64::from(tile.vertices[corner as usize].height) * tile.step);
     let low = heights.into_iter().fold(f64::INFINITY, f64::min);
@@ -114,23 +114,23 @@ fn lowest(tile: &Tile, points: &[Vector], corners: [u32; 3]) -> f64 {
 }
 
 /// Earth-centred points as numbers that are counted from a place, in metres each.
-struct Counted {
+struct QuantizedPositions {
     from: Vector,
     metres: f64,
-    numbers: Numbers,
+    numbers: PositionNumbers,
 }
 
-enum Numbers {
+enum PositionNumbers {
     Single(Vec<[f32; 3]>),
     /// Whole steps; if told so, as parts of the largest number of two bytes.
     Short(Vec<[u16; 3]>, bool),
 }
 
-impl Counted {
+impl QuantizedPositions {
     /// From a middle on, which is on the lattice.
     fn single(points: &[Vector], from: Vector) -> Self {
         let offset = |point: &Vector| (*point - from).0.map(|value| value as f32);
-        let numbers = Numbers::Single(points.iter().map(offset).collect());
+        let numbers = PositionNumbers::Single(points.iter().map(offset).collect());
         Self { from, metres: 1.0, numbers }
     }
 
@@ -144,7 +144,7 @@ impl Counted {
         };
         let steps = points.iter().map(steps).collect::<Option<_>>()?;
         let metres = if is_part { lattice * SHORTS } else { lattice };
-        Some(Self { from, metres, numbers: Numbers::Short(steps, is_part) })
+        Some(Self { from, metres, numbers: PositionNumbers::Short(steps, is_part) })
     }
 }
 
@@ -155,29 +155,30 @@ impl Counted {
 ///
 /// # Errors
 /// A tile whose heights have too large a range.
-pub fn glb<G: Ground>(
-    tile: &Tile,
-    normals: Option<(&Level, &G)>,
-    form: Form,
-) -> Result<(Vec<u8>, Facts)> {
+pub fn glb<G: GroundSampler>(
+    tile: &TerrainTile,
+    normals: Option<(&TileLevel, &G)>,
+    form: GlbTileOptions,
+) -> Result<(Vec<u8>, TileMetadata)> {
     let lattice = tile.lattice.ok_or_else(|| {
         Error::new(ErrorKind::Internal, "vertices of a tile are on no lattice of coordinates")
     })?;
     let skirted = (form.skirt > 0).then(|| skirted(tile, form.skirt));
     let tile = skirted.as_ref().unwrap_or(tile);
-    Heights::of(tile)?;
+    QuantizedHeights::of(tile)?;
     let points: Vec<Vector> = tile.vertices.iter().map(|vertex| tile.point(*vertex)).collect();
-    let facts = Facts::of(tile, lattice, &points);
+    let facts = TileMetadata::of(tile, lattice, &points);
     let (vertices, triangles) = in_order(tile);
     let points: Vec<Vector> = vertices.iter().map(|vertex| tile.point(*vertex)).collect();
-    let short = form.meshopt.then(|| Counted::short(&points, lattice, form.edges)).flatten();
+    let short =
+        form.meshopt.then(|| QuantizedPositions::short(&points, lattice, form.edges)).flatten();
     let is_packed = short.is_some();
-    let counted =
-        short.unwrap_or_else(|| Counted::single(&points, facts.sphere.0.rounded(lattice)));
-    let mut parts = Parts::new(is_packed);
+    let counted = short
+        .unwrap_or_else(|| QuantizedPositions::single(&points, facts.sphere.0.rounded(lattice)));
+    let mut parts = TileBufferBuilder::new(is_packed);
     let mut attributes = placed(&vertices, &counted, &mut parts)?;
     if let Some((level, ground)) = normals {
-        let at = |v: &Vertex| normal(tile.id.place(v.at), level, ground).0.map(|x| x as f32);
+        let at = |v: &TileVertex| normal(tile.id.place(v.at), level, ground).0.map(|x| x as f32);
         let found: Vec<[f32; 3]> = vertices.iter().map(at).collect();
         let found = match is_packed {
             true => parts.directions(&found)?,
@@ -190,7 +191,7 @@ pub fn glb<G: Ground>(
     let mut extension = String::new();
     if form.edges {
         let mut lists = Vec::new();
-        for (side, name) in Side::ALL.into_iter().zip(["left", "bottom", "right", "top"]) {
+        for (side, name) in TileSide::ALL.into_iter().zip(["left", "bottom", "right", "top"]) {
             let list = parts.vertices(&around(&vertices, side), is_short)?;
             lists.push(format!(r#""{name}":{list}"#));
         }
@@ -209,16 +210,20 @@ pub fn glb<G: Ground>(
 }
 
 /// Adds positions and places in the tile; what is said of the attributes.
-fn placed(vertices: &[Vertex], counted: &Counted, parts: &mut Parts) -> Result<String> {
+fn placed(
+    vertices: &[TileVertex],
+    counted: &QuantizedPositions,
+    parts: &mut TileBufferBuilder,
+) -> Result<String> {
     // From the top, as images have them.
-    let steps = |v: &Vertex| [v.at[0], STEPS - v.at[1]];
+    let steps = |v: &TileVertex| [v.at[0], STEPS - v.at[1]];
     let [position, place] = match &counted.numbers {
-        Numbers::Single(offsets) => {
+        PositionNumbers::Single(offsets) => {
             let places: Vec<[f32; 2]> =
                 vertices.iter().map(|v| steps(v).map(|at| at as f32 / STEPS as f32)).collect();
             [parts.floats("VEC3", offsets, true)?, parts.floats("VEC2", &places, false)?]
         }
-        Numbers::Short(counts, is_part) => {
+        PositionNumbers::Short(counts, is_part) => {
             let places: Vec<[i16; 2]> =
                 vertices.iter().map(|v| steps(v).map(|at| at as i16)).collect();
             [parts.positions(counts, *is_part)?, parts.shares(&places)?]
@@ -241,12 +246,12 @@ fn extensions(edges: bool, is_packed: bool) -> String {
 
 /// The vertices of a side in the order of a walk around the tile with the tile on the right, as clients hang skirts;
 /// of a vertex and what hangs from it, the one above.
-fn around(vertices: &[Vertex], side: Side) -> Vec<u32> {
-    let on_side = |(i, v): (u32, &Vertex)| side.along(v.at).map(|along| (along, -v.height, i));
+fn around(vertices: &[TileVertex], side: TileSide) -> Vec<u32> {
+    let on_side = |(i, v): (u32, &TileVertex)| side.along(v.at).map(|along| (along, -v.height, i));
     let mut found: Vec<(i32, i32, u32)> = (0..).zip(vertices).filter_map(on_side).collect();
     found.sort_unstable();
     found.dedup_by_key(|(along, ..)| *along);
-    if matches!(side, Side::South | Side::East) {
+    if matches!(side, TileSide::South | TileSide::East) {
         found.reverse();
     }
     found.into_iter().map(|(_, _, vertex)| vertex).collect()
@@ -280,14 +285,16 @@ mod tests {
         let at = |steps: [f64; 3]| low + Vector(steps) * lattice;
         let points = [at([0.0, 65_535.0, 1.0]), at([7.0, 0.0, 3.0]), at([2.0, 5.0, 0.0])];
         for is_part in [false, true] {
-            let found = Counted::short(&points, lattice, is_part).unwrap();
-            let Numbers::Short(steps, told) = found.numbers else { panic!("no whole numbers") };
+            let found = QuantizedPositions::short(&points, lattice, is_part).unwrap();
+            let PositionNumbers::Short(steps, told) = found.numbers else {
+                panic!("no whole numbers")
+            };
             assert!(told == is_part && found.from == low);
             assert_eq!(steps, [[0, 65_535, 1], [7, 0, 3], [2, 5, 0]]);
             // Clients multiply it by the largest number's part.
             assert_eq!(found.metres, if is_part { 4095.9375 } else { lattice });
         }
         let far = [points[0], at([0.0, -1.0, 0.0])];
-        assert!(Counted::short(&far, lattice, false).is_none());
+        assert!(QuantizedPositions::short(&far, lattice, false).is_none());
     }
 }

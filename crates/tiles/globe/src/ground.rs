@@ -3,15 +3,15 @@
 
 use std::collections::BTreeMap;
 
-use crate::chart::{Chart, Spot};
-use crate::globe::Upright;
-use crate::run::{Column, Parallel, Row, Run, Sample};
-use crate::tiling::Bounds;
+use crate::chart::{Chart, ChartSpot};
+use crate::globe::EllipsoidNormal;
+use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, SampleRow};
+use crate::tiling::GeodeticBounds;
 use terrane_base::geom::{Affine, Rect};
 
 /// What is known of the ground. Everything is a function of the grid and the place alone, so that tiles that share
 /// a border agree on it.
-pub trait Ground {
+pub trait GroundSampler {
     /// The height at a place, between the four samples around it; `None` where one of them is void. Beyond the grid
     /// that of its edge goes on, or falls.
     fn height(&self, place: [f64; 2]) -> Option<f64>;
@@ -30,13 +30,18 @@ pub trait Ground {
 
     /// Hands on places in a rectangle where the ground beyond the grid reaches the ellipsoid, one for every
     /// `stride`-th sample of its edge.
-    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample));
+    fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample));
 
     /// Hands on every `stride`-th sample in a rectangle, its border included; near ones one after another.
-    fn runs(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Run<'_>));
+    fn runs(
+        &self,
+        bounds: &GeodeticBounds,
+        stride: u32,
+        found: &mut impl FnMut(GroundSampleRun<'_>),
+    );
 
     /// The same, of valid ones, each for itself.
-    fn each(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+    fn each(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample)) {
         self.runs(bounds, stride, &mut |run| run.each(found));
     }
 }
@@ -47,36 +52,36 @@ pub struct Patch<'a> {
     heights: &'a [f64],
     rect: Rect,
     chart: &'a Chart,
-    places: Places,
+    places: PatchPlaces,
     fill: &'a Fill,
 }
 
 /// Where samples of a patch are.
 #[derive(Clone, Debug)]
-enum Places {
+enum PatchPlaces {
     /// Where columns are meridians and rows parallels.
-    Straight { cols: Vec<Column>, rows: Vec<Parallel> },
+    Straight { cols: Vec<SampleMeridian>, rows: Vec<SampleParallel> },
     /// Found once, row by row.
-    Found(Vec<([f64; 2], Upright)>),
+    Found(Vec<([f64; 2], EllipsoidNormal)>),
     /// Found for each that is asked for.
     Asked,
 }
 
 impl<'a> Patch<'a> {
     /// Bytes that are kept of each sample's place, of samples that are looked at again and again.
-    pub const PLACE_BYTES: u64 = size_of::<([f64; 2], Upright)>() as u64;
+    pub const PLACE_BYTES: u64 = size_of::<([f64; 2], EllipsoidNormal)>() as u64;
 
     /// The heights of `rect`, row by row, NaN where void.
     pub fn new(heights: &'a [f64], rect: Rect, chart: &'a Chart, fill: &'a Fill) -> Self {
         debug_assert_eq!(heights.len(), rect.len());
         let places = match chart.map() {
-            None => Places::Asked,
+            None => PatchPlaces::Asked,
             Some(map) => {
-                let col = |col: u32| Column::new(map.apply(f64::from(col), 0.0)[0]);
-                let row = |row: u32| Parallel::new(map.apply(0.0, f64::from(row))[1]);
+                let col = |col: u32| SampleMeridian::new(map.apply(f64::from(col), 0.0)[0]);
+                let row = |row: u32| SampleParallel::new(map.apply(0.0, f64::from(row))[1]);
                 let cols = (rect.col..rect.col + rect.width).map(col).collect();
                 let rows = (rect.row..rect.row + rect.height).map(row).collect();
-                Places::Straight { cols, rows }
+                PatchPlaces::Straight { cols, rows }
             }
         };
         Self { heights, rect, chart, places, fill }
@@ -85,21 +90,21 @@ impl<'a> Patch<'a> {
     /// The same, to be looked at more than once.
     #[must_use]
     pub fn kept(mut self) -> Self {
-        if matches!(self.places, Places::Asked) {
+        if matches!(self.places, PatchPlaces::Asked) {
             let Rect { col, row, width, height } = self.rect;
             let all =
                 (row..row + height).flat_map(|row| (col..col + width).map(move |col| [col, row]));
             let place = |at: [u32; 2]| {
-                let Sample { place, upright, .. } = self.chart.sample(at.map(f64::from), 0.0);
+                let GroundSample { place, upright, .. } = self.chart.sample(at.map(f64::from), 0.0);
                 (place, upright)
             };
-            self.places = Places::Found(all.map(place).collect());
+            self.places = PatchPlaces::Found(all.map(place).collect());
         }
         self
     }
 
     /// True when a valid sample lies in a rectangle, its border included.
-    pub fn holds_any(&self, bounds: &Bounds) -> bool {
+    pub fn holds_any(&self, bounds: &GeodeticBounds) -> bool {
         let [[left, right], [top, bottom]] = self.ranges(bounds);
         let is_one = |col: u32, row: u32| {
             self.at(col, row).is_some()
@@ -109,15 +114,15 @@ impl<'a> Patch<'a> {
     }
 
     /// A sample of the patch.
-    fn sample(&self, col: u32, row: u32, height: f64) -> Sample {
+    fn sample(&self, col: u32, row: u32, height: f64) -> GroundSample {
         let [along, down] = [col - self.rect.col, row - self.rect.row].map(|at| at as usize);
         match &self.places {
-            Places::Straight { cols, rows } => rows[down].sample(&cols[along], height),
-            Places::Found(places) => {
+            PatchPlaces::Straight { cols, rows } => rows[down].sample(&cols[along], height),
+            PatchPlaces::Found(places) => {
                 let (place, upright) = places[down * self.rect.width as usize + along];
-                Sample { place, height, upright }
+                GroundSample { place, height, upright }
             }
-            Places::Asked => self.chart.sample([col, row].map(f64::from), height),
+            PatchPlaces::Asked => self.chart.sample([col, row].map(f64::from), height),
         }
     }
 
@@ -131,15 +136,15 @@ impl<'a> Patch<'a> {
         height.is_finite().then_some(height)
     }
 
-    fn between(&self, spot: Spot) -> f64 {
+    fn between(&self, spot: ChartSpot) -> f64 {
         between(spot.at, self.fill, |[col, row]| self.at(col, row))
     }
 
     /// Columns and rows that hold all samples in a rectangle, the last ones excluded; where rows are parallels, no
     /// others.
-    fn ranges(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
+    fn ranges(&self, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         if let Some(map) = self.chart.map() {
-            let Bounds { west, south, east, north } = *bounds;
+            let GeodeticBounds { west, south, east, north } = *bounds;
             return [self.range(map, 0, [west, east]), self.range(map, 1, [south, north])];
         }
         let Rect { col, row, width, height } = self.rect;
@@ -180,7 +185,7 @@ impl<'a> Patch<'a> {
     }
 }
 
-impl Ground for Patch<'_> {
+impl GroundSampler for Patch<'_> {
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let (spot, mut sum) = (self.chart.within(place), 0.0);
         for ([col, row], part) in around(spot.at) {
@@ -199,7 +204,7 @@ impl Ground for Patch<'_> {
         (spot.fall > 0.0).then(|| [self.between(spot), spot.fall])
     }
 
-    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+    fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample)) {
         feet(self, (self.chart, self.rect), (bounds, stride), found);
     }
 
@@ -216,7 +221,12 @@ impl Ground for Patch<'_> {
         }
     }
 
-    fn runs(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Run<'_>)) {
+    fn runs(
+        &self,
+        bounds: &GeodeticBounds,
+        stride: u32,
+        found: &mut impl FnMut(GroundSampleRun<'_>),
+    ) {
         let [[left, right], [top, bottom]] = self.ranges(bounds);
         let left = left.next_multiple_of(stride);
         if left >= right {
@@ -226,16 +236,21 @@ impl Ground for Patch<'_> {
         for row in (top.next_multiple_of(stride)..bottom).step_by(stride as usize) {
             let down = (row - self.rect.row) as usize;
             let line = &self.heights[down * self.rect.width as usize..][from..to];
-            if let Places::Straight { cols, rows } = &self.places {
+            if let PatchPlaces::Straight { cols, rows } = &self.places {
                 let (parallel, columns) = (rows[down], &cols[from..to]);
-                found(Run::Row(Row { parallel, columns, heights: line, stride: stride as usize }));
+                found(GroundSampleRun::Row(SampleRow {
+                    parallel,
+                    columns,
+                    heights: line,
+                    stride: stride as usize,
+                }));
                 continue;
             }
             let samples = (left..right).zip(line).step_by(stride as usize);
             for (col, height) in samples.filter(|(_, height)| height.is_finite()) {
                 let sample = self.sample(col, row, *height);
                 if bounds.holds(sample.place) {
-                    found(Run::One(sample));
+                    found(GroundSampleRun::One(sample));
                 }
             }
         }
@@ -262,10 +277,10 @@ pub(crate) fn between(at: [f64; 2], fill: &Fill, sample: impl Fn([u32; 2]) -> Op
 /// Hands on, for every `stride`-th sample in `rect` at the edge of the grid, the place outside where the ground reaches
 /// the ellipsoid.
 pub(crate) fn feet(
-    ground: &impl Ground,
+    ground: &impl GroundSampler,
     (chart, rect): (&Chart, Rect),
-    (bounds, stride): (&Bounds, u32),
-    found: &mut impl FnMut(Sample),
+    (bounds, stride): (&GeodeticBounds, u32),
+    found: &mut impl FnMut(GroundSample),
 ) {
     if chart.slope() == 0.0 {
         return;
@@ -295,7 +310,7 @@ pub(crate) fn feet(
                 let far = ground.filled(chart.place(at)).abs() / chart.slope();
                 let place = chart.outside(at, axis, inwards, far);
                 if bounds.holds(place) {
-                    found(Sample::new(place, ground.filled(place)));
+                    found(GroundSample::new(place, ground.filled(place)));
                 }
             }
         }
@@ -507,7 +522,7 @@ mod tests {
         let part: Vec<f64> =
             (5..35).flat_map(|row| heights[row * 50 + 11..][..30].to_vec()).collect();
         let part = Patch::new(&part, rect, &chart, &fill);
-        let bounds = Bounds { west: 7.2, south: 45.7, east: 7.3, north: 45.9 };
+        let bounds = GeodeticBounds { west: 7.2, south: 45.7, east: 7.3, north: 45.9 };
         for stride in [1, 2, 4] {
             let all = |patch: &Patch<'_>| {
                 let mut found = Vec::new();

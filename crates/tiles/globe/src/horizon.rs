@@ -49,7 +49,7 @@ pub(crate) fn occlusion(centre: Vector, points: &[Vector], lowest: f64) -> Vecto
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::globe::Upright;
+    use crate::globe::EllipsoidNormal;
 
     /// Whether a point, in radii, is hidden from an eye, in radii: Ring 2013, "Horizon Culling".
     fn is_hidden(eye: Vector, point: Vector) -> bool {
@@ -70,7 +70,7 @@ mod tests {
             let height = |i: i32, j: i32| heights[((i * 7 + j * 3) % 2) as usize];
             let places = (0..5).flat_map(|i| (0..5).map(move |j| (i, j)));
             let points: Vec<Vector> =
-                places.map(|(i, j)| Upright::at(at(i, j)).point(height(i, j))).collect();
+                places.map(|(i, j)| EllipsoidNormal::at(at(i, j)).point(height(i, j))).collect();
             let (centre, radius) = sphere(&points);
             assert!(points.iter().all(|p| (*p - centre).length() <= radius));
             let occlusion = occlusion(centre, &points, heights[0]);
@@ -87,7 +87,8 @@ mod tests {
                 for (lat, high) in
                     (-90..=90).step_by(5).flat_map(|l| [(l, 2e3), (l, 3e5), (l, 2e7)])
                 {
-                    let eye = scaled(Upright::at([f64::from(lon), f64::from(lat)]).point(high));
+                    let eye =
+                        scaled(EllipsoidNormal::at([f64::from(lon), f64::from(lat)]).point(high));
                     if is_hidden(eye, occlusion) {
                         hidden += 1;
                         // Points below the shrunk ellipsoid count as on it.
@@ -106,7 +107,7 @@ mod tests {
     #[test]
     fn half_the_globe_can_always_be_seen() {
         let corners = [[-180.0, -90.0], [0.0, -90.0], [-90.0, 0.0], [0.0, 90.0], [-180.0, 0.0]];
-        let points = corners.map(|place| Upright::at(place).point(0.0));
+        let points = corners.map(|place| EllipsoidNormal::at(place).point(0.0));
         let (centre, _) = sphere(&points);
         let found = occlusion(centre, &points, 0.0);
         assert!(found.0.iter().all(|x| x.is_finite()) && found.length() > 1e3);

@@ -45,7 +45,7 @@ pub struct Relief {
 
 /// A level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
+pub struct TileLevel {
     /// Its number.
     pub level: u8,
     /// Metres that clients assume it to be off by.
@@ -72,7 +72,7 @@ pub struct Level {
     pub is_steep: bool,
 }
 
-impl Level {
+impl TileLevel {
     /// Level `level` of a ground whose samples are so many degrees apart.
     pub fn new(level: u8, spacing: f64, relief: &Relief) -> Self {
         let assumed = tiling::level_error(level);
@@ -203,7 +203,7 @@ mod tests {
     fn levels_of_a_second_of_arc() {
         let second = 1.0 / 3600.0;
         assert_eq!(deepest_for(second), 14);
-        let level = |level| Level::new(level, second, &relief(4000.0));
+        let level = |level| TileLevel::new(level, second, &relief(4000.0));
         assert_eq!((level(14).stride, level(14).posts, level(14).step), (1, 1, 0.125));
         assert_eq!((level(9).stride, level(9).slope), (4, 4.0 * second));
         assert_eq!((level(0).posts, level(0).stride), (32, 2048));
@@ -217,14 +217,14 @@ mod tests {
             for reach in [0.0, 1.0, 500.0, 9000.0, 1e6] {
                 for range in [0.0, 0.3, 1.0, 2.0].map(|share| share * reach) {
                     for rough in [0.0, range] {
-                        let level = Level::new(
+                        let level = TileLevel::new(
                             number,
                             1e-6,
                             &Relief { reach, range, rough, ..Relief::default() },
                         );
                         let apart = level.with_skirts(None).on_lattice([-reach, reach]);
                         for level in [level, apart] {
-                            let Level { step, tolerance, assumed, .. } = level;
+                            let TileLevel { step, tolerance, assumed, .. } = level;
                             assert!(step.log2().fract() == 0.0 && range / step < 32_700.0);
                             assert!(reach / step < 8.1e6 && tolerance >= assumed.max(rough));
                             assert!(level.goal() >= 0.49 * tolerance, "{level:?}");
@@ -241,16 +241,16 @@ mod tests {
     #[test]
     fn rounding_takes_a_small_part_of_the_error() {
         for level in 0..=tiling::DEEPEST {
-            let level = Level::new(level, 1e-6, &Relief { range: 50.0, ..relief(9000.0) });
+            let level = TileLevel::new(level, 1e-6, &Relief { range: 50.0, ..relief(9000.0) });
             assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
         }
     }
 
     #[test]
     fn skirts_reach_across_the_errors_of_two_levels() {
-        let mut coarser: Option<Level> = None;
+        let mut coarser: Option<TileLevel> = None;
         for number in 0..=tiling::DEEPEST {
-            let level = Level::new(number, 1e-6, &relief(9000.0)).with_skirts(coarser.as_ref());
+            let level = TileLevel::new(number, 1e-6, &relief(9000.0)).with_skirts(coarser.as_ref());
             let least = level.apart() + coarser.map_or(0.0, |coarser| coarser.apart());
             let depth = level.skirt_depth();
             assert!((least..least + level.step).contains(&depth), "{level:?}");
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn lattices_of_positions_are_fine_and_reach_across_a_tile() {
         for level in 0..=tiling::DEEPEST {
-            let level = Level::new(level, 1e-6, &relief(9000.0)).on_lattice([-400.0, 9000.0]);
+            let level = TileLevel::new(level, 1e-6, &relief(9000.0)).on_lattice([-400.0, 9000.0]);
             let lattice = level.lattice.unwrap();
             assert!(lattice <= level.tolerance / 32.0 && lattice.log2().fract() == 0.0);
             let half =

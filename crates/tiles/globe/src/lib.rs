@@ -6,7 +6,7 @@
 //! positions can tell its samples apart.
 //!
 //! - Borders are chosen from what lies on them alone, and heights of a level are on one lattice, so tiles beside
-//!   each other have the same border, bit by bit ([`Level`], `border`).
+//!   each other have the same border, bit by bit ([`TileLevel`], `border`).
 //! - Within, the sample that is furthest off becomes a vertex (Garland & Heckbert 1995) until all are near enough;
 //!   the kernel counts heights from a plane, so it knows of the bend ([`build`]).
 //! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`Shell`]);
@@ -40,15 +40,17 @@ mod tile;
 mod tiling;
 
 pub use chart::Chart;
-pub use encode::{Extras, MASK_SIDE, MASK_WATER, quantized_mesh};
-pub use globe::{Turn, Upright, Vector};
-pub use gltf::{Facts, Form, glb, in_shorts};
-pub use ground::{Fill, Ground, Means, Patch};
-pub use level::{Level, Relief, deepest_for};
+pub use encode::{MASK_SIDE, MASK_WATER, TileExtensions, quantized_mesh};
+pub use globe::{EllipsoidNormal, SinCos, Vector};
+pub use gltf::{GlbTileOptions, TileMetadata, glb, in_shorts};
+pub use ground::{Fill, GroundSampler, Means, Patch};
+pub use level::{Relief, TileLevel, deepest_for};
 pub use measure::Shell;
-pub use overview::{Block, Blocks, Gathered, Glance, Lie, Overview, Plan};
-pub use run::{Row, Run, Sample};
+pub use overview::{
+    GatheredOverview, Glance, Lie, Overview, OverviewPlan, SampleBlock, SampleBlocks,
+};
+pub use run::{GroundSample, GroundSampleRun, SampleRow};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
 pub use surface::{Builder, build};
-pub use tile::{Measure, Tile, Vertex};
-pub use tiling::{Bounds, DEEPEST, STEPS, TileId, degrees, level_error};
+pub use tile::{TerrainTile, TileErrorMeasure, TileVertex};
+pub use tiling::{DEEPEST, GeodeticBounds, GlobeTileId, STEPS, degrees, level_error};

@@ -3,13 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::facet::{Facet, Seen};
+use crate::facet::{FacetView, TileFacet};
 use crate::fold::Folds;
-use crate::globe::{Frame, POLE, Turn, Vector, beneath};
-use crate::level::Level;
-use crate::run::{Column, Parallel, Row, Run, Sample};
-use crate::tile::{Measure, Vertex};
-use crate::tiling::{STEPS, TileId};
+use crate::globe::{EastNorthUpFrame, POLE, SinCos, Vector, beneath};
+use crate::level::TileLevel;
+use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, SampleRow};
+use crate::tile::{TileErrorMeasure, TileVertex};
+use crate::tiling::{GlobeTileId, STEPS};
 
 /// Degrees from the equator beyond which meridians are too close to each other for planes.
 const FAR_NORTH: f64 = 80.0;
@@ -28,7 +28,7 @@ const HAIR: f64 = 1e-6;
 /// A triangle above a parallel. A sample there lies on the line through it along what is upright, which meets the axis
 /// of the earth at one place for all of the parallel. Seen from there, each side and the triangle itself are planes
 /// through the origin or beside it: which side of them a sample is on is a sum of three products.
-struct Strip {
+struct ParallelFacet {
     /// What the cosine and the sine of a longitude are multiplied by, and what is added: of each side, where samples
     /// within are positive by more than is rounded; and of the triangle, how steep it is.
     along: [[f64; 4]; 3],
@@ -39,11 +39,11 @@ struct Strip {
     bend: f64,
 }
 
-impl Strip {
+impl ParallelFacet {
     /// Of samples that are within `tolerance` metres of the triangle.
-    fn new(facet: &Facet, parallel: &Parallel, tolerance: f64) -> Self {
-        let Facet { corners, across, .. } = facet;
-        let Parallel { turn: lat, bend, .. } = *parallel;
+    fn new(facet: &TileFacet, parallel: &SampleParallel, tolerance: f64) -> Self {
+        let TileFacet { corners, across, .. } = facet;
+        let SampleParallel { turn: lat, bend, .. } = *parallel;
         let axis = Vector([0.0, 0.0, beneath(lat, bend)]);
         let sides = [0, 1, 2].map(|k| corners[(k + 2) % 3] - corners[(k + 1) % 3]);
         let longest = sides.iter().fold(0.0_f64, |longest, side| longest.max(side.length()));
@@ -62,7 +62,7 @@ impl Strip {
 
     /// Whether a sample surely lies in the triangle and less than `limit` metres from it.
     #[inline]
-    fn is_near(&self, lon: Turn, height: f64, limit: f64) -> bool {
+    fn is_near(&self, lon: SinCos, height: f64, limit: f64) -> bool {
         let [x, y, z] = &self.along;
         let [a, b, c, steep]: [f64; 4] =
             std::array::from_fn(|i| x[i] * lon.cos + y[i] * lon.sin + z[i]);
@@ -73,8 +73,8 @@ impl Strip {
 
 /// The surface of a tile.
 pub struct Shell {
-    id: TileId,
-    facets: Vec<Facet>,
+    id: GlobeTileId,
+    facets: Vec<TileFacet>,
     /// A triangle for each square of positions, to start from.
     starts: Vec<u32>,
     squares: usize,
@@ -84,17 +84,17 @@ pub struct Shell {
     doubt: f64,
     /// The lowest and the highest vertex at the south pole, and at the north pole.
     poles: [[f64; 2]; 2],
-    measure: Measure,
+    measure: TileErrorMeasure,
     /// By triangle, the sample that is furthest off, of those beyond the tolerance.
-    beyond: BTreeMap<u32, (f64, Sample)>,
+    beyond: BTreeMap<u32, (f64, GroundSample)>,
 }
 
 impl Shell {
     /// Of vertices, where they are, and triangles with those across from each corner.
     pub(crate) fn new(
-        id: TileId,
-        level: &Level,
-        (vertices, points): (&[Vertex], Vec<Vector>),
+        id: GlobeTileId,
+        level: &TileLevel,
+        (vertices, points): (&[TileVertex], Vec<Vector>),
         mut triangles: Vec<([u32; 3], [u32; 3])>,
     ) -> Self {
         let squares = (triangles.len() as f64).sqrt().ceil().max(1.0) as usize;
@@ -108,22 +108,22 @@ impl Shell {
         }
         let facet = |(corners, twins): &([u32; 3], [u32; 3])| {
             let at = corners.map(|corner| vertices[corner as usize].at);
-            Facet::new(corners.map(|corner| points[corner as usize]), at, *twins)
+            TileFacet::new(corners.map(|corner| points[corner as usize]), at, *twins)
         };
-        let facets: Vec<Facet> = triangles.iter().map(facet).collect();
+        let facets: Vec<TileFacet> = triangles.iter().map(facet).collect();
         let inner = (0..).zip(&triangles).zip(&is_flat).filter(|(_, is_flat)| !**is_flat);
         let inner = inner.map(|((number, (corners, _)), _)| {
             (number, corners.map(|corner| vertices[corner as usize].at))
         });
         let folds = Folds::of((id, level.lattice.unwrap_or_default()), &facets, inner);
-        let (measure, beyond, doubt) = (Measure::default(), BTreeMap::new(), level.doubt);
+        let (measure, beyond, doubt) = (TileErrorMeasure::default(), BTreeMap::new(), level.doubt);
         let last = first;
         Self { id, facets, starts, squares, last, folds, doubt, poles, measure, beyond }
     }
 
     /// Measures a sample, and notes it where it is further off than the tolerance.
-    pub fn add(&mut self, sample: Sample, tolerance: f64) {
-        let frame = Frame::new(&sample.upright, sample.height);
+    pub fn add(&mut self, sample: GroundSample, tolerance: f64) {
+        let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
         let (facet, seen) = self.facet(&sample, &frame);
         let off = match sample.place[1].abs() == 90.0 {
             true => self.off_pole(&sample),
@@ -159,15 +159,15 @@ impl Shell {
     }
 
     /// Measures samples, each as [`add`](Self::add) does.
-    pub fn add_run(&mut self, run: &Run<'_>, tolerance: f64) {
+    pub fn add_run(&mut self, run: &GroundSampleRun<'_>, tolerance: f64) {
         match run {
-            Run::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
+            GroundSampleRun::Row(row) if row.stride == 1 => self.add_row(row, tolerance),
             _ => run.each(&mut |sample| self.add(sample, tolerance)),
         }
     }
 
     /// Most samples lie in the triangle of the one before and are nearer to it than another was: they are only counted.
-    fn add_row(&mut self, row: &Row<'_>, tolerance: f64) {
+    fn add_row(&mut self, row: &SampleRow<'_>, tolerance: f64) {
         let mut from = 0;
         while let Some(column) = row.columns.get(from) {
             let height = row.heights[from];
@@ -185,22 +185,22 @@ impl Shell {
     /// How many samples after the last one need not be looked at.
     fn near(
         &self,
-        parallel: &Parallel,
-        columns: &[Column],
+        parallel: &SampleParallel,
+        columns: &[SampleMeridian],
         heights: &[f64],
         tolerance: f64,
     ) -> usize {
         if self.folds.is_some() {
             return 0;
         }
-        let strip = Strip::new(&self.facets[self.last as usize], parallel, tolerance);
+        let strip = ParallelFacet::new(&self.facets[self.last as usize], parallel, tolerance);
         let limit = tolerance.min(self.measure.largest);
         let samples = columns.iter().zip(heights);
         samples.take_while(|(column, height)| strip.is_near(column.turn, **height, limit)).count()
     }
 
     /// A pole is one place with as many heights as there are vertices: the furthest counts.
-    fn off_pole(&self, sample: &Sample) -> f64 {
+    fn off_pole(&self, sample: &GroundSample) -> f64 {
         let [low, high] = self.poles[usize::from(sample.place[1] > 0.0)];
         (sample.height - low).abs().max((sample.height - high).abs())
     }
@@ -210,7 +210,7 @@ impl Shell {
     /// with what they are off by at the most. `false` where that is not so.
     pub fn add_block(
         &mut self,
-        corners: &[Sample; 4],
+        corners: &[GroundSample; 4],
         [off, bow]: [f64; 2],
         count: u32,
         tolerance: f64,
@@ -232,8 +232,13 @@ impl Shell {
     /// The largest vertical distance of any corner from the plane of any triangle that reaches below a block, and how
     /// far up one of them goes along a step in any direction; `None` where there are many, or a corner is beyond the
     /// border: parallels bend, and the sides of triangles on them do not.
-    fn furthest(&mut self, corners: &[Sample; 4], points: &[Vector; 4]) -> Option<(f64, f64)> {
-        let frames = corners.each_ref().map(|corner| Frame::new(&corner.upright, corner.height));
+    fn furthest(
+        &mut self,
+        corners: &[GroundSample; 4],
+        points: &[Vector; 4],
+    ) -> Option<(f64, f64)> {
+        let frames =
+            corners.each_ref().map(|corner| EastNorthUpFrame::new(&corner.upright, corner.height));
         let mut first = NONE;
         for (corner, frame) in corners.iter().zip(&frames).rev() {
             let (facet, seen) = self.facet(corner, frame);
@@ -250,7 +255,7 @@ impl Shell {
         let (mut most, mut steep) = (0.0_f64, 1.0_f64);
         while let Some(number) = open.pop() {
             let facet = &self.facets[number as usize];
-            let Facet { corners: ends, twins, .. } = facet;
+            let TileFacet { corners: ends, twins, .. } = facet;
             // The first one has a corner in it, whatever is rounded.
             if number != first && !meets(ends.map(flat), &quad) {
                 continue;
@@ -272,7 +277,7 @@ impl Shell {
     }
 
     /// Of each triangle the furthest sample is noted, so that few become vertices.
-    fn note(&mut self, facet: u32, off: f64, sample: Sample) {
+    fn note(&mut self, facet: u32, off: f64, sample: GroundSample) {
         let noted = self.beyond.entry(facet).or_insert((off, sample));
         if noted.0 < off {
             *noted = (off, sample);
@@ -281,7 +286,7 @@ impl Shell {
 
     /// The triangle that the line upright at a sample goes through: a walk over the edges that it is beyond; at
     /// the border of the tile it ends.
-    fn facet(&mut self, sample: &Sample, frame: &Frame) -> (u32, Seen) {
+    fn facet(&mut self, sample: &GroundSample, frame: &EastNorthUpFrame) -> (u32, FacetView) {
         let mut now = self.last;
         let mut steps = 0;
         let seen = 'walk: loop {
@@ -318,8 +323,8 @@ impl Shell {
         &self,
         facet: u32,
         corner: usize,
-        sample: &Sample,
-        frame: &Frame,
+        sample: &GroundSample,
+        frame: &EastNorthUpFrame,
     ) -> Option<u32> {
         let next = |(facet, corner)| self.next_on_border(facet, corner, sample, frame);
         let (mut now, mut is_next) = (next((facet, corner))?, true);
@@ -338,8 +343,8 @@ impl Shell {
         &self,
         facet: u32,
         corner: usize,
-        sample: &Sample,
-        frame: &Frame,
+        sample: &GroundSample,
+        frame: &EastNorthUpFrame,
     ) -> Option<(u32, usize)> {
         let here = &self.facets[facet as usize];
         let [a, b] = [1, 2].map(|k| here.corners[(corner + k) % 3]);
@@ -378,14 +383,14 @@ impl Shell {
     }
 
     /// Whether a sample is on the inner side of all sides of a triangle that are no borders.
-    fn holds(&self, facet: u32, frame: &Frame) -> bool {
+    fn holds(&self, facet: u32, frame: &EastNorthUpFrame) -> bool {
         let facet = &self.facets[facet as usize];
         let mut parts = facet.seen_from(frame).parts.into_iter().zip(facet.twins);
         parts.all(|(part, twin)| twin == NONE || part >= 0.0)
     }
 
     /// A triangle near a sample.
-    fn start(&self, sample: &Sample) -> u32 {
+    fn start(&self, sample: &GroundSample) -> u32 {
         let square = |at: f64| {
             let square = at / f64::from(STEPS + 1) * self.squares as f64;
             square.clamp(0.0, self.squares as f64 - 1.0) as usize
@@ -395,7 +400,7 @@ impl Shell {
     }
 
     /// What was measured, and the samples that are beyond the tolerance: of each triangle the furthest.
-    pub fn end(self) -> (Measure, Vec<Sample>) {
+    pub fn end(self) -> (TileErrorMeasure, Vec<GroundSample>) {
         let beyond = self.beyond.into_values().map(|(_, sample)| sample).collect();
         (self.measure, beyond)
     }
@@ -469,17 +474,17 @@ const SLACK: f64 = 0.05;
 mod tests {
     use super::*;
     use crate::chart::Chart;
-    use crate::ground::{Ground as _, Means, Patch};
+    use crate::ground::{GroundSampler as _, Means, Patch};
     use crate::level::Relief;
     use crate::surface::Builder;
-    use crate::tiling::Bounds;
+    use crate::tiling::GeodeticBounds;
     use proptest::prelude::*;
     use terrane_base::geom::{Affine, Rect};
 
     /// A tile of a level, by part of all columns and rows.
-    fn tile(level: u8, at: (f64, f64)) -> TileId {
+    fn tile(level: u8, at: (f64, f64)) -> GlobeTileId {
         let across = f64::from(1_u32 << level);
-        TileId { level, x: (at.0 * across * 2.0) as u32, y: (at.1 * across) as u32 }
+        GlobeTileId { level, x: (at.0 * across * 2.0) as u32, y: (at.1 * across) as u32 }
     }
 
     proptest! {
@@ -494,7 +499,7 @@ mod tests {
             plane in (-3000.0..3000.0_f64, -9.0..9.0_f64, -9.0..9.0_f64),
         ) {
             let id = tile(number, at);
-            let Bounds { west, south, east, north } = id.bounds();
+            let GeodeticBounds { west, south, east, north } = id.bounds();
             let step = (east - west) * fine;
             // Some samples from the border, or anywhere.
             let begin = |[from, to]: [f64; 2], end: i32, place: f64, count: u32| match end {
@@ -516,7 +521,7 @@ mod tests {
             let (chart, fill) = (Chart::straight(map, [size.0, size.1]), means.fill().unwrap());
             let patch = Patch::new(&heights, Rect::new(0, 0, size.0, size.1), &chart, &fill);
             let relief = Relief { reach: 9000.0, range: 9000.0, ..Relief::default() };
-            let level = Level::new(number, step, &relief);
+            let level = TileLevel::new(number, step, &relief);
             let builder = Builder::new(id, &level, &patch).unwrap();
             let [right, down] = [size.0 - 1, size.1 - 1];
             let corners = [[0, 0], [right, 0], [right, down], [0, down]].map(|[col, row]| {
@@ -539,31 +544,31 @@ mod tests {
             place in (along(), along()),
         ) {
             let id = tile(number, at);
-            let Bounds { west, south, east, north } = id.bounds();
+            let GeodeticBounds { west, south, east, north } = id.bounds();
             let sample = |(x, y): (f64, f64), height: f64| {
-                Sample::new([west + (east - west) * x, south + (north - south) * y], height)
+                GroundSample::new([west + (east - west) * x, south + (north - south) * y], height)
             };
             let map = Affine { x0: west, a: 1e-5, b: 0.0, y0: south, d: 0.0, e: -1e-5 };
             let mut means = Means::new([1, 1]);
             means.add(0, 0, &[500.0]);
             let (chart, fill) = (Chart::straight(map, [1, 1]), means.fill().unwrap());
             let patch = Patch::new(&[500.0], Rect::new(0, 0, 1, 1), &chart, &fill);
-            let level = Level::new(number, 1e-5, &Relief { reach: 9000.0, ..Relief::default() });
+            let level = TileLevel::new(number, 1e-5, &Relief { reach: 9000.0, ..Relief::default() });
             let mut builder = Builder::new(id, &level, &patch).unwrap();
             let vertices = vertices.into_iter().map(|(x, y, height)| sample((x, y), height));
             builder.insert(&vertices.collect::<Vec<_>>());
             let (mut shell, sample, mut first) = (builder.shell(), sample(place, 500.0), None);
-            let frame = Frame::new(&sample.upright, sample.height);
+            let frame = EastNorthUpFrame::new(&sample.upright, sample.height);
             // No walk comes to those that are a line at a pole.
             let is_pole = |at: &&Vector| at.0[0].hypot(at.0[1]) < 1e-3;
-            let is_wide = |facet: &Facet| facet.corners.iter().filter(is_pole).count() < 2;
+            let is_wide = |facet: &TileFacet| facet.corners.iter().filter(is_pole).count() < 2;
             let all = (0..).zip(&shell.facets).filter(|(_, facet)| is_wide(facet));
             let all: Vec<u32> = all.map(|(number, _)| number).collect();
             let seen = shell.facets.iter().filter(|facet| facet.is_met(&frame));
             let expected = seen.map(|facet| facet.within(&frame, 0.0)).reduce(f64::max);
             for from in all {
                 shell.last = from;
-                shell.measure = Measure::default();
+                shell.measure = TileErrorMeasure::default();
                 shell.add(sample, f64::INFINITY);
                 let off = shell.measure.largest;
                 let expected = *first.get_or_insert(expected.unwrap_or(off));

@@ -1,12 +1,12 @@
 //! What the samples of a bent grid lie in, how far apart they are, and where lines cross them.
 
-use crate::globe::{EQUATOR, Turn, Upright, Vector};
-use crate::table::Table;
-use crate::tiling::Bounds;
+use crate::globe::{EQUATOR, EllipsoidNormal, SinCos, Vector};
+use crate::table::CubicTable;
+use crate::tiling::GeodeticBounds;
 use terrane_base::error::{Error, Result};
 
 /// Degrees, as along the equator, between samples that are nearest to each other.
-pub(crate) fn spacing(upright: &Table<3>) -> f64 {
+pub(crate) fn spacing(upright: &CubicTable<3>) -> f64 {
     let [cols, rows] = upright.parts.map(|parts| parts as usize);
     let mut least = f64::INFINITY;
     for row in 0..=rows {
@@ -29,11 +29,12 @@ pub(crate) fn spacing(upright: &Table<3>) -> f64 {
 /// Samples on both sides of 180 degrees.
 pub(crate) fn outline(
     [width, height]: [u32; 2],
-    upright: &Table<3>,
+    upright: &CubicTable<3>,
     spacing: f64,
-) -> Result<Bounds> {
-    let place =
-        |col: u32, row: u32| Upright::along(Vector(upright.at([col, row].map(f64::from)))).place();
+) -> Result<GeodeticBounds> {
+    let place = |col: u32, row: u32| {
+        EllipsoidNormal::along(Vector(upright.at([col, row].map(f64::from)))).place()
+    };
     let across = |row: u32| (0..width).map(|col| place(col, row)).collect::<Vec<_>>();
     let down = |col: u32| (0..height).map(|row| place(col, row)).collect::<Vec<_>>();
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -50,7 +51,7 @@ pub(crate) fn outline(
     }
     // Sides bow out a little between samples, and those within may lie behind that.
     let bow = 1e-11 + spacing * spacing / 10.0;
-    Ok(Bounds {
+    Ok(GeodeticBounds {
         west: (low[0] - bow).max(-180.0),
         south: (low[1] - bow).max(-90.0),
         east: (high[0] + bow).min(180.0),
@@ -69,5 +70,5 @@ pub(crate) fn crossings([a, b]: [f64; 2], [from, to]: [f64; 2]) -> impl Iterator
 /// Metres from one place to another, along the meridian and then along the parallel of the second.
 pub(crate) fn metres(from: [f64; 2], to: [f64; 2]) -> f64 {
     let [x, y] = [0, 1].map(|axis: usize| (from[axis] - to[axis]).abs().to_radians());
-    (x * Turn::of(to[1]).cos + y) * EQUATOR
+    (x * SinCos::of(to[1]).cos + y) * EQUATOR
 }

@@ -20,7 +20,7 @@ const NORMAL_BITS: u32 = 8;
 
 /// The buffer, and what is said of its parts.
 #[derive(Default)]
-pub(crate) struct Parts {
+pub(crate) struct TileBufferBuilder {
     is_packed: bool,
     pub(crate) bytes: Vec<u8>,
     /// Bytes of all parts once they are unpacked.
@@ -30,7 +30,7 @@ pub(crate) struct Parts {
 }
 
 /// Elements of a part: their bytes one after another, and how these are compressed.
-struct Elements<'a> {
+struct BufferElements<'a> {
     bytes: &'a [u8],
     stride: usize,
     mode: Mode<'a>,
@@ -43,7 +43,7 @@ enum Mode<'a> {
     Sequence(&'a [u32]),
 }
 
-impl Parts {
+impl TileBufferBuilder {
     /// With nothing in it; what is added is compressed if `is_packed`.
     pub(crate) fn new(is_packed: bool) -> Self {
         Self { is_packed, ..Self::default() }
@@ -59,7 +59,7 @@ impl Parts {
     }
 
     /// Adds an accessor of all of a new view; its number.
-    fn add(&mut self, elements: &Elements<'_>, target: u32, what: &str) -> Result<usize> {
+    fn add(&mut self, elements: &BufferElements<'_>, target: u32, what: &str) -> Result<usize> {
         let target = if target == 0 { String::new() } else { format!(r#","target":{target}"#) };
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let (offset, number) = (self.bytes.len(), self.views.len());
@@ -77,8 +77,8 @@ impl Parts {
     }
 
     /// Compresses elements; what is said of their view.
-    fn pack(&mut self, elements: &Elements<'_>, at: usize, target: &str) -> Result<String> {
-        let Elements { bytes, stride, mode } = elements;
+    fn pack(&mut self, elements: &BufferElements<'_>, at: usize, target: &str) -> Result<String> {
+        let BufferElements { bytes, stride, mode } = elements;
         let packed = mode.pack(bytes, *stride).map_err(|error| {
             Error::new(ErrorKind::Internal, format!("a tile cannot be compressed: {error}"))
         })?;
@@ -113,7 +113,7 @@ impl Parts {
         let ends = if has_ends { ends(values) } else { String::new() };
         let what = format!(r#""componentType":{FLOAT},"count":{count},"type":"{kind}"{ends}"#);
         let mode = Mode::Attributes { is_octahedral: false };
-        self.add(&Elements { bytes: &bytes, stride: 4 * N, mode }, ARRAYS, &what)
+        self.add(&BufferElements { bytes: &bytes, stride: 4 * N, mode }, ARRAYS, &what)
     }
 
     /// Adds positions in whole numbers; if `is_part`, they stand for parts of the largest one.
@@ -127,7 +127,7 @@ impl Parts {
         let part = if is_part { r#","normalized":true"# } else { "" };
         let what = format!(r#""componentType":{U16}{part},"count":{count},"type":"VEC3"{ends}"#);
         let mode = Mode::Attributes { is_octahedral: false };
-        self.add(&Elements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
+        self.add(&BufferElements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
     }
 
     /// Adds parts of 32,767.
@@ -137,7 +137,7 @@ impl Parts {
         let what =
             format!(r#""componentType":{I16},"normalized":true,"count":{count},"type":"VEC2""#);
         let mode = Mode::Attributes { is_octahedral: false };
-        self.add(&Elements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
+        self.add(&BufferElements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }
 
     /// Adds directions, of which a byte holds each number.
@@ -150,7 +150,7 @@ impl Parts {
         let what =
             format!(r#""componentType":{I8},"normalized":true,"count":{count},"type":"VEC3""#);
         let mode = Mode::Attributes { is_octahedral: true };
-        self.add(&Elements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
+        self.add(&BufferElements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }
 
     /// Adds the corners of triangles.
@@ -174,7 +174,7 @@ impl Parts {
         let bytes: Vec<u8> =
             indices.iter().flat_map(|index| index.to_le_bytes().into_iter().take(stride)).collect();
         let what = format!(r#""componentType":{kind},"count":{count},"type":"SCALAR""#);
-        self.add(&Elements { bytes: &bytes, stride, mode }, target, &what)
+        self.add(&BufferElements { bytes: &bytes, stride, mode }, target, &what)
     }
 }
 

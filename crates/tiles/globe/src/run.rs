@@ -1,75 +1,75 @@
 //! Samples of the ground, and those that are handed on together, so that what they have in common is found once.
 
-use crate::globe::{Turn, Upright, bend};
+use crate::globe::{EllipsoidNormal, SinCos, bend};
 
 /// A sample of the ground.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct GroundSample {
     /// Longitude and latitude in degrees.
     pub place: [f64; 2],
     /// Metres.
     pub height: f64,
     /// What is upright there.
-    pub upright: Upright,
+    pub upright: EllipsoidNormal,
 }
 
-impl Sample {
+impl GroundSample {
     /// A sample at a longitude and a latitude.
     pub fn new(place: [f64; 2], height: f64) -> Self {
-        Self { place, height, upright: Upright::at(place) }
+        Self { place, height, upright: EllipsoidNormal::at(place) }
     }
 }
 
 /// A meridian of samples.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Column {
+pub(crate) struct SampleMeridian {
     /// Degrees.
     pub(crate) lon: f64,
-    pub(crate) turn: Turn,
+    pub(crate) turn: SinCos,
 }
 
 /// A parallel of samples.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Parallel {
+pub(crate) struct SampleParallel {
     /// Degrees.
     pub(crate) lat: f64,
-    pub(crate) turn: Turn,
+    pub(crate) turn: SinCos,
     /// Metres from the ellipsoid to the axis of the earth, along what is upright there.
     pub(crate) bend: f64,
 }
 
-impl Column {
+impl SampleMeridian {
     pub(crate) fn new(lon: f64) -> Self {
-        Self { lon, turn: Turn::of(lon) }
+        Self { lon, turn: SinCos::of(lon) }
     }
 }
 
-impl Parallel {
+impl SampleParallel {
     pub(crate) fn new(lat: f64) -> Self {
-        let turn = Turn::of(lat);
+        let turn = SinCos::of(lat);
         Self { lat, turn, bend: bend(turn) }
     }
 
     /// The sample of a column.
     #[inline]
-    pub(crate) fn sample(&self, column: &Column, height: f64) -> Sample {
-        let upright = Upright::of(column.turn, self.turn, self.bend);
-        Sample { place: [column.lon, self.lat], height, upright }
+    pub(crate) fn sample(&self, column: &SampleMeridian, height: f64) -> GroundSample {
+        let upright = EllipsoidNormal::of(column.turn, self.turn, self.bend);
+        GroundSample { place: [column.lon, self.lat], height, upright }
     }
 }
 
 /// Samples along a parallel, void ones among them.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<'a> {
-    pub(crate) parallel: Parallel,
+pub struct SampleRow<'a> {
+    pub(crate) parallel: SampleParallel,
     /// Of the first sample and those after it.
-    pub(crate) columns: &'a [Column],
+    pub(crate) columns: &'a [SampleMeridian],
     pub(crate) heights: &'a [f64],
     /// From one sample to the next.
     pub(crate) stride: usize,
 }
 
-impl<'a> Row<'a> {
+impl<'a> SampleRow<'a> {
     /// How many samples there are.
     pub(crate) fn len(&self) -> usize {
         self.heights.len().div_ceil(self.stride)
@@ -77,24 +77,24 @@ impl<'a> Row<'a> {
 
     /// Columns and heights of its samples.
     #[inline]
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (&'a Column, f64)> + use<'a> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&'a SampleMeridian, f64)> + use<'a> {
         self.columns.iter().zip(self.heights.iter().copied()).step_by(self.stride)
     }
 }
 
 /// Samples that are near each other.
 #[derive(Clone, Copy, Debug)]
-pub enum Run<'a> {
+pub enum GroundSampleRun<'a> {
     /// Some along a parallel.
-    Row(Row<'a>),
+    Row(SampleRow<'a>),
     /// A valid one.
-    One(Sample),
+    One(GroundSample),
 }
 
-impl Run<'_> {
+impl GroundSampleRun<'_> {
     /// Hands on the valid ones.
     #[inline]
-    pub fn each(&self, found: &mut impl FnMut(Sample)) {
+    pub fn each(&self, found: &mut impl FnMut(GroundSample)) {
         match self {
             Self::One(sample) => found(*sample),
             Self::Row(row) => {

@@ -3,17 +3,17 @@
 
 use std::collections::BTreeMap;
 
-use crate::tile::{Tile, Vertex};
+use crate::tile::{TerrainTile, TileVertex};
 
 /// The tile with its skirt, which hangs so many steps of heights down: below each vertex of its rim one more, and two
 /// triangles below each edge of it, seen from outside.
-pub(crate) fn skirted(tile: &Tile, depth: i32) -> Tile {
+pub(crate) fn skirted(tile: &TerrainTile, depth: i32) -> TerrainTile {
     let mut whole = tile.clone();
     let mut below = BTreeMap::new();
     let mut hang = |vertex: u32| {
         *below.entry(vertex).or_insert_with(|| {
-            let Vertex { at, height } = tile.vertices[vertex as usize];
-            whole.vertices.push(Vertex { at, height: height - depth });
+            let TileVertex { at, height } = tile.vertices[vertex as usize];
+            whole.vertices.push(TileVertex { at, height: height - depth });
             whole.vertices.len() as u32 - 1
         })
     };

@@ -3,8 +3,8 @@
 //! Bits are by level, and within one along a Morton curve; what is told is in a table, a row for each tile that there
 //! is, in the same order.
 
-use crate::gltf::Facts;
-use crate::tiling::TileId;
+use crate::gltf::TileMetadata;
+use crate::tiling::GlobeTileId;
 
 /// Levels of a subtree.
 pub const SUBTREE_LEVELS: u8 = 7;
@@ -19,23 +19,23 @@ pub const CLASS: [(&str, &str, &str); 5] = [
 ];
 
 /// The tile at the top of the subtree that a tile is in.
-pub fn subtree_of(id: TileId) -> TileId {
+pub fn subtree_of(id: GlobeTileId) -> GlobeTileId {
     let by = id.level % SUBTREE_LEVELS;
-    TileId { level: id.level - by, x: id.x >> by, y: id.y >> by }
+    GlobeTileId { level: id.level - by, x: id.x >> by, y: id.y >> by }
 }
 
 /// What is told of a tile, as numbers.
-type Column = fn(&Facts) -> Vec<f64>;
+type Column = fn(&TileMetadata) -> Vec<f64>;
 
 /// The bytes of the subtree of which `root` is the top: of tiles in it, in any order, and the tops of the subtrees
 /// below it.
-pub fn subtree(root: TileId, tiles: &[Facts], below: &[TileId]) -> Vec<u8> {
+pub fn subtree(root: GlobeTileId, tiles: &[TileMetadata], below: &[GlobeTileId]) -> Vec<u8> {
     let first = |level: u8| ((1_usize << (2 * level)) - 1) / 3;
-    let number = |id: TileId| first(id.level - root.level) + along_curve(root, id);
-    let mut rows: Vec<(usize, &Facts)> =
+    let number = |id: GlobeTileId| first(id.level - root.level) + along_curve(root, id);
+    let mut rows: Vec<(usize, &TileMetadata)> =
         tiles.iter().map(|facts| (number(facts.id), facts)).collect();
     rows.sort_unstable_by_key(|(number, _)| *number);
-    let mut views = Views::default();
+    let mut views = SubtreeBuffer::default();
     let here = bits(first(SUBTREE_LEVELS), rows.iter().map(|(number, _)| *number));
     let (here, count) = (views.add(&here), rows.len());
     let here = format!(r#"{{"bitstream":{here},"availableCount":{count}}}"#);
@@ -73,7 +73,7 @@ pub fn subtree(root: TileId, tiles: &[Facts], below: &[TileId]) -> Vec<u8> {
 }
 
 /// The number of a tile along the curve of its level below `root`: bits of its column and its row in turn.
-fn along_curve(root: TileId, id: TileId) -> usize {
+fn along_curve(root: GlobeTileId, id: GlobeTileId) -> usize {
     let by = id.level - root.level;
     let [x, y] = [id.x - (root.x << by), id.y - (root.y << by)].map(|at| at as usize);
     (0..by).map(|bit| (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1)).sum()
@@ -88,12 +88,12 @@ fn bits(count: usize, set: impl Iterator<Item = usize>) -> Vec<u8> {
 
 /// The buffer, and its parts.
 #[derive(Default)]
-struct Views {
+struct SubtreeBuffer {
     bytes: Vec<u8>,
     told: Vec<String>,
 }
 
-impl Views {
+impl SubtreeBuffer {
     /// Adds a part; its number.
     fn add(&mut self, bytes: &[u8]) -> usize {
         let (offset, length) = (self.bytes.len(), bytes.len());
@@ -125,16 +125,16 @@ mod tests {
     /// By quarters of quarters, as the curve is defined.
     #[test]
     fn the_curve_goes_through_quarters_in_turn() {
-        let root = TileId { level: 3, x: 5, y: 2 };
+        let root = GlobeTileId { level: 3, x: 5, y: 2 };
         let mut open = vec![root];
         for level in 0..4 {
             let numbers: Vec<usize> = open.iter().map(|id| along_curve(root, *id)).collect();
             assert_eq!(numbers, (0..1 << (2 * level)).collect::<Vec<_>>());
-            open = open.into_iter().flat_map(TileId::children).collect();
+            open = open.into_iter().flat_map(GlobeTileId::children).collect();
         }
         assert_eq!(
-            subtree_of(TileId { level: 9, x: 700, y: 300 }),
-            TileId { level: 7, x: 175, y: 75 }
+            subtree_of(GlobeTileId { level: 9, x: 700, y: 300 }),
+            GlobeTileId { level: 7, x: 175, y: 75 }
         );
     }
 }

@@ -3,17 +3,17 @@
 
 use std::cell::RefCell;
 
-use crate::border::{self, Side};
-use crate::globe::{Turn, Upright, bend};
-use crate::ground::Ground;
-use crate::level::{Level, nearest};
+use crate::border::{self, TileSide};
+use crate::globe::{EllipsoidNormal, SinCos, bend};
+use crate::ground::GroundSampler;
+use crate::level::{TileLevel, nearest};
 use crate::measure::Shell;
-use crate::run::{Column, Row, Run, Sample};
-use crate::tile::{Measure, Tile, Vertex, point};
-use crate::tiling::{STEPS, TileId};
+use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleRow};
+use crate::tile::{TerrainTile, TileErrorMeasure, TileVertex, point};
+use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_tin::scatter::{Fit, Mesh};
+use terrane_tin::scatter::{Fit, ScatterMesh};
 
 /// Rounds in which samples that are found beyond the error are put into the mesh.
 const MOST_ROUNDS: u32 = 48;
@@ -27,7 +27,7 @@ thread_local! {
 }
 
 /// Where the samples of a column are in a tile.
-struct Meridian {
+struct TileMeridian {
     lon: f64,
     /// Steps from the west.
     u: i32,
@@ -42,10 +42,10 @@ fn inner(place: [f64; 2]) -> [i32; 2] {
 
 /// A tile that is being made.
 pub struct Builder<'a> {
-    id: TileId,
-    level: &'a Level,
+    id: GlobeTileId,
+    level: &'a TileLevel,
     drop: Drop,
-    mesh: Mesh,
+    mesh: ScatterMesh,
 }
 
 impl<'a> Builder<'a> {
@@ -53,12 +53,12 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// None but of a broken tile, which is a mistake of the program.
-    pub fn new(id: TileId, level: &'a Level, ground: &impl Ground) -> Result<Self> {
+    pub fn new(id: GlobeTileId, level: &'a TileLevel, ground: &impl GroundSampler) -> Result<Self> {
         let mut drop = Drop::new(id, level);
         let mut first = Vec::new();
-        for side in Side::ALL {
+        for side in TileSide::ALL {
             for [along, height] in border::vertices(id, side, level, ground) {
-                first.push(Vertex { at: side.position(along), height });
+                first.push(TileVertex { at: side.position(along), height });
             }
         }
         let post = |part: u32| border::along(part, level.posts);
@@ -68,14 +68,14 @@ impl<'a> Builder<'a> {
                 let place = id.place(at);
                 let height = ground.height(place);
                 let height = level.steps(height.unwrap_or_else(|| ground.filled(place)));
-                first.push(Vertex { at, height });
+                first.push(TileVertex { at, height });
             }
         }
         let points: Vec<Point> = first.into_iter().map(|vertex| drop.lift(vertex)).collect();
         let corners = [[0, 0], [STEPS, 0], [0, STEPS]];
         let corner = |at: &[i32; 2]| points.iter().copied().find(|p| [p.x, p.y] == *at);
         let corners: Vec<Point> = corners.iter().filter_map(corner).collect();
-        let mesh = <[Point; 3]>::try_from(corners).ok().and_then(Mesh::new);
+        let mesh = <[Point; 3]>::try_from(corners).ok().and_then(ScatterMesh::new);
         let mut mesh =
             mesh.ok_or_else(|| Error::new(ErrorKind::Internal, "a tile has no corners"))?;
         points.into_iter().for_each(|point| {
@@ -86,13 +86,13 @@ impl<'a> Builder<'a> {
 
     /// Takes samples for vertices until all that are handed on, each with its place rounded, are within the
     /// level's error.
-    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(Run<'_>))) {
+    pub fn fit(&mut self, samples: impl FnOnce(&mut dyn FnMut(GroundSampleRun<'_>))) {
         let mut points = POINTS.take();
         points.clear();
         let mut columns = Vec::new();
         samples(&mut |run| match run {
-            Run::Row(row) => self.candidates(&row, &mut columns, &mut points),
-            Run::One(Sample { place, height, .. }) => {
+            GroundSampleRun::Row(row) => self.candidates(&row, &mut columns, &mut points),
+            GroundSampleRun::One(GroundSample { place, height, .. }) => {
                 points.push(self.candidate(self.id.steps(place), height))
             }
         });
@@ -109,8 +109,11 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// Those of `measure`.
-    pub fn refine(&mut self, mut measure: impl FnMut(&mut Shell) -> Result<()>) -> Result<Tile> {
-        let mut best: Option<Tile> = None;
+    pub fn refine(
+        &mut self,
+        mut measure: impl FnMut(&mut Shell) -> Result<()>,
+    ) -> Result<TerrainTile> {
+        let mut best: Option<TerrainTile> = None;
         for _ in 0..MOST_ROUNDS {
             let mut shell = self.shell();
             measure(&mut shell)?;
@@ -127,7 +130,7 @@ impl<'a> Builder<'a> {
 
     /// Takes samples for vertices, however far off they seem; whether one became one. Where one is a vertex already,
     /// its place was rounded into a triangle that is steep there: another of the places around it becomes one, too.
-    pub fn insert(&mut self, samples: &[Sample]) -> bool {
+    pub fn insert(&mut self, samples: &[GroundSample]) -> bool {
         let before = self.mesh.points().len();
         for sample in samples {
             let [u, v] = self.id.steps(sample.place);
@@ -145,18 +148,23 @@ impl<'a> Builder<'a> {
     }
 
     fn candidate(&mut self, place: [f64; 2], height: f64) -> Point {
-        self.drop.lift(Vertex { at: inner(place), height: self.level.steps(height) })
+        self.drop.lift(TileVertex { at: inner(place), height: self.level.steps(height) })
     }
 
     /// The candidates of a row of samples, as if each were taken for itself. `columns` is what was found of those of
     /// the row before, which are mostly the same.
-    fn candidates(&mut self, row: &Row<'_>, columns: &mut Vec<Meridian>, points: &mut Vec<Point>) {
-        let steps = |column: &Column| inner(self.id.steps([column.lon, row.parallel.lat]));
+    fn candidates(
+        &mut self,
+        row: &SampleRow<'_>,
+        columns: &mut Vec<TileMeridian>,
+        points: &mut Vec<Point>,
+    ) {
+        let steps = |column: &SampleMeridian| inner(self.id.steps([column.lon, row.parallel.lat]));
         let Some((first, _)) = row.iter().next() else { return };
         if columns.len() != row.len() || columns[0].lon != first.lon {
-            let meridian = |(column, _): (&Column, f64)| {
+            let meridian = |(column, _): (&SampleMeridian, f64)| {
                 let [u, _] = steps(column);
-                Meridian { lon: column.lon, u, cosine: self.drop.cosine(u) }
+                TileMeridian { lon: column.lon, u, cosine: self.drop.cosine(u) }
             };
             columns.clear();
             columns.extend(row.iter().map(meridian));
@@ -168,7 +176,7 @@ impl<'a> Builder<'a> {
         let [add, by] = self.drop.along(v);
         let centre = self.drop.centre;
         let samples = row.iter().zip(&*columns).filter(|((_, height), _)| height.is_finite());
-        points.extend(samples.map(|((_, height), Meridian { u, cosine, .. })| {
+        points.extend(samples.map(|((_, height), TileMeridian { u, cosine, .. })| {
             let drop = ((add + by * cosine) - centre) * by_unit;
             Point::new(*u, v, nearest(f64::from(nearest(height * by_step)) * units + drop))
         }));
@@ -183,14 +191,14 @@ impl<'a> Builder<'a> {
     }
 
     /// The tile as it is, with what was measured of it.
-    pub fn finish(&self, measure: Measure) -> Tile {
+    pub fn finish(&self, measure: TileErrorMeasure) -> TerrainTile {
         let (vertices, numbers) = self.vertices();
         let triangles = self.triangles(&numbers).iter().map(|(corners, _)| *corners).collect();
         let (step, lattice) = (self.level.step, self.level.lattice);
-        Tile { id: self.id, step, lattice, vertices, triangles, measure }
+        TerrainTile { id: self.id, step, lattice, vertices, triangles, measure }
     }
 
-    fn vertices(&self) -> (Vec<Vertex>, Vec<u32>) {
+    fn vertices(&self) -> (Vec<TileVertex>, Vec<u32>) {
         let vertices = self.mesh.points().iter().map(|point| self.drop.lower(*point)).collect();
         // Ghosts have no number.
         let is_inner = |i: &u32| self.mesh.corners(*i).is_some();
@@ -213,12 +221,16 @@ impl<'a> Builder<'a> {
 ///
 /// # Errors
 /// None but of a broken tile, which is a mistake of the program.
-pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
+pub fn build(
+    id: GlobeTileId,
+    level: &TileLevel,
+    ground: &impl GroundSampler,
+) -> Result<TerrainTile> {
     let bounds = id.bounds();
     let mut builder = Builder::new(id, level, ground)?;
     builder.fit(|take| {
         ground.runs(&bounds, level.stride, &mut |run| take(run));
-        ground.feet(&bounds, level.stride, &mut |foot| take(Run::One(foot)));
+        ground.feet(&bounds, level.stride, &mut |foot| take(GroundSampleRun::One(foot)));
     });
     builder.refine(|shell| {
         ground.runs(&bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
@@ -229,10 +241,10 @@ pub fn build(id: TileId, level: &Level, ground: &impl Ground) -> Result<Tile> {
 /// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there
 /// make flat triangles what they are for a client, nearly. In units of the kernel.
 struct Drop {
-    id: TileId,
+    id: GlobeTileId,
     step: f64,
     unit: f64,
-    middle: Turn,
+    middle: SinCos,
     centre: f64,
     lon: f64,
     /// The last row that was asked for: what it adds, and what is multiplied by the cosine along it.
@@ -240,9 +252,9 @@ struct Drop {
 }
 
 impl Drop {
-    fn new(id: TileId, level: &Level) -> Self {
+    fn new(id: GlobeTileId, level: &TileLevel) -> Self {
         let bounds = id.bounds();
-        let middle = Turn::of((bounds.south + bounds.north) / 2.0);
+        let middle = SinCos::of((bounds.south + bounds.north) / 2.0);
         let mut drop = Self {
             id,
             step: level.step,
@@ -257,10 +269,10 @@ impl Drop {
         drop
     }
 
-    fn terms(&self, lat: Turn) -> [f64; 2] {
+    fn terms(&self, lat: SinCos) -> [f64; 2] {
         let bend = bend(lat);
         // The part of the earth's axis, and that of the equator.
-        let up = Upright::of(Turn { sin: 0.0, cos: 1.0 }, lat, bend).point(0.0).0;
+        let up = EllipsoidNormal::of(SinCos { sin: 0.0, cos: 1.0 }, lat, bend).point(0.0).0;
         [up[2] * self.middle.sin, up[0] * self.middle.cos]
     }
 
@@ -274,7 +286,7 @@ impl Drop {
     fn along(&mut self, v: i32) -> [f64; 2] {
         if self.row.0 != v {
             let [_, lat] = self.id.place([0, v]);
-            self.row = (v, self.terms(Turn::of(lat)));
+            self.row = (v, self.terms(SinCos::of(lat)));
         }
         self.row.1
     }
@@ -285,17 +297,17 @@ impl Drop {
         cosine((lon - self.lon).to_radians())
     }
 
-    fn lift(&mut self, vertex: Vertex) -> Point {
+    fn lift(&mut self, vertex: TileVertex) -> Point {
         let height = f64::from(vertex.height) * (self.step / self.unit);
         let z = nearest(height + self.of(vertex.at));
         Point::new(vertex.at[0], vertex.at[1], z)
     }
 
-    fn lower(&self, point: Point) -> Vertex {
+    fn lower(&self, point: Point) -> TileVertex {
         let at = [point.x, point.y];
         let mut fresh = Self { row: (-1, [0.0; 2]), ..*self };
         let height = (f64::from(point.z) - fresh.of(at)) / (self.step / self.unit);
-        Vertex { at, height: height.round() as i32 }
+        TileVertex { at, height: height.round() as i32 }
     }
 }
 

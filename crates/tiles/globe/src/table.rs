@@ -4,14 +4,14 @@ use terrane_base::error::Result;
 
 /// Values at nodes of a lattice, and between them by polynomials of the third degree through four nodes each way.
 #[derive(Debug)]
-pub(crate) struct Table<const N: usize> {
+pub(crate) struct CubicTable<const N: usize> {
     from: [f64; 2],
     pub(crate) step: [f64; 2],
     pub(crate) parts: [u32; 2],
     nodes: Vec<[f64; N]>,
 }
 
-impl<const N: usize> Table<N> {
+impl<const N: usize> CubicTable<N> {
     /// Of a function on a rectangle that is divided into parts.
     pub(crate) fn new(
         sides: [[f64; 2]; 2],

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::border::Side;
+use crate::border::TileSide;
 use crate::globe::{EQUATOR, Vector};
 use terrane_base::geom::{Affine, Rect};
 
@@ -59,29 +59,31 @@ impl Land {
         Patch::new(&self.heights, all, &self.chart, &self.fill)
     }
 
-    fn bounds(&self) -> Bounds {
+    fn bounds(&self) -> GeodeticBounds {
         let [west, north] = self.map.apply(0.0, 0.0);
         let last = f64::from(self.side - 1);
         let [east, south] = self.map.apply(last, last);
-        Bounds { west, south, east, north }
+        GeodeticBounds { west, south, east, north }
     }
 
-    fn level(&self, level: u8) -> Level {
-        Level::new(
+    fn level(&self, level: u8) -> TileLevel {
+        TileLevel::new(
             level,
             1.0 / 3600.0,
             &Relief { reach: 9000.0, range: 4000.0, ..Relief::default() },
         )
     }
 
-    fn tiles(&self, level: u8) -> Vec<TileId> {
-        let [[west, east], [south, north]] = TileId::meeting(level, &self.bounds());
-        (south..=north).flat_map(|y| (west..=east).map(move |x| TileId { level, x, y })).collect()
+    fn tiles(&self, level: u8) -> Vec<GlobeTileId> {
+        let [[west, east], [south, north]] = GlobeTileId::meeting(level, &self.bounds());
+        (south..=north)
+            .flat_map(|y| (west..=east).map(move |x| GlobeTileId { level, x, y }))
+            .collect()
     }
 }
 
 /// The distance of a sample from the surface, by all triangles: the nearest hit of the line upright there.
-fn distance(tile: &Tile, sample: &Sample) -> Option<f64> {
+fn distance(tile: &TerrainTile, sample: &GroundSample) -> Option<f64> {
     let (point, [east, north]) = (sample.upright.point(sample.height), sample.upright.across());
     let look =
         |place: Vector| [east, north, sample.upright.normal].map(|axis| axis.dot(place - point));
@@ -97,7 +99,7 @@ fn distance(tile: &Tile, sample: &Sample) -> Option<f64> {
 }
 
 /// Fails unless the triangles are counter-clockwise, meet edge to edge, and cover the square.
-fn validate(tile: &Tile) {
+fn validate(tile: &TerrainTile) {
     let mut edges = std::collections::HashSet::new();
     let mut area = 0;
     for corners in &tile.triangles {
@@ -113,13 +115,13 @@ fn validate(tile: &Tile) {
     for [from, to] in &edges {
         let ends = [from, to].map(|end| tile.vertices[*end as usize].at);
         let on_side =
-            Side::ALL.iter().any(|side| ends.iter().all(|end| side.along(*end).is_some()));
+            TileSide::ALL.iter().any(|side| ends.iter().all(|end| side.along(*end).is_some()));
         assert!(edges.contains(&[*to, *from]) || on_side, "{ends:?}");
     }
 }
 
 /// Position along a side, and height, of its vertices.
-fn side(tile: &Tile, side: Side) -> Vec<(i32, i32)> {
+fn side(tile: &TerrainTile, side: TileSide) -> Vec<(i32, i32)> {
     let on_side = tile.vertices.iter().filter_map(|v| Some((side.along(v.at)?, v.height)));
     let mut found: Vec<_> = on_side.collect();
     found.sort_unstable();
@@ -128,7 +130,7 @@ fn side(tile: &Tile, side: Side) -> Vec<(i32, i32)> {
 
 fn check(land: &Land, level: u8) -> usize {
     let (level, patch) = (land.level(level), land.patch());
-    let tiles: Vec<Tile> =
+    let tiles: Vec<TerrainTile> =
         land.tiles(level.level).iter().map(|id| build(*id, &level, &patch).unwrap()).collect();
     for tile in &tiles {
         validate(tile);
@@ -145,10 +147,10 @@ fn check(land: &Land, level: u8) -> usize {
         assert!(most <= tile.measure.largest * (1.0 + 1e-6) + 1e-6, "{most} {:?}", tile.measure);
         for other in &tiles {
             if (other.id.x, other.id.y) == (tile.id.x + 1, tile.id.y) {
-                assert_eq!(side(tile, Side::East), side(other, Side::West));
+                assert_eq!(side(tile, TileSide::East), side(other, TileSide::West));
             }
             if (other.id.x, other.id.y) == (tile.id.x, tile.id.y + 1) {
-                assert_eq!(side(tile, Side::North), side(other, Side::South));
+                assert_eq!(side(tile, TileSide::North), side(other, TileSide::South));
             }
         }
     }
@@ -192,7 +194,7 @@ proptest! {
             let bounds = id.bounds();
             let [mut rows, mut samples] = [0; 2].map(|_| Builder::new(id, &level, &patch).unwrap());
             let middle = bounds.west + (bounds.east - bounds.west) * fine / 2.0;
-            let parts = [Bounds { west: middle, ..bounds }, Bounds { east: middle, ..bounds }, bounds];
+            let parts = [GeodeticBounds { west: middle, ..bounds }, GeodeticBounds { east: middle, ..bounds }, bounds];
             rows.fit(|take| {
                 for part in &parts {
                     patch.runs(part, level.stride, &mut |run| take(run));
@@ -200,10 +202,10 @@ proptest! {
             });
             samples.fit(|take| {
                 for part in &parts {
-                    patch.each(part, level.stride, &mut |sample| take(Run::One(sample)));
+                    patch.each(part, level.stride, &mut |sample| take(GroundSampleRun::One(sample)));
                 }
             });
-            prop_assert_eq!(rows.finish(Measure::default()), samples.finish(Measure::default()));
+            prop_assert_eq!(rows.finish(TileErrorMeasure::default()), samples.finish(TileErrorMeasure::default()));
             let tolerance = level.tolerance * fine;
             let [mut by_rows, mut one_by_one] = [0; 2].map(|_| rows.shell());
             patch.runs(&bounds, 1, &mut |run| by_rows.add_run(&run, tolerance));
@@ -234,14 +236,14 @@ proptest! {
         let mut land = Land::of((0..across * across).map(height).collect(), across, [10.0, south]);
         land.chart = land.chart.clone().sloping(slope);
         let relief = Relief { reach: relief, range: relief, ..Relief::default() };
-        let level = Level::new(number, 1.0 / 3600.0, &relief);
+        let level = TileLevel::new(number, 1.0 / 3600.0, &relief);
         let level = match shorts {
             true => in_shorts(level.on_lattice([-relief.reach, relief.reach])),
             false => level,
         };
         let patch = land.patch();
         let tiles = land.tiles(number).into_iter().take(6);
-        let tiles: Vec<Tile> = tiles.map(|id| build(id, &level, &patch).unwrap()).collect();
+        let tiles: Vec<TerrainTile> = tiles.map(|id| build(id, &level, &patch).unwrap()).collect();
         for tile in &tiles {
             validate(tile);
             let mut most = 0.0_f64;
@@ -253,7 +255,7 @@ proptest! {
             prop_assert!(told < 2.0 * relief.range + level.tolerance, "{told}");
             for other in &tiles {
                 if (other.id.x, other.id.y) == (tile.id.x + 1, tile.id.y) {
-                    prop_assert_eq!(side(tile, Side::East), side(other, Side::West));
+                    prop_assert_eq!(side(tile, TileSide::East), side(other, TileSide::West));
                 }
             }
         }
@@ -283,10 +285,10 @@ fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
         for id in land.tiles(9) {
             let tile = build(id, &level, &patch).unwrap();
             validate(&tile);
-            let far = |vertex: &&Vertex| {
+            let far = |vertex: &&TileVertex| {
                 let [lon, lat] = id.place(vertex.at);
                 let past = |low: f64, at: f64, high: f64| (low - at).max(at - high).max(0.0);
-                let Bounds { west, south, east, north } = land.bounds();
+                let GeodeticBounds { west, south, east, north } = land.bounds();
                 (past(west, lon, east) * lat.to_radians().cos() + past(south, lat, north)) / metre
             };
             let beyond = tile.vertices.iter().filter(|v| far(v) > 2.1 * height.abs());
@@ -300,8 +302,8 @@ fn the_ground_beyond_a_grid_falls_to_the_ellipsoid() {
 /// far away: a sample between is in a triangle that goes from where it is below to where it is above.
 #[test]
 fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
-    let (id, side) = (TileId { level: 10, x: 1081, y: 776 }, 633);
-    let Bounds { east, south, .. } = id.bounds();
+    let (id, side) = (GlobeTileId { level: 10, x: 1081, y: 776 }, 633);
+    let GeodeticBounds { east, south, .. } = id.bounds();
     let step = tiling::degrees(10) / f64::from(STEPS);
     for (part, share) in [(0.1, 0.62), (0.4, 0.62), (0.6, 0.62), (0.65, 0.55), (0.8, 0.64)] {
         // The last column is a part of a step of positions from the border.
@@ -313,9 +315,12 @@ fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
         };
         let land = Land::of((0..side * side).map(height).collect(), side, [west, south]);
         let (level, patch) = (land.level(10), land.patch());
-        let column: Vec<Sample> = (0..side)
+        let column: Vec<GroundSample> = (0..side)
             .map(|row| {
-                Sample::new(land.map.apply(f64::from(side - 1), f64::from(row)), height(row * side))
+                GroundSample::new(
+                    land.map.apply(f64::from(side - 1), f64::from(row)),
+                    height(row * side),
+                )
             })
             .collect();
         let mut builder = Builder::new(id, &level, &patch).unwrap();
@@ -342,14 +347,14 @@ fn samples_at_borders_do_not_become_vertices_of_them() {
         validate(&tile);
         tile
     };
-    let sides = |tile: &Tile| Side::ALL.map(|s| side(tile, s));
+    let sides = |tile: &TerrainTile| TileSide::ALL.map(|s| side(tile, s));
     for along in [1, STEPS / 2 + 1, STEPS] {
         let mut builder = Builder::new(id, &level, &patch).unwrap();
         let before = finished(&builder);
-        for side in Side::ALL {
-            let sample = Sample::new(id.place(side.position(along)), 8000.0);
+        for side in TileSide::ALL {
+            let sample = GroundSample::new(id.place(side.position(along)), 8000.0);
             builder.insert(&[sample]);
-            builder.fit(|take| take(Run::One(sample)));
+            builder.fit(|take| take(GroundSampleRun::One(sample)));
         }
         let after = finished(&builder);
         assert!(after.vertices.len() > before.vertices.len());
@@ -362,14 +367,14 @@ fn bytes_are_those_of_the_format() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
     let (level, patch) = (land.level(12), land.patch());
     let tile = build(land.tiles(12)[0], &level, &patch).unwrap();
-    let bytes = quantized_mesh(&tile, Some((&level, &patch)), Extras::default()).unwrap();
+    let bytes = quantized_mesh(&tile, Some((&level, &patch)), TileExtensions::default()).unwrap();
     let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     let count = number(88) as usize;
     assert_eq!(count, tile.vertices.len());
     let triangles = 92 + 6 * count;
     assert_eq!(number(triangles) as usize, tile.triangles.len());
     let mut edges = triangles + 4 + 6 * tile.triangles.len();
-    for side in Side::ALL {
+    for side in TileSide::ALL {
         let on_side = tile.vertices.iter().filter(|v| side.along(v.at).is_some()).count();
         assert_eq!(number(edges) as usize, on_side);
         edges += 4 + 2 * on_side;
@@ -377,9 +382,9 @@ fn bytes_are_those_of_the_format() {
     assert_eq!((bytes[edges], number(edges + 1) as usize), (1, 2 * count));
     let text = String::from_utf8_lossy(&bytes[edges + 5 + 2 * count..]).into_owned();
     assert!(text.ends_with('}') && text.contains(r#"{"error":"#), "{text}");
-    let none: Option<(&Level, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &Patch<'_>)> = None;
     assert_eq!(
-        quantized_mesh(&tile, none, Extras::default()).unwrap().len(),
+        quantized_mesh(&tile, none, TileExtensions::default()).unwrap().len(),
         bytes.len() - 5 - 2 * count
     );
 }
@@ -395,7 +400,10 @@ fn normals_point_outwards_everywhere() {
             let north = (0..=16).map(|part| id.place([STEPS * part / 16, STEPS]));
             for place in north.chain([[10.014, 90.0], [10.02, 89.9999]]) {
                 let normal = crate::encode::normal(place, &level, &patch);
-                assert!(normal.dot(Upright::at(place).normal) > 0.5, "{place:?} {normal:?}");
+                assert!(
+                    normal.dot(EllipsoidNormal::at(place).normal) > 0.5,
+                    "{place:?} {normal:?}"
+                );
             }
         }
     }
@@ -419,7 +427,7 @@ fn decoded(bytes: &[u8], count: usize) -> Vec<Vector> {
 /// On all levels: what is decoded is what was measured, and is the same on both sides of each border, bit by bit.
 #[test]
 fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
-    let none: Option<(&Level, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &Patch<'_>)> = None;
     let mut borders = 0;
     for (south, relief, voids, first) in [(-0.01, 300.0, 9000, 0), (79.99, 2000.0, 500, 1)] {
         let land = Land::new(101, south, relief, 5, voids);
@@ -436,7 +444,8 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                 });
                 assert!(tile.measure.largest <= level.tolerance);
                 let (bytes, facts) =
-                    glb(&tile, none, Form { edges: true, ..Form::default() }).unwrap();
+                    glb(&tile, none, GlbTileOptions { edges: true, ..GlbTileOptions::default() })
+                        .unwrap();
                 let found = decoded(&bytes, tile.vertices.len());
                 let bits = |point: &Vector| point.0.map(f64::to_bits);
                 let mut own: Vec<_> = tile.vertices.iter().map(|v| bits(&tile.point(*v))).collect();
@@ -446,7 +455,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
                 assert!(own == all, "{id:?}");
                 let (centre, radius) = facts.sphere;
                 assert!(found.iter().all(|point| (*point - centre).length() <= radius));
-                for side in Side::ALL {
+                for side in TileSide::ALL {
                     let on_side = tile.vertices.iter().filter(|v| side.along(v.at).is_some());
                     let mut on_side: Vec<_> = on_side.map(|v| bits(&tile.point(*v))).collect();
                     on_side.sort_unstable();
@@ -455,8 +464,8 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
             }
             for ((x, y, side), own) in &sides {
                 let beside = match *side {
-                    side if side == Side::East as u8 => (x + 1, *y, Side::West as u8),
-                    side if side == Side::North as u8 => (*x, y + 1, Side::South as u8),
+                    side if side == TileSide::East as u8 => (x + 1, *y, TileSide::West as u8),
+                    side if side == TileSide::North as u8 => (*x, y + 1, TileSide::South as u8),
                     _ => continue,
                 };
                 if let Some(other) = sides.get(&beside) {
@@ -474,11 +483,11 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
 fn volumes_hold_triangles_and_what_is_below() {
     let land = Land::new(101, 46.0, 900.0, 5, 0);
     let patch = land.patch();
-    let none: Option<(&Level, &Patch<'_>)> = None;
-    let facts = |id: TileId| {
+    let none: Option<(&TileLevel, &Patch<'_>)> = None;
+    let facts = |id: GlobeTileId| {
         let level = land.level(id.level).on_lattice([-9000.0, 9000.0]);
         let tile = build(id, &level, &patch).unwrap();
-        let facts = glb(&tile, none, Form::default()).unwrap().1;
+        let facts = glb(&tile, none, GlbTileOptions::default()).unwrap().1;
         for corners in &tile.triangles {
             let [a, b, c] = corners.map(|corner| tile.point(tile.vertices[corner as usize]));
             for part in [[1.0, 1.0, 1.0], [1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0]] {
@@ -512,7 +521,7 @@ fn height(place: Vector) -> f64 {
     let lon = y.atan2(x).to_degrees();
     let (mut low, mut high) = (-90.0, 90.0);
     let above = |lat: f64| {
-        let upright = Upright::at([lon, lat]);
+        let upright = EllipsoidNormal::at([lon, lat]);
         let foot = upright.point(0.0);
         let off = place - foot;
         let along = off.dot(upright.normal);

@@ -22,7 +22,7 @@ pub fn degrees(level: u8) -> f64 {
 
 /// A tile: `x` from longitude -180 to the east, `y` from the south pole to the north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct TileId {
+pub struct GlobeTileId {
     /// From 0 to [`DEEPEST`].
     pub level: u8,
     /// Below 2^(level + 1).
@@ -34,14 +34,14 @@ pub struct TileId {
 /// A rectangle of longitudes and latitudes, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)]
-pub struct Bounds {
+pub struct GeodeticBounds {
     pub west: f64,
     pub south: f64,
     pub east: f64,
     pub north: f64,
 }
 
-impl Bounds {
+impl GeodeticBounds {
     /// True for a place within it or on its border.
     #[inline]
     pub fn holds(&self, [lon, lat]: [f64; 2]) -> bool {
@@ -64,12 +64,12 @@ impl Bounds {
     }
 }
 
-impl TileId {
+impl GlobeTileId {
     /// Where it lies; exact.
-    pub fn bounds(self) -> Bounds {
+    pub fn bounds(self) -> GeodeticBounds {
         let width = degrees(self.level);
         let [west, south] = [-180.0 + f64::from(self.x) * width, -90.0 + f64::from(self.y) * width];
-        Bounds { west, south, east: west + width, north: south + width }
+        GeodeticBounds { west, south, east: west + width, north: south + width }
     }
 
     /// The place of so many steps from the west and the south.
@@ -108,7 +108,7 @@ impl TileId {
     }
 
     /// The tiles of a level whose closed rectangles meet `bounds`: first and last column and row.
-    pub fn meeting(level: u8, bounds: &Bounds) -> [[u32; 2]; 2] {
+    pub fn meeting(level: u8, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         let width = degrees(level);
         let range = |low: f64, high: f64, from: f64, count: u32| {
             let first = ((low - from) / width).ceil() - 1.0;
@@ -130,8 +130,8 @@ mod tests {
     #[test]
     fn tiles_of_a_level_share_their_borders_to_the_bit() {
         for level in 0..=DEEPEST {
-            let here = TileId { level, x: (1 << level) / 3, y: (1 << level) / 3 };
-            let east = TileId { x: here.x + 1, ..here };
+            let here = GlobeTileId { level, x: (1 << level) / 3, y: (1 << level) / 3 };
+            let east = GlobeTileId { x: here.x + 1, ..here };
             assert_eq!(here.bounds().east, east.bounds().west);
             for v in [0, 1, 1000, STEPS - 1, STEPS] {
                 assert_eq!(here.place([STEPS, v]), east.place([0, v]));
@@ -140,17 +140,17 @@ mod tests {
                 assert!(here.parent().unwrap().children().contains(&here));
             }
         }
-        assert_eq!(TileId { level: 0, x: 1, y: 0 }.parent(), None);
+        assert_eq!(GlobeTileId { level: 0, x: 1, y: 0 }.parent(), None);
     }
 
     #[test]
     fn tiles_that_meet_a_rectangle_are_those_whose_closed_ones_do() {
-        let bounds = Bounds { west: 0.0, south: -0.1, east: 1.0, north: 45.0 };
+        let bounds = GeodeticBounds { west: 0.0, south: -0.1, east: 1.0, north: 45.0 };
         for level in 0..9 {
-            let [[west, east], [south, north]] = TileId::meeting(level, &bounds);
+            let [[west, east], [south, north]] = GlobeTileId::meeting(level, &bounds);
             for x in 0..2 << level {
                 for y in 0..1 << level {
-                    let b = TileId { level, x, y }.bounds();
+                    let b = GlobeTileId { level, x, y }.bounds();
                     let meets = b.west <= bounds.east
                         && b.east >= bounds.west
                         && b.south <= bounds.north
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn places_and_steps_are_each_others_inverse() {
-        let tile = TileId { level: 9, x: 531, y: 389 };
+        let tile = GlobeTileId { level: 9, x: 531, y: 389 };
         for at in [[0, 0], [STEPS, 7], [123, 20_000]] {
             let [u, v] = tile.steps(tile.place(at));
             assert!((u - f64::from(at[0])).abs() < 1e-6 && (v - f64::from(at[1])).abs() < 1e-6);

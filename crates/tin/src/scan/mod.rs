@@ -13,9 +13,9 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-use super::field::Field;
-use super::local::Local;
-use super::measure::Triangle;
+use super::field::HeightField;
+use super::local::TilePosition;
+use super::measure::MeasuredTriangle;
 
 pub(super) use scalar::{LANES, Scan};
 
@@ -39,73 +39,78 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
 /// squares); no sample is further off than the first, for which all rounding goes up, though not
 /// beyond the tolerance. Time linear in the samples.
 pub(super) fn measure(
-    field: &Field,
-    p: [Local; 3],
+    field: &HeightField,
+    p: [TilePosition; 3],
     owned: [bool; 3],
     tolerance: f64,
 ) -> (f32, f32) {
-    let triangle = Triangle { field, p, owned, tolerance };
+    let triangle = MeasuredTriangle { field, p, owned, tolerance };
     measured(&triangle).unwrap_or_else(|| triangle.measured())
 }
 
 /// What a triangle measures, by the widest registers of this processor; none where they are those of all.
 #[cfg(target_arch = "x86_64")]
-fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
+fn measured(triangle: &MeasuredTriangle<'_>) -> Option<(f32, f32)> {
     x86::measured(triangle)
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn measured(_: &Triangle<'_>) -> Option<(f32, f32)> {
+fn measured(_: &MeasuredTriangle<'_>) -> Option<(f32, f32)> {
     None
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::facet::Facet;
-    use crate::field::{Heights, LEVELS, Level};
+    use crate::facet::PlaneFacet;
+    use crate::field::{FieldLevel, HeightWindow, LEVELS};
     use proptest::prelude::*;
-    use scalar::Worst;
+    use scalar::WorstSample;
     use terrane_base::geom::predicates::orient;
 
     const SIDE: u32 = 70;
 
-    fn field(seed: u32, margin: u32) -> Field {
+    fn field(seed: u32, margin: u32) -> HeightField {
         let height = |i: u32| match (i ^ seed).wrapping_mul(0x9e37_79b9) >> 20 {
             0..40 => f32::NAN,
             height => (height % 97) as f32 * 0.37 - 11.0,
         };
         let heights: Vec<f32> = (0..SIDE * SIDE).map(height).collect();
-        let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
-        let mut field = Field::default();
+        let heights = HeightWindow { width: SIDE, height: SIDE, f32: &heights, f64: None };
+        let mut field = HeightField::default();
         field.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
         field
     }
 
     /// Every sample of the field, tested against the triangle's edges by exact orientation.
-    fn members(p: [Local; 3], level: &Level<'_>) -> Vec<Local> {
-        let [a, b, c] = p.map(Local::lattice);
+    fn members(p: [TilePosition; 3], level: &FieldLevel<'_>) -> Vec<TilePosition> {
+        let [a, b, c] = p.map(TilePosition::lattice);
         let stride = 1 << level.shift;
         let [first, last, top, bottom] = level.bounds;
         let all = (top..=bottom).flat_map(|row| (first..=last).map(move |col| (col, row)));
-        let inside = |q: &Local| {
+        let inside = |q: &TilePosition| {
             let q = q.lattice();
             orient(a, b, q) >= 0 && orient(b, c, q) >= 0 && orient(c, a, q) >= 0
         };
-        let local =
-            |(col, row): (i32, i32)| Local::new((col * stride) as u32, (row * stride) as u32);
+        let local = |(col, row): (i32, i32)| {
+            TilePosition::new((col * stride) as u32, (row * stride) as u32)
+        };
         all.map(local).filter(inside).collect()
     }
 
-    fn corner() -> impl Strategy<Value = Local> {
-        (0..SIDE, 0..SIDE).prop_map(|(col, row)| Local::new(col, row))
+    fn corner() -> impl Strategy<Value = TilePosition> {
+        (0..SIDE, 0..SIDE).prop_map(|(col, row)| TilePosition::new(col, row))
     }
 
-    fn last_corner() -> impl Strategy<Value = Local> {
-        (SIDE - 7..SIDE, 0..SIDE).prop_map(|(col, row)| Local::new(col, row))
+    fn last_corner() -> impl Strategy<Value = TilePosition> {
+        (SIDE - 7..SIDE, 0..SIDE).prop_map(|(col, row)| TilePosition::new(col, row))
     }
 
-    fn kernels_agree(field: &Field, facet: &Facet, level: u8) -> Result<(), TestCaseError> {
+    fn kernels_agree(
+        field: &HeightField,
+        facet: &PlaneFacet,
+        level: u8,
+    ) -> Result<(), TestCaseError> {
         let expected = scalar::scan(&field.level(level), facet);
         for (name, scan) in available() {
             let found = scan(&field.level(level), facet);
@@ -121,9 +126,9 @@ mod tests {
             p in [corner(), corner(), corner()], z in [-20.0..20.0, -20.0..20.0, -20.0..20.0],
             level in 0..LEVELS as u8, margin in 0_u32..2, seed in 0_u32..9
         ) {
-            let [a, b, c] = p.map(Local::lattice);
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
-            kernels_agree(&field(seed, margin), &Facet::new(p, z), level)?;
+            kernels_agree(&field(seed, margin), &PlaneFacet::new(p, z), level)?;
         }
 
         /// Triangles of few columns that end at the last one, which scans leave out.
@@ -132,9 +137,9 @@ mod tests {
             p in [last_corner(), last_corner(), last_corner()],
             z in [-20.0..20.0, -20.0..20.0, -20.0..20.0], level in 0..2_u8, seed in 0_u32..9
         ) {
-            let [a, b, c] = p.map(Local::lattice);
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
-            kernels_agree(&field(seed, 1), &Facet::new(p, z), level)?;
+            kernels_agree(&field(seed, 1), &PlaneFacet::new(p, z), level)?;
         }
 
         #[test]
@@ -142,18 +147,18 @@ mod tests {
             p in [corner(), corner(), corner()], level in 0..LEVELS as u8, margin in 0_u32..2,
             pick in any::<prop::sample::Index>()
         ) {
-            let [a, b, c] = p.map(Local::lattice);
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
             let members = members(p, &field(0, margin).level(level));
             prop_assume!(!members.is_empty());
             let target = members[pick.index(members.len())];
             let mut heights = vec![0.0; (SIDE * SIDE) as usize];
             heights[(target.row() * SIDE + target.col()) as usize] = 1.0;
-            let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
-            let mut one = Field::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &heights, f64: None };
+            let mut one = HeightField::default();
             one.load(&heights, [0, 0, SIDE, SIDE], [margin; 4], None);
-            let found = scalar::scan(&one.level(level), &Facet::new(p, [0.0; 3]));
-            prop_assert_eq!(found, Worst { error: 1.0, at: target });
+            let found = scalar::scan(&one.level(level), &PlaneFacet::new(p, [0.0; 3]));
+            prop_assert_eq!(found, WorstSample { error: 1.0, at: target });
         }
     }
 
@@ -163,17 +168,17 @@ mod tests {
         fn of_samples_as_far_off_the_first_is_told(
             p in [corner(), corner(), corner()], level in 0..LEVELS as u8, one_in in 1_u32..60, seed: u32
         ) {
-            let [a, b, c] = p.map(Local::lattice);
+            let [a, b, c] = p.map(TilePosition::lattice);
             prop_assume!(orient(a, b, c) > 0);
             let is_off = |i: u32| ((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(one_in);
             let heights: Vec<f32> = (0..SIDE * SIDE).map(|i| if is_off(i) { 2.0 } else { 0.0 }).collect();
-            let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
-            let mut field = Field::default();
+            let heights = HeightWindow { width: SIDE, height: SIDE, f32: &heights, f64: None };
+            let mut field = HeightField::default();
             field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
             let far = members(p, &field.level(level)).into_iter().find(|&at| field.sample(at) > 0.0);
-            let expected = far.map_or(Worst { error: 0.0, at: Local::new(0, 0) }, |at| Worst { error: 2.0, at });
+            let expected = far.map_or(WorstSample { error: 0.0, at: TilePosition::new(0, 0) }, |at| WorstSample { error: 2.0, at });
             for (name, scan) in available() {
-                prop_assert_eq!(scan(&field.level(level), &Facet::new(p, [0.0; 3])), expected, "{}", name);
+                prop_assert_eq!(scan(&field.level(level), &PlaneFacet::new(p, [0.0; 3])), expected, "{}", name);
             }
         }
     }
@@ -183,16 +188,16 @@ mod tests {
     fn kernels_see_the_ends_of_rows_of_any_length() {
         for (width, left) in (1..36).flat_map(|width| (0..18).map(move |left| (width, left))) {
             let flat = [(left, 3), (left + width, 3), (left + width, 4)];
-            let p = flat.map(|(col, row)| Local::new(col, row));
+            let p = flat.map(|(col, row)| TilePosition::new(col, row));
             for col in left..=left + width {
                 let mut heights = vec![0.0; (SIDE * SIDE) as usize];
                 heights[(3 * SIDE + col) as usize] = 1.0;
-                let heights = Heights { width: SIDE, height: SIDE, f32: &heights, f64: None };
-                let mut field = Field::default();
+                let heights = HeightWindow { width: SIDE, height: SIDE, f32: &heights, f64: None };
+                let mut field = HeightField::default();
                 field.load(&heights, [0, 0, SIDE, SIDE], [0; 4], None);
-                let expected = Worst { error: 1.0, at: Local::new(col, 3) };
+                let expected = WorstSample { error: 1.0, at: TilePosition::new(col, 3) };
                 for (name, scan) in available() {
-                    let found = scan(&field.level(0), &Facet::new(p, [0.0; 3]));
+                    let found = scan(&field.level(0), &PlaneFacet::new(p, [0.0; 3]));
                     assert_eq!(found, expected, "{name} {width} {left}");
                 }
             }

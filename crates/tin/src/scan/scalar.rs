@@ -1,8 +1,8 @@
 //! The scan every other kernel must equal bit for bit: plain Rust, runs everywhere.
 
-use crate::facet::Facet;
-use crate::field::Level;
-use crate::local::Local;
+use crate::facet::PlaneFacet;
+use crate::field::FieldLevel;
+use crate::local::TilePosition;
 
 /// Samples handled together. Part of the arithmetic: plane heights are rounded to `f32` once per
 /// run of lanes.
@@ -10,26 +10,26 @@ pub(crate) const LANES: usize = 16;
 
 /// The worst sample of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Worst {
+pub(crate) struct WorstSample {
     /// |sample - plane| in `f32`; 0 when no sample is off the plane.
     pub(crate) error: f32,
     /// Where; the lowest (row, column) among equals. Meaningless when the error is 0.
-    pub(crate) at: Local,
+    pub(crate) at: TilePosition,
 }
 
 /// A scan kernel. The triangle is inside the field whose level is scanned.
-pub(crate) type Scan = fn(&Level<'_>, &Facet) -> Worst;
+pub(crate) type Scan = fn(&FieldLevel<'_>, &PlaneFacet) -> WorstSample;
 
 /// Scans the samples of `level` in the closed triangle `facet`.
 ///
 /// Per row the columns between the edges are visited in runs of [`LANES`] from the triangle's first
 /// column on; a run's first plane height is computed in `f64` and rounded once, each lane adds its
 /// own rounded offset to it.
-pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
+pub(super) fn scan(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
     let offsets: [f32; LANES] = std::array::from_fn(|lane| (gx * lane as f64) as f32);
-    let mut worst = Worst { error: 0.0, at: Local::new(0, 0) };
+    let mut worst = WorstSample { error: 0.0, at: TilePosition::new(0, 0) };
     let [first, last] = facet.row_range(level);
     let [left, _] = facet.column_range(level);
     let edges = facet.edges();
@@ -43,7 +43,7 @@ pub(super) fn scan(level: &Level<'_>, facet: &Facet) -> Worst {
                 let error = (line[col as usize] - (plane + offsets[(col - run) as usize])).abs();
                 if error > worst.error {
                     let [col, row] = [col as u32, row as u32].map(|at| at << level.shift);
-                    worst = Worst { error, at: Local::new(col, row) };
+                    worst = WorstSample { error, at: TilePosition::new(col, row) };
                 }
             }
         }

@@ -3,11 +3,11 @@
 
 use std::arch::x86_64::*;
 
-use super::scalar::{LANES, Scan, Worst, run_of};
-use crate::facet::{Edges, Facet, SLACK, Side};
-use crate::field::Level;
-use crate::local::Local;
-use crate::measure::Triangle;
+use super::scalar::{LANES, Scan, WorstSample, run_of};
+use crate::facet::{EdgeSide, PlaneFacet, RowBounds, SLACK};
+use crate::field::FieldLevel;
+use crate::local::TilePosition;
+use crate::measure::MeasuredTriangle;
 
 /// Rows whose ends are computed together.
 const ROWS: usize = 8;
@@ -24,17 +24,17 @@ pub(super) fn available() -> Vec<(&'static str, Scan)> {
     kernels
 }
 
-fn scan_avx512(level: &Level<'_>, facet: &Facet) -> Worst {
+fn scan_avx512(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     // SAFETY: listed by `available` only where AVX-512F and DQ were detected.
     unsafe { avx512(level, facet) }
 }
 
-fn scan_avx2(level: &Level<'_>, facet: &Facet) -> Worst {
+fn scan_avx2(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     // SAFETY: listed by `available` only where AVX2 was detected.
     unsafe { avx2(level, facet) }
 }
 
-pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
+pub(super) fn measured(triangle: &MeasuredTriangle<'_>) -> Option<(f32, f32)> {
     if !is_x86_feature_detected!("avx2") {
         return None;
     }
@@ -43,34 +43,34 @@ pub(super) fn measured(triangle: &Triangle<'_>) -> Option<(f32, f32)> {
 }
 
 #[target_feature(enable = "avx2")]
-fn measured_avx2(triangle: &Triangle<'_>) -> (f32, f32) {
+fn measured_avx2(triangle: &MeasuredTriangle<'_>) -> (f32, f32) {
     triangle.measured()
 }
 
 /// Edges as bounds without a branch: an edge that does not bound a side is moved to infinity there.
 #[inline(always)]
-fn bounds(edges: &Edges, shrink: f64) -> [[f64; 3]; 4] {
-    let pick = |side: Side, far: f64| -> ([f64; 3], [f64; 3]) {
+fn bounds(edges: &RowBounds, shrink: f64) -> [[f64; 3]; 4] {
+    let pick = |side: EdgeSide, far: f64| -> ([f64; 3], [f64; 3]) {
         let is = |edge: usize| edges.sides[edge] == side;
         let offset = |edge| if is(edge) { edges.offsets[edge] * shrink } else { far };
         let slope = |edge| if is(edge) { edges.slopes[edge] } else { 0.0 };
         (std::array::from_fn(offset), std::array::from_fn(slope))
     };
-    let (left, left_slopes) = pick(Side::Left, f64::NEG_INFINITY);
-    let (right, right_slopes) = pick(Side::Right, f64::INFINITY);
+    let (left, left_slopes) = pick(EdgeSide::Left, f64::NEG_INFINITY);
+    let (right, right_slopes) = pick(EdgeSide::Right, f64::INFINITY);
     [left, left_slopes, right, right_slopes]
 }
 
 /// A row's offset into the level's heights plus its first column, and whether the run of lanes
 /// from there stays inside the slice.
 #[inline(always)]
-fn run_pointer(level: &Level<'_>, row: i32, run: i32) -> *const f32 {
+fn run_pointer(level: &FieldLevel<'_>, row: i32, run: i32) -> *const f32 {
     let at = row as usize * level.pitch + run as usize;
     level.heights[at..at + LANES].as_ptr()
 }
 
 #[target_feature(enable = "avx512f,avx512dq")]
-fn avx512(level: &Level<'_>, facet: &Facet) -> Worst {
+fn avx512(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let [left, right] = facet.column_range(level);
     if right - left < LANES as i32 { narrow(level, facet) } else { wide(level, facet) }
 }
@@ -79,7 +79,7 @@ fn avx512(level: &Level<'_>, facet: &Facet) -> Worst {
 /// functions, exact in `i32` (coordinates are below 2^14).
 #[inline]
 #[target_feature(enable = "avx512f,avx512dq")]
-fn narrow(level: &Level<'_>, facet: &Facet) -> Worst {
+fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = 1_i32 << level.shift;
     let (gx, gy) = (facet.gx * f64::from(stride), facet.gy * f64::from(stride));
     let offsets = lane_offsets(gx);
@@ -128,7 +128,7 @@ fn narrow(level: &Level<'_>, facet: &Facet) -> Worst {
 }
 
 #[target_feature(enable = "avx512f,avx512dq")]
-fn wide(level: &Level<'_>, facet: &Facet) -> Worst {
+fn wide(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
     let [left, left_slopes, right, right_slopes] = bounds(&facet.edges(), 1.0 / stride);
@@ -203,18 +203,18 @@ fn lane_offsets(gx: f64) -> __m512 {
 
 /// `lowest` is `row << 16 | column` in decimated units.
 #[inline(always)]
-fn worst(level: &Level<'_>, error: f32, lowest: i32) -> Worst {
+fn worst(level: &FieldLevel<'_>, error: f32, lowest: i32) -> WorstSample {
     if error == 0.0 {
-        return Worst { error, at: Local::new(0, 0) };
+        return WorstSample { error, at: TilePosition::new(0, 0) };
     }
     let (col, row) = (lowest as u32 & 0xffff, lowest as u32 >> 16);
-    Worst { error, at: Local::new(col << level.shift, row << level.shift) }
+    WorstSample { error, at: TilePosition::new(col << level.shift, row << level.shift) }
 }
 
 /// As [`narrow`], for triangles of at most eight columns.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn narrow8(level: &Level<'_>, facet: &Facet) -> Worst {
+fn narrow8(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = 1_i32 << level.shift;
     let (gx, gy) = (facet.gx * f64::from(stride), facet.gy * f64::from(stride));
     let ([left, right], [first, last]) = (facet.column_range(level), facet.row_range(level));
@@ -278,13 +278,13 @@ fn narrow8(level: &Level<'_>, facet: &Facet) -> Worst {
 }
 
 #[target_feature(enable = "avx2")]
-fn avx2(level: &Level<'_>, facet: &Facet) -> Worst {
+fn avx2(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let [left, right] = facet.column_range(level);
     if right - left < 8 { narrow8(level, facet) } else { wide8(level, facet) }
 }
 
 #[target_feature(enable = "avx2")]
-fn wide8(level: &Level<'_>, facet: &Facet) -> Worst {
+fn wide8(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     let stride = f64::from(1_u32 << level.shift);
     let (gx, gy) = (facet.gx * stride, facet.gy * stride);
     let [left, left_slopes, right, right_slopes] = bounds(&facet.edges(), 1.0 / stride);
@@ -331,7 +331,7 @@ fn wide8(level: &Level<'_>, facet: &Facet) -> Worst {
 }
 
 #[target_feature(enable = "avx2")]
-fn reduce_avx2(level: &Level<'_>, errors: [__m256; 2], places: [__m256i; 2]) -> Worst {
+fn reduce_avx2(level: &FieldLevel<'_>, errors: [__m256; 2], places: [__m256i; 2]) -> WorstSample {
     let (mut values, mut at) = ([0.0_f32; LANES], [0_i32; LANES]);
     for half in 0..2 {
         // SAFETY: each array holds sixteen lanes, written eight at a time.

@@ -1,7 +1,7 @@
 //! In which of some triangles a point lies.
 
-use super::mesh::Mesh;
-use super::search::{Search, from};
+use super::mesh::ScatterMesh;
+use super::search::{ScatterSearch, from};
 use terrane_base::geom::Point;
 use terrane_delaunay::orient;
 
@@ -43,16 +43,17 @@ pub(super) struct Spoke {
     end: [i32; 2],
     pub(super) triangle: u32,
     /// In a triangle that is no ghost.
-    pub(super) search: Option<Search>,
+    pub(super) search: Option<ScatterSearch>,
 }
 
 impl Fan {
     /// Turns to the vertex that was inserted last.
-    pub(super) fn turn_to(&mut self, mesh: &Mesh, centre: Point) {
+    pub(super) fn turn_to(&mut self, mesh: &ScatterMesh, centre: Point) {
         let spoke = |&triangle: &u32| {
             let corners = mesh.triangles()[triangle as usize].corners;
             let end = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
-            let search = mesh.corners(triangle).map(|corners| Search::new(triangle, corners));
+            let search =
+                mesh.corners(triangle).map(|corners| ScatterSearch::new(triangle, corners));
             Spoke { end, triangle, search }
         };
         self.centre = [centre.x, centre.y];
@@ -65,7 +66,7 @@ impl Fan {
 
     /// The search in the triangle that a point of the old ones lies in; `None` for the centre itself.
     #[inline(always)]
-    pub(super) fn search_of(&mut self, point: Point) -> Option<&mut Search> {
+    pub(super) fn search_of(&mut self, point: Point) -> Option<&mut ScatterSearch> {
         let point = [point.x, point.y];
         // Points that are near each other in the list are mostly in one triangle.
         if !self.is_in(self.last, point) {

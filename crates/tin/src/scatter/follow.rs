@@ -1,6 +1,6 @@
 //! Lines over a cloud: paths of steps of its frame along which edges of the mesh run.
 //!
-//! A line from one position to another is followed by a [`Segment`]'s path on the lattice of the frame, as over the
+//! A line from one position to another is followed by a [`SampleSegment`]'s path on the lattice of the frame, as over the
 //! samples of a grid: from each vertex on it an edge has to go on to one further along it. Where none does, a *post*
 //! between two neighbouring vertices of the path becomes a vertex; nothing is forced, so the mesh stays the Delaunay
 //! triangulation of its vertices. It ends because a step of a path is an edge of every triangulation that has both of
@@ -13,17 +13,17 @@
 
 use std::ops::RangeInclusive;
 
-use super::mesh::{GHOST, Mesh, NONE};
-use terrane_base::geom::Segment;
+use super::mesh::{GHOST, NONE, ScatterMesh};
+use terrane_base::geom::SampleSegment;
 use terrane_delaunay::orient;
 
 type Site = [i32; 2];
 
 /// A part of a line: the steps of its path in a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Course {
+pub struct PathCourse {
     /// The line.
-    pub segment: Segment,
+    pub segment: SampleSegment,
     /// First step in the rectangle.
     pub from: u64,
     /// Last step there.
@@ -34,7 +34,7 @@ pub struct Course {
     pub last: u64,
 }
 
-impl Course {
+impl PathCourse {
     /// After how many steps this part of the path comes to a position, if it does.
     fn step_of(&self, at: Site) -> Option<u64> {
         let step = self.segment.step_of(at.map(i64::from))?;
@@ -49,7 +49,7 @@ impl Course {
 /// The courses of a rectangle, found by position.
 #[derive(Debug)]
 pub struct Courses {
-    all: Vec<Course>,
+    all: Vec<PathCourse>,
     low: [i64; 2],
     /// Side of a bin, bins across and down.
     side: i64,
@@ -61,7 +61,7 @@ pub struct Courses {
 
 /// What a mesh lacks.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Gaps {
+pub struct MissingEdges {
     /// Positions that should become vertices, sorted, each once.
     pub posts: Vec<Site>,
     /// Vertices from which no edge goes on and after which none can be put.
@@ -70,7 +70,7 @@ pub struct Gaps {
 
 /// A vertex on a course.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Stop {
+struct CourseVertex {
     course: u32,
     step: u64,
     vertex: u32,
@@ -80,11 +80,12 @@ impl Courses {
     /// Most bins along a side.
     const MOST: usize = 64;
     /// About the bytes for a course and what is listed of it.
-    pub const BYTES: u64 = size_of::<Course>() as u64 + 4 * 2 * Self::MOST as u64;
+    pub const BYTES: u64 = size_of::<PathCourse>() as u64 + 4 * 2 * Self::MOST as u64;
 
     /// Those of a list. Bins divide the rectangle of all of them, so that few share one however near they are.
-    pub fn new(all: Vec<Course>) -> Self {
-        let ends = |course: &Course| [course.from, course.to].map(|step| course.segment.at(step));
+    pub fn new(all: Vec<PathCourse>) -> Self {
+        let ends =
+            |course: &PathCourse| [course.from, course.to].map(|step| course.segment.at(step));
         let first = all.first().map_or([0; 2], |course| ends(course)[0]);
         let (mut low, mut high) = (first, first);
         for end in all.iter().flat_map(ends) {
@@ -120,7 +121,7 @@ impl Courses {
     }
 
     /// The bins that a course passes, row by row.
-    fn each_bin(&self, course: &Course, mut each: impl FnMut(u32)) {
+    fn each_bin(&self, course: &PathCourse, mut each: impl FnMut(u32)) {
         let [first, last] =
             [course.from, course.to].map(|step| self.bin_of(course.segment.at(step)));
         let (west, east) = (first[0].min(last[0]), first[0].max(last[0]));
@@ -173,10 +174,10 @@ impl Courses {
     }
 
     /// Looks for vertices on courses from which no edge goes on. A post goes where it `may` be.
-    pub fn gaps(&self, mesh: &Mesh, may: impl Fn(Site) -> bool) -> Gaps {
+    pub fn gaps(&self, mesh: &ScatterMesh, may: impl Fn(Site) -> bool) -> MissingEdges {
         let stops = self.stops(mesh);
         let triangles = triangles(mesh);
-        let mut gaps = Gaps::default();
+        let mut gaps = MissingEdges::default();
         for (i, stop) in stops.iter().enumerate() {
             let course = &self.all[stop.course as usize];
             if stop.step == course.last || goes_on(mesh, &triangles, stop, course) {
@@ -199,11 +200,11 @@ impl Courses {
     }
 
     /// The vertices on courses, course by course and along it.
-    fn stops(&self, mesh: &Mesh) -> Vec<Stop> {
+    fn stops(&self, mesh: &ScatterMesh) -> Vec<CourseVertex> {
         let mut stops = Vec::new();
         for (vertex, point) in (0..).zip(mesh.points()) {
             let on = self.at([point.x, point.y]);
-            stops.extend(on.map(|(course, step)| Stop { course, step, vertex }));
+            stops.extend(on.map(|(course, step)| CourseVertex { course, step, vertex }));
         }
         stops.sort_unstable();
         stops
@@ -219,7 +220,7 @@ fn nearest(aim: u64, steps: RangeInclusive<u64>, holds: impl Fn(u64) -> bool) ->
 }
 
 /// By vertex: a triangle that has it.
-fn triangles(mesh: &Mesh) -> Vec<u32> {
+fn triangles(mesh: &ScatterMesh) -> Vec<u32> {
     let mut triangles = vec![NONE; mesh.points().len()];
     for (number, triangle) in (0..).zip(mesh.triangles()) {
         for corner in triangle.corners.into_iter().filter(|&corner| corner != GHOST) {
@@ -230,7 +231,7 @@ fn triangles(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// The triangles around a vertex, each with the place of the vertex in it.
-fn around(mesh: &Mesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
+fn around(mesh: &ScatterMesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, usize)> + '_ {
     let place = move |triangle: u32| {
         let corners = mesh.triangles()[triangle as usize].corners;
         (triangle, corners.iter().position(|&corner| corner == vertex).unwrap_or(0))
@@ -242,7 +243,12 @@ fn around(mesh: &Mesh, first: u32, vertex: u32) -> impl Iterator<Item = (u32, us
     std::iter::successors(Some(place(first)), turn)
 }
 
-fn goes_on(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course) -> bool {
+fn goes_on(
+    mesh: &ScatterMesh,
+    triangles: &[u32],
+    stop: &CourseVertex,
+    course: &PathCourse,
+) -> bool {
     let mut all = around(mesh, triangles[stop.vertex as usize], stop.vertex);
     all.any(|(triangle, k)| {
         let beside = mesh.triangles()[triangle as usize].corners[(k + 1) % 3];
@@ -253,7 +259,13 @@ fn goes_on(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course) -> bool
 }
 
 /// The step where a post between a stop and the next is wanted.
-fn aim(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course, next: u64) -> u64 {
+fn aim(
+    mesh: &ScatterMesh,
+    triangles: &[u32],
+    stop: &CourseVertex,
+    course: &PathCourse,
+    next: u64,
+) -> u64 {
     let (a, b) = (course.site(stop.step), course.site(next));
     let [first, last] = [0, course.segment.steps()].map(|step| course.segment.at(step));
     let [dx, dy] = [0, 1].map(|axis| (last[axis] - first[axis]) as f64);
@@ -271,7 +283,7 @@ fn aim(mesh: &Mesh, triangles: &[u32], stop: &Stop, course: &Course, next: u64) 
 
 /// The distances, from both ends of a missing edge, of the vertex that sees it under the widest angle, of those of all
 /// triangles that the edge would pass; `None` where that is no more than a right angle.
-fn in_the_way(mesh: &Mesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
+fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
     let mut widest = Widest { ends: [a, b], cosine: 0.0, far: None };
     let site = |v: u32| mesh.points().get(v as usize).map(|p| [p.x, p.y]);
     let begin = around(mesh, first, vertex).find_map(|(triangle, k)| {
@@ -321,8 +333,9 @@ impl Widest {
 }
 
 /// A position of two paths near which their straight lines cross.
-fn crossing(a: &Course, b: &Course) -> Option<Site> {
-    let ends = |course: &Course| [0, course.segment.steps()].map(|step| course.segment.at(step));
+fn crossing(a: &PathCourse, b: &PathCourse) -> Option<Site> {
+    let ends =
+        |course: &PathCourse| [0, course.segment.steps()].map(|step| course.segment.at(step));
     let ([p, q], [r, s]) = (ends(a), ends(b));
     let turn = |o: [i64; 2], u: [i64; 2], v: [i64; 2]| {
         let d = |p: i64, q: i64| i128::from(p - q);

@@ -8,14 +8,14 @@
 use std::collections::BinaryHeap;
 
 use super::fan::{Fan, Sides, Spoke};
-use super::mesh::{Mesh, NONE, Place};
-use super::search::{Candidate, Plane, Search, rounded_up};
+use super::mesh::{NONE, PointLocation, ScatterMesh};
+use super::search::{ScatterCandidate, ScatterPlane, ScatterSearch, rounded_up};
 use terrane_base::geom::Point;
 
 /// The points of a region over a mesh that is to fit them.
 #[derive(Debug)]
 pub struct Fit<'a> {
-    mesh: &'a mut Mesh,
+    mesh: &'a mut ScatterMesh,
     points: &'a [Point],
     /// In steps of z.
     tolerance: f64,
@@ -23,8 +23,8 @@ pub struct Fit<'a> {
     heads: Vec<u32>,
     nexts: Vec<u32>,
     /// By triangle.
-    worst: Vec<Candidate>,
-    queue: BinaryHeap<Candidate>,
+    worst: Vec<ScatterCandidate>,
+    queue: BinaryHeap<ScatterCandidate>,
     fan: Fan,
 }
 
@@ -32,7 +32,7 @@ impl<'a> Fit<'a> {
     /// Lists `points` with the triangles of `mesh` they lie in. Points at a vertex or beyond the hull
     /// are left out; of those at one position only the first counts. Points that are near each other
     /// in the list are found fastest.
-    pub fn new(mesh: &'a mut Mesh, points: &'a [Point], tolerance: f64) -> Self {
+    pub fn new(mesh: &'a mut ScatterMesh, points: &'a [Point], tolerance: f64) -> Self {
         let triangles = mesh.triangles().len();
         let mut fit = Self {
             mesh,
@@ -40,7 +40,7 @@ impl<'a> Fit<'a> {
             tolerance,
             heads: vec![NONE; triangles],
             nexts: vec![NONE; points.len()],
-            worst: vec![Candidate::NOBODY; triangles],
+            worst: vec![ScatterCandidate::NOBODY; triangles],
             queue: BinaryHeap::new(),
             fan: Fan::default(),
         };
@@ -56,7 +56,9 @@ impl<'a> Fit<'a> {
             let triangle = match &last {
                 Some((triangle, sides)) if sides.hold(point) => *triangle,
                 _ => {
-                    let Place::Triangle(triangle) = self.mesh.locate(point) else { continue };
+                    let PointLocation::Triangle(triangle) = self.mesh.locate(point) else {
+                        continue;
+                    };
                     last = self.mesh.corners(triangle).map(|c| (triangle, Sides::new(c)));
                     if last.is_none() {
                         continue;
@@ -84,7 +86,7 @@ impl<'a> Fit<'a> {
         let (mut most, mut squares) = (0.0_f64, 0.0);
         for triangle in 0..self.mesh.triangles().len() as u32 {
             let Some(corners) = self.mesh.corners(triangle) else { continue };
-            let plane = Plane::new(corners);
+            let plane = ScatterPlane::new(corners);
             let mut point = self.heads[triangle as usize];
             while point != NONE {
                 let distance = plane.distance(self.points[point as usize]);
@@ -115,7 +117,7 @@ impl<'a> Fit<'a> {
     fn insert(&mut self, point: Point, triangle: u32) {
         self.mesh.insert_at(point, triangle);
         self.heads.resize(self.mesh.triangles().len(), NONE);
-        self.worst.resize(self.mesh.triangles().len(), Candidate::NOBODY);
+        self.worst.resize(self.mesh.triangles().len(), ScatterCandidate::NOBODY);
         self.fan.turn_to(self.mesh, point);
         let take = |&triangle: &u32| std::mem::replace(&mut self.heads[triangle as usize], NONE);
         let lists: Vec<u32> = self.mesh.removed().iter().map(take).collect();
@@ -141,7 +143,7 @@ impl<'a> Fit<'a> {
     /// Finds a triangle's candidate among its points.
     fn elect(&mut self, triangle: u32) {
         let worst = self.mesh.corners(triangle).map(|corners| {
-            let mut search = Search::new(triangle, corners);
+            let mut search = ScatterSearch::new(triangle, corners);
             let mut number = self.heads[triangle as usize];
             while number != NONE {
                 search.see(number, self.points[number as usize], self.tolerance);
@@ -153,9 +155,9 @@ impl<'a> Fit<'a> {
     }
 
     /// Queues a triangle's candidate, where there is one.
-    fn put(&mut self, triangle: u32, worst: Option<Candidate>) {
+    fn put(&mut self, triangle: u32, worst: Option<ScatterCandidate>) {
         let worst = worst.filter(|worst| worst.point != NONE);
-        self.worst[triangle as usize] = worst.unwrap_or(Candidate::NOBODY);
+        self.worst[triangle as usize] = worst.unwrap_or(ScatterCandidate::NOBODY);
         self.queue.extend(worst);
     }
 }
@@ -179,9 +181,9 @@ pub(super) mod tests {
 
     /// A mesh of the corners of the hull, so that some points lie on its edges; none where all are on a
     /// line.
-    pub(in super::super) fn hull_of(points: &[Point]) -> Option<Mesh> {
-        let hull = terrane_delaunay::Hull::of(points.to_vec());
-        let mesh = Mesh::of_first(&hull.corners());
+    pub(in super::super) fn hull_of(points: &[Point]) -> Option<ScatterMesh> {
+        let hull = terrane_delaunay::ConvexHull::of(points.to_vec());
+        let mesh = ScatterMesh::of_first(&hull.corners());
         assert_eq!(mesh.is_none(), hull.is_flat());
         let mut mesh = mesh?;
         for corner in hull.corners() {
@@ -191,7 +193,7 @@ pub(super) mod tests {
     }
 
     /// The largest distance of any point from the mesh that covers it, by looking at all triangles.
-    fn worst(mesh: &Mesh, points: &[Point]) -> f64 {
+    fn worst(mesh: &ScatterMesh, points: &[Point]) -> f64 {
         let all: Vec<_> =
             (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
         let at = |p: Point| [p.x, p.y];
@@ -200,13 +202,13 @@ pub(super) mod tests {
         };
         let distance = |p: &Point| {
             let covering = all.iter().filter(|t| covers(t, *p));
-            covering.map(|t| Plane::new(*t).distance(*p)).fold(0.0, f64::max)
+            covering.map(|t| ScatterPlane::new(*t).distance(*p)).fold(0.0, f64::max)
         };
         points.iter().map(distance).fold(0.0, f64::max)
     }
 
     /// The squares of all distances, each by the first triangle that covers the point.
-    fn sum_of_squares(mesh: &Mesh, points: &[Point]) -> f64 {
+    fn sum_of_squares(mesh: &ScatterMesh, points: &[Point]) -> f64 {
         let all: Vec<_> =
             (0..mesh.triangles().len() as u32).filter_map(|t| mesh.corners(t)).collect();
         let at = |p: Point| [p.x, p.y];
@@ -214,7 +216,7 @@ pub(super) mod tests {
             [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(at(**a), at(**b), at(p)) >= 0)
         };
         let square = |p: &Point| {
-            all.iter().find(|t| covers(t, *p)).map(|t| Plane::new(*t).distance(*p).powi(2))
+            all.iter().find(|t| covers(t, *p)).map(|t| ScatterPlane::new(*t).distance(*p).powi(2))
         };
         points.iter().filter_map(square).sum()
     }
@@ -256,15 +258,15 @@ pub(super) mod tests {
                 }
                 for triangle in 0..fit.mesh.triangles().len() as u32 {
                     let Some(corners) = fit.mesh.corners(triangle) else { continue };
-                    let mut furthest = Candidate::NOBODY;
+                    let mut furthest = ScatterCandidate::NOBODY;
                     let mut point = fit.heads[triangle as usize];
                     while point != NONE {
-                        let distance = Plane::new(corners).distance(points[point as usize]);
-                        furthest = furthest.max(Candidate { distance, point, triangle });
+                        let distance = ScatterPlane::new(corners).distance(points[point as usize]);
+                        furthest = furthest.max(ScatterCandidate { distance, point, triangle });
                         point = fit.nexts[point as usize];
                     }
                     let is_open = furthest.point != NONE && exceeds(corners, points[furthest.point as usize], 0.5);
-                    let expected = if is_open { furthest } else { Candidate::NOBODY };
+                    let expected = if is_open { furthest } else { ScatterCandidate::NOBODY };
                     prop_assert_eq!(fit.worst[triangle as usize], expected);
                 }
                 prop_assert_eq!(listed + fit.mesh.points().len(), points.len());
@@ -291,7 +293,7 @@ pub(super) mod tests {
     fn a_distance_is_beyond_the_number_before_it_and_never_told_too_small() {
         let corners = [[0, 0], [90, 0], [0, 90]].map(|[x, y]| Point::new(x, y, 0));
         let points = [Point::new(20, 20, 7)];
-        let mut mesh = Mesh::new(corners).unwrap();
+        let mut mesh = ScatterMesh::new(corners).unwrap();
         assert!(Fit::new(&mut mesh, &points, 7.0_f64.next_down()).is_open());
         for (z, x) in (1..40).flat_map(|z| (1..40).map(move |x| (z, x))) {
             let corners = [[0, 0, 0], [61, 0, z], [0, 59, 3]].map(|[x, y, z]| Point::new(x, y, z));
@@ -312,7 +314,7 @@ pub(super) mod tests {
             let points = [[20, 20, far], [40, 13, far - 1], [0, 45, 0]];
             let points = points.map(|[x, y, z]| Point::new(x, y, z));
             let open = |tolerance: f64| {
-                let mut mesh = Mesh::new(corners).unwrap();
+                let mut mesh = ScatterMesh::new(corners).unwrap();
                 Fit::new(&mut mesh, &points, tolerance).run().len()
             };
             let furthest = f64::from(points[0].z.abs().max(points[1].z.abs()));

@@ -15,7 +15,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// A triangle: corners counter-clockwise, and the neighbour across from each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Triangle {
+pub struct ScatterTriangle {
     /// Vertices, one of which may be [`GHOST`].
     pub corners: [u32; 3],
     /// Triangles across from each corner.
@@ -24,7 +24,7 @@ pub struct Triangle {
 
 /// Where a point was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum PointLocation {
     /// In or on the rim of a triangle, or beyond the hull edge of a ghost.
     Triangle(u32),
     /// At a vertex.
@@ -33,7 +33,7 @@ pub enum Place {
 
 /// An edge of a hole, counter-clockwise around it, and the triangle beyond.
 #[derive(Clone, Copy, Debug)]
-struct Rim {
+struct HoleEdge {
     from: u32,
     to: u32,
     beyond: u32,
@@ -41,16 +41,16 @@ struct Rim {
 
 /// A triangulation of at least three points that are not all on a line.
 #[derive(Debug)]
-pub struct Mesh {
+pub struct ScatterMesh {
     points: Vec<Point>,
-    triangles: Vec<Triangle>,
+    triangles: Vec<ScatterTriangle>,
     /// A triangle near the last insertion.
     last: u32,
     /// Triangles that the last insertion removed, and those that took their place, in the order of
     /// the fan.
     removed: Vec<u32>,
     fan: Vec<u32>,
-    rim: Vec<Rim>,
+    rim: Vec<HoleEdge>,
     /// By triangle: the insertion that last removed it.
     stamp: Vec<u32>,
     /// By vertex (that at infinity first): the triangle of the fan that begins there.
@@ -61,7 +61,7 @@ fn at(point: Point) -> [i32; 2] {
     [point.x, point.y]
 }
 
-impl Mesh {
+impl ScatterMesh {
     /// The triangulation of three points; `None` when they are on a line.
     pub fn new(corners: [Point; 3]) -> Option<Self> {
         let turn = orient(at(corners[0]), at(corners[1]), at(corners[2]));
@@ -70,8 +70,8 @@ impl Mesh {
             _ if turn > 0 => corners.to_vec(),
             _ => vec![corners[0], corners[2], corners[1]],
         };
-        let inner = Triangle { corners: [0, 1, 2], twins: [1, 2, 3] };
-        let ghost = |from, to, twins| Triangle { corners: [from, to, GHOST], twins };
+        let inner = ScatterTriangle { corners: [0, 1, 2], twins: [1, 2, 3] };
+        let ghost = |from, to, twins| ScatterTriangle { corners: [from, to, GHOST], twins };
         let ghosts = [ghost(2, 1, [3, 2, 0]), ghost(0, 2, [1, 3, 0]), ghost(1, 0, [2, 1, 0])];
         Some(Self {
             points,
@@ -99,7 +99,7 @@ impl Mesh {
     }
 
     /// All triangles, ghosts among them.
-    pub fn triangles(&self) -> &[Triangle] {
+    pub fn triangles(&self) -> &[ScatterTriangle] {
         &self.triangles
     }
 
@@ -117,26 +117,26 @@ impl Mesh {
     /// The corners of a triangle; `None` for a ghost.
     #[inline]
     pub fn corners(&self, triangle: u32) -> Option<[Point; 3]> {
-        let Triangle { corners, .. } = self.triangles[triangle as usize];
+        let ScatterTriangle { corners, .. } = self.triangles[triangle as usize];
         (!corners.contains(&GHOST)).then(|| corners.map(|v| self.points[v as usize]))
     }
 
     /// The ends of a ghost's hull edge; the outside is on its left.
     #[inline]
     pub fn hull_edge(&self, triangle: u32) -> Option<[Point; 2]> {
-        let Triangle { corners, .. } = self.triangles[triangle as usize];
+        let ScatterTriangle { corners, .. } = self.triangles[triangle as usize];
         let i = corners.iter().position(|&v| v == GHOST)?;
         Some([1, 2].map(|k| self.points[corners[(i + k) % 3] as usize]))
     }
 
     /// Finds a point by a walk from the last place. Expected time grows with the distance walked.
-    pub fn locate(&mut self, point: Point) -> Place {
+    pub fn locate(&mut self, point: Point) -> PointLocation {
         let mut now = self.inner(self.last);
         loop {
-            let Triangle { corners, twins } = self.triangles[now as usize];
+            let ScatterTriangle { corners, twins } = self.triangles[now as usize];
             let Some(points) = self.corners(now) else { break };
             if let Some(k) = points.iter().position(|&v| at(v) == at(point)) {
-                return Place::Vertex(corners[k]);
+                return PointLocation::Vertex(corners[k]);
             }
             let beyond = |&k: &usize| {
                 orient(at(points[(k + 1) % 3]), at(points[(k + 2) % 3]), at(point)) < 0
@@ -147,20 +147,20 @@ impl Mesh {
             }
         }
         self.last = now;
-        Place::Triangle(now)
+        PointLocation::Triangle(now)
     }
 
     /// The triangle itself, or the one behind a ghost.
     fn inner(&self, triangle: u32) -> u32 {
-        let Triangle { corners, twins } = self.triangles[triangle as usize];
+        let ScatterTriangle { corners, twins } = self.triangles[triangle as usize];
         corners.iter().position(|&v| v == GHOST).map_or(triangle, |i| twins[i])
     }
 
     /// Inserts a point; gives the vertex, or `None` when there is one at its position.
     pub fn insert(&mut self, point: Point) -> Option<u32> {
         match self.locate(point) {
-            Place::Vertex(_) => None,
-            Place::Triangle(triangle) => Some(self.insert_at(point, triangle)),
+            PointLocation::Vertex(_) => None,
+            PointLocation::Triangle(triangle) => Some(self.insert_at(point, triangle)),
         }
     }
 
@@ -183,7 +183,7 @@ impl Mesh {
         let mut done = 0;
         while let Some(&now) = self.removed.get(done) {
             done += 1;
-            let Triangle { corners, twins } = self.triangles[now as usize];
+            let ScatterTriangle { corners, twins } = self.triangles[now as usize];
             for k in 0..3 {
                 let beyond = twins[k];
                 if self.stamp[beyond as usize] == stamp {
@@ -194,7 +194,7 @@ impl Mesh {
                     self.removed.push(beyond);
                 } else {
                     let (from, to) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
-                    self.rim.push(Rim { from, to, beyond });
+                    self.rim.push(HoleEdge { from, to, beyond });
                 }
             }
         }
@@ -215,10 +215,10 @@ impl Mesh {
     fn fill_hole(&mut self, vertex: u32) {
         self.fan.clear();
         for i in 0..self.rim.len() {
-            let Rim { from, to, beyond } = self.rim[i];
+            let HoleEdge { from, to, beyond } = self.rim[i];
             let slot = self.slot(i);
             self.triangles[slot as usize] =
-                Triangle { corners: [from, to, vertex], twins: [NONE, NONE, beyond] };
+                ScatterTriangle { corners: [from, to, vertex], twins: [NONE, NONE, beyond] };
             self.spoke[spoke(from)] = slot;
             self.turn_to(beyond, [to, from], slot);
         }
@@ -242,14 +242,14 @@ impl Mesh {
         if let Some(&old) = self.removed.get(i) {
             return old;
         }
-        self.triangles.push(Triangle { corners: [NONE; 3], twins: [NONE; 3] });
+        self.triangles.push(ScatterTriangle { corners: [NONE; 3], twins: [NONE; 3] });
         self.stamp.push(0);
         self.triangles.len() as u32 - 1
     }
 
     /// Makes `twin` the neighbour of a triangle across its directed edge.
     fn turn_to(&mut self, triangle: u32, edge: [u32; 2], twin: u32) {
-        let Triangle { corners, twins } = &mut self.triangles[triangle as usize];
+        let ScatterTriangle { corners, twins } = &mut self.triangles[triangle as usize];
         for k in 0..3 {
             if [corners[(k + 1) % 3], corners[(k + 2) % 3]] == edge {
                 twins[k] = twin;
@@ -269,7 +269,7 @@ pub(super) mod tests {
     use proptest::prelude::*;
 
     /// Fails unless the mesh is closed, counter-clockwise, and Delaunay at every edge.
-    pub(in super::super) fn validate(mesh: &Mesh) {
+    pub(in super::super) fn validate(mesh: &ScatterMesh) {
         for (i, triangle) in mesh.triangles.iter().enumerate() {
             for k in 0..3 {
                 let twin = mesh.triangles[triangle.twins[k] as usize];
@@ -290,9 +290,9 @@ pub(super) mod tests {
     }
 
     /// The mesh of points in their order; none where all are on a line.
-    fn mesh_of(points: &[Point]) -> Option<Mesh> {
-        let first = Mesh::of_first(points);
-        assert_eq!(first.is_none(), terrane_delaunay::Hull::of(points.to_vec()).is_flat());
+    fn mesh_of(points: &[Point]) -> Option<ScatterMesh> {
+        let first = ScatterMesh::of_first(points);
+        assert_eq!(first.is_none(), terrane_delaunay::ConvexHull::of(points.to_vec()).is_flat());
         let mut mesh = first?;
         points.iter().for_each(|&p| {
             mesh.insert(p);
@@ -300,7 +300,7 @@ pub(super) mod tests {
         Some(mesh)
     }
 
-    fn sorted(mesh: &Mesh) -> Vec<[Point; 3]> {
+    fn sorted(mesh: &ScatterMesh) -> Vec<[Point; 3]> {
         let turned = |mut t: [Point; 3]| {
             let least = (0..3).min_by_key(|&k| t[k]).unwrap();
             t.rotate_left(least);

@@ -6,7 +6,7 @@ mod greedy;
 mod mesh;
 mod search;
 
-pub use follow::{Course, Courses, Gaps};
+pub use follow::{Courses, MissingEdges, PathCourse};
 pub use greedy::Fit;
-pub use mesh::{GHOST, Mesh, Place, Triangle};
+pub use mesh::{GHOST, PointLocation, ScatterMesh, ScatterTriangle};
 pub use search::exceeds;

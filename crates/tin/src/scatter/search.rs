@@ -7,19 +7,19 @@ use terrane_base::geom::Point;
 
 /// A triangle's point with the largest distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Candidate {
+pub(super) struct ScatterCandidate {
     pub(super) distance: f64,
     pub(super) point: u32,
     pub(super) triangle: u32,
 }
 
-impl Candidate {
+impl ScatterCandidate {
     pub(super) const NOBODY: Self = Self { distance: -1.0, point: NONE, triangle: NONE };
 }
 
-impl Eq for Candidate {}
+impl Eq for ScatterCandidate {}
 
-impl Ord for Candidate {
+impl Ord for ScatterCandidate {
     /// The largest distance first, then the lowest point.
     fn cmp(&self, other: &Self) -> Ordering {
         let by_point = || other.point.cmp(&self.point).then(self.triangle.cmp(&other.triangle));
@@ -27,7 +27,7 @@ impl Ord for Candidate {
     }
 }
 
-impl PartialOrd for Candidate {
+impl PartialOrd for ScatterCandidate {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
@@ -35,17 +35,17 @@ impl PartialOrd for Candidate {
 
 /// The search for a triangle's candidate.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Search {
+pub(super) struct ScatterSearch {
     pub(super) corners: [Point; 3],
-    plane: Plane,
+    plane: ScatterPlane,
     /// So far.
-    pub(super) worst: Candidate,
+    pub(super) worst: ScatterCandidate,
 }
 
-impl Search {
+impl ScatterSearch {
     pub(super) fn new(triangle: u32, corners: [Point; 3]) -> Self {
-        let worst = Candidate { triangle, ..Candidate::NOBODY };
-        Self { corners, plane: Plane::new(corners), worst }
+        let worst = ScatterCandidate { triangle, ..ScatterCandidate::NOBODY };
+        Self { corners, plane: ScatterPlane::new(corners), worst }
     }
 
     /// Looks at a point of the triangle: it counts where it is beyond the tolerance.
@@ -57,7 +57,7 @@ impl Search {
         if distance < self.worst.distance || distance <= tolerance - doubt {
             return;
         }
-        let found = Candidate { distance, point: number, ..self.worst };
+        let found = ScatterCandidate { distance, point: number, ..self.worst };
         if found > self.worst {
             let is_beyond = distance > tolerance + doubt || exceeds(self.corners, point, tolerance);
             self.worst = if is_beyond { found } else { self.worst };
@@ -67,14 +67,14 @@ impl Search {
 
 /// The plane through a triangle's corners, for distances in `f64`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plane {
+pub(super) struct ScatterPlane {
     origin: [f64; 3],
     slope: [f64; 2],
     /// Relative error of a distance is below this, with the size of what was added up.
     reach: f64,
 }
 
-impl Plane {
+impl ScatterPlane {
     pub(super) fn new([a, b, c]: [Point; 3]) -> Self {
         let ([bx, by, bz], [cx, cy, cz]) = (from(a, b), from(a, c));
         let area = (bx * cy - by * cx) as f64;
@@ -165,7 +165,7 @@ mod tests {
                 (0..3).map(|i| w[i] * i64::from(f(corners[i]))).sum::<i64>() / total
             };
             let point = Point::new(mix(|p| p.x) as i32, mix(|p| p.y) as i32, mix(|p| p.z) as i32 + off);
-            let plane = Plane::new(corners);
+            let plane = ScatterPlane::new(corners);
             let found = plane.distance(point);
             let [off, double] = offset(corners, point);
             prop_assert_eq!(double.abs(), i128::from(area.abs()));
@@ -204,7 +204,7 @@ mod tests {
             let [a, b, c] = corners;
             prop_assume!(orient([a.x, a.y], [b.x, b.y], [c.x, c.y]) != 0);
             let tolerance = f64::from(tolerance) / 64.0;
-            let distance = Plane::new(corners).distance(point);
+            let distance = ScatterPlane::new(corners).distance(point);
             if (distance - tolerance).abs() > 1e-6 {
                 prop_assert_eq!(exceeds(corners, point, tolerance), distance > tolerance);
             }

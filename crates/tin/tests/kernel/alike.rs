@@ -20,19 +20,19 @@ proptest! {
         tolerance in 0_i32..20, of_surface: bool, fit: bool, reach in 4_u32..40
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let spec = Spec { bound: Bound::ALL[usize::from(of_surface)], fit, ..spec(tolerance.into()) };
+        let spec = Spec { bound: ErrorBound::ALL[usize::from(of_surface)], fit, ..spec(tolerance.into()) };
         let tiles = [tile(&grid, 0, half, &spec), tile(&grid, half, 2 * half, &spec)];
-        let heights: BTreeMap<Local, f64> = tiles.iter().zip([0, half]).flat_map(|(mesh, from)| {
-            let shifted = mesh.vertices.iter().map(move |p| Local::new(p.col() + from, p.row()));
+        let heights: BTreeMap<TilePosition, f64> = tiles.iter().zip([0, half]).flat_map(|(mesh, from)| {
+            let shifted = mesh.vertices.iter().map(move |p| TilePosition::new(p.col() + from, p.row()));
             shifted.zip(mesh.heights.iter().copied())
         }).collect();
         let mut triangles =
             [moved(&tiles[0].triangles, [0, 0]), moved(&tiles[1].triangles, [half, 0])].concat();
         triangles.retain(|t| t.corners.iter().any(|p| p.col().abs_diff(half) <= reach));
         let vertices: Vec<_> = heights.into_iter().collect();
-        let mended = |vertices: &[(Local, f64)], triangles: &[Triangle]| {
+        let mended = |vertices: &[(TilePosition, f64)], triangles: &[TileTriangle]| {
             let input = PatchInput {
-                heights: Heights { width: grid.width, height, f32: &grid.f32(), f64: None },
+                heights: HeightWindow { width: grid.width, height, f32: &grid.f32(), f64: None },
                 vertices,
                 triangles,
                 seam_col: Some(half),
@@ -42,7 +42,7 @@ proptest! {
                 kept: &[],
                 lines: &[],
             };
-            format!("{:?}", mend_patch(&input, &spec, &mut Scratch::default()))
+            format!("{:?}", mend_patch(&input, &spec, &mut TileScratch::default()))
         };
         let other = mended(&shuffled(&vertices, seed + 1), &shuffled(&triangles, seed));
         prop_assert!(mended(&vertices, &triangles) == other);
@@ -55,19 +55,19 @@ proptest! {
     ) {
         let input = |grid: &Grid, z| {
             let (width, height) = (grid.width, grid.height);
-            TileInput::alone(Heights { width, height, f32: z, f64: None })
+            TileInput::alone(HeightWindow { width, height, f32: z, f64: None })
         };
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let (first, second) = (
             Spec { bound, fit: was_fit, ..spec(before.into()) },
             Spec { bound, fit, ..spec(tolerance.into()) },
         );
         let (other, grid) = (Grid::hills(47, 31, seed + 1, 1), Grid::hills(width, height, seed, holes));
         let (others, z) = (other.f32(), grid.f32());
-        let mut worker = Scratch::default();
+        let mut worker = TileScratch::default();
         triangulate_tile(&input(&other, &others), &first, &mut worker);
         let again = triangulate_tile(&input(&grid, &z), &second, &mut worker);
-        let fresh = triangulate_tile(&input(&grid, &z), &second, &mut Scratch::default());
+        let fresh = triangulate_tile(&input(&grid, &z), &second, &mut TileScratch::default());
         let [again, fresh] = [again, fresh].map(|mesh| format!("{mesh:?}"));
         prop_assert!(again == fresh);
     }

@@ -1,10 +1,10 @@
 //! The bound on angles: no triangle of a tile alone is thinner, whatever the cells, and all else holds.
 
 use super::*;
-use terrane_tin::AngleBound;
+use terrane_tin::MinimumAngle;
 
 /// The smallest angle in degrees, where columns and rows go on by these vectors.
-fn smallest(corners: [Local; 3], [col, row]: [[f64; 2]; 2]) -> f64 {
+fn smallest(corners: [TilePosition; 3], [col, row]: [[f64; 2]; 2]) -> f64 {
     let at = corners.map(|p| {
         let [cols, rows] = [f64::from(p.col()), f64::from(p.row())];
         [0, 1].map(|axis| cols * col[axis] + rows * row[axis])
@@ -36,10 +36,10 @@ proptest! {
     ) {
         let steps = STEPS[which];
         let halves = [[(0, 0), (2, 0), (0, 1)], [(0, 0), (1, 0), (0, 2)]];
-        let most = halves.map(|half| smallest(half.map(|(c, r)| Local::new(c, r)), steps));
+        let most = halves.map(|half| smallest(half.map(|(c, r)| TilePosition::new(c, r)), steps));
         let degrees = share * most[0].min(most[1]);
-        let min_angle = Some(AngleBound::new(degrees, steps[0], steps[1]));
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let min_angle = Some(MinimumAngle::new(degrees, steps[0], steps[1]));
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { drop, bound, min_angle, ..spec(tolerance.into()) };
         let grid = Grid::hills(width, height, seed, holes);
         let mesh = whole(&grid, &spec);

@@ -7,10 +7,10 @@ pub(super) fn seam<'a>(
     grid: &'a Grid,
     z: &'a [f32],
     half: u32,
-    triangles: &'a [Triangle],
+    triangles: &'a [TileTriangle],
 ) -> PatchInput<'a> {
     PatchInput {
-        heights: Heights { width: grid.width, height: grid.height, f32: z, f64: None },
+        heights: HeightWindow { width: grid.width, height: grid.height, f32: z, f64: None },
         vertices: &[],
         triangles,
         seam_col: Some(half),
@@ -24,19 +24,30 @@ pub(super) fn seam<'a>(
 
 /// The samples beside the places where an edge is further than `tolerance` from the line between two
 /// neighbouring samples.
-fn beyond(grid: &Grid, triangles: &[Triangle], tolerance: i64) -> BTreeSet<Local> {
+fn beyond(grid: &Grid, triangles: &[TileTriangle], tolerance: i64) -> BTreeSet<TilePosition> {
     let mut found = BTreeSet::new();
     each_crossing(grid, triangles, |sides, off, n| {
         if sides[0] != sides[1] && off.abs() > tolerance * n {
-            found.extend(sides.map(|[col, row]| Local::new(col as u32, row as u32)));
+            found.extend(sides.map(|[col, row]| TilePosition::new(col as u32, row as u32)));
         }
     });
     found
 }
 
-fn patch(grid: &Grid, triangles: &[Triangle], col: u32, ends: [bool; 4], spec: &Spec) -> PatchMesh {
+fn patch(
+    grid: &Grid,
+    triangles: &[TileTriangle],
+    col: u32,
+    ends: [bool; 4],
+    spec: &Spec,
+) -> PatchMesh {
     let input = PatchInput {
-        heights: Heights { width: grid.width, height: grid.height, f32: &grid.f32(), f64: None },
+        heights: HeightWindow {
+            width: grid.width,
+            height: grid.height,
+            f32: &grid.f32(),
+            f64: None,
+        },
         vertices: &[],
         triangles,
         seam_col: Some(col),
@@ -46,7 +57,7 @@ fn patch(grid: &Grid, triangles: &[Triangle], col: u32, ends: [bool; 4], spec: &
         kept: &[],
         lines: &[],
     };
-    mend_patch(&input, spec, &mut Scratch::default())
+    mend_patch(&input, spec, &mut TileScratch::default())
 }
 
 proptest! {
@@ -63,8 +74,8 @@ proptest! {
         let (last_col, last_row) = (width - 1, height - 1);
         let [top, bottom] = [middle.0, middle.1].map(|col| 1 + col % (width - 2));
         let corners = [(0, 0), (top, 0), (last_col, 0), (last_col, last_row), (bottom, last_row), (0, last_row)];
-        let [a, b, c, d, e, f] = corners.map(|(col, row)| Local::new(col, row));
-        let turn = |p: [Local; 4]| {
+        let [a, b, c, d, e, f] = corners.map(|(col, row)| TilePosition::new(col, row));
+        let turn = |p: [TilePosition; 4]| {
             let [p, q, r, s] = p.map(lattice);
             in_circle(p, q, r, s)
         };
@@ -73,8 +84,8 @@ proptest! {
         let left = if left > 0 { [[a, b, e], [a, e, f]] } else { [[a, b, f], [b, e, f]] };
         let right = if right > 0 { [[b, c, d], [b, d, e]] } else { [[b, c, e], [c, d, e]] };
         let triangles = [left, right].concat()
-            .into_iter().map(|corners| Triangle { corners, max_error: 0.0, square_sum: 0.0 });
-        let spec = Spec { bound: Bound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
+            .into_iter().map(|corners| TileTriangle { corners, max_error: 0.0, square_sum: 0.0 });
+        let spec = Spec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
         let mended = patch(&grid, &triangles.collect::<Vec<_>>(), top, ends, &spec);
         check_delaunay(&mended.triangles);
         if ends == [true; 4] {
@@ -98,7 +109,7 @@ proptest! {
         let grid = Grid::hills(2 * half + 1, height, seed, 0);
         let mut triangles = whole(&grid, &spec(tolerance.into())).triangles;
         triangles.retain(|t| t.corners.iter().any(|p| p.col().abs_diff(half) <= reach));
-        let spec = Spec { bound: Bound::Surface, ..spec(tolerance.into()) };
+        let spec = Spec { bound: ErrorBound::Surface, ..spec(tolerance.into()) };
         let mended = patch(&grid, &triangles, half, [true; 4], &spec);
         let expected = beyond(&grid, &mended.triangles, tolerance.into());
         prop_assert_eq!(mended.left.is_empty(), expected.is_empty());

@@ -7,14 +7,14 @@ impl Grid {
     fn with_lines(self, samples: &[(u32, u32)]) -> Self {
         let at = |&(col, row): &(u32, u32)| [col % self.width, row % self.height].map(i64::from);
         let lines: Vec<_> =
-            samples.windows(2).map(|pair| Segment::new(at(&pair[0]), at(&pair[1]))).collect();
-        let stretch = |line: &Segment| Stretch::of(*line, self.width, self.height);
+            samples.windows(2).map(|pair| SampleSegment::new(at(&pair[0]), at(&pair[1]))).collect();
+        let stretch = |line: &SampleSegment| Stretch::of(*line, self.width, self.height);
         let stretches = lines.iter().filter_map(stretch).collect();
         Self { lines, stretches, ..self }
     }
 
     /// True where the surface is beside the step from one sample to the next.
-    fn borders(&self, a: Local, b: Local) -> bool {
+    fn borders(&self, a: TilePosition, b: TilePosition) -> bool {
         let (col, row) = (a.col().min(b.col()), a.row().min(b.row()));
         let beside = if a.row() == b.row() {
             row.checked_sub(1).map(|above| (col, above))
@@ -31,7 +31,7 @@ impl Grid {
 }
 
 /// The samples along a line, by rounding.
-fn path([mut a, mut b]: [[u32; 2]; 2]) -> Vec<Local> {
+fn path([mut a, mut b]: [[u32; 2]; 2]) -> Vec<TilePosition> {
     if [b[1], b[0]] < [a[1], a[0]] {
         (a, b) = (b, a);
     }
@@ -43,15 +43,15 @@ fn path([mut a, mut b]: [[u32; 2]; 2]) -> Vec<Local> {
         let at = |axis: usize, gone: f64, whole: f64| {
             (f64::from(a[axis]) + gone * whole.signum()) as u32
         };
-        Local::new(at(0, cols, dx), at(1, rows, dy))
+        TilePosition::new(at(0, cols, dx), at(1, rows, dy))
     };
     (0..=steps).map(sample).collect()
 }
 
 /// Fails where two neighbouring vertices on a line are joined by no edge, though the surface goes on between them.
-fn check_followed(grid: &Grid, samples: &[(u32, u32)], triangles: &[Triangle]) {
+fn check_followed(grid: &Grid, samples: &[(u32, u32)], triangles: &[TileTriangle]) {
     let edges = edges(triangles);
-    let vertices: BTreeSet<Local> = triangles.iter().flat_map(|t| t.corners).collect();
+    let vertices: BTreeSet<TilePosition> = triangles.iter().flat_map(|t| t.corners).collect();
     let at = |&(col, row): &(u32, u32)| [col % grid.width, row % grid.height];
     for pair in samples.windows(2) {
         let path = path([at(&pair[0]), at(&pair[1])]);
@@ -86,7 +86,7 @@ proptest! {
         samples in prop::collection::vec((0_u32..60, 0_u32..60), 2..20),
         tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let grid = Grid::hills(width, height, seed, holes).with_lines(&samples);
         let mesh = whole(&grid, &spec);
@@ -107,7 +107,7 @@ proptest! {
         samples in prop::collection::vec((0_u32..80, 0_u32..50), 2..12),
         tolerance in 0_i32..40, of_surface: bool
     ) {
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { bound, ..spec(tolerance.into()) };
         let grid = Grid::hills(2 * half + 1, height, seed, holes).with_lines(&samples);
         let (mended, _) = mend(&grid, half, &spec, half);

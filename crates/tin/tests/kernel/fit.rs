@@ -3,10 +3,10 @@
 use super::*;
 
 /// Vertices by position, and their heights.
-type Placed = BTreeMap<Local, f64>;
+type Placed = BTreeMap<TilePosition, f64>;
 
 fn placed(mesh: &TileMesh, [col, row]: [u32; 2]) -> Placed {
-    let shift = |p: &Local| Local::new(p.col() + col, p.row() + row);
+    let shift = |p: &TilePosition| TilePosition::new(p.col() + col, p.row() + row);
     mesh.vertices.iter().map(shift).zip(mesh.heights.iter().copied()).collect()
 }
 
@@ -20,12 +20,12 @@ pub(super) fn mend_fitted(grid: &Grid, half: u32, spec: &Spec) -> (Placed, Patch
     let vertices: Vec<_> = heights.iter().map(|(&at, &z)| (at, z)).collect();
     let z = grid.f32();
     let input = PatchInput { vertices: &vertices, ..seam(grid, &z, half, &triangles) };
-    let patch = mend_patch(&input, spec, &mut Scratch::default());
+    let patch = mend_patch(&input, spec, &mut TileScratch::default());
     (heights, patch)
 }
 
 /// As [`check_all`], of triangles whose corners have their own heights; all but a rounding of `f64`.
-fn check_fitted(grid: &Grid, triangles: &[Triangle], heights: &Placed, tolerance: f64) {
+fn check_fitted(grid: &Grid, triangles: &[TileTriangle], heights: &Placed, tolerance: f64) {
     let most = tolerance * (1.0 + 1e-12) + 1e-9;
     let sample = |q: Lattice| grid.at(q[0] as u32, q[1] as u32).expect("a valid sample") as f64;
     let mut area = 0;
@@ -62,8 +62,8 @@ proptest! {
         quarters in 0_i32..60, of_surface: bool, single: bool
     ) {
         let grid = Grid::hills(width, height, seed, holes);
-        let bound = Bound::ALL[usize::from(of_surface)];
-        let single_precision = single.then_some(Rounding::about(0.0));
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
+        let single_precision = single.then_some(HeightQuantization::about(0.0));
         let spec =
             Spec { fit: true, bound, single_precision, ..spec(f64::from(quarters) / 4.0) };
         let mesh = whole(&grid, &spec);
@@ -97,7 +97,7 @@ proptest! {
         tolerance in 0_i32..20, of_surface: bool
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { fit: true, bound, ..spec(tolerance.into()) };
         let (_, patch) = mend_fitted(&grid, half, &spec);
         let mended: Placed =
@@ -111,7 +111,7 @@ proptest! {
 }
 
 /// As [`check_between`], of corners with their own heights.
-fn check_fitted_between(grid: &Grid, triangles: &[Triangle], heights: &Placed, tolerance: f64) {
+fn check_fitted_between(grid: &Grid, triangles: &[TileTriangle], heights: &Placed, tolerance: f64) {
     let height = |[col, row]: [f64; 2]| grid.at(col as u32, row as u32).unwrap() as f64;
     for (from, to) in edges(triangles).into_keys() {
         let [a, b] = [from, to].map(|end| lattice(end).map(f64::from));
@@ -152,7 +152,8 @@ fn vertices_of_a_seam_are_fitted_too() {
     let (before, patch) = mend_fitted(&grid, half, &spec);
     let all = patch.vertices.iter().zip(&patch.heights);
     let seam = all.filter(|(p, _)| p.col() == half && before.contains_key(p));
-    let is_moved = |(p, z): &(&Local, &f64)| **z != grid.at(p.col(), p.row()).unwrap() as f64;
+    let is_moved =
+        |(p, z): &(&TilePosition, &f64)| **z != grid.at(p.col(), p.row()).unwrap() as f64;
     let (moved, stay): (Vec<_>, Vec<_>) = seam.partition(is_moved);
     assert!(!moved.is_empty(), "{} vertices stay", stay.len());
 }

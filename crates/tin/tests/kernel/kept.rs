@@ -4,18 +4,22 @@ use super::*;
 
 impl Grid {
     /// What is to be kept of a window, which begins there.
-    fn kept_in(&self, cols: [u32; 2], rows: [u32; 2]) -> Vec<Local> {
+    fn kept_in(&self, cols: [u32; 2], rows: [u32; 2]) -> Vec<TilePosition> {
         let held = |[from, to]: [u32; 2], at| (from..=to).contains(&at);
-        let inside = |p: &&Local| held(cols, p.col()) && held(rows, p.row());
-        let shift = |p: &Local| Local::new(p.col() - cols[0], p.row() - rows[0]);
+        let inside = |p: &&TilePosition| held(cols, p.col()) && held(rows, p.row());
+        let shift = |p: &TilePosition| TilePosition::new(p.col() - cols[0], p.row() - rows[0]);
         self.kept.iter().filter(inside).map(shift).collect()
     }
 
     /// The same, with the breaklines there and what these need.
-    pub(super) fn features_in(&self, cols: [u32; 2], rows: [u32; 2]) -> (Vec<Local>, Vec<Stretch>) {
+    pub(super) fn features_in(
+        &self,
+        cols: [u32; 2],
+        rows: [u32; 2],
+    ) -> (Vec<TilePosition>, Vec<Stretch>) {
         let [width, height] = [cols, rows].map(|[from, to]| to - from + 1);
         let origin = [cols[0], rows[0]].map(i64::from);
-        let stretch = |line: &Segment| Stretch::of(line.seen_from(origin), width, height);
+        let stretch = |line: &SampleSegment| Stretch::of(line.seen_from(origin), width, height);
         let lines: Vec<_> = self.lines.iter().filter_map(stretch).collect();
         let mut kept = self.kept_in(cols, rows);
         kept.extend(lines.iter().flat_map(|line| line.ends(width, height)));
@@ -25,8 +29,8 @@ impl Grid {
 }
 
 /// Every vertex of the surface that `mesh` has to have.
-fn wanted(grid: &Grid) -> Vec<Local> {
-    let is_on_surface = |p: &&Local| {
+fn wanted(grid: &Grid) -> Vec<TilePosition> {
+    let is_on_surface = |p: &&TilePosition| {
         let near =
             |at: u32, cells: u32| [at.wrapping_sub(1), at].map(|at| (at < cells).then_some(at));
         let cols = near(p.col(), grid.width - 1);
@@ -40,7 +44,7 @@ fn wanted(grid: &Grid) -> Vec<Local> {
     grid.kept.iter().filter(is_on_surface).copied().collect()
 }
 
-fn check_kept(grid: &Grid, vertices: &[Local], heights: &[f64]) {
+fn check_kept(grid: &Grid, vertices: &[TilePosition], heights: &[f64]) {
     for p in wanted(grid) {
         let at = vertices.binary_search(&p);
         let at = at.unwrap_or_else(|_| panic!("{:?} is no vertex", lattice(p)));
@@ -49,9 +53,9 @@ fn check_kept(grid: &Grid, vertices: &[Local], heights: &[f64]) {
 }
 
 /// One in so many samples.
-fn scattered(width: u32, height: u32, seed: u32, one_in: u32) -> Vec<Local> {
-    let all = (0..height).flat_map(|row| (0..width).map(move |col| Local::new(col, row)));
-    let is_taken = |p: &Local| {
+fn scattered(width: u32, height: u32, seed: u32, one_in: u32) -> Vec<TilePosition> {
+    let all = (0..height).flat_map(|row| (0..width).map(move |col| TilePosition::new(col, row)));
+    let is_taken = |p: &TilePosition| {
         let mix = (p.col() ^ seed).wrapping_mul(0x85eb_ca6b) ^ p.row().wrapping_mul(0xc2b2_ae35);
         (mix.wrapping_mul(0x27d4_eb2f) >> 15).is_multiple_of(one_in)
     };
@@ -66,7 +70,7 @@ proptest! {
         width in 2_u32..50, height in 2_u32..50, seed in 0_u32..1000, holes in 0_u32..4,
         one_in in 1_u32..60, tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let kept = scattered(width, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(width, height, seed, holes) };
@@ -84,12 +88,12 @@ proptest! {
         seed in 0_u32..1000, holes in 0_u32..3, half in 8_u32..40, height in 2_u32..50,
         one_in in 1_u32..40, tolerance in 0_i32..40, of_surface: bool
     ) {
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { bound, ..spec(tolerance.into()) };
         let kept = scattered(2 * half + 1, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(2 * half + 1, height, seed, holes) };
         let (mended, _) = mend(&grid, half, &spec, half);
-        let vertices: BTreeSet<Local> = mended.iter().flat_map(|t| t.corners).collect();
+        let vertices: BTreeSet<TilePosition> = mended.iter().flat_map(|t| t.corners).collect();
         for p in wanted(&grid) {
             prop_assert!(vertices.contains(&p), "{:?} is no vertex", lattice(p));
         }

@@ -12,12 +12,12 @@ use border::seam;
 use proptest::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use std::collections::{BTreeMap, BTreeSet};
-use terrane_base::bound::Bound;
+use terrane_base::bound::ErrorBound;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
-use terrane_base::geom::{Rounding, Segment};
+use terrane_base::geom::{HeightQuantization, SampleSegment};
 use terrane_tin::{
-    Heights, Local, PatchInput, PatchMesh, Scratch, Spec, Stretch, TileInput, TileMesh, Triangle,
-    mend_patch, triangulate_tile,
+    HeightWindow, PatchInput, PatchMesh, Spec, Stretch, TileInput, TileMesh, TilePosition,
+    TileScratch, TileTriangle, mend_patch, triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.
@@ -27,9 +27,9 @@ struct Grid {
     height: u32,
     z: Vec<Option<i16>>,
     /// Samples to keep, sorted.
-    kept: Vec<Local>,
+    kept: Vec<TilePosition>,
     /// Breaklines, and the same as they lie in it.
-    lines: Vec<Segment>,
+    lines: Vec<SampleSegment>,
     stretches: Vec<Stretch>,
 }
 
@@ -67,7 +67,7 @@ impl Grid {
 fn spec(tolerance: f64) -> Spec {
     Spec {
         tolerance,
-        bound: Bound::Samples,
+        bound: ErrorBound::Samples,
         strict: false,
         drop: true,
         fit: false,
@@ -98,7 +98,7 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
         [cols[1] - cols[0] + 1 + left + right, rows[1] - rows[0] + 1 + above + below];
     let (kept, lines) = grid.features_in(cols, rows);
     let input = TileInput {
-        heights: Heights { width, height, f32: &z, f64: None },
+        heights: HeightWindow { width, height, f32: &z, f64: None },
         apron_left: left,
         apron_right: right,
         apron_above: above,
@@ -107,13 +107,13 @@ fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
         kept: &kept,
         lines: &lines,
     };
-    triangulate_tile(&input, spec, &mut Scratch::default())
+    triangulate_tile(&input, spec, &mut TileScratch::default())
 }
 
 /// A tile's triangles at their place in the grid.
-fn moved(triangles: &[Triangle], [col, row]: [u32; 2]) -> Vec<Triangle> {
-    let shift = |p: Local| Local::new(p.col() + col, p.row() + row);
-    triangles.iter().map(|t| Triangle { corners: t.corners.map(shift), ..*t }).collect()
+fn moved(triangles: &[TileTriangle], [col, row]: [u32; 2]) -> Vec<TileTriangle> {
+    let shift = |p: TilePosition| TilePosition::new(p.col() + col, p.row() + row);
+    triangles.iter().map(|t| TileTriangle { corners: t.corners.map(shift), ..*t }).collect()
 }
 
 fn whole(grid: &Grid, spec: &Spec) -> TileMesh {
@@ -134,12 +134,12 @@ fn a_single_sample_is_found_wherever_it_is() {
         };
         grid.z[(row * side + col) as usize] = Some(3);
         let mesh = whole(&grid, &spec(2.0));
-        assert!(mesh.vertices.contains(&Local::new(col, row)), "column {col}, row {row}");
+        assert!(mesh.vertices.contains(&TilePosition::new(col, row)), "column {col}, row {row}");
         check_bound(&grid, &mesh.triangles, 2, 1);
     }
 }
 
-fn lattice(p: Local) -> Lattice {
+fn lattice(p: TilePosition) -> Lattice {
     [p.col() as i32, p.row() as i32]
 }
 
@@ -147,7 +147,7 @@ fn lattice(p: Local) -> Lattice {
 /// (an integer number of `unit`ths), or beyond what the triangle tells. Returns the samples covered.
 fn check_bound(
     grid: &Grid,
-    triangles: &[Triangle],
+    triangles: &[TileTriangle],
     tolerance: i128,
     unit: i128,
 ) -> BTreeSet<[i32; 2]> {
@@ -189,7 +189,7 @@ fn check_bound(
 }
 
 /// Twins: directed edge to opposite corner. Panics when a directed edge occurs twice.
-fn edges(triangles: &[Triangle]) -> BTreeMap<(Local, Local), Local> {
+fn edges(triangles: &[TileTriangle]) -> BTreeMap<(TilePosition, TilePosition), TilePosition> {
     let mut edges = BTreeMap::new();
     for t in triangles {
         let [a, b, c] = t.corners;
@@ -200,7 +200,7 @@ fn edges(triangles: &[Triangle]) -> BTreeMap<(Local, Local), Local> {
     edges
 }
 
-fn check_delaunay(triangles: &[Triangle]) {
+fn check_delaunay(triangles: &[TileTriangle]) {
     let edges = edges(triangles);
     for (&(a, b), &c) in &edges {
         if let Some(&d) = edges.get(&(b, a)) {
@@ -214,7 +214,7 @@ fn check_delaunay(triangles: &[Triangle]) {
 /// on both sides, and by how many `n`ths of a unit the edge is above: whole numbers throughout.
 fn each_crossing(
     grid: &Grid,
-    triangles: &[Triangle],
+    triangles: &[TileTriangle],
     mut each: impl FnMut([[i64; 2]; 2], i64, i64),
 ) {
     let height = |at: [i64; 2]| grid.at(at[0] as u32, at[1] as u32).expect("surface over a void");
@@ -237,13 +237,13 @@ fn each_crossing(
 
 /// Panics when an edge is further than `tolerance` (an integer number of `unit`ths) from a line between
 /// two neighbouring samples that it crosses.
-fn check_between(grid: &Grid, triangles: &[Triangle], tolerance: i64, unit: i64) {
+fn check_between(grid: &Grid, triangles: &[TileTriangle], tolerance: i64, unit: i64) {
     each_crossing(grid, triangles, |sides, off, n| {
         assert!(off.abs() * unit <= tolerance * n, "{off} of {n} between {sides:?}");
     });
 }
 
-fn check_all(grid: &Grid, triangles: &[Triangle], tolerance: i128, unit: i128) {
+fn check_all(grid: &Grid, triangles: &[TileTriangle], tolerance: i128, unit: i128) {
     let covered = check_bound(grid, triangles, tolerance, unit);
     check_delaunay(triangles);
     let area: i64 = triangles
@@ -272,7 +272,7 @@ proptest! {
         quarters in 0_i32..60, strict: bool, drop: bool, of_surface: bool
     ) {
         let grid = Grid::hills(width, height, seed, holes);
-        let bound = Bound::ALL[usize::from(of_surface)];
+        let bound = ErrorBound::ALL[usize::from(of_surface)];
         let spec = Spec { strict, drop, bound, ..spec(f64::from(quarters) / 4.0) };
         let mesh = whole(&grid, &spec);
         if of_surface {
@@ -291,8 +291,8 @@ proptest! {
         for p in &mesh.vertices {
             spade.insert(Point2::new(p.col().into(), p.row().into())).unwrap();
         }
-        let position = |p: Point2<f64>| Local::new(p.x as u32, p.y as u32);
-        let theirs: BTreeSet<(Local, Local)> = spade.directed_edges()
+        let position = |p: Point2<f64>| TilePosition::new(p.x as u32, p.y as u32);
+        let theirs: BTreeSet<(TilePosition, TilePosition)> = spade.directed_edges()
             .map(|e| (position(e.from().position()), position(e.to().position()))).collect();
         let ours = edges(&mesh.triangles);
         for (&(a, b), &c) in &ours {
@@ -311,7 +311,7 @@ proptest! {
         tolerance in 0_i32..20, of_surface: bool
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let spec = Spec { bound: Bound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
+        let spec = Spec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
         for reach in [half, half / 2, 4, 0] {
             let (mended, is_done) = mend(&grid, half, &spec, reach);
             if is_done {
@@ -328,7 +328,7 @@ proptest! {
 /// Two tiles that meet at column `half`, and the patch of the triangles that come within `reach` of
 /// it: all triangles in grid positions, and whether those left out agree with the patch, which had no more
 /// to mend between samples.
-fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool) {
+fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<TileTriangle>, bool) {
     let left = tile(grid, 0, half, spec).triangles;
     let right = moved(&tile(grid, half, 2 * half, spec).triangles, [half, 0]);
     let all = left.into_iter().chain(right);
@@ -339,9 +339,9 @@ fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<Triangle>, bool
             && cols.into_iter().min().unwrap() <= *band.end()
     });
     let z = grid.f32();
-    let patch = mend_patch(&seam(grid, &z, half, &inside), spec, &mut Scratch::default());
+    let patch = mend_patch(&seam(grid, &z, half, &inside), spec, &mut TileScratch::default());
     let beyond = edges(&mended);
-    let agrees = |&[a, b, c]: &[Local; 3]| {
+    let agrees = |&[a, b, c]: &[TilePosition; 3]| {
         let disagrees = |&d| in_circle(lattice(a), lattice(b), lattice(c), lattice(d)) > 0;
         !beyond.get(&(b, a)).is_some_and(disagrees)
     };
@@ -371,13 +371,13 @@ fn adaptive_strides_need_no_more_vertices_than_strict_greedy() {
 /// Samples of a tile of 64 by 48 cells that begins with posts, and its triangles.
 fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &Spec) -> TileMesh {
     let z: Vec<f32> = (0..65 * 49).map(|i| height(i % 65, i / 65)).collect();
-    let heights = Heights { width: 65, height: 49, f32: &z, f64: None };
+    let heights = HeightWindow { width: 65, height: 49, f32: &z, f64: None };
     let input = TileInput { spacing, ..TileInput::alone(heights) };
-    triangulate_tile(&input, spec, &mut Scratch::default())
+    triangulate_tile(&input, spec, &mut TileScratch::default())
 }
 
 /// The centre of the circle around a triangle, and its squared radius.
-fn circle(triangle: &Triangle) -> ([f64; 2], f64) {
+fn circle(triangle: &TileTriangle) -> ([f64; 2], f64) {
     let [a, b, c] = triangle.corners.map(|p| lattice(p).map(f64::from));
     let [u, v] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1]]);
     let double = 2.0 * (u[0] * v[1] - u[1] * v[0]);
@@ -458,7 +458,7 @@ fn dropping_saves_vertices() {
 }
 
 /// The sum of the squares of the errors of all samples, by looking at every sample and triangle.
-fn sum_of_squares(grid: &Grid, triangles: &[Triangle]) -> f64 {
+fn sum_of_squares(grid: &Grid, triangles: &[TileTriangle]) -> f64 {
     let mut errors = BTreeMap::new();
     for triangle in triangles {
         let p = triangle.corners.map(lattice);
@@ -514,7 +514,7 @@ fn four_tiles_have_their_rims_in_common_and_count_samples_once() {
             // A tile does not list what only the other side's triangles use.
             continue;
         }
-        let on = |mesh: &TileMesh, is: &dyn Fn(&Local) -> Option<u32>| -> Vec<u32> {
+        let on = |mesh: &TileMesh, is: &dyn Fn(&TilePosition) -> Option<u32>| -> Vec<u32> {
             mesh.vertices.iter().filter_map(is).collect()
         };
         for [left, right] in &tiles {
@@ -556,17 +556,17 @@ fn the_bound_holds_for_double_precision_heights() {
         .map(|i| 5e5 + f64::from(i % width).sin() + 0.7 * f64::from(i / width * 3).cos() / 3.0)
         .collect();
     let rounded: Vec<f32> = z.iter().map(|&z| z as f32).collect();
-    let heights = Heights { width, height, f32: &rounded, f64: Some(&z) };
-    let feet = Rounding { origin: 5e5, scale: 0.3048 };
-    let about = [0.0, 5e5].map(Rounding::about);
+    let heights = HeightWindow { width, height, f32: &rounded, f64: Some(&z) };
+    let feet = HeightQuantization { origin: 5e5, scale: 0.3048 };
+    let about = [0.0, 5e5].map(HeightQuantization::about);
     // The f32 heights are off by 0.0156 at most: little less than the smaller tolerance.
     let kinds = [None, Some(about[0]), Some(about[1]), Some(feet)].into_iter().flat_map(|stored| {
         [(0.25, false), (0.25, true), (0.02, true), (0.016, true)].map(|kind| (stored, kind))
     });
     for (single_precision, (tolerance, fit)) in kinds {
         let spec = Spec { single_precision, fit, ..spec(tolerance) };
-        let mesh = triangulate_tile(&TileInput::alone(heights), &spec, &mut Scratch::default());
-        let written = |p: Local| {
+        let mesh = triangulate_tile(&TileInput::alone(heights), &spec, &mut TileScratch::default());
+        let written = |p: TilePosition| {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");
             mesh.heights[at]
         };

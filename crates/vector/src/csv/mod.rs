@@ -3,21 +3,21 @@
 mod read;
 mod write;
 
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "CSV",
     extensions: &["csv", "tsv", "txt", "xy"],
     about: "a vertex on each line: x, y and perhaps z, m, id and part; the CRS is in a .prj beside it",
-    holds: Holds {
-        kinds: &[Kind::Point, Kind::LineString, Kind::MultiLineString],
+    holds: VectorCapabilities {
+        kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,
         z: true,
         m: true,
         properties: false,
-        values: Values::Cells,
+        values: PropertySupport::Cells,
         ids: true,
         ordered: true,
     },

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::crs;
-use crate::feature::{Feature, Id, Layer, Properties, Value};
-use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::feature::{Feature, FeatureProperties, Id, LayerHeader, PropertyValue};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::number;
-use crate::source::{FeatureSource, OpenOptions};
-use crate::window::Window;
+use crate::source::{FeatureSource, VectorOpenOptions};
+use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -28,19 +28,19 @@ const ID: &[&str] = &["id", "line_id", "lineid"];
 const PART: &[&str] = &["part", "part_id", "segment"];
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let window = Window::open(path)?;
-    let layer = Layer { crs: crs::beside(path)?, ..Layer::default() };
-    let mut source = Source {
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let window = FileWindow::open(path)?;
+    let layer = LayerHeader { crs: crs::beside(path)?, ..LayerHeader::default() };
+    let mut source = CsvFeatureSource {
         window,
         delimiter: b',',
-        columns: Columns::default(),
+        columns: CsvColumns::default(),
         layer,
         line: 0,
         row_line: 0,
         first_line: 0,
-        row: Row::default(),
-        first: Row::default(),
+        row: CsvRow::default(),
+        first: CsvRow::default(),
         others: 0,
         broken: 0,
         count: 0,
@@ -54,7 +54,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
 
 /// Which column is what.
 #[derive(Default)]
-struct Columns {
+struct CsvColumns {
     x: usize,
     y: usize,
     z: Option<usize>,
@@ -67,13 +67,13 @@ struct Columns {
 
 /// The cells of a row of the file, one behind the other.
 #[derive(Default)]
-struct Row {
+struct CsvRow {
     text: String,
     /// Where in the text each cell ends, and whether it was in quotation marks.
     ends: Vec<(usize, bool)>,
 }
 
-impl Row {
+impl CsvRow {
     fn len(&self) -> usize {
         self.ends.len()
     }
@@ -109,7 +109,7 @@ impl Row {
 
 /// How far a cell is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Cell {
+enum CsvCellState {
     /// Without quotation marks.
     Plain,
     /// Behind one.
@@ -118,21 +118,21 @@ enum Cell {
     Closed,
 }
 
-struct Source {
-    window: Window,
+struct CsvFeatureSource {
+    window: FileWindow,
     /// A space stands for any white space.
     delimiter: u8,
-    columns: Columns,
-    layer: Layer,
+    columns: CsvColumns,
+    layer: LayerHeader,
     /// Lines read.
     line: u64,
     /// The line that the row at hand begins on.
     row_line: u64,
     /// Where the last feature began.
     first_line: u64,
-    row: Row,
+    row: CsvRow,
     /// The first row of the feature at hand.
-    first: Row,
+    first: CsvRow,
     /// Rows with other values than the first one of their feature.
     others: u64,
     /// Values that go over several lines.
@@ -145,7 +145,7 @@ struct Source {
     notes: Vec<String>,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for CsvFeatureSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         if !self.has_row && !self.first_row()? {
             return Ok(None);
@@ -156,7 +156,7 @@ impl FeatureSource for Source {
         let (id, mut part) =
             (owned(self.cell(self.columns.id)), owned(self.cell(self.columns.part)));
         let properties = self.properties();
-        let mut found = Coordinates::default();
+        let mut found = CoordinateSequence::default();
         self.position(&mut found)?;
         std::mem::swap(&mut self.row, &mut self.first);
         while self.next_row()? {
@@ -182,9 +182,9 @@ impl FeatureSource for Source {
                 u64::from(columns.any(|(at, _)| self.row.value(*at) != self.first.value(*at)));
         }
         let kind = match (found.xy.len(), found.ends.len()) {
-            (1, _) => Kind::Point,
-            (_, 0) => Kind::LineString,
-            _ => Kind::MultiLineString,
+            (1, _) => GeometryType::Point,
+            (_, 0) => GeometryType::LineString,
+            _ => GeometryType::MultiLineString,
         };
         found.end_part();
         let whole = |id: String| id.parse().map_or_else(|_| Id::Text(id), Id::Int);
@@ -193,7 +193,7 @@ impl FeatureSource for Source {
         Ok(Some(Feature { id, properties, geometry, foreign: Vec::new() }))
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -212,7 +212,7 @@ impl FeatureSource for Source {
     }
 }
 
-impl Source {
+impl CsvFeatureSource {
     /// Finds the delimiter, and what columns are; a first line of numbers is a row.
     fn header(&mut self) -> Result<()> {
         loop {
@@ -245,7 +245,7 @@ impl Source {
             return Err(Error::bad_input(message).remedy("begin it with a line such as x,y,z,id"));
         }
         let there = |at: usize| (at < count).then_some(at);
-        self.columns = Columns { x: 0, y: 1, z: there(2), m: there(3), ..Columns::default() };
+        self.columns = CsvColumns { x: 0, y: 1, z: there(2), m: there(3), ..CsvColumns::default() };
         Ok(())
     }
 
@@ -267,7 +267,7 @@ impl Source {
             self.layer.crs = crs::wgs84();
             self.notes.push("longitude and latitude are taken to be in WGS 84".to_owned());
         }
-        self.columns = Columns { x, y, z, m, id, part, properties };
+        self.columns = CsvColumns { x, y, z, m, id, part, properties };
         Ok(())
     }
 
@@ -354,25 +354,25 @@ impl Source {
     /// Takes a line with quotation marks apart, and those after it that a value goes on in.
     fn split_quoted(&mut self, line: &str) -> Result<()> {
         let delimiter = char::from(self.delimiter);
-        let (mut cell, mut state) = (String::new(), Cell::Plain);
+        let (mut cell, mut state) = (String::new(), CsvCellState::Plain);
         let mut line = line.to_owned();
         loop {
             let mut characters = line.chars().peekable();
             while let Some(c) = characters.next() {
                 let is_end = characters.peek().is_none();
                 state = match (state, c) {
-                    (Cell::Open, '"') if characters.next_if_eq(&'"').is_some() => {
+                    (CsvCellState::Open, '"') if characters.next_if_eq(&'"').is_some() => {
                         cell.push('"');
-                        Cell::Open
+                        CsvCellState::Open
                     }
-                    (Cell::Open, '"') => Cell::Closed,
-                    (Cell::Open, c) => {
+                    (CsvCellState::Open, '"') => CsvCellState::Closed,
+                    (CsvCellState::Open, c) => {
                         cell.push(c);
-                        Cell::Open
+                        CsvCellState::Open
                     }
                     (state, c) if c == delimiter => {
                         self.end_cell(&mut cell, state);
-                        Cell::Plain
+                        CsvCellState::Plain
                     }
                     // The end of the line.
                     (state, '\r') if is_end => state,
@@ -381,28 +381,28 @@ impl Source {
                             .bad("has a carriage return within it")
                             .remedy("mend the line"));
                     }
-                    (Cell::Closed, ' ') => Cell::Closed,
-                    (Cell::Closed, _) => {
+                    (CsvCellState::Closed, ' ') => CsvCellState::Closed,
+                    (CsvCellState::Closed, _) => {
                         return Err(self
                             .bad("something follows a quotation mark in its cell")
                             .remedy(QUOTING));
                     }
-                    (Cell::Plain, '"') if cell.trim().is_empty() => {
+                    (CsvCellState::Plain, '"') if cell.trim().is_empty() => {
                         cell.clear();
-                        Cell::Open
+                        CsvCellState::Open
                     }
-                    (Cell::Plain, '"') => {
+                    (CsvCellState::Plain, '"') => {
                         return Err(self
                             .bad("a quotation mark is within a cell that has none before")
                             .remedy(QUOTING));
                     }
-                    (Cell::Plain, c) => {
+                    (CsvCellState::Plain, c) => {
                         cell.push(c);
-                        Cell::Plain
+                        CsvCellState::Plain
                     }
                 };
             }
-            if state != Cell::Open {
+            if state != CsvCellState::Open {
                 break;
             }
             limits::check("bytes of a value", cell.len() as u64, MOST_LINE)
@@ -415,9 +415,9 @@ impl Source {
         Ok(())
     }
 
-    fn end_cell(&mut self, cell: &mut String, state: Cell) {
+    fn end_cell(&mut self, cell: &mut String, state: CsvCellState) {
         self.row.text.push_str(cell);
-        self.row.ends.push((self.row.text.len(), state == Cell::Closed));
+        self.row.ends.push((self.row.text.len(), state == CsvCellState::Closed));
         cell.clear();
     }
 
@@ -430,20 +430,20 @@ impl Source {
     }
 
     /// Those of the first row of a feature.
-    fn properties(&self) -> Properties {
+    fn properties(&self) -> FeatureProperties {
         let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
-            _ if text.is_empty() => Value::Null,
-            (Ok(whole), _) => Value::Int(whole),
-            (_, Some(real)) if real.is_finite() && text.trim() == text => Value::Real(real),
-            _ => Value::Text(text.to_owned()),
+            _ if text.is_empty() => PropertyValue::Null,
+            (Ok(whole), _) => PropertyValue::Int(whole),
+            (_, Some(real)) if real.is_finite() && text.trim() == text => PropertyValue::Real(real),
+            _ => PropertyValue::Text(text.to_owned()),
         };
         let named = self.columns.properties.iter();
         let named = named.map(|(at, name)| (name.clone(), value(self.row.value(*at))));
-        Properties(named.collect())
+        FeatureProperties(named.collect())
     }
 
-    fn position(&self, to: &mut Coordinates) -> Result<()> {
-        let Columns { x, y, z, m, .. } = self.columns;
+    fn position(&self, to: &mut CoordinateSequence) -> Result<()> {
+        let CsvColumns { x, y, z, m, .. } = self.columns;
         let (x, y) = (self.number("x", x)?, self.number("y", y)?);
         let there = |at: Option<usize>| {
             at.filter(|at| self.row.get(*at).is_some_and(|cell| !cell.trim().is_empty()))
@@ -474,13 +474,13 @@ impl Source {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{OpenOptions, open};
+    use crate::{VectorOpenOptions, open};
 
     fn read(text: &str) -> Result<Vec<Feature>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
         std::fs::write(&path, text).unwrap();
-        let mut source = open(&path, &OpenOptions::default())?;
+        let mut source = open(&path, &VectorOpenOptions::default())?;
         std::iter::from_fn(|| source.next().transpose()).collect()
     }
 
@@ -503,7 +503,7 @@ mod tests {
             );
         }
         let named = read("name,z,y,x\n\"a,\"\"b\",3,2,1\n").unwrap();
-        assert_eq!(named[0].properties.get("name"), Some(&Value::Text("a,\"b".to_owned())));
+        assert_eq!(named[0].properties.get("name"), Some(&PropertyValue::Text("a,\"b".to_owned())));
     }
 
     #[test]
@@ -514,7 +514,7 @@ mod tests {
             (Some(Id::Int(7)), Some(Id::Text("b".into())))
         );
         assert_eq!(found[0].geometry.coordinates().ends, [2, 4]);
-        assert_eq!(found[1].geometry.kind(), Kind::Point);
+        assert_eq!(found[1].geometry.kind(), GeometryType::Point);
         assert_eq!(read("1,1\n2,2\n\n\n3,3\n4,4\n").unwrap().len(), 2);
     }
 

@@ -5,49 +5,55 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use crate::crs;
-use crate::feature::{Feature, Layer, Member, Value};
-use crate::geometry::Kind;
+use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
+use crate::geometry::GeometryType;
 use crate::number;
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
-use crate::table::{Row, Rows, Table, id_of, push_text};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
+use crate::table::{FeatureRow, FeatureRows, FeatureTable, id_of, push_text};
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::Sidecar;
 
 /// Starts a file.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    Ok(Box::new(Sink {
-        out: Out::create(path, options.overwrite)?,
+    Ok(Box::new(CsvFeatureSink {
+        out: VectorOutputFile::create(path, options.overwrite)?,
         prj: crs::prj(path, &layer.crs, options.overwrite)?,
         notes: crs::notes(&layer.crs),
-        table: Table::new(path, layer, options.temp_dir.as_deref())?,
-        ids: Ids::default(),
+        table: FeatureTable::new(path, layer, options.temp_dir.as_deref())?,
+        ids: CsvFeatureIds::default(),
         has_z: false,
         has_m: false,
         path: path.to_path_buf(),
     }))
 }
 
-struct Sink {
-    out: Out,
+struct CsvFeatureSink {
+    out: VectorOutputFile,
     prj: Sidecar,
     notes: Vec<String>,
-    table: Table,
-    ids: Ids,
+    table: FeatureTable,
+    ids: CsvFeatureIds,
     has_z: bool,
     has_m: bool,
     path: PathBuf,
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for CsvFeatureSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let kind = feature.geometry.kind();
         let place = format!("feature {}", self.table.len() + 1);
-        if !matches!(kind, Kind::Null | Kind::Point | Kind::LineString | Kind::MultiLineString) {
+        if !matches!(
+            kind,
+            GeometryType::Null
+                | GeometryType::Point
+                | GeometryType::LineString
+                | GeometryType::MultiLineString
+        ) {
             return Err(Error::usage(format!("CSV holds points and lines, no {}", kind.name()))
                 .in_file(&self.path)
                 .at(place)
@@ -61,7 +67,7 @@ impl FeatureSink for Sink {
         self.table.push(feature, usize::MAX).map_err(|e| e.at(place).in_file(&self.path))
     }
 
-    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+    fn finish(self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         let this = *self;
         let mut rows = this.table.finish()?;
         let mut out = this.out;
@@ -74,7 +80,7 @@ impl FeatureSink for Sink {
                 own_name(&rows)
             ));
         }
-        let mut pen = Pen::new(&rows, numbers);
+        let mut pen = CsvRowWriter::new(&rows, numbers);
         (pen.has_z, pen.has_m) = (this.has_z, this.has_m);
         pen.head(&rows, &mut out.buffer);
         let (mut empty, mut single) = (0, 0);
@@ -103,13 +109,13 @@ impl FeatureSink for Sink {
             files.push(path);
             bytes += more;
         }
-        Ok(Written { features: rows.len() as u64 - empty, bytes, files, notes })
+        Ok(WrittenFeatures { features: rows.len() as u64 - empty, bytes, files, notes })
     }
 }
 
 /// Which ids features have: rows of one id are one feature.
 #[derive(Default)]
-struct Ids {
+struct CsvFeatureIds {
     /// Digests of all ids; where two ids share one, features are numbered without need.
     seen: HashSet<u64>,
     repeat: bool,
@@ -117,7 +123,7 @@ struct Ids {
     largest: i64,
 }
 
-impl Ids {
+impl CsvFeatureIds {
     fn add(&mut self, feature: &Feature) {
         let Some(id) = id_of(feature) else { return };
         let mut cell = Vec::new();
@@ -144,7 +150,7 @@ impl Ids {
 }
 
 /// The column that ids are in where features are numbered.
-fn own_name(rows: &Rows) -> String {
+fn own_name(rows: &FeatureRows) -> String {
     let mut name = ORIGINAL_ID.to_owned();
     while rows.columns.iter().any(|column| column.name.eq_ignore_ascii_case(&name)) {
         name.push('_');
@@ -156,7 +162,7 @@ fn own_name(rows: &Rows) -> String {
 /// has it.
 const ORIGINAL_ID: &str = "original_id";
 
-struct Pen {
+struct CsvRowWriter {
     /// The column of ids.
     id: Option<usize>,
     /// What the numbers of features without an id follow; `None` where all are numbered.
@@ -168,8 +174,8 @@ struct Pen {
     tail: Vec<u8>,
 }
 
-impl Pen {
-    fn new(rows: &Rows, numbers: Option<i64>) -> Self {
+impl CsvRowWriter {
+    fn new(rows: &FeatureRows, numbers: Option<i64>) -> Self {
         let id = rows.columns.iter().position(|column| *column.name == *"id");
         let columns = rows.columns.len();
         Self { id, numbers, columns, has_z: false, has_m: false, tail: Vec::new() }
@@ -180,7 +186,7 @@ impl Pen {
         self.numbers.is_none() || Some(column) != self.id
     }
 
-    fn head(&self, rows: &Rows, text: &mut Vec<u8>) {
+    fn head(&self, rows: &FeatureRows, text: &mut Vec<u8>) {
         text.extend_from_slice(b"id,part,x,y");
         if self.has_z {
             text.extend_from_slice(b",z");
@@ -200,7 +206,7 @@ impl Pen {
         text.push(b'\n');
     }
 
-    fn row(&mut self, number: usize, row: &Row, text: &mut Vec<u8>) {
+    fn row(&mut self, number: usize, row: &FeatureRow, text: &mut Vec<u8>) {
         let mut cells = vec![Vec::new(); self.columns];
         row.values.iter().for_each(|(at, value)| push_text(value, &mut cells[*at]));
         let mut id = Vec::new();
@@ -209,7 +215,7 @@ impl Pen {
             Some(own) => push_cell(own, &mut id),
             None => {
                 let number = self.numbers.unwrap_or(0) + number as i64 + 1;
-                push_text(&Value::Int(number), &mut id);
+                push_text(&PropertyValue::Int(number), &mut id);
             }
         }
         self.tail.clear();
@@ -225,7 +231,7 @@ impl Pen {
             part += usize::from(found.ends.get(part) == Some(&at));
             text.extend_from_slice(&id);
             text.push(b',');
-            push_text(&Value::Int(part as i64), text);
+            push_text(&PropertyValue::Int(part as i64), text);
             for value in found.xy[at] {
                 text.push(b',');
                 number::push(value, text);
@@ -270,20 +276,23 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Coordinates, Geometry, Id, OpenOptions, Properties, open};
+    use crate::{CoordinateSequence, FeatureProperties, Geometry, Id, VectorOpenOptions, open};
 
     fn feature(at: usize, id: Option<Id>, as_property: bool) -> Feature {
         let x = at as f64;
-        let kind = if at.is_multiple_of(3) { Kind::Point } else { Kind::LineString };
-        let xy = vec![[x, 0.5], [x, 7.0]][..if kind == Kind::Point { 1 } else { 2 }].to_vec();
+        let kind =
+            if at.is_multiple_of(3) { GeometryType::Point } else { GeometryType::LineString };
+        let xy =
+            vec![[x, 0.5], [x, 7.0]][..if kind == GeometryType::Point { 1 } else { 2 }].to_vec();
         let ends = vec![xy.len()];
-        let geometry = Geometry::new(kind, Coordinates { xy, ends, ..Coordinates::default() });
-        let mut properties = Properties(vec![("n;o".into(), Value::Int(at as i64))]);
+        let geometry =
+            Geometry::new(kind, CoordinateSequence { xy, ends, ..CoordinateSequence::default() });
+        let mut properties = FeatureProperties(vec![("n;o".into(), PropertyValue::Int(at as i64))]);
         if let Some(id) = id.clone().filter(|_| as_property) {
             let value = match id {
-                Id::Int(id) => Value::Int(id),
-                Id::Real(id) => Value::Real(id),
-                Id::Text(id) => Value::Text(id),
+                Id::Int(id) => PropertyValue::Int(id),
+                Id::Real(id) => PropertyValue::Real(id),
+                Id::Text(id) => PropertyValue::Text(id),
             };
             properties.0.push(("id".into(), value));
         }
@@ -291,18 +300,19 @@ mod tests {
         Feature { id, properties, geometry: geometry.unwrap(), foreign: Vec::new() }
     }
 
-    fn there_and_back(features: &[Feature]) -> (Vec<Feature>, Written) {
+    fn there_and_back(features: &[Feature]) -> (Vec<Feature>, WrittenFeatures) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.csv");
-        let mut sink = create(&path, &Layer::default(), &WriteOptions::default()).unwrap();
+        let mut sink =
+            create(&path, &LayerHeader::default(), &VectorWriteOptions::default()).unwrap();
         features.iter().for_each(|feature| sink.write(feature).unwrap());
         let written = sink.finish(&[]).unwrap();
-        let mut source = open(&path, &OpenOptions::default()).unwrap();
+        let mut source = open(&path, &VectorOpenOptions::default()).unwrap();
         (std::iter::from_fn(|| source.next().unwrap()).collect(), written)
     }
 
     /// What a table says of an id.
-    fn shown(value: Option<Value>) -> String {
+    fn shown(value: Option<PropertyValue>) -> String {
         let mut text = Vec::new();
         value.iter().for_each(|value| push_text(value, &mut text));
         String::from_utf8(text).unwrap().trim().to_owned()

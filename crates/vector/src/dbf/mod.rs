@@ -4,5 +4,5 @@ mod encoding;
 mod read;
 mod write;
 
-pub(super) use read::Reader;
-pub(super) use write::{Plan, write};
+pub(super) use read::DbfReader;
+pub(super) use write::{DbfTablePlan, write};

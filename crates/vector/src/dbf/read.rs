@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::encoding::Encoding;
-use crate::feature::{Field, FieldKind, Properties, Value, is_date};
+use crate::feature::{FeatureProperties, FieldDefinition, FieldKind, PropertyValue, is_date};
 use crate::number;
 use crate::pages::Pages;
 use terrane_base::error::{Error, Result};
@@ -17,10 +17,10 @@ pub(super) const HEADER_END: u8 = 0x0d;
 const DELETED: u8 = b'*';
 
 /// A table being read.
-pub(crate) struct Reader {
+pub(crate) struct DbfReader {
     pages: Pages,
     path: PathBuf,
-    schema: Vec<Field>,
+    schema: Vec<FieldDefinition>,
     /// What each field is and where in a record it ends.
     columns: Vec<(u8, usize)>,
     encoding: Encoding,
@@ -30,7 +30,7 @@ pub(crate) struct Reader {
     deleted: u64,
 }
 
-impl Reader {
+impl DbfReader {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         Self::try_open(path).map_err(|e| e.in_file(path))
     }
@@ -77,7 +77,7 @@ impl Reader {
         })
     }
 
-    pub(crate) fn schema(&self) -> &[Field] {
+    pub(crate) fn schema(&self) -> &[FieldDefinition] {
         &self.schema
     }
 
@@ -87,11 +87,11 @@ impl Reader {
     }
 
     /// The values of a record; `None` where it is marked as deleted.
-    pub(crate) fn get(&mut self, record: u64) -> Result<Option<Properties>> {
+    pub(crate) fn get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         self.try_get(record).map_err(|e| e.in_file(&self.path))
     }
 
-    fn try_get(&mut self, record: u64) -> Result<Option<Properties>> {
+    fn try_get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         if record >= self.records {
             return Err(Error::bad_input(format!(
                 "has {} records, and there are more shapes than that",
@@ -105,7 +105,7 @@ impl Reader {
             self.deleted += 1;
             return Ok(None);
         }
-        let mut properties = Properties::default();
+        let mut properties = FeatureProperties::default();
         properties.0.reserve(self.schema.len());
         let mut start = 1;
         for (field, &(kind, end)) in self.schema.iter().zip(&self.columns) {
@@ -124,7 +124,7 @@ impl Reader {
 }
 
 /// A field from its description.
-fn field(description: &[u8; 32], encoding: &Encoding) -> Result<Field> {
+fn field(description: &[u8; 32], encoding: &Encoding) -> Result<FieldDefinition> {
     let name = description[..11].split(|&byte| byte == 0).next().unwrap_or_default();
     let name = encoding.text(name)?.trim().into();
     let (width, decimals) = (u32::from(description[16]), u32::from(description[17]));
@@ -140,10 +140,15 @@ fn field(description: &[u8; 32], encoding: &Encoding) -> Result<Field> {
                 .remedy("take the .dbf away: there are no properties then"));
         }
     };
-    Ok(Field { name, kind, width: Some(width), decimals: Some(decimals) })
+    Ok(FieldDefinition { name, kind, width: Some(width), decimals: Some(decimals) })
 }
 
-fn value(field: &Field, kind: u8, bytes: &[u8], encoding: &Encoding) -> Result<Value> {
+fn value(
+    field: &FieldDefinition,
+    kind: u8,
+    bytes: &[u8],
+    encoding: &Encoding,
+) -> Result<PropertyValue> {
     let blank = |byte: &u8| matches!(byte, b' ' | 0);
     let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);
     // Numbers are written to the right, texts to the left.
@@ -154,22 +159,22 @@ fn value(field: &Field, kind: u8, bytes: &[u8], encoding: &Encoding) -> Result<V
         Error::bad_input(format!("{text:?} is no {what}"))
     };
     match kind {
-        b'C' if bytes.is_empty() => Ok(Value::Null),
-        b'C' => Ok(Value::Text(encoding.text(bytes)?.into_owned())),
+        b'C' if bytes.is_empty() => Ok(PropertyValue::Null),
+        b'C' => Ok(PropertyValue::Text(encoding.text(bytes)?.into_owned())),
         b'L' => match plain {
-            b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(Value::Bool(true)),
-            b"F" | b"f" | b"N" | b"n" | b"0" => Ok(Value::Bool(false)),
-            b"" | b"?" => Ok(Value::Null),
+            b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(PropertyValue::Bool(true)),
+            b"F" | b"f" | b"N" | b"n" | b"0" => Ok(PropertyValue::Bool(false)),
+            b"" | b"?" => Ok(PropertyValue::Null),
             _ => Err(wrong("truth value")),
         },
         b'D' => match plain {
-            b"" | b"00000000" => Ok(Value::Null),
-            _ => date(plain).map(Value::Date).ok_or_else(|| {
+            b"" | b"00000000" => Ok(PropertyValue::Null),
+            _ => date(plain).map(PropertyValue::Date).ok_or_else(|| {
                 wrong("date of the calendar (YYYYMMDD)").remedy("correct it, or clear the field")
             }),
         },
         // Asterisks are what dBASE writes where a number does not fit.
-        _ if plain.iter().all(|&byte| byte == b'*') => Ok(Value::Null),
+        _ if plain.iter().all(|&byte| byte == b'*') => Ok(PropertyValue::Null),
         _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
     }
 }
@@ -182,10 +187,10 @@ fn date(digits: &[u8]) -> Option<String> {
 }
 
 /// A whole number, where it is written like one in a field of such.
-fn number(text: &[u8], kind: FieldKind) -> Option<Value> {
+fn number(text: &[u8], kind: FieldKind) -> Option<PropertyValue> {
     let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
     match whole {
-        Some(whole) if kind == FieldKind::Int => Some(Value::Int(whole)),
-        _ => number::whole(text).filter(|v| v.is_finite()).map(Value::Real),
+        Some(whole) if kind == FieldKind::Int => Some(PropertyValue::Int(whole)),
+        _ => number::whole(text).filter(|v| v.is_finite()).map(PropertyValue::Real),
     }
 }

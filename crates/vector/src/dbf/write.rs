@@ -1,13 +1,13 @@
 //! Writing of tables whose columns are known.
 
 use super::read::{HEADER_BYTES, HEADER_END};
-use crate::feature::{FieldKind, Value};
-use crate::out::Out;
-use crate::table::{Column, push_text};
+use crate::feature::{FieldKind, PropertyValue};
+use crate::out::VectorOutputFile;
+use crate::table::{FeatureColumn, push_text};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// How columns become fields.
-pub(crate) struct Plan {
+pub(crate) struct DbfTablePlan {
     fields: Vec<FieldPlan>,
     /// Bytes of a record.
     record: usize,
@@ -23,14 +23,18 @@ struct FieldPlan {
     kind: FieldKind,
 }
 
-impl Plan {
+impl DbfTablePlan {
     /// Most bytes of a value as text.
     pub(crate) const MOST: usize = 254;
 
     /// For the columns; the notes tell of names that had to change.
-    pub(crate) fn new(columns: &[Column], notes: &mut Vec<String>) -> Result<Self> {
-        let number =
-            Column { name: "FID".into(), kind: Some(FieldKind::Int), width: 11, decimals: 0 };
+    pub(crate) fn new(columns: &[FeatureColumn], notes: &mut Vec<String>) -> Result<Self> {
+        let number = FeatureColumn {
+            name: "FID".into(),
+            kind: Some(FieldKind::Int),
+            width: 11,
+            decimals: 0,
+        };
         let is_numbered = columns.is_empty();
         let columns = if is_numbered { std::slice::from_ref(&number) } else { columns };
         let mut fields: Vec<FieldPlan> = Vec::new();
@@ -72,7 +76,7 @@ fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
     })
 }
 
-fn plan(column: &Column, name: String) -> Result<FieldPlan> {
+fn plan(column: &FeatureColumn, name: String) -> Result<FieldPlan> {
     let kind = column.kind.unwrap_or(FieldKind::Text);
     let (letter, width, decimals) = match kind {
         FieldKind::Bool => (b'L', 1, 0),
@@ -83,7 +87,7 @@ fn plan(column: &Column, name: String) -> Result<FieldPlan> {
             (b'N', column.width.max(decimals + 2), decimals)
         }
         FieldKind::Text | FieldKind::DateTime | FieldKind::Json => {
-            (b'C', column.width.clamp(1, Plan::MOST), 0)
+            (b'C', column.width.clamp(1, DbfTablePlan::MOST), 0)
         }
     };
     Ok(FieldPlan { name, letter, width: width.min(255), decimals, kind })
@@ -91,10 +95,10 @@ fn plan(column: &Column, name: String) -> Result<FieldPlan> {
 
 /// Writes the table of `records` records, whose values are asked for one record after the other.
 pub(crate) fn write(
-    out: &mut Out,
-    plan: &Plan,
+    out: &mut VectorOutputFile,
+    plan: &DbfTablePlan,
     records: u32,
-    mut values: impl FnMut(u32) -> Result<Vec<(usize, Value)>>,
+    mut values: impl FnMut(u32) -> Result<Vec<(usize, PropertyValue)>>,
 ) -> Result<()> {
     head(&mut out.buffer, plan, records);
     let mut offsets = Vec::new();
@@ -107,7 +111,7 @@ pub(crate) fn write(
     for record in 0..records {
         let mut values = values(record)?;
         if plan.is_numbered {
-            values.push((0, Value::Int(record.into())));
+            values.push((0, PropertyValue::Int(record.into())));
         }
         let start = out.buffer.len();
         out.buffer.resize(start + plan.record, b' ');
@@ -133,16 +137,20 @@ pub(crate) fn write(
     out.settle()
 }
 
-fn field_text(field: &FieldPlan, value: &Value, text: &mut Vec<u8>) {
+fn field_text(field: &FieldPlan, value: &PropertyValue, text: &mut Vec<u8>) {
     match (field.kind, value) {
-        (FieldKind::Bool, Value::Bool(value)) => text.push(if *value { b'T' } else { b'F' }),
+        (FieldKind::Bool, PropertyValue::Bool(value)) => {
+            text.push(if *value { b'T' } else { b'F' })
+        }
         (FieldKind::Bool, _) => text.push(b'?'),
-        (FieldKind::Date, Value::Date(day)) => text.extend(day.bytes().filter(|&b| b != b'-')),
+        (FieldKind::Date, PropertyValue::Date(day)) => {
+            text.extend(day.bytes().filter(|&b| b != b'-'))
+        }
         _ => push_text(value, text),
     }
 }
 
-fn head(out: &mut Vec<u8>, plan: &Plan, records: u32) {
+fn head(out: &mut Vec<u8>, plan: &DbfTablePlan, records: u32) {
     let header = HEADER_BYTES as usize * (plan.fields.len() + 1) + 1;
     // The day of the last change would make bytes depend on the clock: 1 January 2000.
     out.extend_from_slice(&[3, 100, 1, 1]);
@@ -165,17 +173,17 @@ fn head(out: &mut Vec<u8>, plan: &Plan, records: u32) {
 mod tests {
     use super::*;
 
-    fn column(name: &str) -> Column {
-        Column { name: name.into(), kind: None, width: 0, decimals: 0 }
+    fn column(name: &str) -> FeatureColumn {
+        FeatureColumn { name: name.into(), kind: None, width: 0, decimals: 0 }
     }
 
     #[test]
     fn names_are_cut_and_stay_different() {
         let names =
             ["population_total", "population_today", "POPULATION", "éééééééé", "", "", "id"];
-        let columns: Vec<Column> = names.iter().map(|name| column(name)).collect();
+        let columns: Vec<FeatureColumn> = names.iter().map(|name| column(name)).collect();
         let mut notes = Vec::new();
-        let plan = Plan::new(&columns, &mut notes).unwrap();
+        let plan = DbfTablePlan::new(&columns, &mut notes).unwrap();
         let found: Vec<&str> = plan.fields.iter().map(|field| field.name.as_str()).collect();
         assert_eq!(found, ["population", "populati_1", "POPULATI_2", "ééééé", "_1", "_2", "id"]);
         assert!(notes[0].contains("population_today is populati_1"), "{notes:?}");
@@ -183,7 +191,7 @@ mod tests {
 
     #[test]
     fn too_many_fields_are_refused() {
-        let columns: Vec<Column> = (0..3000).map(|n| column(&format!("f{n}"))).collect();
-        assert!(Plan::new(&columns, &mut Vec::new()).is_err());
+        let columns: Vec<FeatureColumn> = (0..3000).map(|n| column(&format!("f{n}"))).collect();
+        assert!(DbfTablePlan::new(&columns, &mut Vec::new()).is_err());
     }
 }

@@ -6,7 +6,7 @@ pub(super) struct Build {
 }
 
 /// A field of a table.
-pub(super) enum Slot {
+pub(super) enum FlatbufferField {
     /// Not there.
     None,
     U8(u8),
@@ -17,7 +17,7 @@ pub(super) enum Slot {
     Link,
 }
 
-impl Slot {
+impl FlatbufferField {
     fn size(&self) -> usize {
         match self {
             Self::None => 0,
@@ -48,7 +48,7 @@ impl Build {
     }
 
     /// Appends a table and gives the place of each field, for [`link`](Self::link).
-    pub(super) fn table(&mut self, slots: &[Slot]) -> (usize, Vec<usize>) {
+    pub(super) fn table(&mut self, slots: &[FlatbufferField]) -> (usize, Vec<usize>) {
         // Large fields first, so that each is aligned without gaps; the table's own place is aligned
         // so that what stands behind its first four bytes is.
         let list = 4 + 2 * slots.len();
@@ -74,11 +74,11 @@ impl Build {
             let offset = if place == 0 { 0 } else { place - table };
             self.set(start + 4 + 2 * at, &(offset as u16).to_le_bytes());
             match slot {
-                Slot::None | Slot::Link => {}
-                Slot::U8(value) => self.set(place, &value.to_le_bytes()),
-                Slot::U16(value) => self.set(place, &value.to_le_bytes()),
-                Slot::I32(value) => self.set(place, &value.to_le_bytes()),
-                Slot::U64(value) => self.set(place, &value.to_le_bytes()),
+                FlatbufferField::None | FlatbufferField::Link => {}
+                FlatbufferField::U8(value) => self.set(place, &value.to_le_bytes()),
+                FlatbufferField::U16(value) => self.set(place, &value.to_le_bytes()),
+                FlatbufferField::I32(value) => self.set(place, &value.to_le_bytes()),
+                FlatbufferField::U64(value) => self.set(place, &value.to_le_bytes()),
             }
         }
         (table, places)
@@ -138,31 +138,31 @@ impl Build {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flatgeobuf::view::View;
+    use crate::flatgeobuf::view::FlatbufferTable;
 
     #[test]
     fn what_is_built_is_seen() {
         let mut build = Build::new();
         let slots = [
-            Slot::Link,
-            Slot::U8(7),
-            Slot::None,
-            Slot::U64(9),
-            Slot::U16(3),
-            Slot::Link,
-            Slot::I32(-2),
+            FlatbufferField::Link,
+            FlatbufferField::U8(7),
+            FlatbufferField::None,
+            FlatbufferField::U64(9),
+            FlatbufferField::U16(3),
+            FlatbufferField::Link,
+            FlatbufferField::I32(-2),
         ];
         let (root, places) = build.table(&slots);
         build.set_root(root);
         assert!(places[3] % 8 == 0 && places[4] % 2 == 0 && places[6] % 4 == 0);
         build.text(places[0], "é");
         for link in build.links(places[5], 2) {
-            let (table, places) = build.table(&[Slot::Link]);
+            let (table, places) = build.table(&[FlatbufferField::Link]);
             build.link(link, table);
             build.numbers(places[0], &[1.5]);
         }
         let bytes = build.finish().unwrap();
-        let view = View::root(&bytes[4..]).unwrap();
+        let view = FlatbufferTable::root(&bytes[4..]).unwrap();
         assert_eq!(
             (view.text(0).unwrap(), view.u8(1).unwrap(), view.u8(2).unwrap()),
             (Some("é"), 7, 0)
@@ -174,7 +174,8 @@ mod tests {
             view.tables(5).unwrap().map(|t| t.unwrap().list(0, 8).unwrap()).collect();
         assert_eq!(tables, [1.5_f64.to_le_bytes(), 1.5_f64.to_le_bytes()]);
         for end in 0..bytes.len() - 4 {
-            let _ = View::root(&bytes[4..4 + end]).and_then(|view| view.text(0).map(|_| ()));
+            let _ =
+                FlatbufferTable::root(&bytes[4..4 + end]).and_then(|view| view.text(0).map(|_| ()));
         }
     }
 }

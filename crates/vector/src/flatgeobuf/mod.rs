@@ -10,21 +10,21 @@ mod view;
 mod write;
 
 use self::schema::MAGIC;
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "FlatGeobuf",
     extensions: &["fgb"],
     about: "a binary file with typed properties and a spatial index",
-    holds: Holds {
-        kinds: &Kind::ALL,
+    holds: VectorCapabilities {
+        kinds: &GeometryType::ALL,
         mixed: true,
         z: true,
         m: true,
         properties: true,
-        values: Values::Columns,
+        values: PropertySupport::Columns,
         ids: false,
         ordered: false,
     },

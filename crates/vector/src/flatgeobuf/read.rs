@@ -4,11 +4,11 @@ use std::path::Path;
 
 use super::schema::{self, KINDS, MAGIC};
 use super::value;
-use super::view::View;
-use crate::feature::{Feature, Field, Layer};
-use crate::geometry::{Coordinates, Geometry, Kind};
+use super::view::FlatbufferTable;
+use crate::feature::{Feature, FieldDefinition, LayerHeader};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::pages::{Pages, numbers, pairs};
-use crate::source::{FeatureSource, OpenOptions};
+use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::tree::levels;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
@@ -18,7 +18,7 @@ use terrane_base::limits;
 const NODE_BYTES: u64 = 40;
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let mut pages = Pages::open(path)?;
     let head = pages.get(0, 12)?;
     if head[..4] != MAGIC[..4] {
@@ -27,24 +27,24 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
     }
     let bytes = u64::from(u32::from_le_bytes([head[8], head[9], head[10], head[11]]));
     limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
-    let header = Header::read(View::root(pages.get(12, bytes)?)?)?;
+    let header = FlatGeobufHeader::read(FlatbufferTable::root(pages.get(12, bytes)?)?)?;
     let offset = 12 + bytes + header.index_bytes()?;
     if offset > pages.len() {
         return Err(Error::bad_input("file is truncated: it ends in its index"));
     }
-    Ok(Box::new(Source { pages, header, offset, at: 0, count: 0, has_binary: false }))
+    Ok(Box::new(FlatGeobufSource { pages, header, offset, at: 0, count: 0, has_binary: false }))
 }
 
-struct Header {
-    layer: Layer,
+struct FlatGeobufHeader {
+    layer: LayerHeader,
     types: Vec<u8>,
-    kind: Option<Kind>,
+    kind: Option<GeometryType>,
     count: u64,
     node: u64,
 }
 
-impl Header {
-    fn read(view: View<'_>) -> Result<Self> {
+impl FlatGeobufHeader {
+    fn read(view: FlatbufferTable<'_>) -> Result<Self> {
         let mut fields = Vec::new();
         let mut types = Vec::new();
         for column in view.tables(schema::HEADER_COLUMNS)? {
@@ -57,7 +57,7 @@ impl Header {
         let extent = envelope.first_chunk().copied();
         let count = view.number(schema::HEADER_COUNT)?.map_or(0, u64::from_le_bytes);
         let node = view.number(schema::HEADER_NODE)?.map_or(16, u16::from_le_bytes);
-        let layer = Layer {
+        let layer = LayerHeader {
             name: view
                 .text(schema::HEADER_NAME)?
                 .filter(|name| !name.is_empty())
@@ -66,7 +66,7 @@ impl Header {
             schema: Some(fields),
             extent: extent.filter(|b: &[f64; 4]| b[0] <= b[2] && b[1] <= b[3]),
             features: (count > 0).then_some(count),
-            ..Layer::default()
+            ..LayerHeader::default()
         };
         let kind = kind_of(view.u8(schema::HEADER_KIND)?)?;
         Ok(Self { layer, types, kind, count, node: node.into() })
@@ -85,7 +85,7 @@ impl Header {
     }
 }
 
-fn column_of(view: View<'_>) -> Result<(Field, u8)> {
+fn column_of(view: FlatbufferTable<'_>) -> Result<(FieldDefinition, u8)> {
     let name = view.text(schema::COLUMN_NAME)?;
     let name = name.ok_or_else(|| Error::bad_input("a column has no name"))?;
     let code = view.u8(schema::COLUMN_TYPE)?;
@@ -93,10 +93,10 @@ fn column_of(view: View<'_>) -> Result<(Field, u8)> {
         Ok(view.number(slot)?.map(i32::from_le_bytes).and_then(|n| u32::try_from(n).ok()))
     };
     let (width, decimals) = (number(schema::COLUMN_WIDTH)?, number(schema::COLUMN_SCALE)?);
-    Ok((Field { name: name.into(), kind: value::kind_of(code)?, width, decimals }, code))
+    Ok((FieldDefinition { name: name.into(), kind: value::kind_of(code)?, width, decimals }, code))
 }
 
-fn crs(view: View<'_>) -> Result<Crs> {
+fn crs(view: FlatbufferTable<'_>) -> Result<Crs> {
     let code = view.number(schema::CRS_CODE)?.map_or(0, i32::from_le_bytes);
     let org = view.text(schema::CRS_ORG)?.unwrap_or("EPSG");
     if code > 0 && org.eq_ignore_ascii_case("EPSG") {
@@ -109,7 +109,7 @@ fn crs(view: View<'_>) -> Result<Crs> {
 }
 
 /// The kind of a number; `None` for 0.
-fn kind_of(code: u8) -> Result<Option<Kind>> {
+fn kind_of(code: u8) -> Result<Option<GeometryType>> {
     match KINDS.iter().find(|(known, _)| *known == code) {
         Some((_, kind)) => Ok(Some(*kind)),
         None if code == 0 => Ok(None),
@@ -118,9 +118,9 @@ fn kind_of(code: u8) -> Result<Option<Kind>> {
     }
 }
 
-struct Source {
+struct FlatGeobufSource {
     pages: Pages,
-    header: Header,
+    header: FlatGeobufHeader,
     /// Where the next feature begins.
     offset: u64,
     /// Where the last one began.
@@ -129,7 +129,7 @@ struct Source {
     has_binary: bool,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for FlatGeobufSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         self.at = self.offset;
         if self.offset == self.pages.len() {
@@ -143,7 +143,7 @@ impl FeatureSource for Source {
         let size = self.pages.get(self.offset, 4)?;
         let size = u64::from(u32::from_le_bytes([size[0], size[1], size[2], size[3]]));
         let bytes = self.pages.get(self.offset + 4, size)?;
-        let view = View::root(bytes)?;
+        let view = FlatbufferTable::root(bytes)?;
         let mut budget = bytes.len();
         let geometry = match view.table(schema::FEATURE_GEOMETRY)? {
             Some(table) => geometry(table, self.header.kind, 0, &mut budget)?,
@@ -170,7 +170,7 @@ impl FeatureSource for Source {
         Ok(Some(Feature { properties, geometry, ..Feature::default() }))
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.header.layer
     }
 
@@ -188,8 +188,8 @@ impl FeatureSource for Source {
 /// a small feature could stand for a huge one: `budget` is what bytes of the feature are left, each
 /// of which counts once.
 fn geometry(
-    view: View<'_>,
-    known: Option<Kind>,
+    view: FlatbufferTable<'_>,
+    known: Option<GeometryType>,
     depth: u64,
     budget: &mut usize,
 ) -> Result<Geometry> {
@@ -197,11 +197,11 @@ fn geometry(
     let own = kind_of(view.u8(schema::GEOMETRY_KIND)?)?;
     let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
     // A single polygon of several may do without a table of its own.
-    let is_flat = kind == Kind::MultiPolygon
+    let is_flat = kind == GeometryType::MultiPolygon
         && !view.list(schema::GEOMETRY_XY, 8)?.is_empty()
         && view.tables(schema::GEOMETRY_PARTS)?.next().is_none();
-    if matches!(kind, Kind::Collection | Kind::MultiPolygon) && !is_flat {
-        let part = (kind == Kind::MultiPolygon).then_some(Kind::Polygon);
+    if matches!(kind, GeometryType::Collection | GeometryType::MultiPolygon) && !is_flat {
+        let part = (kind == GeometryType::MultiPolygon).then_some(GeometryType::Polygon);
         let mut parts = Vec::new();
         for table in view.tables(schema::GEOMETRY_PARTS)? {
             spend(budget, 8)?;
@@ -210,7 +210,7 @@ fn geometry(
             parts.push(geometry(table?, part, depth + 1, budget)?);
         }
         return match kind {
-            Kind::Collection => Geometry::collection(parts),
+            GeometryType::Collection => Geometry::collection(parts),
             _ => joined(&parts),
         };
     }
@@ -219,14 +219,21 @@ fn geometry(
     let ends = view.list(schema::GEOMETRY_ENDS, 4)?;
     spend(budget, xy.len() + z.len() + m.len() + ends.len())?;
     let wrong = || Error::bad_input("the lists of a geometry do not fit together");
-    let mut found =
-        Coordinates { xy: pairs(xy), z: numbers(z), m: numbers(m), ..Coordinates::default() };
+    let mut found = CoordinateSequence {
+        xy: pairs(xy),
+        z: numbers(z),
+        m: numbers(m),
+        ..CoordinateSequence::default()
+    };
     let count = found.xy.len();
     let fits = |values: &[f64]| values.is_empty() || values.len() == count;
     if !fits(&found.z) || !fits(&found.m) || xy.len() % 16 != 0 {
         return Err(wrong());
     }
-    if matches!(kind, Kind::Polygon | Kind::MultiPolygon | Kind::MultiLineString) {
+    if matches!(
+        kind,
+        GeometryType::Polygon | GeometryType::MultiPolygon | GeometryType::MultiLineString
+    ) {
         let mut last = 0;
         for end in ends.as_chunks().0 {
             let end = u32::from_le_bytes(*end) as usize;
@@ -249,8 +256,10 @@ fn geometry(
         }
     }
     // GDAL writes an empty point as NaN.
-    if kind == Kind::Point && found.xy.first().is_some_and(|xy| xy.iter().all(|c| c.is_nan())) {
-        found = Coordinates::default();
+    if kind == GeometryType::Point
+        && found.xy.first().is_some_and(|xy| xy.iter().all(|c| c.is_nan()))
+    {
+        found = CoordinateSequence::default();
     }
     Geometry::new(kind, found)
 }
@@ -266,9 +275,9 @@ fn spend(budget: &mut usize, bytes: usize) -> Result<()> {
 fn joined(parts: &[Geometry]) -> Result<Geometry> {
     let has_z = parts.iter().any(Geometry::has_z);
     let has_m = parts.iter().any(Geometry::has_m);
-    let mut found = Coordinates::default();
+    let mut found = CoordinateSequence::default();
     for part in parts {
-        if part.kind() != Kind::Polygon {
+        if part.kind() != GeometryType::Polygon {
             return Err(Error::bad_input("a part of a MultiPolygon is no polygon"));
         }
         let from = part.coordinates();
@@ -286,20 +295,29 @@ fn joined(parts: &[Geometry]) -> Result<Geometry> {
         found.ends.extend(from.ends.iter().map(|end| first + end));
         found.end_polygon();
     }
-    Geometry::new(Kind::MultiPolygon, found)
+    Geometry::new(GeometryType::MultiPolygon, found)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flatgeobuf::build::{Build, Slot};
+    use crate::flatgeobuf::build::{Build, FlatbufferField};
 
     /// Collections within one another, each with ten members that are one and the same table.
     fn shared(levels: usize) -> Vec<u8> {
         let mut build = Build::new();
         let collection = |build: &mut Build| {
-            let none = || Slot::None;
-            let slots = [none(), none(), none(), none(), none(), none(), Slot::U8(7), Slot::Link];
+            let none = || FlatbufferField::None;
+            let slots = [
+                none(),
+                none(),
+                none(),
+                none(),
+                none(),
+                none(),
+                FlatbufferField::U8(7),
+                FlatbufferField::Link,
+            ];
             build.table(&slots)
         };
         let (table, mut places) = collection(&mut build);
@@ -317,7 +335,7 @@ mod tests {
     #[test]
     fn shared_parts_and_deep_ones_are_refused() {
         let read = |bytes: &[u8]| {
-            geometry(View::root(&bytes[4..]).unwrap(), None, 0, &mut (bytes.len() - 4))
+            geometry(FlatbufferTable::root(&bytes[4..]).unwrap(), None, 0, &mut (bytes.len() - 4))
         };
         assert_eq!(read(&shared(1)).unwrap().members().len(), 10);
         assert!(read(&shared(9)).unwrap_err().to_string().contains("share"));

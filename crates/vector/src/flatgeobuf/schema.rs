@@ -1,19 +1,19 @@
 //! Numbers of the FlatGeobuf schema: kinds of geometry, and slots of the fields of tables.
 
-use crate::geometry::Kind;
+use crate::geometry::GeometryType;
 
 /// The first bytes; the last one is the patch level.
 pub(super) const MAGIC: [u8; 8] = *b"fgb\x03fgb\x00";
 
 /// Numbers of the kinds; 0 stands for any or none.
-pub(super) const KINDS: [(u8, Kind); 7] = [
-    (1, Kind::Point),
-    (2, Kind::LineString),
-    (3, Kind::Polygon),
-    (4, Kind::MultiPoint),
-    (5, Kind::MultiLineString),
-    (6, Kind::MultiPolygon),
-    (7, Kind::Collection),
+pub(super) const KINDS: [(u8, GeometryType); 7] = [
+    (1, GeometryType::Point),
+    (2, GeometryType::LineString),
+    (3, GeometryType::Polygon),
+    (4, GeometryType::MultiPoint),
+    (5, GeometryType::MultiLineString),
+    (6, GeometryType::MultiPolygon),
+    (7, GeometryType::Collection),
 ];
 
 pub(super) const HEADER_NAME: usize = 0;

@@ -1,8 +1,8 @@
 //! Values of properties: the number of a column, and bytes after its type.
 
-use crate::feature::Field;
-use crate::feature::{FieldKind, Properties, Value, is_date};
-use crate::pages::Bytes;
+use crate::feature::FieldDefinition;
+use crate::feature::{FeatureProperties, FieldKind, PropertyValue, is_date};
+use crate::pages::RecordBytes;
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 
@@ -45,12 +45,12 @@ pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
 /// is true where bytes of any form were passed over.
 pub(super) fn properties(
     bytes: &[u8],
-    fields: &[Field],
+    fields: &[FieldDefinition],
     types: &[u8],
-) -> Result<(Properties, bool)> {
-    let nulls = fields.iter().map(|field| (field.name.clone(), Value::Null));
-    let mut found = Properties(nulls.collect());
-    let mut bytes = Bytes(bytes);
+) -> Result<(FeatureProperties, bool)> {
+    let nulls = fields.iter().map(|field| (field.name.clone(), PropertyValue::Null));
+    let mut found = FeatureProperties(nulls.collect());
+    let mut bytes = RecordBytes(bytes);
     let mut has_binary = false;
     while !bytes.0.is_empty() {
         let column = usize::from(bytes.u16()?);
@@ -63,23 +63,24 @@ pub(super) fn properties(
     Ok((found, has_binary))
 }
 
-fn value(code: u8, bytes: &mut Bytes<'_>) -> Result<Value> {
+fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
     let real = |value: f64| match value.is_finite() {
-        true => Value::Real(value),
-        false => Value::Null,
+        true => PropertyValue::Real(value),
+        false => PropertyValue::Null,
     };
     Ok(match code {
-        0 => Value::Int(i8::from_le_bytes(bytes.array()?).into()),
-        1 => Value::Int(bytes.u8()?.into()),
-        BOOL => Value::Bool(bytes.u8()? != 0),
-        3 => Value::Int(i16::from_le_bytes(bytes.array()?).into()),
-        4 => Value::Int(bytes.u16()?.into()),
-        5 => Value::Int(i32::from_le_bytes(bytes.array()?).into()),
-        6 => Value::Int(bytes.u32()?.into()),
-        LONG => Value::Int(i64::from_le_bytes(bytes.array()?)),
+        0 => PropertyValue::Int(i8::from_le_bytes(bytes.array()?).into()),
+        1 => PropertyValue::Int(bytes.u8()?.into()),
+        BOOL => PropertyValue::Bool(bytes.u8()? != 0),
+        3 => PropertyValue::Int(i16::from_le_bytes(bytes.array()?).into()),
+        4 => PropertyValue::Int(bytes.u16()?.into()),
+        5 => PropertyValue::Int(i32::from_le_bytes(bytes.array()?).into()),
+        6 => PropertyValue::Int(bytes.u32()?.into()),
+        LONG => PropertyValue::Int(i64::from_le_bytes(bytes.array()?)),
         8 => {
             let value = bytes.u64()?;
-            i64::try_from(value).map_or_else(|_| Value::Json(value.to_string()), Value::Int)
+            i64::try_from(value)
+                .map_or_else(|_| PropertyValue::Json(value.to_string()), PropertyValue::Int)
         }
         9 => real(f32::from_le_bytes(bytes.array()?).into()),
         DOUBLE => real(bytes.f64()?),
@@ -87,15 +88,15 @@ fn value(code: u8, bytes: &mut Bytes<'_>) -> Result<Value> {
             let length = bytes.u32()? as usize;
             let taken = bytes.take(length)?;
             if code == BINARY {
-                return Ok(Value::Null);
+                return Ok(PropertyValue::Null);
             }
             let text = std::str::from_utf8(taken);
             let text = text.map_err(|_| Error::bad_input("a text is not UTF-8"))?.to_owned();
             match code {
-                JSON => Value::Json(sound(text)?),
-                DATE_TIME if is_date(&text) => Value::Date(text),
-                DATE_TIME => Value::DateTime(text),
-                _ => Value::Text(text),
+                JSON => PropertyValue::Json(sound(text)?),
+                DATE_TIME if is_date(&text) => PropertyValue::Date(text),
+                DATE_TIME => PropertyValue::DateTime(text),
+                _ => PropertyValue::Text(text),
             }
         }
     })
@@ -110,16 +111,18 @@ fn sound(json: String) -> Result<String> {
 }
 
 /// Appends a value of a column of `kind`; nothing for null.
-pub(super) fn put(column: u16, kind: FieldKind, value: &Value, out: &mut Vec<u8>) {
-    if *value == Value::Null {
+pub(super) fn put(column: u16, kind: FieldKind, value: &PropertyValue, out: &mut Vec<u8>) {
+    if *value == PropertyValue::Null {
         return;
     }
     out.extend_from_slice(&column.to_le_bytes());
     match (kind, value) {
-        (FieldKind::Bool, Value::Bool(value)) => out.push(u8::from(*value)),
-        (FieldKind::Int, Value::Int(value)) => out.extend_from_slice(&value.to_le_bytes()),
-        (FieldKind::Real, Value::Real(value)) => out.extend_from_slice(&value.to_le_bytes()),
-        (FieldKind::Real, Value::Int(value)) => {
+        (FieldKind::Bool, PropertyValue::Bool(value)) => out.push(u8::from(*value)),
+        (FieldKind::Int, PropertyValue::Int(value)) => out.extend_from_slice(&value.to_le_bytes()),
+        (FieldKind::Real, PropertyValue::Real(value)) => {
+            out.extend_from_slice(&value.to_le_bytes())
+        }
+        (FieldKind::Real, PropertyValue::Int(value)) => {
             out.extend_from_slice(&(*value as f64).to_le_bytes());
         }
         _ => {

@@ -4,7 +4,7 @@ use terrane_base::error::{Error, Result};
 
 /// A table.
 #[derive(Clone, Copy)]
-pub(super) struct View<'a> {
+pub(super) struct FlatbufferTable<'a> {
     bytes: &'a [u8],
     /// Where it begins.
     at: usize,
@@ -25,7 +25,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Result<usize> {
     Ok(u32::from_le_bytes(bytes_at(bytes, at)?) as usize)
 }
 
-impl<'a> View<'a> {
+impl<'a> FlatbufferTable<'a> {
     /// The table that a buffer is.
     pub(super) fn root(bytes: &'a [u8]) -> Result<Self> {
         Self::at(bytes, u32_at(bytes, 0)?)
@@ -83,12 +83,15 @@ impl<'a> View<'a> {
         text.map(Some).map_err(|_| Error::bad_input("a text is not UTF-8"))
     }
 
-    pub(super) fn table(&self, slot: usize) -> Result<Option<View<'a>>> {
+    pub(super) fn table(&self, slot: usize) -> Result<Option<FlatbufferTable<'a>>> {
         self.target(slot)?.map(|at| Self::at(self.bytes, at)).transpose()
     }
 
     /// The tables of a list.
-    pub(super) fn tables(&self, slot: usize) -> Result<impl Iterator<Item = Result<View<'a>>>> {
+    pub(super) fn tables(
+        &self,
+        slot: usize,
+    ) -> Result<impl Iterator<Item = Result<FlatbufferTable<'a>>>> {
         let entries = self.list(slot, 4)?;
         let first = self.target(slot)?.map_or(0, |at| at + 4);
         let bytes = self.bytes;

@@ -3,50 +3,50 @@
 
 use std::path::{Path, PathBuf};
 
-use super::build::{Build, Slot};
+use super::build::{Build, FlatbufferField};
 use super::schema::{self, KINDS, MAGIC};
 use super::value;
 use crate::crs;
-use crate::feature::{Feature, FieldKind, Layer, Member};
-use crate::geometry::{Coordinates, Geometry, Kind};
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
-use crate::table::{Column, Row, Table};
-use crate::tree::{Bounds, NODE, NOTHING, Tree, around, hilbert_order};
+use crate::feature::{Feature, FieldKind, JsonMember, LayerHeader};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
+use crate::table::{FeatureColumn, FeatureRow, FeatureTable};
+use crate::tree::{Bounds, NODE, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 
 /// Starts a file.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    Ok(Box::new(Sink {
-        out: Out::create(path, options.overwrite)?,
-        table: Table::new(path, layer, options.temp_dir.as_deref())?,
+    Ok(Box::new(FlatGeobufSink {
+        out: VectorOutputFile::create(path, options.overwrite)?,
+        table: FeatureTable::new(path, layer, options.temp_dir.as_deref())?,
         name: layer.name.clone().unwrap_or_else(|| stem(path)),
         crs: layer.crs.clone(),
         bounds: Vec::new(),
-        shape: Shape::default(),
+        shape: GeometryTally::default(),
         is_indexed: options.index,
         path: path.to_path_buf(),
     }))
 }
 
-struct Sink {
-    out: Out,
-    table: Table,
+struct FlatGeobufSink {
+    out: VectorOutputFile,
+    table: FeatureTable,
     name: String,
     crs: Crs,
     /// Of each feature.
     bounds: Vec<Bounds>,
-    shape: Shape,
+    shape: GeometryTally,
     is_indexed: bool,
     path: PathBuf,
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for FlatGeobufSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let geometry = &feature.geometry;
         self.shape.add(geometry);
@@ -56,7 +56,7 @@ impl FeatureSink for Sink {
         pushed.map_err(|e| e.at(format!("feature {number}")).in_file(&self.path))
     }
 
-    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+    fn finish(self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         let this = *self;
         let mut rows = this.table.finish()?;
         let too_large = |message: &str| {
@@ -106,7 +106,7 @@ impl FeatureSink for Sink {
                 place += encode(row)?.len() as u64;
             }
             let bounds: Vec<Bounds> = order.iter().map(|&row| this.bounds[row as usize]).collect();
-            for (bounds, to, is_leaf) in Tree::new(&bounds).nodes() {
+            for (bounds, to, is_leaf) in PackedRTree::new(&bounds).nodes() {
                 let to = if is_leaf { places[to] } else { to as u64 };
                 out.buffer.extend(bounds.iter().flat_map(|bound| bound.to_le_bytes()));
                 out.buffer.extend_from_slice(&to.to_le_bytes());
@@ -121,7 +121,7 @@ impl FeatureSink for Sink {
         let (path, bytes) = out.commit()?;
         let features = order.len() as u64;
         let notes = [crs::notes(&this.crs), std::mem::take(&mut rows.notes)].concat();
-        Ok(Written { features, bytes, files: vec![path], notes })
+        Ok(WrittenFeatures { features, bytes, files: vec![path], notes })
     }
 }
 
@@ -132,48 +132,58 @@ fn stem(path: &Path) -> String {
 
 /// What all geometries of a layer are: programs go by the header, not by each feature.
 #[derive(Clone, Copy)]
-struct Form {
+struct FlatGeobufGeometryType {
     /// Null where there are several.
-    kind: Kind,
+    kind: GeometryType,
     has_z: bool,
     has_m: bool,
 }
 
 /// What was seen of the geometries of a layer.
 #[derive(Default)]
-struct Shape {
-    /// Features of each kind, by its place in [`Kind::ALL`].
-    kinds: [u64; Kind::ALL.len()],
+struct GeometryTally {
+    /// Features of each kind, by its place in [`GeometryType::ALL`].
+    kinds: [u64; GeometryType::ALL.len()],
     /// Features with vertices, of these with heights, and with measures.
     placed: u64,
     with_z: u64,
     with_m: u64,
 }
 
-impl Shape {
+impl GeometryTally {
     fn add(&mut self, geometry: &Geometry) {
-        let at = Kind::ALL.iter().position(|kind| *kind == geometry.kind());
+        let at = GeometryType::ALL.iter().position(|kind| *kind == geometry.kind());
         self.kinds[at.unwrap_or_default()] += 1;
         self.placed += u64::from(!geometry.is_empty());
         self.with_z += u64::from(geometry.has_z());
         self.with_m += u64::from(geometry.has_m());
     }
 
-    fn count(&self, kind: Kind) -> u64 {
-        Kind::ALL.iter().zip(self.kinds).find(|(known, _)| **known == kind).map_or(0, |(_, n)| n)
+    fn count(&self, kind: GeometryType) -> u64 {
+        GeometryType::ALL
+            .iter()
+            .zip(self.kinds)
+            .find(|(known, _)| **known == kind)
+            .map_or(0, |(_, n)| n)
     }
 
     /// A feature without a place is one of any kind. With heights or measures, what is there once or
     /// several times is told as several: a layer of any kind with heights is one that few programs open.
-    fn form(&self) -> Form {
+    fn form(&self) -> FlatGeobufGeometryType {
         let (has_z, has_m) = (self.with_z > 0, self.with_m > 0);
-        let found = || Kind::ALL.into_iter().filter(|&k| k != Kind::Null && self.count(k) > 0);
+        let found = || {
+            GeometryType::ALL.into_iter().filter(|&k| k != GeometryType::Null && self.count(k) > 0)
+        };
         let mut kind = found().next().unwrap_or_default();
         if has_z || has_m {
             kind = found().find(|k| several(*k) == *k).unwrap_or(kind);
         }
-        let is_one = |k: Kind| k == kind || ((has_z || has_m) && several(k) == kind);
-        Form { kind: if found().all(is_one) { kind } else { Kind::Null }, has_z, has_m }
+        let is_one = |k: GeometryType| k == kind || ((has_z || has_m) && several(k) == kind);
+        FlatGeobufGeometryType {
+            kind: if found().all(is_one) { kind } else { GeometryType::Null },
+            has_z,
+            has_m,
+        }
     }
 
     /// What a user should know of geometries that are not as they were.
@@ -191,15 +201,19 @@ impl Shape {
                 ));
             }
         }
-        let single = [Kind::Point, Kind::LineString, Kind::Polygon];
+        let single = [GeometryType::Point, GeometryType::LineString, GeometryType::Polygon];
         for kind in single.into_iter().filter(|k| several(*k) == form.kind && self.count(*k) > 0) {
             let (count, name, more) = (self.count(kind), kind.name(), form.kind.name());
             notes.push(format!(
                 "{count} {name} features are {more} of one, as a layer with {has_more} has one type"
             ));
         }
-        let kinds = self.kinds.iter().zip(Kind::ALL).filter(|(n, k)| **n > 0 && *k != Kind::Null);
-        if form.kind == Kind::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
+        let kinds = self
+            .kinds
+            .iter()
+            .zip(GeometryType::ALL)
+            .filter(|(n, k)| **n > 0 && *k != GeometryType::Null);
+        if form.kind == GeometryType::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
             notes.push(format!(
                 "several types of geometry in a layer with {has_more}: some programs do not open \
                  that; write a file for each type"
@@ -210,16 +224,16 @@ impl Shape {
 }
 
 /// The kind that holds several of a kind: itself, where it does.
-fn several(kind: Kind) -> Kind {
+fn several(kind: GeometryType) -> GeometryType {
     match kind {
-        Kind::Point => Kind::MultiPoint,
-        Kind::LineString => Kind::MultiLineString,
-        Kind::Polygon => Kind::MultiPolygon,
+        GeometryType::Point => GeometryType::MultiPoint,
+        GeometryType::LineString => GeometryType::MultiLineString,
+        GeometryType::Polygon => GeometryType::MultiPolygon,
         other => other,
     }
 }
 
-fn code_of(kind: Kind) -> u8 {
+fn code_of(kind: GeometryType) -> u8 {
     KINDS.iter().find(|(_, known)| *known == kind).map_or(0, |(code, _)| *code)
 }
 
@@ -227,8 +241,8 @@ fn code_of(kind: Kind) -> u8 {
 struct Head<'a> {
     name: &'a str,
     extent: Option<Bounds>,
-    form: Form,
-    columns: &'a [Column],
+    form: FlatGeobufGeometryType,
+    columns: &'a [FeatureColumn],
     count: u64,
     is_indexed: bool,
     crs: &'a Crs,
@@ -238,18 +252,19 @@ impl Head<'_> {
     fn bytes(&self) -> Option<Vec<u8>> {
         let mut build = Build::new();
         let has_crs = self.crs.is_named();
-        let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+        let link =
+            |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
         let (root, places) = build.table(&[
-            Slot::Link,
+            FlatbufferField::Link,
             link(self.extent.is_some()),
-            Slot::U8(code_of(self.form.kind)),
-            Slot::U8(self.form.has_z.into()),
-            Slot::U8(self.form.has_m.into()),
-            Slot::None,
-            Slot::None,
-            Slot::Link,
-            Slot::U64(self.count),
-            Slot::U16(if self.is_indexed { NODE as u16 } else { 0 }),
+            FlatbufferField::U8(code_of(self.form.kind)),
+            FlatbufferField::U8(self.form.has_z.into()),
+            FlatbufferField::U8(self.form.has_m.into()),
+            FlatbufferField::None,
+            FlatbufferField::None,
+            FlatbufferField::Link,
+            FlatbufferField::U64(self.count),
+            FlatbufferField::U16(if self.is_indexed { NODE as u16 } else { 0 }),
             link(has_crs),
         ]);
         build.set_root(root);
@@ -260,7 +275,7 @@ impl Head<'_> {
         let links = build.links(places[schema::HEADER_COLUMNS], self.columns.len());
         for (column, link) in self.columns.iter().zip(links) {
             let code = value::type_of(column.kind.unwrap_or(FieldKind::Text));
-            let (table, places) = build.table(&[Slot::Link, Slot::U8(code)]);
+            let (table, places) = build.table(&[FlatbufferField::Link, FlatbufferField::U8(code)]);
             build.link(link, table);
             build.text(places[schema::COLUMN_NAME], &column.name);
         }
@@ -272,15 +287,16 @@ impl Head<'_> {
 
     fn put_crs(&self, build: &mut Build, place: usize) {
         let text = self.crs.to_wkt();
-        let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+        let link =
+            |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
         // Readers that find a code ask for no text, and a code says nothing of heights.
         let code = self.crs.epsg.filter(|_| self.crs.vertical_epsg.is_none() || text.is_none());
         let code = code.and_then(|code| i32::try_from(code).ok());
         let (table, places) = build.table(&[
             link(code.is_some()),
-            code.map_or(Slot::None, Slot::I32),
+            code.map_or(FlatbufferField::None, FlatbufferField::I32),
             link(self.crs.citation.is_some()),
-            Slot::None,
+            FlatbufferField::None,
             link(text.is_some()),
         ]);
         build.link(place, table);
@@ -297,21 +313,21 @@ impl Head<'_> {
 }
 
 /// A feature with its size; `None` beyond 4 GiB.
-fn feature(row: &Row, kinds: &[FieldKind], form: Form) -> Option<Vec<u8>> {
+fn feature(row: &FeatureRow, kinds: &[FieldKind], form: FlatGeobufGeometryType) -> Option<Vec<u8>> {
     let mut properties = Vec::new();
     for (column, value) in &row.values {
         value::put(*column as u16, kinds[*column], value, &mut properties);
     }
     let mut build = Build::new();
-    let is_null = row.geometry.kind() == Kind::Null;
+    let is_null = row.geometry.kind() == GeometryType::Null;
     let (root, places) = build.table(&[
-        if is_null { Slot::None } else { Slot::Link },
-        if properties.is_empty() { Slot::None } else { Slot::Link },
+        if is_null { FlatbufferField::None } else { FlatbufferField::Link },
+        if properties.is_empty() { FlatbufferField::None } else { FlatbufferField::Link },
     ]);
     build.set_root(root);
     if !is_null {
-        let kind = if form.kind == Kind::Null { row.geometry.kind() } else { form.kind };
-        let form = Form { kind, ..form };
+        let kind = if form.kind == GeometryType::Null { row.geometry.kind() } else { form.kind };
+        let form = FlatGeobufGeometryType { kind, ..form };
         put_geometry(&mut build, places[schema::FEATURE_GEOMETRY], &row.geometry, form);
     }
     if !properties.is_empty() {
@@ -323,23 +339,39 @@ fn feature(row: &Row, kinds: &[FieldKind], form: Form) -> Option<Vec<u8>> {
 
 /// Appends a geometry as one of the form's kind. Collections are nested no deeper than their
 /// constructor allows.
-fn put_geometry(build: &mut Build, place: usize, geometry: &Geometry, form: Form) {
+fn put_geometry(
+    build: &mut Build,
+    place: usize,
+    geometry: &Geometry,
+    form: FlatGeobufGeometryType,
+) {
     let kind = form.kind;
     match kind {
-        Kind::Collection => {
+        GeometryType::Collection => {
             for (link, member) in parts(build, place, kind, geometry.members().len())
                 .into_iter()
                 .zip(geometry.members())
             {
-                put_geometry(build, link, member, Form { kind: member.kind(), ..form });
+                put_geometry(
+                    build,
+                    link,
+                    member,
+                    FlatGeobufGeometryType { kind: member.kind(), ..form },
+                );
             }
         }
-        Kind::MultiPolygon => {
+        GeometryType::MultiPolygon => {
             let from = geometry.coordinates();
             let links = parts(build, place, kind, from.polygons.len());
             let mut first = 0;
             for (link, &end) in links.into_iter().zip(&from.polygons) {
-                put_leaf(build, link, Form { kind: Kind::Polygon, ..form }, from, first..end);
+                put_leaf(
+                    build,
+                    link,
+                    FlatGeobufGeometryType { kind: GeometryType::Polygon, ..form },
+                    from,
+                    first..end,
+                );
                 first = end;
             }
         }
@@ -351,10 +383,10 @@ fn put_geometry(build: &mut Build, place: usize, geometry: &Geometry, form: Form
 }
 
 /// A geometry of `count` others; gives the place of each.
-fn parts(build: &mut Build, place: usize, kind: Kind, count: usize) -> Vec<usize> {
-    let none = || Slot::None;
-    let code = Slot::U8(code_of(kind));
-    let slots = [none(), none(), none(), none(), none(), none(), code, Slot::Link];
+fn parts(build: &mut Build, place: usize, kind: GeometryType, count: usize) -> Vec<usize> {
+    let none = || FlatbufferField::None;
+    let code = FlatbufferField::U8(code_of(kind));
+    let slots = [none(), none(), none(), none(), none(), none(), code, FlatbufferField::Link];
     let (table, places) = build.table(&slots);
     build.link(place, table);
     build.links(places[schema::GEOMETRY_PARTS], count)
@@ -365,25 +397,26 @@ fn parts(build: &mut Build, place: usize, kind: Kind, count: usize) -> Vec<usize
 fn put_leaf(
     build: &mut Build,
     place: usize,
-    form: Form,
-    from: &Coordinates,
+    form: FlatGeobufGeometryType,
+    from: &CoordinateSequence,
     parts: std::ops::Range<usize>,
 ) {
     let start = if parts.start == 0 { 0 } else { from.ends[parts.start - 1] };
     let ends = &from.ends[parts];
     let end =
         ends.last().copied().unwrap_or(if from.ends.is_empty() { from.xy.len() } else { start });
-    let link = |is_there: bool| if is_there { Slot::Link } else { Slot::None };
+    let link =
+        |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
     // Of one ring the end needs no word; of one line of several some readers want it.
-    let has_ends = ends.len() > 1 || form.kind == Kind::MultiLineString;
+    let has_ends = ends.len() > 1 || form.kind == GeometryType::MultiLineString;
     let (table, places) = build.table(&[
         link(has_ends),
-        Slot::Link,
+        FlatbufferField::Link,
         link(form.has_z),
         link(form.has_m),
-        Slot::None,
-        Slot::None,
-        Slot::U8(code_of(form.kind)),
+        FlatbufferField::None,
+        FlatbufferField::None,
+        FlatbufferField::U8(code_of(form.kind)),
     ]);
     build.link(place, table);
     if has_ends {
@@ -403,26 +436,32 @@ fn put_leaf(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flatgeobuf::view::View;
-    use crate::{OpenOptions, open};
+    use crate::flatgeobuf::view::FlatbufferTable;
+    use crate::{VectorOpenOptions, open};
 
     /// Kinds of features, whether each has heights and measures, and the type of the layer with the kinds
     /// that come back.
-    type Case<'a> = (&'a [(Kind, bool, bool)], (Kind, bool, bool), &'a [Kind]);
+    type Case<'a> =
+        (&'a [(GeometryType, bool, bool)], (GeometryType, bool, bool), &'a [GeometryType]);
 
-    fn geometry(kind: Kind, has_z: bool, has_m: bool) -> Geometry {
-        let mut found = Coordinates::default();
+    fn geometry(kind: GeometryType, has_z: bool, has_m: bool) -> Geometry {
+        let mut found = CoordinateSequence::default();
         for (at, [x, y]) in [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 0.0]].into_iter().enumerate()
         {
-            if at == 0 || kind != Kind::Point {
+            if at == 0 || kind != GeometryType::Point {
                 found.push([x, y], has_z.then_some(x + 1.0), has_m.then_some(y));
             }
         }
-        if kind == Kind::Null { Geometry::null() } else { Geometry::new(kind, found).unwrap() }
+        if kind == GeometryType::Null {
+            Geometry::null()
+        } else {
+            Geometry::new(kind, found).unwrap()
+        }
     }
 
-    fn written(path: &Path, features: &[(Kind, bool, bool)]) -> Written {
-        let mut sink = create(path, &Layer::default(), &WriteOptions::default()).unwrap();
+    fn written(path: &Path, features: &[(GeometryType, bool, bool)]) -> WrittenFeatures {
+        let mut sink =
+            create(path, &LayerHeader::default(), &VectorWriteOptions::default()).unwrap();
         for &(kind, has_z, has_m) in features {
             let geometry = geometry(kind, has_z, has_m);
             sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
@@ -432,7 +471,7 @@ mod tests {
 
     #[test]
     fn a_layer_is_what_readers_go_by() {
-        use Kind::{LineString, MultiLineString, MultiPolygon, Null, Point, Polygon};
+        use GeometryType::{LineString, MultiLineString, MultiPolygon, Null, Point, Polygon};
         let cases: &[Case<'_>] = &[
             (&[(LineString, false, false)], (LineString, false, false), &[LineString]),
             (
@@ -462,18 +501,18 @@ mod tests {
             let path = folder.path().join("name of it.fgb");
             let notes = written(&path, features).notes;
             let bytes = std::fs::read(&path).unwrap();
-            let header = View::root(&bytes[12..]).unwrap();
+            let header = FlatbufferTable::root(&bytes[12..]).unwrap();
             let flag = |slot: usize| header.u8(slot).unwrap() == 1;
             let type_of = header.u8(schema::HEADER_KIND).unwrap();
             let (kind, has_z, has_m) = *layer;
             assert_eq!((type_of, flag(3), flag(4)), (code_of(kind), has_z, has_m), "{features:?}");
             assert_eq!(header.text(schema::HEADER_NAME).unwrap(), Some("name of it"));
             let is_as_it_was = features.iter().zip(*kinds).all(|((was, z, m), is)| {
-                was == is && ((*z, *m) == (has_z, has_m) || *was == Kind::Null)
+                was == is && ((*z, *m) == (has_z, has_m) || *was == GeometryType::Null)
             });
-            let is_plain = (is_as_it_was && kind != Kind::Null) || (!has_z && !has_m);
+            let is_plain = (is_as_it_was && kind != GeometryType::Null) || (!has_z && !has_m);
             assert_eq!(notes.is_empty(), is_plain, "{notes:?}");
-            let mut source = open(&path, &OpenOptions::default()).unwrap();
+            let mut source = open(&path, &VectorOpenOptions::default()).unwrap();
             let mut found = Vec::new();
             while let Some(feature) = source.next().unwrap() {
                 found.push(feature.geometry);
@@ -498,11 +537,14 @@ mod tests {
     fn every_vertex_of_a_layer_with_heights_has_a_number() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.fgb");
-        let mut sink =
-            create(&path, &Layer::default(), &WriteOptions { index: false, ..Default::default() })
-                .unwrap();
+        let mut sink = create(
+            &path,
+            &LayerHeader::default(),
+            &VectorWriteOptions { index: false, ..Default::default() },
+        )
+        .unwrap();
         for has_z in [false, true] {
-            let geometry = geometry(Kind::LineString, has_z, false);
+            let geometry = geometry(GeometryType::LineString, has_z, false);
             sink.write(&Feature { geometry, ..Feature::default() }).unwrap();
         }
         sink.finish(&[]).unwrap();
@@ -510,7 +552,7 @@ mod tests {
         let size = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
         let first = 12 + size(8);
         for at in [first, first + 4 + size(first)] {
-            let feature = View::root(&bytes[at + 4..]).unwrap();
+            let feature = FlatbufferTable::root(&bytes[at + 4..]).unwrap();
             let geometry = feature.table(schema::FEATURE_GEOMETRY).unwrap().unwrap();
             assert_eq!(geometry.list(schema::GEOMETRY_Z, 8).unwrap().len(), 4 * 8);
         }

@@ -2,24 +2,24 @@
 
 use std::sync::Arc;
 
-use crate::feature::{Feature, Id, Member, Properties, Value};
-use crate::geometry::{Geometry, Kind};
-use crate::json::{Cursor, Token, compact};
+use crate::feature::{Feature, FeatureProperties, Id, JsonMember, PropertyValue};
+use crate::geometry::{Geometry, GeometryType};
+use crate::json::{JsonCursor, Token, compact};
 use crate::number;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 /// Reads features; names of properties that come again and again are kept once.
 #[derive(Default)]
-pub(crate) struct Reader {
+pub(crate) struct GeoJsonFeatureReader {
     /// Those of the feature before.
     names: Vec<Arc<str>>,
 }
 
-impl Reader {
+impl GeoJsonFeatureReader {
     /// A feature, or a geometry alone, from the text of an object.
     pub(super) fn feature(&mut self, text: &[u8], base: u64) -> Result<Feature> {
-        let mut cursor = Cursor::new(text, base);
+        let mut cursor = JsonCursor::new(text, base);
         let mut feature = Feature::default();
         let (mut is_first, mut is_feature, mut is_geometry) = (true, false, false);
         cursor.expect(b'{')?;
@@ -27,7 +27,7 @@ impl Reader {
             match &*name {
                 "type" => {
                     let kind = cursor.string()?;
-                    if Kind::by_name(&kind).is_some_and(|kind| kind != Kind::Null) {
+                    if GeometryType::by_name(&kind).is_some_and(|kind| kind != GeometryType::Null) {
                         return bare(text, base);
                     }
                     is_feature = kind == "Feature";
@@ -54,8 +54,8 @@ impl Reader {
     }
 
     /// An object of properties, or null.
-    pub(crate) fn properties(&mut self, cursor: &mut Cursor<'_>) -> Result<Properties> {
-        let mut properties = Properties::default();
+    pub(crate) fn properties(&mut self, cursor: &mut JsonCursor<'_>) -> Result<FeatureProperties> {
+        let mut properties = FeatureProperties::default();
         if cursor.peek() != Some(b'{') {
             return match cursor.value()? {
                 Token::Null => Ok(properties),
@@ -82,7 +82,7 @@ impl Reader {
 }
 
 /// A member that is passed on.
-pub(crate) fn member(name: &str, cursor: &mut Cursor<'_>) -> Result<Member> {
+pub(crate) fn member(name: &str, cursor: &mut JsonCursor<'_>) -> Result<JsonMember> {
     let json = match cursor.value()? {
         Token::Null => "null".to_owned(),
         Token::Bool(value) => value.to_string(),
@@ -90,46 +90,46 @@ pub(crate) fn member(name: &str, cursor: &mut Cursor<'_>) -> Result<Member> {
         Token::Text(text) => serde_json::Value::from(&*text).to_string(),
         Token::Nested(json) => compact(json),
     };
-    Ok(Member { name: name.to_owned(), json })
+    Ok(JsonMember { name: name.to_owned(), json })
 }
 
 /// The id of a feature.
-pub(crate) fn id(cursor: &mut Cursor<'_>) -> Result<Option<Id>> {
+pub(crate) fn id(cursor: &mut JsonCursor<'_>) -> Result<Option<Id>> {
     match value(cursor.value()?) {
-        Value::Null => Ok(None),
-        Value::Int(id) => Ok(Some(Id::Int(id))),
-        Value::Real(id) => Ok(Some(Id::Real(id))),
-        Value::Text(id) => Ok(Some(Id::Text(id))),
+        PropertyValue::Null => Ok(None),
+        PropertyValue::Int(id) => Ok(Some(Id::Int(id))),
+        PropertyValue::Real(id) => Ok(Some(Id::Real(id))),
+        PropertyValue::Text(id) => Ok(Some(Id::Text(id))),
         _ => Err(cursor.bad("an id is neither a number nor a text")),
     }
 }
 
-fn value(token: Token<'_>) -> Value {
+fn value(token: Token<'_>) -> PropertyValue {
     match token {
-        Token::Null => Value::Null,
-        Token::Bool(value) => Value::Bool(value),
-        Token::Text(text) => Value::Text(text.into_owned()),
-        Token::Nested(json) => Value::Json(compact(json)),
+        Token::Null => PropertyValue::Null,
+        Token::Bool(value) => PropertyValue::Bool(value),
+        Token::Text(text) => PropertyValue::Text(text.into_owned()),
+        Token::Nested(json) => PropertyValue::Json(compact(json)),
         Token::Number(text) => {
             let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
-            let whole = text.parse().ok().filter(|_| is_whole).map(Value::Int);
+            let whole = text.parse().ok().filter(|_| is_whole).map(PropertyValue::Int);
             let real = || number::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
             whole
-                .or_else(|| real().map(Value::Real))
-                .unwrap_or_else(|| Value::Json(text.to_owned()))
+                .or_else(|| real().map(PropertyValue::Real))
+                .unwrap_or_else(|| PropertyValue::Json(text.to_owned()))
         }
     }
 }
 
 /// A geometry that is no part of a feature.
 fn bare(text: &[u8], base: u64) -> Result<Feature> {
-    let geometry = geometry(&mut Cursor::new(text, base), 0)?;
+    let geometry = geometry(&mut JsonCursor::new(text, base), 0)?;
     Ok(Feature { geometry, ..Feature::default() })
 }
 
 /// A geometry object, or null, within `depth` collections: it calls itself no deeper than collections
 /// may be nested.
-fn geometry(cursor: &mut Cursor<'_>, depth: u64) -> Result<Geometry> {
+fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     if cursor.peek() != Some(b'{') {
         return match cursor.value()? {
@@ -144,7 +144,7 @@ fn geometry(cursor: &mut Cursor<'_>, depth: u64) -> Result<Geometry> {
         match &*name {
             "type" => {
                 let name = cursor.string()?;
-                kind = Kind::by_name(&name);
+                kind = GeometryType::by_name(&name);
                 if kind.is_none() {
                     return Err(cursor.bad(format!("type {:?} is no geometry", short(&name))));
                 }
@@ -156,7 +156,7 @@ fn geometry(cursor: &mut Cursor<'_>, depth: u64) -> Result<Geometry> {
     }
     let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
     match (kind.ok_or_else(|| missing("type"))?, coordinates, members) {
-        (Kind::Collection, _, members) => {
+        (GeometryType::Collection, _, members) => {
             Geometry::collection(members.ok_or_else(|| missing("geometries"))?)
         }
         (kind, coordinates, _) => {
@@ -167,7 +167,7 @@ fn geometry(cursor: &mut Cursor<'_>, depth: u64) -> Result<Geometry> {
     }
 }
 
-fn geometries(cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
+fn geometries(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
     cursor.expect(b'[')?;
     let (mut is_first, mut members) = (true, Vec::new());
     while cursor.item(&mut is_first)? {
@@ -179,13 +179,13 @@ fn geometries(cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
 }
 
 /// Fails unless positions are as deep as in a `kind`; 0 is that of no positions.
-pub(crate) fn check_depth(kind: Kind, found: usize) -> std::result::Result<(), String> {
+pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Result<(), String> {
     let deep = match kind {
-        Kind::Point => 1,
-        Kind::MultiPoint | Kind::LineString => 2,
-        Kind::MultiLineString | Kind::Polygon => 3,
-        Kind::MultiPolygon => 4,
-        Kind::Null | Kind::Collection => 0,
+        GeometryType::Point => 1,
+        GeometryType::MultiPoint | GeometryType::LineString => 2,
+        GeometryType::MultiLineString | GeometryType::Polygon => 3,
+        GeometryType::MultiPolygon => 4,
+        GeometryType::Null | GeometryType::Collection => 0,
     };
     if found == deep || found == 0 {
         return Ok(());

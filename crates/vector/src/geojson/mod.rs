@@ -7,19 +7,19 @@ mod read;
 mod tests;
 mod write;
 
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
-pub(super) use feature::{Reader as FeatureReader, check_depth, id, member, short};
+pub(super) use feature::{GeoJsonFeatureReader as FeatureReader, check_depth, id, member, short};
 
 /// What both hold.
-const HOLDS: Holds = Holds {
-    kinds: &Kind::ALL,
+const HOLDS: VectorCapabilities = VectorCapabilities {
+    kinds: &GeometryType::ALL,
     mixed: true,
     z: true,
     m: false,
     properties: true,
-    values: Values::Typed,
+    values: PropertySupport::Typed,
     ids: true,
     ordered: true,
 };

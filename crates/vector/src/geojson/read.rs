@@ -2,22 +2,22 @@
 
 use std::path::Path;
 
-use super::feature::{self, Reader, no_object};
+use super::feature::{self, GeoJsonFeatureReader, no_object};
 use crate::crs;
-use crate::feature::{Feature, Layer, Member};
-use crate::json::{Cursor, Extent};
-use crate::source::{FeatureSource, OpenOptions};
-use crate::window::Window;
+use crate::feature::{Feature, JsonMember, LayerHeader};
+use crate::json::{JsonCursor, JsonEndSearch};
+use crate::source::{FeatureSource, VectorOpenOptions};
+use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let mut source = Source {
-        window: Window::open(path)?,
-        layer: Layer { crs: crs::wgs84(), ..Layer::default() },
-        reader: Reader::default(),
-        state: State::Between,
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let mut source = GeoJsonSource {
+        window: FileWindow::open(path)?,
+        layer: LayerHeader { crs: crs::wgs84(), ..LayerHeader::default() },
+        reader: GeoJsonFeatureReader::default(),
+        state: GeoJsonReadState::Between,
         is_first: true,
         objects: 0,
         at: 0,
@@ -32,7 +32,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
 
 /// Where the reader is.
 #[derive(Clone, Copy, PartialEq)]
-enum State {
+enum GeoJsonReadState {
     /// Between two objects at the outermost level.
     Between,
     /// At the start of an object that is one feature or geometry.
@@ -45,11 +45,11 @@ enum State {
     End,
 }
 
-struct Source {
-    window: Window,
-    layer: Layer,
-    reader: Reader,
-    state: State,
+struct GeoJsonSource {
+    window: FileWindow,
+    layer: LayerHeader,
+    reader: GeoJsonFeatureReader,
+    state: GeoJsonReadState,
     /// True before the first feature of a collection.
     is_first: bool,
     /// Objects at the outermost level that were begun.
@@ -59,28 +59,28 @@ struct Source {
     notes: Vec<String>,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for GeoJsonSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         loop {
             match self.state {
-                State::End => return Ok(None),
-                State::Single => {
+                GeoJsonReadState::End => return Ok(None),
+                GeoJsonReadState::Single => {
                     let feature = self.feature()?;
-                    self.state = State::Between;
+                    self.state = GeoJsonReadState::Between;
                     return Ok(Some(feature));
                 }
-                State::Features => {
+                GeoJsonReadState::Features => {
                     if self.is_at_feature()? {
                         return self.feature().map(Some);
                     }
-                    self.state = State::Behind;
+                    self.state = GeoJsonReadState::Behind;
                 }
-                State::Between | State::Behind => self.go_on()?,
+                GeoJsonReadState::Between | GeoJsonReadState::Behind => self.go_on()?,
             }
         }
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -93,17 +93,17 @@ impl FeatureSource for Source {
     }
 }
 
-impl Source {
+impl GeoJsonSource {
     /// Passes over what is between features.
     fn go_on(&mut self) -> Result<()> {
         match self.state {
-            State::Between => self.begin(),
-            State::Behind => {
+            GeoJsonReadState::Between => self.begin(),
+            GeoJsonReadState::Behind => {
                 self.members(true)?;
-                self.state = State::Between;
+                self.state = GeoJsonReadState::Between;
                 Ok(())
             }
-            State::Single | State::Features | State::End => Ok(()),
+            GeoJsonReadState::Single | GeoJsonReadState::Features | GeoJsonReadState::End => Ok(()),
         }
     }
 
@@ -125,13 +125,13 @@ impl Source {
     /// Begins the next object at the outermost level.
     fn begin(&mut self) -> Result<()> {
         match self.peek()? {
-            None => self.state = State::End,
+            None => self.state = GeoJsonReadState::End,
             Some(b'{') => {
                 self.objects += 1;
-                self.state = State::Single;
+                self.state = GeoJsonReadState::Single;
                 self.is_first = true;
                 if self.members(false)? {
-                    self.state = State::Features;
+                    self.state = GeoJsonReadState::Features;
                 }
             }
             Some(_) => {
@@ -170,7 +170,8 @@ impl Source {
             }
             let value = self.blank(colon + 1)?;
             let base = self.window.offset() + at as u64;
-            let name = Cursor::new(&self.window.text()[at..name_end], base).string()?.into_owned();
+            let name =
+                JsonCursor::new(&self.window.text()[at..name_end], base).string()?.into_owned();
             let opens = self.window.byte(value)?;
             match name.as_str() {
                 "features" if opens == Some(b'[') && !is_behind => {
@@ -186,14 +187,14 @@ impl Source {
             let end = self.value_end(value)?;
             limits::check("bytes of a header", end as u64, limits::MAX_HEADER_BYTES)?;
             let base = self.window.offset() + value as u64;
-            let mut cursor = Cursor::new(&self.window.text()[value..end], base);
+            let mut cursor = JsonCursor::new(&self.window.text()[value..end], base);
             foreign.push(feature::member(&name, &mut cursor)?);
             at = end;
         }
     }
 
     /// Takes what a collection says of itself.
-    fn take_members(&mut self, members: Vec<Member>, is_behind: bool) -> Result<()> {
+    fn take_members(&mut self, members: Vec<JsonMember>, is_behind: bool) -> Result<()> {
         let is_only = self.objects == 1;
         for member in members {
             match member.name.as_str() {
@@ -286,7 +287,7 @@ impl Source {
         match self.window.byte(at)? {
             Some(b'"') => self.string_end(at),
             Some(open @ (b'{' | b'[')) => {
-                let mut extent = Extent::new(open);
+                let mut extent = JsonEndSearch::new(open);
                 loop {
                     if let Some(bytes) = extent.end(&self.window.text()[at..]) {
                         return Ok(at + bytes);

@@ -3,20 +3,21 @@
 use std::path::Path;
 
 use crate::{
-    Feature, Id, Kind, Layer, Member, OpenOptions, Value, WriteOptions, by_path, create, open,
+    Feature, GeometryType, Id, JsonMember, LayerHeader, PropertyValue, VectorOpenOptions,
+    VectorWriteOptions, by_path, create, open,
 };
 use terrane_base::error::Result;
 
 /// The layer at the end, and the features.
-fn read(text: &str) -> Result<(Layer, Vec<Feature>)> {
+fn read(text: &str) -> Result<(LayerHeader, Vec<Feature>)> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.geojson");
     std::fs::write(&path, text).unwrap();
     read_file(&path)
 }
 
-fn read_file(path: &Path) -> Result<(Layer, Vec<Feature>)> {
-    let mut source = open(path, &OpenOptions::default())?;
+fn read_file(path: &Path) -> Result<(LayerHeader, Vec<Feature>)> {
+    let mut source = open(path, &VectorOpenOptions::default())?;
     let mut features = Vec::new();
     while let Some(feature) = source.next()? {
         features.push(feature);
@@ -24,8 +25,8 @@ fn read_file(path: &Path) -> Result<(Layer, Vec<Feature>)> {
     Ok((source.layer().clone(), features))
 }
 
-fn member(name: &str, json: &str) -> Member {
-    Member { name: name.to_owned(), json: json.to_owned() }
+fn member(name: &str, json: &str) -> JsonMember {
+    JsonMember { name: name.to_owned(), json: json.to_owned() }
 }
 
 const POINT: &str = r#"{"type":"Point","coordinates":[1,2]}"#;
@@ -45,14 +46,14 @@ fn members_of_others_are_kept_and_written() {
     assert_eq!(feature.id, Some(Id::Real(1.5)));
     assert_eq!(feature.foreign, [member("bbox", "[1,2]"), member("extra", r#""\n""#)]);
     let value = |name| feature.properties.get(name).unwrap().clone();
-    assert_eq!(value("n"), Value::Json("12345678901234567890".to_owned()));
-    assert_eq!(value("o"), Value::Json("{\"p\":[1,\"x y\"]}".to_owned()));
-    assert_eq!((value("r"), value("e")), (Value::Real(1.0), Value::Real(1000.0)));
+    assert_eq!(value("n"), PropertyValue::Json("12345678901234567890".to_owned()));
+    assert_eq!(value("o"), PropertyValue::Json("{\"p\":[1,\"x y\"]}".to_owned()));
+    assert_eq!((value("r"), value("e")), (PropertyValue::Real(1.0), PropertyValue::Real(1000.0)));
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("b.geojson");
-    let ahead = Layer { foreign: layer.foreign[..1].to_vec(), ..layer.clone() };
-    let options = WriteOptions { decimals: Some(3), ..WriteOptions::default() };
+    let ahead = LayerHeader { foreign: layer.foreign[..1].to_vec(), ..layer.clone() };
+    let options = VectorWriteOptions { decimals: Some(3), ..VectorWriteOptions::default() };
     let mut sink = create(&path, by_path(&path, None).unwrap(), &ahead, &options).unwrap();
     sink.write(feature).unwrap();
     sink.finish(&layer.foreign[1..]).unwrap();
@@ -78,10 +79,10 @@ fn sequences_and_single_objects() {
     ] {
         let (_, features) = read(&text).unwrap();
         assert_eq!(features.len(), count, "{text}");
-        assert!(features.iter().all(|feature| feature.geometry.kind() == Kind::Point));
+        assert!(features.iter().all(|feature| feature.geometry.kind() == GeometryType::Point));
     }
     let null = r#"{"type":"Feature","geometry":null,"properties":{}}"#;
-    assert_eq!(read(null).unwrap().1[0].geometry.kind(), Kind::Null);
+    assert_eq!(read(null).unwrap().1[0].geometry.kind(), GeometryType::Null);
     let open = r#"{"type":"Polygon","coordinates":[[[0,0],[1,0],[1,1]],[]]}"#;
     assert_eq!(read(open).unwrap().1[0].geometry.coordinates().xy.len(), 4, "is closed");
 }

@@ -3,22 +3,22 @@
 use std::path::Path;
 
 use crate::crs;
-use crate::feature::{Feature, Id, Layer, Member, Value};
-use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::feature::{Feature, Id, JsonMember, LayerHeader, PropertyValue};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::json::push_text;
 use crate::number;
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use terrane_base::error::Result;
 use terrane_files::atomic::Sidecar;
 
 /// Starts a collection.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    let mut sink = Sink::new(path, layer, options, true)?;
+    let mut sink = GeoJsonSink::new(path, layer, options, true)?;
     sink.head(layer);
     Ok(Box::new(sink))
 }
@@ -26,14 +26,14 @@ pub(super) fn create(
 /// Starts a file with a feature on each line.
 pub(super) fn create_lines(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    Ok(Box::new(Sink::new(path, layer, options, false)?))
+    Ok(Box::new(GeoJsonSink::new(path, layer, options, false)?))
 }
 
-struct Sink {
-    out: Out,
+struct GeoJsonSink {
+    out: VectorOutputFile,
     /// Where the system has no place in the file.
     prj: Option<Sidecar>,
     is_collection: bool,
@@ -43,14 +43,14 @@ struct Sink {
     notes: Vec<String>,
 }
 
-impl Sink {
+impl GeoJsonSink {
     fn new(
         path: &Path,
-        layer: &Layer,
-        options: &WriteOptions,
+        layer: &LayerHeader,
+        options: &VectorWriteOptions,
         is_collection: bool,
     ) -> Result<Self> {
-        let out = Out::create(path, options.overwrite)?;
+        let out = VectorOutputFile::create(path, options.overwrite)?;
         let is_held =
             crs::is_wgs84(&layer.crs) || (is_collection && crs::member(&layer.crs).is_some());
         let prj = match is_held {
@@ -76,7 +76,7 @@ impl Sink {
     }
 
     /// What comes before the features.
-    fn head(&mut self, layer: &Layer) {
+    fn head(&mut self, layer: &LayerHeader) {
         let text = &mut self.out.buffer;
         text.extend_from_slice(b"{\n\"type\":\"FeatureCollection\",\n");
         if let Some(name) = &layer.name {
@@ -97,7 +97,7 @@ impl Sink {
     }
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for GeoJsonSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let is_first = self.features == 0;
         let text = &mut self.out.buffer;
@@ -115,7 +115,7 @@ impl FeatureSink for Sink {
         self.out.settle()
     }
 
-    fn finish(mut self: Box<Self>, foreign: &[Member]) -> Result<Written> {
+    fn finish(mut self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures> {
         if self.is_collection {
             let text = &mut self.out.buffer;
             text.extend_from_slice(b"\n]");
@@ -139,11 +139,11 @@ impl FeatureSink for Sink {
                 bytes += more;
             }
         }
-        Ok(Written { features: self.features, bytes, files, notes: self.notes })
+        Ok(WrittenFeatures { features: self.features, bytes, files, notes: self.notes })
     }
 }
 
-fn push_member(member: &Member, text: &mut Vec<u8>) {
+fn push_member(member: &JsonMember, text: &mut Vec<u8>) {
     push_text(&member.name, text);
     text.push(b':');
     text.extend_from_slice(member.json.as_bytes());
@@ -184,27 +184,29 @@ fn push_real(value: f64, text: &mut Vec<u8>) {
     let _ = serde_json::to_writer(text, &value);
 }
 
-fn push_value(value: &Value, text: &mut Vec<u8>) {
+fn push_value(value: &PropertyValue, text: &mut Vec<u8>) {
     match value {
-        Value::Null => text.extend_from_slice(b"null"),
-        Value::Bool(true) => text.extend_from_slice(b"true"),
-        Value::Bool(false) => text.extend_from_slice(b"false"),
-        Value::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
-        Value::Real(value) => push_real(*value, text),
-        Value::Json(json) => text.extend_from_slice(json.as_bytes()),
-        Value::Text(value) | Value::Date(value) | Value::DateTime(value) => push_text(value, text),
+        PropertyValue::Null => text.extend_from_slice(b"null"),
+        PropertyValue::Bool(true) => text.extend_from_slice(b"true"),
+        PropertyValue::Bool(false) => text.extend_from_slice(b"false"),
+        PropertyValue::Int(value) => text.extend_from_slice(value.to_string().as_bytes()),
+        PropertyValue::Real(value) => push_real(*value, text),
+        PropertyValue::Json(json) => text.extend_from_slice(json.as_bytes()),
+        PropertyValue::Text(value)
+        | PropertyValue::Date(value)
+        | PropertyValue::DateTime(value) => push_text(value, text),
     }
 }
 
 // Collections are nested no deeper than their constructor allows.
 fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) {
-    if geometry.kind() == Kind::Null {
+    if geometry.kind() == GeometryType::Null {
         text.extend_from_slice(b"null");
         return;
     }
     text.extend_from_slice(b"{\"type\":\"");
     text.extend_from_slice(geometry.kind().name().as_bytes());
-    if geometry.kind() == Kind::Collection {
+    if geometry.kind() == GeometryType::Collection {
         text.extend_from_slice(b"\",\"geometries\":[");
         for (at, member) in geometry.members().iter().enumerate() {
             if at > 0 {
@@ -218,12 +220,14 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) {
     text.extend_from_slice(b"\",\"coordinates\":");
     let coordinates = geometry.coordinates();
     let all = 0..coordinates.xy.len();
-    let mut pen = Pen { coordinates, text };
+    let mut pen = GeoJsonPositionWriter { coordinates, text };
     match geometry.kind() {
-        Kind::Point if all.is_empty() => pen.text.extend_from_slice(b"[]"),
-        Kind::Point => pen.position(0),
-        Kind::MultiPoint | Kind::LineString => pen.positions(all),
-        Kind::MultiLineString | Kind::Polygon => pen.parts(0..coordinates.ends.len()),
+        GeometryType::Point if all.is_empty() => pen.text.extend_from_slice(b"[]"),
+        GeometryType::Point => pen.position(0),
+        GeometryType::MultiPoint | GeometryType::LineString => pen.positions(all),
+        GeometryType::MultiLineString | GeometryType::Polygon => {
+            pen.parts(0..coordinates.ends.len())
+        }
         _ => pen.list(0..coordinates.polygons.len(), |pen, polygon| {
             let ends = &coordinates.polygons;
             let start = if polygon == 0 { 0 } else { ends[polygon - 1] };
@@ -234,12 +238,12 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) {
 }
 
 /// Writes lists of positions.
-struct Pen<'a> {
-    coordinates: &'a Coordinates,
+struct GeoJsonPositionWriter<'a> {
+    coordinates: &'a CoordinateSequence,
     text: &'a mut Vec<u8>,
 }
 
-impl Pen<'_> {
+impl GeoJsonPositionWriter<'_> {
     fn list(&mut self, range: std::ops::Range<usize>, mut item: impl FnMut(&mut Self, usize)) {
         self.text.push(b'[');
         let first = range.start;

@@ -6,21 +6,21 @@ mod time;
 mod write;
 
 use self::write::{LINE_TEXTS, POINT_TEXTS};
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "GPX",
     extensions: &["gpx"],
     about: "waypoints, routes (LineString) and tracks (MultiLineString) of GPS receivers",
-    holds: Holds {
-        kinds: &[Kind::Point, Kind::LineString, Kind::MultiLineString],
+    holds: VectorCapabilities {
+        kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,
         z: true,
         m: false,
         properties: false,
-        values: Values::Named([POINT_TEXTS, LINE_TEXTS]),
+        values: PropertySupport::Named([POINT_TEXTS, LINE_TEXTS]),
         ids: false,
         ordered: false,
     },

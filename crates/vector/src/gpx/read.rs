@@ -5,33 +5,33 @@ use std::path::Path;
 
 use super::time;
 use crate::crs;
-use crate::feature::{Feature, Layer, Properties, Value};
-use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::feature::{Feature, FeatureProperties, LayerHeader, PropertyValue};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::number;
-use crate::source::{FeatureSource, OpenOptions};
-use crate::window::Window;
+use crate::source::{FeatureSource, VectorOpenOptions};
+use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_files::xml::{Part, Tag, Xml};
+use terrane_files::xml::{XmlEvent, XmlReader, XmlStartTag};
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let xml = Xml::new(Stream(Window::open(path)?));
-    let layer = Layer { crs: crs::wgs84(), m_is_time: true, ..Layer::default() };
-    let mut source = Source { xml, layer, at: 0, left_out: 0, is_over: false };
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let xml = XmlReader::new(WindowStream(FileWindow::open(path)?));
+    let layer = LayerHeader { crs: crs::wgs84(), m_is_time: true, ..LayerHeader::default() };
+    let mut source = GpxSource { xml, layer, at: 0, left_out: 0, is_over: false };
     loop {
         match source.xml.next()? {
-            Part::Start(tag) if tag.name() == "gpx" => return Ok(Box::new(source)),
-            Part::Text(text) if text.trim().is_empty() => {}
+            XmlEvent::Start(tag) if tag.name() == "gpx" => return Ok(Box::new(source)),
+            XmlEvent::Text(text) if text.trim().is_empty() => {}
             _ => return Err(Error::bad_input("is not GPX: its first element is no gpx")),
         }
     }
 }
 
 /// A window as a stream of bytes.
-struct Stream(Window);
+struct WindowStream(FileWindow);
 
-impl Read for Stream {
+impl Read for WindowStream {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = self.fill_buf()?;
         let count = bytes.len().min(out.len());
@@ -41,7 +41,7 @@ impl Read for Stream {
     }
 }
 
-impl BufRead for Stream {
+impl BufRead for WindowStream {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.0.text().is_empty() {
             self.0.more().map_err(io::Error::other)?;
@@ -54,9 +54,9 @@ impl BufRead for Stream {
     }
 }
 
-struct Source {
-    xml: Xml<Stream>,
-    layer: Layer,
+struct GpxSource {
+    xml: XmlReader<WindowStream>,
+    layer: LayerHeader,
     /// Where the last feature began.
     at: u64,
     /// Times that are not understood.
@@ -64,17 +64,17 @@ struct Source {
     is_over: bool,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for GpxSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         while !self.is_over {
             self.at = self.xml.offset();
             match self.xml.next()? {
-                Part::Text(_) => {}
-                Part::End | Part::Over => self.is_over = true,
-                Part::Start(tag) => match tag.name() {
+                XmlEvent::Text(_) => {}
+                XmlEvent::End | XmlEvent::Over => self.is_over = true,
+                XmlEvent::Start(tag) => match tag.name() {
                     "wpt" => return self.waypoint(&tag).map(Some),
-                    "rte" => return self.line(Kind::LineString).map(Some),
-                    "trk" => return self.line(Kind::MultiLineString).map(Some),
+                    "rte" => return self.line(GeometryType::LineString).map(Some),
+                    "trk" => return self.line(GeometryType::MultiLineString).map(Some),
                     _ => self.xml.skip()?,
                 },
             }
@@ -82,7 +82,7 @@ impl FeatureSource for Source {
         Ok(None)
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -96,36 +96,36 @@ impl FeatureSource for Source {
     }
 }
 
-impl Source {
-    fn waypoint(&mut self, tag: &Tag) -> Result<Feature> {
-        let mut found = Coordinates::default();
-        let mut properties = Properties::default();
+impl GpxSource {
+    fn waypoint(&mut self, tag: &XmlStartTag) -> Result<Feature> {
+        let mut found = CoordinateSequence::default();
+        let mut properties = FeatureProperties::default();
         self.point(tag, &mut found, Some(&mut properties))?;
-        let geometry = Geometry::new(Kind::Point, found)?;
+        let geometry = Geometry::new(GeometryType::Point, found)?;
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
     /// A route or track, whose parts are segments.
-    fn line(&mut self, kind: Kind) -> Result<Feature> {
-        let mut found = Coordinates::default();
-        let mut properties = Properties::default();
+    fn line(&mut self, kind: GeometryType) -> Result<Feature> {
+        let mut found = CoordinateSequence::default();
+        let mut properties = FeatureProperties::default();
         // Elements begun and not ended: the line, and a segment in it.
         let mut open = 1;
         while open > 0 {
             match self.xml.next()? {
-                Part::Text(_) => {}
-                Part::End | Part::Over => {
+                XmlEvent::Text(_) => {}
+                XmlEvent::End | XmlEvent::Over => {
                     found.end_part();
                     open -= 1;
                 }
-                Part::Start(tag) => match tag.name() {
+                XmlEvent::Start(tag) => match tag.name() {
                     "trkseg" if open == 1 => open += 1,
                     "trkpt" | "rtept" => self.point(&tag, &mut found, None)?,
                     _ => self.property(&tag, &mut properties)?,
                 },
             }
         }
-        if kind == Kind::LineString && found.ends.len() > 1 {
+        if kind == GeometryType::LineString && found.ends.len() > 1 {
             return Err(self.bad("a route has segments"));
         }
         let geometry = Geometry::new(kind, found)?;
@@ -135,9 +135,9 @@ impl Source {
     /// The rest of a point, whose texts are properties where they are wanted.
     fn point(
         &mut self,
-        tag: &Tag,
-        to: &mut Coordinates,
-        mut properties: Option<&mut Properties>,
+        tag: &XmlStartTag,
+        to: &mut CoordinateSequence,
+        mut properties: Option<&mut FeatureProperties>,
     ) -> Result<()> {
         let degrees = |name: &str| -> Result<f64> {
             let value = tag.value(name)?.and_then(|text| number::whole(text.as_bytes()));
@@ -148,9 +148,9 @@ impl Source {
         let (mut height, mut moment) = (None, None);
         loop {
             match self.xml.next()? {
-                Part::Text(_) => {}
-                Part::End | Part::Over => break,
-                Part::Start(tag) => match (tag.name(), &mut properties) {
+                XmlEvent::Text(_) => {}
+                XmlEvent::End | XmlEvent::Over => break,
+                XmlEvent::Start(tag) => match (tag.name(), &mut properties) {
                     ("ele", _) => {
                         let text = self.text()?.unwrap_or_default();
                         let value = number::whole(text.as_bytes());
@@ -171,13 +171,13 @@ impl Source {
     }
 
     /// The element of `tag` as a property, if it is nothing but text.
-    fn property(&mut self, tag: &Tag, properties: &mut Properties) -> Result<()> {
+    fn property(&mut self, tag: &XmlStartTag, properties: &mut FeatureProperties) -> Result<()> {
         if let Some(text) =
             self.text()?.filter(|text| !text.is_empty() && !tag.name().contains(':'))
         {
             let count = properties.0.len() as u64;
             limits::check("properties of a feature", count, limits::MAX_FIELDS)?;
-            properties.push(tag.name(), Value::Text(text));
+            properties.push(tag.name(), PropertyValue::Text(text));
         }
         Ok(())
     }
@@ -187,9 +187,11 @@ impl Source {
         let (mut text, mut is_plain) = (String::new(), true);
         loop {
             match self.xml.next()? {
-                Part::Text(more) => text += &more,
-                Part::End | Part::Over => return Ok(is_plain.then(|| text.trim().to_owned())),
-                Part::Start(_) => {
+                XmlEvent::Text(more) => text += &more,
+                XmlEvent::End | XmlEvent::Over => {
+                    return Ok(is_plain.then(|| text.trim().to_owned()));
+                }
+                XmlEvent::Start(_) => {
                     is_plain = false;
                     self.xml.skip()?;
                 }
@@ -206,7 +208,7 @@ impl Source {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Kept, WriteOptions, by_path, create, open};
+    use crate::{KeptVertices, VectorWriteOptions, by_path, create, open};
 
     const TRACK: &str = r#"<?xml version="1.0"?>
         <gpx version="1.1"><metadata><name>x</name></metadata>
@@ -217,8 +219,8 @@ mod tests {
         <trkseg><trkpt lat="1" lon="2"/><trkpt lat="3" lon="4"/></trkseg></trk>
         <wpt lat="5" lon="6"><sym>Flag</sym><link href="y"><text>t</text></link></wpt></gpx>"#;
 
-    fn read(path: &Path) -> Result<(Layer, Vec<Feature>)> {
-        let mut source = open(path, &OpenOptions::default())?;
+    fn read(path: &Path) -> Result<(LayerHeader, Vec<Feature>)> {
+        let mut source = open(path, &VectorOpenOptions::default())?;
         let layer = source.layer().clone();
         let features: Result<Vec<Feature>> =
             std::iter::from_fn(|| source.next().transpose()).collect();
@@ -231,15 +233,15 @@ mod tests {
         let [from, to] = ["a.gpx", "b.gpx"].map(|name| folder.path().join(name));
         std::fs::write(&from, TRACK).unwrap();
         let (layer, found) = read(&from).unwrap();
-        assert_eq!(found[0].properties.get("name"), Some(&Value::Text("up & down".into())));
+        assert_eq!(found[0].properties.get("name"), Some(&PropertyValue::Text("up & down".into())));
         assert_eq!(found[0].geometry.coordinates().ends, [3, 5]);
-        assert_eq!(found[1].properties.get("sym"), Some(&Value::Text("Flag".into())));
-        let options = WriteOptions::default();
+        assert_eq!(found[1].properties.get("sym"), Some(&PropertyValue::Text("Flag".into())));
+        let options = VectorWriteOptions::default();
         let mut sink = create(&to, by_path(&to, None).unwrap(), &layer, &options).unwrap();
         for feature in found {
             let geometry = feature.geometry.keep(|part, _| match part {
-                0 => Kept::Vertices(vec![0, 2]),
-                _ => Kept::All,
+                0 => KeptVertices::Vertices(vec![0, 2]),
+                _ => KeptVertices::All,
             });
             sink.write(&Feature { geometry, ..feature }).unwrap();
         }

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::time;
 use crate::crs;
-use crate::feature::{Feature, Layer, Member, Value};
-use crate::geometry::{Coordinates, Kind, Part, Role};
+use crate::feature::{Feature, JsonMember, LayerHeader, PropertyValue};
+use crate::geometry::{CoordinateSequence, GeometryPart, GeometryType, PartRole};
 use crate::number;
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, folder_for};
@@ -37,8 +37,8 @@ pub(super) const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number",
 /// Starts a file.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     if !crs::is_wgs84(&layer.crs) && layer.crs.geographic != Some(true) {
         let message = format!("GPX is in longitude and latitude, not in {}", layer.crs.label());
@@ -50,13 +50,13 @@ pub(super) fn create(
     if !crs::is_wgs84(&layer.crs) {
         notes.push(format!("coordinates are in {}, and GPX means WGS 84", layer.crs.label()));
     }
-    let mut out = Out::create(path, options.overwrite)?;
+    let mut out = VectorOutputFile::create(path, options.overwrite)?;
     out.buffer.extend_from_slice(HEAD.as_bytes());
     let folder = folder_for(path, options.temp_dir.as_deref());
-    Ok(Box::new(Sink {
+    Ok(Box::new(GpxSink {
         out,
-        routes: files::Out::spool(folder)?,
-        tracks: files::Out::spool(folder)?,
+        routes: files::AppendWriter::spool(folder)?,
+        tracks: files::AppendWriter::spool(folder)?,
         m_is_time: layer.m_is_time,
         features: 0,
         measured: 0,
@@ -73,10 +73,10 @@ const HEAD: &str = concat!(
     "\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n"
 );
 
-struct Sink {
-    out: Out,
-    routes: files::Out,
-    tracks: files::Out,
+struct GpxSink {
+    out: VectorOutputFile,
+    routes: files::AppendWriter,
+    tracks: files::AppendWriter,
     m_is_time: bool,
     features: u64,
     /// Features with measures that are no times.
@@ -87,14 +87,14 @@ struct Sink {
     path: PathBuf,
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for GpxSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         self.features += 1;
         let place = format!("feature {}", self.features);
         self.put(feature).map_err(|e| e.at(place).in_file(&self.path))
     }
 
-    fn finish(mut self: Box<Self>, _: &[Member]) -> Result<Written> {
+    fn finish(mut self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         self.out.append(self.routes)?;
         self.out.append(self.tracks)?;
         self.out.buffer.extend_from_slice(b"</gpx>\n");
@@ -110,39 +110,39 @@ impl FeatureSink for Sink {
             ));
         }
         let (path, bytes) = self.out.commit()?;
-        Ok(Written { features: self.features, bytes, files: vec![path], notes })
+        Ok(WrittenFeatures { features: self.features, bytes, files: vec![path], notes })
     }
 }
 
-impl Sink {
+impl GpxSink {
     fn put(&mut self, feature: &Feature) -> Result<()> {
         let geometry = &feature.geometry;
-        let known = if geometry.kind() == Kind::Point { POINT_TEXTS } else { LINE_TEXTS };
+        let known = if geometry.kind() == GeometryType::Point { POINT_TEXTS } else { LINE_TEXTS };
         let lost = feature
             .properties
             .iter()
-            .any(|(name, value)| *value != Value::Null && !known.contains(&&**name));
+            .any(|(name, value)| *value != PropertyValue::Null && !known.contains(&&**name));
         self.with_more += u64::from(lost || feature.id.is_some());
         self.measured += u64::from(geometry.has_m() && !self.m_is_time);
-        let Coordinates { xy, z, m, .. } = geometry.coordinates();
+        let CoordinateSequence { xy, z, m, .. } = geometry.coordinates();
         let texts = |text: &mut Vec<u8>| put_texts(feature, known, text);
         match geometry.kind() {
-            Kind::Point if !xy.is_empty() => {
-                let part = Part { xy, z, m, role: Role::Line };
-                let mut pen = self.pen(Target::Out);
+            GeometryType::Point if !xy.is_empty() => {
+                let part = GeometryPart { xy, z, m, role: PartRole::Line };
+                let mut pen = self.pen(GpxSection::Out);
                 pen.begin(&part, 0, "wpt")?;
                 texts(pen.text);
                 pen.text.extend_from_slice(b"</wpt>\n");
             }
-            Kind::LineString => {
-                let mut pen = self.pen(Target::Routes);
+            GeometryType::LineString => {
+                let mut pen = self.pen(GpxSection::Routes);
                 pen.text.extend_from_slice(b"<rte>\n");
                 texts(pen.text);
                 geometry.own_parts().try_for_each(|part| pen.points(&part, "rtept"))?;
                 pen.text.extend_from_slice(b"</rte>\n");
             }
-            Kind::MultiLineString => {
-                let mut pen = self.pen(Target::Tracks);
+            GeometryType::MultiLineString => {
+                let mut pen = self.pen(GpxSection::Tracks);
                 pen.text.extend_from_slice(b"<trk>\n");
                 texts(pen.text);
                 for part in geometry.own_parts() {
@@ -165,30 +165,30 @@ impl Sink {
         self.tracks.settle()
     }
 
-    fn pen(&mut self, target: Target) -> Pen<'_> {
+    fn pen(&mut self, target: GpxSection) -> GpxElementWriter<'_> {
         let text = match target {
-            Target::Out => &mut self.out.buffer,
-            Target::Routes => &mut self.routes.buffer,
-            Target::Tracks => &mut self.tracks.buffer,
+            GpxSection::Out => &mut self.out.buffer,
+            GpxSection::Routes => &mut self.routes.buffer,
+            GpxSection::Tracks => &mut self.tracks.buffer,
         };
-        Pen { text, m_is_time: self.m_is_time }
+        GpxElementWriter { text, m_is_time: self.m_is_time }
     }
 }
 
 /// Where a feature goes.
-enum Target {
+enum GpxSection {
     Out,
     Routes,
     Tracks,
 }
 
-struct Pen<'a> {
+struct GpxElementWriter<'a> {
     text: &'a mut Vec<u8>,
     m_is_time: bool,
 }
 
-impl Pen<'_> {
-    fn points(&mut self, part: &Part<'_>, name: &str) -> Result<()> {
+impl GpxElementWriter<'_> {
+    fn points(&mut self, part: &GeometryPart<'_>, name: &str) -> Result<()> {
         for at in 0..part.xy.len() {
             self.begin(part, at, name)?;
             put_end(name, self.text);
@@ -197,7 +197,7 @@ impl Pen<'_> {
     }
 
     /// The start of a point, its elevation and its time.
-    fn begin(&mut self, part: &Part<'_>, at: usize, name: &str) -> Result<()> {
+    fn begin(&mut self, part: &GeometryPart<'_>, at: usize, name: &str) -> Result<()> {
         let [lon, lat] = part.xy[at];
         if !(-90.0..=90.0).contains(&lat) || !(-180.0..=180.0).contains(&lon) {
             let message = format!("vertex {at}: {lon}, {lat} is no longitude and latitude");
@@ -227,7 +227,7 @@ impl Pen<'_> {
 fn put_texts(feature: &Feature, known: &[&str], text: &mut Vec<u8>) {
     for name in known {
         let mut value = Vec::new();
-        push_text(feature.properties.get(name).unwrap_or(&Value::Null), &mut value);
+        push_text(feature.properties.get(name).unwrap_or(&PropertyValue::Null), &mut value);
         if !value.is_empty() {
             put_element(name, &value, text);
             text.push(b'\n');

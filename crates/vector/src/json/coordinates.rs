@@ -1,19 +1,19 @@
 //! Lists of positions: the hot loop of reading GeoJSON and TopoJSON.
 
-use super::Cursor;
-use crate::geometry::Coordinates;
+use super::JsonCursor;
+use crate::geometry::CoordinateSequence;
 use crate::number;
 use terrane_base::error::Result;
 
 /// Deepest nesting: that of a MultiPolygon.
 const MOST_DEPTH: usize = 4;
 
-impl Cursor<'_> {
+impl JsonCursor<'_> {
     /// Positions in lists of lists: how deep the numbers are (0 where there are none) and the
     /// positions, cut where lists of positions end (parts) and lists of those (polygons). A fourth
     /// number is a measure, more are passed over. O(text).
-    pub(crate) fn coordinates(&mut self) -> Result<(usize, Coordinates)> {
-        let mut found = Coordinates::default();
+    pub(crate) fn coordinates(&mut self) -> Result<(usize, CoordinateSequence)> {
+        let mut found = CoordinateSequence::default();
         // Lists begun and not ended, and where numbers are, once one was seen.
         let (mut open, mut deep) = (0, 0);
         loop {
@@ -60,7 +60,7 @@ impl Cursor<'_> {
 
     /// The numbers of one position, and the end of its list.
     #[inline]
-    fn position(&mut self, found: &mut Coordinates) -> Result<()> {
+    fn position(&mut self, found: &mut CoordinateSequence) -> Result<()> {
         let x = self.coordinate()?;
         self.expect(b',')?;
         let y = self.coordinate()?;
@@ -94,8 +94,8 @@ impl Cursor<'_> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<(usize, Coordinates)> {
-        Cursor::new(text.as_bytes(), 100).coordinates()
+    fn read(text: &str) -> Result<(usize, CoordinateSequence)> {
+        JsonCursor::new(text.as_bytes(), 100).coordinates()
     }
 
     #[test]
@@ -110,7 +110,7 @@ mod tests {
         let (deep, polygons) = read("[[],[[[1,2],[3,4]],[[5,6]]],[[]],[[[7,8]]]]").unwrap();
         assert_eq!((deep, polygons.ends, polygons.polygons), (4, vec![2, 3, 4], vec![2, 3]));
         for empty in ["[]", "[[]]", "[[[]],[]]"] {
-            assert_eq!(read(empty).unwrap(), (0, Coordinates::default()), "{empty}");
+            assert_eq!(read(empty).unwrap(), (0, CoordinateSequence::default()), "{empty}");
         }
     }
 

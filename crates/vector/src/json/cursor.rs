@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use serde::de::IgnoredAny;
 
-use super::Extent;
+use super::JsonEndSearch;
 use terrane_base::error::{Error, Result};
 
 /// A place in the text of one value.
-pub(crate) struct Cursor<'a> {
+pub(crate) struct JsonCursor<'a> {
     text: &'a [u8],
     at: usize,
     /// Where in the file the text begins.
@@ -27,7 +27,7 @@ pub(crate) enum Token<'a> {
     Nested(&'a str),
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> JsonCursor<'a> {
     pub(crate) fn new(text: &'a [u8], base: u64) -> Self {
         Self { text, at: 0, base }
     }
@@ -172,7 +172,7 @@ impl<'a> Cursor<'a> {
         let open = self.peek().filter(|byte| matches!(byte, b'{' | b'['));
         let open = open.ok_or_else(|| self.bad("an object or list is missing"))?;
         let rest = self.rest();
-        let end = Extent::new(open).end(rest);
+        let end = JsonEndSearch::new(open).end(rest);
         let end = end.ok_or_else(|| self.bad("an object or list does not end"))?;
         let json = std::str::from_utf8(&rest[..end]);
         let json = json.map_err(|_| self.bad("text is not UTF-8"))?;
@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     fn values(text: &str) -> Result<Vec<Token<'_>>> {
-        let mut cursor = Cursor::new(text.as_bytes(), 0);
+        let mut cursor = JsonCursor::new(text.as_bytes(), 0);
         cursor.expect(b'[')?;
         let (mut first, mut found) = (true, Vec::new());
         while cursor.item(&mut first)? {

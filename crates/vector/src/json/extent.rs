@@ -4,7 +4,7 @@
 const LANES: usize = 32;
 
 /// The search for the end of an object or list, which may go on as more text comes.
-pub(crate) struct Extent {
+pub(crate) struct JsonEndSearch {
     open: u8,
     close: u8,
     /// Objects (or lists) begun and not ended.
@@ -14,7 +14,7 @@ pub(crate) struct Extent {
     seen: usize,
 }
 
-impl Extent {
+impl JsonEndSearch {
     /// Of the value that begins with `open`, a brace or a bracket.
     pub(crate) fn new(open: u8) -> Self {
         let close = if open == b'{' { b'}' } else { b']' };
@@ -110,7 +110,7 @@ mod tests {
                 let text = format!("{open}{body}");
                 let mut cuts = cuts.clone();
                 cuts.sort_unstable();
-                let mut extent = Extent::new(open.as_bytes()[0]);
+                let mut extent = JsonEndSearch::new(open.as_bytes()[0]);
                 let parts = cuts.iter().map(|&cut| cut.min(text.len())).chain([text.len()]);
                 let found = parts.map(|cut| extent.end(&text.as_bytes()[..cut])).find(Option::is_some);
                 prop_assert_eq!(found.flatten(), plain(text.as_bytes()), "{}", text);

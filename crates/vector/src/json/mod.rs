@@ -5,8 +5,8 @@ mod coordinates;
 mod cursor;
 mod extent;
 
-pub(super) use cursor::{Cursor, Token};
-pub(super) use extent::Extent;
+pub(super) use cursor::{JsonCursor, Token};
+pub(super) use extent::JsonEndSearch;
 
 /// Appends `text` as a JSON string.
 pub(super) fn push_text(text: &str, out: &mut Vec<u8>) {

@@ -6,29 +6,29 @@ mod shape;
 mod write;
 
 use self::read::{MAGIC, VERSION};
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "Shapefile",
     extensions: &["shp"],
     about: "an ESRI shapefile: .shp, .shx, .dbf, .prj and .cpg; one kind of geometry in a file",
-    holds: Holds {
+    holds: VectorCapabilities {
         kinds: &[
-            Kind::Null,
-            Kind::Point,
-            Kind::MultiPoint,
-            Kind::LineString,
-            Kind::MultiLineString,
-            Kind::Polygon,
-            Kind::MultiPolygon,
+            GeometryType::Null,
+            GeometryType::Point,
+            GeometryType::MultiPoint,
+            GeometryType::LineString,
+            GeometryType::MultiLineString,
+            GeometryType::Polygon,
+            GeometryType::MultiPolygon,
         ],
         mixed: false,
         z: true,
         m: true,
         properties: true,
-        values: Values::Dbase,
+        values: PropertySupport::Dbase,
         ids: false,
         ordered: true,
     },

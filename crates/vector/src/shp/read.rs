@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::shape;
-use crate::feature::{Feature, Layer, Properties};
+use crate::feature::{Feature, FeatureProperties, LayerHeader};
 use crate::pages::Pages;
-use crate::source::{FeatureSource, OpenOptions};
+use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::tree::Bounds;
 use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
@@ -18,28 +18,29 @@ pub(super) const VERSION: [u8; 4] = 1000_u32.to_le_bytes();
 pub(super) const HEADER_BYTES: u64 = 100;
 
 /// Opens the files of a shapefile.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let is_index = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shx"));
     if is_index {
         return Err(Error::usage("is the index of a shapefile").remedy("name the .shp file"));
     }
     let mut shapes = Pages::open(path)?;
     let extent = extent(&mut shapes)?;
-    let places = sibling(path, "shx").map(|path| Places::open(&path)).transpose()?;
-    let table = sibling(path, "dbf").map(|path| dbf::Reader::open(&path)).transpose()?;
+    let places = sibling(path, "shx").map(|path| ShxIndex::open(&path)).transpose()?;
+    let table = sibling(path, "dbf").map(|path| dbf::DbfReader::open(&path)).transpose()?;
     let mut notes = Vec::new();
     if table.is_none() {
         notes.push("has no .dbf file: there are no properties".to_owned());
     }
-    let layer = Layer {
+    let layer = LayerHeader {
         name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
         crs: crs::beside(path)?,
         schema: table.as_ref().map(|table| table.schema().to_vec()),
         extent,
         features: places.as_ref().map(|places| places.count),
-        ..Layer::default()
+        ..LayerHeader::default()
     };
-    let source = Source { shapes, places, table, layer, record: 0, offset: HEADER_BYTES, notes };
+    let source =
+        ShapefileSource { shapes, places, table, layer, record: 0, offset: HEADER_BYTES, notes };
     Ok(Box::new(source))
 }
 
@@ -55,7 +56,7 @@ fn extent(shapes: &mut Pages) -> Result<Option<Bounds>> {
     if header[..4] != MAGIC {
         return Err(Error::bad_input("is not a shapefile: it does not begin with the code 9994"));
     }
-    let mut bytes = crate::pages::Bytes(&header[32..]);
+    let mut bytes = crate::pages::RecordBytes(&header[32..]);
     shape::Type::of_code(bytes.u32()?)?;
     let mut bounds = [0.0; 4];
     for bound in &mut bounds {
@@ -66,13 +67,13 @@ fn extent(shapes: &mut Pages) -> Result<Option<Bounds>> {
 }
 
 /// The `.shx`: where each record begins.
-struct Places {
+struct ShxIndex {
     pages: Pages,
     count: u64,
     path: PathBuf,
 }
 
-impl Places {
+impl ShxIndex {
     fn open(path: &Path) -> Result<Self> {
         let mut pages = Pages::open(path)?;
         let header = pages.get(0, HEADER_BYTES)?;
@@ -92,11 +93,11 @@ impl Places {
     }
 }
 
-struct Source {
+struct ShapefileSource {
     shapes: Pages,
-    places: Option<Places>,
-    table: Option<dbf::Reader>,
-    layer: Layer,
+    places: Option<ShxIndex>,
+    table: Option<dbf::DbfReader>,
+    layer: LayerHeader,
     /// Records read.
     record: u64,
     /// Where the next record begins, without a `.shx`.
@@ -104,7 +105,7 @@ struct Source {
     notes: Vec<String>,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for ShapefileSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         loop {
             let record = self.record;
@@ -119,7 +120,7 @@ impl FeatureSource for Source {
         }
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -128,13 +129,13 @@ impl FeatureSource for Source {
     }
 
     fn notes(&self) -> Vec<String> {
-        let deleted = self.table.as_ref().map_or(0, dbf::Reader::deleted);
+        let deleted = self.table.as_ref().map_or(0, dbf::DbfReader::deleted);
         let note = format!("{deleted} records are marked as deleted and left out");
         self.notes.iter().cloned().chain((deleted > 0).then_some(note)).collect()
     }
 }
 
-impl Source {
+impl ShapefileSource {
     /// Where the next record begins; `None` at the end.
     fn offset(&mut self) -> Result<Option<u64>> {
         let Some(places) = &mut self.places else {
@@ -173,9 +174,9 @@ impl Source {
     }
 
     /// The properties of a record; `None` where it is marked as deleted.
-    fn properties(&mut self, record: u64) -> Result<Option<Properties>> {
+    fn properties(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         match &mut self.table {
-            None => Ok(Some(Properties::default())),
+            None => Ok(Some(FeatureProperties::default())),
             Some(table) => table.get(record),
         }
     }

@@ -1,7 +1,7 @@
 //! One record: a shape from its bytes and to its bytes.
 
-use crate::geometry::{Coordinates, Geometry, Kind, Part, Role};
-use crate::pages::Bytes;
+use crate::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType, PartRole};
+use crate::pages::RecordBytes;
 use crate::rings;
 use crate::tree::{Bounds, NOTHING};
 use terrane_base::error::{Error, Result};
@@ -11,7 +11,7 @@ pub(super) const NO_MEASURE: f64 = -1e38;
 
 /// What shapes are, heights and measures aside; the numbers are those of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Base {
+pub(super) enum ShapeType {
     Point = 1,
     Line = 3,
     Polygon = 5,
@@ -21,7 +21,7 @@ pub(super) enum Base {
 /// The type of a shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Type {
-    pub(super) base: Base,
+    pub(super) base: ShapeType,
     pub(super) has_z: bool,
     pub(super) has_m: bool,
 }
@@ -31,10 +31,10 @@ impl Type {
     pub(super) fn of_code(code: u32) -> Result<Option<Self>> {
         let base = match code % 10 {
             0 if code == 0 => return Ok(None),
-            1 if code != 31 => Base::Point,
-            3 => Base::Line,
-            5 => Base::Polygon,
-            8 => Base::MultiPoint,
+            1 if code != 31 => ShapeType::Point,
+            3 => ShapeType::Line,
+            5 => ShapeType::Polygon,
+            8 => ShapeType::MultiPoint,
             _ => return Err(unknown(code)),
         };
         match code / 10 {
@@ -59,15 +59,17 @@ impl Type {
     }
 
     /// The base that holds a kind; `None` for a null, an error for a collection.
-    pub(super) fn base_of(kind: Kind) -> Result<Option<Base>> {
+    pub(super) fn base_of(kind: GeometryType) -> Result<Option<ShapeType>> {
         match kind {
-            Kind::Null => Ok(None),
-            Kind::Point => Ok(Some(Base::Point)),
-            Kind::MultiPoint => Ok(Some(Base::MultiPoint)),
-            Kind::LineString | Kind::MultiLineString => Ok(Some(Base::Line)),
-            Kind::Polygon | Kind::MultiPolygon => Ok(Some(Base::Polygon)),
-            Kind::Collection => Err(Error::usage("a Shapefile holds no geometry collections")
-                .remedy("write GeoJSON or FlatGeobuf")),
+            GeometryType::Null => Ok(None),
+            GeometryType::Point => Ok(Some(ShapeType::Point)),
+            GeometryType::MultiPoint => Ok(Some(ShapeType::MultiPoint)),
+            GeometryType::LineString | GeometryType::MultiLineString => Ok(Some(ShapeType::Line)),
+            GeometryType::Polygon | GeometryType::MultiPolygon => Ok(Some(ShapeType::Polygon)),
+            GeometryType::Collection => {
+                Err(Error::usage("a Shapefile holds no geometry collections")
+                    .remedy("write GeoJSON or FlatGeobuf"))
+            }
         }
     }
 }
@@ -80,35 +82,37 @@ fn unknown(code: u32) -> Error {
 /// The shape of a record's bytes, behind its header. O(bytes), but for polygons of many rings, see
 /// [`rings::group`].
 pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
-    let mut bytes = Bytes(record);
+    let mut bytes = RecordBytes(record);
     let Some(kind) = Type::of_code(bytes.u32()?)? else { return Ok(Geometry::null()) };
     match kind.base {
-        Base::Point => point(kind, bytes),
-        Base::MultiPoint => {
+        ShapeType::Point => point(kind, bytes),
+        ShapeType::MultiPoint => {
             bytes.take(32)?;
             let count = bytes.u32()? as usize;
-            Geometry::new(Kind::MultiPoint, positions(kind, &mut bytes, count)?)
+            Geometry::new(GeometryType::MultiPoint, positions(kind, &mut bytes, count)?)
         }
-        Base::Line | Base::Polygon => {
+        ShapeType::Line | ShapeType::Polygon => {
             bytes.take(32)?;
             let (parts, count) = (bytes.u32()? as usize, bytes.u32()? as usize);
             let starts = bytes.take(parts.saturating_mul(4))?;
             let mut coordinates = positions(kind, &mut bytes, count)?;
             coordinates.ends = ends(starts, count)?;
             match kind.base {
-                Base::Line if coordinates.ends.len() <= 1 => {
-                    Geometry::new(Kind::LineString, coordinates)
+                ShapeType::Line if coordinates.ends.len() <= 1 => {
+                    Geometry::new(GeometryType::LineString, coordinates)
                 }
-                Base::Line => Geometry::new(Kind::MultiLineString, coordinates),
+                ShapeType::Line => Geometry::new(GeometryType::MultiLineString, coordinates),
                 // Rings are closed before they are told apart.
-                _ => rings::group(Geometry::new(Kind::Polygon, coordinates)?.into_coordinates()),
+                _ => rings::group(
+                    Geometry::new(GeometryType::Polygon, coordinates)?.into_coordinates(),
+                ),
             }
         }
     }
 }
 
-fn point(kind: Type, mut bytes: Bytes<'_>) -> Result<Geometry> {
-    let mut found = Coordinates { xy: bytes.pairs(1)?, ..Coordinates::default() };
+fn point(kind: Type, mut bytes: RecordBytes<'_>) -> Result<Geometry> {
+    let mut found = CoordinateSequence { xy: bytes.pairs(1)?, ..CoordinateSequence::default() };
     if kind.has_z {
         found.z = bytes.numbers(1)?;
     }
@@ -116,12 +120,12 @@ fn point(kind: Type, mut bytes: Bytes<'_>) -> Result<Geometry> {
         found.m = measures(bytes.numbers(1)?);
     }
     check_heights(&found.z)?;
-    Geometry::new(Kind::Point, found)
+    Geometry::new(GeometryType::Point, found)
 }
 
 /// `count` positions with what else the type has, which follows all of them.
-fn positions(kind: Type, bytes: &mut Bytes<'_>, count: usize) -> Result<Coordinates> {
-    let mut found = Coordinates { xy: bytes.pairs(count)?, ..Coordinates::default() };
+fn positions(kind: Type, bytes: &mut RecordBytes<'_>, count: usize) -> Result<CoordinateSequence> {
+    let mut found = CoordinateSequence { xy: bytes.pairs(count)?, ..CoordinateSequence::default() };
     if kind.has_z {
         bytes.take(16)?;
         found.z = bytes.numbers(count)?;
@@ -179,25 +183,25 @@ pub(super) fn encode(geometry: &Geometry, kind: Type, out: &mut Vec<u8>) -> Resu
         return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
     }
     let turned = turned(geometry);
-    let Coordinates { xy, z, m, ends, .. } = turned.as_ref().unwrap_or(coordinates);
+    let CoordinateSequence { xy, z, m, ends, .. } = turned.as_ref().unwrap_or(coordinates);
     out.extend_from_slice(&kind.code().to_le_bytes());
-    if kind.base != Base::Point {
+    if kind.base != ShapeType::Point {
         let count = |n: usize| {
             u32::try_from(n).ok().filter(|n| i32::try_from(*n).is_ok()).ok_or_else(too_large)
         };
         put(&geometry.bounds().unwrap_or(NOTHING), out);
-        if kind.base != Base::MultiPoint {
+        if kind.base != ShapeType::MultiPoint {
             out.extend_from_slice(&count(ends.len())?.to_le_bytes());
         }
         out.extend_from_slice(&count(xy.len())?.to_le_bytes());
-        if kind.base != Base::MultiPoint {
+        if kind.base != ShapeType::MultiPoint {
             for start in std::iter::once(&0).chain(&ends[..ends.len() - 1]) {
                 out.extend_from_slice(&count(*start)?.to_le_bytes());
             }
         }
     }
     put(xy.as_flattened(), out);
-    let with_range = kind.base != Base::Point;
+    let with_range = kind.base != ShapeType::Point;
     if kind.has_z {
         put_values(z, xy.len(), 0.0, with_range, out);
     }
@@ -241,18 +245,18 @@ pub(super) fn range(values: &[f64]) -> Option<(f64, f64)> {
 }
 
 /// The coordinates with rings the way round that shapefiles want; `None` where they are already.
-fn turned(geometry: &Geometry) -> Option<Coordinates> {
-    let is_wrong = |part: &Part<'_>| match part.role {
-        Role::Line => false,
-        Role::Outer => rings::area(part.xy) > 0.0,
-        Role::Hole => rings::area(part.xy) < 0.0,
+fn turned(geometry: &Geometry) -> Option<CoordinateSequence> {
+    let is_wrong = |part: &GeometryPart<'_>| match part.role {
+        PartRole::Line => false,
+        PartRole::Outer => rings::area(part.xy) > 0.0,
+        PartRole::Hole => rings::area(part.xy) < 0.0,
     };
     let wrong: Vec<bool> = geometry.parts().map(|part| is_wrong(&part)).collect();
     if !wrong.contains(&true) {
         return None;
     }
     let from = geometry.coordinates();
-    let mut to = Coordinates::default();
+    let mut to = CoordinateSequence::default();
     let mut start = 0;
     for (&end, is_wrong) in from.ends.iter().zip(wrong) {
         match is_wrong {

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::read::{HEADER_BYTES, MAGIC, VERSION};
-use super::shape::{self, Base, NO_MEASURE, Type, too_large};
-use crate::feature::{Feature, Layer, Member};
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
-use crate::table::{Rows, Table};
+use super::shape::{self, NO_MEASURE, ShapeType, Type, too_large};
+use crate::feature::{Feature, JsonMember, LayerHeader};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
+use crate::table::{FeatureRows, FeatureTable};
 use crate::tree::NOTHING;
 use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
@@ -16,18 +16,19 @@ use terrane_files::atomic::Sidecar;
 /// Starts the files of a shapefile.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    let out = |ending: &str| Out::create(&path.with_extension(ending), options.overwrite);
-    Ok(Box::new(Sink {
-        shapes: Out::create(path, options.overwrite)?,
+    let out =
+        |ending: &str| VectorOutputFile::create(&path.with_extension(ending), options.overwrite);
+    Ok(Box::new(ShapefileSink {
+        shapes: VectorOutputFile::create(path, options.overwrite)?,
         places: out("shx")?,
         table: out("dbf")?,
         encoding: out("cpg")?,
         prj: crs::prj(path, &layer.crs, options.overwrite)?,
         notes: crs::notes(&layer.crs),
-        features: Table::new(path, layer, options.temp_dir.as_deref())?,
+        features: FeatureTable::new(path, layer, options.temp_dir.as_deref())?,
         base: None,
         has_z: false,
         has_m: false,
@@ -36,15 +37,15 @@ pub(super) fn create(
     }))
 }
 
-struct Sink {
-    shapes: Out,
-    places: Out,
-    table: Out,
-    encoding: Out,
+struct ShapefileSink {
+    shapes: VectorOutputFile,
+    places: VectorOutputFile,
+    table: VectorOutputFile,
+    encoding: VectorOutputFile,
     prj: Sidecar,
     notes: Vec<String>,
-    features: Table,
-    base: Option<Base>,
+    features: FeatureTable,
+    base: Option<ShapeType>,
     has_z: bool,
     has_m: bool,
     /// Features with vertices and without heights.
@@ -52,15 +53,15 @@ struct Sink {
     path: PathBuf,
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for ShapefileSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         self.take(feature).map_err(|e| {
             e.at(format!("feature {}", self.features.len().max(1))).in_file(&self.path)
         })
     }
 
-    fn finish(mut self: Box<Self>, _: &[Member]) -> Result<Written> {
-        let base = self.base.unwrap_or(Base::Line);
+    fn finish(mut self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
+        let base = self.base.unwrap_or(ShapeType::Line);
         let kind = Type { base, has_z: self.has_z, has_m: self.has_m };
         let mut rows = self.features.finish()?;
         let mut notes = std::mem::take(&mut self.notes);
@@ -75,7 +76,7 @@ impl FeatureSink for Sink {
         let path = self.path.clone();
         let in_file = |e: Error| e.in_file(&path);
         write_shapes(&mut self.shapes, &mut self.places, kind, &mut rows).map_err(in_file)?;
-        let plan = dbf::Plan::new(&rows.columns, &mut notes).map_err(in_file)?;
+        let plan = dbf::DbfTablePlan::new(&rows.columns, &mut notes).map_err(in_file)?;
         dbf::write(&mut self.table, &plan, records, |at| Ok(rows.get(at as usize)?.values))
             .map_err(in_file)?;
         self.encoding.buffer.extend_from_slice(b"UTF-8");
@@ -92,13 +93,13 @@ impl FeatureSink for Sink {
             add(out.commit()?);
         }
         files.reverse();
-        Ok(Written { features: records.into(), bytes, files, notes })
+        Ok(WrittenFeatures { features: records.into(), bytes, files, notes })
     }
 }
 
-impl Sink {
+impl ShapefileSink {
     fn take(&mut self, feature: &Feature) -> Result<()> {
-        self.features.push(feature, dbf::Plan::MOST)?;
+        self.features.push(feature, dbf::DbfTablePlan::MOST)?;
         let geometry = &feature.geometry;
         let Some(base) = Type::base_of(geometry.kind())? else { return Ok(()) };
         let known = *self.base.get_or_insert(base);
@@ -114,7 +115,7 @@ impl Sink {
     }
 }
 
-impl Base {
+impl ShapeType {
     fn plural(self) -> &'static str {
         match self {
             Self::Point => "points",
@@ -126,7 +127,12 @@ impl Base {
 }
 
 /// Writes the `.shp` and the `.shx`.
-fn write_shapes(shapes: &mut Out, places: &mut Out, kind: Type, rows: &mut Rows) -> Result<()> {
+fn write_shapes(
+    shapes: &mut VectorOutputFile,
+    places: &mut VectorOutputFile,
+    kind: Type,
+    rows: &mut FeatureRows,
+) -> Result<()> {
     let (mut bounds, mut z, mut m) = (NOTHING, None, None);
     shapes.buffer.resize(HEADER_BYTES as usize, 0);
     places.buffer.resize(HEADER_BYTES as usize, 0);

@@ -1,25 +1,28 @@
 //! The arcs of a topology, decoded.
 
-use crate::json::Cursor;
+use crate::json::JsonCursor;
 use terrane_base::error::Result;
 
 /// From whole numbers to coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Transform {
+pub(super) struct TopoJsonTransform {
     pub(super) scale: [f64; 2],
     pub(super) translate: [f64; 2],
 }
 
 /// All arcs.
-pub(super) struct Arcs {
+pub(super) struct TopoJsonArcs {
     xy: Vec<[f64; 2]>,
     ends: Vec<usize>,
-    transform: Option<Transform>,
+    transform: Option<TopoJsonTransform>,
 }
 
-impl Arcs {
+impl TopoJsonArcs {
     /// From the list of arcs. With a transform, positions are steps from the one before.
-    pub(super) fn read(cursor: &mut Cursor<'_>, transform: Option<Transform>) -> Result<Self> {
+    pub(super) fn read(
+        cursor: &mut JsonCursor<'_>,
+        transform: Option<TopoJsonTransform>,
+    ) -> Result<Self> {
         let mut arcs = Self { xy: Vec::new(), ends: Vec::new(), transform };
         let mut is_first = true;
         cursor.expect(b'[')?;
@@ -53,7 +56,7 @@ impl Arcs {
     pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.transform {
             None => [x, y],
-            Some(Transform { scale, translate }) => {
+            Some(TopoJsonTransform { scale, translate }) => {
                 [x * scale[0] + translate[0], y * scale[1] + translate[1]]
             }
         }

@@ -4,21 +4,21 @@
 mod arcs;
 mod read;
 
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "TopoJSON",
     extensions: &["topojson"],
     about: "arcs that geometries share; one of its objects is read",
-    holds: Holds {
-        kinds: &Kind::ALL,
+    holds: VectorCapabilities {
+        kinds: &GeometryType::ALL,
         mixed: true,
         z: false,
         m: false,
         properties: true,
-        values: Values::Typed,
+        values: PropertySupport::Typed,
         ids: true,
         ordered: true,
     },

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use super::arcs::{Arcs, Transform};
+use super::arcs::{TopoJsonArcs, TopoJsonTransform};
 use crate::crs;
-use crate::feature::{Feature, Layer};
+use crate::feature::{Feature, LayerHeader};
 use crate::geojson::{FeatureReader, check_depth, id, member, short};
-use crate::geometry::{Coordinates, Geometry, Kind};
-use crate::json::{Cursor, Token};
-use crate::source::{FeatureSource, OpenOptions};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
+use crate::json::{JsonCursor, Token};
+use crate::source::{FeatureSource, VectorOpenOptions};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
 use terrane_base::limits;
@@ -18,14 +18,14 @@ use terrane_files::RawFile;
 type Range = (usize, usize);
 
 /// Opens a file.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
+pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let file = RawFile::open(path)?;
     limits::check("bytes of a TopoJSON", file.size(), limits::MAX_TOPOLOGY_BYTES)?;
     let mut text = file.head(limits::MAX_TOPOLOGY_BYTES)?;
     if text.starts_with(b"\xef\xbb\xbf") {
         text.drain(..3);
     }
-    let top = Top::read(&text)?;
+    let top = TopoJsonTopology::read(&text)?;
     let chosen = top.chosen(options.layer.as_deref())?;
     let features = features(&text, top.objects[chosen].1)?;
     let others = top.objects.iter().enumerate().filter(|(at, _)| *at != chosen);
@@ -34,30 +34,30 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn Feature
         true => Vec::new(),
         false => vec![format!("objects that are not read: {}", others.join(", "))],
     };
-    let layer = Layer {
+    let layer = LayerHeader {
         name: Some(top.objects[chosen].0.clone()),
         crs: top.crs,
         features: Some(features.len() as u64),
-        ..Layer::default()
+        ..LayerHeader::default()
     };
     let arcs = top.arcs;
     let reader = FeatureReader::default();
-    Ok(Box::new(Source { text, arcs, layer, features, next: 0, reader, notes }))
+    Ok(Box::new(TopoJsonSource { text, arcs, layer, features, next: 0, reader, notes }))
 }
 
 /// What a topology holds, its geometries apart.
-struct Top {
-    arcs: Arcs,
+struct TopoJsonTopology {
+    arcs: TopoJsonArcs,
     /// Names of objects and where each is in the text.
     objects: Vec<(String, Range)>,
     crs: Crs,
 }
 
-impl Top {
+impl TopoJsonTopology {
     fn read(text: &[u8]) -> Result<Self> {
         let (mut arcs, mut transform, mut objects) = (None, None, Vec::new());
         let mut system = crs::wgs84();
-        let mut cursor = Cursor::new(text, 0);
+        let mut cursor = JsonCursor::new(text, 0);
         let mut is_first = true;
         cursor.expect(b'{')?;
         while let Some(name) = cursor.member(&mut is_first)? {
@@ -84,8 +84,8 @@ impl Top {
         if objects.is_empty() {
             return Err(Error::bad_input("is no topology: it has no objects"));
         }
-        let mut cursor = Cursor::new(&text[start..end], start as u64);
-        let arcs = Arcs::read(&mut cursor, transform)?;
+        let mut cursor = JsonCursor::new(&text[start..end], start as u64);
+        let arcs = TopoJsonArcs::read(&mut cursor, transform)?;
         Ok(Self { arcs, objects, crs: system })
     }
 
@@ -101,14 +101,14 @@ impl Top {
 }
 
 /// Where the object or list at hand is; it is passed over.
-fn range(cursor: &mut Cursor<'_>) -> Result<Range> {
+fn range(cursor: &mut JsonCursor<'_>) -> Result<Range> {
     cursor.peek();
     let start = cursor.offset() as usize;
     cursor.skip_nested()?;
     Ok((start, cursor.offset() as usize))
 }
 
-fn read_transform(cursor: &mut Cursor<'_>) -> Result<Transform> {
+fn read_transform(cursor: &mut JsonCursor<'_>) -> Result<TopoJsonTransform> {
     let start = cursor.offset();
     let Token::Nested(json) = cursor.value()? else {
         return Err(cursor.bad("a transform is no object"));
@@ -116,14 +116,14 @@ fn read_transform(cursor: &mut Cursor<'_>) -> Result<Transform> {
     let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
     let pair = |name: &str| Some([value[name][0].as_f64()?, value[name][1].as_f64()?]);
     match (pair("scale"), pair("translate")) {
-        (Some(scale), Some(translate)) => Ok(Transform { scale, translate }),
+        (Some(scale), Some(translate)) => Ok(TopoJsonTransform { scale, translate }),
         _ => Err(Error::bad_input(format!("byte {start}: a transform lacks scale or translate"))),
     }
 }
 
 /// Where the features of an object are: the members of a collection, or itself.
 fn features(text: &[u8], (start, end): Range) -> Result<Vec<Range>> {
-    let mut cursor = Cursor::new(&text[start..end], start as u64);
+    let mut cursor = JsonCursor::new(&text[start..end], start as u64);
     let (mut members, mut is_first) = (None, true);
     cursor.expect(b'{')?;
     while let Some(name) = cursor.member(&mut is_first)? {
@@ -141,10 +141,10 @@ fn features(text: &[u8], (start, end): Range) -> Result<Vec<Range>> {
     Ok(members.unwrap_or_else(|| vec![(start, end)]))
 }
 
-struct Source {
+struct TopoJsonSource {
     text: Vec<u8>,
-    arcs: Arcs,
-    layer: Layer,
+    arcs: TopoJsonArcs,
+    layer: LayerHeader,
     features: Vec<Range>,
     /// The feature to be read next.
     next: usize,
@@ -152,18 +152,18 @@ struct Source {
     notes: Vec<String>,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for TopoJsonSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         let Some(&(start, end)) = self.features.get(self.next) else { return Ok(None) };
         self.next += 1;
-        let mut cursor = Cursor::new(&self.text[start..end], start as u64);
+        let mut cursor = JsonCursor::new(&self.text[start..end], start as u64);
         // What a feature uses an arc for more than twice is damage, or an attack.
         let budget = self.arcs.vertices().saturating_mul(4).saturating_add(1 << 16);
-        let mut maker = Maker { arcs: &self.arcs, reader: &mut self.reader, budget };
+        let mut maker = TopoJsonAssembler { arcs: &self.arcs, reader: &mut self.reader, budget };
         maker.feature(&mut cursor, 0).map(Some)
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -178,17 +178,17 @@ impl FeatureSource for Source {
 }
 
 /// Puts geometries together.
-struct Maker<'a> {
-    arcs: &'a Arcs,
+struct TopoJsonAssembler<'a> {
+    arcs: &'a TopoJsonArcs,
     reader: &'a mut FeatureReader,
     /// Vertices that the feature at hand may still have.
     budget: usize,
 }
 
-impl Maker<'_> {
+impl TopoJsonAssembler<'_> {
     /// A geometry with its id and properties, within `depth` collections: it calls itself no deeper
     /// than collections may be nested.
-    fn feature(&mut self, cursor: &mut Cursor<'_>, depth: u64) -> Result<Feature> {
+    fn feature(&mut self, cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Feature> {
         limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
         let mut feature = Feature::default();
         // Lists of arcs wait until the type is known.
@@ -199,8 +199,8 @@ impl Maker<'_> {
             match &*name {
                 "type" => {
                     kind = Some(match cursor.value()? {
-                        Token::Null => Kind::Null,
-                        Token::Text(name) => Kind::by_name(&name).ok_or_else(|| {
+                        Token::Null => GeometryType::Null,
+                        Token::Text(name) => GeometryType::by_name(&name).ok_or_else(|| {
                             cursor.bad(format!("type {:?} is no geometry", short(&name)))
                         })?,
                         _ => return Err(cursor.bad("a type is no text")),
@@ -211,7 +211,7 @@ impl Maker<'_> {
                 "arcs" => {
                     cursor.peek();
                     let at = cursor.offset();
-                    lists = Some(Cursor::new(cursor.skip_nested()?.as_bytes(), at));
+                    lists = Some(JsonCursor::new(cursor.skip_nested()?.as_bytes(), at));
                 }
                 "coordinates" => coordinates = Some(cursor.coordinates()?),
                 "geometries" => members = Some(self.members(cursor, depth)?),
@@ -225,11 +225,11 @@ impl Maker<'_> {
         let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
         let kind = kind.ok_or_else(|| missing("type"))?;
         feature.geometry = match kind {
-            Kind::Null => Geometry::null(),
-            Kind::Collection => {
+            GeometryType::Null => Geometry::null(),
+            GeometryType::Collection => {
                 Geometry::collection(members.ok_or_else(|| missing("geometries"))?)?
             }
-            Kind::Point | Kind::MultiPoint => {
+            GeometryType::Point | GeometryType::MultiPoint => {
                 let (deep, mut found) = coordinates.ok_or_else(|| missing("coordinates"))?;
                 check_depth(kind, deep).map_err(|e| cursor.bad(e))?;
                 found.xy.iter_mut().for_each(|xy| *xy = self.arcs.place(*xy));
@@ -240,7 +240,7 @@ impl Maker<'_> {
         Ok(feature)
     }
 
-    fn members(&mut self, cursor: &mut Cursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
+    fn members(&mut self, cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Vec<Geometry>> {
         let (mut is_first, mut members) = (true, Vec::new());
         cursor.expect(b'[')?;
         while cursor.item(&mut is_first)? {
@@ -252,13 +252,13 @@ impl Maker<'_> {
     }
 
     /// Lines or rings from lists of arcs.
-    fn lines(&mut self, kind: Kind, mut cursor: Cursor<'_>) -> Result<Geometry> {
+    fn lines(&mut self, kind: GeometryType, mut cursor: JsonCursor<'_>) -> Result<Geometry> {
         let deep = match kind {
-            Kind::LineString => 1,
-            Kind::MultiLineString | Kind::Polygon => 2,
+            GeometryType::LineString => 1,
+            GeometryType::MultiLineString | GeometryType::Polygon => 2,
             _ => 3,
         };
-        let mut found = Coordinates::default();
+        let mut found = CoordinateSequence::default();
         let mut open = 0;
         loop {
             let is_list = cursor.peek() == Some(b'[');
@@ -294,7 +294,7 @@ impl Maker<'_> {
     }
 
     /// Appends the arc whose number is next.
-    fn arc(&mut self, cursor: &mut Cursor<'_>, to: &mut Coordinates) -> Result<()> {
+    fn arc(&mut self, cursor: &mut JsonCursor<'_>, to: &mut CoordinateSequence) -> Result<()> {
         let index = match cursor.value()? {
             Token::Number(text) => text.parse().ok(),
             _ => None,
@@ -320,7 +320,7 @@ impl Maker<'_> {
 
 /// Repeats the first vertex of the part at hand until it has `least`, as the reference implementation
 /// does: small rings may have collapsed onto one place when they were quantised.
-fn fill_up(least: usize, part: &mut Coordinates) {
+fn fill_up(least: usize, part: &mut CoordinateSequence) {
     let start = part.ends.last().copied().unwrap_or(0);
     if let Some(&first) = part.xy.get(start) {
         let wanted = part.xy.len().max(start + least);
@@ -337,7 +337,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");
         std::fs::write(&path, text).unwrap();
-        let mut source = open(&path, &OpenOptions { layer: layer.map(str::to_owned) })?;
+        let mut source = open(&path, &VectorOpenOptions { layer: layer.map(str::to_owned) })?;
         std::iter::from_fn(|| source.next().transpose()).collect()
     }
 
@@ -364,7 +364,7 @@ mod tests {
         );
         // A ring on one place is filled up.
         assert_eq!((right.coordinates().xy.len(), &right.coordinates().polygons), (9, &vec![1, 2]));
-        assert_eq!(found[2].geometry.kind(), Kind::Null);
+        assert_eq!(found[2].geometry.kind(), GeometryType::Null);
     }
 
     #[test]

@@ -4,29 +4,29 @@
 mod read;
 mod write;
 
-use crate::format::{Holds, Values, VectorFormat};
-use crate::geometry::Kind;
+use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
+use crate::geometry::GeometryType;
 
 /// The registry's entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "WKT",
     extensions: &["wkt", "ewkt"],
     about: "well-known text, a geometry on each line; the CRS is in a .prj beside it",
-    holds: Holds {
+    holds: VectorCapabilities {
         kinds: &[
-            Kind::Point,
-            Kind::MultiPoint,
-            Kind::LineString,
-            Kind::MultiLineString,
-            Kind::Polygon,
-            Kind::MultiPolygon,
-            Kind::Collection,
+            GeometryType::Point,
+            GeometryType::MultiPoint,
+            GeometryType::LineString,
+            GeometryType::MultiLineString,
+            GeometryType::Polygon,
+            GeometryType::MultiPolygon,
+            GeometryType::Collection,
         ],
         mixed: true,
         z: true,
         m: true,
         properties: false,
-        values: Values::None,
+        values: PropertySupport::None,
         ids: false,
         ordered: true,
     },

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use crate::crs;
-use crate::feature::{Feature, Layer};
-use crate::geometry::{Coordinates, Geometry, Kind};
+use crate::feature::{Feature, LayerHeader};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
 use crate::number;
-use crate::source::{FeatureSource, OpenOptions};
-use crate::window::Window;
+use crate::source::{FeatureSource, VectorOpenOptions};
+use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::wkt;
 use terrane_base::limits;
@@ -16,9 +16,9 @@ use terrane_base::limits;
 const MOST_WORD: usize = 64;
 
 /// Opens a file.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let layer = Layer { crs: crs::beside(path)?, ..Layer::default() };
-    let mut source = Source { window: Window::open(path)?, layer, at: 0, srid: None };
+pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
+    let layer = LayerHeader { crs: crs::beside(path)?, ..LayerHeader::default() };
+    let mut source = WktSource { window: FileWindow::open(path)?, layer, at: 0, srid: None };
     if let Some(code) = source.srid()? {
         source.layer.crs = wkt::of_srs(&format!("EPSG:{code}"));
         source.srid = Some(code);
@@ -26,9 +26,9 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Box<dyn FeatureSource
     Ok(Box::new(source))
 }
 
-struct Source {
-    window: Window,
-    layer: Layer,
+struct WktSource {
+    window: FileWindow,
+    layer: LayerHeader,
     /// Where the last geometry began.
     at: u64,
     srid: Option<u32>,
@@ -36,11 +36,11 @@ struct Source {
 
 /// The kind that a word begins, whether it has heights, and whether it has measures ("POINTZM").
 /// A ring is read as a line.
-pub(super) fn keyword(word: &str) -> Option<(Kind, Option<Dimensions>)> {
+pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<Dimensions>)> {
     let upper = word.to_ascii_uppercase();
     let known = |word: &str| match word {
-        "LINEARRING" => Some(Kind::LineString),
-        _ => Kind::by_name(word).filter(|kind| *kind != Kind::Null),
+        "LINEARRING" => Some(GeometryType::LineString),
+        _ => GeometryType::by_name(word).filter(|kind| *kind != GeometryType::Null),
     };
     if let Some(kind) = known(&upper) {
         return Some((kind, None));
@@ -59,7 +59,7 @@ pub(super) struct Dimensions {
     has_m: bool,
 }
 
-impl FeatureSource for Source {
+impl FeatureSource for WktSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         let Some(_) = self.peek()? else { return Ok(None) };
         self.at = self.window.offset();
@@ -77,7 +77,7 @@ impl FeatureSource for Source {
         Ok(Some(Feature { geometry, ..Feature::default() }))
     }
 
-    fn layer(&self) -> &Layer {
+    fn layer(&self) -> &LayerHeader {
         &self.layer
     }
 
@@ -86,7 +86,7 @@ impl FeatureSource for Source {
     }
 }
 
-impl Source {
+impl WktSource {
     /// The next byte that is no white space.
     #[inline]
     fn peek(&mut self) -> Result<Option<u8>> {
@@ -151,10 +151,10 @@ impl Source {
             if self.word()?.eq_ignore_ascii_case("EMPTY") {
                 self.window.advance("EMPTY".len());
                 done = Some(match kind {
-                    Kind::Collection => Geometry::collection(Vec::new())?,
-                    kind => Geometry::new(kind, Coordinates::default())?,
+                    GeometryType::Collection => Geometry::collection(Vec::new())?,
+                    kind => Geometry::new(kind, CoordinateSequence::default())?,
                 });
-            } else if kind != Kind::Collection {
+            } else if kind != GeometryType::Collection {
                 done = Some(self.coordinates(kind, dimensions)?);
             } else if !self.take(b'(')? {
                 return Err(self.bad("\"(\" is missing"));
@@ -183,7 +183,7 @@ impl Source {
     }
 
     /// The words that a geometry begins with.
-    fn kind(&mut self) -> Result<(Kind, Option<Dimensions>)> {
+    fn kind(&mut self) -> Result<(GeometryType, Option<Dimensions>)> {
         let word = self.word()?;
         let Some((kind, dimensions)) = keyword(&word) else {
             return Err(match word.as_str() {
@@ -204,17 +204,21 @@ impl Source {
     }
 
     /// Positions in brackets, cut where brackets close.
-    fn coordinates(&mut self, kind: Kind, dimensions: Option<Dimensions>) -> Result<Geometry> {
+    fn coordinates(
+        &mut self,
+        kind: GeometryType,
+        dimensions: Option<Dimensions>,
+    ) -> Result<Geometry> {
         let deep = match kind {
-            Kind::Polygon | Kind::MultiLineString => 2,
-            Kind::MultiPolygon => 3,
+            GeometryType::Polygon | GeometryType::MultiLineString => 2,
+            GeometryType::MultiPolygon => 3,
             _ => 1,
         };
-        let mut found = Coordinates::default();
+        let mut found = CoordinateSequence::default();
         let mut open = 0;
         loop {
             match self.peek()? {
-                Some(b'(') if open < deep || (kind == Kind::MultiPoint && open == 1) => {
+                Some(b'(') if open < deep || (kind == GeometryType::MultiPoint && open == 1) => {
                     self.window.advance(1);
                     open += 1;
                     continue;
@@ -248,7 +252,11 @@ impl Source {
         }
     }
 
-    fn position(&mut self, known: Option<Dimensions>, found: &mut Coordinates) -> Result<()> {
+    fn position(
+        &mut self,
+        known: Option<Dimensions>,
+        found: &mut CoordinateSequence,
+    ) -> Result<()> {
         let mut numbers = [0.0; 4];
         let mut count = 0;
         loop {

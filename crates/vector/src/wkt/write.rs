@@ -3,28 +3,28 @@
 use std::path::Path;
 
 use crate::crs;
-use crate::feature::{Feature, Layer, Member};
-use crate::geometry::{Coordinates, Geometry, Kind, Part};
+use crate::feature::{Feature, JsonMember, LayerHeader};
+use crate::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType};
 use crate::number;
-use crate::out::Out;
-use crate::sink::{FeatureSink, WriteOptions, Written};
+use crate::out::VectorOutputFile;
+use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::Sidecar;
 
 /// Starts a file.
 pub(super) fn create(
     path: &Path,
-    layer: &Layer,
-    options: &WriteOptions,
+    layer: &LayerHeader,
+    options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
-    let out = Out::create(path, options.overwrite)?;
+    let out = VectorOutputFile::create(path, options.overwrite)?;
     let prj = crs::prj(path, &layer.crs, options.overwrite)?;
     let notes = crs::notes(&layer.crs);
-    Ok(Box::new(Sink { out, prj, notes, features: 0, with_properties: 0, nulls: 0 }))
+    Ok(Box::new(WktSink { out, prj, notes, features: 0, with_properties: 0, nulls: 0 }))
 }
 
-struct Sink {
-    out: Out,
+struct WktSink {
+    out: VectorOutputFile,
     prj: Sidecar,
     notes: Vec<String>,
     features: u64,
@@ -34,12 +34,12 @@ struct Sink {
     nulls: u64,
 }
 
-impl FeatureSink for Sink {
+impl FeatureSink for WktSink {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         self.features += 1;
         let has_more = !feature.properties.0.is_empty() || feature.id.is_some();
         self.with_properties += u64::from(has_more);
-        self.nulls += u64::from(feature.geometry.kind() == Kind::Null);
+        self.nulls += u64::from(feature.geometry.kind() == GeometryType::Null);
         let number = self.features;
         push_geometry(&feature.geometry, &mut self.out.buffer)
             .map_err(|e| e.at(format!("feature {number}")))?;
@@ -47,7 +47,7 @@ impl FeatureSink for Sink {
         self.out.settle()
     }
 
-    fn finish(self: Box<Self>, _: &[Member]) -> Result<Written> {
+    fn finish(self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         let mut notes = self.notes;
         if self.with_properties > 0 {
             let count = self.with_properties;
@@ -64,16 +64,20 @@ impl FeatureSink for Sink {
             files.push(path);
             bytes += more;
         }
-        Ok(Written { features: self.features, bytes, files, notes })
+        Ok(WrittenFeatures { features: self.features, bytes, files, notes })
     }
 }
 
 // Collections are nested no deeper than their constructor allows.
 fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
-    let kind = if geometry.kind() == Kind::Null { Kind::Collection } else { geometry.kind() };
+    let kind = if geometry.kind() == GeometryType::Null {
+        GeometryType::Collection
+    } else {
+        geometry.kind()
+    };
     text.extend_from_slice(kind.name().to_ascii_uppercase().as_bytes());
     let coordinates = geometry.coordinates();
-    let Coordinates { z, m, .. } = coordinates;
+    let CoordinateSequence { z, m, .. } = coordinates;
     if z.iter().any(|z| z.is_nan()) || m.iter().any(|m| m.is_nan()) {
         let message = "some of its vertices have a height or measure and some have none";
         return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
@@ -88,9 +92,9 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
         text.extend_from_slice(b"EMPTY");
         return Ok(());
     }
-    let mut pen = Pen { text };
+    let mut pen = WktWriter { text };
     match kind {
-        Kind::Collection => {
+        GeometryType::Collection => {
             pen.text.push(b'(');
             for (at, member) in geometry.members().iter().enumerate() {
                 if at > 0 {
@@ -100,23 +104,25 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
             }
             pen.text.push(b')');
         }
-        Kind::MultiPolygon => {
-            pen.list(geometry.polygons(), |pen, rings| pen.list(rings, Pen::part))
+        GeometryType::MultiPolygon => {
+            pen.list(geometry.polygons(), |pen, rings| pen.list(rings, WktWriter::part))
         }
-        Kind::MultiLineString | Kind::Polygon => pen.list(geometry.own_parts(), Pen::part),
+        GeometryType::MultiLineString | GeometryType::Polygon => {
+            pen.list(geometry.own_parts(), WktWriter::part)
+        }
         _ => {
-            let Coordinates { xy, z, m, .. } = coordinates;
-            pen.part(Part { xy, z, m, role: crate::Role::Line });
+            let CoordinateSequence { xy, z, m, .. } = coordinates;
+            pen.part(GeometryPart { xy, z, m, role: crate::PartRole::Line });
         }
     }
     Ok(())
 }
 
-struct Pen<'a> {
+struct WktWriter<'a> {
     text: &'a mut Vec<u8>,
 }
 
-impl Pen<'_> {
+impl WktWriter<'_> {
     fn list<T>(&mut self, items: impl Iterator<Item = T>, mut item: impl FnMut(&mut Self, T)) {
         self.text.push(b'(');
         for (at, one) in items.enumerate() {
@@ -128,7 +134,7 @@ impl Pen<'_> {
         self.text.push(b')');
     }
 
-    fn part(&mut self, part: Part<'_>) {
+    fn part(&mut self, part: GeometryPart<'_>) {
         self.list(0..part.xy.len(), |pen, at| {
             let [x, y] = part.xy[at];
             let more = part.z.get(at).into_iter().chain(part.m.get(at));

@@ -12,44 +12,44 @@ use std::ops::Range;
 
 use terrane_base::geom::Rect;
 
-use super::bits::Bits;
+use super::bits::BitGrid;
 use super::exact::Blend;
-use super::part::Part;
-use super::sections::{Int, Walk, ceil, floor, is_small};
-use super::surface::Surface;
-use super::tally::{Spot, Tally};
-use super::triangle::Position;
+use super::part::GridProofPart;
+use super::sections::{EdgeRowWalk, Int, ceil, floor, is_small};
+use super::surface::ProofSurface;
+use super::tally::{ErrorSpot, ProofTally};
+use super::triangle::ProofPosition;
 
 /// Bound on the rounding of an error, by the heights it comes from: for each fewer than 16 roundings of
 /// 2^-53.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// Judges the breaks of a part.
-pub(crate) struct Between<'a> {
-    part: &'a Part<'a>,
+pub(crate) struct BreakJudge<'a> {
+    part: &'a GridProofPart<'a>,
     window: Rect,
     /// Lines of the surface by their first sample: those along rows, and those along columns.
-    lines: [Bits; 2],
+    lines: [BitGrid; 2],
     /// Heights of the two ends of an edge, as its triangles have them.
     heights: Vec<[f64; 2]>,
 }
 
 /// The lines along rows or, upright, along columns: there rows and columns change places.
 #[derive(Clone, Copy)]
-struct Lines {
+struct SampleLineAxis {
     upright: bool,
 }
 
-impl Lines {
-    fn turned(self, at: Position) -> Position {
-        if self.upright { Position { row: at.col, col: at.row } } else { at }
+impl SampleLineAxis {
+    fn turned(self, at: ProofPosition) -> ProofPosition {
+        if self.upright { ProofPosition { row: at.col, col: at.row } } else { at }
     }
 }
 
 /// A break on the way from sample `unit` of a line to the next, at `rest` of `whole`. Of the edge that the
 /// mesh breaks at, `part` of `whole` lies before it.
 struct Break<N> {
-    lines: Lines,
+    lines: SampleLineAxis,
     line: i64,
     unit: i64,
     rest: N,
@@ -59,21 +59,21 @@ struct Break<N> {
 
 impl<N: Int> Break<N> {
     /// Where it is, rounded down.
-    fn position(&self) -> Position {
-        let fraction = (self.rest.wide() << Position::FRACTION) / self.whole.wide();
-        let unit = Position::sample(self.unit, self.line);
-        self.lines.turned(Position { col: unit.col + fraction as i64, ..unit })
+    fn position(&self) -> ProofPosition {
+        let fraction = (self.rest.wide() << ProofPosition::FRACTION) / self.whole.wide();
+        let unit = ProofPosition::sample(self.unit, self.line);
+        self.lines.turned(ProofPosition { col: unit.col + fraction as i64, ..unit })
     }
 }
 
-impl<'a> Between<'a> {
-    pub(crate) fn new(part: &'a Part<'a>, surface: &Surface) -> Self {
+impl<'a> BreakJudge<'a> {
+    pub(crate) fn new(part: &'a GridProofPart<'a>, surface: &ProofSurface) -> Self {
         let (window, lines) = (part.domain.apron(), surface.lines());
         Self { part, window, lines, heights: Vec::new() }
     }
 
     /// The lines that have samples of the domain, and which of their samples these are.
-    fn owned(&self, lines: Lines) -> [Range<i64>; 2] {
+    fn owned(&self, lines: SampleLineAxis) -> [Range<i64>; 2] {
         let rect = self.part.domain.rect;
         let [cols, rows] = [rect.col..rect.end_col(), rect.row..rect.end_row()]
             .map(|range| range.start.into()..range.end.into());
@@ -81,15 +81,15 @@ impl<'a> Between<'a> {
     }
 
     /// Judges a position where corners have these heights, if it lies on a line between samples.
-    pub(crate) fn corner(&mut self, at: Position, heights: &[f64], tally: &mut Tally) {
-        let is_whole = |fixed: i64| fixed & (Position::CELL - 1) == 0;
+    pub(crate) fn corner(&mut self, at: ProofPosition, heights: &[f64], tally: &mut ProofTally) {
+        let is_whole = |fixed: i64| fixed & (ProofPosition::CELL - 1) == 0;
         if is_whole(at.col) == is_whole(at.row) {
             return;
         }
-        let lines = Lines { upright: is_whole(at.col) };
-        let Position { row, col } = lines.turned(at);
-        let (line, unit, whole) = (floor(row), floor(col), i128::from(Position::CELL));
-        let rest = i128::from(col - (unit << Position::FRACTION));
+        let lines = SampleLineAxis { upright: is_whole(at.col) };
+        let ProofPosition { row, col } = lines.turned(at);
+        let (line, unit, whole) = (floor(row), floor(col), i128::from(ProofPosition::CELL));
+        let rest = i128::from(col - (unit << ProofPosition::FRACTION));
         let [across, along] = self.owned(lines);
         if !across.contains(&line) || !along.contains(&unit) {
             return;
@@ -103,9 +103,9 @@ impl<'a> Between<'a> {
     /// Judges where an edge crosses lines strictly between its ends, where triangles have these heights.
     pub(crate) fn edge(
         &mut self,
-        ends: [Position; 2],
+        ends: [ProofPosition; 2],
         heights: impl Iterator<Item = [f64; 2]>,
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) {
         let [a, b] = ends;
         let crosses = |a: i64, b: i64| floor(a.min(b)) + 1 < ceil(a.max(b));
@@ -116,7 +116,7 @@ impl<'a> Between<'a> {
         self.heights.extend(heights);
         distinct(&mut self.heights);
         for upright in [false, true] {
-            let lines = Lines { upright };
+            let lines = SampleLineAxis { upright };
             let [mut a, mut b] = ends.map(|at| lines.turned(at));
             if a.row > b.row {
                 std::mem::swap(&mut a, &mut b);
@@ -131,7 +131,12 @@ impl<'a> Between<'a> {
     }
 
     /// Judges where an edge crosses lines of one kind, from its end before them (`a`) to that behind.
-    fn cross<N: Int>(&self, lines: Lines, [a, b]: [Position; 2], tally: &mut Tally) {
+    fn cross<N: Int>(
+        &self,
+        lines: SampleLineAxis,
+        [a, b]: [ProofPosition; 2],
+        tally: &mut ProofTally,
+    ) {
         let [across, along] = self.owned(lines);
         let first = (floor(a.row) + 1).max(across.start);
         let end = ceil(b.row).min(across.end);
@@ -139,9 +144,9 @@ impl<'a> Between<'a> {
             return;
         }
         let cell = N::whole(1 << N::FRACTION);
-        let mut walk = Walk::<N>::new(a, b, first);
+        let mut walk = EdgeRowWalk::<N>::new(a, b, first);
         for line in first..end {
-            let Walk { column: unit, rest, divisor: whole, .. } = walk;
+            let EdgeRowWalk { column: unit, rest, divisor: whole, .. } = walk;
             if rest > N::whole(0) && along.contains(&unit) {
                 let part = cell * (cell * N::whole(line) - N::coordinate(a.row));
                 self.judge(&Break { lines, line, unit, rest, part, whole }, tally);
@@ -152,7 +157,7 @@ impl<'a> Between<'a> {
 
     /// Judges a break, of an edge with the heights noted, where there is surface along its line.
     #[inline]
-    fn judge<N: Int>(&self, at: &Break<N>, tally: &mut Tally) {
+    fn judge<N: Int>(&self, at: &Break<N>, tally: &mut ProofTally) {
         let Some(ground) = self.ground(at) else { return };
         let each = 1.0 / at.whole.float();
         let height = |[a, b]: [f64; 2], part: N| a + (b - a) * (part.float() * each);
@@ -191,7 +196,7 @@ impl<'a> Between<'a> {
         at: &Break<N>,
         [mesh, ground]: [[f64; 2]; 2],
         [error, doubt]: [f64; 2],
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) {
         // Heights beyond the range of floats are infinitely far from everything.
         let mut error = if error.is_nan() { f64::INFINITY } else { error };
@@ -208,7 +213,7 @@ impl<'a> Between<'a> {
                 error = error.min(tolerance);
             }
         }
-        tally.spot_between(Spot { error, at: place });
+        tally.spot_between(ErrorSpot { error, at: place });
     }
 }
 

@@ -2,12 +2,12 @@
 
 /// `rows` rows of `width` bits, each row starting at a word.
 #[derive(Clone, Debug)]
-pub(crate) struct Bits {
+pub(crate) struct BitGrid {
     stride: usize,
     words: Vec<u64>,
 }
 
-impl Bits {
+impl BitGrid {
     /// All bits clear.
     pub(crate) fn new(width: usize, rows: usize) -> Self {
         let stride = width.div_ceil(64).max(1);
@@ -75,7 +75,7 @@ mod tests {
         for (from, to) in
             [(0, 0), (5, 5), (0, 1), (63, 65), (3, 200), (64, 128), (0, 64), (199, 200)]
         {
-            let mut bits = Bits::new(200, 2);
+            let mut bits = BitGrid::new(200, 2);
             bits.set_range(1, from, to);
             for col in 0..200 {
                 assert_eq!(bits.get(col, 1), (from..to).contains(&col), "{from}..{to} at {col}");

@@ -2,7 +2,7 @@
 
 use terrane_base::geom::Rect;
 
-use super::triangle::{Position, Triangle};
+use super::triangle::{ProofPosition, ProofTriangle};
 
 /// A rectangle of samples of a grid. It owns its samples, the cells to the right of and below
 /// them, and every position whose whole part is one of its samples; positions beyond the grid
@@ -30,13 +30,13 @@ impl Domain {
     }
 
     /// True when the position is owned.
-    pub fn owns(&self, at: Position) -> bool {
+    pub fn owns(&self, at: ProofPosition) -> bool {
         let [col, row] = nearest_sample(self.grid, at);
         self.rect.contains(col, row)
     }
 
     /// True when the triangle may touch a position owned (never a wrong no).
-    pub fn may_touch(&self, triangle: &Triangle) -> bool {
+    pub fn may_touch(&self, triangle: &ProofTriangle) -> bool {
         let [low, high] = triangle.bounds();
         let [left, above] = nearest_sample(self.grid, low);
         let [right, below] = nearest_sample(self.grid, high);
@@ -67,15 +67,16 @@ impl Domain {
 }
 
 /// The sample whose domain owns `at`.
-fn nearest_sample(grid: [u32; 2], at: Position) -> [u32; 2] {
-    let clamp =
-        |fixed: i64, side: u32| (fixed >> Position::FRACTION).clamp(0, i64::from(side) - 1) as u32;
+fn nearest_sample(grid: [u32; 2], at: ProofPosition) -> [u32; 2] {
+    let clamp = |fixed: i64, side: u32| {
+        (fixed >> ProofPosition::FRACTION).clamp(0, i64::from(side) - 1) as u32
+    };
     [clamp(at.col, grid[0]), clamp(at.row, grid[1])]
 }
 
 /// First and last column of samples near the part of `triangle` that rows `row .. end_row` own:
 /// in `f64`, with a column of doubt on each side.
-fn columns(grid: [u32; 2], triangle: &Triangle, row: u32, end_row: u32) -> [u32; 2] {
+fn columns(grid: [u32; 2], triangle: &ProofTriangle, row: u32, end_row: u32) -> [u32; 2] {
     let above = if row == 0 { f64::NEG_INFINITY } else { f64::from(row) };
     let below = if end_row == grid[1] { f64::INFINITY } else { f64::from(end_row) };
     let points = triangle.positions().map(|p| [p.cols(), p.rows()]);
@@ -108,14 +109,14 @@ fn clipped(p: [f64; 2], q: [f64; 2], above: f64, below: f64) -> [f64; 2] {
 
 /// A grid divided into domains of equal size, numbered row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct DomainLayout {
     /// Columns and rows of the grid, neither 0.
     pub grid: [u32; 2],
     /// Columns and rows of a domain: multiples of [`Domain::UNIT`].
     pub size: [u32; 2],
 }
 
-impl Layout {
+impl DomainLayout {
     /// Domains across and down.
     pub fn counts(&self) -> [u32; 2] {
         [0, 1].map(|i| self.grid[i].div_ceil(self.size[i]))
@@ -150,13 +151,13 @@ impl Layout {
     }
 
     /// Index of the domain that owns `at`.
-    pub fn owner(&self, at: Position) -> u64 {
+    pub fn owner(&self, at: ProofPosition) -> u64 {
         let [col, row] = nearest_sample(self.grid, at);
         self.index(col / self.size[0], row / self.size[1])
     }
 
     /// Calls `visit` with every domain the triangle may touch.
-    pub fn touched(&self, triangle: &Triangle, mut visit: impl FnMut(u64)) {
+    pub fn touched(&self, triangle: &ProofTriangle, mut visit: impl FnMut(u64)) {
         let [low, high] = triangle.bounds().map(|p| nearest_sample(self.grid, p));
         let [left, right] = [low[0] / self.size[0], high[0] / self.size[0]];
         let [above, below] = [low[1] / self.size[1], high[1] / self.size[1]];
@@ -178,16 +179,18 @@ impl Layout {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::triangle::Vertex;
+    use crate::triangle::ProofVertex;
     use proptest::prelude::*;
 
-    fn triangle(points: [[f64; 2]; 3]) -> Triangle {
-        Triangle { corners: points.map(|[c, r]| Vertex { at: Position::nearest(c, r), z: 0.0 }) }
+    fn triangle(points: [[f64; 2]; 3]) -> ProofTriangle {
+        ProofTriangle {
+            corners: points.map(|[c, r]| ProofVertex { at: ProofPosition::nearest(c, r), z: 0.0 }),
+        }
     }
 
     #[test]
     fn domains_tile_the_grid_and_halves_tile_a_domain() {
-        let layout = Layout { grid: [100, 70], size: [64, 32] };
+        let layout = DomainLayout { grid: [100, 70], size: [64, 32] };
         let owned: usize = (0..layout.len()).map(|i| layout.domain(i).rect.len()).sum();
         assert_eq!((layout.len(), owned), (6, 7000));
         let whole = Domain { grid: [100, 70], rect: Rect::new(0, 0, 100, 70) };
@@ -204,13 +207,13 @@ mod tests {
             points in prop::array::uniform3([-50.0..250.0, -50.0..250.0]),
             weights in prop::array::uniform3(0.0..1.0f64),
         ) {
-            let layout = Layout { grid: [200, 150], size: [32, 64] };
+            let layout = DomainLayout { grid: [200, 150], size: [32, 64] };
             let t = triangle(points);
             let mut touched = Vec::new();
             layout.touched(&t, |i| touched.push(i));
             let total: f64 = weights.iter().sum::<f64>().max(1e-9);
             let mix = |k: usize| (0..3).map(|i| weights[i] / total * points[i][k]).sum::<f64>();
-            let inside = Position::nearest(mix(0), mix(1));
+            let inside = ProofPosition::nearest(mix(0), mix(1));
             for at in t.positions().into_iter().chain([inside]) {
                 prop_assert!(touched.contains(&layout.owner(at)));
                 prop_assert!(layout.domain(layout.owner(at)).owns(at));

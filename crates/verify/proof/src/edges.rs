@@ -2,36 +2,39 @@
 
 use std::mem::size_of;
 
-use super::between::Between;
+use super::between::BreakJudge;
 use super::exact::{double_area, in_circle};
-use super::follow::Follow;
-use super::kept::Kept;
-use super::part::Part;
+use super::follow::BreaklineCheck;
+use super::kept::KeptSampleCheck;
+use super::part::GridProofPart;
 use super::sections::{ceil, floor};
-use super::surface::{Followed, Run, Surface};
-use super::tally::Tally;
-use super::triangle::{Position, Triangle};
+use super::surface::{Followed, OutlineRun, ProofSurface};
+use super::tally::ProofTally;
+use super::triangle::{ProofPosition, ProofTriangle};
 
 /// Bytes of the tables below for one triangle.
 pub(crate) const BYTES_PER_TRIANGLE: usize = 3
-    * (size_of::<(Position, u32)>() + size_of::<Use>() + size_of::<u32>() + size_of::<Position>());
+    * (size_of::<(ProofPosition, u32)>()
+        + size_of::<Use>()
+        + size_of::<u32>()
+        + size_of::<ProofPosition>());
 
 /// An edge of one triangle only, on the outline of the surface as far as was seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Open {
+pub struct UnpairedEdge {
     /// What remains to be followed.
-    pub rest: Run,
+    pub rest: OutlineRun,
     /// Where the edge begins.
-    pub at: Position,
+    pub at: ProofPosition,
 }
 
 /// How triangles meet along an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Meeting {
     /// One triangle, with this opposite corner.
-    Open(Position),
+    Open(ProofPosition),
     /// Two that pass it in opposite directions, with these opposite corners.
-    Inner([Position; 2]),
+    Inner([ProofPosition; 2]),
     /// More than two, or two that pass it in the same direction.
     Tangled,
 }
@@ -55,7 +58,7 @@ impl Use {
     }
 
     /// Heights of the two ends as its triangle has them, the lower position first.
-    pub(crate) fn heights(self, triangles: &[Triangle]) -> [f64; 2] {
+    pub(crate) fn heights(self, triangles: &[ProofTriangle]) -> [f64; 2] {
         let (triangle, corner) = (&triangles[self.side as usize / 3], self.side as usize % 3);
         let [a, b] = [corner, (corner + 1) % 3].map(|corner| triangle.corners[corner]);
         if a.at < b.at { [a.z, b.z] } else { [b.z, a.z] }
@@ -64,25 +67,28 @@ impl Use {
 
 /// The corners of a part's triangles as numbered vertices.
 #[derive(Debug, Default)]
-pub(crate) struct Corners {
+pub(crate) struct PartCorners {
     /// Distinct positions, sorted.
-    pub(crate) positions: Vec<Position>,
+    pub(crate) positions: Vec<ProofPosition>,
     /// Vertex numbers, three for each triangle.
     numbers: Vec<u32>,
 }
 
 /// A sample as a key of half the size, in the same order.
-fn sample_key(at: Position) -> u64 {
+fn sample_key(at: ProofPosition) -> u64 {
     let half = |fixed: i64| u64::from((floor(fixed) as i32 ^ i32::MIN) as u32);
     half(at.row) << 32 | half(at.col)
 }
 
-impl Corners {
+impl PartCorners {
     /// Numbers the corners of `triangles`; `meet` is told every position with the heights of all
     /// corners there.
-    pub(crate) fn new(triangles: &[Triangle], meet: impl FnMut(Position, &[f64])) -> Self {
+    pub(crate) fn new(
+        triangles: &[ProofTriangle],
+        meet: impl FnMut(ProofPosition, &[f64]),
+    ) -> Self {
         // Samples, the rule, sort twice as fast by a short key.
-        if triangles.iter().all(Triangle::is_lattice) {
+        if triangles.iter().all(ProofTriangle::is_lattice) {
             Self::sorted(triangles, sample_key, meet)
         } else {
             Self::sorted(triangles, |at| at, meet)
@@ -90,9 +96,9 @@ impl Corners {
     }
 
     fn sorted<K: Ord + Copy>(
-        triangles: &[Triangle],
-        key: impl Fn(Position) -> K,
-        mut meet: impl FnMut(Position, &[f64]),
+        triangles: &[ProofTriangle],
+        key: impl Fn(ProofPosition) -> K,
+        mut meet: impl FnMut(ProofPosition, &[f64]),
     ) -> Self {
         let corner = |number: u32| triangles[number as usize / 3].corners[number as usize % 3];
         let corners = triangles.iter().flat_map(|t| t.corners);
@@ -114,7 +120,7 @@ impl Corners {
         corners
     }
 
-    fn position(&self, number: u32) -> Position {
+    fn position(&self, number: u32) -> ProofPosition {
         self.positions[number as usize]
     }
 
@@ -140,7 +146,7 @@ impl Corners {
     }
 
     /// Hands on every edge: its ends, the lower first, how triangles meet there, and their sides.
-    pub(crate) fn each_edge(&self, mut each: impl FnMut([Position; 2], Meeting, &[Use])) {
+    pub(crate) fn each_edge(&self, mut each: impl FnMut([ProofPosition; 2], Meeting, &[Use])) {
         for uses in self.uses().chunk_by(|a, b| a.ends == b.ends) {
             let meeting = match *uses {
                 [one] => Meeting::Open(self.apex(one)),
@@ -154,17 +160,21 @@ impl Corners {
     }
 
     /// The corner opposite a side.
-    fn apex(&self, side: Use) -> Position {
+    fn apex(&self, side: Use) -> ProofPosition {
         let (triangle, corner) = (side.side / 3, side.side % 3);
         self.position(self.numbers[(triangle * 3 + (corner + 2) % 3) as usize])
     }
 }
 
 /// Judges the edges and vertices that `part` owns. Returns open edges to follow further.
-pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Vec<Open> {
-    let (mut between, mut kept) = (Between::new(part, surface), Kept::new(part));
-    let mut follow = Follow::new(part.lines, &part.domain, surface);
-    let corners = Corners::new(part.triangles, |at, heights| {
+pub(crate) fn check(
+    part: &GridProofPart<'_>,
+    surface: &ProofSurface,
+    tally: &mut ProofTally,
+) -> Vec<UnpairedEdge> {
+    let (mut between, mut kept) = (BreakJudge::new(part, surface), KeptSampleCheck::new(part));
+    let mut follow = BreaklineCheck::new(part.lines, &part.domain, surface);
+    let corners = PartCorners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_corner((part, surface), at, heights, tally);
             between.corner(at, heights, tally);
@@ -197,10 +207,10 @@ pub(crate) fn check(part: &Part<'_>, surface: &Surface, tally: &mut Tally) -> Ve
 
 /// Counts a position with several heights, and one off the samples.
 fn check_corner(
-    (part, surface): (&Part<'_>, &Surface),
-    at: Position,
+    (part, surface): (&GridProofPart<'_>, &ProofSurface),
+    at: ProofPosition,
     heights: &[f64],
-    tally: &mut Tally,
+    tally: &mut ProofTally,
 ) {
     if heights.iter().any(|&z| z != heights[0]) {
         tally.split_heights.add(at);
@@ -210,14 +220,14 @@ fn check_corner(
     }
 }
 
-impl Tally {
+impl ProofTally {
     /// Counts an open edge that leaves the outline of the surface.
-    pub fn crack(&mut self, open: &Open) {
+    pub fn crack(&mut self, open: &UnpairedEdge) {
         self.cracks.add(open.at);
     }
 
     /// Counts an edge by how its triangles meet.
-    pub(crate) fn edge(&mut self, ends: [Position; 2], meeting: Meeting) {
+    pub(crate) fn edge(&mut self, ends: [ProofPosition; 2], meeting: Meeting) {
         match meeting {
             Meeting::Open(_) => self.open_edges += 1,
             Meeting::Inner([a, b]) => {
@@ -233,14 +243,18 @@ impl Tally {
 
 /// True when the edge of two triangles, one on each side, fails the Delaunay test. Asked the same
 /// way whichever comes first.
-fn is_bad([p, q]: [Position; 2], a: Position, b: Position) -> bool {
+fn is_bad([p, q]: [ProofPosition; 2], a: ProofPosition, b: ProofPosition) -> bool {
     let (low, high) = (a.min(b), a.max(b));
     let sides = [low, high].map(|apex| double_area(p, q, apex).signum());
     sides[0] * sides[1] < 0 && in_circle(p, q, low, high)
 }
 
 /// Follows an open edge as far as the window reaches.
-fn check_open(ends: [Position; 2], surface: &Surface, tally: &mut Tally) -> Option<Open> {
+fn check_open(
+    ends: [ProofPosition; 2],
+    surface: &ProofSurface,
+    tally: &mut ProofTally,
+) -> Option<UnpairedEdge> {
     let followed = lattice_run(ends).map_or(Followed::Off, |run| surface.follow(run));
     match followed {
         Followed::On => None,
@@ -248,14 +262,14 @@ fn check_open(ends: [Position; 2], surface: &Surface, tally: &mut Tally) -> Opti
             tally.cracks.add(ends[0]);
             None
         }
-        Followed::Rest(rest) => Some(Open { rest, at: ends[0] }),
+        Followed::Rest(rest) => Some(UnpairedEdge { rest, at: ends[0] }),
     }
 }
 
 /// The unit edges an edge lies on, when it keeps to a line of the lattice.
-fn lattice_run([p, q]: [Position; 2]) -> Option<Run> {
-    let is_whole = |v: i64| v & (Position::CELL - 1) == 0;
-    let run = |vertical, line: i64, a: i64, b: i64| Run {
+fn lattice_run([p, q]: [ProofPosition; 2]) -> Option<OutlineRun> {
+    let is_whole = |v: i64| v & (ProofPosition::CELL - 1) == 0;
+    let run = |vertical, line: i64, a: i64, b: i64| OutlineRun {
         vertical,
         line: floor(line),
         from: floor(a.min(b)),
@@ -271,7 +285,11 @@ fn lattice_run([p, q]: [Position; 2]) -> Option<Run> {
 }
 
 /// Counts `stored` vertices (sorted) that share a position, or that no triangle uses.
-pub(crate) fn compare_vertices(stored: &[Position], used: &[Position], tally: &mut Tally) {
+pub(crate) fn compare_vertices(
+    stored: &[ProofPosition],
+    used: &[ProofPosition],
+    tally: &mut ProofTally,
+) {
     let mut used = used.iter().copied().peekable();
     for group in stored.chunk_by(|a, b| a == b) {
         let at = group[0];
@@ -286,8 +304,13 @@ pub(crate) fn compare_vertices(stored: &[Position], used: &[Position], tally: &m
 }
 
 /// Counts the owned vertices strictly inside an open edge.
-fn t_junctions(part: &Part<'_>, vertices: &[Position], open: &[[Position; 2]], tally: &mut Tally) {
-    let free: Vec<Position> = vertices.iter().copied().filter(|v| !v.is_sample()).collect();
+fn t_junctions(
+    part: &GridProofPart<'_>,
+    vertices: &[ProofPosition],
+    open: &[[ProofPosition; 2]],
+    tally: &mut ProofTally,
+) {
+    let free: Vec<ProofPosition> = vertices.iter().copied().filter(|v| !v.is_sample()).collect();
     let mut hit = Vec::new();
     for &[p, q] in open {
         let candidates = between(vertices, p, q);
@@ -307,26 +330,34 @@ fn t_junctions(part: &Part<'_>, vertices: &[Position], open: &[[Position; 2]], t
 }
 
 /// Those of the sorted `vertices` that come after `p` and before `q` (`p < q`).
-fn between(vertices: &[Position], p: Position, q: Position) -> &[Position] {
+fn between(vertices: &[ProofPosition], p: ProofPosition, q: ProofPosition) -> &[ProofPosition] {
     let from = vertices.partition_point(|&v| v <= p);
     let count = vertices[from..].partition_point(|&v| v < q);
     &vertices[from..from + count]
 }
 
-fn collinear(vertices: &[Position], p: Position, q: Position) -> impl Iterator<Item = Position> {
+fn collinear(
+    vertices: &[ProofPosition],
+    p: ProofPosition,
+    q: ProofPosition,
+) -> impl Iterator<Item = ProofPosition> {
     vertices.iter().copied().filter(move |&v| double_area(p, q, v) == 0)
 }
 
 /// Into how many parts the samples on the edge divide it, when its ends are samples.
-fn lattice_steps(p: Position, q: Position) -> Option<u64> {
+fn lattice_steps(p: ProofPosition, q: ProofPosition) -> Option<u64> {
     let cells = |a: i64, b: i64| floor(b - a).unsigned_abs();
     (p.is_sample() && q.is_sample()).then(|| gcd(cells(p.col, q.col), cells(p.row, q.row)))
 }
 
 /// The samples that divide the edge into `steps` parts.
-fn samples_inside(p: Position, q: Position, steps: i64) -> impl Iterator<Item = Position> {
+fn samples_inside(
+    p: ProofPosition,
+    q: ProofPosition,
+    steps: i64,
+) -> impl Iterator<Item = ProofPosition> {
     let step = [(q.col - p.col) / steps, (q.row - p.row) / steps];
-    (1..steps).map(move |k| Position { row: p.row + k * step[1], col: p.col + k * step[0] })
+    (1..steps).map(move |k| ProofPosition { row: p.row + k * step[1], col: p.col + k * step[0] })
 }
 
 fn gcd(mut a: u64, mut b: u64) -> u64 {

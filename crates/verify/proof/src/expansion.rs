@@ -5,11 +5,11 @@
 
 /// Non-overlapping floats in ascending magnitude whose sum is the value.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Expansion {
+pub(crate) struct ProofExpansion {
     parts: Vec<f64>,
 }
 
-impl Expansion {
+impl ProofExpansion {
     /// Adds `weight * value` exactly, for |value| between 1e-280 and 1e260 (or 0).
     pub(crate) fn add_product(&mut self, weight: i128, value: f64) {
         let sign = if weight < 0 { -1.0 } else { 1.0 };
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     fn positive(terms: &[(i128, f64)]) -> bool {
-        let mut sum = Expansion::default();
+        let mut sum = ProofExpansion::default();
         for &(weight, value) in terms {
             sum.add_product(weight, value);
         }
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn products_of_floats_keep_their_sign() {
         let sign = |terms: &[(f64, f64)]| {
-            let mut sum = Expansion::default();
+            let mut sum = ProofExpansion::default();
             terms.iter().for_each(|&(a, b)| sum.add_floats(a, b));
             sum.sign()
         };

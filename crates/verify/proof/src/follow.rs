@@ -10,18 +10,18 @@
 use std::ops::Range;
 
 use super::domain::Domain;
-use super::surface::Surface;
-use super::tally::Tally;
-use super::triangle::Position;
+use super::surface::ProofSurface;
+use super::tally::ProofTally;
+use super::triangle::ProofPosition;
 
 /// A segment of a breakline, by the columns and rows of its ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Line {
+pub struct ProofBreakline {
     start: [i64; 2],
     end: [i64; 2],
 }
 
-impl Line {
+impl ProofBreakline {
     /// Between two samples, in either order.
     pub fn between(a: [u32; 2], b: [u32; 2]) -> Self {
         let [a, b] = [a, b].map(|at| at.map(i64::from));
@@ -75,7 +75,8 @@ impl Line {
     /// Most bytes that it takes in a domain.
     pub fn bytes_in(&self, domain: &Domain) -> u64 {
         let steps = self.steps_in(domain);
-        size_of::<Self>() as u64 + (steps.end - steps.start) as u64 * size_of::<Stop>() as u64
+        size_of::<Self>() as u64
+            + (steps.end - steps.start) as u64 * size_of::<BreaklineStop>() as u64
     }
 }
 
@@ -91,8 +92,8 @@ fn least(from: i64, to: i64, holds: impl Fn(i64) -> bool) -> i64 {
 
 /// A sample of a part on one of its lines.
 #[derive(Clone, Copy, Debug)]
-struct Stop {
-    at: Position,
+struct BreaklineStop {
+    at: ProofPosition,
     /// Number of the line, and steps from its start.
     line: usize,
     step: i64,
@@ -105,14 +106,18 @@ struct Stop {
 }
 
 /// What a part has of lines.
-pub(crate) struct Follow<'a> {
-    lines: &'a [Line],
+pub(crate) struct BreaklineCheck<'a> {
+    lines: &'a [ProofBreakline],
     /// Sorted by position.
-    stops: Vec<Stop>,
+    stops: Vec<BreaklineStop>,
 }
 
-impl<'a> Follow<'a> {
-    pub(crate) fn new(lines: &'a [Line], domain: &Domain, surface: &Surface) -> Self {
+impl<'a> BreaklineCheck<'a> {
+    pub(crate) fn new(
+        lines: &'a [ProofBreakline],
+        domain: &Domain,
+        surface: &ProofSurface,
+    ) -> Self {
         let mut stops = Vec::new();
         for (line, path) in lines.iter().enumerate() {
             let borders = |step: i64| {
@@ -121,36 +126,44 @@ impl<'a> Follow<'a> {
             };
             for step in path.steps_in(domain) {
                 let [col, row] = path.at(step);
-                let (at, goes_on) = (Position::sample(col, row), borders(step));
+                let (at, goes_on) = (ProofPosition::sample(col, row), borders(step));
                 let has_to_be = surface.has_sample(at) && !(goes_on && borders(step - 1));
                 let (is_vertex, has_edge) = (false, false);
-                stops.push(Stop { at, line, step, goes_on, has_to_be, is_vertex, has_edge });
+                stops.push(BreaklineStop {
+                    at,
+                    line,
+                    step,
+                    goes_on,
+                    has_to_be,
+                    is_vertex,
+                    has_edge,
+                });
             }
         }
         stops.sort_unstable_by_key(|stop| (stop.at, stop.line));
         Self { lines, stops }
     }
 
-    fn at(&mut self, at: Position) -> &mut [Stop] {
+    fn at(&mut self, at: ProofPosition) -> &mut [BreaklineStop] {
         let first = self.stops.partition_point(|stop| stop.at < at);
         let count = self.stops[first..].partition_point(|stop| stop.at == at);
         &mut self.stops[first..first + count]
     }
 
     /// Takes note of a vertex.
-    pub(crate) fn corner(&mut self, at: Position) {
+    pub(crate) fn corner(&mut self, at: ProofPosition) {
         self.at(at).iter_mut().for_each(|stop| stop.is_vertex = true);
     }
 
     /// Takes note of an edge.
-    pub(crate) fn edge(&mut self, [a, b]: [Position; 2]) {
+    pub(crate) fn edge(&mut self, [a, b]: [ProofPosition; 2]) {
         let lines = self.lines;
         for (from, to) in [(a, b), (b, a)] {
             let stops = self.at(from);
             if stops.is_empty() || !to.is_sample() {
                 continue;
             }
-            let to = [to.col, to.row].map(|fixed| fixed >> Position::FRACTION);
+            let to = [to.col, to.row].map(|fixed| fixed >> ProofPosition::FRACTION);
             for stop in stops {
                 stop.has_edge |= lines[stop.line].place(to).is_some_and(|step| step > stop.step);
             }
@@ -158,7 +171,7 @@ impl<'a> Follow<'a> {
     }
 
     /// Counts the vertices on lines, and the samples where the mesh does not follow them.
-    pub(crate) fn finish(self, tally: &mut Tally) {
+    pub(crate) fn finish(self, tally: &mut ProofTally) {
         for at in self.stops.chunk_by(|a, b| a.at == b.at) {
             tally.on_lines += u64::from(at[0].is_vertex);
         }
@@ -177,7 +190,7 @@ mod tests {
     use terrane_base::geom::Rect;
 
     fn samples(a: [u32; 2], b: [u32; 2]) -> Vec<[i64; 2]> {
-        let line = Line::between(a, b);
+        let line = ProofBreakline::between(a, b);
         (0..=line.steps()).map(|step| line.at(step)).collect()
     }
 
@@ -201,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_sample_beside_a_path_is_not_on_it() {
-        let line = Line::between([0, 0], [2, 5]);
+        let line = ProofBreakline::between([0, 0], [2, 5]);
         let on = samples([0, 0], [2, 5]);
         for (col, row) in (-2..5).flat_map(|col| (-2..8).map(move |row| (col, row))) {
             let expected = on.iter().position(|&at| at == [col, row]).map(|step| step as i64);
@@ -213,7 +226,7 @@ mod tests {
     fn a_domain_has_the_steps_over_its_samples() {
         let ends = [[3, 40], [31, 2], [90, 61], [0, 0], [50, 2], [3, 3], [31, 90]];
         for (a, b) in ends.into_iter().flat_map(|a| ends.map(|b| (a, b))) {
-            let line = Line::between(a, b);
+            let line = ProofBreakline::between(a, b);
             for rect in [Rect::new(5, 7, 20, 30), Rect::new(0, 0, 4, 4), Rect::new(30, 60, 61, 40)]
             {
                 let domain = Domain { rect, grid: [100, 100] };

@@ -1,25 +1,25 @@
 //! Samples that have to be vertices, at the heights they have.
 
-use super::part::Part;
+use super::part::GridProofPart;
 use super::snap::Precision;
-use super::surface::Surface;
-use super::tally::Tally;
-use super::triangle::Position;
+use super::surface::ProofSurface;
+use super::tally::ProofTally;
+use super::triangle::ProofPosition;
 
 /// Which of them a part has.
-pub(crate) struct Kept<'a> {
-    part: &'a Part<'a>,
+pub(crate) struct KeptSampleCheck<'a> {
+    part: &'a GridProofPart<'a>,
     is_vertex: Vec<bool>,
 }
 
-impl<'a> Kept<'a> {
-    pub(crate) fn new(part: &'a Part<'a>) -> Self {
+impl<'a> KeptSampleCheck<'a> {
+    pub(crate) fn new(part: &'a GridProofPart<'a>) -> Self {
         Self { part, is_vertex: vec![false; part.kept.len()] }
     }
 
     /// Takes note of a position where triangles have corners at these heights. Heights that are fitted have to
     /// be those of samples here all the same.
-    pub(crate) fn corner(&mut self, at: Position, heights: &[f64]) {
+    pub(crate) fn corner(&mut self, at: ProofPosition, heights: &[f64]) {
         let Ok(place) = self.part.kept.binary_search(&at) else { return };
         let sample = self.part.sample(at);
         let is = |precision: Precision, z| sample.is_some_and(|sample| precision.is(z, sample));
@@ -27,7 +27,7 @@ impl<'a> Kept<'a> {
     }
 
     /// Counts those of the surface, and the ones that are missing.
-    pub(crate) fn finish(self, surface: &Surface, tally: &mut Tally) {
+    pub(crate) fn finish(self, surface: &ProofSurface, tally: &mut ProofTally) {
         for (&at, is_vertex) in self.part.kept.iter().zip(self.is_vertex) {
             if surface.has_sample(at) {
                 tally.kept += 1;

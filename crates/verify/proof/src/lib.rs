@@ -3,7 +3,7 @@
 //!
 //! Everything is decided one [`Domain`] (a rectangle of samples) at a time, from the triangles
 //! that touch it and the heights of it and of one sample around it. Each sample, cell, vertex,
-//! edge and triangle is owned by exactly one domain, and every figure of a [`Tally`] is a count, a
+//! edge and triangle is owned by exactly one domain, and every figure of a [`ProofTally`] is a count, a
 //! maximum or an exact sum, so the outcome does not depend on how the grid was divided, nor on the
 //! order in which domains were done.
 
@@ -30,37 +30,37 @@ mod triangle;
 mod unit;
 mod worst;
 
-pub use domain::{Domain, Layout};
-pub use edges::Open;
-pub use follow::Line;
-pub use part::{AngleBound, Part};
-pub use snap::{Precision, Snap, Snapped, Snapper};
+pub use domain::{Domain, DomainLayout};
+pub use edges::UnpairedEdge;
+pub use follow::ProofBreakline;
+pub use part::{GridProofPart, ProofAngleBound};
+pub use snap::{Precision, Snap, SnapOutcome, Snapper};
 pub use sum::ExactSum;
-pub use surface::{Followed, Run, Surface};
-pub use tally::{Fault, Spot, Tally};
-pub use triangle::{Position, Triangle, Vertex};
+pub use surface::{Followed, OutlineRun, ProofSurface};
+pub use tally::{ErrorSpot, FaultCount, ProofTally};
+pub use triangle::{ProofPosition, ProofTriangle, ProofVertex};
 
 use std::mem::size_of;
 
 /// Bytes [`check`] needs for a domain of `samples` samples touched by `triangles` triangles, with
 /// `vertices` stored vertices; heights, triangles and positions included.
 pub fn bytes_needed(samples: u64, triangles: u64, vertices: u64) -> u64 {
-    let per_triangle = size_of::<Triangle>() + edges::BYTES_PER_TRIANGLE;
+    let per_triangle = size_of::<ProofTriangle>() + edges::BYTES_PER_TRIANGLE;
     samples * worst::BYTES_PER_SAMPLE
         + triangles * per_triangle as u64
-        + vertices * size_of::<Position>() as u64
+        + vertices * size_of::<ProofPosition>() as u64
 }
 
 /// Checks one part and adds what it owns to `tally`. Returns the open edges that are on the
 /// outline of the surface as far as this part can see; the caller follows the rest of them with
-/// [`Surface::follow`] and counts those that leave the outline with [`Tally::crack`].
+/// [`ProofSurface::follow`] and counts those that leave the outline with [`ProofTally::crack`].
 ///
 /// O(samples + triangles log triangles + samples covered by each triangle).
-pub fn check(part: &Part<'_>, tally: &mut Tally) -> Vec<Open> {
+pub fn check(part: &GridProofPart<'_>, tally: &mut ProofTally) -> Vec<UnpairedEdge> {
     let apron = part.domain.apron();
-    let surface = Surface::new(part.domain.grid, apron, part.heights);
+    let surface = ProofSurface::new(part.domain.grid, apron, part.heights);
     surface.count(&part.domain, tally);
-    let mut worst = worst::Worst::new(part, &surface);
+    let mut worst = worst::WorstErrors::new(part, &surface);
     for triangle in part.triangles {
         part.triangle(triangle, tally);
         worst.add(triangle);

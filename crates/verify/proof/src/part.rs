@@ -1,31 +1,31 @@
 //! The unit of a proof: a rectangle of samples, with everything that touches it.
 
 use super::domain::Domain;
-use super::follow::Line;
+use super::follow::ProofBreakline;
 use super::sections::floor;
 use super::snap::Precision;
-use super::surface::Surface;
-use super::tally::Tally;
-use super::triangle::{Position, Triangle};
+use super::surface::ProofSurface;
+use super::tally::ProofTally;
+use super::triangle::{ProofPosition, ProofTriangle};
 
 /// One rectangle of samples to check, with all that touches it.
 #[derive(Debug)]
-pub struct Part<'a> {
+pub struct GridProofPart<'a> {
     /// The samples it owns, in the grid they belong to.
     pub domain: Domain,
     /// Heights of [`Domain::apron`], row by row, NaN where void.
     pub heights: &'a [f64],
     /// Every triangle that touches the domain, in any order; others do no harm.
-    pub triangles: &'a [Triangle],
+    pub triangles: &'a [ProofTriangle],
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
-    pub vertices: Option<&'a [Position]>,
+    pub vertices: Option<&'a [ProofPosition]>,
     /// Samples of the domain that have to be vertices if they belong to the surface, sorted.
-    pub kept: &'a [Position],
+    pub kept: &'a [ProofPosition],
     /// Breaklines that may come to the domain; others do no harm.
-    pub lines: &'a [Line],
+    pub lines: &'a [ProofBreakline],
     /// What the angles of triangles are held to, if anything.
-    pub min_angle: Option<AngleBound>,
+    pub min_angle: Option<ProofAngleBound>,
     /// How the mesh stores heights.
     pub precision: Precision,
     /// Vertices inside the surface may have other heights than their samples.
@@ -37,10 +37,10 @@ pub struct Part<'a> {
     pub orientation: i128,
 }
 
-impl Part<'_> {
+impl GridProofPart<'_> {
     /// True when a vertex at an owned position is a valid sample, with its height as the format holds it. Fitted
     /// heights may be others inside the surface, not on its outline.
-    pub(crate) fn is_sample(&self, at: Position, z: f64, surface: &Surface) -> bool {
+    pub(crate) fn is_sample(&self, at: ProofPosition, z: f64, surface: &ProofSurface) -> bool {
         let is_free = self.is_fitted && surface.is_inside(at);
         let is_right =
             |height: f64| if is_free { !height.is_nan() } else { self.precision.is(z, height) };
@@ -48,7 +48,7 @@ impl Part<'_> {
     }
 
     /// The height of the sample at a position that is owned, if one is there; NaN where it is void.
-    pub(crate) fn sample(&self, at: Position) -> Option<f64> {
+    pub(crate) fn sample(&self, at: ProofPosition) -> Option<f64> {
         let apron = self.domain.apron();
         let inside = |fixed: i64, first: u32, count: u32| {
             let cells = usize::try_from(floor(fixed) - i64::from(first)).ok();
@@ -60,7 +60,7 @@ impl Part<'_> {
         place.filter(|_| at.is_sample()).and_then(|place| self.heights.get(place).copied())
     }
     /// Judges a triangle by itself, when the part owns it (its first corner).
-    pub(crate) fn triangle(&self, triangle: &Triangle, tally: &mut Tally) {
+    pub(crate) fn triangle(&self, triangle: &ProofTriangle, tally: &mut ProofTally) {
         let at = triangle.corners[0].at;
         if !self.domain.owns(at) {
             return;
@@ -77,25 +77,25 @@ impl Part<'_> {
 
 /// The smallest angle that triangles may have in plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AngleBound {
+pub struct ProofAngleBound {
     /// In degrees.
     pub degrees: f64,
     /// By how much x and y change along a column's step (x first), and along a row's.
     pub steps: [[f64; 2]; 2],
 }
 
-impl AngleBound {
+impl ProofAngleBound {
     /// Degrees that are rounding.
     const ROUNDING: f64 = 1e-7;
 
     /// True when a triangle has a smaller one.
-    pub fn is_broken_by(&self, triangle: &Triangle) -> bool {
+    pub fn is_broken_by(&self, triangle: &ProofTriangle) -> bool {
         triangle.smallest_angle_in(self.steps) < self.degrees - Self::ROUNDING
     }
 }
 
-fn is_outside(triangle: &Triangle, grid: [u32; 2]) -> bool {
+fn is_outside(triangle: &ProofTriangle, grid: [u32; 2]) -> bool {
     let [low, high] = triangle.bounds();
-    let last = Position::sample(i64::from(grid[0]) - 1, i64::from(grid[1]) - 1);
+    let last = ProofPosition::sample(i64::from(grid[0]) - 1, i64::from(grid[1]) - 1);
     low.col < 0 || low.row < 0 || high.col > last.col || high.row > last.row
 }

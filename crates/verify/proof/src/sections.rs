@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
-use super::triangle::{Position, Triangle};
+use super::triangle::{ProofPosition, ProofTriangle};
 
 /// The part of a row of the lattice that lies in a triangle, in columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub(crate) trait Int:
 impl Int for i64 {
     const FRACTION: u32 = 0;
     fn coordinate(fixed: i64) -> Self {
-        fixed >> Position::FRACTION
+        fixed >> ProofPosition::FRACTION
     }
     fn whole(value: i64) -> Self {
         value
@@ -73,7 +73,7 @@ impl Int for i64 {
 }
 
 impl Int for i128 {
-    const FRACTION: u32 = Position::FRACTION;
+    const FRACTION: u32 = ProofPosition::FRACTION;
     fn coordinate(fixed: i64) -> Self {
         Self::from(fixed)
     }
@@ -95,7 +95,7 @@ impl Int for i128 {
 }
 
 /// True when `i64` is enough: all are samples, less than 2^30 cells apart.
-pub(crate) fn is_small(corners: &[Position]) -> bool {
+pub(crate) fn is_small(corners: &[ProofPosition]) -> bool {
     let near = |a: i64, b: i64| floor(a - b).unsigned_abs() < 1 << 29;
     let [col, row] = [corners[0].col, corners[0].row];
     corners.iter().all(|p| p.is_sample() && near(p.col, col) && near(p.row, row))
@@ -103,7 +103,7 @@ pub(crate) fn is_small(corners: &[Position]) -> bool {
 
 /// The crossing of an edge with one row after the other: at `column` and `rest / divisor` of a cell.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Walk<N> {
+pub(crate) struct EdgeRowWalk<N> {
     pub(crate) column: i64,
     pub(crate) rest: N,
     pub(crate) divisor: N,
@@ -111,10 +111,10 @@ pub(crate) struct Walk<N> {
     step_rest: N,
 }
 
-impl<N: Int> Walk<N> {
+impl<N: Int> EdgeRowWalk<N> {
     /// Starts on the edge from `a` down to `b` (`a.row < b.row`) at `row`.
     #[inline]
-    pub(crate) fn new(a: Position, b: Position, row: i64) -> Self {
+    pub(crate) fn new(a: ProofPosition, b: ProofPosition, row: i64) -> Self {
         let (x, y) = (N::coordinate(a.col), N::coordinate(a.row));
         let (dx, dy) = (N::coordinate(b.col) - x, N::coordinate(b.row) - y);
         let cell = N::whole(1 << N::FRACTION);
@@ -144,7 +144,7 @@ impl<N: Int> Walk<N> {
 /// (of non-zero area).
 #[inline]
 pub(crate) fn sections<N: Int>(
-    triangle: &Triangle,
+    triangle: &ProofTriangle,
     from: i64,
     to: i64,
     mut visit: impl FnMut(i64, Section),
@@ -158,12 +158,12 @@ pub(crate) fn sections<N: Int>(
         return;
     }
     let bend_right = super::exact::double_area(top, bottom, middle) < 0;
-    let mut long = Walk::<N>::new(top, bottom, from);
-    let mut rows = |first: i64, last: i64, a: Position, b: Position| {
+    let mut long = EdgeRowWalk::<N>::new(top, bottom, from);
+    let mut rows = |first: i64, last: i64, a: ProofPosition, b: ProofPosition| {
         if first > last {
             return;
         }
-        let mut short = Walk::<N>::new(a, b, first);
+        let mut short = EdgeRowWalk::<N>::new(a, b, first);
         for row in first..=last {
             let (left, right) =
                 if bend_right { (long.at(), short.at()) } else { (short.at(), long.at()) };
@@ -180,7 +180,7 @@ pub(crate) fn sections<N: Int>(
 
 /// The cells between rows `row` and `row + 1` that overlap the triangle (of non-zero area), first
 /// and one past the last; `None` when there are none. For triangles of any position.
-pub(crate) fn strip(triangle: &Triangle, row: i64) -> Option<[i64; 2]> {
+pub(crate) fn strip(triangle: &ProofTriangle, row: i64) -> Option<[i64; 2]> {
     let mut found: Option<[i64; 2]> = None;
     let mut join = |[a, b]: [i64; 2]| {
         found = Some(found.map_or([a, b], |[c, d]| [a.min(c), b.max(d)]));
@@ -192,49 +192,49 @@ pub(crate) fn strip(triangle: &Triangle, row: i64) -> Option<[i64; 2]> {
         }
     }
     let [low, high] = triangle.bounds();
-    let overlaps = floor(high.row - 1) >= row && low.row < (row + 1) << Position::FRACTION;
+    let overlaps = floor(high.row - 1) >= row && low.row < (row + 1) << ProofPosition::FRACTION;
     found.filter(|_| overlaps)
 }
 
 /// Whole part.
 pub(crate) fn floor(fixed: i64) -> i64 {
-    fixed >> Position::FRACTION
+    fixed >> ProofPosition::FRACTION
 }
 
 /// Rounded up.
 pub(crate) fn ceil(fixed: i64) -> i64 {
-    -(-fixed >> Position::FRACTION)
+    -(-fixed >> ProofPosition::FRACTION)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::exact::double_area;
-    use crate::triangle::Vertex;
+    use crate::triangle::ProofVertex;
     use proptest::prelude::*;
 
     /// Halves of cells, so that lattice and other corners mix.
-    fn triangle(points: [[i64; 2]; 3]) -> Triangle {
-        let at = |[c, r]: [i64; 2]| Position {
-            col: c * Position::CELL / 2,
-            row: r * Position::CELL / 2,
+    fn triangle(points: [[i64; 2]; 3]) -> ProofTriangle {
+        let at = |[c, r]: [i64; 2]| ProofPosition {
+            col: c * ProofPosition::CELL / 2,
+            row: r * ProofPosition::CELL / 2,
         };
-        Triangle { corners: points.map(|p| Vertex { at: at(p), z: 0.0 }) }
+        ProofTriangle { corners: points.map(|p| ProofVertex { at: at(p), z: 0.0 }) }
     }
 
-    fn side(t: &Triangle, at: Position) -> [i128; 3] {
+    fn side(t: &ProofTriangle, at: ProofPosition) -> [i128; 3] {
         let [a, b, c] = t.positions();
         let sign = t.double_area().signum();
         [double_area(at, b, c), double_area(a, at, c), double_area(a, b, at)].map(|w| w * sign)
     }
 
-    fn found<N: Int>(t: &Triangle) -> (Vec<[i64; 2]>, Vec<[i64; 2]>) {
+    fn found<N: Int>(t: &ProofTriangle) -> (Vec<[i64; 2]>, Vec<[i64; 2]>) {
         let (mut closed, mut strict) = (Vec::new(), Vec::new());
         let [low, high] = t.bounds();
         sections::<N>(t, -100, 100, |row, s| {
             closed.extend((s.samples()[0]..s.samples()[1]).map(|col| [row, col]));
-            let inside =
-                low.row < row << Position::FRACTION && row << Position::FRACTION < high.row;
+            let inside = low.row < row << ProofPosition::FRACTION
+                && row << ProofPosition::FRACTION < high.row;
             strict.extend((s.inner()[0]..s.inner()[1]).filter(|_| inside).map(|col| [row, col]));
         });
         (closed, strict)
@@ -251,7 +251,7 @@ mod tests {
             let all = (-21..=21).flat_map(|r| (-21..=21).map(move |c| [r, c]));
             let in_triangle = |strict: bool| {
                 let inside = |w: i128| if strict { w > 0 } else { w >= 0 };
-                let keep = |p: &[i64; 2]| side(&t, Position::sample(p[1], p[0])).into_iter().all(inside);
+                let keep = |p: &[i64; 2]| side(&t, ProofPosition::sample(p[1], p[0])).into_iter().all(inside);
                 all.clone().filter(keep).collect::<Vec<_>>()
             };
             let wide = found::<i128>(&t);
@@ -270,10 +270,10 @@ mod tests {
                 for col in -6..6 {
                     // A cell overlaps when some point of a fine net inside it is strictly inside.
                     let net = (1..24).flat_map(|i| (1..24).map(move |j| (i, j)));
-                    let step = Position::CELL / 24;
+                    let step = ProofPosition::CELL / 24;
                     let hit = net.into_iter().any(|(i, j)| {
-                        let corner = Position::sample(col, row);
-                        let at = Position { row: corner.row + j * step, col: corner.col + i * step };
+                        let corner = ProofPosition::sample(col, row);
+                        let at = ProofPosition { row: corner.row + j * step, col: corner.col + i * step };
                         side(&t, at).into_iter().all(|w| w > 0)
                     });
                     let marked = (cells[0]..cells[1]).contains(&col);

@@ -9,7 +9,7 @@ use terrane_base::geom::Rect;
 
 use crate::sections::sections;
 use crate::sum::ExactSum;
-use crate::{Part, Position, Spot, Triangle, Vertex};
+use crate::{ErrorSpot, GridProofPart, ProofPosition, ProofTriangle, ProofVertex};
 
 /// What turns a slope by column and row into one along two directions of the ground at right angles.
 pub type Turn = [[f64; 2]; 2];
@@ -30,7 +30,7 @@ pub struct Slopes {
     /// Sum of squared angles, in degrees.
     pub squares: ExactSum,
     /// The largest angle, in degrees, and the middle of its cell.
-    pub worst: Option<Spot>,
+    pub worst: Option<ErrorSpot>,
 }
 
 impl Slopes {
@@ -39,26 +39,26 @@ impl Slopes {
         self.cells += other.cells;
         self.uncovered += other.uncovered;
         self.squares.merge(&other.squares);
-        self.worst = self.worst.into_iter().chain(other.worst).reduce(Spot::worse);
+        self.worst = self.worst.into_iter().chain(other.worst).reduce(ErrorSpot::worse);
     }
 
     fn add(&mut self, error: f64, [col, row]: [u32; 2]) {
         self.cells += 1;
         self.squares.add(error * error);
-        let Position { col, row } = Position::sample(col.into(), row.into());
-        let at = Position { col: col + MIDDLE, row: row + MIDDLE };
-        let spot = Spot { error, at };
+        let ProofPosition { col, row } = ProofPosition::sample(col.into(), row.into());
+        let at = ProofPosition { col: col + MIDDLE, row: row + MIDDLE };
+        let spot = ErrorSpot { error, at };
         self.worst = Some(self.worst.map_or(spot, |worst| worst.worse(spot)));
     }
 }
 
 /// From a sample to the middle of its cell.
-const MIDDLE: i64 = Position::CELL / 2;
+const MIDDLE: i64 = ProofPosition::CELL / 2;
 
 /// Bytes [`look`] needs for a domain of `samples` samples touched by `triangles` triangles; heights and
 /// triangles included.
 pub fn bytes_needed(samples: u64, triangles: u64) -> u64 {
-    let triangles = triangles.saturating_mul(size_of::<Triangle>() as u64);
+    let triangles = triangles.saturating_mul(size_of::<ProofTriangle>() as u64);
     samples.saturating_mul(BYTES_PER_SAMPLE).saturating_add(triangles)
 }
 
@@ -70,9 +70,9 @@ pub fn of_cell([a, b, c, d]: [f64; 4]) -> Option<Slope> {
 }
 
 /// The slope of a triangle by column and row; `None` without an area.
-pub fn of_triangle(triangle: &Triangle) -> Option<Slope> {
+pub fn of_triangle(triangle: &ProofTriangle) -> Option<Slope> {
     let area = triangle.double_area();
-    let cell = Position::CELL as f64;
+    let cell = ProofPosition::CELL as f64;
     let area = (area != 0).then(|| area as f64 / cell / cell)?;
     let [a, b, c] = triangle.corners;
     let ([bx, by], [cx, cy]) = (b.at.minus(a.at), c.at.minus(a.at));
@@ -94,14 +94,14 @@ pub fn between(p: Slope, q: Slope) -> f64 {
 
 /// Looks at the cells that the part owns; `turn` knows how slopes lie on the ground at the middle of a
 /// cell (column, row).
-pub fn look(part: &Part<'_>, turn: &impl Fn(u32, u32) -> Turn, slopes: &mut Slopes) {
-    let Some(mut cells) = Cells::new(part) else { return };
+pub fn look(part: &GridProofPart<'_>, turn: &impl Fn(u32, u32) -> Turn, slopes: &mut Slopes) {
+    let Some(mut cells) = SlopeCells::new(part) else { return };
     part.triangles.iter().for_each(|triangle| cells.add(triangle, turn));
     cells.tell(slopes);
 }
 
 /// The cells of a part, row by row.
-struct Cells {
+struct SlopeCells {
     /// By their samples at the left above.
     rect: Rect,
     /// NaN where a sample is missing.
@@ -110,8 +110,8 @@ struct Cells {
     worst: Vec<f64>,
 }
 
-impl Cells {
-    fn new(part: &Part<'_>) -> Option<Self> {
+impl SlopeCells {
+    fn new(part: &GridProofPart<'_>) -> Option<Self> {
         let (owned, [width, height]) = (part.domain.rect, part.domain.grid);
         let all = Rect::new(0, 0, width.saturating_sub(1), height.saturating_sub(1));
         let rect = owned.intersect(&all);
@@ -133,7 +133,7 @@ impl Cells {
     }
 
     /// Raises the angles of the cells whose middle is in the closed triangle.
-    fn add(&mut self, triangle: &Triangle, turn: &impl Fn(u32, u32) -> Turn) {
+    fn add(&mut self, triangle: &ProofTriangle, turn: &impl Fn(u32, u32) -> Turn) {
         let Some(slope) = of_triangle(triangle) else { return };
         let rect = self.rect;
         let (first, last) = (i64::from(rect.row), i64::from(rect.end_row()) - 1);
@@ -172,25 +172,27 @@ impl Cells {
 }
 
 /// The triangle half a cell to the left and above: where the middles of cells were, samples are.
-fn shifted(triangle: &Triangle) -> Triangle {
-    let corner = |Vertex { at, z }: Vertex| Vertex {
-        at: Position { row: at.row - MIDDLE, col: at.col - MIDDLE },
+fn shifted(triangle: &ProofTriangle) -> ProofTriangle {
+    let corner = |ProofVertex { at, z }: ProofVertex| ProofVertex {
+        at: ProofPosition { row: at.row - MIDDLE, col: at.col - MIDDLE },
         z,
     };
-    Triangle { corners: triangle.corners.map(corner) }
+    ProofTriangle { corners: triangle.corners.map(corner) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::exact::double_area;
-    use crate::{Domain, Layout, Precision};
+    use crate::{Domain, DomainLayout, Precision};
     use proptest::prelude::*;
 
     const PLAIN: Turn = [[1.0, 0.0], [0.0, 1.0]];
 
-    fn triangle(points: [[f64; 3]; 3]) -> Triangle {
-        Triangle { corners: points.map(|[c, r, z]| Vertex { at: Position::nearest(c, r), z }) }
+    fn triangle(points: [[f64; 3]; 3]) -> ProofTriangle {
+        ProofTriangle {
+            corners: points.map(|[c, r, z]| ProofVertex { at: ProofPosition::nearest(c, r), z }),
+        }
     }
 
     #[test]
@@ -223,11 +225,11 @@ mod tests {
     fn slopes(
         grid: [u32; 2],
         heights: &[f64],
-        triangles: &[Triangle],
+        triangles: &[ProofTriangle],
         size: u32,
         turn: Turn,
     ) -> Slopes {
-        let layout = Layout { grid, size: [size; 2] };
+        let layout = DomainLayout { grid, size: [size; 2] };
         let mut all = Slopes::default();
         for domain in (0..layout.len()).rev().map(|i| layout.domain(i)) {
             let mut own = Slopes::default();
@@ -244,10 +246,14 @@ mod tests {
         places.map(|(c, r)| heights[(r * domain.grid[0] + c) as usize]).collect()
     }
 
-    fn part<'a>(domain: Domain, heights: &'a [f64], triangles: &'a [Triangle]) -> Part<'a> {
+    fn part<'a>(
+        domain: Domain,
+        heights: &'a [f64],
+        triangles: &'a [ProofTriangle],
+    ) -> GridProofPart<'a> {
         let (precision, vertices) = (Precision::Double, None);
         let (tolerance, is_fitted) = (None, false);
-        Part {
+        GridProofPart {
             domain,
             heights,
             triangles,
@@ -266,22 +272,23 @@ mod tests {
     fn slow(
         grid: [u32; 2],
         heights: &[f64],
-        triangles: &[Triangle],
+        triangles: &[ProofTriangle],
         turn: Turn,
     ) -> (u64, u64, f64, f64) {
         let (mut cells, mut uncovered, mut squares, mut worst) = (0, 0, 0.0, 0.0f64);
         for (c, r) in (0..grid[1] - 1).flat_map(|r| (0..grid[0] - 1).map(move |c| (c, r))) {
             let z = |i: u32, k: u32| heights[((r + k) * grid[0] + c + i) as usize];
             let Some(slope) = of_cell([z(0, 0), z(1, 0), z(0, 1), z(1, 1)]) else { continue };
-            let at = Position::nearest(f64::from(c) + 0.5, f64::from(r) + 0.5);
-            let covers = |t: &&Triangle| {
+            let at = ProofPosition::nearest(f64::from(c) + 0.5, f64::from(r) + 0.5);
+            let covers = |t: &&ProofTriangle| {
                 let [a, b, d] = t.positions();
                 let sign = t.double_area().signum();
                 let sides = [double_area(at, b, d), double_area(a, at, d), double_area(a, b, at)];
                 sign != 0 && sides.iter().all(|w| w * sign >= 0)
             };
-            let angle =
-                |t: &Triangle| between(turned(turn, slope), turned(turn, of_triangle(t).unwrap()));
+            let angle = |t: &ProofTriangle| {
+                between(turned(turn, slope), turned(turn, of_triangle(t).unwrap()))
+            };
             match triangles.iter().filter(covers).map(angle).reduce(f64::max) {
                 None => uncovered += 1,
                 Some(angle) => {
@@ -301,7 +308,7 @@ mod tests {
         ) {
             // Corners at halves of cells, so that many edges run through middles.
             let half = |[c, r, z]: [i32; 3]| [f64::from(c) / 2.0, f64::from(r) / 2.0, f64::from(z)];
-            let triangles: Vec<Triangle> = points.iter().map(|t| triangle(t.map(half))).collect();
+            let triangles: Vec<ProofTriangle> = points.iter().map(|t| triangle(t.map(half))).collect();
             let (grid, turn) = ([40, 7], [[0.1, 0.02], [-0.01, 0.2]]);
             let found = slopes(grid, &heights, &triangles, 64, turn);
             let (cells, uncovered, squares, worst) = slow(grid, &heights, &triangles, turn);

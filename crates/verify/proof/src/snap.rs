@@ -5,7 +5,7 @@
 
 use terrane_base::geom::{Affine, Point3};
 
-use super::triangle::{Position, Vertex};
+use super::triangle::{ProofPosition, ProofVertex};
 
 /// Rounding steps allowed between a sample's true place and its stored coordinates.
 pub(crate) const STEPS: f64 = 8.0;
@@ -45,13 +45,13 @@ impl Precision {
 
 /// A vertex on its way to the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Snapped {
+pub enum SnapOutcome {
     /// Stored exactly at the world position of a sample.
-    Exact(Vertex),
+    Exact(ProofVertex),
     /// Moved to a sample, by this distance in cells.
-    Moved(Vertex, f64),
+    Moved(ProofVertex, f64),
     /// Not at a sample; kept where it is.
-    Free(Vertex),
+    Free(ProofVertex),
     /// No finite position or height, or absurdly far away.
     Unusable,
 }
@@ -59,7 +59,7 @@ pub enum Snapped {
 /// Maps stored vertices to a lattice.
 pub trait Snap: Copy + Send + Sync {
     /// Finds the place of a stored vertex.
-    fn snap(&self, stored: Point3) -> Snapped;
+    fn snap(&self, stored: Point3) -> SnapOutcome;
 }
 
 /// Maps stored vertices to the lattice of a grid.
@@ -101,29 +101,29 @@ impl Snapper {
 }
 
 impl Snap for Snapper {
-    fn snap(&self, [x, y, z]: Point3) -> Snapped {
+    fn snap(&self, [x, y, z]: Point3) -> SnapOutcome {
         let [col, row] = self.map.invert(x, y);
-        let near = |cells: f64| cells.abs() < Position::LIMIT;
+        let near = |cells: f64| cells.abs() < ProofPosition::LIMIT;
         if !(near(col) && near(row) && z.is_finite()) {
-            return Snapped::Unusable;
+            return SnapOutcome::Unusable;
         }
         let (c, r) = (col.round(), row.round());
-        let sample = Vertex { at: Position::sample(c as i64, r as i64), z };
+        let sample = ProofVertex { at: ProofPosition::sample(c as i64, r as i64), z };
         if self.map.apply(c, r) == [x, y] {
-            return Snapped::Exact(sample);
+            return SnapOutcome::Exact(sample);
         }
         let distance = (col - c).hypot(row - r);
         if distance <= self.radius {
-            Snapped::Moved(sample, distance)
+            SnapOutcome::Moved(sample, distance)
         } else {
-            Snapped::Free(Vertex { at: Position::nearest(col, row), z })
+            SnapOutcome::Free(ProofVertex { at: ProofPosition::nearest(col, row), z })
         }
     }
 }
 
-impl Snapped {
+impl SnapOutcome {
     /// The vertex, unless unusable.
-    pub fn vertex(self) -> Option<Vertex> {
+    pub fn vertex(self) -> Option<ProofVertex> {
         match self {
             Self::Exact(vertex) | Self::Moved(vertex, _) | Self::Free(vertex) => Some(vertex),
             Self::Unusable => None,
@@ -149,7 +149,7 @@ mod tests {
             let [x, y] = UTM.apply(c as f64, r as f64);
             for (x, y) in [(x, y), (x.next_up(), y.next_down())] {
                 let vertex = snapper.snap([x, y, 1.0]).vertex().unwrap();
-                assert_eq!(vertex.at, Position::sample(c, r));
+                assert_eq!(vertex.at, ProofPosition::sample(c, r));
             }
         }
     }
@@ -163,19 +163,19 @@ mod tests {
             let [x, y] = UTM.apply(c as f64, r as f64);
             let stored = |v: f64, from: f64| f64::from((v - from) as f32) + from;
             let vertex = snapper.snap([stored(x, origin[0]), stored(y, origin[1]), 1.0]).vertex();
-            assert_eq!(vertex.unwrap().at, Position::sample(c, r));
+            assert_eq!(vertex.unwrap().at, ProofPosition::sample(c, r));
         }
     }
 
     #[test]
     fn anything_further_stays_where_it_is() {
         let snapper = Snapper::new(Affine::LATTICE, [100, 100], [0.0; 3], false);
-        let free = Vertex { at: Position::nearest(3.001, 7.0), z: 2.0 };
-        assert_eq!(snapper.snap([3.001, -7.0, 2.0]), Snapped::Free(free));
-        assert!(matches!(snapper.snap([3.0, -7.0, 2.0]), Snapped::Exact(_)));
-        assert!(matches!(snapper.snap([3.0 + 1e-12, -7.0, 2.0]), Snapped::Moved(..)));
+        let free = ProofVertex { at: ProofPosition::nearest(3.001, 7.0), z: 2.0 };
+        assert_eq!(snapper.snap([3.001, -7.0, 2.0]), SnapOutcome::Free(free));
+        assert!(matches!(snapper.snap([3.0, -7.0, 2.0]), SnapOutcome::Exact(_)));
+        assert!(matches!(snapper.snap([3.0 + 1e-12, -7.0, 2.0]), SnapOutcome::Moved(..)));
         for bad in [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY], [1e10, 0.0, 0.0]] {
-            assert_eq!(snapper.snap(bad), Snapped::Unusable);
+            assert_eq!(snapper.snap(bad), SnapOutcome::Unusable);
         }
     }
 }

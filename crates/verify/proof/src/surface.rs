@@ -2,24 +2,24 @@
 
 use terrane_base::geom::Rect;
 
-use super::bits::{Bits, ones};
+use super::bits::{BitGrid, ones};
 use super::domain::Domain;
-use super::tally::Tally;
-use super::triangle::Position;
+use super::tally::ProofTally;
+use super::triangle::ProofPosition;
 
 /// Valid samples and surface cells of a window of a grid.
 #[derive(Clone, Debug)]
-pub struct Surface {
+pub struct ProofSurface {
     grid: [u32; 2],
     rect: Rect,
-    valid: Bits,
-    cells: Bits,
+    valid: BitGrid,
+    cells: BitGrid,
 }
 
 /// A straight run of unit edges along a lattice line: from (`from`, `line`) to (`to`, `line`) in
 /// (column, row) when horizontal, the other way round when vertical.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct OutlineRun {
     /// Along a column of samples.
     pub vertical: bool,
     /// The row (column when vertical).
@@ -38,11 +38,11 @@ pub enum Followed {
     /// It leaves the outline.
     Off,
     /// On it so far; the rest is not in this window.
-    Rest(Run),
+    Rest(OutlineRun),
 }
 
-impl Run {
-    /// Most unit edges [`Run::window`] covers.
+impl OutlineRun {
+    /// Most unit edges [`OutlineRun::window`] covers.
     const WINDOW: i64 = 4096;
 
     /// The samples to read for following the first part of the run.
@@ -69,18 +69,18 @@ impl Run {
     }
 }
 
-impl Surface {
+impl ProofSurface {
     /// From the heights of `rect` (inside the grid), row by row, NaN where void.
     pub fn new(grid: [u32; 2], rect: Rect, heights: &[f64]) -> Self {
         let (width, rows) = (rect.width as usize, rect.height as usize);
-        let mut valid = Bits::new(width, rows);
+        let mut valid = BitGrid::new(width, rows);
         for (row, heights) in heights.chunks_exact(width).enumerate() {
             for (word, heights) in valid.row_mut(row).iter_mut().zip(heights.chunks(64)) {
                 let bit = |(i, h): (usize, &f64)| u64::from(!h.is_nan()) << i;
                 *word = heights.iter().enumerate().map(bit).fold(0, |all, bit| all | bit);
             }
         }
-        let mut cells = Bits::new(width, rows);
+        let mut cells = BitGrid::new(width, rows);
         for row in 1..rows {
             mark_cells(cells.row_mut(row - 1), valid.row(row - 1), valid.row(row));
         }
@@ -103,19 +103,19 @@ impl Surface {
     }
 
     /// True for a sample of the window that belongs to a surface cell.
-    pub(crate) fn has_sample(&self, at: Position) -> bool {
+    pub(crate) fn has_sample(&self, at: ProofPosition) -> bool {
         self.cells_at(at).any(|is_surface| is_surface)
     }
 
     /// True for a sample of the window that is not on the outline: all four cells around it are surface.
-    pub(crate) fn is_inside(&self, at: Position) -> bool {
+    pub(crate) fn is_inside(&self, at: ProofPosition) -> bool {
         self.cells_at(at).filter(|is_surface| *is_surface).count() == 4
     }
 
     /// For each cell around a sample that the window may hold, whether it is surface.
-    fn cells_at(&self, at: Position) -> impl Iterator<Item = bool> {
+    fn cells_at(&self, at: ProofPosition) -> impl Iterator<Item = bool> {
         let near = |fixed: i64, first: u32| {
-            let place = (fixed >> Position::FRACTION) - i64::from(first);
+            let place = (fixed >> ProofPosition::FRACTION) - i64::from(first);
             [place - 1, place].map(|place| usize::try_from(place).ok())
         };
         let [cols, rows] = [near(at.col, self.rect.col), near(at.row, self.rect.row)];
@@ -132,7 +132,7 @@ impl Surface {
     }
 
     /// Counts valid and isolated samples and surface cells of `domain`.
-    pub(crate) fn count(&self, domain: &Domain, tally: &mut Tally) {
+    pub(crate) fn count(&self, domain: &Domain, tally: &mut ProofTally) {
         let left = (domain.rect.col - self.rect.col) as usize;
         let above = (domain.rect.row - self.rect.row) as usize;
         let (width, height) = (domain.rect.width as usize, domain.rect.height as usize);
@@ -172,7 +172,7 @@ impl Surface {
 
     /// Unit edges that border a cell of the surface, by their first sample: those of rows, and those of
     /// columns.
-    pub(crate) fn lines(&self) -> [Bits; 2] {
+    pub(crate) fn lines(&self) -> [BitGrid; 2] {
         let [mut right, mut down] = [self.cells.clone(), self.cells.clone()];
         for row in 0..self.rect.height as usize {
             widen(down.row_mut(row), self.cells.row(row));
@@ -186,12 +186,12 @@ impl Surface {
 
     /// Follows `run` along the outline: each of its unit edges must have surface on exactly one
     /// side.
-    pub fn follow(&self, run: Run) -> Followed {
+    pub fn follow(&self, run: OutlineRun) -> Followed {
         for unit in run.from..run.to {
             match run.sides(unit).map(|side| self.cell(side)) {
                 [Some(a), Some(b)] if a != b => {}
                 [Some(_), Some(_)] => return Followed::Off,
-                _ => return Followed::Rest(Run { from: unit, ..run }),
+                _ => return Followed::Rest(OutlineRun { from: unit, ..run }),
             }
         }
         Followed::On
@@ -228,10 +228,10 @@ mod tests {
 
     /// 4 x 3 samples with a void at (2, 0): the surface is the left column of cells and the
     /// lower row.
-    fn notched() -> Surface {
+    fn notched() -> ProofSurface {
         let mut heights = [1.0; 12];
         heights[2] = f64::NAN;
-        Surface::new([4, 3], Rect::new(0, 0, 4, 3), &heights)
+        ProofSurface::new([4, 3], Rect::new(0, 0, 4, 3), &heights)
     }
 
     #[test]
@@ -247,14 +247,15 @@ mod tests {
 
     #[test]
     fn cells_cross_words() {
-        let surface = Surface::new([200, 2], Rect::new(0, 0, 200, 2), &[0.0; 400]);
+        let surface = ProofSurface::new([200, 2], Rect::new(0, 0, 200, 2), &[0.0; 400]);
         assert_eq!(columns(surface.cells(0)).count(), 199);
     }
 
     #[test]
     fn outline_is_followed_to_its_end() {
         let surface = notched();
-        let run = |vertical, line, from, to| surface.follow(Run { vertical, line, from, to });
+        let run =
+            |vertical, line, from, to| surface.follow(OutlineRun { vertical, line, from, to });
         assert_eq!(run(false, 0, 0, 1), Followed::On);
         assert_eq!(run(false, 0, 0, 2), Followed::Off);
         assert_eq!(run(true, 1, 0, 1), Followed::On);
@@ -268,10 +269,10 @@ mod tests {
     #[test]
     fn a_window_follows_its_part() {
         let grid = [9000, 2];
-        let run = Run { vertical: false, line: 0, from: 10, to: 8999 };
+        let run = OutlineRun { vertical: false, line: 0, from: 10, to: 8999 };
         let window = run.window(grid);
         assert_eq!(window, Rect::new(10, 0, 4097, 2));
-        let surface = Surface::new(grid, window, &vec![0.0; window.len()]);
-        assert_eq!(surface.follow(run), Followed::Rest(Run { from: 4106, ..run }));
+        let surface = ProofSurface::new(grid, window, &vec![0.0; window.len()]);
+        assert_eq!(surface.follow(run), Followed::Rest(OutlineRun { from: 4106, ..run }));
     }
 }

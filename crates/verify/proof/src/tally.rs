@@ -1,19 +1,19 @@
 //! What was found: counts, exact sums and extremes that add up the same in any order.
 
 use super::sum::ExactSum;
-use super::triangle::{Position, Triangle};
+use super::triangle::{ProofPosition, ProofTriangle};
 
 /// How often a fault was found, and the first place in row order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Fault {
+pub struct FaultCount {
     /// How often.
     pub count: u64,
     /// Where first.
-    pub first: Option<Position>,
+    pub first: Option<ProofPosition>,
 }
 
-impl Fault {
-    pub(crate) fn add(&mut self, at: Position) {
+impl FaultCount {
+    pub(crate) fn add(&mut self, at: ProofPosition) {
         self.merge(&Self { count: 1, first: Some(at) });
     }
 
@@ -28,14 +28,14 @@ impl Fault {
 
 /// A place of the grid and its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spot {
+pub struct ErrorSpot {
     /// Vertical distance to the mesh.
     pub error: f64,
     /// Where it is, rounded down.
-    pub at: Position,
+    pub at: ProofPosition,
 }
 
-impl Spot {
+impl ErrorSpot {
     /// The larger error; of equal ones the first in row order.
     pub(crate) fn worse(self, other: Self) -> Self {
         let later = other.at > self.at;
@@ -46,7 +46,7 @@ impl Spot {
 /// Everything found in the parts checked so far. For a cloud, samples are points: those of the
 /// surface are the lowest at their position, and off the samples means off the points.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tally {
+pub struct ProofTally {
     /// Samples with a height.
     pub valid: u64,
     /// Samples that belong to a surface cell.
@@ -56,79 +56,79 @@ pub struct Tally {
     /// Surface samples on the mesh.
     pub covered: u64,
     /// Surface samples not on the mesh.
-    pub uncovered: Fault,
+    pub uncovered: FaultCount,
     /// Surface cells no triangle overlaps.
-    pub uncovered_cells: Fault,
+    pub uncovered_cells: FaultCount,
     /// Cells without surface that a triangle overlaps.
-    pub void_cells: Fault,
+    pub void_cells: FaultCount,
     /// Samples further from the mesh than the tolerance.
-    pub over: Fault,
+    pub over: FaultCount,
     /// The largest error.
-    pub worst: Option<Spot>,
+    pub worst: Option<ErrorSpot>,
     /// Breaks of the mesh on lines between neighbouring samples of the surface.
     pub breaks: u64,
     /// Those of them further from their line than the tolerance.
-    pub over_between: Fault,
+    pub over_between: FaultCount,
     /// The largest error of them.
-    pub worst_between: Option<Spot>,
+    pub worst_between: Option<ErrorSpot>,
     /// Sum of errors.
     pub errors: ExactSum,
     /// Sum of squared errors.
     pub squares: ExactSum,
     /// Samples by error / tolerance in twentieths; the last entry counts those over.
-    pub histogram: [u64; Tally::BINS + 1],
+    pub histogram: [u64; ProofTally::BINS + 1],
     /// Triangles clockwise seen from above.
-    pub inverted: Fault,
+    pub inverted: FaultCount,
     /// Triangles without area.
-    pub empty: Fault,
+    pub empty: FaultCount,
     /// Triangles that reach beyond the grid, or vertices beyond the hull of a cloud.
-    pub outside: Fault,
+    pub outside: FaultCount,
     /// Samples strictly inside more than one triangle.
-    pub overlaps: Fault,
+    pub overlaps: FaultCount,
     /// Sum of twice the signed areas, in 2^-60 cell, of correctly oriented triangles positive.
     pub double_area: i128,
     /// The smallest angle of a triangle with area, in degrees.
     pub smallest_angle: Option<f64>,
     /// Triangles by smallest angle, in steps of 5 degrees from 0 to 60.
-    pub angles: [u64; Tally::ANGLES],
+    pub angles: [u64; ProofTally::ANGLES],
     /// Edges of one triangle only.
     pub open_edges: u64,
     /// Edges of two triangles that pass them in opposite directions.
     pub interior_edges: u64,
     /// Edges of one triangle only that are not on the outline of the surface (for a cloud, its
     /// hull).
-    pub cracks: Fault,
+    pub cracks: FaultCount,
     /// Vertices strictly inside an edge of one triangle.
-    pub t_junctions: Fault,
+    pub t_junctions: FaultCount,
     /// Edges of more than two triangles, or of two that pass it in the same direction.
-    pub non_manifold: Fault,
+    pub non_manifold: FaultCount,
     /// Interior edges between triangles on either side with the opposite corner of one strictly
     /// inside the circle through the other.
-    pub non_delaunay: Fault,
+    pub non_delaunay: FaultCount,
     /// Positions at which triangles meet with different heights.
-    pub split_heights: Fault,
+    pub split_heights: FaultCount,
     /// Stored vertices beyond the first at the same position.
-    pub duplicates: Fault,
+    pub duplicates: FaultCount,
     /// Stored vertices at no triangle's corner.
-    pub unused: Fault,
+    pub unused: FaultCount,
     /// Triangles with a smaller angle than they may have.
-    pub thin: Fault,
+    pub thin: FaultCount,
     /// Samples of the surface that have to be vertices, and
     pub kept: u64,
     /// those of them that are none, or not at their height.
-    pub not_kept: Fault,
+    pub not_kept: FaultCount,
     /// Vertices on breaklines, and
     pub on_lines: u64,
     /// samples where the mesh does not follow one.
-    pub not_followed: Fault,
+    pub not_followed: FaultCount,
     /// Positions of corners that are no sample, or not at its height.
-    pub off_samples: Fault,
+    pub off_samples: FaultCount,
 }
 
-impl Tally {
-    /// Bins of [`Tally::histogram`] up to the tolerance.
+impl ProofTally {
+    /// Bins of [`ProofTally::histogram`] up to the tolerance.
     pub const BINS: usize = 20;
-    /// Bins of [`Tally::angles`].
+    /// Bins of [`ProofTally::angles`].
     pub const ANGLES: usize = 12;
 
     /// Adds what another tally found.
@@ -155,7 +155,7 @@ impl Tally {
         }
     }
 
-    fn faults_mut(&mut self) -> [&mut Fault; 20] {
+    fn faults_mut(&mut self) -> [&mut FaultCount; 20] {
         [
             &mut self.uncovered,
             &mut self.uncovered_cells,
@@ -181,18 +181,18 @@ impl Tally {
     }
 
     /// Takes note of the error of a sample.
-    pub(crate) fn spot(&mut self, spot: Spot) {
+    pub(crate) fn spot(&mut self, spot: ErrorSpot) {
         self.worst = Some(self.worst.map_or(spot, |worst| worst.worse(spot)));
     }
 
     /// Takes note of the error of a break.
-    pub(crate) fn spot_between(&mut self, spot: Spot) {
+    pub(crate) fn spot_between(&mut self, spot: ErrorSpot) {
         self.worst_between = Some(self.worst_between.map_or(spot, |worst| worst.worse(spot)));
     }
 
     /// The largest error of samples and breaks: that of the surface, as far as grids tell of one.
-    pub fn worst_of_surface(&self) -> Option<Spot> {
-        self.worst.into_iter().chain(self.worst_between).reduce(Spot::worse)
+    pub fn worst_of_surface(&self) -> Option<ErrorSpot> {
+        self.worst.into_iter().chain(self.worst_between).reduce(ErrorSpot::worse)
     }
 
     fn angle_at_least(&mut self, angle: f64) {
@@ -200,7 +200,7 @@ impl Tally {
     }
 
     /// Judges the area and the angles of a triangle; for `orientation` see [`Part`].
-    pub(crate) fn shape(&mut self, triangle: &Triangle, orientation: i128) {
+    pub(crate) fn shape(&mut self, triangle: &ProofTriangle, orientation: i128) {
         let at = triangle.corners[0].at;
         let area = triangle.double_area() * orientation;
         // Beyond the range of the sum areas match nothing, whatever the rest is.

@@ -3,17 +3,17 @@
 use bytemuck::{Pod, Zeroable};
 
 /// A position in lattice coordinates, in units of 2^-30 cell. Samples lie at whole cells. Ordered
-/// by row, then column. Coordinates stay below [`Position::LIMIT`] cells.
+/// by row, then column. Coordinates stay below [`ProofPosition::LIMIT`] cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
-pub struct Position {
+pub struct ProofPosition {
     /// Row, in 2^-30 cell.
     pub row: i64,
     /// Column, in 2^-30 cell.
     pub col: i64,
 }
 
-impl Position {
+impl ProofPosition {
     /// Bits of the fraction of a cell.
     pub const FRACTION: u32 = 30;
     /// One cell.
@@ -58,9 +58,9 @@ impl Position {
 /// A corner of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Vertex {
+pub struct ProofVertex {
     /// Where it is.
-    pub at: Position,
+    pub at: ProofPosition,
     /// Its height.
     pub z: f64,
 }
@@ -68,14 +68,14 @@ pub struct Vertex {
 /// A triangle by its corners, in the order of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Triangle {
+pub struct ProofTriangle {
     /// The corners.
-    pub corners: [Vertex; 3],
+    pub corners: [ProofVertex; 3],
 }
 
-impl Triangle {
+impl ProofTriangle {
     /// Positions of the corners.
-    pub fn positions(&self) -> [Position; 3] {
+    pub fn positions(&self) -> [ProofPosition; 3] {
         self.corners.map(|corner| corner.at)
     }
 
@@ -85,11 +85,11 @@ impl Triangle {
     }
 
     /// Least and greatest row and column of the corners.
-    pub fn bounds(&self) -> [Position; 2] {
+    pub fn bounds(&self) -> [ProofPosition; 2] {
         let [a, b, c] = self.positions();
         let row = [a.row.min(b.row).min(c.row), a.row.max(b.row).max(c.row)];
         let col = [a.col.min(b.col).min(c.col), a.col.max(b.col).max(c.col)];
-        [0, 1].map(|i| Position { row: row[i], col: col[i] })
+        [0, 1].map(|i| ProofPosition { row: row[i], col: col[i] })
     }
 
     /// The smallest angle in degrees, seen in (column, row) axes with square cells.
@@ -119,8 +119,10 @@ impl Triangle {
 mod tests {
     use super::*;
 
-    fn triangle(points: [[f64; 2]; 3]) -> Triangle {
-        Triangle { corners: points.map(|[c, r]| Vertex { at: Position::nearest(c, r), z: 0.0 }) }
+    fn triangle(points: [[f64; 2]; 3]) -> ProofTriangle {
+        ProofTriangle {
+            corners: points.map(|[c, r]| ProofVertex { at: ProofPosition::nearest(c, r), z: 0.0 }),
+        }
     }
 
     #[test]
@@ -134,8 +136,11 @@ mod tests {
 
     #[test]
     fn order_is_row_major() {
-        assert!(Position::sample(9, 1) < Position::sample(0, 2));
-        assert!(Position::sample(-1, 2) < Position::sample(0, 2));
-        assert!(Position::nearest(0.5, 0.0) == Position { row: 0, col: Position::CELL / 2 });
+        assert!(ProofPosition::sample(9, 1) < ProofPosition::sample(0, 2));
+        assert!(ProofPosition::sample(-1, 2) < ProofPosition::sample(0, 2));
+        assert!(
+            ProofPosition::nearest(0.5, 0.0)
+                == ProofPosition { row: 0, col: ProofPosition::CELL / 2 }
+        );
     }
 }

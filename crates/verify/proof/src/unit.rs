@@ -3,18 +3,18 @@
 //! Sums run in four lanes, and histograms in four copies, so that no addition waits for the last.
 
 use super::domain::Domain;
-use super::tally::Tally;
+use super::tally::ProofTally;
 
 const LANES: usize = 4;
 const RUN: usize = Domain::UNIT as usize;
 
 /// Errors of a run of samples in a row; 0 for those that do not count.
-pub(crate) struct Run {
+pub(crate) struct ErrorRun {
     errors: [f64; RUN],
     counted: u32,
 }
 
-impl Run {
+impl ErrorRun {
     /// The samples of `errors` (at most a unit) whose bit is set in `due`; those that have no
     /// error (below 0) do not count.
     #[inline]
@@ -62,15 +62,15 @@ impl Run {
 
 /// Sums of errors and their squares over one unit.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Sums {
+pub(crate) struct ErrorSums {
     errors: [f64; LANES],
     squares: [f64; LANES],
 }
 
-impl Sums {
+impl ErrorSums {
     /// Adds a row of the unit.
     #[inline]
-    pub(crate) fn add(&mut self, run: &Run) {
+    pub(crate) fn add(&mut self, run: &ErrorRun) {
         for errors in run.errors.chunks_exact(LANES) {
             for (lane, &error) in errors.iter().enumerate() {
                 self.errors[lane] += error;
@@ -80,7 +80,7 @@ impl Sums {
     }
 
     /// Hands the sums over and starts again.
-    pub(crate) fn flush(&mut self, tally: &mut Tally) {
+    pub(crate) fn flush(&mut self, tally: &mut ProofTally) {
         let Self { errors, squares } = std::mem::take(self);
         tally.errors.add(errors.into_iter().sum());
         tally.squares.add(squares.into_iter().sum());
@@ -91,31 +91,31 @@ impl Sums {
 #[derive(Debug)]
 pub(crate) struct Histogram {
     scale: f64,
-    lanes: [[u64; Tally::BINS]; LANES],
+    lanes: [[u64; ProofTally::BINS]; LANES],
 }
 
 impl Histogram {
     pub(crate) fn new(tolerance: f64) -> Self {
-        Self { scale: Tally::BINS as f64 / tolerance, lanes: [[0; Tally::BINS]; LANES] }
+        Self { scale: ProofTally::BINS as f64 / tolerance, lanes: [[0; ProofTally::BINS]; LANES] }
     }
 
     /// Counts a run; errors at and over the tolerance go to the last bin.
     #[inline]
-    pub(crate) fn add(&mut self, run: &Run) {
+    pub(crate) fn add(&mut self, run: &ErrorRun) {
         for (i, &error) in run.errors.iter().enumerate() {
             // 0 / 0 for a tolerance of 0 is NaN, which casts to bin 0.
-            let bin = ((error * self.scale) as usize).min(Tally::BINS - 1);
+            let bin = ((error * self.scale) as usize).min(ProofTally::BINS - 1);
             self.lanes[i % LANES][bin] += u64::from(run.counted >> i & 1);
         }
     }
 
     /// Hands the counts over; `over` of the last bin are over the tolerance.
-    pub(crate) fn flush(&self, over: u64, tally: &mut Tally) {
+    pub(crate) fn flush(&self, over: u64, tally: &mut ProofTally) {
         for (bin, count) in self.lanes.iter().flat_map(|lane| lane.iter().enumerate()) {
             tally.histogram[bin] += count;
         }
-        tally.histogram[Tally::BINS - 1] -= over;
-        tally.histogram[Tally::BINS] += over;
+        tally.histogram[ProofTally::BINS - 1] -= over;
+        tally.histogram[ProofTally::BINS] += over;
     }
 }
 
@@ -126,11 +126,11 @@ mod tests {
     #[test]
     fn a_run_counts_what_is_due_and_has_an_error() {
         let errors: Vec<f64> = (0..20).map(|i| if i == 3 { -1.0 } else { f64::from(i) }).collect();
-        let run = Run::new(&errors, 0b1111_1110 | 1 << 19);
+        let run = ErrorRun::new(&errors, 0b1111_1110 | 1 << 19);
         assert_eq!(run.counted(), 0b1111_0110 | 1 << 19);
         assert_eq!((run.most(), run.find(19.0), run.find(8.0)), (19.0, Some(19), None));
         let (mut tally, mut sums, mut histogram) =
-            (Tally::default(), Sums::default(), Histogram::new(20.0));
+            (ProofTally::default(), ErrorSums::default(), Histogram::new(20.0));
         sums.add(&run);
         sums.flush(&mut tally);
         histogram.add(&run);

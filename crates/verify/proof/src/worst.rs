@@ -6,15 +6,15 @@
 
 use terrane_base::geom::Rect;
 
-use super::bits::{Bits, masks, ones};
+use super::bits::{BitGrid, masks, ones};
 use super::domain::Domain;
 use super::exact::exceeds;
-use super::part::Part;
+use super::part::GridProofPart;
 use super::sections::{ceil, floor, is_small, sections, strip};
-use super::surface::{Surface, columns};
-use super::tally::{Spot, Tally};
-use super::triangle::{Position, Triangle};
-use super::unit::{Histogram, Run, Sums};
+use super::surface::{ProofSurface, columns};
+use super::tally::{ErrorSpot, ProofTally};
+use super::triangle::{ProofPosition, ProofTriangle};
+use super::unit::{ErrorRun, ErrorSums, Histogram};
 
 /// Height and largest error of a sample, and a handful of bits.
 pub(crate) const BYTES_PER_SAMPLE: u64 = 18;
@@ -23,21 +23,21 @@ pub(crate) const BYTES_PER_SAMPLE: u64 = 18;
 const HAIR: f64 = 1e-9;
 
 /// Largest error of every sample of a part, and what else rasterising tells.
-pub(crate) struct Worst<'a> {
-    part: &'a Part<'a>,
-    surface: &'a Surface,
+pub(crate) struct WorstErrors<'a> {
+    part: &'a GridProofPart<'a>,
+    surface: &'a ProofSurface,
     window: Rect,
     /// Largest error by sample of the window; -1 where no triangle covers it.
     errors: Vec<f64>,
-    over: Bits,
-    inside: Bits,
-    inside_twice: Bits,
-    cells: Bits,
+    over: BitGrid,
+    inside: BitGrid,
+    inside_twice: BitGrid,
+    cells: BitGrid,
 }
 
 /// The plane of a triangle: heights by column and row relative to a corner.
-struct Plane {
-    origin: Position,
+struct ProofPlane {
+    origin: ProofPosition,
     z: f64,
     per_col: f64,
     per_row: f64,
@@ -45,12 +45,13 @@ struct Plane {
     doubt: f64,
 }
 
-impl Plane {
-    fn new(triangle: &Triangle) -> Self {
+impl ProofPlane {
+    fn new(triangle: &ProofTriangle) -> Self {
         let [a, b, c] = triangle.corners;
         let ([bx, by], [cx, cy]) = (b.at.minus(a.at), c.at.minus(a.at));
         let (bz, cz) = (b.z - a.z, c.z - a.z);
-        let area = triangle.double_area() as f64 / (Position::CELL as f64 * Position::CELL as f64);
+        let area = triangle.double_area() as f64
+            / (ProofPosition::CELL as f64 * ProofPosition::CELL as f64);
         let steepest = |u: f64, v: f64| ((bz * v).abs() + (cz * u).abs()) / area.abs();
         let wide = bx.abs().max(cx.abs()).max((bx - cx).abs()) + 1.0;
         let high = by.abs().max(cy.abs()).max((by - cy).abs()) + 1.0;
@@ -69,13 +70,13 @@ impl Plane {
     }
 
     /// Stands for heights beyond the range of floats: infinitely far from every sample.
-    fn overflown(origin: Position) -> Self {
+    fn overflown(origin: ProofPosition) -> Self {
         Self { origin, z: f64::INFINITY, per_col: 0.0, per_row: 0.0, doubt: f64::INFINITY }
     }
 
     /// Height at a sample.
     fn at(&self, col: i64, row: i64) -> f64 {
-        let [x, y] = Position::sample(col, row).minus(self.origin);
+        let [x, y] = ProofPosition::sample(col, row).minus(self.origin);
         self.z + self.per_row * y + self.per_col * x
     }
 
@@ -98,10 +99,10 @@ fn raise(errors: &mut [f64], heights: &[f64], start: f64, step: f64, floor: f64)
     suspicious
 }
 
-impl<'a> Worst<'a> {
-    pub(crate) fn new(part: &'a Part<'a>, surface: &'a Surface) -> Self {
+impl<'a> WorstErrors<'a> {
+    pub(crate) fn new(part: &'a GridProofPart<'a>, surface: &'a ProofSurface) -> Self {
         let window = part.domain.apron();
-        let bits = || Bits::new(window.width as usize, window.height as usize);
+        let bits = || BitGrid::new(window.width as usize, window.height as usize);
         Self {
             part,
             surface,
@@ -115,11 +116,11 @@ impl<'a> Worst<'a> {
     }
 
     /// Rasterises one triangle.
-    pub(crate) fn add(&mut self, triangle: &Triangle) {
+    pub(crate) fn add(&mut self, triangle: &ProofTriangle) {
         if triangle.double_area() == 0 {
             return;
         }
-        let plane = Plane::new(triangle);
+        let plane = ProofPlane::new(triangle);
         if is_small(&triangle.positions()) {
             self.scan::<i64>(triangle, &plane);
         } else {
@@ -130,7 +131,7 @@ impl<'a> Worst<'a> {
         }
     }
 
-    fn scan<N: super::sections::Int>(&mut self, triangle: &Triangle, plane: &Plane) {
+    fn scan<N: super::sections::Int>(&mut self, triangle: &ProofTriangle, plane: &ProofPlane) {
         let rect = self.part.domain.rect;
         let end = i64::from(rect.end_row());
         let suspicious = plane.suspicious(self.part.tolerance);
@@ -147,7 +148,8 @@ impl<'a> Worst<'a> {
             }
             let [from, to] = section.samples();
             self.measure(triangle, plane, suspicious, row, self.clip(from, to));
-            if low.row < row << Position::FRACTION && row << Position::FRACTION < high.row {
+            if low.row < row << ProofPosition::FRACTION && row << ProofPosition::FRACTION < high.row
+            {
                 let [from, to] = section.inner();
                 self.mark_inside(row, self.clip(from, to));
             }
@@ -155,7 +157,7 @@ impl<'a> Worst<'a> {
     }
 
     /// Marks the cells of a triangle with corners that are no samples.
-    fn scan_strips(&mut self, triangle: &Triangle) {
+    fn scan_strips(&mut self, triangle: &ProofTriangle) {
         let rect = self.part.domain.rect;
         let [low, high] = triangle.bounds();
         let first = floor(low.row).max(i64::from(rect.row));
@@ -185,8 +187,8 @@ impl<'a> Worst<'a> {
     #[inline]
     fn measure(
         &mut self,
-        triangle: &Triangle,
-        plane: &Plane,
+        triangle: &ProofTriangle,
+        plane: &ProofPlane,
         suspicious: f64,
         row: i64,
         [from, to]: [usize; 2],
@@ -204,8 +206,8 @@ impl<'a> Worst<'a> {
     #[cold]
     fn decide(
         &mut self,
-        triangle: &Triangle,
-        plane: &Plane,
+        triangle: &ProofTriangle,
+        plane: &ProofPlane,
         suspicious: f64,
         row: i64,
         [from, to]: [usize; 2],
@@ -218,7 +220,7 @@ impl<'a> Worst<'a> {
         for col in from..to {
             let height = self.part.heights[line * self.window.width as usize + col];
             let distance = (height - (start + plane.per_col * (col - from) as f64)).abs();
-            let at = Position::sample(col as i64 + first, row);
+            let at = ProofPosition::sample(col as i64 + first, row);
             let doubtful = || exceeds(triangle, at, height, tolerance);
             if distance >= suspicious && (distance > clear || doubtful()) {
                 self.over.set(col, line);
@@ -246,9 +248,9 @@ impl<'a> Worst<'a> {
     }
 
     /// Adds everything to the tally.
-    pub(crate) fn finish(mut self, tally: &mut Tally) {
+    pub(crate) fn finish(mut self, tally: &mut ProofTally) {
         let rect = self.part.domain.rect;
-        let mut sums = vec![Sums::default(); rect.width.div_ceil(Domain::UNIT) as usize];
+        let mut sums = vec![ErrorSums::default(); rect.width.div_ceil(Domain::UNIT) as usize];
         let mut histogram = self.part.tolerance.map(Histogram::new);
         let over = tally.over.count;
         let mut samples = Vec::new();
@@ -272,7 +274,7 @@ impl<'a> Worst<'a> {
         masks(from, to)
     }
 
-    fn finish_cells(&self, row: u32, tally: &mut Tally) {
+    fn finish_cells(&self, row: u32, tally: &mut ProofTally) {
         let line = self.line(i64::from(row));
         for (word, mask) in self.owned() {
             let (found, due) = (self.cells.row(line)[word], self.surface.cells(line)[word]);
@@ -285,24 +287,24 @@ impl<'a> Worst<'a> {
     }
 
     /// Position of a column of the window in a row of the grid.
-    fn place(&self, col: usize, row: u32) -> Position {
-        Position::sample(col as i64 + i64::from(self.window.col), i64::from(row))
+    fn place(&self, col: usize, row: u32) -> ProofPosition {
+        ProofPosition::sample(col as i64 + i64::from(self.window.col), i64::from(row))
     }
 
     fn finish_row(
         &self,
         row: u32,
         samples: &[u64],
-        sums: &mut [Sums],
+        sums: &mut [ErrorSums],
         mut histogram: Option<&mut Histogram>,
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) {
         let [mut from, end] = self.clip(0, i64::MAX);
         let line = self.line(i64::from(row)) * self.window.width as usize;
         for sums in sums {
             let to = (from + Domain::UNIT as usize).min(end);
             let due = bits_at(samples, from, to);
-            let run = Run::new(&self.errors[line + from..line + to], due);
+            let run = ErrorRun::new(&self.errors[line + from..line + to], due);
             sums.add(&run);
             if let Some(histogram) = &mut histogram {
                 histogram.add(&run);
@@ -317,19 +319,19 @@ impl<'a> Worst<'a> {
 
     /// Keeps the largest error of a run that begins with column `from` of the window.
     #[inline]
-    fn note_worst(&self, run: &Run, from: usize, row: u32, tally: &mut Tally) {
+    fn note_worst(&self, run: &ErrorRun, from: usize, row: u32, tally: &mut ProofTally) {
         let error = run.most();
         if tally.worst.is_some_and(|worst| worst.error > error) {
             return;
         }
         if let Some(bit) = run.find(error) {
-            tally.spot(Spot { error, at: self.place(from + bit, row) });
+            tally.spot(ErrorSpot { error, at: self.place(from + bit, row) });
         }
     }
 
     /// Brings errors in line with the exact decisions: those over are above the tolerance by at
     /// least one float, all others at most equal to it. Counts those over.
-    fn settle(&mut self, row: u32, samples: &[u64], tally: &mut Tally) {
+    fn settle(&mut self, row: u32, samples: &[u64], tally: &mut ProofTally) {
         let Some(tolerance) = self.part.tolerance else { return };
         let line = self.line(i64::from(row));
         let width = self.window.width as usize;

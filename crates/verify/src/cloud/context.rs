@@ -1,24 +1,24 @@
 //! The context of every pass over a mesh and its cloud.
 
 use crate::stated::is_delaunay;
-use crate::work::Work;
+use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::on_cloud::OnCloud;
 use terrane_mesh::Promises;
-use terrane_proof::cloud::{Bound, Placer};
+use terrane_proof::cloud::{Placer, VerticalBound};
 
 /// What every pass over a cloud needs to know.
-pub(super) struct Context<'a> {
-    pub(super) work: Work<'a>,
+pub(super) struct CloudProofContext<'a> {
+    pub(super) work: ProofResources<'a>,
     pub(super) source: &'a dyn PointSource,
     /// Lowest and highest coordinates of all points.
     pub(super) bounds: [Point; 2],
     pub(super) placer: Placer,
     pub(super) tolerance: Option<f64>,
-    pub(super) bound: Option<Bound>,
+    pub(super) bound: Option<VerticalBound>,
     pub(super) kept: OnCloud,
     /// What the mesh states.
     pub(super) stated: Promises,
@@ -28,12 +28,12 @@ pub(super) struct Context<'a> {
     pub(super) has_posts: bool,
 }
 
-impl<'a> Context<'a> {
+impl<'a> CloudProofContext<'a> {
     pub(super) fn new(
-        mut work: Work<'a>,
+        mut work: ProofResources<'a>,
         source: &'a dyn PointSource,
         tolerance: Option<f64>,
-        features: Features,
+        features: ConstraintFeatures,
     ) -> Result<Self> {
         let bounds = surface_bounds(source)?;
         let kept = features.on_cloud(source.info(), bounds)?;
@@ -44,7 +44,7 @@ impl<'a> Context<'a> {
         let (frame, mesh) = (source.info().frame, work.mesh.info());
         let reach = kept.and_heights(bounds);
         let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
-        let bound = tolerance.map(|tolerance| Bound::new(tolerance, frame.scale[2]));
+        let bound = tolerance.map(|tolerance| VerticalBound::new(tolerance, frame.scale[2]));
         Ok(Self {
             work,
             source,

@@ -1,14 +1,14 @@
 //! What a mesh of a cloud has to keep, sought anew: the points nearest to positions, and lines as far as they are over
 //! the hull, by domain.
 
-use super::context::Context;
+use super::context::CloudProofContext;
 use super::points::SpreadPoints;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_engine::on_cloud::OnCloud;
 use terrane_files::Buckets;
-use terrane_proof::cloud::{Hull, Nearest, Sought, Track, order, position};
-use terrane_proof::{Domain, Layout, Position};
+use terrane_proof::cloud::{ProofHull, ProofNearestPoints, Sought, Track, order, position};
+use terrane_proof::{Domain, DomainLayout, ProofPosition};
 
 /// Points that are looked through at a time.
 const HEAP: usize = 1 << 16;
@@ -27,10 +27,10 @@ pub(super) struct KeptOn {
 
 impl KeptOn {
     pub(super) fn new(
-        context: &Context<'_>,
+        context: &CloudProofContext<'_>,
         points: &SpreadPoints,
-        hull: &Hull,
-        layout: Layout,
+        hull: &ProofHull,
+        layout: DomainLayout,
     ) -> Result<Self> {
         let kept = &context.kept;
         let tracks: Vec<_> =
@@ -75,10 +75,10 @@ impl KeptOn {
 fn nearest(
     kept: &OnCloud,
     points: &Buckets<Point>,
-    hull: &Hull,
-    layout: Layout,
+    hull: &ProofHull,
+    layout: DomainLayout,
 ) -> Result<(Vec<Point>, u64)> {
-    let sample = |[x, y]: [i32; 2]| Position::sample(x.into(), y.into());
+    let sample = |[x, y]: [i32; 2]| ProofPosition::sample(x.into(), y.into());
     let all = kept.points.iter().map(|at| at.map(|steps| steps as i32));
     let mut sought: Vec<_> = all.map(|at| Sought { at, found: None }).collect();
     let asked = sought.len() as u64;
@@ -98,7 +98,12 @@ fn nearest(
 
 /// Finds the nearest points of positions in one domain: looks there, then in all domains around it in the order of
 /// their distance, as long as that may help.
-fn seek(group: &mut [Sought], home: u64, points: &Buckets<Point>, layout: Layout) -> Result<()> {
+fn seek(
+    group: &mut [Sought],
+    home: u64,
+    points: &Buckets<Point>,
+    layout: DomainLayout,
+) -> Result<()> {
     let [across, down] = layout.counts().map(i64::from);
     let place = [home as i64 % across, home as i64 / across];
     for far in 0..across.max(down) {
@@ -129,7 +134,7 @@ fn seek(group: &mut [Sought], home: u64, points: &Buckets<Point>, layout: Layout
 fn look_in(group: &mut [Sought], points: &Buckets<Point>, number: usize) -> Result<()> {
     points.read(number, |run| {
         for heap in run.chunks(HEAP) {
-            let heap = Nearest::of(heap.to_vec());
+            let heap = ProofNearestPoints::of(heap.to_vec());
             group.iter_mut().for_each(|sought| heap.improve(sought));
         }
     })

@@ -18,20 +18,20 @@ mod tests;
 use std::path::Path;
 use std::time::Instant;
 
-use super::header::{Header, judge_bounds};
+use super::header::{CheckedHeader, judge_bounds};
 use super::options::{CloudMeshProof, Proving};
-use super::spread::Spread;
+use super::spread::MeshSpread;
 use super::stated::{leave_files, open_mesh, stated, tolerance};
-use super::work::Work;
-use context::{Context, no_surface, surface_bounds};
+use super::work::ProofResources;
+use context::{CloudProofContext, no_surface, surface_bounds};
 use terrane_base::error::{ErrorKind, Result};
 use terrane_cloud::{self as cloud, PointSource};
-use terrane_engine::kept::Features;
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_mesh::MeshSource;
 
-pub use report::{CloudVerifyReport, OfCloud};
+pub use report::{CloudProofFindings, CloudVerifyReport};
 
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
 /// no error, but a report with `passed` false.
@@ -52,7 +52,7 @@ pub(super) fn verify_cloud(
     let [points, lines] =
         [&job.options.constraints.keep_points, &job.options.constraints.breaklines]
             .map(Option::as_deref);
-    let features = Features::read_for_cloud(points, lines, &job.options.resources)?;
+    let features = ConstraintFeatures::read_for_cloud(points, lines, &job.options.resources)?;
     let cloud = job.written.original.names().join(" ");
     surface_bounds(&*source).map_err(|e| e.in_file(Path::new(&cloud)))?;
     let asked = (tolerance, features);
@@ -64,7 +64,7 @@ pub(super) fn verify_cloud(
         _ => e,
     })?;
     let crs = &source.info().crs;
-    let header = Header {
+    let header = CheckedHeader {
         mesh: &job.written.file,
         info: mesh.info(),
         stated: &stated,
@@ -83,7 +83,7 @@ pub(super) fn verify_cloud(
     ];
     leave_files(&stated, given, &mut report.verdict);
     let mesh = job.written.file.display().to_string();
-    Ok(CloudVerifyReport { mesh, of: OfCloud { cloud, ..report.of }, ..report })
+    Ok(CloudVerifyReport { mesh, of: CloudProofFindings { cloud, ..report.of }, ..report })
 }
 
 /// What begins statements that are judged beside a cloud, or promise nothing.
@@ -99,20 +99,20 @@ const OF_CLOUDS: [&str; 6] =
 pub fn prove_cloud(
     mesh: &dyn MeshSource,
     source: &dyn PointSource,
-    (tolerance, features): (Option<f64>, Features),
+    (tolerance, features): (Option<f64>, ConstraintFeatures),
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {
     let start = Instant::now();
-    let work = Work::new(mesh, tolerance, resources, progress, cancel)?;
-    let mut context = Context::new(work, source, tolerance, features)?;
+    let work = ProofResources::new(mesh, tolerance, resources, progress, cancel)?;
+    let mut context = CloudProofContext::new(work, source, tolerance, features)?;
     let layout = parts::layout(&context)?;
     let points = points::SpreadPoints::fill(&context, layout)?;
     let hull = points.hull.as_ref().ok_or_else(no_surface)?;
     let kept = kept::KeptOn::new(&context, &points, hull, layout)?;
     context.work.set_aside(kept.bytes());
-    let spread = Spread::fill(&context.work, &context.placer, layout)?;
+    let spread = MeshSpread::fill(&context.work, &context.placer, layout)?;
     let (tally, again) = parts::check(&context, &points, hull, &spread, &kept)?;
     let mut report = report::report(&context, &points, hull, &spread, &kept, &tally)?;
     let spilled = points.bytes() + spread.bytes() + again;

@@ -6,20 +6,20 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::context::Context;
+use super::context::CloudProofContext;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
-use crate::spread::{MOST_TRIANGLES, Spread};
+use crate::spread::{MOST_TRIANGLES, MeshSpread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_proof::cloud::{self, Hull, Part, Track, position};
-use terrane_proof::{Domain, Layout, Position, Tally, Triangle};
+use terrane_proof::cloud::{self, CloudProofPart, ProofHull, Track, position};
+use terrane_proof::{Domain, DomainLayout, ProofPosition, ProofTally, ProofTriangle};
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
-pub(super) fn layout(context: &Context<'_>) -> Result<Layout> {
+pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
     let [low, high] = context.bounds;
     let side = |low: i32, high: i32| high.abs_diff(low).saturating_add(1);
     let grid = [side(low.x, high.x), side(low.y, high.y)];
@@ -30,7 +30,7 @@ pub(super) fn layout(context: &Context<'_>) -> Result<Layout> {
 }
 
 /// How many domains are wanted.
-fn wanted(context: &Context<'_>) -> u64 {
+fn wanted(context: &CloudProofContext<'_>) -> u64 {
     let (work, mesh) = (&context.work, context.work.mesh.info());
     let points = context.source.info().count.max(1);
     let triangles = mesh.triangles.saturating_mul(3) / 2;
@@ -45,33 +45,34 @@ fn wanted(context: &Context<'_>) -> u64 {
 
 /// Checks every domain. Returns the bytes that were spread again, too.
 pub(super) fn check(
-    context: &Context<'_>,
+    context: &CloudProofContext<'_>,
     points: &SpreadPoints,
-    hull: &Hull,
-    spread: &Spread,
+    hull: &ProofHull,
+    spread: &MeshSpread,
     kept: &KeptOn,
-) -> Result<(Tally, u64)> {
+) -> Result<(ProofTally, u64)> {
     let (work, layout) = (&context.work, spread.layout);
-    let all = Mutex::new(Tally::default());
-    let checker = Checker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
+    let all = Mutex::new(ProofTally::default());
+    let checker =
+        CloudDomainChecker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
     let piles = Piles {
         points: &points.points,
         triangles: &spread.triangles,
         positions: spread.positions.as_ref(),
     };
     work.progress.begin("prove", points.census.kept);
-    let judge = |tally: &mut Tally, index| {
+    let judge = |tally: &mut ProofTally, index| {
         let (kept, lines) = kept.of(index);
         let held = (&kept[..], &lines[..]);
         checker.check(&piles, held, index as usize, layout.domain(index), tally)?;
         work.progress.advance(piles.points.len(index as usize));
         Ok(())
     };
-    let finish = |tally: Tally| {
+    let finish = |tally: ProofTally| {
         lock(&all).merge(&tally);
         Ok(())
     };
-    workers::run(work.threads, layout.len(), &work.cancel, Tally::default, judge, finish)?;
+    workers::run(work.threads, layout.len(), &work.cancel, ProofTally::default, judge, finish)?;
     work.progress.end();
     let tally = lock(&all).clone();
     Ok((tally, checker.spilled.into_inner()))
@@ -81,8 +82,8 @@ pub(super) fn check(
 #[derive(Clone, Copy)]
 struct Piles<'a> {
     points: &'a Buckets<Point>,
-    triangles: &'a Buckets<Triangle>,
-    positions: Option<&'a Buckets<Position>>,
+    triangles: &'a Buckets<ProofTriangle>,
+    positions: Option<&'a Buckets<ProofPosition>>,
 }
 
 impl Piles<'_> {
@@ -93,23 +94,23 @@ impl Piles<'_> {
     }
 }
 
-struct Checker<'a> {
-    context: &'a Context<'a>,
-    hull: &'a Hull,
+struct CloudDomainChecker<'a> {
+    context: &'a CloudProofContext<'a>,
+    hull: &'a ProofHull,
     /// Held while a domain that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
     /// Bytes that were spread again.
     spilled: AtomicU64,
 }
 
-impl Checker<'_> {
+impl CloudDomainChecker<'_> {
     fn check(
         &self,
         piles: &Piles<'_>,
         held: (&[Point], &[Track]),
         number: usize,
         domain: Domain,
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
         work.cancel.check()?;
@@ -136,14 +137,14 @@ impl Checker<'_> {
         held: (&[Point], &[Track]),
         number: usize,
         pieces: &[Domain],
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
         let is_there = |piece: &Domain, &point: &Point| piece.owns(position(point));
         let points = respread(work, piles.points, number, pieces, is_there)?;
         let triangles = respread(work, piles.triangles, number, pieces, Domain::may_touch)?;
         let positions = piles.positions.map(|positions| {
-            respread(work, positions, number, pieces, |piece, &at: &Position| piece.owns(at))
+            respread(work, positions, number, pieces, |piece, &at: &ProofPosition| piece.owns(at))
         });
         let positions = positions.transpose()?;
         let positions = positions.as_ref();
@@ -165,14 +166,14 @@ impl Checker<'_> {
         held: (&[Point], &[Track]),
         number: usize,
         domain: Domain,
-        tally: &mut Tally,
+        tally: &mut ProofTally,
     ) -> Result<()> {
         let mut points = load(piles.points, number)?;
         points.sort_unstable_by_key(cloud::order);
         let triangles = load(piles.triangles, number)?;
         let mut vertices = piles.positions.map(|positions| load(positions, number)).transpose()?;
         vertices.iter_mut().for_each(|vertices| vertices.sort_unstable());
-        let part = Part {
+        let part = CloudProofPart {
             domain,
             points: &points,
             triangles: &triangles,
@@ -188,7 +189,7 @@ impl Checker<'_> {
 
     fn too_crowded(&self, domain: Domain, points: u64, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
-        let at = Position::sample(i64::from(col), i64::from(row));
+        let at = ProofPosition::sample(i64::from(col), i64::from(row));
         let [x, y] = self.context.placer.world(at);
         let what = format!("{points} points and {triangles} triangles share a place");
         self.context.work.short(&what, need).at(format!("x {x}, y {y}"))

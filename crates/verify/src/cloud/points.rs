@@ -2,40 +2,41 @@
 
 use std::sync::Mutex;
 
-use super::context::Context;
+use super::context::CloudProofContext;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 use terrane_engine::{FileAt, workers};
-use terrane_files::{Buckets, Writer, lock};
-use terrane_proof::Layout;
-use terrane_proof::cloud::{Hull, Wrap, position};
+use terrane_files::{BucketWriter, Buckets, lock};
+use terrane_proof::DomainLayout;
+use terrane_proof::cloud::{ProofHull, Wrap, position};
 
 /// All points, by the domain that owns them, and what is known of them together.
 pub(super) struct SpreadPoints {
     /// Points with x and y counted from the lowest.
     pub(super) points: Buckets<Point>,
-    pub(super) census: Census,
+    pub(super) census: PointCensus,
     /// `None` when the points have no surface.
-    pub(super) hull: Option<Hull>,
+    pub(super) hull: Option<ProofHull>,
 }
 
 /// What one thread found.
 #[derive(Default)]
-struct Found {
-    census: Census,
+struct CloudPointFindings {
+    census: PointCensus,
     wrap: Wrap,
 }
 
 impl SpreadPoints {
     /// Reads the cloud once.
-    pub(super) fn fill(context: &Context<'_>, layout: Layout) -> Result<Self> {
+    pub(super) fn fill(context: &CloudProofContext<'_>, layout: DomainLayout) -> Result<Self> {
         let (work, source) = (&context.work, context.source);
         let points = work.buckets(layout, work.memory / 2);
-        let all = Mutex::new(Found::default());
+        let all = Mutex::new(CloudPointFindings::default());
         work.progress.begin("points", source.info().count);
-        let start = || (Found::default(), points.writer());
-        let read = |(found, writer): &mut (Found, Writer<'_, Point>), part: u64| {
+        let start = || (CloudPointFindings::default(), points.writer());
+        let read = |(found, writer): &mut (CloudPointFindings, BucketWriter<'_, Point>),
+                    part: u64| {
             FileAt::tell(work.progress, source, part as usize);
             let census = source.read(part as usize, &mut |batch| {
                 batch.iter().try_for_each(|&point| {
@@ -48,7 +49,7 @@ impl SpreadPoints {
             work.progress.advance(census.read);
             Ok(())
         };
-        let finish = |(found, writer): (Found, Writer<'_, Point>)| {
+        let finish = |(found, writer): (CloudPointFindings, BucketWriter<'_, Point>)| {
             let mut all = lock(&all);
             all.census.add(&found.census);
             all.wrap.merge(found.wrap);
@@ -58,7 +59,7 @@ impl SpreadPoints {
         workers::run(work.threads, parts, &work.cancel, start, read, finish)?;
         points.settle()?;
         work.progress.end();
-        let Found { census, wrap } = std::mem::take(&mut *lock(&all));
+        let CloudPointFindings { census, wrap } = std::mem::take(&mut *lock(&all));
         Ok(Self { points, census, hull: wrap.finish() })
     }
 

@@ -2,26 +2,26 @@
 
 use serde::Serialize;
 
-use super::context::Context;
+use super::context::CloudProofContext;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
-use crate::found::{FaultReport, Findings, MeshReport, Original, area, is_zero};
-use crate::spread::Spread;
+use crate::found::{FaultReport, MeshFindings, MeshReport, Original, area, is_zero};
+use crate::spread::MeshSpread;
 use terrane_base::error::Result;
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::kept::KeptReport;
-use terrane_proof::cloud::Hull;
-use terrane_proof::{Fault, Position, Tally};
+use terrane_proof::cloud::ProofHull;
+use terrane_proof::{FaultCount, ProofPosition, ProofTally};
 
 /// Result of [`prove_cloud`](super::prove_cloud): areas are in the horizontal unit squared, angles in
 /// steps of the cloud's frame, places are world x and y, and the first place of a fault is the
 /// southernmost, of these the westernmost.
-pub type CloudVerifyReport = MeshReport<OfCloud>;
+pub type CloudVerifyReport = MeshReport<CloudProofFindings>;
 
 /// What is found of a cloud.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct OfCloud {
+pub struct CloudProofFindings {
     /// Cloud.
     pub cloud: String,
     /// Coordinate reference system of the cloud.
@@ -31,7 +31,7 @@ pub struct OfCloud {
     /// Unit of heights.
     pub vertical_unit: String,
     /// What became of the points read.
-    pub points: Census,
+    pub points: PointCensus,
     /// Points that are the lowest at their position: the promise is about these.
     pub judged_points: u64,
     /// Points above another one at the same position: they bind nothing.
@@ -80,7 +80,7 @@ pub struct OfCloud {
     pub points_per_second: f64,
 }
 
-impl Original for OfCloud {
+impl Original for CloudProofFindings {
     type Place = [f64; 2];
     const POINTS: &'static str = "points";
     const WHOLE: &'static str = "hull";
@@ -114,18 +114,18 @@ impl Original for OfCloud {
 
 /// The findings, judged; without names of files and figures of the run.
 pub(super) fn report(
-    context: &Context<'_>,
+    context: &CloudProofContext<'_>,
     points: &SpreadPoints,
-    hull: &Hull,
-    spread: &Spread,
+    hull: &ProofHull,
+    spread: &MeshSpread,
     kept: &KeptOn,
-    tally: &Tally,
+    tally: &ProofTally,
 ) -> Result<CloudVerifyReport> {
     let cloud = context.source.info();
-    let place = |at: Position| context.placer.world(at);
-    let fault = |fault: &Fault| FaultReport::of(fault, place);
+    let place = |at: ProofPosition| context.placer.world(at);
+    let fault = |fault: &FaultCount| FaultReport::of(fault, place);
     let [width, height, step] = cloud.frame.scale;
-    let of = OfCloud {
+    let of = CloudProofFindings {
         crs: cloud.crs.label(),
         horizontal_unit: cloud.crs.horizontal_units().to_owned(),
         vertical_unit: cloud.crs.heights_unit().unwrap_or("units").to_owned(),
@@ -154,9 +154,9 @@ pub(super) fn report(
             .followed(|line| kept.is_outside(line), tally.not_followed.count)?,
         on_breaklines: tally.on_lines,
         not_followed: fault(&tally.not_followed),
-        ..OfCloud::default()
+        ..CloudProofFindings::default()
     };
-    let found = Findings {
+    let found = MeshFindings {
         mesh: context.work.mesh.info(),
         stated: &context.stated,
         is_delaunay: context.is_delaunay,

@@ -9,15 +9,16 @@ use std::path::Path;
 
 use super::*;
 use few::Few;
-use terrane_base::geom::{Frame, Point, Point3};
-use terrane_cloud::OpenOptions;
+use terrane_base::geom::{Point, Point3, PointFrame};
+use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Silent;
 use terrane_engine::figures::Figures;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_lidar::cloud_tin::{self, CloudTinJob};
 use terrane_mesh::{self as mesh, MeshInfo};
 
-const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };
+const FRAME: PointFrame =
+    PointFrame { scale: [0.01, 0.01, 0.01], offset: [500_000.0, 4_750_000.0, 0.0] };
 /// Steps of height allowed.
 const STEPS: i32 = 7;
 
@@ -51,12 +52,12 @@ fn resources(threads: usize, memory: u64, folder: &Path) -> Resources {
 
 /// Writes the mesh of a cloud and opens it.
 fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshSource> {
-    made_with(Features::default(), cloud, tolerance, folder, name)
+    made_with(ConstraintFeatures::default(), cloud, tolerance, folder, name)
 }
 
 /// The same, with what it has to keep.
 fn made_with(
-    features: Features,
+    features: ConstraintFeatures,
     cloud: &Few,
     tolerance: f64,
     folder: &Path,
@@ -64,7 +65,7 @@ fn made_with(
 ) -> Box<dyn MeshSource> {
     let job = CloudTinJob {
         inputs: "few".into(),
-        options: OpenOptions::default(),
+        options: CloudOpenOptions::default(),
         output: folder.join(name),
         format: None,
         overwrite: true,
@@ -76,17 +77,17 @@ fn made_with(
         resources: resources(2, 1 << 30, folder),
     };
     let format = mesh::by_path(&job.output, None).unwrap();
-    let at = At { progress: &Silent, cancel: &Cancel::default() };
+    let at = Observer { progress: &Silent, cancel: &Cancel::default() };
     cloud_tin::make(&job, cloud, (features, format), 1 << 17, at).unwrap();
     mesh::open(&job.output).unwrap()
 }
 
 fn proved(mesh: &dyn MeshSource, cloud: &Few, resources: &Resources) -> CloudVerifyReport {
-    proved_with(Features::default(), mesh, cloud, resources)
+    proved_with(ConstraintFeatures::default(), mesh, cloud, resources)
 }
 
 fn proved_with(
-    features: Features,
+    features: ConstraintFeatures,
     mesh: &dyn MeshSource,
     cloud: &Few,
     resources: &Resources,
@@ -96,7 +97,7 @@ fn proved_with(
     let report = prove_cloud(mesh, cloud, asked, resources, &Silent, &Cancel::default()).unwrap();
     // What may differ from run to run, leave out.
     CloudVerifyReport {
-        of: OfCloud { points_per_second: 0.0, ..report.of },
+        of: CloudProofFindings { points_per_second: 0.0, ..report.of },
         run: Figures::default(),
         ..report
     }
@@ -206,7 +207,7 @@ fn little_memory_spreads_crowds_again() {
         let report = prove_cloud(
             &*mesh,
             &cloud,
-            (None, Features::default()),
+            (None, ConstraintFeatures::default()),
             &resources,
             &Silent,
             &Cancel::default(),
@@ -290,8 +291,15 @@ fn what_cannot_be_proved_is_an_error() {
     let resources = resources(1, 1 << 20, folder.path());
     let prove = |mesh: &Memory, cloud: &Few, tolerance| {
         let cancel = Cancel::default();
-        prove_cloud(mesh, cloud, (tolerance, Features::default()), &resources, &Silent, &cancel)
-            .unwrap_err()
+        prove_cloud(
+            mesh,
+            cloud,
+            (tolerance, ConstraintFeatures::default()),
+            &resources,
+            &Silent,
+            &cancel,
+        )
+        .unwrap_err()
     };
     assert_eq!(prove(&mesh, &cloud, Some(-1.0)).kind(), ErrorKind::Usage);
     let line = few((0..9).map(|i| Point::new(i, 2 * i, 3)).collect());

@@ -3,7 +3,10 @@
 
 use std::collections::HashMap;
 
-use terrane_vector::{Feature, FeatureSource, Field, Holds, Id, Kind, Value, Values};
+use terrane_vector::{
+    Feature, FeatureSource, FieldDefinition, GeometryType, Id, PropertySupport, PropertyValue,
+    VectorCapabilities,
+};
 
 /// Name of the property that an id becomes in formats that have no other place for it.
 const ID: &str = "id";
@@ -18,10 +21,10 @@ const NUMBER: &str = "FID";
 const NAME_BYTES: usize = 10;
 
 /// What the features of a file can hold of those of the original.
-pub(super) struct Rules {
-    holds: Holds,
+pub(super) struct AttributeRules {
+    holds: VectorCapabilities,
     /// The columns of the file, in formats that have some.
-    columns: Vec<Field>,
+    columns: Vec<FieldDefinition>,
     /// Names of properties that are cut in the file, by those of the original.
     cut: HashMap<String, String>,
     /// True where ids have a place of their own: cells are all alike.
@@ -41,13 +44,13 @@ pub(super) struct Lost {
 
 /// Properties and id of a feature, by names as the file has them, without those that are null where
 /// the format knows no difference.
-pub(super) type Facts = Vec<(String, Value)>;
+pub(super) type Facts = Vec<(String, PropertyValue)>;
 
-impl Rules {
+impl AttributeRules {
     /// Those of a file of lines of a format.
-    pub(super) fn new(holds: Holds, lines: &dyn FeatureSource) -> Self {
+    pub(super) fn new(holds: VectorCapabilities, lines: &dyn FeatureSource) -> Self {
         let columns = lines.layer().schema.clone().unwrap_or_default();
-        let has_ids = holds.ids && holds.values != Values::Cells;
+        let has_ids = holds.ids && holds.values != PropertySupport::Cells;
         Self { holds, columns, cut: HashMap::new(), has_ids, lost: Lost::default() }
     }
 
@@ -65,14 +68,14 @@ impl Rules {
         let has_name = feature.properties.get(ID).is_some();
         let mut facts: Facts = Vec::new();
         let known = match self.holds.values {
-            Values::None => {
+            PropertySupport::None => {
                 self.lost.properties += u64::from(!feature.properties.0.is_empty());
                 self.lost.ids += u64::from(id.is_some());
                 return facts;
             }
-            Values::Named([points, lines]) => {
+            PropertySupport::Named([points, lines]) => {
                 self.lost.ids += u64::from(id.is_some());
-                Some(if feature.geometry.kind() == Kind::Point { points } else { lines })
+                Some(if feature.geometry.kind() == GeometryType::Point { points } else { lines })
             }
             _ if self.has_ids => {
                 facts.extend(id.map(|id| (OWN_ID.to_owned(), id)));
@@ -88,7 +91,7 @@ impl Rules {
         for (name, value) in feature.properties.iter() {
             match known.is_none_or(|known| known.contains(&&**name)) {
                 true => facts.push((self.name(name), value.clone())),
-                false => has_lost |= *value != Value::Null,
+                false => has_lost |= *value != PropertyValue::Null,
             }
         }
         self.lost.properties += u64::from(has_lost);
@@ -104,11 +107,11 @@ impl Rules {
     }
 
     fn without_nulls(&self, mut facts: Facts) -> Facts {
-        let has_nulls = self.holds.values == Values::Typed;
-        let has_empty = has_nulls || self.holds.values == Values::Columns;
-        let is_there = |value: &Value| match value {
-            Value::Null => has_nulls,
-            Value::Text(text) => has_empty || !text.trim().is_empty(),
+        let has_nulls = self.holds.values == PropertySupport::Typed;
+        let has_empty = has_nulls || self.holds.values == PropertySupport::Columns;
+        let is_there = |value: &PropertyValue| match value {
+            PropertyValue::Null => has_nulls,
+            PropertyValue::Text(text) => has_empty || !text.trim().is_empty(),
             _ => true,
         };
         facts.retain(|(_, value)| is_there(value));
@@ -117,15 +120,16 @@ impl Rules {
 
     /// The name of a property in the file: dBASE tables cut it, and number what is the same then.
     fn name(&mut self, name: &str) -> String {
-        if self.holds.values != Values::Dbase {
+        if self.holds.values != PropertySupport::Dbase {
             return name.trim().to_owned();
         }
         if let Some(known) = self.cut.get(name) {
             return known.clone();
         }
-        let is_free = |field: &&Field| self.cut.values().all(|used| **used != *field.name);
-        let is_it = |field: &&Field| field.name.eq_ignore_ascii_case(name);
-        let is_cut = |field: &&Field| {
+        let is_free =
+            |field: &&FieldDefinition| self.cut.values().all(|used| **used != *field.name);
+        let is_it = |field: &&FieldDefinition| field.name.eq_ignore_ascii_case(name);
+        let is_cut = |field: &&FieldDefinition| {
             let stem = field.name.trim_end_matches(|c: char| c.is_ascii_digit());
             let stem = stem.strip_suffix('_').filter(|_| stem.len() < field.name.len());
             let is_start =
@@ -144,7 +148,7 @@ impl Rules {
         let is_known = |of: &str| expected.iter().any(|(known, _)| known == of);
         let moved = found.iter().find(|(name, _)| {
             let is_it = name.trim_end_matches('_') == ORIGINAL_ID && !is_known(name);
-            is_it && self.holds.values == Values::Cells
+            is_it && self.holds.values == PropertySupport::Cells
         });
         for (name, value) in expected {
             let is_it = |of: &str| found.iter().find(|(other, _)| other == of);
@@ -160,12 +164,12 @@ impl Rules {
                 }
             }
         }
-        let is_new = |(name, _): &&(String, Value)| {
+        let is_new = |(name, _): &&(String, PropertyValue)| {
             let is_number = match self.holds.values {
-                Values::Cells => {
+                PropertySupport::Cells => {
                     name == ID || moved.is_some_and(|(own, _)| own == name && is_known(ID))
                 }
-                Values::Dbase => name == NUMBER && expected.is_empty(),
+                PropertySupport::Dbase => name == NUMBER && expected.is_empty(),
                 _ => false,
             };
             !is_number && !is_known(name) && !counterpart(name).is_some_and(is_known)
@@ -173,16 +177,18 @@ impl Rules {
         found.iter().find(is_new).map(|(name, _)| format!("{name} is new"))
     }
 
-    fn compare(&self, name: &str, value: &Value, own: &Value) -> Same {
+    fn compare(&self, name: &str, value: &PropertyValue, own: &PropertyValue) -> Same {
         let yes = |is_same: bool| if is_same { Same::Yes } else { Same::No };
         match (number(value), number(own)) {
             (Some(a), Some(b)) if a == b => return yes(is_whole_same(value, own)),
             (Some(a), Some(b)) => return self.compare_rounded(name, a, b),
             _ => {}
         }
-        let is_typed = self.holds.values == Values::Typed;
-        if is_typed || matches!((value, own), (Value::Bool(_), Value::Bool(_))) {
-            let is_text = |v: &Value| !matches!(v, Value::Bool(_) | Value::Null | Value::Json(_));
+        let is_typed = self.holds.values == PropertySupport::Typed;
+        if is_typed || matches!((value, own), (PropertyValue::Bool(_), PropertyValue::Bool(_))) {
+            let is_text = |v: &PropertyValue| {
+                !matches!(v, PropertyValue::Bool(_) | PropertyValue::Null | PropertyValue::Json(_))
+            };
             let has_number = number(value).is_some() || number(own).is_some();
             let both = is_text(value) && is_text(own) && !has_number;
             return yes(if both { text(value) == text(own) } else { value == own });
@@ -190,7 +196,7 @@ impl Rules {
         let (a, b) = (self.line(value), self.line(own));
         let (had, has) = (a.parse::<f64>(), b.parse::<f64>());
         let is_number = match self.holds.values {
-            Values::Cells => true,
+            PropertySupport::Cells => true,
             _ => number(value).is_some() && number(own).is_none(),
         };
         yes(a == b || (is_number && had.is_ok_and(|a| has.is_ok_and(|b| a == b))))
@@ -200,7 +206,8 @@ impl Rules {
     /// fractions whole numbers have 53 bits.
     fn compare_rounded(&self, name: &str, value: f64, own: f64) -> Same {
         let column = self.columns.iter().find(|field| *field.name == *name);
-        let digits = column.filter(|_| self.holds.values == Values::Dbase).and_then(|c| c.decimals);
+        let digits =
+            column.filter(|_| self.holds.values == PropertySupport::Dbase).and_then(|c| c.decimals);
         let Some(digits) = digits else { return Same::No };
         let half = 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(i32::MAX));
         let is_near = (value - own).abs() <= half * (1.0 + 1e-9);
@@ -208,12 +215,14 @@ impl Rules {
     }
 
     /// The text of a value as the format holds it.
-    fn line(&self, value: &Value) -> String {
+    fn line(&self, value: &PropertyValue) -> String {
         let text = text(value);
         match self.holds.values {
-            Values::Dbase => text.trim_end_matches([' ', '\0']).to_owned(),
-            Values::Cells => text.trim().to_owned(),
-            Values::Named(_) => text.replace(|c: char| c.is_control(), " ").trim().to_owned(),
+            PropertySupport::Dbase => text.trim_end_matches([' ', '\0']).to_owned(),
+            PropertySupport::Cells => text.trim().to_owned(),
+            PropertySupport::Named(_) => {
+                text.replace(|c: char| c.is_control(), " ").trim().to_owned()
+            }
             _ => text,
         }
     }
@@ -237,7 +246,7 @@ enum Same {
 
 /// A text by which features with the same facts are found; those that differ may share it.
 pub(super) fn stamp(facts: &Facts) -> String {
-    let of = |(name, value): &(String, Value)| {
+    let of = |(name, value): &(String, PropertyValue)| {
         let text = text(value);
         let text = text.trim();
         match text.parse::<f64>() {
@@ -250,68 +259,69 @@ pub(super) fn stamp(facts: &Facts) -> String {
     all.join("\n")
 }
 
-fn value_of(id: &Id) -> Value {
+fn value_of(id: &Id) -> PropertyValue {
     match id {
-        Id::Int(id) => Value::Int(*id),
-        Id::Real(id) => Value::Real(*id),
-        Id::Text(id) => Value::Text(id.clone()),
+        Id::Int(id) => PropertyValue::Int(*id),
+        Id::Real(id) => PropertyValue::Real(*id),
+        Id::Text(id) => PropertyValue::Text(id.clone()),
     }
 }
 
-fn number(value: &Value) -> Option<f64> {
+fn number(value: &PropertyValue) -> Option<f64> {
     match value {
-        Value::Int(value) => Some(*value as f64),
-        Value::Real(value) => Some(*value),
+        PropertyValue::Int(value) => Some(*value as f64),
+        PropertyValue::Real(value) => Some(*value),
         _ => None,
     }
 }
 
 /// Whole numbers are the same to the last digit.
-fn is_whole_same(value: &Value, own: &Value) -> bool {
+fn is_whole_same(value: &PropertyValue, own: &PropertyValue) -> bool {
     match (value, own) {
-        (Value::Int(a), Value::Int(b)) => a == b,
+        (PropertyValue::Int(a), PropertyValue::Int(b)) => a == b,
         _ => true,
     }
 }
 
-fn text(value: &Value) -> String {
+fn text(value: &PropertyValue) -> String {
     match value {
-        Value::Null => String::new(),
-        Value::Bool(value) => value.to_string(),
-        Value::Int(value) => value.to_string(),
-        Value::Real(value) => value.to_string(),
-        Value::Text(text) | Value::Date(text) | Value::DateTime(text) | Value::Json(text) => {
-            text.clone()
-        }
+        PropertyValue::Null => String::new(),
+        PropertyValue::Bool(value) => value.to_string(),
+        PropertyValue::Int(value) => value.to_string(),
+        PropertyValue::Real(value) => value.to_string(),
+        PropertyValue::Text(text)
+        | PropertyValue::Date(text)
+        | PropertyValue::DateTime(text)
+        | PropertyValue::Json(text) => text.clone(),
     }
 }
 
 /// A value beside the one that it should be: with their types where these differ.
-fn told_apart(own: &Value, value: &Value) -> String {
+fn told_apart(own: &PropertyValue, value: &PropertyValue) -> String {
     let is_alike = kind(own) == kind(value);
-    let told = |value: &Value| match value {
+    let told = |value: &PropertyValue| match value {
         _ if is_alike => shown(value),
-        Value::Null => shown(value),
+        PropertyValue::Null => shown(value),
         _ => format!("the {} {}", kind(value), shown(value)),
     };
     format!("{}, not {}", told(own), told(value))
 }
 
 /// The type of a value, for messages.
-fn kind(value: &Value) -> &'static str {
+fn kind(value: &PropertyValue) -> &'static str {
     match value {
-        Value::Null => "null",
-        Value::Bool(_) => "boolean",
-        Value::Int(_) | Value::Real(_) => "number",
-        Value::Text(_) => "text",
-        Value::Date(_) => "date",
-        Value::DateTime(_) => "time",
-        Value::Json(_) => "JSON",
+        PropertyValue::Null => "null",
+        PropertyValue::Bool(_) => "boolean",
+        PropertyValue::Int(_) | PropertyValue::Real(_) => "number",
+        PropertyValue::Text(_) => "text",
+        PropertyValue::Date(_) => "date",
+        PropertyValue::DateTime(_) => "time",
+        PropertyValue::Json(_) => "JSON",
     }
 }
 
 /// A value for messages: texts are in quotes.
-pub(super) fn shown(value: &Value) -> String {
+pub(super) fn shown(value: &PropertyValue) -> String {
     const MOST: usize = 40;
     let text = text(value);
     let (start, rest) = match text.char_indices().nth(MOST) {
@@ -319,8 +329,8 @@ pub(super) fn shown(value: &Value) -> String {
         None => (&*text, ""),
     };
     match value {
-        Value::Null => "null".to_owned(),
-        Value::Text(_) => format!("{start:?}{rest}"),
+        PropertyValue::Null => "null".to_owned(),
+        PropertyValue::Text(_) => format!("{start:?}{rest}"),
         _ => format!("{start}{rest}"),
     }
 }

@@ -4,12 +4,12 @@ use super::attributes::Lost;
 
 /// How often something was found, and where first.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Tally {
+pub(super) struct FeatureTally {
     pub(super) count: u64,
     pub(super) first: Option<String>,
 }
 
-impl Tally {
+impl FeatureTally {
     pub(super) fn add(&mut self, first: impl FnOnce() -> String) {
         self.count += 1;
         self.first.get_or_insert_with(first);
@@ -24,18 +24,18 @@ impl Tally {
 
 /// Findings about features.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Findings {
+pub(super) struct FeatureFindings {
     /// Features of the original.
     pub(super) features: u64,
     /// Features of the original that none was made from, and features that were made from none.
-    pub(super) gone: Tally,
-    pub(super) added: Tally,
+    pub(super) gone: FeatureTally,
+    pub(super) added: FeatureTally,
     /// Features whose properties or id are others.
-    pub(super) attributes: Tally,
+    pub(super) attributes: FeatureTally,
     /// Features whose points are others, in place, number, height or measure.
-    pub(super) points: Tally,
+    pub(super) points: FeatureTally,
     /// Holes that are outer rings now, and the other way round.
-    pub(super) roles: Tally,
+    pub(super) roles: FeatureTally,
     /// Features whose heights, and measures, the format has no place for.
     pub(super) unheld: [u64; 2],
     pub(super) lost: Lost,
@@ -43,7 +43,7 @@ pub(super) struct Findings {
     pub(super) cut: Vec<String>,
 }
 
-impl Findings {
+impl FeatureFindings {
     /// A line for each broken promise.
     pub(super) fn failures(&self) -> Vec<String> {
         let all = [

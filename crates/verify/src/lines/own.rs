@@ -4,18 +4,18 @@
 use std::collections::{HashMap, HashSet};
 
 use super::attributes::{Facts, stamp};
-use terrane_vector::{Feature, Role};
+use terrane_vector::{Feature, PartRole};
 
 /// The vertices of a part.
 pub(super) struct OwnPart {
     pub(super) points: Vec<[f64; 3]>,
     /// Heights and measures, NaN where there is none.
     pub(super) extras: Vec<[f64; 2]>,
-    pub(super) role: Role,
+    pub(super) role: PartRole,
 }
 
 impl OwnPart {
-    fn of(xy: &[[f64; 2]], z: &[f64], m: &[f64], role: Role) -> Self {
+    fn of(xy: &[[f64; 2]], z: &[f64], m: &[f64], role: PartRole) -> Self {
         let there = |values: &[f64], at: usize| values.get(at).copied().unwrap_or(f64::NAN);
         let extras: Vec<[f64; 2]> = (0..xy.len()).map(|i| [there(z, i), there(m, i)]).collect();
         let height = |z: f64| if z.is_finite() { z } else { 0.0 };
@@ -24,12 +24,12 @@ impl OwnPart {
     }
 
     pub(super) fn is_ring(&self) -> bool {
-        self.role != Role::Line
+        self.role != PartRole::Line
     }
 }
 
 /// A feature.
-pub(super) struct Own {
+pub(super) struct ComparedFeature {
     pub(super) parts: Vec<OwnPart>,
     /// Its points, which are no parts.
     pub(super) points: OwnPart,
@@ -38,14 +38,14 @@ pub(super) struct Own {
     pub(super) stamp: String,
 }
 
-impl Own {
+impl ComparedFeature {
     pub(super) fn new(feature: &Feature, facts: Facts) -> Self {
         let parts = feature.geometry.parts();
         let parts = parts.map(|part| OwnPart::of(part.xy, part.z, part.m, part.role)).collect();
-        let mut points = OwnPart::of(&[], &[], &[], Role::Line);
+        let mut points = OwnPart::of(&[], &[], &[], PartRole::Line);
         for leaf in feature.geometry.leaves().filter(|leaf| leaf.kind().is_points()) {
             let own = leaf.coordinates();
-            let own = OwnPart::of(&own.xy, &own.z, &own.m, Role::Line);
+            let own = OwnPart::of(&own.xy, &own.z, &own.m, PartRole::Line);
             points.points.extend(own.points);
             points.extras.extend(own.extras);
         }
@@ -82,7 +82,7 @@ impl Own {
 }
 
 /// What became of each part of a feature.
-pub(super) struct Placed {
+pub(super) struct MatchedParts {
     /// For each part before the one after, if it is still there.
     pub(super) of: Vec<Option<usize>>,
     /// Parts after that were made from none.
@@ -93,7 +93,7 @@ pub(super) struct Placed {
 
 /// The parts of a feature beside those they were made from: each beside one that has its vertices, and
 /// what is left, in order. O(n).
-pub(super) fn beside(before: &Own, after: &Own) -> Placed {
+pub(super) fn beside(before: &ComparedFeature, after: &ComparedFeature) -> MatchedParts {
     let same_points = before.points.points.len() == after.points.points.len()
         && before.points.points.iter().zip(&after.points.points).all(|(p, q)| key(p) == key(q));
     let pairs = || before.parts.iter().zip(&after.parts);
@@ -101,7 +101,7 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
         && pairs().all(|(old, new)| old.is_ring() == new.is_ring() && is_walk(old, new));
     if is_in_order {
         let of = (0..before.parts.len()).map(Some).collect();
-        return Placed { of, added: Vec::new(), fits: same_points };
+        return MatchedParts { of, added: Vec::new(), fits: same_points };
     }
     let (mut of, strangers) = placed_by_vertices(before, after);
     let fits = strangers.is_empty() && same_points;
@@ -118,11 +118,14 @@ pub(super) fn beside(before: &Own, after: &Own) -> Placed {
             None => added.push(at),
         }
     }
-    Placed { of, added, fits }
+    MatchedParts { of, added, fits }
 }
 
 /// For each part before the one after that has its vertices, and those after that have those of none.
-fn placed_by_vertices(before: &Own, after: &Own) -> (Vec<Option<usize>>, Vec<usize>) {
+fn placed_by_vertices(
+    before: &ComparedFeature,
+    after: &ComparedFeature,
+) -> (Vec<Option<usize>>, Vec<usize>) {
     let mut having: HashMap<[u64; 2], Vec<usize>> = HashMap::new();
     for (number, part) in before.parts.iter().enumerate() {
         for point in &part.points {

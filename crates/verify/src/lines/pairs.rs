@@ -3,16 +3,17 @@
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::path::Path;
 
-use super::attributes::{Facts, Rules, shown};
-use super::findings::Findings;
-use super::own::{Own, OwnPart, Placed, beside, key};
+use super::attributes::{AttributeRules, Facts, shown};
+use super::findings::FeatureFindings;
+use super::own::{ComparedFeature, MatchedParts, OwnPart, beside, key};
 use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, short};
 use terrane_engine::{Cancel, Progress};
 use terrane_proof::lines::Vertices;
 use terrane_vector::{
-    self as vector, Feature, FeatureSource, OpenOptions, Role, Values, VectorFormat,
+    self as vector, Feature, FeatureSource, PartRole, PropertySupport, VectorFormat,
+    VectorOpenOptions,
 };
 
 /// Bytes for each vertex of either file where all features have to be held.
@@ -23,26 +24,26 @@ const OWN_VERTEX: u64 = 160;
 const LEAST: u64 = 16 << 20;
 
 /// Features of both files. They come in the same order, or, from formats that sort them, in any.
-pub(super) struct Pairs<'a> {
+pub(super) struct FeaturePairs<'a> {
     job: &'a LineVerifyJob,
     cancel: &'a Cancel,
     format: &'static VectorFormat,
     /// The features of both files, once it is known that they are not in the same order.
-    held: Option<Held>,
+    held: Option<HeldFeatures>,
 }
 
 /// All features, and for each of the original the one made from it.
-struct Held {
-    before: Vec<Own>,
-    after: Vec<Own>,
+struct HeldFeatures {
+    before: Vec<ComparedFeature>,
+    after: Vec<ComparedFeature>,
     partners: Vec<Option<usize>>,
-    findings: Findings,
+    findings: FeatureFindings,
 }
 
 /// How a comparison went.
 pub(super) enum Compared {
     /// Every feature was looked at.
-    All(Box<Findings>),
+    All(Box<FeatureFindings>),
     /// Features are not in the same order: collect them first.
     OutOfOrder,
 }
@@ -50,7 +51,7 @@ pub(super) enum Compared {
 /// Takes a part before and after (without vertices when it is gone), and whether it is a ring.
 pub(super) type Visit<'a> = dyn FnMut(Vertices<'_>, Vertices<'_>, bool) -> Result<()> + 'a;
 
-impl<'a> Pairs<'a> {
+impl<'a> FeaturePairs<'a> {
     pub(super) fn new(job: &'a LineVerifyJob, cancel: &'a Cancel) -> Result<Self> {
         let format = vector::identify(&job.lines)?.ok_or_else(|| {
             Error::bad_input("not a file of features of a known format").in_file(&job.lines)
@@ -65,7 +66,7 @@ impl<'a> Pairs<'a> {
 
     /// Visits all parts in the order of the original.
     pub(super) fn each(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
-        let Some(Held { before, after, partners, findings }) = &self.held else {
+        let Some(HeldFeatures { before, after, partners, findings }) = &self.held else {
             return self.side_by_side(progress, visit);
         };
         let mut findings = findings.clone();
@@ -76,7 +77,7 @@ impl<'a> Pairs<'a> {
                 before.parts.iter().try_for_each(|part| visit_gone(part, visit))?;
                 continue;
             };
-            let pair = Pair { number: number as u64, before, after };
+            let pair = FeaturePair { number: number as u64, before, after };
             self.visit(&pair, &beside(before, after), &mut findings, visit)?;
         }
         Ok(Compared::All(Box::new(findings)))
@@ -85,8 +86,8 @@ impl<'a> Pairs<'a> {
     /// Visits parts while both files are read.
     fn side_by_side(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
         let [mut original, mut lines] = self.open()?;
-        let mut rules = Rules::new(self.format.holds, &*lines);
-        let mut findings = Findings::default();
+        let mut rules = AttributeRules::new(self.format.holds, &*lines);
+        let mut findings = FeatureFindings::default();
         loop {
             self.cancel.check()?;
             progress.advance(1);
@@ -116,7 +117,7 @@ impl<'a> Pairs<'a> {
             if let Some(what) = difference {
                 findings.attributes.add(|| format!("feature {number}: {what}"));
             }
-            let pair = Pair { number, before: &before, after: &after };
+            let pair = FeaturePair { number, before: &before, after: &after };
             self.visit(&pair, &placed, &mut findings, visit)?;
             findings.features += 1;
         }
@@ -125,13 +126,13 @@ impl<'a> Pairs<'a> {
     /// Visits the parts of a feature, and judges what is no part.
     fn visit(
         &self,
-        pair: &Pair<'_>,
-        placed: &Placed,
-        findings: &mut Findings,
+        pair: &FeaturePair<'_>,
+        placed: &MatchedParts,
+        findings: &mut FeatureFindings,
         visit: &mut Visit<'_>,
     ) -> Result<()> {
-        let Pair { number, before, after } = *pair;
-        let extras = Extras::new(self.format, before, after);
+        let FeaturePair { number, before, after } = *pair;
+        let extras = ZmComparison::new(self.format, before, after);
         findings.unheld[0] += u64::from(!extras.held[0]);
         findings.unheld[1] += u64::from(!extras.held[1]);
         if extras.differ(&before.points, &after.points) {
@@ -141,15 +142,15 @@ impl<'a> Pairs<'a> {
         for (part, own) in before.parts.iter().zip(&placed.of) {
             let own = own.map(|own| &after.parts[own]);
             match part.role {
-                Role::Outer if own.is_none() => outer = &part.points,
-                Role::Outer | Role::Line => outer = &[],
-                Role::Hole => {}
+                PartRole::Outer if own.is_none() => outer = &part.points,
+                PartRole::Outer | PartRole::Line => outer = &[],
+                PartRole::Hole => {}
             }
             let old = extras.of(part, true);
             let new = own.map_or_else(Vec::new, |own| extras.of(own, false));
             let points = own.map_or(&[][..], |own| &own.points);
             // Shapefiles tell holes by the way they go round alone.
-            let is_told = self.format.holds.values != Values::Dbase;
+            let is_told = self.format.holds.values != PropertySupport::Dbase;
             if own.is_some_and(|own| own.role != part.role) && is_told {
                 findings.roles.add(|| format!("in feature {number}"));
             }
@@ -165,12 +166,13 @@ impl<'a> Pairs<'a> {
     /// Holds all features and finds out which were made from which.
     pub(super) fn collect(&mut self) -> Result<()> {
         let [mut original, mut lines] = self.open()?;
-        let mut rules = Rules::new(self.format.holds, &*lines);
+        let mut rules = AttributeRules::new(self.format.holds, &*lines);
         let mut held = 0;
         let before = self.all(&mut *original, &mut held, |feature| rules.expected(feature))?;
         let after = self.all(&mut *lines, &mut held, |feature| rules.found(feature))?;
         let Partners { of: partners, made, .. } = Partners::find(&before, &after);
-        let mut findings = Findings { features: before.len() as u64, ..Findings::default() };
+        let mut findings =
+            FeatureFindings { features: before.len() as u64, ..FeatureFindings::default() };
         for (number, (old, partner)) in before.iter().zip(&partners).enumerate() {
             match partner {
                 Some(own) => {
@@ -179,7 +181,7 @@ impl<'a> Pairs<'a> {
                     }
                 }
                 // A file with a line for each vertex holds no feature without one.
-                None if old.is_empty() && self.format.holds.values == Values::Cells => {}
+                None if old.is_empty() && self.format.holds.values == PropertySupport::Cells => {}
                 None => findings.gone.add(|| format!("feature {number}{}", named(old))),
             }
         }
@@ -187,7 +189,7 @@ impl<'a> Pairs<'a> {
             findings.added.add(|| format!("feature {number} of the lines{}", named(own)));
         }
         (findings.lost, findings.cut) = (rules.lost, rules.cut());
-        self.held = Some(Held { before, after, partners, findings });
+        self.held = Some(HeldFeatures { before, after, partners, findings });
         Ok(())
     }
 
@@ -197,7 +199,7 @@ impl<'a> Pairs<'a> {
         source: &mut dyn FeatureSource,
         held: &mut u64,
         mut facts: impl FnMut(&Feature) -> Facts,
-    ) -> Result<Vec<Own>> {
+    ) -> Result<Vec<ComparedFeature>> {
         let mut all = Vec::new();
         while let Some(feature) = source.next()? {
             self.cancel.check()?;
@@ -217,12 +219,17 @@ impl<'a> Pairs<'a> {
     }
 
     fn open(&self) -> Result<[Box<dyn FeatureSource>; 2]> {
-        let options = OpenOptions { layer: self.job.layer.clone() };
+        let options = VectorOpenOptions { layer: self.job.layer.clone() };
         let original = vector::open(&self.job.original, &options)?;
-        Ok([original, vector::open(&self.job.lines, &OpenOptions::default())?])
+        Ok([original, vector::open(&self.job.lines, &VectorOpenOptions::default())?])
     }
 
-    fn own(&self, feature: &Feature, facts: Facts, source: &dyn FeatureSource) -> Result<Own> {
+    fn own(
+        &self,
+        feature: &Feature,
+        facts: Facts,
+        source: &dyn FeatureSource,
+    ) -> Result<ComparedFeature> {
         let needed = PROGRAM + 2 * OWN_VERTEX * feature.geometry.vertices() as u64;
         // Before as much is taken once more.
         if needed > self.job.resources.memory.max(LEAST) {
@@ -231,8 +238,9 @@ impl<'a> Pairs<'a> {
             let error = short(message, needed).in_file(Path::new(&self.job.original));
             return Err(error.at(source.place()));
         }
-        let own = Own::new(feature, facts);
-        let own = if self.format.holds.values == Values::Cells { own.one_row() } else { own };
+        let own = ComparedFeature::new(feature, facts);
+        let own =
+            if self.format.holds.values == PropertySupport::Cells { own.one_row() } else { own };
         // Products of larger ones could not be told exactly.
         if own.vertices().flatten().any(|v| v.abs() >= 1e130) {
             return Err(Error::bad_input("a coordinate is beyond 1e130").at(source.place()));
@@ -250,14 +258,14 @@ impl<'a> Pairs<'a> {
 }
 
 /// A feature before and after.
-struct Pair<'a> {
+struct FeaturePair<'a> {
     number: u64,
-    before: &'a Own,
-    after: &'a Own,
+    before: &'a ComparedFeature,
+    after: &'a ComparedFeature,
 }
 
 /// How heights and measures of a feature are compared.
-struct Extras {
+struct ZmComparison {
     /// False where the original has some and the format no place for them.
     held: [bool; 2],
     /// True where there is none, before or after.
@@ -268,13 +276,13 @@ struct Extras {
     is_coarse: bool,
 }
 
-impl Extras {
-    fn new(format: &VectorFormat, before: &Own, after: &Own) -> Self {
+impl ZmComparison {
+    fn new(format: &VectorFormat, before: &ComparedFeature, after: &ComparedFeature) -> Self {
         let (had, has) = (before.has(), after.has());
         let holds = [format.holds.z, format.holds.m];
         let held = [0, 1].map(|k| holds[k] || !had[k] || has[k] || after.is_empty());
-        let is_zero = format.holds.values == Values::Dbase && has[0] && !had[0];
-        let is_coarse = matches!(format.holds.values, Values::Named(_));
+        let is_zero = format.holds.values == PropertySupport::Dbase && has[0] && !had[0];
+        let is_coarse = matches!(format.holds.values, PropertySupport::Named(_));
         let is_none = [had, has].iter().flatten().all(|has| !has);
         Self { held, is_none, is_zero, is_coarse }
     }
@@ -309,15 +317,15 @@ fn visit_gone(part: &OwnPart, visit: &mut Visit<'_>) -> Result<()> {
 }
 
 /// Something to know a feature by.
-fn named(own: &Own) -> String {
+fn named(own: &ComparedFeature) -> String {
     let first = own.facts.first();
     first.map_or(String::new(), |(name, value)| format!(" ({name} {})", shown(value)))
 }
 
 /// Which features were made from which.
 struct Partners<'a> {
-    before: &'a [Own],
-    after: &'a [Own],
+    before: &'a [ComparedFeature],
+    after: &'a [ComparedFeature],
     /// For each feature before the one made from it, and for each after whether it has been found.
     of: Vec<Option<usize>>,
     made: Vec<bool>,
@@ -326,7 +334,7 @@ struct Partners<'a> {
 impl<'a> Partners<'a> {
     /// First those whose facts and vertices both are its own, then those with its vertices, then those
     /// with its facts; what is empty now is most likely what was empty.
-    fn find(before: &'a [Own], after: &'a [Own]) -> Self {
+    fn find(before: &'a [ComparedFeature], after: &'a [ComparedFeature]) -> Self {
         let (of, made) = (vec![None; before.len()], vec![false; after.len()]);
         let mut found = Self { before, after, of, made };
         let (having, mut stamped) = indices(before);
@@ -406,7 +414,7 @@ type Having = HashMap<[u64; 2], Vec<usize>>;
 /// The features with a stamp, and without a vertex or with some.
 type Stamped<'a> = HashMap<(&'a str, bool), VecDeque<usize>>;
 
-fn indices(features: &[Own]) -> (Having, Stamped<'_>) {
+fn indices(features: &[ComparedFeature]) -> (Having, Stamped<'_>) {
     let (mut having, mut stamped) = (Having::new(), Stamped::new());
     for (number, feature) in features.iter().enumerate() {
         for point in feature.vertices() {

@@ -12,22 +12,22 @@ mod slopes;
 use std::path::Path;
 
 use super::context::check_grid;
-use super::work::{LEAST_MEMORY, Work};
+use super::work::{LEAST_MEMORY, ProofResources};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
-use terrane_engine::ground::Ground;
+use terrane_engine::ground::GroundScale;
 use terrane_engine::input::is_geographic;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_mesh::MeshSource;
-use terrane_proof::quality::Plan;
+use terrane_proof::quality::QualityLattice;
 use terrane_raster::GridSource;
 
-pub use report::{AngleReport, AspectReport, Below, DegreeReport, QualityReport, SlopeReport};
+pub use report::{AngleReport, AngleShare, AspectReport, DegreeReport, QualityReport, SlopeReport};
 
 /// A mesh to be measured.
 #[derive(Clone, Copy)]
-pub struct Measured<'a> {
+pub struct MeasuredMesh<'a> {
     /// Its file.
     pub file: &'a Path,
     /// What is in it.
@@ -38,7 +38,7 @@ pub struct Measured<'a> {
 
 /// A grid whose slopes a mesh is held against.
 #[derive(Clone, Copy)]
-pub struct Against<'a> {
+pub struct SlopeReference<'a> {
     /// Its file, or what it is called.
     pub name: &'a Path,
     /// What is in it.
@@ -52,20 +52,20 @@ pub struct Against<'a> {
 /// A solid, a triangle that refers to a vertex there is not, too little memory, a grid whose coordinates
 /// or heights are no lengths, and everything the sources report.
 pub fn quality(
-    measured: Measured<'_>,
-    against: Option<Against<'_>>,
+    measured: MeasuredMesh<'_>,
+    against: Option<SlopeReference<'_>>,
     resources: &Resources,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<QualityReport> {
-    let Measured { file, mesh, bounds } = measured;
+    let MeasuredMesh { file, mesh, bounds } = measured;
     let in_mesh = |error: Error| match error.kind() {
         ErrorKind::BadInput | ErrorKind::Unsupported => error.in_file(file),
         _ => error,
     };
     refuse_solid(mesh).map_err(in_mesh)?;
-    let against = against.map(|Against { name, grid }| {
-        let ground = check_grid(grid).and_then(|()| Ground::of(grid.info()));
+    let against = against.map(|SlopeReference { name, grid }| {
+        let ground = check_grid(grid).and_then(|()| GroundScale::of(grid.info()));
         ground.map(|ground| (grid, ground)).map_err(|e| e.in_file(name))
     });
     let against = against.transpose()?;
@@ -73,11 +73,11 @@ pub fn quality(
     let memory = resources.memory;
     let room = (memory - cache_beside(memory) as u64).max(memory.min(LEAST_MEMORY));
     let resources = &Resources { memory: room, ..resources.clone() };
-    let work = || Work::new(mesh, None, resources, progress, cancel);
+    let work = || ProofResources::new(mesh, None, resources, progress, cancel);
     let info = mesh.info();
     let has_space = !is_geographic(info);
     // Where there are no vertices, no triangle has corners that could be anywhere.
-    let plan = Plan::new(bounds.unwrap_or_default(), info.origin, info.single_precision);
+    let plan = QualityLattice::new(bounds.unwrap_or_default(), info.origin, info.single_precision);
     let (found, broken) = shapes::look(&work()?, &plan, has_space).map_err(in_mesh)?;
     let mut report = QualityReport::new(&found, broken, plan.cell(), has_space);
     if let Some((grid, ground)) = against {

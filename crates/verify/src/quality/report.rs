@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::report::Place;
-use terrane_proof::Position;
-use terrane_proof::quality::{Angles, Pairs, Quality};
+use crate::report::GridLocation;
+use terrane_proof::ProofPosition;
+use terrane_proof::quality::{Angles, DelaunayCounts, Quality};
 use terrane_proof::slope::Slopes;
 
 /// The quality of a mesh. Vertices are positions in plan, so that those of formats without an identity
@@ -78,14 +78,14 @@ pub struct AngleReport {
     /// What half of them do not exceed.
     pub median: Option<f64>,
     /// Shares of triangles below some angles.
-    pub below: Vec<Below>,
+    pub below: Vec<AngleShare>,
     /// Triangles in steps of 5 degrees from 0 to 60.
     pub histogram: Vec<u64>,
 }
 
 /// A share of the triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Below {
+pub struct AngleShare {
     /// The angle, in degrees.
     pub angle: f64,
     /// How many triangles are below it.
@@ -96,10 +96,8 @@ pub struct Below {
 
 impl AngleReport {
     fn new(found: &Angles) -> Self {
-        let below = Angles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| Below {
-            angle,
-            triangles,
-            share: triangles as f64 / found.count().max(1) as f64,
+        let below = Angles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| {
+            AngleShare { angle, triangles, share: triangles as f64 / found.count().max(1) as f64 }
         });
         Self {
             min: found.least,
@@ -153,7 +151,7 @@ pub struct SlopeReport {
     /// The largest angle.
     pub max: Option<f64>,
     /// Where it is.
-    pub max_at: Option<Place>,
+    pub max_at: Option<GridLocation>,
     /// What was taken for granted.
     pub notes: Vec<String>,
 }
@@ -162,7 +160,7 @@ impl SlopeReport {
     pub(super) fn new(
         found: &Slopes,
         notes: Vec<String>,
-        place: impl Fn(Position) -> Place,
+        place: impl Fn(ProofPosition) -> GridLocation,
     ) -> Self {
         let mean = mean(found.squares.value(), found.cells);
         Self {
@@ -179,7 +177,7 @@ impl SlopeReport {
 impl QualityReport {
     /// What was found, with cells of the lattice so wide in the world.
     pub(super) fn new(found: &Quality, broken: u64, cell: f64, has_space: bool) -> Self {
-        let Pairs { delaunay, cocircular, not_delaunay, folded } = found.pairs;
+        let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = found.pairs;
         let interior_edges = delaunay + cocircular + not_delaunay + folded;
         let delaunay_edges = delaunay + cocircular;
         let length = |cells: Option<f64>| cells.map(|cells| cells * cell);

@@ -2,22 +2,26 @@
 
 use std::sync::Mutex;
 
-use crate::spread::{MOST_TRIANGLES, Reach, Spread};
+use crate::spread::{DomainReach, MOST_TRIANGLES, MeshSpread};
 use crate::squares::{CROWD, MOST, RUN_BYTES, SHARES, divide, load, pieces, respread};
-use crate::work::Work;
+use crate::work::ProofResources;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_proof::quality::{self, Part, Plan, Quality};
-use terrane_proof::{Domain, Position, Triangle};
+use terrane_proof::quality::{self, Quality, QualityLattice, QualityPart};
+use terrane_proof::{Domain, ProofPosition, ProofTriangle};
 
 /// Looks at all squares. Returns the triangles that were left out because of an unusable vertex, too.
-pub(super) fn look(work: &Work<'_>, plan: &Plan, has_space: bool) -> Result<(Quality, u64)> {
+pub(super) fn look(
+    work: &ProofResources<'_>,
+    plan: &QualityLattice,
+    has_space: bool,
+) -> Result<(Quality, u64)> {
     let layout = divide(plan.grid(), wanted(work));
-    let spread = Spread::of_triangles(work, plan, layout, Reach::Corners)?;
+    let spread = MeshSpread::of_triangles(work, plan, layout, DomainReach::Corners)?;
     let all = Mutex::new(Quality::default());
-    let looker = Looker { work, plan, has_space, crowded: Mutex::new(()) };
+    let looker = QualityInspector { work, plan, has_space, crowded: Mutex::new(()) };
     work.progress.begin("squares", layout.len());
     let look = |found: &mut Quality, index: u64| {
         let domain = layout.domain(index);
@@ -37,28 +41,28 @@ pub(super) fn look(work: &Work<'_>, plan: &Plan, has_space: bool) -> Result<(Qua
 
 /// How many squares are wanted: few enough that their index stays small, but so many that one of average
 /// density takes half of a thread's memory.
-fn wanted(work: &Work<'_>) -> u64 {
+fn wanted(work: &ProofResources<'_>) -> u64 {
     let triangles = work.mesh.info().triangles;
     let need = quality::bytes_needed(triangles.saturating_mul(3) / 2);
     let wanted = (triangles / CROWD).max(need / (work.share / 2)).max(SHARES * work.threads as u64);
     // Each time the memory for triangles is full, it leaves a run in every square at worst.
-    let flushes = triangles / (work.memory / 4 / size_of::<Triangle>() as u64).max(1) + 1;
+    let flushes = triangles / (work.memory / 4 / size_of::<ProofTriangle>() as u64).max(1) + 1;
     let indexed = work.share / 8 / RUN_BYTES / flushes;
     wanted.min(indexed).clamp(1, MOST)
 }
 
-struct Looker<'a> {
-    work: &'a Work<'a>,
-    plan: &'a Plan,
+struct QualityInspector<'a> {
+    work: &'a ProofResources<'a>,
+    plan: &'a QualityLattice,
     has_space: bool,
     /// Held while a square that cannot be split takes more than a thread's share.
     crowded: Mutex<()>,
 }
 
-impl Looker<'_> {
+impl QualityInspector<'_> {
     fn look(
         &self,
-        pile: &Buckets<Triangle>,
+        pile: &Buckets<ProofTriangle>,
         number: usize,
         domain: Domain,
         found: &mut Quality,
@@ -84,26 +88,26 @@ impl Looker<'_> {
 
     fn look_at(
         &self,
-        pile: &Buckets<Triangle>,
+        pile: &Buckets<ProofTriangle>,
         number: usize,
         domain: Domain,
         found: &mut Quality,
     ) -> Result<()> {
         let triangles = load(pile, number)?;
         let (plan, has_space) = (self.plan, self.has_space);
-        quality::look(&Part { domain, triangles: &triangles, plan, has_space }, found);
+        quality::look(&QualityPart { domain, triangles: &triangles, plan, has_space }, found);
         Ok(())
     }
 
     fn too_crowded(&self, domain: Domain, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
-        let [x, y] = self.plan.world(Position::sample(i64::from(col), i64::from(row)));
+        let [x, y] = self.plan.world(ProofPosition::sample(i64::from(col), i64::from(row)));
         let what = format!("{triangles} triangles share a place");
         self.work.short(&what, need).at(format!("x {x}, y {y}"))
     }
 }
 
 /// True when the domain owns a corner of the triangle.
-fn has_corner(domain: &Domain, triangle: &Triangle) -> bool {
+fn has_corner(domain: &Domain, triangle: &ProofTriangle) -> bool {
     triangle.positions().into_iter().any(|at| domain.owns(at))
 }

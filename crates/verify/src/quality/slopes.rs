@@ -1,23 +1,28 @@
 //! The slopes of a grid, rectangle by rectangle, and those of the triangles over them.
 
 use super::report::SlopeReport;
-use crate::context::{Asked, Context};
+use crate::context::{GridProofContext, MeshRequirements};
 use crate::parts;
 use crate::report::place;
-use crate::spread::{Reach, Spread};
-use crate::work::Work;
+use crate::spread::{DomainReach, MeshSpread};
+use crate::work::ProofResources;
 use terrane_base::error::Result;
-use terrane_engine::ground::Ground;
+use terrane_engine::ground::GroundScale;
 use terrane_proof::slope::{self, Slopes};
 use terrane_raster::GridSource;
 
 /// Holds all triangles against the grid.
-pub(super) fn look(work: Work<'_>, grid: &dyn GridSource, ground: &Ground) -> Result<SlopeReport> {
-    let context = Context::new(work, grid, Asked::of_samples(None))?;
+pub(super) fn look(
+    work: ProofResources<'_>,
+    grid: &dyn GridSource,
+    ground: &GroundScale,
+) -> Result<SlopeReport> {
+    let context = GridProofContext::new(work, grid, MeshRequirements::of_samples(None))?;
     let layout = parts::divided(&context)?;
-    let spread = Spread::of_triangles(&context.work, &context.snapper, layout, Reach::Touched)?;
+    let spread =
+        MeshSpread::of_triangles(&context.work, &context.snapper, layout, DomainReach::Touched)?;
     let turn = |col: u32, row: u32| ground.turn(f64::from(col) + 0.5, f64::from(row) + 0.5);
-    let judge = |part: &terrane_proof::Part<'_>, slopes: &mut Slopes| {
+    let judge = |part: &terrane_proof::GridProofPart<'_>, slopes: &mut Slopes| {
         slope::look(part, &turn, slopes);
         Ok(())
     };

@@ -4,17 +4,17 @@ use std::sync::{Arc, Mutex};
 
 use serde::Deserialize;
 
-use super::below::Below;
+use super::below::TileDescendants;
 use super::cache::Cache;
-use super::context::{Context, decoded};
+use super::context::{TilesProofContext, decoded};
 use super::folder;
-use super::layer::Range;
+use super::layer::TileRange;
 use terrane_base::error::{Error, Result};
 use terrane_engine::workers;
 use terrane_files::lock;
 use terrane_proof::tiles::{
-    About, Chain, Facets, Fault, Faults, Pixels, Side, Tile, TileId, between, contain, gap,
-    lattice, lowest, structure, tight,
+    About, DecodedTile, Facets, Faults, Pixels, ProofTileId, ProofTileSide, TileSideChain,
+    TilesetFault, between, contain, gap, lattice, lowest, structure, tight,
 };
 
 /// Tiles that a thread takes at a time, along a row.
@@ -22,7 +22,7 @@ const RUN: u64 = 64;
 
 /// What is kept of a tile.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Record {
+pub(super) struct TileRecord {
     /// The error that it records.
     pub(super) error: Option<f64>,
     /// Its lowest and highest vertex.
@@ -41,19 +41,20 @@ pub(super) struct Borders {
     /// Those that differ, or whose gap is too large.
     pub(super) broken: u64,
     /// The largest gap in metres, and the tile that has it, the first of several.
-    pub(super) gap: Option<(f64, TileId)>,
+    pub(super) gap: Option<(f64, ProofTileId)>,
 }
 
 impl Borders {
-    fn add(&mut self, apart: f64, is_broken: bool, at: TileId) {
+    fn add(&mut self, apart: f64, is_broken: bool, at: ProofTileId) {
         self.compared += 1;
         self.broken += u64::from(is_broken);
         self.widen((apart, at));
     }
 
-    fn widen(&mut self, found: (f64, TileId)) {
-        let is_less =
-            |known: &(f64, TileId)| found.0.total_cmp(&known.0).then(known.1.cmp(&found.1)).is_lt();
+    fn widen(&mut self, found: (f64, ProofTileId)) {
+        let is_less = |known: &(f64, ProofTileId)| {
+            found.0.total_cmp(&known.0).then(known.1.cmp(&found.1)).is_lt()
+        };
         self.gap = Some(self.gap.filter(|known| is_less(known)).unwrap_or(found));
     }
 
@@ -69,7 +70,7 @@ impl Borders {
 
 /// What is found of tiles by themselves and beside others.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Found {
+pub(super) struct SingleTileFindings {
     pub(super) faults: Faults,
     /// By level: within it, and to the next coarser one.
     pub(super) borders: Vec<[Borders; 2]>,
@@ -78,20 +79,20 @@ pub(super) struct Found {
     /// Of masks of water.
     pub(super) pixels: Pixels,
     /// Tiles that are not packed, and that are.
-    pub(super) packed: [Tally; 2],
+    pub(super) packed: [TileTally; 2],
     /// The first tile that cannot be read, and why.
-    pub(super) unreadable: Option<(TileId, String)>,
+    pub(super) unreadable: Option<(ProofTileId, String)>,
 }
 
 /// How many tiles there are of a kind, and the first.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Tally {
+pub(super) struct TileTally {
     pub(super) count: u64,
-    pub(super) first: Option<TileId>,
+    pub(super) first: Option<ProofTileId>,
 }
 
-impl Tally {
-    fn add(&mut self, id: TileId) {
+impl TileTally {
+    fn add(&mut self, id: ProofTileId) {
         self.merge(&Self { count: 1, first: Some(id) });
     }
 
@@ -101,7 +102,7 @@ impl Tally {
     }
 }
 
-impl Found {
+impl SingleTileFindings {
     fn new(levels: usize) -> Self {
         let (borders, sizes) = (vec![Default::default(); levels], vec![[0; 2]; levels]);
         Self { borders, sizes, ..Self::default() }
@@ -124,15 +125,17 @@ impl Found {
 }
 
 /// Looks at all tiles. Records are by the number of the tile; there is none of one that cannot be read.
-pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Option<Record>>)> {
+pub(super) fn check(
+    context: &TilesProofContext<'_>,
+) -> Result<(SingleTileFindings, Vec<Option<TileRecord>>)> {
     let all = &context.tiles.all;
     let levels = usize::from(context.layer.finest) + 1;
     let records = Mutex::new(vec![None; all.len()]);
-    let found = Mutex::new(Found::new(levels));
-    let below = Below::of(context.layer, context.tiles);
-    let looker = Looker { context, sides: Cache::new(context.room.memory / 4), below };
+    let found = Mutex::new(SingleTileFindings::new(levels));
+    let below = TileDescendants::of(context.layer, context.tiles);
+    let looker = TileInspector { context, sides: Cache::new(context.room.memory / 4), below };
     context.progress.begin("tiles", all.len() as u64);
-    let work = |found: &mut Found, run: u64| {
+    let work = |found: &mut SingleTileFindings, run: u64| {
         let first = (run * RUN) as usize;
         for (number, &id) in all.iter().enumerate().skip(first).take(RUN as usize) {
             context.cancel.check()?;
@@ -142,12 +145,12 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Option<Record>>
         }
         Ok(())
     };
-    let finish = |mine: Found| {
+    let finish = |mine: SingleTileFindings| {
         lock(&found).merge(&mine);
         Ok(())
     };
     let runs = (all.len() as u64).div_ceil(RUN);
-    let start = || Found::new(levels);
+    let start = || SingleTileFindings::new(levels);
     workers::run(context.room.threads, runs, context.cancel, start, work, finish)?;
     context.progress.end();
     let found = lock(&found).clone();
@@ -156,38 +159,39 @@ pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Option<Record>>
 
 /// The metadata of a tile, as far as it is known.
 #[derive(Default, Deserialize)]
-struct Metadata {
+struct CheckedTileMetadata {
     error: Option<f64>,
-    available: Option<Vec<Vec<Range>>>,
+    available: Option<Vec<Vec<TileRange>>>,
 }
 
-type Sides = [Chain; 4];
+type Sides = [TileSideChain; 4];
 
-struct Looker<'a> {
-    context: &'a Context<'a>,
+struct TileInspector<'a> {
+    context: &'a TilesProofContext<'a>,
     sides: Cache<Sides>,
-    below: Option<Below>,
+    below: Option<TileDescendants>,
 }
 
-impl Looker<'_> {
+impl TileInspector<'_> {
     /// A tile, whether its file is packed, and its metadata.
-    fn read(&self, id: TileId) -> Result<(Tile, bool, Metadata)> {
+    fn read(&self, id: ProofTileId) -> Result<(DecodedTile, bool, CheckedTileMetadata)> {
         let (tile, is_packed) = self.context.read(id)?;
         let metadata = self.metadata(id, &tile)?;
         Ok((tile, is_packed, metadata))
     }
 
-    fn look(&self, id: TileId, found: &mut Found) -> Result<Option<Record>> {
+    fn look(&self, id: ProofTileId, found: &mut SingleTileFindings) -> Result<Option<TileRecord>> {
         let (context, layer) = (self.context, &self.context.layer);
-        let (tile, is_packed, Metadata { error, available }) = match decoded(self.read(id))? {
-            Ok(read) => read,
-            Err(e) => {
-                found.faults.add(Fault::Unreadable, 1, id);
-                let why = Some((id, e.to_string()));
-                found.unreadable = found.unreadable.take().into_iter().chain(why).min();
-                return Ok(None);
-            }
-        };
+        let (tile, is_packed, CheckedTileMetadata { error, available }) =
+            match decoded(self.read(id))? {
+                Ok(read) => read,
+                Err(e) => {
+                    found.faults.add(TilesetFault::Unreadable, 1, id);
+                    let why = Some((id, e.to_string()));
+                    found.unreadable = found.unreadable.take().into_iter().chain(why).min();
+                    return Ok(None);
+                }
+            };
         found.packed[usize::from(is_packed)].add(id);
         let faults = &mut found.faults;
         structure(id, &tile, faults);
@@ -198,27 +202,27 @@ impl Looker<'_> {
             lattice(id, &tile, own.step, faults);
         }
         let lacks = layer.has_normals && tile.normals.is_none();
-        faults.add(Fault::NoNormals, u64::from(lacks), id);
+        faults.add(TilesetFault::NoNormals, u64::from(lacks), id);
         let has_more = [
             (tile.normals.is_some(), layer.has_normals),
             (tile.metadata.is_some(), layer.has_metadata),
             (tile.water.is_some(), layer.has_water),
         ];
         let has_more = has_more.iter().any(|(has, is_named)| *has && !is_named);
-        faults.add(Fault::Unannounced, u64::from(has_more), id);
+        faults.add(TilesetFault::Unannounced, u64::from(has_more), id);
         let lacks = layer.has_metadata && tile.metadata.is_none();
-        faults.add(Fault::NoMetadata, u64::from(lacks), id);
-        faults.add(Fault::NoMask, u64::from(layer.has_water && tile.water.is_none()), id);
+        faults.add(TilesetFault::NoMetadata, u64::from(lacks), id);
+        faults.add(TilesetFault::NoMask, u64::from(layer.has_water && tile.water.is_none()), id);
         if let (Some(shore), Some(mask)) = (&context.shore, &tile.water) {
             let seen = shore.check(id, mask);
-            faults.add(Fault::WrongMask, seen.wrong, id);
+            faults.add(TilesetFault::WrongMask, seen.wrong, id);
             found.pixels.merge(&seen);
         }
         let is_wrong = match &self.below {
             Some(below) => !below.is_right(id, available.as_deref(), context.tiles),
             None => available.is_some() && layer.levels.is_some(),
         };
-        faults.add(Fault::Below, u64::from(is_wrong), id);
+        faults.add(TilesetFault::Below, u64::from(is_wrong), id);
         let sizes = &mut found.sizes[usize::from(id.level)];
         sizes[0] += tile.vertices.len() as u64;
         sizes[1] += tile.triangles.len() as u64;
@@ -228,14 +232,14 @@ impl Looker<'_> {
             [low.min(height), high.max(height)]
         });
         let error = error.or(about.map(|about| about.error));
-        Ok(Some(Record { error, heights, radius }))
+        Ok(Some(TileRecord { error, heights, radius }))
     }
 
     /// Holds a tile to what is said of it; what subtrees say, where they say it. The radius that its sphere needs.
     fn contained(
         &self,
-        id: TileId,
-        tile: &Tile,
+        id: ProofTileId,
+        tile: &DecodedTile,
         positions: &[[f64; 3]],
         faults: &mut Faults,
     ) -> (Option<About>, f64) {
@@ -259,13 +263,13 @@ impl Looker<'_> {
     }
 
     /// The error that a tile records, and what it says there is below it.
-    fn metadata(&self, id: TileId, tile: &Tile) -> Result<Metadata> {
-        let Some(text) = &tile.metadata else { return Ok(Metadata::default()) };
+    fn metadata(&self, id: ProofTileId, tile: &DecodedTile) -> Result<CheckedTileMetadata> {
+        let Some(text) = &tile.metadata else { return Ok(CheckedTileMetadata::default()) };
         let bad = |what: String| {
             let path = folder::path_of(&self.context.layer.folder, id);
             Error::bad_input(what).in_file(&path).at("metadata")
         };
-        let metadata: Metadata =
+        let metadata: CheckedTileMetadata =
             serde_json::from_slice(text).map_err(|e| bad(format!("is not understood: {e}")))?;
         match metadata.error {
             Some(error) if !(0.0..f64::INFINITY).contains(&error) => {
@@ -276,9 +280,9 @@ impl Looker<'_> {
     }
 
     /// Compares sides with those of the tiles to the east and north, and of coarser ones all around.
-    fn compare(&self, id: TileId, own: &Sides, found: &mut Found) -> Result<()> {
+    fn compare(&self, id: ProofTileId, own: &Sides, found: &mut SingleTileFindings) -> Result<()> {
         let level = usize::from(id.level);
-        for side in [Side::East, Side::North] {
+        for side in [ProofTileSide::East, ProofTileSide::North] {
             let Some(beside) = id.beside(side) else { continue };
             let borders = &mut found.borders[level][0];
             let Some(other) = self.sides_of(beside)? else {
@@ -288,14 +292,14 @@ impl Looker<'_> {
             let (mine, other) = (&own[side as usize], &other[side.opposite() as usize]);
             let is_same = mine.is_same(other);
             borders.add(if is_same { 0.0 } else { gap(mine, other) }, !is_same, id);
-            found.faults.add(Fault::Differing, u64::from(!is_same), id);
+            found.faults.add(TilesetFault::Differing, u64::from(!is_same), id);
         }
-        for side in [Side::West, Side::South] {
+        for side in [ProofTileSide::West, ProofTileSide::South] {
             let is_alone =
                 id.beside(side).is_some_and(|at| self.context.tiles.find_one(at).is_none());
             found.borders[level][0].alone += u64::from(is_alone);
         }
-        for side in Side::ALL {
+        for side in ProofTileSide::ALL {
             let Some(coarser) = id.coarser_beside(side) else { continue };
             let borders = &mut found.borders[level][1];
             let Some(other) = self.sides_of(coarser)? else {
@@ -305,25 +309,25 @@ impl Looker<'_> {
             let apart = gap(&own[side as usize], &other[side.opposite() as usize]);
             let is_wide = apart > self.context.allowed_gap(id.level);
             borders.add(apart, is_wide, id);
-            found.faults.add(Fault::Gaps, u64::from(is_wide), id);
+            found.faults.add(TilesetFault::Gaps, u64::from(is_wide), id);
         }
         Ok(())
     }
 
     /// The sides of a tile, if it is there.
-    fn sides_of(&self, id: TileId) -> Result<Option<Arc<Sides>>> {
+    fn sides_of(&self, id: ProofTileId) -> Result<Option<Arc<Sides>>> {
         if self.context.tiles.find_one(id).is_none() {
             return Ok(None);
         }
         let make = || {
             let sides = sides(id, &self.context.read(id)?.0);
-            let bytes = sides.iter().map(Chain::bytes).sum();
+            let bytes = sides.iter().map(TileSideChain::bytes).sum();
             Ok((sides, bytes))
         };
         Ok(decoded(self.sides.get(id, make))?.ok())
     }
 }
 
-fn sides(id: TileId, tile: &Tile) -> Sides {
-    Side::ALL.map(|side| Chain::of(id, tile, side))
+fn sides(id: ProofTileId, tile: &DecodedTile) -> Sides {
+    ProofTileSide::ALL.map(|side| TileSideChain::of(id, tile, side))
 }

@@ -2,20 +2,20 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::folder::Tiles;
-use super::layer::{Layer, Range, tiles_of};
-use terrane_proof::tiles::TileId;
+use super::folder::FolderTiles;
+use super::layer::{TileRange, TilesetPromises, tiles_of};
+use terrane_proof::tiles::ProofTileId;
 
 /// How many tiles there are below those that have to tell.
-pub(super) struct Below {
+pub(super) struct TileDescendants {
     /// Levels from one that tells to the next.
     every: u8,
-    counts: HashMap<TileId, u64>,
+    counts: HashMap<ProofTileId, u64>,
 }
 
-impl Below {
+impl TileDescendants {
     /// Of a set that says its tiles tell; `None` of another.
-    pub(super) fn of(layer: &Layer, tiles: &Tiles) -> Option<Self> {
+    pub(super) fn of(layer: &TilesetPromises, tiles: &FolderTiles) -> Option<Self> {
         let every = layer.told_every?;
         let mut counts = HashMap::new();
         for &id in tiles.all.iter().filter(|id| id.level > 0) {
@@ -28,30 +28,31 @@ impl Below {
     /// Whether a tile lists all that there are below it, each once, down to the next that tells, and nothing else.
     pub(super) fn is_right(
         &self,
-        id: TileId,
-        listed: Option<&[Vec<Range>]>,
-        tiles: &Tiles,
+        id: ProofTileId,
+        listed: Option<&[Vec<TileRange>]>,
+        tiles: &FolderTiles,
     ) -> bool {
         let expected = match id.level.is_multiple_of(self.every) {
             true => self.counts.get(&id).copied().unwrap_or_default(),
             false => 0,
         };
         let ranges = listed.unwrap_or_default();
-        let count = ranges.iter().flatten().map(Range::count).fold(0, u64::saturating_add);
+        let count = ranges.iter().flatten().map(TileRange::count).fold(0, u64::saturating_add);
         // What is counted alike is no more than there is on disk.
         if count != expected || ranges.len() > usize::from(self.every) {
             return false;
         }
         let levels = (id.level + 1..).zip(ranges);
         let found = levels.flat_map(|(level, ranges)| tiles_of(level, ranges));
-        let is_below = |at: &TileId| above(*at, id.level) == id && tiles.find_one(*at).is_some();
-        let found: HashSet<TileId> = found.filter(is_below).collect();
+        let is_below =
+            |at: &ProofTileId| above(*at, id.level) == id && tiles.find_one(*at).is_some();
+        let found: HashSet<ProofTileId> = found.filter(is_below).collect();
         found.len() as u64 == expected
     }
 }
 
 /// The tile of a level that one of it or a finer one lies in.
-fn above(id: TileId, level: u8) -> TileId {
+fn above(id: ProofTileId, level: u8) -> ProofTileId {
     let by = id.level - level;
-    TileId { level, x: id.x >> by, y: id.y >> by }
+    ProofTileId { level, x: id.x >> by, y: id.y >> by }
 }

@@ -5,17 +5,17 @@ use std::sync::{Arc, Mutex};
 
 use terrane_base::error::Result;
 use terrane_files::lock;
-use terrane_proof::tiles::TileId;
+use terrane_proof::tiles::ProofTileId;
 
 /// Things by tile. Those not asked for since the last time that half of the bytes were filled go first.
 pub(super) struct Cache<T> {
     half: usize,
-    kept: Mutex<Kept<T>>,
+    kept: Mutex<CachedTiles<T>>,
 }
 
-struct Kept<T> {
-    young: HashMap<TileId, (Arc<T>, usize)>,
-    old: HashMap<TileId, (Arc<T>, usize)>,
+struct CachedTiles<T> {
+    young: HashMap<ProofTileId, (Arc<T>, usize)>,
+    old: HashMap<ProofTileId, (Arc<T>, usize)>,
     bytes: usize,
 }
 
@@ -23,14 +23,14 @@ impl<T> Cache<T> {
     /// One of about so many bytes.
     pub(super) fn new(bytes: u64) -> Self {
         let half = usize::try_from(bytes / 2).unwrap_or(usize::MAX);
-        let kept = Kept { young: HashMap::new(), old: HashMap::new(), bytes: 0 };
+        let kept = CachedTiles { young: HashMap::new(), old: HashMap::new(), bytes: 0 };
         Self { half, kept: Mutex::new(kept) }
     }
 
     /// What is kept of a tile, or else what `make` makes of it, with its bytes.
     pub(super) fn get(
         &self,
-        id: TileId,
+        id: ProofTileId,
         make: impl FnOnce() -> Result<(T, usize)>,
     ) -> Result<Arc<T>> {
         if let Some(found) = lock(&self.kept).find(id, self.half) {
@@ -44,8 +44,8 @@ impl<T> Cache<T> {
     }
 }
 
-impl<T> Kept<T> {
-    fn find(&mut self, id: TileId, half: usize) -> Option<Arc<T>> {
+impl<T> CachedTiles<T> {
+    fn find(&mut self, id: ProofTileId, half: usize) -> Option<Arc<T>> {
         if let Some((found, _)) = self.young.get(&id) {
             return Some(Arc::clone(found));
         }
@@ -55,7 +55,7 @@ impl<T> Kept<T> {
         Some(shared)
     }
 
-    fn put(&mut self, id: TileId, made: (Arc<T>, usize), half: usize) {
+    fn put(&mut self, id: ProofTileId, made: (Arc<T>, usize), half: usize) {
         if self.bytes + made.1 > half {
             self.old = std::mem::take(&mut self.young);
             self.bytes = 0;
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn what_is_asked_for_stays_and_bytes_are_bounded() {
         let cache = Cache::new(100);
-        let id = |x| TileId { level: 5, y: 0, x };
+        let id = |x| ProofTileId { level: 5, y: 0, x };
         let made = Mutex::new(0);
         let get = |x: u32| {
             let make = || {

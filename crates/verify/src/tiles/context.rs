@@ -1,21 +1,21 @@
 //! The context of both passes over a set of tiles: the set, the raster, and the allowed errors.
 
-use super::folder::{self, Tiles};
-use super::layer::Layer;
-use super::place::Places;
+use super::folder::{self, FolderTiles};
+use super::layer::TilesetPromises;
+use super::place::GlobeRaster;
 use super::room::Divided;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Progress};
-use terrane_proof::tiles::{Shore, Tile, TileId};
+use terrane_proof::tiles::{DecodedTile, ProofTileId, Shore};
 
 /// Metres by which a distance may be larger than what it is held to: rounding.
 pub const ROUNDING: f64 = 1e-6;
 
 /// What both passes need to know.
-pub(super) struct Context<'a> {
-    pub(super) layer: &'a Layer,
-    pub(super) tiles: &'a Tiles,
-    pub(super) places: Places<'a>,
+pub(super) struct TilesProofContext<'a> {
+    pub(super) layer: &'a TilesetPromises,
+    pub(super) tiles: &'a FolderTiles,
+    pub(super) places: GlobeRaster<'a>,
     /// What masks of water are held to.
     pub(super) shore: Option<Shore>,
     /// Metres that heights of steep ground are apart; none where it is not steep.
@@ -25,9 +25,9 @@ pub(super) struct Context<'a> {
     pub(super) room: &'a Divided,
 }
 
-impl Context<'_> {
+impl TilesProofContext<'_> {
     /// A tile, and whether its file is packed.
-    pub(super) fn read(&self, id: TileId) -> Result<(Tile, bool)> {
+    pub(super) fn read(&self, id: ProofTileId) -> Result<(DecodedTile, bool)> {
         let folder = &self.layer.folder;
         let fit = |vertices| self.room.fit(vertices);
         match (self.layer.three(), self.layer.own(id.level)) {

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 
-use super::room::Room;
+use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
-use terrane_proof::tiles::{MOST_LEVEL, Tile, TileId};
+use terrane_proof::tiles::{DecodedTile, MOST_LEVEL, ProofTileId};
 
 /// The name of the file that describes a set.
 pub(super) const NAME: &str = "layer.json";
@@ -26,9 +26,9 @@ const MOST_BYTES: u64 = 64 << 20;
 
 /// The tiles of a folder.
 #[derive(Debug, Default)]
-pub(super) struct Tiles {
+pub(super) struct FolderTiles {
     /// Sorted.
-    pub(super) all: Vec<TileId>,
+    pub(super) all: Vec<ProofTileId>,
     /// Those and the ones that are too many.
     count: usize,
     /// How many there is room for.
@@ -39,14 +39,14 @@ pub(super) struct Tiles {
     pub(super) first_stray: Option<PathBuf>,
 }
 
-impl Tiles {
+impl FolderTiles {
     /// None yet, of as many as there is room for.
-    pub(super) fn within(room: &Room) -> Self {
+    pub(super) fn within(room: &TilesProofRoom) -> Self {
         Self { most: room.tiles(), ..Self::default() }
     }
 
     /// Looks through a folder for tiles, which there has to be room for.
-    pub(super) fn find(folder: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn find(folder: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<Self> {
         let mut found = Self::within(room);
         for level in entries(folder)? {
             let path = level.path();
@@ -73,7 +73,7 @@ impl Tiles {
 
     fn column(&mut self, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
         for row in entries(folder)? {
-            let id = number(&row, ENDING).and_then(|y| TileId::new(level, x, y));
+            let id = number(&row, ENDING).and_then(|y| ProofTileId::new(level, x, y));
             match id.filter(|_| row.path().is_file()) {
                 Some(id) => self.add(id),
                 None => self.stray(row.path()),
@@ -83,7 +83,7 @@ impl Tiles {
     }
 
     /// Of what does not fit all is counted.
-    pub(super) fn add(&mut self, id: TileId) {
+    pub(super) fn add(&mut self, id: ProofTileId) {
         self.count += 1;
         if self.count <= self.most {
             self.all.push(id);
@@ -95,7 +95,7 @@ impl Tiles {
     /// # Errors
     /// More tiles in a folder than there is room for.
     pub(super) fn sorted(mut self, folder: &Path) -> Result<Self> {
-        Room::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
+        TilesProofRoom::check(self.count, self.most).map_err(|e| e.in_file(folder))?;
         self.all.sort_unstable();
         Ok(self)
     }
@@ -106,7 +106,7 @@ impl Tiles {
     }
 
     /// The number of a tile among all.
-    pub(super) fn find_one(&self, id: TileId) -> Option<usize> {
+    pub(super) fn find_one(&self, id: ProofTileId) -> Option<usize> {
         self.all.binary_search(&id).ok()
     }
 
@@ -130,22 +130,22 @@ pub(super) fn number(entry: &DirEntry, ending: &str) -> Option<u32> {
 }
 
 /// Where a tile is.
-pub(super) fn path_of(folder: &Path, id: TileId) -> PathBuf {
+pub(super) fn path_of(folder: &Path, id: ProofTileId) -> PathBuf {
     folder.join(format!("{id}{ENDING}"))
 }
 
 /// Reads a tile of so many vertices as `fit`.
 ///
 /// # Errors
-/// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`Tile::read`] finds.
+/// Files that cannot be read, are too large, are no gzip or have bytes after it, and whatever [`DecodedTile::read`] finds.
 pub(super) fn read(
     folder: &Path,
-    id: TileId,
+    id: ProofTileId,
     fit: impl FnOnce(usize) -> Result<()>,
-) -> Result<(Tile, bool)> {
+) -> Result<(DecodedTile, bool)> {
     let path = path_of(folder, id);
     let (bytes, is_packed) = bytes(&path)?;
-    let tile = Tile::read(&bytes, fit).map_err(|e| e.in_file(&path))?;
+    let tile = DecodedTile::read(&bytes, fit).map_err(|e| e.in_file(&path))?;
     Ok((tile, is_packed))
 }
 

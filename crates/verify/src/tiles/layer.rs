@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::folder::NAME;
-use super::level::{Level, check_levels};
+use super::level::{StatedLevel, check_levels};
 use super::three::{self, Three};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, TileId};
+use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, ProofTileId};
 use terrane_tiles::{AS_GIVEN, ON_ELLIPSOID, WITH_GEOID};
 
 /// A file as it is written.
 #[derive(Debug, Deserialize)]
-struct Stored {
+struct StoredLayerJson {
     format: String,
     scheme: Option<String>,
     projection: Option<String>,
@@ -25,18 +25,18 @@ struct Stored {
     #[serde(default)]
     minzoom: u8,
     maxzoom: Option<u8>,
-    available: Option<Vec<Vec<Range>>>,
+    available: Option<Vec<Vec<TileRange>>>,
     #[serde(rename = "metadataAvailability")]
     told_every: Option<u8>,
     #[serde(default)]
     extensions: Vec<String>,
-    terrane: Option<Own>,
+    terrane: Option<TerraneLayerExtras>,
 }
 
 /// A rectangle of tiles that are there.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 #[serde(rename_all = "camelCase")]
-pub(super) struct Range {
+pub(super) struct TileRange {
     start_x: u32,
     start_y: u32,
     end_x: u32,
@@ -45,22 +45,22 @@ pub(super) struct Range {
 
 /// What terrane says of its own sets.
 #[derive(Debug, Deserialize)]
-struct Own {
-    levels: Vec<Level>,
+struct TerraneLayerExtras {
+    levels: Vec<StatedLevel>,
     beyond: Option<String>,
     heights: Option<String>,
 }
 
 /// What a set of tiles promises.
 #[derive(Debug)]
-pub(super) struct Layer {
+pub(super) struct TilesetPromises {
     /// The folder of the tiles.
     pub(super) folder: PathBuf,
     /// West, south, east and north in degrees.
     pub(super) bounds: Option<[f64; 4]>,
     pub(super) finest: u8,
     /// By level.
-    pub(super) available: Vec<Vec<Range>>,
+    pub(super) available: Vec<Vec<TileRange>>,
     pub(super) has_normals: bool,
     pub(super) has_metadata: bool,
     /// Tiles have masks of water.
@@ -68,7 +68,7 @@ pub(super) struct Layer {
     /// Levels from one whose tiles tell what is below them to the next, where there are such.
     pub(super) told_every: Option<u8>,
     /// By level, where terrane made it.
-    pub(super) levels: Option<Vec<Level>>,
+    pub(super) levels: Option<Vec<StatedLevel>>,
     /// Metres that clients take level 0 to be off by.
     pub(super) assumed: f64,
     /// The ground beyond the raster falls to the ellipsoid.
@@ -77,17 +77,17 @@ pub(super) struct Layer {
     pub(super) has_geoid: Option<bool>,
     /// Extensions that are named and not known here.
     pub(super) unknown: Vec<String>,
-    pub(super) kind: Kind,
+    pub(super) kind: TilesetKind,
 }
 
 /// The format of a set.
 #[derive(Debug)]
-pub(super) enum Kind {
+pub(super) enum TilesetKind {
     QuantizedMesh,
     ThreeTiles(Three),
 }
 
-impl Layer {
+impl TilesetPromises {
     /// The tolerance of a level in metres: what it states, or else what clients assume.
     pub(super) fn tolerance(&self, level: u8) -> f64 {
         self.own(level).map_or(self.assumed(level), |own| own.tolerance)
@@ -106,34 +106,34 @@ impl Layer {
     /// The name of its file.
     pub(super) fn name(&self) -> &'static str {
         match self.kind {
-            Kind::QuantizedMesh => NAME,
-            Kind::ThreeTiles(_) => three::NAME,
+            TilesetKind::QuantizedMesh => NAME,
+            TilesetKind::ThreeTiles(_) => three::NAME,
         }
     }
 
     /// What only 3D Tiles have.
     pub(super) fn three(&self) -> Option<&Three> {
         match &self.kind {
-            Kind::QuantizedMesh => None,
-            Kind::ThreeTiles(three) => Some(three),
+            TilesetKind::QuantizedMesh => None,
+            TilesetKind::ThreeTiles(three) => Some(three),
         }
     }
 
     /// What terrane says of a level.
-    pub(super) fn own(&self, level: u8) -> Option<Level> {
+    pub(super) fn own(&self, level: u8) -> Option<StatedLevel> {
         self.levels.as_ref()?.get(usize::from(level)).copied()
     }
 
     /// Tiles of a level that are said to be there, by rectangles; some may come twice.
-    pub(super) fn available(&self, level: u8) -> impl Iterator<Item = TileId> {
+    pub(super) fn available(&self, level: u8) -> impl Iterator<Item = ProofTileId> {
         let ranges = self.available.get(usize::from(level)).into_iter().flatten();
         tiles_of(level, ranges)
     }
 }
 
-impl Range {
+impl TileRange {
     /// One tile.
-    pub(super) fn one(id: TileId) -> Self {
+    pub(super) fn one(id: ProofTileId) -> Self {
         Self { start_x: id.x, start_y: id.y, end_x: id.x, end_y: id.y }
     }
 
@@ -147,11 +147,13 @@ impl Range {
 /// The tiles of rectangles, in their order.
 pub(super) fn tiles_of<'a>(
     level: u8,
-    ranges: impl IntoIterator<Item = &'a Range>,
-) -> impl Iterator<Item = TileId> {
+    ranges: impl IntoIterator<Item = &'a TileRange>,
+) -> impl Iterator<Item = ProofTileId> {
     ranges.into_iter().flat_map(move |range| {
         let rows = range.start_y..=range.end_y;
-        rows.flat_map(move |y| (range.start_x..=range.end_x).map(move |x| TileId { level, y, x }))
+        rows.flat_map(move |y| {
+            (range.start_x..=range.end_x).map(move |x| ProofTileId { level, y, x })
+        })
     })
 }
 
@@ -168,18 +170,18 @@ pub(super) fn text_of(path: &Path) -> Result<Vec<u8>> {
 /// Reads `layer.json`.
 ///
 /// # Errors
-/// As [`Layer::read`], but without the file.
-pub(super) fn read(path: &Path) -> Result<Layer> {
+/// As [`TilesetPromises::read`], but without the file.
+pub(super) fn read(path: &Path) -> Result<TilesetPromises> {
     let text = text_of(path)?;
-    let stored: Stored = serde_json::from_slice(&text).map_err(|e| {
+    let stored: StoredLayerJson = serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of terrain tiles: {e}"))
             .remedy("name the folder of a set, or its layer.json")
     })?;
     stored.layer(path)
 }
 
-impl Stored {
-    fn layer(self, path: &Path) -> Result<Layer> {
+impl StoredLayerJson {
+    fn layer(self, path: &Path) -> Result<TilesetPromises> {
         self.check_kind()?;
         let Some(available) = self.available else {
             return Err(Error::bad_input("does not say which tiles are available"));
@@ -207,7 +209,7 @@ impl Stored {
         const KNOWN: [&str; 3] = ["octvertexnormals", "metadata", "watermask"];
         let announces = |name: &str| self.extensions.iter().any(|own| own == name);
         let unknown = self.extensions.iter().filter(|name| !KNOWN.contains(&name.as_str()));
-        Ok(Layer {
+        Ok(TilesetPromises {
             folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
             bounds: self.bounds,
             finest,
@@ -221,7 +223,7 @@ impl Stored {
             assumed: ERROR_OF_ROOT,
             tapers,
             has_geoid,
-            kind: Kind::QuantizedMesh,
+            kind: TilesetKind::QuantizedMesh,
         })
     }
 
@@ -250,9 +252,9 @@ impl Stored {
     }
 }
 
-fn check_ranges(level: u8, ranges: &[Range]) -> Result<()> {
-    let is_right = |range: &&Range| {
-        let end = TileId::new(level, range.end_x, range.end_y);
+fn check_ranges(level: u8, ranges: &[TileRange]) -> Result<()> {
+    let is_right = |range: &&TileRange| {
+        let end = ProofTileId::new(level, range.end_x, range.end_y);
         end.is_some() && range.start_x <= range.end_x && range.start_y <= range.end_y
     };
     match ranges.iter().find(|range| !is_right(range)) {

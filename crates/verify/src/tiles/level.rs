@@ -6,7 +6,7 @@ use terrane_base::error::{Error, Result};
 
 /// A level as terrane says of its own sets.
 #[derive(Clone, Copy, Debug, Deserialize)]
-pub(super) struct Level {
+pub(super) struct StatedLevel {
     level: u8,
     pub(super) tolerance: f64,
     pub(super) step: f64,
@@ -17,13 +17,13 @@ pub(super) struct Level {
 }
 
 /// What terrane says of levels: each once, down to the finest, and numbers that can be.
-pub(super) fn check_levels(mut levels: Vec<Level>, finest: u8) -> Result<Vec<Level>> {
+pub(super) fn check_levels(mut levels: Vec<StatedLevel>, finest: u8) -> Result<Vec<StatedLevel>> {
     levels.sort_by_key(|level| level.level);
     let is_each = levels.iter().map(|level| level.level).eq(0..=finest);
     if !is_each {
         return Err(Error::bad_input("does not state each of its levels once"));
     }
-    let numbers = |own: &Level| {
+    let numbers = |own: &StatedLevel| {
         let [lattice, skirt] = [own.lattice, own.skirt].map(Option::unwrap_or_default);
         [own.tolerance, own.step, lattice, skirt, own.error]
     };

@@ -25,18 +25,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use self::context::Context;
-use self::folder::Tiles;
-use self::layer::{Kind, Layer};
-use self::place::Places;
-use self::room::Room;
+use self::context::TilesProofContext;
+use self::folder::FolderTiles;
+use self::layer::{TilesetKind, TilesetPromises};
+use self::place::GlobeRaster;
+use self::room::TilesProofRoom;
 use super::context::check_grid;
 use super::options::Proving;
 use terrane_base::error::{Error, Result};
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
-use terrane_engine::proof::Written;
+use terrane_engine::proof::WrittenOutput;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_proof::tiles::Shore;
 use terrane_raster::{self as raster, Water};
@@ -44,7 +44,7 @@ use terrane_tiles::GroundModel;
 
 pub use context::ROUNDING;
 pub use options::{CloudTilesProof, CloudTilesProofSetters, TilesProof, TilesProofSetters};
-pub use report::{CheckReport, FoundFault, LevelReport, TilesVerifyReport};
+pub use report::{CheckReport, FoundFault, LevelProofReport, TilesVerifyReport};
 
 /// Least memory that a proof can work in.
 const LEAST_MEMORY: u64 = 32 << 20;
@@ -70,11 +70,11 @@ pub(super) fn verify_tiles(
 ) -> Result<TilesVerifyReport> {
     let start = Instant::now();
     check_memory(&job.options.resources)?;
-    let mut room = Room::new(&job.options.resources);
-    let layer = Layer::read(&job.written.file, &room, cancel)?;
+    let mut room = TilesProofRoom::new(&job.options.resources);
+    let layer = TilesetPromises::read(&job.written.file, &room, cancel)?;
     let tiles = match &layer.kind {
-        Kind::QuantizedMesh => Tiles::find(&layer.folder, &room, cancel)?,
-        Kind::ThreeTiles(three) => three.find(&layer.folder, &room, cancel)?,
+        TilesetKind::QuantizedMesh => FolderTiles::find(&layer.folder, &room, cancel)?,
+        TilesetKind::ThreeTiles(three) => three.find(&layer.folder, &room, cancel)?,
     };
     room.take_tiles(tiles.all.len());
     let name = job.written.original.to_string();
@@ -85,7 +85,7 @@ pub(super) fn verify_tiles(
         .options(&job.options.resources, cache_beside(job.options.resources.memory))?;
     let grid = raster::open_all(job.written.original.names(), &options)?;
     check_grid(&*grid).map_err(of_raster)?;
-    let places = Places::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
+    let places = GlobeRaster::of(&*grid, job.options.geoid.as_deref(), &job.options.resources)
         .map_err(|e| if e.path().is_some() { e } else { of_raster(e) })?;
     let water = options.water.as_ref().filter(|_| layer.has_water);
     let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
@@ -93,14 +93,15 @@ pub(super) fn verify_tiles(
     room.take(shore.as_ref().map_or(0, Shore::bytes));
     let room = room.divided(&places, job.options.resources.threads);
     let (layer, tiles, room, steep) = (&layer, &tiles, &room, 0.0);
-    let mut context = Context { layer, tiles, places, shore, steep, progress, cancel, room };
+    let mut context =
+        TilesProofContext { layer, tiles, places, shore, steep, progress, cancel, room };
     let (sweep, under) = sweep::check(&context)?;
     if sweep.valid == 0 {
         return Err(of_raster(Error::bad_input("has no valid sample")));
     }
     context.steep = sweep.steep(context.places.spacing());
     let (alone, records) = alone::check(&context)?;
-    let found = report::Found { alone, records, sweep, under };
+    let found = report::TilesProofFindings { alone, records, sweep, under };
     let mut report = report::report(&context, &found, &grid.info().crs);
     (report.tiles, report.raster) = (job.written.file.display().to_string(), name);
     let figures = Figures::since(start, &job.options.resources);
@@ -126,7 +127,8 @@ pub(super) fn verify_tiles_of_cloud(
     let model = GroundModel { input, cloud, model: model.clone() };
     let made = model.make(&job.written.file, resources, progress, cancel)?;
     let report = with_polygons(&model.cloud, resources, |resources| {
-        let written = Written { file: job.written.file.clone(), original: made.inputs.clone() };
+        let written =
+            WrittenOutput { file: job.written.file.clone(), original: made.inputs.clone() };
         // Points are within bounds and polygons, and the model is whole.
         let grid = GridInput::with_water(water.clone());
         let options = TilesProof { geoid: geoid.clone(), grid, resources };

@@ -4,7 +4,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
 use terrane_engine::globe::{Lift, OnGlobe};
-use terrane_proof::tiles::{LAST, Meridian, Parallel, rows};
+use terrane_proof::tiles::{LAST, ProofMeridian, ProofParallel, rows};
 use terrane_raster::GridSource;
 
 /// Metres that places may be off by: of sums of numbers of the size of the earth, and of one taken from one system to
@@ -12,7 +12,7 @@ use terrane_raster::GridSource;
 const ROUNDED: [f64; 2] = [1e-6, 1e-4];
 
 /// A raster on the globe.
-pub(super) struct Places<'a> {
+pub(super) struct GlobeRaster<'a> {
     grid: &'a dyn GridSource,
     on_globe: OnGlobe,
     lift: Lift,
@@ -23,19 +23,19 @@ pub(super) struct Places<'a> {
 }
 
 /// Where the samples of a window are.
-pub(super) enum Placed {
+pub(super) enum WindowPlaces {
     /// Columns are meridians and rows parallels: degrees of each, and what is upright there.
     Straight {
         longitudes: Vec<f64>,
         latitudes: Vec<f64>,
-        meridians: Vec<Meridian>,
-        parallels: Vec<Parallel>,
+        meridians: Vec<ProofMeridian>,
+        parallels: Vec<ProofParallel>,
     },
     /// Row by row, longitude and latitude in degrees.
     Moved(Vec<[f64; 2]>),
 }
 
-impl<'a> Places<'a> {
+impl<'a> GlobeRaster<'a> {
     /// Those of a raster.
     ///
     /// # Errors
@@ -140,20 +140,20 @@ impl<'a> Places<'a> {
     ///
     /// # Errors
     /// Samples beyond what their projection reaches.
-    pub(super) fn window(&self, rect: Rect) -> Result<Placed> {
+    pub(super) fn window(&self, rect: Rect) -> Result<WindowPlaces> {
         let (cols, rows) = (rect.col..rect.end_col(), rect.row..rect.end_row());
         if let OnGlobe::Moved(..) = self.on_globe {
             let all = rows.flat_map(|row| cols.clone().map(move |col| (col, row)));
             return all
                 .map(|(col, row)| self.place(col, row))
                 .collect::<Result<_>>()
-                .map(Placed::Moved);
+                .map(WindowPlaces::Moved);
         }
         let longitudes = cols.map(|col| Ok(self.place(col, 0)?[0])).collect::<Result<Vec<_>>>()?;
         let latitudes = rows.map(|row| Ok(self.place(0, row)?[1])).collect::<Result<Vec<_>>>()?;
-        let meridians = longitudes.iter().map(|&at| Meridian::at(at)).collect();
-        let parallels = latitudes.iter().map(|&at| Parallel::at(at)).collect();
-        Ok(Placed::Straight { longitudes, latitudes, meridians, parallels })
+        let meridians = longitudes.iter().map(|&at| ProofMeridian::at(at)).collect();
+        let parallels = latitudes.iter().map(|&at| ProofParallel::at(at)).collect();
+        Ok(WindowPlaces::Straight { longitudes, latitudes, meridians, parallels })
     }
 
     /// Reads heights in metres; voids are NaN.

@@ -4,41 +4,41 @@ use super::options::{CloudTilesProof, TilesProof};
 use super::{TilesVerifyReport, verify_tiles, verify_tiles_of_cloud};
 use crate::options::Proving;
 use terrane_base::error::Result;
-use terrane_engine::proof::{Proof, Verdict, Written};
+use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 use terrane_engine::{Cancel, Progress};
 
-impl Proof for TilesProof {
+impl OutputProof for TilesProof {
     const OF: &'static str = "terrain tiles of grids";
     type Report = TilesVerifyReport;
 
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
         verify_tiles(&Proving { written, options: self }, progress, cancel)
     }
 
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+    fn verdict(report: &TilesVerifyReport) -> &ProofVerdict {
         &report.verdict
     }
 }
 
-impl Proof for CloudTilesProof {
+impl OutputProof for CloudTilesProof {
     const OF: &'static str = "terrain tiles of point clouds";
     type Report = TilesVerifyReport;
 
     fn prove(
         &self,
-        written: &Written,
+        written: &WrittenOutput,
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<TilesVerifyReport> {
         verify_tiles_of_cloud(&Proving { written, options: self }, progress, cancel)
     }
 
-    fn verdict(report: &TilesVerifyReport) -> &Verdict {
+    fn verdict(report: &TilesVerifyReport) -> &ProofVerdict {
         &report.verdict
     }
 }

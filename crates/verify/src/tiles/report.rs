@@ -2,16 +2,16 @@
 
 use serde::Serialize;
 
-use super::alone::{self, Record};
-use super::context::{Context, ROUNDING};
+use super::alone::{self, TileRecord};
+use super::context::{ROUNDING, TilesProofContext};
 use super::folder;
-use super::layer::Layer;
-use super::level::Level;
-use super::sweep::{self, Far, Under};
+use super::layer::TilesetPromises;
+use super::level::StatedLevel;
+use super::sweep::{self, FarthestSample, Under};
 use terrane_base::geom::Crs;
 use terrane_engine::figures::Figures;
-use terrane_engine::proof::Verdict;
-use terrane_proof::tiles::{Check, Fault, Faults, Pixels, TileId};
+use terrane_engine::proof::ProofVerdict;
+use terrane_proof::tiles::{Check, Faults, Pixels, ProofTileId, TilesetFault};
 
 /// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.
 const LOOSE: f64 = 1e-3;
@@ -47,7 +47,7 @@ pub struct TilesVerifyReport {
     pub crs: String,
     /// What came of it.
     #[serde(flatten)]
-    pub verdict: Verdict,
+    pub verdict: ProofVerdict,
     /// What else should be known.
     pub notes: Vec<String>,
     /// True when `layer.json` says what terrane says of its own sets: tolerances, steps and errors.
@@ -71,7 +71,7 @@ pub struct TilesVerifyReport {
     /// One for each thing that is proved.
     pub checks: Vec<CheckReport>,
     /// One for each level, the coarsest first.
-    pub levels: Vec<LevelReport>,
+    pub levels: Vec<LevelProofReport>,
     /// Samples measured a second.
     pub samples_per_second: f64,
     /// What the run took.
@@ -106,7 +106,7 @@ pub struct FoundFault {
 /// A level.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct LevelReport {
+pub struct LevelProofReport {
     pub level: u8,
     pub tiles: u64,
     pub vertices: u64,
@@ -138,18 +138,22 @@ pub struct LevelReport {
 }
 
 /// All that was found.
-pub(super) struct Found {
-    pub(super) alone: alone::Found,
-    pub(super) records: Vec<Option<Record>>,
-    pub(super) sweep: sweep::Found,
+pub(super) struct TilesProofFindings {
+    pub(super) alone: alone::SingleTileFindings,
+    pub(super) records: Vec<Option<TileRecord>>,
+    pub(super) sweep: sweep::SampleFindings,
     pub(super) under: Vec<Under>,
 }
 
 /// The findings, judged; without names of files and figures of the run.
-pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVerifyReport {
+pub(super) fn report(
+    context: &TilesProofContext<'_>,
+    found: &TilesProofFindings,
+    crs: &Crs,
+) -> TilesVerifyReport {
     let mut faults = found.alone.faults.clone();
     faults.merge(&found.sweep.faults);
-    let judge = Judge { context, found };
+    let judge = TilesJudge { context, found };
     judge.tiles(&mut faults);
     judge.index(&mut faults);
     let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
@@ -162,10 +166,10 @@ pub(super) fn report(context: &Context<'_>, found: &Found, crs: &Crs) -> TilesVe
             CheckReport::new((check, name), &faults, context.layer, looked_at)
         })
         .collect();
-    let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum();
+    let sum = |of: fn(&LevelProofReport) -> u64| levels.iter().map(of).sum();
     TilesVerifyReport {
         crs: crs.label(),
-        verdict: Verdict::of(judge.failures(&checks), judge.not_judged()),
+        verdict: ProofVerdict::of(judge.failures(&checks), judge.not_judged()),
         notes: judge.notes(),
         made_by_terrane: context.layer.levels.is_some(),
         files: context.tiles.all.len() as u64,
@@ -186,10 +190,14 @@ impl CheckReport {
     fn new(
         (check, name): (Check, &'static str),
         faults: &Faults,
-        layer: &Layer,
+        layer: &TilesetPromises,
         looked_at: String,
     ) -> Self {
-        let told = |(_, what, count): (Fault, &'static str, terrane_proof::tiles::Count)| {
+        let told = |(_, what, count): (
+            TilesetFault,
+            &'static str,
+            terrane_proof::tiles::TilesetFaultCount,
+        )| {
             let first = count.first.map(|id| id.to_string());
             // Texts name the file of quantized-mesh.
             let what = what.replace(folder::NAME, layer.name());
@@ -200,12 +208,12 @@ impl CheckReport {
     }
 }
 
-struct Judge<'a> {
-    context: &'a Context<'a>,
-    found: &'a Found,
+struct TilesJudge<'a> {
+    context: &'a TilesProofContext<'a>,
+    found: &'a TilesProofFindings,
 }
 
-impl Judge<'_> {
+impl TilesJudge<'_> {
     /// What is only known when samples and tiles have been looked at.
     fn tiles(&self, faults: &mut Faults) {
         let layer = self.context.layer;
@@ -217,17 +225,17 @@ impl Judge<'_> {
             let step = layer.own(id.level).map_or(0.0, |own| own.step);
             let [low, high] = record.heights;
             let is_spike = low < lowest - step - ROUNDING || high > highest + step + ROUNDING;
-            faults.add(Fault::Spikes, u64::from(is_spike), id);
+            faults.add(TilesetFault::Spikes, u64::from(is_spike), id);
             let is_vain = under.count == 0 && id.level > 0;
-            faults.add(Fault::Superfluous, u64::from(is_vain), id);
+            faults.add(TilesetFault::Superfluous, u64::from(is_vain), id);
             let Some(recorded) = record.error else {
-                faults.add(Fault::NoError, u64::from(layer.levels.is_some()), id);
+                faults.add(TilesetFault::NoError, u64::from(layer.levels.is_some()), id);
                 continue;
             };
             let is_over = under.far.is_some_and(|far| far.ends[0] > recorded + ROUNDING);
-            faults.add(Fault::OverRecorded, u64::from(is_over), id);
+            faults.add(TilesetFault::OverRecorded, u64::from(is_over), id);
             let is_reckless = recorded > self.context.most_recorded(id.level);
-            faults.add(Fault::Reckless, u64::from(is_reckless), id);
+            faults.add(TilesetFault::Reckless, u64::from(is_reckless), id);
         }
     }
 
@@ -238,12 +246,12 @@ impl Judge<'_> {
     }
 
     /// Holds the sphere of a tile of terrane's to be no larger than it and the spheres below it need.
-    fn sphere(&self, id: TileId, record: &Record, faults: &mut Faults) {
+    fn sphere(&self, id: ProofTileId, record: &TileRecord, faults: &mut Faults) {
         let Some(three) = self.context.layer.three() else { return };
         let Some(about) = three.about(id) else { return };
         let below = id.below().filter_map(|part| three.about(part));
         let needed = below.map(|part| about.reach_of(part)).fold(record.radius, f64::max);
-        faults.add(Fault::LooseSphere, u64::from(about.sphere.1 > needed + LOOSE), id);
+        faults.add(TilesetFault::LooseSphere, u64::from(about.sphere.1 > needed + LOOSE), id);
     }
 
     /// The error of a level that has to be allowed, as its positions and steps of heights cannot hold samples nearer, or
@@ -263,18 +271,18 @@ impl Judge<'_> {
     fn index(&self, faults: &mut Faults) {
         let (layer, tiles) = (self.context.layer, self.context.tiles);
         for x in 0..2 {
-            let root = TileId { level: 0, y: 0, x };
-            faults.add(Fault::NoRoot, u64::from(tiles.find_one(root).is_none()), root);
+            let root = ProofTileId { level: 0, y: 0, x };
+            faults.add(TilesetFault::NoRoot, u64::from(tiles.find_one(root).is_none()), root);
         }
         for level in 0..=layer.finest {
             self.available(level, faults);
         }
         let beyond = tiles.all.partition_point(|id| id.level <= layer.finest);
-        tiles.all[beyond..].iter().for_each(|&id| faults.add(Fault::NotAvailable, 1, id));
-        faults.add(Fault::Stray, tiles.strays, None);
+        tiles.all[beyond..].iter().for_each(|&id| faults.add(TilesetFault::NotAvailable, 1, id));
+        faults.add(TilesetFault::Stray, tiles.strays, None);
         let [plain, packed] = &self.found.alone.packed;
         let fewer = if plain.count < packed.count { plain } else { packed };
-        faults.add(Fault::Mixed, fewer.count, fewer.first);
+        faults.add(TilesetFault::Mixed, fewer.count, fewer.first);
         if let Some(three) = layer.three() {
             three.check(faults);
         }
@@ -283,7 +291,7 @@ impl Judge<'_> {
             let low = west <= data[0] + DEGREES && south <= data[1] + DEGREES;
             low && east >= data[2] - DEGREES && north >= data[3] - DEGREES
         };
-        faults.add(Fault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
+        faults.add(TilesetFault::Bounds, u64::from(!layer.bounds.is_some_and(holds)), None);
         let spacing = self.context.places.spacing();
         // Of one sample the bounds are widened, so that they have an area.
         let slack = if spacing > 0.0 { DEGREES + spacing * spacing } else { 1e-8 };
@@ -294,12 +302,12 @@ impl Judge<'_> {
         };
         let both = layer.bounds.zip(self.found.sweep.whole).filter(|_| layer.levels.is_some());
         let is_off = both.is_some_and(|(told, whole)| is_loose(told, whole));
-        faults.add(Fault::LooseBounds, u64::from(is_off), None);
-        faults.add(Fault::OtherHeights, u64::from(self.has_other_heights()), None);
+        faults.add(TilesetFault::LooseBounds, u64::from(is_off), None);
+        faults.add(TilesetFault::OtherHeights, u64::from(self.has_other_heights()), None);
         let is_beyond = |[west, south, east, north]: [f64; 4]| {
             west < -180.0 || south < -90.0 || east > 180.0 || north > 90.0
         };
-        faults.add(Fault::BeyondWorld, u64::from(layer.bounds.is_some_and(is_beyond)), None);
+        faults.add(TilesetFault::BeyondWorld, u64::from(layer.bounds.is_some_and(is_beyond)), None);
     }
 
     /// Holds the files of a level to those that are said to be there.
@@ -311,8 +319,8 @@ impl Judge<'_> {
         let mut left = sweep::MOST_MISSING;
         for id in self.context.layer.available(level) {
             let fault = match tiles.find_one(id) {
-                None => Fault::NotThere,
-                Some(number) if is_named[number - of_level.start] => Fault::NamedTwice,
+                None => TilesetFault::NotThere,
+                Some(number) if is_named[number - of_level.start] => TilesetFault::NamedTwice,
                 Some(number) => {
                     is_named[number - of_level.start] = true;
                     continue;
@@ -325,17 +333,18 @@ impl Judge<'_> {
             }
         }
         let all = tiles.all[of_level].iter().zip(is_named);
-        all.filter(|(_, named)| !named).for_each(|(&id, _)| faults.add(Fault::NotAvailable, 1, id));
+        all.filter(|(_, named)| !named)
+            .for_each(|(&id, _)| faults.add(TilesetFault::NotAvailable, 1, id));
     }
 
-    fn level(&self, level: u8) -> LevelReport {
+    fn level(&self, level: u8) -> LevelProofReport {
         let (layer, at) = (self.context.layer, usize::from(level));
         let [vertices, triangles] = self.found.alone.sizes[at];
         let [within, coarser] = self.found.alone.borders[at];
         let samples = &self.found.sweep.levels[at];
         let far = self.farthest(level);
         let places = &self.context.places;
-        LevelReport {
+        LevelProofReport {
             level,
             tiles: self.context.tiles.of_level(level).len() as u64,
             vertices,
@@ -346,8 +355,9 @@ impl Judge<'_> {
             over: samples.over,
             max_error: far.map(|(far, _)| far.distance),
             max_error_tile: far.map(|(_, id)| id.to_string()),
-            max_error_at: far
-                .and_then(|(Far { sample: [row, col], .. }, _)| places.place(col, row).ok()),
+            max_error_at: far.and_then(|(FarthestSample { sample: [row, col], .. }, _)| {
+                places.place(col, row).ok()
+            }),
             rmse: samples.rmse(),
             borders: within.compared,
             borders_alone: within.alone,
@@ -363,19 +373,19 @@ impl Judge<'_> {
     }
 
     /// The farthest sample of a level, and its tile.
-    fn farthest(&self, level: u8) -> Option<(Far, TileId)> {
+    fn farthest(&self, level: u8) -> Option<(FarthestSample, ProofTileId)> {
         let of_level = self.context.tiles.of_level(level);
         let all = self.context.tiles.all[of_level.clone()].iter().zip(&self.found.under[of_level]);
         let fars = all.filter_map(|(&id, under)| Some((under.far?, id)));
         fars.reduce(|a, b| {
             let ends = [0, 1].map(|i| a.0.ends[i].max(b.0.ends[i]));
             let (far, id) = if b.0.distance > a.0.distance { b } else { a };
-            (Far { ends, ..far }, id)
+            (FarthestSample { ends, ..far }, id)
         })
     }
 
     /// What is said of levels.
-    fn levels(&self, levels: &[LevelReport], faults: &mut Faults) {
+    fn levels(&self, levels: &[LevelProofReport], faults: &mut Faults) {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
             let assumed = self.context.layer.assumed(found.level);
@@ -383,20 +393,24 @@ impl Judge<'_> {
             let [error, most] = self.farthest(found.level).map_or([0.0; 2], |(far, _)| far.ends);
             let needed = (most * MEASURED + LOOSE).max(assumed);
             let is_lax = found.tolerance > needed * (1.0 + SHARE);
-            faults.add(Fault::Assumed, u64::from(is_lax), id.copied());
+            faults.add(TilesetFault::Assumed, u64::from(is_lax), id.copied());
             let is_far = error > self.unavoidable(found.level);
-            faults.add(Fault::Avoidable, u64::from(is_far), id.copied());
+            faults.add(TilesetFault::Avoidable, u64::from(is_far), id.copied());
             let Some(own) = self.context.layer.own(found.level) else { continue };
-            faults.add(Fault::LevelError, u64::from(error > own.error + ROUNDING), id.copied());
+            faults.add(
+                TilesetFault::LevelError,
+                u64::from(error > own.error + ROUNDING),
+                id.copied(),
+            );
             let recorded = self.recorded(found.level);
             let is_other = recorded.is_some_and(|recorded| own.error > recorded + ROUNDING);
-            faults.add(Fault::OtherError, u64::from(is_other), id.copied());
+            faults.add(TilesetFault::OtherError, u64::from(is_other), id.copied());
             let is_other = own.step < assumed / FINEST || own.step > self.coarsest(assumed, own);
-            faults.add(Fault::OtherStep, u64::from(is_other), id.copied());
+            faults.add(TilesetFault::OtherStep, u64::from(is_other), id.copied());
             let allowed = self.context.assumed_gap(found.level) - ROUNDING;
             let is_short = own.skirt.is_some_and(|skirt| skirt < allowed);
-            faults.add(Fault::SkirtShort, u64::from(is_short), id.copied());
-            faults.add(Fault::Counts, u64::from(own.tiles != found.tiles), id.copied());
+            faults.add(TilesetFault::SkirtShort, u64::from(is_short), id.copied());
+            faults.add(TilesetFault::Counts, u64::from(own.tiles != found.tiles), id.copied());
         }
     }
 
@@ -408,7 +422,7 @@ impl Judge<'_> {
 
     /// The largest step of heights that a level needs: of what clients assume, of the heights that have to be told
     /// apart in a tile, of the highest in single precision, and of a lattice.
-    fn coarsest(&self, assumed: f64, own: Level) -> f64 {
+    fn coarsest(&self, assumed: f64, own: StatedLevel) -> f64 {
         let [low, high] = self.reach();
         let (low, high) = (low.min(0.0), high.max(0.0));
         let of_range = ((high - low) / STEPS).max(high.max(-low) / HIGHEST);
@@ -429,8 +443,8 @@ impl Judge<'_> {
         over.reduce(f64::max)
     }
 
-    fn looked_at(&self, check: Check, levels: &[LevelReport]) -> String {
-        let sum = |of: fn(&LevelReport) -> u64| levels.iter().map(of).sum::<u64>();
+    fn looked_at(&self, check: Check, levels: &[LevelProofReport]) -> String {
+        let sum = |of: fn(&LevelProofReport) -> u64| levels.iter().map(of).sum::<u64>();
         let files = self.context.tiles.all.len();
         match check {
             Check::Structure => format!("{files} tiles"),

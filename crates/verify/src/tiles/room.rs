@@ -2,7 +2,7 @@
 //! is known of all tiles, up to a half of what is left to the sides of water, and the rest to windows of samples and
 //! what is made of tiles. The other half is for blocks of the raster, and for the allocator.
 
-use super::place::Places;
+use super::place::GlobeRaster;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
@@ -19,7 +19,7 @@ const SHARES: u64 = 4;
 
 /// What is not yet taken.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Room {
+pub(super) struct TilesProofRoom {
     free: u64,
     taken: u64,
 }
@@ -37,12 +37,12 @@ pub(super) struct Divided {
 }
 
 /// Columns and rows of a window: fewer where the place of each sample is kept.
-pub(super) fn window(places: &Places<'_>) -> u32 {
+pub(super) fn window(places: &GlobeRaster<'_>) -> u32 {
     if places.sample_bytes() == 0 { 512 } else { 128 }
 }
 
 /// Bytes of a window and what is made of it.
-fn window_bytes(places: &Places<'_>) -> u64 {
+fn window_bytes(places: &GlobeRaster<'_>) -> u64 {
     // Of samples whose places are kept, their numbers by tile are, too: twice at a border, in lists that grow.
     let sample = match places.sample_bytes() {
         0 => 8,
@@ -56,7 +56,7 @@ fn enough(free: u64) -> u64 {
     PROGRAM + 2 * free
 }
 
-impl Room {
+impl TilesProofRoom {
     pub(super) fn new(resources: &Resources) -> Self {
         Self { free: beside_program(resources.memory) / 2, taken: 0 }
     }
@@ -104,7 +104,7 @@ impl Room {
     }
 
     /// What is left for windows of the raster and what is made of tiles.
-    pub(super) fn divided(self, places: &Places<'_>, threads: usize) -> Divided {
+    pub(super) fn divided(self, places: &GlobeRaster<'_>, threads: usize) -> Divided {
         self.shared(window_bytes(places), threads)
     }
 
@@ -143,8 +143,8 @@ mod tests {
 
     const WINDOW: u64 = 3 << 20;
 
-    fn room(memory: u64) -> Room {
-        Room::new(&Resources { threads: 1, memory, temp_dir: None })
+    fn room(memory: u64) -> TilesProofRoom {
+        TilesProofRoom::new(&Resources { threads: 1, memory, temp_dir: None })
     }
 
     /// The bytes that an error advises.
@@ -158,8 +158,11 @@ mod tests {
     fn memory_that_is_advised_is_enough() {
         let least = room(32 << 20);
         for count in [1 << 15, 1 << 20, 3_000_000, 1 << 28] {
-            let error = Room::check(count, least.tiles()).unwrap_err();
-            assert!(Room::check(count, room(advised(&error)).tiles()).is_ok(), "{count} tiles");
+            let error = TilesProofRoom::check(count, least.tiles()).unwrap_err();
+            assert!(
+                TilesProofRoom::check(count, room(advised(&error)).tiles()).is_ok(),
+                "{count} tiles"
+            );
         }
         for (tiles, count) in [(0, 1 << 20), (10_000, 1 << 18), (1 << 20, 1 << 24)] {
             let taken = |memory| {

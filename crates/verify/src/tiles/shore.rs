@@ -3,10 +3,10 @@
 //! Each side is cut into so many equal parts that it is straight in longitudes and latitudes, too, far nearer than a
 //! pixel of the finest level.
 
-use super::place::Places;
-use super::room::Room;
+use super::place::GlobeRaster;
+use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
-use terrane_proof::tiles::{Bank, Shore, TileId, UNCLEAR};
+use terrane_proof::tiles::{Bank, ProofTileId, Shore, UNCLEAR};
 use terrane_raster::Water;
 
 /// Pixels of a mask along the side of a tile.
@@ -20,9 +20,14 @@ const MOST_PARTS: f64 = 65_536.0;
 ///
 /// # Errors
 /// A polygon that cannot be brought to the globe; more sides than there is room for.
-pub(super) fn shore(water: &Water, places: &Places<'_>, finest: u8, room: &Room) -> Result<Shore> {
+pub(super) fn shore(
+    water: &Water,
+    places: &GlobeRaster<'_>,
+    finest: u8,
+    room: &TilesProofRoom,
+) -> Result<Shore> {
     let of_file = |e: Error| e.in_file(water.path());
-    let [west, _, east, _] = TileId { level: finest, y: 0, x: 0 }.bounds();
+    let [west, _, east, _] = ProofTileId { level: finest, y: 0, x: 0 }.bounds();
     let off = (east - west) / PIXELS * UNCLEAR * OFF;
     let most = room.sides();
     let (mut banks, mut beside, mut count) = (Vec::new(), None, 0);

@@ -6,15 +6,17 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
 use super::cache::Cache;
-use super::context::{Context, decoded};
-use super::place::Placed;
+use super::context::{TilesProofContext, decoded};
+use super::place::WindowPlaces;
 use super::room::window;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::workers;
 use terrane_files::lock;
 use terrane_proof::ExactSum;
-use terrane_proof::tiles::{Facets, Fault, Faults, Meridian, Parallel, Seen, TileId};
+use terrane_proof::tiles::{
+    Facets, Faults, ProofMeridian, ProofParallel, ProofTileId, SampleRunErrors, TilesetFault,
+};
 
 /// Metres for a metre from which on ground is steep, and metres of a degree, about.
 const STEEP: f64 = 8.0;
@@ -24,7 +26,7 @@ pub(super) const MOST_MISSING: usize = 1 << 20;
 
 /// The farthest sample of a tile.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Far {
+pub(super) struct FarthestSample {
     /// In metres.
     pub(super) distance: f64,
     /// Row and column.
@@ -37,7 +39,7 @@ pub(super) struct Far {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Under {
     pub(super) count: u64,
-    pub(super) far: Option<Far>,
+    pub(super) far: Option<FarthestSample>,
 }
 
 /// Samples of a level.
@@ -57,7 +59,7 @@ impl OfLevel {
 
 /// What is found of samples.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct SampleFindings {
     pub(super) faults: Faults,
     pub(super) levels: Vec<OfLevel>,
     /// Valid samples of the raster.
@@ -70,10 +72,10 @@ pub(super) struct Found {
     pub(super) whole: Option<[f64; 4]>,
     /// Metres between the heights of neighbours, at the most.
     jump: f64,
-    missing: BTreeSet<TileId>,
+    missing: BTreeSet<ProofTileId>,
 }
 
-impl Found {
+impl SampleFindings {
     fn new(levels: usize) -> Self {
         Self { levels: vec![OfLevel::default(); levels], ..Self::default() }
     }
@@ -111,7 +113,7 @@ impl Found {
         self.heights = Some([low.min(height), high.max(height)]);
     }
 
-    fn miss(&mut self, id: TileId) {
+    fn miss(&mut self, id: ProofTileId) {
         if self.missing.len() < MOST_MISSING {
             self.missing.insert(id);
         }
@@ -124,53 +126,54 @@ fn hold(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
 }
 
 /// Measures all samples. What lies under tiles is by the number of the tile.
-pub(super) fn check(context: &Context<'_>) -> Result<(Found, Vec<Under>)> {
+pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, Vec<Under>)> {
     let levels = usize::from(context.layer.finest) + 1;
     let under = Mutex::new(vec![Under::default(); context.tiles.all.len()]);
-    let found = Mutex::new(Found::new(levels));
+    let found = Mutex::new(SampleFindings::new(levels));
     let facets = Cache::new(context.room.memory / 2);
     let bounds = context.places.bounds();
     let side = window(&context.places);
     let across = u64::from(bounds.width.div_ceil(side));
     let windows = across * u64::from(bounds.height.div_ceil(side));
     context.progress.begin("samples", u64::from(bounds.width) * u64::from(bounds.height));
-    let work = |(found, heights): &mut (Found, Vec<f64>), number: u64| {
+    let work = |(found, heights): &mut (SampleFindings, Vec<f64>), number: u64| {
         let [row, col] = [number / across, number % across].map(|at| at as u32 * side);
         let rect = Rect::new(col, row, side, side).intersect(&bounds);
         heights.resize(rect.len(), 0.0);
         context.places.read(rect, heights)?;
-        let window = Window::new(context, rect, heights)?;
+        let window = SweepWindow::new(context, rect, heights)?;
         window.count(found);
         (0..=context.layer.finest).try_for_each(|level| {
-            let mut level = Level { window: &window, level, facets: &facets, under: &under, found };
+            let mut level =
+                SweepLevel { window: &window, level, facets: &facets, under: &under, found };
             level.measure()
         })?;
         context.progress.advance(rect.len() as u64);
         Ok(())
     };
-    let finish = |(mine, _): (Found, Vec<f64>)| {
+    let finish = |(mine, _): (SampleFindings, Vec<f64>)| {
         lock(&found).merge(mine);
         Ok(())
     };
-    let start = || (Found::new(levels), Vec::new());
+    let start = || (SampleFindings::new(levels), Vec::new());
     workers::run(context.room.threads, windows, context.cancel, start, work, finish)?;
     context.progress.end();
     let mut found = std::mem::take(&mut *lock(&found));
     let missing = std::mem::take(&mut found.missing);
-    missing.into_iter().for_each(|id| found.faults.add(Fault::Missing, 1, id));
+    missing.into_iter().for_each(|id| found.faults.add(TilesetFault::Missing, 1, id));
     Ok((found, std::mem::take(&mut *lock(&under))))
 }
 
 /// Samples that are looked at together.
-struct Window<'a> {
-    context: &'a Context<'a>,
+struct SweepWindow<'a> {
+    context: &'a TilesProofContext<'a>,
     rect: Rect,
     heights: &'a [f64],
-    placed: Placed,
+    placed: WindowPlaces,
 }
 
-impl<'a> Window<'a> {
-    fn new(context: &'a Context<'a>, rect: Rect, heights: &'a [f64]) -> Result<Self> {
+impl<'a> SweepWindow<'a> {
+    fn new(context: &'a TilesProofContext<'a>, rect: Rect, heights: &'a [f64]) -> Result<Self> {
         Ok(Self { context, rect, heights, placed: context.places.window(rect)? })
     }
 
@@ -179,14 +182,14 @@ impl<'a> Window<'a> {
     }
 
     /// Counts the valid samples.
-    fn count(&self, found: &mut Found) {
+    fn count(&self, found: &mut SampleFindings) {
         let width = self.rect.width as usize;
         for (number, &height) in self.heights.iter().enumerate() {
             let place = match &self.placed {
-                Placed::Straight { longitudes, latitudes, .. } => {
+                WindowPlaces::Straight { longitudes, latitudes, .. } => {
                     [longitudes[number % width], latitudes[number / width]]
                 }
-                Placed::Moved(places) => places[number],
+                WindowPlaces::Moved(places) => places[number],
             };
             hold(&mut found.whole, place);
             let left = (!number.is_multiple_of(width)).then(|| number - 1);
@@ -231,26 +234,26 @@ fn runs<I: Iterator<Item = u32>>(
 }
 
 /// A level above a window.
-struct Level<'a> {
-    window: &'a Window<'a>,
+struct SweepLevel<'a> {
+    window: &'a SweepWindow<'a>,
     level: u8,
     facets: &'a Cache<Facets>,
     under: &'a Mutex<Vec<Under>>,
-    found: &'a mut Found,
+    found: &'a mut SampleFindings,
 }
 
-impl Level<'_> {
+impl SweepLevel<'_> {
     fn measure(&mut self) -> Result<()> {
         let (window, level) = (self.window, self.level);
         let (longitudes, latitudes) = match &window.placed {
-            Placed::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
-            Placed::Moved(places) => return self.scattered(places),
+            WindowPlaces::Straight { longitudes, latitudes, .. } => (longitudes, latitudes),
+            WindowPlaces::Moved(places) => return self.scattered(places),
         };
-        let columns = runs(longitudes, |at| TileId::columns_of(level, at));
-        for (y, rows) in runs(latitudes, |at| TileId::rows_of(level, at)) {
+        let columns = runs(longitudes, |at| ProofTileId::columns_of(level, at));
+        for (y, rows) in runs(latitudes, |at| ProofTileId::rows_of(level, at)) {
             window.context.cancel.check()?;
             for (x, columns) in &columns {
-                let id = TileId { level, y, x: *x };
+                let id = ProofTileId { level, y, x: *x };
                 if window.has_samples(&rows, columns) {
                     self.tile(id, |level, facets| level.rows(id, facets, &rows, columns))?;
                 }
@@ -262,13 +265,13 @@ impl Level<'_> {
     /// Samples that lie in rows and columns of no tile: those of each tile one by one.
     fn scattered(&mut self, places: &[[f64; 2]]) -> Result<()> {
         let level = self.level;
-        let mut of_tiles: BTreeMap<TileId, Vec<usize>> = BTreeMap::new();
+        let mut of_tiles: BTreeMap<ProofTileId, Vec<usize>> = BTreeMap::new();
         let valid = |number: &usize| !self.window.heights[*number].is_nan();
         for number in (0..places.len()).filter(valid) {
             let [longitude, latitude] = places[number];
-            for y in TileId::rows_of(level, latitude) {
-                for x in TileId::columns_of(level, longitude) {
-                    of_tiles.entry(TileId { level, y, x }).or_default().push(number);
+            for y in ProofTileId::rows_of(level, latitude) {
+                for x in ProofTileId::columns_of(level, longitude) {
+                    of_tiles.entry(ProofTileId { level, y, x }).or_default().push(number);
                 }
             }
         }
@@ -281,7 +284,7 @@ impl Level<'_> {
 
     fn tile(
         &mut self,
-        id: TileId,
+        id: ProofTileId,
         measure: impl FnOnce(&mut Self, &Facets) -> Under,
     ) -> Result<()> {
         let Some(number) = self.window.context.tiles.find_one(id) else {
@@ -298,7 +301,7 @@ impl Level<'_> {
         Ok(())
     }
 
-    fn facets_of(&self, id: TileId) -> Result<Arc<Facets>> {
+    fn facets_of(&self, id: ProofTileId) -> Result<Arc<Facets>> {
         self.facets.get(id, || {
             let (tile, _) = self.window.context.read(id)?;
             let facets = Facets::new(&tile, &Facets::positions(id, &tile));
@@ -309,13 +312,13 @@ impl Level<'_> {
 
     fn rows(
         &mut self,
-        id: TileId,
+        id: ProofTileId,
         facets: &Facets,
         rows: &Range<usize>,
         columns: &Range<usize>,
     ) -> Under {
         let window = self.window;
-        let Placed::Straight { meridians, parallels, .. } = &window.placed else {
+        let WindowPlaces::Straight { meridians, parallels, .. } = &window.placed else {
             return Under::default();
         };
         let meridians = &meridians[columns.clone()];
@@ -329,7 +332,7 @@ impl Level<'_> {
 
     fn each(
         &mut self,
-        id: TileId,
+        id: ProofTileId,
         facets: &Facets,
         (places, numbers): (&[[f64; 2]], &[usize]),
     ) -> Under {
@@ -338,7 +341,7 @@ impl Level<'_> {
         let mut from = 0;
         self.measured(id, numbers.iter().copied(), |number, limit| {
             let [longitude, latitude] = places[number];
-            let (meridian, parallel) = (Meridian::at(longitude), Parallel::at(latitude));
+            let (meridian, parallel) = (ProofMeridian::at(longitude), ProofParallel::at(latitude));
             let heights = &window.heights[number..=number];
             let seen = facets.row(&mut from, &parallel, &[meridian], heights, limit);
             (seen, window.sample(number / width, number % width))
@@ -348,9 +351,9 @@ impl Level<'_> {
     /// Adds up what is seen of parts of a tile, each with the row and column of its farthest sample.
     fn measured<T>(
         &mut self,
-        id: TileId,
+        id: ProofTileId,
         parts: impl Iterator<Item = T>,
-        mut look: impl FnMut(T, [f64; 2]) -> (Seen, [u32; 2]),
+        mut look: impl FnMut(T, [f64; 2]) -> (SampleRunErrors, [u32; 2]),
     ) -> Under {
         let limit = [self.window.context.limit(self.level), self.window.context.places.rounded()];
         let (mut under, mut squares, mut over) = (Under::default(), 0.0, 0);
@@ -359,23 +362,27 @@ impl Level<'_> {
             under.count += seen.count;
             over += seen.over;
             squares += seen.squares;
-            let far = seen.most.map(|(distance, _)| Far { distance, sample, ends: seen.ends });
+            let far =
+                seen.most.map(|(distance, _)| FarthestSample { distance, sample, ends: seen.ends });
             under.far = farther(under.far, far);
         }
         let level = &mut self.found.levels[usize::from(self.level)];
         level.samples += under.count;
         level.over += over;
         level.squares.add(squares);
-        self.found.faults.add(Fault::OverTolerance, over, id);
+        self.found.faults.add(TilesetFault::OverTolerance, over, id);
         under
     }
 }
 
 /// The farther of two samples, and of those as far the first in the raster.
-pub(super) fn farther(a: Option<Far>, b: Option<Far>) -> Option<Far> {
+pub(super) fn farther(
+    a: Option<FarthestSample>,
+    b: Option<FarthestSample>,
+) -> Option<FarthestSample> {
     a.into_iter().chain(b).reduce(|a, b| {
         let is_b = b.distance.total_cmp(&a.distance).then(a.sample.cmp(&b.sample)).is_gt();
         let ends = [0, 1].map(|i| a.ends[i].max(b.ends[i]));
-        Far { ends, ..if is_b { b } else { a } }
+        FarthestSample { ends, ..if is_b { b } else { a } }
     })
 }

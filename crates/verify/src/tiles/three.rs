@@ -3,13 +3,14 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::folder::{self, Tiles, entries, number};
-use super::level::Level;
-use super::room::Room;
+use super::folder::{self, FolderTiles, entries, number};
+use super::level::StatedLevel;
+use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_proof::tiles::{
-    About, Content, ERROR_OF_ROOT, Fault, Faults, MOST_LEVEL, Said, Schema, Subtree, Tile, TileId,
+    About, DecodedTile, ERROR_OF_ROOT, Faults, GlbTileContent, MOST_LEVEL, MetadataSchema,
+    ProofTileId, StatedTileLevel, Subtree, TilesetFault,
 };
 
 /// The name of the file.
@@ -28,9 +29,9 @@ const SHARE: f64 = 1e-6;
 #[derive(Debug)]
 pub(super) struct Three {
     /// What the subtrees tell of tiles.
-    pub(super) about: HashMap<TileId, About>,
+    pub(super) about: HashMap<ProofTileId, About>,
     /// The tiles at the tops of subtrees.
-    pub(super) subtrees: HashSet<TileId>,
+    pub(super) subtrees: HashSet<ProofTileId>,
     /// Lowest and highest of the regions of the whole and of its halves.
     pub(super) regions: [[f64; 2]; 3],
     /// Errors of the whole, its root and the halves.
@@ -43,11 +44,11 @@ impl Three {
     pub(super) fn collect(
         &mut self,
         folder: &Path,
-        (levels, schema): (u8, &Schema),
+        (levels, schema): (u8, &MetadataSchema),
         most: usize,
         cancel: &Cancel,
     ) -> Result<()> {
-        let mut open: Vec<TileId> = [0, 1].map(|x| TileId { level: 0, y: 0, x }).into();
+        let mut open: Vec<ProofTileId> = [0, 1].map(|x| ProofTileId { level: 0, y: 0, x }).into();
         let mut count = 0;
         while let Some(top) = open.pop() {
             cancel.check()?;
@@ -65,11 +66,11 @@ impl Three {
                 self.about.extend(found.tiles);
             }
         }
-        Room::check(count, most).map_err(|e| e.in_file(folder))
+        TilesProofRoom::check(count, most).map_err(|e| e.in_file(folder))
     }
 
     /// What is told of a tile.
-    pub(super) fn about(&self, id: TileId) -> Option<&About> {
+    pub(super) fn about(&self, id: ProofTileId) -> Option<&About> {
         self.about.get(&id)
     }
 
@@ -77,19 +78,19 @@ impl Three {
     pub(super) fn read(
         &self,
         folder: &Path,
-        id: TileId,
-        level: Level,
+        id: ProofTileId,
+        level: StatedLevel,
         fit: impl FnOnce(usize) -> Result<()>,
-    ) -> Result<(Tile, bool)> {
+    ) -> Result<(DecodedTile, bool)> {
         let path = path_of(folder, id, TILE);
-        let said = Said {
+        let said = StatedTileLevel {
             step: level.step,
             lattice: level.lattice.unwrap_or_default(),
             has_edges: self.has_edges,
             skirt: level.skirt,
         };
         let (bytes, is_packed) = folder::bytes(&path)?;
-        let read = || Content::read(&bytes, fit)?.tile(id, said);
+        let read = || GlbTileContent::read(&bytes, fit)?.tile(id, said);
         read().map(|tile| (tile, is_packed)).map_err(|e| e.in_file(&path))
     }
 
@@ -98,7 +99,7 @@ impl Three {
         for (id, about) in &self.about {
             let whole = id.parent().and_then(|parent| Some((parent, self.about(parent)?)));
             if let Some((parent, _)) = whole.filter(|(_, whole)| !whole.holds(about)) {
-                faults.add(Fault::Nested, 1, parent);
+                faults.add(TilesetFault::Nested, 1, parent);
             }
         }
         let [whole, west, east] = self.regions;
@@ -114,17 +115,22 @@ impl Three {
         };
         let is_off =
             [(whole, needed), (west, halves[0]), (east, halves[1])].into_iter().any(is_other);
-        faults.add(Fault::Regions, u64::from(is_off), None);
+        faults.add(TilesetFault::Regions, u64::from(is_off), None);
         let worst = self.about.values().map(|about| about.error).fold(ERROR_OF_ROOT, f64::max);
         let needed = [2.0 * worst, 2.0 * worst, worst];
         let is_other = |(told, needed): (&f64, &f64)| (told / needed - 1.0).abs() > SHARE;
         let is_off = self.errors.iter().zip(&needed).any(is_other);
-        faults.add(Fault::RootErrors, u64::from(is_off), None);
+        faults.add(TilesetFault::RootErrors, u64::from(is_off), None);
     }
 
     /// Looks through the folder of a set for its files.
-    pub(super) fn find(&self, top: &Path, room: &Room, cancel: &Cancel) -> Result<Tiles> {
-        let mut found = Tiles::within(room);
+    pub(super) fn find(
+        &self,
+        top: &Path,
+        room: &TilesProofRoom,
+        cancel: &Cancel,
+    ) -> Result<FolderTiles> {
+        let mut found = FolderTiles::within(room);
         for half in entries(top)? {
             let path = half.path();
             let name = half.file_name();
@@ -139,7 +145,7 @@ impl Three {
 
     fn find_half(
         &self,
-        found: &mut Tiles,
+        found: &mut FolderTiles,
         folder: &Path,
         half: u32,
         cancel: &Cancel,
@@ -163,9 +169,10 @@ impl Three {
         Ok(())
     }
 
-    fn column(&self, found: &mut Tiles, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
+    fn column(&self, found: &mut FolderTiles, folder: &Path, (level, x): (u8, u32)) -> Result<()> {
         for row in entries(folder)? {
-            let id = |ending: &str| number(&row, ending).and_then(|y| TileId::new(level, x, y));
+            let id =
+                |ending: &str| number(&row, ending).and_then(|y| ProofTileId::new(level, x, y));
             let path = row.path();
             let is_subtree = id(SUBTREE).is_some_and(|top| self.subtrees.contains(&top));
             match id(TILE) {
@@ -179,8 +186,8 @@ impl Three {
 }
 
 /// Where a file of a tile is.
-fn path_of(folder: &Path, id: TileId, ending: &str) -> PathBuf {
-    let TileId { level, x, y } = id;
+fn path_of(folder: &Path, id: ProofTileId, ending: &str) -> PathBuf {
+    let ProofTileId { level, x, y } = id;
     let half = HALVES[(x >> level) as usize & 1];
     folder.join(format!("{half}/{level}/{}/{y}{ending}", x & ((1 << level) - 1)))
 }

@@ -7,14 +7,16 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::folder;
-use super::layer::{self, Kind, Layer, Range, check_beyond, check_heights, text_of};
-use super::level::{Level, check_levels};
-use super::room::Room;
+use super::layer::{
+    self, TileRange, TilesetKind, TilesetPromises, check_beyond, check_heights, text_of,
+};
+use super::level::{StatedLevel, check_levels};
+use super::room::TilesProofRoom;
 use super::three::{self, HALVES, SUBTREE, TILE, Three};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
-use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, MOST_SUBTREE_LEVELS, Schema};
+use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, MOST_SUBTREE_LEVELS, MetadataSchema};
 
 /// Radians that the sides of a region may be off by.
 const RADIANS: f64 = 1e-12;
@@ -30,14 +32,14 @@ pub(super) fn place(path: &Path) -> PathBuf {
     }
 }
 
-impl Layer {
+impl TilesetPromises {
     /// Reads the file of a set, which is named by its folder or by the file itself; of 3D Tiles its subtrees, too, for
     /// whose tiles there has to be room.
     ///
     /// # Errors
     /// A file that cannot be read, is too long, no JSON or without what is needed; another format, scheme or
     /// projection; levels beyond the finest there may be.
-    pub(super) fn read(path: &Path, room: &Room, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn read(path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<Self> {
         let path = place(path);
         if path.file_name().is_some_and(|name| name == three::NAME) {
             return read_tileset(&path, room, cancel);
@@ -48,39 +50,39 @@ impl Layer {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Stored {
-    asset: Asset,
-    schema: Option<Schema>,
+struct StoredTilesetJson {
+    asset: TilesetAsset,
+    schema: Option<MetadataSchema>,
     geometric_error: f64,
-    root: Root,
+    root: TilesetRoot,
     #[serde(default)]
-    extras: Extras,
+    extras: TilesetExtras,
 }
 
 #[derive(Deserialize)]
-struct Asset {
+struct TilesetAsset {
     version: String,
 }
 
 #[derive(Default, Deserialize)]
-struct Extras {
-    terrane: Option<Own>,
+struct TilesetExtras {
+    terrane: Option<TerraneTilesetExtras>,
 }
 
 /// What terrane says of its own sets.
 #[derive(Deserialize)]
-struct Own {
+struct TerraneTilesetExtras {
     bounds: [f64; 4],
     normals: bool,
     edges: bool,
-    levels: Vec<Level>,
+    levels: Vec<StatedLevel>,
     beyond: Option<String>,
     heights: Option<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Root {
+struct TilesetRoot {
     bounding_volume: Volume,
     geometric_error: f64,
     refine: String,
@@ -122,17 +124,17 @@ struct Implicit {
 ///
 /// # Errors
 /// Files that cannot be read or are too long; another kind of tileset; what does not fit together in one.
-fn read_tileset(path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
+fn read_tileset(path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<TilesetPromises> {
     let text = text_of(path)?;
-    let stored: Stored = serde_json::from_slice(&text).map_err(|e| {
+    let stored: StoredTilesetJson = serde_json::from_slice(&text).map_err(|e| {
         Error::bad_input(format!("does not describe a set of tiles as terrane makes it: {e}"))
             .in_file(path)
     })?;
     stored.layer(path, room, cancel)
 }
 
-impl Stored {
-    fn layer(self, path: &Path, room: &Room, cancel: &Cancel) -> Result<Layer> {
+impl StoredTilesetJson {
+    fn layer(self, path: &Path, room: &TilesProofRoom, cancel: &Cancel) -> Result<TilesetPromises> {
         let of_file = |e: Error| e.in_file(path);
         self.check().map_err(of_file)?;
         let (Some(schema), Some(own)) = (self.schema, self.extras.terrane) else {
@@ -163,10 +165,10 @@ impl Stored {
             let of_level = available.get_mut(usize::from(id.level)).ok_or_else(|| {
                 of_file(Error::bad_input(format!("has tile {id}, beyond level {finest}")))
             })?;
-            of_level.push(Range::one(*id));
+            of_level.push(TileRange::one(*id));
         }
         available.iter_mut().for_each(|ranges| ranges.sort_unstable());
-        Ok(Layer {
+        Ok(TilesetPromises {
             folder,
             bounds: Some(own.bounds),
             finest,
@@ -180,7 +182,7 @@ impl Stored {
             tapers: check_beyond(own.beyond.as_deref()).map_err(of_file)?,
             has_geoid: check_heights(own.heights.as_deref()).map_err(of_file)?,
             unknown: Vec::new(),
-            kind: Kind::ThreeTiles(three),
+            kind: TilesetKind::ThreeTiles(three),
         })
     }
 

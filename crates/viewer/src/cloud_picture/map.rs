@@ -8,30 +8,32 @@ use crate::render::MAX_PICTURE_SIDE;
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{Cloud, CloudInfo, PointSource, Seen, Sight, round_side, round_up};
+use terrane_cloud::{
+    CloudInfo, PointAppearance, PointCloud, PointSource, Sight, round_side, round_up,
+};
 use terrane_engine::{Cancel, FileAt, Progress};
-use terrane_gridding::{Edges, Lattice};
+use terrane_gridding::{CellEdgeRule, CellLattice};
 
 /// Most cells along a side, by default.
 const USUAL_SIDE: f64 = 1000.0;
 
 /// Cells of the plane, from the north-west on.
-pub(super) struct Cells {
+pub(super) struct PictureCells {
     pub(super) side: f64,
-    pub(super) lattice: Lattice,
+    pub(super) lattice: CellLattice,
     /// Lattice indices of the cell in the south-west.
     pub(super) first: [i64; 2],
     pub(super) size: [usize; 2],
 }
 
-impl Cells {
+impl PictureCells {
     pub(super) fn new(info: &CloudInfo, bounds: [Point; 2], side: Option<f64>) -> Result<Self> {
         let side = side.unwrap_or_else(|| usual_side(info, bounds));
         if info.frame.scale[..2].iter().any(|step| side < *step) {
             let message = format!("cells of {side} are smaller than a step of the points");
             return Err(Error::usage(message).remedy("choose a larger ‹cell›"));
         }
-        let lattice = Lattice::new(&info.frame, [0.0; 2], [side; 2], Edges::default());
+        let lattice = CellLattice::new(&info.frame, [0.0; 2], [side; 2], CellEdgeRule::default());
         let span = lattice.span(bounds);
         let size = span.map(|[low, high]| high.abs_diff(low).saturating_add(1));
         let most = u64::from(MAX_PICTURE_SIDE);
@@ -77,23 +79,23 @@ fn usual_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
 }
 
 /// What was counted.
-pub(super) struct Map {
-    pub(super) cells: Cells,
+pub(super) struct PointDensityMap {
+    pub(super) cells: PictureCells,
     pub(super) points: u64,
     pub(super) counts: Vec<u64>,
     /// Of the highest point of each cell: its height in steps, ordered, and its class in the lowest 8 bits.
     pub(super) tops: Vec<u64>,
 }
 
-impl Map {
+impl PointDensityMap {
     pub(super) fn read(
-        cloud: &Cloud,
-        cells: Cells,
+        cloud: &PointCloud,
+        cells: PictureCells,
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Self> {
         let zeros = || (0..cells.count()).map(|_| AtomicU64::new(0)).collect::<Vec<_>>();
         let (counts, tops, sight) = (zeros(), zeros(), Sight::new(cloud)?);
-        let add = |Seen { point, class, .. }: &Seen| {
+        let add = |PointAppearance { point, class, .. }: &PointAppearance| {
             let Some(cell) = cells.of(*point) else { return };
             counts[cell].fetch_add(1, Ordering::Relaxed);
             tops[cell].fetch_max(ordered(point.z) << 8 | u64::from(*class), Ordering::Relaxed);
@@ -131,12 +133,13 @@ impl Map {
 }
 
 #[cfg(test)]
-impl Map {
+impl PointDensityMap {
     /// Of cells of side 1 with these counts, rows from the north.
     pub(super) fn of_rows(rows: &[&[u64]]) -> Self {
-        let frame = terrane_base::geom::Frame { scale: [0.01; 3], offset: [0.0; 3] };
-        let lattice = Lattice::new(&frame, [0.0; 2], [1.0; 2], Edges::default());
-        let cells = Cells { side: 1.0, lattice, first: [0, 0], size: [rows[0].len(), rows.len()] };
+        let frame = terrane_base::geom::PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
+        let lattice = CellLattice::new(&frame, [0.0; 2], [1.0; 2], CellEdgeRule::default());
+        let cells =
+            PictureCells { side: 1.0, lattice, first: [0, 0], size: [rows[0].len(), rows.len()] };
         let counts = rows.concat();
         let tops = counts.iter().map(|n| (ordered(*n as i32 * 100) << 8) | (n % 3)).collect();
         Self { points: counts.iter().sum(), cells, counts, tops }
@@ -149,7 +152,7 @@ mod tests {
 
     #[test]
     fn points_are_in_the_cells_whose_borders_are_below_them() {
-        let map = Map::of_rows(&[&[0, 0, 0], &[0, 0, 0]]);
+        let map = PointDensityMap::of_rows(&[&[0, 0, 0], &[0, 0, 0]]);
         let of = |x, y| map.cells.of(Point::new(x, y, 0));
         assert_eq!([of(0, 0), of(99, 99), of(100, 0), of(299, 100)], [3, 3, 4, 2].map(Some));
         assert_eq!([of(-1, 0), of(300, 0), of(0, 200), of(0, -1)], [None; 4]);
@@ -160,7 +163,10 @@ mod tests {
     fn heights_and_classes_come_back() {
         for (z, class) in [(0, 0), (-1, 255), (i32::MIN, 7), (i32::MAX, 2)] {
             let tops = vec![ordered(z) << 8 | u64::from(class)];
-            assert_eq!(Map { tops, ..Map::of_rows(&[&[1]]) }.top(0), (z, class));
+            assert_eq!(
+                PointDensityMap { tops, ..PointDensityMap::of_rows(&[&[1]]) }.top(0),
+                (z, class)
+            );
         }
     }
 }

@@ -12,11 +12,11 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::view::write_png;
-use map::{Cells, Map};
-use paint::Sheet;
+use map::{PictureCells, PointDensityMap};
+use paint::CloudPicture;
 pub use paint::Shows;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{Cloud, PointSource};
+use terrane_cloud::{PointCloud, PointSource};
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
@@ -72,7 +72,7 @@ const PAINTING: u64 = 8 << 20;
 /// An output that exists; cells that are too small for the points, the picture or the memory; a cloud without points;
 /// what its files have wrong with them.
 pub fn draw(
-    cloud: &Cloud,
+    cloud: &PointCloud,
     job: &PictureJob,
     resources: &Resources,
     (progress, cancel): (&dyn Progress, &Cancel),
@@ -80,15 +80,16 @@ pub fn draw(
     refuse_existing(&job.output, job.overwrite)?;
     let info = cloud.info();
     let bounds = info.bounds.ok_or_else(no_points)?;
-    let cells = Cells::new(info, bounds, job.cell)?;
+    let cells = PictureCells::new(info, bounds, job.cell)?;
     let threads = threads(&cells, resources)?;
     let resources = Resources { threads, ..resources.clone() };
-    let map = workers(&resources)?.install(|| Map::read(cloud, cells, (progress, cancel)))?;
+    let map =
+        workers(&resources)?.install(|| PointDensityMap::read(cloud, cells, (progress, cancel)))?;
     if map.points == 0 {
         return Err(no_points());
     }
     let found = voids::find(&map);
-    let sheet = Sheet::new(&map, &found, job.shows, info);
+    let sheet = CloudPicture::new(&map, &found, job.shows, info);
     let mut file = AtomicFile::create(&job.output, job.overwrite)?;
     let fill = |row, line: &mut [u8]| sheet.row(row, line);
     write_png(&mut file, sheet.size(), fill, &resources, progress, cancel)?;
@@ -114,7 +115,7 @@ fn no_points() -> Error {
 }
 
 /// Threads that fit beside the cells.
-fn threads(cells: &Cells, resources: &Resources) -> Result<usize> {
+fn threads(cells: &PictureCells, resources: &Resources) -> Result<usize> {
     let count = cells.count();
     let need = count * CELL_BYTES + PAINTING;
     let free = beside_program(resources.memory);

@@ -3,10 +3,10 @@
 use serde::Serialize;
 use terrane_options::Choice;
 
-use super::map::Map;
-use super::voids::Found;
-use crate::render::{Field, Tint, class_colour, text_size, write_text};
-use terrane_base::geom::Frame;
+use super::map::PointDensityMap;
+use super::voids::VoidCells;
+use crate::render::{PictureHeights, Tint, class_colour, text_size, write_text};
+use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, class_name};
 
 /// What a picture shows of each cell.
@@ -45,10 +45,10 @@ const VOID: [u8; 3] = [200, 54, 48];
 const BEYOND: usize = 2;
 
 /// A picture and its legend.
-pub(super) struct Sheet<'a> {
-    map: &'a Map,
-    found: &'a Found,
-    colours: Colours,
+pub(super) struct CloudPicture<'a> {
+    map: &'a PointDensityMap,
+    found: &'a VoidCells,
+    colours: CellColoring,
     /// Pixels along the side of a cell.
     zoom: usize,
     width: usize,
@@ -56,16 +56,16 @@ pub(super) struct Sheet<'a> {
 }
 
 /// What cells are coloured by.
-enum Colours {
+enum CellColoring {
     /// Points of a cell that have the last colour.
     Density(f64),
     Voids,
-    Height(Tint, Frame),
+    Height(Tint, PointFrame),
     Class,
 }
 
 /// A line of the legend.
-enum Line {
+enum LegendLine {
     /// 256 colours from side to side.
     Bar(Vec<[u8; 3]>),
     /// At the left and at the right.
@@ -74,12 +74,17 @@ enum Line {
     Swatch([u8; 3], String),
 }
 
-impl<'a> Sheet<'a> {
-    pub(super) fn new(map: &'a Map, found: &'a Found, shows: Shows, info: &CloudInfo) -> Self {
+impl<'a> CloudPicture<'a> {
+    pub(super) fn new(
+        map: &'a PointDensityMap,
+        found: &'a VoidCells,
+        shows: Shows,
+        info: &CloudInfo,
+    ) -> Self {
         let [columns, rows] = map.cells.size;
         let zoom = (SMALL / columns.max(rows)).max(1);
         let width = (columns * zoom).max(LEAST);
-        let colours = Colours::new(map, shows, &info.frame);
+        let colours = CellColoring::new(map, shows, &info.frame);
         let lines = colours.lines(map, found, info);
         let legend = legend(&lines, width);
         Self { map, found, colours, zoom, width, legend }
@@ -109,14 +114,14 @@ impl<'a> Sheet<'a> {
         let cell = row * self.map.cells.size[0] + col;
         match (self.map.is_filled(cell), &self.colours) {
             (true, colours) => opaque(colours.of(self.map, cell)),
-            (false, Colours::Voids) if self.found.is_inside([col, row]) => opaque(VOID),
+            (false, CellColoring::Voids) if self.found.is_inside([col, row]) => opaque(VOID),
             (false, _) => CLEAR,
         }
     }
 }
 
-impl Colours {
-    fn new(map: &Map, shows: Shows, frame: &Frame) -> Self {
+impl CellColoring {
+    fn new(map: &PointDensityMap, shows: Shows, frame: &PointFrame) -> Self {
         match shows {
             Shows::Density => Self::Density(dense(map)),
             Shows::Voids => Self::Voids,
@@ -128,13 +133,13 @@ impl Colours {
                 };
                 let z = (0..map.counts.len()).map(height).collect();
                 let [width, height] = map.cells.size;
-                Self::Height(Tint::of(&Field { width, height, z }), *frame)
+                Self::Height(Tint::of(&PictureHeights { width, height, z }), *frame)
             }
         }
     }
 
     /// Of a cell with points.
-    fn of(&self, map: &Map, cell: usize) -> [u8; 3] {
+    fn of(&self, map: &PointDensityMap, cell: usize) -> [u8; 3] {
         match self {
             Self::Density(most) => between(map.counts[cell] as f64 / most),
             Self::Voids => FILLED,
@@ -143,22 +148,25 @@ impl Colours {
         }
     }
 
-    fn lines(&self, map: &Map, found: &Found, info: &CloudInfo) -> Vec<Line> {
+    fn lines(&self, map: &PointDensityMap, found: &VoidCells, info: &CloudInfo) -> Vec<LegendLine> {
         let unit = info.crs.horizontal_unit();
-        let cells = Line::Text(format!("cells of {} {unit}", map.cells.side), String::new());
+        let cells = LegendLine::Text(format!("cells of {} {unit}", map.cells.side), String::new());
         match self {
             Self::Density(most) => vec![
-                Line::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
-                Line::Text("0".to_owned(), format!("{} and more", short(most / map.cells.area()))),
-                Line::Text(format!("points per square {unit}"), String::new()),
+                LegendLine::Bar((0..256).map(|i| between(f64::from(i) / 255.0)).collect()),
+                LegendLine::Text(
+                    "0".to_owned(),
+                    format!("{} and more", short(most / map.cells.area())),
+                ),
+                LegendLine::Text(format!("points per square {unit}"), String::new()),
                 cells,
             ],
             Self::Voids => {
                 let percent = short(100.0 * found.voids.share);
                 let (filled, voids) = (map.filled(), found.voids.cells);
                 vec![
-                    Line::Swatch(FILLED, format!("{filled} cells with points")),
-                    Line::Swatch(VOID, format!("{voids} cells without, {percent} percent")),
+                    LegendLine::Swatch(FILLED, format!("{filled} cells with points")),
+                    LegendLine::Swatch(VOID, format!("{voids} cells without, {percent} percent")),
                     cells,
                 ]
             }
@@ -166,9 +174,9 @@ impl Colours {
                 let (low, high) = ends(map, &info.frame);
                 let at = |i: u16| low + (high - low) * f64::from(i) / 255.0;
                 vec![
-                    Line::Bar((0..256).map(|i| rounded(tint.colour(at(i) as f32))).collect()),
-                    Line::Text(short(low), short(high)),
-                    Line::Text("highest points".to_owned(), String::new()),
+                    LegendLine::Bar((0..256).map(|i| rounded(tint.colour(at(i) as f32))).collect()),
+                    LegendLine::Text(short(low), short(high)),
+                    LegendLine::Text("highest points".to_owned(), String::new()),
                     cells,
                 ]
             }
@@ -178,28 +186,31 @@ impl Colours {
                 filled.for_each(|cell| counts[usize::from(map.top(cell).1)] += 1);
                 let there = (0..=255u8).filter(|class| counts[usize::from(*class)] > 0);
                 let swatch = |class: u8| {
-                    Line::Swatch(class_colour(class), format!("{class} {}", class_name(class)))
+                    LegendLine::Swatch(
+                        class_colour(class),
+                        format!("{class} {}", class_name(class)),
+                    )
                 };
-                let highest = Line::Text("class of highest points".to_owned(), String::new());
+                let highest = LegendLine::Text("class of highest points".to_owned(), String::new());
                 there.map(swatch).chain([highest, cells]).collect()
             }
         }
     }
 }
 
-fn height(frame: &Frame, steps: i32) -> f32 {
+fn height(frame: &PointFrame, steps: i32) -> f32 {
     (f64::from(steps) * frame.scale[2] + frame.offset[2]) as f32
 }
 
 /// The lowest and highest of the highest points.
-fn ends(map: &Map, frame: &Frame) -> (f64, f64) {
+fn ends(map: &PointDensityMap, frame: &PointFrame) -> (f64, f64) {
     let filled = (0..map.counts.len()).filter(|cell| map.is_filled(*cell));
     let heights = filled.map(|cell| f64::from(height(frame, map.top(cell).0)));
     heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)))
 }
 
 /// Points of a cell that but a few cells have more of.
-fn dense(map: &Map) -> f64 {
+fn dense(map: &PointDensityMap) -> f64 {
     let mut counts: Vec<u64> = map.counts.iter().copied().filter(|count| *count > 0).collect();
     let at = (counts.len() - counts.len() * BEYOND / 100).saturating_sub(1);
     counts.select_nth_unstable(at).1.max(&mut 1).to_owned() as f64
@@ -236,9 +247,9 @@ fn short(value: f64) -> String {
 }
 
 /// Lines on paper, as wide as the picture.
-fn legend(lines: &[Line], width: usize) -> Vec<[u8; 4]> {
-    let step = |line: &Line| {
-        LEADING + if matches!(line, Line::Text(..)) { text_size("", DOT)[1] } else { BAR + 2 }
+fn legend(lines: &[LegendLine], width: usize) -> Vec<[u8; 4]> {
+    let step = |line: &LegendLine| {
+        LEADING + if matches!(line, LegendLine::Text(..)) { text_size("", DOT)[1] } else { BAR + 2 }
     };
     let rows = lines.iter().map(step).sum::<usize>() + MARGIN + LEADING;
     let mut paper = vec![PAPER; width * rows];
@@ -250,21 +261,21 @@ fn legend(lines: &[Line], width: usize) -> Vec<[u8; 4]> {
     paper
 }
 
-fn draw(line: &Line, paper: &mut [[u8; 4]], width: usize, top: usize) {
+fn draw(line: &LegendLine, paper: &mut [[u8; 4]], width: usize, top: usize) {
     let right = width - MARGIN;
     match line {
-        Line::Bar(colours) => {
+        LegendLine::Bar(colours) => {
             for col in MARGIN..right {
                 let colour = colours[(col - MARGIN) * colours.len() / (right - MARGIN)];
                 (top..top + BAR).for_each(|row| paper[row * width + col] = opaque(colour));
             }
         }
-        Line::Text(left, other) => {
+        LegendLine::Text(left, other) => {
             write(left, paper, width, [MARGIN, top]);
             let from = right.saturating_sub(text_size(other, DOT)[0]);
             write(other, paper, width, [from, top]);
         }
-        Line::Swatch(colour, text) => {
+        LegendLine::Swatch(colour, text) => {
             let square = (0..BAR * BAR).map(|i| [MARGIN + i % BAR, top + i / BAR]);
             square.for_each(|[col, row]| paper[row * width + col] = opaque(*colour));
             write(text, paper, width, [MARGIN + BAR + LEADING, top]);
@@ -288,14 +299,14 @@ mod tests {
     use terrane_base::geom::Crs;
 
     fn info() -> CloudInfo {
-        let frame = Frame { scale: [0.01; 3], offset: [0.0; 3] };
+        let frame = PointFrame { scale: [0.01; 3], offset: [0.0; 3] };
         CloudInfo { frame, bounds: None, count: 0, crs: Crs::default() }
     }
 
     /// The pixels in the middle of cells.
-    fn painted(map: &Map, shows: Shows) -> Vec<[u8; 4]> {
+    fn painted(map: &PointDensityMap, shows: Shows) -> Vec<[u8; 4]> {
         let found = find(map);
-        let sheet = Sheet::new(map, &found, shows, &info());
+        let sheet = CloudPicture::new(map, &found, shows, &info());
         let [width, rows] = sheet.size();
         let mut line = vec![0; width * 4];
         // No row of the picture fails.
@@ -313,7 +324,7 @@ mod tests {
 
     #[test]
     fn cells_have_the_colours_of_what_is_shown() {
-        let map = Map::of_rows(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
+        let map = PointDensityMap::of_rows(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
         let density = painted(&map, Shows::Density);
         assert_eq!(density[2], CLEAR, "outside");
         assert_eq!(density[4], CLEAR, "a void");
@@ -334,8 +345,10 @@ mod tests {
             [0.0, 12.345, 1234.5, 0.012, -4.5].map(short),
             ["0", "12.3", "1234", "0.012", "-4.5"]
         );
-        let lines =
-            [Line::Text("x".repeat(400), "y".repeat(400)), Line::Swatch(VOID, "z".repeat(400))];
+        let lines = [
+            LegendLine::Text("x".repeat(400), "y".repeat(400)),
+            LegendLine::Swatch(VOID, "z".repeat(400)),
+        ];
         let paper = legend(&lines, LEAST);
         assert_eq!(paper.len() % LEAST, 0);
         assert!(paper.contains(&INK) && paper.contains(&opaque(VOID)));

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::map::Map;
+use super::map::PointDensityMap;
 
 /// How much is void.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -20,20 +20,20 @@ pub struct Voids {
 }
 
 /// The voids, and which cells they are.
-pub(super) struct Found {
+pub(super) struct VoidCells {
     pub(super) voids: Voids,
     /// Of each row, the first and the last column of the hull; rows without it have none.
     hull: Vec<Option<[usize; 2]>>,
 }
 
-impl Found {
+impl VoidCells {
     /// Whether a place (column, row) is within the hull.
     pub(super) fn is_inside(&self, [col, row]: [usize; 2]) -> bool {
         self.hull[row].is_some_and(|[first, last]| first <= col && col <= last)
     }
 }
 
-pub(super) fn find(map: &Map) -> Found {
+pub(super) fn find(map: &PointDensityMap) -> VoidCells {
     let hull = hull(map);
     let [columns, _] = map.cells.size;
     let mut open = vec![false; map.counts.len()];
@@ -56,11 +56,11 @@ pub(super) fn find(map: &Map) -> Found {
         largest_area: largest as f64 * area,
         largest_bounds: (largest > 0).then(|| map.cells.bounds(ends[0], ends[1])),
     };
-    Found { voids, hull }
+    VoidCells { voids, hull }
 }
 
 /// The convex hull of the middles of all cells that have points, row by row.
-fn hull(map: &Map) -> Vec<Option<[usize; 2]>> {
+fn hull(map: &PointDensityMap) -> Vec<Option<[usize; 2]>> {
     let [columns, _] = map.cells.size;
     let ends = |row: &[u64]| {
         let first = row.iter().position(|n| *n > 0)?;
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn voids_are_within_the_hull_and_the_largest_is_found() {
-        let map = Map::of_rows(&[
+        let map = PointDensityMap::of_rows(&[
             &[0, 0, 1, 0, 0, 0],
             &[0, 1, 0, 0, 1, 0],
             &[1, 0, 0, 0, 1, 0],
@@ -167,7 +167,7 @@ mod tests {
         assert_eq!((voids.cells, voids.area, voids.largest_area), (6, 6.0, 6.0));
         assert_eq!(voids.largest_bounds, Some([1.0, 1.0, 4.0, 4.0]));
         assert!((voids.share - 6.0 / 16.0).abs() < 1e-12);
-        assert_eq!(find(&Map::of_rows(&[&[1]])).voids.largest_bounds, None);
+        assert_eq!(find(&PointDensityMap::of_rows(&[&[1]])).voids.largest_bounds, None);
     }
 
     /// Whether a place is in the hull of others: some two of them lie on either side of every line through it. By all
@@ -197,7 +197,7 @@ mod tests {
         fn the_hull_is_that_of_all_triangles(cells in prop::collection::vec((0usize..9, 0usize..7), 1..9)) {
             let mut rows = vec![vec![0; 9]; 7];
             cells.iter().for_each(|(col, row)| rows[*row][*col] += 1);
-            let map = Map::of_rows(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
+            let map = PointDensityMap::of_rows(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
             let found = find(&map);
             let corners: Vec<[i64; 2]> = cells.iter().map(|(c, r)| [*c as i64, *r as i64]).collect();
             for (col, row) in (0..63).map(|i| (i % 9, i / 9)) {

@@ -7,4 +7,4 @@
 pub mod pack;
 mod parts;
 
-pub use parts::{Page, TEMPLATES, Template, escape};
+pub use parts::{HtmlPage, TEMPLATES, Template, escape};

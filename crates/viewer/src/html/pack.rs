@@ -11,7 +11,7 @@ pub const MOST_CODE: u32 = (1 << 24) - 1;
 
 /// An array, ready to be put into a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Packed {
+pub struct PackedArray {
     /// Values.
     pub count: usize,
     /// Whether differences are stored.
@@ -20,7 +20,7 @@ pub struct Packed {
     pub text: String,
 }
 
-impl Packed {
+impl PackedArray {
     /// Values that are near to those before them.
     pub fn steps(values: &[u32]) -> Self {
         let mut before = 0;
@@ -89,7 +89,7 @@ fn unzigzag(value: u32) -> u32 {
 
 /// Coordinates along one axis as whole numbers: `low + code * step`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct QuantizedAxis {
     /// The lowest coordinate.
     pub low: f64,
     /// One step of the codes.
@@ -100,7 +100,7 @@ pub struct Axis {
     pub rounding: f64,
 }
 
-impl Axis {
+impl QuantizedAxis {
     /// Codes of finite coordinates. The step is the finest power of two that [`MOST_CODE`] allows, times
     /// the greatest divisor of all codes: a lattice of whole steps gets its columns and is exact.
     pub fn of(values: &[f64]) -> Self {
@@ -176,44 +176,44 @@ mod tests {
 
     #[test]
     fn a_lattice_is_exact_and_its_codes_are_its_columns() {
-        let axis = Axis::of(&[4_745_030.0, 4_745_000.0, 4_745_070.0]);
+        let axis = QuantizedAxis::of(&[4_745_030.0, 4_745_000.0, 4_745_070.0]);
         assert_eq!((axis.low, axis.step, axis.rounding), (4_745_000.0, 10.0, 0.0));
         assert_eq!(axis.codes, [3, 0, 7]);
         for same in [&[7.5, 7.5][..], &[]] {
-            let axis = Axis::of(same);
+            let axis = QuantizedAxis::of(same);
             assert_eq!((axis.codes.len(), axis.step, axis.rounding), (same.len(), 1.0, 0.0));
         }
     }
 
     #[test]
     fn steps_of_hundredths_are_the_codes() {
-        let axis = Axis::of_steps(&[702, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
+        let axis = QuantizedAxis::of_steps(&[702, 500, 500 + MOST_CODE as i32], 0.01, 6_000_000.0);
         assert_eq!((axis.low, axis.step, axis.rounding), (6_000_005.0, 0.01, 0.0));
         assert_eq!(axis.codes, [202, 0, MOST_CODE]);
-        let axis = Axis::of_steps(&[0, 1, 2 * MOST_CODE as i32], 1.0, 0.0);
+        let axis = QuantizedAxis::of_steps(&[0, 1, 2 * MOST_CODE as i32], 1.0, 0.0);
         assert_eq!((axis.step, axis.rounding, axis.codes), (2.0, 1.0, vec![0, 1, MOST_CODE]));
-        assert!(Axis::of_steps(&[], 1.0, 0.0).codes.is_empty());
-        let tens = Axis::of_steps(&[-30, 0, 70], 1.0, 0.0);
+        assert!(QuantizedAxis::of_steps(&[], 1.0, 0.0).codes.is_empty());
+        let tens = QuantizedAxis::of_steps(&[-30, 0, 70], 1.0, 0.0);
         assert_eq!((tens.low, tens.step, tens.codes), (-30.0, 10.0, vec![0, 3, 10]));
     }
 
     #[test]
     fn what_repeats_is_short() {
-        let packed = Packed::steps(&(0..1_000_000).collect::<Vec<u32>>());
+        let packed = PackedArray::steps(&(0..1_000_000).collect::<Vec<u32>>());
         assert!(packed.text.len() < 10_000, "{}", packed.text.len());
         assert_eq!(packed.unpack().unwrap()[999_999], 999_999);
-        let broken = Packed { count: 7, ..packed };
+        let broken = PackedArray { count: 7, ..packed };
         assert_eq!(broken.unpack(), None);
     }
 
     proptest! {
         #[test]
         fn numbers_come_back(values in prop::collection::vec(any::<u32>(), 0..3000)) {
-            prop_assert_eq!(Packed::steps(&values).unpack().unwrap(), values.clone());
-            let signed = Packed::signed(values.iter().map(|v| *v as i32)).unpack().unwrap();
+            prop_assert_eq!(PackedArray::steps(&values).unpack().unwrap(), values.clone());
+            let signed = PackedArray::signed(values.iter().map(|v| *v as i32)).unpack().unwrap();
             prop_assert_eq!(signed, values.clone());
             let floats: Vec<f32> = values.iter().map(|v| f32::from_bits(*v)).collect();
-            prop_assert_eq!(Packed::floats(&floats).unpack().unwrap(), values);
+            prop_assert_eq!(PackedArray::floats(&floats).unpack().unwrap(), values);
         }
 
         #[test]
@@ -222,7 +222,7 @@ mod tests {
             shift in 0u32..32,
         ) {
             let steps: Vec<i32> = steps.iter().map(|step| step >> shift).collect();
-            let axis = Axis::of_steps(&steps, 0.5, -3.0);
+            let axis = QuantizedAxis::of_steps(&steps, 0.5, -3.0);
             let span = steps.iter().max().unwrap().abs_diff(*steps.iter().min().unwrap());
             prop_assert_eq!(axis.rounding == 0.0, span <= MOST_CODE || {
                 let together = span.div_ceil(MOST_CODE);
@@ -237,7 +237,7 @@ mod tests {
 
         #[test]
         fn coordinates_are_within_half_a_step(values in prop::collection::vec(-1e7..1e7f64, 2..300)) {
-            let axis = Axis::of(&values);
+            let axis = QuantizedAxis::of(&values);
             let range = values.iter().fold(f64::MIN, |a, b| a.max(*b)) - axis.low;
             prop_assert!(axis.rounding <= range / f64::from(MOST_CODE) * 1.000_001);
             for (value, code) in values.iter().zip(&axis.codes) {

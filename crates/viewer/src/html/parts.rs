@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::html::pack::{Axis, Packed};
+use crate::html::pack::{PackedArray, QuantizedAxis};
 
 /// What a page is made from, but for what it shows.
 #[derive(Clone, Copy, Debug)]
@@ -98,14 +98,14 @@ const STYLE: &str = include_str!("../../web/page.css");
 
 /// A page to be filled.
 #[derive(Clone, Debug)]
-pub struct Page {
+pub struct HtmlPage {
     template: &'static Template,
     title: String,
     facts: Map<String, Value>,
-    arrays: Vec<(&'static str, Packed)>,
+    arrays: Vec<(&'static str, PackedArray)>,
 }
 
-impl Page {
+impl HtmlPage {
     /// An empty page of the template called `name`; `None` when there is no such template.
     pub fn new(name: &str, title: &str) -> Option<Self> {
         let template = TEMPLATES.iter().find(|template| template.name == name)?;
@@ -118,15 +118,15 @@ impl Page {
     }
 
     /// Adds an array under a name of letters.
-    pub fn array(&mut self, name: &'static str, packed: Packed) {
+    pub fn array(&mut self, name: &'static str, packed: PackedArray) {
         self.arrays.push((name, packed));
     }
 
     /// Adds the coordinates along an axis, and how to get them from their codes.
-    pub fn axis(&mut self, name: &'static str, axis: &Axis) {
+    pub fn axis(&mut self, name: &'static str, axis: &QuantizedAxis) {
         let facts = json!({ "low": axis.low, "step": axis.step, "rounding": axis.rounding });
         self.fact(name, facts);
-        self.array(name, Packed::steps(&axis.codes));
+        self.array(name, PackedArray::steps(&axis.codes));
     }
 
     /// The whole page. It takes as much memory again as its arrays.
@@ -214,9 +214,9 @@ mod tests {
     const HOSTILE: &str = "</script><script>alert(1)</script><!--\"'&\u{2028}";
 
     fn page(template: &Template) -> String {
-        let mut page = Page::new(template.name, HOSTILE).unwrap();
+        let mut page = HtmlPage::new(template.name, HOSTILE).unwrap();
         page.fact("input", HOSTILE);
-        page.axis("x", &Axis::of(&[1.0, 2.5]));
+        page.axis("x", &QuantizedAxis::of(&[1.0, 2.5]));
         page.html()
     }
 
@@ -271,6 +271,6 @@ mod tests {
         let script = html.split("<script>").nth(1).unwrap().split("</script>").next().unwrap();
         let hash = STANDARD.encode(Sha256::digest(script));
         assert!(html.contains(&format!("script-src 'sha256-{hash}'")));
-        assert!(Page::new("no such", "").is_none());
+        assert!(HtmlPage::new("no such", "").is_none());
     }
 }

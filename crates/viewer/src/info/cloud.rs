@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::cloud_picture::PictureReport;
 use crate::cloud_stats::CloudStats;
 use terrane_base::geom::Point3;
-use terrane_cloud::{Cloud, PointSource};
+use terrane_cloud::{PointCloud, PointSource};
 
 /// What is known of a cloud.
 #[derive(Clone, Debug, Serialize)]
@@ -38,7 +38,7 @@ pub struct CloudInfoReport {
 }
 
 impl CloudInfoReport {
-    pub(super) fn new(file: &str, cloud: &Cloud, stats: Option<CloudStats>) -> Self {
+    pub(super) fn new(file: &str, cloud: &PointCloud, stats: Option<CloudStats>) -> Self {
         let info = cloud.info();
         let bounds = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
         let area = bounds.map(|[low, high]| (high[0] - low[0]) * (high[1] - low[1]));

@@ -10,8 +10,8 @@ use terrane_base::limits;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{path_of, shown};
 use terrane_vector::{
-    self as vector, Feature, FeatureSource, Field, FieldKind, Geometry, Kind, Layer, OpenOptions,
-    Role, Value,
+    self as vector, Feature, FeatureSource, FieldDefinition, FieldKind, Geometry, GeometryType,
+    LayerHeader, PartRole, PropertyValue, VectorOpenOptions,
 };
 
 /// Features between two looks at whether to stop.
@@ -33,7 +33,7 @@ pub struct FeaturesInfoReport {
     pub ids: u64,
     /// Features by the kind of their geometry.
     #[serde(serialize_with = "by_name")]
-    pub geometries: Vec<(Kind, u64)>,
+    pub geometries: Vec<(GeometryType, u64)>,
     pub lines: u64,
     pub outer_rings: u64,
     pub holes: u64,
@@ -52,7 +52,7 @@ pub struct FeaturesInfoReport {
 
 /// Counts as an object.
 fn by_name<S: Serializer>(
-    kinds: &[(Kind, u64)],
+    kinds: &[(GeometryType, u64)],
     serializer: S,
 ) -> std::result::Result<S::Ok, S::Error> {
     serializer.collect_map(kinds.iter().map(|(kind, count)| (kind.name(), count)))
@@ -82,7 +82,7 @@ pub struct FieldStats {
 /// A file that cannot be opened, or a feature that cannot be read; it names file and place.
 pub(super) fn read(
     name: &str,
-    options: &OpenOptions,
+    options: &VectorOpenOptions,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<FeaturesInfoReport> {
@@ -92,8 +92,8 @@ pub(super) fn read(
     progress.begin("read", source.layer().features.unwrap_or_default());
     let mut stats =
         FeaturesInfoReport { file: shown(name), format, ..FeaturesInfoReport::default() };
-    let mut fields = Fields::of(source.layer());
-    let mut counts = [0; Kind::ALL.len()];
+    let mut fields = FieldCollector::of(source.layer());
+    let mut counts = [0; GeometryType::ALL.len()];
     while let Some(feature) = source.next()? {
         if stats.features.is_multiple_of(STEP) {
             cancel.check()?;
@@ -104,14 +104,14 @@ pub(super) fn read(
         progress.advance(1);
     }
     progress.end();
-    let kinds = Kind::ALL.into_iter().zip(counts);
+    let kinds = GeometryType::ALL.into_iter().zip(counts);
     stats.geometries = kinds.filter(|(_, count)| *count > 0).collect();
     stats.close(source.as_ref(), fields);
     Ok(stats)
 }
 
-fn place(kind: Kind) -> usize {
-    Kind::ALL.iter().position(|known| *known == kind).unwrap_or_default()
+fn place(kind: GeometryType) -> usize {
+    GeometryType::ALL.iter().position(|known| *known == kind).unwrap_or_default()
 }
 
 impl FeaturesInfoReport {
@@ -126,9 +126,9 @@ impl FeaturesInfoReport {
         self.ids += u64::from(feature.id.is_some());
         for part in geometry.parts() {
             match part.role {
-                Role::Line => self.lines += 1,
-                Role::Outer => self.outer_rings += 1,
-                Role::Hole => self.holes += 1,
+                PartRole::Line => self.lines += 1,
+                PartRole::Outer => self.outer_rings += 1,
+                PartRole::Hole => self.holes += 1,
             }
         }
         self.vertices += geometry.vertices() as u64;
@@ -143,7 +143,7 @@ impl FeaturesInfoReport {
     }
 
     /// What the file says of itself, which may be known at its end only.
-    fn close(&mut self, source: &dyn FeatureSource, fields: Fields) {
+    fn close(&mut self, source: &dyn FeatureSource, fields: FieldCollector) {
         let layer = source.layer();
         self.layer = layer.name.clone();
         (self.crs, self.epsg) = (layer.crs.label(), layer.crs.epsg);
@@ -186,7 +186,7 @@ fn widen(range: &mut Option<[f64; 2]>, values: &[f64]) {
 }
 
 /// Fields as they are met.
-struct Fields {
+struct FieldCollector {
     all: Vec<FieldStats>,
     places: HashMap<Arc<str>, usize>,
     /// What values were found to be; `None` where the file declares it, or there is no value yet.
@@ -197,10 +197,10 @@ struct Fields {
     is_more: bool,
 }
 
-impl Fields {
-    fn of(layer: &Layer) -> Self {
+impl FieldCollector {
+    fn of(layer: &LayerHeader) -> Self {
         let declared = layer.schema.as_deref().unwrap_or_default();
-        let stats = |field: &Field| FieldStats {
+        let stats = |field: &FieldDefinition| FieldStats {
             name: field.name.clone(),
             kind: named(Some(field.kind)),
             width: field.width,
@@ -245,7 +245,7 @@ impl Fields {
         Some(at)
     }
 
-    fn note(&mut self, at: usize, value: &Value) {
+    fn note(&mut self, at: usize, value: &PropertyValue) {
         let Some(kind) = value.kind() else { return };
         let field = &mut self.all[at];
         field.values += 1;

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::view::grid_bounds;
 use terrane_engine::input::GridStats;
-use terrane_raster::{GridInfo, Note, notes, notes_on_heights};
+use terrane_raster::{GridInfo, GridNote, notes, notes_on_heights};
 use terrane_terrain::tin::Cost;
 
 /// What is known of a grid.
@@ -44,7 +44,7 @@ pub struct GridInfoReport {
     /// What a TIN of it would take; absent where it has no cell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tin: Option<Cost>,
-    pub notes: Vec<Note>,
+    pub notes: Vec<GridNote>,
 }
 
 impl GridInfoReport {
@@ -89,7 +89,7 @@ impl GridInfoReport {
 }
 
 /// Notes on what the file says, and on its heights where they were read.
-fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<Note> {
+fn all_notes(info: &GridInfo, stats: Option<&GridStats>) -> Vec<GridNote> {
     let samples = u64::from(info.width) * u64::from(info.height);
     let on_heights = stats.map(|stats| {
         let suspects = stats.suspected_nodata.map(|stored| (stored, stats.at_min));

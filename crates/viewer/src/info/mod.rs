@@ -7,7 +7,7 @@ mod mesh;
 
 use std::path::PathBuf;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
 pub use cloud::CloudInfoReport;
 pub use features::{FeaturesInfoReport, FieldStats};
@@ -17,7 +17,7 @@ pub use mesh::MeshInfoReport;
 use crate::cloud_picture::{PictureJob, Shows, draw};
 use crate::cloud_stats::cloud_stats;
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as clouds, Filter};
+use terrane_cloud::{self as clouds, CloudFilter};
 use terrane_engine::input::{grid_stats, is_mesh, mesh_bounds};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
@@ -29,8 +29,8 @@ use terrane_files::path_of;
 use terrane_mesh as meshes;
 use terrane_raster::{self as raster, GridSource, Inputs};
 use terrane_terrain::tin::cost;
-use terrane_vector::OpenOptions;
-use terrane_verify::{Against, Measured, quality};
+use terrane_vector::VectorOpenOptions;
+use terrane_verify::{MeasuredMesh, SlopeReference, quality};
 
 /// Tell what a grid is, what is odd about it, and what a TIN of it would take
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -67,13 +67,13 @@ pub struct MeshInfoOptions {
     pub resources: Resources,
 }
 
-const OF_MESHES: &[Rule] = &[
-    Rule::Needs("against", &["quality"]),
-    Rule::Needs("band", &["against"]),
-    Rule::Needs("nodata", &["against"]),
-    Rule::Needs("bounds", &["against"]),
-    Rule::Needs("clip", &["against"]),
-    Rule::Needs("water", &["against"]),
+const OF_MESHES: &[OptionRule] = &[
+    OptionRule::Needs("against", &["quality"]),
+    OptionRule::Needs("band", &["against"]),
+    OptionRule::Needs("nodata", &["against"]),
+    OptionRule::Needs("bounds", &["against"]),
+    OptionRule::Needs("clip", &["against"]),
+    OptionRule::Needs("water", &["against"]),
 ];
 
 /// Tell what a point cloud is
@@ -93,7 +93,7 @@ pub struct CloudInfoOptions {
     /// Side of the cells of the picture, in units of x and y
     #[option(
         value = "SIZE",
-        range = Range::POSITIVE,
+        range = OptionRange::POSITIVE,
         heading = "Pictures of clouds",
         default_text = "so that they have four points on the average, and are at most a thousand along a side"
     )]
@@ -109,10 +109,10 @@ pub struct CloudInfoOptions {
     pub resources: Resources,
 }
 
-const OF_CLOUDS: &[Rule] = &[
-    Rule::Needs("picture_of", &["picture"]),
-    Rule::Needs("cell", &["picture"]),
-    Rule::Needs("overwrite", &["picture"]),
+const OF_CLOUDS: &[OptionRule] = &[
+    OptionRule::Needs("picture_of", &["picture"]),
+    OptionRule::Needs("cell", &["picture"]),
+    OptionRule::Needs("overwrite", &["picture"]),
 ];
 
 /// Tell what a file of features is: all of it is read
@@ -164,7 +164,7 @@ impl Inspection for MeshInfoOptions {
         let file = &*path_of(name);
         let mesh = meshes::open(file)?;
         let bounds = mesh_bounds(mesh.as_ref(), progress, cancel)?;
-        let measured = Measured { file, mesh: mesh.as_ref(), bounds };
+        let measured = MeasuredMesh { file, mesh: mesh.as_ref(), bounds };
         let measure =
             |against| quality(measured, against, &self.resources, progress, cancel).map(Some);
         let found = match (self.quality, &self.against) {
@@ -172,7 +172,7 @@ impl Inspection for MeshInfoOptions {
             (true, None) => measure(None)?,
             (true, Some(name)) => {
                 let (grid, name) = (self.against(name)?, path_of(name));
-                measure(Some(Against { name: &name, grid: &*grid }))?
+                measure(Some(SlopeReference { name: &name, grid: &*grid }))?
             }
         };
         Ok(MeshInfoReport::new((&inputs.to_string(), mesh.as_ref(), bounds), found))
@@ -221,7 +221,7 @@ impl Inspection for CloudInfoOptions {
         };
         let picture = self.picture.as_ref().map(draw).transpose()?;
         // What is said of the points that were chosen only their counts tell.
-        let are_chosen = options.filter != Filter::default();
+        let are_chosen = options.filter != CloudFilter::default();
         options.filter.keep_withheld = true;
         options.any_extent = true;
         let cloud = clouds::open(inputs.names(), &options)?;
@@ -248,7 +248,7 @@ impl Inspection for FeaturesInfoOptions {
             return Err(Error::usage("features are told about file by file")
                 .remedy("name one of the files"));
         };
-        let options = OpenOptions { layer: self.features.layer.clone() };
+        let options = VectorOpenOptions { layer: self.features.layer.clone() };
         features::read(name, &options, progress, cancel)
     }
 }

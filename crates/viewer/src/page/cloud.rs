@@ -2,15 +2,15 @@
 
 use serde_json::{Value, json};
 
-use super::few::{self, Ranked, Tally};
+use super::few::{self, PagePointTally, Ranked};
 use super::{PageJob, PageReport, facts};
-use crate::html::Page;
-use crate::html::pack::{Axis, Packed};
+use crate::html::HtmlPage;
+use crate::html::pack::{PackedArray, QuantizedAxis};
 use crate::render::class_colour;
 use terrane_base::door::Door;
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::Frame;
-use terrane_cloud::{Cloud, OpenOptions, PointSource, Seen, class_name};
+use terrane_base::geom::PointFrame;
+use terrane_cloud::{CloudOpenOptions, PointAppearance, PointCloud, PointSource, class_name};
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short, with_polygons};
 use terrane_engine::{Cancel, Progress, Resources};
@@ -26,11 +26,11 @@ const WORKER: u64 = 12 << 20;
 const ONE_BYTE: u16 = 255;
 
 pub(super) fn page(
-    (open, most): (&OpenOptions, u64),
+    (open, most): (&CloudOpenOptions, u64),
     job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<(Page, PageReport)> {
+) -> Result<(HtmlPage, PageReport)> {
     let cloud = terrane_cloud::open(job.input.names(), open)?;
     let most = most.min(cloud.info().count);
     let threads = with_polygons(open, job.resources, |resources| threads(most, &resources))?;
@@ -64,12 +64,12 @@ fn threads(points: u64, resources: &Resources) -> Result<usize> {
 /// Puts the points into a page, an array at a time.
 fn put(
     job: &PageJob<'_>,
-    cloud: &Cloud,
+    cloud: &PointCloud,
     points: Vec<Ranked>,
-    tally: &Tally,
-) -> Result<(Page, PageReport)> {
+    tally: &PagePointTally,
+) -> Result<(HtmlPage, PageReport)> {
     let none = || Error::new(ErrorKind::Internal, "there is no page of clouds");
-    let mut page = Page::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("cloud", &facts::title(job.input)).ok_or_else(none)?;
     let mut report = PageReport {
         page: "cloud",
         points: Some(points.len() as u64),
@@ -78,13 +78,13 @@ fn put(
     };
     let placed = place(&mut page, &points, &cloud.info().frame, &mut report);
     let seen = || points.iter().map(|(_, seen)| seen);
-    page.array("marks", Packed::signed(seen().map(marks)));
+    page.array("marks", PackedArray::signed(seen().map(marks)));
     if tally.strongest > 0 {
-        page.array("intensity", Packed::signed(seen().map(|seen| seen.intensity.into())));
+        page.array("intensity", PackedArray::signed(seen().map(|seen| seen.intensity.into())));
     }
     if tally.brightest > 0 {
         let is_short = tally.brightest <= ONE_BYTE;
-        page.array("colour", Packed::signed(seen().map(|seen| colour(seen.colour, is_short))));
+        page.array("colour", PackedArray::signed(seen().map(|seen| colour(seen.colour, is_short))));
     }
     drop(points);
     let system = facts::System::of_features(&cloud.info().crs);
@@ -95,14 +95,19 @@ fn put(
 }
 
 /// Puts the places in, and tells of them; returns to what step places and heights are told.
-fn place(page: &mut Page, points: &[Ranked], frame: &Frame, report: &mut PageReport) -> [f64; 2] {
+fn place(
+    page: &mut HtmlPage,
+    points: &[Ranked],
+    frame: &PointFrame,
+    report: &mut PageReport,
+) -> [f64; 2] {
     let of = |axis: usize| {
-        let step = |(_, Seen { point, .. }): &Ranked| [point.x, point.y, point.z][axis];
+        let step = |(_, PointAppearance { point, .. }): &Ranked| [point.x, point.y, point.z][axis];
         points.iter().map(step).collect::<Vec<i32>>()
     };
     let (mut ends, mut steps) = ([[0.0; 2]; 3], [0.0; 3]);
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let coded = Axis::of_steps(&of(axis), frame.scale[axis], frame.offset[axis]);
+        let coded = QuantizedAxis::of_steps(&of(axis), frame.scale[axis], frame.offset[axis]);
         let most = coded.codes.iter().max().copied().unwrap_or(0);
         ends[axis] = [coded.low, coded.at(most)];
         steps[axis] = frame.scale[axis].max(coded.rounding);
@@ -116,7 +121,7 @@ fn place(page: &mut Page, points: &[Ranked], frame: &Frame, report: &mut PageRep
 }
 
 /// Class, return, returns and marks in one number: 8, 4, 4 and 4 bits.
-fn marks(seen: &Seen) -> i32 {
+fn marks(seen: &PointAppearance) -> i32 {
     let [number, returns] = seen.returns.map(|n| i32::from(n & 15));
     i32::from(seen.class) | number << 8 | returns << 12 | i32::from(seen.flags.0) << 16
 }
@@ -131,7 +136,7 @@ fn colour(stored: [u16; 3], is_short: bool) -> i32 {
     red | green << 8 | blue << 16
 }
 
-fn tell(page: &mut Page, cloud: &Cloud, tally: &Tally, report: &PageReport) {
+fn tell(page: &mut HtmlPage, cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) {
     let all = |counts: &[u64]| {
         counts.iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, n)| (i as u8, *n)).collect()
     };
@@ -152,7 +157,7 @@ fn tell(page: &mut Page, cloud: &Cloud, tally: &Tally, report: &PageReport) {
 }
 
 /// What is to be said of what is shown, and of what is not.
-fn notes(cloud: &Cloud, tally: &Tally, report: &PageReport) -> Vec<String> {
+fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec<String> {
     let (shown, census) = (report.points.unwrap_or(0), &tally.census);
     let mut notes = Vec::new();
     if shown < census.kept {
@@ -214,7 +219,8 @@ mod tests {
     #[test]
     fn what_is_known_of_a_point_is_packed_apart() {
         let flags = terrane_cloud::Flags::WITHHELD.and(terrane_cloud::Flags::OVERLAP);
-        let seen = Seen { class: 200, returns: [3, 15], flags, ..Seen::default() };
+        let seen =
+            PointAppearance { class: 200, returns: [3, 15], flags, ..PointAppearance::default() };
         assert_eq!(marks(&seen), 200 | 3 << 8 | 15 << 12 | 12 << 16);
     }
 }

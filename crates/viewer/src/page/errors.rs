@@ -4,7 +4,7 @@
 //! triangles, one at a vertex of all of its; the root mean square is that of samples, each counted once. Distances are those of doubles, not exact: what is *within* a
 //! bound is for `terrane verify` to say.
 
-use super::solid::Shape;
+use super::solid::PageMesh;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
@@ -13,7 +13,7 @@ use terrane_raster::GridSource;
 
 /// What was measured.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Errors {
+pub(super) struct TriangleErrors {
     /// The largest error of each triangle; NaN where no valid sample lies in it.
     pub(super) of_triangles: Vec<f32>,
     /// The largest of all.
@@ -37,15 +37,15 @@ const EDGE: f64 = 1e-6;
 /// # Errors
 /// A grid that shares no place with the mesh, and whatever its reader finds.
 pub(super) fn measure(
-    shape: &Shape,
+    shape: &PageMesh,
     grid: &dyn GridSource,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Errors> {
+) -> Result<TriangleErrors> {
     let info = grid.info();
     let rows = (BAND_SAMPLES / u64::from(info.width)).clamp(1, BAND_ROWS) as u32;
-    let bands = Bands::of(shape, &info.transform, rows, info.height);
-    let mut tally = Tally::new(shape.triangles.len());
+    let bands = TriangleBands::of(shape, &info.transform, rows, info.height);
+    let mut tally = TriangleErrorTally::new(shape.triangles.len());
     progress.begin("samples", u64::from(info.height));
     let (mut heights, mut seen) = (Vec::new(), BitSet::default());
     for (band, first) in (0..info.height).step_by(rows as usize).enumerate() {
@@ -58,7 +58,7 @@ pub(super) fn measure(
             grid.read_f64(rect, &mut heights)?;
             seen.reset(rect.len());
             for &triangle in triangles {
-                let plane = Plane::of(shape, triangle, &info.transform);
+                let plane = SampledTriangle::of(shape, triangle, &info.transform);
                 plane.each(rect, |at, z| {
                     tally.add(triangle, (heights[at] - z).abs(), seen.insert(at));
                 });
@@ -71,13 +71,13 @@ pub(super) fn measure(
     tally.errors()
 }
 
-struct Tally {
+struct TriangleErrorTally {
     largest: Vec<f64>,
     squares: f64,
     samples: u64,
 }
 
-impl Tally {
+impl TriangleErrorTally {
     fn new(triangles: usize) -> Self {
         Self { largest: vec![f64::NAN; triangles], squares: 0.0, samples: 0 }
     }
@@ -95,7 +95,7 @@ impl Tally {
         }
     }
 
-    fn errors(self) -> Result<Errors> {
+    fn errors(self) -> Result<TriangleErrors> {
         if self.samples == 0 {
             return Err(Error::usage("no sample of the grid lies in a triangle of the mesh")
                 .remedy("pass the grid that the mesh was made from, in the same coordinates"));
@@ -103,18 +103,18 @@ impl Tally {
         let largest = self.largest.iter().copied().fold(0.0, f64::max);
         let root_mean_square = (self.squares / self.samples as f64).sqrt();
         let of_triangles = self.largest.iter().map(|error| *error as f32).collect();
-        Ok(Errors { of_triangles, largest, root_mean_square, samples: self.samples })
+        Ok(TriangleErrors { of_triangles, largest, root_mean_square, samples: self.samples })
     }
 }
 
 /// Triangles by the bands of rows that they reach into.
-struct Bands {
+struct TriangleBands {
     starts: Vec<usize>,
     list: Vec<u32>,
 }
 
-impl Bands {
-    fn of(shape: &Shape, map: &Affine, rows: u32, height: u32) -> Self {
+impl TriangleBands {
+    fn of(shape: &PageMesh, map: &Affine, rows: u32, height: u32) -> Self {
         let count = height.div_ceil(rows) as usize;
         let reach = |triangle: &[u32; 3]| {
             let along = triangle.map(|vertex| {
@@ -150,15 +150,15 @@ impl Bands {
 }
 
 /// A triangle on the lattice of the grid.
-struct Plane {
+struct SampledTriangle {
     /// Columns and rows of the corners.
     corners: [[f64; 2]; 3],
     /// Height at the first corner, and its changes by column and row; NaN for a triangle without area.
     z: [f64; 3],
 }
 
-impl Plane {
-    fn of(shape: &Shape, triangle: u32, map: &Affine) -> Self {
+impl SampledTriangle {
+    fn of(shape: &PageMesh, triangle: u32, map: &Affine) -> Self {
         let at = shape.triangles[triangle as usize].map(|vertex| shape.at(vertex));
         let corners = at.map(|[x, y, _]| map.invert(x, y));
         let [u, v] = [1, 2].map(|k| {
@@ -254,7 +254,7 @@ mod tests {
     }
 
     /// The same by asking every sample of every triangle; and how many samples lie in any.
-    fn slowly(shape: &Shape, grid: &Held) -> (Vec<f64>, u64) {
+    fn slowly(shape: &PageMesh, grid: &Held) -> (Vec<f64>, u64) {
         let mut seen = vec![false; grid.1.len()];
         let mut of = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(|vertex| shape.at(vertex));
@@ -291,7 +291,7 @@ mod tests {
             let mut heights = heights;
             heights[void] = f64::NAN;
             let grid = grid(9, map, heights);
-            let mut shape = Shape::default();
+            let mut shape = PageMesh::default();
             for (col, row, z) in corners {
                 let [x, y] = map.apply(col.into(), row.into());
                 shape.push([x, y, z]);

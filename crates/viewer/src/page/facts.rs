@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::PageJob;
-use crate::html::Page;
+use crate::html::HtmlPage;
 use crate::view::DEGREE_METRES;
 use terrane_base::geom::{Crs, is_geographic, metres_in};
 use terrane_mesh::MeshInfo;
@@ -85,7 +85,7 @@ fn short(unit: &str) -> String {
 
 /// Puts into a page what all surfaces have.
 pub(super) fn put(
-    page: &mut Page,
+    page: &mut HtmlPage,
     job: &PageJob<'_>,
     system: &System,
     bounds: [f64; 4],

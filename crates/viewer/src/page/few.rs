@@ -9,17 +9,17 @@ use rayon::prelude::*;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{BATCH, Census, Cloud, PointSource, Seen, Sight};
+use terrane_cloud::{BATCH, PointAppearance, PointCensus, PointCloud, PointSource, Sight};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::lock;
 
 /// A point, and the number that decides about it.
-pub(super) type Ranked = (u64, Seen);
+pub(super) type Ranked = (u64, PointAppearance);
 
 /// What there is of all points, shown or not.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tally {
-    pub(super) census: Census,
+pub(super) struct PagePointTally {
+    pub(super) census: PointCensus,
     /// Points by class, and by number of their return.
     pub(super) classes: Vec<u64>,
     pub(super) returns: Vec<u64>,
@@ -28,15 +28,15 @@ pub(super) struct Tally {
     pub(super) brightest: u16,
 }
 
-impl Default for Tally {
+impl Default for PagePointTally {
     fn default() -> Self {
         let (classes, returns) = (vec![0; 256], vec![0; 16]);
-        Self { census: Census::default(), classes, returns, strongest: 0, brightest: 0 }
+        Self { census: PointCensus::default(), classes, returns, strongest: 0, brightest: 0 }
     }
 }
 
-impl Tally {
-    fn add(&mut self, seen: &Seen) {
+impl PagePointTally {
+    fn add(&mut self, seen: &PointAppearance) {
         self.classes[usize::from(seen.class)] += 1;
         self.returns[usize::from(seen.returns[0] & 15)] += 1;
         self.strongest = self.strongest.max(seen.intensity);
@@ -68,7 +68,7 @@ impl Fewest {
         Self { most, limit: AtomicU64::new(u64::MAX), kept: Mutex::default() }
     }
 
-    fn offer(&self, points: &[Seen]) {
+    fn offer(&self, points: &[PointAppearance]) {
         let limit = self.limit.load(Ordering::Relaxed);
         let ranked = points.iter().map(|seen| (rank(seen.point), *seen));
         let wanted: Vec<Ranked> = ranked.filter(|(rank, _)| *rank <= limit).collect();
@@ -110,15 +110,15 @@ fn rank(Point { x, y, z }: Point) -> u64 {
 
 /// Reads all points that are wanted, and keeps so many of them. Within the threads that it is called on.
 pub(super) fn choose(
-    cloud: &Cloud,
+    cloud: &PointCloud,
     most: usize,
     (progress, cancel): (&dyn Progress, &Cancel),
-) -> Result<(Vec<Ranked>, Tally)> {
+) -> Result<(Vec<Ranked>, PagePointTally)> {
     let (sight, fewest) = (Sight::new(cloud)?, Fewest::new(most));
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
         FileAt::tell(progress, cloud, part);
-        let mut tally = Tally::default();
+        let mut tally = PagePointTally::default();
         tally.census = sight.read(part, &mut |points| {
             cancel.check()?;
             points.iter().for_each(|seen| tally.add(seen));
@@ -128,7 +128,7 @@ pub(super) fn choose(
         progress.advance(cloud.points_of(part));
         Ok(tally)
     });
-    let tally = read.try_reduce(Tally::default, |one, other| Ok(one.and(other)));
+    let tally = read.try_reduce(PagePointTally::default, |one, other| Ok(one.and(other)));
     progress.end();
     Ok((fewest.finish(), tally?))
 }
@@ -161,12 +161,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn seen(x: i32, y: i32, z: i32, class: u8) -> Seen {
-        Seen { point: Point::new(x, y, z), class, ..Seen::default() }
+    fn seen(x: i32, y: i32, z: i32, class: u8) -> PointAppearance {
+        PointAppearance { point: Point::new(x, y, z), class, ..PointAppearance::default() }
     }
 
     /// All at once, and sorted.
-    fn chosen(points: &[Seen], most: usize) -> Vec<Ranked> {
+    fn chosen(points: &[PointAppearance], most: usize) -> Vec<Ranked> {
         let mut all: Vec<Ranked> = points.iter().map(|seen| (rank(seen.point), *seen)).collect();
         all.sort_unstable();
         all.truncate(most);
@@ -180,7 +180,7 @@ mod tests {
             most in 0usize..300,
             batch in 1usize..90,
         ) {
-            let mut points: Vec<Seen> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
+            let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
             let expected = chosen(&points, most);
             points.reverse();
             let fewest = Fewest::new(most);
@@ -202,10 +202,11 @@ mod tests {
 
     #[test]
     fn a_tenth_of_a_lattice_is_a_tenth_of_each_of_its_parts() {
-        let points: Vec<Seen> = (0..90_000).map(|i| seen(i % 300, i / 300, 7, 2)).collect();
+        let points: Vec<PointAppearance> =
+            (0..90_000).map(|i| seen(i % 300, i / 300, 7, 2)).collect();
         let kept = chosen(&points, 9_000);
         let mut parts = [0; 9];
-        for (_, Seen { point, .. }) in &kept {
+        for (_, PointAppearance { point, .. }) in &kept {
             parts[(point.x / 100 + point.y / 100 * 3) as usize] += 1;
         }
         // Each of 1,000, whose standard deviation is 30.
@@ -214,7 +215,8 @@ mod tests {
 
     #[test]
     fn neighbours_come_together() {
-        let square: Vec<Seen> = (0..4_096).map(|i| seen(i % 64 - 9, i / 64 + 5, 0, 0)).collect();
+        let square: Vec<PointAppearance> =
+            (0..4_096).map(|i| seen(i % 64 - 9, i / 64 + 5, 0, 0)).collect();
         let mut points = chosen(&square, usize::MAX);
         arrange(&mut points);
         let apart = |pair: &[Ranked]| {

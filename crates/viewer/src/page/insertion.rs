@@ -6,8 +6,8 @@ use super::facts::{self, System};
 use super::lattice::{part, places};
 use super::surface::told_steps;
 use super::{PageJob, PageReport, within_memory};
-use crate::html::Page;
-use crate::html::pack::Axis;
+use crate::html::HtmlPage;
+use crate::html::pack::QuantizedAxis;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
@@ -25,7 +25,7 @@ pub(super) fn page(
     bounds: Option<[f64; 4]>,
     job: &PageJob<'_>,
     cancel: &Cancel,
-) -> Result<(Page, PageReport)> {
+) -> Result<(HtmlPage, PageReport)> {
     let info = grid.info();
     let part = part(info, bounds)?;
     if part.width < 2 || part.height < 2 {
@@ -41,7 +41,7 @@ pub(super) fn page(
     let heights = read(grid, &cols, &rows, cancel)?;
     let axis = coarse(&heights);
     let none = || Error::new(ErrorKind::Internal, "there is no page of insertions");
-    let mut page = Page::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("insertion", &facts::title(job.input)).ok_or_else(none)?;
     page.fact("width", cols.len());
     page.fact("height", rows.len());
     page.axis("z", &axis);
@@ -98,15 +98,15 @@ fn read(grid: &dyn GridSource, cols: &[u32], rows: &[u32], cancel: &Cancel) -> R
 }
 
 /// Heights in at most [`MOST_STEPS`] steps: exact where that is enough.
-fn coarse(heights: &[f64]) -> Axis {
-    let axis = Axis::of(heights);
+fn coarse(heights: &[f64]) -> QuantizedAxis {
+    let axis = QuantizedAxis::of(heights);
     let top = axis.codes.iter().copied().max().unwrap_or(0);
     if f64::from(top) <= MOST_STEPS {
         return axis;
     }
     let step = axis.step * f64::from(top) / MOST_STEPS;
     let code = |z: &f64| ((z - axis.low) / step).round() as u32;
-    let mut coarse = Axis { step, codes: heights.iter().map(code).collect(), ..axis };
+    let mut coarse = QuantizedAxis { step, codes: heights.iter().map(code).collect(), ..axis };
     let off = |(z, code): (&f64, &u32)| (z - coarse.at(*code)).abs();
     coarse.rounding = heights.iter().zip(&coarse.codes).map(off).fold(0.0, f64::max);
     coarse

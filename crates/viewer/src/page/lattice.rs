@@ -3,10 +3,10 @@
 use serde_json::json;
 
 use super::facts::{self, System};
-use super::solid::{Shape, TRIANGLE_BYTES, VERTEX_BYTES};
+use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::surface::{new_page, told_steps};
 use super::{MOST_SAMPLES, PageJob, PageReport, within_memory};
-use crate::html::Page;
+use crate::html::HtmlPage;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory::cache_beside;
@@ -19,7 +19,7 @@ pub(super) fn page(
     job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<(Page, PageReport)> {
+) -> Result<(HtmlPage, PageReport)> {
     let info = grid.info();
     let part = part(info, bounds)?;
     let stride = stride(part, MOST_SAMPLES);
@@ -99,11 +99,11 @@ fn shape(
     stride: u32,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Shape> {
+) -> Result<PageMesh> {
     let (cols, rows) =
         (places(part.col, part.width, stride), places(part.row, part.height, stride));
     let map = grid.info().transform;
-    let mut shape = Shape::default();
+    let mut shape = PageMesh::default();
     let mut line = vec![0.0; part.width as usize];
     let [mut above, mut own] = [vec![None; cols.len()], vec![None; cols.len()]];
     progress.begin("read", rows.len() as u64);

@@ -6,14 +6,14 @@ use std::path::Path;
 use serde_json::json;
 
 use super::{MOST_VERTICES, PageJob, PageReport, facts, within_memory};
-use crate::html::Page;
-use crate::html::pack::{Axis, Packed};
+use crate::html::HtmlPage;
+use crate::html::pack::{PackedArray, QuantizedAxis};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::path_of;
-use terrane_simplify::{Measure, thresholds};
-use terrane_vector::{self as vector, OpenOptions, Part};
+use terrane_simplify::{DistanceKind, thresholds};
+use terrane_vector::{self as vector, GeometryPart, VectorOpenOptions};
 
 /// Bytes that a page takes for a vertex: positions, thresholds, codes, planes of bytes and texts.
 const VERTEX_BYTES: u64 = 16 + 16 + 8 + 48;
@@ -24,7 +24,7 @@ const METHODS: [(&str, &str, &str); 2] =
 
 /// All lines, one after the other; rings without their closing vertex.
 #[derive(Default)]
-struct Lines {
+struct PageLines {
     axes: [Vec<f64>; 2],
     thresholds: [Vec<f32>; 2],
     /// Vertices of each part, doubled, and one more for rings.
@@ -41,23 +41,23 @@ pub(super) fn page(
     job: &PageJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<(Page, PageReport)> {
+) -> Result<(HtmlPage, PageReport)> {
     let [input] = job.input.names() else {
         return Err(Error::usage("a page shows one file of lines").remedy("name one of them"));
     };
     let path = path_of(input);
-    let options = OpenOptions { layer: layer.cloned() };
+    let options = VectorOpenOptions { layer: layer.cloned() };
     let mut source = vector::open(&path, &options)?;
     let mut crs = source.layer().crs.clone();
     let measure = match crs.geographic == Some(true) && are_degrees(&path, &options, cancel)? {
-        true => Measure::Geographic,
-        false => Measure::Plane,
+        true => DistanceKind::Geographic,
+        false => DistanceKind::Plane,
     };
-    if measure == Measure::Plane && crs.geographic == Some(true) {
+    if measure == DistanceKind::Plane && crs.geographic == Some(true) {
         // GeoJSON that names no system is of degrees by its standard, and often is not.
         crs = Crs::default();
     }
-    let mut lines = Lines::default();
+    let mut lines = PageLines::default();
     progress.begin("features", source.layer().features.unwrap_or(0));
     while let Some(feature) = source.next()? {
         cancel.check()?;
@@ -74,7 +74,7 @@ pub(super) fn page(
 }
 
 /// Whether all positions of a file are longitudes and latitudes.
-fn are_degrees(path: &Path, options: &OpenOptions, cancel: &Cancel) -> Result<bool> {
+fn are_degrees(path: &Path, options: &VectorOpenOptions, cancel: &Cancel) -> Result<bool> {
     let mut source = vector::open(path, options)?;
     while let Some(feature) = source.next()? {
         cancel.check()?;
@@ -86,8 +86,13 @@ fn are_degrees(path: &Path, options: &OpenOptions, cancel: &Cancel) -> Result<bo
     Ok(true)
 }
 
-impl Lines {
-    fn push(&mut self, part: &Part<'_>, measure: Measure, job: &PageJob<'_>) -> Result<()> {
+impl PageLines {
+    fn push(
+        &mut self,
+        part: &GeometryPart<'_>,
+        measure: DistanceKind,
+        job: &PageJob<'_>,
+    ) -> Result<()> {
         self.vertices += part.xy.len() as u64;
         if self.vertices > MOST_VERTICES {
             let message = format!("a page holds up to {MOST_VERTICES} vertices, and here are more");
@@ -108,14 +113,19 @@ impl Lines {
         Ok(())
     }
 
-    fn page(self, job: &PageJob<'_>, crs: &Crs, measure: Measure) -> Result<(Page, PageReport)> {
+    fn page(
+        self,
+        job: &PageJob<'_>,
+        crs: &Crs,
+        measure: DistanceKind,
+    ) -> Result<(HtmlPage, PageReport)> {
         if self.parts.is_empty() {
             return Err(Error::bad_input("there is no line to show")
                 .in_file(&path_of(&job.input.to_string()))
                 .remedy("name a file of lines or polygons"));
         }
         let none = || Error::new(ErrorKind::Internal, "there is no page of lines");
-        let mut page = Page::new("lines", &facts::title(job.input)).ok_or_else(none)?;
+        let mut page = HtmlPage::new("lines", &facts::title(job.input)).ok_or_else(none)?;
         let mut report = PageReport {
             page: "lines",
             vertices: Some(self.vertices),
@@ -125,25 +135,25 @@ impl Lines {
         };
         let mut ends = [[0.0; 2]; 2];
         for ((name, values), ends) in ["x", "y"].into_iter().zip(&self.axes).zip(&mut ends) {
-            let axis = Axis::of(values);
+            let axis = QuantizedAxis::of(values);
             *ends = [axis.low, values.iter().copied().fold(f64::NEG_INFINITY, f64::max)];
             report.rounding = report.rounding.max(axis.rounding);
             page.axis(name, &axis);
         }
         let [[west, east], [south, north]] = ends;
         report.bounds = [west, south, east, north];
-        page.array("parts", Packed::signed(self.parts.iter().copied()));
+        page.array("parts", PackedArray::signed(self.parts.iter().copied()));
         for ((_, _, array), thresholds) in METHODS.iter().zip(&self.thresholds) {
-            page.array(array, Packed::floats(thresholds));
+            page.array(array, PackedArray::floats(thresholds));
         }
         self.tell(&mut page, &report, crs, measure);
         Ok((page, report))
     }
 
-    fn tell(&self, page: &mut Page, report: &PageReport, crs: &Crs, measure: Measure) {
+    fn tell(&self, page: &mut HtmlPage, report: &PageReport, crs: &Crs, measure: DistanceKind) {
         let system = facts::System::of_features(crs);
         let unit = match measure {
-            Measure::Geographic => "m".to_owned(),
+            DistanceKind::Geographic => "m".to_owned(),
             _ => system.units[0].clone(),
         };
         page.fact("about", facts::about(&system));
@@ -154,7 +164,9 @@ impl Lines {
         page.fact("features", self.features);
         page.fact("methods", json!(METHODS));
         let mut notes = vec![match measure {
-            Measure::Geographic => "Distances and areas are in metres on the ellipsoid.".to_owned(),
+            DistanceKind::Geographic => {
+                "Distances and areas are in metres on the ellipsoid.".to_owned()
+            }
             _ => "Distances and areas are in the units of the data.".to_owned(),
         }];
         if report.rounding > 0.0 {
@@ -182,8 +194,8 @@ mod tests {
         let line = Geometry::line(vec![[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]);
         let part = line.parts().next().unwrap();
         let push = |vertices, memory| {
-            let mut lines = Lines { vertices, ..Lines::default() };
-            lines.push(&part, Measure::Plane, &job(&Inputs::default(), &within(memory)))
+            let mut lines = PageLines { vertices, ..PageLines::default() };
+            lines.push(&part, DistanceKind::Plane, &job(&Inputs::default(), &within(memory)))
         };
         assert!(push(0, 64 << 20).is_ok());
         assert_eq!(push(MOST_VERTICES - 2, 4 << 30).unwrap_err().kind(), ErrorKind::Limit);

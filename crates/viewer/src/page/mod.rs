@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::html::Page;
+use crate::html::HtmlPage;
 use crate::view::Lighting;
 pub use cloud::MOST_POINTS;
 pub use insertion::MOST_SIDE;
@@ -32,7 +32,7 @@ pub use options::{
     TilesPageOptions, TilesPageSetters,
 };
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_cloud::Census;
+use terrane_cloud::PointCensus;
 use terrane_engine::figures::Figures;
 use terrane_engine::memory::{beside_program, short};
 use terrane_engine::{Cancel, Resources};
@@ -86,7 +86,7 @@ pub struct PageReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub census: Option<Census>,
+    pub census: Option<PointCensus>,
     /// Levels of tiles, and how many tiles there are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<u32>,
@@ -113,7 +113,7 @@ pub struct PageReport {
 
 impl PageJob<'_> {
     /// Puts into a page how it looks at the start.
-    fn put_look(&self, page: &mut Page) {
+    fn put_look(&self, page: &mut HtmlPage) {
         page.fact("azimuth", self.lighting.azimuth);
         page.fact("altitude", self.lighting.altitude);
         page.fact("exaggeration", self.lighting.heights.exaggeration);
@@ -127,7 +127,7 @@ impl PageJob<'_> {
     /// readers find.
     fn write(
         &self,
-        make: impl FnOnce() -> Result<(Page, PageReport)>,
+        make: impl FnOnce() -> Result<(HtmlPage, PageReport)>,
         cancel: &Cancel,
     ) -> Result<PageReport> {
         let started = Instant::now();

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use terrane_options::{Options, Range, Rule};
+use terrane_options::{OptionRange, OptionRule, Options};
 
 use super::{MOST_POINTS, PageJob, PageReport, cloud, insertion, lattice, lines, surface, tiles};
-use crate::html::Page;
+use crate::html::HtmlPage;
 use crate::view::{Exaggeration, Lighting};
 use terrane_base::error::{Error, Result};
-use terrane_engine::input::{self, Surface};
+use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::cache_beside;
-use terrane_engine::operation::{Operation, Request, Writes};
+use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
 use terrane_engine::outputs::check_ending;
 use terrane_engine::{Cancel, Progress, Resources};
@@ -45,7 +45,7 @@ pub struct PageOptions {
     pub resources: Resources,
 }
 
-const OF_SURFACES: &[Rule] = &[Rule::NotWith("insertion", &["against", "edges"])];
+const OF_SURFACES: &[OptionRule] = &[OptionRule::NotWith("insertion", &["against", "edges"])];
 
 /// Make a page of a point cloud for a browser: one HTML file that holds all it shows and loads nothing
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -53,7 +53,7 @@ const OF_SURFACES: &[Rule] = &[Rule::NotWith("insertion", &["against", "edges"])
 #[non_exhaustive]
 pub struct CloudPageOptions {
     /// Most points that are shown: of more, some that are chosen evenly
-    #[option(value = "N", default = 2_000_000u64, range = Range::new(1.0, MOST_POINTS as f64))]
+    #[option(value = "N", default = 2_000_000u64, range = OptionRange::new(1.0, MOST_POINTS as f64))]
     pub points: u64,
     /// How high heights look at the start.
     #[option(flatten)]
@@ -112,7 +112,7 @@ impl Operation for PageOptions {
         check_ending(output, ENDINGS, "a page")
     }
 
-    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<PageReport> {
         let job = PageJob {
             lighting: self.lighting.clone(),
             edges: self.edges,
@@ -128,31 +128,31 @@ impl PageOptions {
         job: &PageJob<'_>,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<(Page, PageReport)> {
+    ) -> Result<(HtmlPage, PageReport)> {
         let part = self.grid.bounds;
         // A part is that of the page.
         let whole = self.grid.unbounded();
         let opening = whole.options(job.resources, cache_beside(job.resources.memory))?;
         match (input::open(job.input.names(), &opening)?, &self.against) {
-            (Surface::Grid(_), Some(_)) => {
+            (SurfaceInput::Grid(_), Some(_)) => {
                 Err(Error::usage("‹against› is for a mesh, and this is a grid")
                     .remedy("leave ‹against› out, or make a mesh of the grid with ‹terrane tin›"))
             }
-            (Surface::Grid(grid), None) if self.insertion => {
+            (SurfaceInput::Grid(grid), None) if self.insertion => {
                 insertion::page(grid.as_ref(), part, job, cancel)
             }
-            (Surface::Grid(grid), None) => {
+            (SurfaceInput::Grid(grid), None) => {
                 lattice::page(grid.as_ref(), part, job, progress, cancel)
             }
-            (Surface::Mesh(_), _) if self.insertion => {
+            (SurfaceInput::Mesh(_), _) if self.insertion => {
                 Err(Error::usage("samples of a grid are inserted, and this is a mesh")
                     .remedy("name the grid that it was made from"))
             }
-            (Surface::Mesh(mesh), Some(grid)) => {
-                let against = surface::Against { name: Inputs::from(grid.as_str()), opening };
+            (SurfaceInput::Mesh(mesh), Some(grid)) => {
+                let against = surface::ReferenceGrid { name: Inputs::from(grid.as_str()), opening };
                 surface::page(mesh.as_ref(), Some(&against), part, job, (progress, cancel))
             }
-            (Surface::Mesh(mesh), None) => {
+            (SurfaceInput::Mesh(mesh), None) => {
                 self.grid.refuse_for_meshes()?;
                 surface::page(mesh.as_ref(), None, part, job, (progress, cancel))
             }
@@ -170,7 +170,7 @@ impl Operation for CloudPageOptions {
         check_ending(output, ENDINGS, "a page")
     }
 
-    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<PageReport> {
         let heights = self.heights.clone();
         let job = PageJob {
             lighting: Lighting { heights, ..Lighting::default() },
@@ -192,7 +192,7 @@ impl Operation for LinePageOptions {
         check_ending(output, ENDINGS, "a page")
     }
 
-    fn run(&self, request: Request<'_>) -> Result<PageReport> {
+    fn run(&self, request: RunRequest<'_>) -> Result<PageReport> {
         let job = PageJob::of(&request, &self.replacing, &self.resources);
         let layer = self.features.layer.as_ref();
         job.write(|| lines::page(layer, &job, request.progress, request.cancel), request.cancel)
@@ -213,8 +213,8 @@ impl TilesPageOptions {
 }
 
 impl<'a> PageJob<'a> {
-    fn of(request: &Request<'a>, replacing: &Replacing, resources: &'a Resources) -> Self {
-        let Request { inputs: input, output, .. } = *request;
+    fn of(request: &RunRequest<'a>, replacing: &Replacing, resources: &'a Resources) -> Self {
+        let RunRequest { inputs: input, output, .. } = *request;
         let overwrite = replacing.overwrite;
         Self { input, output, overwrite, lighting: Lighting::default(), edges: false, resources }
     }

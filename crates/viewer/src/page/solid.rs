@@ -1,7 +1,7 @@
 //! A surface as a page holds it: positions and triangles in memory.
 
-use crate::html::Page;
-use crate::html::pack::{Axis, Packed};
+use crate::html::HtmlPage;
+use crate::html::pack::{PackedArray, QuantizedAxis};
 use terrane_base::error::{Error, Result};
 
 use super::PageReport;
@@ -13,12 +13,12 @@ pub(super) const TRIANGLE_BYTES: u64 = 12 + 12 + 36;
 
 /// Positions by axis, and three vertices a triangle.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct PageMesh {
     pub(super) axes: [Vec<f64>; 3],
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-impl Shape {
+impl PageMesh {
     pub(super) fn vertices(&self) -> usize {
         self.axes[0].len()
     }
@@ -76,7 +76,7 @@ impl Shape {
     ///
     /// # Errors
     /// A surface without a triangle.
-    pub(super) fn put(self, page: &mut Page) -> Result<PageReport> {
+    pub(super) fn put(self, page: &mut HtmlPage) -> Result<PageReport> {
         if self.triangles.is_empty() {
             return Err(Error::bad_input("there is no surface to show")
                 .remedy("name another file, or another part with ‹bounds›"));
@@ -92,17 +92,17 @@ impl Shape {
             ..PageReport::default()
         };
         for (name, values) in ["x", "y", "z"].into_iter().zip(self.axes) {
-            let axis = Axis::of(&values);
+            let axis = QuantizedAxis::of(&values);
             drop(values);
             report.rounding = report.rounding.max(axis.rounding);
             page.axis(name, &axis);
         }
         let first: Vec<u32> = self.triangles.iter().map(|triangle| triangle[0]).collect();
-        page.array("first", Packed::steps(&first));
+        page.array("first", PackedArray::steps(&first));
         drop(first);
         for (name, corner) in [("second", 1), ("third", 2)] {
             let beyond = |t: &[u32; 3]| t[corner].wrapping_sub(t[0]) as i32;
-            page.array(name, Packed::signed(self.triangles.iter().map(beyond)));
+            page.array(name, PackedArray::signed(self.triangles.iter().map(beyond)));
         }
         Ok(report)
     }
@@ -113,8 +113,8 @@ mod tests {
     use super::*;
 
     /// Two triangles side by side, and a vertex of none.
-    fn two() -> Shape {
-        let mut shape = Shape::default();
+    fn two() -> PageMesh {
+        let mut shape = PageMesh::default();
         let all =
             [[9.0, 9.0, 9.0], [0.0, 0.0, 1.0], [2.0, 0.0, 2.0], [0.0, 2.0, 3.0], [4.0, 4.0, 4.0]];
         all.into_iter().for_each(|position| shape.push(position));
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn a_page_holds_the_surface() {
         let shape = two();
-        let mut page = Page::new("surface", "x").unwrap();
+        let mut page = HtmlPage::new("surface", "x").unwrap();
         let report = shape.clone().put(&mut page).unwrap();
         assert_eq!((report.vertices, report.triangles, report.rounding), (Some(5), Some(2), 0.0));
         let html = page.html();
@@ -141,7 +141,7 @@ mod tests {
             let text = between(&html, &format!("id=\"array-{name}\" type=\"text/plain\">"), "<");
             let count = of["count"].as_u64().unwrap() as usize;
             let differences = of["differences"].as_bool().unwrap();
-            Packed { count, differences, text: text.to_owned() }.unpack().unwrap()
+            PackedArray { count, differences, text: text.to_owned() }.unpack().unwrap()
         };
         for (name, values) in ["x", "y", "z"].into_iter().zip(&shape.axes) {
             let [low, step] = ["low", "step"].map(|of| facts[name][of].as_f64().unwrap());
@@ -166,7 +166,7 @@ mod tests {
         assert_eq!((whole.triangles.len(), whole.vertices()), (2, 4), "boxes touch");
         whole.crop([50.0, 50.0, 60.0, 60.0]);
         assert_eq!((whole.triangles.len(), whole.vertices()), (0, 0));
-        let mut page = Page::new("surface", "x").unwrap();
+        let mut page = HtmlPage::new("surface", "x").unwrap();
         assert!(whole.put(&mut page).is_err());
     }
 }

@@ -5,33 +5,33 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::facts::{self, System};
-use super::solid::{Shape, TRIANGLE_BYTES, VERTEX_BYTES};
+use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::{MOST_TRIANGLES, PageJob, PageReport, errors, within_memory};
-use crate::html::Page;
-use crate::html::pack::Packed;
+use crate::html::HtmlPage;
+use crate::html::pack::PackedArray;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::vertex_count;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::{Cancel, Progress};
 use terrane_mesh::{MeshInfo, MeshSource};
-use terrane_raster::{self as raster, Inputs, OpenOptions};
+use terrane_raster::{self as raster, GridOpenOptions, Inputs};
 
 /// Vertices or triangles read at once.
 const BATCH: u64 = 1 << 16;
 
 /// A grid that errors are measured against, and how it is opened.
-pub(super) struct Against {
+pub(super) struct ReferenceGrid {
     pub(super) name: Inputs,
-    pub(super) opening: OpenOptions,
+    pub(super) opening: GridOpenOptions,
 }
 
 pub(super) fn page(
     mesh: &dyn MeshSource,
-    against: Option<&Against>,
+    against: Option<&ReferenceGrid>,
     bounds: Option<[f64; 4]>,
     job: &PageJob<'_>,
     (progress, cancel): (&dyn Progress, &Cancel),
-) -> Result<(Page, PageReport)> {
+) -> Result<(HtmlPage, PageReport)> {
     check_size(mesh.info(), job)?;
     let mut shape = read(mesh, progress, cancel)?;
     if let Some(bounds) = bounds {
@@ -49,7 +49,7 @@ pub(super) fn page(
         figures.push(("Error RMS", json!(told(found.root_mean_square, &system))));
         figures.push(("Samples compared", json!(found.samples)));
         page.fact("error_scale", found.largest);
-        page.array("errors", Packed::floats(&found.of_triangles));
+        page.array("errors", PackedArray::floats(&found.of_triangles));
         measured = Some(found.largest);
     }
     let mut report = shape.put(&mut page)?;
@@ -64,9 +64,9 @@ pub(super) fn page(
 }
 
 /// An empty page of a surface.
-pub(super) fn new_page(title: &str) -> Result<Page> {
+pub(super) fn new_page(title: &str) -> Result<HtmlPage> {
     let none = || Error::new(ErrorKind::Internal, "there is no page of surfaces");
-    Page::new("surface", title).ok_or_else(none)
+    HtmlPage::new("surface", title).ok_or_else(none)
 }
 
 fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
@@ -88,9 +88,9 @@ fn check_size(info: &MeshInfo, job: &PageJob<'_>) -> Result<()> {
 }
 
 /// Reads all of a mesh.
-fn read(mesh: &dyn MeshSource, progress: &dyn Progress, cancel: &Cancel) -> Result<Shape> {
+fn read(mesh: &dyn MeshSource, progress: &dyn Progress, cancel: &Cancel) -> Result<PageMesh> {
     let (vertices, triangles) = (vertex_count(mesh), mesh.info().triangles);
-    let mut shape = Shape::default();
+    let mut shape = PageMesh::default();
     shape.axes.iter_mut().for_each(|axis| axis.reserve_exact(vertices as usize));
     shape.triangles.reserve_exact(triangles as usize);
     progress.begin("read", vertices + triangles);
@@ -134,7 +134,7 @@ fn batches(all: u64, mut each: impl FnMut(u64, usize) -> Result<()>) -> Result<(
 }
 
 /// Makes vertices at one position one.
-fn weld(shape: &mut Shape) {
+fn weld(shape: &mut PageMesh) {
     let mut known = HashMap::new();
     let found: Vec<u32> = (0..shape.vertices() as u32)
         .map(|id| *known.entry(shape.at(id).map(f64::to_bits)).or_insert(id))
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn equal_positions_become_one_vertex() {
-        let mut shape = Shape::default();
+        let mut shape = PageMesh::default();
         for position in [
             [0.0; 3],
             [1.0, 0.0, 0.0],

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::{PageJob, PageReport};
-use crate::html::Page;
+use crate::html::HtmlPage;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{RawFile, path_of};
 
@@ -22,7 +22,7 @@ const MOST_TOLD: u64 = 64 << 20;
 
 /// What is read of a `layer.json`; the page reads it again, and more of it.
 #[derive(Debug, Deserialize)]
-struct Layer {
+struct PageLayerJson {
     format: String,
     #[serde(default = "tms")]
     scheme: String,
@@ -32,7 +32,7 @@ struct Layer {
     #[serde(default = "world")]
     bounds: [f64; 4],
     #[serde(default)]
-    available: Vec<Vec<Rectangle>>,
+    available: Vec<Vec<PageTileRange>>,
     #[serde(rename = "parentUrl")]
     parent: Option<Value>,
 }
@@ -40,22 +40,22 @@ struct Layer {
 /// What is read of a `tileset.json`: what terrane tells of its own.
 #[derive(Debug, Deserialize)]
 struct Tileset {
-    extras: Extras,
+    extras: PageTilesetExtras,
 }
 
 #[derive(Debug, Deserialize)]
-struct Extras {
+struct PageTilesetExtras {
     terrane: Terrane,
 }
 
 #[derive(Debug, Deserialize)]
 struct Terrane {
     bounds: [f64; 4],
-    levels: Vec<Level>,
+    levels: Vec<PageTilesetLevel>,
 }
 
 #[derive(Debug, Deserialize)]
-struct Level {
+struct PageTilesetLevel {
     tiles: u64,
 }
 
@@ -71,7 +71,7 @@ struct Set {
 /// Tiles from one to another, both included.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Rectangle {
+struct PageTileRange {
     start_x: u64,
     start_y: u64,
     end_x: u64,
@@ -96,12 +96,12 @@ pub fn is_tiles(path: &Path) -> bool {
     has(path) || SETS.iter().any(|set| has(&path.join(set)))
 }
 
-pub(super) fn page(job: &PageJob<'_>) -> Result<(Page, PageReport)> {
+pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
     let set = Set::read(&folder)?;
     let none = || Error::new(ErrorKind::Internal, "there is no page of tiles");
-    let mut page = Page::new("tiles", &name(&folder)).ok_or_else(none)?;
+    let mut page = HtmlPage::new("tiles", &name(&folder)).ok_or_else(none)?;
     let [land, water] = crate::render::palette();
     page.fact("format", set.format);
     page.fact("told", set.told);
@@ -119,14 +119,14 @@ impl Set {
         let [told, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
         match (told.is_file(), tileset.is_file()) {
             (true, _) => {
-                let layer: Layer = parsed(&told)?;
+                let layer: PageLayerJson = parsed(&told)?;
                 layer.check()?;
-                let tiles = layer.available.iter().flatten().map(Rectangle::count).sum();
+                let tiles = layer.available.iter().flatten().map(PageTileRange::count).sum();
                 let (levels, bounds) = (layer.available.len(), layer.bounds);
                 Ok(Self { format: SETS[0], told: LAYER, levels, tiles, bounds })
             }
             (false, true) => {
-                let Tileset { extras: Extras { terrane } } = parsed(&tileset)?;
+                let Tileset { extras: PageTilesetExtras { terrane } } = parsed(&tileset)?;
                 let tiles = terrane.levels.iter().map(|level| level.tiles).sum();
                 let (levels, bounds) = (terrane.levels.len(), terrane.bounds);
                 Ok(Self { format: SETS[1], told: TILESET, levels, tiles, bounds })
@@ -154,7 +154,7 @@ fn parsed<T: DeserializeOwned>(path: &Path) -> Result<T> {
     })
 }
 
-impl Layer {
+impl PageLayerJson {
     fn check(&self) -> Result<()> {
         let Self { format, scheme, projection, .. } = self;
         let refused = |what: String| {
@@ -188,7 +188,7 @@ fn is_beside(name: &str) -> bool {
     path.split('/').all(is_plain) && path.ends_with(".terrain")
 }
 
-impl Rectangle {
+impl PageTileRange {
     fn count(&self) -> u64 {
         let along = |from: u64, to: u64| (to + 1).saturating_sub(from);
         along(self.start_x, self.end_x).saturating_mul(along(self.start_y, self.end_y))

@@ -2,12 +2,12 @@
 
 /// A colour for each pixel of a field: red, green, blue and opacity, in sRGB.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Colours {
+pub struct PixelColors {
     width: usize,
     rgba: Vec<[u8; 4]>,
 }
 
-impl Colours {
+impl PixelColors {
     /// For a field of this size, all transparent.
     pub fn none(width: usize, height: usize) -> Self {
         Self { width, rgba: vec![[0; 4]; width * height] }

@@ -3,13 +3,13 @@
 /// Share of each pixel covered by strokes, 0 to 255, top row first. Strokes combine by maximum, so
 /// their order does not matter and an edge drawn twice looks like one.
 #[derive(Clone, Debug)]
-pub struct Coverage {
+pub struct StrokeCoverage {
     width: usize,
     height: usize,
     share: Vec<u8>,
 }
 
-impl Coverage {
+impl StrokeCoverage {
     /// Nothing covered.
     pub fn empty(width: usize, height: usize) -> Self {
         Self { width, height, share: vec![0; width * height] }
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_line_between_pixel_rows_is_shared_by_both() {
-        let mut picture = Coverage::empty(8, 4);
+        let mut picture = StrokeCoverage::empty(8, 4);
         picture.stroke([0.0, 2.0], [8.0, 2.0], 1.0, 1.0);
         for col in 0..8 {
             assert!((picture.at(col, 1) - 0.5).abs() < 0.01);
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn order_and_direction_do_not_matter() {
         let lines = [([0.3, 1.0], [7.0, 3.1]), ([6.2, 0.4], [1.0, 3.9]), ([2.0, 0.0], [2.0, 4.0])];
-        let (mut one, mut other) = (Coverage::empty(8, 4), Coverage::empty(8, 4));
+        let (mut one, mut other) = (StrokeCoverage::empty(8, 4), StrokeCoverage::empty(8, 4));
         lines.iter().for_each(|&(a, b)| one.stroke(a, b, 1.2, 0.8));
         lines.iter().rev().for_each(|&(a, b)| other.stroke(b, a, 1.2, 0.8));
         let worst = one.share.iter().zip(&other.share).map(|(x, y)| x.abs_diff(*y)).max();
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn far_away_and_broken_lines_leave_no_mark() {
-        let mut picture = Coverage::empty(4, 4);
+        let mut picture = StrokeCoverage::empty(4, 4);
         picture.stroke([-1e300, 50.0], [1e300, 60.0], 1.0, 1.0);
         picture.stroke([f64::NAN, 0.0], [2.0, 2.0], 1.0, 1.0);
         picture.stroke([f64::INFINITY, 0.0], [2.0, 2.0], 1.0, 1.0);

@@ -2,7 +2,7 @@
 
 /// Heights on a lattice of pixels, top row first; NaN where void.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Field {
+pub struct PictureHeights {
     /// Columns.
     pub width: usize,
     /// Rows.
@@ -11,7 +11,7 @@ pub struct Field {
     pub z: Vec<f32>,
 }
 
-impl Field {
+impl PictureHeights {
     /// A field without any surface.
     pub fn void(width: usize, height: usize) -> Self {
         Self { width, height, z: vec![f32::NAN; width * height] }
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn bilinear_is_exact_on_a_plane_and_void_outside() {
         let z = (0..12).map(|i| (i % 4) as f32 * 2.0 + (i / 4) as f32).collect();
-        let field = Field { width: 4, height: 3, z };
+        let field = PictureHeights { width: 4, height: 3, z };
         assert_eq!(field.bilinear(1.5, 0.25), 3.25);
         assert_eq!(field.bilinear(-0.4, 2.0), 2.0);
         assert!(field.bilinear(3.6, 0.0).is_nan());
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn coarser_covers_partial_blocks() {
-        let field = Field { width: 3, height: 3, z: vec![1.0; 9] };
-        assert_eq!(field.coarser(2), Field { width: 2, height: 2, z: vec![1.0; 4] });
+        let field = PictureHeights { width: 3, height: 3, z: vec![1.0; 9] };
+        assert_eq!(field.coarser(2), PictureHeights { width: 2, height: 2, z: vec![1.0; 4] });
     }
 }

@@ -6,7 +6,7 @@ pub const MAX_PICTURE_SIDE: u32 = 16_384;
 /// A north-up map of a world rectangle onto pixels. Pixel (0, 0) is the upper left; positions are
 /// in pixels, with pixel centres at halves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame {
+pub struct PictureFrame {
     /// West, south, east, north, in world units.
     pub bounds: [f64; 4],
     /// Picture columns.
@@ -17,7 +17,7 @@ pub struct Frame {
     pub scale: [f64; 2],
 }
 
-impl Frame {
+impl PictureFrame {
     /// A frame around `bounds`, `width` pixels wide, with the aspect kept on the ground: `scale`
     /// tells how long a world unit is along x and along y. A picture taller than
     /// [`MAX_PICTURE_SIDE`] is narrowed until it fits. Bounds without extent are given some.
@@ -82,17 +82,17 @@ mod tests {
 
     #[test]
     fn keeps_the_aspect_on_the_ground() {
-        let frame = Frame::fit([0.0, 60.0, 1.0, 61.0], 800, [0.5, 1.0]);
+        let frame = PictureFrame::fit([0.0, 60.0, 1.0, 61.0], 800, [0.5, 1.0]);
         assert_eq!((frame.width, frame.height), (800, 1600));
-        let tall = Frame::fit([0.0, 0.0, 1.0, 100.0], 1600, [1.0, 1.0]);
+        let tall = PictureFrame::fit([0.0, 0.0, 1.0, 100.0], 1600, [1.0, 1.0]);
         assert_eq!((tall.width, tall.height), (164, MAX_PICTURE_SIDE));
-        let line = Frame::fit([0.0, 5.0, 64.0, 5.0], 640, [1.0, 1.0]);
+        let line = PictureFrame::fit([0.0, 5.0, 64.0, 5.0], 640, [1.0, 1.0]);
         assert_eq!((line.width, line.height), (640, 20));
     }
 
     #[test]
     fn picture_and_world_are_inverse_and_north_is_up() {
-        let frame = Frame::fit([10.0, 20.0, 50.0, 40.0], 400, [1.0, 1.0]);
+        let frame = PictureFrame::fit([10.0, 20.0, 50.0, 40.0], 400, [1.0, 1.0]);
         assert_eq!(frame.to_picture(10.0, 40.0), [0.0, 0.0]);
         assert_eq!(frame.to_world(400.0, 200.0), [50.0, 20.0]);
     }

@@ -1,17 +1,17 @@
 //! Where the light comes from, and how much of it a slope receives.
 
-use crate::render::Field;
+use crate::render::PictureHeights;
 
 /// A main light with two weaker ones beside it, so that no slope is lost in the dark.
 #[derive(Clone, Copy, Debug)]
-pub struct Light {
+pub struct ReliefLight {
     /// Unit vectors towards the lights (east, north, up) with their weights.
     sources: [([f32; 3], f32); 3],
     /// What level ground receives.
     level: f32,
 }
 
-impl Light {
+impl ReliefLight {
     /// Light from `azimuth` (degrees clockwise from north) and `altitude` (degrees above the
     /// horizon).
     pub fn new(azimuth: f64, altitude: f64) -> Self {
@@ -46,7 +46,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// Slope at (`col`, `row`) as height per pixel towards the right and upwards, from the neighbours
 /// that are there.
-pub(super) fn slope(field: &Field, col: usize, row: usize) -> [f32; 2] {
+pub(super) fn slope(field: &PictureHeights, col: usize, row: usize) -> [f32; 2] {
     let here = field.at(col, row);
     let left = field.at(col.wrapping_sub(1), row);
     let above = field.at(col, row.wrapping_sub(1));
@@ -74,7 +74,7 @@ const MOST_SLOPES: usize = 1 << 18;
 
 /// The vertical exaggeration that gives a field with pixels of `ground` units a readable relief:
 /// its steeper slopes come out near 33 degrees. 1 when all is flat.
-pub fn natural_exaggeration(field: &Field, ground: [f64; 2]) -> f64 {
+pub fn natural_exaggeration(field: &PictureHeights, ground: [f64; 2]) -> f64 {
     let step = field.z.len().div_ceil(MOST_SLOPES).max(1);
     let mut steepness: Vec<f32> = (0..field.z.len())
         .step_by(step)
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn slopes_facing_the_light_are_brighter_than_level_ground() {
-        let light = Light::new(315.0, 45.0);
+        let light = ReliefLight::new(315.0, 45.0);
         assert!((light.on(0.0, 0.0) - 0.5).abs() < 0.05);
         assert!(light.on(0.5, -0.5) > 0.6, "falls to the north-west");
         assert!(light.on(-0.5, 0.5) < 0.4, "falls to the south-east");
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn exaggeration_undoes_the_scale_of_heights() {
-        let ramp = |k: f32| Field {
+        let ramp = |k: f32| PictureHeights {
             width: 8,
             height: 2,
             z: (0..16).map(|i| k * (i % 8) as f32).collect(),

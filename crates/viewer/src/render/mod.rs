@@ -1,8 +1,8 @@
 //! Pictures of grids and meshes: shaded relief in a pixel buffer. Pure.
 //!
-//! A [`Field`] of heights is filled from a grid ([`average_rows`], [`Field::bilinear`]) or from
-//! triangles ([`fill_triangle`], with [`Colours`] of their own [`fill_coloured`]); [`Painter`] turns it into
-//! RGBA rows, with the strokes of a [`Coverage`] on top.
+//! A [`PictureHeights`] of heights is filled from a grid ([`average_rows`], [`PictureHeights::bilinear`]) or from
+//! triangles ([`fill_triangle`], with [`PixelColors`] of their own [`fill_coloured`]); [`Painter`] turns it into
+//! RGBA rows, with the strokes of a [`StrokeCoverage`] on top.
 //!
 //! **Painting.** A tint by height, halfway between equal steps and equal areas; light from one main and
 //! two lesser directions, cool in the shade and warm in the sun; ridges lifted a little against the
@@ -23,11 +23,11 @@ mod tint;
 mod triangle;
 
 pub use classes::class_colour;
-pub use colours::Colours;
-pub use coverage::Coverage;
-pub use field::{Field, average_rows};
-pub use frame::{Frame, MAX_PICTURE_SIDE};
-pub use light::{Light, natural_exaggeration};
+pub use colours::PixelColors;
+pub use coverage::StrokeCoverage;
+pub use field::{PictureHeights, average_rows};
+pub use frame::{MAX_PICTURE_SIDE, PictureFrame};
+pub use light::{ReliefLight, natural_exaggeration};
 pub use paint::{Painter, Style};
 pub use text::{text_size, write_text};
 pub use tint::{Tint, palette};

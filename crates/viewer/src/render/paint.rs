@@ -1,13 +1,13 @@
 //! From heights and strokes to the rows of a picture.
 
 use crate::render::light::slope;
-use crate::render::{Colours, Coverage, Field, Light, Tint};
+use crate::render::{PictureHeights, PixelColors, ReliefLight, StrokeCoverage, Tint};
 
 /// How a picture is to look.
 #[derive(Clone, Copy, Debug)]
 pub struct Style {
     /// The light.
-    pub light: Light,
+    pub light: ReliefLight,
     /// Heights are multiplied by this before slopes are lit.
     pub exaggeration: f64,
     /// Size of a field pixel on the ground, in the unit of heights.
@@ -32,13 +32,13 @@ const BORDER: f64 = 2.0;
 
 /// Paints a field, row by row; rows are independent of each other.
 pub struct Painter<'a> {
-    field: &'a Field,
-    edges: Option<&'a Coverage>,
-    colours: Option<&'a Colours>,
+    field: &'a PictureHeights,
+    edges: Option<&'a StrokeCoverage>,
+    colours: Option<&'a PixelColors>,
     tint: Tint,
     style: Style,
     /// Smoothed heights, to tell what stands out.
-    ground: Field,
+    ground: PictureHeights,
     stride: usize,
     /// Heights that stand out by this much are lit fully.
     prominence: f32,
@@ -47,7 +47,7 @@ pub struct Painter<'a> {
 impl<'a> Painter<'a> {
     /// Prepares to paint `field`, whose sides are multiples of `style.fineness`, with `edges` (in
     /// picture pixels) on top.
-    pub fn new(field: &'a Field, edges: Option<&'a Coverage>, style: Style) -> Self {
+    pub fn new(field: &'a PictureHeights, edges: Option<&'a StrokeCoverage>, style: Style) -> Self {
         let stride = (field.width.max(field.height) / NEIGHBOURHOODS).max(1);
         let ground = smooth(&field.coarser(stride));
         let tint = Tint::of(field);
@@ -68,7 +68,7 @@ impl<'a> Painter<'a> {
     /// Paints the surface's own colours, those of the field's pixels, in place of a tint by height: as they are
     /// where it is level, and lit where it is not.
     #[must_use]
-    pub fn coloured(self, colours: Option<&'a Colours>) -> Self {
+    pub fn coloured(self, colours: Option<&'a PixelColors>) -> Self {
         Self { colours, ..self }
     }
 
@@ -169,8 +169,8 @@ fn lighten(i: usize, lit: f32) -> f32 {
 }
 
 /// Means over 3 x 3 neighbours.
-fn smooth(field: &Field) -> Field {
-    let mut out = Field::void(field.width, field.height);
+fn smooth(field: &PictureHeights) -> PictureHeights {
+    let mut out = PictureHeights::void(field.width, field.height);
     for (i, mean) in out.z.iter_mut().enumerate() {
         let (col, row) = (i % field.width, i / field.width);
         let around =
@@ -188,11 +188,11 @@ mod tests {
     use super::*;
 
     fn style(fineness: usize) -> Style {
-        let light = Light::new(315.0, 45.0);
+        let light = ReliefLight::new(315.0, 45.0);
         Style { light, exaggeration: 1.0, ground: [1.0, 1.0], fineness }
     }
 
-    fn paint(field: &Field, edges: Option<&Coverage>, fineness: usize) -> Vec<u8> {
+    fn paint(field: &PictureHeights, edges: Option<&StrokeCoverage>, fineness: usize) -> Vec<u8> {
         let painter = Painter::new(field, edges, style(fineness));
         let mut out = vec![0; painter.width() * painter.height() * 4];
         let bytes = painter.width() * 4;
@@ -204,15 +204,15 @@ mod tests {
     fn voids_are_transparent_and_half_voids_half_so() {
         let nan = f32::NAN;
         let z = vec![nan, nan, 5.0, nan, nan, nan, 5.0, nan];
-        let picture = paint(&Field { width: 4, height: 2, z }, None, 2);
+        let picture = paint(&PictureHeights { width: 4, height: 2, z }, None, 2);
         assert_eq!(picture[3], 0);
         assert_eq!(picture[7], 128);
     }
 
     #[test]
     fn edges_are_dark_on_top() {
-        let field = Field { width: 4, height: 4, z: vec![5.0; 16] };
-        let mut edges = Coverage::empty(4, 4);
+        let field = PictureHeights { width: 4, height: 4, z: vec![5.0; 16] };
+        let mut edges = StrokeCoverage::empty(4, 4);
         edges.stroke([0.0, 1.5], [4.0, 1.5], 1.0, 1.0);
         let picture = paint(&field, Some(&edges), 1);
         assert!(picture[4 * 4] < 40 && picture[0] > 120);
@@ -221,14 +221,14 @@ mod tests {
     #[test]
     fn own_colours_are_as_they_are_where_it_is_level_and_lit_where_it_is_not() {
         let colours = {
-            let mut colours = Colours::none(8, 8);
+            let mut colours = PixelColors::none(8, 8);
             (0..64).for_each(|i| colours.put(i % 8, i / 8, [200.0, 100.0, 3.0, 255.0]));
             colours.put(0, 0, [200.0, 100.0, 3.0, 127.5]);
             colours
         };
         let painted = |slope: f32| {
             let z = (0..64).map(|i| slope * (i % 8 + i / 8) as f32).collect();
-            let field = Field { width: 8, height: 8, z };
+            let field = PictureHeights { width: 8, height: 8, z };
             let painter = Painter::new(&field, None, style(1)).coloured(Some(&colours));
             let mut out = vec![0; 8 * 4];
             painter.row(0, &mut out);
@@ -244,7 +244,7 @@ mod tests {
     fn slopes_to_the_light_are_brighter() {
         let hill = |sign: f32| {
             let z = (0..64).map(|i| 100.0 + sign * (i % 8 + i / 8) as f32).collect();
-            paint(&Field { width: 8, height: 8, z }, None, 1)[4 * 36]
+            paint(&PictureHeights { width: 8, height: 8, z }, None, 1)[4 * 36]
         };
         assert!(hill(1.0) > hill(-1.0));
     }

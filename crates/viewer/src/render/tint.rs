@@ -1,6 +1,6 @@
 //! Hypsometric tint: colours by height, chosen so that the whole palette is used.
 
-use crate::render::Field;
+use crate::render::PictureHeights;
 
 /// Colour stops of land, low to high, in sRGB.
 const LAND: [[u8; 3]; 8] = [
@@ -38,7 +38,7 @@ pub struct Tint {
 impl Tint {
     /// A tint for the heights of `field`: halfway between equal steps of height and equal areas of
     /// colour. Heights at or below zero are water where there is land too.
-    pub fn of(field: &Field) -> Self {
+    pub fn of(field: &PictureHeights) -> Self {
         let (min, max) = range(field, |_| true);
         let deepest = (min <= 0.0 && max > 0.0).then_some(min);
         let is_land = |z: f32| deepest.is_none() || z > 0.0;
@@ -73,7 +73,7 @@ impl Tint {
     }
 }
 
-fn range(field: &Field, keep: impl Fn(f32) -> bool) -> (f32, f32) {
+fn range(field: &PictureHeights, keep: impl Fn(f32) -> bool) -> (f32, f32) {
     let kept = field.z.iter().filter(|&&z| !z.is_nan() && keep(z));
     kept.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &z| (low.min(z), high.max(z)))
 }
@@ -84,7 +84,7 @@ fn bin_position(z: f32, low: f32, high: f32) -> f32 {
     if share.is_finite() { share.clamp(0.0, 1.0) * BINS as f32 } else { 0.5 * BINS as f32 }
 }
 
-fn positions(field: &Field, low: f32, high: f32, keep: impl Fn(f32) -> bool) -> Vec<f32> {
+fn positions(field: &PictureHeights, low: f32, high: f32, keep: impl Fn(f32) -> bool) -> Vec<f32> {
     let mut counts = vec![0u64; BINS];
     for &z in field.z.iter().filter(|&&z| !z.is_nan() && keep(z)) {
         counts[(bin_position(z, low, high) as usize).min(BINS - 1)] += 1;
@@ -114,8 +114,8 @@ fn pick(stops: &[[u8; 3]], position: f32) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    fn field(z: &[f32]) -> Field {
-        Field { width: z.len(), height: 1, z: z.to_vec() }
+    fn field(z: &[f32]) -> PictureHeights {
+        PictureHeights { width: z.len(), height: 1, z: z.to_vec() }
     }
 
     #[test]

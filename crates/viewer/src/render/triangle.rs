@@ -1,6 +1,6 @@
 //! Fills a triangle of a surface into a field of heights.
 
-use crate::render::{Colours, Field};
+use crate::render::{PictureHeights, PixelColors};
 
 /// Corners closer to a pixel centre than this (relative to the triangle's size) still cover it, so
 /// that no pinholes open between neighbours.
@@ -9,21 +9,21 @@ const SLACK: f64 = 1e-9;
 /// Writes the heights of a triangle at the pixel centres it covers; where another surface is
 /// there already, the higher one stays. `corners` are (column, row, height) in picture positions.
 /// Triangles that are empty, or not finite, leave no mark. Cost: rows touched + pixels covered.
-pub fn fill_triangle(field: &mut Field, corners: [[f64; 3]; 3]) {
+pub fn fill_triangle(field: &mut PictureHeights, corners: [[f64; 3]; 3]) {
     fill(field, corners, |_, _| ());
 }
 
 /// The same of a triangle whose corners have colours (red, green, blue and opacity, 0 to 255), which are
 /// interpolated between them (Gouraud 1971), in the space that they are in.
 pub fn fill_coloured(
-    field: &mut Field,
-    colours: &mut Colours,
+    field: &mut PictureHeights,
+    colours: &mut PixelColors,
     corners: [[f64; 3]; 3],
     rgba: [[f64; 4]; 3],
 ) {
     let channel = |i: usize| {
         let [a, b, c] = [0, 1, 2].map(|k| [corners[k][0], corners[k][1], rgba[k][i]]);
-        Plane::through([a, b, c])
+        PixelPlane::through([a, b, c])
     };
     let [Some(red), Some(green), Some(blue), Some(opacity)] = [0, 1, 2, 3].map(channel) else {
         return;
@@ -35,8 +35,8 @@ pub fn fill_coloured(
 }
 
 /// Fills the heights of a triangle; `top` hears of each pixel where it is on top of all before.
-fn fill(field: &mut Field, corners: [[f64; 3]; 3], mut top: impl FnMut(usize, usize)) {
-    let Some(plane) = Plane::through(corners) else { return };
+fn fill(field: &mut PictureHeights, corners: [[f64; 3]; 3], mut top: impl FnMut(usize, usize)) {
+    let Some(plane) = PixelPlane::through(corners) else { return };
     let rows = clip(corners.map(|c| c[1]), field.height);
     for row in rows {
         let y = row as f64 + 0.5;
@@ -83,14 +83,14 @@ fn span(corners: &[[f64; 3]; 3], area: f64, y: f64) -> (f64, f64) {
 }
 
 /// z as a linear function of picture position, relative to a corner.
-struct Plane {
+struct PixelPlane {
     corner: [f64; 3],
     dx: f64,
     dy: f64,
     area: f64,
 }
 
-impl Plane {
+impl PixelPlane {
     fn through([a, b, c]: [[f64; 3]; 3]) -> Option<Self> {
         let (ab, ac) = (sub(b, a), sub(c, a));
         let area = ab[0] * ac[1] - ab[1] * ac[0];
@@ -115,8 +115,8 @@ mod tests {
     use proptest::prelude::*;
 
     /// The obvious twin: every pixel, three signs.
-    fn fill_slowly(field: &mut Field, corners: [[f64; 3]; 3]) {
-        let Some(plane) = Plane::through(corners) else { return };
+    fn fill_slowly(field: &mut PictureHeights, corners: [[f64; 3]; 3]) {
+        let Some(plane) = PixelPlane::through(corners) else { return };
         for row in 0..field.height {
             for col in 0..field.width {
                 let (x, y) = (col as f64 + 0.5, row as f64 + 0.5);
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    fn bits(field: &Field) -> Vec<u32> {
+    fn bits(field: &PictureHeights) -> Vec<u32> {
         field.z.iter().map(|z| z.to_bits()).collect()
     }
 
@@ -145,7 +145,7 @@ mod tests {
     proptest! {
         #[test]
         fn covers_the_same_pixels_as_its_slow_twin(a in corner(), b in corner(), c in corner()) {
-            let (mut fast, mut slow) = (Field::void(10, 9), Field::void(10, 9));
+            let (mut fast, mut slow) = (PictureHeights::void(10, 9), PictureHeights::void(10, 9));
             fill_triangle(&mut fast, [a, b, c]);
             fill_slowly(&mut slow, [a, b, c]);
             prop_assert_eq!(bits(&fast), bits(&slow));
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn colours_are_interpolated_and_the_higher_surface_has_its_own() {
-        let (mut field, mut colours) = (Field::void(4, 4), Colours::none(4, 4));
+        let (mut field, mut colours) = (PictureHeights::void(4, 4), PixelColors::none(4, 4));
         let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
         let ramp = |[x, y]: [f64; 2]| [x * 10.0, y * 10.0, 200.0, 255.0];
         let mut draw = |ids: [usize; 3], z: f64, colour: &dyn Fn([f64; 2]) -> [f64; 4]| {
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn wild_corners_do_no_harm() {
-        let mut field = Field::void(4, 4);
+        let mut field = PictureHeights::void(4, 4);
         for bad in [f64::NAN, f64::INFINITY, 1e308, -1e308] {
             fill_triangle(&mut field, [[bad, 0.0, 0.0], [0.0, bad, 0.0], [1.0, 1.0, bad]]);
         }

@@ -12,18 +12,18 @@ pub(crate) const MOST_CLIENTS: usize = 64;
 
 /// All clients.
 #[derive(Debug, Default)]
-pub(crate) struct Clients(Mutex<Held>);
+pub(crate) struct Clients(Mutex<ClientList>);
 
 #[derive(Debug, Default)]
-struct Held {
+struct ClientList {
     next: u64,
-    by_number: BTreeMap<u64, Waiting>,
+    by_number: BTreeMap<u64, WaitingClient>,
     is_over: bool,
 }
 
 /// A client, and since when it is waited for.
 #[derive(Debug)]
-struct Waiting {
+struct WaitingClient {
     stream: TcpStream,
     since: Instant,
 }
@@ -51,7 +51,7 @@ impl Clients {
         }
         let number = held.next;
         held.next += 1;
-        held.by_number.insert(number, Waiting { stream, since: Instant::now() });
+        held.by_number.insert(number, WaitingClient { stream, since: Instant::now() });
         Some(Client { clients: self, number })
     }
 
@@ -64,7 +64,7 @@ impl Clients {
 }
 
 /// Whoever reads or writes at the stream gets an end or an error.
-fn cut_off(waiting: &Waiting) {
+fn cut_off(waiting: &WaitingClient) {
     let _ = waiting.stream.shutdown(Shutdown::Both);
 }
 

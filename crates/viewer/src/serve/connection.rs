@@ -5,8 +5,8 @@ use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 use crate::serve::clients::Client;
-use crate::serve::folder::{Folder, Found};
-use crate::serve::request::{self, BAD, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, Refusal, Request};
+use crate::serve::folder::{ServedFile, ServedFolder};
+use crate::serve::request::{self, BAD, HttpRequest, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, Refusal};
 
 /// How long the whole head of a request may take, and each block that a client is sent.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -41,7 +41,7 @@ impl<'a> Connection<'a> {
     }
 
     /// Answers until the client has enough, is too slow, or sends what is no request.
-    pub(crate) fn attend(mut self, folder: &Folder) {
+    pub(crate) fn attend(mut self, folder: &ServedFolder) {
         let _ = self.stream.set_nodelay(true);
         loop {
             match self.answer(folder) {
@@ -67,19 +67,19 @@ impl<'a> Connection<'a> {
     }
 
     /// Answers one request; whether there may be another.
-    fn answer(&mut self, folder: &Folder) -> io::Result<bool> {
+    fn answer(&mut self, folder: &ServedFolder) -> io::Result<bool> {
         let head = match self.head()? {
             Ok(Some(head)) => head,
             Ok(None) => return Ok(false),
             Err(refusal) => return self.refuse(refusal, false, false),
         };
         self.client.is_alive();
-        let request = match Request::read(&head, self.port) {
+        let request = match HttpRequest::read(&head, self.port) {
             Ok(request) => request,
             // What stands behind it is known where it is only the name or the method that is not.
             Err(refusal) => return self.refuse(refusal, head.starts_with(b"HEAD "), false),
         };
-        let Request { is_head, stays, .. } = request;
+        let HttpRequest { is_head, stays, .. } = request;
         if request.name == [ICON] {
             return self.send("HTTP/1.1 204 No Content\r\n", "", stays).map(|()| stays);
         }
@@ -113,8 +113,8 @@ impl<'a> Connection<'a> {
         }
     }
 
-    fn found(&self, found: Found, request: &Request) -> io::Result<()> {
-        let Found { mut file, size, kind, is_gzip, is_page, tag } = found;
+    fn found(&self, found: ServedFile, request: &HttpRequest) -> io::Result<()> {
+        let ServedFile { mut file, size, kind, is_gzip, is_page, tag } = found;
         let policy = if is_page { NO_FRAMES } else { NOTHING };
         let of = format!("ETag: {tag}\r\nContent-Security-Policy: {policy}\r\n");
         if request.has.as_ref().is_some_and(|has| *has == tag) {

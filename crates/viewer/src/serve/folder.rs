@@ -29,14 +29,14 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 
 /// The page and the folder, as the file system names them.
 #[derive(Debug)]
-pub(crate) struct Folder {
+pub(crate) struct ServedFolder {
     page: PathBuf,
     root: Option<PathBuf>,
 }
 
 /// A file to send.
 #[derive(Debug)]
-pub(crate) struct Found {
+pub(crate) struct ServedFile {
     pub(crate) file: File,
     pub(crate) size: u64,
     pub(crate) kind: &'static str,
@@ -46,7 +46,7 @@ pub(crate) struct Found {
     pub(crate) tag: String,
 }
 
-impl Folder {
+impl ServedFolder {
     pub(crate) fn open(site: &Site) -> Result<Self> {
         let whole = |path: &PathBuf| path.canonicalize().map_err(|e| Error::read(path, e));
         let root = site.folder.as_ref().map(whole).transpose()?;
@@ -54,9 +54,9 @@ impl Folder {
     }
 
     /// The file of a name; `None` when there is none, or it lies elsewhere.
-    pub(crate) fn find(&self, name: &[String]) -> Option<Found> {
+    pub(crate) fn find(&self, name: &[String]) -> Option<ServedFile> {
         if name.is_empty() {
-            return Found::open(&self.page, PAGE, true).ok();
+            return ServedFile::open(&self.page, PAGE, true).ok();
         }
         let ending = name.last()?.rsplit_once('.')?.1;
         let (_, kind) = KINDS.iter().find(|(known, _)| *known == ending)?;
@@ -66,11 +66,11 @@ impl Folder {
             path.join(part).canonicalize().ok().filter(|path| path.starts_with(root))
         };
         let path = name.iter().try_fold(root.clone(), inside)?;
-        Found::open(&path, kind, false).ok()
+        ServedFile::open(&path, kind, false).ok()
     }
 }
 
-impl Found {
+impl ServedFile {
     fn open(path: &Path, kind: &'static str, is_page: bool) -> io::Result<Self> {
         // A pipe would be waited for.
         if !std::fs::metadata(path)?.is_file() {
@@ -107,7 +107,7 @@ mod tests {
         write("set/mine.txt", b"mine");
         write("set/1/0.terrain", &[0x1f, 0x8b, 8]);
         let (page, folder) = (place.path().join("page.html"), place.path().join("set"));
-        let folder = Folder::open(&Site { page, folder: Some(folder) }).unwrap();
+        let folder = ServedFolder::open(&Site { page, folder: Some(folder) }).unwrap();
         assert!(folder.find(&[]).unwrap().is_page);
         let tile = folder.find(&names("1/0.terrain")).unwrap();
         assert!(tile.is_gzip && !tile.is_page && tile.size == 3);

@@ -17,7 +17,7 @@ use std::time::Duration;
 
 use clients::Clients;
 use connection::Connection;
-use folder::Folder;
+use folder::ServedFolder;
 pub use folder::Site;
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -32,7 +32,7 @@ const STACK: usize = 256 << 10;
 pub struct Server {
     listener: TcpListener,
     port: u16,
-    folder: Folder,
+    folder: ServedFolder,
 }
 
 impl Server {
@@ -41,7 +41,7 @@ impl Server {
     /// # Errors
     /// A port that is taken or not allowed; a folder that is not there.
     pub fn open(site: &Site, port: Option<u16>) -> Result<Self> {
-        let folder = Folder::open(site)?;
+        let folder = ServedFolder::open(site)?;
         let listen = |e: io::Error| {
             let what = match port {
                 Some(port) => format!("listen on 127.0.0.1:{port}"),

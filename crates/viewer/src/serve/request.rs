@@ -7,7 +7,7 @@ const MOST_TARGET: usize = 1 << 10;
 
 /// A request that is understood.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Request {
+pub(crate) struct HttpRequest {
     /// The body is not wanted.
     pub(crate) is_head: bool,
     /// The parts of the name, none for the page.
@@ -42,7 +42,7 @@ const NOT_HERE: Refusal =
     refusal("421 Misdirected Request", "this server is 127.0.0.1 or localhost, with its port");
 const VERSION: Refusal = refusal("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
 
-impl Request {
+impl HttpRequest {
     /// Reads a head, without the empty line at its end; `port` is that of the server.
     ///
     /// A page of somebody else can make its own name stand for 127.0.0.1, and would then read what is served as if
@@ -146,8 +146,8 @@ fn decoded(part: &str) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    fn asked(head: &str) -> Result<Request, Refusal> {
-        Request::read(head.as_bytes(), 8000)
+    fn asked(head: &str) -> Result<HttpRequest, Refusal> {
+        HttpRequest::read(head.as_bytes(), 8000)
     }
 
     fn at(target: &str) -> Result<Vec<String>, Refusal> {

@@ -3,21 +3,21 @@
 use std::path::Path;
 
 use super::options::ViewJob;
-use crate::render::{Colours, Coverage, Field, Frame, Painter, Style};
+use crate::render::{Painter, PictureFrame, PictureHeights, PixelColors, StrokeCoverage, Style};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::memory::short;
 
 /// A surface ready to be painted.
-pub(super) struct Drawn {
-    pub(super) frame: Frame,
-    pub(super) field: Field,
-    pub(super) edges: Option<Coverage>,
+pub(super) struct DrawnSurface {
+    pub(super) frame: PictureFrame,
+    pub(super) field: PictureHeights,
+    pub(super) edges: Option<StrokeCoverage>,
     /// The surface's own, if it has any.
-    pub(super) colours: Option<Colours>,
+    pub(super) colours: Option<PixelColors>,
 }
 
-impl Drawn {
+impl DrawnSurface {
     pub(super) fn painter(&self, style: Style) -> Painter<'_> {
         Painter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
     }
@@ -33,7 +33,7 @@ pub(super) const PIXEL_BYTES: u64 = 4 * (4 + 16) + 1 + 4;
 pub(super) const COLOUR_BYTES: u64 = 4 * 4;
 
 /// The frame of a picture of `data` (west, south, east, north), or of the part asked for.
-pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<Frame> {
+pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<PictureFrame> {
     let bounds = job.options.grid.bounds.unwrap_or(data);
     let apart =
         bounds[0] > data[2] || bounds[2] < data[0] || bounds[1] > data[3] || bounds[3] < data[1];
@@ -43,7 +43,7 @@ pub(super) fn frame(job: &ViewJob, data: [f64; 4], geographic: bool) -> Result<F
             .in_file(Path::new(&job.input.to_string()))
             .remedy(format!("the data reach from {west},{south} to {east},{north}")));
     }
-    let frame = Frame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
+    let frame = PictureFrame::fit(bounds, job.options.width, ground_scale(bounds, geographic));
     within_memory(&frame, PIXEL_BYTES, &job.options.resources)?;
     Ok(frame)
 }
@@ -60,7 +60,11 @@ fn ground_scale([_, south, _, north]: [f64; 4], geographic: bool) -> [f64; 2] {
     [DEGREE_METRES * latitude.to_radians().cos(), DEGREE_METRES]
 }
 
-pub(super) fn within_memory(frame: &Frame, pixel_bytes: u64, resources: &Resources) -> Result<()> {
+pub(super) fn within_memory(
+    frame: &PictureFrame,
+    pixel_bytes: u64,
+    resources: &Resources,
+) -> Result<()> {
     let pixels = u64::from(frame.width) * u64::from(frame.height);
     let need = pixels * pixel_bytes;
     if need > resources.memory {

@@ -4,8 +4,8 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use crate::render::{Field, Frame, average_rows};
-use crate::view::drawn::{Drawn, FINENESS, frame};
+use crate::render::{PictureFrame, PictureHeights, average_rows};
+use crate::view::drawn::{DrawnSurface, FINENESS, frame};
 use crate::view::options::ViewJob;
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
@@ -18,15 +18,15 @@ pub(super) fn draw(
     job: &ViewJob,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Drawn> {
+) -> Result<DrawnSurface> {
     let info = grid.info();
     let frame = frame(job, grid_bounds(info, 0.5), info.crs.geographic == Some(true))?;
     let fine = frame.finer(FINENESS);
-    let plan = Plan::new(info, &frame);
+    let plan = GridReadPlan::new(info, &frame);
     let coarse = plan.read(grid, &job.options.resources, progress, cancel)?;
     let field =
         workers(&job.options.resources)?.install(|| plan.lay(&coarse, &fine, &info.transform));
-    Ok(Drawn { frame, field, edges: None, colours: None })
+    Ok(DrawnSurface { frame, field, edges: None, colours: None })
 }
 
 /// World rectangle around the samples, widened by `margin` cells: west, south, east, north.
@@ -46,7 +46,7 @@ const EXACT_SAMPLES: u64 = 1 << 26;
 const SPARSE_SAMPLES: u64 = 1 << 22;
 
 /// Which samples are read, and how much coarser they are kept.
-struct Plan {
+struct GridReadPlan {
     /// Samples under the picture, with a margin.
     crop: Rect,
     /// Samples per height kept, along each side.
@@ -57,10 +57,10 @@ struct Plan {
     block: (u32, u32),
 }
 
-impl Plan {
+impl GridReadPlan {
     /// Averages all samples, at twice the fineness of the picture, as long as they are at most
     /// [`EXACT_SAMPLES`]; of more it samples a few for each pixel.
-    fn new(info: &GridInfo, frame: &Frame) -> Self {
+    fn new(info: &GridInfo, frame: &PictureFrame) -> Self {
         let exact = Self::averaging(info, &frame.finer(FINENESS));
         if exact.crop.len() as u64 <= EXACT_SAMPLES || exact.stride == 1 {
             return exact;
@@ -72,7 +72,7 @@ impl Plan {
         Self { patch, ..sparse }
     }
 
-    fn averaging(info: &GridInfo, lattice: &Frame) -> Self {
+    fn averaging(info: &GridInfo, lattice: &PictureFrame) -> Self {
         let [px, py] = lattice.pixel();
         let samples_per_pixel = (px * py / info.transform.determinant().abs()).sqrt();
         let most = info.width.max(info.height);
@@ -91,9 +91,9 @@ impl Plan {
         resources: &Resources,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Field> {
+    ) -> Result<PictureHeights> {
         let (width, height) = self.coarse_size();
-        let coarse = Mutex::new(Field::void(width as usize, height as usize));
+        let coarse = Mutex::new(PictureHeights::void(width as usize, height as usize));
         progress.begin("read", self.crop.len() as u64);
         let chunks = self.chunks(window_samples(resources));
         workers(resources)?.install(|| {
@@ -173,8 +173,13 @@ impl Plan {
     }
 
     /// Heights at the pixels of a frame, from the coarse field.
-    fn lay(&self, coarse: &Field, fine: &Frame, transform: &Affine) -> Field {
-        let mut field = Field::void(fine.width as usize, fine.height as usize);
+    fn lay(
+        &self,
+        coarse: &PictureHeights,
+        fine: &PictureFrame,
+        transform: &Affine,
+    ) -> PictureHeights {
+        let mut field = PictureHeights::void(fine.width as usize, fine.height as usize);
         let n = f64::from(self.stride);
         let to_coarse = |at: f64, first: u32| (at - f64::from(first) + 0.5) / n - 0.5;
         field.z.par_chunks_mut(fine.width as usize).enumerate().for_each(|(row, line)| {
@@ -190,7 +195,7 @@ impl Plan {
 
 /// The samples a frame needs, with a margin for interpolation, starting at a multiple of `stride`
 /// so that a part of a picture shows the same averages as the whole.
-fn crop(info: &GridInfo, fine: &Frame, stride: u32) -> Rect {
+fn crop(info: &GridInfo, fine: &PictureFrame, stride: u32) -> Rect {
     let [west, south, east, north] = fine.bounds;
     let corners = [(west, north), (east, north), (west, south), (east, south)];
     let lattice = corners.map(|(x, y)| info.transform.invert(x, y));
@@ -213,7 +218,7 @@ fn middle(rect: Rect, side: u32) -> Rect {
     Rect::new(rect.col + col, rect.row + row, width, height)
 }
 
-fn place(field: &mut Field, chunk: Rect, means: &[f32]) {
+fn place(field: &mut PictureHeights, chunk: Rect, means: &[f32]) {
     for (row, line) in means.chunks_exact(chunk.width as usize).enumerate() {
         let start = (chunk.row as usize + row) * field.width + chunk.col as usize;
         field.z[start..start + line.len()].copy_from_slice(line);
@@ -244,9 +249,9 @@ mod tests {
         }
 
         /// Heights under a picture `width` pixels wide, and how many samples that took.
-        fn picture(&self, width: u32) -> (Field, u64) {
-            let frame = Frame::fit(grid_bounds(&self.info, 0.5), width, [1.0, 1.0]);
-            let plan = Plan::new(&self.info, &frame);
+        fn picture(&self, width: u32) -> (PictureHeights, u64) {
+            let frame = PictureFrame::fit(grid_bounds(&self.info, 0.5), width, [1.0, 1.0]);
+            let plan = GridReadPlan::new(&self.info, &frame);
             let resources = Resources::default();
             let coarse = plan.read(self, &resources, &Silent, &Cancel::default()).unwrap();
             let field = plan.lay(&coarse, &frame.finer(FINENESS), &self.info.transform);

@@ -1,7 +1,9 @@
 //! A mesh as a field of heights: triangles are streamed and filled in, whatever their number.
 
-use crate::render::{Colours, Coverage, Field, Frame, fill_coloured, fill_triangle};
-use crate::view::drawn::{COLOUR_BYTES, Drawn, FINENESS, PIXEL_BYTES, frame, within_memory};
+use crate::render::{
+    PictureFrame, PictureHeights, PixelColors, StrokeCoverage, fill_coloured, fill_triangle,
+};
+use crate::view::drawn::{COLOUR_BYTES, DrawnSurface, FINENESS, PIXEL_BYTES, frame, within_memory};
 use crate::view::options::ViewJob;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
@@ -24,7 +26,7 @@ pub(super) fn draw(
     job: &ViewJob,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Drawn> {
+) -> Result<DrawnSurface> {
     let bounds = mesh_bounds(mesh, progress, cancel)?;
     let [low, high] = bounds.ok_or_else(|| Error::bad_input("the mesh has no vertices"))?;
     let geographic = is_geographic(mesh.info());
@@ -33,7 +35,7 @@ pub(super) fn draw(
     if channels > 0 {
         within_memory(&frame, PIXEL_BYTES + COLOUR_BYTES, &job.options.resources)?;
     }
-    let mut canvas = Canvas::new(frame, job.options.edges, channels > 0);
+    let mut canvas = MeshCanvas::new(frame, job.options.edges, channels > 0);
     let triangles = mesh.info().triangles;
     let mut gather = Gather::new(vertex_count(mesh), channels);
     let mut batch = vec![[0u64; 3]; triangles.min(TRIANGLE_BATCH) as usize];
@@ -48,8 +50,8 @@ pub(super) fn draw(
         progress.advance(count);
     }
     progress.end();
-    let Canvas { field, edges, colours, .. } = canvas;
-    Ok(Drawn { frame, field, edges, colours })
+    let MeshCanvas { field, edges, colours, .. } = canvas;
+    Ok(DrawnSurface { frame, field, edges, colours })
 }
 
 /// Channels of the colour that vertices have: 3, 4, or none.
@@ -60,21 +62,21 @@ fn colour_channels(info: &MeshInfo) -> usize {
     }
 }
 
-struct Canvas {
-    frame: Frame,
-    fine: Frame,
-    field: Field,
-    edges: Option<Coverage>,
-    colours: Option<Colours>,
+struct MeshCanvas {
+    frame: PictureFrame,
+    fine: PictureFrame,
+    field: PictureHeights,
+    edges: Option<StrokeCoverage>,
+    colours: Option<PixelColors>,
 }
 
-impl Canvas {
-    fn new(frame: Frame, edges: bool, colours: bool) -> Self {
+impl MeshCanvas {
+    fn new(frame: PictureFrame, edges: bool, colours: bool) -> Self {
         let fine = frame.finer(FINENESS);
         let [width, height] = [fine.width, fine.height].map(|side| side as usize);
-        let field = Field::void(width, height);
-        let colours = colours.then(|| Colours::none(width, height));
-        let coverage = || Coverage::empty(frame.width as usize, frame.height as usize);
+        let field = PictureHeights::void(width, height);
+        let colours = colours.then(|| PixelColors::none(width, height));
+        let coverage = || StrokeCoverage::empty(frame.width as usize, frame.height as usize);
         Self { frame, fine, field, edges: edges.then(coverage), colours }
     }
 

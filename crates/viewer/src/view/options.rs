@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use terrane_options::{Options, Range};
+use terrane_options::{OptionRange, Options};
 
 use crate::render::MAX_PICTURE_SIDE;
 use terrane_engine::Resources;
@@ -16,7 +16,7 @@ terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
 #[options(setters = group)]
 pub struct Exaggeration {
     /// Factor on heights
-    #[option(value = "FACTOR", range = Range::POSITIVE, default_text = "one that suits the terrain")]
+    #[option(value = "FACTOR", range = OptionRange::POSITIVE, default_text = "one that suits the terrain")]
     pub exaggeration: Option<f64>,
 }
 
@@ -28,7 +28,7 @@ pub struct Lighting {
     #[option(value = "DEG", default = 315.0, with = Finite)]
     pub azimuth: f64,
     /// Height of the light above the horizon, in degrees from 1 to 90
-    #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
+    #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
     pub altitude: f64,
     /// How high heights look.
     #[option(flatten)]
@@ -42,7 +42,7 @@ pub struct Lighting {
 #[non_exhaustive]
 pub struct PictureOptions {
     /// Columns of the picture; rows follow from the aspect on the ground
-    #[option(value = "PX", default = 1600u32, range = Range::new(1.0, MAX_PICTURE_SIDE as f64))]
+    #[option(value = "PX", default = 1600u32, range = OptionRange::new(1.0, MAX_PICTURE_SIDE as f64))]
     pub width: u32,
     /// Draw the edges of a mesh's triangles
     pub edges: bool,

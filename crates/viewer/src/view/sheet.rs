@@ -1,11 +1,11 @@
 //! Meshes side by side in one picture, each with a few lines of text below it, to compare them.
 
-use super::drawn::{Drawn, PIXEL_BYTES};
+use super::drawn::{DrawnSurface, PIXEL_BYTES};
 use super::options::ViewJob;
 use super::{mesh, options, style, write_png};
 use crate::render::{Painter, text_size, write_text};
 use terrane_base::error::{Error, Result};
-use terrane_engine::input::{self, Surface};
+use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::short;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
@@ -55,7 +55,7 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
         each.options.lighting.heights.exaggeration = Some(style.exaggeration);
         let painter = drawn.painter(style);
         if sheet.is_none() {
-            sheet = Some(Sheet::new(job, [painter.width(), painter.height()])?);
+            sheet = Some(ComparisonSheet::new(job, [painter.width(), painter.height()])?);
         }
         sheet.iter_mut().for_each(|sheet| sheet.put(place, &painter, &panel.lines));
     }
@@ -67,16 +67,16 @@ pub fn run_sheet(job: &SheetJob, progress: &dyn Progress, cancel: &Cancel) -> Re
     Ok(sheet.size)
 }
 
-fn drawn(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Drawn> {
+fn drawn(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<DrawnSurface> {
     match input::open(job.input.names(), &options(job)?)? {
-        Surface::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel),
-        Surface::Grid(_) => Err(Error::usage(format!("{} is a grid, not a mesh", job.input))
+        SurfaceInput::Mesh(mesh) => mesh::draw(mesh.as_ref(), job, progress, cancel),
+        SurfaceInput::Grid(_) => Err(Error::usage(format!("{} is a grid, not a mesh", job.input))
             .remedy("make a mesh of it with ‹terrane tin›")),
     }
 }
 
 /// The picture: cells of one size, a panel with its text in each.
-struct Sheet {
+struct ComparisonSheet {
     size: [usize; 2],
     columns: usize,
     /// Pixels of a panel, and of its cell with the text and the gap.
@@ -85,7 +85,7 @@ struct Sheet {
     pixels: Vec<u8>,
 }
 
-impl Sheet {
+impl ComparisonSheet {
     /// An empty sheet for panels of `panel` pixels.
     fn new(job: &SheetJob, panel: [usize; 2]) -> Result<Self> {
         let lines = job.panels.iter().map(|panel| panel.lines.len()).max().unwrap_or(0);

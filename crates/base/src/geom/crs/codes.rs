@@ -1,7 +1,7 @@
 //! Systems by their EPSG codes, from the definitions that come with terrane.
 
-use super::definition::{Geographic, Horizontal};
-use super::node::Node;
+use super::definition::{GeographicCrs, Horizontal};
+use super::node::CrsWktNode;
 use super::read;
 
 /// Codes of geographic systems, old and new.
@@ -14,18 +14,18 @@ pub(super) fn text(code: u32) -> Option<&'static str> {
 
 /// The horizontal system of a code.
 pub(super) fn horizontal(code: u32) -> Option<Horizontal> {
-    let nodes = Node::all(text(code)?)?;
+    let nodes = CrsWktNode::all(text(code)?)?;
     let found = read::horizontal(nodes.first()?)?;
     Some(match found {
         Horizontal::Geographic(own) => {
-            Horizontal::Geographic(Geographic { code: Some(code), ..own })
+            Horizontal::Geographic(GeographicCrs { code: Some(code), ..own })
         }
         other => other,
     })
 }
 
 /// The geographic system of a code.
-pub(super) fn geographic(code: u32) -> Option<Geographic> {
+pub(super) fn geographic(code: u32) -> Option<GeographicCrs> {
     match horizontal(code)? {
         Horizontal::Geographic(own) => Some(own),
         _ => None,
@@ -33,7 +33,7 @@ pub(super) fn geographic(code: u32) -> Option<Geographic> {
 }
 
 /// A geographic system that `is` is true of; the one with the lowest code.
-pub(super) fn geographic_with(is: impl Fn(&Geographic) -> bool) -> Option<Geographic> {
+pub(super) fn geographic_with(is: impl Fn(&GeographicCrs) -> bool) -> Option<GeographicCrs> {
     let mut all = GEOGRAPHIC.into_iter().flatten().filter_map(|code| {
         let text = crs_definitions::from_code(code)?.wkt;
         text.starts_with("GEOGCS").then(|| geographic(code.into()))?

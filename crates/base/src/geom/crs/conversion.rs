@@ -1,10 +1,10 @@
 //! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
 //! spells it, the datum these are on, and what heights are.
 
-use super::definition::{Definition, Geographic, Horizontal, Projected, Vertical};
+use super::definition::{Definition, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::geokeys::GeoKeys;
-use super::method::{Method, Role};
-use super::node::Node;
+use super::method::{ProjectionMethod, ProjectionParameter};
+use super::node::CrsWktNode;
 use super::system::Crs;
 use super::unit::plain;
 use super::{codes, read, vertical, wkt, write};
@@ -35,7 +35,7 @@ pub struct Conversion {
 
 /// What heights of a system are.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heights {
+pub enum VerticalReference {
     /// The system does not say.
     Unknown,
     /// Above the ellipsoid, in metres.
@@ -113,11 +113,13 @@ impl Crs {
     }
 
     /// What heights are.
-    pub fn heights(&self) -> Heights {
+    pub fn heights(&self) -> VerticalReference {
         match self.parts() {
             (_, Some(own)) => own.heights(),
-            (Some(Horizontal::Geographic(own)), None) if own.is_3d => Heights::Ellipsoidal,
-            _ => Heights::Unknown,
+            (Some(Horizontal::Geographic(own)), None) if own.is_3d => {
+                VerticalReference::Ellipsoidal
+            }
+            _ => VerticalReference::Unknown,
         }
     }
 
@@ -125,11 +127,11 @@ impl Crs {
     #[must_use]
     pub fn without_heights(&self) -> Self {
         let heights = self.heights();
-        if heights == Heights::Unknown && self.vertical_unit.is_none() {
+        if heights == VerticalReference::Unknown && self.vertical_unit.is_none() {
             return self.clone();
         }
         let plain = match (self.epsg, self.parts().0) {
-            (Some(code), _) if heights != Heights::Ellipsoidal => {
+            (Some(code), _) if heights != VerticalReference::Ellipsoidal => {
                 wkt::of_srs(&format!("EPSG:{code}"))
             }
             (_, Some(mut horizontal)) => {
@@ -147,14 +149,14 @@ impl Crs {
     #[must_use]
     pub fn with_heights_of(&self, other: &Self) -> Self {
         let given = match self.heights() {
-            Heights::Unknown => other.parts().1,
+            VerticalReference::Unknown => other.parts().1,
             _ => return self.clone(),
         };
         let unit = other.vertical_unit.clone();
         let text = other.vertical_unit_text.clone();
         let plain = Self { vertical_unit: unit, vertical_unit_text: text, ..self.clone() };
         match (given, self.epsg) {
-            (Some(Vertical { code: Some(up), .. }), Some(code)) => wkt::of_codes(code, up),
+            (Some(VerticalCrs { code: Some(up), .. }), Some(code)) => wkt::of_codes(code, up),
             (Some(up), _) => match self.to_wkt() {
                 Some(text) => {
                     let name = text.split('"').nth(1).unwrap_or_default();
@@ -167,9 +169,9 @@ impl Crs {
     }
 }
 
-impl Vertical {
-    fn heights(&self) -> Heights {
-        Heights::Above {
+impl VerticalCrs {
+    fn heights(&self) -> VerticalReference {
+        VerticalReference::Above {
             name: self.name.clone(),
             datum: (self.datum.code.or_else(|| vertical::datum_code(&self.datum.name)))
                 .ok_or_else(|| plain(&self.datum.name)),
@@ -188,7 +190,7 @@ fn by_code(code: u32) -> Result<Conversion> {
     };
     let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
     let definition = definition.ok_or_else(unknown)?;
-    let nodes = Node::all(definition.wkt).ok_or_else(unknown)?;
+    let nodes = CrsWktNode::all(definition.wkt).ok_or_else(unknown)?;
     let words = definition.proj4.split_whitespace().map(|word| word.trim_start_matches('+'));
     let of = |name: &str| {
         words
@@ -217,7 +219,7 @@ fn by_code(code: u32) -> Result<Conversion> {
 }
 
 /// The datum of the system of a text, and whether its angles are in degrees.
-fn datum(nodes: &[Node<'_>]) -> Option<(Datum, bool)> {
+fn datum(nodes: &[CrsWktNode<'_>]) -> Option<(Datum, bool)> {
     let node = read::find(nodes, &read::GEOGRAPHIC)?;
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
     let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
@@ -251,8 +253,11 @@ fn turned() -> Error {
         .remedy("name the system with axes to the east and north: EPSG:5514 for EPSG:5513")
 }
 
-fn faces_south(nodes: &[Node<'_>]) -> bool {
-    nodes.iter().flat_map(Node::children).any(|node| node.is(&["AXIS"]) && node.has_word("SOUTH"))
+fn faces_south(nodes: &[CrsWktNode<'_>]) -> bool {
+    nodes
+        .iter()
+        .flat_map(CrsWktNode::children)
+        .any(|node| node.is(&["AXIS"]) && node.has_word("SOUTH"))
 }
 
 impl Datum {
@@ -265,7 +270,7 @@ impl Datum {
     }
 }
 
-impl Geographic {
+impl GeographicCrs {
     /// Its datum; known by its name where it has no code.
     pub(super) fn to_datum(&self) -> Datum {
         let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
@@ -300,8 +305,8 @@ impl Projected {
             ))
             .remedy("transform the data to another system first")
         })?;
-        let [east, north] =
-            [Role::Easting, Role::Northing].map(|role| self.value(role) * self.unit.size);
+        let [east, north] = [ProjectionParameter::Easting, ProjectionParameter::Northing]
+            .map(|role| self.value(role) * self.unit.size);
         let unit = self.unit.size;
         let proj = format!(
             "{projection} +x_0={east} +y_0={north} +to_meter={unit} {}{}",
@@ -311,17 +316,19 @@ impl Projected {
         Ok(Conversion { proj, datum })
     }
 
-    fn value(&self, role: Role) -> f64 {
+    fn value(&self, role: ProjectionParameter) -> f64 {
         let found = self.method.roles.iter().position(|own| *own == role);
         found.map_or(0.0, |at| self.values[at])
     }
 }
 
-impl Method {
+impl ProjectionMethod {
     /// The projection, as PROJ spells it, but for the origin and the unit of x and y; `None` where
     /// PROJ has none for these numbers.
-    fn proj(&self, value: impl Fn(Role) -> f64) -> Option<String> {
-        use Role::{Azimuth, GridAngle, Latitude, Longitude, Parallel1, Parallel2, Scale};
+    fn proj(&self, value: impl Fn(ProjectionParameter) -> f64) -> Option<String> {
+        use ProjectionParameter::{
+            Azimuth, GridAngle, Latitude, Longitude, Parallel1, Parallel2, Scale,
+        };
         let [lat, lon, first, second] = [Latitude, Longitude, Parallel1, Parallel2].map(&value);
         let scale = value(Scale);
         let origin = format!("+lat_0={lat} +lon_0={lon}");
@@ -420,7 +427,7 @@ mod tests {
             let bare = system.without_heights();
             assert_eq!(
                 (bare.heights(), bare.vertical_metres()),
-                (Heights::Unknown, None),
+                (VerticalReference::Unknown, None),
                 "{system:?}"
             );
             assert!(!bare.wkt_has_heights() && bare.conversion().is_ok());
@@ -442,10 +449,10 @@ mod tests {
         let feet = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:6339+5703") };
         let kept = of_srs("EPSG:4326").with_heights_of(&feet);
         assert_eq!(kept.vertical_metres(), Some(0.3048));
-        assert!(matches!(kept.heights(), Heights::Above { datum: Ok(5103), .. }));
+        assert!(matches!(kept.heights(), VerticalReference::Above { datum: Ok(5103), .. }));
         let unit = Crs { vertical_unit: Some("foot".to_owned()), ..of_srs("EPSG:6339") };
         assert_eq!(of_srs("EPSG:4326").with_heights_of(&unit).vertical_metres(), Some(0.3048));
-        assert_eq!(of_srs("EPSG:4979").heights(), Heights::Ellipsoidal);
+        assert_eq!(of_srs("EPSG:4979").heights(), VerticalReference::Ellipsoidal);
     }
 
     #[test]

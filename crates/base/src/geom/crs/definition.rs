@@ -1,35 +1,35 @@
 //! What a reference system means, whatever dialect it came in: what two systems are compared by, and
 //! what well-known text is written from where none came along.
 
-use super::method::{Method, Role};
-use super::unit::{Unit, plain};
+use super::method::{ProjectionMethod, ProjectionParameter};
+use super::unit::{LengthUnit, plain};
 
 /// A system: its horizontal part, and its vertical one where it has one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Definition {
     pub(super) horizontal: Horizontal,
-    pub(super) vertical: Option<Vertical>,
+    pub(super) vertical: Option<VerticalCrs>,
 }
 
 /// What x and y mean.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Horizontal {
-    Geographic(Geographic),
+    Geographic(GeographicCrs),
     Projected(Projected),
     /// Of a site, without a place on Earth.
     Local {
         name: String,
-        unit: Unit,
+        unit: LengthUnit,
     },
 }
 
 /// Longitude and latitude in degrees.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Geographic {
+pub(super) struct GeographicCrs {
     pub(super) name: String,
     pub(super) code: Option<u32>,
-    pub(super) datum: Named,
-    pub(super) ellipsoid: Named,
+    pub(super) datum: EpsgName,
+    pub(super) ellipsoid: EpsgName,
     /// Half of the major axis, in metres.
     pub(super) axis: f64,
     /// Inverse of the flattening; 0 for a sphere.
@@ -43,7 +43,7 @@ pub(super) struct Geographic {
 
 /// A name, with an EPSG code where there is one.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Named {
+pub(super) struct EpsgName {
     pub(super) name: String,
     pub(super) code: Option<u32>,
 }
@@ -53,20 +53,20 @@ pub(super) struct Named {
 pub(super) struct Projected {
     pub(super) name: String,
     pub(super) code: Option<u32>,
-    pub(super) base: Geographic,
-    pub(super) method: &'static Method,
+    pub(super) base: GeographicCrs,
+    pub(super) method: &'static ProjectionMethod,
     /// One number for each role of the method, in its order.
     pub(super) values: Vec<f64>,
-    pub(super) unit: Unit,
+    pub(super) unit: LengthUnit,
 }
 
 /// What z means.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Vertical {
+pub(super) struct VerticalCrs {
     pub(super) name: String,
     pub(super) code: Option<u32>,
-    pub(super) datum: Named,
-    pub(super) unit: Unit,
+    pub(super) datum: EpsgName,
+    pub(super) unit: LengthUnit,
     /// True for depths.
     pub(super) is_down: bool,
 }
@@ -76,28 +76,30 @@ impl Projected {
     /// there that it does not know and that says something.
     pub(super) fn new(
         (name, code): (String, Option<u32>),
-        base: Geographic,
-        method: &'static Method,
-        given: impl Fn(Role) -> Option<f64>,
-        unit: Unit,
+        base: GeographicCrs,
+        method: &'static ProjectionMethod,
+        given: impl Fn(ProjectionParameter) -> Option<f64>,
+        unit: LengthUnit,
     ) -> Option<Self> {
-        let parallel = given(Role::Parallel1).filter(|_| method.is_tangent());
-        let value = |role: Role| match (role, parallel) {
-            (Role::Latitude, Some(parallel)) => Some(parallel),
-            (Role::Parallel1, Some(_)) => None,
+        let parallel = given(ProjectionParameter::Parallel1).filter(|_| method.is_tangent());
+        let value = |role: ProjectionParameter| match (role, parallel) {
+            (ProjectionParameter::Latitude, Some(parallel)) => Some(parallel),
+            (ProjectionParameter::Parallel1, Some(_)) => None,
             _ => given(role),
         };
-        let is_moved = given(Role::Latitude)
+        let is_moved = given(ProjectionParameter::Latitude)
             .is_some_and(|latitude| parallel.is_some_and(|parallel| parallel != latitude));
-        let idle = |role: &Role| value(*role).is_none_or(|number| role.default() == Some(number));
-        if !Role::ALL.iter().filter(|role| !method.roles.contains(role)).all(idle)
+        let idle = |role: &ProjectionParameter| {
+            value(*role).is_none_or(|number| role.default() == Some(number))
+        };
+        if !ProjectionParameter::ALL.iter().filter(|role| !method.roles.contains(role)).all(idle)
             || (is_moved && method.code == 9)
         {
             return None;
         }
-        let needed = |role: &Role| match (value(*role), role) {
+        let needed = |role: &ProjectionParameter| match (value(*role), role) {
             // A grid that is not turned back further is turned back by the azimuth.
-            (None, Role::GridAngle) => value(Role::Azimuth),
+            (None, ProjectionParameter::GridAngle) => value(ProjectionParameter::Azimuth),
             (given, role) => given.or(role.default()),
         };
         let values = method.roles.iter().map(needed).collect::<Option<Vec<f64>>>()?;
@@ -105,7 +107,7 @@ impl Projected {
     }
 
     /// The same in another unit, which its code does not stand for.
-    pub(super) fn in_unit(mut self, unit: Unit) -> Self {
+    pub(super) fn in_unit(mut self, unit: LengthUnit) -> Self {
         let ratio = self.unit.size / unit.size;
         for (role, value) in self.method.roles.iter().zip(&mut self.values) {
             *value *= if role.is_length() { ratio } else { 1.0 };
@@ -114,7 +116,8 @@ impl Projected {
     }
 
     fn same_numbers(&self, other: &Self) -> bool {
-        let lengths = |role: &Role| if role.is_length() { self.unit.size } else { 1.0 };
+        let lengths =
+            |role: &ProjectionParameter| if role.is_length() { self.unit.size } else { 1.0 };
         let pairs = self.method.roles.iter().zip(self.values.iter().zip(&other.values));
         self.method == other.method
             && self.unit.is(&other.unit)
@@ -122,7 +125,7 @@ impl Projected {
     }
 }
 
-impl Geographic {
+impl GeographicCrs {
     /// Axis, flattening and meridian, compared with these slacks.
     fn is_within(&self, other: &Self, [axis, flattening, meridian]: [f64; 3]) -> bool {
         (self.axis - other.axis).abs() < axis
@@ -214,7 +217,7 @@ impl Horizontal {
 
     /// What tells it from others, name by name.
     pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
-        let base = |own: &Geographic| {
+        let base = |own: &GeographicCrs| {
             vec![
                 ("datum", own.datum.name.clone()),
                 ("ellipsoid", format!("{} {}", own.axis, own.flattening)),
@@ -239,7 +242,7 @@ impl Horizontal {
     }
 }
 
-impl Vertical {
+impl VerticalCrs {
     /// True for one system, or where one of them is not named.
     pub(super) fn same(&self, other: &Self) -> bool {
         let is_nameless = |own: &Self| matches!(plain(&own.datum.name).as_str(), "" | "unknown");

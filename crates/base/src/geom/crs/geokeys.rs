@@ -1,10 +1,10 @@
 //! GeoKeys to a coordinate reference system: codes, names and units; the raw keys are kept.
 //! GeoTIFF 1.1 (OGC 19-008r4) section 7.1.2.
 
-use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
-use super::method::{Method, Role};
+use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::method::{ProjectionMethod, ProjectionParameter};
 use super::system::{Crs, RASTER_TYPE};
-use super::unit::Unit;
+use super::unit::LengthUnit;
 use super::{codes, vertical, wkt};
 
 /// The tags that numbers and texts lie in.
@@ -128,23 +128,23 @@ impl GeoKeys {
         self.code(VERTICAL_CRS).filter(|_| self.geographic_3d_code().is_none())
     }
 
-    fn vertical_unit(&self) -> Option<Unit> {
-        self.short(VERTICAL_UNITS).and_then(Unit::of_code)
+    fn vertical_unit(&self) -> Option<LengthUnit> {
+        self.short(VERTICAL_UNITS).and_then(LengthUnit::of_code)
     }
 
     /// The vertical system, in the unit that the keys give it; one without a name where they give no
     /// more than a unit.
-    pub(super) fn vertical(&self) -> Option<Vertical> {
+    pub(super) fn vertical(&self) -> Option<VerticalCrs> {
         let Some(code) = self.vertical_code() else {
-            let datum = Named { name: unknown(), code: None };
+            let datum = EpsgName { name: unknown(), code: None };
             let nameless =
-                |unit| Vertical { name: unknown(), code: None, datum, unit, is_down: false };
+                |unit| VerticalCrs { name: unknown(), code: None, datum, unit, is_down: false };
             return self.vertical_unit().filter(|_| self.geographic() == Some(false)).map(nameless);
         };
         let known = vertical::by_code(code)?;
         let unit = self.vertical_unit().unwrap_or_else(|| known.unit.clone());
         let code = known.code.filter(|_| known.unit.is(&unit));
-        Some(Vertical { code, unit, ..known })
+        Some(VerticalCrs { code, unit, ..known })
     }
 
     fn citation(&self, geographic: Option<bool>) -> Option<String> {
@@ -168,13 +168,13 @@ impl GeoKeys {
         }
     }
 
-    pub(super) fn linear_unit(&self) -> Option<Unit> {
+    pub(super) fn linear_unit(&self) -> Option<LengthUnit> {
         match self.short(LINEAR_UNITS)? {
             USER_DEFINED => {
                 let size = self.double(LINEAR_UNIT_SIZE).filter(|size| *size > 0.0)?;
-                Some(Unit { name: "user-defined".to_owned(), size })
+                Some(LengthUnit { name: "user-defined".to_owned(), size })
             }
-            code => Unit::of_code(code),
+            code => LengthUnit::of_code(code),
         }
     }
 
@@ -205,22 +205,24 @@ impl GeoKeys {
         }
         let unit = match self.short(LINEAR_UNITS) {
             Some(_) => self.linear_unit()?,
-            None => Unit::metre(),
+            None => LengthUnit::metre(),
         };
         let name = self.citation(Some(false)).unwrap_or_else(unknown);
         if let Some(zone) = self.utm_zone() {
-            let method = Method::of_code(TRANSVERSE_MERCATOR, |_| false)?;
+            let method = ProjectionMethod::of_code(TRANSVERSE_MERCATOR, |_| false)?;
             let zone = |role| zone.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
-            let known = Projected::new((name, None), self.base()?, method, zone, Unit::metre())?;
+            let known =
+                Projected::new((name, None), self.base()?, method, zone, LengthUnit::metre())?;
             return Some(known.in_unit(unit));
         }
-        let given = |role: Role| role.keys().iter().find_map(|key| self.double(*key));
-        let method = Method::of_code(self.short(METHOD)?, |role| given(role).is_some())?;
+        let given =
+            |role: ProjectionParameter| role.keys().iter().find_map(|key| self.double(*key));
+        let method = ProjectionMethod::of_code(self.short(METHOD)?, |role| given(role).is_some())?;
         Projected::new((name, None), self.base()?, method, given, unit)
     }
 
     /// The numbers of a UTM zone that the keys name instead of giving its numbers.
-    fn utm_zone(&self) -> Option<[(Role, f64); 4]> {
+    fn utm_zone(&self) -> Option<[(ProjectionParameter, f64); 4]> {
         let code = self.short(PROJECTION)?;
         let (zone, north) = match code {
             16_001..=16_060 => (code - 16_000, 0.0),
@@ -228,26 +230,26 @@ impl GeoKeys {
             _ => return None,
         };
         Some([
-            (Role::Longitude, 6.0 * f64::from(zone) - 183.0),
-            (Role::Scale, 0.9996),
-            (Role::Easting, 500_000.0),
-            (Role::Northing, north),
+            (ProjectionParameter::Longitude, 6.0 * f64::from(zone) - 183.0),
+            (ProjectionParameter::Scale, 0.9996),
+            (ProjectionParameter::Easting, 500_000.0),
+            (ProjectionParameter::Northing, north),
         ])
     }
 
     /// The geographic system: by its code, by that of its datum, or by its ellipsoid.
-    fn base(&self) -> Option<Geographic> {
+    fn base(&self) -> Option<GeographicCrs> {
         if !self.is_in_degrees() {
             return None;
         }
         if let Some(code) = self.code(GEODETIC_CRS) {
             return codes::geographic(code);
         }
-        let own = |geographic: Geographic| {
+        let own = |geographic: GeographicCrs| {
             let from_greenwich = self.meridian()?;
             let name = self.part_of_citation("GCS Name").or_else(|| self.text(GEODETIC_CITATION));
             let meridian = self.part_of_citation("Primem").filter(|_| from_greenwich != 0.0);
-            Some(Geographic {
+            Some(GeographicCrs {
                 name: name.unwrap_or_else(unknown),
                 code: None,
                 meridian: meridian.unwrap_or_else(|| "Greenwich".to_owned()),
@@ -263,7 +265,7 @@ impl GeoKeys {
     }
 
     /// A system of no known datum on the ellipsoid of the keys.
-    fn figure(&self) -> Option<Geographic> {
+    fn figure(&self) -> Option<GeographicCrs> {
         let code = self.code(ELLIPSOID);
         let known =
             code.and_then(|code| codes::geographic_with(|own| own.ellipsoid.code == Some(code)));
@@ -273,12 +275,12 @@ impl GeoKeys {
             (None, None) => return None,
         };
         let named = self.part_of_citation("Ellipsoid").unwrap_or_else(unknown);
-        let ellipsoid = known.map_or(Named { name: named, code: None }, |known| known.ellipsoid);
+        let ellipsoid = known.map_or(EpsgName { name: named, code: None }, |known| known.ellipsoid);
         let datum = self.part_of_citation("Datum").unwrap_or_else(unknown);
-        Some(Geographic {
+        Some(GeographicCrs {
             name: String::new(),
             code: None,
-            datum: Named { name: datum, code: None },
+            datum: EpsgName { name: datum, code: None },
             ellipsoid,
             axis,
             flattening,

@@ -6,7 +6,7 @@ use super::unit::plain;
 /// A number that a projection takes. Names differ from method to method and from dialect to dialect;
 /// what they say is one of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Role {
+pub(super) enum ProjectionParameter {
     Latitude,
     Longitude,
     Parallel1,
@@ -18,11 +18,11 @@ pub(super) enum Role {
     Northing,
 }
 
-use Role::{
+use ProjectionParameter::{
     Azimuth, Easting, GridAngle, Latitude, Longitude, Northing, Parallel1, Parallel2, Scale,
 };
 
-impl Role {
+impl ProjectionParameter {
     pub(super) const ALL: [Self; 9] =
         [Latitude, Longitude, Parallel1, Parallel2, Azimuth, GridAngle, Scale, Easting, Northing];
 
@@ -105,7 +105,7 @@ pub(super) enum Centre {
 
 /// A projection method.
 #[derive(Debug)]
-pub(super) struct Method {
+pub(super) struct ProjectionMethod {
     /// Its code in a GeoTIFF.
     pub(super) code: u16,
     /// Its name in the first well-known text.
@@ -114,18 +114,18 @@ pub(super) struct Method {
     also: &'static [&'static str],
     centre: Centre,
     /// The numbers it takes, in the order they are written.
-    pub(super) roles: &'static [Role],
+    pub(super) roles: &'static [ProjectionParameter],
 }
 
-impl PartialEq for Method {
+impl PartialEq for ProjectionMethod {
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }
 }
 
-impl Method {
+impl ProjectionMethod {
     /// What `role` is called in the first well-known text.
-    pub(super) fn parameter(&self, role: Role) -> &'static str {
+    pub(super) fn parameter(&self, role: ProjectionParameter) -> &'static str {
         match (role, self.centre) {
             (Latitude, Centre::Origin) => "latitude_of_origin",
             (Latitude, Centre::Center) => "latitude_of_center",
@@ -147,7 +147,10 @@ impl Method {
     }
 
     /// By its code in a GeoTIFF and the numbers that are there.
-    pub(super) fn of_code(code: u16, has: impl Fn(Role) -> bool) -> Option<&'static Self> {
+    pub(super) fn of_code(
+        code: u16,
+        has: impl Fn(ProjectionParameter) -> bool,
+    ) -> Option<&'static Self> {
         let mut methods = METHODS.iter().filter(|method| method.code == code);
         // Mercator has one code for both of its kinds.
         let is_alike = |method: &&Self| method.roles.contains(&Parallel1) == has(Parallel1);
@@ -155,7 +158,10 @@ impl Method {
     }
 
     /// By its name in well-known text and the numbers that are there.
-    pub(super) fn of_name(name: &str, has: impl Fn(Role) -> bool) -> Option<&'static Self> {
+    pub(super) fn of_name(
+        name: &str,
+        has: impl Fn(ProjectionParameter) -> bool,
+    ) -> Option<&'static Self> {
         let name = plain(name);
         let method = |code| Self::of_code(code, &has);
         match name.as_str() {
@@ -170,24 +176,25 @@ impl Method {
     }
 }
 
-const ORIGIN: &[Role] = &[Latitude, Longitude, Scale, Easting, Northing];
-const PLAIN: &[Role] = &[Latitude, Longitude, Easting, Northing];
-const TWO: &[Role] = &[Latitude, Longitude, Parallel1, Parallel2, Easting, Northing];
-const OBLIQUE: &[Role] = &[Latitude, Longitude, Azimuth, GridAngle, Scale, Easting, Northing];
-const WORLD: &[Role] = &[Longitude, Easting, Northing];
+const ORIGIN: &[ProjectionParameter] = &[Latitude, Longitude, Scale, Easting, Northing];
+const PLAIN: &[ProjectionParameter] = &[Latitude, Longitude, Easting, Northing];
+const TWO: &[ProjectionParameter] = &[Latitude, Longitude, Parallel1, Parallel2, Easting, Northing];
+const OBLIQUE: &[ProjectionParameter] =
+    &[Latitude, Longitude, Azimuth, GridAngle, Scale, Easting, Northing];
+const WORLD: &[ProjectionParameter] = &[Longitude, Easting, Northing];
 
 const fn method(
     code: u16,
     name: &'static str,
     also: &'static [&'static str],
     centre: Centre,
-    roles: &'static [Role],
-) -> Method {
-    Method { code, name, also, centre, roles }
+    roles: &'static [ProjectionParameter],
+) -> ProjectionMethod {
+    ProjectionMethod { code, name, also, centre, roles }
 }
 
 /// All methods, by their GeoTIFF codes.
-pub(super) const METHODS: &[Method] = {
+pub(super) const METHODS: &[ProjectionMethod] = {
     use Centre::{Center, Origin};
     &[
         method(1, "Transverse_Mercator", &["gausskruger"], Origin, ORIGIN),

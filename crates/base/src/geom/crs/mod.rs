@@ -27,11 +27,11 @@ pub mod wkt;
 mod write;
 
 use crate::error::{Error, Result};
-use definition::{Definition, Horizontal, Vertical};
-use read::Across;
-use unit::Unit;
+use definition::{Definition, Horizontal, VerticalCrs};
+use read::AxisUnit;
+use unit::LengthUnit;
 
-pub use conversion::{Conversion, Datum, Heights};
+pub use conversion::{Conversion, Datum, VerticalReference};
 pub use geokeys::GeoKeys;
 pub use system::Crs;
 
@@ -43,7 +43,7 @@ pub fn is_geographic(code: u32) -> Option<bool> {
 
 /// Metres in the unit of length that people call `name`; `None` where it is not known.
 pub fn metres_in(name: &str) -> Option<f64> {
-    Unit::named(name).map(|unit| unit.size)
+    LengthUnit::named(name).map(|unit| unit.size)
 }
 
 impl Crs {
@@ -74,8 +74,8 @@ impl Crs {
     /// Unit of x and y: "degree", "metre", "foot", "US survey foot", or "unit" when unknown.
     pub fn horizontal_unit(&self) -> &'static str {
         match self.across() {
-            Some(Across::Degrees) => "degree",
-            Some(Across::Length(unit)) => unit.common_name().unwrap_or("unit"),
+            Some(AxisUnit::Degrees) => "degree",
+            Some(AxisUnit::Length(unit)) => unit.common_name().unwrap_or("unit"),
             None => "unit",
         }
     }
@@ -91,15 +91,15 @@ impl Crs {
     /// Metres in one unit of x and y; `None` for degrees, and where nothing is known of it.
     pub fn horizontal_metres(&self) -> Option<f64> {
         match self.across()? {
-            Across::Degrees => None,
-            Across::Length(unit) => Some(unit.size),
+            AxisUnit::Degrees => None,
+            AxisUnit::Length(unit) => Some(unit.size),
         }
     }
 
     /// Metres in one unit of z; `None` where nothing is known of it.
     pub fn vertical_metres(&self) -> Option<f64> {
         let name = self.heights_unit();
-        if let Some(known) = name.and_then(Unit::named) {
+        if let Some(known) = name.and_then(LengthUnit::named) {
             return Some(known.size);
         }
         let own = self.parts().1?.unit;
@@ -107,18 +107,18 @@ impl Crs {
     }
 
     /// What x and y are counted in, by the text, or else by the keys, or else by the code.
-    fn across(&self) -> Option<Across> {
+    fn across(&self) -> Option<AxisUnit> {
         if self.geographic == Some(true) {
-            return Some(Across::Degrees);
+            return Some(AxisUnit::Degrees);
         }
         let by_text = self.wkt.as_deref().and_then(read::across);
         by_text
-            .or_else(|| GeoKeys::of(self).linear_unit().map(Across::Length))
+            .or_else(|| GeoKeys::of(self).linear_unit().map(AxisUnit::Length))
             .or_else(|| self.epsg.and_then(codes::text).and_then(read::across))
     }
 
     /// What it means: x and y, and z.
-    fn parts(&self) -> (Option<Horizontal>, Option<Vertical>) {
+    fn parts(&self) -> (Option<Horizontal>, Option<VerticalCrs>) {
         let (by_text, up_by_text) = self.wkt.as_deref().map(read::parts).unwrap_or_default();
         let keys = GeoKeys::of(self);
         let horizontal = by_text.or_else(|| match (self.epsg, &self.wkt) {
@@ -132,10 +132,10 @@ impl Crs {
     }
 
     /// Heights may be in another unit than their system says, which its code does not stand for.
-    fn in_unit_of_heights(&self, vertical: Vertical) -> Vertical {
-        let unit = self.vertical_unit.as_deref().and_then(Unit::named);
+    fn in_unit_of_heights(&self, vertical: VerticalCrs) -> VerticalCrs {
+        let unit = self.vertical_unit.as_deref().and_then(LengthUnit::named);
         match unit.filter(|unit| !unit.is(&vertical.unit)) {
-            Some(unit) => Vertical { code: None, unit, ..vertical },
+            Some(unit) => VerticalCrs { code: None, unit, ..vertical },
             None => vertical,
         }
     }
@@ -429,7 +429,7 @@ mod tests {
         let wgs84 = codes::geographic(4326).unwrap();
         for method in method::METHODS {
             let given = |role| {
-                let at = method::Role::ALL.iter().position(|own| *own == role)?;
+                let at = method::ProjectionParameter::ALL.iter().position(|own| *own == role)?;
                 method.roles.contains(&role).then_some(10.0 + 0.5 * at as f64)
             };
             let own = definition::Projected::new(
@@ -437,7 +437,7 @@ mod tests {
                 wgs84.clone(),
                 method,
                 given,
-                Unit::of_code(9002).unwrap(),
+                LengthUnit::of_code(9002).unwrap(),
             );
             let horizontal = Horizontal::Projected(own.unwrap());
             let text = Definition { horizontal: horizontal.clone(), vertical: None }.wkt();

@@ -5,32 +5,32 @@ const DEEPEST: u32 = 32;
 
 /// A keyword and what is in its brackets.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Node<'a> {
+pub(super) struct CrsWktNode<'a> {
     pub(super) keyword: &'a str,
-    pub(super) values: Vec<Value<'a>>,
+    pub(super) values: Vec<CrsWktValue<'a>>,
     /// All of it, as it was written.
     pub(super) text: &'a str,
 }
 
 /// One of the things in brackets.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value<'a> {
+pub(super) enum CrsWktValue<'a> {
     /// In quotation marks; two of them stand for one.
     Text(String),
     Number(f64),
     /// A name without quotation marks, such as the direction of an axis.
     Word(&'a str),
-    Node(Node<'a>),
+    Node(CrsWktNode<'a>),
 }
 
-impl<'a> Node<'a> {
+impl<'a> CrsWktNode<'a> {
     /// The nodes of `text`, side by side: Esri puts a vertical system after the horizontal one.
     /// `None` where the text is no well-known text.
     pub(super) fn all(text: &'a str) -> Option<Vec<Self>> {
-        let mut pen = Reader { text, at: 0 };
+        let mut pen = CrsWktParser { text, at: 0 };
         let mut nodes = Vec::new();
         loop {
-            let Value::Node(node) = pen.value(0)? else { return None };
+            let CrsWktValue::Node(node) = pen.value(0)? else { return None };
             nodes.push(node);
             if !pen.takes(',') {
                 break;
@@ -51,7 +51,7 @@ impl<'a> Node<'a> {
 
     fn texts(&self) -> impl Iterator<Item = &str> {
         self.values.iter().filter_map(|value| match value {
-            Value::Text(text) => Some(text.as_str()),
+            CrsWktValue::Text(text) => Some(text.as_str()),
             _ => None,
         })
     }
@@ -59,26 +59,26 @@ impl<'a> Node<'a> {
     /// The number at `place` among the numbers.
     pub(super) fn number(&self, place: usize) -> Option<f64> {
         let numbers = self.values.iter().filter_map(|value| match value {
-            Value::Number(number) => Some(*number),
+            CrsWktValue::Number(number) => Some(*number),
             _ => None,
         });
         numbers.into_iter().nth(place)
     }
 
-    pub(super) fn children(&self) -> impl Iterator<Item = &Node<'a>> {
+    pub(super) fn children(&self) -> impl Iterator<Item = &CrsWktNode<'a>> {
         self.values.iter().filter_map(|value| match value {
-            Value::Node(node) => Some(node),
+            CrsWktValue::Node(node) => Some(node),
             _ => None,
         })
     }
 
     /// The first child with one of `keywords`.
-    pub(super) fn child(&self, keywords: &[&str]) -> Option<&Node<'a>> {
+    pub(super) fn child(&self, keywords: &[&str]) -> Option<&CrsWktNode<'a>> {
         self.children().find(|child| child.is(keywords))
     }
 
     /// The first node with one of `keywords`: this one, a child, a child's child.
-    pub(super) fn find(&self, keywords: &[&str]) -> Option<&Node<'a>> {
+    pub(super) fn find(&self, keywords: &[&str]) -> Option<&CrsWktNode<'a>> {
         match self.is(keywords) {
             true => Some(self),
             false => self.children().find_map(|child| child.find(keywords)),
@@ -87,8 +87,7 @@ impl<'a> Node<'a> {
 
     /// The words of a node, such as UP.
     pub(super) fn has_word(&self, word: &str) -> bool {
-        let is =
-            |value: &Value<'_>| matches!(value, Value::Word(w) if w.eq_ignore_ascii_case(word));
+        let is = |value: &CrsWktValue<'_>| matches!(value, CrsWktValue::Word(w) if w.eq_ignore_ascii_case(word));
         self.values.iter().any(is)
     }
 
@@ -103,12 +102,12 @@ impl<'a> Node<'a> {
     }
 }
 
-struct Reader<'a> {
+struct CrsWktParser<'a> {
     text: &'a str,
     at: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> CrsWktParser<'a> {
     fn rest(&self) -> &'a str {
         &self.text[self.at..]
     }
@@ -127,9 +126,9 @@ impl<'a> Reader<'a> {
     }
 
     // Nested no deeper than `DEEPEST`.
-    fn value(&mut self, depth: u32) -> Option<Value<'a>> {
+    fn value(&mut self, depth: u32) -> Option<CrsWktValue<'a>> {
         if self.takes('"') {
-            return self.quoted().map(Value::Text);
+            return self.quoted().map(CrsWktValue::Text);
         }
         let start = self.at;
         let rest = self.rest();
@@ -141,15 +140,15 @@ impl<'a> Reader<'a> {
             let close = if is_round { ')' } else { ']' };
             let values = self.values(close, depth)?;
             let text = self.text[start..self.at].trim();
-            return Some(Value::Node(Node { keyword: word, values, text }));
+            return Some(CrsWktValue::Node(CrsWktNode { keyword: word, values, text }));
         }
         match word.parse::<f64>() {
-            Ok(number) if number.is_finite() => Some(Value::Number(number)),
-            _ => Some(Value::Word(word)),
+            Ok(number) if number.is_finite() => Some(CrsWktValue::Number(number)),
+            _ => Some(CrsWktValue::Word(word)),
         }
     }
 
-    fn values(&mut self, close: char, depth: u32) -> Option<Vec<Value<'a>>> {
+    fn values(&mut self, close: char, depth: u32) -> Option<Vec<CrsWktValue<'a>>> {
         let mut values = Vec::new();
         if depth == DEEPEST {
             return None;
@@ -197,7 +196,7 @@ mod tests {
     #[test]
     fn a_tree_is_read_in_either_kind_of_brackets() {
         let text = r#" A[ "x ""y"" (]" , B(1.5,-2e3,UP), C["EPSG",7],ID["EPSG","12"] ] , D["z"]"#;
-        let nodes = Node::all(text).unwrap();
+        let nodes = CrsWktNode::all(text).unwrap();
         let [a, d] = nodes.as_slice() else { panic!("{nodes:?}") };
         assert_eq!((a.name(), d.name(), d.text), (r#"x "y" (]"#, "z", r#"D["z"]"#));
         let b = a.child(&["b"]).unwrap();
@@ -209,7 +208,10 @@ mod tests {
     fn damage_is_no_tree() {
         let deep = "A[".repeat(100_000);
         for text in ["", "[", "A", "A[", "A[\"", "A[1)", "A]", "A[1]]", "A[1] B", "é[é", &deep] {
-            assert!(Node::all(text).is_none_or(|nodes| nodes[0].keyword.is_empty()), "{text:.20}");
+            assert!(
+                CrsWktNode::all(text).is_none_or(|nodes| nodes[0].keyword.is_empty()),
+                "{text:.20}"
+            );
         }
     }
 }

@@ -1,9 +1,9 @@
 //! The meaning of the nodes of well-known text, in any dialect.
 
-use super::definition::{Geographic, Horizontal, Named, Projected, Vertical};
-use super::method::{Method, Role};
-use super::node::Node;
-use super::unit::Unit;
+use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::method::{ProjectionMethod, ProjectionParameter};
+use super::node::CrsWktNode;
+use super::unit::LengthUnit;
 use super::vertical;
 
 /// Keywords of systems of longitude and latitude.
@@ -21,29 +21,32 @@ const ANGLES: [&str; 2] = ["UNIT", "ANGLEUNIT"];
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// What x and y are counted in.
-pub(super) enum Across {
+pub(super) enum AxisUnit {
     Degrees,
-    Length(Unit),
+    Length(LengthUnit),
 }
 
 /// The first of these nodes, or of those within them, that has one of these keywords.
-pub(super) fn find<'n, 'a>(nodes: &'n [Node<'a>], keywords: &[&str]) -> Option<&'n Node<'a>> {
+pub(super) fn find<'n, 'a>(
+    nodes: &'n [CrsWktNode<'a>],
+    keywords: &[&str],
+) -> Option<&'n CrsWktNode<'a>> {
     nodes.iter().find_map(|node| node.find(keywords))
 }
 
 /// The node of the system of x and y.
-pub(super) fn horizontal_in<'n, 'a>(nodes: &'n [Node<'a>]) -> Option<&'n Node<'a>> {
+pub(super) fn horizontal_in<'n, 'a>(nodes: &'n [CrsWktNode<'a>]) -> Option<&'n CrsWktNode<'a>> {
     find(nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())
 }
 
 /// True for x, y and z from the centre of the Earth.
-pub(super) fn is_geocentric(node: &Node<'_>) -> bool {
+pub(super) fn is_geocentric(node: &CrsWktNode<'_>) -> bool {
     node.child(&["CS"]).is_some_and(|system| system.has_word("Cartesian"))
 }
 
 /// What a text says of x and y, and of z, as far as it can be told.
-pub(super) fn parts(text: &str) -> (Option<Horizontal>, Option<Vertical>) {
-    let nodes = Node::all(text).unwrap_or_default();
+pub(super) fn parts(text: &str) -> (Option<Horizontal>, Option<VerticalCrs>) {
+    let nodes = CrsWktNode::all(text).unwrap_or_default();
     (horizontal_in(&nodes).and_then(horizontal), find(&nodes, &VERTICAL).and_then(vertical))
 }
 
@@ -54,46 +57,46 @@ pub(super) fn is_first_kind(text: &str) -> bool {
 }
 
 /// What x and y of a text are counted in.
-pub(super) fn across(text: &str) -> Option<Across> {
-    let nodes = Node::all(text)?;
+pub(super) fn across(text: &str) -> Option<AxisUnit> {
+    let nodes = CrsWktNode::all(text)?;
     let node = horizontal_in(&nodes)?;
     match node.is(&GEOGRAPHIC) {
-        true => is_in_degrees(node).then_some(Across::Degrees),
-        false => length(node).map(Across::Length),
+        true => is_in_degrees(node).then_some(AxisUnit::Degrees),
+        false => length(node).map(AxisUnit::Length),
     }
 }
 
 /// What the node of a horizontal system, or of one that holds one, means.
-pub(super) fn horizontal(node: &Node<'_>) -> Option<Horizontal> {
+pub(super) fn horizontal(node: &CrsWktNode<'_>) -> Option<Horizontal> {
     let node = horizontal_in(std::slice::from_ref(node))?;
     if node.is(&PROJECTED) {
         return projected(node).map(Horizontal::Projected);
     }
     if node.is(&LOCAL) {
-        let unit = length(node).unwrap_or_else(Unit::metre);
+        let unit = length(node).unwrap_or_else(LengthUnit::metre);
         return Some(Horizontal::Local { name: node.name().to_owned(), unit });
     }
     geographic(node).map(Horizontal::Geographic)
 }
 
-pub(super) fn geographic(node: &Node<'_>) -> Option<Geographic> {
+pub(super) fn geographic(node: &CrsWktNode<'_>) -> Option<GeographicCrs> {
     if is_geocentric(node) || !is_in_degrees(node) {
         return None;
     }
-    let of = |node: &Node<'_>| Named { name: node.name().to_owned(), code: node.code() };
+    let of = |node: &CrsWktNode<'_>| EpsgName { name: node.name().to_owned(), code: node.code() };
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
     let ellipsoid = datum.child(&["SPHEROID", "ELLIPSOID"])?;
     let meridian = node.child(&["PRIMEM", "PRIMEMERIDIAN"]);
     let system = node.child(&["CS"]);
     let axes = node.children().filter(|child| child.is(&["AXIS"])).count();
-    Some(Geographic {
+    Some(GeographicCrs {
         name: node.name().to_owned(),
         code: node.code(),
         datum: of(datum),
         ellipsoid: of(ellipsoid),
         axis: number(ellipsoid, 1.0)?,
         flattening: ellipsoid.number(1)?,
-        meridian: meridian.map_or("Greenwich", Node::name).to_owned(),
+        meridian: meridian.map_or("Greenwich", CrsWktNode::name).to_owned(),
         from_greenwich: meridian.map_or(Some(0.0), |m| number(m, 1.0 / DEGREE))?,
         is_3d: node.child(&["LINUNIT"]).is_some()
             || axes == 3
@@ -102,14 +105,14 @@ pub(super) fn geographic(node: &Node<'_>) -> Option<Geographic> {
 }
 
 /// True unless angles are in something else, such as grads.
-pub(super) fn is_in_degrees(node: &Node<'_>) -> bool {
+pub(super) fn is_in_degrees(node: &CrsWktNode<'_>) -> bool {
     let own = node.child(&ANGLES);
     let unit = own.or_else(|| node.child(&["AXIS"])?.child(&ANGLES));
     unit.and_then(|unit| unit.number(0)).is_none_or(|size| (size / DEGREE - 1.0).abs() < 1e-9)
 }
 
 /// The number of a node, in its own unit where it has one: times `scale` then.
-pub(super) fn number(node: &Node<'_>, scale: f64) -> Option<f64> {
+pub(super) fn number(node: &CrsWktNode<'_>, scale: f64) -> Option<f64> {
     let value = node.number(0)?;
     let unit = node.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]);
     let ratio = unit.and_then(|unit| unit.number(0)).map_or(1.0, |size| size * scale);
@@ -117,7 +120,7 @@ pub(super) fn number(node: &Node<'_>, scale: f64) -> Option<f64> {
     Some(if (ratio - 1.0).abs() < 1e-9 { value } else { value * ratio })
 }
 
-fn projected(node: &Node<'_>) -> Option<Projected> {
+fn projected(node: &CrsWktNode<'_>) -> Option<Projected> {
     if node.child(&["EXTENSION"]).is_some() {
         return None;
     }
@@ -126,9 +129,9 @@ fn projected(node: &Node<'_>) -> Option<Projected> {
     let conversion = node.child(&["CONVERSION"]).unwrap_or(node);
     let mut given = Vec::new();
     for parameter in conversion.children().filter(|child| child.is(&["PARAMETER"])) {
-        let role = Role::of_name(parameter.name())?;
+        let role = ProjectionParameter::of_name(parameter.name())?;
         let scale = match role {
-            Role::Scale => 1.0,
+            ProjectionParameter::Scale => 1.0,
             role if role.is_length() => 1.0 / unit.size,
             _ => 1.0 / DEGREE,
         };
@@ -136,31 +139,31 @@ fn projected(node: &Node<'_>) -> Option<Projected> {
     }
     let value = |role| given.iter().find(|(own, _)| *own == role).map(|(_, value)| *value);
     let method = conversion.child(&["PROJECTION", "METHOD"])?.name();
-    let method = Method::of_name(method, |role| value(role).is_some())?;
+    let method = ProjectionMethod::of_name(method, |role| value(role).is_some())?;
     Projected::new((node.name().to_owned(), node.code()), base, method, value, unit)
 }
 
 /// The unit of lengths of a system: its own, or that of its first axis.
-fn length(node: &Node<'_>) -> Option<Unit> {
+fn length(node: &CrsWktNode<'_>) -> Option<LengthUnit> {
     let unit = node.child(&LENGTHS).or_else(|| node.child(&["AXIS"])?.child(&LENGTHS))?;
-    Unit::of_node(unit)
+    LengthUnit::of_node(unit)
 }
 
 /// What the node of a vertical system means.
-pub(super) fn vertical(node: &Node<'_>) -> Option<Vertical> {
+pub(super) fn vertical(node: &CrsWktNode<'_>) -> Option<VerticalCrs> {
     let known = node.code().and_then(vertical::by_code);
     let datum = ["VERT_DATUM", "VDATUM", "VRF", "VERTICALDATUM", "DATUM", "ENSEMBLE"];
     let datum = node.child(&datum);
     let axis = node.child(&["AXIS"]);
-    let turned = |child: &Node<'_>| {
+    let turned = |child: &CrsWktNode<'_>| {
         child.is(&["PARAMETER"]) && child.name() == "Direction" && child.number(0) == Some(-1.0)
     };
     let unit = length(node).or(known.as_ref().map(|known| known.unit.clone()))?;
     let code = node.code().filter(|_| known.is_none_or(|known| known.unit.is(&unit)));
-    Some(Vertical {
+    Some(VerticalCrs {
         name: node.name().to_owned(),
         code,
-        datum: datum.map_or_else(Named::default, |datum| Named {
+        datum: datum.map_or_else(EpsgName::default, |datum| EpsgName {
             name: datum.name().to_owned(),
             code: datum.code(),
         }),

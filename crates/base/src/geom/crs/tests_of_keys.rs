@@ -1,7 +1,7 @@
 //! Systems that are told by GeoKeys against those that texts and codes tell.
 
 use super::definition::Projected;
-use super::method::{METHODS, Method, Role};
+use super::method::{METHODS, ProjectionMethod, ProjectionParameter};
 use super::*;
 
 /// Keys of numbers, of doubles and of texts.
@@ -22,7 +22,11 @@ fn code(epsg: u32) -> Crs {
 }
 
 /// The system of a method, with a number of its own for each role.
-fn by_text(method: &'static Method, number: impl Fn(Role) -> f64, unit: &Unit) -> Crs {
+fn by_text(
+    method: &'static ProjectionMethod,
+    number: impl Fn(ProjectionParameter) -> f64,
+    unit: &LengthUnit,
+) -> Crs {
     let given = |role| method.roles.contains(&role).then(|| number(role));
     let base = codes::geographic(4326).unwrap();
     let own = Projected::new(("own".to_owned(), None), base, method, given, unit.clone()).unwrap();
@@ -31,14 +35,16 @@ fn by_text(method: &'static Method, number: impl Fn(Role) -> f64, unit: &Unit) -
 
 #[test]
 fn a_projection_of_keys_is_that_of_its_text() {
-    let number = |role| 10.0 + 0.5 * Role::ALL.iter().position(|own| *own == role).unwrap() as f64;
+    let number = |role| {
+        10.0 + 0.5 * ProjectionParameter::ALL.iter().position(|own| *own == role).unwrap() as f64
+    };
     for method in METHODS {
         for unit in [9001, 9002, 9003] {
-            let text = by_text(method, number, &Unit::of_code(unit).unwrap());
+            let text = by_text(method, number, &LengthUnit::of_code(unit).unwrap());
             // Each key that may hold a number, and one number moved at a time.
             for (which, moved) in (0..3).flat_map(|k| (0..=method.roles.len()).map(move |m| (k, m)))
             {
-                let own = |(i, role): (usize, &Role)| {
+                let own = |(i, role): (usize, &ProjectionParameter)| {
                     let ids = role.keys();
                     let id = ids[which.min(ids.len() - 1)];
                     (id, number(*role) + if i == moved { 1.0 } else { 0.0 })
@@ -140,18 +146,21 @@ fn what_is_not_understood_agrees_where_it_is_spelt_alike() {
 
 #[test]
 fn numbers_are_alike_within_their_slack() {
-    let number = |role| 10.0 + 0.5 * Role::ALL.iter().position(|own| *own == role).unwrap() as f64;
+    let number = |role| {
+        10.0 + 0.5 * ProjectionParameter::ALL.iter().position(|own| *own == role).unwrap() as f64
+    };
     for method in METHODS {
-        let metre = Unit::metre();
+        let metre = LengthUnit::metre();
         let own = by_text(method, number, &metre);
         for moved in method.roles {
             for (part, is_same) in [(0.4, true), (-0.4, true), (3.0, false), (-3.0, false)] {
                 let slack = match moved {
-                    Role::Easting | Role::Northing => 1e-3,
-                    Role::Scale => 1e-10,
+                    ProjectionParameter::Easting | ProjectionParameter::Northing => 1e-3,
+                    ProjectionParameter::Scale => 1e-10,
                     _ => 1e-8,
                 };
-                let by = |role: Role| if role == *moved { part * slack } else { 0.0 };
+                let by =
+                    |role: ProjectionParameter| if role == *moved { part * slack } else { 0.0 };
                 let other = by_text(method, |role| number(role) + by(role), &metre);
                 assert_eq!(own.agrees(&other), is_same, "{} {moved:?} {part}", method.name);
             }

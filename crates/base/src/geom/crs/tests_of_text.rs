@@ -1,6 +1,6 @@
 //! What single words and numbers of texts and keys say.
 
-use super::node::{Node, Value};
+use super::node::{CrsWktNode, CrsWktValue};
 use super::*;
 
 /// A key directory of shorts, and of texts in the ASCII parameters.
@@ -250,15 +250,20 @@ fn text_with_heights_says_so_and_others_are_joined_to_it() {
 
 #[test]
 fn numbers_without_end_are_words() {
-    let nodes = Node::all("A[nan,inf,1e999,-2.5e3]").unwrap();
-    let values =
-        [Value::Word("nan"), Value::Word("inf"), Value::Word("1e999"), Value::Number(-2500.0)];
+    let nodes = CrsWktNode::all("A[nan,inf,1e999,-2.5e3]").unwrap();
+    let values = [
+        CrsWktValue::Word("nan"),
+        CrsWktValue::Word("inf"),
+        CrsWktValue::Word("1e999"),
+        CrsWktValue::Number(-2500.0),
+    ];
     assert_eq!(nodes[0].values, values);
 }
 
 #[test]
 fn units_of_no_size_are_none() {
-    let unit = |text: &str| Unit::of_node(&Node::all(text).unwrap()[0]).map(|unit| unit.name);
+    let unit =
+        |text: &str| LengthUnit::of_node(&CrsWktNode::all(text).unwrap()[0]).map(|unit| unit.name);
     assert_eq!(unit(r#"UNIT["metre",0]"#), None);
     assert_eq!(unit(r#"UNIT["metre",-1]"#), None);
     assert_eq!(unit(r#"UNIT["foot",1]"#).as_deref(), Some("metre"));
@@ -380,7 +385,7 @@ fn codes_are_whole_numbers() {
 fn sizes_of_units_are_compared_by_their_ratio() {
     let unit = |size: f64| {
         let text = format!(r#"UNIT["x",{size}]"#);
-        Unit::of_node(&Node::all(&text).unwrap()[0]).unwrap().name
+        LengthUnit::of_node(&CrsWktNode::all(&text).unwrap()[0]).unwrap().name
     };
     assert_eq!((unit(1_000.000_05).as_str(), unit(1_000.000_5).as_str()), ("kilometre", "x"));
     assert_eq!(

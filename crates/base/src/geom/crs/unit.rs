@@ -1,10 +1,10 @@
 //! Units of length, by their names, EPSG codes and sizes.
 
-use super::node::{Node, quoted};
+use super::node::{CrsWktNode, quoted};
 
 /// A unit of length.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Unit {
+pub(super) struct LengthUnit {
     pub(super) name: String,
     /// In metres.
     pub(super) size: f64,
@@ -32,7 +32,7 @@ const KNOWN: &[(u16, &str, f64, &[&str])] = &[
 /// How far two sizes of one unit may lie apart: feet differ by two millionths.
 const SLACK: f64 = 1e-7;
 
-impl Unit {
+impl LengthUnit {
     pub(super) fn metre() -> Self {
         Self { name: "metre".to_owned(), size: 1.0 }
     }
@@ -52,7 +52,7 @@ impl Unit {
     }
 
     /// Of a node with a name and a size.
-    pub(super) fn of_node(node: &Node<'_>) -> Option<Self> {
+    pub(super) fn of_node(node: &CrsWktNode<'_>) -> Option<Self> {
         let size = node.number(0).filter(|size| *size > 0.0)?;
         let by_size = KNOWN.iter().find(|known| same(known.2, size)).map(|known| known.0);
         // "Foot_US" is often given the size of a foot, and a foot that of a US survey foot.

@@ -1,23 +1,23 @@
 //! Vertical systems and their datums by EPSG codes.
 
-use super::definition::{Named, Vertical};
-use super::unit::{Unit, plain};
+use super::definition::{EpsgName, VerticalCrs};
+use super::unit::{LengthUnit, plain};
 
 /// All vertical systems of the EPSG dataset: code, code of the unit, direction, code of the datum,
 /// name, and name of the datum.
 const VERTICAL: &str = include_str!("vertical.tsv");
 
 /// The vertical system of a code.
-pub(super) fn by_code(code: u32) -> Option<Vertical> {
+pub(super) fn by_code(code: u32) -> Option<VerticalCrs> {
     let number = code.to_string();
     let mut rows = VERTICAL.lines().map(|line| line.split('\t').collect::<Vec<_>>());
     let row = rows.find(|row| row[0] == number)?;
     let [_, unit, direction, datum_code, name, datum] = row[..] else { return None };
-    Some(Vertical {
+    Some(VerticalCrs {
         name: name.to_owned(),
         code: Some(code),
-        datum: Named { name: datum.to_owned(), code: datum_code.parse().ok() },
-        unit: Unit::of_code(unit.parse().ok()?)?,
+        datum: EpsgName { name: datum.to_owned(), code: datum_code.parse().ok() },
+        unit: LengthUnit::of_code(unit.parse().ok()?)?,
         is_down: direction == "down",
     })
 }

@@ -1,7 +1,7 @@
 //! Systems from well-known text, and from names of codes.
 
 use super::definition::Horizontal;
-use super::node::Node;
+use super::node::CrsWktNode;
 use super::read::{GEOGRAPHIC, LOCAL, PROJECTED, VERTICAL, find, horizontal_in, is_geocentric};
 use super::system::Crs;
 use super::{codes, read, vertical};
@@ -17,14 +17,15 @@ pub fn from_text(text: &str) -> Crs {
         let name = text.lines().next().map(|line| line.trim().chars().take(80).collect());
         return Crs { citation: name, ..Crs::default() };
     }
-    let nodes = Node::all(text).unwrap_or_default();
+    let nodes = CrsWktNode::all(text).unwrap_or_default();
     let horizontal = horizontal_in(&nodes);
     let meaning = horizontal.and_then(read::horizontal);
     let vertical = find(&nodes, &VERTICAL);
     let height = vertical.and_then(read::vertical);
     let name = text.split('"').nth(1).unwrap_or_default();
     let own = horizontal.or(nodes.first());
-    let epsg = own.and_then(Node::code).or_else(|| esri_code(own.map_or(name, Node::name)));
+    let epsg =
+        own.and_then(CrsWktNode::code).or_else(|| esri_code(own.map_or(name, CrsWktNode::name)));
     let is_geographic = own.and_then(|node| match node {
         node if node.is(&LOCAL) => None,
         node => Some(node.is(&GEOGRAPHIC) && !is_geocentric(node)),
@@ -41,7 +42,7 @@ pub fn from_text(text: &str) -> Crs {
         epsg: epsg.filter(believed),
         vertical_epsg: match &height {
             Some(own) => own.code,
-            None => vertical.and_then(Node::code),
+            None => vertical.and_then(CrsWktNode::code),
         },
         citation: Some(name.to_owned()),
         wkt: Some(text.to_owned()),

@@ -1,6 +1,6 @@
 //! Definitions as well-known text of the first kind, which every reader of `.prj` files knows.
 
-use super::definition::{Definition, Geographic, Horizontal, Named, Projected, Vertical};
+use super::definition::{Definition, EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::node::quoted;
 
 fn authority(code: Option<u32>) -> String {
@@ -18,7 +18,7 @@ impl Definition {
 }
 
 /// A horizontal system, given as text, with a vertical one.
-pub(super) fn compound(name: &str, horizontal: &str, vertical: &Vertical) -> String {
+pub(super) fn compound(name: &str, horizontal: &str, vertical: &VerticalCrs) -> String {
     let name = quoted(&format!("{name} + {}", vertical.name));
     format!("COMPD_CS[{name},{horizontal},{}]", vertical.wkt())
 }
@@ -37,13 +37,13 @@ impl Horizontal {
     }
 }
 
-impl Named {
+impl EpsgName {
     fn wkt(&self, keyword: &str, inner: &str) -> String {
         format!("{keyword}[{}{inner}{}]", quoted(&self.name), authority(self.code))
     }
 }
 
-impl Geographic {
+impl GeographicCrs {
     fn wkt(&self) -> String {
         let figure = format!(",{},{}", self.axis, self.flattening);
         let ellipsoid = format!(",{}", self.ellipsoid.wkt("SPHEROID", &figure));
@@ -85,7 +85,7 @@ impl Projected {
     }
 }
 
-impl Vertical {
+impl VerticalCrs {
     fn wkt(&self) -> String {
         let datum = self.datum.wkt("VERT_DATUM", ",2005");
         let axis = if self.is_down { "AXIS[\"Depth\",DOWN]" } else { "AXIS[\"Up\",UP]" };

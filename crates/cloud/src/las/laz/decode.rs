@@ -5,11 +5,13 @@
 //! points. What tells is its end: encoders leave it in one of few states, at the last byte, and a
 //! stream that was read wrongly anywhere hardly ever gets there.
 
-use crate::lazip::{self, Chunk, Decoder, Fields, Flow, Stream, Wanted};
+use crate::lazip::{
+    self, ChunkStream, CompressedChunk, DecodedFields, Decoder, FieldSelection, UnchunkedStream,
+};
 use terrane_base::error::Result;
 use terrane_files::RawFile;
 
-use super::{Compressor, Layout, layers};
+use super::{Compressor, LazLayout, layers};
 
 /// Points that are decoded before they are handed on, and most bytes of their records.
 const BLOCK: u64 = 8192;
@@ -24,13 +26,13 @@ const MOST_SYMBOL_BYTES: usize = 3;
 pub(crate) type Decoded<T> = Result<std::result::Result<T, String>>;
 
 /// What takes blocks of points.
-type Each<'a> = dyn FnMut(&Fields) -> Result<()> + 'a;
+type Each<'a> = dyn FnMut(&DecodedFields) -> Result<()> + 'a;
 
 /// A decoder and its room, to be used again and again.
 #[derive(Default)]
 pub(crate) struct Unpacker {
     decoder: Decoder,
-    fields: Fields,
+    fields: DecodedFields,
     window: Vec<u8>,
 }
 
@@ -41,10 +43,10 @@ impl Unpacker {
     /// Whatever `each` returns.
     pub(crate) fn chunk(
         &mut self,
-        layout: &Layout,
+        layout: &LazLayout,
         bytes: &[u8],
         count: u64,
-        wanted: Wanted,
+        wanted: FieldSelection,
         each: &mut Each<'_>,
     ) -> Decoded<()> {
         if layout.compressor == Compressor::Layers
@@ -52,7 +54,7 @@ impl Unpacker {
         {
             return Ok(Err(what));
         }
-        let chunk = Chunk { bytes, count: count as usize };
+        let chunk = CompressedChunk { bytes, count: count as usize };
         let block = if wanted.records { records_at_once(layout) } else { BLOCK };
         match self.decoder.stream(&layout.schema, chunk, wanted) {
             Ok(stream) => go(stream, (count, block), &mut self.fields, each),
@@ -67,15 +69,15 @@ impl Unpacker {
     /// Whatever `each` returns, and a file that cannot be read.
     pub(crate) fn stream(
         &mut self,
-        layout: &Layout,
+        layout: &LazLayout,
         (file, at): (&RawFile, u64),
         count: u64,
-        wanted: Wanted,
+        wanted: FieldSelection,
         each: &mut Each<'_>,
     ) -> Decoded<u64> {
         let Self { decoder, fields, window } = self;
         window.clear();
-        let mut window = Window { file, end: at, bytes: window };
+        let mut window = LazStreamWindow { file, end: at, bytes: window };
         window.fill()?;
         let mut flow = match decoder.flow(&layout.schema, window.bytes, wanted) {
             Ok((flow, left)) => window.keep(left, flow),
@@ -99,25 +101,25 @@ impl Unpacker {
 }
 
 /// Points whose records are decoded before they are handed on.
-fn records_at_once(layout: &Layout) -> u64 {
+fn records_at_once(layout: &LazLayout) -> u64 {
     (BLOCK_BYTES / layout.record.max(1)).clamp(1, BLOCK as usize) as u64
 }
 
 /// Points that a full window holds, whatever they are.
-fn points_at_once(layout: &Layout) -> u64 {
+fn points_at_once(layout: &LazLayout) -> u64 {
     let most_bytes = MOST_SYMBOL_BYTES * (MOST_SYMBOLS + layout.record);
     (WINDOW / most_bytes).max(1).min(BLOCK as usize) as u64
 }
 
 /// The part of a stream that is at hand.
-struct Window<'a> {
+struct LazStreamWindow<'a> {
     file: &'a RawFile,
     /// Place in the file of the end of `bytes`.
     end: u64,
     bytes: &'a mut Vec<u8>,
 }
 
-impl Window<'_> {
+impl LazStreamWindow<'_> {
     /// Reads on until the window is full or the file ends.
     fn fill(&mut self) -> Result<()> {
         let there = self.bytes.len();
@@ -136,9 +138,9 @@ impl Window<'_> {
 
     fn read(
         &mut self,
-        flow: &mut Flow<'_>,
+        flow: &mut UnchunkedStream<'_>,
         points: u64,
-        fields: &mut Fields,
+        fields: &mut DecodedFields,
     ) -> std::result::Result<(), lazip::Damage> {
         let left = flow.read(self.bytes, points as usize, fields)?;
         self.keep(left, Ok(()))
@@ -147,9 +149,9 @@ impl Window<'_> {
 
 /// Hands on `count` points of a chunk, so many at a time.
 fn go(
-    mut stream: Stream<'_, '_>,
+    mut stream: ChunkStream<'_, '_>,
     (count, block): (u64, u64),
-    fields: &mut Fields,
+    fields: &mut DecodedFields,
     each: &mut Each<'_>,
 ) -> Decoded<()> {
     let mut left = count;
@@ -170,7 +172,7 @@ fn go(
 }
 
 /// Its layers must lie in the chunk, and its points be those that the file claims.
-fn check(layout: &Layout, bytes: &[u8], count: u64) -> std::result::Result<(), String> {
+fn check(layout: &LazLayout, bytes: &[u8], count: u64) -> std::result::Result<(), String> {
     if (bytes.len() as u64) < layers::head_bytes(layout) {
         return Err(format!("its {} bytes do not hold its head", bytes.len()));
     }

@@ -1,17 +1,17 @@
 //! The head of a layered chunk: its first point, how many points it has, and the bytes of each layer.
 
-use crate::las::bytes::Bytes;
+use crate::las::bytes::LasHeaderBytes;
 
-use super::Layout;
+use super::LazLayout;
 
 /// Bytes of the head.
-pub(super) fn head_bytes(layout: &Layout) -> u64 {
+pub(super) fn head_bytes(layout: &LazLayout) -> u64 {
     (layout.record + 4 + 4 * layout.layers) as u64
 }
 
 /// Points that a chunk claims to have, and bytes with its head.
-pub(super) fn claims(layout: &Layout, head: &[u8]) -> (u64, u64) {
-    let b = Bytes(head);
+pub(super) fn claims(layout: &LazLayout, head: &[u8]) -> (u64, u64) {
+    let b = LasHeaderBytes(head);
     let points = b.u32(layout.record);
     let layers = (0..layout.layers).map(|i| u64::from(b.u32(layout.record + 4 + 4 * i)));
     (points.into(), head_bytes(layout) + layers.sum::<u64>())

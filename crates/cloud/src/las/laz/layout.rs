@@ -2,9 +2,9 @@
 
 use laz::{LazItemType, LazVlr};
 
-use crate::las::bytes::Bytes;
-use crate::las::header::Header;
-use crate::lazip::{Item, Schema};
+use crate::las::bytes::LasHeaderBytes;
+use crate::las::header::LasHeader;
+use crate::lazip::{LaszipItem, LaszipSchema};
 use terrane_base::error::{Error, Result};
 
 /// Bytes before the items, and of an item.
@@ -39,7 +39,7 @@ impl Compressor {
 
 /// What a decoder must know of a file.
 #[derive(Clone, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct LazLayout {
     pub(crate) compressor: Compressor,
     /// Points of each chunk but the last one; `None` where the chunk table has them.
     pub(crate) chunk_points: Option<u32>,
@@ -48,13 +48,13 @@ pub(crate) struct Layout {
     /// Streams of a layered chunk.
     pub(super) layers: usize,
     /// For the decoder.
-    pub(super) schema: Schema,
+    pub(super) schema: LaszipSchema,
 }
 
-impl Layout {
+impl LazLayout {
     /// From the data of the LASzip record of a file with this header.
-    pub(crate) fn parse(data: &[u8], header: &Header) -> Result<Self> {
-        let b = Bytes(data);
+    pub(crate) fn parse(data: &[u8], header: &LasHeader) -> Result<Self> {
+        let b = LasHeaderBytes(data);
         let compressor = match (b.u16(0), b.u16(2)) {
             (1, 0) => Compressor::Stream,
             (2, 0) => Compressor::Chunks,
@@ -73,10 +73,13 @@ impl Layout {
 }
 
 /// Fails where the decoder does not know an item, by its name.
-fn schema(items: &[[u16; 3]]) -> Result<Schema> {
-    let item =
-        |[kind, size, version]: &[u16; 3]| Item { kind: *kind, size: *size, version: *version };
-    Schema::new(&items.iter().map(item).collect::<Vec<_>>())
+fn schema(items: &[[u16; 3]]) -> Result<LaszipSchema> {
+    let item = |[kind, size, version]: &[u16; 3]| LaszipItem {
+        kind: *kind,
+        size: *size,
+        version: *version,
+    };
+    LaszipSchema::new(&items.iter().map(item).collect::<Vec<_>>())
         .map_err(|item| unsupported(format!("its compression of {item}, is not known")))
 }
 
@@ -87,10 +90,10 @@ fn unsupported(what: String) -> Error {
 /// Kind, bytes and version of each item. Fails unless they are those of the header's point format, in
 /// this order, all of versions that belong to the compressor.
 fn items(
-    b: Bytes<'_>,
+    b: LasHeaderBytes<'_>,
     len: usize,
     compressor: Compressor,
-    header: &Header,
+    header: &LasHeader,
 ) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
     if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
@@ -114,7 +117,7 @@ fn items(
 }
 
 /// Kind and bytes of the items of a point format.
-fn expected(header: &Header) -> Vec<[u16; 2]> {
+fn expected(header: &LasHeader) -> Vec<[u16; 2]> {
     let (point, time, colour, wave) = ([6, 20], [7, 8], [8, 6], [9, 29]);
     let (point14, colour14, nir14, wave14) = ([10, 30], [11, 6], [12, 8], [13, 29]);
     let mut items = match header.format {

@@ -7,5 +7,5 @@ mod layout;
 mod table;
 
 pub(super) use decode::Unpacker;
-pub(super) use layout::{Compressor, Layout};
-pub(super) use table::{Chunk, Table, read as table};
+pub(super) use layout::{Compressor, LazLayout};
+pub(super) use table::{LazChunk, LazChunkTable, read as table};

@@ -6,13 +6,13 @@ use std::io::Cursor;
 use laz::decoders::ArithmeticDecoder;
 use laz::decompressors::IntegerDecompressorBuilder;
 
-use crate::las::bytes::Bytes;
-use crate::las::header::Header;
-use crate::lazip::Wanted;
+use crate::las::bytes::LasHeaderBytes;
+use crate::las::header::LasHeader;
+use crate::lazip::FieldSelection;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 
-use super::{Compressor, Layout, Unpacker, layers};
+use super::{Compressor, LazLayout, Unpacker, layers};
 
 /// Bytes of the table's place, before the first chunk and, where that could not be written later, at
 /// the file's end.
@@ -24,7 +24,7 @@ const MOST_ENTRY_BYTES: u64 = 16;
 
 /// An independently compressed run of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Chunk {
+pub(crate) struct LazChunk {
     pub(crate) at: u64,
     pub(crate) bytes: u64,
     pub(crate) points: u64,
@@ -32,16 +32,16 @@ pub(crate) struct Chunk {
 
 /// The chunks of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Table {
+pub(crate) enum LazChunkTable {
     /// Each on its own.
-    Chunks(Vec<Chunk>),
+    Chunks(Vec<LazChunk>),
     /// All points in one stream.
-    Stream(Chunk),
+    Stream(LazChunk),
 }
 
 /// What else is found.
 #[derive(Default)]
-pub(crate) struct Found {
+pub(crate) struct LazTableFindings {
     /// What is odd.
     pub(crate) note: Option<String>,
     /// Points that the table has room for, beyond those that the header claims.
@@ -51,28 +51,32 @@ pub(crate) struct Found {
 /// The table of `file`; with `salvage`, what can be made out without it where it is damaged.
 pub(crate) fn read(
     file: &RawFile,
-    header: &Header,
-    layout: &Layout,
+    header: &LasHeader,
+    layout: &LazLayout,
     salvage: bool,
-) -> Result<(Table, Found)> {
+) -> Result<(LazChunkTable, LazTableFindings)> {
     let start = header.points_at;
     if layout.compressor == Compressor::Stream {
         let bytes = file.size() - start;
         return Ok((
-            Table::Stream(Chunk { at: start, bytes, points: header.count }),
-            Found::default(),
+            LazChunkTable::Stream(LazChunk { at: start, bytes, points: header.count }),
+            LazTableFindings::default(),
         ));
     }
     let first = start.saturating_add(POINTER_BYTES);
     let found = entries(file, header, layout, first);
     match found {
-        Ok((chunks, more)) => Ok((Table::Chunks(chunks), Found { note: None, more })),
+        Ok((chunks, more)) => {
+            Ok((LazChunkTable::Chunks(chunks), LazTableFindings { note: None, more }))
+        }
         // Without points there need not be any.
-        Err(_) if header.count == 0 => Ok((Table::Chunks(Vec::new()), Found::default())),
+        Err(_) if header.count == 0 => {
+            Ok((LazChunkTable::Chunks(Vec::new()), LazTableFindings::default()))
+        }
         Err(missing) if salvage || missing.is_unfinished => {
             let table = without(file, header, layout, first)?;
             let note = format!("{}; chunks were found without it", missing.what);
-            Ok((table, Found { note: Some(note), more: 0 }))
+            Ok((table, LazTableFindings { note: Some(note), more: 0 }))
         }
         Err(missing) => Err(Error::bad_input(missing.what)
             .remedy("copy the file again, or read the good part with ‹salvage›")),
@@ -94,7 +98,7 @@ fn missing(what: impl Into<String>) -> Missing {
 fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
     let at = |offset: u64| {
         let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
-        Some(Bytes(&bytes).u64(0) as i64)
+        Some(LasHeaderBytes(&bytes).u64(0) as i64)
     };
     let told =
         at(first - POINTER_BYTES).ok_or_else(|| missing("the file ends before its points"))?;
@@ -118,14 +122,14 @@ fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
 /// is room for.
 fn entries(
     file: &RawFile,
-    header: &Header,
-    layout: &Layout,
+    header: &LasHeader,
+    layout: &LazLayout,
     first: u64,
-) -> std::result::Result<(Vec<Chunk>, u64), Missing> {
+) -> std::result::Result<(Vec<LazChunk>, u64), Missing> {
     let place = place(file, first)?;
     let unreadable = |e: Error| missing(e.to_string());
     let head = file.read_vec(place, HEAD_BYTES).map_err(unreadable)?;
-    let (version, count) = (Bytes(&head).u32(0), u64::from(Bytes(&head).u32(4)));
+    let (version, count) = (LasHeaderBytes(&head).u32(0), u64::from(LasHeaderBytes(&head).u32(4)));
     // A chunk begins with a whole point.
     let most = (place - first) / layout.record.max(1) as u64 + 1;
     if version != 0 || count > most {
@@ -161,9 +165,9 @@ fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>
 fn placed(
     sizes: &[(u32, u32)],
     count: u64,
-    layout: &Layout,
+    layout: &LazLayout,
     room: std::ops::Range<u64>,
-) -> std::result::Result<(Vec<Chunk>, u64), Missing> {
+) -> std::result::Result<(Vec<LazChunk>, u64), Missing> {
     let (mut at, mut left, mut more) = (room.start, count, 0);
     let mut chunks = Vec::with_capacity(sizes.len());
     for (number, (points, bytes)) in sizes.iter().enumerate() {
@@ -177,7 +181,7 @@ fn placed(
         let all = u64::from(layout.chunk_points.unwrap_or(*points));
         let points = all.min(left);
         if points > 0 {
-            chunks.push(Chunk { at, bytes, points });
+            chunks.push(LazChunk { at, bytes, points });
         } else if bytes >= layout.record as u64 {
             // A chunk begins with a whole point.
             more += all;
@@ -197,7 +201,12 @@ fn placed(
 
 /// The chunks of a file without a table: layered ones tell their own lengths, and where others end is
 /// known when they are decoded.
-fn without(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Table> {
+fn without(
+    file: &RawFile,
+    header: &LasHeader,
+    layout: &LazLayout,
+    first: u64,
+) -> Result<LazChunkTable> {
     let first = first.min(file.size());
     let chunks = match (layout.compressor, layout.chunk_points) {
         (Compressor::Layers, _) => walk(file, header, layout, first)?,
@@ -207,29 +216,35 @@ fn without(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Resu
             return Err(Error::bad_input(what).remedy("copy the file again"));
         }
     };
-    Ok(Table::Chunks(chunks))
+    Ok(LazChunkTable::Chunks(chunks))
 }
 
 /// Chunks of `full` points from byte `at` on, decoded to their ends, up to the first that has none.
 fn follow(
     file: &RawFile,
-    layout: &Layout,
+    layout: &LazLayout,
     (mut at, mut left, full): (u64, u64, u32),
-) -> Result<Vec<Chunk>> {
+) -> Result<Vec<LazChunk>> {
     let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
     while left > 0 && at < file.size() {
         let points = u64::from(full).min(left);
         let found =
-            unpacker.stream(layout, (file, at), points, Wanted::default(), &mut |_| Ok(()))?;
+            unpacker
+                .stream(layout, (file, at), points, FieldSelection::default(), &mut |_| Ok(()))?;
         let Ok(bytes) = found else { break };
-        chunks.push(Chunk { at, bytes, points });
+        chunks.push(LazChunk { at, bytes, points });
         (at, left) = (at + bytes, left - points);
     }
     Ok(chunks)
 }
 
 /// Layered chunks by their own heads, as far as they are whole.
-fn walk(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<Vec<Chunk>> {
+fn walk(
+    file: &RawFile,
+    header: &LasHeader,
+    layout: &LazLayout,
+    first: u64,
+) -> Result<Vec<LazChunk>> {
     let head = layers::head_bytes(layout);
     let (mut at, mut left, mut chunks) = (first, header.count, Vec::new());
     while left > 0 && head <= file.size() - at {
@@ -240,7 +255,7 @@ fn walk(file: &RawFile, header: &Header, layout: &Layout, first: u64) -> Result<
         if !fits || !is_full || points == 0 || points > left {
             break;
         }
-        chunks.push(Chunk { at, bytes, points });
+        chunks.push(LazChunk { at, bytes, points });
         (at, left) = (at + bytes, left - points);
     }
     Ok(chunks)

@@ -37,18 +37,18 @@ fn write(path: &Path, format: u8, extra: u16, count: u32) {
 }
 
 /// All records, the largest block of them, and how many points are lost.
-fn read(path: &Path, wanted: Wanted, salvage: bool) -> Result<(Vec<u8>, usize, u64)> {
+fn read(path: &Path, wanted: FieldSelection, salvage: bool) -> Result<(Vec<u8>, usize, u64)> {
     let file = LasFile::open(path, salvage)?;
-    let (mut all, mut largest, mut lost, mut room) = (Vec::new(), 0, 0, Room::default());
+    let (mut all, mut largest, mut lost, mut room) = (Vec::new(), 0, 0, LasReadBuffers::default());
     for part in 0..file.parts.len() {
         let mut next = file.parts[part].first;
         lost += file.records(part, wanted, salvage, &mut room, &mut |first, block| {
             assert_eq!(first, next);
-            if let Block::Records(records) = block {
+            if let LasPointBlock::Records(records) = block {
                 all.extend_from_slice(records);
                 largest = largest.max(records.len());
                 next += (records.len() / usize::from(file.header.record)) as u64;
-            } else if let Block::Fields(fields) = block {
+            } else if let LasPointBlock::Fields(fields) = block {
                 next += fields.len() as u64;
             }
             Ok(())
@@ -71,13 +71,14 @@ fn compressed_parts_yield_the_records_of_plain_ones() {
             for path in [&packed, &plain] {
                 write(path, format, extra, count);
             }
-            let expected = read(&plain, Wanted::RECORDS, false).unwrap();
+            let expected = read(&plain, FieldSelection::RECORDS, false).unwrap();
             for salvage in [false, true] {
-                let (records, largest, lost) = read(&packed, Wanted::RECORDS, salvage).unwrap();
+                let (records, largest, lost) =
+                    read(&packed, FieldSelection::RECORDS, salvage).unwrap();
                 assert!((&records, lost) == (&expected.0, 0), "format {format}, {extra}, {count}");
                 assert!(largest <= 1 << 20, "{largest} bytes at a time");
             }
-            let (fields, ..) = read(&packed, Wanted::ALL, false).unwrap();
+            let (fields, ..) = read(&packed, FieldSelection::ALL, false).unwrap();
             assert!(fields.is_empty(), "records that nobody wants");
         }
     }
@@ -94,9 +95,9 @@ fn damage_to_what_only_records_need_is_told_or_given_up() {
     let at = (part.at + part.bytes) as usize - 40;
     bytes[at..at + 4].iter_mut().for_each(|byte| *byte ^= 0x55);
     std::fs::write(&packed, &bytes).unwrap();
-    assert!(read(&packed, Wanted::ALL, false).is_ok());
-    let error = read(&packed, Wanted::RECORDS, false).unwrap_err().to_string();
+    assert!(read(&packed, FieldSelection::ALL, false).is_ok());
+    let error = read(&packed, FieldSelection::RECORDS, false).unwrap_err().to_string();
     assert!(error.contains("chunk 0, points 0 to 1999") && error.contains("colours"), "{error}");
-    let (records, _, lost) = read(&packed, Wanted::RECORDS, true).unwrap();
+    let (records, _, lost) = read(&packed, FieldSelection::RECORDS, true).unwrap();
     assert_eq!((records.len(), lost), (0, 2_000));
 }

@@ -41,12 +41,13 @@ fn size_of(items: &[LazItem]) -> usize {
 
 fn records_of(
     decoder: &mut Decoder,
-    schema: &Schema,
+    schema: &LaszipSchema,
     bytes: &[u8],
     count: usize,
-) -> Result<Fields, Damage> {
-    let mut fields = Fields::default();
-    let mut stream = decoder.stream(schema, Chunk { bytes, count }, Wanted::RECORDS)?;
+) -> Result<DecodedFields, Damage> {
+    let mut fields = DecodedFields::default();
+    let mut stream =
+        decoder.stream(schema, CompressedChunk { bytes, count }, FieldSelection::RECORDS)?;
     stream.read(count, &mut fields)?;
     stream.end().map(|_| fields)
 }
@@ -62,7 +63,7 @@ fn goes_round(decoder: &mut Decoder, items: &Vec<LazItem>, records: &[u8], what:
         panic!("{what}: byte {:?} of record {:?}", at.map(|at| at % size), at.map(|at| at / size));
     }
     let columns = if is_layered(items) { new_fields } else { old_fields }(records, size);
-    assert!(Fields { records: Vec::new(), ..fields } == columns, "{what}");
+    assert!(DecodedFields { records: Vec::new(), ..fields } == columns, "{what}");
 }
 
 proptest! {
@@ -118,9 +119,9 @@ fn records_are_read_batch_by_batch() {
         }
         let bytes = compress(&items, &records);
         let schema = schema(&items);
-        let mut fields = Fields::default();
-        let chunk = Chunk { bytes: &bytes, count: 1000 };
-        let mut stream = decoder.stream(&schema, chunk, Wanted::RECORDS).unwrap();
+        let mut fields = DecodedFields::default();
+        let chunk = CompressedChunk { bytes: &bytes, count: 1000 };
+        let mut stream = decoder.stream(&schema, chunk, FieldSelection::RECORDS).unwrap();
         for count in [0, 1, 400, 0, 599] {
             stream.read(count, &mut fields).unwrap();
         }
@@ -139,8 +140,8 @@ fn records_pass_through_windows() {
         let records = old_records(Style::Walk, size, 900, 6);
         let bytes = compress(&items, &records);
         let schema = schema(&items);
-        let mut fields = Fields::default();
-        let (mut flow, left) = decoder.flow(&schema, &bytes, Wanted::RECORDS).unwrap();
+        let mut fields = DecodedFields::default();
+        let (mut flow, left) = decoder.flow(&schema, &bytes, FieldSelection::RECORDS).unwrap();
         let mut rest = &bytes[bytes.len() - left..];
         for count in [1, 300, 599] {
             let left = flow.read(rest, count, &mut fields).unwrap();
@@ -162,9 +163,9 @@ fn damage_in_a_chunk_leaves_the_next_one() {
     bad[last..].fill(0x5a);
     let mut decoder = Decoder::new();
     for bytes in [&bad, &good[..good.len() / 3], &good] {
-        let mut fields = Fields::default();
-        let chunk = Chunk { bytes, count: 300 };
-        let done = decoder.chunk(&schema, chunk, Wanted::RECORDS, &mut fields);
+        let mut fields = DecodedFields::default();
+        let chunk = CompressedChunk { bytes, count: 300 };
+        let done = decoder.chunk(&schema, chunk, FieldSelection::RECORDS, &mut fields);
         let is_good = *bytes == *good;
         assert!(done.is_ok() == (fields.len() == 300) && (done.is_ok() || !is_good));
         assert!(!is_good || fields.records == records);
@@ -174,7 +175,7 @@ fn damage_in_a_chunk_leaves_the_next_one() {
 
 #[test]
 fn every_layer_that_ends_early_is_named() {
-    use Layer::*;
+    use LazLayer::*;
     let shared =
         [Places, Heights, Classes, Flags, Intensities, Angles, UserData, Sources, Times].to_vec();
     let tails = [vec![Colours, Infrared, Packets], vec![ExtraBytes; 3]].concat();
@@ -241,9 +242,9 @@ fn mutated_records_never_disagree_with_laz() {
                     let at = dice.below(bytes.len() as u64) as usize;
                     bytes[at] = dice.roll() as u8;
                 }
-                let chunk = Chunk { bytes: &bytes, count: 60 };
-                let mut ours = Fields::default();
-                if decoder.chunk(&schema, chunk, Wanted::RECORDS, &mut ours).is_err() {
+                let chunk = CompressedChunk { bytes: &bytes, count: 60 };
+                let mut ours = DecodedFields::default();
+                if decoder.chunk(&schema, chunk, FieldSelection::RECORDS, &mut ours).is_err() {
                     refused += 1;
                     continue;
                 }

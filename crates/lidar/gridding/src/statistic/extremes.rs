@@ -2,9 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Method, Of};
-use crate::cell::Cell;
-use crate::plane::{Keep, Primitive};
+use super::method::{Of, StatisticMethod};
+use crate::cell::StatisticCell;
+use crate::plane::{AccumulatorKind, CellAccumulator};
 use terrane_base::geom::Point;
 
 /// Lowest height in steps; no coordinate is as large as that of no point.
@@ -17,10 +17,10 @@ struct Low(i32);
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct High(i32);
 
-const LOW: Primitive = Primitive::cells::<Low>("low");
-const HIGH: Primitive = Primitive::cells::<High>("high");
+const LOW: AccumulatorKind = AccumulatorKind::cells::<Low>("low");
+const HIGH: AccumulatorKind = AccumulatorKind::cells::<High>("high");
 
-impl Keep for Low {
+impl CellAccumulator for Low {
     const NONE: Self = Self(i32::MAX);
 
     #[inline(always)]
@@ -35,7 +35,7 @@ impl Keep for Low {
     }
 }
 
-impl Keep for High {
+impl CellAccumulator for High {
     const NONE: Self = Self(i32::MIN);
 
     #[inline(always)]
@@ -50,15 +50,15 @@ impl Keep for High {
     }
 }
 
-fn low(cell: &Cell<'_>, of: usize) -> Option<f64> {
+fn low(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
     Some(cell.kept::<Low>(of).0).filter(|z| *z != Low::NONE.0).map(f64::from)
 }
 
-fn high(cell: &Cell<'_>, of: usize) -> Option<f64> {
+fn high(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
     Some(cell.kept::<High>(of).0).filter(|z| *z != High::NONE.0).map(f64::from)
 }
 
-pub(super) const MIN: Method = Method {
+pub(super) const MIN: StatisticMethod = StatisticMethod {
     name: "min",
     aliases: &["minimum", "lowest"],
     about: "lowest height",
@@ -67,10 +67,10 @@ pub(super) const MIN: Method = Method {
         value: |_, cell| cell.units.height(low(cell, 0)),
     },
     reals: Some(|_, values, units| units.height(values.get(0))),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const MAX: Method = Method {
+pub(super) const MAX: StatisticMethod = StatisticMethod {
     name: "max",
     aliases: &["maximum", "highest"],
     about: "highest height",
@@ -79,10 +79,10 @@ pub(super) const MAX: Method = Method {
         value: |_, cell| cell.units.height(high(cell, 0)),
     },
     reals: Some(|_, values, units| units.height(values.last())),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const RANGE: Method = Method {
+pub(super) const RANGE: StatisticMethod = StatisticMethod {
     name: "range",
     about: "highest minus lowest height",
     of: Of::Points {
@@ -96,5 +96,5 @@ pub(super) const RANGE: Method = Method {
         let ends = values.last().zip(values.get(0));
         units.difference(ends.map(|(high, low)| high - low))
     }),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };

@@ -2,10 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Method, Of};
-use crate::parameter::{NUMBER, Parameter, RADIUS};
-use crate::plane::{Cells, Hits, Keep, Plane, Primitive, like};
-use crate::region::Region;
+use super::method::{Of, StatisticMethod};
+use crate::parameter::{NUMBER, RADIUS, StatisticParameter};
+use crate::plane::{
+    AccumulatorKind, AccumulatorPlane, CellAccumulator, CellHits, DensePlane, like,
+};
+use crate::region::CellNeighborhood;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
@@ -20,13 +22,13 @@ pub fn check_power(power: f64) -> Result<()> {
     Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
 }
 
-const POWER: Parameter = Parameter {
+const POWER: StatisticParameter = StatisticParameter {
     key: "power",
     value: NUMBER,
     about: "weights are distance^-power, 4 at most [‹power›]",
 };
 
-pub(super) const IDW: Method = Method {
+pub(super) const IDW: StatisticMethod = StatisticMethod {
     name: "idw",
     about: "mean of the heights within a radius, weighted by inverse distance",
     parameters: &[RADIUS, POWER],
@@ -39,25 +41,27 @@ pub(super) const IDW: Method = Method {
         needs: |statistic, rules| {
             let radius = statistic.parameter(RADIUS.key).unwrap_or(rules.radius);
             let power = statistic.parameter(POWER.key).unwrap_or(rules.power);
-            (Region::Disc(radius), vec![weights(radius, power), HIT])
+            (CellNeighborhood::Disc(radius), vec![weights(radius, power), HIT])
         },
         value: |_, cell| {
-            let hit = Some(cell.kept::<Hit>(1).0).filter(|z| *z != Hit::NONE.0).map(f64::from);
+            let hit = Some(cell.kept::<CenterHeight>(1).0)
+                .filter(|z| *z != CenterHeight::NONE.0)
+                .map(f64::from);
             let mean = || cell.plane::<Weights>(0)?.sums.0.get(cell.at)?.mean();
             cell.units.height(hit.or_else(mean))
         },
     },
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// Lowest of the heights exactly at the centre.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Hit(i32);
+struct CenterHeight(i32);
 
-const HIT: Primitive = Primitive::cells::<Hit>("hit");
+const HIT: AccumulatorKind = AccumulatorKind::cells::<CenterHeight>("hit");
 
-impl Keep for Hit {
+impl CellAccumulator for CenterHeight {
     const BY_DISTANCE: bool = true;
     const NONE: Self = Self(i32::MAX);
 
@@ -88,7 +92,7 @@ impl Weighted {
     }
 }
 
-impl Keep for Weighted {
+impl CellAccumulator for Weighted {
     const NONE: Self = Self { weight: 0, height: 0 };
 
     /// Points come with weights: [`Weights`].
@@ -107,24 +111,24 @@ impl Keep for Weighted {
 /// Sums of weights for each cell.
 #[derive(Debug)]
 struct Weights {
-    sums: Cells<Weighted>,
+    sums: DensePlane<Weighted>,
     falloff: Falloff,
 }
 
-fn weights(radius: f64, power: f64) -> Primitive {
-    Primitive {
+fn weights(radius: f64, power: f64) -> AccumulatorKind {
+    AccumulatorKind {
         parameters: [radius, power],
         make: |cells, [radius, power]| {
             let falloff = Falloff::new(radius, power);
-            Box::new(Weights { sums: Cells::new(cells), falloff })
+            Box::new(Weights { sums: DensePlane::new(cells), falloff })
         },
-        ..Primitive::cells::<Weighted>("weights")
+        ..AccumulatorKind::cells::<Weighted>("weights")
     }
 }
 
-impl Plane for Weights {
-    fn add(&mut self, hits: Hits<'_>) -> Result<()> {
-        let Self { sums: Cells(sums), falloff } = self;
+impl AccumulatorPlane for Weights {
+    fn add(&mut self, hits: CellHits<'_>) -> Result<()> {
+        let Self { sums: DensePlane(sums), falloff } = self;
         falloff.weigh(hits, |i, weight| {
             let sum = &mut sums[hits.cells[i] as usize];
             sum.weight += u128::from(weight.unsigned_abs());
@@ -133,7 +137,7 @@ impl Plane for Weights {
         Ok(())
     }
 
-    fn fold(&mut self, other: &dyn Plane) -> Result<()> {
+    fn fold(&mut self, other: &dyn AccumulatorPlane) -> Result<()> {
         self.sums.fold(&like::<Self>(other)?.sums)
     }
 
@@ -163,7 +167,7 @@ impl Falloff {
     }
 
     /// Calls `each` with the weights at the squared distances of `hits`.
-    fn weigh(self, hits: Hits<'_>, mut each: impl FnMut(usize, i64)) {
+    fn weigh(self, hits: CellHits<'_>, mut each: impl FnMut(usize, i64)) {
         let weight = |divisor: f64| (self.unit / divisor + 0.5) as i64;
         let area = hits.unit * hits.unit;
         let squares = hits.squares.iter().map(|square| float(*square) * area).enumerate();
@@ -214,7 +218,8 @@ mod tests {
         {
             let squares: Vec<u128> = (1..60).map(|i| i * i * i).collect();
             let (cells, points) = (vec![0; squares.len()], vec![Point::default(); squares.len()]);
-            let hits = Hits { cells: &cells, points: &points, squares: &squares, unit, reals: &[] };
+            let hits =
+                CellHits { cells: &cells, points: &points, squares: &squares, unit, reals: &[] };
             let mut found = Vec::new();
             Falloff::new(radius, power).weigh(hits, |i, weight| found.push((i, weight)));
             assert_eq!(found.len(), squares.len());

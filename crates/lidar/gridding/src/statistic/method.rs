@@ -2,18 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::sorted::{self, Real, Sorted, Values as All, Whole};
-use crate::cell::{Cell, Units};
-use crate::parameter::{Given, Parameter};
-use crate::plane::{Count, Primitive};
-use crate::region::{Region, Rules};
+use super::sorted::{self, CellValueList as All, Real, SortedCellValues, StepValue};
+use crate::cell::{CellUnits, StatisticCell};
+use crate::parameter::{GivenParameters, StatisticParameter};
+use crate::plane::{AccumulatorKind, PointCount};
+use crate::region::{CellNeighborhood, StatisticDefaults};
 use crate::subject::{ATTRIBUTE, CONDITIONS, Subject};
 use terrane_base::error::Result;
-use terrane_base::registry::Named;
+use terrane_base::registry::RegistryEntry;
 
 /// One statistic of the registry.
 #[derive(Debug)]
-pub struct Method {
+pub struct StatisticMethod {
     /// Name for `--stat`, unique.
     pub name: &'static str,
     /// Other names.
@@ -21,7 +21,7 @@ pub struct Method {
     /// One line for the documentation.
     pub about: &'static str,
     /// What may follow its name.
-    pub parameters: &'static [Parameter],
+    pub parameters: &'static [StatisticParameter],
     pub(super) nature: Nature,
     /// It is a percentile, whose rank is in its name.
     pub(super) ranks: bool,
@@ -31,7 +31,7 @@ pub struct Method {
     pub(super) usual: Option<&'static str>,
     /// What it is of where that was not said.
     pub(super) complete: fn(Subject) -> Subject,
-    pub(super) check: fn(&Given) -> Result<Values>,
+    pub(super) check: fn(&GivenParameters) -> Result<Values>,
     pub(super) of: Of,
     /// The same of all values in order, where they are any numbers.
     pub(super) reals: Option<OfSorted>,
@@ -62,7 +62,7 @@ pub(super) enum Takes {
 }
 
 /// A value that is made of all values of a cell, in world units.
-pub(super) type OfSorted = fn(&Statistic, Sorted<'_>, &Units) -> f64;
+pub(super) type OfSorted = fn(&Statistic, SortedCellValues<'_>, &CellUnits) -> f64;
 
 /// What a statistic is made of.
 #[derive(Clone, Copy, Debug)]
@@ -70,9 +70,9 @@ pub(super) enum Of {
     /// Of some points.
     Points {
         /// Of which, and what has to be kept of them.
-        needs: fn(&Statistic, &Rules) -> (Region, Vec<Primitive>),
+        needs: fn(&Statistic, &StatisticDefaults) -> (CellNeighborhood, Vec<AccumulatorKind>),
         /// The value that is made of it, in world units.
-        value: fn(&Statistic, &Cell<'_>) -> f64,
+        value: fn(&Statistic, &StatisticCell<'_>) -> f64,
     },
     /// Of all values in order.
     Sorted(OfSorted),
@@ -81,21 +81,21 @@ pub(super) enum Of {
         /// The points that they are a share of.
         base: fn(&Subject) -> Subject,
         /// The share.
-        value: fn(&Cell<'_>) -> f64,
+        value: fn(&StatisticCell<'_>) -> f64,
     },
     /// Of all points, as the height of this surface.
-    All(fn(&Statistic) -> Shape),
+    All(fn(&Statistic) -> SurfaceInterpolation),
 }
 
 impl Takes {
-    pub(super) fn parameters(self) -> impl Iterator<Item = &'static Parameter> {
+    pub(super) fn parameters(self) -> impl Iterator<Item = &'static StatisticParameter> {
         let attribute = Some(&ATTRIBUTE).filter(|_| self == Self::Attributes);
         let conditions = CONDITIONS.iter().filter(move |_| self != Self::Nothing);
         attribute.into_iter().chain(conditions)
     }
 }
 
-impl Method {
+impl StatisticMethod {
     /// What most have in common, to be completed: a height without parameters.
     pub(super) const HEIGHT: Self = Self {
         name: "",
@@ -118,7 +118,7 @@ impl Method {
     }
 }
 
-impl Named for Method {
+impl RegistryEntry for StatisticMethod {
     const KIND: &'static str = "statistic";
 
     fn name(&self) -> &'static str {
@@ -132,7 +132,7 @@ impl Named for Method {
 
 /// How heights between points are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shape {
+pub enum SurfaceInterpolation {
     /// Linear in the Delaunay triangulation.
     Linear {
         /// Triangles with a longer edge, in world units, are no surface.
@@ -144,9 +144,9 @@ pub enum Shape {
 
 /// A statistic of the registry with its parameters.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-#[serde(into = "Stored", try_from = "Stored")]
+#[serde(into = "StoredStatistic", try_from = "StoredStatistic")]
 pub struct Statistic {
-    pub(super) method: &'static Method,
+    pub(super) method: &'static StatisticMethod,
     pub(super) values: Values,
 }
 
@@ -205,7 +205,7 @@ impl Statistic {
     }
 
     /// What surface it is the height of, if it is made of all points and not of those of a cell.
-    pub fn shape(&self) -> Option<Shape> {
+    pub fn shape(&self) -> Option<SurfaceInterpolation> {
         match self.method.of {
             Of::All(shape) => Some(shape(self)),
             _ => None,
@@ -213,13 +213,17 @@ impl Statistic {
     }
 
     /// The points that it is of, and what has to be kept of them where their values are `real`.
-    pub(crate) fn needs(&self, rules: &Rules, real: bool) -> (Region, Vec<Primitive>) {
+    pub(crate) fn needs(
+        &self,
+        rules: &StatisticDefaults,
+        real: bool,
+    ) -> (CellNeighborhood, Vec<AccumulatorKind>) {
         match self.method.of {
             Of::Points { needs, .. } if !real => needs(self, rules),
             Of::Points { .. } | Of::Sorted(_) => {
                 (rules.own(), vec![if real { sorted::REAL } else { sorted::WHOLE }])
             }
-            Of::Share { .. } => (rules.own(), vec![Count::KEPT]),
+            Of::Share { .. } => (rules.own(), vec![PointCount::KEPT]),
             Of::All(_) => (rules.own(), Vec::new()),
         }
     }
@@ -233,7 +237,7 @@ impl Statistic {
     }
 
     /// Its value in a cell of points with `real` values; NaN where there is none.
-    pub(crate) fn value(&self, cell: &Cell<'_>, real: bool) -> f64 {
+    pub(crate) fn value(&self, cell: &StatisticCell<'_>, real: bool) -> f64 {
         match self.method.of {
             Of::Points { value, .. } if !real => value(self, cell),
             Of::Points { .. } => {
@@ -241,8 +245,8 @@ impl Statistic {
             }
             Of::Sorted(value) if real => value(self, reals(cell), cell.units),
             Of::Sorted(value) => {
-                let values = cell.plane::<All<Whole>>(0).map_or(&[][..], |all| all.of(cell.at));
-                value(self, Sorted::Whole(values), cell.units)
+                let values = cell.plane::<All<StepValue>>(0).map_or(&[][..], |all| all.of(cell.at));
+                value(self, SortedCellValues::Whole(values), cell.units)
             }
             Of::Share { value, .. } => value(cell),
             // Cells know nothing of the points around them.
@@ -252,18 +256,18 @@ impl Statistic {
 }
 
 /// The values of a cell that are any numbers.
-fn reals<'a>(cell: &Cell<'a>) -> Sorted<'a> {
-    Sorted::Real(cell.plane::<All<Real>>(0).map_or(&[][..], |all| all.of(cell.at)))
+fn reals<'a>(cell: &StatisticCell<'a>) -> SortedCellValues<'a> {
+    SortedCellValues::Real(cell.plane::<All<Real>>(0).map_or(&[][..], |all| all.of(cell.at)))
 }
 
 /// A statistic as plans have it.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Stored {
+pub(super) struct StoredStatistic {
     pub(super) name: String,
     pub(super) values: Values,
 }
 
-impl From<Statistic> for Stored {
+impl From<Statistic> for StoredStatistic {
     fn from(statistic: Statistic) -> Self {
         Self { name: statistic.name().to_owned(), values: statistic.values }
     }

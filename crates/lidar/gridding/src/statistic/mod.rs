@@ -16,17 +16,17 @@ mod surface;
 
 use serde::{Deserialize, Serialize};
 
-use crate::parameter::Given;
+use crate::parameter::GivenParameters;
 use crate::subject::Subject;
-use method::Stored;
+use method::StoredStatistic;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::named;
 
 pub use idw::{MOST_POWER, check_power};
-pub use method::{Method, Shape, Statistic};
+pub use method::{Statistic, StatisticMethod, SurfaceInterpolation};
 
 /// All statistics. A new one is a file in this folder and a line here.
-pub const METHODS: &[Method] = &[
+pub const METHODS: &[StatisticMethod] = &[
     count::COUNT,
     count::DENSITY,
     extremes::MIN,
@@ -49,10 +49,10 @@ pub const METHODS: &[Method] = &[
     surface::NATURAL,
 ];
 
-impl TryFrom<Stored> for Statistic {
+impl TryFrom<StoredStatistic> for Statistic {
     type Error = Error;
 
-    fn try_from(stored: Stored) -> Result<Self> {
+    fn try_from(stored: StoredStatistic) -> Result<Self> {
         let method = named(METHODS, &stored.name)?;
         Ok(Self { method, values: stored.values })
     }
@@ -68,7 +68,7 @@ impl Statistic {
 
 /// A statistic that is asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Asked {
+pub struct StatisticRequest {
     /// What it is.
     pub statistic: Statistic,
     /// As asked for, by its own name: what its band is called.
@@ -78,7 +78,7 @@ pub struct Asked {
     pub subject: Subject,
 }
 
-impl Asked {
+impl StatisticRequest {
     /// True for values in the unit of heights.
     pub fn is_height(&self) -> bool {
         self.statistic.is_height() && self.subject.attribute.is_none()
@@ -89,8 +89,8 @@ impl Asked {
 ///
 /// # Errors
 /// Usage: a name or parameter that is not known (the known ones are told), or a statistic twice.
-pub fn parse_list(text: &str) -> Result<Vec<Asked>> {
-    let mut asked: Vec<Asked> = Vec::new();
+pub fn parse_list(text: &str) -> Result<Vec<StatisticRequest>> {
+    let mut asked: Vec<StatisticRequest> = Vec::new();
     for item in items(text) {
         let one = parse(&item)?;
         if asked.iter().any(|other| other.label == one.label) {
@@ -115,12 +115,12 @@ fn items(text: &str) -> Vec<String> {
     items
 }
 
-fn parse(item: &str) -> Result<Asked> {
+fn parse(item: &str) -> Result<StatisticRequest> {
     let (name, parameters) = item.split_once(':').unwrap_or((item, ""));
     let rank = name.strip_prefix('p').and_then(|rank| rank.parse::<f64>().ok());
     let method = named(METHODS, rank.map_or(name, |_| percentile::PERCENTILE.name))?;
     let (values, subject) = read(method, parameters)?;
-    let given = Given { rank, values };
+    let given = GivenParameters { rank, values };
     let statistic = Statistic { method, values: (method.check)(&given)? };
     let mut label = rank.map_or_else(|| method.name.to_owned(), |rank| format!("p{rank}"));
     if !parameters.is_empty() {
@@ -133,7 +133,7 @@ fn parse(item: &str) -> Result<Asked> {
             Err(Error::usage(format!("{} cannot be of {name}", method.name))
                 .remedy("times and extra bytes have a min, max, mean or percentile, for example"))
         }
-        _ => Ok(Asked { statistic, label, subject }),
+        _ => Ok(StatisticRequest { statistic, label, subject }),
     }
 }
 
@@ -146,7 +146,7 @@ fn shortest(pair: &str) -> String {
 }
 
 /// The parameters of a statistic by name, and what it is of.
-fn read(method: &Method, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
+fn read(method: &StatisticMethod, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
     let (mut values, mut subject) = (Vec::<(String, f64)>::new(), Subject::default());
     for pair in text.split(',').filter(|pair| !pair.is_empty()) {
         let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
@@ -165,7 +165,7 @@ fn read(method: &Method, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
     Ok((values, subject))
 }
 
-fn refusal(method: &Method, pair: &str) -> Error {
+fn refusal(method: &StatisticMethod, pair: &str) -> Error {
     let error = Error::usage(format!("\"{pair}\" is no parameter of {}", method.name));
     let all = method.parameters.iter().chain(method.takes.parameters());
     let keys: Vec<String> = all.map(|p| format!("{}={}", p.key, p.value)).collect();
@@ -264,10 +264,13 @@ mod tests {
     fn what_plans_hold_is_read_again() {
         let all = "count,min,idw:radius=2,idw:power=0.1,p99.9,tin:max_edge=7,natural,std:ddof=1,entropy:layer=2";
         for asked in parse_list(all).unwrap() {
-            let again = Statistic::try_from(Stored::from(asked.statistic)).unwrap();
+            let again = Statistic::try_from(StoredStatistic::from(asked.statistic)).unwrap();
             assert_eq!(again, asked.statistic, "{}", asked.label);
         }
-        assert!(Statistic::try_from(Stored { name: "modus".into(), values: [None; 2] }).is_err());
+        assert!(
+            Statistic::try_from(StoredStatistic { name: "modus".into(), values: [None; 2] })
+                .is_err()
+        );
     }
 
     #[test]

@@ -1,29 +1,29 @@
 //! Which values there are: the most frequent one, and how many different ones.
 
-use super::method::{Method, Nature, Of};
-use super::sorted::Sorted;
+use super::method::{Nature, Of, StatisticMethod};
+use super::sorted::SortedCellValues;
 use terrane_base::attribute::CLASS;
 
-pub(super) const MODE: Method = Method {
+pub(super) const MODE: StatisticMethod = StatisticMethod {
     name: "mode",
     aliases: &["majority"],
     about: "most frequent class (or value of another attribute), the lowest of equally frequent ones",
     nature: Nature::Nominal,
     usual: Some(CLASS),
     of: Of::Sorted(|_, values, units| units.height(mode(values))),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const VARIETY: Method = Method {
+pub(super) const VARIETY: StatisticMethod = StatisticMethod {
     name: "variety",
     about: "number of different classes (or values of another attribute), 0 where there is no point",
     nature: Nature::Count,
     usual: Some(CLASS),
     of: Of::Sorted(|_, values, _| values.runs().count() as f64),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-fn mode(values: Sorted<'_>) -> Option<f64> {
+fn mode(values: SortedCellValues<'_>) -> Option<f64> {
     let more = |best: (f64, usize), run: (f64, usize)| if run.1 > best.1 { run } else { best };
     values.runs().reduce(more).map(|(value, _)| value)
 }

@@ -2,27 +2,27 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Method, Of, Values};
-use crate::cell::Cell;
-use crate::parameter::{Given, NUMBER, Parameter};
-use crate::plane::{Count, Keep, Primitive};
+use super::method::{Of, StatisticMethod, Values};
+use crate::cell::StatisticCell;
+use crate::parameter::{GivenParameters, NUMBER, StatisticParameter};
+use crate::plane::{AccumulatorKind, CellAccumulator, PointCount};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
 /// Sum of the heights in steps.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Sum(i64);
+struct HeightSum(i64);
 
 /// Sum of their squares.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Squares(u128);
+struct HeightSquareSum(u128);
 
-const SUM: Primitive = Primitive::cells::<Sum>("sum");
-const SQUARES: Primitive = Primitive::cells::<Squares>("squares");
+const SUM: AccumulatorKind = AccumulatorKind::cells::<HeightSum>("sum");
+const SQUARES: AccumulatorKind = AccumulatorKind::cells::<HeightSquareSum>("squares");
 
-impl Keep for Sum {
+impl CellAccumulator for HeightSum {
     const NONE: Self = Self(0);
 
     #[inline(always)]
@@ -38,7 +38,7 @@ impl Keep for Sum {
     }
 }
 
-impl Keep for Squares {
+impl CellAccumulator for HeightSquareSum {
     const NONE: Self = Self(0);
 
     #[inline(always)]
@@ -54,36 +54,36 @@ impl Keep for Squares {
     }
 }
 
-pub(super) const MEAN: Method = Method {
+pub(super) const MEAN: StatisticMethod = StatisticMethod {
     name: "mean",
     aliases: &["average", "avg"],
     about: "mean height",
     of: Of::Points {
-        needs: |_, rules| (rules.own(), vec![Count::KEPT, SUM]),
+        needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM]),
         value: |_, cell| {
-            let count = cell.kept::<Count>(0).0;
-            let mean = || cell.kept::<Sum>(1).0 as f64 / f64::from(count);
+            let count = cell.kept::<PointCount>(0).0;
+            let mean = || cell.kept::<HeightSum>(1).0 as f64 / f64::from(count);
             cell.units.height((count > 0).then(mean))
         },
     },
     reals: Some(|_, values, units| units.height(values.mean())),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-const DDOF: Parameter = Parameter {
+const DDOF: StatisticParameter = StatisticParameter {
     key: "ddof",
     value: NUMBER,
     about: "0 divides by n, as for a population; 1 by n - 1, as for a sample [0]",
 };
 
-pub(super) const STD: Method = Method {
+pub(super) const STD: StatisticMethod = StatisticMethod {
     name: "std",
     aliases: &["stdev", "stddev"],
     about: "standard deviation of heights",
     parameters: &[DDOF],
     check: ddof,
     of: Of::Points {
-        needs: |_, rules| (rules.own(), vec![Count::KEPT, SUM, SQUARES]),
+        needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM, SQUARES]),
         value: |statistic, cell| {
             let ddof = statistic.parameter(DDOF.key).unwrap_or(0.0);
             cell.units.difference(deviation(cell, ddof as u32))
@@ -94,10 +94,10 @@ pub(super) const STD: Method = Method {
         let spread = values.spread(2).filter(|_| divisor > 0.0);
         units.difference(spread.map(|spread| (spread / divisor).sqrt()))
     }),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-fn ddof(given: &Given) -> Result<Values> {
+fn ddof(given: &GivenParameters) -> Result<Values> {
     match given.value(DDOF.key) {
         None | Some(0.0) => Ok([None; 2]),
         Some(1.0) => Ok([Some(1.0), None]),
@@ -106,10 +106,10 @@ fn ddof(given: &Given) -> Result<Values> {
 }
 
 /// n sum(z^2) - sum(z)^2 is a whole number; only what follows is rounded.
-fn deviation(cell: &Cell<'_>, ddof: u32) -> Option<f64> {
-    let count = cell.kept::<Count>(0).0;
+fn deviation(cell: &StatisticCell<'_>, ddof: u32) -> Option<f64> {
+    let count = cell.kept::<PointCount>(0).0;
     let divisor = count.checked_sub(ddof).filter(|n| *n > 0)?;
-    let sum = u128::from(cell.kept::<Sum>(1).0.unsigned_abs());
-    let spread = u128::from(count) * cell.kept::<Squares>(2).0 - sum * sum;
+    let sum = u128::from(cell.kept::<HeightSum>(1).0.unsigned_abs());
+    let spread = u128::from(count) * cell.kept::<HeightSquareSum>(2).0 - sum * sum;
     Some((spread as f64 / f64::from(count) / f64::from(divisor)).sqrt())
 }

@@ -2,22 +2,22 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Method, Of};
+use super::method::{Of, StatisticMethod};
 use crate::parameter::RADIUS;
-use crate::plane::{Keep, Primitive};
-use crate::region::Region;
+use crate::plane::{AccumulatorKind, CellAccumulator};
+use crate::region::CellNeighborhood;
 use terrane_base::geom::Point;
 
 /// The nearest point so far, of equally near ones the lowest.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Near {
+struct NearestPoint {
     square: u128,
     point: Point,
     unused: u32,
 }
 
-impl Keep for Near {
+impl CellAccumulator for NearestPoint {
     const BY_DISTANCE: bool = true;
     // No coordinate is as large.
     const NONE: Self =
@@ -37,9 +37,9 @@ impl Keep for Near {
     }
 }
 
-const NEAR: Primitive = Primitive::cells::<Near>("nearest");
+const NEAR: AccumulatorKind = AccumulatorKind::cells::<NearestPoint>("nearest");
 
-pub(super) const NEAREST: Method = Method {
+pub(super) const NEAREST: StatisticMethod = StatisticMethod {
     name: "nearest",
     about: "height of the point nearest to the cell's centre within a radius",
     parameters: &[RADIUS],
@@ -47,12 +47,12 @@ pub(super) const NEAREST: Method = Method {
     of: Of::Points {
         needs: |statistic, rules| {
             let radius = statistic.parameter(RADIUS.key).unwrap_or(rules.radius);
-            (Region::Disc(radius), vec![NEAR])
+            (CellNeighborhood::Disc(radius), vec![NEAR])
         },
         value: |_, cell| {
-            let z = cell.kept::<Near>(0).point.z;
+            let z = cell.kept::<NearestPoint>(0).point.z;
             cell.units.height(Some(z).filter(|z| *z != i32::MAX).map(f64::from))
         },
     },
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };

@@ -1,23 +1,23 @@
 //! Percentiles, from all values.
 
-use super::method::{Method, Of};
-use super::sorted::Sorted;
+use super::method::{Of, StatisticMethod};
+use super::sorted::SortedCellValues;
 use terrane_base::error::Error;
 
 const OF: Of = Of::Sorted(|statistic, values, units| {
     units.height(statistic.rank().and_then(|rank| percentile(values, rank)))
 });
 
-pub(super) const MEDIAN: Method = Method {
+pub(super) const MEDIAN: StatisticMethod = StatisticMethod {
     name: "median",
     about: "median height, the same as p50",
     ranks: true,
     check: |_| Ok([Some(50.0), None]),
     of: OF,
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const PERCENTILE: Method = Method {
+pub(super) const PERCENTILE: StatisticMethod = StatisticMethod {
     // N is the rank.
     name: "pN",
     about: "percentile, such as p95 or p99.9, interpolated between neighbours",
@@ -27,12 +27,12 @@ pub(super) const PERCENTILE: Method = Method {
         _ => Err(Error::usage("a percentile is p0 to p100")),
     },
     of: OF,
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// What `rank` per cent of the values lie below: between the two that the rank falls between, in
 /// proportion.
-fn percentile(values: Sorted<'_>, rank: f64) -> Option<f64> {
+fn percentile(values: SortedCellValues<'_>, rank: f64) -> Option<f64> {
     let place = rank / 100.0 * values.len().checked_sub(1)? as f64;
     let (at, part) = (place as usize, place.fract());
     let low = values.get(at)?;

@@ -1,40 +1,40 @@
 //! How values are distributed: skewness, kurtosis and entropy.
 
-use super::method::{Method, Nature, Of};
-use super::sorted::Sorted;
-use crate::cell::Units;
-use crate::parameter::{NUMBER, Parameter};
+use super::method::{Nature, Of, StatisticMethod};
+use super::sorted::SortedCellValues;
+use crate::cell::CellUnits;
+use crate::parameter::{NUMBER, StatisticParameter};
 
-pub(super) const SKEWNESS: Method = Method {
+pub(super) const SKEWNESS: StatisticMethod = StatisticMethod {
     name: "skewness",
     aliases: &["skew"],
     about: "third central moment by the third power of the standard deviation, as of a population",
     nature: Nature::Ratio,
     of: Of::Sorted(|_, values, _| moment(values, 3).unwrap_or(f64::NAN)),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const KURTOSIS: Method = Method {
+pub(super) const KURTOSIS: StatisticMethod = StatisticMethod {
     name: "kurtosis",
     aliases: &["kurt"],
     about: "fourth central moment by the fourth power of the standard deviation: 3 for a normal distribution",
     nature: Nature::Ratio,
     of: Of::Sorted(|_, values, _| moment(values, 4).unwrap_or(f64::NAN)),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// The central moment of this power by that of the standard deviation; `None` where all values are one.
-fn moment(values: Sorted<'_>, power: i32) -> Option<f64> {
+fn moment(values: SortedCellValues<'_>, power: i32) -> Option<f64> {
     let n = values.len() as f64;
     let variance = Some(values.spread(2)? / n).filter(|variance| *variance > 0.0)?;
     let scale = if power == 3 { variance * variance.sqrt() } else { variance * variance };
     Some(values.spread(power)? / n / scale)
 }
 
-const LAYER: Parameter =
-    Parameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
+const LAYER: StatisticParameter =
+    StatisticParameter { key: "layer", value: NUMBER, about: "height of a layer from 0 on [1]" };
 
-pub(super) const ENTROPY: Method = Method {
+pub(super) const ENTROPY: StatisticMethod = StatisticMethod {
     name: "entropy",
     about: "Shannon entropy of the shares of points in layers from 0 to the highest point, by that of equal shares",
     parameters: &[LAYER],
@@ -44,11 +44,11 @@ pub(super) const ENTROPY: Method = Method {
         let layer = statistic.parameter(LAYER.key).unwrap_or(1.0);
         entropy(values, layer, units).unwrap_or(f64::NAN)
     }),
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// Of the heights from 0 on, in layers of `layer`; `None` where the highest is below two layers.
-fn entropy(values: Sorted<'_>, layer: f64, units: &Units) -> Option<f64> {
+fn entropy(values: SortedCellValues<'_>, layer: f64, units: &CellUnits) -> Option<f64> {
     let highest = units.height(values.last());
     // Void is not above anything.
     let layers = Some((highest / layer).ceil()).filter(|_| highest >= 2.0 * layer)?;

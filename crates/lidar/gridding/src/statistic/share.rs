@@ -1,24 +1,24 @@
 //! Some points as a share of others.
 
-use super::method::{Method, Nature, Of, Takes};
-use crate::cell::Cell;
-use crate::plane::Count;
+use super::method::{Nature, Of, StatisticMethod, Takes};
+use crate::cell::StatisticCell;
+use crate::plane::PointCount;
 use crate::subject::Subject;
 use terrane_base::attribute::Return;
 
-pub(super) const SHARE: Method = Method {
+pub(super) const SHARE: StatisticMethod = StatisticMethod {
     name: "share",
     about: "points of a class, return or layer of heights, as a share of all points, 0 to 1",
     nature: Nature::Ratio,
     takes: Takes::Conditions,
     of: Of::Share { base: |_| Subject::default(), value: share },
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// Height that cover is above, unless another is given, in world units.
 const ABOVE: f64 = 2.0;
 
-pub(super) const COVER: Method = Method {
+pub(super) const COVER: StatisticMethod = StatisticMethod {
     name: "cover",
     about: "first returns above a height, or in a layer of heights, as a share of all first returns [above=2]",
     nature: Nature::Ratio,
@@ -29,11 +29,11 @@ pub(super) const COVER: Method = Method {
         Subject { above, returns, ..subject }
     },
     of: Of::Share { base: Subject::of_any_height, value: share },
-    ..Method::HEIGHT
+    ..StatisticMethod::HEIGHT
 };
 
 /// Of the points of the first plane in those of the second; void where there are none of these.
-fn share(cell: &Cell<'_>) -> f64 {
-    let [some, all] = [0, 1].map(|of| f64::from(cell.kept::<Count>(of).0));
+fn share(cell: &StatisticCell<'_>) -> f64 {
+    let [some, all] = [0, 1].map(|of| f64::from(cell.kept::<PointCount>(of).0));
     some / all
 }

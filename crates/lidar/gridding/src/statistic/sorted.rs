@@ -2,27 +2,27 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::plane::{Hits, Plane, Primitive, like};
+use crate::plane::{AccumulatorKind, AccumulatorPlane, CellHits, like};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
 /// Values in steps.
-pub(super) const WHOLE: Primitive = all::<Whole>("values");
+pub(super) const WHOLE: AccumulatorKind = all::<StepValue>("values");
 /// Values that are any numbers.
-pub(super) const REAL: Primitive = all::<Real>("real values");
+pub(super) const REAL: AccumulatorKind = all::<Real>("real values");
 
-const fn all<E: Entry>(name: &'static str) -> Primitive {
-    Primitive {
+const fn all<E: CellValue>(name: &'static str) -> AccumulatorKind {
+    AccumulatorKind {
         name,
         parameters: [0.0; 2],
-        make: |_, _| Box::new(Values::<E>(Vec::new())),
+        make: |_, _| Box::new(CellValueList::<E>(Vec::new())),
         bytes_per_cell: 0,
         bytes_per_point: size_of::<E>(),
     }
 }
 
 /// A value and its cell; those of a cell are in the order of their values.
-pub(super) trait Entry: Pod + Default + Ord + std::fmt::Debug + Send {
+pub(super) trait CellValue: Pod + Default + Ord + std::fmt::Debug + Send {
     fn new(cell: u32, point: &Point, reals: &[f64]) -> Self;
     fn cell(self) -> u32;
     fn value(self) -> f64;
@@ -31,7 +31,7 @@ pub(super) trait Entry: Pod + Default + Ord + std::fmt::Debug + Send {
 /// A value in steps and its cell.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
-pub(super) struct Whole {
+pub(super) struct StepValue {
     cell: u32,
     value: i32,
 }
@@ -45,7 +45,7 @@ pub(super) struct Real {
     low: u32,
 }
 
-impl Entry for Whole {
+impl CellValue for StepValue {
     #[inline(always)]
     fn new(cell: u32, point: &Point, _: &[f64]) -> Self {
         Self { cell, value: point.z }
@@ -62,7 +62,7 @@ impl Entry for Whole {
 
 const SIGN: u64 = 1 << 63;
 
-impl Entry for Real {
+impl CellValue for Real {
     fn new(cell: u32, point: &Point, reals: &[f64]) -> Self {
         // Nought has one sign.
         let value = reals.get(point.z as usize).map_or(0.0, |value| value + 0.0);
@@ -83,16 +83,16 @@ impl Entry for Real {
 
 /// All values of all cells.
 #[derive(Debug)]
-pub(super) struct Values<E>(Vec<E>);
+pub(super) struct CellValueList<E>(Vec<E>);
 
-impl<E: Entry> Plane for Values<E> {
-    fn add(&mut self, hits: Hits<'_>) -> Result<()> {
+impl<E: CellValue> AccumulatorPlane for CellValueList<E> {
+    fn add(&mut self, hits: CellHits<'_>) -> Result<()> {
         let cells = hits.cells.iter().zip(hits.points);
         self.0.extend(cells.map(|(&cell, point)| E::new(cell, point, hits.reals)));
         Ok(())
     }
 
-    fn fold(&mut self, other: &dyn Plane) -> Result<()> {
+    fn fold(&mut self, other: &dyn AccumulatorPlane) -> Result<()> {
         self.0.extend_from_slice(&like::<Self>(other)?.0);
         Ok(())
     }
@@ -115,7 +115,7 @@ impl<E: Entry> Plane for Values<E> {
     }
 }
 
-impl<E: Entry> Values<E> {
+impl<E: CellValue> CellValueList<E> {
     /// Those of a settled cell.
     pub(super) fn of(&self, at: usize) -> &[E] {
         let Self(values) = self;
@@ -127,12 +127,12 @@ impl<E: Entry> Values<E> {
 
 /// The values of a cell, the lowest first: in steps, where they are of steps.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Sorted<'a> {
-    Whole(&'a [Whole]),
+pub(super) enum SortedCellValues<'a> {
+    Whole(&'a [StepValue]),
     Real(&'a [Real]),
 }
 
-impl<'a> Sorted<'a> {
+impl<'a> SortedCellValues<'a> {
     pub(super) fn len(self) -> usize {
         match self {
             Self::Whole(values) => values.len(),
@@ -219,13 +219,13 @@ mod tests {
             mut numbers in prop::collection::vec(any_finite(), 1..40),
         ) {
             let places: Vec<_> = (0..numbers.len() as i32).map(|z| Point::new(0, 0, z)).collect();
-            let mut values = Values::<Real>(Vec::new());
+            let mut values = CellValueList::<Real>(Vec::new());
             let cells = vec![3; numbers.len()];
-            let hits = Hits { cells: &cells, points: &places, squares: &[], unit: 1.0, reals: &numbers };
+            let hits = CellHits { cells: &cells, points: &places, squares: &[], unit: 1.0, reals: &numbers };
             values.add(hits).unwrap();
             values.settle();
             numbers.sort_by(f64::total_cmp);
-            let found: Vec<f64> = Sorted::Real(values.of(3)).iter().collect();
+            let found: Vec<f64> = SortedCellValues::Real(values.of(3)).iter().collect();
             prop_assert_eq!(found, numbers);
             prop_assert!(values.of(2).is_empty());
         }
@@ -240,10 +240,13 @@ mod tests {
 
     #[test]
     fn runs_are_of_equal_values() {
-        let values = [1, 1, 2, 5, 5, 5].map(|value| Whole { cell: 0, value });
-        let runs: Vec<_> = Sorted::Whole(&values).runs().collect();
+        let values = [1, 1, 2, 5, 5, 5].map(|value| StepValue { cell: 0, value });
+        let runs: Vec<_> = SortedCellValues::Whole(&values).runs().collect();
         assert_eq!(runs, [(1.0, 2), (2.0, 1), (5.0, 3)]);
-        assert_eq!(Sorted::Whole(&[]).runs().count(), 0);
-        assert_eq!((Sorted::Whole(&[]).mean(), Sorted::Whole(&[]).last()), (None, None));
+        assert_eq!(SortedCellValues::Whole(&[]).runs().count(), 0);
+        assert_eq!(
+            (SortedCellValues::Whole(&[]).mean(), SortedCellValues::Whole(&[]).last()),
+            (None, None)
+        );
     }
 }

@@ -1,30 +1,32 @@
 //! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
 
-use super::method::{Method, Of, Shape, Takes};
-use crate::parameter::{NUMBER, Parameter};
+use super::method::{Of, StatisticMethod, SurfaceInterpolation, Takes};
+use crate::parameter::{NUMBER, StatisticParameter};
 
-const MAX_EDGE: Parameter = Parameter {
+const MAX_EDGE: StatisticParameter = StatisticParameter {
     key: "max_edge",
     value: NUMBER,
     about: "triangles with a longer edge are no surface [‹max_edge›]",
 };
 
-pub(super) const TIN: Method = Method {
+pub(super) const TIN: StatisticMethod = StatisticMethod {
     name: "tin",
     aliases: &["linear"],
     about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
     parameters: &[MAX_EDGE],
     takes: Takes::Nothing,
     check: |given| Ok([given.positive(MAX_EDGE.key)?, None]),
-    of: Of::All(|statistic| Shape::Linear { max_edge: statistic.parameter(MAX_EDGE.key) }),
-    ..Method::HEIGHT
+    of: Of::All(|statistic| SurfaceInterpolation::Linear {
+        max_edge: statistic.parameter(MAX_EDGE.key),
+    }),
+    ..StatisticMethod::HEIGHT
 };
 
-pub(super) const NATURAL: Method = Method {
+pub(super) const NATURAL: StatisticMethod = StatisticMethod {
     name: "natural",
     aliases: &["sibson"],
     about: "height at the cell's centre from its natural neighbours among all points",
     takes: Takes::Nothing,
-    of: Of::All(|_| Shape::Natural),
-    ..Method::HEIGHT
+    of: Of::All(|_| SurfaceInterpolation::Natural),
+    ..StatisticMethod::HEIGHT
 };

@@ -22,7 +22,7 @@ pub(super) fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
 /// The heights with each empty cell at the mean of the smallest square around it that holds enough
 /// cells that are not; empty cells further than `reach` from enough of them stay empty.
 pub(super) fn filled(heights: &[i32], width: usize, reach: usize) -> Vec<i32> {
-    let sums = Sums::new(heights, width);
+    let sums = SummedAreaTable::new(heights, width);
     let fill = |(at, height): (usize, &i32)| match *height {
         EMPTY => radii(reach).find_map(|r| sums.mean(at, r)).unwrap_or(EMPTY),
         known => known,
@@ -37,7 +37,7 @@ fn radii(reach: usize) -> impl Iterator<Item = usize> {
 }
 
 /// Sums over all cells west and south of a corner, to have those of any square in no time.
-struct Sums {
+struct SummedAreaTable {
     /// Cells of a row.
     width: usize,
     rows: usize,
@@ -45,7 +45,7 @@ struct Sums {
     corners: Vec<(u32, i64)>,
 }
 
-impl Sums {
+impl SummedAreaTable {
     fn new(heights: &[i32], width: usize) -> Self {
         let rows = heights.len() / width;
         let mut corners = vec![(0, 0); (width + 1) * (rows + 1)];

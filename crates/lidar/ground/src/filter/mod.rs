@@ -14,9 +14,9 @@ mod low;
 mod open;
 mod parameters;
 
-use crate::finder::{Asked, GroundFinder, Lattice, Method};
+use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
 use crate::lows::{EMPTY, Lows};
-use crate::surface::{BESIDE, Ground};
+use crate::surface::{BESIDE, GroundSurface};
 use fill::{filled, widened};
 
 pub use parameters::Parameters;
@@ -29,7 +29,7 @@ pub(crate) const METHOD: Method = Method {
     finder: GroundFinder {
         lattice: |_, spacing| {
             let cell = spacing.max(CELL);
-            Lattice { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+            FinderTiling { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
         },
         find,
     },
@@ -38,7 +38,7 @@ pub(crate) const METHOD: Method = Method {
 /// Side of a cell in metres, unless points are further apart.
 const CELL: f64 = 1.0;
 
-fn find(_: &Asked, lows: &Lows<'_>) -> Ground {
+fn find(_: &Asked, lows: &Lows<'_>) -> GroundSurface {
     let minima: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
     ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
 }
@@ -59,7 +59,7 @@ impl Parameters {
 ///
 /// # Panics
 /// When `minima` is not whole rows of `width`.
-pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> Ground {
+pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> GroundSurface {
     assert!(width > 0 && minima.len().is_multiple_of(width), "whole rows of cells");
     let mut bare = low::without_noise(minima, width, parameters.depth / parameters.step);
     open::take_off_objects(&mut bare, width, parameters);
@@ -68,7 +68,7 @@ pub fn ground(minima: &[i32], width: usize, parameters: &Parameters) -> Ground {
     let height = |z: i32| if z == EMPTY { f64::NAN } else { f64::from(z) };
     let Parameters { step, height: near, scaling, .. } = *parameters;
     let heights = heights.into_iter().map(height).collect();
-    Ground::new(width, heights, |slope| near / step + scaling * slope)
+    GroundSurface::new(width, heights, |slope| near / step + scaling * slope)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub(super) fn reach(radius: usize) -> usize {
 /// Empties the cells that belong to objects.
 pub(super) fn take_off_objects(heights: &mut [i32], width: usize, parameters: &Parameters) {
     let radius = parameters.radius();
-    let mut wide = Frame::around(heights, width, reach(radius));
+    let mut wide = PaddedHeights::around(heights, width, reach(radius));
     wide.heights = fill::filled(&wide.heights, wide.width, fill::reach(radius));
     let mut last = wide.heights.clone();
     for r in radii(radius) {
@@ -43,13 +43,13 @@ fn radii(most: usize) -> impl Iterator<Item = usize> {
 }
 
 /// Heights with a margin.
-struct Frame {
+struct PaddedHeights {
     margin: usize,
     width: usize,
     heights: Vec<i32>,
 }
 
-impl Frame {
+impl PaddedHeights {
     /// The cells in the middle of empty ones.
     fn around(inner: &[i32], width: usize, margin: usize) -> Self {
         let heights = widened(inner, width, margin);
@@ -82,7 +82,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// The highest of the lowest heights of all squares with some height that hold the cell.
-    fn naive(frame: &Frame, at: usize, side: usize) -> i32 {
+    fn naive(frame: &PaddedHeights, at: usize, side: usize) -> i32 {
         let (width, rows) = (frame.width as i64, (frame.heights.len() / frame.width) as i64);
         let (col, row, side) = (at as i64 % width, at as i64 / width, side as i64);
         let height = |col: i64, row: i64| {
@@ -110,7 +110,7 @@ mod tests {
             r in 1..4_usize,
         ) {
             let inner = &cells[..cells.len() / width * width];
-            let frame = Frame::around(inner, width, 2 * r);
+            let frame = PaddedHeights::around(inner, width, 2 * r);
             let opened = frame.opened(2 * r + 1);
             for row in 0..inner.len() / width {
                 let line = frame.at(row)..frame.at(row) + width;

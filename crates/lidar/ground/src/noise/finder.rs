@@ -4,17 +4,17 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_base::parameters::Parameter;
 
-use super::space::{Bounds, Space};
-use super::sums::Sums;
+use super::space::{Bounds, NoiseSpace};
+use super::sums::ScoreSums;
 use crate::asked;
 
 /// One method of the registry.
-pub type Method = asked::Method<NoiseFinder>;
+pub type Method = asked::FinderMethod<NoiseFinder>;
 /// A method with its parameters.
-pub type Asked = asked::Asked<NoiseFinder>;
+pub type Asked = asked::FinderRequest<NoiseFinder>;
 
-type Reach = fn(&Asked, &Space) -> Result<[i64; 3]>;
-type Scores = fn(&Asked, &Space, &[Point], &mut dyn Around) -> Result<Vec<u64>>;
+type Reach = fn(&Asked, &NoiseSpace) -> Result<[i64; 3]>;
+type Scores = fn(&Asked, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Result<Vec<u64>>;
 
 /// How a method finds noise.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +23,7 @@ pub struct NoiseFinder {
     /// `None` where a limit depends on all points.
     pub(super) reach: Option<Reach>,
     pub(super) scores: Scores,
-    pub(super) limit: fn(&Asked, &Sums) -> Limit,
+    pub(super) limit: fn(&Asked, &ScoreSums) -> Limit,
     /// Bytes that scores take for each point of a part.
     pub(super) bytes: fn(&Asked) -> u64,
 }
@@ -33,7 +33,7 @@ pub(super) const CLASS: Parameter =
     Parameter::new("class", 7.0, [7.0, 18.0], "the class of noise: 7, low, or 18, high").ends();
 
 /// The points around a part of a cloud, in parts of their own.
-pub trait Around {
+pub trait NeighborParts {
     /// The bounds of the next part, the nearest first; `None` where the square of its distance from the bounds of the
     /// part, in square metres, is not below `within`, which must not grow from call to call.
     fn next(&mut self, within: f64) -> Option<Bounds>;
@@ -50,7 +50,7 @@ pub trait Around {
 pub enum Limit {
     /// Those up to a number of points.
     Few(u64),
-    /// Those above a distance, in [`Space::unit`]s.
+    /// Those above a distance, in [`NoiseSpace::unit`]s.
     Far(f64),
 }
 

@@ -1,8 +1,8 @@
 //! Which points of a cloud are noise: methods by name, from the points around each.
 //!
 //! A method ([`METHODS`], [`Asked`]) gives each point of a part of the cloud a score, from the points of the part and
-//! those [`Around`] it; a score is a function of all points, however these are put into parts. Which scores are noise
-//! ([`Limit`]) may depend on those of all points, of which whole-number sums are kept ([`Sums`]): they are the same
+//! those [`NeighborParts`] it; a score is a function of all points, however these are put into parts. Which scores are noise
+//! ([`Limit`]) may depend on those of all points, of which whole-number sums are kept ([`ScoreSums`]): they are the same
 //! whatever the order.
 
 mod finder;
@@ -15,17 +15,17 @@ mod voxel;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use crate::asked::Finder;
+use crate::asked::FinderRegistry;
 use finder::CLASS;
 
-pub use finder::{Around, Asked, Limit, Method, NoiseFinder};
-pub use space::{Bounds, Space};
-pub use sums::Sums;
+pub use finder::{Asked, Limit, Method, NeighborParts, NoiseFinder};
+pub use space::{Bounds, NoiseSpace};
+pub use sums::ScoreSums;
 
 /// All methods. A new one is a file in this folder and a line here.
 pub const METHODS: &[Method] = &[voxel::METHOD, statistical::METHOD];
 
-impl Finder for NoiseFinder {
+impl FinderRegistry for NoiseFinder {
     const KIND: &'static str = "noise method";
     const METHODS: &'static [Method] = METHODS;
 }
@@ -48,7 +48,7 @@ impl Asked {
     ///
     /// # Errors
     /// Points that lie so that the method cannot act.
-    pub fn reach(&self, space: &Space) -> Result<[i64; 3]> {
+    pub fn reach(&self, space: &NoiseSpace) -> Result<[i64; 3]> {
         self.finder().reach.map_or(Ok([0; 3]), |reach| reach(self, space))
     }
 
@@ -58,15 +58,15 @@ impl Asked {
     /// What is around it cannot be read.
     pub fn scores(
         &self,
-        space: &Space,
+        space: &NoiseSpace,
         own: &[Point],
-        around: &mut dyn Around,
+        around: &mut dyn NeighborParts,
     ) -> Result<Vec<u64>> {
         (self.finder().scores)(self, space, own, around)
     }
 
     /// Which scores are noise, all of them having these sums; of a local method, whatever they are.
-    pub fn limit(&self, sums: &Sums) -> Limit {
+    pub fn limit(&self, sums: &ScoreSums) -> Limit {
         (self.finder().limit)(self, sums)
     }
 

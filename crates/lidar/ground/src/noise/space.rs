@@ -4,7 +4,7 @@ use terrane_base::geom::Point;
 
 /// Where points lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Space {
+pub struct NoiseSpace {
     /// Metres of a step along each axis.
     pub step: [f64; 3],
     /// Steps from where coordinates are zero to the origin.
@@ -17,7 +17,7 @@ pub type Bounds = [Point; 2];
 /// Parts of the longest step that distances are counted in.
 const PARTS: f64 = 1024.0;
 
-impl Space {
+impl NoiseSpace {
     /// Metres of the unit that distances are counted in.
     pub fn unit(&self) -> f64 {
         self.step.into_iter().fold(0.0, f64::max) / PARTS

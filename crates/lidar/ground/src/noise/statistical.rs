@@ -7,10 +7,10 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use super::finder::{Around, Asked, CLASS, Limit, Method, NoiseFinder};
-use super::space::{Space, bounds};
-use super::sums::Sums;
-use super::tree::Tree;
+use super::finder::{Asked, CLASS, Limit, Method, NeighborParts, NoiseFinder};
+use super::space::{NoiseSpace, bounds};
+use super::sums::ScoreSums;
+use super::tree::NoiseKdTree;
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {
@@ -36,13 +36,13 @@ pub(super) const METHOD: Method = Method {
 };
 
 /// The squared distances from each of some points to its nearest, in order.
-struct Nearest {
+struct NearestDistances {
     /// Of the points: as many as asked for, and the point itself.
     each: usize,
     squares: Vec<f64>,
 }
 
-impl Nearest {
+impl NearestDistances {
     fn of(&mut self, point: u32) -> &mut [f64] {
         let first = point as usize * self.each;
         &mut self.squares[first..first + self.each]
@@ -65,19 +65,19 @@ impl Nearest {
             (sum, count) = (sum + square.sqrt(), count + 1.0);
         }
         let mean: f64 = if count > 0.0 { sum / count } else { 0.0 };
-        ((mean / unit).round() as u64).min(Sums::MOST)
+        ((mean / unit).round() as u64).min(ScoreSums::MOST)
     }
 }
 
 fn scores(
     asked: &Asked,
-    space: &Space,
+    space: &NoiseSpace,
     own: &[Point],
-    around: &mut dyn Around,
+    around: &mut dyn NeighborParts,
 ) -> Result<Vec<u64>> {
     let each = asked.value("k") as usize + 1;
-    let mut nearest = Nearest { each, squares: vec![f64::INFINITY; each * own.len()] };
-    let tree = Tree::new(space, own.to_vec());
+    let mut nearest = NearestDistances { each, squares: vec![f64::INFINITY; each * own.len()] };
+    let tree = NoiseKdTree::new(space, own.to_vec());
     let mut open: Vec<u32> = (0..own.len() as u32).collect();
     open.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
     drop(tree);
@@ -94,7 +94,7 @@ fn scores(
         read.clear();
         around.load(&mut read)?;
         read.retain(|point| space.gap([*point; 2], around_them) < within);
-        let tree = Tree::new(space, std::mem::take(&mut read));
+        let tree = NoiseKdTree::new(space, std::mem::take(&mut read));
         asking.iter().for_each(|i| tree.search(own[*i as usize], nearest.of(*i)));
     }
     Ok((0..own.len()).map(|i| nearest.score(i, space.unit())).collect())

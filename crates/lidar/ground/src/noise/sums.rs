@@ -2,13 +2,13 @@
 
 /// Sums of whole numbers below 2^44, of less than 2^40 of them: they are the same whatever the order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sums {
+pub struct ScoreSums {
     count: u64,
     sum: u128,
     squares: u128,
 }
 
-impl Sums {
+impl ScoreSums {
     /// The largest score.
     pub(super) const MOST: u64 = (1 << 44) - 1;
 
@@ -50,10 +50,10 @@ mod tests {
 
     #[test]
     fn deviations_are_exact_however_large_the_mean() {
-        for (far, n) in [(0, 3_u64), (1 << 30, 1000), (Sums::MOST - 1000, 100_001)] {
+        for (far, n) in [(0, 3_u64), (1 << 30, 1000), (ScoreSums::MOST - 1000, 100_001)] {
             let scores = (0..n).map(|i| far + i * 7919 % 1000);
             let (mut sums, mut back, mut half) =
-                (Sums::default(), Sums::default(), Sums::default());
+                (ScoreSums::default(), ScoreSums::default(), ScoreSums::default());
             scores.clone().for_each(|score| sums.add(score));
             scores.clone().rev().take(n as usize / 2).for_each(|score| half.add(score));
             scores.clone().rev().skip(n as usize / 2).for_each(|score| back.add(score));
@@ -66,7 +66,7 @@ mod tests {
             let expected = (squares / (n - 1) as f64).sqrt();
             assert!((deviation / expected - 1.0).abs() < 1e-12, "{deviation} {expected}");
         }
-        let mut one = Sums::default();
+        let mut one = ScoreSums::default();
         assert_eq!(one.mean_and_deviation(), [0.0; 2]);
         one.add(5);
         assert_eq!(one.mean_and_deviation(), [5.0, 0.0]);

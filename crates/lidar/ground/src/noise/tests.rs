@@ -7,7 +7,7 @@ use super::*;
 
 /// Parts of a cloud around one of them.
 struct Others {
-    space: Space,
+    space: NoiseSpace,
     own: Bounds,
     /// The furthest first.
     left: Vec<Vec<Point>>,
@@ -15,7 +15,7 @@ struct Others {
 }
 
 impl Others {
-    fn of(space: Space, parts: &[Vec<Point>], own: usize) -> Self {
+    fn of(space: NoiseSpace, parts: &[Vec<Point>], own: usize) -> Self {
         let of = |part: &[Point]| bounds(part.iter().copied()).unwrap();
         let around = of(&parts[own]);
         let others = parts.iter().enumerate().filter(|(i, _)| *i != own).map(|(_, part)| part);
@@ -25,7 +25,7 @@ impl Others {
     }
 }
 
-impl Around for Others {
+impl NeighborParts for Others {
     fn next(&mut self, within: f64) -> Option<Bounds> {
         let next = bounds(self.left.last()?.iter().copied())?;
         if self.space.gap(self.own, next) >= within {
@@ -50,7 +50,7 @@ fn parts(points: &[Point], side: i32) -> Vec<Vec<(usize, Point)>> {
 }
 
 /// The scores of all, part by part.
-fn scores(asked: &Asked, space: Space, points: &[Point], side: i32) -> Vec<u64> {
+fn scores(asked: &Asked, space: NoiseSpace, points: &[Point], side: i32) -> Vec<u64> {
     let parts = parts(points, side);
     let places: Vec<Vec<Point>> =
         parts.iter().map(|part| part.iter().map(|(_, point)| *point).collect()).collect();
@@ -67,14 +67,14 @@ fn scores(asked: &Asked, space: Space, points: &[Point], side: i32) -> Vec<u64> 
 
 /// Which points are noise, by the scores of all.
 fn noise(asked: &Asked, scores: &[u64]) -> Vec<bool> {
-    let mut sums = Sums::default();
+    let mut sums = ScoreSums::default();
     scores.iter().for_each(|score| sums.add(*score));
     let limit = asked.limit(&sums);
     scores.iter().map(|score| limit.is_noise(*score)).collect()
 }
 
 /// Points that have few others in the cubes around theirs, all counted for each.
-fn alone(space: &Space, points: &[Point], side: f64, most: usize) -> Vec<bool> {
+fn alone(space: &NoiseSpace, points: &[Point], side: f64, most: usize) -> Vec<bool> {
     let cube = |p: &Point| {
         let steps = [p.x, p.y, p.z];
         [0, 1, 2].map(|i| {
@@ -91,7 +91,7 @@ fn alone(space: &Space, points: &[Point], side: f64, most: usize) -> Vec<bool> {
 }
 
 /// The mean distances of all points to `k` others, each by sorting all, in metres.
-fn means(space: &Space, points: &[Point], k: usize) -> Vec<f64> {
+fn means(space: &NoiseSpace, points: &[Point], k: usize) -> Vec<f64> {
     let far = |a: &Point, b: &Point| {
         let along = |a: i32, b: i32, step: f64| (f64::from(a) - f64::from(b)) * step;
         let [x, y, z] = space.step;
@@ -124,8 +124,8 @@ fn cloud(seed: u64, count: usize, extent: i32, height: i32) -> Vec<Point> {
     points
 }
 
-fn space(step: [f64; 3], zero: [i64; 3]) -> Space {
-    Space { step, zero }
+fn space(step: [f64; 3], zero: [i64; 3]) -> NoiseSpace {
+    NoiseSpace { step, zero }
 }
 
 proptest! {
@@ -195,7 +195,7 @@ fn parameters_are_read_and_refused_by_name() {
     assert!(told("moss").contains("known methods are voxel, statistical"), "{}", told("moss"));
     assert!(told("voxel:class=8").contains("class=7 (7 or 18)"), "{}", told("voxel:class=8"));
     assert!(told("statistical:k=0").contains("k=8 (a whole number from 1 to 100)"));
-    let coarse = Space { step: [5.0, 0.01, 0.01], zero: [0; 3] };
+    let coarse = NoiseSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
     assert!(Asked::BEST.reach(&coarse).unwrap_err().to_string().contains("smaller than a step"));
     assert!(Asked::BEST.is_local() && !Asked::parse("statistical").unwrap().is_local());
 }

@@ -2,14 +2,14 @@
 
 use terrane_base::geom::Point;
 
-use super::space::{Bounds, Space, bounds, gaps};
+use super::space::{Bounds, NoiseSpace, bounds, gaps};
 
 /// Most points that are not divided further.
 const LEAF: usize = 12;
 
 /// Halves of halves of some points.
-pub(super) struct Tree<'a> {
-    space: &'a Space,
+pub(super) struct NoiseKdTree<'a> {
+    space: &'a NoiseSpace,
     bounds: Option<Bounds>,
     points: Vec<Point>,
     /// By node, the first being 1: the axis that it is divided along, and where.
@@ -19,8 +19,8 @@ pub(super) struct Tree<'a> {
 /// Points of a node, by their places, and its number.
 type Node = (usize, usize, usize);
 
-impl<'a> Tree<'a> {
-    pub(super) fn new(space: &'a Space, mut points: Vec<Point>) -> Self {
+impl<'a> NoiseKdTree<'a> {
+    pub(super) fn new(space: &'a NoiseSpace, mut points: Vec<Point>) -> Self {
         let all = bounds(points.iter().copied());
         let mut splits = Vec::new();
         let mut left: Vec<Node> = vec![(0, points.len(), 1)];
@@ -74,7 +74,7 @@ fn along(point: Point, axis: usize) -> i32 {
 }
 
 /// The axis along which points reach the furthest.
-fn longest(space: &Space, points: &[Point]) -> usize {
+fn longest(space: &NoiseSpace, points: &[Point]) -> usize {
     let extent = bounds(points.iter().copied()).map_or([0.0; 3], |[low, high]| {
         [0, 1, 2].map(|i| (f64::from(along(high, i)) - f64::from(along(low, i))) * space.step[i])
     });

@@ -6,8 +6,8 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::finder::{Around, Asked, CLASS, Limit, Method, NoiseFinder};
-use super::space::{Bounds, Space};
+use super::finder::{Asked, CLASS, Limit, Method, NeighborParts, NoiseFinder};
+use super::space::{Bounds, NoiseSpace};
 use terrane_base::parameters::Parameter;
 
 pub(super) const METHOD: Method = Method {
@@ -46,7 +46,7 @@ struct Voxels {
 }
 
 impl Voxels {
-    fn new(asked: &Asked, space: &Space) -> Result<Self> {
+    fn new(asked: &Asked, space: &NoiseSpace) -> Result<Self> {
         let side = asked.value("step");
         if let Some(step) = space.step.into_iter().find(|step| side < *step) {
             return Err(too_small(side, step));
@@ -70,9 +70,9 @@ impl Voxels {
 }
 
 /// Points by cube, in order.
-struct Counts(Vec<(Voxel, u64)>);
+struct VoxelCounts(Vec<(Voxel, u64)>);
 
-impl Counts {
+impl VoxelCounts {
     fn of(voxels: impl Iterator<Item = Voxel>) -> Self {
         let mut all: Vec<Voxel> = voxels.collect();
         all.sort_unstable();
@@ -97,12 +97,12 @@ impl Counts {
 
 fn scores(
     asked: &Asked,
-    space: &Space,
+    space: &NoiseSpace,
     own: &[Point],
-    around: &mut dyn Around,
+    around: &mut dyn NeighborParts,
 ) -> Result<Vec<u64>> {
     let (voxels, most) = (Voxels::new(asked, space)?, most(asked));
-    let counts = Counts::of(own.iter().map(|point| voxels.of(*point)));
+    let counts = VoxelCounts::of(own.iter().map(|point| voxels.of(*point)));
     // Cubes that may be noise, in order, with the points that are known around them.
     let few = counts.0.iter().filter(|(_, count)| *count <= most);
     let mut open: Vec<_> = few.map(|(voxel, _)| (*voxel, counts.around(*voxel, most))).collect();
@@ -118,7 +118,7 @@ fn scores(
         read.clear();
         around.load(&mut read)?;
         let near = read.iter().filter(|point| voxels.touches(span, [**point; 2]));
-        let others = Counts::of(near.map(|point| voxels.of(*point)));
+        let others = VoxelCounts::of(near.map(|point| voxels.of(*point)));
         for (voxel, count) in &mut open {
             *count += others.around(*voxel, most);
         }

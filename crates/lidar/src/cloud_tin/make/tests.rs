@@ -7,15 +7,15 @@ use super::*;
 use crate::cloud_tin::ready::in_steps;
 use crate::cloud_tin::region_mesh::RegionMesh;
 use crate::few::Few;
-use crate::points::{Filling, Tiling};
+use crate::points::{PointStoreSetup, Tiling};
 use std::sync::{Arc, Mutex};
 use terrane_base::error::ErrorKind;
 use terrane_base::geom::Point3;
 use terrane_engine::{Resources, Silent};
 use terrane_mesh::MeshBatch;
-use terrane_tin::scatter::{Fit, Mesh};
+use terrane_tin::scatter::{Fit, ScatterMesh};
 
-const FRAME: Frame = Frame { scale: [0.01; 3], offset: [1000.0, 2000.0, 0.0] };
+const FRAME: PointFrame = PointFrame { scale: [0.01; 3], offset: [1000.0, 2000.0, 0.0] };
 
 fn source(points: Vec<Point>, claimed: u64) -> Few {
     Few::new(FRAME, points).claiming(claimed)
@@ -49,7 +49,7 @@ fn mesh(
     region: u64,
     threads: usize,
     memory: u64,
-) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
+) -> (Vec<Point>, Vec<[u64; 3]>, CloudTinOutcome) {
     mesh_with(&OnCloud::default(), source, tolerance, region, threads, memory)
 }
 
@@ -61,19 +61,19 @@ fn mesh_with(
     region: u64,
     threads: usize,
     memory: u64,
-) -> (Vec<Point>, Vec<[u64; 3]>, Made) {
+) -> (Vec<Point>, Vec<[u64; 3]>, CloudTinOutcome) {
     let folder = tempfile::tempdir().unwrap();
     let (progress, cancel) = (&Silent, &Cancel::default());
     let filling =
-        Filling { threads, memory, folder: folder.path(), within: None, progress, cancel };
+        PointStoreSetup { threads, memory, folder: folder.path(), within: None, progress, cancel };
     let tiling = Tiling::new(source.info.bounds.unwrap(), source.info.count);
     let points = PointStore::fill(source, tiling, &filling).unwrap();
     let hull = points.hull().unwrap();
-    let mut lines = Lines::new(kept, hull.clone(), points.tiling());
-    let regions = Regions::new(&points, &lines.by_square(points.tiling()), region);
+    let mut lines = CloudLines::new(kept, hull.clone(), points.tiling());
+    let regions = CloudTinRegions::new(&points, &lines.by_square(points.tiling()), region);
     lines.divide(&regions, points.tiling());
     let nearest = nearest_points(kept, &points, &hull, source.info.bounds.unwrap()).unwrap();
-    let work = Work {
+    let work = CloudTinContext {
         points: &points,
         regions: &regions,
         lines: &lines,
@@ -92,7 +92,7 @@ fn mesh_with(
         (&hull.corners(), &nearest.points),
         &FRAME,
         || Ok(boxed),
-        &mut Clock::default(),
+        &mut CloudTinClock::default(),
     )
     .unwrap();
     let (vertices, triangles) = sink.0.lock().unwrap().clone();
@@ -145,15 +145,15 @@ fn shapes(vertices: &[Point], triangles: &[[u64; 3]]) -> Vec<[Point; 3]> {
 }
 
 /// The Delaunay triangulation of all of `vertices` at once.
-fn whole(vertices: &[Point]) -> Mesh {
-    let mut mesh = Mesh::of_first(vertices).unwrap();
+fn whole(vertices: &[Point]) -> ScatterMesh {
+    let mut mesh = ScatterMesh::of_first(vertices).unwrap();
     vertices.iter().for_each(|&p| {
         mesh.insert(p);
     });
     mesh
 }
 
-fn shapes_of(mesh: &Mesh) -> Vec<[Point; 3]> {
+fn shapes_of(mesh: &ScatterMesh) -> Vec<[Point; 3]> {
     let real: Vec<[u64; 3]> = (0..mesh.triangles().len() as u32)
         .filter(|&t| mesh.corners(t).is_some())
         .map(|t| mesh.triangles()[t as usize].corners.map(u64::from))
@@ -188,13 +188,13 @@ fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
     store.add(&source.points).unwrap();
     let hull = store.hull().unwrap().corners();
     let (mut state, mut beyond) = (3, 0);
-    for &region in &Regions::new(&store, &[], 500).all {
+    for &region in &CloudTinRegions::new(&store, &[], 500).all {
         let local = RegionMesh::new(&store, region, &hull).unwrap();
         let (influence, window) = (local.influence(), region.window(&tiling));
         let all = (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
         let sites = all.map(|corners| corners.map(|p| [p.x, p.y]));
         let touches = |t: &[[i32; 2]; 3]| {
-            terrane_delaunay::Window::of(*t).unwrap().intersection(&window).is_some()
+            terrane_delaunay::PositionWindow::of(*t).unwrap().intersection(&window).is_some()
         };
         let own: Vec<_> = sites.filter(touches).collect();
         for _ in 0..300 {
@@ -234,9 +234,9 @@ fn few_points_and_lines_have_no_surface() {
         let output = folder.path().join("a.ply");
         let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
         let format = terrane_mesh::by_path(&job.output, None).unwrap();
-        let at = At { progress: &Silent, cancel: &Cancel::default() };
-        let error =
-            make(&job, &source, (Features::default(), format), REGION_POINTS, at).unwrap_err();
+        let at = Observer { progress: &Silent, cancel: &Cancel::default() };
+        let error = make(&job, &source, (ConstraintFeatures::default(), format), REGION_POINTS, at)
+            .unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         assert!(!job.output.exists());
     }

@@ -8,28 +8,30 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::needs::Sample;
+use super::needs::SquareSample;
 use super::report::{CloudTinStatus, PointRun, PointStatus};
-use crate::cloud_tin::choose::{BAND, Errors, Look, Settling, due, first_choice, look_at_all};
+use crate::cloud_tin::choose::{
+    BAND, CloudTinErrors, RegionInspection, RegionWorklist, due, first_choice, look_at_all,
+};
 use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
-use crate::cloud_tin::lines::Lines;
-use crate::cloud_tin::make::{self, Clock, report};
-use crate::cloud_tin::ready::Ready;
-use crate::cloud_tin::regions::{Region, Regions, no_surface};
+use crate::cloud_tin::lines::CloudLines;
+use crate::cloud_tin::make::{self, CloudTinClock, report};
+use crate::cloud_tin::ready::PreparedCloudTin;
+use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, no_surface};
 use crate::cloud_tin::work;
 use crate::cloud_tin::write::write;
 use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_base::limits;
-use terrane_cloud::{self as cloud, Census, CloudInfo, OpenOptions, PointSource};
-use terrane_delaunay::{Hull, Window};
-use terrane_engine::kept::Features;
+use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, PointCensus, PointSource};
+use terrane_delaunay::{ConvexHull, PositionWindow};
+use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::beside_polygons;
 use terrane_engine::outputs::refuse_other_name;
 use terrane_engine::plan::{
-    self, At, Digest, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work,
-    refuse_another,
+    self, Digest, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind,
+    PlanStep, PlannedWork, StatusReport, TaskSurvey, refuse_another,
 };
 use terrane_engine::sift::Losses;
 use terrane_files::atomic::AtomicFile;
@@ -46,17 +48,17 @@ const MOST_PARTS: u64 = 1 << 12;
 /// A mesh to make of a cloud.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct CloudMesh {
-    method: Method,
-    cloud: Found,
-    pub(super) seen: Whole,
+    method: CloudTinMethod,
+    cloud: CloudHeaderSummary,
+    pub(super) seen: CloudTinSurvey,
 }
 
 /// What is asked for, by paths that hold wherever a task is run on this file system.
 #[derive(Clone, Serialize, Deserialize)]
-struct Method {
+struct CloudTinMethod {
     inputs: Vec<String>,
     #[serde(flatten)]
-    options: OpenOptions,
+    options: CloudOpenOptions,
     format: String,
     max_error: f64,
     /// Most points of a task, where that was said.
@@ -65,7 +67,7 @@ struct Method {
 
 /// What the headers tell.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
-struct Found {
+struct CloudHeaderSummary {
     points: u64,
     /// Lowest and highest x, y and z, in steps.
     bounds: [[i32; 3]; 2],
@@ -76,32 +78,32 @@ struct Found {
 
 /// What was seen of all points when the plan was made.
 #[derive(Clone, Serialize, Deserialize)]
-pub(super) struct Whole {
-    census: Census,
+pub(super) struct CloudTinSurvey {
+    census: PointCensus,
     /// Files whose damage was passed over.
     #[serde(default, skip_serializing_if = "Losses::is_empty")]
     losses: Losses,
     /// Corners of the hull.
     hull: Vec<[i32; 3]>,
-    pub(super) regions: Vec<Region>,
-    parts: Vec<Part>,
+    pub(super) regions: Vec<CloudTinRegion>,
+    parts: Vec<CloudTinPart>,
 }
 
 /// The squares of a task, and its regions.
 #[derive(Clone, Serialize, Deserialize)]
-struct Part {
-    block: Region,
+struct CloudTinPart {
+    block: CloudTinRegion,
     regions: Range<usize>,
 }
 
 /// A task: the round, from choosing on, and the number of the part.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Task {
+pub(super) struct CloudTinTask {
     round: u32,
     part: u32,
 }
 
-impl Task {
+impl CloudTinTask {
     const NAMES: [Numbered<Self>; 3] = [
         ("choose", |part| Self { round: 0, part }),
         ("prove", |part| Self { round: 1, part }),
@@ -109,7 +111,7 @@ impl Task {
     ];
 }
 
-impl fmt::Display for Task {
+impl fmt::Display for CloudTinTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}-{}", Self::NAMES[self.round as usize].0, self.part)
     }
@@ -117,7 +119,7 @@ impl fmt::Display for Task {
 
 /// What an object tells of itself.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct VertexObjectSummary {
     points: u64,
     /// Of the index of its squares.
     index: Digest,
@@ -126,25 +128,30 @@ pub(super) struct Facts {
 }
 
 /// A plan's cloud and job, opened.
-pub(super) struct Opened {
+pub(super) struct OpenedCloudTin {
     job: CloudTinJob,
     label: String,
     source: Box<dyn PointSource>,
 }
 
-impl Opened {
+impl OpenedCloudTin {
     pub(super) fn new(job: CloudTinJob, label: String) -> Result<Self> {
         let source = cloud::source(job.inputs.names(), &job.options)?;
         Ok(Self { job, label, source })
     }
 
-    pub(super) fn ready(&self) -> Result<Ready<'_>> {
+    pub(super) fn ready(&self) -> Result<PreparedCloudTin<'_>> {
         let format = self.job.format()?;
-        Ready::new((&self.job, &self.label), &*self.source, Features::default(), format)
+        PreparedCloudTin::new(
+            (&self.job, &self.label),
+            &*self.source,
+            ConstraintFeatures::default(),
+            format,
+        )
     }
 }
 
-impl Found {
+impl CloudHeaderSummary {
     fn of(info: &CloudInfo) -> Result<Self> {
         let bounds = info.bounds.ok_or_else(no_surface)?.map(|Point { x, y, z }| [x, y, z]);
         let crs = info.crs.wkt.clone().unwrap_or_else(|| info.crs.label());
@@ -153,17 +160,17 @@ impl Found {
     }
 }
 
-impl Whole {
+impl CloudTinSurvey {
     /// Looks at the points once: they are divided into regions of `most` points at the most, and tasks have `cut` of
     /// them, but for single regions, or as many as make a fair piece of work. Returns what was seen with the share of
     /// the points that will be vertices, about.
     pub(super) fn look(
-        Opened { source, .. }: &Opened,
+        OpenedCloudTin { source, .. }: &OpenedCloudTin,
         (cut, most): (Option<u32>, u64),
-        ready: &Ready<'_>,
-        at: At<'_>,
+        ready: &PreparedCloudTin<'_>,
+        at: Observer<'_>,
     ) -> Result<(Self, f64)> {
-        let (sample, filling) = (Sample::new(ready), ready.filling(at));
+        let (sample, filling) = (SquareSample::new(ready), ready.filling(at));
         let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
         let points = empty.filled_and(&**source, &filling, &|batch| sample.take(batch))?;
         let hull = points.hull()?;
@@ -171,8 +178,8 @@ impl Whole {
             return Err(no_surface());
         }
         let fair = TASK_POINTS.max(2 * source.info().count / MOST_PARTS);
-        let regions = Regions::new(&points, &[], most).all;
-        let blocks = Regions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
+        let regions = CloudTinRegions::new(&points, &[], most).all;
+        let blocks = CloudTinRegions::new(&points, &[], cut.map_or(fair, u64::from).max(most)).all;
         let seen = Self {
             census: *points.census(),
             losses: points.losses().clone(),
@@ -186,21 +193,25 @@ impl Whole {
 
 impl CloudMesh {
     /// That of an opened job of whose points this was seen.
-    pub(super) fn of(opened: &Opened, cut: Option<u32>, seen: Whole) -> Result<Self> {
-        let Opened { job, source, .. } = opened;
+    pub(super) fn of(
+        opened: &OpenedCloudTin,
+        cut: Option<u32>,
+        seen: CloudTinSurvey,
+    ) -> Result<Self> {
+        let OpenedCloudTin { job, source, .. } = opened;
         let inputs = match source.files() {
             [] => job.inputs.names().to_vec(),
             files => files.iter().map(|name| absolute(name)).collect::<Result<_>>()?,
         };
         let (options, max_error) = (job.options.clone(), job.tolerance);
         let format = job.format()?.name.to_owned();
-        let method = Method { inputs, options, format, max_error, cut };
-        let mesh = Self { method, cloud: Found::of(source.info())?, seen };
+        let method = CloudTinMethod { inputs, options, format, max_error, cut };
+        let mesh = Self { method, cloud: CloudHeaderSummary::of(source.info())?, seen };
         mesh.check().map(|()| mesh)
     }
 
     /// The files it is made from.
-    pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
+    pub(super) fn files(&self, opened: &OpenedCloudTin) -> Vec<PathBuf> {
         let on_disk = if opened.source.files().is_empty() { &[][..] } else { &self.method.inputs };
         on_disk.iter().map(|name| path_of(name).into_owned()).collect()
     }
@@ -215,12 +226,12 @@ impl CloudMesh {
     }
 
     /// The tasks of some rounds.
-    fn tasks_of(&self, rounds: Range<u32>) -> Vec<Task> {
+    fn tasks_of(&self, rounds: Range<u32>) -> Vec<CloudTinTask> {
         let parts = self.seen.parts.len() as u32;
-        rounds.flat_map(|round| (0..parts).map(move |part| Task { round, part })).collect()
+        rounds.flat_map(|round| (0..parts).map(move |part| CloudTinTask { round, part })).collect()
     }
 
-    fn part(&self, task: Task) -> &Part {
+    fn part(&self, task: CloudTinTask) -> &CloudTinPart {
         &self.seen.parts[task.part as usize]
     }
 }
@@ -230,15 +241,15 @@ fn absolute(name: &str) -> Result<String> {
 }
 
 /// Blocks, and the regions of each.
-fn parts(regions: &[Region], blocks: Vec<Region>) -> Vec<Part> {
+fn parts(regions: &[CloudTinRegion], blocks: Vec<CloudTinRegion>) -> Vec<CloudTinPart> {
     let mut next = 0;
-    let part = |block: Region| {
-        let is_in = |region: &&Region| {
+    let part = |block: CloudTinRegion| {
+        let is_in = |region: &&CloudTinRegion| {
             (0..2).all(|i| block.low[i] <= region.low[i] && region.low[i] < block.end[i])
         };
         let first = next;
         next += regions[first..].iter().take_while(is_in).count();
-        Part { block, regions: first..next }
+        CloudTinPart { block, regions: first..next }
     };
     blocks.into_iter().map(part).collect()
 }
@@ -246,27 +257,31 @@ fn parts(regions: &[Region], blocks: Vec<Region>) -> Vec<Part> {
 /// What is worked on, in a task or at the end.
 struct Desk<'a> {
     mesh: &'a CloudMesh,
-    opened: &'a Opened,
-    ready: &'a Ready<'a>,
+    opened: &'a OpenedCloudTin,
+    ready: &'a PreparedCloudTin<'a>,
     tiling: Tiling,
     hull: Vec<Point>,
-    regions: Regions,
-    lines: Lines<'a>,
-    at: At<'a>,
+    regions: CloudTinRegions,
+    lines: CloudLines<'a>,
+    at: Observer<'a>,
 }
 
 impl<'a> Desk<'a> {
-    fn new(mesh: &'a CloudMesh, (opened, ready): (&'a Opened, &'a Ready<'a>), at: At<'a>) -> Self {
+    fn new(
+        mesh: &'a CloudMesh,
+        (opened, ready): (&'a OpenedCloudTin, &'a PreparedCloudTin<'a>),
+        at: Observer<'a>,
+    ) -> Self {
         let tiling = ready.tiling();
         let hull: Vec<_> = mesh.seen.hull.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
-        let regions = Regions::known(&mesh.seen.regions, &tiling);
-        let mut lines = Lines::new(&ready.kept, Hull::of(hull.clone()), &tiling);
+        let regions = CloudTinRegions::known(&mesh.seen.regions, &tiling);
+        let mut lines = CloudLines::new(&ready.kept, ConvexHull::of(hull.clone()), &tiling);
         lines.divide(&regions, &tiling);
         Self { mesh, opened, ready, tiling, hull, regions, lines, at }
     }
 
     /// The work on some points, so many bytes being held beside them.
-    fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<work::Work<'w>> {
+    fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<work::CloudTinContext<'w>> {
         self.ready.work((points, &self.regions, &self.lines), held, self.at)
     }
 
@@ -275,9 +290,9 @@ impl<'a> Desk<'a> {
     }
 
     /// The points in a window, those of some squares only where these are named.
-    fn read(&self, within: Window, squares: Option<&[usize]>) -> Result<PointStore> {
+    fn read(&self, within: PositionWindow, squares: Option<&[usize]>) -> Result<PointStore> {
         let filling = self.ready.filling(self.at);
-        let filling = crate::points::Filling { within: Some(within), ..filling };
+        let filling = crate::points::PointStoreSetup { within: Some(within), ..filling };
         let empty = self.empty(filling.memory);
         let empty = match squares {
             Some(squares) => empty.only(squares.iter().copied()),
@@ -299,7 +314,7 @@ impl<'a> Desk<'a> {
     }
 
     /// The vertices that some regions choose among the points around them; all points where all are wanted.
-    fn choose(&self, block: &Region, regions: Range<usize>) -> Result<PointStore> {
+    fn choose(&self, block: &CloudTinRegion, regions: Range<usize>) -> Result<PointStore> {
         let band = self.tiling.side() / BAND;
         let points = self.read(block.window(&self.tiling).grown(band), None)?;
         let (work, tolerance) = (self.work(&points, 0)?, self.ready.tolerance());
@@ -313,7 +328,11 @@ impl<'a> Desk<'a> {
     }
 
     /// What the regions of a task find that have to look in its round: each with what it found.
-    fn look(&self, task: Task, survey: &Survey<'_, CloudMesh>) -> Result<Vec<(usize, Look)>> {
+    fn look(
+        &self,
+        task: CloudTinTask,
+        survey: &TaskSurvey<'_, CloudMesh>,
+    ) -> Result<Vec<(usize, RegionInspection)>> {
         let (mesh, regions) = (self.mesh, self.mesh.part(task).regions.clone());
         let all = shelves(survey, mesh.tasks_of(0..task.round))?;
         let due = match task.round {
@@ -334,19 +353,20 @@ impl<'a> Desk<'a> {
     /// Adds vertices until nothing is left to add, after all rounds.
     fn settle(
         &self,
-        survey: &Survey<'_, CloudMesh>,
-        work: &work::Work<'_>,
+        survey: &TaskSurvey<'_, CloudMesh>,
+        work: &work::CloudTinContext<'_>,
         vertices: &PointStore,
-    ) -> Result<Errors> {
+    ) -> Result<CloudTinErrors> {
         let (rounds, tolerance) = (self.mesh.rounds(), self.ready.tolerance());
         let last = self.mesh.tasks_of(rounds..rounds + 1);
-        let seen = last.iter().map(|task| looks(survey, Task { round: rounds + 1, ..*task }));
+        let seen =
+            last.iter().map(|task| looks(survey, CloudTinTask { round: rounds + 1, ..*task }));
         let seen = seen.collect::<Result<Vec<_>>>()?.concat();
         let changed = shelves(survey, last)?;
-        let settling = Settling::after(seen, changed.squares().map(|(s, _)| s), &self.tiling);
+        let settling = RegionWorklist::after(seen, changed.squares().map(|(s, _)| s), &self.tiling);
         let settled = settling.run(vertices, |due| {
             let points = self.read_regions(due)?;
-            let work = work::Work { points: &points, ..*work };
+            let work = work::CloudTinContext { points: &points, ..*work };
             look_at_all(&work, vertices, (tolerance, &self.hull), due)
         })?;
         Ok(settled.end(tolerance).0)
@@ -354,8 +374,8 @@ impl<'a> Desk<'a> {
 }
 
 /// The vertices in the objects of some tasks.
-fn shelves(survey: &Survey<'_, CloudMesh>, tasks: Vec<Task>) -> Result<Shelves> {
-    let object = |task: Task| {
+fn shelves(survey: &TaskSurvey<'_, CloudMesh>, tasks: Vec<CloudTinTask>) -> Result<Shelves> {
+    let object = |task: CloudTinTask| {
         let (path, done) = survey.object(task)?;
         Ok((path, done.facts.index))
     };
@@ -363,20 +383,21 @@ fn shelves(survey: &Survey<'_, CloudMesh>, tasks: Vec<Task>) -> Result<Shelves> 
 }
 
 /// What the regions of a task found when they looked last, before its round.
-fn looks(survey: &Survey<'_, CloudMesh>, task: Task) -> Result<Vec<Look>> {
+fn looks(survey: &TaskSurvey<'_, CloudMesh>, task: CloudTinTask) -> Result<Vec<RegionInspection>> {
     let regions = survey.folder.plan.work.part(task).regions.clone();
-    let mut looks = vec![Look::settled(Window::ALL, 0); regions.len()];
+    let mut looks = vec![RegionInspection::settled(PositionWindow::ALL, 0); regions.len()];
     for round in 1..task.round {
-        let (_, done) = survey.object(Task { round, ..task })?;
+        let (_, done) = survey.object(CloudTinTask { round, ..task })?;
         for &(region, [low, high], points) in &done.facts.looks {
-            looks[region - regions.start] = Look::settled(Window { low, high }, points);
+            looks[region - regions.start] =
+                RegionInspection::settled(PositionWindow { low, high }, points);
         }
     }
     Ok(looks)
 }
 
 /// Puts the points of a block of squares into an object; returns how many there are.
-fn put(store: &PointStore, block: &Region, object: &Path) -> Result<(u64, Digest)> {
+fn put(store: &PointStore, block: &CloudTinRegion, object: &Path) -> Result<(u64, Digest)> {
     let mut writer = ShelfWriter::create(object)?;
     let (mut points, mut count) = (Vec::new(), 0);
     for square in block.squares(store.tiling()) {
@@ -387,33 +408,33 @@ fn put(store: &PointStore, block: &Region, object: &Path) -> Result<(u64, Digest
     Ok((count, writer.finish()?))
 }
 
-impl Work for CloudMesh {
-    const KIND: Kind = Kind::Cloud;
-    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+impl PlannedWork for CloudMesh {
+    const KIND: PlanKind = PlanKind::Cloud;
+    const NAMES: &'static [Numbered<CloudTinTask>] = &CloudTinTask::NAMES;
 
-    type Task = Task;
-    type Facts = Facts;
+    type Task = CloudTinTask;
+    type Facts = VertexObjectSummary;
     type Run = PointRun;
     type Note = CloudTinReport;
     type Status = PointStatus;
-    type Opened = Opened;
+    type Opened = OpenedCloudTin;
 
     fn check(&self) -> Result<()> {
         limits::check("number of tasks of a round", self.seen.parts.len() as u64, MOST_PARTS)
     }
 
-    fn tasks(&self) -> Vec<Task> {
+    fn tasks(&self) -> Vec<CloudTinTask> {
         self.tasks_of(0..self.rounds() + 1)
     }
 
-    fn before(&self, task: Task) -> Vec<Task> {
+    fn before(&self, task: CloudTinTask) -> Vec<CloudTinTask> {
         self.tasks_of(0..task.round)
     }
 
-    fn size(&self, task: Named<Task>) -> u64 {
+    fn size(&self, task: PlanStep<CloudTinTask>) -> u64 {
         match task {
-            Named::Task(task) => self.part(task).block.points,
-            Named::Finish => self.seen.census.kept,
+            PlanStep::Task(task) => self.part(task).block.points,
+            PlanStep::Finish => self.seen.census.kept,
         }
     }
 
@@ -426,44 +447,49 @@ impl Work for CloudMesh {
         }
     }
 
-    fn check_name(&self, output: &Path, _: &Form) -> Result<()> {
+    fn check_name(&self, output: &Path, _: &OutputForm) -> Result<()> {
         refuse_other_name(self.format()?, output)
     }
 
-    fn output(&self, _: &Form) -> Result<PathBuf> {
+    fn output(&self, _: &OutputForm) -> Result<PathBuf> {
         let format = self.format()?;
         Ok(Path::new("mesh").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
-        let Order { output, overwrite, resources, .. } = order;
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedCloudTin> {
+        let OutputOrder { output, overwrite, resources, .. } = order;
         let Self { method, cloud, .. } = &plan.work;
         let resources = beside_polygons(&method.options, &resources);
-        let options = OpenOptions { threads: resources.threads, ..method.options.clone() };
+        let options = CloudOpenOptions { threads: resources.threads, ..method.options.clone() };
         let job = CloudTinJob {
             overwrite,
             options,
             format: Some(method.format.clone()),
             ..CloudTinJob::new(method.inputs.clone(), output, method.max_error, resources)
         };
-        let opened = Opened::new(job, plan.label.clone())?;
-        refuse_another("cloud", &plan.label, cloud, &Found::of(opened.source.info())?)?;
+        let opened = OpenedCloudTin::new(job, plan.label.clone())?;
+        refuse_another(
+            "cloud",
+            &plan.label,
+            cloud,
+            &CloudHeaderSummary::of(opened.source.info())?,
+        )?;
         Ok(opened)
     }
 
-    fn check_output(opened: &Opened, _: At<'_>) -> Result<()> {
+    fn check_output(opened: &OpenedCloudTin, _: Observer<'_>) -> Result<()> {
         let (CloudTinJob { output, overwrite, .. }, ready) = (&opened.job, opened.ready()?);
         drop(AtomicFile::create(output, *overwrite)?);
         check_prj(output, &ready.info.crs, *overwrite)
     }
 
     fn make(
-        opened: &Opened,
-        (task, object): (Task, &Path),
-        survey: &Survey<'_, Self>,
+        opened: &OpenedCloudTin,
+        (task, object): (CloudTinTask, &Path),
+        survey: &TaskSurvey<'_, Self>,
         run: &mut PointRun,
-        at: At<'_>,
-    ) -> Result<Made<Facts>> {
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<VertexObjectSummary>> {
         let (mesh, ready) = (&survey.folder.plan.work, opened.ready()?);
         let (desk, part) = (Desk::new(mesh, (opened, &ready), at), mesh.part(task));
         let (vertices, mut found) = match task.round {
@@ -477,36 +503,37 @@ impl Work for CloudMesh {
         found.sort_unstable_by_key(|(region, _)| *region);
         let (points, index) = put(&vertices, &part.block, object)?;
         run.vertices += points;
-        let look = |(region, look): (usize, Look)| {
-            let Window { low, high } = look.influence;
+        let look = |(region, look): (usize, RegionInspection)| {
+            let PositionWindow { low, high } = look.influence;
             (region, [low, high], look.errors.points)
         };
-        let facts = Facts { points, index, looks: found.into_iter().map(look).collect() };
-        Ok(Made { facts, digest: None, spilled: vertices.spilled() })
+        let facts =
+            VertexObjectSummary { points, index, looks: found.into_iter().map(look).collect() };
+        Ok(MadeArtifact { facts, digest: None, spilled: vertices.spilled() })
     }
 
     fn write(
-        opened: &Opened,
-        survey: &Survey<'_, Self>,
+        opened: &OpenedCloudTin,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut PointRun,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<CloudTinReport> {
         let (started, mesh, ready) = (Instant::now(), &survey.folder.plan.work, opened.ready()?);
-        let (desk, mut clock) = (Desk::new(mesh, (opened, &ready), at), Clock::default());
+        let (desk, mut clock) = (Desk::new(mesh, (opened, &ready), at), CloudTinClock::default());
         let (none, all) = (desk.empty(0), shelves(survey, mesh.tasks())?);
         let work = desk.work(&none, all.bytes())?;
         let vertices = desk.empty(work.vertex_bytes).over(all);
         let errors = match mesh.rounds() {
-            0 => Errors::default(),
+            0 => CloudTinErrors::default(),
             _ => desk.settle(survey, &work, &vertices)?,
         };
         clock.lap("prove", vertices.count());
         let written = write(&work, &vertices, &desk.hull, &ready.info.frame, ready.sink()?)?;
         clock.lap("write", written.vertices);
-        let Census { kept, .. } = mesh.seen.census;
+        let PointCensus { kept, .. } = mesh.seen.census;
         let stacked = kept - if mesh.rounds() == 0 { written.vertices } else { errors.points };
         let (spilled, apart) = (vertices.spilled(), Vec::new());
-        let made = make::Made { written, errors, stacked, spilled, apart };
+        let made = make::CloudTinOutcome { written, errors, stacked, spilled, apart };
         let mut report = report(&ready, &work, mesh.seen.census, &made, clock)?;
         report.of_source(&*opened.source, &mesh.seen.losses, started);
         run.mesh = Some(report.clone());
@@ -524,8 +551,11 @@ mod tests {
 
     #[test]
     fn parts_have_each_region_once() {
-        let region =
-            |low: [u32; 2], side: u32| Region { low, end: low.map(|at| at + side), points: 1 };
+        let region = |low: [u32; 2], side: u32| CloudTinRegion {
+            low,
+            end: low.map(|at| at + side),
+            points: 1,
+        };
         let regions = [
             region([0, 0], 1),
             region([1, 0], 1),
@@ -534,7 +564,7 @@ mod tests {
             region([2, 2], 1),
             region([3, 3], 1),
         ];
-        let of = |blocks: Vec<Region>| -> Vec<Range<usize>> {
+        let of = |blocks: Vec<CloudTinRegion>| -> Vec<Range<usize>> {
             parts(&regions, blocks).into_iter().map(|part| part.regions).collect()
         };
         assert!(of(vec![region([0, 0], 4)]) == vec![0..6; 1]);

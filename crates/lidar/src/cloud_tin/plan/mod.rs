@@ -22,10 +22,12 @@ use std::path::Path;
 use super::job::{CloudTinJob, CloudTinReport};
 use super::options::CloudTinOptions;
 use super::regions::REGION_POINTS;
-use mesh::{CloudMesh, Opened, Whole};
+use mesh::{CloudMesh, CloudTinSurvey, OpenedCloudTin};
 use terrane_base::error::{Error, Result};
-use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport};
+use terrane_engine::operation::{Divisible, RunRequest};
+use terrane_engine::plan::{
+    self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob, StatusReport,
+};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::refuse_held;
@@ -41,10 +43,10 @@ impl Divisible for CloudTinOptions {
     /// In PLY unless told otherwise.
     fn plan(
         &self,
-        request: Request<'_>,
+        request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<PointStatus>> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
         let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let output = folder.join("mesh").with_extension(format.extensions[0]);
         let job = CloudTinJob {
@@ -68,20 +70,24 @@ pub fn plan_cloud_tin(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinStatus> {
-    plan_regions(job, REGION_POINTS, At { progress, cancel })
+    plan_regions(job, REGION_POINTS, Observer { progress, cancel })
 }
 
 /// The same in regions of so many points at the most.
-pub(super) fn plan_regions(job: &PlanCloudTinJob, most: u64, at: At<'_>) -> Result<CloudTinStatus> {
+pub(super) fn plan_regions(
+    job: &PlanCloudTinJob,
+    most: u64,
+    at: Observer<'_>,
+) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     refuse_held(job.inputs.names())?;
     refuse_lines(job)?;
     job.check()?;
-    let opened = Opened::new(job.clone(), job.label())?;
+    let opened = OpenedCloudTin::new(job.clone(), job.label())?;
     let (mesh, needs) = match Plan::<CloudMesh>::there(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
-            let (seen, share) = Whole::look(&opened, (*cut, most), &opened.ready()?, at)?;
+            let (seen, share) = CloudTinSurvey::look(&opened, (*cut, most), &opened.ready()?, at)?;
             let mesh = CloudMesh::of(&opened, *cut, seen)?;
             let needs = needs::expect(&opened.ready()?, &mesh.seen.regions, share)?;
             (mesh, needs)
@@ -118,11 +124,11 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<CloudTinReport> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, Form::default(), with);
+    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan =
         || plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<CloudMesh>(&all, plan, At { progress, cancel })?;
-    let mut mesh = Kind::Cloud.made(run.of.mesh)?;
+    let run = plan::run_in::<CloudMesh>(&all, plan, Observer { progress, cancel })?;
+    let mut mesh = PlanKind::Cloud.made(run.of.mesh)?;
     mesh.run.wall_seconds = run.wall_seconds;
     mesh.run.peak_memory = run.peak_memory;
     mesh.run.spilled_bytes = mesh.run.spilled_bytes.map(|bytes| bytes + run.spilled_bytes);

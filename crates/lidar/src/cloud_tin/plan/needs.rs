@@ -1,15 +1,15 @@
 //! What the work on a mesh of a cloud will take, from squares that choose vertices as all will.
 
 use crate::cloud_tin::choose::{BAND, first_choice};
-use crate::cloud_tin::lines::Lines;
-use crate::cloud_tin::ready::Ready;
-use crate::cloud_tin::regions::{REGION_POINTS, Region, Regions};
+use crate::cloud_tin::lines::CloudLines;
+use crate::cloud_tin::ready::PreparedCloudTin;
+use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, REGION_POINTS};
 use crate::points::{ENTRY, POINT, PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::Hull;
+use terrane_delaunay::ConvexHull;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{At, Needs};
+use terrane_engine::plan::{Observer, PlanNeeds};
 
 /// Squares that are tried.
 const TRIED: u32 = 96;
@@ -24,14 +24,14 @@ const MARGIN: f64 = 1.15;
 const LOOK: u64 = 80;
 
 /// A few squares, and the points in and around them.
-pub(super) struct Sample {
+pub(super) struct SquareSample {
     squares: Vec<usize>,
     points: PointStore,
 }
 
-impl Sample {
+impl SquareSample {
     /// Of no points yet.
-    pub(super) fn new(ready: &Ready<'_>) -> Self {
+    pub(super) fn new(ready: &PreparedCloudTin<'_>) -> Self {
         let tiling = ready.tiling();
         let squares = places(&tiling);
         let around =
@@ -48,13 +48,18 @@ impl Sample {
     }
 
     /// Vertices for each point; all points where there is nothing to try.
-    pub(super) fn share(&self, ready: &Ready<'_>, hull: &Hull, at: At<'_>) -> Result<f64> {
+    pub(super) fn share(
+        &self,
+        ready: &PreparedCloudTin<'_>,
+        hull: &ConvexHull,
+        at: Observer<'_>,
+    ) -> Result<f64> {
         let tiling = self.points.tiling();
         let few = |square: usize| {
             let count = self.points.summary(square).map_or(0, |summary| summary.count);
             let low = [square % tiling.counts()[0] as usize, square / tiling.counts()[0] as usize];
             let low = low.map(|at| at as u32);
-            let region = Region { low, end: low.map(|at| at + 1), points: count };
+            let region = CloudTinRegion { low, end: low.map(|at| at + 1), points: count };
             (1..=REGION_POINTS).contains(&count).then_some(region)
         };
         let regions: Vec<_> = self.squares.iter().filter_map(|&square| few(square)).collect();
@@ -62,8 +67,8 @@ impl Sample {
         if ready.tolerance() == 0.0 || tried == 0 {
             return Ok(1.0);
         }
-        let (count, regions) = (regions.len(), Regions::known(&regions, tiling));
-        let mut lines = Lines::new(&ready.kept, hull.clone(), tiling);
+        let (count, regions) = (regions.len(), CloudTinRegions::known(&regions, tiling));
+        let mut lines = CloudLines::new(&ready.kept, hull.clone(), tiling);
         lines.divide(&regions, tiling);
         let empty = || PointStore::empty(*tiling, ready.folder(), ready.job.resources.memory / 8);
         let (vertices, none) = (empty(), empty());
@@ -91,14 +96,18 @@ fn places(tiling: &Tiling) -> Vec<usize> {
 }
 
 /// What the plan will take, of whose points such a `share` will be vertices.
-pub(super) fn expect(ready: &Ready<'_>, regions: &[Region], share: f64) -> Result<Needs> {
+pub(super) fn expect(
+    ready: &PreparedCloudTin<'_>,
+    regions: &[CloudTinRegion],
+    share: f64,
+) -> Result<PlanNeeds> {
     let points: u64 = regions.iter().map(|region| region.points).sum();
     let vertices = (points as f64 * share) as u64;
     let squares = ready.tiling().count() as u64;
     let most = regions.iter().map(|region| region.points).max().unwrap_or(0);
     let worker = ready.division.worker(most, 0);
     let [task, writing] = NANOSECONDS.map(|n| n * 1e-9);
-    Ok(Needs {
+    Ok(PlanNeeds {
         // Squares of all rounds are known by their indices, twice while these are put in order.
         memory: ready.division.least(worker, 6 * squares * ENTRY)
             + polygon_bytes(&ready.job.options),

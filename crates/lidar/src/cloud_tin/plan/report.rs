@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
-use terrane_engine::plan::{self, StatusReport, Written};
+use terrane_engine::plan::{self, PlanRunReport, StatusReport};
 
 /// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
 pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
@@ -29,7 +29,7 @@ pub struct PointRun {
     pub mesh: Option<CloudTinReport>,
 }
 
-impl Written for PointRun {
+impl PlanRunReport for PointRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }

@@ -5,16 +5,16 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::tile::Opened;
-use crate::grid::extent::Extent;
+use super::tile::OpenedCloudGrid;
+use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::preset::Seen;
+use crate::grid::preset::CloudOverview;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_cloud::{self as cloud, PointSource};
 use terrane_engine::memory::beside_polygons;
-use terrane_engine::plan::{self, Order};
+use terrane_engine::plan::{self, OutputOrder};
 use terrane_files::{name_of, path_of};
 
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
@@ -26,18 +26,18 @@ const TILE_POINTS: f64 = (1_u64 << 26) as f64;
 
 /// A grid to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Grid {
+pub(super) struct CloudGridPlan {
     /// What is asked for, by paths that hold wherever a task is run on this file system.
     pub(super) method: GridJob,
-    pub(super) grid: Cells,
+    pub(super) grid: PlannedCells,
     /// What a model of the terrain has to know of the whole cloud.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) seen: Option<Seen>,
+    pub(super) seen: Option<CloudOverview>,
 }
 
 /// What the cells are, as found when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Cells {
+pub(super) struct PlannedCells {
     pub(super) width: u32,
     pub(super) height: u32,
     /// Cells along a tile.
@@ -51,21 +51,21 @@ pub(super) struct Cells {
 
 /// A task: a tile by its number, row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Tile(pub(super) u32);
+pub(super) struct GridTileTask(pub(super) u32);
 
-impl fmt::Display for Tile {
+impl fmt::Display for GridTileTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "tile-{}", self.0)
     }
 }
 
-impl Grid {
+impl CloudGridPlan {
     /// That of an opened job; tiles are of `side` cells, or of as many as make a fair piece of work.
     pub(super) fn new(
-        Opened { job, points, extent, seen }: &Opened,
+        OpenedCloudGrid { job, points, extent, seen }: &OpenedCloudGrid,
         side: Option<u32>,
     ) -> Result<Self> {
-        let grid = Cells::of(&**points, extent, side);
+        let grid = PlannedCells::of(&**points, extent, side);
         limits::check("number of tiles", grid.count(), plan::MOST_TASKS)?;
         let mut method = GridJob { format: Some(job.format()?.name.to_owned()), ..job.clone() };
         method.placement.like = method.placement.like.map(absolute).transpose()?;
@@ -84,21 +84,21 @@ impl Grid {
     }
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
-    pub(super) fn open(&self, label: &str, order: Order) -> Result<Opened> {
-        let Order { output, overwrite, resources, .. } = order;
+    pub(super) fn open(&self, label: &str, order: OutputOrder) -> Result<OpenedCloudGrid> {
+        let OutputOrder { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);
         let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };
         job.cloud.threads = job.resources.threads;
         let points = cloud::source(&job.input, &job.cloud)?;
-        let extent = Extent::new(points.info(), &job)?;
-        let here = Cells::of(&*points, &extent, Some(self.grid.side));
+        let extent = GridExtent::new(points.info(), &job)?;
+        let here = PlannedCells::of(&*points, &extent, Some(self.grid.side));
         plan::refuse_another("cloud", label, &self.grid, &here)?;
-        Ok(Opened { job, points, extent, seen: self.seen.clone() })
+        Ok(OpenedCloudGrid { job, points, extent, seen: self.seen.clone() })
     }
 
     /// Fails when there is nothing to make, or too much.
     pub(super) fn check_cells(&self) -> Result<()> {
-        let Cells { width, height, side, .. } = self.grid;
+        let PlannedCells { width, height, side, .. } = self.grid;
         let is_side = side > 0 && side.is_multiple_of(BLOCK) && side <= MOST_SIDE;
         if !is_side || width == 0 || height == 0 {
             return Err(Error::bad_input("it has no cells, or tiles of none"));
@@ -113,8 +113,8 @@ fn absolute(path: String) -> Result<String> {
     name_of(plan::noted_path(&path_of(&path))?)
 }
 
-impl Cells {
-    fn of(points: &dyn PointSource, extent: &Extent, side: Option<u32>) -> Self {
+impl PlannedCells {
+    fn of(points: &dyn PointSource, extent: &GridExtent, side: Option<u32>) -> Self {
         let Rect { col, row, width, height } = extent.output;
         let t = extent.lattice.transform().shifted(f64::from(col), f64::from(row));
         let info = points.info();
@@ -141,8 +141,8 @@ impl Cells {
     }
 
     /// All tiles, row by row.
-    pub(super) fn tiles(&self) -> impl Iterator<Item = Tile> + use<> {
-        (0..self.count() as u32).map(Tile)
+    pub(super) fn tiles(&self) -> impl Iterator<Item = GridTileTask> + use<> {
+        (0..self.count() as u32).map(GridTileTask)
     }
 
     /// All cells.
@@ -151,7 +151,7 @@ impl Cells {
     }
 
     /// The cells of a tile.
-    pub(super) fn cells(&self, Tile(tile): Tile) -> Rect {
+    pub(super) fn cells(&self, GridTileTask(tile): GridTileTask) -> Rect {
         let across = self.counts()[0];
         let (col, row) = (tile % across * self.side, tile / across * self.side);
         let (width, height) = (self.side.min(self.width - col), self.side.min(self.height - row));
@@ -174,7 +174,7 @@ mod tests {
     fn tiles_cover_each_cell_once() {
         for (width, height, side) in [(1, 1, 256), (256, 256, 256), (1000, 300, 256), (513, 1, 512)]
         {
-            let grid = Cells::sized(width, height, side);
+            let grid = PlannedCells::sized(width, height, side);
             let mut seen = vec![0_u8; width as usize * height as usize];
             for tile in grid.tiles() {
                 let Rect { col, row, width: w, height: h } = grid.cells(tile);

@@ -13,23 +13,24 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::extent::Extent;
+use super::extent::GridExtent;
 use super::job::GridJob;
 use super::options::GridOptions;
-use super::preset::{Making, Preset, Seen};
+use super::preset::{CloudOverview, Making, Preset};
 use super::report::GridReport;
-use manifest::{BLOCK, Grid, MOST_SIDE, Tile};
+use manifest::{BLOCK, CloudGridPlan, GridTileTask, MOST_SIDE};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{self as cloud, Census, PointSource};
-use terrane_engine::operation::{Divisible, Operation, Request};
+use terrane_cloud::{self as cloud, PointCensus, PointSource};
+use terrane_engine::operation::{Divisible, Operation, RunRequest};
 use terrane_engine::plan::{
-    self, At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, Written,
+    self, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanRunReport,
+    PlanStep, PlannedWork, StatusReport, TaskSurvey,
 };
 use terrane_engine::sift::Losses;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::{name_of, refuse_held, shown_all};
 use terrane_raster::write::{self, by_name};
-use tile::Opened;
+use tile::OpenedCloudGrid;
 
 /// A grid to plan.
 pub type PlanGridJob = plan::PlanJob<GridJob>;
@@ -58,7 +59,7 @@ pub struct CellRun {
     pub grid: Option<GridReport>,
 }
 
-impl Written for CellRun {
+impl PlanRunReport for CellRun {
     fn written(&self) -> Option<&str> {
         self.written.as_deref()
     }
@@ -67,15 +68,15 @@ impl Written for CellRun {
 impl Divisible for GridOptions {
     const TASK_SIZE: &'static str = "Cells along a tile, a multiple of 256; each tile is a task and reads what lies near it \
                                      [default: as many as have about 67 million points]";
-    terrane_engine::planned_as!(Grid, CellStatus, CellRun);
+    terrane_engine::planned_as!(CloudGridPlan, CellStatus, CellRun);
 
     /// In a GeoTIFF unless told otherwise.
     fn plan(
         &self,
-        request: Request<'_>,
+        request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<CellStatus>> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
         let format = by_name(self.file.format.as_deref().unwrap_or("GTiff"))?;
         let output = folder.join("grid").with_extension(format.extensions[0]);
         // What a plan wrote before is told of by the run.
@@ -123,40 +124,40 @@ pub fn plan_grid(
     job.check()?;
     let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
-    let extent = Extent::new(points.info(), job)?;
-    let (there, at) = (Plan::<Grid>::there(folder), At { progress, cancel });
+    let extent = GridExtent::new(points.info(), job)?;
+    let (there, at) = (Plan::<CloudGridPlan>::there(folder), Observer { progress, cancel });
     let look = |preset| look(preset, job, (&*points, &extent), at);
     let seen = match &there {
         Some(plan) => plan.work.seen.clone(),
         None => job.preset.map(look).transpose()?,
     };
-    let opened = Opened { job: job.clone(), points, extent, seen };
-    let grid = Grid::new(&opened, *cut)?;
+    let opened = OpenedCloudGrid { job: job.clone(), points, extent, seen };
+    let grid = CloudGridPlan::new(&opened, *cut)?;
     let files = grid.files(&*opened.points);
     let expect = || probe::expect(&opened, &grid.grid, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let label = shown_all(&job.input);
     Plan::new(grid, (label, files), needs, skipped)?.put(folder)?;
-    plan::status::<Grid>(folder)
+    plan::status::<CloudGridPlan>(folder)
 }
 
 /// What a model of the terrain has to know of the whole cloud.
 fn look(
     preset: Preset,
     job: &GridJob,
-    (points, extent): (&dyn PointSource, &Extent),
-    At { progress, cancel }: At<'_>,
-) -> Result<Seen> {
+    (points, extent): (&dyn PointSource, &GridExtent),
+    Observer { progress, cancel }: Observer<'_>,
+) -> Result<CloudOverview> {
     let reading = job.reading();
     let Resources { threads, memory, .. } = job.resources;
     let part = None;
     let making = Making { job, extent, reading, threads, memory, points, part, progress, cancel };
-    Seen::look(preset, points.info(), &making)
+    CloudOverview::look(preset, points.info(), &making)
 }
 
 /// The points a tile is made of.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
-struct Facts {
+struct TilePointCounts {
     read: u64,
     kept: u64,
     /// Files whose damage was passed over.
@@ -164,39 +165,39 @@ struct Facts {
     losses: Losses,
 }
 
-impl Work for Grid {
-    const KIND: Kind = Kind::Grid;
+impl PlannedWork for CloudGridPlan {
+    const KIND: PlanKind = PlanKind::Grid;
     const ENDING: &'static str = "tif";
-    const NAMES: &'static [Numbered<Tile>] = &[("tile", Tile)];
+    const NAMES: &'static [Numbered<GridTileTask>] = &[("tile", GridTileTask)];
 
-    type Task = Tile;
-    type Facts = Facts;
+    type Task = GridTileTask;
+    type Facts = TilePointCounts;
     type Run = CellRun;
     type Note = ();
     type Status = CellStatus;
-    type Opened = Opened;
+    type Opened = OpenedCloudGrid;
 
     fn check(&self) -> Result<()> {
         self.check_cells()
     }
 
-    fn tasks(&self) -> Vec<Tile> {
+    fn tasks(&self) -> Vec<GridTileTask> {
         self.grid.tiles().collect()
     }
 
-    fn before(&self, _: Tile) -> Vec<Tile> {
+    fn before(&self, _: GridTileTask) -> Vec<GridTileTask> {
         Vec::new()
     }
 
-    fn size(&self, task: Named<Tile>) -> u64 {
+    fn size(&self, task: PlanStep<GridTileTask>) -> u64 {
         match task {
-            Named::Task(tile) => self.grid.cells(tile).len() as u64,
-            Named::Finish => self.grid.all().len() as u64,
+            PlanStep::Task(tile) => self.grid.cells(tile).len() as u64,
+            PlanStep::Finish => self.grid.all().len() as u64,
         }
     }
 
     fn tell(&self) -> GridStatus {
-        let manifest::Cells { width, height, points, side, .. } = self.grid;
+        let manifest::PlannedCells { width, height, points, side, .. } = self.grid;
         StatusReport {
             format: self.method.format.clone().unwrap_or_default(),
             tile_cells: side,
@@ -205,51 +206,55 @@ impl Work for Grid {
         }
     }
 
-    fn output(&self, _: &Form) -> Result<PathBuf> {
+    fn output(&self, _: &OutputForm) -> Result<PathBuf> {
         let format = write::by_name(self.method.format.as_deref().unwrap_or_default())?;
         Ok(Path::new("grid").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedCloudGrid> {
         plan.work.open(&plan.label, order)
     }
 
-    fn check_output(opened: &Opened, _: At<'_>) -> Result<()> {
+    fn check_output(opened: &OpenedCloudGrid, _: Observer<'_>) -> Result<()> {
         opened.sink(&opened.job, &opened.extent).map(drop)
     }
 
     fn make(
-        opened: &Opened,
-        (tile, object): (Tile, &Path),
-        survey: &Survey<'_, Self>,
+        opened: &OpenedCloudGrid,
+        (tile, object): (GridTileTask, &Path),
+        survey: &TaskSurvey<'_, Self>,
         run: &mut CellRun,
-        at: At<'_>,
-    ) -> Result<Made<Facts>> {
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<TilePointCounts>> {
         let made = opened.make(survey.folder.plan.work.grid.cells(tile), object, at)?;
         run.points += made.points.read;
-        Ok(Made {
-            facts: Facts { read: made.points.read, kept: made.points.kept, losses: made.losses },
+        Ok(MadeArtifact {
+            facts: TilePointCounts {
+                read: made.points.read,
+                kept: made.points.kept,
+                losses: made.losses,
+            },
             digest: None,
             spilled: made.run.spilled_bytes.unwrap_or_default(),
         })
     }
 
     fn write(
-        opened: &Opened,
-        survey: &Survey<'_, Self>,
+        opened: &OpenedCloudGrid,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut CellRun,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<()> {
-        let (mut points, mut losses) = (Census::default(), Losses::default());
+        let (mut points, mut losses) = (PointCensus::default(), Losses::default());
         for done in survey.done.values() {
             points.read += done.facts.read;
             points.kept += done.facts.kept;
             losses.add(&done.facts.losses);
         }
-        let file = |tile: &Tile| name_of(survey.object(*tile)?.0);
+        let file = |tile: &GridTileTask| name_of(survey.object(*tile)?.0);
         let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
-        let Plan { label, work: Grid { grid: cells, .. }, .. } = &survey.folder.plan;
+        let Plan { label, work: CloudGridPlan { grid: cells, .. }, .. } = &survey.folder.plan;
         let notes = losses.notes().chain(made.notes).collect();
         let (cloud_points, input) = (Some(cells.points), label.clone());
         run.grid = Some(GridReport { points, cloud_points, input, notes, ..made });

@@ -5,18 +5,18 @@ use std::time::Instant;
 
 use tempfile::TempDir;
 
-use super::manifest::{BLOCK, Cells, Tile};
-use super::tile::Opened;
-use crate::grid::budget::Budget;
-use crate::grid::extent::Extent;
+use super::manifest::{BLOCK, GridTileTask, PlannedCells};
+use super::tile::OpenedCloudGrid;
+use crate::grid::budget::GridBudget;
+use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::near::Near;
+use crate::grid::near::CellSurroundings;
 use crate::grid::preset;
 use crate::points::parts_in;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{At, Needs, shared};
+use terrane_engine::plan::{Observer, PlanNeeds, shared};
 use terrane_files::name_of;
 use terrane_gridding::Recipe;
 
@@ -41,12 +41,16 @@ const CELL: f64 = 60.0;
 const MARGIN: f64 = 1.06;
 
 /// What the plan whose grid has these `cells` will take.
-pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs> {
+pub(super) fn expect(
+    opened: &OpenedCloudGrid,
+    cells: &PlannedCells,
+    at: Observer<'_>,
+) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
     let places = places(cells);
     let least = Least::of(opened, cells, folder.path())?;
-    let mut seen = Seen { block: least.block, ..Seen::default() };
+    let mut seen = GridProbe { block: least.block, ..GridProbe::default() };
     at.progress.begin("sample", places.len() as u64);
     for (number, rect) in places.iter().enumerate() {
         let folder = folder.path().join(number.to_string());
@@ -67,18 +71,18 @@ pub(super) fn expect(opened: &Opened, cells: &Cells, at: At<'_>) -> Result<Needs
     // What one thread cannot do without is more than a further one takes.
     let (memory, thread_memory) = (least.memory, least.memory);
     let memory = memory + polygon_bytes(&opened.job.cloud);
-    Ok(Needs { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
+    Ok(PlanNeeds { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
 }
 
 /// Whether the ground is found, or a surface frozen, in squares with halos: small tiles take more of those
 /// than all will.
-fn is_found(Opened { job, seen, .. }: &Opened) -> bool {
+fn is_found(OpenedCloudGrid { job, seen, .. }: &OpenedCloudGrid) -> bool {
     seen.as_ref().is_some_and(|seen| job.needs_ground() && !seen.by_class || seen.square > 0)
 }
 
 /// Nanoseconds for a point, where that is not measured.
-fn point(opened: &Opened) -> f64 {
-    let Opened { job, seen, extent, .. } = opened;
+fn point(opened: &OpenedCloudGrid) -> f64 {
+    let OpenedCloudGrid { job, seen, extent, .. } = opened;
     let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
     let usual = match seen {
         Some(seen) if job.needs_ground() && !seen.by_class => FOUND,
@@ -89,8 +93,8 @@ fn point(opened: &Opened) -> f64 {
 }
 
 /// Points that all tiles read: each reads all parts that have some near it.
-fn to_read(opened: &Opened, cells: &Cells) -> u64 {
-    let tiles: Vec<Tile> = cells.tiles().collect();
+fn to_read(opened: &OpenedCloudGrid, cells: &PlannedCells) -> u64 {
+    let tiles: Vec<GridTileTask> = cells.tiles().collect();
     let stride = tiles.len().div_ceil(MOST_COUNTED).max(1);
     let counted = tiles.iter().step_by(stride);
     let count = counted.len() as u64;
@@ -100,7 +104,7 @@ fn to_read(opened: &Opened, cells: &Cells) -> u64 {
 }
 
 /// Points of the parts that have some near.
-fn points_near(opened: &Opened, near: Option<Near>) -> u64 {
+fn points_near(opened: &OpenedCloudGrid, near: Option<CellSurroundings>) -> u64 {
     let points = &*opened.points;
     match near {
         Some(near) => {
@@ -123,7 +127,7 @@ struct Tried {
 
 /// Cells that were tried, and what they took.
 #[derive(Default)]
-struct Seen {
+struct GridProbe {
     points: u64,
     seconds: f64,
     cells: u64,
@@ -135,7 +139,7 @@ struct Seen {
     block: (u32, u32),
 }
 
-impl Seen {
+impl GridProbe {
     fn add(&mut self, rect: Rect, tried: Tried) {
         let [tile, written] = tried.bytes;
         self.points += tried.points;
@@ -182,7 +186,7 @@ impl Seen {
 }
 
 /// Small tiles, evenly over the cells in both directions.
-fn places(cells: &Cells) -> Vec<Rect> {
+fn places(cells: &PlannedCells) -> Vec<Rect> {
     let spans = |all: u32| -> Vec<[u32; 2]> {
         // Of a small grid no more than a quarter is made.
         let count = (all.div_ceil(BLOCK) / 2).clamp(1, ALONG);
@@ -198,7 +202,12 @@ fn places(cells: &Cells) -> Vec<Rect> {
 }
 
 /// A small tile, and the grid written from it; `None` when too much has to be read to tell.
-fn probe(opened: &Opened, rect: Rect, folder: &Path, at: At<'_>) -> Result<Option<Tried>> {
+fn probe(
+    opened: &OpenedCloudGrid,
+    rect: Rect,
+    folder: &Path,
+    at: Observer<'_>,
+) -> Result<Option<Tried>> {
     at.cancel.check()?;
     let near = opened.near(rect);
     if points_near(opened, near) > MOST_POINTS {
@@ -233,8 +242,8 @@ struct Least {
 }
 
 impl Least {
-    fn of(opened: &Opened, cells: &Cells, folder: &Path) -> Result<Self> {
-        let tile = opened.extent.part(cells.cells(Tile(0)), opened.points.info());
+    fn of(opened: &OpenedCloudGrid, cells: &PlannedCells, folder: &Path) -> Result<Self> {
+        let tile = opened.extent.part(cells.cells(GridTileTask(0)), opened.points.info());
         let tile = Self::to_write(&opened.job_of(&folder.join("tile.tif")), &tile)?;
         // Formats without blocks have lines as long as the grid is wide.
         let rows = Rect::new(0, 0, cells.width, BLOCK.min(cells.height));
@@ -244,11 +253,11 @@ impl Least {
         Ok(Self { memory: whole.memory.max(tile.memory).max(ground), ..whole })
     }
 
-    fn to_write(job: &GridJob, extent: &Extent) -> Result<Self> {
+    fn to_write(job: &GridJob, extent: &GridExtent) -> Result<Self> {
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
         let sink = format.create(&job.output, &info, &job.write_options())?;
-        let memory = Budget::least(format, sink.as_ref(), extent, &recipe);
+        let memory = GridBudget::least(format, sink.as_ref(), extent, &recipe);
         Ok(Self { memory, block: sink.block() })
     }
 }
@@ -262,7 +271,7 @@ mod tests {
         for (width, height, count) in
             [(1, 1, 1), (256, 300, 1), (257, 5000, 4), (1100, 1100, 4), (80_000, 80_000, 16)]
         {
-            let cells = Cells::sized(width, height, BLOCK);
+            let cells = PlannedCells::sized(width, height, BLOCK);
             let places = places(&cells);
             assert_eq!(places.len(), count, "{width} x {height}");
             assert!(places.iter().all(|p| p.col + p.width <= width && p.row + p.height <= height));

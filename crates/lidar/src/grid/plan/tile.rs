@@ -3,23 +3,23 @@
 use std::path::Path;
 use std::time::Instant;
 
-use crate::grid::budget::Budget;
-use crate::grid::extent::Extent;
+use crate::grid::budget::GridBudget;
+use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::make::{Maker, report};
-use crate::grid::near::{Near, near_steps};
+use crate::grid::make::{GridMaker, report};
+use crate::grid::near::{CellSurroundings, near_steps};
 use crate::grid::neighbours;
-use crate::grid::preset::Seen;
+use crate::grid::preset::CloudOverview;
 use crate::grid::report::{GridReport, GridStage};
-use crate::grid::source::{Bands, Cells};
+use crate::grid::source::{CellBands, CellSource};
 use crate::points::reach;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_cloud::PointSource;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 use terrane_engine::figures::Figures;
-use terrane_engine::plan::At;
-use terrane_gridding::{Axis, Recipe, Shape, Statistic};
+use terrane_engine::plan::Observer;
+use terrane_gridding::{LatticeAxis, Recipe, Statistic, SurfaceInterpolation};
 use terrane_raster::write::GridSink;
 use terrane_raster::{self as raster, GridSource, SampleType};
 
@@ -27,24 +27,24 @@ use terrane_raster::{self as raster, GridSource, SampleType};
 const CREATION: [(&str, &str); 3] = [("COMPRESS", "ZSTD"), ("PREDICTOR", "3"), ("BIGTIFF", "YES")];
 
 /// A plan's cloud and cells, opened.
-pub(super) struct Opened {
+pub(super) struct OpenedCloudGrid {
     pub(super) job: GridJob,
     pub(super) points: Box<dyn PointSource>,
-    pub(super) extent: Extent,
+    pub(super) extent: GridExtent,
     /// What a model of the terrain has to know of the whole cloud.
-    pub(super) seen: Option<Seen>,
+    pub(super) seen: Option<CloudOverview>,
 }
 
-impl Opened {
+impl OpenedCloudGrid {
     /// Writes the tile of these `cells` to `file` from the part of the cloud that lies near it, or as
     /// much more as it takes.
-    pub(super) fn make(&self, cells: Rect, file: &Path, at: At<'_>) -> Result<GridReport> {
+    pub(super) fn make(&self, cells: Rect, file: &Path, at: Observer<'_>) -> Result<GridReport> {
         let mut near = self.near(cells);
         loop {
             if let Some(made) = self.try_make(cells, file, near, at)? {
                 return Ok(made);
             }
-            near = near.map(Near::wider);
+            near = near.map(CellSurroundings::wider);
         }
     }
 
@@ -53,22 +53,22 @@ impl Opened {
         &self,
         cells: Rect,
         file: &Path,
-        near: Option<Near>,
-        At { progress, cancel }: At<'_>,
+        near: Option<CellSurroundings>,
+        Observer { progress, cancel }: Observer<'_>,
     ) -> Result<Option<GridReport>> {
         let (points, job) = (&*self.points, self.job_of(file));
         let extent = self.extent.part(cells, points.info());
         let seen = self.seen.as_ref();
-        Maker { points, job: &job, extent, within: near, seen, progress, cancel }.try_make()
+        GridMaker { points, job: &job, extent, within: near, seen, progress, cancel }.try_make()
     }
 
     /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
-    pub(super) fn near(&self, cells: Rect) -> Option<Near> {
+    pub(super) fn near(&self, cells: Rect) -> Option<CellSurroundings> {
         let extent = self.extent.part(cells, self.points.info());
         let recipe = Recipe::new(&self.job.stats, &self.job.rules(extent.cell()));
         let cells = self.window(&extent, recipe.reach());
         let margin = self.margin(&recipe, &cells)?;
-        Some(Near { cells, margin })
+        Some(CellSurroundings { cells, margin })
     }
 
     /// The job whose output is a tile's result.
@@ -88,7 +88,7 @@ impl Opened {
 
     /// What receives the grid of `job`, whose cells are those of `extent`; fails where it cannot be
     /// written.
-    pub(super) fn sink(&self, job: &GridJob, extent: &Extent) -> Result<Box<dyn GridSink>> {
+    pub(super) fn sink(&self, job: &GridJob, extent: &GridExtent) -> Result<Box<dyn GridSink>> {
         job.format()?.create(&job.output, &extent.written(job), &job.write_options())
     }
 
@@ -97,25 +97,25 @@ impl Opened {
         &self,
         files: &[String],
         job: &GridJob,
-        extent: &Extent,
-        At { progress, cancel }: At<'_>,
+        extent: &GridExtent,
+        Observer { progress, cancel }: Observer<'_>,
     ) -> Result<GridReport> {
         let started = Instant::now();
         let (format, info) = (job.format()?, extent.written(job));
         let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
         let mut sink = self.sink(job, extent)?;
-        let budget = Budget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
+        let budget = GridBudget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
         let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
-        let options = |band: u32| raster::OpenOptions {
+        let options = |band: u32| raster::GridOpenOptions {
             band,
             cache_bytes: (budget.blocks / u64::from(bands)) as usize,
             threads: budget.threads,
             temp_dir: job.resources.temp_dir.clone(),
-            ..raster::OpenOptions::default()
+            ..raster::GridOpenOptions::default()
         };
         let open = |band: u32| raster::open_all(files, &options(band));
-        let tiles = Tiles { bands: (1..=bands).map(open).collect::<Result<_>>()? };
-        let bands = Bands { cells: &tiles, bands: recipe.bands(), info: &info };
+        let tiles = GridTileValues { bands: (1..=bands).map(open).collect::<Result<_>>()? };
+        let bands = CellBands { cells: &tiles, bands: recipe.bands(), info: &info };
         let valid = bands.write(sink.as_mut(), budget.threads, progress, cancel)?;
         cancel.check()?;
         let seen = self.seen.iter().flat_map(|seen| seen.notes.clone()).collect();
@@ -135,9 +135,9 @@ impl Opened {
     }
 
     /// All that lies less than `reach` world units from the centre of a cell, or in one.
-    fn window(&self, extent: &Extent, reach: f64) -> Window {
+    fn window(&self, extent: &GridExtent, reach: f64) -> PositionWindow {
         let frame = &self.points.info().frame;
-        let ends = |axis: usize, cells: Axis, count: u32| {
+        let ends = |axis: usize, cells: LatticeAxis, count: u32| {
             let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
             let margin = cells.world_cell().max(reach);
             near_steps(frame, axis, [a.min(b) - margin, a.max(b) + margin])
@@ -145,15 +145,15 @@ impl Opened {
         let (width, height) = extent.lattice.size();
         let [west, east] = ends(0, extent.lattice.x, width);
         let [south, north] = ends(1, extent.lattice.y, height);
-        Window { low: [west, south], high: [east, north] }
+        PositionWindow { low: [west, south], high: [east, north] }
     }
 
     /// Steps around the cells that are read at first; `None` for the whole cloud.
-    fn margin(&self, recipe: &Recipe, cells: &Window) -> Option<i32> {
+    fn margin(&self, recipe: &Recipe, cells: &PositionWindow) -> Option<i32> {
         let info = self.points.info();
         let own = |statistic: &Statistic| match statistic.shape() {
-            Some(Shape::Natural) => None,
-            Some(Shape::Linear { max_edge }) => {
+            Some(SurfaceInterpolation::Natural) => None,
+            Some(SurfaceInterpolation::Linear { max_edge }) => {
                 // What has long edges is void, whatever lies further away.
                 let longest = max_edge.or(self.job.max_edge).map(|most| reach(&info.frame, most));
                 Some(longest.unwrap_or(0).max(neighbours::tiling(info).side()).saturating_add(4))
@@ -170,16 +170,16 @@ impl Opened {
 }
 
 /// The values of the cells of all tiles.
-pub(super) struct Tiles {
+pub(super) struct GridTileValues {
     /// By band.
     pub(super) bands: Vec<Box<dyn GridSource>>,
 }
 
-impl Cells for Tiles {
+impl CellSource for GridTileValues {
     fn values(
         &self,
         number: usize,
-        _: &terrane_gridding::Band,
+        _: &terrane_gridding::StatisticBand,
         rect: Rect,
         out: &mut [f64],
     ) -> Result<()> {

@@ -8,12 +8,12 @@
 use std::collections::BTreeSet;
 
 use super::metres::Metres;
-use crate::points::{PointStore, Summary, Tiling};
+use crate::points::{PointStore, SquareSummary, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 use terrane_engine::{Cancel, Progress, workers};
-use terrane_ground::{Asked, Ground, Lattice, Lows, NO_POINT};
+use terrane_ground::{Asked, FinderTiling, GroundSurface, Lows, NO_POINT};
 
 /// Bytes that a method needs for each cell of a tile and its halo: where tiles may have any size, and
 /// where it is fixed.
@@ -23,12 +23,12 @@ const BYTES_FIXED: u64 = 256;
 const SIDES: [i64; 2] = [64, 1024];
 
 /// A method over the points that may be ground.
-pub(crate) struct Filter<'a> {
+pub(crate) struct GroundFilter<'a> {
     /// Points that the ground is looked for among, and others that may lie on it.
     candidates: Vec<&'a PointStore>,
     others: Option<&'a PointStore>,
     method: Asked,
-    lattice: Lattice,
+    lattice: FinderTiling,
     /// Metres to a step.
     step: [f64; 3],
     /// Steps along a cell, in x and y.
@@ -38,17 +38,17 @@ pub(crate) struct Filter<'a> {
     /// Bytes for each tile.
     memory: u64,
     /// Where ground is looked for, if not everywhere.
-    within: Option<Window>,
+    within: Option<PositionWindow>,
 }
 
 /// Cells from the first to before the end, in x and y.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Cells {
+struct GroundCellRange {
     low: [i64; 2],
     end: [i64; 2],
 }
 
-impl Cells {
+impl GroundCellRange {
     fn width(&self) -> usize {
         (self.end[0] - self.low[0]) as usize
     }
@@ -70,11 +70,11 @@ impl Cells {
     }
 
     /// What they lie in, where they have so many steps along a side, and a step more.
-    fn window(&self, cell: [f64; 2]) -> Window {
+    fn window(&self, cell: [f64; 2]) -> PositionWindow {
         let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
         let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
         let high = [0, 1].map(|i| within((self.end[i] as f64 * cell[i]).ceil() + 1.0));
-        Window { low, high }
+        PositionWindow { low, high }
     }
 
     /// The column and row of a cell, if it is one of these.
@@ -84,7 +84,7 @@ impl Cells {
     }
 }
 
-impl<'a> Filter<'a> {
+impl<'a> GroundFilter<'a> {
     /// For tiles that take about `memory` bytes each; of all points there are.
     pub(crate) fn new(
         candidates: Vec<&'a PointStore>,
@@ -97,7 +97,7 @@ impl<'a> Filter<'a> {
     }
 
     fn on(
-        lattice: Lattice,
+        lattice: FinderTiling,
         candidates: Vec<&'a PointStore>,
         metres: &Metres,
         method: Asked,
@@ -115,7 +115,7 @@ impl<'a> Filter<'a> {
     /// For the ground in a `window` of a cloud whose points are `spacing` metres apart, which has all candidates
     /// [around](around) it.
     pub(crate) fn within(
-        window: Window,
+        window: PositionWindow,
         spacing: f64,
         candidates: Vec<&'a PointStore>,
         metres: &Metres,
@@ -179,10 +179,10 @@ impl<'a> Filter<'a> {
     }
 
     /// The cells that the cloud touches: beyond, all are empty.
-    fn all(&self) -> Cells {
-        let Window { low, high } = self.tiling().window();
+    fn all(&self) -> GroundCellRange {
+        let PositionWindow { low, high } = self.tiling().window();
         let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
-        Cells { low: cell(low), end: cell(high).map(|last| last + 1) }
+        GroundCellRange { low: cell(low), end: cell(high).map(|last| last + 1) }
     }
 
     /// The tiles with points: there may be few of many, where points are far apart.
@@ -203,18 +203,18 @@ impl<'a> Filter<'a> {
     }
 
     /// The cells of a tile.
-    fn core(&self, tile: [i64; 2]) -> Cells {
+    fn core(&self, tile: [i64; 2]) -> GroundCellRange {
         let low = tile.map(|at| at * self.side);
-        Cells { low, end: low.map(|at| at + self.side) }
+        GroundCellRange { low, end: low.map(|at| at + self.side) }
     }
 
     /// The squares that cells touch.
-    fn squares(&self, cells: &Cells) -> impl Iterator<Item = usize> + use<> {
+    fn squares(&self, cells: &GroundCellRange) -> impl Iterator<Item = usize> + use<> {
         self.tiling().touching(cells.window(self.cell))
     }
 
     /// Adds the ground points of a tile.
-    fn tile(&self, core: Cells, into: &PointStore) -> Result<()> {
+    fn tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
         let reach = self.lattice.halo as i64;
         let wide = self.all().within(&core.grown(reach));
         let found = self.method.find(&Lows {
@@ -239,7 +239,7 @@ impl<'a> Filter<'a> {
     }
 
     /// The lowest point in each of these cells; of several the first by x and y.
-    fn lows(&self, cells: &Cells) -> Result<Vec<Point>> {
+    fn lows(&self, cells: &GroundCellRange) -> Result<Vec<Point>> {
         let key = |p: &Point| (p.z, p.x, p.y);
         let (mut lows, width) = (vec![NO_POINT; cells.count()], cells.width());
         for square in self.squares(cells) {
@@ -256,7 +256,13 @@ impl<'a> Filter<'a> {
     }
 
     /// Whether a point lies in the core and is ground by what was found in the cells around it.
-    fn is_ground(&self, point: &Point, core: &Cells, wide: &Cells, found: &Ground) -> bool {
+    fn is_ground(
+        &self,
+        point: &Point,
+        core: &GroundCellRange,
+        wide: &GroundCellRange,
+        found: &GroundSurface,
+    ) -> bool {
         let (cell, place) = self.locate(point);
         core.place(cell).is_some()
             && wide.place(cell).is_some_and(|[col, row]| found.is_ground(col, row, place, point.z))
@@ -269,16 +275,21 @@ fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) 
 }
 
 /// Steps along a cell, in x and y.
-fn cell(lattice: &Lattice, metres: &Metres) -> [f64; 2] {
+fn cell(lattice: &FinderTiling, metres: &Metres) -> [f64; 2] {
     [0, 1].map(|i| lattice.cell / metres.step[i])
 }
 
 /// All that tells which points of a window are ground, where points are `spacing` metres apart.
-pub(crate) fn around(method: &Asked, metres: &Metres, spacing: f64, window: Window) -> Window {
+pub(crate) fn around(
+    method: &Asked,
+    metres: &Metres,
+    spacing: f64,
+    window: PositionWindow,
+) -> PositionWindow {
     let lattice = method.lattice(spacing);
     let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
     let square = |at: i32, i: usize| ((f64::from(at) / cell[i]).floor() as i64).div_euclid(side);
-    let cells = Cells {
+    let cells = GroundCellRange {
         low: [0, 1].map(|i| square(window.low[i], i) * side),
         end: [0, 1].map(|i| (square(window.high[i], i) + 1) * side),
     };
@@ -291,7 +302,7 @@ pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
     bytes_of(method.lattice(0.0), extent)
 }
 
-fn bytes_of(lattice: Lattice, extent: [f64; 2]) -> u64 {
+fn bytes_of(lattice: FinderTiling, extent: [f64; 2]) -> u64 {
     let most = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
     let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
     cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
@@ -302,7 +313,7 @@ pub(super) fn spacing(stores: &[&PointStore], metres: &Metres) -> f64 {
     let (mut count, mut steps) = (0, 0.0);
     for square in 0..stores[0].tiling().count() {
         let all = stores.iter().filter_map(|store| store.summary(square));
-        let Some(one) = all.reduce(Summary::merged) else { continue };
+        let Some(one) = all.reduce(SquareSummary::merged) else { continue };
         let side = |i: usize| f64::from(one.window.high[i].abs_diff(one.window.low[i]));
         count += one.count;
         steps += side(0) * side(1);
@@ -337,7 +348,7 @@ mod tests {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
         let metres = Metres { step: [0.01; 3], is_guess: false };
-        let filter = Filter::new(vec![candidates], &metres, method, memory);
+        let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
         assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
         let (mut all, mut points) = (Vec::new(), Vec::new());

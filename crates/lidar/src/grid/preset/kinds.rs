@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
-use terrane_gridding::{Asked, Statistic, Subject};
+use terrane_gridding::{Statistic, StatisticRequest, Subject};
 use terrane_ground as ground;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
@@ -22,14 +22,14 @@ pub enum Preset {
 
 impl Preset {
     /// The band that holds it.
-    pub fn band(self) -> Asked {
+    pub fn band(self) -> StatisticRequest {
         let label = match self {
             Self::Dtm => "dtm",
             Self::Dsm => "dsm",
             Self::Chm => "chm",
         };
         let statistic = Statistic::linear(None);
-        Asked { statistic, label: label.to_owned(), subject: Subject::default() }
+        StatisticRequest { statistic, label: label.to_owned(), subject: Subject::default() }
     }
 }
 

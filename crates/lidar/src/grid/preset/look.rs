@@ -5,15 +5,15 @@ use super::kinds::{GroundFrom, Preset};
 use super::making::{Making, no_noise};
 use super::metres::Metres;
 use super::notes::{frozen, named, no_ground, not_of_class};
-use super::seen::{Seen, places};
-use super::squares::{Squares, Tally};
+use super::seen::{CloudOverview, places};
+use super::squares::{SpikeFreeSquares, SpikeFreeTally};
 use terrane_base::error::Result;
 use terrane_base::geom::REACH;
 use terrane_cloud::{CloudInfo, Return};
-use terrane_gridding::canopy::Way;
+use terrane_gridding::canopy::CanopyAlgorithm;
 use terrane_gridding::pitfree::PitFree;
 
-impl Seen {
+impl CloudOverview {
     /// Looks at all points that a model is made of, once.
     ///
     /// # Errors
@@ -58,13 +58,14 @@ impl Seen {
         let metres = Metres::of(&cloud.crs, &cloud.frame)?;
         let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
         self.first = spacing(&[&first], &metres);
-        let Way::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
+        let CanopyAlgorithm::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
             self.reach = reach(self.first, &metres);
             self.surface = places(&first.hull()?);
             self.notes.push(format!("surface: {} first returns", first.count()));
             return Ok(());
         };
-        let tally = Tally::new(Squares::new(self.first, (freeze, buffer), &metres));
+        let tally =
+            SpikeFreeTally::new(SpikeFreeSquares::new(self.first, (freeze, buffer), &metres));
         let all = making.outlined(no_noise(), None, &|batch| tally.take(batch))?;
         self.reach = tally.squares.reach();
         self.surface = places(&all.hull()?);

@@ -5,19 +5,19 @@ use std::path::Path;
 use super::filter::spacing;
 use super::kinds::{GROUND, NOISE, Preset};
 use super::metres::Metres;
-use super::seen::Seen;
-use crate::grid::extent::Extent;
+use super::seen::CloudOverview;
+use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
-use crate::grid::near::Near;
+use crate::grid::near::CellSurroundings;
 use crate::grid::neighbours::tiling;
-use crate::points::{Filling, Limits, PointStore, Tiling};
+use crate::points::{PointStore, PointStoreLimits, PointStoreSetup, Tiling};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{self as cloud, Filter as Wanted, OpenOptions, PointSource, Return};
-use terrane_delaunay::Window;
+use terrane_cloud::{self as cloud, CloudFilter as Wanted, CloudOpenOptions, PointSource, Return};
+use terrane_delaunay::PositionWindow;
 use terrane_engine::memory::short;
 use terrane_engine::{Cancel, Progress};
-use terrane_gridding::canopy::Way;
+use terrane_gridding::canopy::CanopyAlgorithm;
 
 /// Stores that are in memory at once.
 pub(super) const STORES: u64 = 3;
@@ -25,16 +25,16 @@ pub(super) const STORES: u64 = 3;
 pub(in crate::grid) struct Making<'a> {
     pub(in crate::grid) job: &'a GridJob,
     /// The cells.
-    pub(in crate::grid) extent: &'a Extent,
+    pub(in crate::grid) extent: &'a GridExtent,
     /// How the cloud is read, but for classes and returns.
-    pub(in crate::grid) reading: OpenOptions,
+    pub(in crate::grid) reading: CloudOpenOptions,
     pub(in crate::grid) threads: usize,
     /// Bytes for points, in all stores together.
     pub(in crate::grid) memory: u64,
     /// The cloud: of its parts only the bounds are asked.
     pub(in crate::grid) points: &'a dyn PointSource,
     /// Which part of the cloud is read, if not all of it, and what was seen of all.
-    pub(in crate::grid) part: Option<(Near, &'a Seen)>,
+    pub(in crate::grid) part: Option<(CellSurroundings, &'a CloudOverview)>,
     pub(in crate::grid) progress: &'a dyn Progress,
     pub(in crate::grid) cancel: &'a Cancel,
 }
@@ -57,13 +57,13 @@ impl Making<'_> {
     }
 
     /// What is read of first returns; `None` for all.
-    pub(super) fn surface_window(&self) -> Option<Window> {
+    pub(super) fn surface_window(&self) -> Option<PositionWindow> {
         self.part.map(|(near, _)| near.window())
     }
 
     /// Where the ground is to be known: for layers, under all first returns that are read.
-    pub(super) fn ground_window(&self) -> Option<Window> {
-        let is_layered = self.job.canopy.way() == Way::PitFree;
+    pub(super) fn ground_window(&self) -> Option<PositionWindow> {
+        let is_layered = self.job.canopy.way() == CanopyAlgorithm::PitFree;
         let is_all = self.job.preset == Some(Preset::Dtm) || !is_layered;
         self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
     }
@@ -73,10 +73,10 @@ impl Making<'_> {
         &self,
         classes: Vec<u8>,
         returns: Option<Return>,
-        within: Option<Window>,
+        within: Option<PositionWindow>,
     ) -> Result<PointStore> {
         let source = self.source(classes, returns)?;
-        let filling = Filling { within, ..self.filling() };
+        let filling = PointStoreSetup { within, ..self.filling() };
         PointStore::fill(&*source, tiling(source.info()), &filling)
     }
 
@@ -112,11 +112,11 @@ impl Making<'_> {
         returns: Option<Return>,
     ) -> Result<Box<dyn PointSource>> {
         let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
-        cloud::source(&self.job.input, &OpenOptions { filter, ..self.reading.clone() })
+        cloud::source(&self.job.input, &CloudOpenOptions { filter, ..self.reading.clone() })
     }
 
-    pub(super) fn filling(&self) -> Filling<'_> {
-        Filling {
+    pub(super) fn filling(&self) -> PointStoreSetup<'_> {
+        PointStoreSetup {
             threads: self.threads,
             memory: self.store_memory(),
             folder: self.folder(),
@@ -130,14 +130,14 @@ impl Making<'_> {
     pub(super) fn limited(
         &self,
         store: PointStore,
-        window: Option<Window>,
+        window: Option<PositionWindow>,
         around: &[Point],
     ) -> Result<PointStore> {
         let Some(window) = window else { return Ok(store) };
         store.add(around)?;
         let limits = match around {
-            [] => Limits::new(self.points, window),
-            _ => Limits::with_hull(self.points, window),
+            [] => PointStoreLimits::new(self.points, window),
+            _ => PointStoreLimits::with_hull(self.points, window),
         };
         Ok(store.limited(Some(limits)))
     }

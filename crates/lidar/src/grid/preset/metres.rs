@@ -1,7 +1,7 @@
 //! Lengths of a cloud in metres, which the thresholds of presets are stated in.
 
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Crs, Frame, Point};
+use terrane_base::geom::{Crs, Point, PointFrame};
 
 /// What steps of a frame are in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ impl Metres {
     ///
     /// # Errors
     /// Degrees, or a unit of heights that is not known.
-    pub(crate) fn of(crs: &Crs, frame: &Frame) -> Result<Self> {
+    pub(crate) fn of(crs: &Crs, frame: &PointFrame) -> Result<Self> {
         let side = crs.horizontal_metres();
         if crs.horizontal_unit() == "degree" {
             return Err(no_length("degree"));
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     fn steps(crs: &Crs) -> Result<Metres> {
-        Metres::of(crs, &Frame { scale: [0.01, 0.02, 0.1], offset: [0.0; 3] })
+        Metres::of(crs, &PointFrame { scale: [0.01, 0.02, 0.1], offset: [0.0; 3] })
     }
 
     #[test]

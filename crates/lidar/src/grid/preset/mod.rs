@@ -19,12 +19,12 @@ mod spike_free;
 mod squares;
 mod top;
 
-use super::extent::Piece;
+use super::extent::CellRequest;
 use super::job::GridJob;
-use super::near::Near;
+use super::near::CellSurroundings;
 use super::neighbours::{Surfaces, more_is_needed, tiling};
-use crate::points::{Filling, PointStore};
-pub(crate) use filter::{Filter, around, square_bytes};
+use crate::points::{PointStore, PointStoreSetup};
+pub(crate) use filter::{GroundFilter, around, square_bytes};
 pub(crate) use kinds::{GROUND, NOISE};
 pub use kinds::{GroundFrom, Preset};
 pub(super) use making::Making;
@@ -32,28 +32,28 @@ use making::{STORES, no_noise, too_little};
 pub(crate) use metres::Metres;
 pub(crate) use notes::{found_by, no_ground, no_ground_of_class};
 use notes::{found_in_classes, frozen, named, not_of_class};
-use pit_free::Layers;
-pub(crate) use seen::Seen;
+use pit_free::PitFreeLayers;
+pub(crate) use seen::CloudOverview;
 use spike_free::BySquare;
-use squares::{Squares, Tally};
+use squares::{SpikeFreeSquares, SpikeFreeTally};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{Census, CloudInfo, Return};
+use terrane_cloud::{CloudInfo, PointCensus, Return};
 use terrane_engine::sift::Losses;
 use terrane_gridding::Statistic;
-use terrane_gridding::canopy::Way;
-use top::Top;
+use terrane_gridding::canopy::CanopyAlgorithm;
+use top::CanopySurface;
 
 /// Part of the memory that each thread's tile of the ground filter may take.
 const TILE_SHARE: u64 = 8;
 
 /// A preset whose points are all in.
-pub(super) struct Model {
+pub(super) struct PresetModel {
     preset: Preset,
     ground: Option<Surfaces>,
-    top: Option<Box<dyn Top>>,
+    top: Option<Box<dyn CanopySurface>>,
     /// What became of the points of its surface.
-    pub(super) census: Census,
+    pub(super) census: PointCensus,
     /// Files whose damage was passed over.
     pub(super) losses: Losses,
     /// Which points it is made of, one line each.
@@ -61,14 +61,14 @@ pub(super) struct Model {
     spilled: u64,
 }
 
-impl Model {
+impl PresetModel {
     /// Reads what the preset needs of the cloud.
     pub(super) fn new(preset: Preset, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
         let empty = Self {
             preset,
             ground: None,
             top: None,
-            census: Census::default(),
+            census: PointCensus::default(),
             losses: Losses::default(),
             notes: Vec::new(),
             spilled: 0,
@@ -82,8 +82,8 @@ impl Model {
         }
         if preset != Preset::Dtm {
             match making.job.canopy.way() {
-                Way::PitFree => model.add_layers(cloud, making)?,
-                Way::SpikeFree { freeze, buffer } => {
+                CanopyAlgorithm::PitFree => model.add_layers(cloud, making)?,
+                CanopyAlgorithm::SpikeFree { freeze, buffer } => {
                     model.add_squares(cloud, (freeze, buffer), making)?;
                 }
             }
@@ -93,7 +93,7 @@ impl Model {
 
     /// Finds the ground, if there is any.
     fn with_ground(mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
-        let is_seen = |(_, seen): &(Near, &Seen)| seen.by_class;
+        let is_seen = |(_, seen): &(CellSurroundings, &CloudOverview)| seen.by_class;
         if making.job.ground.is_method() || !making.part.as_ref().is_none_or(is_seen) {
             return self.filter_ground(cloud, making);
         }
@@ -137,9 +137,9 @@ impl Model {
         let tile = share / making.threads as u64;
         let store = making.store(candidates.tiling());
         let filter = match part {
-            None => Filter::new(vec![&candidates], &metres, method, tile),
+            None => GroundFilter::new(vec![&candidates], &metres, method, tile),
             Some((window, spacing)) => {
-                Filter::within(window, spacing, vec![&candidates], &metres, method, tile)
+                GroundFilter::within(window, spacing, vec![&candidates], &metres, method, tile)
             }
         };
         filter.run(&store, making.threads, making.progress, making.cancel)?;
@@ -167,7 +167,7 @@ impl Model {
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();
-        let layers = Layers::new(first, ground, (&metres, cloud.frame), making)?;
+        let layers = PitFreeLayers::new(first, ground, (&metres, cloud.frame), making)?;
         self.top = Some(Box::new(layers));
         Ok(())
     }
@@ -180,10 +180,10 @@ impl Model {
     ) -> Result<()> {
         let metres = self.metres(cloud)?;
         let spacing = making.pulses(&metres)?;
-        let tally = Tally::new(Squares::new(spacing, freeze, &metres));
+        let tally = SpikeFreeTally::new(SpikeFreeSquares::new(spacing, freeze, &metres));
         let source = making.source(no_noise(), None)?;
         let window = making.surface_window();
-        let filling = Filling { within: window, ..making.filling() };
+        let filling = PointStoreSetup { within: window, ..making.filling() };
         let store = making.store(&tiling(source.info()));
         let take = |batch: &[Point]| {
             tally.take(batch);
@@ -215,7 +215,7 @@ impl Model {
     }
 
     /// Its values at the centres of cells, NaN where void.
-    pub(super) fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+    pub(super) fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         if self.is_exceeded() {
             return Err(more_is_needed());
         }
@@ -254,14 +254,14 @@ impl Model {
 
 /// Bytes of memory in all that a job needs to find the ground as it is asked to, or for a square of the surface,
 /// before anything else; 0 where that is not known before the points are.
-pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
-    let freezes = job.preset.is_some() && job.canopy.way() != Way::PitFree;
+pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
+    let freezes = job.preset.is_some() && job.canopy.way() != CanopyAlgorithm::PitFree;
     let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
     let surface = spike_free::least(seen.map_or(usual, |seen| seen.square));
     surface.max(least_for_ground(job, cloud, seen))
 }
 
-fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&Seen>) -> u64 {
+fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
     let is_found = job.ground.is_method() || seen.is_some_and(|seen| !seen.by_class);
     if !job.needs_ground() || !is_found {
         return 0;

@@ -1,6 +1,6 @@
 //! Notes on the points of a terrain model, and errors for clouds without them.
 
-use super::squares::Squares;
+use super::squares::SpikeFreeSquares;
 use terrane_base::error::Error;
 use terrane_ground as ground;
 
@@ -38,7 +38,7 @@ pub(super) fn named(classes: &[u8]) -> String {
 }
 
 /// A line that tells which returns a spike-free surface is made of, and what freezes.
-pub(super) fn frozen(count: u64, squares: &Squares) -> String {
+pub(super) fn frozen(count: u64, squares: &SpikeFreeSquares) -> String {
     let edge = squares.freeze.edge;
     format!("surface: {count} returns, spike-free with triangles of up to {edge:.2} m")
 }

@@ -3,45 +3,47 @@
 
 use std::convert::Infallible;
 
-use super::super::extent::Piece;
+use super::super::extent::CellRequest;
 use super::super::neighbours::{Centres, Surfaces};
 use super::filter::spacing;
 use super::making::Making;
 use super::metres::Metres;
-use super::top::Top;
-use crate::points::{Around, MOST_POINTS, Part, PointStore, Positions, reach};
+use super::top::CanopySurface;
+use crate::points::{ColumnRowRange, MOST_POINTS, PointStore, Positions, SurroundingPoints, reach};
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point};
-use terrane_delaunay::{Bins, Found, Hull, Position, Window, interpolate};
+use terrane_base::geom::{Point, PointFrame};
+use terrane_delaunay::{
+    ConvexHull, FixedPosition, Location, PointBins, PositionWindow, interpolate,
+};
 use terrane_engine::workers;
-use terrane_gridding::pitfree::{Facet, PitFree, is_short};
+use terrane_gridding::pitfree::{PitFree, PitFreeFacet, is_short};
 
 /// Points and their hull.
-struct Layer {
+struct PitFreeLayer {
     store: PointStore,
-    hull: Hull,
+    hull: ConvexHull,
 }
 
 /// The triangulations; the first is of all first returns.
-pub(super) struct Layers {
-    layers: Vec<Layer>,
+pub(super) struct PitFreeLayers {
+    layers: Vec<PitFreeLayer>,
     pits: PitFree,
-    frame: Frame,
+    frame: PointFrame,
     /// Metres in a step along x and y.
     scale: [f64; 2],
     /// True where not all of the cloud is in it.
     is_part: bool,
 }
 
-impl Layer {
+impl PitFreeLayer {
     fn new(store: PointStore) -> Result<Self> {
         let hull = store.hull()?;
         Ok(Self { store, hull })
     }
 }
 
-impl Top for Layers {
-    fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+impl CanopySurface for PitFreeLayers {
+    fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         let centres = Centres::new(piece.extent, piece.rect, &self.frame);
         let at = centres.positions();
         let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
@@ -59,13 +61,13 @@ impl Top for Layers {
     }
 }
 
-impl Layers {
+impl PitFreeLayers {
     /// Over the points of `first`, of which those high above `ground` are in further triangulations
     /// too; without `ground`, none is.
     pub(super) fn new(
         first: PointStore,
         ground: Option<&Surfaces>,
-        (metres, frame): (&Metres, Frame),
+        (metres, frame): (&Metres, PointFrame),
         making: &Making<'_>,
     ) -> Result<Self> {
         let known = making.part.map(|(_, seen)| seen.first);
@@ -81,7 +83,7 @@ impl Layers {
             lift(&first, ground, metres.step[2], &pits, &high, making)?;
         }
         let stores = std::iter::once(first).chain(high);
-        let layers = stores.map(Layer::new).collect::<Result<_>>()?;
+        let layers = stores.map(PitFreeLayer::new).collect::<Result<_>>()?;
         let [x, y, _] = metres.step;
         Ok(Self { layers, pits, frame, scale: [x, y], is_part: window.is_some() })
     }
@@ -89,21 +91,21 @@ impl Layers {
     fn fill(
         &self,
         at: Positions<'_>,
-        part: &Part,
-        window: Window,
+        part: &ColumnRowRange,
+        window: PositionWindow,
         max_edge: Option<f64>,
         out: &mut [f64],
     ) -> Result<()> {
         let margin = self.longest(max_edge).map_or(0, |most| reach(&self.frame, most));
-        let mut around = vec![Around::new(&self.layers[0].store, window.grown(margin))?];
+        let mut around = vec![SurroundingPoints::new(&self.layers[0].store, window.grown(margin))?];
         let wide = window.grown(self.reach());
         // A layer has no points where the one before it has none.
         for layer in self.layers[1..].iter().take_while(|layer| layer.store.points_near(wide) > 0) {
-            around.push(Around::new(&layer.store, wide)?);
+            around.push(SurroundingPoints::new(&layer.store, wide)?);
         }
         for row in part.rows.clone() {
             let cells =
-                || part.cols.clone().map(|col| Position::from_steps(at.xs[col], at.ys[row]));
+                || part.cols.clone().map(|col| FixedPosition::from_steps(at.xs[col], at.ys[row]));
             let facets = self.facets(&mut around, cells, max_edge)?;
             let line = &mut out[row * at.xs.len()..][part.cols.clone()];
             for (i, out) in line.iter_mut().enumerate() {
@@ -125,12 +127,12 @@ impl Layers {
     }
 
     /// What each layer has at each position.
-    fn facets<I: Iterator<Item = Position>>(
+    fn facets<I: Iterator<Item = FixedPosition>>(
         &self,
-        around: &mut [Around<'_>],
+        around: &mut [SurroundingPoints<'_>],
         positions: impl Fn() -> I,
         max_edge: Option<f64>,
-    ) -> Result<Vec<Vec<Option<Facet>>>> {
+    ) -> Result<Vec<Vec<Option<PitFreeFacet>>>> {
         let mut all = Vec::new();
         for (i, (layer, around)) in self.layers.iter().zip(around).enumerate() {
             let mut line = Vec::new();
@@ -160,12 +162,12 @@ impl Layers {
     }
 
     /// Whether no edge is longer than `max_edge` world units.
-    fn is_surface(&self, facet: &Facet, max_edge: Option<f64>) -> bool {
+    fn is_surface(&self, facet: &PitFreeFacet, max_edge: Option<f64>) -> bool {
         let [x, y, _] = self.frame.scale;
         max_edge.is_none_or(|most| is_short(&facet.corners, [x, y], most))
     }
 
-    fn height(&self, mut facet: impl FnMut(usize) -> Option<Facet>) -> f64 {
+    fn height(&self, mut facet: impl FnMut(usize) -> Option<PitFreeFacet>) -> f64 {
         let Ok(steps) = self.pits.height(self.scale, |layer| Ok::<_, Infallible>(facet(layer)));
         let world = |steps: f64| steps * self.frame.scale[2] + self.frame.offset[2];
         steps.map_or(f64::NAN, world)
@@ -173,11 +175,13 @@ impl Layers {
 }
 
 /// What was found at a position, with its height there.
-fn facet(position: Position, found: Found) -> Option<Facet> {
+fn facet(position: FixedPosition, found: Location) -> Option<PitFreeFacet> {
     match found {
-        Found::At(point) => Some(Facet { corners: [point; 3], z: f64::from(point.z) }),
-        Found::Triangle(corners) => Some(Facet { corners, z: interpolate(&corners, position) }),
-        Found::Outside => None,
+        Location::At(point) => Some(PitFreeFacet { corners: [point; 3], z: f64::from(point.z) }),
+        Location::Triangle(corners) => {
+            Some(PitFreeFacet { corners, z: interpolate(&corners, position) })
+        }
+        Location::Outside => None,
     }
 }
 
@@ -196,7 +200,7 @@ fn lift(
         if let Some(window) = making.surface_window() {
             points.retain(|p| window.contains([p.x, p.y]));
         }
-        let bins = Bins::new(points);
+        let bins = PointBins::new(points);
         let mut layers = vec![Vec::new(); high.len()];
         ground.under(bins.points(), |point, ground| {
             let above = ground.map_or(0.0, |ground| (f64::from(point.z) - ground) * rise);

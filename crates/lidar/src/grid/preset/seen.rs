@@ -11,11 +11,11 @@ use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::CloudInfo;
-use terrane_delaunay::Hull;
+use terrane_delaunay::ConvexHull;
 
 /// What was seen of a cloud.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct Seen {
+pub(crate) struct CloudOverview {
     /// True where the ground is that of its classes.
     pub(crate) by_class: bool,
     /// Metres between last returns, where a method finds the ground.
@@ -38,7 +38,7 @@ pub(crate) struct Seen {
     pub(crate) notes: Vec<String>,
 }
 
-impl Seen {
+impl CloudOverview {
     /// Of points of these classes, which are the ground if there are any.
     pub(crate) fn look_at_classes(&mut self, ground: &PointStore, classes: &[u8]) -> Result<()> {
         self.by_class = ground.count() > 0;
@@ -74,7 +74,7 @@ fn is_none(count: &u64) -> bool {
     *count == 0
 }
 
-pub(super) fn places(hull: &Hull) -> Vec<[i32; 3]> {
+pub(super) fn places(hull: &ConvexHull) -> Vec<[i32; 3]> {
     hull.sorted().iter().map(|p| [p.x, p.y, p.z]).collect()
 }
 

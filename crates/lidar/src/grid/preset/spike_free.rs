@@ -8,15 +8,15 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::super::extent::Piece;
+use super::super::extent::CellRequest;
 use super::super::neighbours::{Centres, Surfaces};
 use super::making::{Making, STORES, too_little};
-use super::squares::{Squares, Tally};
-use super::top::Top;
+use super::squares::{SpikeFreeSquares, SpikeFreeTally};
+use super::top::CanopySurface;
 use crate::points::PointStore;
 use terrane_base::error::Result;
-use terrane_base::geom::{Frame, Point, Rect};
-use terrane_delaunay::{Disc, Position, SpikeFree, Window, interpolate};
+use terrane_base::geom::{Point, PointFrame, Rect};
+use terrane_delaunay::{Disc, FixedPosition, PositionWindow, SpikeFree, interpolate};
 use terrane_engine::workers;
 use terrane_files::Buckets;
 use terrane_gridding::Statistic;
@@ -53,8 +53,8 @@ pub(super) struct BySquare {
 /// Columns, or rows, whose centres lie in the squares along an axis.
 type Spans = BTreeMap<i32, Range<u32>>;
 
-impl Top for BySquare {
-    fn values(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+impl CanopySurface for BySquare {
+    fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         out.fill(PLAIN);
         let ([xs, ys], rect) = (&self.spans, piece.rect);
         let within = |spans: &Spans, low: u32, count: u32| -> Vec<_> {
@@ -94,8 +94,8 @@ impl BySquare {
     /// Over the points of `all`, as the squares see them that were counted.
     pub(super) fn new(
         all: PointStore,
-        tally: Tally,
-        frame: Frame,
+        tally: SpikeFreeTally,
+        frame: PointFrame,
         making: &Making<'_>,
     ) -> Result<Self> {
         let squares = tally.squares;
@@ -110,7 +110,7 @@ impl BySquare {
         let heights = Buckets::new(making.folder(), counts.len(), making.store_memory() / HEIGHTS);
         let plain = Surfaces::new(all, frame)?;
         let made = Self { plain, spans, numbers, heights };
-        let work = Work { made: &made, squares, centres, frame, making };
+        let work = SpikeFreeContext { made: &made, squares, centres, frame, making };
         let counts: Vec<_> = counts.into_iter().collect();
         let (progress, units) = (making.progress, counts.len() as u64);
         progress.begin("surface", units);
@@ -126,7 +126,7 @@ impl BySquare {
     }
 
     /// Puts heights of the plain triangulation to where they are asked for.
-    fn fill_plain(&self, piece: Piece<'_>, out: &mut [f64]) -> Result<()> {
+    fn fill_plain(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         let (rect, width) = (piece.rect, piece.rect.width as usize);
         let asked = out.iter().enumerate().filter(|(_, height)| **height == PLAIN);
         let ends = asked.map(|(k, _)| [k % width, k / width]).fold(None, |ends, at| {
@@ -142,7 +142,11 @@ impl BySquare {
             size[1] as u32,
         );
         let mut plain = vec![f64::NAN; size[0] * size[1]];
-        self.plain.values(Statistic::linear(None), Piece { rect: part, ..piece }, &mut plain)?;
+        self.plain.values(
+            Statistic::linear(None),
+            CellRequest { rect: part, ..piece },
+            &mut plain,
+        )?;
         for (row, line) in plain.chunks(size[0]).enumerate() {
             let own = &mut out[(low[1] + row) * width + low[0]..][..size[0]];
             let asked = own.iter_mut().zip(line).filter(|(height, _)| **height == PLAIN);
@@ -153,12 +157,12 @@ impl BySquare {
 }
 
 /// The squares of columns and rows.
-fn spans(squares: &Squares, centres: &Centres) -> [Spans; 2] {
+fn spans(squares: &SpikeFreeSquares, centres: &Centres) -> [Spans; 2] {
     let at = centres.positions();
     [(0, at.xs), (1, at.ys)].map(|(axis, steps)| {
         let mut spans = Spans::new();
         for (number, &steps) in (0..).zip(steps) {
-            let square = squares.along(Position::from_steps(steps, steps).floor()[axis]);
+            let square = squares.along(FixedPosition::from_steps(steps, steps).floor()[axis]);
             spans.entry(square).or_insert(number..number).end = number + 1;
         }
         spans
@@ -178,15 +182,15 @@ fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
 }
 
 /// What squares are worked on with.
-struct Work<'a> {
+struct SpikeFreeContext<'a> {
     made: &'a BySquare,
-    squares: Squares,
+    squares: SpikeFreeSquares,
     centres: Centres,
-    frame: Frame,
+    frame: PointFrame,
     making: &'a Making<'a>,
 }
 
-impl Work<'_> {
+impl SpikeFreeContext<'_> {
     /// Finds the heights of a square that sees so many points.
     fn fill(&self, number: usize, square: [i32; 2], points: usize) -> Result<()> {
         let window = self.squares.window(square);
@@ -203,7 +207,7 @@ impl Work<'_> {
         for row in rows {
             line.clear();
             for col in cols.clone() {
-                let at = Position::from_steps(at.xs[col as usize], at.ys[row as usize]);
+                let at = FixedPosition::from_steps(at.xs[col as usize], at.ys[row as usize]);
                 line.push(self.height(&surface, &window, at, &mut last));
             }
             self.made.heights.push(number, &line)?;
@@ -213,7 +217,13 @@ impl Work<'_> {
 
     /// The height at a position; on the side of two triangles, of which one has an edge that is too long, that of the
     /// other.
-    fn height(&self, surface: &SpikeFree, window: &Window, at: Position, last: &mut u32) -> f64 {
+    fn height(
+        &self,
+        surface: &SpikeFree,
+        window: &PositionWindow,
+        at: FixedPosition,
+        last: &mut u32,
+    ) -> f64 {
         match self.height_in(surface.find(at, last, false), window, at) {
             void if void.is_nan() => match surface.find(at, last, true) {
                 None => void,
@@ -223,7 +233,12 @@ impl Work<'_> {
         }
     }
 
-    fn height_in(&self, found: Option<([Point; 3], bool)>, window: &Window, at: Position) -> f64 {
+    fn height_in(
+        &self,
+        found: Option<([Point; 3], bool)>,
+        window: &PositionWindow,
+        at: FixedPosition,
+    ) -> f64 {
         let Some((corners, is_small)) = found else { return PLAIN };
         let disc = || Disc::around(corners.map(|p| [p.x, p.y]));
         if !is_small && !self.made.plain.store().is_within(&disc(), window) {

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 
 use super::metres::Metres;
 use terrane_base::geom::{Point, REACH};
-use terrane_delaunay::{Freeze, Window};
+use terrane_delaunay::{Freeze, PositionWindow};
 use terrane_files::lock;
 
 /// Edges of triangles that freeze along a halo, and halos along a square.
@@ -23,13 +23,13 @@ const WIDEST: f64 = (1 << 24) as f64;
 
 /// The squares, counted from the offset of the cloud.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Squares {
+pub(super) struct SpikeFreeSquares {
     pub(super) freeze: Freeze,
     /// Steps along a halo.
     halo: i32,
 }
 
-impl Squares {
+impl SpikeFreeSquares {
     /// For pulses `spacing` metres apart, triangles that freeze with edges of so many metres (`None` for three
     /// times that) and what is so much higher than points to come.
     pub(super) fn new(
@@ -59,11 +59,11 @@ impl Squares {
     }
 
     /// All that a square sees.
-    pub(super) fn window(&self, square: [i32; 2]) -> Window {
+    pub(super) fn window(&self, square: [i32; 2]) -> PositionWindow {
         let [side, halo] = [self.side(), self.halo].map(i64::from);
         let within = |v: i64| v.clamp(-i64::from(REACH), i64::from(REACH)) as i32;
         let low = square.map(|at| i64::from(at) * side - halo);
-        Window { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
+        PositionWindow { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
     }
 
     /// The first and the last of the squares, along both axes, that see a point.
@@ -74,13 +74,13 @@ impl Squares {
 
 /// How many points each square sees.
 #[derive(Debug)]
-pub(super) struct Tally {
-    pub(super) squares: Squares,
+pub(super) struct SpikeFreeTally {
+    pub(super) squares: SpikeFreeSquares,
     counts: Mutex<BTreeMap<[i32; 2], u64>>,
 }
 
-impl Tally {
-    pub(super) fn new(squares: Squares) -> Self {
+impl SpikeFreeTally {
+    pub(super) fn new(squares: SpikeFreeSquares) -> Self {
         Self { squares, counts: Mutex::default() }
     }
 
@@ -112,18 +112,18 @@ mod tests {
 
     #[test]
     fn a_halo_has_twelve_edges_and_fits() {
-        let of = |spacing, edge| Squares::new(spacing, (edge, 0.5), &METRES);
+        let of = |spacing, edge| SpikeFreeSquares::new(spacing, (edge, 0.5), &METRES);
         assert_eq!((of(0.5, None).freeze.edge, of(0.5, None).halo), (1.5, 1800));
         assert_eq!((of(0.5, Some(4.0)).freeze.edge, of(0.5, Some(4.0)).halo), (4.0, 4800));
         assert_eq!((of(0.5, Some(0.0)).freeze.edge, of(0.5, Some(0.0)).halo), (0.0, 1800));
         assert_eq!((of(0.0, None).halo, of(1e9, None).halo), (100, 1 << 24));
-        let Window { low, high } = of(1e9, None).window([0, -1]);
+        let PositionWindow { low, high } = of(1e9, None).window([0, -1]);
         assert!((0..2).all(|i| i64::from(high[i]) - i64::from(low[i]) < (1 << 28) - 1));
     }
 
     #[test]
     fn each_square_is_told_of_all_that_it_sees() {
-        let tally = Tally::new(Squares::new(0.0, (Some(0.0), 0.5), &METRES));
+        let tally = SpikeFreeTally::new(SpikeFreeSquares::new(0.0, (Some(0.0), 0.5), &METRES));
         let squares = tally.squares;
         let place = |k: i32| Point::new(k * 7919 % 4000 - 2000, k * 104_729 % 5000 - 2500, k);
         let points: Vec<Point> = (0..900).map(place).collect();

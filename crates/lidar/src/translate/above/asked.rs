@@ -11,7 +11,7 @@ use super::told::VALUES;
 use crate::grid::preset::{Metres, NOISE, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
-use terrane_base::geom::{Frame, Point};
+use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudInfo, Flags, PointFormat};
 use terrane_ground::noise;
 
@@ -33,21 +33,21 @@ pub enum Classify {
     /// Of the classes that may change, those found to be ground are of class 2, and no others are.
     Ground(Reclassify),
     /// Those of no class (0 or 1) are of one by their height above the ground.
-    Height(Layers),
+    Height(HeightClasses),
 }
 
 /// Classes, each from a height above the ground up to that of the next.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layers(Vec<(u8, f64)>);
+pub struct HeightClasses(Vec<(u8, f64)>);
 
-impl Default for Layers {
+impl Default for HeightClasses {
     /// Low, medium and high vegetation.
     fn default() -> Self {
         Self(vec![(3, 0.5), (4, 2.0), (5, 5.0)])
     }
 }
 
-impl FromStr for Layers {
+impl FromStr for HeightClasses {
     type Err = String;
 
     /// "3=0.5,4=2,5=5".
@@ -76,7 +76,7 @@ impl FromStr for Classify {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         match text.split_once(':') {
             None if text == "ground" => Ok(Self::Ground(Reclassify::default())),
-            None if text == "height" => Ok(Self::Height(Layers::default())),
+            None if text == "height" => Ok(Self::Height(HeightClasses::default())),
             None if text == "noise" => Ok(Self::Noise(noise::Asked::BEST)),
             Some(("ground", classes)) => classes.parse().map(Self::Ground),
             Some(("height", layers)) => layers.parse().map(Self::Height),
@@ -96,7 +96,7 @@ impl fmt::Display for Classify {
         let layers = match self {
             Self::Ground(classes) => return classes.fmt(f),
             Self::Noise(asked) => return write!(f, "noise:{asked}"),
-            Self::Height(Layers(layers)) => layers,
+            Self::Height(HeightClasses(layers)) => layers,
         };
         let all: Vec<_> = layers.iter().map(|(class, from)| format!("{class}={from}")).collect();
         write!(f, "height:{}", all.join(","))
@@ -117,7 +117,7 @@ impl TryFrom<String> for Classify {
     }
 }
 
-impl Layers {
+impl HeightClasses {
     /// The class at a height; `None` below the first.
     pub(super) fn at(&self, height: f64) -> Option<u8> {
         self.0.iter().rev().find(|(_, from)| height >= *from).map(|(class, _)| *class)
@@ -198,7 +198,7 @@ impl Above {
             return info.clone();
         }
         let [x, y, _] = info.frame.offset;
-        let frame = Frame { offset: [x, y, 0.0], ..info.frame };
+        let frame = PointFrame { offset: [x, y, 0.0], ..info.frame };
         let bounds = info.bounds.map(|[low, high]| {
             // The ground is between the lowest and the highest point; heights are rounded to a step.
             let most = high.z.saturating_sub(low.z).saturating_add(1);
@@ -225,7 +225,7 @@ impl Above {
             return Err(Error::usage("‹classify› names one way twice").remedy("leave one out"));
         }
         let classes =
-            self.layers().into_iter().flat_map(|Layers(all)| all).map(|(class, _)| *class);
+            self.layers().into_iter().flat_map(|HeightClasses(all)| all).map(|(class, _)| *class);
         match classes.max().filter(|class| *class > format.most_class()) {
             None => Ok(()),
             Some(class) => {
@@ -236,7 +236,7 @@ impl Above {
         }
     }
 
-    pub(super) fn layers(&self) -> Option<&Layers> {
+    pub(super) fn layers(&self) -> Option<&HeightClasses> {
         self.classify.iter().find_map(|one| match one {
             Classify::Height(layers) => Some(layers),
             _ => None,

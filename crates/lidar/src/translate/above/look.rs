@@ -8,18 +8,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use bytemuck::{Pod, Zeroable};
 
 use super::asked::{Above, Classify, HeightsAs, is_known_noise, is_there};
-use super::told::{NO_HEIGHT, Told, Values, Z};
-use crate::grid::preset::{Filter, Metres, NOISE, Seen, found_by, no_ground, no_ground_of_class};
+use super::told::{NO_HEIGHT, PointAnnotations, Told, Z};
+use crate::grid::preset::{
+    CloudOverview, GroundFilter, Metres, NOISE, found_by, no_ground, no_ground_of_class,
+};
 use crate::grid::{GROUND, GroundFrom, Surfaces, more_is_needed, tiling};
 use crate::points::PointStore;
 use crate::records::choice::place;
-use crate::records::{Flow, Records, numbered, total};
+use crate::records::{PointRecords, RecordFlow, numbered, total};
 use crate::translate::portion::Portion;
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
@@ -42,7 +44,7 @@ pub(in crate::translate) struct Looking<'a> {
     /// How many steps records are from there.
     pub(in crate::translate) shift: [i32; 3],
     pub(in crate::translate) format: PointFormat,
-    pub(in crate::translate) flow: Flow,
+    pub(in crate::translate) flow: RecordFlow,
     pub(in crate::translate) threads: usize,
     /// Bytes for points.
     pub(in crate::translate) memory: u64,
@@ -53,18 +55,18 @@ pub(in crate::translate) struct Looking<'a> {
     pub(in crate::translate) keeps_withheld: bool,
     /// The squares that are made, if not all.
     pub(in crate::translate) portion: Option<&'a Portion<'a>>,
-    pub(in crate::translate) at: At<'a>,
+    pub(in crate::translate) at: Observer<'a>,
 }
 
 /// Points that may be ground: of any class that may change, and no noise.
-struct Candidates {
+struct GroundCandidates {
     last: PointStore,
     others: PointStore,
     /// Whether any point is a later return than the first: where none is, numbers of returns tell nothing.
     is_numbered: AtomicBool,
 }
 
-impl Candidates {
+impl GroundCandidates {
     /// Those that the ground is looked for among.
     fn looked_at(&self, all_returns: bool) -> Vec<&PointStore> {
         if all_returns { vec![&self.last, &self.others] } else { vec![&self.last] }
@@ -79,18 +81,18 @@ impl Candidates {
 enum Gathering<'a> {
     Nowhere,
     /// Those of the class of ground.
-    Class(Run<'a>),
+    Class(PointStoreFeed<'a>),
     /// Last returns and others that may be ground, and whether numbers of returns tell.
-    Candidates([Run<'a>; 2], &'a AtomicBool),
+    Candidates([PointStoreFeed<'a>; 2], &'a AtomicBool),
 }
 
 /// Points on their way into a store.
-struct Run<'a> {
+struct PointStoreFeed<'a> {
     store: &'a PointStore,
     points: Vec<Point>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> PointStoreFeed<'a> {
     fn new(store: &'a PointStore) -> Self {
         Self { store, points: Vec::new() }
     }
@@ -109,11 +111,11 @@ impl<'a> Run<'a> {
 
 impl<'a> Gathering<'a> {
     fn of_class(store: &'a PointStore) -> Self {
-        Self::Class(Run::new(store))
+        Self::Class(PointStoreFeed::new(store))
     }
 
-    fn of_candidates(into: &'a Candidates) -> Self {
-        Self::Candidates([&into.last, &into.others].map(Run::new), &into.is_numbered)
+    fn of_candidates(into: &'a GroundCandidates) -> Self {
+        Self::Candidates([&into.last, &into.others].map(PointStoreFeed::new), &into.is_numbered)
     }
 
     fn take(&mut self, looking: &Looking<'_>, record: &[u8], point: Point) -> Result<()> {
@@ -136,7 +138,7 @@ impl<'a> Gathering<'a> {
         match self {
             Self::Nowhere => Ok(()),
             Self::Class(mut run) => run.flush(),
-            Self::Candidates(mut runs, _) => runs.iter_mut().try_for_each(Run::flush),
+            Self::Candidates(mut runs, _) => runs.iter_mut().try_for_each(PointStoreFeed::flush),
         }
     }
 }
@@ -144,7 +146,7 @@ impl<'a> Gathering<'a> {
 /// A point that is to be told of.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Entry {
+struct GroundQueryPoint {
     place: [i32; 3],
     class: u8,
     may_be_ground: u8,
@@ -155,7 +157,7 @@ struct Entry {
 
 /// What became of points.
 #[derive(Clone, Default)]
-struct Counts {
+struct GroundClassCounts {
     /// Points found to be ground, by the class that they had.
     ground: BTreeMap<u8, u64>,
     no_longer: u64,
@@ -165,7 +167,7 @@ struct Counts {
     without: u64,
 }
 
-impl Counts {
+impl GroundClassCounts {
     fn add(&mut self, other: &Self) {
         let add = |sums: &mut BTreeMap<u8, u64>, more: &BTreeMap<u8, u64>| {
             more.iter().for_each(|(class, count)| *sums.entry(*class).or_default() += count);
@@ -179,10 +181,10 @@ impl Counts {
 }
 
 /// The ground, and the places of all points.
-struct Found {
+struct FoundGround {
     /// `None` where nothing but classes of ground is asked, or there is none.
     surface: Option<Surfaces>,
-    entries: Buckets<Entry>,
+    entries: Buckets<GroundQueryPoint>,
     firsts: Vec<u64>,
     count: u64,
     notes: Vec<String>,
@@ -196,12 +198,13 @@ impl Looking<'_> {
     /// No ground; units that are no lengths, where it has to be found.
     pub(in crate::translate) fn tell<'r>(
         &self,
-        records: &'r dyn Records,
-        wide: Option<&dyn Records>,
+        records: &'r dyn PointRecords,
+        wide: Option<&dyn PointRecords>,
         at: Option<usize>,
     ) -> Result<Told<'r>> {
-        let Found { surface, entries, firsts, count, mut notes } = self.find(records, wide)?;
-        let values = Values::new(count, self.folder);
+        let FoundGround { surface, entries, firsts, count, mut notes } =
+            self.find(records, wide)?;
+        let values = PointAnnotations::new(count, self.folder);
         let counts = match surface {
             Some(surface) => {
                 let counts = self.value(&surface, &entries, &values);
@@ -224,8 +227,8 @@ impl Looking<'_> {
     ///
     /// # Errors
     /// As [`tell`](Self::tell).
-    pub(in crate::translate) fn look(&self, records: &dyn Records) -> Result<Seen> {
-        let mut seen = Seen::default();
+    pub(in crate::translate) fn look(&self, records: &dyn PointRecords) -> Result<CloudOverview> {
+        let mut seen = CloudOverview::default();
         if self.above.takes_classes() {
             let ground = self.store().outline();
             self.pass(records, None, Gathering::of_class(&ground))?;
@@ -248,11 +251,15 @@ impl Looking<'_> {
     }
 
     /// What was seen of the ground of the whole cloud, where it is made in portions.
-    fn seen(&self) -> Option<&Seen> {
+    fn seen(&self) -> Option<&CloudOverview> {
         self.portion.and_then(|portion| portion.looked.seen.as_ref())
     }
 
-    fn find(&self, records: &dyn Records, wide: Option<&dyn Records>) -> Result<Found> {
+    fn find(
+        &self,
+        records: &dyn PointRecords,
+        wide: Option<&dyn PointRecords>,
+    ) -> Result<FoundGround> {
         let tiling = tiling(self.info);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / PARTS);
         let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
@@ -288,7 +295,7 @@ impl Looking<'_> {
         let store = self.limited(store)?;
         let is_there = store.count() > 0 || self.portion.is_some();
         let surface = is_there.then(|| Surfaces::new(store, self.info.frame));
-        Ok(Found { surface: surface.transpose()?, entries, firsts, count, notes })
+        Ok(FoundGround { surface: surface.transpose()?, entries, firsts, count, notes })
     }
 
     /// The ground of a portion, with what surrounds that of the whole cloud where it is known.
@@ -304,8 +311,8 @@ impl Looking<'_> {
     }
 
     /// Stores for points that may be ground.
-    fn candidates(&self, store: impl Fn() -> PointStore) -> Candidates {
-        Candidates { last: store(), others: store(), is_numbered: AtomicBool::new(false) }
+    fn candidates(&self, store: impl Fn() -> PointStore) -> GroundCandidates {
+        GroundCandidates { last: store(), others: store(), is_numbered: AtomicBool::new(false) }
     }
 
     /// The error of a cloud none of whose points may be ground.
@@ -320,7 +327,11 @@ impl Looking<'_> {
     }
 
     /// What the method finds among the candidates: by the last returns, and then all that lie on their surface.
-    fn filtered(&self, candidates: &Candidates, notes: &mut Vec<String>) -> Result<PointStore> {
+    fn filtered(
+        &self,
+        candidates: &GroundCandidates,
+        notes: &mut Vec<String>,
+    ) -> Result<PointStore> {
         let metres = Metres::of(&self.info.crs, &self.info.frame)?;
         if metres.is_guess {
             notes.push(Metres::GUESS.to_owned());
@@ -333,9 +344,9 @@ impl Looking<'_> {
             .map_or(!candidates.is_numbered.load(Ordering::Relaxed), |seen| seen.all_returns);
         let looked_at = candidates.looked_at(all_returns);
         let filter = match self.portion.zip(self.seen()) {
-            None => Filter::new(looked_at, &metres, method, tile),
+            None => GroundFilter::new(looked_at, &metres, method, tile),
             Some((portion, seen)) => {
-                Filter::within(portion.ground(), seen.last, looked_at, &metres, method, tile)
+                GroundFilter::within(portion.ground(), seen.last, looked_at, &metres, method, tile)
             }
         };
         let filter = filter.and(&candidates.others);
@@ -347,8 +358,8 @@ impl Looking<'_> {
     /// Looks at all records: at where they are, and which may be ground.
     fn pass(
         &self,
-        records: &dyn Records,
-        entries: Option<&Buckets<Entry>>,
+        records: &dyn PointRecords,
+        entries: Option<&Buckets<GroundQueryPoint>>,
         mut ground: Gathering<'_>,
     ) -> Result<(Vec<u64>, u64)> {
         let tiling = tiling(self.info);
@@ -360,7 +371,7 @@ impl Looking<'_> {
                 let place = [point.x, point.y, point.z];
                 let may_be_ground = self.may_be_ground(record).into();
                 let class = self.format.class(record);
-                let entry = Entry { place, class, may_be_ground, spare: [0; 2], number };
+                let entry = GroundQueryPoint { place, class, may_be_ground, spare: [0; 2], number };
                 entries.push(tiling.square_of(point), entry)?;
             }
             ground.take(self, record, point)
@@ -391,22 +402,29 @@ impl Looking<'_> {
     fn value(
         &self,
         ground: &Surfaces,
-        entries: &Buckets<Entry>,
-        values: &Values,
-    ) -> Result<Counts> {
+        entries: &Buckets<GroundQueryPoint>,
+        values: &PointAnnotations,
+    ) -> Result<GroundClassCounts> {
         let squares = tiling(self.info).count() as u64;
         self.at.progress.begin("heights", squares);
-        let all = Mutex::new(Counts::default());
-        let square = |counts: &mut Counts, square: u64| {
+        let all = Mutex::new(GroundClassCounts::default());
+        let square = |counts: &mut GroundClassCounts, square: u64| {
             self.square(square as usize, ground, (entries, values), counts)?;
             self.at.progress.advance(1);
             Ok(())
         };
-        let finish = |counts: Counts| {
+        let finish = |counts: GroundClassCounts| {
             lock(&all).add(&counts);
             Ok(())
         };
-        workers::run(self.threads, squares, self.at.cancel, Counts::default, square, finish)?;
+        workers::run(
+            self.threads,
+            squares,
+            self.at.cancel,
+            GroundClassCounts::default,
+            square,
+            finish,
+        )?;
         self.at.progress.end();
         Ok(std::mem::take(&mut *lock(&all)))
     }
@@ -415,15 +433,15 @@ impl Looking<'_> {
         &self,
         square: usize,
         ground: &Surfaces,
-        (entries, values): (&Buckets<Entry>, &Values),
-        counts: &mut Counts,
+        (entries, values): (&Buckets<GroundQueryPoint>, &PointAnnotations),
+        counts: &mut GroundClassCounts,
     ) -> Result<()> {
         if ground.store().is_exceeded() {
             return Err(more_is_needed());
         }
         let (mut known, mut first) = (Vec::new(), 0);
         ground.store().load(square, &mut known)?;
-        let mut some = vec![Entry::zeroed(); TOGETHER.min(entries.len(square) as usize)];
+        let mut some = vec![GroundQueryPoint::zeroed(); TOGETHER.min(entries.len(square) as usize)];
         let mut put = values.writer();
         while first < entries.len(square) {
             let read = entries.read_from(square, first, &mut some)?;
@@ -445,14 +463,14 @@ impl Looking<'_> {
         &self,
         ground: &Surfaces,
         known: &[Point],
-        entries: &[Entry],
+        entries: &[GroundQueryPoint],
     ) -> Result<Vec<Option<f64>>> {
         let mut heights = vec![None; entries.len()];
         if self.above.heights.is_none() && self.above.layers().is_none() {
             return Ok(heights);
         }
         let mut between = Vec::new();
-        for (i, point) in entries.iter().map(Entry::point).enumerate() {
+        for (i, point) in entries.iter().map(GroundQueryPoint::point).enumerate() {
             match lowest_at(known, point) {
                 Some(ground) => heights[i] = Some(f64::from(point.z) - f64::from(ground.z)),
                 None => between.push((point, i)),
@@ -474,10 +492,10 @@ impl Looking<'_> {
     /// The class of a point, whose ground is among the points known of its square.
     fn class(
         &self,
-        entry: &Entry,
+        entry: &GroundQueryPoint,
         known: &[Point],
         height: Option<f64>,
-        counts: &mut Counts,
+        counts: &mut GroundClassCounts,
     ) -> u8 {
         let mut class = entry.class;
         for way in &self.above.classify {
@@ -510,10 +528,10 @@ impl Looking<'_> {
     }
 
     /// What became of points, one line each.
-    fn told(&self, counts: &Counts) -> Vec<String> {
+    fn told(&self, counts: &GroundClassCounts) -> Vec<String> {
         let mut notes = Vec::new();
         if self.above.finds_ground() {
-            let Counts { ground, no_longer, kept, .. } = counts;
+            let GroundClassCounts { ground, no_longer, kept, .. } = counts;
             let (all, of) = (ground.values().sum::<u64>(), by_class(ground));
             notes.push(format!("classes: {all} points are ground{of}, {no_longer} no longer"));
             if !kept.is_empty() {
@@ -552,7 +570,7 @@ fn lowest_at(known: &[Point], Point { x, y, .. }: Point) -> Option<Point> {
     known.get(first).copied().filter(|other| (other.x, other.y) == (x, y))
 }
 
-impl Entry {
+impl GroundQueryPoint {
     fn point(&self) -> Point {
         let [x, y, z] = self.place;
         Point { x, y, z }

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::records::{Records, Take, Unit};
+use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::Result;
 use terrane_cloud::PointFormat;
-use terrane_files::{Buckets, Writer};
+use terrane_files::{BucketWriter, Buckets};
 
 /// Stands for no height.
 pub(super) const NO_HEIGHT: i32 = i32::MIN;
@@ -20,7 +20,7 @@ const MOST_BUCKETS: u64 = 1 << 14;
 /// What is told of a point.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Value {
+struct PointAnnotation {
     /// Within its bucket.
     number: u32,
     class: u32,
@@ -28,13 +28,13 @@ struct Value {
 }
 
 /// Values by the numbers of records, in buckets of as many.
-pub(super) struct Values {
-    buckets: Buckets<Value>,
+pub(super) struct PointAnnotations {
+    buckets: Buckets<PointAnnotation>,
     /// Numbers of a bucket.
     each: u64,
 }
 
-impl Values {
+impl PointAnnotations {
     pub(super) fn new(points: u64, folder: &Path) -> Self {
         let each = BUCKET.max(points.div_ceil(MOST_BUCKETS));
         let count = points.div_ceil(each).max(1) as usize;
@@ -50,7 +50,7 @@ impl Values {
     fn of(&self, bucket: u64) -> Result<Vec<(i32, u8)>> {
         let mut all = vec![(NO_HEIGHT, 0); self.buckets.len(bucket as usize) as usize];
         self.buckets.read(bucket as usize, |values| {
-            for Value { number, class, height } in values {
+            for PointAnnotation { number, class, height } in values {
                 all[*number as usize] = (*height, *class as u8);
             }
         })?;
@@ -61,13 +61,13 @@ impl Values {
 /// Puts values to their numbers. Call [`finish`](Self::finish) at the end.
 pub(super) struct ValueWriter<'a> {
     each: u64,
-    to: Writer<'a, Value>,
+    to: BucketWriter<'a, PointAnnotation>,
 }
 
 impl ValueWriter<'_> {
     pub(super) fn put(&mut self, number: u64, class: u8, height: i32) -> Result<()> {
         let (bucket, number) = ((number / self.each) as usize, (number % self.each) as u32);
-        self.to.push(bucket, Value { number, class: class.into(), height })
+        self.to.push(bucket, PointAnnotation { number, class: class.into(), height })
     }
 
     pub(super) fn finish(self) -> Result<()> {
@@ -80,23 +80,23 @@ pub(super) const Z: usize = 8;
 
 /// Records with what was told of them.
 pub(in crate::translate) struct Told<'a> {
-    pub(super) records: &'a dyn Records,
+    pub(super) records: &'a dyn PointRecords,
     pub(super) format: PointFormat,
     pub(super) record: usize,
     /// Where heights go.
     pub(super) at: Option<usize>,
-    pub(super) values: Values,
+    pub(super) values: PointAnnotations,
     /// Number of the first record of each unit.
     pub(super) firsts: Vec<u64>,
     pub(in crate::translate) notes: Vec<String>,
 }
 
-impl Records for Told<'_> {
+impl PointRecords for Told<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 

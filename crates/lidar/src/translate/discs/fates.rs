@@ -1,10 +1,10 @@
 //! What becomes of the points of a window that come one after the other: kept, left out, or not to be told from there.
 
-use terrane_base::geom::{Apart, Point};
+use terrane_base::geom::{DistancePredicate, Point};
 
 /// What becomes of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Fate {
+pub(super) enum DiscFate {
     Kept,
     /// There is one that is kept nearer than the distance.
     LeftOut,
@@ -17,18 +17,18 @@ pub(super) type Span = [[i64; 2]; 2];
 
 /// The fates of points so far.
 pub(super) struct Fates<'a> {
-    apart: &'a Apart,
+    apart: &'a DistancePredicate,
     /// Steps along the sides of a cell: points nearer than the distance are in cells that touch.
     side: [i64; 3],
     /// Where all points nearer than the distance are known.
     sure: Span,
     /// The first of the points of some cells, by a hash of the cell; as many as a power of two.
     firsts: Vec<u32>,
-    held: Vec<Held>,
+    held: Vec<BlockingPoint>,
 }
 
 /// A point that others depend on.
-struct Held {
+struct BlockingPoint {
     point: Point,
     /// Else it stands for all points of its cell whose fates are unknown.
     is_kept: bool,
@@ -37,14 +37,14 @@ struct Held {
 }
 
 /// Bytes of memory for a point that is held, with the room that tables grow by.
-pub(super) const HELD: u64 = 3 * size_of::<Held>() as u64 + 8;
+pub(super) const HELD: u64 = 3 * size_of::<BlockingPoint>() as u64 + 8;
 const NONE: u32 = u32::MAX;
 const FEW: usize = 1 << 10;
 /// Cells around one, and it.
 const AROUND: i64 = 27;
 
 impl<'a> Fates<'a> {
-    pub(super) fn new(apart: &'a Apart, sure: Span) -> Self {
+    pub(super) fn new(apart: &'a DistancePredicate, sure: Span) -> Self {
         let (firsts, held) = (vec![NONE; FEW], Vec::new());
         Self { apart, side: apart.steps(), sure, firsts, held }
     }
@@ -55,19 +55,19 @@ impl<'a> Fates<'a> {
     }
 
     /// The fate of the next point.
-    pub(super) fn judge(&mut self, point: Point) -> Fate {
+    pub(super) fn judge(&mut self, point: Point) -> DiscFate {
         match self.look(point) {
-            None => Fate::LeftOut,
+            None => DiscFate::LeftOut,
             Some(true) if self.is_sure(point) => {
                 self.hold(point, true);
-                Fate::Kept
+                DiscFate::Kept
             }
             Some(_) => {
                 let cell = self.cell(point);
                 if !self.of(cell).any(|held| self.is_open(held, cell)) {
                     self.hold(point, false);
                 }
-                Fate::Unknown
+                DiscFate::Unknown
             }
         }
     }
@@ -100,7 +100,7 @@ impl<'a> Fates<'a> {
         Some(is_clear)
     }
 
-    fn is_open(&self, held: &Held, cell: [i64; 3]) -> bool {
+    fn is_open(&self, held: &BlockingPoint, cell: [i64; 3]) -> bool {
         !held.is_kept && self.cell(held.point) == cell
     }
 
@@ -114,7 +114,7 @@ impl<'a> Fates<'a> {
     }
 
     /// Points of a cell, and of others of its hash.
-    fn of(&self, cell: [i64; 3]) -> impl Iterator<Item = &Held> {
+    fn of(&self, cell: [i64; 3]) -> impl Iterator<Item = &BlockingPoint> {
         let first = self.held.get(self.firsts[self.hash(cell)] as usize);
         std::iter::successors(first, |held| self.held.get(held.next as usize))
     }
@@ -132,7 +132,7 @@ impl<'a> Fates<'a> {
             self.grow();
         }
         let number = self.held.len();
-        self.held.push(Held { point, is_kept, next: NONE });
+        self.held.push(BlockingPoint { point, is_kept, next: NONE });
         self.link(number);
     }
 
@@ -164,7 +164,7 @@ mod tests {
 
     /// Fates of points of which those within 0..100 along x are all that is known, beside those of all.
     fn compare(points: &[Point], least: f64) -> Result<(), TestCaseError> {
-        let apart = Apart::new([0.5, 1.0, 0.25], least);
+        let apart = DistancePredicate::new([0.5, 1.0, 0.25], least);
         let reach = apart.steps()[0];
         let mut all = Fates::new(&apart, ALL);
         let mut part = Fates::new(&apart, [[reach, i64::MIN], [99 - reach, i64::MAX]]);
@@ -172,12 +172,12 @@ mod tests {
         for point in points {
             let is_kept = !kept.iter().any(|other| apart.is_nearer(*other, *point));
             prop_assert_eq!(all.is_left_out(*point), !is_kept);
-            let fate = if is_kept { Fate::Kept } else { Fate::LeftOut };
+            let fate = if is_kept { DiscFate::Kept } else { DiscFate::LeftOut };
             prop_assert_eq!(all.judge(*point), fate);
             kept.extend(is_kept.then_some(*point));
             if (0..100).contains(&point.x) {
                 let told = part.judge(*point);
-                prop_assert!(told == fate || told == Fate::Unknown);
+                prop_assert!(told == fate || told == DiscFate::Unknown);
             }
         }
         Ok(())
@@ -203,12 +203,12 @@ mod tests {
         };
         let mut points: Vec<_> = (0..240_000).map(place).collect();
         points.sort_by_key(|point| mixed(&[point.x, point.y, point.z].map(ordered)));
-        let apart = Apart::new([0.2, 0.2, 0.01], 1.0);
+        let apart = DistancePredicate::new([0.2, 0.2, 0.01], 1.0);
         let mut fates = Fates::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
         let (mut known, mut depth) = (0, 0);
         for point in points.iter().filter(|point| (200..3800).contains(&point.x)) {
             match fates.judge(*point) {
-                Fate::Unknown => depth = depth.max((point.x - 200).min(3800 - point.x) / 5),
+                DiscFate::Unknown => depth = depth.max((point.x - 200).min(3800 - point.x) / 5),
                 _ => known += 1,
             }
         }

@@ -15,16 +15,16 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 
 use crate::points::Tiling;
-use crate::records::choice::{Chosen, place, time};
-use crate::records::{Flow, Records, numbered, total};
-use fates::{Fate, Fates, HELD, Span, contains};
+use crate::records::choice::{ChosenRecords, place, time};
+use crate::records::{PointRecords, RecordFlow, numbered, total};
+use fates::{DiscFate, Fates, HELD, Span, contains};
 use terrane_base::bits::BitSet;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_base::geom::{Apart, Point};
+use terrane_base::geom::{DistancePredicate, Point};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_delaunay::Window;
-use terrane_engine::plan::At;
+use terrane_delaunay::PositionWindow;
+use terrane_engine::plan::Observer;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
@@ -45,7 +45,7 @@ const TOGETHER: usize = 1 << 12;
 /// A point that is to be kept or left out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
-struct Entry {
+struct DiscCandidate {
     place: [i32; 3],
     spare: u32,
     time: u64,
@@ -55,13 +55,13 @@ struct Entry {
 
 /// An entry by its turn: the lowest comes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Turn {
+struct RankedCandidate {
     hash: u64,
-    entry: Entry,
+    entry: DiscCandidate,
 }
 
-impl Turn {
-    fn of(entry: Entry) -> Self {
+impl RankedCandidate {
+    fn of(entry: DiscCandidate) -> Self {
         Self { hash: mixed(&entry.place.map(ordered)), entry }
     }
 
@@ -102,30 +102,30 @@ pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
 
 /// What is chosen from, and with what.
 pub(super) struct Discs<'a> {
-    pub(super) apart: Apart,
+    pub(super) apart: DistancePredicate,
     /// Where records lie.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
-    pub(super) flow: Flow,
+    pub(super) flow: RecordFlow,
     pub(super) threads: usize,
     /// Bytes for points.
     pub(super) memory: u64,
     pub(super) folder: &'a Path,
-    pub(super) at: At<'a>,
+    pub(super) at: Observer<'a>,
 }
 
 /// Points by square of the plane, and what is kept of them.
-struct Search<'a> {
+struct DiscSearch<'a> {
     discs: &'a Discs<'a>,
     tiling: Tiling,
     /// Where all points are.
     bounds: Span,
-    entries: Buckets<Entry>,
+    entries: Buckets<DiscCandidate>,
     kept: Mutex<BitSet>,
 }
 
 /// What is known of a square.
-enum Known {
+enum SquareKnowledge {
     All,
     /// All but some within a span.
     But(Span),
@@ -138,7 +138,7 @@ impl Discs<'_> {
     ///
     /// # Errors
     /// Too many points near to each other for the memory.
-    pub(super) fn choose<'r>(&self, records: &'r dyn Records) -> Result<Chosen<'r>> {
+    pub(super) fn choose<'r>(&self, records: &'r dyn PointRecords) -> Result<ChosenRecords<'r>> {
         let [low, high] = self.info.bounds.unwrap_or_default();
         let tiling = Tiling::new([low, high], self.info.count);
         let entries = Buckets::new(self.folder, tiling.count(), self.memory / 2);
@@ -147,23 +147,23 @@ impl Discs<'_> {
         self.at.progress.end();
         let bounds = [low, high].map(|end| [i64::from(end.x), i64::from(end.y)]);
         let kept = Mutex::new(BitSet::new(count as usize));
-        let search = Search { discs: self, tiling, bounds, entries, kept };
+        let search = DiscSearch { discs: self, tiling, bounds, entries, kept };
         search.run()?;
         let kept = search.kept.into_inner().unwrap_or_default();
-        Ok(Chosen::of(records, self.flow.record, (firsts, count), kept))
+        Ok(ChosenRecords::of(records, self.flow.record, (firsts, count), kept))
     }
 
     fn pass(
         &self,
-        records: &dyn Records,
-        (tiling, entries): (&Tiling, &Buckets<Entry>),
+        records: &dyn PointRecords,
+        (tiling, entries): (&Tiling, &Buckets<DiscCandidate>),
     ) -> Result<(Vec<u64>, u64)> {
         let time_at = self.format.time_at();
         let mut writer = entries.writer();
         let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
             let point = place(record);
             let (place, time) = ([point.x, point.y, point.z], time(record, time_at));
-            let entry = Entry { place, spare: 0, time, number };
+            let entry = DiscCandidate { place, spare: 0, time, number };
             writer.push(tiling.square_of(point), entry)
         })?;
         writer.finish()?;
@@ -177,7 +177,7 @@ impl Discs<'_> {
 
     /// Points that wait for their turn at a time.
     fn most_waiting(&self) -> usize {
-        (self.share() / 4 / size_of::<Turn>() as u64).min(MOST_WAITING) as usize
+        (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MOST_WAITING) as usize
     }
 
     fn most_held(&self) -> usize {
@@ -200,7 +200,7 @@ impl Discs<'_> {
     }
 }
 
-impl Search<'_> {
+impl DiscSearch<'_> {
     /// Finds all that are kept, square by square.
     fn run(&self) -> Result<()> {
         let Discs { threads, at, .. } = self.discs;
@@ -208,7 +208,7 @@ impl Search<'_> {
         let [columns, rows] = [0, 1].map(|axis| (high[axis] - low[axis]) / side + 1);
         let count = (columns * rows) as u64;
         at.progress.begin("distances", count);
-        let square = |waiting: &mut Vec<Turn>, square: u64| {
+        let square = |waiting: &mut Vec<RankedCandidate>, square: u64| {
             let place = [square as i64 % columns, square as i64 / columns];
             let first = [0, 1].map(|axis| low[axis] + place[axis] * side);
             let last = [0, 1].map(|axis| first[axis].saturating_add(side - 1).min(high[axis]));
@@ -222,14 +222,14 @@ impl Search<'_> {
         Ok(())
     }
 
-    fn square(&self, square: Span, waiting: &mut Vec<Turn>) -> Result<()> {
+    fn square(&self, square: Span, waiting: &mut Vec<RankedCandidate>) -> Result<()> {
         let mut spans = vec![(square, HALO)];
         while let Some((span, halo)) = spans.pop() {
             self.discs.at.cancel.check()?;
             match self.judge(span, halo, waiting)? {
-                Known::All => {}
-                Known::But(unknown) => spans.push((unknown, 2 * halo)),
-                Known::TooMany => {
+                SquareKnowledge::All => {}
+                SquareKnowledge::But(unknown) => spans.push((unknown, 2 * halo)),
+                SquareKnowledge::TooMany => {
                     let quarters = self.quarters(span)?;
                     spans.extend(quarters.map(|quarter| (quarter, halo)));
                 }
@@ -259,7 +259,12 @@ impl Search<'_> {
 
     /// Looks at the points of a span and so many distances around it, by their turns; keeps those of the span that
     /// are known to be kept.
-    fn judge(&self, span: Span, halo: i64, waiting: &mut Vec<Turn>) -> Result<Known> {
+    fn judge(
+        &self,
+        span: Span,
+        halo: i64,
+        waiting: &mut Vec<RankedCandidate>,
+    ) -> Result<SquareKnowledge> {
         let (whole, sure) = self.around(span, halo);
         let mut fates = Fates::new(&self.discs.apart, sure);
         let (mut unknown, mut after): (Option<Span>, _) = (None, None);
@@ -270,9 +275,9 @@ impl Search<'_> {
                 let (fate, [x, y, _]) = (fates.judge(turn.point()), turn.entry.place);
                 match fate {
                     _ if !contains(&span, [x, y]) => {}
-                    Fate::LeftOut => {}
-                    Fate::Kept => kept.push(turn.entry.number),
-                    Fate::Unknown => unknown = Some(with(unknown, [x.into(), y.into()])),
+                    DiscFate::LeftOut => {}
+                    DiscFate::Kept => kept.push(turn.entry.number),
+                    DiscFate::Unknown => unknown = Some(with(unknown, [x.into(), y.into()])),
                 }
             }
             let mut all = lock(&self.kept);
@@ -281,10 +286,10 @@ impl Search<'_> {
             });
             drop(all);
             if fates.len() > self.discs.most_held() {
-                return Ok(Known::TooMany);
+                return Ok(SquareKnowledge::TooMany);
             }
             if is_last {
-                return Ok(unknown.map_or(Known::All, Known::But));
+                return Ok(unknown.map_or(SquareKnowledge::All, SquareKnowledge::But));
             }
             after = waiting.last().copied();
         }
@@ -314,14 +319,14 @@ impl Search<'_> {
     fn next(
         &self,
         [span, whole]: [&Span; 2],
-        (after, fates): (Option<Turn>, &Fates<'_>),
-        waiting: &mut Vec<Turn>,
+        (after, fates): (Option<RankedCandidate>, &Fates<'_>),
+        waiting: &mut Vec<RankedCandidate>,
     ) -> Result<bool> {
         let most = self.discs.most_waiting();
-        let mut until: Option<Turn> = None;
+        let mut until: Option<RankedCandidate> = None;
         waiting.clear();
         self.each(whole, &mut |entry| {
-            let turn = Turn::of(entry);
+            let turn = RankedCandidate::of(entry);
             let is_next =
                 after.is_none_or(|after| after < turn) && until.is_none_or(|until| turn < until);
             let is_known = || match contains(span, [entry.place[0], entry.place[1]]) {
@@ -342,16 +347,17 @@ impl Search<'_> {
     }
 
     /// Hands on the points of a span.
-    fn each(&self, whole: &Span, take: &mut dyn FnMut(Entry)) -> Result<()> {
+    fn each(&self, whole: &Span, take: &mut dyn FnMut(DiscCandidate)) -> Result<()> {
         // Within the bounds, whose ends are i32.
         let [low, high] = whole.map(|end| end.map(|at| at as i32));
-        let mut some = vec![Entry::zeroed(); TOGETHER];
-        for square in self.tiling.touching(Window { low, high }) {
+        let mut some = vec![DiscCandidate::zeroed(); TOGETHER];
+        for square in self.tiling.touching(PositionWindow { low, high }) {
             let mut first = 0;
             while first < self.entries.len(square) {
                 let read = self.entries.read_from(square, first, &mut some)?;
                 first += read as u64;
-                let within = |entry: &&Entry| contains(whole, [entry.place[0], entry.place[1]]);
+                let within =
+                    |entry: &&DiscCandidate| contains(whole, [entry.place[0], entry.place[1]]);
                 some[..read].iter().filter(within).for_each(|entry| take(*entry));
             }
         }

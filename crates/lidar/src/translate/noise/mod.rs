@@ -15,15 +15,15 @@ use bytemuck::{Pod, Zeroable};
 use super::above::asked::{is_known_noise, is_there};
 use crate::grid::preset::Metres;
 use crate::records::choice::place;
-use crate::records::{Flow, Records, Take, Unit, numbered, total};
-use parts::{Entry, Filling, Parts};
+use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, numbered, total};
+use parts::{NoiseParts, NoisePartsBuilder, NoisePoint};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_ground::noise::{Asked, Limit, Space, Sums};
+use terrane_ground::noise::{Asked, Limit, NoiseSpace, ScoreSums};
 
 /// Points that are put into parts together.
 const TOGETHER: usize = 1 << 14;
@@ -61,7 +61,7 @@ pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
 ///
 /// # Errors
 /// Coordinates that are no lengths.
-fn space(info: &CloudInfo) -> Result<(Space, bool)> {
+fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
     let metres = Metres::of(&info.crs, &info.frame).map_err(|_| {
         Error::usage("‹classify› noise needs coordinates in units of length")
             .remedy("write the points with ‹to_crs› first, and look for noise in these")
@@ -70,7 +70,7 @@ fn space(info: &CloudInfo) -> Result<(Space, bool)> {
     let zero = [0, 1, 2].map(|axis| {
         (frame.offset[axis] / frame.scale[axis]).round().clamp(-MOST_STEPS, MOST_STEPS) as i64
     });
-    Ok((Space { step: metres.step, zero }, metres.is_guess))
+    Ok((NoiseSpace { step: metres.step, zero }, metres.is_guess))
 }
 
 /// What noise is looked for with.
@@ -79,14 +79,14 @@ pub(super) struct Looking<'a> {
     /// Where records lie.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
-    pub(super) flow: Flow,
+    pub(super) flow: RecordFlow,
     pub(super) threads: usize,
     /// Bytes for points.
     pub(super) memory: u64,
     pub(super) folder: &'a Path,
     /// Whether points marked as withheld are looked at.
     pub(super) keeps_withheld: bool,
-    pub(super) at: At<'a>,
+    pub(super) at: Observer<'a>,
 }
 
 impl Looking<'_> {
@@ -94,7 +94,7 @@ impl Looking<'_> {
     ///
     /// # Errors
     /// As for [`reach`].
-    pub(super) fn mark<'r>(&self, records: &'r dyn Records) -> Result<Marked<'r>> {
+    pub(super) fn mark<'r>(&self, records: &'r dyn PointRecords) -> Result<Marked<'r>> {
         let (space, is_guess) = space(self.info)?;
         self.asked.reach(&space)?;
         let ((firsts, count), parts) = self.divide(records, &space)?;
@@ -110,17 +110,17 @@ impl Looking<'_> {
     /// Points that are neither noise yet nor withheld, by parts.
     fn divide<'s>(
         &'s self,
-        records: &dyn Records,
-        space: &'s Space,
-    ) -> Result<((Vec<u64>, u64), Parts<'s>)> {
+        records: &dyn PointRecords,
+        space: &'s NoiseSpace,
+    ) -> Result<((Vec<u64>, u64), NoiseParts<'s>)> {
         let points = total(records);
         self.at.progress.begin("places", points);
         let all = (self.info.bounds.unwrap_or_default(), points);
-        let mut filling = Filling::new(space, all, (self.folder, self.memory / 2));
+        let mut filling = NoisePartsBuilder::new(space, all, (self.folder, self.memory / 2));
         let mut some = Vec::with_capacity(TOGETHER);
         let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
             if self.is_looked_at(record) {
-                some.push(Entry::new(place(record), number));
+                some.push(NoisePoint::new(place(record), number));
             }
             if some.len() == TOGETHER { filling.add(&mut some) } else { Ok(()) }
         })?;
@@ -135,12 +135,17 @@ impl Looking<'_> {
     }
 
     /// Finds what is noise, and by which limit.
-    fn judge(&self, space: &Space, parts: &Parts<'_>, noise: &Mutex<BitSet>) -> Result<Limit> {
-        let (asked, sums) = (self.asked, Mutex::new(Sums::default()));
+    fn judge(
+        &self,
+        space: &NoiseSpace,
+        parts: &NoiseParts<'_>,
+        noise: &Mutex<BitSet>,
+    ) -> Result<Limit> {
+        let (asked, sums) = (self.asked, Mutex::new(ScoreSums::default()));
         let scores = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
-        let local = asked.is_local().then(|| asked.limit(&Sums::default()));
+        let local = asked.is_local().then(|| asked.limit(&ScoreSums::default()));
         self.at.progress.begin("noise", parts.count());
-        let part = |own: &mut Sums, part: u64| {
+        let part = |own: &mut ScoreSums, part: u64| {
             let (mut points, mut numbers) = (Vec::new(), Vec::new());
             parts.load(part, &mut points, &mut numbers)?;
             let found = asked.scores(space, &points, &mut parts.around(part))?;
@@ -156,11 +161,18 @@ impl Looking<'_> {
             self.at.progress.advance(1);
             Ok(())
         };
-        let finish = |own: Sums| {
+        let finish = |own: ScoreSums| {
             lock(&sums).merge(&own);
             Ok(())
         };
-        workers::run(self.threads, parts.count(), self.at.cancel, Sums::default, part, finish)?;
+        workers::run(
+            self.threads,
+            parts.count(),
+            self.at.cancel,
+            ScoreSums::default,
+            part,
+            finish,
+        )?;
         self.at.progress.end();
         let limit = local.unwrap_or_else(|| asked.limit(&lock(&sums)));
         for bucket in 0..BUCKETS as usize {
@@ -175,7 +187,7 @@ impl Looking<'_> {
         &self,
         noise: &BitSet,
         limit: &Limit,
-        (space, is_guess): (&Space, bool),
+        (space, is_guess): (&NoiseSpace, bool),
     ) -> Vec<String> {
         let found: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
         let far = match limit {
@@ -198,7 +210,7 @@ fn mark(noise: &Mutex<BitSet>, limit: &Limit, found: &[Score]) {
 
 /// Records, some of which have got the class of noise.
 pub(super) struct Marked<'a> {
-    records: &'a dyn Records,
+    records: &'a dyn PointRecords,
     format: PointFormat,
     record: usize,
     class: u8,
@@ -209,12 +221,12 @@ pub(super) struct Marked<'a> {
     pub(super) notes: Vec<String>,
 }
 
-impl Records for Marked<'_> {
+impl PointRecords for Marked<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }
 
-    fn unit(&self, unit: usize) -> Unit<'_> {
+    fn unit(&self, unit: usize) -> RecordUnit<'_> {
         self.records.unit(unit)
     }
 

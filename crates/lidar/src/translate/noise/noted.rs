@@ -6,7 +6,7 @@ use std::str::Split;
 use serde::{Deserialize, Serialize};
 
 use super::Marked;
-use crate::records::choice::Chosen;
+use crate::records::choice::ChosenRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// Most bytes of what is noted of a cloud: some eighty million points of noise.
@@ -42,7 +42,7 @@ impl Noise {
 pub(in crate::translate) struct Noted {
     class: u8,
     /// Of each part of the cloud, in order.
-    parts: Vec<Gaps>,
+    parts: Vec<NoiseGaps>,
 }
 
 impl Noted {
@@ -62,9 +62,9 @@ impl Noted {
 /// Which of some records are noise: how many others come before each of these, after the one before it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "String")]
-struct Gaps(String);
+struct NoiseGaps(String);
 
-impl Gaps {
+impl NoiseGaps {
     fn of(places: impl Iterator<Item = u64>) -> Self {
         let mut next = 0;
         let gaps = places.map(|place| {
@@ -76,7 +76,7 @@ impl Gaps {
     }
 }
 
-impl TryFrom<String> for Gaps {
+impl TryFrom<String> for NoiseGaps {
     type Error = String;
 
     fn try_from(text: String) -> std::result::Result<Self, String> {
@@ -121,7 +121,7 @@ impl Marked<'_> {
     ///
     /// # Errors
     /// More noise than a plan has room for.
-    pub(in crate::translate) fn noted(&self, single: Option<&Chosen<'_>>) -> Result<Noted> {
+    pub(in crate::translate) fn noted(&self, single: Option<&ChosenRecords<'_>>) -> Result<Noted> {
         let mut noted = Noted { class: self.class, parts: Vec::with_capacity(self.firsts.len()) };
         let mut bytes = 0;
         for (unit, first) in self.firsts.iter().enumerate() {
@@ -130,9 +130,9 @@ impl Marked<'_> {
             let gaps = match single {
                 Some(single) => {
                     let kept = zip(single.kept_in(unit), numbers);
-                    Gaps::of(kept.filter(|(_, i)| self.noise.contains(*i)).map(|(at, _)| at))
+                    NoiseGaps::of(kept.filter(|(_, i)| self.noise.contains(*i)).map(|(at, _)| at))
                 }
-                None => Gaps::of(self.noise.within(numbers).map(|i| i as u64 - first)),
+                None => NoiseGaps::of(self.noise.within(numbers).map(|i| i as u64 - first)),
             };
             bytes += gaps.0.len() as u64;
             if bytes > MOST_BYTES {
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn the_same_records_are_marked_as_were_noted() {
         for places in [&[][..], &[0], &[4], &[0, 1, 2, 7, 8, 30], &[3, 29]] {
-            let gaps = Gaps::of(places.iter().copied());
+            let gaps = NoiseGaps::of(places.iter().copied());
             let text = serde_json::to_string(&Noted { class: 18, parts: vec![gaps] }).unwrap();
             let noted: Noted = serde_json::from_str(&text).unwrap();
             let mut marks = noted.marks(0);
@@ -166,7 +166,7 @@ mod tests {
             assert!(noted.marks(1).take().is_none());
         }
         for text in [" ", "1  2", "-1", "1 x", "99999999999999999999"] {
-            assert!(Gaps::try_from(text.to_owned()).is_err(), "{text}");
+            assert!(NoiseGaps::try_from(text.to_owned()).is_err(), "{text}");
         }
     }
 }

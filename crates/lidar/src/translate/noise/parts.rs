@@ -12,9 +12,9 @@ use bytemuck::{Pod, Zeroable};
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_engine::plan::At;
+use terrane_engine::plan::Observer;
 use terrane_files::Buckets;
-use terrane_ground::noise::{Around, Bounds, Space};
+use terrane_ground::noise::{Bounds, NeighborParts, NoiseSpace};
 
 /// Points that a cell should hold on average, and the most of a part.
 const AVERAGE: u64 = 1 << 12;
@@ -32,13 +32,13 @@ const TOGETHER: usize = 1 << 12;
 /// A point and the number of its record.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Entry {
+pub(super) struct NoisePoint {
     place: [i32; 3],
     spare: u32,
     number: u64,
 }
 
-impl Entry {
+impl NoisePoint {
     pub(super) fn new(Point { x, y, z }: Point, number: u64) -> Self {
         Self { place: [x, y, z], spare: 0, number }
     }
@@ -59,7 +59,7 @@ fn cells_for(points: u64) -> u64 {
 }
 
 /// A box in cells.
-struct Cells {
+struct NoiseCellBox {
     low: [i64; 3],
     side: [i64; 3],
     counts: [i64; 3],
@@ -67,9 +67,9 @@ struct Cells {
     first: usize,
 }
 
-impl Cells {
+impl NoiseCellBox {
     /// About so many, as cubic as may be.
-    fn new([low, high]: Bounds, space: &Space, wanted: u64, first: usize) -> Self {
+    fn new([low, high]: Bounds, space: &NoiseSpace, wanted: u64, first: usize) -> Self {
         let (low, high) = (steps(low), steps(high));
         let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
         let (mut side, mut made) = (extent, 1);
@@ -104,12 +104,12 @@ fn steps(Point { x, y, z }: Point) -> [i64; 3] {
 }
 
 /// Points by cell.
-struct Level {
-    entries: Buckets<Entry>,
+struct NoiseGridLevel {
+    entries: Buckets<NoisePoint>,
     bounds: Vec<Option<Bounds>>,
 }
 
-impl Level {
+impl NoiseGridLevel {
     fn new(cells: usize, folder: &Path, memory: u64) -> Self {
         Self { entries: Buckets::new(folder, cells, memory), bounds: vec![None; cells] }
     }
@@ -126,7 +126,7 @@ impl Level {
 
 /// Some points of a cell, or all of them.
 #[derive(Clone, Copy)]
-struct Part {
+struct NoisePart {
     level: usize,
     cell: usize,
     first: u64,
@@ -135,44 +135,44 @@ struct Part {
 }
 
 /// All points.
-pub(super) struct Parts<'a> {
-    space: &'a Space,
-    levels: Vec<Level>,
-    parts: Vec<Part>,
+pub(super) struct NoiseParts<'a> {
+    space: &'a NoiseSpace,
+    levels: Vec<NoiseGridLevel>,
+    parts: Vec<NoisePart>,
 }
 
 /// Points on their way into parts.
-pub(super) struct Filling<'a> {
-    space: &'a Space,
+pub(super) struct NoisePartsBuilder<'a> {
+    space: &'a NoiseSpace,
     folder: &'a Path,
     memory: u64,
-    cells: Cells,
-    level: Level,
+    cells: NoiseCellBox,
+    level: NoiseGridLevel,
 }
 
-impl<'a> Filling<'a> {
+impl<'a> NoisePartsBuilder<'a> {
     /// For about so many points within bounds, of which so many bytes stay in memory.
     pub(super) fn new(
-        space: &'a Space,
+        space: &'a NoiseSpace,
         (bounds, points): (Bounds, u64),
         (folder, memory): (&'a Path, u64),
     ) -> Self {
-        let cells = Cells::new(bounds, space, cells_for(points), 0);
-        let level = Level::new(cells.count(), folder, memory / 2);
+        let cells = NoiseCellBox::new(bounds, space, cells_for(points), 0);
+        let level = NoiseGridLevel::new(cells.count(), folder, memory / 2);
         Self { space, folder, memory, cells, level }
     }
 
     /// Adds points, and empties what they are in.
-    pub(super) fn add(&mut self, entries: &mut Vec<Entry>) -> Result<()> {
+    pub(super) fn add(&mut self, entries: &mut Vec<NoisePoint>) -> Result<()> {
         put(&mut self.level, &self.cells, entries)?;
         entries.clear();
         Ok(())
     }
 
     /// Divides cells that have too many points.
-    pub(super) fn finish(self, at: At<'_>) -> Result<Parts<'a>> {
+    pub(super) fn finish(self, at: Observer<'_>) -> Result<NoiseParts<'a>> {
         let Self { space, folder, memory, level, .. } = self;
-        let mut parts = Parts { space, levels: Vec::new(), parts: Vec::new() };
+        let mut parts = NoiseParts { space, levels: Vec::new(), parts: Vec::new() };
         let mut next = Some(level);
         while let Some(level) = next {
             at.cancel.check()?;
@@ -191,8 +191,8 @@ impl<'a> Filling<'a> {
 }
 
 /// Puts points into their cells.
-fn put(level: &mut Level, cells: &Cells, entries: &[Entry]) -> Result<()> {
-    let mut all: Vec<(usize, Entry)> =
+fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint]) -> Result<()> {
+    let mut all: Vec<(usize, NoisePoint)> =
         entries.iter().map(|entry| (cells.of(entry.point()), *entry)).collect();
     all.sort_by_key(|(cell, _)| *cell);
     let mut run = Vec::new();
@@ -209,22 +209,23 @@ fn put(level: &mut Level, cells: &Cells, entries: &[Entry]) -> Result<()> {
 
 /// The points of some cells of a level in smaller ones, taken from it.
 fn divided(
-    level: &Level,
+    level: &NoiseGridLevel,
     crowded: &[(usize, Bounds)],
-    space: &Space,
+    space: &NoiseSpace,
     (folder, memory): (&Path, u64),
-    at: At<'_>,
-) -> Result<Level> {
+    at: Observer<'_>,
+) -> Result<NoiseGridLevel> {
     let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
     let average = AVERAGE.max(points / MOST_CELLS);
     let (mut all, mut first) = (Vec::new(), 0);
     for (cell, bounds) in crowded {
-        let cells = Cells::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
+        let cells =
+            NoiseCellBox::new(*bounds, space, (level.entries.len(*cell) / average).max(2), first);
         first += cells.count();
         all.push(cells);
     }
-    let mut next = Level::new(first, folder, memory);
-    let mut some = vec![Entry::zeroed(); TOGETHER];
+    let mut next = NoiseGridLevel::new(first, folder, memory);
+    let mut some = vec![NoisePoint::zeroed(); TOGETHER];
     for ((cell, _), cells) in crowded.iter().zip(&all) {
         at.cancel.check()?;
         let mut first = 0;
@@ -238,9 +239,9 @@ fn divided(
     Ok(next)
 }
 
-impl Parts<'_> {
+impl NoiseParts<'_> {
     /// Takes the cells of the next level as parts, but for those that have too many points and can be divided.
-    fn take(&mut self, level: &Level) -> Vec<(usize, Bounds)> {
+    fn take(&mut self, level: &NoiseGridLevel) -> Vec<(usize, Bounds)> {
         let (depth, mut crowded) = (self.levels.len(), Vec::new());
         for (cell, bounds) in level.bounds.iter().enumerate() {
             let Some(bounds) = *bounds else { continue };
@@ -251,7 +252,7 @@ impl Parts<'_> {
             }
             for first in (0..count).step_by(MOST as usize) {
                 let count = (count - first).min(MOST);
-                self.parts.push(Part { level: depth, cell, first, count, bounds });
+                self.parts.push(NoisePart { level: depth, cell, first, count, bounds });
             }
         }
         crowded
@@ -275,13 +276,13 @@ impl Parts<'_> {
     }
 
     /// The parts around one.
-    pub(super) fn around(&self, part: u64) -> Nearest<'_> {
-        Nearest { parts: self, own: part as usize, queue: None, current: None }
+    pub(super) fn around(&self, part: u64) -> NearestParts<'_> {
+        NearestParts { parts: self, own: part as usize, queue: None, current: None }
     }
 
-    fn each(&self, part: &Part, take: &mut dyn FnMut(&Entry)) -> Result<()> {
+    fn each(&self, part: &NoisePart, take: &mut dyn FnMut(&NoisePoint)) -> Result<()> {
         let (entries, end) = (&self.levels[part.level].entries, part.first + part.count);
-        let mut some = vec![Entry::zeroed(); TOGETHER.min(part.count as usize)];
+        let mut some = vec![NoisePoint::zeroed(); TOGETHER.min(part.count as usize)];
         let mut first = part.first;
         while first < end {
             let wanted = (end - first).min(some.len() as u64) as usize;
@@ -294,15 +295,15 @@ impl Parts<'_> {
 }
 
 /// The parts around one, the nearest first.
-pub(super) struct Nearest<'a> {
-    parts: &'a Parts<'a>,
+pub(super) struct NearestParts<'a> {
+    parts: &'a NoiseParts<'a>,
     own: usize,
     /// By the bits of their squared distances, which are ordered as these are.
     queue: Option<BinaryHeap<Reverse<(u64, usize)>>>,
     current: Option<usize>,
 }
 
-impl Nearest<'_> {
+impl NearestParts<'_> {
     fn queue(&self, within: f64) -> BinaryHeap<Reverse<(u64, usize)>> {
         let (space, all) = (self.parts.space, &self.parts.parts);
         let own = all[self.own].bounds;
@@ -312,7 +313,7 @@ impl Nearest<'_> {
     }
 }
 
-impl Around for Nearest<'_> {
+impl NeighborParts for NearestParts<'_> {
     fn next(&mut self, within: f64) -> Option<Bounds> {
         let mut queue = self.queue.take().unwrap_or_else(|| self.queue(within));
         let next = queue.pop().filter(|Reverse((gap, _))| f64::from_bits(*gap) < within);

@@ -10,11 +10,11 @@ use crate::translate::job::TranslateJob;
 use crate::translate::overlap::Overlap;
 use crate::translate::portion::Looked;
 use crate::translate::sorted::Sort;
-use crate::translate::squares::{self, Spans, Squares};
-use crate::translate::thin::Thin;
+use crate::translate::squares::{self, Spans, SquareSplit};
+use crate::translate::thin::CellThinning;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
-use terrane_cloud::{CloudInfo, LasVersion, OpenOptions, PointFormat};
+use terrane_cloud::{CloudInfo, CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::plan;
 use terrane_files::{name_of, path_of};
 
@@ -25,9 +25,9 @@ const MOST_CUT: u32 = 1 << 10;
 
 /// Squares to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Points {
-    pub(super) method: Method,
-    pub(super) blocks: Blocks,
+pub(super) struct SquaresPlan {
+    pub(super) method: TranslateMethod,
+    pub(super) blocks: SquareBlocks,
     /// What is known of the whole cloud.
     #[serde(flatten)]
     pub(super) looked: Looked,
@@ -35,10 +35,10 @@ pub(super) struct Points {
 
 /// What is asked for, by paths that hold wherever a task is run on this file system.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Method {
+pub(super) struct TranslateMethod {
     input: Vec<String>,
     #[serde(flatten)]
-    cloud: OpenOptions,
+    cloud: CloudOpenOptions,
     format: Option<u8>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     version: Option<LasVersion>,
@@ -48,17 +48,17 @@ pub(super) struct Method {
     assign: Vec<Assign>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) overlap: Option<Overlap>,
-    thin: Option<Thin>,
+    thin: Option<CellThinning>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sort: Option<Sort>,
-    pub(super) squares: Squares,
+    pub(super) squares: SquareSplit,
     /// True for files that are not compressed.
     is_plain: bool,
 }
 
 /// Squares that tasks are made of, as found when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Blocks {
+pub(super) struct SquareBlocks {
     /// First and last square along both axes.
     pub(super) spans: Spans,
     /// Squares along the side of a task.
@@ -70,15 +70,15 @@ pub(super) struct Blocks {
 
 /// A task: a block by its number, row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Block(pub(super) u32);
+pub(super) struct SquareBlockTask(pub(super) u32);
 
-impl fmt::Display for Block {
+impl fmt::Display for SquareBlockTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "squares-{}", self.0)
     }
 }
 
-impl Method {
+impl TranslateMethod {
     /// Of a job, but for where it goes and what it may use.
     ///
     /// # Errors
@@ -174,12 +174,12 @@ impl Method {
     }
 }
 
-impl Blocks {
+impl SquareBlocks {
     /// Of points that lie so; tasks are as large as makes a fair piece of work unless told otherwise.
     ///
     /// # Errors
     /// Too many squares.
-    pub(super) fn of(info: &CloudInfo, squares: &Squares, cut: Option<u32>) -> Result<Self> {
+    pub(super) fn of(info: &CloudInfo, squares: &SquareSplit, cut: Option<u32>) -> Result<Self> {
         let spans = squares::spans(squares, info)?;
         let count = counts(spans).iter().product::<u64>();
         let fair = (TASK_POINTS * count as f64 / info.count.max(1) as f64).sqrt().round();
@@ -216,12 +216,12 @@ impl Blocks {
     }
 
     /// All tasks, row by row.
-    pub(super) fn all(&self) -> impl Iterator<Item = Block> + use<> {
-        (0..self.count() as u32).map(Block)
+    pub(super) fn all(&self) -> impl Iterator<Item = SquareBlockTask> + use<> {
+        (0..self.count() as u32).map(SquareBlockTask)
     }
 
     /// The squares of a task.
-    pub(super) fn of_task(&self, Block(block): Block) -> Spans {
+    pub(super) fn of_task(&self, SquareBlockTask(block): SquareBlockTask) -> Spans {
         let across = self.tasks()[0] as u32;
         let place = [block % across, block / across];
         [0, 1].map(|axis| {
@@ -249,7 +249,7 @@ mod tests {
     fn tasks_have_each_square_once() {
         for (spans, cut) in [([[0, 0], [0, 0]], 1), ([[-3, 4], [7, 9]], 3), ([[5, 9], [-1, 5]], 2)]
         {
-            let blocks = Blocks { spans, cut, points: 1, crs: String::new() };
+            let blocks = SquareBlocks { spans, cut, points: 1, crs: String::new() };
             let [x, y] = spans;
             let mut seen = std::collections::BTreeSet::new();
             for block in blocks.all() {

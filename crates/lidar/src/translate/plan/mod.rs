@@ -13,10 +13,12 @@ use std::path::Path;
 
 use super::job::TranslateJob;
 use super::options::PointsOptions;
-use manifest::Points;
+use manifest::SquaresPlan;
 use terrane_base::error::Result;
-use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, At, DiskCheck, Form, Kind, Plan, RunJob, StatusReport};
+use terrane_engine::operation::{Divisible, RunRequest};
+use terrane_engine::plan::{
+    self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob, StatusReport,
+};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{refuse_held, shown_all};
@@ -26,14 +28,14 @@ pub use report::{PlanPointsJob, PointsStatus, PointsWritten, SquareRun, SquareSt
 impl Divisible for PointsOptions {
     const TASK_SIZE: &'static str = "Squares along the side of a task, which reads what lies near them \
                                      [default: as many as have about 67 million points]";
-    terrane_engine::planned_as!(Points, SquareStatus, SquareRun);
+    terrane_engine::planned_as!(SquaresPlan, SquareStatus, SquareRun);
 
     fn plan(
         &self,
-        request: Request<'_>,
+        request: RunRequest<'_>,
         task_size: Option<u32>,
     ) -> Result<StatusReport<SquareStatus>> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
         let job = self.job(inputs.names(), &folder.join("points"))?;
         let (folder, skipped) = (folder.to_path_buf(), skipped.to_vec());
         plan_points(&PlanPointsJob { job, folder, cut: task_size, skipped }, progress, cancel)
@@ -53,16 +55,16 @@ pub fn plan_points(
     cancel: &Cancel,
 ) -> Result<PointsStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    let at = At { progress, cancel };
+    let at = Observer { progress, cancel };
     refuse_held(&job.input)?;
-    let there = Plan::<Points>::there(folder);
+    let there = Plan::<SquaresPlan>::there(folder);
     let known = there.as_ref().map(|plan| &plan.work.looked);
-    let (work, opened) = Points::new((job, *cut), known, at)?;
+    let (work, opened) = SquaresPlan::new((job, *cut), known, at)?;
     let files = work.files(&opened);
     let expect = || probe::expect(&opened, &work, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     Plan::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
-    plan::status::<Points>(folder)
+    plan::status::<SquaresPlan>(folder)
 }
 
 /// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
@@ -79,9 +81,9 @@ pub fn run_in(
     cancel: &Cancel,
 ) -> Result<PointsWritten> {
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
-    let all = RunJob::until(to, job.overwrite, Form::default(), with);
+    let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan =
         || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<Points>(&all, plan, At { progress, cancel })?;
-    Kind::Points.made(run.of.written)
+    let run = plan::run_in::<SquaresPlan>(&all, plan, Observer { progress, cancel })?;
+    PlanKind::Points.made(run.of.written)
 }

@@ -2,8 +2,8 @@
 
 use tempfile::TempDir;
 
-use super::manifest::Points;
-use super::work::Opened;
+use super::manifest::SquaresPlan;
+use super::work::OpenedTranslate;
 use crate::points::parts_in;
 use crate::translate::noise::noted::Noise;
 use crate::translate::portion::window;
@@ -11,9 +11,9 @@ use crate::translate::prepared::{carrier, least};
 use crate::translate::squares::Spans;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
-use terrane_delaunay::Window;
+use terrane_delaunay::PositionWindow;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{At, Needs};
+use terrane_engine::plan::{Observer, PlanNeeds};
 
 /// Squares that are made along each side.
 const ALONG: u32 = 3;
@@ -28,7 +28,11 @@ const BYTE: f64 = 2.0;
 const MARGIN: f64 = 1.06;
 
 /// What the plan will take.
-pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs> {
+pub(super) fn expect(
+    opened: &OpenedTranslate,
+    work: &SquaresPlan,
+    at: Observer<'_>,
+) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let (mut bytes, mut tried) = (0.0, 0.0);
     let places = places(work.blocks.spans);
@@ -51,7 +55,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
     let kind = work.looked.seen.as_ref().map_or(0, |seen| if seen.by_class { 1 } else { 2 });
     let [memory, thread_memory] = least(&opened.job, &opened.cloud, heaviest(opened, work)?)?;
     let noted = work.looked.noise.as_ref().map_or(0, Noise::bytes);
-    Ok(Needs {
+    Ok(PlanNeeds {
         memory: memory + noted + polygon_bytes(&opened.job.cloud),
         thread_memory,
         objects: all,
@@ -61,7 +65,7 @@ pub(super) fn expect(opened: &Opened, work: &Points, at: At<'_>) -> Result<Needs
 }
 
 /// How many times more points there are with those of buffers.
-fn grown(work: &Points) -> f64 {
+fn grown(work: &SquaresPlan) -> f64 {
     let squares = &work.method.squares;
     (1.0 + 2.0 * squares.buffer / squares.side).powi(2)
 }
@@ -78,17 +82,17 @@ fn places(spans: Spans) -> Vec<Spans> {
 }
 
 /// Points that may have to be looked at for squares.
-fn points_near(opened: &Opened, work: &Points, spans: Spans) -> Result<u64> {
+fn points_near(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> Result<u64> {
     let info = opened.cloud.info();
     let near = window(&work.method.squares, spans, opened.job.reach(info)?, &info.frame);
     Ok(parts_in(&opened.cloud, &near).iter().map(|part| opened.cloud.points_of(*part)).sum())
 }
 
 /// Steps in squares and the box around the cloud.
-fn area(opened: &Opened, work: &Points, spans: Spans) -> f64 {
+fn area(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> f64 {
     let info = opened.cloud.info();
     let [low, high] = info.bounds.unwrap_or_default();
-    let cloud = Window { low: [low.x, low.y], high: [high.x, high.y] };
+    let cloud = PositionWindow { low: [low.x, low.y], high: [high.x, high.y] };
     let within = window(&work.method.squares, spans, -work.method.squares.buffer, &info.frame);
     within.intersection(&cloud).map_or(0.0, |part| {
         let side = |i: usize| f64::from(part.high[i].abs_diff(part.low[i])) + 1.0;
@@ -97,20 +101,20 @@ fn area(opened: &Opened, work: &Points, spans: Spans) -> f64 {
 }
 
 /// Points that may have to be looked at for the task that has most of them, where that matters.
-fn heaviest(opened: &Opened, work: &Points) -> Result<u64> {
+fn heaviest(opened: &OpenedTranslate, work: &SquaresPlan) -> Result<u64> {
     if opened.job.choices() == 0 && opened.job.above.noise().is_none() {
         return Ok(0);
     }
     let info = opened.cloud.info();
     let (blocks, reach, frame) = (&work.blocks, opened.job.reach(info)?, &info.frame);
-    let windows: Vec<Window> = blocks
+    let windows: Vec<PositionWindow> = blocks
         .all()
         .map(|block| window(&work.method.squares, blocks.of_task(block), reach, frame))
         .collect();
     let mut points = vec![0; windows.len()];
     for part in 0..opened.cloud.parts() {
         let Some([low, high]) = opened.cloud.bounds_of(part) else { continue };
-        let bounds = Window { low: [low.x, low.y], high: [high.x, high.y] };
+        let bounds = PositionWindow { low: [low.x, low.y], high: [high.x, high.y] };
         for (window, points) in windows.iter().zip(&mut points) {
             if window.intersection(&bounds).is_some() {
                 *points += opened.cloud.points_of(part);

@@ -7,34 +7,34 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::manifest::{Block, Blocks, Method, Points};
+use super::manifest::{SquareBlockTask, SquareBlocks, SquaresPlan, TranslateMethod};
 use super::report::{PointsWritten, SquareRun, SquareStatus};
-use crate::grid::Near;
+use crate::grid::CellSurroundings;
 use crate::translate::job::TranslateJob;
 use crate::translate::portion::{Looked, Portion, window};
 use crate::translate::prepared::{carrier, prepared};
 use crate::translate::squares::{self, Spans};
 use terrane_base::error::{Error, Result};
-use terrane_cloud::{Cloud, PointSource};
+use terrane_cloud::{PointCloud, PointSource};
 use terrane_engine::memory::beside_polygons;
 use terrane_engine::outputs::refuse_file_name;
 use terrane_engine::plan::{
-    At, Form, Kind, Made, Named, Numbered, Order, Plan, StatusReport, Survey, Work, damaged_object,
-    refuse_another,
+    MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanStep,
+    PlannedWork, StatusReport, TaskSurvey, damaged_object, refuse_another,
 };
 use terrane_engine::sift::Losses;
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_ground::noise;
 
 /// A plan's cloud and job, opened.
-pub(super) struct Opened {
+pub(super) struct OpenedTranslate {
     pub(super) job: TranslateJob,
-    pub(super) cloud: Cloud,
+    pub(super) cloud: PointCloud,
 }
 
 /// What an object has: its files in order, each with its bytes.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
-pub(super) struct Facts {
+pub(super) struct SquareObjectSummary {
     points: u64,
     files: Vec<(String, u64)>,
     /// Files whose damage was passed over.
@@ -42,34 +42,34 @@ pub(super) struct Facts {
     losses: Losses,
 }
 
-impl Points {
+impl SquaresPlan {
     /// What is asked for, what there is, and what has to be known of all of it, where that is not `known`.
     pub(super) fn new(
         (job, cut): (&TranslateJob, Option<u32>),
         known: Option<&Looked>,
-        at: At<'_>,
-    ) -> Result<(Self, Opened)> {
-        let mut method = Method::of(job)?;
-        let mut opened = Opened::new(job.clone())?;
+        at: Observer<'_>,
+    ) -> Result<(Self, OpenedTranslate)> {
+        let mut method = TranslateMethod::of(job)?;
+        let mut opened = OpenedTranslate::new(job.clone())?;
         method.found(opened.cloud.files())?;
         let info = carrier(&opened.job, &opened.cloud)?.info().clone();
         // Cells are those of the whole cloud.
         method.overlap = job.overlap.map(|cells| cells.over(&info));
         opened.job.overlap = method.overlap;
-        let blocks = Blocks::of(&info, &method.squares, cut)?;
+        let blocks = SquareBlocks::of(&info, &method.squares, cut)?;
         blocks.check()?;
         let looked = known.map_or_else(|| opened.look(at), |looked| Ok(looked.clone()))?;
         Ok((Self { method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
     }
 
     /// The files it is made from.
-    pub(super) fn files(&self, opened: &Opened) -> Vec<PathBuf> {
+    pub(super) fn files(&self, opened: &OpenedTranslate) -> Vec<PathBuf> {
         let on_disk = if opened.cloud.files().is_empty() { &[][..] } else { self.method.input() };
         on_disk.iter().map(|name| terrane_files::path_of(name).into_owned()).collect()
     }
 }
 
-impl Opened {
+impl OpenedTranslate {
     fn new(job: TranslateJob) -> Result<Self> {
         let cloud = job.open()?;
         Ok(Self { job, cloud })
@@ -77,7 +77,7 @@ impl Opened {
 
     /// What has to be known of the whole cloud: of its ground, where something is told of that, and what is noise,
     /// where that is no matter of points nearby or is no ground.
-    fn look(&self, at: At<'_>) -> Result<Looked> {
+    fn look(&self, at: Observer<'_>) -> Result<Looked> {
         let above = &self.job.above;
         let is_local = above.noise().is_none_or(noise::Asked::is_local);
         match above.is_asked() || !is_local {
@@ -97,15 +97,15 @@ impl Opened {
     /// Makes the files of some squares in a folder, of what lies near them or as much more as it takes.
     pub(super) fn make(
         &self,
-        work: &Points,
+        work: &SquaresPlan,
         (spans, folder): (Spans, &Path),
-        at: At<'_>,
-    ) -> Result<squares::Made> {
+        at: Observer<'_>,
+    ) -> Result<squares::SplitFiles> {
         let (job, info) = (&self.job, self.cloud.info());
         let cells = window(&work.method.squares, spans, job.reach(info)?, &info.frame);
         let side = crate::grid::tiling(info).side();
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
-        let mut near = Near { cells, margin: side.saturating_add(4).max(wide as i32) };
+        let mut near = CellSurroundings { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
             let portion = Portion::new((spans, near), &work.looked, &self.cloud, folder);
             let made = prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
@@ -117,38 +117,38 @@ impl Opened {
     }
 }
 
-impl Work for Points {
-    const KIND: Kind = Kind::Points;
-    const NAMES: &'static [Numbered<Block>] = &[("squares", Block)];
+impl PlannedWork for SquaresPlan {
+    const KIND: PlanKind = PlanKind::Points;
+    const NAMES: &'static [Numbered<SquareBlockTask>] = &[("squares", SquareBlockTask)];
 
-    type Task = Block;
-    type Facts = Facts;
+    type Task = SquareBlockTask;
+    type Facts = SquareObjectSummary;
     type Run = SquareRun;
     type Note = PointsWritten;
     type Status = SquareStatus;
-    type Opened = Opened;
+    type Opened = OpenedTranslate;
 
     fn check(&self) -> Result<()> {
         self.blocks.check()
     }
 
-    fn tasks(&self) -> Vec<Block> {
+    fn tasks(&self) -> Vec<SquareBlockTask> {
         self.blocks.all().collect()
     }
 
-    fn before(&self, _: Block) -> Vec<Block> {
+    fn before(&self, _: SquareBlockTask) -> Vec<SquareBlockTask> {
         Vec::new()
     }
 
-    fn size(&self, task: Named<Block>) -> u64 {
+    fn size(&self, task: PlanStep<SquareBlockTask>) -> u64 {
         match task {
-            Named::Task(block) => Blocks::size(self.blocks.of_task(block)),
-            Named::Finish => Blocks::size(self.blocks.spans),
+            PlanStep::Task(block) => SquareBlocks::size(self.blocks.of_task(block)),
+            PlanStep::Finish => SquareBlocks::size(self.blocks.spans),
         }
     }
 
     fn tell(&self) -> StatusReport<SquareStatus> {
-        let Blocks { points, cut, .. } = self.blocks;
+        let SquareBlocks { points, cut, .. } = self.blocks;
         let (squares, side) = (self.blocks.counts(), self.method.squares.side);
         StatusReport {
             format: self.method.ending().to_owned(),
@@ -158,51 +158,54 @@ impl Work for Points {
         }
     }
 
-    fn output(&self, _: &Form) -> Result<PathBuf> {
+    fn output(&self, _: &OutputForm) -> Result<PathBuf> {
         Ok(PathBuf::from("points"))
     }
 
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Opened> {
-        let Order { output, overwrite, resources, .. } = order;
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedTranslate> {
+        let OutputOrder { output, overwrite, resources, .. } = order;
         let Self { method, blocks, looked } = &plan.work;
         let mut job = TranslateJob { output, overwrite, ..method.job()? };
         job.resources = beside_polygons(&job.cloud, &resources);
         job.cloud.threads = job.resources.threads;
-        let opened = Opened::new(job)?;
+        let opened = OpenedTranslate::new(job)?;
         let info = carrier(&opened.job, &opened.cloud)?.info().clone();
-        let here = Blocks::of(&info, &method.squares, Some(blocks.cut))?;
+        let here = SquareBlocks::of(&info, &method.squares, Some(blocks.cut))?;
         refuse_another("cloud", &plan.label, blocks, &here)?;
         Ok(opened.knowing(looked))
     }
 
-    fn check_output(Opened { job, cloud }: &Opened, _: At<'_>) -> Result<()> {
+    fn check_output(
+        OpenedTranslate { job, cloud }: &OpenedTranslate,
+        _: Observer<'_>,
+    ) -> Result<()> {
         refuse_file_name(&job.output)?;
         squares::refuse_within(cloud.files(), &job.output)?;
         AtomicFolder::create(&job.output, job.overwrite, squares::is_ours).map(drop)
     }
 
     fn make(
-        opened: &Opened,
-        (block, object): (Block, &Path),
-        survey: &Survey<'_, Self>,
+        opened: &OpenedTranslate,
+        (block, object): (SquareBlockTask, &Path),
+        survey: &TaskSurvey<'_, Self>,
         run: &mut SquareRun,
-        at: At<'_>,
-    ) -> Result<Made<Facts>> {
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<SquareObjectSummary>> {
         let work = &survey.folder.plan.work;
         // It goes with its files, and what a killed run left of one is removed.
         let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
         let made = opened.make(work, (work.blocks.of_task(block), folder.inside()), at)?;
         let (files, losses) = (pack(folder.inside(), object)?, Losses::of(&opened.cloud));
-        let facts = Facts { points: made.points, files, losses };
+        let facts = SquareObjectSummary { points: made.points, files, losses };
         run.points += made.points;
-        Ok(Made { facts, digest: None, spilled: 0 })
+        Ok(MadeArtifact { facts, digest: None, spilled: 0 })
     }
 
     fn write(
-        Opened { job, cloud }: &Opened,
-        survey: &Survey<'_, Self>,
+        OpenedTranslate { job, cloud }: &OpenedTranslate,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut SquareRun,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<PointsWritten> {
         let Plan { label, work, .. } = &survey.folder.plan;
         let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;

@@ -1,7 +1,7 @@
 //! Elements of so many bytes, such as positions: blocks of up to 256 of them, the differences of each byte
 //! from that of the element before, in groups of 16 that take 0, 2, 4 or 8 bits each.
 
-use super::stream::{Codec, Window};
+use super::stream::{MeshoptCodec, MeshoptWindow};
 use terrane_base::error::{Error, Result};
 
 const HEADER: u8 = 0xa0;
@@ -21,7 +21,7 @@ const fn block_elements(stride: usize) -> usize {
 }
 
 /// Writes one stream of elements.
-pub(crate) struct Writer {
+pub(crate) struct MeshoptAttributeWriter {
     stride: usize,
     /// The first of all; empty until it is known.
     first: Vec<u8>,
@@ -31,7 +31,7 @@ pub(crate) struct Writer {
     waiting: Vec<u8>,
 }
 
-impl Writer {
+impl MeshoptAttributeWriter {
     /// For elements of `stride` bytes: a multiple of 4, at most 256.
     pub(crate) fn new(stride: usize) -> Self {
         Self { stride, first: Vec::new(), last: Vec::new(), waiting: Vec::new() }
@@ -136,7 +136,7 @@ fn write_group(codes: &[u8], bits: usize, out: &mut Vec<u8>) {
 }
 
 /// Reads a stream of elements.
-pub(crate) struct Reader {
+pub(crate) struct MeshoptAttributeReader {
     /// Where the stream begins in the file, and its last element.
     start: u64,
     end: u64,
@@ -147,17 +147,17 @@ pub(crate) struct Reader {
 
 /// A place between two blocks.
 #[derive(Clone)]
-pub(crate) struct Place {
+pub(crate) struct MeshoptAttributeCursor {
     element: u64,
     offset: u64,
     /// The element before.
     last: Vec<u8>,
 }
 
-impl Reader {
+impl MeshoptAttributeReader {
     /// The stream of `count` elements of `stride` bytes at `start`, of `bytes`.
     pub(crate) fn new(
-        window: &mut Window<'_>,
+        window: &mut MeshoptWindow<'_>,
         (start, bytes): (u64, u64),
         (stride, count): (usize, u64),
     ) -> Result<Self> {
@@ -182,14 +182,14 @@ impl Reader {
     }
 }
 
-impl Codec for Reader {
-    type Place = Place;
+impl MeshoptCodec for MeshoptAttributeReader {
+    type Place = MeshoptAttributeCursor;
 
-    fn start(&self) -> Place {
-        Place { element: 0, offset: self.start + 1, last: self.first.clone() }
+    fn start(&self) -> MeshoptAttributeCursor {
+        MeshoptAttributeCursor { element: 0, offset: self.start + 1, last: self.first.clone() }
     }
 
-    fn index(&self, place: &Place) -> u64 {
+    fn index(&self, place: &MeshoptAttributeCursor) -> u64 {
         place.element
     }
 
@@ -205,7 +205,12 @@ impl Codec for Reader {
         self.stride
     }
 
-    fn step(&self, place: &mut Place, window: &mut Window<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn step(
+        &self,
+        place: &mut MeshoptAttributeCursor,
+        window: &mut MeshoptWindow<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         let left = self.count - place.element;
         let elements = left.min(self.step_elements()) as usize;
         let groups = elements.div_ceil(GROUP);
@@ -236,13 +241,13 @@ impl Codec for Reader {
     }
 }
 
-impl Reader {
+impl MeshoptAttributeReader {
     /// Copies the next bytes of the stream.
     fn take(
         &self,
-        place: &mut Place,
+        place: &mut MeshoptAttributeCursor,
         count: usize,
-        window: &mut Window<'_>,
+        window: &mut MeshoptWindow<'_>,
         to: &mut [u8],
     ) -> Result<()> {
         if place.offset + count as u64 > self.end {
@@ -254,7 +259,12 @@ impl Reader {
     }
 
     /// The next group.
-    fn group(&self, place: &mut Place, bits: usize, window: &mut Window<'_>) -> Result<[u8; 16]> {
+    fn group(
+        &self,
+        place: &mut MeshoptAttributeCursor,
+        bits: usize,
+        window: &mut MeshoptWindow<'_>,
+    ) -> Result<[u8; 16]> {
         let mut codes = [0; GROUP];
         if bits == 0 {
             return Ok(codes);

@@ -3,7 +3,7 @@
 
 use std::sync::Mutex;
 
-use crate::input::Input;
+use crate::input::MeshFile;
 use terrane_base::error::Result;
 use terrane_files::lock;
 
@@ -15,7 +15,7 @@ const MOST_ENDS: usize = 16;
 const WINDOW_BYTES: u64 = 64 << 10;
 
 /// A kind of stream that is decoded in steps of so many elements, of which the last may have fewer.
-pub(crate) trait Codec {
+pub(crate) trait MeshoptCodec {
     /// All that is known between two steps.
     type Place: Clone;
 
@@ -38,25 +38,25 @@ pub(crate) trait Codec {
     fn step(
         &self,
         place: &mut Self::Place,
-        window: &mut Window<'_>,
+        window: &mut MeshoptWindow<'_>,
         out: &mut Vec<u8>,
     ) -> Result<()>;
 }
 
 /// A stream and what is remembered of it.
-pub(crate) struct Stream<C: Codec> {
+pub(crate) struct MeshoptStream<C: MeshoptCodec> {
     codec: C,
-    known: Mutex<Known<C::Place>>,
+    known: Mutex<MeshoptCheckpoints<C::Place>>,
     /// Steps from one remembered place to the next.
     stride: u64,
 }
 
-struct Known<P> {
+struct MeshoptCheckpoints<P> {
     marks: Vec<Option<P>>,
     ends: Vec<P>,
 }
 
-impl<C: Codec> Stream<C> {
+impl<C: MeshoptCodec> MeshoptStream<C> {
     pub(crate) fn new(codec: C) -> Self {
         Self::with_marks(codec, MOST_MARKS)
     }
@@ -64,19 +64,23 @@ impl<C: Codec> Stream<C> {
     pub(super) fn with_marks(codec: C, most: u64) -> Self {
         let steps = codec.count().div_ceil(codec.step_elements());
         let stride = steps.div_ceil(most).max(1);
-        Self { codec, known: Mutex::new(Known { marks: Vec::new(), ends: Vec::new() }), stride }
+        Self {
+            codec,
+            known: Mutex::new(MeshoptCheckpoints { marks: Vec::new(), ends: Vec::new() }),
+            stride,
+        }
     }
 
     /// Hands `each` the bytes of elements `first .. first + count`, which there are, by number from 0.
     pub(crate) fn read(
         &self,
-        input: &Input,
+        input: &MeshFile,
         first: u64,
         count: usize,
         mut each: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
         let (codec, end) = (&self.codec, first + count as u64);
-        let mut window = Window::new(input);
+        let mut window = MeshoptWindow::new(input);
         let mut place = self.before(first);
         let mut elements = Vec::new();
         // Where the next reader will begin.
@@ -130,15 +134,15 @@ impl<C: Codec> Stream<C> {
 }
 
 /// A part of a file, held while it is read from front to back, or from two places in turn.
-pub(crate) struct Window<'a> {
-    input: &'a Input,
+pub(crate) struct MeshoptWindow<'a> {
+    input: &'a MeshFile,
     parts: [(u64, Vec<u8>); 2],
     /// The part used last.
     latest: usize,
 }
 
-impl<'a> Window<'a> {
-    pub(crate) fn new(input: &'a Input) -> Self {
+impl<'a> MeshoptWindow<'a> {
+    pub(crate) fn new(input: &'a MeshFile) -> Self {
         Self { input, parts: [(0, Vec::new()), (0, Vec::new())], latest: 0 }
     }
 

@@ -5,9 +5,9 @@ use meshoptimizer_rs::{Limits, Workspace};
 use proptest::prelude::*;
 
 use super::attributes;
-use super::stream::{Codec, Stream, Window};
+use super::stream::{MeshoptCodec, MeshoptStream, MeshoptWindow};
 use super::triangles;
-use crate::input::Input;
+use crate::input::MeshFile;
 
 fn space() -> Workspace {
     Workspace::new(Limits::default())
@@ -16,7 +16,7 @@ fn space() -> Workspace {
 /// A file with some bytes before a stream, and behind it.
 struct Lab {
     _file: tempfile::NamedTempFile,
-    input: Input,
+    input: MeshFile,
     span: (u64, u64),
 }
 
@@ -24,12 +24,12 @@ impl Lab {
     fn new(stream: &[u8]) -> Self {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), [&[7; 13], stream, &[9; 40]].concat()).unwrap();
-        let input = Input::open(file.path()).unwrap();
+        let input = MeshFile::open(file.path()).unwrap();
         Self { _file: file, input, span: (13, stream.len() as u64) }
     }
 
-    fn read<C: Codec>(&self, codec: C, ranges: &[(u64, usize)]) -> Vec<Vec<u8>> {
-        let stream = Stream::with_marks(codec, 3);
+    fn read<C: MeshoptCodec>(&self, codec: C, ranges: &[(u64, usize)]) -> Vec<Vec<u8>> {
+        let stream = MeshoptStream::with_marks(codec, 3);
         let read = |&(first, count): &(u64, usize)| {
             let mut found = Vec::new();
             let keep = |place: usize, element: &[u8]| {
@@ -42,12 +42,22 @@ impl Lab {
         ranges.iter().map(|range| read(range).unwrap()).collect()
     }
 
-    fn attributes(&self, stride: usize, count: u64) -> attributes::Reader {
-        attributes::Reader::new(&mut Window::new(&self.input), self.span, (stride, count)).unwrap()
+    fn attributes(&self, stride: usize, count: u64) -> attributes::MeshoptAttributeReader {
+        attributes::MeshoptAttributeReader::new(
+            &mut MeshoptWindow::new(&self.input),
+            self.span,
+            (stride, count),
+        )
+        .unwrap()
     }
 
-    fn triangles(&self, count: u64) -> triangles::Reader {
-        triangles::Reader::new(&mut Window::new(&self.input), self.span, count).unwrap()
+    fn triangles(&self, count: u64) -> triangles::MeshoptTriangleReader {
+        triangles::MeshoptTriangleReader::new(
+            &mut MeshoptWindow::new(&self.input),
+            self.span,
+            count,
+        )
+        .unwrap()
     }
 }
 
@@ -59,7 +69,7 @@ fn ranges(count: usize) -> Vec<(u64, usize)> {
 }
 
 fn encoded(elements: &[u8], stride: usize, batch: usize) -> Vec<u8> {
-    let mut writer = attributes::Writer::new(stride);
+    let mut writer = attributes::MeshoptAttributeWriter::new(stride);
     let mut stream = Vec::new();
     for some in elements.chunks(batch * stride) {
         writer.push(some, &mut stream);
@@ -150,10 +160,10 @@ proptest! {
         steps in prop::collection::vec(any::<(u8, u8)>(), 1..3000),
     ) {
         let all = mesh(&steps);
-        let (mut codes, mut data) = (triangles::Writer::HEAD.to_vec(), Vec::new());
-        let mut writer = triangles::Writer::new();
+        let (mut codes, mut data) = (triangles::MeshoptTriangleWriter::HEAD.to_vec(), Vec::new());
+        let mut writer = triangles::MeshoptTriangleWriter::new();
         all.iter().for_each(|triangle| writer.push(*triangle, &mut codes, &mut data));
-        let stream = [&codes[..], &data, &triangles::Writer::TAIL].concat();
+        let stream = [&codes[..], &data, &triangles::MeshoptTriangleWriter::TAIL].concat();
         let expected: Vec<_> = all.iter().map(|triangle| turned(*triangle)).collect();
         let count = 3 * all.len();
         let found = codec::decode_index_buffer(count, 4, &stream, &mut space()).unwrap();
@@ -197,8 +207,8 @@ fn streams_of_the_wrong_length_are_refused() {
     let stream = encoded(&elements, 12, 300);
     let lab = Lab::new(&stream);
     let open = |bytes, stride, count| {
-        let window = &mut Window::new(&lab.input);
-        attributes::Reader::new(window, (lab.span.0, bytes), (stride, count))
+        let window = &mut MeshoptWindow::new(&lab.input);
+        attributes::MeshoptAttributeReader::new(window, (lab.span.0, bytes), (stride, count))
     };
     for (bytes, stride, count) in
         [(90, 12, 300), (lab.span.1, 12, u64::MAX), (lab.span.1, 0, 1), (lab.span.1, 260, 1)]
@@ -206,7 +216,7 @@ fn streams_of_the_wrong_length_are_refused() {
         assert!(open(bytes, stride, count).is_err(), "{bytes} {stride} {count}");
     }
     for wrong in [lab.span.1 - 1, lab.span.1 + 1] {
-        let stream = Stream::new(open(wrong, 12, 300).unwrap());
+        let stream = MeshoptStream::new(open(wrong, 12, 300).unwrap());
         assert!(stream.read(&lab.input, 290, 1, |_, _| Ok(())).is_err(), "{wrong}");
     }
 }

@@ -1,7 +1,7 @@
 //! Corners of triangles: mostly an edge of a triangle before and a vertex that is near, in one byte; and in
 //! another part of the stream what takes more.
 
-use super::stream::{Codec, Window};
+use super::stream::{MeshoptCodec, MeshoptWindow};
 use terrane_base::error::{Error, Result};
 
 const HEADER: u8 = 0xe1;
@@ -18,13 +18,13 @@ const STEP: u64 = 512;
 
 /// The last 16 of some things.
 #[derive(Clone, Debug)]
-struct Queue<T> {
+struct MeshoptFifo<T> {
     items: [T; QUEUE],
     /// Where the next one goes.
     next: usize,
 }
 
-impl<T: Copy + PartialEq> Queue<T> {
+impl<T: Copy + PartialEq> MeshoptFifo<T> {
     fn of(nothing: T) -> Self {
         Self { items: [nothing; QUEUE], next: 0 }
     }
@@ -42,18 +42,18 @@ impl<T: Copy + PartialEq> Queue<T> {
 
 /// What both sides know of the triangles before.
 #[derive(Clone, Debug)]
-struct State {
+struct MeshoptTriangleState {
     /// The vertex that was not met yet, if they come in order.
     next: u32,
     /// The last vertex that was written out.
     last: u32,
-    edges: Queue<[u32; 2]>,
-    vertices: Queue<u32>,
+    edges: MeshoptFifo<[u32; 2]>,
+    vertices: MeshoptFifo<u32>,
 }
 
-impl State {
+impl MeshoptTriangleState {
     fn new() -> Self {
-        let (edges, vertices) = (Queue::of([NOTHING; 2]), Queue::of(NOTHING));
+        let (edges, vertices) = (MeshoptFifo::of([NOTHING; 2]), MeshoptFifo::of(NOTHING));
         Self { next: 0, last: 0, edges, vertices }
     }
 
@@ -71,13 +71,13 @@ impl State {
 }
 
 /// Writes one stream of triangles: codes and data apart, as the codes of all come first.
-pub(crate) struct Writer {
-    state: State,
+pub(crate) struct MeshoptTriangleWriter {
+    state: MeshoptTriangleState,
 }
 
-impl Writer {
+impl MeshoptTriangleWriter {
     pub(crate) fn new() -> Self {
-        Self { state: State::new() }
+        Self { state: MeshoptTriangleState::new() }
     }
 
     /// What the codes begin with.
@@ -169,7 +169,7 @@ impl Writer {
     }
 }
 
-impl State {
+impl MeshoptTriangleState {
     /// 0 for the next vertex, 1 to 14 for one of the queue, 15 for all others.
     fn place(&mut self, corner: u32) -> u8 {
         if corner == self.next {
@@ -194,7 +194,7 @@ impl State {
 }
 
 /// Reads a stream of triangles, as elements of three u32.
-pub(crate) struct Reader {
+pub(crate) struct MeshoptTriangleReader {
     /// The first code.
     codes: u64,
     /// Behind the data.
@@ -205,17 +205,17 @@ pub(crate) struct Reader {
 
 /// A place between two triangles.
 #[derive(Clone)]
-pub(crate) struct Place {
+pub(crate) struct MeshoptTriangleCursor {
     triangle: u64,
     /// Where its data are.
     data: u64,
-    state: State,
+    state: MeshoptTriangleState,
 }
 
-impl Reader {
+impl MeshoptTriangleReader {
     /// The stream of `triangles` at `start`, of `bytes`.
     pub(crate) fn new(
-        window: &mut Window<'_>,
+        window: &mut MeshoptWindow<'_>,
         (start, bytes): (u64, u64),
         triangles: u64,
     ) -> Result<Self> {
@@ -237,7 +237,12 @@ impl Reader {
     }
 
     /// The next triangle.
-    fn triangle(&self, code: u8, state: &mut State, data: &mut Data<'_>) -> Result<[u32; 3]> {
+    fn triangle(
+        &self,
+        code: u8,
+        state: &mut MeshoptTriangleState,
+        data: &mut MeshoptTriangleBytes<'_>,
+    ) -> Result<[u32; 3]> {
         let (high, low) = (code >> 4, code & 0xf);
         if high == 0xf {
             return self.alone(low, state, data);
@@ -259,7 +264,12 @@ impl Reader {
         Ok([a, b, c])
     }
 
-    fn alone(&self, low: u8, state: &mut State, data: &mut Data<'_>) -> Result<[u32; 3]> {
+    fn alone(
+        &self,
+        low: u8,
+        state: &mut MeshoptTriangleState,
+        data: &mut MeshoptTriangleBytes<'_>,
+    ) -> Result<[u32; 3]> {
         let (pair, is_next) = match low {
             0xe | 0xf => (data.byte()?, low == 0xe),
             _ => (self.pairs[usize::from(low)], true),
@@ -287,7 +297,7 @@ impl Reader {
     }
 }
 
-impl State {
+impl MeshoptTriangleState {
     fn take_next(&mut self) -> u32 {
         let next = self.next;
         self.next = next.wrapping_add(1);
@@ -296,16 +306,16 @@ impl State {
 }
 
 /// What is left of the data of some triangles.
-struct Data<'a>(&'a [u8]);
+struct MeshoptTriangleBytes<'a>(&'a [u8]);
 
-impl Data<'_> {
+impl MeshoptTriangleBytes<'_> {
     fn byte(&mut self) -> Result<u8> {
         let (byte, rest) = self.0.split_first().ok_or_else(|| bad("end too early"))?;
         self.0 = rest;
         Ok(*byte)
     }
 
-    fn vertex(&mut self, state: &mut State) -> Result<u32> {
+    fn vertex(&mut self, state: &mut MeshoptTriangleState) -> Result<u32> {
         let mut folded = 0_u32;
         for shift in (0..35).step_by(7) {
             let byte = self.byte()?;
@@ -320,14 +330,18 @@ impl Data<'_> {
     }
 }
 
-impl Codec for Reader {
-    type Place = Place;
+impl MeshoptCodec for MeshoptTriangleReader {
+    type Place = MeshoptTriangleCursor;
 
-    fn start(&self) -> Place {
-        Place { triangle: 0, data: self.codes + self.triangles, state: State::new() }
+    fn start(&self) -> MeshoptTriangleCursor {
+        MeshoptTriangleCursor {
+            triangle: 0,
+            data: self.codes + self.triangles,
+            state: MeshoptTriangleState::new(),
+        }
     }
 
-    fn index(&self, place: &Place) -> u64 {
+    fn index(&self, place: &MeshoptTriangleCursor) -> u64 {
         place.triangle
     }
 
@@ -343,11 +357,16 @@ impl Codec for Reader {
         12
     }
 
-    fn step(&self, place: &mut Place, window: &mut Window<'_>, out: &mut Vec<u8>) -> Result<()> {
+    fn step(
+        &self,
+        place: &mut MeshoptTriangleCursor,
+        window: &mut MeshoptWindow<'_>,
+        out: &mut Vec<u8>,
+    ) -> Result<()> {
         let count = STEP.min(self.triangles - place.triangle) as usize;
         let codes = window.bytes(self.codes + place.triangle, count)?.to_vec();
         let most = (self.end - place.data).min((count * MOST_DATA) as u64) as usize;
-        let mut data = Data(window.bytes(place.data, most)?);
+        let mut data = MeshoptTriangleBytes(window.bytes(place.data, most)?);
         out.clear();
         for code in codes {
             let corners = self.triangle(code, &mut place.state, &mut data)?;

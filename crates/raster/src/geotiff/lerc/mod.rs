@@ -8,7 +8,7 @@ use crate::grid::SampleType;
 
 /// What a block has to hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shape {
+pub(super) struct LercBlockShape {
     pub(super) kind: SampleType,
     pub(super) width: usize,
     pub(super) height: usize,
@@ -21,7 +21,7 @@ type Fault = String;
 
 /// Decodes `data` into `out`: samples in native order, pixel by pixel. Samples outside the mask are
 /// NaN, or 0 in integers. There is one blob, or for pixels of several samples one for each of them.
-pub(super) fn decode(data: &[u8], shape: Shape, out: &mut [u8]) -> Result<(), Fault> {
+pub(super) fn decode(data: &[u8], shape: LercBlockShape, out: &mut [u8]) -> Result<(), Fault> {
     match shape.kind {
         SampleType::I8 => decode_as::<i8>(data, shape, 0, out),
         SampleType::U8 => decode_as::<u8>(data, shape, 0, out),
@@ -37,7 +37,7 @@ pub(super) fn decode(data: &[u8], shape: Shape, out: &mut [u8]) -> Result<(), Fa
 
 fn decode_as<T: Sample + Pod>(
     data: &[u8],
-    shape: Shape,
+    shape: LercBlockShape,
     void: T,
     out: &mut [u8],
 ) -> Result<(), Fault> {
@@ -82,7 +82,7 @@ fn decode_as<T: Sample + Pod>(
 }
 
 /// Fails where the blobs are not of this block.
-fn check(info: &LercInfo, shape: Shape) -> Result<(), Fault> {
+fn check(info: &LercInfo, shape: LercBlockShape) -> Result<(), Fault> {
     let (width, height) = (info.width as usize, info.height as usize);
     let samples = u64::from(info.depth) * u64::from(info.bands);
     // Samples of a pixel are in one blob, or in one each.
@@ -96,7 +96,7 @@ fn check(info: &LercInfo, shape: Shape) -> Result<(), Fault> {
     ))
 }
 
-fn other_type(shape: Shape) -> Fault {
+fn other_type(shape: LercBlockShape) -> Fault {
     format!("LERC data of another type than {}", shape.kind.name())
 }
 

@@ -16,7 +16,13 @@ const KINDS: [SampleType; 8] = [
 ];
 
 /// A blob of version 2.4 around `body`, with its sizes and checksum right.
-fn blob(shape: Shape, valid: usize, [low, high]: [f64; 2], error: f64, body: &[u8]) -> Vec<u8> {
+fn blob(
+    shape: LercBlockShape,
+    valid: usize,
+    [low, high]: [f64; 2],
+    error: f64,
+    body: &[u8],
+) -> Vec<u8> {
     let kind = (0..).zip(KINDS).find(|(_, kind)| *kind == shape.kind).unwrap().0;
     let size = 14 + 28 + 24 + body.len();
     let numbers = [shape.height, shape.width, shape.depth, valid, 8, size].map(|n| n as i32);
@@ -28,11 +34,11 @@ fn blob(shape: Shape, valid: usize, [low, high]: [f64; 2], error: f64, body: &[u
     [head, rest].concat()
 }
 
-fn shape(kind: SampleType, width: usize, height: usize) -> Shape {
-    Shape { kind, width, height, depth: 1 }
+fn shape(kind: SampleType, width: usize, height: usize) -> LercBlockShape {
+    LercBlockShape { kind, width, height, depth: 1 }
 }
 
-fn decoded(blob: &[u8], shape: Shape) -> Result<Vec<u8>, Fault> {
+fn decoded(blob: &[u8], shape: LercBlockShape) -> Result<Vec<u8>, Fault> {
     let samples = shape.width * shape.height * shape.depth;
     let mut out = vec![0x55; samples * shape.kind.bytes()];
     decode(blob, shape, &mut out).map(|()| out)
@@ -72,9 +78,12 @@ fn every_kind_of_square() {
     let shape = shape(SampleType::I16, 10, 9);
     assert_eq!(i16s(&decoded(&blob, shape).unwrap()), heights);
     for (wrong, words) in [
-        (Shape { width: 9, height: 10, ..shape }, "10 x 9 pixels of 1 samples where 9 x 10"),
-        (Shape { depth: 2, ..shape }, "10 x 9 pixels of 1 samples where 10 x 9 of 2"),
-        (Shape { kind: SampleType::U16, ..shape }, "another type than uint16"),
+        (
+            LercBlockShape { width: 9, height: 10, ..shape },
+            "10 x 9 pixels of 1 samples where 9 x 10",
+        ),
+        (LercBlockShape { depth: 2, ..shape }, "10 x 9 pixels of 1 samples where 10 x 9 of 2"),
+        (LercBlockShape { kind: SampleType::U16, ..shape }, "another type than uint16"),
     ] {
         assert!(decoded(&blob, wrong).unwrap_err().contains(words));
     }
@@ -121,7 +130,7 @@ fn a_blob_for_each_sample_of_a_pixel_shares_the_mask_before() {
         blob(shape, 3, [6.0, 6.0], 0.0, &[0; 4]),
         blob(shape, 12, [7.0, 7.0], 0.0, &[0; 4]),
     ];
-    let three = Shape { depth: 3, ..shape };
+    let three = LercBlockShape { depth: 3, ..shape };
     let out = decoded(&blobs.concat(), three).unwrap();
     let out: Vec<f32> = out.as_chunks::<4>().0.iter().map(|b| f32::from_ne_bytes(*b)).collect();
     for (pixel, samples) in out.chunks_exact(3).enumerate() {
@@ -170,7 +179,7 @@ proptest! {
         sweep in 0_u8..2, mode in 0_u8..4,
     ) {
         let kind = KINDS[kind];
-        let shape = Shape { depth, ..shape(kind, 13, 3) };
+        let shape = LercBlockShape { depth, ..shape(kind, 13, 3) };
         if coded {
             // Far enough for squares and codes to be reached.
             let ranges = 2 * depth * kind.bytes();

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use crate::format::{OpenOptions, RasterFormat};
+use crate::format::{GridOpenOptions, RasterFormat};
 use crate::grid::{GridInfo, GridSource, unit_and_text};
 use crate::notes::{MASK, UNUSED_MASKS};
 use crate::registry::{format_of, head_of};
@@ -26,10 +26,10 @@ use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
 use terrane_files::{RawFile, on_threads, path_of};
 
-use super::find::{Family, Nest, Source as Samples, find};
+use super::find::{Family, MosaicSource as Samples, Nest, find};
 use super::recode::{self, Recode, holds, void_range};
-use super::{Mosaic, Part};
-use parse::{Source, Vrt};
+use super::{Mosaic, MosaicPart};
+use parse::{Vrt, VrtSource};
 
 /// The registry entry.
 pub(crate) const FORMAT: RasterFormat = RasterFormat {
@@ -58,7 +58,7 @@ pub(crate) fn is_at(path: &Path) -> Result<bool> {
     Ok(format_of(path, &head).is_some_and(|format| format.name == FORMAT.name))
 }
 
-fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
+fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let vrt = read(path, options, None)?;
     let family = Family::new(vrt.band.sources.len(), options);
     let nest = Nest { family, around: Vec::new() };
@@ -67,7 +67,7 @@ fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn GridSource>> {
 }
 
 /// As the registry's entry, within other mosaics.
-pub(super) fn open_within(path: &Path, options: &OpenOptions, nest: &Nest) -> Result<Mosaic> {
+pub(super) fn open_within(path: &Path, options: &GridOpenOptions, nest: &Nest) -> Result<Mosaic> {
     let vrt = read(path, options, Some(nest))?;
     mosaic(path, vrt, options, nest).map_err(|e| e.in_file(path))
 }
@@ -76,7 +76,7 @@ fn length(path: &Path) -> Result<u64> {
     Ok(RawFile::open(path)?.size())
 }
 
-fn read(path: &Path, options: &OpenOptions, nest: Option<&Nest>) -> Result<Vrt> {
+fn read(path: &Path, options: &GridOpenOptions, nest: Option<&Nest>) -> Result<Vrt> {
     let file = RawFile::open(path)?;
     let within = match nest {
         Some(nest) => nest.family.count_vrt_bytes(file.size()),
@@ -86,14 +86,14 @@ fn read(path: &Path, options: &OpenOptions, nest: Option<&Nest>) -> Result<Vrt> 
     within.and_then(|()| parse::parse(text, options.band)).map_err(|e| e.in_file(path))
 }
 
-fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<Mosaic> {
+fn mosaic(path: &Path, vrt: Vrt, options: &GridOpenOptions, nest: &Nest) -> Result<Mosaic> {
     let nest = deeper(path, nest)?;
     nest.family.count_members(vrt.band.sources.len() as u64)?;
     let mut info = describe(&vrt, options)?;
     let unused = AtomicUsize::new(0);
     let masks = (!vrt.has_mask).then_some(&unused);
-    let canvas = Canvas { path, info: &info, nest: &nest, masks };
-    let part = |source: &Source| {
+    let canvas = VrtCanvas { path, info: &info, nest: &nest, masks };
+    let part = |source: &VrtSource| {
         canvas.part(source).map_err(|e| match e.path() {
             // About the file, which only the VRT has named.
             Some(_) => e.named_by(path),
@@ -102,7 +102,7 @@ fn mosaic(path: &Path, vrt: Vrt, options: &OpenOptions, nest: &Nest) -> Result<M
     };
     let parts = || all(vrt.band.sources.par_iter().map(part).collect());
     let parts = on_threads(options.threads.min(vrt.band.sources.len()), parts)?;
-    let parts: Vec<Part> = parts.into_iter().flatten().collect();
+    let parts: Vec<MosaicPart> = parts.into_iter().flatten().collect();
     info.details.insert(0, ("files".to_owned(), vrt.band.sources.len().to_string()));
     info.details.extend(vrt.has_mask.then(|| (MASK.to_owned(), "mask band".to_owned())));
     let unused = Some(unused.into_inner()).filter(|count| *count > 0);
@@ -123,7 +123,7 @@ fn deeper(path: &Path, nest: &Nest) -> Result<Nest> {
     Ok(deeper)
 }
 
-fn describe(vrt: &Vrt, options: &OpenOptions) -> Result<GridInfo> {
+fn describe(vrt: &Vrt, options: &GridOpenOptions) -> Result<GridInfo> {
     let Vrt { width, height, band, .. } = vrt;
     let transform = vrt.transform.map(Affine::from_gdal);
     if transform.is_some_and(|map| !map.is_valid()) {
@@ -156,7 +156,7 @@ fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
 }
 
 /// What sources are painted on.
-struct Canvas<'a> {
+struct VrtCanvas<'a> {
     path: &'a Path,
     info: &'a GridInfo,
     nest: &'a Nest,
@@ -164,9 +164,9 @@ struct Canvas<'a> {
     masks: Option<&'a AtomicUsize>,
 }
 
-impl Canvas<'_> {
+impl VrtCanvas<'_> {
     /// The part that `source` paints; `None` when that is none of the canvas.
-    fn part(&self, source: &Source) -> Result<Option<Part>> {
+    fn part(&self, source: &VrtSource) -> Result<Option<MosaicPart>> {
         let name = path::resolve(self.path, &source.file, source.is_relative)?;
         let found = find(&name, source.band, None, self.nest)?;
         let Some((rect, from)) = self.place(source, &found.info) else { return Ok(None) };
@@ -182,11 +182,11 @@ impl Canvas<'_> {
             (Samples::File(file), _) => Samples::File(file.with_nodata(&self.nest.family, nodata)),
             (Samples::Nested { .. }, _) => find(&name, source.band, nodata, self.nest)?.source,
         };
-        Ok(Some(Part { source, rect, from, transparent, recode }))
+        Ok(Some(MosaicPart { source, rect, from, transparent, recode }))
     }
 
     /// The nodata value to read a file with that declares `own`.
-    fn nodata(&self, source: &Source, own: Option<f64>) -> Option<f64> {
+    fn nodata(&self, source: &VrtSource, own: Option<f64>) -> Option<f64> {
         match (source.nodata, source.use_mask) {
             (Some(nodata), _) => Some(nodata),
             // What the file says itself.
@@ -201,7 +201,7 @@ impl Canvas<'_> {
 
     /// Where the source goes, and the first sample of it in the file: what lies outside of either
     /// is left out.
-    fn place(&self, source: &Source, file: &GridInfo) -> Option<(Rect, [u32; 2])> {
+    fn place(&self, source: &VrtSource, file: &GridInfo) -> Option<(Rect, [u32; 2])> {
         let size = [i64::from(file.width), i64::from(file.height)];
         let to = source.to.unwrap_or([0, 0, size[0], size[1]]);
         let from = source.from.unwrap_or([0, 0, to[2], to[3]]);
@@ -227,7 +227,7 @@ impl Canvas<'_> {
     /// What happens to the file's heights; `None` when nothing does.
     fn recode(
         &self,
-        source: &Source,
+        source: &VrtSource,
         file: &GridInfo,
         nodata: Option<f64>,
         name: &str,

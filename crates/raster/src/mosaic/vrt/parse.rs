@@ -8,7 +8,7 @@ use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-use crate::xml::{Node, Tag, Xml, geotransform, parsed, short};
+use crate::xml::{RasterXmlElement, RasterXmlReader, RasterXmlTag, geotransform, parsed, short};
 
 /// A VRT.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,24 +20,24 @@ pub(super) struct Vrt {
     pub(super) srs: Option<String>,
     pub(super) is_point: bool,
     pub(super) bands: u32,
-    pub(super) band: Band,
+    pub(super) band: VrtBand,
     /// True where the masks of the sources are its own.
     pub(super) has_mask: bool,
 }
 
 /// The chosen band.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Band {
+pub(super) struct VrtBand {
     pub(super) kind: SampleType,
     pub(super) nodata: Option<f64>,
     pub(super) scale: f64,
     pub(super) offset: f64,
     pub(super) unit: Option<String>,
     pub(super) block: Option<[u32; 2]>,
-    pub(super) sources: Vec<Source>,
+    pub(super) sources: Vec<VrtSource>,
 }
 
-impl Default for Band {
+impl Default for VrtBand {
     fn default() -> Self {
         Self {
             kind: SampleType::U8,
@@ -53,7 +53,7 @@ impl Default for Band {
 
 /// A rectangle of a file, and where it goes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Source {
+pub(super) struct VrtSource {
     /// Where in the VRT it stands.
     pub(super) place: String,
     pub(super) file: String,
@@ -101,12 +101,12 @@ const OTHER_CHANGES: [&str; 9] = [
 /// # Errors
 /// XML that is broken or beyond a limit, a feature that is not supported, no such band.
 pub(super) fn parse(from: impl BufRead, band: u32) -> Result<Vrt> {
-    let mut xml = Xml::new(from);
+    let mut xml = RasterXmlReader::new(from);
     let found = vrt(&mut xml, band);
     found.map_err(|e| e.at(xml.place()))
 }
 
-fn vrt<R: BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Vrt> {
+fn vrt<R: BufRead>(xml: &mut RasterXmlReader<R>, band: u32) -> Result<Vrt> {
     let root = xml.root()?;
     if !root.is("VRTDataset") {
         return Err(Error::bad_input(format!(
@@ -131,20 +131,25 @@ fn vrt<R: BufRead>(xml: &mut Xml<R>, band: u32) -> Result<Vrt> {
 }
 
 impl Vrt {
-    fn element<R: BufRead>(&mut self, xml: &mut Xml<R>, tag: Tag, band: u32) -> Result<()> {
+    fn element<R: BufRead>(
+        &mut self,
+        xml: &mut RasterXmlReader<R>,
+        tag: RasterXmlTag,
+        band: u32,
+    ) -> Result<()> {
         match tag.name.to_ascii_lowercase().as_str() {
             "vrtrasterband" => {
                 self.bands += 1;
                 limits::check("bands", self.bands.into(), limits::MAX_BANDS)?;
                 match self.bands == band {
-                    true => self.band = Band::read(xml, &tag)?,
+                    true => self.band = VrtBand::read(xml, &tag)?,
                     false => xml.skip()?,
                 }
             }
             "geotransform" => self.transform = Some(geotransform(&xml.node(tag)?.text)?),
             "srs" => self.srs = Some(xml.node(tag)?.text).filter(|text| !text.is_empty()),
             "metadata" => {
-                let point = |item: &Node| {
+                let point = |item: &RasterXmlElement| {
                     item.tag.attribute("key") == Some("AREA_OR_POINT") && item.text == "Point"
                 };
                 self.is_point |= xml.node(tag)?.children.iter().any(point);
@@ -161,7 +166,7 @@ impl Vrt {
 }
 
 /// A mask made of the masks of the same files is what their voids are; any other is refused.
-fn mask_band<R: BufRead>(xml: &mut Xml<R>) -> Result<()> {
+fn mask_band<R: BufRead>(xml: &mut RasterXmlReader<R>) -> Result<()> {
     let mut bands = Vec::new();
     while let Some(tag) = xml.child()? {
         while let Some(tag) = xml.child()? {
@@ -178,8 +183,8 @@ fn mask_band<R: BufRead>(xml: &mut Xml<R>) -> Result<()> {
     }
 }
 
-impl Band {
-    fn read<R: BufRead>(xml: &mut Xml<R>, tag: &Tag) -> Result<Self> {
+impl VrtBand {
+    fn read<R: BufRead>(xml: &mut RasterXmlReader<R>, tag: &RasterXmlTag) -> Result<Self> {
         let class = tag.attribute("subClass").unwrap_or("VRTSourcedRasterBand");
         if class != "VRTSourcedRasterBand" {
             return Err(refused(&format!("band of subClass {}", short(class))));
@@ -198,7 +203,7 @@ impl Band {
             match tag.name.to_ascii_lowercase().as_str() {
                 "simplesource" | "complexsource" => {
                     let (place, node) = (xml.place(), xml.node(tag)?);
-                    band.sources.push(Source::read(&node, place)?);
+                    band.sources.push(VrtSource::read(&node, place)?);
                     let sources = band.sources.len() as u64;
                     limits::check("sources of a VRT", sources, limits::MAX_MEMBERS)?;
                 }
@@ -218,23 +223,25 @@ impl Band {
     }
 }
 
-impl Source {
+impl VrtSource {
     /// True when samples are scaled or shifted on their way.
     pub(super) fn is_changed(&self) -> bool {
         self.ratio != 1.0 || self.shift != 0.0
     }
 
-    fn read(node: &Node, place: String) -> Result<Self> {
+    fn read(node: &RasterXmlElement, place: String) -> Result<Self> {
         Self::parts(node, &place).map_err(|e| e.at(place))
     }
 
-    fn parts(node: &Node, place: &str) -> Result<Self> {
+    fn parts(node: &RasterXmlElement, place: &str) -> Result<Self> {
         let is_complex = node.tag.is("ComplexSource");
         let change = OTHER_CHANGES.iter().find(|name| node.child(name).is_some());
         if let Some(name) = change {
             return Err(refused(name));
         }
-        let number = |name: &str, default: f64| node.child(name).map_or(Ok(default), Node::finite);
+        let number = |name: &str, default: f64| {
+            node.child(name).map_or(Ok(default), RasterXmlElement::finite)
+        };
         let file = node.child("SourceFilename");
         let Some(file) = file.filter(|file| !file.text.is_empty()) else {
             return Err(Error::bad_input("a source names no file"));
@@ -249,7 +256,11 @@ impl Source {
             band: band.parse().map_err(|_| refused(&format!("SourceBand {}", short(band))))?,
             from: from.map(whole).transpose()?,
             to: to.map(whole).transpose()?,
-            nodata: node.child("NODATA").filter(|_| is_complex).map(Node::number).transpose()?,
+            nodata: node
+                .child("NODATA")
+                .filter(|_| is_complex)
+                .map(RasterXmlElement::number)
+                .transpose()?,
             ratio: if is_complex { number("ScaleRatio", 1.0)? } else { 1.0 },
             shift: if is_complex { number("ScaleOffset", 0.0)? } else { 0.0 },
             use_mask: is_complex && node.child("UseMaskBand").is_some_and(|n| is_true(&n.text)),
@@ -274,7 +285,7 @@ fn check_rectangles(from: Option<[f64; 4]>, to: Option<[f64; 4]>) -> Result<()> 
 }
 
 /// Column, row, width, height.
-fn rectangle(node: &Node, name: &str) -> Result<Option<[f64; 4]>> {
+fn rectangle(node: &RasterXmlElement, name: &str) -> Result<Option<[f64; 4]>> {
     let Some(node) = node.child(name) else { return Ok(None) };
     let mut numbers = [0.0; 4];
     for (number, key) in numbers.iter_mut().zip(["xOff", "yOff", "xSize", "ySize"]) {
@@ -301,7 +312,7 @@ fn whole(numbers: [f64; 4]) -> Result<[i64; 4]> {
     Ok(whole)
 }
 
-fn side(root: &Tag, name: &str) -> Result<u32> {
+fn side(root: &RasterXmlTag, name: &str) -> Result<u32> {
     let text = root.attribute(name).unwrap_or_default();
     let size = text.trim().parse::<u64>().ok().filter(|size| *size > 0);
     let size = size.ok_or_else(|| {
@@ -374,7 +385,7 @@ mod tests {
         assert_eq!((vrt.width, vrt.height, vrt.bands, vrt.is_point), (40, 50, 2, true));
         assert_eq!(vrt.transform, Some([1.0, 0.1, 0.0, 5.0, 0.0, -0.1]));
         assert_eq!(vrt.srs.as_deref(), Some("GEOGCS[\"WGS 84\"]"));
-        let Band { kind, nodata, scale, offset, unit, block, sources } = vrt.band;
+        let VrtBand { kind, nodata, scale, offset, unit, block, sources } = vrt.band;
         assert_eq!((kind, nodata, scale, offset), (SampleType::I16, Some(-32768.0), 0.5, 2.0));
         assert_eq!((unit.as_deref(), block), (Some("ft"), Some([256, 128])));
         let [source] = &sources[..] else { panic!("{sources:?}") };

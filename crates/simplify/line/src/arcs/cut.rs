@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::bins::Bins;
+use super::bins::ArcBins;
 use crate::topology::Chains;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
@@ -35,7 +35,7 @@ impl Passage {
 
 /// The arcs of a coverage, and the parts that are made of them.
 #[derive(Clone, Debug, Default)]
-pub struct Arcs {
+pub struct CoverageArcs {
     /// The vertices of all arcs, arc by arc.
     pub points: Vec<Xy>,
     /// For each of them the input's first vertex at its position: where z and m are to be found.
@@ -53,8 +53,8 @@ pub struct Arcs {
 }
 
 /// The arcs of all parts.
-pub(super) fn cut(parts: &Chains<'_>) -> Result<Arcs> {
-    let position = Bins::new(parts.points, 0.0).same(parts.points);
+pub(super) fn cut(parts: &Chains<'_>) -> Result<CoverageArcs> {
+    let position = ArcBins::new(parts.points, 0.0).same(parts.points);
     let mut cutter = Cutter::new(parts, &position);
     (0..parts.count()).for_each(|part| cutter.look(part));
     (0..parts.count()).try_for_each(|part| cutter.cut(part))?;
@@ -73,7 +73,7 @@ struct Cutter<'a> {
     junction: Vec<bool>,
     /// Arcs of two vertices, the lower first.
     short: HashMap<[u32; 2], u32>,
-    arcs: Arcs,
+    arcs: CoverageArcs,
     /// The positions of the part at hand; a ring's first is not repeated.
     part: Vec<u32>,
 }
@@ -81,7 +81,7 @@ struct Cutter<'a> {
 impl<'a> Cutter<'a> {
     fn new(parts: &'a Chains<'a>, position: &'a [u32]) -> Self {
         let n = parts.points.len();
-        let mut arcs = Arcs::default();
+        let mut arcs = CoverageArcs::default();
         arcs.starts.push(0);
         arcs.parts.push(0);
         let (near, junction) = (vec![[NONE; 2]; n], vec![false; n]);
@@ -196,7 +196,7 @@ impl<'a> Cutter<'a> {
         Ok(id)
     }
 
-    fn finish(self) -> Arcs {
+    fn finish(self) -> CoverageArcs {
         let (mut arcs, points) = (self.arcs, self.parts.points);
         drop((self.near, self.junction, self.short));
         arcs.points = arcs.sources.iter().map(|&v| points[v as usize]).collect();

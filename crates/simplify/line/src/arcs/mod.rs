@@ -15,24 +15,24 @@ mod snap;
 #[cfg(test)]
 mod tests;
 
-pub use cut::{Arcs, Passage};
+pub use cut::{CoverageArcs, Passage};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
 
-use super::topology::{Chains, Kept, open_at};
+use super::topology::{ChainVertices, Chains, open_at};
 use cut::cut;
 
 /// Parts put together again.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Parts {
-    /// Numbers of vertices of [`Arcs`], part by part; rings end with the vertex they begin with.
+pub struct JoinedParts {
+    /// Numbers of vertices of [`CoverageArcs`], part by part; rings end with the vertex they begin with.
     pub vertices: Vec<u32>,
     /// Where each part's begin in `vertices`, and at the end how many there are.
     pub starts: Vec<usize>,
 }
 
-/// Moves positions onto others no farther than `distance`, as [`Arcs::new`] does; `anchors` have stayed
+/// Moves positions onto others no farther than `distance`, as [`CoverageArcs::new`] does; `anchors` have stayed
 /// before all of them.
 ///
 /// # Errors
@@ -45,7 +45,7 @@ pub fn snap(points: &mut [Xy], anchors: &[Xy], distance: f64) -> Result<()> {
     Ok(())
 }
 
-impl Arcs {
+impl CoverageArcs {
     /// Cuts parts into arcs. A vertex that repeats the one before it is dropped. With a `snap`
     /// distance above 0, positions no farther apart are made the same first: taken from the lowest on
     /// (x, then y), one moves to the lowest before it that stayed, if any is so near.
@@ -79,9 +79,9 @@ impl Arcs {
     }
 
     /// The parts, of what is kept of the arcs. A ring begins with its first arc. O(output).
-    pub fn rebuild(&self, kept: &Kept) -> Parts {
+    pub fn rebuild(&self, kept: &ChainVertices) -> JoinedParts {
         let mut parts =
-            Parts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
+            JoinedParts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
         for pair in self.parts.windows(2) {
             let start = parts.vertices.len();
             for passage in &self.passages[pair[0]..pair[1]] {
@@ -101,7 +101,14 @@ impl Arcs {
     /// Fills `out` with what a part keeps of its `own` vertices, of a ring without the last one, which
     /// is its first again: indices, ascending. Of vertices that repeat each other it is the first, but
     /// at the end of a line the last. O(vertices of the part).
-    pub fn own(&self, part: usize, own: &[Xy], is_ring: bool, kept: &Kept, out: &mut Vec<u32>) {
+    pub fn own(
+        &self,
+        part: usize,
+        own: &[Xy],
+        is_ring: bool,
+        kept: &ChainVertices,
+        out: &mut Vec<u32>,
+    ) {
         out.clear();
         let passages = &self.passages[self.parts[part]..self.parts[part + 1]];
         let [first, ..] = passages else { return };

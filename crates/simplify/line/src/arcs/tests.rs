@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::*;
-use crate::topology::{Options, untangle};
+use crate::topology::{UntangleOptions, untangle};
 
 type Cell = [i64; 2];
 
@@ -49,7 +49,7 @@ fn cell(p: &Xy) -> Cell {
 }
 
 /// The parts that arcs make, of what is kept.
-fn rebuilt(arcs: &Arcs, kept: &Kept) -> Vec<Vec<Cell>> {
+fn rebuilt(arcs: &CoverageArcs, kept: &ChainVertices) -> Vec<Vec<Cell>> {
     let parts = arcs.rebuild(kept);
     let of = |pair: &[usize]| {
         let vertices = &parts.vertices[pair[0]..pair[1]];
@@ -129,8 +129,8 @@ fn arcs_are_as_defined() {
     for seed in 0..6000 {
         let parts = tangle(&mut Dice(seed));
         let flat = Flat::new(&parts);
-        let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
-        let all = rebuilt(&arcs, &Kept::all(&arcs.chains()));
+        let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
+        let all = rebuilt(&arcs, &ChainVertices::all(&arcs.chains()));
         for (old, new) in parts.iter().zip(&all) {
             assert_eq!(canonical(old), canonical(new), "seed {seed}: {parts:?}");
             let goes_on = new.windows(2).all(|pair| pair[0] != pair[1]);
@@ -261,10 +261,10 @@ fn neighbours_keep_their_borders() {
         let mut dice = Dice(seed);
         let rings = subdivision(&mut dice);
         let flat = Flat::new(&rings);
-        let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
+        let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
         let tolerance = (1 << dice.below(11)) as f64;
         let chains = arcs.chains();
-        let mut kept = Kept::new();
+        let mut kept = ChainVertices::new();
         for arc in 0..chains.count() {
             // Nothing but ends: all that is needed for the topology is added back.
             let range = chains.range(arc);
@@ -276,7 +276,8 @@ fn neighbours_keep_their_borders() {
                 out.push((from + to) / 2);
             }
         };
-        let outcome = untangle(&chains, &kept, &[], &Options::default(), &mut refine).unwrap();
+        let outcome =
+            untangle(&chains, &kept, &[], &UntangleOptions::default(), &mut refine).unwrap();
         let result = rebuilt(&arcs, &outcome.kept);
         simplified += usize::from(outcome.kept.vertices.len() < arcs.points.len());
         // The outline may change, but no cell gains what its neighbour does not lose.
@@ -321,7 +322,7 @@ fn islands_in_two_layers_are_one_arc() {
     let ring: Vec<Cell> = vec![[5, 5], [9, 5], [9, 9], [5, 9], [5, 5]];
     let other: Vec<Cell> = vec![[9, 9], [9, 5], [5, 5], [5, 9], [9, 9]];
     let flat = Flat::new(&[ring, other]);
-    let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
+    let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
     assert_eq!(arcs.closed, [true]);
     assert_eq!(arcs.passages.iter().map(|p| p.is_backward()).collect::<Vec<_>>(), [false, true]);
 }
@@ -330,12 +331,12 @@ fn islands_in_two_layers_are_one_arc() {
 fn a_ring_that_goes_around_twice_has_its_arc_twice() {
     let twice: Vec<Cell> = vec![[5, 5], [9, 5], [9, 9], [5, 5], [9, 5], [9, 9], [5, 5]];
     let flat = Flat::new(&[twice.clone(), twice[3..].to_vec()]);
-    let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
+    let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
     assert_eq!((arcs.points.len(), arcs.passages.len()), (4, 3));
 }
 
 /// What every part keeps of its own vertices, where `kept` is kept of the arcs.
-fn own(flat: &Flat, arcs: &Arcs, kept: &Kept) -> Vec<Vec<u32>> {
+fn own(flat: &Flat, arcs: &CoverageArcs, kept: &ChainVertices) -> Vec<Vec<u32>> {
     let of = |part: usize| {
         let mut own = Vec::new();
         let points = &flat.points[flat.starts[part]..flat.starts[part + 1]];
@@ -351,12 +352,12 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
         let mut dice = Dice(seed);
         let parts = tangle(&mut dice);
         let flat = Flat::new(&parts);
-        let mut arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
+        let mut arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
         for arc in (0..arcs.closed.len()).filter(|&arc| arcs.free[arc]).collect::<Vec<_>>() {
             let at = dice.below((arcs.starts[arc + 1] - arcs.starts[arc] - 1) as i64);
             arcs.open_at(arc, at as usize);
         }
-        let mut kept = Kept::new();
+        let mut kept = ChainVertices::new();
         for range in arcs.starts.windows(2).map(|ends| ends[0]..ends[1]) {
             let is_kept =
                 |v: &usize| *v == range.start || *v + 1 == range.end || dice.below(2) == 0;
@@ -387,8 +388,8 @@ fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
     for count in [1, 2, 5] {
         let mut flat = Flat::new(&[vec![[3, 4]; count]]);
         flat.closed = vec![false];
-        let arcs = Arcs::new(&flat.chains(), 0.0).unwrap();
-        let mut kept = Kept::new();
+        let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
+        let mut kept = ChainVertices::new();
         kept.vertices.push(0);
         kept.close();
         let expected = if count == 1 { vec![0] } else { vec![0, count as u32 - 1] };
@@ -400,7 +401,7 @@ fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
 fn minus_zero_is_zero() {
     let points = [[0.0, 1.0], [-0.0, 2.0], [3.0, -0.0], [3.0, 0.0], [0.0, 2.0]];
     let chains = Chains { points: &points, starts: &[0, 3, 5], closed: &[false, false] };
-    let arcs = Arcs::new(&chains, 0.0).unwrap();
+    let arcs = CoverageArcs::new(&chains, 0.0).unwrap();
     assert_eq!(arcs.sources, [0, 1, 1, 2]);
 }
 
@@ -448,8 +449,8 @@ fn borders_that_nearly_match_are_one_after_snapping() {
     let b: Vec<Cell> =
         vec![[1001, 1], [2000, 0], [2000, 1000], [1000, 1001], [1000, 500], [1001, 1]];
     let flat = Flat::new(&[a, b]);
-    assert_eq!(Arcs::new(&flat.chains(), 0.0).unwrap().closed, [true, true]);
-    let arcs = Arcs::new(&flat.chains(), 3.0).unwrap();
+    assert_eq!(CoverageArcs::new(&flat.chains(), 0.0).unwrap().closed, [true, true]);
+    let arcs = CoverageArcs::new(&flat.chains(), 3.0).unwrap();
     assert_eq!(arcs.closed.len(), 3, "two outlines and a border");
     assert_eq!(arcs.passages.len(), 4);
 }
@@ -458,9 +459,9 @@ fn borders_that_nearly_match_are_one_after_snapping() {
 fn bad_snap_distances_are_turned_away() {
     let flat = Flat::new(&[vec![[0, 0], [1, 1]]]);
     for snap in [-1.0, f64::NAN, f64::INFINITY] {
-        assert!(Arcs::new(&flat.chains(), snap).is_err());
+        assert!(CoverageArcs::new(&flat.chains(), snap).is_err());
     }
-    assert!(Arcs::new(&Flat::new(&[]).chains(), 0.0).is_ok());
+    assert!(CoverageArcs::new(&Flat::new(&[]).chains(), 0.0).is_ok());
     // Nothing to be snapped is not a distance: whoever snaps has one.
     for distance in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(snap(&mut [[0.0, 0.0]], &[], distance).is_err());
@@ -471,7 +472,8 @@ fn bad_snap_distances_are_turned_away() {
 #[test]
 fn a_free_arc_begins_where_it_is_told() {
     let ring: Vec<Cell> = vec![[5, 5], [9, 5], [9, 9], [5, 9], [5, 5]];
-    let mut arcs = Arcs::new(&Flat::new(&[vec![[0, 0], [1, 1]], ring]).chains(), 0.0).unwrap();
+    let mut arcs =
+        CoverageArcs::new(&Flat::new(&[vec![[0, 0], [1, 1]], ring]).chains(), 0.0).unwrap();
     arcs.open_at(1, 2);
     assert_eq!(arcs.free, [false, true]);
     assert_eq!(arcs.sources, [0, 1, 4, 5, 2, 3, 4]);

@@ -1,8 +1,8 @@
 //! Metres on the ellipsoid, for longitudes and latitudes in degrees.
 
 use super::located::Located;
-use super::range::{Range, larger};
-use super::{Metric, cosine};
+use super::range::{ClosedInterval, larger};
+use super::{DistanceMetric, cosine};
 use crate::wedge::EllipseWedge;
 use terrane_base::geom::plane::Xy;
 
@@ -15,11 +15,11 @@ use terrane_base::geom::plane::Xy;
 /// and latitude, as it is drawn; it is exact in the limit of short distances. Longitudes are plain
 /// numbers: a line across the antimeridian must go on beyond 180.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Geographic;
+pub struct GeographicMetric;
 
 /// A segment in longitude and latitude; see [`super::PlaneSegment`].
 #[derive(Clone, Copy, Debug)]
-pub struct Course {
+pub struct GeographicSegment {
     from: Xy,
     along: Xy,
     /// 1, or 0 for a segment without length.
@@ -28,27 +28,27 @@ pub struct Course {
 
 /// A box with the range of local scales in it.
 #[derive(Clone, Copy, Debug)]
-pub struct Zone {
-    at: [Range; 2],
-    scale: [Range; 2],
+pub struct ScaledBox {
+    at: [ClosedInterval; 2],
+    scale: [ClosedInterval; 2],
 }
 
-impl Metric<Located> for Geographic {
-    type Segment = Course;
-    type Region = Zone;
+impl DistanceMetric<Located> for GeographicMetric {
+    type Segment = GeographicSegment;
+    type Region = ScaledBox;
     type Wedge = EllipseWedge;
 
     #[inline(always)]
-    fn segment(&self, a: &Located, b: &Located) -> Course {
+    fn segment(&self, a: &Located, b: &Located) -> GeographicSegment {
         let along = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
         match along == [0.0; 2] {
-            true => Course { from: a.at, along: [1.0, 1.0], length: 0.0 },
-            false => Course { from: a.at, along, length: 1.0 },
+            true => GeographicSegment { from: a.at, along: [1.0, 1.0], length: 0.0 },
+            false => GeographicSegment { from: a.at, along, length: 1.0 },
         }
     }
 
     #[inline(always)]
-    fn reach(course: &Course, p: &Located) -> f64 {
+    fn reach(course: &GeographicSegment, p: &Located) -> f64 {
         let [kx, ky] = p.scale;
         let q = [(p.at[0] - course.from[0]) * kx, (p.at[1] - course.from[1]) * ky];
         let d = [course.along[0] * kx, course.along[1] * ky];
@@ -64,39 +64,39 @@ impl Metric<Located> for Geographic {
     }
 
     #[inline(always)]
-    fn squared(_: &Course, reach: f64) -> f64 {
+    fn squared(_: &GeographicSegment, reach: f64) -> f64 {
         reach
     }
 
     #[inline(always)]
-    fn within(_: &Course, tolerance2: f64) -> f64 {
+    fn within(_: &GeographicSegment, tolerance2: f64) -> f64 {
         tolerance2
     }
 
     #[inline(always)]
-    fn region(p: &Located) -> Zone {
-        Zone { at: p.at.map(Range::of), scale: p.scale.map(Range::of) }
+    fn region(p: &Located) -> ScaledBox {
+        ScaledBox { at: p.at.map(ClosedInterval::of), scale: p.scale.map(ClosedInterval::of) }
     }
 
     #[inline(always)]
-    fn join(a: &Zone, b: &Zone) -> Zone {
-        Zone {
+    fn join(a: &ScaledBox, b: &ScaledBox) -> ScaledBox {
+        ScaledBox {
             at: [a.at[0].join(b.at[0]), a.at[1].join(b.at[1])],
             scale: [a.scale[0].join(b.scale[0]), a.scale[1].join(b.scale[1])],
         }
     }
 
     #[inline(always)]
-    fn reach_most(course: &Course, zone: &Zone) -> f64 {
+    fn reach_most(course: &GeographicSegment, zone: &ScaledBox) -> f64 {
         let q = [0, 1].map(|i| zone.at[i].minus(course.from[i]).times_range(zone.scale[i]));
         let d = [0, 1].map(|i| zone.scale[i].times(course.along[i]));
-        let least = |r: Range| larger(larger(r.low, -r.high), 0.0);
+        let least = |r: ClosedInterval| larger(larger(r.low, -r.high), 0.0);
         let length = least(d[0]) * least(d[0]) + least(d[1]) * least(d[1]);
         if length <= 0.0 {
             // No farther than from the beginning, rounding included.
             return (q[0].most_squared() + q[1].most_squared()) * (1.0 + 1e-9);
         }
-        let product = |a: Range, b: Range| {
+        let product = |a: ClosedInterval, b: ClosedInterval| {
             let (u, v) = (a.times(b.low), a.times(b.high));
             u.join(v)
         };

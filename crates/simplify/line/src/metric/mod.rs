@@ -29,17 +29,17 @@ mod space;
 mod turned;
 mod vertical;
 
-pub use geographic::Geographic;
+pub use geographic::GeographicMetric;
 pub use located::Located;
-pub use space::Space;
-pub use vertical::{Vertical, is_monotone};
+pub use space::SpaceMetric;
+pub use vertical::{VerticalMetric, is_monotone};
 
 use super::wedge::{PlaneWedge, Wedge};
-use range::{Range, SURELY, over};
+use range::{ClosedInterval, SURELY, over};
 use terrane_base::geom::plane::Xy;
 
 /// A distance from vertices to segments.
-pub trait Metric<V: Copy>: Sync {
+pub trait DistanceMetric<V: Copy>: Sync {
     /// A segment, prepared for many vertices.
     type Segment: Copy;
     /// A region that holds a run of vertices.
@@ -51,13 +51,13 @@ pub trait Metric<V: Copy>: Sync {
     fn segment(&self, a: &V, b: &V) -> Self::Segment;
 
     /// A measure of the distance of `p` that orders vertices by their distance from one segment;
-    /// [`Metric::squared`] makes it a distance.
+    /// [`DistanceMetric::squared`] makes it a distance.
     fn reach(segment: &Self::Segment, p: &V) -> f64;
 
     /// The squared distance that `reach` stands for; never decreases as `reach` grows.
     fn squared(segment: &Self::Segment, reach: f64) -> f64;
 
-    /// A reach which is surely within: [`Metric::squared`] of it, or less, is at most `tolerance2`.
+    /// A reach which is surely within: [`DistanceMetric::squared`] of it, or less, is at most `tolerance2`.
     /// A reach above it has to be squared to know.
     fn within(segment: &Self::Segment, tolerance2: f64) -> f64;
 
@@ -67,7 +67,7 @@ pub trait Metric<V: Copy>: Sync {
     /// The region of two regions.
     fn join(a: &Self::Region, b: &Self::Region) -> Self::Region;
 
-    /// At least the [`Metric::reach`] of every vertex in a region, as it is computed. The region is
+    /// At least the [`DistanceMetric::reach`] of every vertex in a region, as it is computed. The region is
     /// treated with interval arithmetic in the order of operations of `reach`; as rounding never
     /// changes the order of two numbers, no allowance is needed.
     fn reach_most(segment: &Self::Segment, region: &Self::Region) -> f64;
@@ -108,7 +108,7 @@ pub fn measurable(c: f64) -> f64 {
 
 /// The Euclidean distance in the plane.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Plane;
+pub struct PlaneMetric;
 
 /// A segment in the plane. One without length has the direction (1, 0) and ends where it begins, so
 /// that the one formula gives the distance from its point.
@@ -125,11 +125,11 @@ pub struct PlaneSegment {
 /// A box in the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct PlaneBox {
-    x: Range,
-    y: Range,
+    x: ClosedInterval,
+    y: ClosedInterval,
 }
 
-impl Metric<Xy> for Plane {
+impl DistanceMetric<Xy> for PlaneMetric {
     type Segment = PlaneSegment;
     type Region = PlaneBox;
     type Wedge = PlaneWedge;
@@ -164,7 +164,7 @@ impl Metric<Xy> for Plane {
 
     #[inline(always)]
     fn region(p: &Xy) -> PlaneBox {
-        PlaneBox { x: Range::of(p[0]), y: Range::of(p[1]) }
+        PlaneBox { x: ClosedInterval::of(p[0]), y: ClosedInterval::of(p[1]) }
     }
 
     #[inline(always)]
@@ -213,7 +213,7 @@ fn cosine<const N: usize>(u: [f64; N], v: [f64; N]) -> f64 {
 /// The largest squared distance of the vertices of `points` from the segments that join `kept`
 /// (ascending, at least the first and the last), and the vertex it is found at: the lowest among
 /// equals. `None` when no vertex was dropped. Linear in the vertices.
-pub fn largest_distance2<V: Copy, M: Metric<V>>(
+pub fn largest_distance2<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     kept: &[u32],

@@ -17,12 +17,12 @@ pub(crate) fn smaller(a: f64, b: f64) -> f64 {
 
 /// A closed interval.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Range {
+pub(crate) struct ClosedInterval {
     pub(super) low: f64,
     pub(super) high: f64,
 }
 
-impl Range {
+impl ClosedInterval {
     #[inline(always)]
     pub(super) fn of(value: f64) -> Self {
         Self { low: value, high: value }

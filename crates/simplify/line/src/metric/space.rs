@@ -1,14 +1,14 @@
 //! The Euclidean distance in space: heights take part.
 
-use super::range::{Range, SURELY, over};
-use super::{Metric, cosine};
+use super::range::{ClosedInterval, SURELY, over};
+use super::{DistanceMetric, cosine};
 use crate::wedge::{SpaceWedge, difference};
 
 /// The Euclidean distance in space; x, y and z in one unit.
 ///
 /// As in the plane, with `|cross|^2` the sum of the squares of the three components of q x d.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Space;
+pub struct SpaceMetric;
 
 /// A segment in space; see [`super::PlaneSegment`].
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +19,7 @@ pub struct SpaceSegment {
     scale: f64,
 }
 
-impl Metric<[f64; 3]> for Space {
+impl DistanceMetric<[f64; 3]> for SpaceMetric {
     type Segment = SpaceSegment;
     type Region = SpaceBox;
     type Wedge = SpaceWedge;
@@ -55,7 +55,7 @@ impl Metric<[f64; 3]> for Space {
 
     #[inline(always)]
     fn region(p: &[f64; 3]) -> SpaceBox {
-        SpaceBox(p.map(Range::of))
+        SpaceBox(p.map(ClosedInterval::of))
     }
 
     #[inline(always)]
@@ -94,4 +94,4 @@ impl Metric<[f64; 3]> for Space {
 
 /// A box in space.
 #[derive(Clone, Copy, Debug)]
-pub struct SpaceBox([Range; 3]);
+pub struct SpaceBox([ClosedInterval; 3]);

@@ -1,6 +1,6 @@
 //! Bounds of distances by the extremes of vertices across and along a segment.
 
-use super::range::{Range, larger};
+use super::range::{ClosedInterval, larger};
 use super::{PlaneBox, PlaneSegment};
 use terrane_base::geom::plane::Xy;
 
@@ -37,9 +37,9 @@ impl PlaneSegment {
 
     /// The largest difference of a coordinate among both ends and a box.
     pub(crate) fn span(&self, around: &PlaneBox) -> f64 {
-        let axis = |range: Range, i: usize| {
+        let axis = |range: ClosedInterval, i: usize| {
             let range = range.minus(self.from[i]);
-            let range = range.join(Range::of(0.0)).join(Range::of(self.along[i]));
+            let range = range.join(ClosedInterval::of(0.0)).join(ClosedInterval::of(self.along[i]));
             range.high - range.low
         };
         larger(axis(around.x, 0), axis(around.y, 1))
@@ -59,7 +59,7 @@ impl PlaneSegment {
     pub(crate) fn most_across(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let across = |p: &Xy| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
-            Range::of(q[0] * d[1] - q[1] * d[0])
+            ClosedInterval::of(q[0] * d[1] - q[1] * d[0])
         };
         wider(across(&extremes[0]).join(across(&extremes[1])), slack).most_squared()
     }
@@ -70,7 +70,7 @@ impl PlaneSegment {
     pub(crate) fn most_along(&self, extremes: &[Xy; 2], slack: f64) -> f64 {
         let along = |p: &Xy| {
             let (q, d) = ([p[0] - self.from[0], p[1] - self.from[1]], self.along);
-            Range::of(q[0] * d[0] + q[1] * d[1])
+            ClosedInterval::of(q[0] * d[0] + q[1] * d[1])
         };
         wider(along(&extremes[0]).join(along(&extremes[1])), slack).most_over(self.limit)
     }
@@ -84,6 +84,6 @@ impl PlaneSegment {
     }
 }
 
-fn wider(range: Range, slack: f64) -> Range {
-    Range { low: range.low - slack, high: range.high + slack }
+fn wider(range: ClosedInterval, slack: f64) -> ClosedInterval {
+    ClosedInterval { low: range.low - slack, high: range.high + slack }
 }

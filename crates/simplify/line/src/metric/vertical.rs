@@ -5,8 +5,8 @@
 //! way the chain runs. Rims of tiles are refined by the loop that refines lines (`line::rdp::refine`);
 //! their distance is decided without rounding.
 
-use super::range::{Range, SURELY};
-use super::{Metric, cosine};
+use super::range::{ClosedInterval, SURELY};
+use super::{DistanceMetric, cosine};
 use crate::wedge::SlopeWedge;
 use terrane_base::geom::plane::Xy;
 
@@ -14,7 +14,7 @@ use terrane_base::geom::plane::Xy;
 ///
 /// `distance = |q.y * d.x - q.x * d.y| / |d.x|`, compared as squares. See [`is_monotone`].
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Vertical;
+pub struct VerticalMetric;
 
 /// True when x grows, or falls, from each vertex to the next.
 pub fn is_monotone(points: &[Xy]) -> bool {
@@ -31,14 +31,14 @@ pub struct Chord {
 
 /// A box around a part of a profile.
 #[derive(Clone, Copy, Debug)]
-pub struct Extent {
-    x: Range,
-    y: Range,
+pub struct ProfileExtent {
+    x: ClosedInterval,
+    y: ClosedInterval,
 }
 
-impl Metric<Xy> for Vertical {
+impl DistanceMetric<Xy> for VerticalMetric {
     type Segment = Chord;
-    type Region = Extent;
+    type Region = ProfileExtent;
     type Wedge = SlopeWedge;
 
     #[inline(always)]
@@ -68,23 +68,23 @@ impl Metric<Xy> for Vertical {
     }
 
     #[inline(always)]
-    fn region(p: &Xy) -> Extent {
-        Extent { x: Range::of(p[0]), y: Range::of(p[1]) }
+    fn region(p: &Xy) -> ProfileExtent {
+        ProfileExtent { x: ClosedInterval::of(p[0]), y: ClosedInterval::of(p[1]) }
     }
 
     #[inline(always)]
-    fn join(a: &Extent, b: &Extent) -> Extent {
-        Extent { x: a.x.join(b.x), y: a.y.join(b.y) }
+    fn join(a: &ProfileExtent, b: &ProfileExtent) -> ProfileExtent {
+        ProfileExtent { x: a.x.join(b.x), y: a.y.join(b.y) }
     }
 
     #[inline(always)]
-    fn reach_most(chord: &Chord, region: &Extent) -> f64 {
+    fn reach_most(chord: &Chord, region: &ProfileExtent) -> f64 {
         let (x, y) = (region.x.minus(chord.from[0]), region.y.minus(chord.from[1]));
         x.times(chord.along[1]).minus_range(y.times(chord.along[0])).most_squared()
     }
 
     fn area(&self, a: &Xy, b: &Xy, c: &Xy) -> f64 {
-        super::Plane.area(a, b, c)
+        super::PlaneMetric.area(a, b, c)
     }
 
     fn cosine(&self, a: &Xy, b: &Xy, c: &Xy) -> f64 {

@@ -33,7 +33,7 @@ fn lowest_level(most: f64) -> i32 {
 /// The grid grows with what is added, by making two by two cells one: what comes out does not depend
 /// on the order. 8 MiB, and 2 more while it grows.
 #[derive(Clone, Debug)]
-pub struct Census {
+pub struct VertexHistogram {
     /// The lowest and highest coordinates.
     bounds: [Xy; 2],
     level: i32,
@@ -42,14 +42,14 @@ pub struct Census {
     total: u64,
 }
 
-impl Default for Census {
+impl Default for VertexHistogram {
     fn default() -> Self {
         let bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
         Self { bounds, level: i32::MIN, counts: vec![0; (SIDE * SIDE) as usize], total: 0 }
     }
 }
 
-impl Census {
+impl VertexHistogram {
     /// Counts vertices. O(n), and O(cells) when the grid grows.
     ///
     /// # Errors
@@ -114,9 +114,9 @@ impl Census {
     }
 
     /// The counts, of which there have to be some, for sums over many cells: up to 8 MiB more.
-    pub(super) fn counts(&self) -> Counts {
+    pub(super) fn counts(&self) -> PrefixCounts {
         let range = self.bounds.map(|p| cell(p, self.level));
-        Counts::new(self.level, range, |at| self.counts[place(at)])
+        PrefixCounts::new(self.level, range, |at| self.counts[place(at)])
     }
 }
 
@@ -139,14 +139,14 @@ fn cells([low, high]: [[i64; 2]; 2]) -> impl Iterator<Item = [i64; 2]> {
 
 /// Counts by cells, as sums over all cells before one in x and y.
 #[derive(Clone, Debug)]
-pub(super) struct Counts {
+pub(super) struct PrefixCounts {
     pub(super) level: i32,
     low: [i64; 2],
     size: [i64; 2],
     sums: Vec<u64>,
 }
 
-impl Counts {
+impl PrefixCounts {
     /// Of the cells in a range, both ends included.
     pub(super) fn new(level: i32, range: [[i64; 2]; 2], count: impl Fn([i64; 2]) -> u64) -> Self {
         let low = range[0];

@@ -2,7 +2,7 @@
 //!
 //! A vertex is in the square that its position is in, so vertices at one position share a square. A
 //! segment from one square to another *crosses over*; it is part of every result, and both of its
-//! ends are kept. What lies between two such segments is a [`Run`]: all of its vertices are in one
+//! ends are kept. What lies between two such segments is a [`TileRun`]: all of its vertices are in one
 //! square.
 //!
 //! **Why squares are independent.** Squares are half-open, so the convex hulls of the vertices of
@@ -10,7 +10,7 @@
 //! region between them lie within the hull of one square. So a new segment can cross nothing but
 //! segments of its own square and segments that cross over, and a region can hold no vertices but
 //! those of its own square. Segments that cross over never change: for each square that one
-//! passes through it is an obstacle ([`Squares::meeting`]), and two of them that meet have met in
+//! passes through it is an obstacle ([`VertexTiles::meeting`]), and two of them that meet have met in
 //! the input. What holds for [`super::topology`] in each square, obstacles among the chains, holds for
 //! all squares together.
 //!
@@ -25,7 +25,7 @@
 //!
 //! **The squares** are those of a quadtree over powers of two, whatever the extent, so a
 //! position's cell is exact: a multiplication by a power of two and a floor. Vertices are counted
-//! by the cells of a grid ([`Census`]), and a square of the tree that has too many is divided, in
+//! by the cells of a grid ([`VertexHistogram`]), and a square of the tree that has too many is divided, in
 //! cells that have too many by finer counts ([`Finer`]). The division depends on nothing but how many
 //! vertices there are in which cell.
 
@@ -35,6 +35,6 @@ mod runs;
 mod tests;
 mod tree;
 
-pub use census::Census;
-pub use runs::{Run, cross_overs, cut};
-pub use tree::{Finer, Place, Squares};
+pub use census::VertexHistogram;
+pub use runs::{TileRun, cross_overs, cut};
+pub use tree::{Finer, LastTile, VertexTiles};

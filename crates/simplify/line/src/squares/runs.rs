@@ -1,11 +1,11 @@
 //! Lines and rings cut where they go from one square to another.
 
-use super::tree::{Place, Squares};
+use super::tree::{LastTile, VertexTiles};
 use terrane_base::geom::plane::Xy;
 
 /// Vertices of a line or ring that follow each other in one square.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Run {
+pub struct TileRun {
     /// The square.
     pub square: u32,
     /// The first vertex, and how many there are; those of a ring go on from its beginning.
@@ -19,17 +19,23 @@ pub struct Run {
 /// vertex, which is its first again, is left out. O(n).
 ///
 /// Every position has to be in a square.
-pub fn cut(part: &[Xy], is_ring: bool, squares: &Squares, place: &mut Place, runs: &mut Vec<Run>) {
+pub fn cut(
+    part: &[Xy],
+    is_ring: bool,
+    squares: &VertexTiles,
+    place: &mut LastTile,
+    runs: &mut Vec<TileRun>,
+) {
     runs.clear();
     if squares.count() == 1 {
-        runs.push(Run { square: 0, first: 0, count: part.len() });
+        runs.push(TileRun { square: 0, first: 0, count: part.len() });
         return;
     }
     for (at, &p) in part.iter().enumerate() {
         let square = squares.of(p, place).unwrap_or_default();
         match runs.last_mut() {
             Some(run) if run.square == square => run.count += 1,
-            _ => runs.push(Run { square, first: at, count: 1 }),
+            _ => runs.push(TileRun { square, first: at, count: 1 }),
         }
     }
     if let (true, [first, .., last]) = (is_ring, &mut runs[..]) {
@@ -43,11 +49,11 @@ pub fn cut(part: &[Xy], is_ring: bool, squares: &Squares, place: &mut Place, run
 pub fn cross_overs<'a>(
     part: &'a [Xy],
     is_ring: bool,
-    runs: &'a [Run],
+    runs: &'a [TileRun],
 ) -> impl Iterator<Item = [Xy; 2]> + 'a {
     let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
     let count = part.len() - usize::from(is_ring && part.len() > 1);
-    let ends = move |(run, next): (&Run, &Run)| {
+    let ends = move |(run, next): (&TileRun, &TileRun)| {
         [part[(run.first + run.count - 1) % count], part[next.first % count]]
     };
     runs.iter().zip(next).filter(|_| runs.len() > 1).map(ends)

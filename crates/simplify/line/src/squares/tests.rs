@@ -13,22 +13,22 @@ fn positions() -> impl Strategy<Value = Vec<Xy>> {
     proptest::collection::vec(one, 1..300)
 }
 
-fn divided(points: &[Xy], most: u64) -> Result<Squares, terrane_base::error::Error> {
-    let mut census = Census::default();
+fn divided(points: &[Xy], most: u64) -> Result<VertexTiles, terrane_base::error::Error> {
+    let mut census = VertexHistogram::default();
     // As features come, a few at a time.
     for some in points.chunks(7) {
         census.add(some).unwrap();
     }
-    let mut squares = Squares::new(&census, most)?;
+    let mut squares = VertexTiles::new(&census, most)?;
     while let Some(mut finer) = squares.finer() {
         points.chunks(11).for_each(|some| finer.add(some));
-        squares = Squares::refined(finer, &squares)?;
+        squares = VertexTiles::refined(finer, &squares)?;
     }
     Ok(squares)
 }
 
-fn all_of(points: &[Xy], squares: &Squares) -> Vec<u32> {
-    let mut place = Place::default();
+fn all_of(points: &[Xy], squares: &VertexTiles) -> Vec<u32> {
+    let mut place = LastTile::default();
     points.iter().map(|p| squares.of(*p, &mut place).unwrap()).collect()
 }
 
@@ -90,7 +90,7 @@ proptest! {
         prop_assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
         for k in 0..=256 {
             let p = [0, 1].map(|i| a[i] + (b[i] - a[i]) / 256.0 * f64::from(k));
-            let square = squares.of(p, &mut Place::default()).unwrap();
+            let square = squares.of(p, &mut LastTile::default()).unwrap();
             prop_assert!(found.contains(&square), "{p:?} in {square}, not in {found:?}");
         }
     }
@@ -104,13 +104,13 @@ proptest! {
         let squares = divided(&part, 6u64.max(crowd(&part))).unwrap();
         let of = all_of(&part, &squares);
         let mut runs = Vec::new();
-        cut(&part, is_ring, &squares, &mut Place::default(), &mut runs);
+        cut(&part, is_ring, &squares, &mut LastTile::default(), &mut runs);
         if runs.len() == 1 {
-            prop_assert_eq!(runs[0], Run { square: of[0], first: 0, count: part.len() });
+            prop_assert_eq!(runs[0], TileRun { square: of[0], first: 0, count: part.len() });
             return Ok(());
         }
         let count = points.len();
-        let inside = |run: &Run| (run.first..run.first + run.count).map(move |v| v % count);
+        let inside = |run: &TileRun| (run.first..run.first + run.count).map(move |v| v % count);
         let mut seen: Vec<usize> = runs.iter().flat_map(inside).collect();
         prop_assert!(runs.iter().all(|run| inside(run).all(|v| of[v] == run.square)));
         let next = runs.iter().skip(1).chain(runs.first().filter(|_| is_ring));
@@ -131,7 +131,7 @@ proptest! {
 fn few_vertices_are_one_square_wherever_they_are() {
     let squares = divided(&[[1.0, 2.0], [-5.0, 1e9]], 2).unwrap();
     assert_eq!((squares.count(), squares.vertices(0)), (1, 2));
-    assert_eq!(squares.of([7.0, 7.0], &mut Place::default()), Some(0));
+    assert_eq!(squares.of([7.0, 7.0], &mut LastTile::default()), Some(0));
     assert_eq!(divided(&[], 1).unwrap().count(), 1);
 }
 
@@ -139,7 +139,7 @@ fn few_vertices_are_one_square_wherever_they_are() {
 fn a_segment_meets_no_square_beside_it() {
     let corners = [[0.0, 0.0], [100.0, 0.0], [0.0, 100.0], [100.0, 100.0]];
     let squares = divided(&corners, 1).unwrap();
-    let of = |p: Xy| squares.of(p, &mut Place::default()).unwrap();
+    let of = |p: Xy| squares.of(p, &mut LastTile::default()).unwrap();
     let [low, east, north, high] = corners.map(of);
     let meets = |a: Xy, b: Xy| {
         let mut found = Vec::new();
@@ -167,8 +167,8 @@ fn too_many_in_one_place_are_told() {
     let error = divided(&points, 8).unwrap_err();
     assert!(error.to_string().contains("in one place"), "{error}");
     assert!(divided(&points, 9).is_ok());
-    assert!(Census::default().add(&[[f64::NAN, 0.0]]).is_err());
-    assert!(Census::default().add(&[[0.0, 1e141]]).is_err());
+    assert!(VertexHistogram::default().add(&[[f64::NAN, 0.0]]).is_err());
+    assert!(VertexHistogram::default().add(&[[0.0, 1e141]]).is_err());
 }
 
 /// What is below a border belongs to the square there, what is on it to the next.
@@ -176,7 +176,7 @@ fn too_many_in_one_place_are_told() {
 fn squares_are_half_open() {
     let corners = [[-100.0, -100.0], [100.0, -100.0], [-100.0, 100.0], [100.0, 100.0]];
     let squares = divided(&corners, 1).unwrap();
-    let of = |p: Xy| squares.of(p, &mut Place::default());
+    let of = |p: Xy| squares.of(p, &mut LastTile::default());
     let [low, east, north, high] = corners.map(of);
     assert_eq!(of([0.0, 0.0]), high);
     assert_eq!(of([-f64::MIN_POSITIVE, 0.0]), north);
@@ -187,7 +187,7 @@ fn squares_are_half_open() {
     for (from, to) in
         [(low, [0.0, -5.0]), (low, [-5.0, 0.0]), (high, [-0.1, 5.0]), (high, [5.0, -0.1])]
     {
-        let mut place = Place::default();
+        let mut place = LastTile::default();
         let start = corners[[low, east, north, high].iter().position(|s| *s == from).unwrap()];
         assert_eq!(squares.of(start, &mut place), from);
         assert_eq!(squares.of(to, &mut place), of(to));
@@ -237,7 +237,7 @@ proptest! {
         let of = all_of(&points, &squares);
         let mut found = Vec::new();
         for (p, square) in points.iter().zip(&of) {
-            prop_assert_eq!(squares.of(*p, &mut Place::default()), Some(*square));
+            prop_assert_eq!(squares.of(*p, &mut LastTile::default()), Some(*square));
         }
         let p = points[0];
         squares.around(p, reach, &mut found);
@@ -275,13 +275,13 @@ fn counts_survive_growth() {
     wide.extend((0..39).map(|i| [f64::from(1 << (i % 20)) + 0.25, f64::from(i)]));
     let high: Vec<Xy> = wide.iter().map(|p| [p[1], p[0]]).collect();
     for points in [wide, high] {
-        let (mut all, mut one) = (Census::default(), Census::default());
+        let (mut all, mut one) = (VertexHistogram::default(), VertexHistogram::default());
         all.add(&points).unwrap();
         points.iter().for_each(|p| one.add(&[*p]).unwrap());
         assert_eq!((all.total(), one.total()), (40, 40));
         for most in [2, 10, 39] {
-            let of = |census: &Census| -> Vec<u64> {
-                let squares = Squares::new(census, most).unwrap();
+            let of = |census: &VertexHistogram| -> Vec<u64> {
+                let squares = VertexTiles::new(census, most).unwrap();
                 (0..squares.count()).map(|square| squares.vertices(square)).collect()
             };
             assert_eq!(of(&all), of(&one));

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::census::{Census, Counts, cell, power};
+use super::census::{PrefixCounts, VertexHistogram, cell, power};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{Xy, orient};
 
@@ -11,7 +11,7 @@ const FINER: i32 = 6;
 
 /// What a node of the tree is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TileTreeKind {
     /// Not known yet.
     Open,
     /// The square of this number.
@@ -23,14 +23,14 @@ enum Kind {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct TileTreeNode {
     /// The cell of side 2^level that it is.
     cell: [i64; 2],
     level: i32,
-    kind: Kind,
+    kind: TileTreeKind,
 }
 
-impl Node {
+impl TileTreeNode {
     /// Its lowest position. All corners and centres are exact.
     fn low(&self) -> Xy {
         self.cell.map(|c| c as f64 * power(self.level))
@@ -63,9 +63,9 @@ impl Node {
 
 /// Squares with at most so many vertices each, known by number. Some have none: segments may meet there.
 #[derive(Clone, Debug)]
-pub struct Squares {
+pub struct VertexTiles {
     /// Up to four roots, then children.
-    nodes: Vec<Node>,
+    nodes: Vec<TileTreeNode>,
     roots: usize,
     /// The cells that have too many vertices, and their levels.
     crowded: Vec<([i64; 2], i32)>,
@@ -79,19 +79,19 @@ pub struct Squares {
 
 /// The square that was found last, which is the next one's, too, more often than not.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Place {
+pub struct LastTile {
     square: u32,
     low: Xy,
     high: Xy,
 }
 
-impl Squares {
+impl VertexTiles {
     /// Squares with up to `most` vertices each: one, if there are no more in all. Some may have
     /// more as long as there are [`finer`](Self::finer) counts to be made.
     ///
     /// # Errors
     /// `Limit` where more than `most` vertices are nearly in one place.
-    pub fn new(census: &Census, most: u64) -> Result<Self> {
+    pub fn new(census: &VertexHistogram, most: u64) -> Result<Self> {
         let mut all = Self {
             nodes: Vec::new(),
             roots: 0,
@@ -110,7 +110,7 @@ impl Squares {
         let level = counts.level + up.unwrap_or_default();
         let [low, high] = [low, high].map(|at| at.map(|c| c >> (level - counts.level)));
         for (y, x) in (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| (y, x))) {
-            all.nodes.push(Node { cell: [x, y], level, kind: Kind::Open });
+            all.nodes.push(TileTreeNode { cell: [x, y], level, kind: TileTreeKind::Open });
         }
         all.roots = all.nodes.len();
         all.divide((0..all.roots).collect(), &counts)?;
@@ -132,7 +132,7 @@ impl Squares {
         let mut all = squares.clone();
         all.crowded.clear();
         for (at, node) in squares.nodes.iter().enumerate() {
-            if let Kind::Crowded(crowded) = node.kind {
+            if let TileTreeKind::Crowded(crowded) = node.kind {
                 all.divide(vec![at], &counts[crowded as usize])?;
             }
         }
@@ -140,25 +140,29 @@ impl Squares {
     }
 
     /// Divides nodes as far as counts tell.
-    fn divide(&mut self, mut open: Vec<usize>, counts: &Counts) -> Result<()> {
+    fn divide(&mut self, mut open: Vec<usize>, counts: &PrefixCounts) -> Result<()> {
         open.reverse();
         while let Some(at) = open.pop() {
-            let Node { cell, level, .. } = self.nodes[at];
+            let TileTreeNode { cell, level, .. } = self.nodes[at];
             let count = counts.of(cell, level);
             self.nodes[at].kind = if count <= self.most {
                 self.counts.push(count);
-                Kind::Square(self.counts.len() as u32 - 1)
+                TileTreeKind::Square(self.counts.len() as u32 - 1)
             } else if level > counts.level {
                 let first = self.nodes.len();
                 for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
                     let cell = [2 * cell[0] + x, 2 * cell[1] + y];
-                    self.nodes.push(Node { cell, level: level - 1, kind: Kind::Open });
+                    self.nodes.push(TileTreeNode {
+                        cell,
+                        level: level - 1,
+                        kind: TileTreeKind::Open,
+                    });
                 }
                 open.extend((first..first + 4).rev());
-                Kind::Divided(first as u32)
+                TileTreeKind::Divided(first as u32)
             } else if level > self.lowest {
                 self.crowded.push((cell, level));
-                Kind::Crowded(self.crowded.len() as u32 - 1)
+                TileTreeKind::Crowded(self.crowded.len() as u32 - 1)
             } else {
                 let at = self.nodes[at].low();
                 return Err(Error::limit("the number of vertices in one place", count, self.most)
@@ -180,9 +184,9 @@ impl Squares {
     }
 
     /// The node without children that a position is in.
-    fn leaf(&self, p: Xy) -> Option<&Node> {
+    fn leaf(&self, p: Xy) -> Option<&TileTreeNode> {
         let mut node = self.nodes[..self.roots].iter().find(|node| node.holds(p))?;
-        while let Kind::Divided(first) = node.kind {
+        while let TileTreeKind::Divided(first) = node.kind {
             // The low corner of the last child is the centre.
             let centre = self.nodes[first as usize + 3].low();
             let child = usize::from(p[0] >= centre[0]) + 2 * usize::from(p[1] >= centre[1]);
@@ -195,7 +199,7 @@ impl Squares {
     fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
         let node = self.leaf(p)?;
         match node.kind {
-            Kind::Crowded(crowded) => Some((crowded as usize, node.level)),
+            TileTreeKind::Crowded(crowded) => Some((crowded as usize, node.level)),
             _ => None,
         }
     }
@@ -203,7 +207,7 @@ impl Squares {
     /// The square that a position is in; `None` beyond all vertices. O(depth) where it is not that
     /// of `place`.
     #[inline]
-    pub fn of(&self, p: Xy, place: &mut Place) -> Option<u32> {
+    pub fn of(&self, p: Xy, place: &mut LastTile) -> Option<u32> {
         let (low, high) = (place.low, place.high);
         if low[0] <= p[0] && p[0] < high[0] && low[1] <= p[1] && p[1] < high[1] {
             return Some(place.square);
@@ -211,20 +215,20 @@ impl Squares {
         self.find(p, place)
     }
 
-    fn find(&self, p: Xy, place: &mut Place) -> Option<u32> {
+    fn find(&self, p: Xy, place: &mut LastTile) -> Option<u32> {
         if self.roots == 0 {
             return Some(0);
         }
         let node = self.leaf(p)?;
-        let Kind::Square(square) = node.kind else { return None };
-        *place = Place { square, low: node.low(), high: node.high() };
+        let TileTreeKind::Square(square) = node.kind else { return None };
+        *place = LastTile { square, low: node.low(), high: node.high() };
         Some(square)
     }
 
     /// Fills `found` with the squares that a position within `reach` of `p` may be in, ascending.
     pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
         found.clear();
-        let is_near = |node: &Node| {
+        let is_near = |node: &TileTreeNode| {
             let (low, high) = (node.low(), node.high());
             (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
         };
@@ -239,15 +243,15 @@ impl Squares {
     }
 
     /// Appends the squares for which, and for whose parents, something holds; ascending.
-    fn find_all(&self, holds: impl Fn(&Node) -> bool, found: &mut Vec<u32>) {
+    fn find_all(&self, holds: impl Fn(&TileTreeNode) -> bool, found: &mut Vec<u32>) {
         let mut open: Vec<usize> = (0..self.roots).collect();
         while let Some(at) = open.pop() {
             let node = &self.nodes[at];
             match node.kind {
-                Kind::Open | Kind::Crowded(_) => {}
+                TileTreeKind::Open | TileTreeKind::Crowded(_) => {}
                 _ if !holds(node) => {}
-                Kind::Square(square) => found.push(square),
-                Kind::Divided(first) => open.extend(first as usize..first as usize + 4),
+                TileTreeKind::Square(square) => found.push(square),
+                TileTreeKind::Divided(first) => open.extend(first as usize..first as usize + 4),
             }
         }
         found.sort_unstable();
@@ -258,14 +262,14 @@ impl Squares {
 /// counts that are known. 32 KiB for each.
 #[derive(Clone, Debug)]
 pub struct Finer<'a> {
-    squares: &'a Squares,
+    squares: &'a VertexTiles,
     /// For each square that is to be divided: the level of its finer cells, and their counts.
     counts: Vec<(i32, Vec<u64>)>,
 }
 
 impl<'a> Finer<'a> {
     /// For the crowded cells of `squares`, of these levels.
-    fn new(squares: &'a Squares, levels: impl Iterator<Item = i32>) -> Self {
+    fn new(squares: &'a VertexTiles, levels: impl Iterator<Item = i32>) -> Self {
         let room = |level: i32| {
             let finer = (level - FINER).max(squares.lowest);
             (finer, vec![0; 1 << (2 * (level - finer))])
@@ -286,14 +290,14 @@ impl<'a> Finer<'a> {
     }
 
     /// The counts of each crowded cell, given with its level.
-    fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<Counts> {
+    fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<PrefixCounts> {
         let counts = self.counts.into_iter().zip(cells);
         let made = counts.map(|((finer, counts), (cell, level))| {
             let up = level - finer;
             let low = cell.map(|c| c << up);
             let high = low.map(|c| c + (1 << up) - 1);
             let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
-            Counts::new(finer, [low, high], count)
+            PrefixCounts::new(finer, [low, high], count)
         });
         made.collect()
     }

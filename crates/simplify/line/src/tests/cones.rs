@@ -5,7 +5,7 @@ use crate::cone::cone;
 
 /// From each anchor to the last vertex that a segment may go to, or to one an eighth before it from which the next
 /// segment goes further, by trying all.
-fn greedy<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
+fn greedy<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
     let holds = |from: usize, to: usize| {
         let square = |i: usize| metric.distance2(&points[i], &points[from], &points[to]);
         (from + 1..to).all(|i| square(i) <= tolerance * tolerance)
@@ -26,7 +26,7 @@ fn greedy<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Ve
 struct SameAsGreedy;
 
 impl Check for SameAsGreedy {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         assert_eq!(run(cone, metric, points, tolerance), greedy(metric, points, tolerance));
     }
 }
@@ -41,9 +41,9 @@ proptest! {
         // Below that, what rounding does to a wedge is not what it does to a distance.
         SameAsGreedy.everywhere(line, tolerance.max(1e-3));
         if line.iter().flatten().all(|v| v.fract() == 0.0) {
-            SameAsGreedy.check(&Plane, line, 0.0);
-            SameAsGreedy.check(&Space, &in_space(line), 0.0);
-            SameAsGreedy.check(&Vertical, &profile(line), 0.0);
+            SameAsGreedy.check(&PlaneMetric, line, 0.0);
+            SameAsGreedy.check(&SpaceMetric, &in_space(line), 0.0);
+            SameAsGreedy.check(&VerticalMetric, &profile(line), 0.0);
         }
     }
 }
@@ -61,7 +61,7 @@ fn roof(count: u32) -> Vec<Xy> {
 #[test]
 fn long_straight_segments_are_found_whole() {
     for count in [300, 3000, 30_000] {
-        let kept = run(cone, &Plane, &roof(count), 0.5);
+        let kept = run(cone, &PlaneMetric, &roof(count), 0.5);
         assert!(kept.len() <= 4, "{count}: {kept:?}");
     }
 }
@@ -73,9 +73,9 @@ fn of_many_ends_only_the_first_holds() {
     for count in 1..60 {
         let mut line = vec![[0.0, 0.0], [10.0, 0.95], [10.2, -0.6]];
         line.extend((0..count).map(|i| [9.6 - 1e-3 * f64::from(i), 0.0]));
-        let kept = run(cone, &Plane, &line, 1.0);
+        let kept = run(cone, &PlaneMetric, &line, 1.0);
         assert_eq!(kept[..2], [0, 1], "{count}");
-        assert_holds(&Plane, &line, 1.0, &kept);
+        assert_holds(&PlaneMetric, &line, 1.0, &kept);
     }
 }
 
@@ -86,7 +86,7 @@ fn running_back_and_forth_takes_no_long_looks() {
     let count = 300_000;
     let x = |i: u32| f64::from(count - i) * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let line: Vec<Xy> = (0..count).map(|i| [x(i), 0.0]).collect();
-    assert!(run(cone, &Plane, &line, 1.0).len() > line.len() - 10);
+    assert!(run(cone, &PlaneMetric, &line, 1.0).len() > line.len() - 10);
 }
 
 /// Vertices that turn back before the farthest are no ends, and none of them is tried: there would be no
@@ -97,7 +97,7 @@ fn ends_that_leave_the_farthest_behind_are_not_tried() {
         let there = (0..=10).map(|i| [f64::from(i), 0.0]);
         let line: Vec<Xy> =
             there.chain((0..back).map(|i| [8.0 - 1e-3 * f64::from(i), 0.0])).collect();
-        assert_eq!(run(cone, &Plane, &line, 1.0), [0, 10, 10 + back as u32], "{back}");
+        assert_eq!(run(cone, &PlaneMetric, &line, 1.0), [0, 10, 10 + back as u32], "{back}");
     }
 }
 
@@ -134,8 +134,8 @@ fn a_segment_is_looked_for_a_few_lengths_ahead() {
         (&[32, 48, 72, 193], 193),
     ] {
         let line = level(ends);
-        let kept = run(cone, &Plane, &line, 1.0);
+        let kept = run(cone, &PlaneMetric, &line, 1.0);
         assert_eq!(kept[..4], [0, 1, 2, 2 + found], "{ends:?}");
-        assert_holds(&Plane, &line, 1.0, &kept);
+        assert_holds(&PlaneMetric, &line, 1.0, &kept);
     }
 }

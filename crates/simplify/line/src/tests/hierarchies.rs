@@ -8,7 +8,7 @@ use terrane_base::error::ErrorKind;
 struct SameAsDirect;
 
 impl Check for SameAsDirect {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let mut kept = Vec::new();
         let hierarchy = Hierarchy::new(metric, points);
         hierarchy.filter(tolerance, &mut kept);
@@ -25,13 +25,13 @@ proptest! {
 
     #[test]
     fn a_hierarchy_survives_storage(line in short_line()) {
-        let hierarchy = Hierarchy::new(&Plane, &line);
+        let hierarchy = Hierarchy::new(&PlaneMetric, &line);
         prop_assert_eq!(Hierarchy::from_bytes(&hierarchy.to_bytes()).ok(), Some(hierarchy));
     }
 
     #[test]
     fn counts_are_kept_and_nested(line in long_line(), count in 0..1600_usize) {
-        let hierarchy = Hierarchy::new(&Plane, &line);
+        let hierarchy = Hierarchy::new(&PlaneMetric, &line);
         let (mut kept, mut more) = (Vec::new(), Vec::new());
         hierarchy.keep_count(count, &mut kept);
         hierarchy.keep_count(count + 1, &mut more);
@@ -45,7 +45,7 @@ proptest! {
 
     #[test]
     fn no_flipped_bit_goes_unnoticed(line in short_line(), place: prop::sample::Index, bit in 0..8) {
-        let mut bytes = Hierarchy::new(&Plane, &line).to_bytes();
+        let mut bytes = Hierarchy::new(&PlaneMetric, &line).to_bytes();
         let at = place.index(bytes.len());
         bytes[at] ^= 1_u8 << bit;
         let result = Hierarchy::from_bytes(&bytes);
@@ -57,20 +57,20 @@ proptest! {
 fn a_thousand_tolerances() {
     for is_lattice in [true, false] {
         let line = walk(5, 3000, is_lattice);
-        let hierarchy = Hierarchy::new(&Plane, &line);
+        let hierarchy = Hierarchy::new(&PlaneMetric, &line);
         let own: Vec<f64> = hierarchy.distances().step_by(6).collect();
         let spread = (0..500).map(|i| f64::from(i) * 0.05);
         for tolerance in own.into_iter().take(500).chain(spread) {
             let mut kept = Vec::new();
             hierarchy.filter(tolerance, &mut kept);
-            assert_eq!(kept, run(rdp, &Plane, &line, tolerance), "at {tolerance}");
+            assert_eq!(kept, run(rdp, &PlaneMetric, &line, tolerance), "at {tolerance}");
         }
     }
 }
 
 #[test]
 fn bytes_cut_short_are_turned_away() {
-    let bytes = Hierarchy::new(&Plane, &walk(1, 50, false)).to_bytes();
+    let bytes = Hierarchy::new(&PlaneMetric, &walk(1, 50, false)).to_bytes();
     assert!((0..bytes.len()).all(|end| Hierarchy::from_bytes(&bytes[..end]).is_err()));
     assert!(Hierarchy::from_bytes(&[bytes, vec![0]].concat()).is_err());
 }
@@ -79,7 +79,7 @@ fn bytes_cut_short_are_turned_away() {
 fn lines_of_few_vertices_keep_their_ends_once() {
     for count in 0..4_u32 {
         let line: Vec<Xy> = (0..count).map(|i| [f64::from(i), f64::from(i % 2)]).collect();
-        let hierarchy = Hierarchy::new(&Plane, &line);
+        let hierarchy = Hierarchy::new(&PlaneMetric, &line);
         assert_eq!(hierarchy.count(), count as usize);
         let (mut filtered, mut counted) = (Vec::new(), Vec::new());
         hierarchy.filter(0.0, &mut filtered);
@@ -97,7 +97,7 @@ fn lines_of_few_vertices_keep_their_ends_once() {
 fn counts_take_the_farthest_first() {
     let teeth: Vec<Xy> = (0..9).map(|i| [f64::from(i), f64::from(i % 2) * 3.0]).collect();
     let teeth: Vec<Xy> = teeth.iter().map(|p| [p[0] * 100.0, p[1]]).collect();
-    let hierarchy = Hierarchy::new(&Plane, &teeth);
+    let hierarchy = Hierarchy::new(&PlaneMetric, &teeth);
     let distances: Vec<f64> = hierarchy.distances().collect();
     assert!(distances.is_sorted_by(|a, b| a >= b) && distances.iter().all(|d| *d > 0.0));
     for count in 2..=distances.len() + 3 {
@@ -119,7 +119,7 @@ fn counts_take_the_farthest_first() {
 /// As it is stored: other code must be able to read it.
 #[test]
 fn bytes_are_a_header_and_squares() {
-    let hierarchy = Hierarchy::new(&Plane, &[[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]]);
+    let hierarchy = Hierarchy::new(&PlaneMetric, &[[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]]);
     let bytes = hierarchy.to_bytes();
     let words: Vec<u64> =
         bytes.chunks(8).map(|word| u64::from_le_bytes(word.try_into().unwrap())).collect();

@@ -4,7 +4,7 @@ use super::methods::plain_rdp;
 use super::*;
 use crate::path_hull::Hulls;
 use crate::rdp::rdp;
-use crate::regions::{Farthest, scan};
+use crate::regions::{FarthestVertex, scan};
 
 /// Zigzags between two slanted lines, parallel or not: boxes tell nothing of them.
 fn zigzag(count: u32, slant: Xy, growth: f64) -> Vec<Xy> {
@@ -68,12 +68,12 @@ proptest! {
         let ends = ends.map(|end| end.index(line.len()));
         let (start, end) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         for (from, to) in [(start, end), (0, end), (start, line.len() - 1), (0, line.len() - 1)] {
-            let segment = Plane.segment(&line[from], &line[to]);
+            let segment = PlaneMetric.segment(&line[from], &line[to]);
             for within in [0.0, 1.0, 1e6] {
-                let mut found = Farthest { index: from, reach: within };
+                let mut found = FarthestVertex { index: from, reach: within };
                 let mut plain = found;
                 let within = (from + 1).min(to)..to;
-                scan::<Xy, Plane>(&segment, &line, within.start, to, &mut plain);
+                scan::<Xy, PlaneMetric>(&segment, &line, within.start, to, &mut plain);
                 hulls.farthest(&segment, &line, within, &mut Vec::new(), &mut found);
                 prop_assert_eq!((found.index, found.reach), (plain.index, plain.reach));
             }
@@ -99,10 +99,10 @@ fn runs_of_few_positions_know_their_own() {
         for _ in 0..40 {
             let ends = [(); 2].map(|()| dice.below(line.len() as u64) as usize);
             let (from, to) = (ends[0].min(ends[1]), ends[0].max(ends[1]).max(1));
-            let segment = Plane.segment(&line[from], &line[to]);
-            let mut found = Farthest { index: from, reach: 0.0 };
+            let segment = PlaneMetric.segment(&line[from], &line[to]);
+            let mut found = FarthestVertex { index: from, reach: 0.0 };
             let mut plain = found;
-            scan::<Xy, Plane>(&segment, &line, (from + 1).min(to), to, &mut plain);
+            scan::<Xy, PlaneMetric>(&segment, &line, (from + 1).min(to), to, &mut plain);
             let within = (from + 1).min(to)..to;
             hulls.farthest(&segment, &line, within, &mut Vec::new(), &mut found);
             assert_eq!((found.index, found.reach), (plain.index, plain.reach), "seed {seed}");
@@ -119,7 +119,7 @@ fn lines_on_which_boxes_are_quadratic() {
         whirl(100_000, 2.4),
     ];
     for line in &lines {
-        assert_holds(&Plane, line, 0.5, &run(rdp, &Plane, line, 0.5));
+        assert_holds(&PlaneMetric, line, 0.5, &run(rdp, &PlaneMetric, line, 0.5));
     }
 }
 
@@ -127,10 +127,10 @@ fn lines_on_which_boxes_are_quadratic() {
 fn hulls_take_over_from_boxes_without_a_trace() {
     for line in [zigzag(5000, [4.0, 3.0], 0.0), zigzag(5000, [0.6, 0.8], 1e-3), whirl(5000, 2.4)] {
         for tolerance in [0.0, 0.5, 2.5] {
-            let kept = run(rdp, &Plane, &line, tolerance);
-            assert_eq!(kept, plain_rdp(&Plane, &line, tolerance));
+            let kept = run(rdp, &PlaneMetric, &line, tolerance);
+            assert_eq!(kept, plain_rdp(&PlaneMetric, &line, tolerance));
             let mut filtered = Vec::new();
-            crate::Hierarchy::new(&Plane, &line).filter(tolerance, &mut filtered);
+            crate::Hierarchy::new(&PlaneMetric, &line).filter(tolerance, &mut filtered);
             assert_eq!(filtered, kept);
         }
     }
@@ -141,7 +141,7 @@ fn hulls_take_over_from_boxes_without_a_trace() {
 fn other_metrics_stay_with_boxes() {
     struct SameAsPlain;
     impl Check for SameAsPlain {
-        fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+        fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
             assert_eq!(run(rdp, metric, points, tolerance), plain_rdp(metric, points, tolerance));
         }
     }

@@ -132,7 +132,7 @@ const MOST: f64 = 90.0;
 /// Looks at a line, for each vertex and doubling.
 fn looks(line: &[Xy], tolerance: f64) -> f64 {
     let mut kept = Vec::new();
-    let looks = counted(&Plane, line, tolerance, &mut Scratch::default(), &mut kept);
+    let looks = counted(&PlaneMetric, line, tolerance, &mut SimplifyScratch::default(), &mut kept);
     let count = line.len() as f64;
     looks as f64 / (count * count.log2())
 }
@@ -173,7 +173,10 @@ fn lines_made_to_take_many_looks_are_split_as_by_scans() {
     let rounded: Line = (slanted_and_rounded, 0.5);
     for (make, tolerance) in LINES.iter().map(|(_, line)| *line).chain([rounded]) {
         for line in [make(3000), make(401)] {
-            assert_eq!(run(rdp, &Plane, &line, tolerance), plain_rdp(&Plane, &line, tolerance));
+            assert_eq!(
+                run(rdp, &PlaneMetric, &line, tolerance),
+                plain_rdp(&PlaneMetric, &line, tolerance)
+            );
         }
     }
 }

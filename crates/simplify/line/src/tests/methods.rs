@@ -8,7 +8,7 @@ use crate::rdp::rdp;
 use crate::registry::{METHODS, method};
 
 /// Ramer-Douglas-Peucker as in the book, one distance at a time.
-pub(super) fn plain_rdp<V: Copy, M: Metric<V>>(
+pub(super) fn plain_rdp<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     points: &[V],
     tolerance: f64,
@@ -34,7 +34,7 @@ pub(super) fn plain_rdp<V: Copy, M: Metric<V>>(
 }
 
 /// The fewest vertices, by trying all segments; each from the last vertex that has it by one fewer.
-fn fewest<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
+fn fewest<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V], tolerance: f64) -> Vec<u32> {
     let holds = |from: usize, to: usize| {
         let within = |i: usize| {
             metric.distance2(&points[i], &points[from], &points[to]) <= tolerance * tolerance
@@ -60,7 +60,7 @@ fn fewest<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64) -> Ve
 struct SameAsPlain;
 
 impl Check for SameAsPlain {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let kept = run(rdp, metric, points, tolerance);
         assert_eq!(kept, plain_rdp(metric, points, tolerance));
         assert_holds(metric, points, tolerance, &kept);
@@ -70,7 +70,7 @@ impl Check for SameAsPlain {
 struct FewestVertices;
 
 impl Check for FewestVertices {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let kept = run(imai_iri, metric, points, tolerance);
         assert_holds(metric, points, tolerance, &kept);
         assert_eq!(kept, fewest(metric, points, tolerance));
@@ -80,7 +80,7 @@ impl Check for FewestVertices {
 struct ConeHolds;
 
 impl Check for ConeHolds {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let kept = run(cone, metric, points, tolerance);
         assert_holds(metric, points, tolerance, &kept);
     }
@@ -120,10 +120,10 @@ proptest! {
 
     #[test]
     fn imai_iri_is_no_worse_than_the_others(line in long_line(), tolerance in tolerance()) {
-        let kept = run(imai_iri, &Plane, &line, tolerance);
-        assert_holds(&Plane, &line, tolerance, &kept);
-        prop_assert!(kept.len() <= run(rdp, &Plane, &line, tolerance).len());
-        prop_assert!(kept.len() <= run(cone, &Plane, &line, tolerance).len());
+        let kept = run(imai_iri, &PlaneMetric, &line, tolerance);
+        assert_holds(&PlaneMetric, &line, tolerance, &kept);
+        prop_assert!(kept.len() <= run(rdp, &PlaneMetric, &line, tolerance).len());
+        prop_assert!(kept.len() <= run(cone, &PlaneMetric, &line, tolerance).len());
     }
 
     #[test]
@@ -147,7 +147,7 @@ fn lines_too_short_to_lose_anything_stay() {
     for method in METHODS {
         for count in 0..3 {
             let line = vec![[1.0, 2.0]; count];
-            let kept = run(method.plane, &Plane, &line, 9.0);
+            let kept = run(method.plane, &PlaneMetric, &line, 9.0);
             assert_eq!(kept, (0..count as u32).collect::<Vec<_>>(), "{}", method.name);
         }
     }
@@ -158,7 +158,7 @@ fn zero_tolerance_drops_what_lies_on_segments() {
     let line = [[0.0, 0.0], [1.0, 3.0], [1.0, 3.0], [2.0, 6.0], [3.0, 3.0], [4.0, 0.0], [2.0, 6.0]];
     for name in ["cone", "rdp", "imai-iri"] {
         let method = method(name).expect("registered");
-        assert_eq!(run(method.plane, &Plane, &line, 0.0), [0, 3, 5, 6], "{name}");
+        assert_eq!(run(method.plane, &PlaneMetric, &line, 0.0), [0, 3, 5, 6], "{name}");
     }
 }
 
@@ -173,10 +173,10 @@ fn names_are_unique() {
 
 #[test]
 fn spaces_and_profiles_measure_their_own_distances() {
-    assert_eq!(Space.distance2(&[0.0, 0.0, 3.0], &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0]), 9.0);
-    assert_eq!(Space.distance2(&[5.0, 0.0, 3.0], &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0]), 25.0);
-    assert_eq!(Vertical.distance2(&[1.0, 3.0], &[0.0, 0.0], &[2.0, 2.0]), 4.0);
-    assert_eq!(Plane.distance2(&[3.0, 4.0], &[0.0, 0.0], &[0.0, 0.0]), 25.0);
+    assert_eq!(SpaceMetric.distance2(&[0.0, 0.0, 3.0], &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0]), 9.0);
+    assert_eq!(SpaceMetric.distance2(&[5.0, 0.0, 3.0], &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0]), 25.0);
+    assert_eq!(VerticalMetric.distance2(&[1.0, 3.0], &[0.0, 0.0], &[2.0, 2.0]), 4.0);
+    assert_eq!(PlaneMetric.distance2(&[3.0, 4.0], &[0.0, 0.0], &[0.0, 0.0]), 25.0);
     assert!(is_monotone(&[[2.0, 0.0], [1.0, 5.0], [0.0, 0.0]]));
     assert!(!is_monotone(&[[2.0, 0.0], [1.0, 5.0], [1.0, 0.0]]));
 }
@@ -189,9 +189,10 @@ fn degrees_are_metres() {
     assert!((east - 111_319.49).abs() < 0.01 && (north - 110_574.28).abs() < 0.02);
     let [east, north] = place(0.0, 60.0).scale;
     assert!((east - 55_800.0).abs() < 1.0 && (north - 111_412.24).abs() < 1.0);
-    let square = Geographic.distance2(&place(0.0, 60.001), &place(-1.0, 60.0), &place(1.0, 60.0));
+    let square =
+        GeographicMetric.distance2(&place(0.0, 60.001), &place(-1.0, 60.0), &place(1.0, 60.0));
     assert!((square.sqrt() - 111.41).abs() < 0.01);
-    let pole = Geographic.distance2(&place(7.0, 90.0), &place(0.0, 89.0), &place(90.0, 89.0));
+    let pole = GeographicMetric.distance2(&place(7.0, 90.0), &place(0.0, 89.0), &place(90.0, 89.0));
     assert!((pole.sqrt() - 111_693.9).abs() < 1.0);
 }
 
@@ -209,8 +210,8 @@ fn lines_on_which_plain_splits_are_quadratic() {
     ];
     for line in &lines {
         for name in ["cone", "rdp", "imai-iri"] {
-            let kept = run(method(name).expect("registered").plane, &Plane, line, 0.5);
-            assert_holds(&Plane, line, 0.5, &kept);
+            let kept = run(method(name).expect("registered").plane, &PlaneMetric, line, 0.5);
+            assert_holds(&PlaneMetric, line, 0.5, &kept);
         }
     }
 }
@@ -226,8 +227,8 @@ fn straight_lines_with_rounding_noise_end() {
         [("cone", 0.0), ("cone", 1e-16), ("imai-iri", 0.0), ("imai-iri", 1e-16)]
     {
         for line in [&line, &corner] {
-            let kept = run(method(name).expect("registered").plane, &Plane, line, tolerance);
-            assert_holds(&Plane, line, tolerance, &kept);
+            let kept = run(method(name).expect("registered").plane, &PlaneMetric, line, tolerance);
+            assert_holds(&PlaneMetric, line, tolerance, &kept);
         }
     }
 }

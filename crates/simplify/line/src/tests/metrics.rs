@@ -7,7 +7,7 @@ use crate::metric::is_monotone;
 struct BoundsHold;
 
 impl Check for BoundsHold {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], _: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], _: f64) {
         let [a, b, rest @ ..] = points else { panic!("no segment, and nothing beside it") };
         assert!(!rest.is_empty());
         let ends = [a, b].map(M::region);
@@ -59,10 +59,10 @@ proptest! {
         let mut dice = Dice(seed);
         let mut scale = || [dice.below(3) as f64 * 0.7, 0.5 + dice.below(3) as f64];
         let line: Vec<Located> = line.iter().map(|at| Located { at: *at, scale: scale() }).collect();
-        BoundsHold.check(&Geographic, &line, 0.0);
+        BoundsHold.check(&GeographicMetric, &line, 0.0);
         for p in &line[2..] {
             let [a, b] = [&line[0], &line[1]];
-            let (own, want) = (Geographic.distance2(p, a, b), scaled_distance2(p, a, b));
+            let (own, want) = (GeographicMetric.distance2(p, a, b), scaled_distance2(p, a, b));
             prop_assert!((own - want).abs() < 1e-9 * (1.0 + want), "{own} is not {want}");
         }
     }
@@ -71,7 +71,7 @@ proptest! {
     #[test]
     fn areas_and_angles_are_those_in_the_plane(v in prop::array::uniform6(-5_i32..5), turn in 0_usize..3) {
         let [a, b, c] = [0, 2, 4].map(|i| [f64::from(v[i]), f64::from(v[i + 1])]);
-        let (area, cosine) = (Plane.area(&a, &b, &c), Plane.cosine(&a, &b, &c));
+        let (area, cosine) = (PlaneMetric.area(&a, &b, &c), PlaneMetric.cosine(&a, &b, &c));
         let near = |p: f64, q: f64| (p - q).abs() <= 1e-9 * (1.0 + q.abs());
         // On a plane through an axis, slanted: x goes along (3, 4) / 5 of the two others.
         let place = |p: Xy| {
@@ -80,17 +80,17 @@ proptest! {
             p
         };
         let [p, q, r] = [a, b, c].map(place);
-        prop_assert!(near(Space.area(&p, &q, &r), area));
-        prop_assert!(near(Space.cosine(&p, &q, &r), cosine));
-        prop_assert!(near(Vertical.area(&a, &b, &c), area));
-        prop_assert!(near(Vertical.cosine(&a, &b, &c), cosine));
+        prop_assert!(near(SpaceMetric.area(&p, &q, &r), area));
+        prop_assert!(near(SpaceMetric.cosine(&p, &q, &r), cosine));
+        prop_assert!(near(VerticalMetric.area(&a, &b, &c), area));
+        prop_assert!(near(VerticalMetric.cosine(&a, &b, &c), cosine));
         let located = |p: Xy, scale: Xy| Located { at: [p[0] / scale[0], p[1] / scale[1]], scale };
         // The scale of the middle one is taken.
         let (p, r) = (located(a, [4.0, 0.5]), located(c, [4.0, 0.5]));
         let [p, r] = [p, r].map(|vertex| Located { scale: [9.0, 9.0], ..vertex });
         let q = located(b, [4.0, 0.5]);
-        prop_assert!(near(Geographic.area(&p, &q, &r), area));
-        prop_assert!(near(Geographic.cosine(&p, &q, &r), cosine));
+        prop_assert!(near(GeographicMetric.area(&p, &q, &r), area));
+        prop_assert!(near(GeographicMetric.cosine(&p, &q, &r), cosine));
     }
 }
 
@@ -99,22 +99,22 @@ fn profiles_grow_or_fall() {
     assert!(is_monotone(&[[0.0, 0.0], [1.0, 5.0], [3.0, 0.0]]));
     assert!(!is_monotone(&[[0.0, 0.0], [0.0, 5.0]]));
     assert!(!is_monotone(&[[0.0, 0.0], [1.0, 5.0], [0.5, 0.0]]));
-    assert_eq!(Vertical.distance2(&[0.0, 3.0], &[0.0, 1.0], &[0.0, 9.0]), 4.0);
+    assert_eq!(VerticalMetric.distance2(&[0.0, 3.0], &[0.0, 1.0], &[0.0, 9.0]), 4.0);
 }
 
 #[test]
 fn coordinates_are_those_given() {
-    assert_eq!(Plane::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
-    assert_eq!(Vertical::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
-    assert_eq!(Space::coordinates(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
-    assert_eq!(Geographic::coordinates(&Located::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
+    assert_eq!(PlaneMetric::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
+    assert_eq!(VerticalMetric::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
+    assert_eq!(SpaceMetric::coordinates(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
+    assert_eq!(GeographicMetric::coordinates(&Located::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
 }
 
 /// Of vertices that were dropped the first of the farthest, and none of those kept.
 #[test]
 fn the_largest_distance_is_that_of_a_dropped_vertex() {
     let line = [[0.0, 0.0], [1.0, 0.0], [2.0, 2.0], [3.0, -2.0], [4.0, 0.0], [4.0, 0.0]];
-    let largest = |kept: &[u32]| largest_distance2(&Plane, &line, kept);
+    let largest = |kept: &[u32]| largest_distance2(&PlaneMetric, &line, kept);
     assert_eq!(largest(&[0, 1, 2, 3, 4, 5]), None);
     assert_eq!([largest(&[0]), largest(&[])], [None; 2]);
     assert_eq!(largest(&[0, 4, 5]), Some((2, 4.0)));
@@ -125,7 +125,7 @@ fn the_largest_distance_is_that_of_a_dropped_vertex() {
 /// What a hull says of vertices: extremes across and along, and what lies beyond the ends.
 #[test]
 fn a_segment_knows_its_sides() {
-    let segment = Plane.segment(&[1.0, 2.0], &[4.0, 6.0]);
+    let segment = PlaneMetric.segment(&[1.0, 2.0], &[4.0, 6.0]);
     assert_eq!(segment.direction(), [3.0, 4.0]);
     let at = |along: f64, across: f64| {
         [1.0 + 0.6 * along - 0.8 * across, 2.0 + 0.8 * along + 0.6 * across]
@@ -144,17 +144,22 @@ fn a_segment_knows_its_sides() {
     near(segment.most_around(100.0, 0.0), 100.0);
     near(segment.most_around(100.0, 3.0), 256.0);
     assert!(segment.most_around(100.0, 0.0) > 100.0);
-    let around = Plane::join(&Plane::region(&[0.0, 1.0]), &Plane::region(&[2.0, 12.0]));
+    let around =
+        PlaneMetric::join(&PlaneMetric::region(&[0.0, 1.0]), &PlaneMetric::region(&[2.0, 12.0]));
     assert_eq!(segment.span(&around), 11.0);
-    assert_eq!(segment.span(&Plane::region(&[2.0, 3.0])), 4.0);
+    assert_eq!(segment.span(&PlaneMetric::region(&[2.0, 3.0])), 4.0);
     // Along of the corners: -7 at the least, 43 at the most, of 25.
     assert_eq!(segment.most_over(&around), 18.0 * 18.0);
-    assert_eq!(segment.most_over(&Plane::region(&[2.0, 3.0])), 0.0);
+    assert_eq!(segment.most_over(&PlaneMetric::region(&[2.0, 3.0])), 0.0);
     assert_eq!(segment.rounding(&around), 7.0 * (1.0 + 10.0) * 8.0 * f64::EPSILON);
-    let before = Plane::join(&Plane::region(&[-9.0, -3.0]), &Plane::region(&[0.0, 1.0]));
+    let before =
+        PlaneMetric::join(&PlaneMetric::region(&[-9.0, -3.0]), &PlaneMetric::region(&[0.0, 1.0]));
     assert_eq!(segment.rounding(&before), 7.0 * (10.0 + 5.0) * 8.0 * f64::EPSILON);
-    let back = Plane.segment(&[4.0, 6.0], &[1.0, 2.0]);
-    assert_eq!(back.rounding(&Plane::region(&[6.0, 9.0])), 7.0 * (2.0 + 3.0) * 8.0 * f64::EPSILON);
+    let back = PlaneMetric.segment(&[4.0, 6.0], &[1.0, 2.0]);
+    assert_eq!(
+        back.rounding(&PlaneMetric::region(&[6.0, 9.0])),
+        7.0 * (2.0 + 3.0) * 8.0 * f64::EPSILON
+    );
 }
 
 proptest! {
@@ -176,12 +181,12 @@ proptest! {
         };
         let flat = |p: [f64; 3]| [p[0], p[1]];
         let near = |p: f64, q: f64| (p - q).abs() <= 1e-9 * (1.0 + q);
-        prop_assert!(near(Space.distance2(&p, &a, &b), nearest(3)));
-        prop_assert!(near(Plane.distance2(&flat(p), &flat(a), &flat(b)), nearest(2)));
+        prop_assert!(near(SpaceMetric.distance2(&p, &a, &b), nearest(3)));
+        prop_assert!(near(PlaneMetric.distance2(&flat(p), &flat(a), &flat(b)), nearest(2)));
         if a[0] != b[0] {
             let height = a[1] + (b[1] - a[1]) * (p[0] - a[0]) / (b[0] - a[0]);
             let square = (p[1] - height) * (p[1] - height);
-            prop_assert!(near(Vertical.distance2(&flat(p), &flat(a), &flat(b)), square));
+            prop_assert!(near(VerticalMetric.distance2(&flat(p), &flat(a), &flat(b)), square));
         }
     }
 }

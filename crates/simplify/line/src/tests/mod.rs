@@ -13,8 +13,10 @@ mod wedges;
 
 use proptest::prelude::*;
 
-use super::metric::{Metric, largest_distance2};
-use super::{Geographic, Located, Plane, Scratch, Space, Vertical, Xy};
+use super::metric::{DistanceMetric, largest_distance2};
+use super::{
+    GeographicMetric, Located, PlaneMetric, SimplifyScratch, SpaceMetric, VerticalMetric, Xy,
+};
 
 /// A generator with a fixed seed (SplitMix64): whole numbers below `most`.
 struct Dice(u64);
@@ -101,31 +103,36 @@ fn on_ellipsoid(line: &[Xy]) -> Vec<Located> {
 
 /// Runs a check on a line in each metric.
 trait Check {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64);
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64);
 
     fn everywhere(&self, line: &[Xy], tolerance: f64) {
-        self.check(&Plane, line, tolerance);
-        self.check(&Space, &in_space(line), tolerance);
-        self.check(&Vertical, &profile(line), tolerance);
-        self.check(&Geographic, &on_ellipsoid(line), tolerance * 100.0);
+        self.check(&PlaneMetric, line, tolerance);
+        self.check(&SpaceMetric, &in_space(line), tolerance);
+        self.check(&VerticalMetric, &profile(line), tolerance);
+        self.check(&GeographicMetric, &on_ellipsoid(line), tolerance * 100.0);
     }
 }
 
 /// What a method keeps.
-fn run<V: Copy, M: Metric<V>>(
-    method: impl Fn(&M, &[V], f64, &mut Scratch, &mut Vec<u32>),
+fn run<V: Copy, M: DistanceMetric<V>>(
+    method: impl Fn(&M, &[V], f64, &mut SimplifyScratch, &mut Vec<u32>),
     metric: &M,
     points: &[V],
     tolerance: f64,
 ) -> Vec<u32> {
     let mut kept = vec![7];
-    method(metric, points, tolerance, &mut Scratch::default(), &mut kept);
+    method(metric, points, tolerance, &mut SimplifyScratch::default(), &mut kept);
     assert_eq!(kept.remove(0), 7);
     kept
 }
 
 /// Ends kept, in order, and everything within the tolerance by the formula.
-fn assert_holds<V: Copy, M: Metric<V>>(metric: &M, points: &[V], tolerance: f64, kept: &[u32]) {
+fn assert_holds<V: Copy, M: DistanceMetric<V>>(
+    metric: &M,
+    points: &[V],
+    tolerance: f64,
+    kept: &[u32],
+) {
     assert!(kept.is_sorted_by(|a, b| a < b));
     assert_eq!(kept.first().copied(), (!points.is_empty()).then_some(0));
     assert_eq!(

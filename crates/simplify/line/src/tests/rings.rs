@@ -4,7 +4,7 @@ use super::*;
 use crate::cone::cone;
 use crate::imai_iri::imai_iri;
 use crate::rdp::rdp;
-use crate::ring::{Fate, simplify, visvalingam};
+use crate::ring::{RingFate, simplify, visvalingam};
 use crate::visvalingam::Weight;
 
 /// The line, closed.
@@ -14,19 +14,19 @@ fn closed(mut line: Vec<Xy>) -> Vec<Xy> {
 }
 
 /// What is kept of a ring by a method.
-fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (Fate, Vec<u32>) {
+fn kept_of(name: &str, ring: &[Xy], tolerance: f64) -> (RingFate, Vec<u32>) {
     let method = match name {
         "rdp" => rdp,
         "cone" => cone,
         _ => imai_iri,
     };
     let mut kept = Vec::new();
-    let run = |line: &[Xy], scratch: &mut Scratch, kept: &mut Vec<u32>| {
-        method(&Plane, line, tolerance, scratch, kept);
+    let run = |line: &[Xy], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>| {
+        method(&PlaneMetric, line, tolerance, scratch, kept);
     };
     let can_move = name != "rdp";
-    let mut scratch = Scratch::default();
-    let fate = simplify(&Plane, ring, tolerance, can_move, run, &mut scratch, &mut kept);
+    let mut scratch = SimplifyScratch::default();
+    let fate = simplify(&PlaneMetric, ring, tolerance, can_move, run, &mut scratch, &mut kept);
     (fate, kept)
 }
 
@@ -38,7 +38,7 @@ fn assert_ring_holds(ring: &[Xy], tolerance: f64, kept: &[u32]) {
     let line: Vec<Xy> = (0..=count).map(|i| ring[(first + i) % count]).collect();
     let mut turned: Vec<u32> = kept.iter().map(|i| i - first as u32).collect();
     turned.push(count as u32);
-    assert_holds(&Plane, &line, tolerance, &turned);
+    assert_holds(&PlaneMetric, &line, tolerance, &turned);
 }
 
 /// A star-shaped ring whose vertices all differ.
@@ -59,7 +59,7 @@ proptest! {
         for name in ["rdp", "cone", "imai-iri"] {
             let (fate, kept) = kept_of(name, &ring, tolerance);
             assert_ring_holds(&ring, tolerance, &kept);
-            prop_assert!(fate == Fate::Collapsed || kept.len() >= 3);
+            prop_assert!(fate == RingFate::Collapsed || kept.len() >= 3);
         }
     }
 
@@ -84,7 +84,7 @@ proptest! {
         let through = |start: usize| {
             let mut turned = ring.clone();
             turned.rotate_left(start);
-            run(imai_iri, &Plane, &closed(turned), tolerance).len() - 1
+            run(imai_iri, &PlaneMetric, &closed(turned), tolerance).len() - 1
         };
         let best = (0..90).map(through).min();
         let (_, kept) = kept_of("imai-iri", &closed(ring), tolerance);
@@ -100,7 +100,7 @@ fn a_vertex_on_the_side_of_a_square_is_dropped_wherever_the_ring_is_cut() {
         ring.rotate_left(turn);
         for name in ["rdp", "cone", "imai-iri"] {
             let (fate, kept) = kept_of(name, &closed(ring.clone()), 0.0);
-            assert_eq!((fate, kept.len()), (Fate::Kept, 4), "{name} from {turn}");
+            assert_eq!((fate, kept.len()), (RingFate::Kept, 4), "{name} from {turn}");
         }
     }
 }
@@ -110,10 +110,10 @@ fn a_ring_smaller_than_the_tolerance_collapses_to_a_triangle() {
     let ring = closed(star(8, 30));
     for name in ["rdp", "cone", "imai-iri"] {
         let (fate, kept) = kept_of(name, &ring, 100.0);
-        assert_eq!((fate, kept.len()), (Fate::Collapsed, 3), "{name}");
+        assert_eq!((fate, kept.len()), (RingFate::Collapsed, 3), "{name}");
     }
     let (fate, kept) = kept_of("cone", &[[1.0, 1.0]; 6], 1.0);
-    assert_eq!((fate, kept.len()), (Fate::Collapsed, 1));
+    assert_eq!((fate, kept.len()), (RingFate::Collapsed, 1));
 }
 
 #[test]
@@ -121,32 +121,32 @@ fn triangles_on_rings() {
     let ring = closed(star(9, 30));
     let fate = |area: f64| {
         let mut kept = Vec::new();
-        let fate = visvalingam(&Plane, &ring, area, Weight::Plain, &mut kept);
+        let fate = visvalingam(&PlaneMetric, &ring, area, Weight::Plain, &mut kept);
         (fate, kept.len())
     };
-    assert_eq!(fate(1e9), (Fate::Collapsed, 3));
-    assert_eq!(fate(0.0), (Fate::Kept, 30));
-    assert_eq!(fate(1e-3).0, Fate::Kept);
+    assert_eq!(fate(1e9), (RingFate::Collapsed, 3));
+    assert_eq!(fate(0.0), (RingFate::Kept, 30));
+    assert_eq!(fate(1e-3).0, RingFate::Kept);
 }
 
 #[test]
 fn a_triangle_is_kept_and_less_is_none() {
     let ring = closed(vec![[0.0, 0.0], [4.0, 1.0], [1.0, 3.0]]);
     for name in ["rdp", "cone", "imai-iri"] {
-        assert_eq!(kept_of(name, &ring, 0.5), (Fate::Kept, vec![0, 1, 2]), "{name}");
-        assert_eq!(kept_of(name, &ring[1..], 0.5), (Fate::Collapsed, vec![0, 1]), "{name}");
-        assert_eq!(kept_of(name, &ring[..1], 0.5), (Fate::Collapsed, vec![]), "{name}");
+        assert_eq!(kept_of(name, &ring, 0.5), (RingFate::Kept, vec![0, 1, 2]), "{name}");
+        assert_eq!(kept_of(name, &ring[1..], 0.5), (RingFate::Collapsed, vec![0, 1]), "{name}");
+        assert_eq!(kept_of(name, &ring[..1], 0.5), (RingFate::Collapsed, vec![]), "{name}");
     }
     let dissolved = |ring: &[Xy], area: f64| {
         let mut kept = vec![9];
-        (visvalingam(&Plane, ring, area, Weight::Plain, &mut kept), kept)
+        (visvalingam(&PlaneMetric, ring, area, Weight::Plain, &mut kept), kept)
     };
     // Its area is 5.5.
-    assert_eq!(dissolved(&ring, 5.4), (Fate::Kept, vec![9, 0, 1, 2]));
-    assert_eq!(dissolved(&ring, 5.5), (Fate::Collapsed, vec![9, 0, 1, 2]));
-    assert_eq!(dissolved(&ring[1..], 0.0), (Fate::Collapsed, vec![9, 0, 1]));
-    assert_eq!(dissolved(&ring[2..], 0.0), (Fate::Collapsed, vec![9, 0]));
-    assert_eq!(dissolved(&[], 0.0), (Fate::Collapsed, vec![9]));
+    assert_eq!(dissolved(&ring, 5.4), (RingFate::Kept, vec![9, 0, 1, 2]));
+    assert_eq!(dissolved(&ring, 5.5), (RingFate::Collapsed, vec![9, 0, 1, 2]));
+    assert_eq!(dissolved(&ring[1..], 0.0), (RingFate::Collapsed, vec![9, 0, 1]));
+    assert_eq!(dissolved(&ring[2..], 0.0), (RingFate::Collapsed, vec![9, 0]));
+    assert_eq!(dissolved(&[], 0.0), (RingFate::Collapsed, vec![9]));
 }
 
 /// The start, the vertex farthest from it, the one farthest from both, and what lies beyond the tolerance
@@ -161,7 +161,7 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
         let (fate, kept) = kept_of("rdp", &closed(ring), 9.0);
         let mut kept: Vec<u32> = kept.into_iter().map(back).collect();
         kept.sort_unstable();
-        assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 2, 3]));
+        assert_eq!((fate, kept), (RingFate::Collapsed, vec![0, 2, 3]));
     }
     // The other side is wider.
     let (fate, kept) = kept_of(
@@ -169,7 +169,7 @@ fn a_collapsed_ring_is_given_by_its_widest_corners() {
         &closed(vec![[0.0, 0.0], [5.0, -2.5], [10.0, 0.0], [7.0, 2.0], [3.0, 1.0]]),
         9.0,
     );
-    assert_eq!((fate, kept), (Fate::Collapsed, vec![0, 1, 2]));
+    assert_eq!((fate, kept), (RingFate::Collapsed, vec![0, 1, 2]));
 }
 
 /// Far from the start a ring is what the line from there is.
@@ -185,9 +185,9 @@ fn rings_are_done_again_around_their_start_alone() {
         line.rotate_left(start);
         let line = closed(line);
         let chosen = if name == "cone" {
-            run(cone, &Plane, &line, 0.3)
+            run(cone, &PlaneMetric, &line, 0.3)
         } else {
-            run(imai_iri, &Plane, &line, 0.3)
+            run(imai_iri, &PlaneMetric, &line, 0.3)
         };
         let far = &chosen[64..chosen.len() - 64];
         assert!(far.len() > 64, "{name}: {}", chosen.len());
@@ -203,7 +203,7 @@ fn rings_start_with_the_first_of_the_lowest() {
     for name in ["rdp", "cone", "imai-iri"] {
         assert_eq!(
             kept_of(name, &closed(ring.clone()), 0.5),
-            (Fate::Kept, vec![0, 1, 4]),
+            (RingFate::Kept, vec![0, 1, 4]),
             "{name}"
         );
     }
@@ -216,7 +216,7 @@ fn a_flat_collapsed_ring_has_its_one_corner() {
         for turn in 0..2 {
             let mut ring = vec![[0.0, 0.0], [10.0, 0.0], near];
             ring.swap(1, 1 + turn);
-            assert_eq!(kept_of("rdp", &closed(ring), 9.0), (Fate::Collapsed, vec![0, 1, 2]));
+            assert_eq!(kept_of("rdp", &closed(ring), 9.0), (RingFate::Collapsed, vec![0, 1, 2]));
         }
     }
 }
@@ -226,6 +226,6 @@ fn a_flat_collapsed_ring_has_its_one_corner() {
 fn no_corner_of_a_triangle_is_moved() {
     let ring = closed(vec![[0.0, 0.0], [0.5, 10.0], [0.5, -10.0]]);
     for name in ["cone", "imai-iri"] {
-        assert_eq!(kept_of(name, &ring, 1.0), (Fate::Kept, vec![0, 1, 2]), "{name}");
+        assert_eq!(kept_of(name, &ring, 1.0), (RingFate::Kept, vec![0, 1, 2]), "{name}");
     }
 }

@@ -1,17 +1,17 @@
 //! Scans and trees of regions against plain searches.
 
 use super::*;
-use crate::regions::{Farthest, Regions, first_above, last_above, scan};
+use crate::regions::{FarthestVertex, VertexRegions, first_above, last_above, scan};
 
 struct SameAsPlain;
 
 impl Check for SameAsPlain {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], _: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], _: f64) {
         let count = points.len();
         if count < 4 {
             return;
         }
-        let tree = Regions::new::<V, M>(points);
+        let tree = VertexRegions::new::<V, M>(points);
         for (from, to) in [(0, count - 1), (1, count), (count / 3, count - count / 4)] {
             let segment = metric.segment(&points[from], &points[count / 2]);
             let reach = |i: usize| M::reach(&segment, &points[i]);
@@ -21,9 +21,9 @@ impl Check for SameAsPlain {
                 assert_eq!(first, (from..to).find(|i| reach(*i) > limit));
                 let last = last_above::<V, M>(&segment, points, from, to, limit);
                 assert_eq!(last, (from..to).rev().find(|i| reach(*i) > limit));
-                let known = Farthest { index: count, reach: limit };
+                let known = FarthestVertex { index: count, reach: limit };
                 let plain = (from..to).fold(known, |best, i| match reach(i) > best.reach {
-                    true => Farthest { index: i, reach: reach(i) },
+                    true => FarthestVertex { index: i, reach: reach(i) },
                     false => best,
                 });
                 let (mut scanned, mut found) = (known, known);
@@ -51,11 +51,11 @@ proptest! {
 fn trees_pass_over_what_is_near() {
     let mut line: Vec<Xy> = (0..40_000).map(|i| [f64::from(i), f64::from(i % 7)]).collect();
     line[23_456][1] = 100.0;
-    let tree = Regions::new::<Xy, Plane>(&line);
-    let segment = Plane.segment(&line[0], &line[39_999]);
+    let tree = VertexRegions::new::<Xy, PlaneMetric>(&line);
+    let segment = PlaneMetric.segment(&line[0], &line[39_999]);
     let looks = |from: usize, to: usize| {
-        let mut farthest = Farthest { index: from, reach: 0.0 };
-        let looks = tree.farthest::<Xy, Plane>(&segment, &line, from, to, &mut farthest);
+        let mut farthest = FarthestVertex { index: from, reach: 0.0 };
+        let looks = tree.farthest::<Xy, PlaneMetric>(&segment, &line, from, to, &mut farthest);
         assert_eq!(farthest.index, 23_456);
         // None: all vertices were looked at.
         assert!(looks > 0);

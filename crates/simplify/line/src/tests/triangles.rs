@@ -1,7 +1,7 @@
 //! Visvalingam-Whyatt against a search of all triangles.
 
 use super::*;
-use crate::visvalingam::{Areas, Weight, visvalingam};
+use crate::visvalingam::{EffectiveAreas, Weight, visvalingam};
 
 /// Effective areas by looking at all triangles each time.
 fn plain_areas(line: &[Xy], is_ring: bool, weight: Weight) -> Vec<f64> {
@@ -12,8 +12,9 @@ fn plain_areas(line: &[Xy], is_ring: bool, weight: Weight) -> Vec<f64> {
         let n = left.len();
         let area = |k: usize| {
             let [a, b, c] = [left[(k + n - 1) % n], left[k], left[(k + 1) % n]].map(|i| &line[i]);
-            let cosine = Plane.cosine(a, b, c);
-            Plane.area(a, b, c) * if weight == Weight::Angle { 1.0 - 0.7 * cosine } else { 1.0 }
+            let cosine = PlaneMetric.cosine(a, b, c);
+            PlaneMetric.area(a, b, c)
+                * if weight == Weight::Angle { 1.0 - 0.7 * cosine } else { 1.0 }
         };
         let inner = if is_ring { 0..n } else { 1..n - 1 };
         let least = inner.min_by(|a, b| area(*a).total_cmp(&area(*b))).expect("not empty");
@@ -29,15 +30,15 @@ proptest! {
     #[test]
     fn areas_are_those_of_a_plain_search(line in short_line(), angle: bool) {
         let weight = if angle { Weight::Angle } else { Weight::Plain };
-        let areas = Areas::of_line(&Plane, &line, weight);
+        let areas = EffectiveAreas::of_line(&PlaneMetric, &line, weight);
         prop_assert_eq!(areas.areas(), plain_areas(&line, false, weight));
-        let ring = Areas::of_ring(&Plane, &line, weight);
+        let ring = EffectiveAreas::of_ring(&PlaneMetric, &line, weight);
         prop_assert_eq!(ring.areas(), plain_areas(&line, true, weight));
     }
 
     #[test]
     fn counts_and_thresholds_agree(line in short_line(), count in 0..30_usize) {
-        let areas = Areas::of_line(&Plane, &line, Weight::Plain);
+        let areas = EffectiveAreas::of_line(&PlaneMetric, &line, Weight::Plain);
         let mut kept = Vec::new();
         areas.keep_count(count, &mut kept);
         prop_assert_eq!(kept.len(), count.max(2).min(line.len()));
@@ -53,9 +54,9 @@ proptest! {
 fn longer_walks_too() {
     for is_lattice in [true, false] {
         let line = walk(3, 400, is_lattice);
-        let areas = Areas::of_line(&Plane, &line, Weight::Plain);
+        let areas = EffectiveAreas::of_line(&PlaneMetric, &line, Weight::Plain);
         assert_eq!(areas.areas(), plain_areas(&line, false, Weight::Plain));
-        let kept = run(visvalingam, &Plane, &line, 1.5);
+        let kept = run(visvalingam, &PlaneMetric, &line, 1.5);
         assert!(kept.iter().all(|i| areas.areas()[*i as usize] > 1.5));
         assert_eq!(kept.len(), areas.areas().iter().filter(|area| **area > 1.5).count());
     }
@@ -69,9 +70,9 @@ fn lines_of_many_buckets_too() {
         let mut line = walk(4, 3000, is_lattice);
         line.iter_mut().zip(0..).for_each(|(p, i)| p[1] *= f64::from(1 << (i / 100)) / 1024.0);
         for weight in [Weight::Plain, Weight::Angle] {
-            let areas = Areas::of_line(&Plane, &line, weight);
+            let areas = EffectiveAreas::of_line(&PlaneMetric, &line, weight);
             assert_eq!(areas.areas(), plain_areas(&line, false, weight));
-            let ring = Areas::of_ring(&Plane, &line, weight);
+            let ring = EffectiveAreas::of_ring(&PlaneMetric, &line, weight);
             assert_eq!(ring.areas(), plain_areas(&line, true, weight));
         }
     }
@@ -79,9 +80,9 @@ fn lines_of_many_buckets_too() {
 
 #[test]
 fn a_right_angle_has_its_own_area_and_a_spike_less() {
-    assert_eq!(Plane.cosine(&[1.0, 0.0], &[0.0, 0.0], &[0.0, 5.0]), 0.0);
+    assert_eq!(PlaneMetric.cosine(&[1.0, 0.0], &[0.0, 0.0], &[0.0, 5.0]), 0.0);
     let spike = [[0.0, 0.0], [3.0, 1.0], [0.0, 2.0]];
-    let weighted = Areas::of_line(&Plane, &spike, Weight::Angle);
+    let weighted = EffectiveAreas::of_line(&PlaneMetric, &spike, Weight::Angle);
     // The cosine of the angle at (3, 1) is 8 / 10.
     assert!((weighted.areas()[1] - 3.0 * (1.0 - 0.7 * 0.8)).abs() < 1e-12);
 }

@@ -1,7 +1,9 @@
 //! Wedges against angles and slopes.
 
 use super::*;
-use crate::wedge::{EllipseWedge, PlaneWedge, SlopeWedge, SpaceWedge, Step, Wedge, first_inside};
+use crate::wedge::{
+    EllipseWedge, PlaneWedge, SlopeWedge, SpaceWedge, Wedge, WedgeStep, first_inside,
+};
 use std::f64::consts::{PI, TAU};
 
 /// The angles that are left, in units of the coordinates: right and left; none while all are.
@@ -18,7 +20,7 @@ fn nearest(angle: f64, to: f64) -> f64 {
 impl Angles {
     /// What a vertex at `v` does, scaled by `k`, and which sides it cuts: `None` where it is within
     /// rounding of doing something else.
-    fn step(&mut self, v: Xy, k: Xy, tolerance: f64) -> Option<(Step, u32)> {
+    fn step(&mut self, v: Xy, k: Xy, tolerance: f64) -> Option<(WedgeStep, u32)> {
         let distance = v[0].hypot(v[1]);
         if (distance - tolerance).abs() < 1e-9 {
             return None;
@@ -32,7 +34,7 @@ impl Angles {
         });
         let Some([right, left]) = self.left else {
             self.left = own;
-            return Some((Step::Ends, if own.is_some() { 3 } else { 0 }));
+            return Some((WedgeStep::Ends, if own.is_some() { 3 } else { 0 }));
         };
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
         let middle = (left + right) / 2.0;
@@ -41,7 +43,8 @@ impl Angles {
         let at_side = near(direction, left) || near(direction, right) || distance < 1e-9;
         let ends = right <= direction && direction <= left;
         let Some(own) = own else {
-            return (!at_side).then_some((if ends { Step::Ends } else { Step::Passes }, 0));
+            return (!at_side)
+                .then_some((if ends { WedgeStep::Ends } else { WedgeStep::Passes }, 0));
         };
         let turn = nearest((own[0] + own[1]) / 2.0, middle) - (own[0] + own[1]) / 2.0;
         let own = own.map(|angle| angle + turn);
@@ -55,11 +58,11 @@ impl Angles {
             return None;
         }
         if now[0] > now[1] {
-            return Some((Step::Stops, 0));
+            return Some((WedgeStep::Stops, 0));
         }
         self.left = Some(now);
         let cuts = u32::from(own[1] < left) | u32::from(own[0] > right) << 1;
-        Some((if ends { Step::Ends } else { Step::Passes }, cuts))
+        Some((if ends { WedgeStep::Ends } else { WedgeStep::Passes }, cuts))
     }
 }
 
@@ -86,7 +89,7 @@ fn way() -> impl Strategy<Value = Vec<Xy>> {
 struct LooksLikeSteps;
 
 impl Check for LooksLikeSteps {
-    fn check<V: Copy, M: Metric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
+    fn check<V: Copy, M: DistanceMetric<V>>(&self, metric: &M, points: &[V], tolerance: f64) {
         let mut wedge = M::Wedge::new(&points[0], tolerance);
         let mut least_span2 = 0.0_f64;
         for (i, p) in points.iter().enumerate().skip(1) {
@@ -95,12 +98,12 @@ impl Check for LooksLikeSteps {
             let found = first_inside(&before, least_span2, ahead);
             assert_eq!(found, ahead.iter().position(may_end), "from vertex {i} on");
             let step = wedge.step(p);
-            if step == Step::Stops {
+            if step == WedgeStep::Stops {
                 break;
             }
             // Behind a wedge of one direction, so near that it passes, nothing is beside it.
             if before.outside(p) > 0.0 || wedge.span2(p) > tolerance * tolerance {
-                assert_eq!(before.outside(p) <= 0.0, step == Step::Ends, "vertex {i}");
+                assert_eq!(before.outside(p) <= 0.0, step == WedgeStep::Ends, "vertex {i}");
             }
             let least = wedge.least_span2(p);
             for end in ahead.iter().filter(|end| wedge.span2(end) < least) {
@@ -149,7 +152,7 @@ proptest! {
             prop_assert_eq!(wedge.span2(p), v[0] * v[0] + v[1] * v[1]);
             let Some((step, cuts)) = angles.step(v, [1.0; 2], tolerance) else { break };
             prop_assert_eq!(wedge.step(p), step);
-            if step == Step::Stops {
+            if step == WedgeStep::Stops {
                 break;
             }
             prop_assert_eq!(wedge.cuts(), cuts);
@@ -167,12 +170,12 @@ proptest! {
         for p in &line[1..] {
             let mut pole = *p;
             pole.scale[0] = 0.0;
-            prop_assert_eq!(wedge.step(&pole), Step::Ends);
+            prop_assert_eq!(wedge.step(&pole), WedgeStep::Ends);
             let v = [0, 1].map(|i| (p.at[i] - line[0].at[i]) * p.scale[i]);
             prop_assert_eq!(wedge.span2(p), v[0] * v[0] + v[1] * v[1]);
             let Some((step, cuts)) = angles.step(v, p.scale, tolerance) else { break };
             prop_assert_eq!(wedge.step(p), step);
-            if step == Step::Stops {
+            if step == WedgeStep::Stops {
                 break;
             }
             prop_assert_eq!(wedge.cuts(), cuts);
@@ -188,14 +191,14 @@ proptest! {
         for p in &line[1..] {
             let steps = [0, 1, 2].map(|k| images[k].step(&image(p, k)));
             let want = match steps {
-                _ if steps.contains(&Step::Stops) => Step::Stops,
-                [Step::Ends, Step::Ends, Step::Ends] => Step::Ends,
-                _ => Step::Passes,
+                _ if steps.contains(&WedgeStep::Stops) => WedgeStep::Stops,
+                [WedgeStep::Ends, WedgeStep::Ends, WedgeStep::Ends] => WedgeStep::Ends,
+                _ => WedgeStep::Passes,
             };
             prop_assert_eq!(wedge.step(p), want);
             let squares = [0, 1, 2].map(|i| (p[i] - line[0][i]).powi(2));
             prop_assert!((wedge.span2(p) - squares.iter().sum::<f64>()).abs() < 1e-9);
-            if want == Step::Stops {
+            if want == WedgeStep::Stops {
                 break;
             }
             let cuts = (0..3).map(|k| images[k].cuts() << (2 * k)).sum::<u32>();
@@ -221,13 +224,13 @@ proptest! {
                 break;
             }
             let want = match low <= y / x && y / x <= high {
-                true => Step::Ends,
-                false if bottom > top => Step::Stops,
-                false => Step::Passes,
+                true => WedgeStep::Ends,
+                false if bottom > top => WedgeStep::Stops,
+                false => WedgeStep::Passes,
             };
             prop_assert_eq!(wedge.step(p), want);
             prop_assert_eq!(wedge.span2(p), 0.0);
-            if want == Step::Stops || near(least, low) || near(most, high) {
+            if want == WedgeStep::Stops || near(least, low) || near(most, high) {
                 break;
             }
             prop_assert_eq!(wedge.cuts(), u32::from(least > low) | u32::from(most < high) << 1);
@@ -239,15 +242,15 @@ proptest! {
 #[test]
 fn vertices_behind_the_anchor_leave_nothing_or_all() {
     let mut wedge = PlaneWedge::new(&[0.0, 0.0], 1.0);
-    assert_eq!(wedge.step(&[10.0, 0.0]), Step::Ends);
-    assert_eq!(wedge.step(&[-0.5, 0.0]), Step::Passes, "its disc holds the anchor");
-    assert_eq!(wedge.step(&[-10.0, 0.0]), Step::Stops);
+    assert_eq!(wedge.step(&[10.0, 0.0]), WedgeStep::Ends);
+    assert_eq!(wedge.step(&[-0.5, 0.0]), WedgeStep::Passes, "its disc holds the anchor");
+    assert_eq!(wedge.step(&[-10.0, 0.0]), WedgeStep::Stops);
     // Wider than a quarter turn: the discs touch the anchor, nearly.
     let mut wide = PlaneWedge::new(&[0.0, 0.0], 1.0);
-    assert_eq!(wide.step(&[1.01, 0.0]), Step::Ends);
-    assert_eq!(wide.step(&[-0.1, 1.1]), Step::Passes);
-    assert_eq!((wide.cuts(), wide.step(&[0.5, 3.0])), (2, Step::Ends));
-    assert_eq!(wide.step(&[3.0 * (PI / 3.0).cos(), -3.0 * (PI / 3.0).sin()]), Step::Stops);
+    assert_eq!(wide.step(&[1.01, 0.0]), WedgeStep::Ends);
+    assert_eq!(wide.step(&[-0.1, 1.1]), WedgeStep::Passes);
+    assert_eq!((wide.cuts(), wide.step(&[0.5, 3.0])), (2, WedgeStep::Ends));
+    assert_eq!(wide.step(&[3.0 * (PI / 3.0).cos(), -3.0 * (PI / 3.0).sin()]), WedgeStep::Stops);
 }
 
 #[test]
@@ -255,20 +258,20 @@ fn without_a_tolerance_one_direction_is_left() {
     let mut wedge = PlaneWedge::new(&[1.0, 1.0], 0.0);
     let steps =
         [[1.0, 1.0], [2.0, 2.0], [1.0, 1.0], [5.0, 5.0]].map(|p| (wedge.step(&p), wedge.cuts()));
-    assert_eq!(steps, [0, 1, 0, 0].map(|cuts| (Step::Ends, cuts)));
-    assert_eq!(wedge.step(&[0.0, 0.0]), Step::Stops);
-    assert_eq!(wedge.step(&[3.0, 4.0]), Step::Stops);
+    assert_eq!(steps, [0, 1, 0, 0].map(|cuts| (WedgeStep::Ends, cuts)));
+    assert_eq!(wedge.step(&[0.0, 0.0]), WedgeStep::Stops);
+    assert_eq!(wedge.step(&[3.0, 4.0]), WedgeStep::Stops);
 }
 
 /// Where rounding is more than the tolerance, the first vertex outside ends the wedge.
 #[test]
 fn tolerances_below_rounding_end_at_the_first_vertex_outside() {
     let mut wedge = PlaneWedge::new(&[0.0, 0.0], 1e-16);
-    assert_eq!(wedge.step(&[1.0, 1.0]), Step::Ends);
-    assert_eq!(wedge.step(&[2.0, 2.0 + 6e-13]), Step::Stops);
+    assert_eq!(wedge.step(&[1.0, 1.0]), WedgeStep::Ends);
+    assert_eq!(wedge.step(&[2.0, 2.0 + 6e-13]), WedgeStep::Stops);
     let mut slopes = SlopeWedge::new(&[0.0, 0.0], 1e-16);
-    assert_eq!(slopes.step(&[1.0, 1.0]), Step::Ends);
-    assert_eq!(slopes.step(&[2.0, 2.0 + 6e-13]), Step::Stops);
+    assert_eq!(slopes.step(&[1.0, 1.0]), WedgeStep::Ends);
+    assert_eq!(slopes.step(&[2.0, 2.0 + 6e-13]), WedgeStep::Stops);
 }
 
 /// However slopes are rounded, vertices on one line end segments.
@@ -277,8 +280,8 @@ fn slopes_of_one_line_are_one() {
     for (x, y) in [(3.0, 1.0), (7.0, -3.0), (0.1, 0.7), (11.0, 1e6)] {
         let mut wedge = SlopeWedge::new(&[0.0, 0.0], 0.0);
         for k in 1..300 {
-            assert_eq!(wedge.step(&[x * f64::from(k), y * f64::from(k)]), Step::Ends, "{k}");
+            assert_eq!(wedge.step(&[x * f64::from(k), y * f64::from(k)]), WedgeStep::Ends, "{k}");
         }
-        assert_eq!(wedge.step(&[x * 300.0, y * 301.0]), Step::Stops);
+        assert_eq!(wedge.step(&[x * 300.0, y * 301.0]), WedgeStep::Stops);
     }
 }

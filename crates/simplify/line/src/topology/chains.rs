@@ -96,7 +96,7 @@ impl Chains<'_> {
 
 /// The vertices that are kept of each chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Kept {
+pub struct ChainVertices {
     /// Numbers of vertices, ascending, chain after chain: none of a chain, or at least its first
     /// and its last vertex.
     pub vertices: Vec<u32>,
@@ -104,8 +104,8 @@ pub struct Kept {
     pub starts: Vec<usize>,
 }
 
-impl Kept {
-    /// Of no chain yet, for [`Kept::close`] to add to.
+impl ChainVertices {
+    /// Of no chain yet, for [`ChainVertices::close`] to add to.
     pub fn new() -> Self {
         Self { vertices: Vec::new(), starts: vec![0] }
     }

@@ -43,20 +43,20 @@ mod settle;
 mod tests;
 mod tree;
 
-pub use chains::{Chains, Kept, Refine, open_at, refining};
+pub use chains::{ChainVertices, Chains, Refine, open_at, refining};
 pub use cross::conflict;
-pub use options::{Collapse, Options, Strategy};
+pub use options::{Collapse, Strategy, UntangleOptions};
 pub use round::{Rounded, round};
 
-use scan::Points;
+use scan::FixedPoints;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
 /// Simplified chains that cross nothing, and how they came to be.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct UntangledChains {
     /// What is kept.
-    pub kept: Kept,
+    pub kept: ChainVertices,
     /// Pairs of original segments among the result that cross, touch or overlap off a common vertex,
     /// each known by its first vertex.
     pub crossings: Vec<[u32; 2]>,
@@ -82,11 +82,11 @@ pub struct Outcome {
 /// a point that is not finite; `Interrupted` where it is cancelled.
 pub fn untangle(
     chains: &Chains<'_>,
-    kept: &Kept,
+    kept: &ChainVertices,
     points: &[Xy],
-    options: &Options<'_>,
+    options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
-) -> Result<Outcome> {
+) -> Result<UntangledChains> {
     untangle_within(chains, kept, points, options, usize::MAX, refine)
 }
 
@@ -101,26 +101,26 @@ pub const PIECES: u64 = 2;
 /// `Resource` where there are more; besides those of [`untangle`].
 pub fn untangle_within(
     chains: &Chains<'_>,
-    kept: &Kept,
+    kept: &ChainVertices,
     points: &[Xy],
-    options: &Options,
+    options: &UntangleOptions,
     most: usize,
     refine: &mut Refine<'_>,
-) -> Result<Outcome> {
+) -> Result<UntangledChains> {
     chains.check()?;
     kept.check(chains)?;
-    let points = Points::new(points)?;
+    let points = FixedPoints::new(points)?;
     let (mut kept, mended) = rings::mend(chains, kept, options, refine);
     let mut refined = 0;
     if options.strategy == Strategy::Proactive {
         (kept, refined) = proactive::accept(chains, &kept, &points, options.cancel, refine)?;
     }
-    let mut settling = settle::Settling::new(chains, &kept);
+    let mut settling = settle::ChainState::new(chains, &kept);
     if refined > 0 {
         settling.unturned = 0;
     }
     settling.run(&points, most, options.cancel, refine)?;
-    Ok(Outcome {
+    Ok(UntangledChains {
         crossings: std::mem::take(&mut settling.crossings),
         refined: refined + settling.refined,
         collapsed: mended.collapsed,

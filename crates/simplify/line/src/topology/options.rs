@@ -37,7 +37,7 @@ pub enum Strategy {
 
 /// How to untangle.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Options<'a> {
+pub struct UntangleOptions<'a> {
     /// When segments are tested.
     pub strategy: Strategy,
     /// What becomes of rings that collapse.

@@ -1,9 +1,9 @@
 //! Segments tested before they are accepted.
 
-use super::chains::{Chains, Kept, Refine};
+use super::chains::{ChainVertices, Chains, Refine};
 use super::region::farthest;
-use super::scan::{Points, any_held};
-use super::tree::{Bounds, Tree};
+use super::scan::{FixedPoints, any_held};
+use super::tree::{HilbertTree, PieceBox};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
@@ -23,15 +23,15 @@ pub(super) struct Living<'a> {
     chains: Chains<'a>,
     there: BitSet,
     /// Boxes of runs of vertices, known by their first vertex.
-    tree: Tree,
-    points: &'a Points<'a>,
+    tree: HilbertTree,
+    points: &'a FixedPoints<'a>,
     groups: Vec<usize>,
     near: Vec<Xy>,
 }
 
 impl<'a> Living<'a> {
     /// All vertices of the chains of which `kept` has any.
-    fn new(chains: &Chains<'a>, kept: &Kept, points: &'a Points<'a>) -> Self {
+    fn new(chains: &Chains<'a>, kept: &ChainVertices, points: &'a FixedPoints<'a>) -> Self {
         let mut there = BitSet::new(chains.points.len());
         let mut runs = Vec::new();
         for chain in (0..chains.count()).filter(|&chain| !kept.of(chain).is_empty()) {
@@ -41,17 +41,17 @@ impl<'a> Living<'a> {
                 for v in first..end {
                     there.insert(v);
                 }
-                runs.push((first as u32, Bounds::of(&chains.points[first..end])));
+                runs.push((first as u32, PieceBox::of(&chains.points[first..end])));
             }
         }
         let (groups, near) = (Vec::new(), Vec::new());
-        Self { chains: *chains, there, tree: Tree::new(&runs), points, groups, near }
+        Self { chains: *chains, there, tree: HilbertTree::new(&runs), points, groups, near }
     }
 
     /// Whether nothing that is there lies between a chain's part and the segment of its ends.
     fn is_free(&mut self, from: u32, to: u32) -> bool {
         let chain = self.chains.piece(from, to);
-        let bounds = Bounds::of(chain);
+        let bounds = PieceBox::of(chain);
         let ends = [chain[0], chain[chain.len() - 1]];
         self.near.clear();
         self.tree.groups_meeting(&bounds, 0, &mut self.groups);
@@ -88,13 +88,13 @@ impl<'a> Living<'a> {
 /// and how many pieces were split.
 pub(super) fn accept(
     chains: &Chains<'_>,
-    kept: &Kept,
-    points: &Points<'_>,
+    kept: &ChainVertices,
+    points: &FixedPoints<'_>,
     cancel: Option<&Cancel>,
     refine: &mut Refine<'_>,
-) -> Result<(Kept, u64)> {
+) -> Result<(ChainVertices, u64)> {
     let mut living = Living::new(chains, kept, points);
-    let (mut accepted, mut refined) = (Kept::new(), 0);
+    let (mut accepted, mut refined) = (ChainVertices::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
         // Pieces to be tested are between neighbours on the stack; the next one is on its top.

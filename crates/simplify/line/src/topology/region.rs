@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::tree::Bounds;
+use super::tree::PieceBox;
 use terrane_base::geom::plane::{Xy, orient};
 
 /// Whether `v` lies between `chain` and the segment from its last vertex to its first: the closed
@@ -50,7 +50,7 @@ fn between(a: f64, b: f64, v: f64) -> bool {
 ///
 /// O(n) to make, and a question costs as many edges as its band has.
 #[derive(Debug, Default)]
-pub(super) struct Bands {
+pub(super) struct EdgeBands {
     low: f64,
     /// Bands by unit of y.
     scale: f64,
@@ -59,9 +59,9 @@ pub(super) struct Bands {
     edges: Vec<u32>,
 }
 
-impl Bands {
+impl EdgeBands {
     /// Of a chain with box `bounds`.
-    pub(super) fn new(chain: &[Xy], bounds: &Bounds) -> Self {
+    pub(super) fn new(chain: &[Xy], bounds: &PieceBox) -> Self {
         let height = bounds.high[1] - bounds.low[1];
         let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
         let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
@@ -219,9 +219,9 @@ mod tests {
         ) {
             let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1 - 4) / 16.0];
             let chain: Vec<Xy> = chain.into_iter().map(at).collect();
-            let bounds = Bounds::of(&chain);
+            let bounds = PieceBox::of(&chain);
             prop_assume!(bounds.holds(at(v)));
-            let bands = Bands::new(&chain, &bounds);
+            let bands = EdgeBands::new(&chain, &bounds);
             prop_assert_eq!(bands.holds(&chain, at(v)), holds(&chain, at(v)));
         }
     }

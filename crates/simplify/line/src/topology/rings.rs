@@ -2,8 +2,8 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, Kept, Refine};
-use super::options::{Collapse, Options};
+use super::chains::{ChainVertices, Chains, Refine};
+use super::options::{Collapse, UntangleOptions};
 use super::region::farthest;
 use terrane_base::geom::plane::{Xy, area_sign, orient};
 
@@ -22,11 +22,11 @@ pub(super) struct Mended {
 /// O(vertices) besides the calls of `refine`.
 pub(super) fn mend(
     chains: &Chains<'_>,
-    kept: &Kept,
-    options: &Options<'_>,
+    kept: &ChainVertices,
+    options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
-) -> (Kept, Mended) {
-    let mut result = Kept::new();
+) -> (ChainVertices, Mended) {
+    let mut result = ChainVertices::new();
     result.vertices.reserve(kept.vertices.len() + 2 * chains.count());
     let mut mended = Mended::default();
     for chain in 0..chains.count() {

@@ -14,9 +14,9 @@
 use std::cmp::Ordering;
 use std::collections::HashSet;
 
-use super::chains::{Chains, Kept};
+use super::chains::{ChainVertices, Chains};
 use super::cross::{same_way, touch};
-use super::tree::{Bounds, Tree};
+use super::tree::{HilbertTree, PieceBox};
 use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::{Xy, key, orient};
@@ -51,7 +51,7 @@ impl Rounded {
 /// `Interrupted` where it is cancelled.
 pub fn round(
     chains: &Chains<'_>,
-    kept: &Kept,
+    kept: &ChainVertices,
     points: &[Xy],
     place: impl Fn(Xy) -> Xy,
     cancel: Option<&Cancel>,
@@ -98,7 +98,7 @@ struct Net {
     /// Pairs of different positions, and each position by itself that no segment ends at.
     segments: Vec<[u32; 2]>,
     /// Boxes around all places that a segment may come to.
-    tree: Tree,
+    tree: HilbertTree,
     /// The other ends of the segments of each position, one position after the other.
     ends: Vec<u32>,
     /// Where those of each position begin, and how many there are.
@@ -108,7 +108,12 @@ struct Net {
 }
 
 impl Net {
-    fn new(chains: &Chains<'_>, kept: &Kept, points: &[Xy], place: impl Fn(Xy) -> Xy) -> Self {
+    fn new(
+        chains: &Chains<'_>,
+        kept: &ChainVertices,
+        points: &[Xy],
+        place: impl Fn(Xy) -> Xy,
+    ) -> Self {
         let at = |vertex: &u32| chains.points[*vertex as usize];
         let mut now: Vec<Xy> = kept.vertices.iter().map(at).chain(points.iter().copied()).collect();
         now.sort_unstable_by_key(|at| key(*at));
@@ -142,12 +147,12 @@ impl Net {
             .zip(&segments)
             .map(|(number, ends)| {
                 let [a, b] = ends.map(|end| now[end as usize]);
-                (number, Bounds::of(&[a, b, place(a), place(b)]))
+                (number, PieceBox::of(&[a, b, place(a), place(b)]))
             })
             .collect();
         let is_junction = |node: &usize| starts[*node + 1] - starts[*node] > 2;
         let junctions = (0..now.len()).filter(is_junction).map(|node| old[node]).collect();
-        Self { old, segments, tree: Tree::new(&boxes), ends, starts, junctions, now }
+        Self { old, segments, tree: HilbertTree::new(&boxes), ends, starts, junctions, now }
     }
 
     /// The other ends of the segments of a position.
@@ -183,7 +188,7 @@ impl Net {
 
     /// Whether nothing is in the triangle that a segment of the vertex sweeps.
     fn is_clear(&self, node: u32, swept: &Swept) -> bool {
-        let around = Bounds::of(&[swept.apex, swept.from, swept.to]);
+        let around = PieceBox::of(&[swept.apex, swept.from, swept.to]);
         let (mut groups, mut looks) = (Vec::new(), 0);
         self.tree.groups_meeting(&around, 0, &mut groups);
         for group in groups {
@@ -278,7 +283,7 @@ mod tests {
         let closed = vec![false; lines.len()];
         let chains = Chains { points: &points, starts: &starts, closed: &closed };
         let place = |at: Xy| at.map(f64::round);
-        let rounded = round(&chains, &Kept::all(&chains), &[], place, None).unwrap();
+        let rounded = round(&chains, &ChainVertices::all(&chains), &[], place, None).unwrap();
         lines.iter().map(|line| line.iter().map(|at| rounded.of(*at)).collect()).collect()
     }
 

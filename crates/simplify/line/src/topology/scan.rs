@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::chains::Chains;
 use super::cross::conflict;
-use super::region::{Bands, holds};
-use super::tree::{Bounds, Tree};
+use super::region::{EdgeBands, holds};
+use super::tree::{HilbertTree, PieceBox};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
@@ -13,12 +13,12 @@ use terrane_base::geom::plane::Xy;
 
 /// A chain's part from one kept vertex to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Piece {
+pub(super) struct ChainPiece {
     pub(super) from: u32,
     pub(super) to: u32,
 }
 
-impl Piece {
+impl ChainPiece {
     /// True when the piece is a segment of the chain, with nothing left out.
     pub(super) fn is_original(self) -> bool {
         self.to - self.from <= 1
@@ -33,23 +33,23 @@ const MOST_HELD: usize = 1 << 20;
 
 /// Given points, and who is near whom.
 #[derive(Debug)]
-pub(super) struct Points<'a> {
+pub(super) struct FixedPoints<'a> {
     pub(super) at: &'a [Xy],
-    pub(super) tree: Tree,
+    pub(super) tree: HilbertTree,
 }
 
-impl<'a> Points<'a> {
+impl<'a> FixedPoints<'a> {
     pub(super) fn new(at: &'a [Xy]) -> Result<Self> {
         let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
         alone.check().map_err(|e| e.at("points that keep their side"))?;
-        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| Bounds { low: p, high: p })).collect();
-        Ok(Self { at, tree: Tree::new(&boxes) })
+        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| PieceBox { low: p, high: p })).collect();
+        Ok(Self { at, tree: HilbertTree::new(&boxes) })
     }
 }
 
 /// What a scan found.
 #[derive(Debug, Default)]
-pub(super) struct Found {
+pub(super) struct ScanConflicts {
     /// Pairs of pieces whose segments meet off a common end.
     pub(super) crossings: Vec<(u32, u32)>,
     /// Pieces with a kept vertex or a point between chain and segment; may hold one repeatedly.
@@ -60,49 +60,49 @@ pub(super) struct Found {
 
 /// Pieces of one round: boxes of their chains' parts, and beside them what else a test looks at.
 #[derive(Debug)]
-pub(super) struct Layer {
-    pub(super) tree: Tree,
+pub(super) struct PieceLayer {
+    pub(super) tree: HilbertTree,
     /// In the order of the tree.
-    spans: Vec<Span>,
+    spans: Vec<PieceSegment>,
 }
 
 /// A piece and its segment.
 #[derive(Clone, Copy, Debug)]
-struct Span {
-    piece: Piece,
+struct PieceSegment {
+    piece: ChainPiece,
     ends: [Xy; 2],
 }
 
-impl Layer {
+impl PieceLayer {
     /// Of `(number, box)`.
-    pub(super) fn new(items: &[(u32, Bounds)], pieces: &[Piece], points: &[Xy]) -> Self {
-        let tree = Tree::new(items);
+    pub(super) fn new(items: &[(u32, PieceBox)], pieces: &[ChainPiece], points: &[Xy]) -> Self {
+        let tree = HilbertTree::new(items);
         let span = |&id: &u32| {
             let piece = pieces[id as usize];
-            Span { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
+            PieceSegment { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
         };
         Self { spans: tree.ids.iter().map(span).collect(), tree }
     }
 
     #[inline(always)]
-    fn item(&self, at: usize) -> Item<'_> {
-        Item { id: self.tree.ids[at], bounds: self.tree.bounds(at), span: &self.spans[at] }
+    fn item(&self, at: usize) -> LayerPiece<'_> {
+        LayerPiece { id: self.tree.ids[at], bounds: self.tree.bounds(at), span: &self.spans[at] }
     }
 }
 
 /// A piece in a layer.
 #[derive(Clone, Copy, Debug)]
-struct Item<'a> {
+struct LayerPiece<'a> {
     id: u32,
-    bounds: &'a Bounds,
-    span: &'a Span,
+    bounds: &'a PieceBox,
+    span: &'a PieceSegment,
 }
 
 /// All pieces, dead or alive, for reading only: scans of different groups can go on at a time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View<'a> {
+pub(super) struct PieceView<'a> {
     pub(super) chains: Chains<'a>,
-    pub(super) pieces: &'a [Piece],
+    pub(super) pieces: &'a [ChainPiece],
     /// Which pieces have not been replaced by finer ones.
     pub(super) alive: &'a [bool],
     /// The last vertices of open chains: those that no piece begins with.
@@ -111,9 +111,9 @@ pub(super) struct View<'a> {
     pub(super) cancel: Option<&'a Cancel>,
 }
 
-impl View<'_> {
+impl PieceView<'_> {
     /// Tests every pair of pieces of a layer, all of them alive, once.
-    pub(super) fn within(&self, layer: &Layer, found: &mut Found) -> Result<()> {
+    pub(super) fn within(&self, layer: &PieceLayer, found: &mut ScanConflicts) -> Result<()> {
         let tree = &layer.tree;
         let mut groups = Vec::new();
         for group in 0..tree.groups() {
@@ -135,7 +135,12 @@ impl View<'_> {
 
     /// Tests every piece of `fresh` against every living one of `old`. Fresh pieces are few and lie
     /// here and there, so each looks for itself.
-    pub(super) fn between(&self, fresh: &Layer, old: &Layer, found: &mut Found) -> Result<()> {
+    pub(super) fn between(
+        &self,
+        fresh: &PieceLayer,
+        old: &PieceLayer,
+        found: &mut ScanConflicts,
+    ) -> Result<()> {
         let mut groups = Vec::new();
         for item in (0..fresh.spans.len()).map(|at| fresh.item(at)) {
             old.tree.groups_meeting(item.bounds, 0, &mut groups);
@@ -152,10 +157,10 @@ impl View<'_> {
     /// Tests every piece of `fresh` against given points; the ids of `tree` are their numbers.
     pub(super) fn points(
         &self,
-        fresh: &Layer,
-        tree: &Tree,
+        fresh: &PieceLayer,
+        tree: &HilbertTree,
         points: &[Xy],
-        found: &mut Found,
+        found: &mut ScanConflicts,
     ) -> Result<()> {
         let mut groups = Vec::new();
         for group in 0..fresh.tree.groups() {
@@ -171,7 +176,12 @@ impl View<'_> {
     }
 
     #[inline(always)]
-    fn one_to_many(&self, one: Item<'_>, (layer, many): (&Layer, Range<usize>), found: &mut Found) {
+    fn one_to_many(
+        &self,
+        one: LayerPiece<'_>,
+        (layer, many): (&PieceLayer, Range<usize>),
+        found: &mut ScanConflicts,
+    ) {
         for p in many {
             if layer.tree.bounds(p).meets(one.bounds) {
                 self.pair(layer.item(p), one, found);
@@ -180,7 +190,7 @@ impl View<'_> {
     }
 
     #[inline]
-    fn pair(&self, p: Item<'_>, q: Item<'_>, found: &mut Found) {
+    fn pair(&self, p: LayerPiece<'_>, q: LayerPiece<'_>, found: &mut ScanConflicts) {
         let (s, t) = (p.span.ends, q.span.ends);
         if conflict(s, t) && s[0] != s[1] && t[0] != t[1] {
             found.crossings.push((p.id, q.id));
@@ -191,7 +201,7 @@ impl View<'_> {
 
     /// Tests the kept vertices that `other` stands for against a piece.
     #[inline]
-    fn side(&self, item: Item<'_>, other: &Span, found: &mut Found) {
+    fn side(&self, item: LayerPiece<'_>, other: &PieceSegment, found: &mut ScanConflicts) {
         self.candidate(item, other.ends[0], found);
         if self.ends.contains(other.piece.to as usize) {
             self.candidate(item, other.ends[1], found);
@@ -200,8 +210,8 @@ impl View<'_> {
 
     /// Tests a position that must not lie between chain and segment of a piece.
     #[inline]
-    fn candidate(&self, item: Item<'_>, v: Xy, found: &mut Found) {
-        let Span { piece, ends } = *item.span;
+    fn candidate(&self, item: LayerPiece<'_>, v: Xy, found: &mut ScanConflicts) {
+        let PieceSegment { piece, ends } = *item.span;
         if piece.is_original()
             || !item.bounds.holds(v)
             || ends.contains(&v)
@@ -217,7 +227,7 @@ impl View<'_> {
     }
 
     /// Tests the candidates of long pieces, once there are more than `most` of them; fails where the work is stopped.
-    pub(super) fn test_held(&self, found: &mut Found, most: usize) -> Result<()> {
+    pub(super) fn test_held(&self, found: &mut ScanConflicts, most: usize) -> Result<()> {
         self.cancel.map_or(Ok(()), Cancel::check)?;
         if found.held.len() <= most {
             return Ok(());
@@ -239,6 +249,6 @@ pub(super) fn any_held(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item
     if candidates.len() < 4 {
         return candidates.any(|v| holds(chain, v));
     }
-    let bands = Bands::new(chain, &Bounds::of(chain));
+    let bands = EdgeBands::new(chain, &PieceBox::of(chain));
     candidates.any(|v| bands.holds(chain, v))
 }

@@ -2,10 +2,10 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{Chains, Kept, Refine};
+use super::chains::{ChainVertices, Chains, Refine};
 use super::region::farthest;
-use super::scan::{Found, Layer, Piece, Points, View};
-use super::tree::Bounds;
+use super::scan::{ChainPiece, FixedPoints, PieceLayer, PieceView, ScanConflicts};
+use super::tree::PieceBox;
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -20,16 +20,16 @@ const MOST_LAYERS: usize = 6;
 
 /// The state of the chains between rounds.
 #[derive(Debug)]
-pub(super) struct Settling<'a> {
+pub(super) struct ChainState<'a> {
     chains: Chains<'a>,
     /// All kept vertices.
     kept: BitSet,
     /// The last vertices of open chains.
     ends: BitSet,
-    pieces: Vec<Piece>,
+    pieces: Vec<ChainPiece>,
     alive: Vec<bool>,
     /// Pieces of earlier rounds.
-    layers: Vec<Layer>,
+    layers: Vec<PieceLayer>,
     /// The first piece made since rings were last looked at whether they turned over.
     pub(super) unturned: usize,
     pub(super) crossings: Vec<[u32; 2]>,
@@ -37,9 +37,9 @@ pub(super) struct Settling<'a> {
     pub(super) rounds: u64,
 }
 
-impl<'a> Settling<'a> {
+impl<'a> ChainState<'a> {
     /// `kept` has rings of the sign they had.
-    pub(super) fn new(chains: &Chains<'a>, kept: &Kept) -> Self {
+    pub(super) fn new(chains: &Chains<'a>, kept: &ChainVertices) -> Self {
         let n = chains.points.len();
         let mut settling = Self {
             chains: *chains,
@@ -68,10 +68,10 @@ impl<'a> Settling<'a> {
         for &v in kept {
             self.kept.insert(v as usize);
         }
-        let pieces = kept.windows(2).map(|pair| Piece { from: pair[0], to: pair[1] });
+        let pieces = kept.windows(2).map(|pair| ChainPiece { from: pair[0], to: pair[1] });
         self.pieces.extend(pieces);
         if let &[v] = kept {
-            self.pieces.push(Piece { from: v, to: v });
+            self.pieces.push(ChainPiece { from: v, to: v });
         }
         self.alive.resize(self.pieces.len(), true);
     }
@@ -79,7 +79,7 @@ impl<'a> Settling<'a> {
     /// Goes on until nothing is wrong, or there are more than `most` pieces.
     pub(super) fn run(
         &mut self,
-        points: &Points<'_>,
+        points: &FixedPoints<'_>,
         most: usize,
         cancel: Option<&Cancel>,
         refine: &mut Refine<'_>,
@@ -110,17 +110,17 @@ impl<'a> Settling<'a> {
         Ok(())
     }
 
-    fn layer_from(&self, first: usize) -> Layer {
-        let bounds = |piece: &Piece| Bounds::of(self.chains.piece(piece.from, piece.to));
+    fn layer_from(&self, first: usize) -> PieceLayer {
+        let bounds = |piece: &ChainPiece| PieceBox::of(self.chains.piece(piece.from, piece.to));
         let fresh = self.pieces[first..].iter().map(bounds);
         let items: Vec<_> = (first as u32..).zip(fresh).collect();
-        Layer::new(&items, &self.pieces, self.chains.points)
+        PieceLayer::new(&items, &self.pieces, self.chains.points)
     }
 
     /// Makes all layers but the first one layer.
     fn merge_layers(&mut self) {
         let mut items = Vec::new();
-        for Layer { tree, .. } in self.layers.drain(1..) {
+        for PieceLayer { tree, .. } in self.layers.drain(1..) {
             let all = tree.ids.iter().enumerate();
             items.extend(
                 all.filter(|(_, id)| self.alive[**id as usize])
@@ -128,19 +128,24 @@ impl<'a> Settling<'a> {
             );
         }
         items.sort_by_key(|&(id, _)| id);
-        let merged = Layer::new(&items, &self.pieces, self.chains.points);
+        let merged = PieceLayer::new(&items, &self.pieces, self.chains.points);
         self.layers.push(merged);
     }
 
-    fn scan(&self, fresh: &Layer, points: &Points<'_>, cancel: Option<&Cancel>) -> Result<Found> {
-        let view = View {
+    fn scan(
+        &self,
+        fresh: &PieceLayer,
+        points: &FixedPoints<'_>,
+        cancel: Option<&Cancel>,
+    ) -> Result<ScanConflicts> {
+        let view = PieceView {
             chains: self.chains,
             pieces: &self.pieces,
             alive: &self.alive,
             ends: &self.ends,
             cancel,
         };
-        let mut found = Found::default();
+        let mut found = ScanConflicts::default();
         view.within(fresh, &mut found)?;
         for old in &self.layers {
             view.between(fresh, old, &mut found)?;
@@ -152,7 +157,7 @@ impl<'a> Settling<'a> {
 
     /// The pieces to split, ascending, once each. A crossing is blamed on vertices that are on the
     /// wrong side, where there are some; else on both pieces.
-    fn judge(&mut self, found: Found) -> Vec<u32> {
+    fn judge(&mut self, found: ScanConflicts) -> Vec<u32> {
         let mut wrong = found.wrong;
         wrong.sort_unstable();
         wrong.dedup();
@@ -183,7 +188,7 @@ impl<'a> Settling<'a> {
         if rings.is_empty() {
             return Vec::new();
         }
-        let of_turned = |piece: &Piece| {
+        let of_turned = |piece: &ChainPiece| {
             !piece.is_original() && rings.binary_search(&self.chains.chain_of(piece.from)).is_ok()
         };
         let all = self.pieces.iter().enumerate();
@@ -200,7 +205,7 @@ impl<'a> Settling<'a> {
 
     /// Replaces a piece by finer ones.
     fn split(&mut self, i: u32, refine: &mut Refine<'_>) {
-        let Piece { from, to } = self.pieces[i as usize];
+        let ChainPiece { from, to } = self.pieces[i as usize];
         let chain = self.chains.chain_of(from);
         let middle = match self.rounds <= ROUNDS_AT_FARTHEST {
             true => from + farthest(self.chains.piece(from, to)) as u32,
@@ -219,8 +224,8 @@ impl<'a> Settling<'a> {
     }
 
     /// All that is kept; `before` tells the chains of which nothing is.
-    pub(super) fn into_kept(self, before: &Kept) -> Kept {
-        let mut kept = Kept::new();
+    pub(super) fn into_kept(self, before: &ChainVertices) -> ChainVertices {
+        let mut kept = ChainVertices::new();
         for chain in 0..self.chains.count() {
             if !before.of(chain).is_empty() {
                 let vertices = self.kept.within(self.chains.range(chain));
@@ -250,8 +255,8 @@ mod tests {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
         for (rounds, middle) in [(1, 3), (40, 3), (41, 5), (60, 5)] {
-            let kept = Kept { vertices: vec![0, 2, 9], starts: vec![0, 3] };
-            let mut settling = Settling::new(&chains, &kept);
+            let kept = ChainVertices { vertices: vec![0, 2, 9], starts: vec![0, 3] };
+            let mut settling = ChainState::new(&chains, &kept);
             settling.rounds = rounds;
             settling.split(1, &mut nothing);
             let pieces: Vec<_> =
@@ -266,12 +271,12 @@ mod tests {
     fn as_many_pieces_as_allowed_are_made() {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
-        let kept = Kept { vertices: vec![0, 9], starts: vec![0, 2] };
+        let kept = ChainVertices { vertices: vec![0, 9], starts: vec![0, 2] };
         // Below the peak: the line is split there, which makes two pieces of one.
         let below = [[3.0, 1.0]];
-        let points = Points::new(&below).expect("finite");
+        let points = FixedPoints::new(&below).expect("finite");
         for (most, is_enough) in [(0, false), (2, false), (3, true), (4, true)] {
-            let mut settling = Settling::new(&chains, &kept);
+            let mut settling = ChainState::new(&chains, &kept);
             let result = settling.run(&points, most, None, &mut nothing);
             match result {
                 Ok(()) => assert!(is_enough && settling.pieces.len() == 3, "{most}"),
@@ -286,11 +291,11 @@ mod tests {
     fn few_layers_are_kept_apart() {
         let line: Vec<Xy> = (0..=256).map(f64::from).map(|x| [x, x * (256.0 - x)]).collect();
         let chains = Chains { points: &line, starts: &[0, 257], closed: &[false] };
-        let kept = Kept { vertices: vec![0, 256], starts: vec![0, 2] };
+        let kept = ChainVertices { vertices: vec![0, 256], starts: vec![0, 2] };
         // In the triangle of the first three vertices.
         let corner = [[0, 1].map(|axis| (line[0][axis] + line[1][axis] + line[2][axis]) / 3.0)];
-        let points = Points::new(&corner).expect("finite");
-        let mut settling = Settling::new(&chains, &kept);
+        let points = FixedPoints::new(&corner).expect("finite");
+        let mut settling = ChainState::new(&chains, &kept);
         settling.run(&points, usize::MAX, None, &mut nothing).expect("any number of pieces");
         assert_eq!((settling.rounds, settling.refined, settling.layers.len()), (9, 8, 4));
         let known: usize = settling.layers.iter().map(|layer| layer.tree.ids.len()).sum();

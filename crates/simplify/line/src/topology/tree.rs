@@ -7,12 +7,12 @@ const FAN: usize = 16;
 
 /// A closed box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Bounds {
+pub(super) struct PieceBox {
     pub(super) low: Xy,
     pub(super) high: Xy,
 }
 
-impl Bounds {
+impl PieceBox {
     pub(super) const EMPTY: Self = Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
 
     pub(super) fn of(points: &[Xy]) -> Self {
@@ -63,17 +63,17 @@ fn least(a: f64, b: f64) -> f64 {
 ///
 /// 36 bytes a box and a fifteenth more. O(n log n) to make.
 #[derive(Debug, Default)]
-pub(super) struct Tree {
+pub(super) struct HilbertTree {
     /// What each box belongs to, in the order of the curve.
     pub(super) ids: Vec<u32>,
     /// The boxes, in that order; those of their groups; and so on up to one group.
-    levels: Vec<Vec<Bounds>>,
+    levels: Vec<Vec<PieceBox>>,
 }
 
-impl Tree {
+impl HilbertTree {
     /// The tree of `(id, box)`.
-    pub(super) fn new(items: &[(u32, Bounds)]) -> Self {
-        let mut all = Bounds::EMPTY;
+    pub(super) fn new(items: &[(u32, PieceBox)]) -> Self {
+        let mut all = PieceBox::EMPTY;
         for (_, bounds) in items {
             all.add(*bounds);
         }
@@ -92,7 +92,7 @@ impl Tree {
         Self { ids, levels }
     }
 
-    /// Groups of boxes, for [`Tree::group`] and [`Tree::groups_meeting`].
+    /// Groups of boxes, for [`HilbertTree::group`] and [`HilbertTree::groups_meeting`].
     pub(super) fn groups(&self) -> usize {
         self.ids.len().div_ceil(FAN)
     }
@@ -105,12 +105,12 @@ impl Tree {
 
     /// The box at a position.
     #[inline(always)]
-    pub(super) fn bounds(&self, at: usize) -> &Bounds {
+    pub(super) fn bounds(&self, at: usize) -> &PieceBox {
         &self.levels[0][at]
     }
 
     /// The box around a group.
-    pub(super) fn around(&self, group: usize) -> Bounds {
+    pub(super) fn around(&self, group: usize) -> PieceBox {
         match self.levels.get(1) {
             Some(around) => around[group],
             None => union(&self.levels[0]),
@@ -118,7 +118,7 @@ impl Tree {
     }
 
     /// Fills `found` with the groups, from `first` on, some box of which may meet `bounds`.
-    pub(super) fn groups_meeting(&self, bounds: &Bounds, first: usize, found: &mut Vec<usize>) {
+    pub(super) fn groups_meeting(&self, bounds: &PieceBox, first: usize, found: &mut Vec<usize>) {
         found.clear();
         if self.levels.len() == 1 {
             if self.groups() > first {
@@ -147,8 +147,8 @@ impl Tree {
     }
 }
 
-fn union(boxes: &[Bounds]) -> Bounds {
-    let mut all = Bounds::EMPTY;
+fn union(boxes: &[PieceBox]) -> PieceBox {
+    let mut all = PieceBox::EMPTY;
     for &b in boxes {
         all.add(b);
     }
@@ -156,7 +156,7 @@ fn union(boxes: &[Bounds]) -> Bounds {
 }
 
 /// Where a position lies on the Hilbert curve of 2^16 by 2^16 cells over `all`.
-fn curve(all: &Bounds, p: Xy) -> u32 {
+fn curve(all: &PieceBox, p: Xy) -> u32 {
     let [x, y] = [0, 1].map(|axis| {
         let part = (p[axis] - all.low[axis]) / (all.high[axis] - all.low[axis]);
         (part * 65_535.0) as u32
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn the_curve_covers_the_box() {
-        let all = Bounds { low: [-3.0, 10.0], high: [1.0, 18.0] };
+        let all = PieceBox { low: [-3.0, 10.0], high: [1.0, 18.0] };
         let corner = |x: u32, y: u32| hilbert(x * 65_535, y * 65_535);
         assert_eq!(curve(&all, all.low), corner(0, 0));
         assert_eq!(curve(&all, [1.0, 10.0]), corner(1, 0));
@@ -213,9 +213,9 @@ mod tests {
     fn few_groups_meet_a_small_box() {
         let unit = |i: u32| {
             let low = [f64::from(i * 7 % 64), f64::from(i * 7 / 64 % 64)];
-            (i, Bounds { low, high: low })
+            (i, PieceBox { low, high: low })
         };
-        let tree = Tree::new(&(0..4096).map(unit).collect::<Vec<_>>());
+        let tree = HilbertTree::new(&(0..4096).map(unit).collect::<Vec<_>>());
         let (mut found, mut most) = (Vec::new(), 0);
         for at in 0..tree.ids.len() {
             tree.groups_meeting(tree.bounds(at), 0, &mut found);
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn boxes_are_closed() {
-        let own = Bounds { low: [1.0, 2.0], high: [4.0, 6.0] };
+        let own = PieceBox { low: [1.0, 2.0], high: [4.0, 6.0] };
         for (p, is_in) in [
             ([1.0, 2.0], true),
             ([4.0, 6.0], true),
@@ -237,18 +237,18 @@ mod tests {
             ([2.0, 1.9], false),
             ([2.0, 6.1], false),
         ] {
-            let point = Bounds { low: p, high: p };
+            let point = PieceBox { low: p, high: p };
             assert_eq!(own.holds(p), is_in, "{p:?}");
             assert_eq!((own.meets(&point), point.meets(&own)), (is_in, is_in), "{p:?}");
         }
-        let (mut all, around) = (own, Bounds { low: [0.0, 2.0], high: [4.0, 8.0] });
-        all.add(Bounds { low: [0.0, 7.0], high: [2.0, 8.0] });
+        let (mut all, around) = (own, PieceBox { low: [0.0, 2.0], high: [4.0, 8.0] });
+        all.add(PieceBox { low: [0.0, 7.0], high: [2.0, 8.0] });
         assert_eq!((all, all.centre()), (around, [2.0, 5.0]));
-        assert_eq!(Bounds::of(&[[4.0, 2.0], [0.0, 8.0]]), around);
+        assert_eq!(PieceBox::of(&[[4.0, 2.0], [0.0, 8.0]]), around);
     }
 
-    fn boxes() -> impl Strategy<Value = Vec<(u32, Bounds)>> {
-        let one = (-50i32..50, -50i32..50, 0i32..9, 0i32..9).prop_map(|(x, y, w, h)| Bounds {
+    fn boxes() -> impl Strategy<Value = Vec<(u32, PieceBox)>> {
+        let one = (-50i32..50, -50i32..50, 0i32..9, 0i32..9).prop_map(|(x, y, w, h)| PieceBox {
             low: [x, y].map(f64::from),
             high: [x + w, y + h].map(f64::from),
         });
@@ -258,7 +258,7 @@ mod tests {
     proptest! {
         #[test]
         fn finds_every_box_that_meets_another(items in boxes()) {
-            let tree = Tree::new(&items);
+            let tree = HilbertTree::new(&items);
             let mut found = Vec::new();
             for (_, bounds) in &items {
                 tree.groups_meeting(bounds, 0, &mut found);

@@ -7,65 +7,69 @@ use serde::{Deserialize, Serialize};
 
 use super::report::{MeshRun, MeshStatus};
 use super::shelf::Shelf;
-use super::tasks::{Strips, Task};
+use super::tasks::{StripTask, TileStrips};
 use crate::tin::cost::{nanoseconds, seconds};
-use crate::tin::estimate::Size;
-use crate::tin::goal::Goal;
+use crate::tin::estimate::MeshSize;
+use crate::tin::goal::TinGoal;
 use crate::tin::job::TinJob;
-use crate::tin::layout::Layout;
-use crate::tin::make::{Maker, Opened, in_input};
-use crate::tin::object::{Facts, ObjectWriter, object_bytes};
+use crate::tin::layout::TileLayout;
+use crate::tin::make::{OpenedTinJob, TinMaker, in_input};
+use crate::tin::object::{ObjectWriter, TinArtifactFacts, object_bytes};
 use crate::tin::report::TinReport;
 use crate::tin::run::{save, write};
-use crate::tin::tally::Tally;
-use crate::tin::worker::Stock;
+use crate::tin::tally::SampleCounts;
+use crate::tin::worker::ContainerSource;
 use terrane_base::error::Result;
 use terrane_base::limits;
 use terrane_engine::outputs::refuse_other_name;
 use terrane_engine::plan::{
-    self, At, Form, Kind, Look, Made, Named, Needs, Numbered, Order, Plan, PlannedGrid,
-    StatusReport, Survey, Work,
+    self, CheckDepth, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind,
+    PlanNeeds, PlanStep, PlannedGrid, PlannedWork, StatusReport, TaskSurvey,
 };
-use terrane_engine::transform::Transform;
+use terrane_engine::transform::OutputTransform;
 use terrane_engine::{beside, memory};
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::GridSource;
-use terrane_tin::{Local, Triangle};
+use terrane_tin::{TilePosition, TileTriangle};
 
 /// Share of the time that the writing of the mesh takes, about.
 const WRITING: f64 = 0.1;
 
 /// A mesh to make of a grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Mesh {
-    method: Method,
+pub(super) struct PlannedMesh {
+    method: PlannedMethod,
     grid: PlannedGrid,
 }
 
 /// What is asked for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Method {
+struct PlannedMethod {
     #[serde(flatten)]
     job: TinJob,
     strip_rows: u32,
     height_origin: Option<f64>,
 }
 
-impl Mesh {
+impl PlannedMesh {
     /// That of an opened job; `rows` of tiles make a strip.
-    pub(super) fn new(job: &TinJob, opened: &Opened, rows: Option<u32>) -> Result<Self> {
+    pub(super) fn new(job: &TinJob, opened: &OpenedTinJob, rows: Option<u32>) -> Result<Self> {
         let grid = PlannedGrid::of(opened.source.info());
-        let strip_rows = Strips::new(Layout::new(grid.width, grid.height, job.tile)?, rows).rows();
+        let strip_rows =
+            TileStrips::new(TileLayout::new(grid.width, grid.height, job.tile)?, rows).rows();
         let (format, input) = (Some(opened.format.name.to_owned()), beside::noted(&job.input));
         let job = TinJob { format, input, ..job.clone() };
-        let mesh =
-            Self { method: Method { job, strip_rows, height_origin: opened.height_origin }, grid };
+        let mesh = Self {
+            method: PlannedMethod { job, strip_rows, height_origin: opened.height_origin },
+            grid,
+        };
         mesh.check().map(|()| mesh)
     }
 
     /// The job that writes the mesh.
-    fn job(&self, order: Order) -> TinJob {
-        let Order { output, overwrite, form: Form { split, solid_base }, resources } = order;
+    fn job(&self, order: OutputOrder) -> TinJob {
+        let OutputOrder { output, overwrite, form: OutputForm { split, solid_base }, resources } =
+            order;
         let job = self.method.job.clone();
         TinJob { output, overwrite, split, solid_base, measure: true, resources, ..job }
     }
@@ -75,20 +79,20 @@ impl Mesh {
     }
 
     /// How the grid is cut. Fails where it is too small to be.
-    fn strips(&self) -> Result<Strips> {
-        let layout = Layout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
-        Ok(Strips::new(layout, Some(self.method.strip_rows)))
+    fn strips(&self) -> Result<TileStrips> {
+        let layout = TileLayout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
+        Ok(TileStrips::new(layout, Some(self.method.strip_rows)))
     }
 
     fn tolerance(&self) -> f64 {
         match self.method.job.goal {
-            Goal::MaxError(tolerance) => tolerance,
+            TinGoal::MaxError(tolerance) => tolerance,
             _ => f64::NAN,
         }
     }
 
     /// What the work takes, from the size of the whole mesh.
-    pub(super) fn needs(&self, size: Size, opened: &Opened) -> Result<Needs> {
+    pub(super) fn needs(&self, size: MeshSize, opened: &OpenedTinJob) -> Result<PlanNeeds> {
         let strips = self.strips()?;
         let job = &self.method.job;
         let worker = {
@@ -96,17 +100,17 @@ impl Mesh {
             job.refinement.worker_bytes(job.goal, strips.layout().side(), follows)
         };
         let thread_memory = worker + opened.kept.bytes();
-        let led = job.transform.as_ref().map_or(0, Transform::least_memory);
-        let kept = size.triangles * size_of::<Triangle>() as u64
-            + size.vertices * (size_of::<Local>() + size_of::<f64>()) as u64;
+        let led = job.transform.as_ref().map_or(0, OutputTransform::least_memory);
+        let kept = size.triangles * size_of::<TileTriangle>() as u64
+            + size.vertices * (size_of::<TilePosition>() + size_of::<f64>()) as u64;
         let samples = self.grid.samples();
-        let object = |task: Task| {
+        let object = |task: StripTask| {
             let work = strips.work(task);
             let share = work.samples() as f64 / samples as f64;
             object_bytes((kept as f64 * share) as u64, work.tiles())
         };
         let whole = seconds(samples, nanoseconds(size.vertices as f64 / samples as f64), 1);
-        Ok(Needs {
+        Ok(PlanNeeds {
             memory: memory::least(thread_memory, opened.source.block_bytes()).max(led),
             thread_memory,
             objects: strips.tasks().map(object).sum(),
@@ -117,15 +121,15 @@ impl Mesh {
 }
 
 /// The input and the job, opened.
-pub(super) struct Ready {
+pub(super) struct OpenedPlan {
     tin: TinJob,
-    opened: Opened,
+    opened: OpenedTinJob,
     tolerance: f64,
 }
 
-impl Ready {
-    fn maker<'a>(&'a self, at: At<'a>) -> Maker<'a> {
-        Maker { job: &self.tin, opened: &self.opened, progress: at.progress, cancel: at.cancel }
+impl OpenedPlan {
+    fn maker<'a>(&'a self, at: Observer<'a>) -> TinMaker<'a> {
+        TinMaker { job: &self.tin, opened: &self.opened, progress: at.progress, cancel: at.cancel }
     }
 
     fn temp_dir(&self) -> &Path {
@@ -133,19 +137,19 @@ impl Ready {
     }
 }
 
-impl Work for Mesh {
-    const KIND: Kind = Kind::Tin;
-    const NAMES: &'static [Numbered<Task>] = &Task::NAMES;
+impl PlannedWork for PlannedMesh {
+    const KIND: PlanKind = PlanKind::Tin;
+    const NAMES: &'static [Numbered<StripTask>] = &StripTask::NAMES;
     /// Tiles are under digests of their own.
-    const LAST_LOOK: Look = Look::Quick;
+    const LAST_LOOK: CheckDepth = CheckDepth::Quick;
     const STAGE: Option<&'static str> = Some("triangulate");
 
-    type Task = Task;
-    type Facts = Facts;
+    type Task = StripTask;
+    type Facts = TinArtifactFacts;
     type Run = MeshRun;
     type Note = TinReport;
     type Status = MeshStatus;
-    type Opened = Ready;
+    type Opened = OpenedPlan;
 
     fn check(&self) -> Result<()> {
         self.method.job.goal.check()?;
@@ -155,18 +159,18 @@ impl Work for Mesh {
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
     }
 
-    fn tasks(&self) -> Vec<Task> {
+    fn tasks(&self) -> Vec<StripTask> {
         self.strips().map_or_else(|_| Vec::new(), |strips| strips.tasks().collect())
     }
 
-    fn before(&self, task: Task) -> Vec<Task> {
+    fn before(&self, task: StripTask) -> Vec<StripTask> {
         task.before()
     }
 
-    fn size(&self, task: Named<Task>) -> u64 {
+    fn size(&self, task: PlanStep<StripTask>) -> u64 {
         match task {
-            Named::Task(task) => self.strips().map_or(0, |strips| strips.work(task).samples()),
-            Named::Finish => self.grid.samples(),
+            PlanStep::Task(task) => self.strips().map_or(0, |strips| strips.work(task).samples()),
+            PlanStep::Finish => self.grid.samples(),
         }
     }
 
@@ -179,65 +183,65 @@ impl Work for Mesh {
         }
     }
 
-    fn check_name(&self, output: &Path, form: &Form) -> Result<()> {
+    fn check_name(&self, output: &Path, form: &OutputForm) -> Result<()> {
         if form.split.is_some() { Ok(()) } else { refuse_other_name(self.format()?, output) }
     }
 
-    fn output(&self, form: &Form) -> Result<PathBuf> {
+    fn output(&self, form: &OutputForm) -> Result<PathBuf> {
         let format = self.format()?;
         let ending = if form.split.is_some() { "blocks" } else { format.extensions[0] };
         Ok(Path::new("mesh").with_extension(ending))
     }
 
-    fn open(plan: &Plan<Self>, order: Order) -> Result<Ready> {
+    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedPlan> {
         let mut tin = plan.work.job(order);
         tin.input = tin.input.called(plan.label.clone());
-        let mut opened = Opened::new(&tin)?;
+        let mut opened = OpenedTinJob::new(&tin)?;
         opened.height_origin = plan.work.method.height_origin;
         let Self { method, grid } = &plan.work;
         let all = files(&method.job, &*opened.source);
         grid.check(plan, &*opened.source, all)?;
-        Ok(Ready { tin, opened, tolerance: plan.work.tolerance() })
+        Ok(OpenedPlan { tin, opened, tolerance: plan.work.tolerance() })
     }
 
-    fn check_output(ready: &Ready, at: At<'_>) -> Result<()> {
+    fn check_output(ready: &OpenedPlan, at: Observer<'_>) -> Result<()> {
         ready.maker(at).check_output()
     }
 
     fn make(
-        ready: &Ready,
-        (task, object): (Task, &Path),
-        survey: &Survey<'_, Self>,
+        ready: &OpenedPlan,
+        (task, object): (StripTask, &Path),
+        survey: &TaskSurvey<'_, Self>,
         run: &mut MeshRun,
-        at: At<'_>,
-    ) -> Result<Made<Facts>> {
+        at: Observer<'_>,
+    ) -> Result<MadeArtifact<TinArtifactFacts>> {
         let (strips, maker) = (survey.folder.plan.work.strips()?, ready.maker(at));
         let work = strips.work(task);
-        let of_strip = |strips: &Strips, row| Task::Strip(strips.strip_of(row));
+        let of_strip = |strips: &TileStrips, row| StripTask::Strip(strips.strip_of(row));
         let shelf = Shelf::new(survey, strips, of_strip);
-        let stock = work.loads().then_some(&shelf as &dyn Stock);
+        let stock = work.loads().then_some(&shelf as &dyn ContainerSource);
         let settings = maker.settings(maker.spec(ready.tolerance), ready.temp_dir());
         let object = ObjectWriter::create(object)?;
         let saved = save(&*ready.opened.source, work.scope, stock, object, &settings)
             .map_err(|error| in_input(error, &ready.tin.input))?;
-        if let Task::Strip(_) = task {
+        if let StripTask::Strip(_) = task {
             run.made_samples += work.samples();
         }
         run.add(saved.clock.report());
         let (facts, digest) = saved.object.finish(saved.tally)?;
-        Ok(Made { facts, digest: Some(digest), spilled: saved.spilled_bytes })
+        Ok(MadeArtifact { facts, digest: Some(digest), spilled: saved.spilled_bytes })
     }
 
     fn write(
-        ready: &Ready,
-        survey: &Survey<'_, Self>,
+        ready: &OpenedPlan,
+        survey: &TaskSurvey<'_, Self>,
         run: &mut MeshRun,
-        at: At<'_>,
+        at: Observer<'_>,
     ) -> Result<TinReport> {
         let (started, maker) = (Instant::now(), ready.maker(at));
-        let mut tally = Tally::default();
+        let mut tally = SampleCounts::default();
         survey.done.values().for_each(|done| tally.add(done.facts.tally));
-        let shelf = Shelf::new(survey, survey.folder.plan.work.strips()?, Strips::last_of);
+        let shelf = Shelf::new(survey, survey.folder.plan.work.strips()?, TileStrips::last_of);
         at.progress.begin("write", survey.folder.plan.work.grid.samples());
         let mut report = maker
             .complete(ready.tolerance, 0, |sink, spec| {
@@ -259,7 +263,7 @@ impl Work for Mesh {
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let kept = job.refinement.files().into_iter().flatten().flat_map(beside::files);
-    let led = job.transform.iter().flat_map(Transform::files).map(Path::to_path_buf);
+    let led = job.transform.iter().flat_map(OutputTransform::files).map(Path::to_path_buf);
     plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).chain(led).collect()
 }
 
@@ -297,9 +301,9 @@ mod tests {
     }
 
     /// A plan after it was put into a folder and read again.
-    fn read(plan: Value) -> Result<Plan<Mesh>> {
+    fn read(plan: Value) -> Result<Plan<PlannedMesh>> {
         let folder = tempfile::tempdir().unwrap();
-        let plan: Plan<Mesh> = serde_json::from_value(plan).unwrap();
+        let plan: Plan<PlannedMesh> = serde_json::from_value(plan).unwrap();
         plan.put(folder.path()).unwrap();
         Plan::read(folder.path()).map(|(back, _)| back)
     }
@@ -309,7 +313,8 @@ mod tests {
         let back = read(plan(9000)).unwrap();
         assert_eq!(serde_json::to_value(&back).unwrap(), plan(9000));
         let (output, resources) = (PathBuf::new(), Resources::default());
-        let order = Order { output, overwrite: false, form: Form::default(), resources };
+        let order =
+            OutputOrder { output, overwrite: false, form: OutputForm::default(), resources };
         assert!(back.work.job(order).reading.nodata.is_some_and(f64::is_nan));
         for (name, other) in [("terrane", json!("0.0.0")), ("revision", json!(REVISION + 1))] {
             let mut plan = plan(9000);

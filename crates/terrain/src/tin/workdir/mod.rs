@@ -9,18 +9,18 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::estimate::Estimator;
-use super::goal::Goal;
+use super::goal::TinGoal;
 use super::job::TinJob;
-use super::make::{Maker, Opened, in_input};
+use super::make::{OpenedTinJob, TinMaker, in_input};
 use super::options::TinOptions;
 use super::refinement::Refinement;
 use super::report::TinReport;
-use mesh::Mesh;
+use mesh::PlannedMesh;
 use terrane_base::error::{Error, Result};
-use terrane_engine::operation::{Divisible, Request};
-use terrane_engine::plan::{self, DiskCheck, Form, PLAN, Plan, RunJob};
+use terrane_engine::operation::{Divisible, RunRequest};
+use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, Plan, RunJob};
 use terrane_engine::sift::Skipped;
-use terrane_engine::transform::Transform;
+use terrane_engine::transform::OutputTransform;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::refuse_held;
 use terrane_mesh::by_path;
@@ -31,11 +31,11 @@ pub use report::{MeshRun, MeshStatus, PlanJob, RunReport, StatusReport};
 impl Divisible for TinOptions {
     const TASK_SIZE: &'static str =
         "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
-    terrane_engine::planned_as!(Mesh, MeshStatus, MeshRun);
+    terrane_engine::planned_as!(PlannedMesh, MeshStatus, MeshRun);
 
     /// In PLY unless told otherwise.
-    fn plan(&self, request: Request<'_>, task_size: Option<u32>) -> Result<StatusReport> {
-        let Request { inputs, output: folder, skipped, progress, cancel, .. } = request;
+    fn plan(&self, request: RunRequest<'_>, task_size: Option<u32>) -> Result<StatusReport> {
+        let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
         self.textbook()?;
         let format = by_path(Path::new(""), Some(self.file.format.as_deref().unwrap_or("PLY")))?;
         let job = self.job(inputs, &folder.join("mesh").with_extension(format.extensions[0]))?;
@@ -58,28 +58,28 @@ pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Res
 /// As [`plan_work`]; `check` may fail before the work.
 fn plan_checked(
     job: &PlanJob,
-    check: impl FnOnce(&Maker<'_>) -> Result<()>,
+    check: impl FnOnce(&TinMaker<'_>) -> Result<()>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<StatusReport> {
     job.job.goal.check()?;
-    if !matches!(job.job.goal, Goal::MaxError(_)) {
+    if !matches!(job.job.goal, TinGoal::MaxError(_)) {
         return Err(budget());
     }
     refuse_held(job.job.input.names())?;
     let reading = job.job.reading.absolute()?;
     let constraints = job.job.refinement.constraints.absolute()?;
     let refinement = Refinement { constraints, ..job.job.refinement.clone() };
-    let transform = job.job.transform.as_ref().map(Transform::absolute).transpose()?;
+    let transform = job.job.transform.as_ref().map(OutputTransform::absolute).transpose()?;
     let input = job.job.input.resolve()?;
     let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
-    let opened = Opened::new(&tin)?;
-    let maker = Maker { job: &tin, opened: &opened, progress, cancel };
+    let opened = OpenedTinJob::new(&tin)?;
+    let maker = TinMaker { job: &tin, opened: &opened, progress, cancel };
     check(&maker)?;
     let in_input = |error| in_input(error, &tin.input);
     let (tolerance, _) = maker.tolerance().map_err(in_input)?;
     let layout = maker.layout().map_err(in_input)?;
-    let mesh = Mesh::new(&tin, &opened, job.cut)?;
+    let mesh = PlannedMesh::new(&tin, &opened, job.cut)?;
     let expect = || {
         let spec = Spec { measure: false, ..maker.spec(tolerance) };
         let size = Estimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
@@ -88,11 +88,11 @@ fn plan_checked(
         let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
         mesh.needs(size.with(opened.kept.count() + on_lines), &opened)
     };
-    let there = Plan::<Mesh>::there(&job.folder);
+    let there = Plan::<PlannedMesh>::there(&job.folder);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let files = mesh::files(&tin, &*opened.source);
     Plan::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?.put(&job.folder)?;
-    plan::status::<Mesh>(&job.folder)
+    plan::status::<PlannedMesh>(&job.folder)
 }
 
 fn budget() -> Error {
@@ -115,17 +115,17 @@ pub fn run_in(
 ) -> Result<TinReport> {
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     let is_new = !folder.join(PLAN).exists();
-    let check = |maker: &Maker<'_>| if is_new { maker.check_output() } else { Ok(()) };
+    let check = |maker: &TinMaker<'_>| if is_new { maker.check_output() } else { Ok(()) };
     plan_checked(&PlanJob::all(job, folder, skipped), check, progress, cancel)?;
-    let form = Form { split: job.split, solid_base: job.solid_base };
+    let form = OutputForm { split: job.split, solid_base: job.solid_base };
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let run = RunJob::until(to, job.overwrite, form, with);
-    plan::run::<Mesh>(&run, progress, cancel).and_then(whole)
+    plan::run::<PlannedMesh>(&run, progress, cancel).and_then(whole)
 }
 
 /// The report on the mesh, with the time and work of the whole run.
 fn whole(run: RunReport) -> Result<TinReport> {
-    let mut mesh = plan::Kind::Tin.made(run.of.mesh)?;
+    let mut mesh = plan::PlanKind::Tin.made(run.of.mesh)?;
     mesh.took(Duration::from_secs_f64(run.wall_seconds));
     mesh.spilled(run.spilled_bytes);
     mesh.stages.extend(run.of.stages);

@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use crate::tin::job::TinJob;
-use crate::tin::report::{Clock, StageReport, TinReport};
-use terrane_engine::plan::{self, Written};
+use crate::tin::report::{StageClock, StageReport, TinReport};
+use terrane_engine::plan::{self, PlanRunReport};
 
 /// A mesh to plan.
 pub type PlanJob = plan::PlanJob<TinJob>;
@@ -32,7 +32,7 @@ pub struct MeshRun {
     pub mesh: Option<TinReport>,
 }
 
-impl Written for MeshRun {
+impl PlanRunReport for MeshRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }
@@ -44,7 +44,7 @@ impl Written for MeshRun {
 
 impl Default for MeshRun {
     fn default() -> Self {
-        Self { made_samples: 0, stages: Clock::default().report(), mesh: None }
+        Self { made_samples: 0, stages: StageClock::default().report(), mesh: None }
     }
 }
 

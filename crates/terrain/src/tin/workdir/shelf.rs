@@ -3,40 +3,40 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use super::tasks::{Strips, Task};
+use super::tasks::{StripTask, TileStrips};
 use crate::tin::container::Container;
 use crate::tin::layout::TileId;
-use crate::tin::object::{Facts, Object};
-use crate::tin::worker::Stock;
+use crate::tin::object::{Object, TinArtifactFacts};
+use crate::tin::worker::ContainerSource;
 use terrane_base::error::Result;
-use terrane_engine::plan::{Survey, Work};
+use terrane_engine::plan::{PlannedWork, TaskSurvey};
 use terrane_files::lock;
 
 /// Objects open at once: the sweep is in one strip, or at the seam between two.
 const MOST_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
-pub(super) struct Shelf<'a, W: Work> {
-    survey: &'a Survey<'a, W>,
-    strips: Strips,
+pub(super) struct Shelf<'a, W: PlannedWork> {
+    survey: &'a TaskSurvey<'a, W>,
+    strips: TileStrips,
     /// Whose object has the tiles of a row.
-    task_of: fn(&Strips, u32) -> Task,
+    task_of: fn(&TileStrips, u32) -> StripTask,
     /// By the number in their task's name, so that the first one was left behind first.
-    open: Mutex<BTreeMap<(u32, Task), Arc<Object>>>,
+    open: Mutex<BTreeMap<(u32, StripTask), Arc<Object>>>,
 }
 
-impl<'a, W: Work<Task = Task, Facts = Facts>> Shelf<'a, W> {
+impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> Shelf<'a, W> {
     /// Of the finished objects; `task_of` says whose tiles of a row are taken.
     pub(super) fn new(
-        survey: &'a Survey<'a, W>,
-        strips: Strips,
-        task_of: fn(&Strips, u32) -> Task,
+        survey: &'a TaskSurvey<'a, W>,
+        strips: TileStrips,
+        task_of: fn(&TileStrips, u32) -> StripTask,
     ) -> Self {
         Self { survey, strips, task_of, open: Mutex::default() }
     }
 
-    fn object(&self, task: Task) -> Result<Arc<Object>> {
-        let (Task::Strip(number) | Task::Seam(number)) = task;
+    fn object(&self, task: StripTask) -> Result<Arc<Object>> {
+        let (StripTask::Strip(number) | StripTask::Seam(number)) = task;
         let mut open = lock(&self.open);
         if let Some(object) = open.get(&(number, task)) {
             return Ok(Arc::clone(object));
@@ -52,7 +52,7 @@ impl<'a, W: Work<Task = Task, Facts = Facts>> Shelf<'a, W> {
     }
 }
 
-impl<W: Work<Task = Task, Facts = Facts>> Stock for Shelf<'_, W> {
+impl<W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ContainerSource for Shelf<'_, W> {
     fn load(&self, tile: TileId) -> Result<Container> {
         let task = (self.task_of)(&self.strips, tile.row);
         self.object(task)?.read(self.strips.position(task, tile))

@@ -12,8 +12,8 @@
 
 use std::fmt;
 
-use crate::tin::layout::{Layout, TileId};
-use crate::tin::scope::{Scope, Work};
+use crate::tin::layout::{TileId, TileLayout};
+use crate::tin::scope::{LayoutWork, Scope};
 use terrane_engine::plan::Numbered;
 
 /// Samples that a strip has about.
@@ -23,12 +23,12 @@ pub(super) const LEAST_ROWS: u32 = 2;
 
 /// A task, by the number of its strip or of the strip above its seam.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Task {
+pub(super) enum StripTask {
     Strip(u32),
     Seam(u32),
 }
 
-impl Task {
+impl StripTask {
     /// By name.
     pub(super) const NAMES: [Numbered<Self>; 2] = [("strip", Self::Strip), ("seam", Self::Seam)];
 
@@ -41,7 +41,7 @@ impl Task {
     }
 }
 
-impl fmt::Display for Task {
+impl fmt::Display for StripTask {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Strip(strip) => write!(f, "strip-{strip}"),
@@ -52,21 +52,21 @@ impl fmt::Display for Task {
 
 /// How a layout is cut into strips.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Strips {
-    layout: Layout,
+pub(super) struct TileStrips {
+    layout: TileLayout,
     rows: u32,
 }
 
-impl Strips {
+impl TileStrips {
     /// Strips of `rows` rows of tiles, or of as many as make a fair piece of work.
-    pub(super) fn new(layout: Layout, rows: Option<u32>) -> Self {
+    pub(super) fn new(layout: TileLayout, rows: Option<u32>) -> Self {
         let row = layout.samples() / u64::from(layout.rows);
         let fair = || STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;
         Self { layout, rows: rows.unwrap_or_else(fair).max(LEAST_ROWS) }
     }
 
     /// The tiling that is cut.
-    pub(super) fn layout(&self) -> Layout {
+    pub(super) fn layout(&self) -> TileLayout {
         self.layout
     }
 
@@ -82,21 +82,23 @@ impl Strips {
     }
 
     /// All tasks, in an order in which they can be done.
-    pub(super) fn tasks(&self) -> impl Iterator<Item = Task> + use<> {
-        let seam = |strip: u32| strip.checked_sub(1).map(Task::Seam);
-        (0..self.count()).flat_map(move |strip| [Some(Task::Strip(strip)), seam(strip)]).flatten()
+    pub(super) fn tasks(&self) -> impl Iterator<Item = StripTask> + use<> {
+        let seam = |strip: u32| strip.checked_sub(1).map(StripTask::Seam);
+        (0..self.count())
+            .flat_map(move |strip| [Some(StripTask::Strip(strip)), seam(strip)])
+            .flatten()
     }
 
     /// The part of the work that is a task.
-    pub(super) fn work(&self, task: Task) -> Work {
+    pub(super) fn work(&self, task: StripTask) -> LayoutWork {
         let scope = match task {
-            Task::Strip(strip) => {
+            StripTask::Strip(strip) => {
                 let [first, end] = self.rows_of(strip);
                 Scope::Strip { first, end }
             }
-            Task::Seam(above) => Scope::Seam { above: self.rows_of(above)[1] - 1 },
+            StripTask::Seam(above) => Scope::Seam { above: self.rows_of(above)[1] - 1 },
         };
-        Work { layout: self.layout, scope }
+        LayoutWork { layout: self.layout, scope }
     }
 
     /// The first row of tiles of a strip, and the one after the last.
@@ -106,15 +108,15 @@ impl Strips {
     }
 
     /// The task that leaves the containers of a row of tiles as they are when all seams are mended.
-    pub(super) fn last_of(&self, row: u32) -> Task {
+    pub(super) fn last_of(&self, row: u32) -> StripTask {
         let strip = self.strip_of(row);
         let [first, end] = self.rows_of(strip);
         if row + 1 == end && end < self.layout.rows {
-            Task::Seam(strip)
+            StripTask::Seam(strip)
         } else if row == first && strip > 0 {
-            Task::Seam(strip - 1)
+            StripTask::Seam(strip - 1)
         } else {
-            Task::Strip(strip)
+            StripTask::Strip(strip)
         }
     }
 
@@ -124,7 +126,7 @@ impl Strips {
     }
 
     /// Where the container of `tile` is in the object of `task`.
-    pub(super) fn position(&self, task: Task, tile: TileId) -> u64 {
+    pub(super) fn position(&self, task: StripTask, tile: TileId) -> u64 {
         self.work(task).position(tile)
     }
 }
@@ -133,8 +135,8 @@ impl Strips {
 mod tests {
     use super::*;
 
-    fn strips(rows: u32, by: Option<u32>) -> Strips {
-        Strips::new(Layout::new(100, rows * 16 + 1, 16).unwrap(), by)
+    fn strips(rows: u32, by: Option<u32>) -> TileStrips {
+        TileStrips::new(TileLayout::new(100, rows * 16 + 1, 16).unwrap(), by)
     }
 
     #[test]
@@ -158,10 +160,10 @@ mod tests {
     #[test]
     fn every_tile_is_final_in_the_last_task_that_touches_it() {
         let strips = strips(11, Some(3));
-        let order: Vec<Task> = strips.tasks().collect();
+        let order: Vec<StripTask> = strips.tasks().collect();
         for row in 0..11 {
             let tile = TileId::new(row, 2);
-            let touches = |task: &&Task| {
+            let touches = |task: &&StripTask| {
                 let work = strips.work(**task);
                 (0..work.tiles()).any(|i| work.tile_at(i) == tile)
             };
@@ -171,7 +173,7 @@ mod tests {
 
     #[test]
     fn tasks_come_after_those_they_wait_for() {
-        let order: Vec<Task> = strips(11, Some(3)).tasks().collect();
+        let order: Vec<StripTask> = strips(11, Some(3)).tasks().collect();
         assert_eq!(order.len(), 4 + 3);
         for (i, task) in order.iter().enumerate() {
             assert!(task.before().iter().all(|before| order[..i].contains(before)), "{task}");
@@ -180,8 +182,9 @@ mod tests {
 
     #[test]
     fn strips_are_fair_pieces_of_work() {
-        let rows =
-            |width, height| Strips::new(Layout::new(width, height, 512).unwrap(), None).rows();
+        let rows = |width, height| {
+            TileStrips::new(TileLayout::new(width, height, 512).unwrap(), None).rows()
+        };
         assert_eq!((rows(80_000, 80_000), rows(800_000, 800_000), rows(1000, 1000)), (4, 2, 2));
     }
 }

@@ -16,10 +16,10 @@ const ROUNDING: f64 = 1.5 * (1_u64 << 52) as f64;
 
 /// The heights of contour lines, numbered upwards.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Levels(Kind);
+pub struct ContourLevels(LevelSpacing);
 
 #[derive(Clone, Debug, PartialEq)]
-enum Kind {
+enum LevelSpacing {
     /// Level k is at `(base + k * step) / scale`; `base` and `step` are whole where a scale of a
     /// power of ten makes them so, so that levels are decimal numbers rounded once.
     Every { base: f64, step: f64, scale: f64 },
@@ -27,7 +27,7 @@ enum Kind {
     List(Vec<f64>),
 }
 
-impl Levels {
+impl ContourLevels {
     /// All whole multiples of `interval`, counted from `base`.
     ///
     /// # Errors
@@ -51,9 +51,9 @@ impl Levels {
         };
         let decimal = (0..9).map(|digits| 10_f64.powi(digits)).find_map(|scale| {
             let (base, step) = (whole(base, scale)?, whole(interval, scale)?);
-            Some(Kind::Every { base, step, scale })
+            Some(LevelSpacing::Every { base, step, scale })
         });
-        Ok(Self(decimal.unwrap_or(Kind::Every { base, step: interval, scale: 1.0 })))
+        Ok(Self(decimal.unwrap_or(LevelSpacing::Every { base, step: interval, scale: 1.0 })))
     }
 
     /// These levels, in any order.
@@ -67,15 +67,15 @@ impl Levels {
         }
         levels.sort_by(f64::total_cmp);
         levels.dedup();
-        Ok(Self(Kind::List(levels)))
+        Ok(Self(LevelSpacing::List(levels)))
     }
 
     /// The height of a level.
     #[inline]
     pub fn height(&self, level: i32) -> f64 {
         match &self.0 {
-            Kind::Every { base, step, scale } => (base + f64::from(level) * step) / scale,
-            Kind::List(levels) => levels[level as usize - 1],
+            LevelSpacing::Every { base, step, scale } => (base + f64::from(level) * step) / scale,
+            LevelSpacing::List(levels) => levels[level as usize - 1],
         }
     }
 
@@ -97,13 +97,13 @@ impl Levels {
     fn fill<H: Copy + Into<f64>>(&self, heights: &[H], ranks: &mut [i32]) -> bool {
         match &self.0 {
             // A division by 1 takes as long as any.
-            &Kind::Every { base, step, scale: 1.0 } => {
+            &LevelSpacing::Every { base, step, scale: 1.0 } => {
                 rank_by_step(base, step, |height| height, |z| z, heights, ranks)
             }
-            &Kind::Every { base, step, scale } => {
+            &LevelSpacing::Every { base, step, scale } => {
                 rank_by_step(base, step, |height| height / scale, |z| z * scale, heights, ranks)
             }
-            Kind::List(levels) => rank_by_list(levels, heights, ranks),
+            LevelSpacing::List(levels) => rank_by_list(levels, heights, ranks),
         }
     }
 }
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn rank(levels: &Levels, z: f64) -> Option<i32> {
+    fn rank(levels: &ContourLevels, z: f64) -> Option<i32> {
         let mut ranks = [0];
         levels.rank(&[z], &mut ranks).ok()?;
         Some(ranks[0])
@@ -175,7 +175,7 @@ mod tests {
             k in -100_000..100_000,
             off in -3_i32..=3,
         ) {
-            let levels = Levels::every(interval, base).unwrap();
+            let levels = ContourLevels::every(interval, base).unwrap();
             let mut z = levels.height(k);
             for _ in 0..off.abs() {
                 z = if off > 0 { z.next_up() } else { z.next_down() };
@@ -191,7 +191,7 @@ mod tests {
             heights in prop::collection::vec(-10..10_i32, 1..20),
         ) {
             let list: Vec<f64> = list.iter().map(|&v| v.into()).collect();
-            let levels = Levels::list(list.clone()).unwrap();
+            let levels = ContourLevels::list(list.clone()).unwrap();
             let mut distinct = list;
             distinct.sort_by(f64::total_cmp);
             distinct.dedup();
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn levels_are_round_numbers() {
         let heights = |interval, base| {
-            let levels = Levels::every(interval, base).unwrap();
+            let levels = ContourLevels::every(interval, base).unwrap();
             [1, 3, 7].map(|k| levels.height(k))
         };
         assert_eq!(heights(0.1, 0.0), [0.1, 0.3, 0.7]);
@@ -221,21 +221,26 @@ mod tests {
     #[test]
     fn nonsense_is_refused() {
         for interval in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-320] {
-            assert!(Levels::every(interval, 0.0).is_err(), "{interval}");
+            assert!(ContourLevels::every(interval, 0.0).is_err(), "{interval}");
         }
         for base in [f64::NAN, f64::INFINITY, 1e12] {
-            assert!(Levels::every(1.0, base).is_err(), "{base}");
+            assert!(ContourLevels::every(1.0, base).is_err(), "{base}");
         }
-        assert!(Levels::list(vec![]).is_err() && Levels::list(vec![f64::NAN]).is_err());
-        let levels = Levels::every(1.0, 0.0).unwrap();
+        assert!(
+            ContourLevels::list(vec![]).is_err() && ContourLevels::list(vec![f64::NAN]).is_err()
+        );
+        let levels = ContourLevels::every(1.0, 0.0).unwrap();
         assert_eq!(rank(&levels, f64::NAN), Some(VOID));
         assert_eq!(rank(&levels, 1e10), None);
         assert_eq!(levels.rank(&[1.0, f64::NAN, 2e9], &mut [0; 3]), Err(2));
         for (interval, base) in [(0.001, 1e7), (1.0, MOST_RANK), (0.1, 1e9)] {
-            assert!(Levels::every(interval, base).is_err(), "{base} by {interval}");
+            assert!(ContourLevels::every(interval, base).is_err(), "{base} by {interval}");
         }
-        assert!(Levels::every(1000.0, 1e12).is_ok() && Levels::every(1.0, MOST_RANK - 1.0).is_ok());
-        let list = Levels::list(vec![1.0]).unwrap();
+        assert!(
+            ContourLevels::every(1000.0, 1e12).is_ok()
+                && ContourLevels::every(1.0, MOST_RANK - 1.0).is_ok()
+        );
+        let list = ContourLevels::list(vec![1.0]).unwrap();
         assert_eq!((rank(&list, 1e10), rank(&list, -1e31)), (Some(1), None));
     }
     /// Ranks end at 2^30 either way, whatever the interval, the base and the digits after the point.
@@ -243,14 +248,16 @@ mod tests {
     fn the_first_height_without_a_rank_is_told() {
         let most = (1_i32 << 30) - 1;
         for (interval, base) in [(1.0, 0.0), (4.0, -8.0), (0.5, 0.0), (0.25, 2.5), (0.1, 0.7)] {
-            let levels = Levels::every(interval, base).unwrap();
+            let levels = ContourLevels::every(interval, base).unwrap();
             for (k, sign) in [(most, 1), (-most, -1)] {
                 let (last, beyond) = (levels.height(k), levels.height(k + sign));
                 assert_eq!(rank(&levels, last), Some(k), "{interval} {base}");
                 assert_eq!(levels.rank(&[last, f64::NAN, beyond, beyond], &mut [0; 4]), Err(2));
             }
         }
-        for levels in [Levels::every(1e25, 0.0).unwrap(), Levels::list(vec![0.0]).unwrap()] {
+        for levels in
+            [ContourLevels::every(1e25, 0.0).unwrap(), ContourLevels::list(vec![0.0]).unwrap()]
+        {
             let [z, beyond] = [MOST_HEIGHT, MOST_HEIGHT.next_up()];
             assert_eq!(levels.rank(&[z, -z, z, -beyond], &mut [0; 4]), Err(3));
             assert_eq!(levels.rank(&[z, beyond], &mut [0; 2]), Err(1));

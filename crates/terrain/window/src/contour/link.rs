@@ -1,14 +1,14 @@
 //! Segments made lines, by following them from node to node.
 
-use super::sweep::{ENTERED, EXACT, NONE, Node, TAKEN};
-use super::vertex::{Edge, Vertex};
+use super::sweep::{CrossingNode, ENTERED, EXACT, NONE, TAKEN};
+use super::vertex::{ContourVertex, CrossedEdge};
 use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
-/// A line of [`Lines`].
+/// A line of [`WindowContours`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Line {
+pub struct WindowContour {
     /// The number of its level.
     pub level: i32,
     /// One past its last vertex.
@@ -23,14 +23,14 @@ pub struct Line {
 
 /// The lines of a window, each directed with higher ground on its right.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Lines {
+pub struct WindowContours {
     /// The vertices of all lines, one after the other.
-    pub vertices: Vec<Vertex>,
+    pub vertices: Vec<ContourVertex>,
     /// The lines: first those that end at the rim or at voids, then rings.
-    pub lines: Vec<Line>,
+    pub lines: Vec<WindowContour>,
 }
 
-impl Lines {
+impl WindowContours {
     /// Forgets all lines.
     pub fn clear(&mut self) {
         self.vertices.clear();
@@ -38,7 +38,7 @@ impl Lines {
     }
 
     /// The vertices of line `index`.
-    pub fn of(&self, index: usize) -> &[Vertex] {
+    pub fn of(&self, index: usize) -> &[ContourVertex] {
         let start = index.checked_sub(1).map_or(0, |before| self.lines[before].end);
         &self.vertices[start..self.lines[index].end]
     }
@@ -46,15 +46,15 @@ impl Lines {
     /// Fills itself from the nodes of a window.
     pub(super) fn link(
         &mut self,
-        nodes: &mut [Node],
+        nodes: &mut [CrossingNode],
         rect: Rect,
         grid_width: u32,
         cancel: &Cancel,
     ) -> Result<()> {
-        let frame = Frame { rect, grid_width };
+        let frame = ContourFrame { rect, grid_width };
         for only_open in [true, false] {
             for first in 0..nodes.len() {
-                let Node { next, marks, .. } = nodes[first];
+                let CrossingNode { next, marks, .. } = nodes[first];
                 let is_start = marks & ENTERED == 0 || !only_open;
                 if next != NONE && marks & TAKEN == 0 && is_start {
                     cancel.check()?;
@@ -66,7 +66,7 @@ impl Lines {
     }
 
     /// Appends the line from node `first` on, to its end or back to `first`.
-    fn follow(&mut self, nodes: &mut [Node], first: usize, frame: Frame) {
+    fn follow(&mut self, nodes: &mut [CrossingNode], first: usize, frame: ContourFrame) {
         let level = nodes[first].level;
         let start = self.vertices.len();
         let (mut at, mut is_exact, mut closed) = (first, true, false);
@@ -86,13 +86,13 @@ impl Lines {
             }
         }
         let around = is_exact.then(|| around(&self.vertices[start..], frame.grid_width));
-        self.lines.push(Line { level, end: self.vertices.len(), closed, around });
+        self.lines.push(WindowContour { level, end: self.vertices.len(), closed, around });
     }
 }
 
-/// See [`Line::around`].
-fn around(vertices: &[Vertex], grid_width: u32) -> i64 {
-    let place = |v: &Vertex| {
+/// See [`WindowContour::around`].
+fn around(vertices: &[ContourVertex], grid_width: u32) -> i64 {
+    let place = |v: &ContourVertex| {
         let (col, row) = v.nearer(grid_width);
         (i64::from(col), i64::from(row))
     };
@@ -104,16 +104,16 @@ fn around(vertices: &[Vertex], grid_width: u32) -> i64 {
 
 /// From a window to its grid.
 #[derive(Clone, Copy)]
-struct Frame {
+struct ContourFrame {
     rect: Rect,
     grid_width: u32,
 }
 
-impl Frame {
-    fn vertex(&self, node: &Node) -> Vertex {
+impl ContourFrame {
+    fn vertex(&self, node: &CrossingNode) -> ContourVertex {
         let (index, is_down) = (node.edge / 2, node.edge % 2 == 1);
         let (col, row) = (index % self.rect.width, index / self.rect.width);
         let (col, row) = (self.rect.col + col, self.rect.row + row);
-        Vertex { edge: Edge::new(col, row, is_down, self.grid_width), at: node.at }
+        ContourVertex { edge: CrossedEdge::new(col, row, is_down, self.grid_width), at: node.at }
     }
 }

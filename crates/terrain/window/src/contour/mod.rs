@@ -34,26 +34,26 @@ mod sweep;
 mod tests;
 mod vertex;
 
-pub use levels::Levels;
-pub use link::{Line, Lines};
-pub use sweep::{NEAREST, Window};
-pub use vertex::{Edge, Vertex};
+pub use levels::ContourLevels;
+pub use link::{WindowContour, WindowContours};
+pub use sweep::{ContourWindow, NEAREST};
+pub use vertex::{ContourVertex, CrossedEdge};
 
-use sweep::{Node, Sweep};
+use sweep::{ContourSweep, CrossingNode};
 use terrane_base::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Bytes that [`trace`] takes for each crossing, besides those of [`Lines`].
-pub const CROSSING_BYTES: u64 = size_of::<Node>() as u64;
+/// Bytes that [`trace`] takes for each crossing, besides those of [`WindowContours`].
+pub const CROSSING_BYTES: u64 = size_of::<CrossingNode>() as u64;
 
 /// Most samples along a side of a rectangle.
 pub const MOST_SIDE: u32 = 1 << 14;
 
 /// Memory that [`trace`] keeps between calls.
 #[derive(Debug, Default)]
-pub struct Scratch {
-    sweep: Sweep,
+pub struct ContourScratch {
+    sweep: ContourSweep,
 }
 
 /// Fills `lines` with the contour lines of a window at all `levels`, in an order that depends on the
@@ -67,11 +67,11 @@ pub struct Scratch {
 /// `Resource` for more than `most` crossings; `Interrupted` where it is
 /// cancelled.
 pub fn trace<H: Copy + Into<f64>>(
-    window: &Window<'_, H>,
-    levels: &Levels,
+    window: &ContourWindow<'_, H>,
+    levels: &ContourLevels,
     most: u64,
-    scratch: &mut Scratch,
-    lines: &mut Lines,
+    scratch: &mut ContourScratch,
+    lines: &mut WindowContours,
     cancel: &Cancel,
 ) -> Result<()> {
     lines.clear();

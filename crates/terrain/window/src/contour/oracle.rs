@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{Edge, Levels, NEAREST, Vertex};
+use super::{ContourLevels, ContourVertex, CrossedEdge, NEAREST};
 
 /// A line: its level's height, its vertices (a ring's first is repeated), whether it is a ring.
-pub(super) type Line = (f64, Vec<Vertex>, bool);
+pub(super) type Line = (f64, Vec<ContourVertex>, bool);
 
 /// All lines of a grid of `width` columns at a level, rings beginning at their lowest edge.
 pub(super) fn lines(heights: &[f64], width: usize, level: f64) -> Vec<Line> {
@@ -26,7 +26,7 @@ pub(super) fn lines(heights: &[f64], width: usize, level: f64) -> Vec<Line> {
 /// Levels between the lowest and the highest height, as `levels` numbers them.
 pub(super) fn levels_of(
     heights: &[f64],
-    levels: &Levels,
+    levels: &ContourLevels,
     numbers: std::ops::Range<i32>,
 ) -> Vec<f64> {
     let valid = || heights.iter().copied().filter(|z| !z.is_nan());
@@ -41,7 +41,7 @@ fn cell(
     col: usize,
     row: usize,
     level: f64,
-) -> Vec<(Vertex, Vertex)> {
+) -> Vec<(ContourVertex, ContourVertex)> {
     let z = |c: usize, r: usize| heights[(row + r) * width + col + c];
     let corners = [(0, 0), (1, 0), (1, 1), (0, 1)];
     if corners.iter().any(|&(c, r)| z(c, r).is_nan()) {
@@ -56,7 +56,7 @@ fn cell(
         let (za, zb) = (z(first.0, first.1), z(second.0, second.1));
         let at = ((level - za) / (zb - za)).clamp(NEAREST, 1.0 - NEAREST);
         let (x, y) = ((col + first.0) as u32, (row + first.1) as u32);
-        Vertex { edge: Edge::new(x, y, first.0 == second.0, width as u32), at }
+        ContourVertex { edge: CrossedEdge::new(x, y, first.0 == second.0, width as u32), at }
     };
     let pairs = match met[..] {
         [a, b] => vec![(a, b)],
@@ -72,12 +72,12 @@ fn cell(
 
 /// The segment between two crossings with the higher corner of the first one's side on its right.
 fn directed(
-    a: Vertex,
-    b: Vertex,
+    a: ContourVertex,
+    b: ContourVertex,
     first_is_above: bool,
     side: usize,
     width: usize,
-) -> (Vertex, Vertex) {
+) -> (ContourVertex, ContourVertex) {
     let ([ax, ay], [bx, by]) = (a.place(width as u32), b.place(width as u32));
     // The corner before the crossing on the way around, a little way back along the side.
     let back = [[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]][side];
@@ -86,10 +86,12 @@ fn directed(
     if (product > 0.0) == first_is_above { (a, b) } else { (b, a) }
 }
 
-fn join(mut segments: BTreeMap<Edge, (Vertex, Vertex)>) -> Vec<(Vec<Vertex>, bool)> {
+fn join(
+    mut segments: BTreeMap<CrossedEdge, (ContourVertex, ContourVertex)>,
+) -> Vec<(Vec<ContourVertex>, bool)> {
     let mut all = Vec::new();
     while !segments.is_empty() {
-        let entered: Vec<Edge> = segments.values().map(|(_, to)| to.edge).collect();
+        let entered: Vec<CrossedEdge> = segments.values().map(|(_, to)| to.edge).collect();
         let open = segments.keys().find(|edge| !entered.contains(edge)).copied();
         let lowest = segments.keys().next().copied();
         let mut line = Vec::new();

@@ -4,7 +4,7 @@
 //! of its ends. Most samples have the ranks of their neighbours, which a few instructions tell for many
 //! at a time.
 
-use super::levels::{Levels, VOID};
+use super::levels::{ContourLevels, VOID};
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
@@ -14,7 +14,7 @@ pub const NEAREST: f64 = 1.0 / 65_536.0;
 
 /// Samples to trace: a rectangle of a grid.
 #[derive(Clone, Copy, Debug)]
-pub struct Window<'a, H> {
+pub struct ContourWindow<'a, H> {
     /// Where they are in the grid.
     pub rect: Rect,
     /// Columns of the grid.
@@ -35,7 +35,7 @@ pub(super) const TAKEN: u32 = 4;
 
 /// A crossing of an edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct CrossingNode {
     /// How far along the edge.
     pub(super) at: f64,
     /// The edge: twice the index of its first sample in the window, plus one where it goes down.
@@ -51,8 +51,8 @@ const CHUNK: usize = 16;
 
 /// The state of a pass, and its result.
 #[derive(Debug, Default)]
-pub(super) struct Sweep {
-    pub(super) nodes: Vec<Node>,
+pub(super) struct ContourSweep {
+    pub(super) nodes: Vec<CrossingNode>,
     /// Ranks of the row above, and of the row at hand.
     above: Vec<i32>,
     ranks: Vec<i32>,
@@ -66,12 +66,12 @@ pub(super) struct Sweep {
     busy: Vec<bool>,
 }
 
-impl Sweep {
+impl ContourSweep {
     /// Fills `nodes`, linked by segments.
     pub(super) fn run<H: Copy + Into<f64>>(
         &mut self,
-        window: &Window<'_, H>,
-        levels: &Levels,
+        window: &ContourWindow<'_, H>,
+        levels: &ContourLevels,
         most: u64,
         cancel: &Cancel,
     ) -> Result<()> {
@@ -94,23 +94,23 @@ impl Sweep {
             let heights = &window.heights[row * width..][..width];
             let ranked = levels.rank(heights, &mut self.ranks);
             ranked.map_err(|col| no_rank(window, col, row))?;
-            Row { window, levels, most, row, width }.sweep(self)?;
+            SweepRow { window, levels, most, row, width }.sweep(self)?;
         }
         Ok(())
     }
 }
 
 /// One step of a pass: a row of samples, and the cells between it and the row above.
-struct Row<'a, 'b, H> {
-    window: &'a Window<'b, H>,
-    levels: &'a Levels,
+struct SweepRow<'a, 'b, H> {
+    window: &'a ContourWindow<'b, H>,
+    levels: &'a ContourLevels,
     most: u64,
     row: usize,
     width: usize,
 }
 
-impl<H: Copy + Into<f64>> Row<'_, '_, H> {
-    fn sweep(&self, s: &mut Sweep) -> Result<()> {
+impl<H: Copy + Into<f64>> SweepRow<'_, '_, H> {
+    fn sweep(&self, s: &mut ContourSweep) -> Result<()> {
         for (chunk, start) in (0..self.width).step_by(CHUNK).enumerate() {
             let end = (start + CHUNK).min(self.width);
             let last = (end + 1).min(self.width);
@@ -138,7 +138,7 @@ impl<H: Copy + Into<f64>> Row<'_, '_, H> {
         self.window.heights[row * self.width + col].into()
     }
 
-    fn cross_along(&self, s: &mut Sweep, col: usize) -> Result<()> {
+    fn cross_along(&self, s: &mut ContourSweep, col: usize) -> Result<()> {
         let ranks = [s.ranks[col], s.ranks[col + 1]];
         if is_crossed(ranks) {
             s.along[col] = s.nodes.len() as u32;
@@ -148,7 +148,7 @@ impl<H: Copy + Into<f64>> Row<'_, '_, H> {
         Ok(())
     }
 
-    fn cross_down(&self, s: &mut Sweep, col: usize) -> Result<()> {
+    fn cross_down(&self, s: &mut ContourSweep, col: usize) -> Result<()> {
         let ranks = [s.above[col], s.ranks[col]];
         if is_crossed(ranks) {
             s.down[col] = s.nodes.len() as u32;
@@ -159,7 +159,13 @@ impl<H: Copy + Into<f64>> Row<'_, '_, H> {
     }
 
     /// Appends the crossings of an edge, upwards.
-    fn cross(&self, s: &mut Sweep, edge: usize, ranks: [i32; 2], heights: [f64; 2]) -> Result<()> {
+    fn cross(
+        &self,
+        s: &mut ContourSweep,
+        edge: usize,
+        ranks: [i32; 2],
+        heights: [f64; 2],
+    ) -> Result<()> {
         let (low, high) = (ranks[0].min(ranks[1]), ranks[0].max(ranks[1]));
         if s.nodes.len() as u64 + u64::from(high.abs_diff(low)) > self.most {
             return Err(too_many(self.most));
@@ -170,14 +176,14 @@ impl<H: Copy + Into<f64>> Row<'_, '_, H> {
             let height = self.levels.height(level);
             let at = ((height - from) / (to - from)).clamp(NEAREST, 1.0 - NEAREST);
             let marks = if height == highest { EXACT } else { 0 };
-            s.nodes.push(Node { at, edge: edge as u32, level, next: NONE, marks });
+            s.nodes.push(CrossingNode { at, edge: edge as u32, level, next: NONE, marks });
         }
         Ok(())
     }
 
     /// Joins the crossings of the cell whose first sample is in the row above.
     #[inline]
-    fn join(&self, s: &mut Sweep, col: usize) {
+    fn join(&self, s: &mut ContourSweep, col: usize) {
         let corners = [s.above[col], s.above[col + 1], s.ranks[col + 1], s.ranks[col]];
         let [nw, ne, se, sw] = corners;
         if nw == ne && ne == se && se == sw || corners.contains(&VOID) {
@@ -220,7 +226,7 @@ impl<H: Copy + Into<f64>> Row<'_, '_, H> {
 
 /// Makes a segment, or the one the other way.
 #[inline]
-fn link(s: &mut Sweep, is_forward: bool, from: u32, to: u32) {
+fn link(s: &mut ContourSweep, is_forward: bool, from: u32, to: u32) {
     let (from, to) = if is_forward { (from, to) } else { (to, from) };
     s.nodes[from as usize].next = to;
     s.nodes[to as usize].marks |= ENTERED;
@@ -237,7 +243,7 @@ fn differ(a: &[i32], b: &[i32]) -> bool {
     a.iter().zip(b).fold(0, |bits, (a, b)| bits | (a ^ b)) != 0
 }
 
-fn no_rank<H: Copy + Into<f64>>(window: &Window<'_, H>, col: usize, row: usize) -> Error {
+fn no_rank<H: Copy + Into<f64>>(window: &ContourWindow<'_, H>, col: usize, row: usize) -> Error {
     let height: f64 = window.heights[row * window.rect.width as usize + col].into();
     let (col, row) = (col + window.rect.col as usize, row + window.rect.row as usize);
     Error::bad_input(format!(

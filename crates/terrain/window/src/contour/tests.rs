@@ -5,20 +5,27 @@ use proptest::prelude::*;
 use super::*;
 use terrane_base::error::ErrorKind;
 
-fn traced(heights: &[f64], width: usize, levels: &Levels) -> Lines {
+fn traced(heights: &[f64], width: usize, levels: &ContourLevels) -> WindowContours {
     let rect = Rect::new(0, 0, width as u32, (heights.len() / width) as u32);
-    let window = Window { rect, grid_width: width as u32, heights };
-    let mut lines = Lines::default();
-    trace(&window, levels, u64::MAX, &mut Scratch::default(), &mut lines, &Cancel::default())
-        .unwrap();
+    let window = ContourWindow { rect, grid_width: width as u32, heights };
+    let mut lines = WindowContours::default();
+    trace(
+        &window,
+        levels,
+        u64::MAX,
+        &mut ContourScratch::default(),
+        &mut lines,
+        &Cancel::default(),
+    )
+    .unwrap();
     lines
 }
 
 /// All lines in a form that does not depend on their order or on where rings begin.
-fn canonical(lines: &Lines, levels: &Levels) -> Vec<oracle::Line> {
+fn canonical(lines: &WindowContours, levels: &ContourLevels) -> Vec<oracle::Line> {
     let mut all: Vec<oracle::Line> = (0..lines.lines.len())
         .map(|i| {
-            let Line { level, closed, .. } = lines.lines[i];
+            let WindowContour { level, closed, .. } = lines.lines[i];
             let mut vertices = lines.of(i).to_vec();
             if closed {
                 vertices.pop();
@@ -53,13 +60,13 @@ fn grids() -> impl Strategy<Value = (Vec<f64>, usize)> {
     })
 }
 
-fn some_levels() -> impl Strategy<Value = (Levels, std::ops::Range<i32>)> {
+fn some_levels() -> impl Strategy<Value = (ContourLevels, std::ops::Range<i32>)> {
     let list = prop::collection::vec(prop_oneof![(0..6_i32).prop_map(f64::from), 0.0..6.0], 1..6);
     prop_oneof![
         prop_oneof![Just(1.0), Just(0.5), Just(0.3), 0.1..3.0]
-            .prop_map(|interval| (Levels::every(interval, 0.0).unwrap(), -1..100)),
+            .prop_map(|interval| (ContourLevels::every(interval, 0.0).unwrap(), -1..100)),
         list.prop_map(|list| {
-            let levels = Levels::list(list.clone()).unwrap();
+            let levels = ContourLevels::list(list.clone()).unwrap();
             let mut distinct = list;
             distinct.sort_by(f64::total_cmp);
             distinct.dedup();
@@ -169,7 +176,7 @@ fn meet(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> bool {
 #[test]
 fn lines_go_clockwise_around_tops() {
     let heights = [0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0];
-    let lines = traced(&heights, 3, &Levels::list(vec![3.0]).unwrap());
+    let lines = traced(&heights, 3, &ContourLevels::list(vec![3.0]).unwrap());
     let places: Vec<_> = lines.of(0).iter().map(|v| v.place(3)).collect();
     let third = 1.0 / 3.0;
     let near = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-9;
@@ -186,7 +193,7 @@ fn the_mean_of_a_saddle_says_what_belongs_together() {
     for (level, corners) in
         [(0.4, [[1, 0], [0, 1]]), (0.5, [[1, 0], [0, 1]]), (0.6, [[0, 0], [1, 1]])]
     {
-        let lines = traced(&heights, 2, &Levels::list(vec![level]).unwrap());
+        let lines = traced(&heights, 2, &ContourLevels::list(vec![level]).unwrap());
         assert_eq!(lines.lines.len(), 2);
         for corner in corners {
             // A line cuts off the corner that both of its edges have.
@@ -207,7 +214,7 @@ fn samples_on_the_level_are_passed_on_the_lower_side() {
     // A single sample on the level: a ring next to it, around nothing.
     let mut heights = [0.0; 25];
     heights[12] = 5.0;
-    let level = Levels::list(vec![5.0]).unwrap();
+    let level = ContourLevels::list(vec![5.0]).unwrap();
     let lines = traced(&heights, 5, &level);
     assert_eq!((lines.lines.len(), lines.of(0).len()), (1, 5));
     assert_eq!(lines.lines[0].around, Some(0));
@@ -225,16 +232,16 @@ fn samples_on_the_level_are_passed_on_the_lower_side() {
 
 #[test]
 fn nonsense_is_refused() {
-    let levels = Levels::every(1.0, 0.0).unwrap();
+    let levels = ContourLevels::every(1.0, 0.0).unwrap();
     let run = |heights: &[f64], width, most| {
         let rect = Rect::new(7, 9, width, 2);
-        let window = Window { rect, grid_width: 100, heights };
+        let window = ContourWindow { rect, grid_width: 100, heights };
         trace(
             &window,
             &levels,
             most,
-            &mut Scratch::default(),
-            &mut Lines::default(),
+            &mut ContourScratch::default(),
+            &mut WindowContours::default(),
             &Cancel::default(),
         )
     };
@@ -253,11 +260,14 @@ fn nonsense_is_refused() {
 /// Before its first row is read.
 #[test]
 fn work_that_is_cancelled_ends() {
-    let (levels, cancel) = (Levels::every(1.0, 0.0).unwrap(), Cancel::default());
+    let (levels, cancel) = (ContourLevels::every(1.0, 0.0).unwrap(), Cancel::default());
     cancel.cancel();
-    let window =
-        Window { rect: Rect::new(0, 0, 2, 2), grid_width: 2, heights: &[0.0, 1.0, 2.0, 9.0] };
-    let (mut scratch, mut lines) = (Scratch::default(), Lines::default());
+    let window = ContourWindow {
+        rect: Rect::new(0, 0, 2, 2),
+        grid_width: 2,
+        heights: &[0.0, 1.0, 2.0, 9.0],
+    };
+    let (mut scratch, mut lines) = (ContourScratch::default(), WindowContours::default());
     let error = trace(&window, &levels, 99, &mut scratch, &mut lines, &cancel).unwrap_err();
     assert_eq!((error.kind(), lines.lines.len()), (ErrorKind::Interrupted, 0));
 }
@@ -265,20 +275,21 @@ fn work_that_is_cancelled_ends() {
 #[test]
 fn halfway_the_second_sample_is_the_nearer() {
     for (at, along, down) in [(0.5_f64.next_down(), (3, 2), (3, 2)), (0.5, (4, 2), (3, 3))] {
-        let nearer = |is_down| Vertex { edge: Edge::new(3, 2, is_down, 7), at }.nearer(7);
+        let nearer =
+            |is_down| ContourVertex { edge: CrossedEdge::new(3, 2, is_down, 7), at }.nearer(7);
         assert_eq!([nearer(false), nearer(true)], [along, down]);
     }
 }
 
 #[test]
 fn nothing_stays_of_what_was_traced_before() {
-    let levels = Levels::every(1.0, 0.0).unwrap();
-    let (mut scratch, mut lines) = (Scratch::default(), Lines::default());
+    let levels = ContourLevels::every(1.0, 0.0).unwrap();
+    let (mut scratch, mut lines) = (ContourScratch::default(), WindowContours::default());
     for (width, heights) in
         [(3, vec![0.0, 0.0, 0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 0.0]), (2, vec![0.5; 6])]
     {
         let rect = Rect::new(0, 0, width, heights.len() as u32 / width);
-        let window = Window { rect, grid_width: width, heights: &heights };
+        let window = ContourWindow { rect, grid_width: width, heights: &heights };
         trace(&window, &levels, u64::MAX, &mut scratch, &mut lines, &Cancel::default()).unwrap();
         assert_eq!(lines, traced(&heights, width as usize, &levels));
     }

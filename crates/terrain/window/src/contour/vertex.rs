@@ -6,9 +6,9 @@
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
 )]
 #[repr(transparent)]
-pub struct Edge(u64);
+pub struct CrossedEdge(u64);
 
-impl Edge {
+impl CrossedEdge {
     /// The edge from sample (`col`, `row`) of a grid of `width` columns, along the row or down.
     pub fn new(col: u32, row: u32, is_down: bool, width: u32) -> Self {
         Self(2 * (u64::from(row) * u64::from(width) + u64::from(col)) + u64::from(is_down))
@@ -29,14 +29,14 @@ impl Edge {
 /// Where a line crosses an edge.
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Vertex {
+pub struct ContourVertex {
     /// The edge.
-    pub edge: Edge,
+    pub edge: CrossedEdge,
     /// How far along it, from its first sample (0) to its second (1).
     pub at: f64,
 }
 
-impl Vertex {
+impl ContourVertex {
     /// Column and row, with fractions, in a grid of `width` columns.
     pub fn place(&self, width: u32) -> [f64; 2] {
         let (col, row) = self.edge.first(width);

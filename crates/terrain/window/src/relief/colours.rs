@@ -30,7 +30,7 @@ pub const NAMES: &[(&str, [u8; 3])] = &[
 
 /// The colour of a height between those that have one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Between {
+pub enum ColorInterpolation {
     /// Each part of the colour on the line between the two.
     #[default]
     Mixed,
@@ -42,7 +42,7 @@ pub enum Between {
 
 /// What is wrong with a text, and in which line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct ColorTableError {
     /// From 1; 0 for the whole.
     pub line: usize,
     /// What is wrong.
@@ -51,7 +51,7 @@ pub struct Fault {
 
 /// Where a colour is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum At {
+enum ColorKey {
     Height(f64),
     /// Of the range of heights, from 0 to 1.
     Share(f64),
@@ -60,14 +60,14 @@ enum At {
 
 /// Colours as a text names them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Palette(Vec<(At, Colour)>);
+pub struct Palette(Vec<(ColorKey, Colour)>);
 
 impl Palette {
     /// Reads a text.
     ///
     /// # Errors
     /// A line that says something else, by its number; a text without a colour.
-    pub fn parse(text: &str) -> Result<Self, Fault> {
+    pub fn parse(text: &str) -> Result<Self, ColorTableError> {
         let mut entries = Vec::new();
         for (line, text) in (1..).zip(text.lines()) {
             let words: Vec<_> =
@@ -75,37 +75,43 @@ impl Palette {
             if words.first().is_none_or(|word| word.starts_with(['#', '/'])) {
                 continue;
             }
-            entries.push(entry(&words).map_err(|message| Fault { line, message })?);
+            entries.push(entry(&words).map_err(|message| ColorTableError { line, message })?);
         }
         match entries.is_empty() {
-            true => Err(Fault { line: 0, message: "names no colour".to_owned() }),
+            true => Err(ColorTableError { line: 0, message: "names no colour".to_owned() }),
             false => Ok(Self(entries)),
         }
     }
 
     /// Whether the range of heights has to be known.
     pub fn needs_range(&self) -> bool {
-        self.0.iter().any(|(at, _)| matches!(at, At::Share(_)))
+        self.0.iter().any(|(at, _)| matches!(at, ColorKey::Share(_)))
     }
 
     /// Colours of heights in a grid whose lowest and highest ones are these. Where `nv` is named, heights are not
     /// mixed across the value that stands for voids in the grid. Takes time linear in the colours, but for sorting
     /// them.
-    pub fn table(&self, [low, high]: [f64; 2], nodata: Option<f64>, between: Between) -> Table {
-        let height = |at: At| match at {
-            At::Height(height) if Some(height) != nodata => Some(height),
-            At::Share(share) => Some(low + share * (high - low)),
-            At::Height(_) | At::Void => None,
+    pub fn table(
+        &self,
+        [low, high]: [f64; 2],
+        nodata: Option<f64>,
+        between: ColorInterpolation,
+    ) -> ColorTable {
+        let height = |at: ColorKey| match at {
+            ColorKey::Height(height) if Some(height) != nodata => Some(height),
+            ColorKey::Share(share) => Some(low + share * (high - low)),
+            ColorKey::Height(_) | ColorKey::Void => None,
         };
         let void = self.0.iter().rev().find(|(at, _)| height(*at).is_none()).map(|(_, own)| *own);
         let mut colours: Vec<(f64, Colour)> =
             self.0.iter().filter_map(|(at, colour)| Some((height(*at)?, *colour))).collect();
         colours.sort_by(|a, b| a.0.total_cmp(&b.0));
-        if let (Some(value), Some(_), true) = (nodata, void, between != Between::Nothing) {
+        if let (Some(value), Some(_), true) = (nodata, void, between != ColorInterpolation::Nothing)
+        {
             step(&mut colours, value);
         }
         let (heights, colours) = colours.into_iter().unzip();
-        Table { heights, colours, void: void.unwrap_or_default(), between }
+        ColorTable { heights, colours, void: void.unwrap_or_default(), between }
     }
 }
 
@@ -119,7 +125,7 @@ fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
     colours.splice(above..above, sides);
 }
 
-fn entry(words: &[&str]) -> Result<(At, Colour), String> {
+fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
     let number = |word: &str| {
         word.parse::<u8>().map_err(|_| format!("{word:?} is no whole number from 0 to 255"))
     };
@@ -134,18 +140,18 @@ fn entry(words: &[&str]) -> Result<(At, Colour), String> {
     Ok((at, [rgb[0], rgb[1], rgb[2], opacity]))
 }
 
-fn place(word: &str) -> Result<At, String> {
+fn place(word: &str) -> Result<ColorKey, String> {
     if word.eq_ignore_ascii_case("nv") || word.eq_ignore_ascii_case("nan") {
-        return Ok(At::Void);
+        return Ok(ColorKey::Void);
     }
     let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
     match word.strip_suffix('%') {
         Some(share) => number(share)
             .filter(|share| (0.0..=100.0).contains(share))
-            .map(|share| At::Share(share / 100.0))
+            .map(|share| ColorKey::Share(share / 100.0))
             .ok_or_else(|| format!("{word:?} is no share from 0% to 100%")),
         None => number(word)
-            .map(At::Height)
+            .map(ColorKey::Height)
             .ok_or_else(|| format!("{word:?} is no height: a number, a share such as 25%, or nv")),
     }
 }
@@ -160,19 +166,19 @@ fn named(word: &str) -> Result<[u8; 3], String> {
 
 /// Colours by height.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct ColorTable {
     /// Ascending; of equal ones the first is reached from below, the last from above.
     heights: Vec<f64>,
     colours: Vec<Colour>,
     void: Colour,
-    between: Between,
+    between: ColorInterpolation,
 }
 
-impl Table {
-    /// Colours of heights, as [`Table::at`] tells them. Heights that lie between the same two as the one before, as
+impl ColorTable {
+    /// Colours of heights, as [`ColorTable::at`] tells them. Heights that lie between the same two as the one before, as
     /// neighbours mostly do, take constant time.
     pub fn paint(&self, heights: &[f64], colours: &mut [Colour]) {
-        let mut span = Span::default();
+        let mut span = ColorSpan::default();
         for (colour, height) in colours.iter_mut().zip(heights) {
             if !span.holds(*height) {
                 span = self.span(*height);
@@ -182,14 +188,14 @@ impl Table {
     }
 
     /// What a height lies between, where colours are mixed.
-    fn span(&self, height: f64) -> Span {
+    fn span(&self, height: f64) -> ColorSpan {
         let above = self.heights.partition_point(|own| *own < height);
         match (above.checked_sub(1), self.heights.get(above), self.between) {
-            (Some(below), Some(high), Between::Mixed) => Span {
+            (Some(below), Some(high), ColorInterpolation::Mixed) => ColorSpan {
                 ends: [self.heights[below], *high],
                 colours: [self.colours[below], self.colours[above]],
             },
-            _ => Span::default(),
+            _ => ColorSpan::default(),
         }
     }
 
@@ -201,16 +207,17 @@ impl Table {
         match (above, self.between) {
             _ if height.is_nan() || self.heights.is_empty() => self.void,
             _ if is_exact => self.colours[above],
-            (_, Between::Nothing) => [0; 4],
+            (_, ColorInterpolation::Nothing) => [0; 4],
             (0, _) => self.colours[0],
             (above, _) if above == self.heights.len() => self.colours[above - 1],
-            (above, Between::Nearest) => {
+            (above, ColorInterpolation::Nearest) => {
                 let [low, high] = [self.heights[above - 1], self.heights[above]];
                 self.colours[if height - low < high - height { above - 1 } else { above }]
             }
-            (above, Between::Mixed) => {
+            (above, ColorInterpolation::Mixed) => {
                 let ends = [self.heights[above - 1], self.heights[above]];
-                Span { ends, colours: [self.colours[above - 1], self.colours[above]] }.at(height)
+                ColorSpan { ends, colours: [self.colours[above - 1], self.colours[above]] }
+                    .at(height)
             }
         }
     }
@@ -218,12 +225,12 @@ impl Table {
 
 /// Two heights that follow each other in a table, and their colours.
 #[derive(Clone, Copy, Default)]
-struct Span {
+struct ColorSpan {
     ends: [f64; 2],
     colours: [Colour; 2],
 }
 
-impl Span {
+impl ColorSpan {
     /// True for heights between the ends.
     #[inline(always)]
     fn holds(&self, height: f64) -> bool {
@@ -257,7 +264,7 @@ mod tests {
             "# heights\n/ of\n\n 0 0 0 255\n50%,0:255,0  128\n1e3\tred\n-5.5 GREY 7\nnv 1 2 3 4\n";
         let palette = Palette::parse(text).unwrap();
         assert!(palette.needs_range());
-        let table = palette.table([200.0, 600.0], Some(-9999.0), Between::Mixed);
+        let table = palette.table([200.0, 600.0], Some(-9999.0), ColorInterpolation::Mixed);
         for (height, colour) in [
             (0.0, [0, 0, 255, 255]),
             (400.0, [0, 255, 0, 128]),
@@ -295,21 +302,21 @@ mod tests {
     fn between_heights_colours_are_mixed_or_the_nearest_or_none() {
         let palette = Palette::parse("0 0 10 100\n10 255 20 0\n10 7 7 7\n20 9 9 9").unwrap();
         let at = |between, height| palette.table([0.0; 2], None, between).at(height);
-        assert_eq!(at(Between::Mixed, 4.0), [102, 14, 60, 255]);
-        assert_eq!(at(Between::Nearest, 5.0), [255, 20, 0, 255]);
-        assert_eq!(at(Between::Nearest, 4.9), [0, 10, 100, 255]);
-        assert_eq!(at(Between::Nothing, 4.9), [0; 4]);
+        assert_eq!(at(ColorInterpolation::Mixed, 4.0), [102, 14, 60, 255]);
+        assert_eq!(at(ColorInterpolation::Nearest, 5.0), [255, 20, 0, 255]);
+        assert_eq!(at(ColorInterpolation::Nearest, 4.9), [0, 10, 100, 255]);
+        assert_eq!(at(ColorInterpolation::Nothing, 4.9), [0; 4]);
         assert_eq!(
-            (at(Between::Nothing, 0.0), at(Between::Nothing, 30.0)),
+            (at(ColorInterpolation::Nothing, 0.0), at(ColorInterpolation::Nothing, 30.0)),
             ([0, 10, 100, 255], [0; 4])
         );
         // A step: from below and from above.
-        assert_eq!(at(Between::Mixed, 9.999_999), [255, 20, 0, 255]);
-        assert_eq!(at(Between::Mixed, 10.000_001), [7, 7, 7, 255]);
+        assert_eq!(at(ColorInterpolation::Mixed, 9.999_999), [255, 20, 0, 255]);
+        assert_eq!(at(ColorInterpolation::Mixed, 10.000_001), [7, 7, 7, 255]);
         // Voids that no line names cannot be seen; colours are not mixed across their value.
-        assert_eq!(at(Between::Mixed, f64::NAN), [0; 4]);
+        assert_eq!(at(ColorInterpolation::Mixed, f64::NAN), [0; 4]);
         let palette = Palette::parse("nv white\n-1 red\n1 blue").unwrap();
-        let table = palette.table([0.0; 2], Some(0.0), Between::Mixed);
+        let table = palette.table([0.0; 2], Some(0.0), ColorInterpolation::Mixed);
         assert_eq!((table.at(-0.1), table.at(0.1)), ([255, 0, 0, 255], [0, 0, 255, 255]));
     }
 
@@ -324,7 +331,7 @@ mod tests {
             entries.sort_by(|a, b| a.0.total_cmp(&b.0));
             entries.dedup_by_key(|entry| entry.0);
             let text: String = entries.iter().rev().map(|(z, [r, g, b])| format!("{z} {r} {g} {b}\n")).collect();
-            let table = Palette::parse(&text).unwrap().table([0.0; 2], None, Between::Mixed);
+            let table = Palette::parse(&text).unwrap().table([0.0; 2], None, ColorInterpolation::Mixed);
             let (first, last) = (entries[0], entries[entries.len() - 1]);
             let pairs = entries.windows(2).find(|pair| (pair[0].0..=pair[1].0).contains(&height));
             let expected = match pairs {

@@ -6,7 +6,7 @@ use crate::relief::{Derivative, Gradient, Heights, Turn};
 
 /// Which curvature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum Kind {
+pub enum CurvatureKind {
     /// Of the whole: above 0 where the ground is convex
     ///
     /// The negative of the sum of both second derivatives.
@@ -20,7 +20,7 @@ pub enum Kind {
 
 /// Curvature, in radians by metre; of level ground 0 along and across a slope that it does not have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Curvature(pub Kind);
+pub struct Curvature(pub CurvatureKind);
 
 impl Derivative for Curvature {
     fn at(&self, heights: &Heights, turn: &Turn) -> f64 {
@@ -35,9 +35,11 @@ impl Derivative for Curvature {
         let [east, north] = Gradient::ZevenbergenThorne.of(heights, turn);
         let steep = east * east + north * north;
         let along = match self.0 {
-            Kind::General => return -(xx + yy),
-            Kind::Profile => east * east * xx + 2.0 * east * north * xy + north * north * yy,
-            Kind::Plan => north * north * xx - 2.0 * east * north * xy + east * east * yy,
+            CurvatureKind::General => return -(xx + yy),
+            CurvatureKind::Profile => {
+                east * east * xx + 2.0 * east * north * xy + north * north * yy
+            }
+            CurvatureKind::Plan => north * north * xx - 2.0 * east * north * xy + east * east * yy,
         };
         if steep == 0.0 { 0.0 } else { -along / steep }
     }

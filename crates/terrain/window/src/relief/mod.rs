@@ -26,12 +26,12 @@ mod slope;
 mod tests;
 
 pub use aspect::Aspect;
-pub use colours::{Between, Colour, Fault, NAMES, Palette, Table};
-pub use curvature::{Curvature, Kind};
-pub use position::Position;
+pub use colours::{ColorInterpolation, ColorTable, ColorTableError, Colour, NAMES, Palette};
+pub use curvature::{Curvature, CurvatureKind};
+pub use position::PositionIndex;
 pub use roughness::Roughness;
-pub use ruggedness::{Measure, Ruggedness};
-pub use shade::{Hillshade, Light};
+pub use ruggedness::{Ruggedness, RuggednessMeasure};
+pub use shade::{Hillshade, LightSource};
 pub use slope::Slope;
 use terrane_options::Choice;
 

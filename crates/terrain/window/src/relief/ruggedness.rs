@@ -4,7 +4,7 @@ use crate::relief::{Derivative, Heights, Turn};
 
 /// How differences are put together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Measure {
+pub enum RuggednessMeasure {
     /// The root of the sum of squares (Riley et al. 1999): for the land.
     #[default]
     Riley,
@@ -14,14 +14,14 @@ pub enum Measure {
 
 /// Terrain ruggedness index: of the eight differences between a height and those around it, in their unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ruggedness(pub Measure);
+pub struct Ruggedness(pub RuggednessMeasure);
 
 impl Derivative for Ruggedness {
     fn at(&self, heights: &Heights, _: &Turn) -> f64 {
         let off = heights.map(|height| height - heights[4]);
         match self.0 {
-            Measure::Riley => off.iter().map(|off| off * off).sum::<f64>().sqrt(),
-            Measure::Wilson => off.iter().map(|off| off.abs()).sum::<f64>() / 8.0,
+            RuggednessMeasure::Riley => off.iter().map(|off| off * off).sum::<f64>().sqrt(),
+            RuggednessMeasure::Wilson => off.iter().map(|off| off.abs()).sum::<f64>() / 8.0,
         }
     }
 

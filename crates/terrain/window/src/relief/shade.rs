@@ -6,7 +6,7 @@ use crate::relief::{Derivative, Gradient, Heights, Turn};
 
 /// Where light comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Light {
+pub enum LightSource {
     /// From one direction: the cosine of the angle between it and what is upright on the ground.
     #[default]
     One,
@@ -23,7 +23,7 @@ pub struct Hillshade {
     /// How the change of height is told.
     pub gradient: Gradient,
     /// Where light comes from.
-    pub light: Light,
+    pub light: LightSource,
     /// Degrees clockwise from north, of one light.
     pub azimuth: f64,
     /// Degrees above the horizon.
@@ -35,7 +35,7 @@ pub struct Hillshade {
 impl Default for Hillshade {
     /// One light from the north-west, 45 degrees above the horizon.
     fn default() -> Self {
-        let (gradient, light) = (Gradient::Horn, Light::One);
+        let (gradient, light) = (Gradient::Horn, LightSource::One);
         Self { gradient, light, azimuth: 315.0, altitude: 45.0, exaggeration: 1.0 }
     }
 }
@@ -51,7 +51,7 @@ impl Derivative for Hillshade {
 
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
         let lamps = self.lamps();
-        if self.light != Light::One {
+        if self.light != LightSource::One {
             let bright = |heights: &_| self.bright(&lamps, self.gradient.of(heights, turn));
             return crate::relief::each(rows, out, f64::NAN, bright);
         }
@@ -109,8 +109,8 @@ impl Hillshade {
     /// Four lights, of which the first is the one where there is one; the last is in the north.
     fn lamps(&self) -> [Lamp; 4] {
         let azimuths = match self.light {
-            Light::Four => [225.0, 270.0, 315.0, 360.0],
-            Light::One | Light::Combined => [self.azimuth; 4],
+            LightSource::Four => [225.0, 270.0, 315.0, 360.0],
+            LightSource::One | LightSource::Combined => [self.azimuth; 4],
         };
         azimuths.map(|azimuth| Lamp::new(azimuth, self.altitude))
     }
@@ -120,14 +120,14 @@ impl Hillshade {
         let slope = slope.map(|by| by * self.exaggeration);
         let steep = slope[0] * slope[0] + slope[1] * slope[1];
         let bright = match self.light {
-            Light::One => lamps[0].lit(slope),
-            Light::Combined => {
+            LightSource::One => lamps[0].lit(slope),
+            LightSource::Combined => {
                 let angle = lamps[0].lit(slope).clamp(-1.0, 1.0).acos();
                 1.0 - angle * steep.sqrt().atan() / (FRAC_PI_2 * FRAC_PI_2)
             }
             // Level ground is lit alike by all.
-            Light::Four if steep == 0.0 => lamps[0].lit(slope),
-            Light::Four => {
+            LightSource::Four if steep == 0.0 => lamps[0].lit(slope),
+            LightSource::Four => {
                 // How much the ground falls towards a light or away from it: the square of the cosine between its
                 // direction and the aspect.
                 let [east, north] = slope;

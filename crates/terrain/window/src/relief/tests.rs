@@ -58,7 +58,7 @@ proptest! {
             let length = (1.0 + x * x + y * y).sqrt();
             let lit = (light[2] - light[0] * x - light[1] * y) / length;
             prop_assert!((usual.at(&z, &turn) - (1.0 + 254.0 * lit.max(0.0))).abs() <= 0.5 + 1e-6);
-            let four = Hillshade { light: Light::Four, ..usual }.at(&z, &turn);
+            let four = Hillshade { light: LightSource::Four, ..usual }.at(&z, &turn);
             // Each light counts by the square of the cosine between it and the aspect.
             let mixed: f64 = [225.0_f64, 270.0, 315.0, 360.0]
                 .map(|azimuth| {
@@ -75,10 +75,10 @@ proptest! {
         let along = x * x * xx + 2.0 * x * y * xy + y * y * yy;
         let across = y * y * xx - 2.0 * x * y * xy + x * x * yy;
         let near = |a: f64, b: f64| (a - b).abs() < 1e-6 * (1.0 + steep.powi(-2));
-        prop_assert!(near(of(Kind::General), -(xx + yy)));
-        prop_assert!(near(of(Kind::Profile), -along / steep.powi(2)));
-        prop_assert!(near(of(Kind::Plan), -across / steep.powi(2)));
-        prop_assert!(near(of(Kind::Profile) + of(Kind::Plan), of(Kind::General)));
+        prop_assert!(near(of(CurvatureKind::General), -(xx + yy)));
+        prop_assert!(near(of(CurvatureKind::Profile), -along / steep.powi(2)));
+        prop_assert!(near(of(CurvatureKind::Plan), -across / steep.powi(2)));
+        prop_assert!(near(of(CurvatureKind::Profile) + of(CurvatureKind::Plan), of(CurvatureKind::General)));
     }
 
     /// By their definitions, sample by sample; and a row is its samples.
@@ -90,8 +90,8 @@ proptest! {
         let rows = [row(0), row(1), row(2)];
         let turn = [[0.1, 0.0], [0.0, -0.1]];
         let kinds: [&dyn Derivative; 6] = [
-            &Roughness, &Position, &Ruggedness(Measure::Riley), &Ruggedness(Measure::Wilson),
-            &Slope::default(), &Curvature(Kind::Plan),
+            &Roughness, &PositionIndex, &Ruggedness(RuggednessMeasure::Riley), &Ruggedness(RuggednessMeasure::Wilson),
+            &Slope::default(), &Curvature(CurvatureKind::Plan),
         ];
         for (k, kind) in kinds.into_iter().enumerate() {
             let mut out = [0.0; 10];
@@ -126,10 +126,10 @@ fn rows_of_shades_are_their_samples() {
         std::array::from_fn(|row| (0..203).map(|col| height(row * 203 + col)).collect());
     let turn = [[0.1, 0.02], [0.0, -0.1]];
     for (light, gradient) in [
-        (Light::One, Gradient::Horn),
-        (Light::One, Gradient::ZevenbergenThorne),
-        (Light::Combined, Gradient::Horn),
-        (Light::Four, Gradient::Horn),
+        (LightSource::One, Gradient::Horn),
+        (LightSource::One, Gradient::ZevenbergenThorne),
+        (LightSource::Combined, Gradient::Horn),
+        (LightSource::Four, Gradient::Horn),
     ] {
         let shade = Hillshade { light, gradient, exaggeration: 0.3, ..Hillshade::default() };
         let mut out = [0.0; 201];
@@ -148,13 +148,16 @@ fn level_ground_has_no_aspect_and_no_curvature() {
     let (z, turn) = ([5.0; 9], [[0.1, 0.0], [0.0, -0.1]]);
     assert!(Aspect::default().at(&z, &turn).is_nan());
     assert_eq!(Aspect { zero_for_flat: true, ..Aspect::default() }.at(&z, &turn), 0.0);
-    for kind in [Kind::General, Kind::Profile, Kind::Plan] {
+    for kind in [CurvatureKind::General, CurvatureKind::Profile, CurvatureKind::Plan] {
         assert_eq!(Curvature(kind).at(&z, &turn), 0.0);
     }
-    for light in [Light::One, Light::Four] {
+    for light in [LightSource::One, LightSource::Four] {
         assert_eq!(Hillshade { light, ..Hillshade::default() }.at(&z, &turn), 181.0);
     }
-    assert_eq!(Hillshade { light: Light::Combined, ..Hillshade::default() }.at(&z, &turn), 255.0);
+    assert_eq!(
+        Hillshade { light: LightSource::Combined, ..Hillshade::default() }.at(&z, &turn),
+        255.0
+    );
 }
 
 /// The four sides of the sky, as a compass has them.

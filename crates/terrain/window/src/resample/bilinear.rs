@@ -1,10 +1,10 @@
 //! Bilinear: linear between the samples on both sides, along columns and along rows.
 
 use super::kernel::{self, Bilinear};
-use super::resampling::Resampling;
+use super::resampling::ResamplingMethod;
 
 /// The registry entry.
-pub(crate) const RESAMPLING: Resampling = Resampling {
+pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     name: "bilinear",
     about: "by the four samples around, linear along columns and rows",
     radius: 1,

@@ -1,19 +1,19 @@
 //! Cubic convolution (Keys 1981, a = -1/2): smooth, through all samples, exact for quadratic surfaces.
 
-use super::kernel::{self, Kernel};
-use super::resampling::Resampling;
+use super::kernel::{self, ResamplingKernel};
+use super::resampling::ResamplingMethod;
 
 /// The registry entry.
-pub(crate) const RESAMPLING: Resampling = Resampling {
+pub(crate) const RESAMPLING: ResamplingMethod = ResamplingMethod {
     name: "cubic",
     about: "by the sixteen samples around, by cubic convolution; bilinear where not all of them are valid",
     radius: 2,
-    run: kernel::heights::<Cubic, 4>,
+    run: kernel::heights::<CubicKernel, 4>,
 };
 
-struct Cubic;
+struct CubicKernel;
 
-impl Kernel for Cubic {
+impl ResamplingKernel for CubicKernel {
     #[inline(always)]
     fn weight(distance: f64) -> f64 {
         let d = distance;

@@ -1,10 +1,10 @@
 //! Heights by weights that are a product of one along the row and one along the column.
 
 use super::resampling::Scale;
-use super::window::{Place, Window};
+use super::window::{Place, SourceWindow};
 
 /// Weights by distance.
-pub(crate) trait Kernel {
+pub(crate) trait ResamplingKernel {
     /// Of a sample so many columns or rows away.
     fn weight(distance: f64) -> f64;
 }
@@ -12,7 +12,7 @@ pub(crate) trait Kernel {
 /// Weights that fall to nothing one sample away.
 pub(crate) struct Bilinear;
 
-impl Kernel for Bilinear {
+impl ResamplingKernel for Bilinear {
     #[inline(always)]
     fn weight(distance: f64) -> f64 {
         (1.0 - distance).max(0.0)
@@ -20,8 +20,8 @@ impl Kernel for Bilinear {
 }
 
 /// The height at each place, by a kernel of so many samples along each axis.
-pub(crate) fn heights<K: Kernel, const TAPS: usize>(
-    window: &Window<'_>,
+pub(crate) fn heights<K: ResamplingKernel, const TAPS: usize>(
+    window: &SourceWindow<'_>,
     places: &[Place],
     scale: Scale,
     out: &mut [f64],
@@ -44,7 +44,7 @@ struct Taps<'a> {
 
 /// By samples as close as what is asked for.
 #[inline(always)]
-fn close<K: Kernel, const TAPS: usize>(window: &Window<'_>, place: Place) -> f64 {
+fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, place: Place) -> f64 {
     let first = place.map(|at| at.floor() as i64 - (TAPS as i64 / 2 - 1));
     let weights: [[f64; TAPS]; 2] = [0, 1].map(|axis| {
         let from = place[axis] - first[axis] as f64;
@@ -60,8 +60,8 @@ fn close<K: Kernel, const TAPS: usize>(window: &Window<'_>, place: Place) -> f64
 }
 
 /// By all samples that what is asked for stands for.
-fn far<K: Kernel>(
-    window: &Window<'_>,
+fn far<K: ResamplingKernel>(
+    window: &SourceWindow<'_>,
     place: Place,
     scale: Scale,
     radius: usize,
@@ -74,7 +74,7 @@ fn far<K: Kernel>(
 
 /// Fills the weights of the samples along both axes, but for those at the ends that have none, and tells the first of
 /// them.
-fn weigh<K: Kernel>(
+fn weigh<K: ResamplingKernel>(
     place: Place,
     scale: Scale,
     radius: usize,
@@ -98,7 +98,7 @@ fn weigh<K: Kernel>(
 
 /// By all samples; not a number where one is void or beyond the window.
 #[inline(always)]
-fn whole(window: &Window<'_>, taps: &Taps<'_>) -> f64 {
+fn whole(window: &SourceWindow<'_>, taps: &Taps<'_>) -> f64 {
     let [across, down] = taps.weights;
     let mut sum = 0.0;
     for (row, weight) in (taps.first[1]..).zip(down) {
@@ -113,7 +113,7 @@ fn whole(window: &Window<'_>, taps: &Taps<'_>) -> f64 {
 
 /// Bilinear, by the valid ones of the samples: the nearest is one of them, so there is a weight.
 #[cold]
-fn partial(window: &Window<'_>, place: Place, scale: Scale) -> f64 {
+fn partial(window: &SourceWindow<'_>, place: Place, scale: Scale) -> f64 {
     let mut weights = [Vec::new(), Vec::new()];
     let first = weigh::<Bilinear>(place, scale, 1, &mut weights);
     let (mut sum, mut total) = (0.0, 0.0);

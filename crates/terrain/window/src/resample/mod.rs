@@ -26,8 +26,9 @@ mod resampling;
 mod tests;
 mod window;
 
-pub use resampling::{Resampling, Scale};
-pub use window::{Place, Window};
+pub use resampling::{ResamplingMethod, Scale};
+pub use window::{Place, SourceWindow};
 
 /// All ways. A new one is one file and one line here.
-pub const RESAMPLINGS: &[Resampling] = &[near::RESAMPLING, bilinear::RESAMPLING, cubic::RESAMPLING];
+pub const RESAMPLINGS: &[ResamplingMethod] =
+    &[near::RESAMPLING, bilinear::RESAMPLING, cubic::RESAMPLING];

@@ -1,13 +1,13 @@
 //! A resampling method, and the ratio of the output cells to those of the input.
 
 use terrane_base::geom::Rect;
-use terrane_base::registry::Named;
+use terrane_base::registry::RegistryEntry;
 
-use super::window::{Place, Window, nearest};
+use super::window::{Place, SourceWindow, nearest};
 
 /// A way to find heights between samples: an entry of [`RESAMPLINGS`](super::RESAMPLINGS).
 #[derive(Debug)]
-pub struct Resampling {
+pub struct ResamplingMethod {
     /// Name on the command line, unique.
     pub name: &'static str,
     /// One line for the documentation.
@@ -15,7 +15,7 @@ pub struct Resampling {
     /// Samples on each side of a place that count, where they lie as close as what is asked for; 0 where the nearest
     /// one alone does, so that no height is made that was none before.
     pub radius: u32,
-    pub(super) run: fn(&Window<'_>, &[Place], Scale, &mut [f64]),
+    pub(super) run: fn(&SourceWindow<'_>, &[Place], Scale, &mut [f64]),
 }
 
 /// Columns and rows of the grid by one of what is asked for; 1 where the grid is as coarse, or coarser.
@@ -40,7 +40,7 @@ impl Scale {
     }
 }
 
-impl Resampling {
+impl ResamplingMethod {
     /// Samples on each side that count, by columns and rows; at least the nearest.
     pub fn reach(&self, scale: Scale) -> [f64; 2] {
         scale.get().map(|scale| (f64::from(self.radius) * scale).ceil().max(1.0))
@@ -72,12 +72,18 @@ impl Resampling {
     /// The height at each place, in a window that has what is [`needed`](Self::needed) for all of them; not a number
     /// beyond the grid, and where the nearest sample is void. Takes time linear in the places and in the samples that
     /// count for each.
-    pub fn heights(&self, window: &Window<'_>, places: &[Place], scale: Scale, out: &mut [f64]) {
+    pub fn heights(
+        &self,
+        window: &SourceWindow<'_>,
+        places: &[Place],
+        scale: Scale,
+        out: &mut [f64],
+    ) {
         (self.run)(window, places, scale, out);
     }
 }
 
-impl Named for Resampling {
+impl RegistryEntry for ResamplingMethod {
     const KIND: &'static str = "resampling";
 
     fn name(&self) -> &'static str {

@@ -5,15 +5,15 @@ use proptest::prelude::*;
 use super::*;
 use terrane_base::geom::Rect;
 
-fn window<'a>(grid: [u32; 2], heights: &'a [f64]) -> Window<'a> {
-    Window { grid, rect: Rect::new(0, 0, grid[0], grid[1]), heights }
+fn window<'a>(grid: [u32; 2], heights: &'a [f64]) -> SourceWindow<'a> {
+    SourceWindow { grid, rect: Rect::new(0, 0, grid[0], grid[1]), heights }
 }
 
-fn one(name: &str) -> &'static Resampling {
+fn one(name: &str) -> &'static ResamplingMethod {
     terrane_base::registry::find(RESAMPLINGS, name).unwrap()
 }
 
-fn at(resampling: &Resampling, window: &Window<'_>, place: Place, scale: Scale) -> f64 {
+fn at(resampling: &ResamplingMethod, window: &SourceWindow<'_>, place: Place, scale: Scale) -> f64 {
     let mut out = [0.0];
     resampling.heights(window, &[place], scale, &mut out);
     out[0]
@@ -95,7 +95,7 @@ proptest! {
                 .flat_map(|row| (rect.col..rect.end_col()).map(move |col| (col, row)))
                 .map(|(col, row)| heights[(row * width + col) as usize])
                 .collect();
-            let part = Window { grid, rect, heights: &part };
+            let part = SourceWindow { grid, rect, heights: &part };
             let again = at(resampling, &part, place, scale);
             prop_assert!(again.to_bits() == found.to_bits() || again.is_nan() && found.is_nan());
         }

@@ -11,7 +11,7 @@ const HAIR: f64 = 1e-10;
 
 /// Heights of a part of a grid.
 #[derive(Clone, Copy, Debug)]
-pub struct Window<'a> {
+pub struct SourceWindow<'a> {
     /// Columns and rows of the grid.
     pub grid: [u32; 2],
     /// The part, inside the grid.
@@ -20,7 +20,7 @@ pub struct Window<'a> {
     pub heights: &'a [f64],
 }
 
-impl Window<'_> {
+impl SourceWindow<'_> {
     /// The height of a sample; not a number outside of the window.
     pub(crate) fn at(&self, [col, row]: [i64; 2]) -> f64 {
         let [col, row] = [col - i64::from(self.rect.col), row - i64::from(self.rect.row)];

@@ -1,9 +1,9 @@
 //! Charts of straight and of turned grids.
 
 use super::*;
-use crate::ground::{Ground, Means, Patch};
-use crate::overview::{Lie, Plan};
-use crate::tiling::TileId;
+use crate::ground::{GroundSampler, Means, Patch};
+use crate::overview::{Lie, OverviewPlan};
+use crate::tiling::GlobeTileId;
 use proptest::prelude::*;
 use terrane_base::geom::Rect;
 
@@ -60,7 +60,7 @@ fn places_between_nodes_are_where_they_should_be() {
 }
 
 /// Where a ground bends along some lines, to the micrometre.
-fn bends(ground: &impl Ground, lines: &[[[f64; 2]; 2]]) -> Vec<([f64; 2], Option<f64>)> {
+fn bends(ground: &impl GroundSampler, lines: &[[[f64; 2]; 2]]) -> Vec<([f64; 2], Option<f64>)> {
     let mut found = Vec::new();
     for line in lines {
         ground.bends(*line, &mut |place, height| {
@@ -93,13 +93,13 @@ proptest! {
         let kept = asked.clone().kept();
         let width = 40.0 * step;
         let level = (0..20).find(|level| crate::degrees(*level) < width).unwrap();
-        let [cols, rows] = TileId::meeting(level, &chart.bounds());
-        let tiles = (rows[0]..=rows[1]).flat_map(|y| (cols[0]..=cols[1]).map(move |x| TileId { level, x, y }));
+        let [cols, rows] = GlobeTileId::meeting(level, &chart.bounds());
+        let tiles = (rows[0]..=rows[1]).flat_map(|y| (cols[0]..=cols[1]).map(move |x| GlobeTileId { level, x, y }));
         let lines = |first: u32, last: u32, from: f64| -> Vec<f64> {
             (first..=last + 1).map(|i| from + f64::from(i) * crate::degrees(level)).collect()
         };
         let borders = [lines(cols[0], cols[1], -180.0), lines(rows[0], rows[1], -90.0)];
-        let plan = Plan::new(chart.clone(), [&borders[0], &borders[1]]);
+        let plan = OverviewPlan::new(chart.clone(), [&borders[0], &borders[1]]);
         let mut gathered = plan.clone().gather();
         gathered.add(plan.look(rect, &heights));
         let overview = gathered.finish().unwrap();
@@ -120,7 +120,7 @@ proptest! {
             }
             // Blocks by what is in them.
             let [cols, rows] = overview.blocks_in(&bounds);
-            let Plan { blocks, .. } = &plan;
+            let OverviewPlan { blocks, .. } = &plan;
             for at in all(blocks.counts) {
                 let rect = blocks.rect(at);
                 let within = all([rect.width, rect.height])

@@ -9,7 +9,7 @@ const MOST_BLOCKS: u64 = 1 << 21;
 
 /// What is known of a block of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Block {
+pub struct SampleBlock {
     /// Valid samples.
     pub count: u32,
     /// Height at its first sample, and what a column and a row add.
@@ -32,7 +32,7 @@ pub(super) struct Extreme {
 
 /// How a grid is divided into blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blocks {
+pub struct SampleBlocks {
     /// Samples along the side of a block.
     pub side: u32,
     /// Columns and rows of blocks.
@@ -41,7 +41,7 @@ pub struct Blocks {
     pub(super) whole: [u32; 2],
 }
 
-impl Blocks {
+impl SampleBlocks {
     /// Of a grid of so many columns and rows.
     pub fn of(whole: [u32; 2]) -> Self {
         let count =
@@ -60,7 +60,7 @@ impl Blocks {
     }
 }
 
-impl Block {
+impl SampleBlock {
     /// Of heights, `stride` values from one row to the next.
     pub(super) fn of(heights: &[f64], stride: usize, [width, height]: [usize; 2]) -> Self {
         let at = |col: usize, row: usize| heights[row * stride + col];

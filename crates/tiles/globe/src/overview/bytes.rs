@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::blocks::{Block, Blocks, Extreme};
-use super::plan::{Glance, Plan};
+use super::blocks::{Extreme, SampleBlock, SampleBlocks};
+use super::plan::{Glance, OverviewPlan};
 use crate::ground::Means;
 use terrane_base::geom::Rect;
 
 impl Glance {
-    /// Puts it at the end of `out`, to be read by [`Plan::read_glance`].
+    /// Puts it at the end of `out`, to be read by [`OverviewPlan::read_glance`].
     pub fn write(&self, out: &mut Vec<u8>) {
         let Rect { col, row, width, height } = self.rect;
         [col, row, width, height].into_iter().for_each(|n| out.extend(n.to_le_bytes()));
@@ -44,7 +44,7 @@ impl Glance {
 const BLOCK: u64 = 4 + 3 * 8 + 2 * (2 * 2 + 2 * 8) + 8;
 const SUM: u64 = 4 + 16 + 8;
 
-impl Plan {
+impl OverviewPlan {
     /// Bytes of a written glance at a rectangle without voids.
     pub fn written_bytes(&self, rect: Rect) -> u64 {
         let Rect { width, height, .. } = rect;
@@ -60,7 +60,7 @@ impl Plan {
 
     /// Reads a glance from the front of `from`; `None` where there is none of this grid.
     pub fn read_glance(&self, from: &mut &[u8]) -> Option<Glance> {
-        let Blocks { side, whole, .. } = self.blocks;
+        let SampleBlocks { side, whole, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
         let rect = Rect::new(col, row, width, height);
         let fits = |first: u32, count: u32, whole: u32| {
@@ -97,7 +97,7 @@ impl Plan {
     }
 }
 
-fn block(from: &mut &[u8]) -> Option<Block> {
+fn block(from: &mut &[u8]) -> Option<SampleBlock> {
     let count = number(from)?;
     let plane = numbers(from)?.map(f64::from_le_bytes);
     let mut ends = [Extreme::default(); 2];
@@ -107,7 +107,7 @@ fn block(from: &mut &[u8]) -> Option<Block> {
         *end = Extreme { at, height, off };
     }
     let jump = float(from)?;
-    Some(Block { count, plane, ends, jump })
+    Some(SampleBlock { count, plane, ends, jump })
 }
 
 fn put(out: &mut Vec<u8>, values: &[f64]) {

@@ -9,14 +9,14 @@ mod relief;
 
 use std::collections::BTreeMap;
 
-use crate::chart::Spot;
-use crate::ground::{Fill, Ground, around, between, feet};
-use crate::run::{Run, Sample};
-use crate::tiling::Bounds;
+use crate::chart::ChartSpot;
+use crate::ground::{Fill, GroundSampler, around, between, feet};
+use crate::run::{GroundSample, GroundSampleRun};
+use crate::tiling::GeodeticBounds;
 use blocks::Extreme;
-pub use blocks::{Block, Blocks};
+pub use blocks::{SampleBlock, SampleBlocks};
 use lines::beside;
-pub use plan::{Gathered, Glance, Plan};
+pub use plan::{GatheredOverview, Glance, OverviewPlan};
 use terrane_base::geom::Rect;
 
 /// Metres of a degree along the equator, about.
@@ -36,15 +36,15 @@ pub enum Lie {
 /// A grid from afar.
 #[derive(Clone, Debug)]
 pub struct Overview {
-    plan: Plan,
-    blocks: Vec<Block>,
+    plan: OverviewPlan,
+    blocks: Vec<SampleBlock>,
     lines: [BTreeMap<u32, Vec<f64>>; 2],
     fill: Fill,
     /// Metres of the lowest and the highest sample.
     pub range: [f64; 2],
 }
 
-impl Gathered {
+impl GatheredOverview {
     /// The grid from afar, once all was seen; `None` where all of it is void.
     pub fn finish(self) -> Option<Overview> {
         let Self { plan, blocks, lines, means, range } = self;
@@ -54,7 +54,7 @@ impl Gathered {
 
 impl Overview {
     /// How the grid is divided.
-    pub fn plan(&self) -> &Blocks {
+    pub fn plan(&self) -> &SampleBlocks {
         &self.plan.blocks
     }
 
@@ -64,12 +64,12 @@ impl Overview {
     }
 
     /// A block, by column and row of blocks.
-    pub fn block(&self, [col, row]: [u32; 2]) -> &Block {
+    pub fn block(&self, [col, row]: [u32; 2]) -> &SampleBlock {
         &self.blocks[row as usize * self.plan.blocks.counts[0] as usize + col as usize]
     }
 
     /// The first and the last column and row of blocks with samples in a rectangle, the last ones excluded.
-    pub fn blocks_in(&self, bounds: &Bounds) -> [[u32; 2]; 2] {
+    pub fn blocks_in(&self, bounds: &GeodeticBounds) -> [[u32; 2]; 2] {
         let ends = self.plan.chart.range(bounds);
         let side = f64::from(self.plan.blocks.side);
         [0, 1].map(|axis: usize| {
@@ -83,7 +83,7 @@ impl Overview {
     }
 
     /// The corners of a block's samples, on its plane.
-    pub fn corners(&self, at: [u32; 2]) -> [Sample; 4] {
+    pub fn corners(&self, at: [u32; 2]) -> [GroundSample; 4] {
         let rect = self.plan.blocks.rect(at);
         let ends = [[0, 0], [1, 0], [1, 1], [0, 1]];
         ends.map(|[right, down]| {
@@ -94,15 +94,16 @@ impl Overview {
     }
 
     /// How the samples of a block, whose corners are given, lie to a rectangle.
-    pub fn lie(&self, at: [u32; 2], corners: &[Sample; 4], bounds: &Bounds) -> Lie {
-        let holds = |bounds: &Bounds| corners.iter().all(|corner| bounds.holds(corner.place));
+    pub fn lie(&self, at: [u32; 2], corners: &[GroundSample; 4], bounds: &GeodeticBounds) -> Lie {
+        let holds =
+            |bounds: &GeodeticBounds| corners.iter().all(|corner| bounds.holds(corner.place));
         if !self.plan.chart.is_bent() {
             return if holds(bounds) { Lie::Within } else { Lie::Across };
         }
         // What bows out of a block is beyond its corners; meridians are the nearer to each other the further north.
         let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
         let slack = self.bow(at) / DEGREE / furthest.to_radians().cos().max(1e-3);
-        let Bounds { west, south, east, north } = bounds.grown(slack);
+        let GeodeticBounds { west, south, east, north } = bounds.grown(slack);
         let all = |is: &dyn Fn([f64; 2]) -> bool| corners.iter().all(|corner| is(corner.place));
         let is_beside = all(&|[lon, _]| lon < west)
             || all(&|[lon, _]| lon > east)
@@ -183,7 +184,7 @@ impl Overview {
 
 impl Overview {
     /// The height between samples, or on a block's plane.
-    fn at(&self, Spot { at: [col, row], .. }: Spot) -> Option<f64> {
+    fn at(&self, ChartSpot { at: [col, row], .. }: ChartSpot) -> Option<f64> {
         if let Ok(found) = self.kept([col, row]) {
             return found;
         }
@@ -195,7 +196,7 @@ impl Overview {
         (block.count > 0).then(|| block.height(offset).clamp(low, high))
     }
 
-    fn between(&self, spot: Spot) -> f64 {
+    fn between(&self, spot: ChartSpot) -> f64 {
         let is_kept = around(spot.at).all(|(at, _)| self.sample(at).is_some());
         match if is_kept { None } else { self.at(spot) } {
             Some(height) => height,
@@ -204,7 +205,7 @@ impl Overview {
     }
 }
 
-impl Ground for Overview {
+impl GroundSampler for Overview {
     /// Exact along the lines that were kept; elsewhere that of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let spot = self.plan.chart.within(place);
@@ -222,7 +223,7 @@ impl Ground for Overview {
         (spot.fall > 0.0).then(|| [self.between(spot), spot.fall])
     }
 
-    fn feet(&self, bounds: &Bounds, stride: u32, found: &mut impl FnMut(Sample)) {
+    fn feet(&self, bounds: &GeodeticBounds, stride: u32, found: &mut impl FnMut(GroundSample)) {
         let [width, height] = self.plan.blocks.whole;
         feet(self, (&self.plan.chart, Rect::new(0, 0, width, height)), (bounds, stride), found);
     }
@@ -252,7 +253,7 @@ impl Ground for Overview {
     }
 
     /// Of each block the samples furthest from its plane.
-    fn runs(&self, bounds: &Bounds, _: u32, found: &mut impl FnMut(Run<'_>)) {
+    fn runs(&self, bounds: &GeodeticBounds, _: u32, found: &mut impl FnMut(GroundSampleRun<'_>)) {
         let [cols, rows] = self.blocks_in(bounds);
         for row in rows[0]..rows[1] {
             for col in cols[0]..cols[1] {
@@ -264,7 +265,7 @@ impl Ground for Overview {
                         [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
                     let sample = self.plan.chart.sample(at, *height);
                     if bounds.holds(sample.place) {
-                        found(Run::One(sample));
+                        found(GroundSampleRun::One(sample));
                     }
                 }
             }
@@ -287,7 +288,7 @@ mod tests {
         lines: [&[f64]; 2],
         pieces: u32,
     ) -> Option<Overview> {
-        let plan = Plan::new(Chart::straight(MAP, whole), lines);
+        let plan = OverviewPlan::new(Chart::straight(MAP, whole), lines);
         let rows = plan.blocks.side * pieces;
         let look = |row: u32| {
             let rect = Rect::new(0, row, whole[0], rows.min(whole[1] - row));
@@ -345,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_void_part_comes_back_void() {
-        let plan = Plan::new(Chart::straight(MAP, [20, 20]), [&[], &[]]);
+        let plan = OverviewPlan::new(Chart::straight(MAP, [20, 20]), [&[], &[]]);
         let glance = plan.look(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
         glance.write(&mut kept);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::blocks::{Block, Blocks};
+use super::blocks::{SampleBlock, SampleBlocks};
 use super::lines::{Lines, spots, whole};
 use crate::chart::Chart;
 use crate::ground::Means;
@@ -13,7 +13,7 @@ use terrane_base::geom::Rect;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glance {
     pub(super) rect: Rect,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<SampleBlock>,
     pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
     pub(super) means: Means,
     pub(super) range: Option<[f64; 2]>,
@@ -21,18 +21,18 @@ pub struct Glance {
 
 /// What is to be looked at: a grid of blocks, and the columns and rows of which samples are kept.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct OverviewPlan {
     /// How it is divided.
-    pub blocks: Blocks,
+    pub blocks: SampleBlocks,
     pub(super) chart: Chart,
     pub(super) lines: [Lines; 2],
 }
 
-impl Plan {
+impl OverviewPlan {
     /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
     pub fn new(chart: Chart, lines: [&[f64]; 2]) -> Self {
         let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
-        Self { blocks: Blocks::of(chart.whole()), chart, lines }
+        Self { blocks: SampleBlocks::of(chart.whole()), chart, lines }
     }
 
     /// Where the samples of the grid are.
@@ -64,7 +64,7 @@ impl Plan {
 
     /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
     pub fn look(&self, rect: Rect, heights: &[f64]) -> Glance {
-        let Blocks { side, whole, .. } = self.blocks;
+        let SampleBlocks { side, whole, .. } = self.blocks;
         let mut means = Means::new(whole);
         for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
             means.add(rect.col, row, line);
@@ -74,7 +74,11 @@ impl Plan {
             for col in (0..rect.width).step_by(side as usize) {
                 let size = [side.min(rect.width - col), side.min(rect.height - row)];
                 let from = &heights[row as usize * rect.width as usize + col as usize..];
-                blocks.push(Block::of(from, rect.width as usize, size.map(|side| side as usize)));
+                blocks.push(SampleBlock::of(
+                    from,
+                    rect.width as usize,
+                    size.map(|side| side as usize),
+                ));
             }
         }
         let valid = || heights.iter().copied().filter(|height| height.is_finite());
@@ -98,8 +102,8 @@ impl Plan {
 
     /// Bytes that what is seen of the whole grid takes.
     pub fn bytes(&self) -> u64 {
-        let Blocks { counts, .. } = self.blocks;
-        let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<Block>() as u64;
+        let SampleBlocks { counts, .. } = self.blocks;
+        let blocks = u64::from(counts[0]) * u64::from(counts[1]) * size_of::<SampleBlock>() as u64;
         let line = |axis: usize| {
             let bytes = |spots: &Option<Vec<u32>>| {
                 let number = if spots.is_some() { size_of::<u32>() } else { 0 };
@@ -111,37 +115,37 @@ impl Plan {
     }
 
     /// Nothing seen yet.
-    pub fn gather(self) -> Gathered {
-        let Blocks { counts, whole, .. } = self.blocks;
-        let blocks = vec![Block::default(); counts[0] as usize * counts[1] as usize];
+    pub fn gather(self) -> GatheredOverview {
+        let SampleBlocks { counts, whole, .. } = self.blocks;
+        let blocks = vec![SampleBlock::default(); counts[0] as usize * counts[1] as usize];
         let line = |axis: usize| {
             let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
             self.lines[axis].iter().map(empty).collect()
         };
         let (lines, means) = ([line(0), line(1)], Means::new(whole));
-        Gathered { plan: self, blocks, lines, means, range: None }
+        GatheredOverview { plan: self, blocks, lines, means, range: None }
     }
 }
 
 /// What was seen so far, whatever the order.
 #[derive(Clone, Debug)]
-pub struct Gathered {
-    pub(super) plan: Plan,
-    pub(super) blocks: Vec<Block>,
+pub struct GatheredOverview {
+    pub(super) plan: OverviewPlan,
+    pub(super) blocks: Vec<SampleBlock>,
     pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
     pub(super) means: Means,
     pub(super) range: Option<[f64; 2]>,
 }
 
-impl Gathered {
+impl GatheredOverview {
     /// What is looked at.
-    pub fn plan(&self) -> &Plan {
+    pub fn plan(&self) -> &OverviewPlan {
         &self.plan
     }
 
     /// Adds what was seen in a rectangle.
     pub fn add(&mut self, glance: Glance) {
-        let Blocks { side, counts, .. } = self.plan.blocks;
+        let SampleBlocks { side, counts, .. } = self.plan.blocks;
         let Rect { col, row, width, .. } = glance.rect;
         let across = width.div_ceil(side) as usize;
         for (i, block) in glance.blocks.into_iter().enumerate() {

@@ -2,7 +2,7 @@
 //! be, and how rough the ground is where a tile would have too many vertices.
 
 use super::Overview;
-use super::blocks::Block;
+use super::blocks::SampleBlock;
 use super::plan::both;
 use crate::globe::EQUATOR;
 use crate::level::Relief;
@@ -152,7 +152,7 @@ impl Overview {
     }
 }
 
-impl Block {
+impl SampleBlock {
     /// Heights that none of its samples is below or above; it is so many columns and rows large.
     fn ends_of(&self, [width, height]: [u32; 2]) -> [f64; 2] {
         if self.count == 0 {

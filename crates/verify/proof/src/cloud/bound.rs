@@ -1,6 +1,6 @@
 //! The largest vertical distance allowed, in steps, and whether a distance is beyond it.
 
-use crate::expansion::Expansion;
+use crate::expansion::ProofExpansion;
 
 /// What is a whole number of steps but for this share is meant to be whole.
 const ROUNDING: f64 = 1e-12;
@@ -11,11 +11,11 @@ const DOUBT: f64 = 1.0 / (1u64 << 44) as f64;
 
 /// A bound on vertical distances, closed: what is equal to it is within.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bound {
+pub struct VerticalBound {
     steps: f64,
 }
 
-impl Bound {
+impl VerticalBound {
     /// `tolerance` (from 0 up) where a step is `step` high, in the same unit. Taken as a whole
     /// number of steps when it is one but for rounding.
     pub fn new(tolerance: f64, step: f64) -> Self {
@@ -45,7 +45,7 @@ impl Bound {
         if self.steps.fract() == 0.0 && self.steps < WHOLE {
             return off > self.steps as i128 * area;
         }
-        let mut sum = Expansion::default();
+        let mut sum = ProofExpansion::default();
         sum.add_product(off, 1.0);
         sum.add_product(-area, self.steps);
         sum.is_positive_or_overflown()
@@ -58,18 +58,18 @@ mod tests {
 
     #[test]
     fn whole_steps_are_found_through_rounding() {
-        assert_eq!(Bound::new(0.3, 0.1).steps(), 3.0);
-        assert_eq!(Bound::new(0.07, 0.01).steps(), 7.0);
-        assert_eq!(Bound::new(0.005, 0.01).steps(), 0.5);
-        assert_eq!(Bound::new(0.0, 0.01).steps(), 0.0);
-        assert!(Bound::new(0.300_000_1, 0.1).steps() > 3.0);
+        assert_eq!(VerticalBound::new(0.3, 0.1).steps(), 3.0);
+        assert_eq!(VerticalBound::new(0.07, 0.01).steps(), 7.0);
+        assert_eq!(VerticalBound::new(0.005, 0.01).steps(), 0.5);
+        assert_eq!(VerticalBound::new(0.0, 0.01).steps(), 0.0);
+        assert!(VerticalBound::new(0.300_000_1, 0.1).steps() > 3.0);
     }
 
     #[test]
     fn the_bound_itself_is_within() {
         let exceeds = |tolerance: f64, off: i128, area: i64| {
             let distance = off as f64 / area as f64;
-            let bound = Bound::new(tolerance, 1.0);
+            let bound = VerticalBound::new(tolerance, 1.0);
             bound.is_exceeded(distance, || bound.is_below(off, area))
         };
         let area = (1 << 60) + 7;

@@ -3,21 +3,21 @@
 use std::mem::size_of;
 
 use super::follow::Stops;
-use super::part::{Part, order, position};
-use super::strips::Strips;
-use crate::edges::{Corners, Meeting, compare_vertices};
+use super::part::{CloudProofPart, order, position};
+use super::strips::ProofStrips;
+use crate::edges::{Meeting, PartCorners, compare_vertices};
 use crate::exact::double_area;
-use crate::{Position, Tally, Triangle, Vertex};
+use crate::{ProofPosition, ProofTally, ProofTriangle, ProofVertex};
 use terrane_base::geom::Point;
 
-/// Bytes of the tables below for one triangle, beyond those of [`Corners`]: vertices in strips and
+/// Bytes of the tables below for one triangle, beyond those of [`PartCorners`]: vertices in strips and
 /// open edges.
-pub(super) const MORE_BYTES_PER_TRIANGLE: usize = 4 * size_of::<Position>();
+pub(super) const MORE_BYTES_PER_TRIANGLE: usize = 4 * size_of::<ProofPosition>();
 
 /// Judges the edges and vertices that `part` owns.
-pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
+pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     let (mut off, mut is_kept) = (Vec::new(), vec![false; part.kept.len()]);
-    let corners = Corners::new(part.triangles, |at, heights| {
+    let corners = PartCorners::new(part.triangles, |at, heights| {
         if part.domain.owns(at) {
             check_vertex(part, at, heights, tally);
             off.extend(off_points(part, at, heights));
@@ -48,7 +48,12 @@ pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
 }
 
 /// Counts a position with several heights, and one beyond the hull.
-fn check_vertex(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tally) {
+fn check_vertex(
+    part: &CloudProofPart<'_>,
+    at: ProofPosition,
+    heights: &[f64],
+    tally: &mut ProofTally,
+) {
     if heights.iter().any(|&z| z != heights[0]) {
         tally.split_heights.add(at);
     }
@@ -59,7 +64,11 @@ fn check_vertex(part: &Part<'_>, at: Position, heights: &[f64], tally: &mut Tall
 
 /// A position where corners are not all at points, with the height that a post there would have: none where there are
 /// points or several heights.
-fn off_points(part: &Part<'_>, at: Position, heights: &[f64]) -> Option<(Position, Option<f64>)> {
+fn off_points(
+    part: &CloudProofPart<'_>,
+    at: ProofPosition,
+    heights: &[f64],
+) -> Option<(ProofPosition, Option<f64>)> {
     if heights.iter().all(|&z| is_point(part.points, at, z)) {
         return None;
     }
@@ -69,7 +78,7 @@ fn off_points(part: &Part<'_>, at: Position, heights: &[f64]) -> Option<(Positio
 }
 
 /// Notes which point to keep is a vertex here, at its height.
-fn keep(part: &Part<'_>, at: Position, heights: &[f64], is_kept: &mut [bool]) {
+fn keep(part: &CloudProofPart<'_>, at: ProofPosition, heights: &[f64], is_kept: &mut [bool]) {
     let found = part.kept.binary_search_by_key(&at, |&point| position(point));
     if let Ok(place) = found {
         let z = f64::from(part.kept[place].z);
@@ -77,7 +86,7 @@ fn keep(part: &Part<'_>, at: Position, heights: &[f64], is_kept: &mut [bool]) {
     }
 }
 
-fn count_kept(part: &Part<'_>, is_kept: &[bool], tally: &mut Tally) {
+fn count_kept(part: &CloudProofPart<'_>, is_kept: &[bool], tally: &mut ProofTally) {
     debug_assert!(part.kept.is_sorted_by_key(order), "points to keep are in order");
     for (&point, is_kept) in part.kept.iter().zip(is_kept) {
         if part.domain.owns(position(point)) {
@@ -90,24 +99,24 @@ fn count_kept(part: &Part<'_>, is_kept: &[bool], tally: &mut Tally) {
 }
 
 /// True when one of `points` is exactly there.
-fn is_point(points: &[Point], at: Position, z: f64) -> bool {
+fn is_point(points: &[Point], at: ProofPosition, z: f64) -> bool {
     points_at(points, at).iter().any(|point| f64::from(point.z) == z)
 }
 
-fn points_at(points: &[Point], at: Position) -> &[Point] {
+fn points_at(points: &[Point], at: ProofPosition) -> &[Point] {
     let here = &points[points.partition_point(|point| position(*point) < at)..];
     &here[..here.partition_point(|point| position(*point) == at)]
 }
 
 /// Counts the owned vertices strictly inside an edge of one triangle.
 fn t_junctions(
-    part: &Part<'_>,
-    mut vertices: Vec<Position>,
-    open: &[[Position; 2]],
-    tally: &mut Tally,
+    part: &CloudProofPart<'_>,
+    mut vertices: Vec<ProofPosition>,
+    open: &[[ProofPosition; 2]],
+    tally: &mut ProofTally,
 ) {
     vertices.retain(|&at| part.domain.owns(at));
-    let strips = Strips::new(vertices);
+    let strips = ProofStrips::new(vertices);
     let mut hit = Vec::new();
     for ends in open.iter().filter(|ends| touches(part, ends)) {
         strips.visit(ends, |range| {
@@ -121,12 +130,12 @@ fn t_junctions(
 }
 
 /// False for edges that the part only has because their triangles reach into it.
-fn touches(part: &Part<'_>, &[p, q]: &[Position; 2]) -> bool {
-    let corner = |at| Vertex { at, z: 0.0 };
-    part.domain.may_touch(&Triangle { corners: [p, q, q].map(corner) })
+fn touches(part: &CloudProofPart<'_>, &[p, q]: &[ProofPosition; 2]) -> bool {
+    let corner = |at| ProofVertex { at, z: 0.0 };
+    part.domain.may_touch(&ProofTriangle { corners: [p, q, q].map(corner) })
 }
 
 /// True strictly inside the edge; the lower of its ends comes first.
-fn is_between(&[p, q]: &[Position; 2], at: Position) -> bool {
+fn is_between(&[p, q]: &[ProofPosition; 2], at: ProofPosition) -> bool {
     p < at && at < q && double_area(p, q, at) == 0
 }

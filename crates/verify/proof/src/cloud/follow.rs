@@ -5,15 +5,15 @@
 //! one further along. A vertex on it where there is no point is a post, and has the lowest of the heights that the
 //! lines there have. Heights of posts on lines without heights are not judged.
 
-use super::hull::Hull;
-use super::strips::Strips;
-use crate::follow::Line;
-use crate::{Domain, Position, Tally};
+use super::hull::ProofHull;
+use super::strips::ProofStrips;
+use crate::follow::ProofBreakline;
+use crate::{Domain, ProofPosition, ProofTally};
 
 /// A line as far as it is over a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Track {
-    line: Line,
+    line: ProofBreakline,
     /// At start and end, in steps.
     heights: Option<[i32; 2]>,
     /// First and last step over the hull.
@@ -27,8 +27,8 @@ const ASIDE: f64 = 1.0;
 impl Track {
     /// Between two positions of the lattice, the lower (by row, then column) first, with heights there; `None` where no
     /// step of it is over the hull. O(corners + steps within a step of the hull's outline).
-    pub fn new(ends: [[u32; 2]; 2], heights: Option<[i32; 2]>, hull: &Hull) -> Option<Self> {
-        let line = Line::between(ends[0], ends[1]);
+    pub fn new(ends: [[u32; 2]; 2], heights: Option<[i32; 2]>, hull: &ProofHull) -> Option<Self> {
+        let line = ProofBreakline::between(ends[0], ends[1]);
         let steps = line.steps();
         let [start, end] = ends.map(|end| end.map(f64::from));
         let (mut first, mut last) = (0.0_f64, steps as f64);
@@ -53,7 +53,11 @@ impl Track {
     }
 
     /// The domains that it comes to: hands them on, one after the other, by a step in each.
-    pub fn each_domain(&self, owner: impl Fn(Position) -> Domain, mut each: impl FnMut(Position)) {
+    pub fn each_domain(
+        &self,
+        owner: impl Fn(ProofPosition) -> Domain,
+        mut each: impl FnMut(ProofPosition),
+    ) {
         let mut step = self.first;
         while step <= self.last {
             let at = sample(self.line.at(step));
@@ -73,8 +77,8 @@ impl Track {
     }
 
     /// After how many steps it comes to a position, if it does.
-    fn place(&self, at: Position) -> Option<i64> {
-        let whole = [at.col, at.row].map(|fixed| fixed >> Position::FRACTION);
+    fn place(&self, at: ProofPosition) -> Option<i64> {
+        let whole = [at.col, at.row].map(|fixed| fixed >> ProofPosition::FRACTION);
         let step = at.is_sample().then(|| self.line.place(whole)).flatten()?;
         (self.first..=self.last).contains(&step).then_some(step)
     }
@@ -92,14 +96,14 @@ impl Track {
     }
 }
 
-fn sample([col, row]: [i64; 2]) -> Position {
-    Position::sample(col, row)
+fn sample([col, row]: [i64; 2]) -> ProofPosition {
+    ProofPosition::sample(col, row)
 }
 
 /// A vertex on a line.
 #[derive(Clone, Copy, Debug)]
-struct Stop {
-    at: Position,
+struct TrackStop {
+    at: ProofPosition,
     track: usize,
     step: i64,
     has_edge: bool,
@@ -110,17 +114,17 @@ pub(super) struct Stops<'a> {
     lines: &'a [Track],
     domain: &'a Domain,
     /// Sorted by position.
-    all: Vec<Stop>,
+    all: Vec<TrackStop>,
 }
 
 impl<'a> Stops<'a> {
     /// Those of these positions, which are sorted and may be more than the domain owns.
-    pub(super) fn new(lines: &'a [Track], domain: &'a Domain, positions: &[Position]) -> Self {
+    pub(super) fn new(lines: &'a [Track], domain: &'a Domain, positions: &[ProofPosition]) -> Self {
         let mut all = Vec::new();
         if !lines.is_empty() {
             let mut own = positions.to_vec();
             own.retain(|&at| domain.owns(at));
-            let strips = Strips::new(own);
+            let strips = ProofStrips::new(own);
             for (track, line) in lines.iter().enumerate() {
                 let steps = line.steps_in(domain);
                 if steps.is_empty() {
@@ -130,7 +134,7 @@ impl<'a> Stops<'a> {
                 strips.visit(&ends, |range| {
                     for &at in &strips.things()[range] {
                         let step = line.place(at);
-                        all.extend(step.map(|step| Stop { at, track, step, has_edge: false }));
+                        all.extend(step.map(|step| TrackStop { at, track, step, has_edge: false }));
                     }
                 });
             }
@@ -139,20 +143,20 @@ impl<'a> Stops<'a> {
         Self { lines, domain, all }
     }
 
-    fn range(&self, at: Position) -> std::ops::Range<usize> {
+    fn range(&self, at: ProofPosition) -> std::ops::Range<usize> {
         let first = self.all.partition_point(|stop| stop.at < at);
         first..first + self.all[first..].partition_point(|stop| stop.at == at)
     }
 
     /// True where a vertex of this height may be a post, as no point is there.
-    pub(super) fn may_be_post(&self, at: Position, z: f64) -> bool {
+    pub(super) fn may_be_post(&self, at: ProofPosition, z: f64) -> bool {
         let stops = &self.all[self.range(at)];
         let heights = stops.iter().filter_map(|stop| self.lines[stop.track].height(stop.step));
         !stops.is_empty() && heights.min().map_or(z.fract() == 0.0, |height| height as f64 == z)
     }
 
     /// Takes note of an edge.
-    pub(super) fn edge(&mut self, [a, b]: [Position; 2]) {
+    pub(super) fn edge(&mut self, [a, b]: [ProofPosition; 2]) {
         for (from, to) in [(a, b), (b, a)] {
             let range = self.range(from);
             for stop in &mut self.all[range] {
@@ -163,7 +167,7 @@ impl<'a> Stops<'a> {
     }
 
     /// Counts the vertices on lines, and the places where the mesh does not follow them.
-    pub(super) fn finish(self, tally: &mut Tally) {
+    pub(super) fn finish(self, tally: &mut ProofTally) {
         for at in self.all.chunk_by(|a, b| a.at == b.at) {
             tally.on_lines += u64::from(at[0].at.is_sample());
         }

@@ -1,6 +1,6 @@
 //! The convex hull of a stream of points, and what lies on its sides.
 
-use crate::Position;
+use crate::ProofPosition;
 use crate::exact::double_area;
 
 /// Positions after which a pool is worth reducing, at least.
@@ -46,9 +46,9 @@ impl Wrap {
     }
 
     /// The hull of everything added; `None` when that has no area.
-    pub fn finish(mut self) -> Option<Hull> {
+    pub fn finish(mut self) -> Option<ProofHull> {
         self.reduce();
-        (self.pool.len() > 2).then(|| Hull::new(&self.pool))
+        (self.pool.len() > 2).then(|| ProofHull::new(&self.pool))
     }
 
     fn is_inside(&self, at: Spot) -> bool {
@@ -103,12 +103,12 @@ fn chain(spots: impl Iterator<Item = Spot>) -> Vec<Spot> {
 
 /// A side of a hull, the hull on its left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Side {
-    from: Position,
-    to: Position,
+struct ProofHullSide {
+    from: ProofPosition,
+    to: ProofPosition,
 }
 
-impl Side {
+impl ProofHullSide {
     /// True when this side runs back: by its angle it comes in the second half of a turn that begins
     /// eastward.
     fn runs_back(&self) -> bool {
@@ -132,7 +132,7 @@ impl Side {
     }
 
     /// True for positions on the side, its ends included.
-    fn holds(&self, at: Position) -> bool {
+    fn holds(&self, at: ProofPosition) -> bool {
         let within = |v: i64, a: i64, b: i64| a.min(b) <= v && v <= a.max(b);
         double_area(self.from, self.to, at) == 0
             && within(at.col, self.from.col, self.to.col)
@@ -142,21 +142,21 @@ impl Side {
 
 /// A convex polygon with an area.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Hull {
+pub struct ProofHull {
     /// By angle, from eastward round; the first begins at the lowest corner.
-    sides: Vec<Side>,
+    sides: Vec<ProofHullSide>,
 }
 
-impl Hull {
+impl ProofHull {
     fn new(ring: &[Spot]) -> Self {
-        let at = |&[col, row]: &Spot| Position::sample(i64::from(col), i64::from(row));
+        let at = |&[col, row]: &Spot| ProofPosition::sample(i64::from(col), i64::from(row));
         let next = ring.iter().cycle().skip(1);
-        let sides = ring.iter().zip(next).map(|(a, b)| Side { from: at(a), to: at(b) });
+        let sides = ring.iter().zip(next).map(|(a, b)| ProofHullSide { from: at(a), to: at(b) });
         Self { sides: sides.collect() }
     }
 
     /// Its corners, counter-clockwise from the lowest row, then column.
-    pub fn corners(&self) -> impl Iterator<Item = Position> {
+    pub fn corners(&self) -> impl Iterator<Item = ProofPosition> {
         self.sides.iter().map(|side| side.from)
     }
 
@@ -169,7 +169,7 @@ impl Hull {
         })
     }
 
-    /// Twice its area, in the unit of [`Tally::double_area`](crate::Tally::double_area).
+    /// Twice its area, in the unit of [`Tally::double_area`](crate::ProofTally::double_area).
     pub fn double_area(&self) -> i128 {
         let first = self.sides[0].from;
         self.sides.iter().map(|side| double_area(first, side.from, side.to)).sum()
@@ -177,33 +177,33 @@ impl Hull {
 
     /// True when the edge between `ends` is (part of) a side, with `apex` on the inner side of it.
     /// O(log corners).
-    pub(super) fn has_edge(&self, [p, q]: [Position; 2], apex: Position) -> bool {
+    pub(super) fn has_edge(&self, [p, q]: [ProofPosition; 2], apex: ProofPosition) -> bool {
         let edge = match double_area(p, q, apex).signum() {
             0 => return false,
-            1 => Side { from: p, to: q },
-            _ => Side { from: q, to: p },
+            1 => ProofHullSide { from: p, to: q },
+            _ => ProofHullSide { from: q, to: p },
         };
         let same = self.sides.partition_point(|side| side.is_before(&edge));
         self.sides.get(same).is_some_and(|side| side.holds(p) && side.holds(q))
     }
 
     /// True inside and on the outline. O(log corners).
-    pub fn contains(&self, at: Position) -> bool {
+    pub fn contains(&self, at: ProofPosition) -> bool {
         let (right, left) = self.sides.split_at(self.sides.partition_point(|s| !s.runs_back()));
         let rising = right.partition_point(|side| side.to.row <= at.row);
         let falling = left.partition_point(|side| side.to.row >= at.row);
-        let last = |sides: &[Side], i: usize| sides.get(i.min(sides.len() - 1)).copied();
+        let last = |sides: &[ProofHullSide], i: usize| sides.get(i.min(sides.len() - 1)).copied();
         let [Some(east), Some(west)] = [last(right, rising), last(left, falling)] else {
             return false;
         };
         let rows = self.sides[0].from.row..=west_top(left).row;
-        let is_left = |side: Side| double_area(side.from, side.to, at) >= 0;
+        let is_left = |side: ProofHullSide| double_area(side.from, side.to, at) >= 0;
         rows.contains(&at.row) && is_left(east) && is_left(west)
     }
 }
 
 /// Where the sides that run back begin: the top of the hull.
-fn west_top(left: &[Side]) -> Position {
+fn west_top(left: &[ProofHullSide]) -> ProofPosition {
     left[0].from
 }
 
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn hull(spots: &[Spot]) -> Option<Hull> {
+    fn hull(spots: &[Spot]) -> Option<ProofHull> {
         let mut wrap = Wrap::default();
         spots.iter().for_each(|&at| wrap.add(at));
         wrap.finish()
@@ -238,8 +238,8 @@ mod tests {
         corners
     }
 
-    fn at([col, row]: Spot) -> Position {
-        Position::sample(i64::from(col), i64::from(row))
+    fn at([col, row]: Spot) -> ProofPosition {
+        ProofPosition::sample(i64::from(col), i64::from(row))
     }
 
     #[test]
@@ -285,9 +285,9 @@ mod tests {
             let found = one.finish();
             prop_assert_eq!(&found, &hull(&spots));
             let Some(hull) = found else { return Ok(()) };
-            let mut corners: Vec<Position> = hull.corners().collect();
+            let mut corners: Vec<ProofPosition> = hull.corners().collect();
             corners.sort_unstable_by_key(|at| (at.col, at.row));
-            let slow: Vec<Position> = slow_corners(&spots).into_iter().map(at).collect();
+            let slow: Vec<ProofPosition> = slow_corners(&spots).into_iter().map(at).collect();
             prop_assert_eq!(corners, slow);
             for (col, row) in (-1..13).flat_map(|c| (-1..13).map(move |r| (c, r))) {
                 let inside = hull.sides.iter().all(|s| double_area(s.from, s.to, at([col, row])) >= 0);

@@ -18,25 +18,26 @@ mod strips;
 #[cfg(test)]
 mod tests;
 
-pub use bound::Bound;
+pub use bound::VerticalBound;
 pub use follow::Track;
-pub use hull::{Hull, Wrap};
-pub use nearest::{Nearest, Sought};
-pub use part::{Part, order, position};
+pub use hull::{ProofHull, Wrap};
+pub use nearest::{ProofNearestPoints, Sought};
+pub use part::{CloudProofPart, order, position};
 pub use place::Placer;
 
 use std::mem::size_of;
 
 use super::edges::BYTES_PER_TRIANGLE;
-use super::{Position, Tally, Triangle};
+use super::{ProofPosition, ProofTally, ProofTriangle};
 use terrane_base::geom::Point;
 
 /// Bytes [`check`] needs for a domain of `points` points touched by `triangles` triangles, with
 /// `vertices` stored vertices; points, triangles and positions included.
 pub fn bytes_needed(points: u64, triangles: u64, vertices: u64) -> u64 {
     let per_point = size_of::<Point>() + plumb::BYTES_PER_POINT;
-    let per_triangle = size_of::<Triangle>() + BYTES_PER_TRIANGLE + edges::MORE_BYTES_PER_TRIANGLE;
-    let per_vertex = size_of::<Position>();
+    let per_triangle =
+        size_of::<ProofTriangle>() + BYTES_PER_TRIANGLE + edges::MORE_BYTES_PER_TRIANGLE;
+    let per_vertex = size_of::<ProofPosition>();
     points
         .saturating_mul(per_point as u64)
         .saturating_add(triangles.saturating_mul(per_triangle as u64))
@@ -47,7 +48,7 @@ pub fn bytes_needed(points: u64, triangles: u64, vertices: u64) -> u64 {
 ///
 /// O(points log points + triangles log triangles + points covered by each triangle + the strips of
 /// about 4 sqrt(points) points that each triangle crosses).
-pub fn check(part: &Part<'_>, tally: &mut Tally) {
+pub fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
     owned.for_each(|triangle| tally.shape(triangle, 1));
     plumb::check(part, tally);

@@ -13,9 +13,9 @@ pub struct Sought {
 
 /// Points sorted to look for the nearest.
 #[derive(Debug)]
-pub struct Nearest(Vec<Point>);
+pub struct ProofNearestPoints(Vec<Point>);
 
-impl Nearest {
+impl ProofNearestPoints {
     /// Among these.
     pub fn of(mut points: Vec<Point>) -> Self {
         points.sort_unstable();
@@ -55,7 +55,7 @@ mod tests {
             let points: Vec<Point> = points.iter().map(|&(x, y, z)| Point::new(x, y, z)).collect();
             let (a, b) = points.split_at(cut.min(points.len()));
             let mut sought = Sought { at, found: None };
-            [b, a].iter().for_each(|heap| Nearest::of(heap.to_vec()).improve(&mut sought));
+            [b, a].iter().for_each(|heap| ProofNearestPoints::of(heap.to_vec()).improve(&mut sought));
             let far = |p: &Point| i64::from((p.x - at[0]).pow(2) + (p.y - at[1]).pow(2));
             prop_assert_eq!(sought.found, points.iter().map(|p| (far(p), *p)).min());
         }

@@ -1,40 +1,40 @@
 //! The unit of a proof: a rectangle of the lattice, with everything that touches it.
 
-use super::bound::Bound;
+use super::bound::VerticalBound;
 use super::follow::Track;
-use super::hull::Hull;
-use crate::{Domain, Position, Triangle};
+use super::hull::ProofHull;
+use crate::{Domain, ProofPosition, ProofTriangle};
 use terrane_base::geom::Point;
 
 /// One rectangle of the lattice to check, with all that touches it.
 #[derive(Debug)]
-pub struct Part<'a> {
+pub struct CloudProofPart<'a> {
     /// The positions it owns.
     pub domain: Domain,
     /// Every point that lies in the domain, x and y counted from the corner of the lattice, sorted
     /// by [`order`].
     pub points: &'a [Point],
     /// Every triangle that touches the domain, in any order; others do no harm.
-    pub triangles: &'a [Triangle],
+    pub triangles: &'a [ProofTriangle],
     /// Positions of all stored vertices of the domain, sorted; `None` when the vertices of the
     /// format have no identity.
-    pub vertices: Option<&'a [Position]>,
+    pub vertices: Option<&'a [ProofPosition]>,
     /// The convex hull of all points.
-    pub hull: &'a Hull,
+    pub hull: &'a ProofHull,
     /// Largest vertical distance allowed; `None` to measure only.
-    pub bound: Option<Bound>,
+    pub bound: Option<VerticalBound>,
     /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
     pub kept: &'a [Point],
     /// Lines that edges have to follow, those that come to the domain at least.
     pub lines: &'a [Track],
 }
 
-/// The order in which a [`Part`] wants its points: by y, then x, then z.
+/// The order in which a [`CloudProofPart`] wants its points: by y, then x, then z.
 pub fn order(point: &Point) -> (i32, i32, i32) {
     (point.y, point.x, point.z)
 }
 
 /// The position of a point, which is of the lattice.
-pub fn position(point: Point) -> Position {
-    Position::sample(i64::from(point.x), i64::from(point.y))
+pub fn position(point: Point) -> ProofPosition {
+    ProofPosition::sample(i64::from(point.x), i64::from(point.y))
 }

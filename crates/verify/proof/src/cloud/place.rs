@@ -4,8 +4,8 @@
 //! *is* that step. Everything further away is kept as it is.
 
 use crate::snap::{SMALLEST_RADIUS, STEPS};
-use crate::{Position, Snap, Snapped, Vertex};
-use terrane_base::geom::{Frame, Point, Point3};
+use crate::{ProofPosition, ProofVertex, Snap, SnapOutcome};
+use terrane_base::geom::{Point, Point3, PointFrame};
 
 /// No storage so coarse that it moves vertices by more than this (in steps) is made up for.
 const LARGEST_RADIUS: f64 = 0.5;
@@ -13,7 +13,7 @@ const LARGEST_RADIUS: f64 = 0.5;
 /// Maps stored vertices to the lattice of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placer {
-    frame: Frame,
+    frame: PointFrame,
     low: [i32; 2],
     radius: [f64; 3],
 }
@@ -21,7 +21,12 @@ pub struct Placer {
 impl Placer {
     /// For a cloud within `bounds`, and vertices stored relative to `origin`, in f32 when
     /// `single_precision`.
-    pub fn new(frame: Frame, bounds: [Point; 2], origin: Point3, single_precision: bool) -> Self {
+    pub fn new(
+        frame: PointFrame,
+        bounds: [Point; 2],
+        origin: Point3,
+        single_precision: bool,
+    ) -> Self {
         let corners = bounds.map(|corner| frame.world(corner));
         let radius = std::array::from_fn(|axis| {
             let far = |from: f64| {
@@ -41,7 +46,7 @@ impl Placer {
     }
 
     /// World position of a place on the lattice.
-    pub fn world(&self, at: Position) -> [f64; 2] {
+    pub fn world(&self, at: ProofPosition) -> [f64; 2] {
         let steps = [at.cols() + f64::from(self.low[0]), at.rows() + f64::from(self.low[1])];
         [0, 1].map(|axis| steps[axis] * self.frame.scale[axis] + self.frame.offset[axis])
     }
@@ -56,20 +61,23 @@ impl Placer {
 }
 
 impl Snap for Placer {
-    fn snap(&self, stored: Point3) -> Snapped {
+    fn snap(&self, stored: Point3) -> SnapOutcome {
         let [x, y, z] = std::array::from_fn(|axis| self.settle(axis, stored[axis]));
         let (col, row) = (x.0 - f64::from(self.low[0]), y.0 - f64::from(self.low[1]));
-        if !(col.abs() < Position::LIMIT && row.abs() < Position::LIMIT && z.0.is_finite()) {
-            return Snapped::Unusable;
+        if !(col.abs() < ProofPosition::LIMIT
+            && row.abs() < ProofPosition::LIMIT
+            && z.0.is_finite())
+        {
+            return SnapOutcome::Unusable;
         }
-        let vertex = Vertex { at: Position::nearest(col, row), z: z.0 };
+        let vertex = ProofVertex { at: ProofPosition::nearest(col, row), z: z.0 };
         let (Some(dx), Some(dy), Some(dz)) = (x.1, y.1, z.1) else {
-            return Snapped::Free(vertex);
+            return SnapOutcome::Free(vertex);
         };
         let point = [x.0, y.0, z.0].map(|steps| steps as i32);
         match self.frame.world(Point::new(point[0], point[1], point[2])) == stored {
-            true => Snapped::Exact(vertex),
-            false => Snapped::Moved(vertex, dx.max(dy).max(dz)),
+            true => SnapOutcome::Exact(vertex),
+            false => SnapOutcome::Moved(vertex, dx.max(dy).max(dz)),
         }
     }
 }
@@ -79,7 +87,7 @@ mod tests {
     use super::*;
     use terrane_base::geom::REACH;
 
-    const FRAME: Frame = Frame { scale: [0.01, 0.01, 0.001], offset: [-3e6, 4e6, 17.3] };
+    const FRAME: PointFrame = PointFrame { scale: [0.01, 0.01, 0.001], offset: [-3e6, 4e6, 17.3] };
     const BOUNDS: [Point; 2] =
         [Point::new(-REACH, -REACH, -REACH), Point::new(REACH, REACH, REACH)];
 
@@ -88,9 +96,9 @@ mod tests {
         (-2000..2000).map(move |i: i64| Point::new(far(i), far(i * 7 + 1), far(i * 31 + 5)))
     }
 
-    fn is(snapped: Snapped, point: Point) -> bool {
+    fn is(snapped: SnapOutcome, point: Point) -> bool {
         let (col, row) = (i64::from(point.x + REACH), i64::from(point.y) + i64::from(REACH));
-        let vertex = Vertex { at: Position::sample(col, row), z: f64::from(point.z) };
+        let vertex = ProofVertex { at: ProofPosition::sample(col, row), z: f64::from(point.z) };
         snapped.vertex() == Some(vertex)
     }
 
@@ -101,10 +109,10 @@ mod tests {
         for point in points() {
             let world = FRAME.world(point);
             assert!(is(placer.snap(world), point));
-            assert!(matches!(placer.snap(world), Snapped::Exact(_)));
+            assert!(matches!(placer.snap(world), SnapOutcome::Exact(_)));
             assert!(is(placer.snap(world.map(f64::next_up)), point));
             let half = [world[0] + 0.005, world[1], world[2]];
-            assert!(matches!(placer.snap(half), Snapped::Free(_)));
+            assert!(matches!(placer.snap(half), SnapOutcome::Free(_)));
         }
     }
 
@@ -119,8 +127,8 @@ mod tests {
             let stored =
                 std::array::from_fn(|k| origin[k] + f64::from((world[k] - origin[k]) as f32));
             let vertex = placer.snap(stored).vertex().unwrap();
-            let at = Position::sample(i64::from(point.x + (1 << 23)), i64::from(point.y - 5));
-            assert_eq!(vertex, Vertex { at, z: f64::from(point.z) });
+            let at = ProofPosition::sample(i64::from(point.x + (1 << 23)), i64::from(point.y - 5));
+            assert_eq!(vertex, ProofVertex { at, z: f64::from(point.z) });
         }
     }
 
@@ -129,12 +137,12 @@ mod tests {
         let placer =
             Placer::new(FRAME, [Point::new(0, 0, 0), Point::new(9, 9, 9)], [0.0; 3], false);
         let [x, y, z] = FRAME.world(Point::new(3, 4, 5));
-        let Snapped::Free(vertex) = placer.snap([x, y, z + 0.0005]) else { panic!("not free") };
-        assert_eq!(vertex.at, Position::sample(3, 4));
+        let SnapOutcome::Free(vertex) = placer.snap([x, y, z + 0.0005]) else { panic!("not free") };
+        assert_eq!(vertex.at, ProofPosition::sample(3, 4));
         assert!((vertex.z - 5.5).abs() < 1e-6);
         assert_eq!(placer.world(vertex.at), [x, y]);
         for bad in [[f64::NAN, y, z], [x, y, f64::INFINITY], [1e10, y, z]] {
-            assert_eq!(placer.snap(bad), Snapped::Unusable);
+            assert_eq!(placer.snap(bad), SnapOutcome::Unusable);
         }
     }
 }

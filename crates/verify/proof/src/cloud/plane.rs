@@ -1,7 +1,7 @@
 //! The plane of a triangle between whole steps, and how far off points are, in whole numbers.
 
 use crate::sections::floor;
-use crate::{Triangle, Vertex};
+use crate::{ProofTriangle, ProofVertex};
 use terrane_base::geom::Point;
 
 /// Positions are from 0 to below this many steps, heights at most this many from 0: products of
@@ -12,7 +12,7 @@ const NARROW: i64 = 1 << 30;
 
 /// A triangle with an area and corners at whole steps, counter-clockwise.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plane {
+pub(super) struct ProofFacet {
     origin: [i64; 3],
     /// From the origin to the other corners.
     arms: [[i64; 3]; 2],
@@ -22,7 +22,7 @@ pub(super) struct Plane {
 
 /// A point on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hit {
+pub(super) struct FacetHit {
     /// How far the point is above the plane, times the doubled area.
     pub(super) off: i128,
     /// The distance in steps.
@@ -31,9 +31,9 @@ pub(super) struct Hit {
     pub(super) is_strict: bool,
 }
 
-impl Plane {
+impl ProofFacet {
     /// `None` when the triangle has no area or its corners are not all at whole steps within reach.
-    pub(super) fn new(triangle: &Triangle) -> Option<Self> {
+    pub(super) fn new(triangle: &ProofTriangle) -> Option<Self> {
         let [a, b, c] = triangle.corners.map(|corner| whole(&corner));
         let (a, b, c) = (a?, b?, c?);
         let arm = |p: [i64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
@@ -44,7 +44,7 @@ impl Plane {
 
     /// How a point lies to the triangle; `None` when beside it.
     #[inline]
-    pub(super) fn hit(&self, point: Point) -> Option<Hit> {
+    pub(super) fn hit(&self, point: Point) -> Option<FacetHit> {
         let [x0, y0, z0] = self.origin;
         let [b, c] = self.arms;
         let (x, y) = (i64::from(point.x) - x0, i64::from(point.y) - y0);
@@ -59,17 +59,17 @@ impl Plane {
         if self.area < NARROW {
             let off = self.area * z - towards_b * b[2] - towards_c * c[2];
             let distance = off.unsigned_abs() as f64 / self.area as f64;
-            return Some(Hit { off: i128::from(off), distance, is_strict });
+            return Some(FacetHit { off: i128::from(off), distance, is_strict });
         }
         let product = |weight: i64, height: i64| i128::from(weight) * i128::from(height);
         let off = product(self.area, z) - product(towards_b, b[2]) - product(towards_c, c[2]);
         let distance = off.unsigned_abs() as f64 / self.area as f64;
-        Some(Hit { off, distance, is_strict })
+        Some(FacetHit { off, distance, is_strict })
     }
 }
 
 /// Position and height of a vertex, when they are whole steps within reach.
-fn whole(vertex: &Vertex) -> Option<[i64; 3]> {
+fn whole(vertex: &ProofVertex) -> Option<[i64; 3]> {
     let (col, row) = (floor(vertex.at.col), floor(vertex.at.row));
     let is_near = (0..REACH).contains(&col) && (0..REACH).contains(&row);
     let is_level = vertex.z.fract() == 0.0 && vertex.z.abs() <= REACH as f64;
@@ -79,11 +79,12 @@ fn whole(vertex: &Vertex) -> Option<[i64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Position;
+    use crate::ProofPosition;
 
-    fn triangle(corners: [[i64; 3]; 3]) -> Triangle {
-        Triangle {
-            corners: corners.map(|[x, y, z]| Vertex { at: Position::sample(x, y), z: z as f64 }),
+    fn triangle(corners: [[i64; 3]; 3]) -> ProofTriangle {
+        ProofTriangle {
+            corners: corners
+                .map(|[x, y, z]| ProofVertex { at: ProofPosition::sample(x, y), z: z as f64 }),
         }
     }
 
@@ -92,11 +93,11 @@ mod tests {
         for side in [10, REACH - 1] {
             let corners = [[0, 0, 0], [side, 0, 0], [0, side, side]];
             for turned in [corners, [corners[1], corners[0], corners[2]]] {
-                let plane = Plane::new(&triangle(turned)).unwrap();
+                let plane = ProofFacet::new(&triangle(turned)).unwrap();
                 let hit = |x, y, z| plane.hit(Point::new(x, y, z));
                 assert_eq!(plane.area, side * side);
                 assert_eq!(hit(2, 3, 3).unwrap().off, 0);
-                let Hit { off, distance, is_strict } = hit(1, 1, -4).unwrap();
+                let FacetHit { off, distance, is_strict } = hit(1, 1, -4).unwrap();
                 assert_eq!((off, distance), (-5 * i128::from(side * side), 5.0));
                 assert!(is_strict && !hit(0, 1, 0).unwrap().is_strict);
                 assert!(hit(-1, 1, 0).is_none() && hit(1, side as i32, 0).is_none());
@@ -106,15 +107,15 @@ mod tests {
 
     #[test]
     fn only_triangles_at_whole_steps_have_a_plane_in_whole_numbers() {
-        assert!(Plane::new(&triangle([[0, 0, 0], [1, 1, 0], [2, 2, 5]])).is_none());
-        assert!(Plane::new(&triangle([[0, 0, 0], [REACH, 1, 0], [2, 3, 5]])).is_none());
+        assert!(ProofFacet::new(&triangle([[0, 0, 0], [1, 1, 0], [2, 2, 5]])).is_none());
+        assert!(ProofFacet::new(&triangle([[0, 0, 0], [REACH, 1, 0], [2, 3, 5]])).is_none());
         let mut free = triangle([[0, 0, 0], [9, 1, 0], [2, 3, 5]]);
-        assert!(Plane::new(&free).is_some());
+        assert!(ProofFacet::new(&free).is_some());
         free.corners[1].z = 0.5;
-        assert!(Plane::new(&free).is_none());
+        assert!(ProofFacet::new(&free).is_none());
         free.corners[1].z = f64::INFINITY;
-        assert!(Plane::new(&free).is_none());
-        free.corners[1] = Vertex { at: Position::nearest(9.5, 1.0), z: 0.0 };
-        assert!(Plane::new(&free).is_none());
+        assert!(ProofFacet::new(&free).is_none());
+        free.corners[1] = ProofVertex { at: ProofPosition::nearest(9.5, 1.0), z: 0.0 };
+        assert!(ProofFacet::new(&free).is_none());
     }
 }

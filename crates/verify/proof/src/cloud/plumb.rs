@@ -2,17 +2,17 @@
 
 use std::mem::size_of;
 
-use super::bound::Bound;
-use super::part::{Part, position};
-use super::plane::Plane;
-use super::strips::Strips;
+use super::bound::VerticalBound;
+use super::part::{CloudProofPart, position};
+use super::plane::ProofFacet;
+use super::strips::ProofStrips;
 use crate::exact::{double_area, exceeds};
-use crate::{Spot, Tally, Triangle};
+use crate::{ErrorSpot, ProofTally, ProofTriangle};
 use terrane_base::geom::Point;
 
 /// What is known of a point.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct PlumbFinding {
     /// The largest distance to a triangle that covers it; below 0 when none does.
     distance: f64,
     is_over: bool,
@@ -22,19 +22,19 @@ struct Found {
     is_overlapped: bool,
 }
 
-const NOTHING: Found =
-    Found { distance: -1.0, is_over: false, is_inside: false, is_overlapped: false };
+const NOTHING: PlumbFinding =
+    PlumbFinding { distance: -1.0, is_over: false, is_inside: false, is_overlapped: false };
 
 /// Bytes of the tables below for one point.
-pub(super) const BYTES_PER_POINT: usize = size_of::<Point>() + size_of::<Found>();
+pub(super) const BYTES_PER_POINT: usize = size_of::<Point>() + size_of::<PlumbFinding>();
 
 /// Judges the lowest points of the part at their positions, and counts the others.
-pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
+pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     let mut lowest = part.points.to_vec();
     lowest.dedup_by_key(|point| (point.x, point.y));
     tally.valid += part.points.len() as u64;
     tally.surface_samples += lowest.len() as u64;
-    let strips = Strips::new(lowest);
+    let strips = ProofStrips::new(lowest);
     let mut plumb =
         Plumb { found: vec![NOTHING; strips.things().len()], strips, bound: part.bound };
     part.triangles.iter().for_each(|triangle| plumb.add(triangle));
@@ -42,12 +42,12 @@ pub(super) fn check(part: &Part<'_>, tally: &mut Tally) {
 }
 
 struct Plumb {
-    strips: Strips<Point>,
-    found: Vec<Found>,
-    bound: Option<Bound>,
+    strips: ProofStrips<Point>,
+    found: Vec<PlumbFinding>,
+    bound: Option<VerticalBound>,
 }
 
-impl Found {
+impl PlumbFinding {
     /// Takes note of a triangle that covers the point.
     fn meet(&mut self, distance: f64, is_strict: bool, is_over: bool) {
         self.distance = self.distance.max(distance);
@@ -58,21 +58,22 @@ impl Found {
 }
 
 impl Plumb {
-    fn add(&mut self, triangle: &Triangle) {
-        match Plane::new(triangle) {
+    fn add(&mut self, triangle: &ProofTriangle) {
+        match ProofFacet::new(triangle) {
             Some(plane) => self.add_plane(triangle, &plane),
             None if triangle.double_area() != 0 => self.add_free(triangle),
             None => {}
         }
     }
 
-    fn add_plane(&mut self, triangle: &Triangle, plane: &Plane) {
+    fn add_plane(&mut self, triangle: &ProofTriangle, plane: &ProofFacet) {
         let Self { strips, found, bound } = self;
         let points = strips.things();
         strips.visit(&triangle.positions(), |range| {
             for i in range {
                 if let Some(hit) = plane.hit(points[i]) {
-                    let exactly = |bound: Bound| move || bound.is_below(hit.off, plane.area);
+                    let exactly =
+                        |bound: VerticalBound| move || bound.is_below(hit.off, plane.area);
                     let is_over = bound.is_some_and(|b| b.is_exceeded(hit.distance, exactly(b)));
                     found[i].meet(hit.distance, hit.is_strict, is_over);
                 }
@@ -81,7 +82,7 @@ impl Plumb {
     }
 
     /// The same for a triangle with a corner that is no point of the lattice.
-    fn add_free(&mut self, triangle: &Triangle) {
+    fn add_free(&mut self, triangle: &ProofTriangle) {
         let Self { strips, found, bound } = self;
         let points = strips.things();
         let [a, b, c] = triangle.positions();
@@ -94,7 +95,7 @@ impl Plumb {
                     continue;
                 }
                 let distance = distance(triangle, sides, z);
-                let exactly = |b: Bound| move || exceeds(triangle, at, z, b.steps());
+                let exactly = |b: VerticalBound| move || exceeds(triangle, at, z, b.steps());
                 let is_over =
                     bound.is_some_and(|b| is_beyond(triangle, distance, z, b, exactly(b)));
                 found[i].meet(distance, sides.iter().all(|&side| side > 0), is_over);
@@ -102,7 +103,7 @@ impl Plumb {
         });
     }
 
-    fn finish(&self, tally: &mut Tally) {
+    fn finish(&self, tally: &mut ProofTally) {
         for (&point, found) in self.strips.things().iter().zip(&self.found) {
             let at = position(point);
             if found.distance < 0.0 {
@@ -112,7 +113,7 @@ impl Plumb {
             tally.covered += 1;
             tally.errors.add(found.distance);
             tally.squares.add(found.distance * found.distance);
-            tally.spot(Spot { error: found.distance, at });
+            tally.spot(ErrorSpot { error: found.distance, at });
             if found.is_over {
                 tally.over.add(at);
             }
@@ -127,25 +128,25 @@ impl Plumb {
 }
 
 /// Which twentieth of the bound the distance is in, or the bin of those over.
-fn bin(found: &Found, bound: Bound) -> usize {
-    let bins = Tally::BINS;
+fn bin(found: &PlumbFinding, bound: VerticalBound) -> usize {
+    let bins = ProofTally::BINS;
     // 0 / 0 is NaN, which casts to bin 0.
     let bin = (found.distance * bins as f64 / bound.steps()) as usize;
     if found.is_over { bins } else { bin.min(bins - 1) }
 }
 
 /// The distance of a height to the plane of a triangle where these are the weights of its corners.
-fn distance(triangle: &Triangle, weights: [i128; 3], z: f64) -> f64 {
+fn distance(triangle: &ProofTriangle, weights: [i128; 3], z: f64) -> f64 {
     let [a, b, c] = [0, 1, 2].map(|i| weights[i] as f64 * (triangle.corners[i].z - z));
     ((a + b + c) / weights.iter().sum::<i128>() as f64).abs()
 }
 
 /// Whether a distance is beyond the bound, exactly; heights that differ much leave more doubt.
 fn is_beyond(
-    triangle: &Triangle,
+    triangle: &ProofTriangle,
     distance: f64,
     z: f64,
-    bound: Bound,
+    bound: VerticalBound,
     exactly: impl FnOnce() -> bool,
 ) -> bool {
     let most = triangle.corners.iter().map(|corner| (corner.z - z).abs()).fold(0.0, f64::max);
@@ -159,7 +160,7 @@ fn is_beyond(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Position, Vertex};
+    use crate::{ProofPosition, ProofVertex};
     use proptest::prelude::*;
 
     proptest! {
@@ -170,15 +171,15 @@ mod tests {
             points in prop::collection::vec([0..40i32, 0..40, -9..9], 1..60),
             halves in 0..8u32,
         ) {
-            let vertex = |[x, y, z]: [i64; 3]| Vertex { at: Position::sample(x, y), z: z as f64 };
-            let triangle = Triangle { corners: corners.map(vertex) };
+            let vertex = |[x, y, z]: [i64; 3]| ProofVertex { at: ProofPosition::sample(x, y), z: z as f64 };
+            let triangle = ProofTriangle { corners: corners.map(vertex) };
             prop_assume!(triangle.double_area() != 0);
             let mut points: Vec<Point> = points.iter().map(|p| Point::new(p[0], p[1], p[2])).collect();
             points.sort_unstable_by_key(crate::cloud::order);
             let plumb = || {
                 let found = vec![NOTHING; points.len()];
-                let bound = Some(Bound::new(f64::from(halves), 2.0));
-                Plumb { strips: Strips::new(points.clone()), found, bound }
+                let bound = Some(VerticalBound::new(f64::from(halves), 2.0));
+                Plumb { strips: ProofStrips::new(points.clone()), found, bound }
             };
             let (mut whole, mut free) = (plumb(), plumb());
             whole.add(&triangle);
@@ -193,11 +194,11 @@ mod tests {
     #[test]
     fn a_fraction_of_a_step_beyond_the_bound_is_found() {
         // The plane is level at half a step; the point is 2.5 steps above it.
-        let vertex = |x, y| Vertex { at: Position::sample(x, y), z: 0.5 };
-        let triangle = Triangle { corners: [vertex(0, 0), vertex(9, 0), vertex(0, 9)] };
+        let vertex = |x, y| ProofVertex { at: ProofPosition::sample(x, y), z: 0.5 };
+        let triangle = ProofTriangle { corners: [vertex(0, 0), vertex(9, 0), vertex(0, 9)] };
         let judge = |tolerance: f64| {
-            let bound = Some(Bound::new(tolerance, 1.0));
-            let strips = Strips::new(vec![Point::new(1, 1, 3)]);
+            let bound = Some(VerticalBound::new(tolerance, 1.0));
+            let strips = ProofStrips::new(vec![Point::new(1, 1, 3)]);
             let mut plumb = Plumb { strips, found: vec![NOTHING], bound };
             plumb.add(&triangle);
             plumb.found[0]

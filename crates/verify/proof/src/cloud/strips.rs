@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::Position;
+use crate::ProofPosition;
 use crate::sections::floor;
 use terrane_base::geom::Point;
 
@@ -15,17 +15,17 @@ const PER_ROOT: usize = 4;
 const DOUBT: f64 = 1.0;
 
 /// Something with a place: column and row in whole steps, rounded down.
-pub(super) trait Placed: Copy {
+pub(super) trait StripItem: Copy {
     fn place(&self) -> [i64; 2];
 }
 
-impl Placed for Point {
+impl StripItem for Point {
     fn place(&self) -> [i64; 2] {
         [self.x, self.y].map(i64::from)
     }
 }
 
-impl Placed for Position {
+impl StripItem for ProofPosition {
     fn place(&self) -> [i64; 2] {
         [self.col, self.row].map(floor)
     }
@@ -33,19 +33,19 @@ impl Placed for Position {
 
 /// Consecutive things and the rows of the first and the last.
 #[derive(Debug)]
-struct Strip {
+struct ProofStrip {
     rows: [i64; 2],
     things: Range<usize>,
 }
 
 /// Things in strips.
 #[derive(Debug)]
-pub(super) struct Strips<T> {
+pub(super) struct ProofStrips<T> {
     things: Vec<T>,
-    strips: Vec<Strip>,
+    strips: Vec<ProofStrip>,
 }
 
-impl<T: Placed> Strips<T> {
+impl<T: StripItem> ProofStrips<T> {
     /// Of things that are sorted by rows. O(n log n).
     pub(super) fn new(mut things: Vec<T>) -> Self {
         let size = PER_ROOT * things.len().isqrt().max(1);
@@ -53,7 +53,7 @@ impl<T: Placed> Strips<T> {
         for (number, strip) in things.chunks_mut(size).enumerate() {
             let rows = [0, strip.len() - 1].map(|i| strip[i].place()[1]);
             let first = number * size;
-            strips.push(Strip { rows, things: first..first + strip.len() });
+            strips.push(ProofStrip { rows, things: first..first + strip.len() });
             strip.sort_unstable_by_key(|thing| thing.place()[0]);
         }
         Self { things, strips }
@@ -66,11 +66,11 @@ impl<T: Placed> Strips<T> {
 
     /// Calls `visit` with ranges of things that together hold all that lie in the convex hull of
     /// `corners`.
-    pub(super) fn visit(&self, corners: &[Position], mut visit: impl FnMut(Range<usize>)) {
+    pub(super) fn visit(&self, corners: &[ProofPosition], mut visit: impl FnMut(Range<usize>)) {
         let rows = corners.iter().map(|corner| floor(corner.row));
         let (low, high) = rows.fold((i64::MAX, i64::MIN), |(l, h), row| (l.min(row), h.max(row)));
         let first = self.strips.partition_point(|strip| strip.rows[1] < low);
-        for Strip { rows, things } in &self.strips[first..] {
+        for ProofStrip { rows, things } in &self.strips[first..] {
             if rows[0] > high {
                 break;
             }
@@ -89,7 +89,7 @@ impl<T: Placed> Strips<T> {
 
 /// First and last column of the part of a convex polygon that lies in some rows (their last one to
 /// its end), with a column of doubt on each side.
-fn columns(corners: &[Position], [low, high]: [i64; 2]) -> [f64; 2] {
+fn columns(corners: &[ProofPosition], [low, high]: [i64; 2]) -> [f64; 2] {
     let (low, high) = (low as f64 - DOUBT, high as f64 + 1.0 + DOUBT);
     let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
     for (i, p) in corners.iter().enumerate() {
@@ -127,13 +127,13 @@ mod tests {
             points.iter_mut().for_each(|p| p[1] %= narrow);
             let mut points: Vec<Point> = points.iter().map(|p| Point::new(p[0], p[1], 0)).collect();
             points.sort_unstable_by_key(|p| (p.y, p.x));
-            let corners = corners.map(|[c, r]| Position::nearest(c, r));
-            let strips = Strips::new(points);
+            let corners = corners.map(|[c, r]| ProofPosition::nearest(c, r));
+            let strips = ProofStrips::new(points);
             let mut seen = vec![0; strips.things().len()];
             strips.visit(&corners, |range| range.for_each(|i| seen[i] += 1));
             let [a, b, c] = corners;
             for (point, seen) in strips.things().iter().zip(seen) {
-                let at = Position::sample(i64::from(point.x), i64::from(point.y));
+                let at = ProofPosition::sample(i64::from(point.x), i64::from(point.y));
                 let sides = [(a, b), (b, c), (c, a)].map(|(p, q)| double_area(p, q, at));
                 let inside = sides.iter().all(|&s| s >= 0) || sides.iter().all(|&s| s <= 0);
                 prop_assert!(seen == 1 || seen == 0 && !inside);
@@ -148,10 +148,11 @@ mod tests {
         let crowd = (0..10_000).map(|i| Point::new(i % 100, i / 100, 0));
         let mut points: Vec<Point> = spread.chain(crowd).collect();
         points.sort_unstable_by_key(|p| (p.y, p.x));
-        let strips = Strips::new(points);
+        let strips = ProofStrips::new(points);
         let mut visited = 0;
         for (col, row) in (0..99).flat_map(|c| (0..99).map(move |r| (c, r))) {
-            let corners = [[0, 0], [1, 0], [0, 1]].map(|[c, r]| Position::sample(col + c, row + r));
+            let corners =
+                [[0, 0], [1, 0], [0, 1]].map(|[c, r]| ProofPosition::sample(col + c, row + r));
             strips.visit(&corners, |range| visited += range.len());
         }
         assert!(visited / (99 * 99) < 400, "{}", visited / (99 * 99));

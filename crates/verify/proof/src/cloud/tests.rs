@@ -3,46 +3,46 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::{ExactSum, Layout, Spot, Vertex};
+use crate::{DomainLayout, ErrorSpot, ExactSum, ProofVertex};
 use proptest::prelude::*;
 
 /// A cloud and a mesh on a lattice of 200 x 150 steps.
 #[derive(Clone, Debug)]
 struct Case {
     points: Vec<Point>,
-    triangles: Vec<Triangle>,
-    vertices: Vec<Position>,
+    triangles: Vec<ProofTriangle>,
+    vertices: Vec<ProofPosition>,
     halves: u32,
 }
 
 const GRID: [u32; 2] = [200, 150];
 
-fn at(point: &Point) -> Position {
-    Position::sample(i64::from(point.x), i64::from(point.y))
+fn at(point: &Point) -> ProofPosition {
+    ProofPosition::sample(i64::from(point.x), i64::from(point.y))
 }
 
-fn vertex(point: &Point) -> Vertex {
-    Vertex { at: at(point), z: f64::from(point.z) }
+fn vertex(point: &Point) -> ProofVertex {
+    ProofVertex { at: at(point), z: f64::from(point.z) }
 }
 
 /// Twice the area of (a, b, c), in steps.
-fn turn(a: Position, b: Position, c: Position) -> i128 {
+fn turn(a: ProofPosition, b: ProofPosition, c: ProofPosition) -> i128 {
     let d = |p: i64, q: i64| i128::from((p >> 30) - (q >> 30));
     d(b.col, a.col) * d(c.row, a.row) - d(b.row, a.row) * d(c.col, a.col)
 }
 
 impl Case {
-    fn hull(&self) -> Option<Hull> {
+    fn hull(&self) -> Option<ProofHull> {
         let mut wrap = Wrap::default();
         self.points.iter().for_each(|p| wrap.add([p.x, p.y]));
         wrap.finish()
     }
 
     /// Domain by domain.
-    fn check(&self, size: [u32; 2]) -> Tally {
-        let layout = Layout { grid: GRID, size };
+    fn check(&self, size: [u32; 2]) -> ProofTally {
+        let layout = DomainLayout { grid: GRID, size };
         let hull = self.hull().unwrap();
-        let mut all = Tally::default();
+        let mut all = ProofTally::default();
         for index in 0..layout.len() {
             let domain = layout.domain(index);
             let mut points = self.points.clone();
@@ -51,9 +51,10 @@ impl Case {
             let mut vertices = self.vertices.clone();
             vertices.retain(|&at| domain.owns(at));
             vertices.sort_unstable();
-            let touch = |t: &&Triangle| domain.may_touch(t);
-            let triangles: Vec<Triangle> = self.triangles.iter().filter(touch).copied().collect();
-            let part = Part {
+            let touch = |t: &&ProofTriangle| domain.may_touch(t);
+            let triangles: Vec<ProofTriangle> =
+                self.triangles.iter().filter(touch).copied().collect();
+            let part = CloudProofPart {
                 domain,
                 points: &points,
                 triangles: &triangles,
@@ -63,28 +64,29 @@ impl Case {
                 kept: &[],
                 lines: &[],
             };
-            let mut tally = Tally::default();
+            let mut tally = ProofTally::default();
             check(&part, &mut tally);
             all.merge(&tally);
         }
         all
     }
 
-    fn bound(&self) -> Bound {
-        Bound::new(f64::from(self.halves), 2.0)
+    fn bound(&self) -> VerticalBound {
+        VerticalBound::new(f64::from(self.halves), 2.0)
     }
 
     /// Lines with all points on their left or on them, through two points of the hull.
-    fn supports(&self) -> Vec<[Position; 2]> {
-        let places: Vec<Position> = self.points.iter().map(at).collect();
+    fn supports(&self) -> Vec<[ProofPosition; 2]> {
+        let places: Vec<ProofPosition> = self.points.iter().map(at).collect();
         let pairs = places.iter().flat_map(|&p| places.iter().map(move |&q| [p, q]));
-        let is_support =
-            |&[p, q]: &[Position; 2]| p != q && places.iter().all(|&other| turn(p, q, other) >= 0);
+        let is_support = |&[p, q]: &[ProofPosition; 2]| {
+            p != q && places.iter().all(|&other| turn(p, q, other) >= 0)
+        };
         pairs.filter(is_support).collect()
     }
 
-    fn naive(&self) -> Tally {
-        let mut tally = Tally::default();
+    fn naive(&self) -> ProofTally {
+        let mut tally = ProofTally::default();
         self.naive_points(&mut tally);
         self.triangles.iter().for_each(|triangle| tally.shape(triangle, 1));
         let supports = self.supports();
@@ -93,7 +95,7 @@ impl Case {
         tally
     }
 
-    fn naive_points(&self, tally: &mut Tally) {
+    fn naive_points(&self, tally: &mut ProofTally) {
         for point in &self.points {
             tally.valid += 1;
             let mut rest = self.points.iter().filter(|p| at(p) == at(point));
@@ -110,7 +112,7 @@ impl Case {
             tally.covered += 1;
             tally.errors.add(error);
             tally.squares.add(error * error);
-            tally.spot(Spot { error, at: at(point) });
+            tally.spot(ErrorSpot { error, at: at(point) });
             let over = hits.iter().any(|h| 2 * h.0 > i128::from(self.halves) * h.1);
             let bin = (error * 20.0 / (f64::from(self.halves) / 2.0)) as usize;
             tally.histogram[if over { 20 } else { bin.min(19) }] += 1;
@@ -123,8 +125,8 @@ impl Case {
         }
     }
 
-    fn naive_edges(&self, supports: &[[Position; 2]], tally: &mut Tally) {
-        let mut edges: BTreeMap<[Position; 2], Vec<(bool, Position)>> = BTreeMap::new();
+    fn naive_edges(&self, supports: &[[ProofPosition; 2]], tally: &mut ProofTally) {
+        let mut edges: BTreeMap<[ProofPosition; 2], Vec<(bool, ProofPosition)>> = BTreeMap::new();
         for t in &self.triangles {
             let p = t.positions();
             for (a, b, apex) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
@@ -134,8 +136,8 @@ impl Case {
                 }
             }
         }
-        let used: std::collections::BTreeSet<Position> =
-            self.triangles.iter().flat_map(Triangle::positions).collect();
+        let used: std::collections::BTreeSet<ProofPosition> =
+            self.triangles.iter().flat_map(ProofTriangle::positions).collect();
         let mut hit = std::collections::BTreeSet::new();
         for ([p, q], uses) in edges {
             match uses[..] {
@@ -169,8 +171,8 @@ impl Case {
         }
     }
 
-    fn naive_vertices(&self, tally: &mut Tally) {
-        let mut heights: BTreeMap<Position, Vec<f64>> = BTreeMap::new();
+    fn naive_vertices(&self, tally: &mut ProofTally) {
+        let mut heights: BTreeMap<ProofPosition, Vec<f64>> = BTreeMap::new();
         for corner in self.triangles.iter().flat_map(|t| t.corners) {
             heights.entry(corner.at).or_default().push(corner.z);
         }
@@ -194,7 +196,7 @@ impl Case {
 }
 
 /// How far the point is off times the area, the area, and whether it is on no edge.
-fn naive_hit(t: &Triangle, point: &Point) -> Option<(i128, i128, bool)> {
+fn naive_hit(t: &ProofTriangle, point: &Point) -> Option<(i128, i128, bool)> {
     let [a, b, c] = t.positions();
     let (area, p) = (turn(a, b, c), at(point));
     if area == 0 {
@@ -210,10 +212,15 @@ fn naive_hit(t: &Triangle, point: &Point) -> Option<(i128, i128, bool)> {
 }
 
 /// True for an edge on a line that supports the hull, between points of the cloud on that line.
-fn is_side(supports: &[[Position; 2]], p: Position, q: Position, apex: Position) -> bool {
+fn is_side(
+    supports: &[[ProofPosition; 2]],
+    p: ProofPosition,
+    q: ProofPosition,
+    apex: ProofPosition,
+) -> bool {
     let inner = turn(p, q, apex);
     let (p, q) = if inner > 0 { (p, q) } else { (q, p) };
-    let along = |a: Position, b: Position| {
+    let along = |a: ProofPosition, b: ProofPosition| {
         let d = |x: i64, y: i64| i128::from((x >> 30) - (y >> 30));
         d(q.col, p.col) * d(b.col, a.col) + d(q.row, p.row) * d(b.row, a.row)
     };
@@ -227,7 +234,7 @@ fn is_side(supports: &[[Position; 2]], p: Position, q: Position, apex: Position)
         })
 }
 
-fn is_bad(p: Position, q: Position, a: Position, b: Position) -> bool {
+fn is_bad(p: ProofPosition, q: ProofPosition, a: ProofPosition, b: ProofPosition) -> bool {
     let sides = turn(p, q, a).signum() * turn(p, q, b).signum();
     let [p, q, a] = [p, q, a].map(|v| {
         let (x, y) = (i128::from((v.col - b.col) >> 30), i128::from((v.row - b.row) >> 30));
@@ -240,7 +247,7 @@ fn is_bad(p: Position, q: Position, a: Position, b: Position) -> bool {
 }
 
 /// Leaves sums in one form.
-fn settled(mut tally: Tally) -> (Tally, f64, f64) {
+fn settled(mut tally: ProofTally) -> (ProofTally, f64, f64) {
     let (errors, squares) = (tally.errors.value(), tally.squares.value());
     (tally.errors, tally.squares) = (ExactSum::default(), ExactSum::default());
     (tally, errors, squares)
@@ -267,11 +274,11 @@ fn soup() -> impl Strategy<Value = Case> {
     (points, corners, prop::collection::vec(0..60usize, 0..30), 0..6u32).prop_map(
         |(points, corners, extra, halves)| {
             let pick = |(i, x, y, odds): (usize, i64, i64, u8)| match odds {
-                0 => Vertex { at: Position::sample(x, y), z: 0.0 },
+                0 => ProofVertex { at: ProofPosition::sample(x, y), z: 0.0 },
                 _ => vertex(&points[i % points.len()]),
             };
-            let triangles = corners.into_iter().map(|c| Triangle { corners: c.map(pick) });
-            let triangles: Vec<Triangle> = triangles.collect();
+            let triangles = corners.into_iter().map(|c| ProofTriangle { corners: c.map(pick) });
+            let triangles: Vec<ProofTriangle> = triangles.collect();
             let used = triangles.iter().flat_map(|t| t.positions()).step_by(2);
             let extra = extra.into_iter().map(|i| at(&points[i % points.len()]));
             let vertices = used.chain(extra).collect();
@@ -300,9 +307,9 @@ fn sheet() -> Case {
     let cut = |(c, r): (i32, i32)| {
         let [a, b, d, e] =
             [(c, r), (c + 1, r), (c, r + 1), (c + 1, r + 1)].map(|(c, r)| vertex(&corner(c, r)));
-        [Triangle { corners: [a, b, e] }, Triangle { corners: [a, e, d] }]
+        [ProofTriangle { corners: [a, b, e] }, ProofTriangle { corners: [a, e, d] }]
     };
-    let triangles: Vec<Triangle> = squares.flat_map(cut).collect();
+    let triangles: Vec<ProofTriangle> = squares.flat_map(cut).collect();
     for (i, t) in triangles.iter().enumerate() {
         // The middle of a side, a step or two from its plane.
         let [a, b, _] = t.corners;
@@ -315,7 +322,7 @@ fn sheet() -> Case {
 }
 
 /// Everything that a sound mesh has none of.
-fn faults(tally: &Tally) -> Vec<(&'static str, u64)> {
+fn faults(tally: &ProofTally) -> Vec<(&'static str, u64)> {
     let all = [
         ("uncovered", tally.uncovered.count),
         ("over", tally.over.count),
@@ -349,11 +356,11 @@ fn found(spoil: impl FnOnce(&mut Case)) -> Vec<(&'static str, u64)> {
 
 /// The number of a triangle in the middle of the sheet.
 fn middle(case: &Case) -> usize {
-    case.triangles.iter().position(|t| t.corners[0].at == Position::sample(70, 60)).unwrap()
+    case.triangles.iter().position(|t| t.corners[0].at == ProofPosition::sample(70, 60)).unwrap()
 }
 
 /// Moves the vertex at a position, wherever it is used.
-fn shift(case: &mut Case, from: Position, to: Vertex) {
+fn shift(case: &mut Case, from: ProofPosition, to: ProofVertex) {
     let corners = case.triangles.iter_mut().flat_map(|t| &mut t.corners);
     corners.filter(|c| c.at == from).for_each(|c| *c = to);
     case.vertices.iter_mut().filter(|v| **v == from).for_each(|v| *v = to.at);
@@ -386,15 +393,27 @@ fn a_point_a_step_beyond_the_tolerance_is_found_and_one_above_another_is_not() {
 fn vertices_that_were_moved_are_found() {
     let lift = |case: &mut Case| {
         let z = vertex(&case.points[0]).z + 1.0;
-        shift(case, Position::sample(0, 0), Vertex { at: Position::sample(0, 0), z });
+        shift(
+            case,
+            ProofPosition::sample(0, 0),
+            ProofVertex { at: ProofPosition::sample(0, 0), z },
+        );
     };
     assert_eq!(found(lift), [("off", 1)]);
     let aside = |case: &mut Case| {
-        shift(case, Position::sample(70, 60), Vertex { at: Position::sample(71, 60), z: 0.0 });
+        shift(
+            case,
+            ProofPosition::sample(70, 60),
+            ProofVertex { at: ProofPosition::sample(71, 60), z: 0.0 },
+        );
     };
     assert_eq!(found(aside).last().unwrap(), &("off", 1));
     let beyond = |case: &mut Case| {
-        shift(case, Position::sample(170, 60), Vertex { at: Position::sample(171, 60), z: 0.0 });
+        shift(
+            case,
+            ProofPosition::sample(170, 60),
+            ProofVertex { at: ProofPosition::sample(171, 60), z: 0.0 },
+        );
     };
     let names: Vec<&str> = found(beyond).iter().map(|f| f.0).collect();
     assert!(["outside", "cracks", "off", "area"].iter().all(|n| names.contains(n)), "{names:?}");
@@ -430,7 +449,7 @@ fn cracks_of_a_step_and_vertices_inside_edges_are_found() {
     // One triangle lets go of a corner, sideways or in height.
     let gap = |case: &mut Case| {
         let i = middle(case);
-        case.triangles[i].corners[0].at = Position::sample(71, 60);
+        case.triangles[i].corners[0].at = ProofPosition::sample(71, 60);
     };
     let names: Vec<&str> = found(gap).iter().map(|f| f.0).collect();
     assert!(
@@ -447,8 +466,8 @@ fn cracks_of_a_step_and_vertices_inside_edges_are_found() {
         let i = middle(case);
         let [a, b, c] = case.triangles[i].corners;
         let mid = *case.points.iter().find(|p| (p.x, p.y) == (75, 60)).unwrap();
-        case.triangles[i] = Triangle { corners: [a, vertex(&mid), c] };
-        case.triangles.push(Triangle { corners: [vertex(&mid), b, c] });
+        case.triangles[i] = ProofTriangle { corners: [a, vertex(&mid), c] };
+        case.triangles.push(ProofTriangle { corners: [vertex(&mid), b, c] });
         case.vertices.push(at(&mid));
     };
     assert_eq!(found(junction), [("cracks", 3), ("t-junctions", 1)]);
@@ -458,12 +477,12 @@ fn cracks_of_a_step_and_vertices_inside_edges_are_found() {
 fn vertices_stored_twice_or_for_nothing_are_found() {
     let twice = |case: &mut Case| case.vertices.push(case.vertices[20]);
     assert_eq!(found(twice), [("duplicates", 1)]);
-    let idle = |case: &mut Case| case.vertices.push(Position::sample(75, 60));
+    let idle = |case: &mut Case| case.vertices.push(ProofPosition::sample(75, 60));
     assert_eq!(found(idle), [("unused", 1)]);
     let empty = |case: &mut Case| {
         let i = middle(case);
         let [a, b, _] = case.triangles[i].corners;
-        case.triangles.push(Triangle { corners: [a, b, b] });
+        case.triangles.push(ProofTriangle { corners: [a, b, b] });
     };
     assert!(found(empty).contains(&("empty", 1)));
 }

@@ -1,7 +1,7 @@
 //! Pairs of segments that meet where they should not.
 
 use super::exact::{Xy, by_ends, meet, upward};
-use super::pieces::{Band, Pieces};
+use super::pieces::{LineProofPieces, XRange};
 use super::report::Report;
 
 /// Segments to a strip, at the mean.
@@ -9,12 +9,12 @@ const TO_A_STRIP: usize = 256;
 
 /// A segment, its end with the lesser x (then y) first.
 #[derive(Clone, Copy, Debug)]
-struct Segment {
+struct ProofSegment {
     ends: [Xy; 2],
     part: u32,
 }
 
-impl Segment {
+impl ProofSegment {
     fn span(&self, axis: usize) -> [f64; 2] {
         let [p, q] = self.ends.map(|p| p[axis]);
         [p.min(q), p.max(q)]
@@ -23,11 +23,11 @@ impl Segment {
 
 /// Counts the pairs of segments that meet off a common end, before and after; segments at the same
 /// place are one. A pair counts in the band that has the lowest x the two share.
-pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
-    let of = |part| move |ends| Segment { ends: upward(ends), part };
+pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut Report) {
+    let of = |part| move |ends| ProofSegment { ends: upward(ends), part };
     let old = distinct(pieces.of(band).flat_map(|p| p.segments().map(of(p.part))), band);
     each_pair(&old, band, &mut |_, _| report.original_crossings += 1);
-    let is_old = |s: &Segment| old.binary_search_by(|o| by_ends(&o.ends, &s.ends)).is_ok();
+    let is_old = |s: &ProofSegment| old.binary_search_by(|o| by_ends(&o.ends, &s.ends)).is_ok();
     let replacing = pieces.of(band).filter_map(|p| p.replacing().map(of(p.part)));
     let new = distinct(replacing.filter(|s| s.ends[0] != s.ends[1]), band);
     each_pair(&new, band, &mut |s, t| {
@@ -39,8 +39,8 @@ pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
 }
 
 /// The segments that reach into a band, each place once.
-fn distinct(segments: impl Iterator<Item = Segment>, band: Band) -> Vec<Segment> {
-    let mut all: Vec<Segment> = segments.filter(|s| band.meets(s.span(0))).collect();
+fn distinct(segments: impl Iterator<Item = ProofSegment>, band: XRange) -> Vec<ProofSegment> {
+    let mut all: Vec<ProofSegment> = segments.filter(|s| band.meets(s.span(0))).collect();
     all.sort_unstable_by(|s, t| by_ends(&s.ends, &t.ends).then(s.part.cmp(&t.part)));
     all.dedup_by(|s, t| s.ends == t.ends);
     all
@@ -51,7 +51,11 @@ fn distinct(segments: impl Iterator<Item = Segment>, band: Band) -> Vec<Segment>
 /// The band is cut into strips of y with about as many segments in each. In a strip, segments come in
 /// the order of their least x and are compared with those before them that reach as far. A pair counts
 /// in the strip that has the lowest y the two share.
-fn each_pair(segments: &[Segment], band: Band, found: &mut impl FnMut(&Segment, &Segment)) {
+fn each_pair(
+    segments: &[ProofSegment],
+    band: XRange,
+    found: &mut impl FnMut(&ProofSegment, &ProofSegment),
+) {
     let mut lows: Vec<f64> = segments.iter().map(|s| s.span(1)[0]).collect();
     lows.sort_unstable_by(f64::total_cmp);
     let mut borders: Vec<f64> = lows.into_iter().step_by(TO_A_STRIP).skip(1).collect();

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use crate::expansion::Expansion;
+use crate::expansion::ProofExpansion;
 
 /// A position.
 pub(super) type Xy = [f64; 2];
@@ -45,7 +45,7 @@ pub(super) fn side([a, b]: [Xy; 2], p: Xy) -> i32 {
         det if det > safe => 1,
         det if det < -safe => -1,
         _ => {
-            let mut sum = Expansion::default();
+            let mut sum = ProofExpansion::default();
             for [p, q] in [[a, b], [b, p], [p, a]] {
                 sum.add_floats(p[0], q[1]);
                 sum.add_floats(-p[1], q[0]);
@@ -67,7 +67,7 @@ pub(super) fn area_sign(ring: &[[f64; 3]]) -> i32 {
     if f64::abs(sum) > safe {
         return if sum > 0.0 { 1 } else { -1 };
     }
-    let mut exact = Expansion::default();
+    let mut exact = ProofExpansion::default();
     for pair in ring.windows(2) {
         exact.add_floats(pair[0][0], pair[1][1]);
         exact.add_floats(-pair[0][1], pair[1][0]);

@@ -2,7 +2,7 @@
 //! the tolerance.
 
 use super::exact::Xy;
-use super::measure::Distance;
+use super::measure::ProofDistance;
 
 /// Most distances that are measured for one ring.
 const MOST_LOOKS: u64 = 1 << 25;
@@ -13,7 +13,7 @@ const DIRECTIONS: usize = 16;
 /// Whether `ring` and `others` (holes that went with it) lie along a segment between two vertices of
 /// `ring`; `None` where there are too many to tell.
 pub(super) fn lies_along_a_segment(
-    distance: Distance,
+    distance: ProofDistance,
     ring: &[[f64; 3]],
     others: &[[f64; 3]],
     tolerance: f64,
@@ -52,14 +52,14 @@ pub(super) fn lies_along_a_segment(
     Some(false)
 }
 
-fn farthest(distance: Distance, ring: &[[f64; 3]], from: [f64; 3]) -> [f64; 3] {
+fn farthest(distance: ProofDistance, ring: &[[f64; 3]], from: [f64; 3]) -> [f64; 3] {
     let off = |p: &[f64; 3]| distance.of(*p, from, from);
     ring.iter().copied().max_by(|p, q| off(p).total_cmp(&off(q))).unwrap_or(from)
 }
 
 /// True where some vertices are in no strip twice as wide as the tolerance (and a hair more: degrees
 /// are not everywhere of one length), so that no segment is near all of them.
-fn is_wide(distance: Distance, all: &[[f64; 3]], tolerance: f64) -> bool {
+fn is_wide(distance: ProofDistance, all: &[[f64; 3]], tolerance: f64) -> bool {
     let origin = all[0];
     let flat: Vec<Xy> = all.iter().map(|p| distance.flat(*p, origin)).collect();
     let outermost = |k: usize| {

@@ -1,7 +1,7 @@
 //! Which vertices of the original those of the result are.
 
 use super::exact::Xy;
-use super::measure::Distance;
+use super::measure::ProofDistance;
 
 /// Vertices at one position that are tried for one of the result: lines pass few positions so often.
 /// Where that does not do, more are, and all of those of a short part.
@@ -11,7 +11,7 @@ const SHORT: usize = 512;
 
 /// A vertex of the original tried for one of the result.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct MatchingNode {
     at: u32,
     /// The largest distance up to here.
     worst: f64,
@@ -52,7 +52,7 @@ impl<'a> Vertices<'a> {
 
 /// A part of the result.
 #[derive(Debug)]
-pub(super) struct Own {
+pub(super) struct ResultPart {
     pub(super) points: Vec<[f64; 3]>,
     /// As in [`Vertices`].
     pub(super) extras: Vec<[f64; 2]>,
@@ -60,7 +60,7 @@ pub(super) struct Own {
     pub(super) with_extras: bool,
 }
 
-impl Own {
+impl ResultPart {
     fn key(&self, point: &[f64; 3], extras: Option<&[f64; 2]>) -> Key {
         let [z, m] = extras.filter(|_| self.with_extras).copied().unwrap_or_default();
         [point[0], point[1], z, m].map(bits)
@@ -69,10 +69,10 @@ impl Own {
 
 /// A part, and the one it was made from.
 pub(super) struct Matching<'a> {
-    distance: Distance,
+    distance: ProofDistance,
     /// Vertices of the original, a ring's last left out.
     old: &'a [[f64; 3]],
-    own: Own,
+    own: ResultPart,
     /// What tells the vertices of the result; a ring begins with one that is rarest in the original, at
     /// `first`, and ends with it.
     new: Vec<Key>,
@@ -84,7 +84,12 @@ pub(super) struct Matching<'a> {
 
 impl<'a> Matching<'a> {
     /// O(n log n).
-    pub(super) fn new(distance: Distance, before: Vertices<'a>, own: Own, is_ring: bool) -> Self {
+    pub(super) fn new(
+        distance: ProofDistance,
+        before: Vertices<'a>,
+        own: ResultPart,
+        is_ring: bool,
+    ) -> Self {
         let all = before.points;
         let old = if is_ring && all.len() > 1 { &all[..all.len() - 1] } else { all };
         let key_of = |(at, point): (usize, &[f64; 3])| own.key(point, before.extras.get(at));
@@ -191,7 +196,7 @@ impl<'a> Matching<'a> {
 
     /// Where heights or measures are not those of the original.
     pub(super) fn changed(&self, places: &[u32], before: Vertices<'_>) -> Vec<Xy> {
-        let Own { points, extras, .. } = &self.own;
+        let ResultPart { points, extras, .. } = &self.own;
         let count = if self.is_ring { points.len() - 1 } else { points.len() };
         let is_changed = |at: &usize| {
             let place = places[(at + count - self.first) % count];
@@ -236,7 +241,7 @@ impl<'a> Matching<'a> {
     /// The best match from one vertex of the original to another, and its largest distance.
     fn from(&self, start: u32, end: u32, most: usize) -> Option<(f64, Vec<u32>)> {
         let count = self.old.len() as u32;
-        let mut nodes = vec![Node { at: start, worst: 0.0, back: 0 }];
+        let mut nodes = vec![MatchingNode { at: start, worst: 0.0, back: 0 }];
         let mut layer = 0..1;
         if self.places_of(&self.new[0]).iter().all(|place| place.1 != start) {
             return None;
@@ -269,9 +274,14 @@ impl<'a> Matching<'a> {
 
     /// Of vertices at one position, those that are reached from a layer, whose vertices are at one position,
     /// too, each in the best way; `first` is the number of the first of the layer. O(n).
-    fn reached(&self, layer: &[Node], first: usize, candidates: &[u32]) -> Vec<Node> {
-        let unknown = |&at: &u32| Node { at, worst: f64::INFINITY, back: u32::MAX };
-        let mut all: Vec<Node> = candidates.iter().map(unknown).collect();
+    fn reached(
+        &self,
+        layer: &[MatchingNode],
+        first: usize,
+        candidates: &[u32],
+    ) -> Vec<MatchingNode> {
+        let unknown = |&at: &u32| MatchingNode { at, worst: f64::INFINITY, back: u32::MAX };
+        let mut all: Vec<MatchingNode> = candidates.iter().map(unknown).collect();
         let from = self.heights(layer.iter().map(|node| node.at));
         let to = self.heights(candidates.iter().copied());
         for (&a, &b) in from.iter().flat_map(|a| to.iter().map(move |b| (a, b))) {
@@ -283,7 +293,13 @@ impl<'a> Matching<'a> {
 
     /// Goes along the original from the first of a layer to the last candidate, and joins those of the one at
     /// `a` with those of the other at `b`: whatever is between is so far off the one segment.
-    fn sweep(&self, layer: &[Node], first: usize, [a, b]: [[f64; 3]; 2], all: &mut [Node]) {
+    fn sweep(
+        &self,
+        layer: &[MatchingNode],
+        first: usize,
+        [a, b]: [[f64; 3]; 2],
+        all: &mut [MatchingNode],
+    ) {
         let (mut left, mut next) =
             ((first as u32..).zip(layer).peekable(), all.iter_mut().peekable());
         let mut best: Option<(f64, u32)> = None;
@@ -323,7 +339,7 @@ impl<'a> Matching<'a> {
     /// What of a vertex tells in distances.
     fn place(&self, at: u32) -> [f64; 3] {
         let [x, y, z] = self.vertex(at);
-        [x, y, if self.distance == Distance::Space { z } else { 0.0 }]
+        [x, y, if self.distance == ProofDistance::Space { z } else { 0.0 }]
     }
 
     /// The largest distance strictly between two vertices, and whose it is.

@@ -2,7 +2,7 @@
 
 /// How distances are measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Distance {
+pub enum ProofDistance {
     /// In x and y.
     #[default]
     Plane,
@@ -20,7 +20,7 @@ const AXIS: f64 = 6_378_137.0;
 /// Flattening of WGS 84.
 const FLATTENING: f64 = 1.0 / 298.257_223_563;
 
-impl Distance {
+impl ProofDistance {
     /// From `p` to the segment from `a` to `b`.
     pub(super) fn of(self, p: [f64; 3], a: [f64; 3], b: [f64; 3]) -> f64 {
         let scale = match self {
@@ -45,7 +45,7 @@ impl Distance {
     }
 }
 
-impl Distance {
+impl ProofDistance {
     /// x and y relative to an origin, in the units of distances near it.
     pub(super) fn flat(self, p: [f64; 3], origin: [f64; 3]) -> [f64; 2] {
         let scale = match self {

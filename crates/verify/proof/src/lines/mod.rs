@@ -1,9 +1,9 @@
 //! Independent proof of simplified lines: distances, crossings, rings, sides and shared borders. Shares
 //! no line with what simplifies them.
 //!
-//! Parts (lines and rings) are compared one by one with those they were made from ([`Comparison`]): how
+//! Parts (lines and rings) are compared one by one with those they were made from ([`PartComparison`]): how
 //! far off is what was left out, which rings have collapsed or turned over. What is left of that, the
-//! stretches of the originals and the segments in their place ([`Pieces`]), is then looked at together,
+//! stretches of the originals and the segments in their place ([`LineProofPieces`]), is then looked at together,
 //! one band of x after the other ([`judge`]): what meets, which side things are on, which borders are
 //! shared. No figure depends on the bands. Everything is decided from positions: vertices at the same x
 //! and y are the same.
@@ -25,14 +25,14 @@ use exact::Xy;
 use terrane_base::error::{Error, Result};
 
 pub use matching::Vertices;
-pub use measure::Distance;
-pub use parts::{Comparison, Drops};
-pub use pieces::{Band, Pieces};
-pub use report::{Defect, Farthest, Report};
+pub use measure::ProofDistance;
+pub use parts::{Drops, PartComparison};
+pub use pieces::{LineProofPieces, XRange};
+pub use report::{Defect, ProofFarthestVertex, Report};
 
 /// Lines and rings, flat.
 #[derive(Clone, Copy, Debug)]
-pub struct Lines<'a> {
+pub struct ProofLines<'a> {
     /// x, y and z of all vertices, part after part; z is 0 where there is none.
     pub points: &'a [[f64; 3]],
     /// Where each part begins, and at the end how many vertices there are.
@@ -41,7 +41,7 @@ pub struct Lines<'a> {
     pub closed: &'a [bool],
 }
 
-impl Lines<'_> {
+impl ProofLines<'_> {
     fn count(&self) -> usize {
         self.closed.len()
     }
@@ -83,13 +83,13 @@ impl Lines<'_> {
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The lines before.
-    pub original: Lines<'a>,
+    pub original: ProofLines<'a>,
     /// The lines after: as many parts, in the same order, without vertices where one was dropped.
-    pub simplified: Lines<'a>,
+    pub simplified: ProofLines<'a>,
     /// Positions that were to stay on their side of every part.
     pub points: &'a [[f64; 2]],
     /// How distances are measured.
-    pub distance: Distance,
+    pub distance: ProofDistance,
     /// Largest allowed distance, in its units; `None` to measure only.
     pub tolerance: Option<f64>,
 }
@@ -117,9 +117,9 @@ fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
         return Err(Error::usage("the parts of the result are not those of the original"));
     }
     let mut report = Report::default();
-    let mut pieces = Pieces::new(Band::ALL);
+    let mut pieces = LineProofPieces::new(XRange::ALL);
     let Question { distance, tolerance, .. } = *question;
-    let comparison = Comparison { distance, tolerance, drops: Drops::Any };
+    let comparison = PartComparison { distance, tolerance, drops: Drops::Any };
     for (part, &closed) in (0u32..).zip(original.closed) {
         let [before, after] =
             [original, simplified].map(|lines| Vertices::of(lines.part(part as usize)));
@@ -133,7 +133,7 @@ fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
 
 /// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
 /// are those of at least that band.
-pub fn judge(pieces: &Pieces, points: &[Xy], band: Band) -> Report {
+pub fn judge(pieces: &LineProofPieces, points: &[Xy], band: XRange) -> Report {
     let mut report = Report::default();
     crossings::count(pieces, band, &mut report);
     shared::count(pieces, band, &mut report);

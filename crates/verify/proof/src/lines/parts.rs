@@ -2,16 +2,16 @@
 
 use super::exact::{Xy, area_sign};
 use super::gone::lies_along_a_segment;
-use super::matching::{Matching, Own, Vertices};
-use super::measure::Distance;
-use super::pieces::{Kind, Pieces};
-use super::report::{Farthest, Report};
+use super::matching::{Matching, ResultPart, Vertices};
+use super::measure::ProofDistance;
+use super::pieces::{LineProofPieces, PieceKind};
+use super::report::{ProofFarthestVertex, Report};
 
 /// How parts are compared with those they were made from.
 #[derive(Clone, Copy, Debug)]
-pub struct Comparison {
+pub struct PartComparison {
     /// How distances are measured.
-    pub distance: Distance,
+    pub distance: ProofDistance,
     /// Largest allowed distance, in its units; `None` to measure only.
     pub tolerance: Option<f64>,
     /// Which parts may be gone.
@@ -30,7 +30,7 @@ pub enum Drops {
     Any,
 }
 
-impl Comparison {
+impl PartComparison {
     /// Compares part number `part` after with what it was before, and adds its pieces to those that are
     /// to be looked at together. A ring ends with the vertex it begins with, and may be given the other
     /// way round; a part without vertices has been dropped. O(n log n).
@@ -41,7 +41,7 @@ impl Comparison {
         after: Vertices<'_>,
         is_ring: bool,
         report: &mut Report,
-        pieces: &mut Pieces,
+        pieces: &mut LineProofPieces,
     ) {
         report.vertices[0] += before.points.len() as u64;
         report.vertices[1] += after.points.len() as u64;
@@ -49,12 +49,12 @@ impl Comparison {
         let all = |points: &[[f64; 3]]| points.iter().map(|&p| (flat(p), true)).collect::<Vec<_>>();
         let Some(&first) = after.points.first() else {
             self.gone(part, before, is_ring, report);
-            return pieces.push(part, Kind::Gone, all(before.points).into_iter());
+            return pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
         };
         let Some(matched) = Matched::best(self, before, after, is_ring) else {
             report.foreign.add(part, flat(first));
-            pieces.push(part, Kind::Gone, all(before.points).into_iter());
-            return pieces.push(part, Kind::Stranger, all(after.points).into_iter());
+            pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
+            return pieces.push(part, PieceKind::Stranger, all(after.points).into_iter());
         };
         let Matched { matching, places, changed } = &matched;
         if is_ring {
@@ -70,7 +70,7 @@ impl Comparison {
             let is_end = kept.next_if_eq(&v).is_some();
             (flat(matching.vertex(v)), is_end)
         });
-        pieces.push(part, Kind::Kept, vertices);
+        pieces.push(part, PieceKind::Kept, vertices);
     }
 
     /// Judges a part that is gone.
@@ -101,7 +101,7 @@ impl Comparison {
         let (distance, vertex) = matching.farthest(from, to);
         let place = |v: u32| flat(matching.vertex(v));
         if to - from > 1 && report.farthest.is_none_or(|f| distance > f.distance) {
-            report.farthest = Some(Farthest { distance, part, at: place(vertex) });
+            report.farthest = Some(ProofFarthestVertex { distance, part, at: place(vertex) });
         }
         let Some(tolerance) = self.tolerance.filter(|&t| distance > t) else { return };
         let (a, b) = (matching.vertex(from), matching.vertex(to));
@@ -125,7 +125,7 @@ impl<'a> Matched<'a> {
     /// The vertices with their heights and measures, or else by their positions alone; those of a ring
     /// forward or backward, whichever keeps the tolerance, and the sign of its area where both do.
     fn best(
-        by: &Comparison,
+        by: &PartComparison,
         before: Vertices<'a>,
         after: Vertices<'_>,
         is_ring: bool,
@@ -141,7 +141,7 @@ impl<'a> Matched<'a> {
                     extras.reverse();
                 }
                 let is_same = sign == 0 || area_sign(&points) == sign;
-                let own = Own { points, extras, with_extras };
+                let own = ResultPart { points, extras, with_extras };
                 let matching = Matching::new(by.distance, before, own, is_ring);
                 let Some((worst, places)) = matching.best(by.tolerance) else { continue };
                 let changed =

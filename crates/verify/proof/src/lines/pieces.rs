@@ -6,14 +6,14 @@ use super::exact::Xy;
 
 /// A range of x, half-open.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Band {
+pub struct XRange {
     /// The least x.
     pub from: f64,
     /// The least x beyond.
     pub to: f64,
 }
 
-impl Band {
+impl XRange {
     /// All of the plane.
     pub const ALL: Self = Self { from: f64::NEG_INFINITY, to: f64::INFINITY };
 
@@ -30,7 +30,7 @@ impl Band {
 
 /// What a run of vertices is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PieceKind {
     /// Vertices of an original part; between those that were kept, a segment replaces a stretch.
     Kept,
     /// An original part, or some of it, that nothing is known to have replaced.
@@ -41,68 +41,68 @@ pub(super) enum Kind {
 
 /// Consecutive vertices of a part; pieces of it that reach into no band of interest are cut out.
 #[derive(Clone, Copy, Debug)]
-struct Run {
+struct PieceRun {
     part: u32,
-    kind: Kind,
+    kind: PieceKind,
     end: usize,
     span: [f64; 2],
 }
 
 /// A stretch of a part, and what is in its place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece<'a> {
+pub(super) struct LineProofPiece<'a> {
     pub(super) part: u32,
-    pub(super) kind: Kind,
-    /// Its vertices, at least two; of a [`Kind::Kept`] one the first and last were kept and those
+    pub(super) kind: PieceKind,
+    /// Its vertices, at least two; of a [`PieceKind::Kept`] one the first and last were kept and those
     /// between were not.
     pub(super) points: &'a [Xy],
 }
 
-impl<'a> Piece<'a> {
+impl<'a> LineProofPiece<'a> {
     /// The segment of the result, if there is one.
     pub(super) fn replacing(&self) -> Option<[Xy; 2]> {
-        (self.kind != Kind::Gone).then(|| [self.points[0], self.points[self.points.len() - 1]])
+        (self.kind != PieceKind::Gone).then(|| [self.points[0], self.points[self.points.len() - 1]])
     }
 
-    /// The segments of the original, none of a [`Kind::Stranger`].
+    /// The segments of the original, none of a [`PieceKind::Stranger`].
     pub(super) fn segments(self) -> impl Iterator<Item = [Xy; 2]> + use<'a> {
-        let there = if self.kind == Kind::Stranger { &[] } else { self.points };
+        let there = if self.kind == PieceKind::Stranger { &[] } else { self.points };
         there.windows(2).map(|pair| [pair[0], pair[1]]).filter(|s| s[0] != s[1])
     }
 }
 
 /// All pieces that reach into a band. 17 bytes a vertex and 40 a part.
 #[derive(Debug)]
-pub struct Pieces {
-    band: Band,
+pub struct LineProofPieces {
+    band: XRange,
     points: Vec<Xy>,
     /// Vertices that end a piece.
     is_end: Vec<bool>,
-    runs: Vec<Run>,
+    runs: Vec<PieceRun>,
 }
 
-impl Pieces {
+impl LineProofPieces {
     /// None yet, of those that reach into `band`.
-    pub fn new(band: Band) -> Self {
+    pub fn new(band: XRange) -> Self {
         Self { band, points: Vec::new(), is_end: Vec::new(), runs: Vec::new() }
     }
 
     /// The band whose pieces are all here.
-    pub fn band(&self) -> Band {
+    pub fn band(&self) -> XRange {
         self.band
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let vertices = self.points.len() * (size_of::<Xy>() + size_of::<bool>());
-        (vertices + self.runs.len() * size_of::<Run>()) as u64
+        (vertices + self.runs.len() * size_of::<PieceRun>()) as u64
     }
 
     /// Adds vertices of a part, with those marked that end pieces, the first and the last among them.
     pub(super) fn push(
         &mut self,
         part: u32,
-        kind: Kind,
+        kind: PieceKind,
         vertices: impl Iterator<Item = (Xy, bool)>,
     ) {
         let first = self.points.len();
@@ -113,7 +113,7 @@ impl Pieces {
         let end = self.points.len();
         if first < end {
             let span = span(&self.points[first..]);
-            self.runs.push(Run { part, kind, end, span });
+            self.runs.push(PieceRun { part, kind, end, span });
             if span[0] < self.band.from || self.band.to <= span[1] {
                 self.cut(self.runs.len() - 1);
             }
@@ -136,7 +136,7 @@ impl Pieces {
     }
 
     /// Bands that divide this one, with about `most` vertices that begin in each.
-    pub fn bands(&self, most: usize) -> Vec<Band> {
+    pub fn bands(&self, most: usize) -> Vec<XRange> {
         /// Vertices to one whose x is looked at.
         const SAMPLED: usize = 64;
         let mut sample: Vec<f64> = self.points.iter().step_by(SAMPLED).map(|p| p[0]).collect();
@@ -146,20 +146,20 @@ impl Pieces {
         borders.retain(|&x| self.band.from <= x && x < self.band.to);
         borders.push(self.band.to);
         borders.dedup();
-        borders.windows(2).map(|pair| Band { from: pair[0], to: pair[1] }).collect()
+        borders.windows(2).map(|pair| XRange { from: pair[0], to: pair[1] }).collect()
     }
 
     /// The pieces that reach into `band`, part by part.
-    pub(super) fn of(&self, band: Band) -> impl Iterator<Item = Piece<'_>> + Clone {
+    pub(super) fn of(&self, band: XRange) -> impl Iterator<Item = LineProofPiece<'_>> + Clone {
         let near = (0..self.runs.len()).filter(move |&run| band.meets(self.runs[run].span));
         near.flat_map(|run| self.pieces(run..run + 1))
             .filter(move |piece| band.meets(span(piece.points)))
     }
 
     /// The vertices of the result in `band`.
-    pub(super) fn vertices(&self, band: Band) -> impl Iterator<Item = Xy> {
+    pub(super) fn vertices(&self, band: XRange) -> impl Iterator<Item = Xy> {
         let near = (0..self.runs.len()).filter(move |&run| {
-            band.meets(self.runs[run].span) && self.runs[run].kind != Kind::Gone
+            band.meets(self.runs[run].span) && self.runs[run].kind != PieceKind::Gone
         });
         let kept = near.flat_map(|run| self.range(run)).filter(|&vertex| self.is_end[vertex]);
         kept.map(|vertex| self.points[vertex]).filter(move |p| band.holds(p[0]))
@@ -170,10 +170,10 @@ impl Pieces {
         first..self.runs[run].end
     }
 
-    fn pieces(&self, runs: Range<usize>) -> impl Iterator<Item = Piece<'_>> + Clone {
+    fn pieces(&self, runs: Range<usize>) -> impl Iterator<Item = LineProofPiece<'_>> + Clone {
         runs.flat_map(move |run| {
-            let Run { part, kind, .. } = self.runs[run];
-            let of = move |range| Piece { part, kind, points: &self.points[range] };
+            let PieceRun { part, kind, .. } = self.runs[run];
+            let of = move |range| LineProofPiece { part, kind, points: &self.points[range] };
             self.stretches(self.range(run)).map(of)
         })
     }
@@ -199,7 +199,7 @@ impl Pieces {
                 self.is_end.copy_within(left.clone(), end);
                 let begun = end;
                 end += left.len();
-                self.runs.push(Run { end, span: span(&self.points[begun..end]), ..run });
+                self.runs.push(PieceRun { end, span: span(&self.points[begun..end]), ..run });
             }
             start = run.end;
         }

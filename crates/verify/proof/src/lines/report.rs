@@ -29,7 +29,7 @@ impl Defect {
 
 /// The vertex that is farthest from the segment in its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Farthest {
+pub struct ProofFarthestVertex {
     /// Its distance.
     pub distance: f64,
     /// Its part.
@@ -49,7 +49,7 @@ pub struct Report {
     /// end of the line. They take no part in what follows but crossings.
     pub foreign: Defect,
     /// The largest distance, if any vertex was left out.
-    pub farthest: Option<Farthest>,
+    pub farthest: Option<ProofFarthestVertex>,
     /// Vertices beyond the tolerance.
     pub beyond: Defect,
     /// Vertices whose height or measure is another one.

@@ -1,14 +1,15 @@
 //! Borders that parts share before, and after.
 
 use super::exact::{Xy, by_ends, upward};
-use super::pieces::{Band, Kind, Piece, Pieces};
+use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
 use super::report::Report;
 
 /// Counts, in a band, segments of the original that several parts shared and that different segments
 /// have replaced (a border is torn apart), and segments of the result that replace different stretches
 /// (borders have run together). Each place counts once, in the band of its least x. O(n log n).
-pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
-    let all: Vec<Piece<'_>> = pieces.of(band).filter(|piece| piece.kind == Kind::Kept).collect();
+pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut Report) {
+    let all: Vec<LineProofPiece<'_>> =
+        pieces.of(band).filter(|piece| piece.kind == PieceKind::Kept).collect();
     let numbered = || (0u32..).zip(&all);
     let replacing = |piece: u32| all[piece as usize].replacing().map(upward);
     let old = numbered().flat_map(|(i, p)| p.segments().map(move |s| (upward(s), i)));
@@ -24,8 +25,8 @@ pub(super) fn count(pieces: &Pieces, band: Band, report: &mut Report) {
 fn torn(
     mut segments: Vec<([Xy; 2], u32)>,
     differ: impl Fn(u32, u32) -> bool,
-    all: &[Piece<'_>],
-    band: Band,
+    all: &[LineProofPiece<'_>],
+    band: XRange,
     report: &mut Report,
 ) {
     segments.retain(|(ends, _)| band.holds(ends[0][0]));

@@ -6,7 +6,7 @@
 //! Measured, against rays: 10.6 million vertices from 29 to 13.5 s of CPU, and from 2.0 GiB to 216 MiB.
 
 use super::exact::{Xy, in_box, side};
-use super::pieces::{Band, Kind, Piece, Pieces};
+use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
 use super::report::Report;
 
 /// Positions to a strip, at the mean.
@@ -18,17 +18,17 @@ const TO_A_STRIP: usize = 64;
 ///
 /// Before and after together, a ray crosses a part as often as the closed curves of its pieces and the
 /// segments in their place; so each position is held against the pieces whose boxes it is in.
-pub(super) fn moved(pieces: &Pieces, points: &[Xy], band: Band, report: &mut Report) {
+pub(super) fn moved(pieces: &LineProofPieces, points: &[Xy], band: XRange, report: &mut Report) {
     let given = points.iter().copied().filter(|p| band.holds(p[0]));
-    let all = Strips::new(pieces.vertices(band).chain(given).collect());
+    let all = PositionStrips::new(pieces.vertices(band).chain(given).collect());
     let mut odd = Vec::new();
     let mut touched = Vec::new();
-    for piece in pieces.of(band).filter(|piece| piece.kind == Kind::Kept) {
+    for piece in pieces.of(band).filter(|piece| piece.kind == PieceKind::Kept) {
         all.each_in(piece.points, |at, p| match place(&piece, p) {
-            Place::Before => {}
-            Place::After => touched.push((piece.part, at)),
-            Place::Inside => odd.push((piece.part, at)),
-            Place::Outside => {}
+            PieceSide::Before => {}
+            PieceSide::After => touched.push((piece.part, at)),
+            PieceSide::Inside => odd.push((piece.part, at)),
+            PieceSide::Outside => {}
         });
     }
     odd.sort_unstable();
@@ -43,7 +43,12 @@ pub(super) fn moved(pieces: &Pieces, points: &[Xy], band: Band, report: &mut Rep
 }
 
 /// Those of `hits` that lie on their part as it was.
-fn on_before(pieces: &Pieces, all: &Strips, hits: &[(u32, u32)], band: Band) -> Vec<(u32, u32)> {
+fn on_before(
+    pieces: &LineProofPieces,
+    all: &PositionStrips,
+    hits: &[(u32, u32)],
+    band: XRange,
+) -> Vec<(u32, u32)> {
     let mut found = Vec::new();
     let is_hit = |part: u32| {
         let at = hits.partition_point(|hit| hit.0 < part);
@@ -62,7 +67,7 @@ fn on_before(pieces: &Pieces, all: &Strips, hits: &[(u32, u32)], band: Band) -> 
 
 /// Where a position is beside a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum PieceSide {
     /// On the stretch of the original.
     Before,
     /// On the segment in its place, and not on the stretch.
@@ -72,21 +77,21 @@ enum Place {
     Outside,
 }
 
-fn place(piece: &Piece<'_>, p: Xy) -> Place {
+fn place(piece: &LineProofPiece<'_>, p: Xy) -> PieceSide {
     if p == piece.points[0] {
-        return Place::Before;
+        return PieceSide::Before;
     }
     let mut crossed = false;
     for segment in piece.segments() {
         match ray(segment, p) {
-            None => return Place::Before,
+            None => return PieceSide::Before,
             Some(crosses) => crossed ^= crosses,
         }
     }
     match piece.replacing().and_then(|segment| ray(segment, p)) {
-        None => Place::After,
-        Some(crosses) if crossed ^ crosses => Place::Inside,
-        Some(_) => Place::Outside,
+        None => PieceSide::After,
+        Some(crosses) if crossed ^ crosses => PieceSide::Inside,
+        Some(_) => PieceSide::Outside,
     }
 }
 
@@ -104,14 +109,14 @@ fn ray([a, b]: [Xy; 2], p: Xy) -> Option<bool> {
 }
 
 /// Positions in strips of y, by x in each.
-struct Strips {
+struct PositionStrips {
     points: Vec<Xy>,
     /// The least y of each strip but the first, and where strips begin.
     borders: Vec<f64>,
     starts: Vec<usize>,
 }
 
-impl Strips {
+impl PositionStrips {
     /// Of `points`, each once.
     fn new(mut points: Vec<Xy>) -> Self {
         let by_y = |p: &Xy, q: &Xy| p[1].total_cmp(&q[1]).then(p[0].total_cmp(&q[0]));

@@ -4,12 +4,12 @@
 //! Positions are whole numbers here, so the determinant is one of 239 bits. It is computed in floats
 //! first, and exactly only where their rounding, or that of the positions, leaves a doubt.
 
-use crate::Position;
+use crate::ProofPosition;
 use crate::exact::double_area;
 
 /// How the two triangles of an edge lie to each other, in plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pair {
+pub enum DelaunayVerdict {
     /// The opposite corner of each is outside the circle through the other.
     Delaunay,
     /// All four corners are on one circle, as far as the rounding of their positions lets tell. Both
@@ -21,12 +21,12 @@ pub enum Pair {
     Folded,
 }
 
-impl Pair {
+impl DelaunayVerdict {
     /// Judges the edge between `ends` by the corners opposite to it. Every position may be off by
     /// `rounding` (column, row), in steps of positions; with 0 the test is exact. Ends and apexes may be
     /// in any order. Positions less than 2^59 steps apart.
-    pub fn of(ends: [Position; 2], apexes: [Position; 2], rounding: [f64; 2]) -> Self {
-        let sorted = |[a, b]: [Position; 2]| [a.min(b), a.max(b)];
+    pub fn of(ends: [ProofPosition; 2], apexes: [ProofPosition; 2], rounding: [f64; 2]) -> Self {
+        let sorted = |[a, b]: [ProofPosition; 2]| [a.min(b), a.max(b)];
         let ([p, q], [low, high]) = (sorted(ends), sorted(apexes));
         let [turn, other] = [low, high].map(|apex| double_area(p, q, apex).signum());
         if turn * other >= 0 {
@@ -120,18 +120,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn at([col, row]: [i64; 2]) -> Position {
-        Position { col, row }
+    fn at([col, row]: [i64; 2]) -> ProofPosition {
+        ProofPosition { col, row }
     }
 
-    fn pair(points: [[i64; 2]; 4], rounding: f64) -> Pair {
+    fn pair(points: [[i64; 2]; 4], rounding: f64) -> DelaunayVerdict {
         let [p, q, a, b] = points.map(at);
-        Pair::of([p, q], [a, b], [rounding; 2])
+        DelaunayVerdict::of([p, q], [a, b], [rounding; 2])
     }
 
     /// By the sum of the angles opposite the edge, which is 180 degrees on a circle: its sine, in whole
     /// numbers.
-    fn slow([p, q, a, b]: [[i64; 2]; 4]) -> Pair {
+    fn slow([p, q, a, b]: [[i64; 2]; 4]) -> DelaunayVerdict {
         let minus = |a: [i64; 2], b: [i64; 2]| [i128::from(a[0] - b[0]), i128::from(a[1] - b[1])];
         let angle = |apex| {
             let (u, v) = (minus(p, apex), minus(q, apex));
@@ -139,12 +139,12 @@ mod tests {
         };
         let ((sine_a, cosine_a), (sine_b, cosine_b)) = (angle(a), angle(b));
         if sine_a.signum() * sine_b.signum() >= 0 {
-            return Pair::Folded;
+            return DelaunayVerdict::Folded;
         }
         match (sine_a.abs() * cosine_b + cosine_a * sine_b.abs()).signum() {
-            1 => Pair::Delaunay,
-            0 => Pair::Cocircular,
-            _ => Pair::NotDelaunay,
+            1 => DelaunayVerdict::Delaunay,
+            0 => DelaunayVerdict::Cocircular,
+            _ => DelaunayVerdict::NotDelaunay,
         }
     }
 
@@ -152,13 +152,13 @@ mod tests {
     fn a_square_is_cocircular_and_a_step_decides_it() {
         for size in [1, 7, 1 << 58] {
             let square = |more: i64| [[0, 0], [size, size], [size, 0], [0, size + more]];
-            assert_eq!(pair(square(0), 0.0), Pair::Cocircular);
-            assert_eq!(pair(square(1), 0.0), Pair::Delaunay);
+            assert_eq!(pair(square(0), 0.0), DelaunayVerdict::Cocircular);
+            assert_eq!(pair(square(1), 0.0), DelaunayVerdict::Delaunay);
             assert_eq!(
                 pair([[0, 0], [size, size], [size, 0], [1, size]], 0.0),
                 match size {
-                    1 => Pair::Folded,
-                    _ => Pair::NotDelaunay,
+                    1 => DelaunayVerdict::Folded,
+                    _ => DelaunayVerdict::NotDelaunay,
                 }
             );
         }
@@ -167,17 +167,17 @@ mod tests {
     #[test]
     fn what_rounding_explains_is_on_the_circle() {
         let square = [[0, 0], [1000, 1000], [1000, 0], [1, 1000]];
-        assert_eq!(pair(square, 0.1), Pair::NotDelaunay);
-        assert_eq!(pair(square, 1.0), Pair::Cocircular);
+        assert_eq!(pair(square, 0.1), DelaunayVerdict::NotDelaunay);
+        assert_eq!(pair(square, 1.0), DelaunayVerdict::Cocircular);
         let wide = [[0, 0], [1000, 1000], [1000, 0], [-1, 1000]];
-        assert_eq!(pair(wide, 0.1), Pair::Delaunay);
-        assert_eq!(pair(wide, 1.0), Pair::Cocircular);
+        assert_eq!(pair(wide, 0.1), DelaunayVerdict::Delaunay);
+        assert_eq!(pair(wide, 1.0), DelaunayVerdict::Cocircular);
     }
 
     #[test]
     fn triangles_on_one_side_or_without_area_are_folded() {
-        assert_eq!(pair([[0, 0], [9, 0], [3, 4], [5, 2]], 0.0), Pair::Folded);
-        assert_eq!(pair([[0, 0], [9, 0], [3, 4], [5, 0]], 0.0), Pair::Folded);
+        assert_eq!(pair([[0, 0], [9, 0], [3, 4], [5, 2]], 0.0), DelaunayVerdict::Folded);
+        assert_eq!(pair([[0, 0], [9, 0], [3, 4], [5, 0]], 0.0), DelaunayVerdict::Folded);
     }
 
     /// Corners near a circle through whole numbers, at any size: where floats cannot tell.

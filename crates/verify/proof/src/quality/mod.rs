@@ -1,7 +1,7 @@
 //! The quality of a mesh as a triangulation: angles, degrees, lengths, and how much of it is Delaunay.
 //! It is measured, not judged, and of the mesh alone.
 //!
-//! The lattice is that of a [`Plan`], and domains divide it as they divide a grid: a vertex, an edge (by
+//! The lattice is that of a [`QualityLattice`], and domains divide it as they divide a grid: a vertex, an edge (by
 //! its lower end) and a triangle (by its first corner) is told of in the domain that owns it, so a part
 //! needs the triangles with a corner in its domain, and no others.
 
@@ -12,25 +12,25 @@ mod tally;
 #[cfg(test)]
 mod tests;
 
-pub use circle::Pair;
-pub use plan::Plan;
-pub use shape::Shape;
-pub use tally::{Angles, Pairs, Quality};
+pub use circle::DelaunayVerdict;
+pub use plan::QualityLattice;
+pub use shape::TriangleShape;
+pub use tally::{Angles, DelaunayCounts, Quality};
 
 use std::mem::size_of;
 
-use crate::edges::{BYTES_PER_TRIANGLE, Corners, Meeting};
-use crate::{Domain, Triangle};
+use crate::edges::{BYTES_PER_TRIANGLE, Meeting, PartCorners};
+use crate::{Domain, ProofTriangle};
 
 /// One rectangle of the lattice to look at.
 #[derive(Debug)]
-pub struct Part<'a> {
+pub struct QualityPart<'a> {
     /// The positions it owns.
     pub domain: Domain,
     /// Every triangle with a corner in the domain, in any order; others do no harm.
-    pub triangles: &'a [Triangle],
+    pub triangles: &'a [ProofTriangle],
     /// The lattice.
-    pub plan: &'a Plan,
+    pub plan: &'a QualityLattice,
     /// Whether heights have the unit of x and y, so that there are angles in space.
     pub has_space: bool,
 }
@@ -38,14 +38,14 @@ pub struct Part<'a> {
 /// Bytes [`look`] needs for `triangles` triangles, these included.
 pub fn bytes_needed(triangles: u64) -> u64 {
     let degrees = 3 * size_of::<u32>();
-    triangles.saturating_mul((size_of::<Triangle>() + BYTES_PER_TRIANGLE + degrees) as u64)
+    triangles.saturating_mul((size_of::<ProofTriangle>() + BYTES_PER_TRIANGLE + degrees) as u64)
 }
 
 /// Looks at one part and adds what it owns to `quality`. O(triangles log triangles).
-pub fn look(part: &Part<'_>, quality: &mut Quality) {
+pub fn look(part: &QualityPart<'_>, quality: &mut Quality) {
     let owned = part.triangles.iter().filter(|t| part.domain.owns(t.corners[0].at));
     owned.for_each(|triangle| look_at(triangle, part, quality));
-    let corners = Corners::new(part.triangles, |_, _| {});
+    let corners = PartCorners::new(part.triangles, |_, _| {});
     let mut degrees = vec![0u32; corners.positions.len()];
     corners.each_edge(|ends, meeting, sides| {
         sides[0].numbers().into_iter().for_each(|number| degrees[number as usize] += 1);
@@ -57,7 +57,9 @@ pub fn look(part: &Part<'_>, quality: &mut Quality) {
         match meeting {
             Meeting::Open(_) => quality.border += 1,
             Meeting::Tangled => quality.tangled += 1,
-            Meeting::Inner(apexes) => quality.pair(Pair::of(ends, apexes, part.plan.rounding())),
+            Meeting::Inner(apexes) => {
+                quality.pair(DelaunayVerdict::of(ends, apexes, part.plan.rounding()))
+            }
         }
     });
     let vertices = corners.positions.iter().zip(degrees);
@@ -65,9 +67,9 @@ pub fn look(part: &Part<'_>, quality: &mut Quality) {
     owned.for_each(|(_, degree)| quality.vertex(degree));
 }
 
-fn look_at(triangle: &Triangle, part: &Part<'_>, quality: &mut Quality) {
-    quality.shape(Shape::in_plan(triangle), triangle.double_area() < 0);
+fn look_at(triangle: &ProofTriangle, part: &QualityPart<'_>, quality: &mut Quality) {
+    quality.shape(TriangleShape::in_plan(triangle), triangle.double_area() < 0);
     if part.has_space {
-        quality.shape_in_space(Shape::in_space(triangle, part.plan.cell()));
+        quality.shape_in_space(TriangleShape::in_space(triangle, part.plan.cell()));
     }
 }

@@ -5,7 +5,7 @@
 //! did. So whatever is asked about positions can be decided in whole numbers.
 
 use crate::snap::STEPS;
-use crate::{Position, Snap, Snapped, Vertex};
+use crate::{ProofPosition, ProofVertex, Snap, SnapOutcome};
 use terrane_base::geom::Point3;
 
 /// Bits of the steps to the furthest coordinate.
@@ -15,7 +15,7 @@ const LEAST_EXPONENT: i32 = -900;
 
 /// Maps stored vertices to a lattice that covers the mesh, columns along x and rows along y.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plan {
+pub struct QualityLattice {
     /// World units of a step: a power of two.
     step: f64,
     /// Steps to the lowest x and y, and
@@ -25,7 +25,7 @@ pub struct Plan {
     rounding: [f64; 2],
 }
 
-impl Plan {
+impl QualityLattice {
     /// For a mesh within `bounds`, and vertices stored relative to `origin`, in f32 when
     /// `single_precision`.
     pub fn new(bounds: [Point3; 2], origin: Point3, single_precision: bool) -> Self {
@@ -46,12 +46,12 @@ impl Plan {
     /// Columns and rows of the lattice.
     pub fn grid(&self) -> [u32; 2] {
         // Below 2^29.
-        self.size.map(|steps| (steps >> Position::FRACTION) as u32 + 1)
+        self.size.map(|steps| (steps >> ProofPosition::FRACTION) as u32 + 1)
     }
 
     /// World units of a cell.
     pub fn cell(&self) -> f64 {
-        self.step * Position::CELL as f64
+        self.step * ProofPosition::CELL as f64
     }
 
     /// How far a position may be from where it was meant to be, in steps (column, row): as far as the
@@ -61,21 +61,21 @@ impl Plan {
     }
 
     /// World position of a place on the lattice.
-    pub fn world(&self, at: Position) -> [f64; 2] {
+    pub fn world(&self, at: ProofPosition) -> [f64; 2] {
         [(at.col, 0), (at.row, 1)].map(|(steps, axis)| (steps + self.low[axis]) as f64 * self.step)
     }
 }
 
-impl Snap for Plan {
-    fn snap(&self, [x, y, z]: Point3) -> Snapped {
+impl Snap for QualityLattice {
+    fn snap(&self, [x, y, z]: Point3) -> SnapOutcome {
         if !(x.is_finite() && y.is_finite() && z.is_finite()) {
-            return Snapped::Unusable;
+            return SnapOutcome::Unusable;
         }
         let [col, row] = [(x, 0), (y, 1)].map(|(v, axis)| whole(v, self.step) - self.low[axis]);
         let is_inside = |steps: i64, axis: usize| (0..=self.size[axis]).contains(&steps);
         match is_inside(col, 0) && is_inside(row, 1) {
-            true => Snapped::Free(Vertex { at: Position { row, col }, z }),
-            false => Snapped::Unusable,
+            true => SnapOutcome::Free(ProofVertex { at: ProofPosition { row, col }, z }),
+            false => SnapOutcome::Unusable,
         }
     }
 }
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn place(plan: &Plan, [x, y]: [f64; 2]) -> Position {
+    fn place(plan: &QualityLattice, [x, y]: [f64; 2]) -> ProofPosition {
         plan.snap([x, y, 0.0]).vertex().unwrap().at
     }
 
@@ -114,25 +114,27 @@ mod tests {
     #[test]
     fn extreme_bounds_have_a_lattice() {
         for most in [0.0, 5e-324, 1e-300, 1.0, 1e300, f64::MAX] {
-            let plan = Plan::new([[-most, -most, 0.0], [most, most, 0.0]], [0.0; 3], false);
+            let plan =
+                QualityLattice::new([[-most, -most, 0.0], [most, most, 0.0]], [0.0; 3], false);
             assert!(plan.grid().iter().all(|&side| side <= (1 << 29) + 1), "{most}: {plan:?}");
-            assert_eq!(place(&plan, [-most, -most]), Position { row: 0, col: 0 });
+            assert_eq!(place(&plan, [-most, -most]), ProofPosition { row: 0, col: 0 });
             assert!(plan.cell() > 0.0 && plan.cell().is_finite());
         }
-        let plan = Plan::new([[0.0; 3], [1.0, 2.0, 0.0]], [0.0; 3], false);
+        let plan = QualityLattice::new([[0.0; 3], [1.0, 2.0, 0.0]], [0.0; 3], false);
         for bad in
             [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY], [1.1, 0.0, 0.0], [0.0, -1e9, 0.0]]
         {
-            assert_eq!(plan.snap(bad), Snapped::Unusable);
+            assert_eq!(plan.snap(bad), SnapOutcome::Unusable);
         }
     }
 
     #[test]
     fn floats_are_off_by_more_than_doubles() {
         let bounds = [[500_000.0, 4e6, 0.0], [510_000.0, 4.01e6, 0.0]];
-        let plan = |single| Plan::new(bounds, [505_000.0, 4.005e6, 0.0], single);
-        let metres =
-            |plan: Plan| plan.rounding().map(|steps| steps * plan.cell() / Position::CELL as f64);
+        let plan = |single| QualityLattice::new(bounds, [505_000.0, 4.005e6, 0.0], single);
+        let metres = |plan: QualityLattice| {
+            plan.rounding().map(|steps| steps * plan.cell() / ProofPosition::CELL as f64)
+        };
         assert!(metres(plan(false)).iter().all(|&m| (1e-10..1e-8).contains(&m)));
         assert!(metres(plan(true)).iter().all(|&m| (1e-3..1e-2).contains(&m)));
     }
@@ -142,9 +144,9 @@ mod tests {
         #[test]
         fn differences_are_exact(x in prop::array::uniform2(4e5..6e5), y in prop::array::uniform2(5e6..5.2e6)) {
             let bounds = [[3e5, 5e6, 0.0], [7e5, 5.5e6, 0.0]];
-            let plan = Plan::new(bounds, [0.0; 3], false);
+            let plan = QualityLattice::new(bounds, [0.0; 3], false);
             let [p, q] = [0, 1].map(|i| place(&plan, [x[i], y[i]]));
-            let step = plan.cell() / Position::CELL as f64;
+            let step = plan.cell() / ProofPosition::CELL as f64;
             prop_assert_eq!(plan.world(p), [x[0], y[0]]);
             // The difference of floats of one size is exact.
             prop_assert_eq!((p.col - q.col) as f64 * step, x[0] - x[1]);

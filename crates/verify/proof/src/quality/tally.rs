@@ -1,7 +1,7 @@
 //! What was found of a mesh's shape: counts, exact sums and extremes that add up the same in any order.
 
-use super::circle::Pair;
-use super::shape::Shape;
+use super::circle::DelaunayVerdict;
+use super::shape::TriangleShape;
 use crate::sum::ExactSum;
 
 /// Angles this close to a limit, in degrees, are at it: floats of an angle of 30 degrees may be below.
@@ -106,7 +106,7 @@ pub struct Quality {
     /// Those of more than two triangles, or of two that pass them in the same direction.
     pub tangled: u64,
     /// Those of two triangles, as these lie to each other.
-    pub pairs: Pairs,
+    pub pairs: DelaunayCounts,
     /// Lengths of edges in plan: their sum,
     pub lengths: ExactSum,
     /// the shortest and
@@ -119,10 +119,10 @@ pub struct Quality {
     pub degree_range: Option<[u64; 2]>,
 }
 
-/// Edges of two triangles; see [`Pair`].
+/// Edges of two triangles; see [`DelaunayVerdict`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub struct Pairs {
+pub struct DelaunayCounts {
     pub delaunay: u64,
     pub cocircular: u64,
     pub not_delaunay: u64,
@@ -170,7 +170,7 @@ impl Quality {
     }
 
     /// Takes note of a triangle's shape in plan, and whether it is clockwise.
-    pub(super) fn shape(&mut self, shape: Option<Shape>, is_inverted: bool) {
+    pub(super) fn shape(&mut self, shape: Option<TriangleShape>, is_inverted: bool) {
         self.triangles += 1;
         let Some(shape) = shape else {
             self.empty += 1;
@@ -186,7 +186,7 @@ impl Quality {
     }
 
     /// Takes note of a triangle's shape in space.
-    pub(super) fn shape_in_space(&mut self, shape: Option<Shape>) {
+    pub(super) fn shape_in_space(&mut self, shape: Option<TriangleShape>) {
         shape.into_iter().for_each(|shape| self.space.add(shape.smallest_angle));
     }
 
@@ -199,13 +199,13 @@ impl Quality {
     }
 
     /// Takes note of how the two triangles of an edge lie.
-    pub(super) fn pair(&mut self, pair: Pair) {
-        let Pairs { delaunay, cocircular, not_delaunay, folded } = &mut self.pairs;
+    pub(super) fn pair(&mut self, pair: DelaunayVerdict) {
+        let DelaunayCounts { delaunay, cocircular, not_delaunay, folded } = &mut self.pairs;
         *match pair {
-            Pair::Delaunay => delaunay,
-            Pair::Cocircular => cocircular,
-            Pair::NotDelaunay => not_delaunay,
-            Pair::Folded => folded,
+            DelaunayVerdict::Delaunay => delaunay,
+            DelaunayVerdict::Cocircular => cocircular,
+            DelaunayVerdict::NotDelaunay => not_delaunay,
+            DelaunayVerdict::Folded => folded,
         } += 1;
     }
 

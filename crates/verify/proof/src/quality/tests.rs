@@ -1,7 +1,7 @@
 //! Meshes of known quality, and the same found however the plane is divided.
 
 use super::*;
-use crate::{Layout, Position, Snap, Vertex};
+use crate::{DomainLayout, ProofPosition, ProofVertex, Snap};
 use proptest::prelude::*;
 
 /// A lattice of `side` x `side` squares, each cut along one diagonal.
@@ -25,18 +25,22 @@ fn bounds(mesh: &[[[f64; 3]; 3]]) -> [[f64; 3]; 2] {
 
 /// As [`look`], with the plane divided into domains of `size`, or whole.
 fn quality(mesh: &[[[f64; 3]; 3]], size: Option<[u32; 2]>) -> (Quality, f64) {
-    let plan = Plan::new(bounds(mesh), [0.0; 3], false);
+    let plan = QualityLattice::new(bounds(mesh), [0.0; 3], false);
     let vertex = |p: [f64; 3]| plan.snap(p).vertex().unwrap();
-    let triangles: Vec<Triangle> =
-        mesh.iter().map(|corners| Triangle { corners: corners.map(vertex) }).collect();
+    let triangles: Vec<ProofTriangle> =
+        mesh.iter().map(|corners| ProofTriangle { corners: corners.map(vertex) }).collect();
     let grid = plan.grid();
-    let layout = Layout { grid, size: size.unwrap_or(grid.map(|side| side.next_multiple_of(32))) };
+    let layout =
+        DomainLayout { grid, size: size.unwrap_or(grid.map(|side| side.next_multiple_of(32))) };
     let mut all = Quality::default();
     for domain in (0..layout.len()).rev().map(|i| layout.domain(i)) {
         let mut own = Quality::default();
-        let touches = |t: &&Triangle| t.positions().iter().any(|p| domain.owns(*p));
-        let triangles: Vec<Triangle> = triangles.iter().filter(touches).copied().collect();
-        look(&Part { domain, triangles: &triangles, plan: &plan, has_space: true }, &mut own);
+        let touches = |t: &&ProofTriangle| t.positions().iter().any(|p| domain.owns(*p));
+        let triangles: Vec<ProofTriangle> = triangles.iter().filter(touches).copied().collect();
+        look(
+            &QualityPart { domain, triangles: &triangles, plan: &plan, has_space: true },
+            &mut own,
+        );
         all.merge(&own);
     }
     (all, plan.cell())
@@ -48,7 +52,7 @@ fn a_lattice_of_squares_is_known() {
     assert_eq!((found.vertices, found.triangles, found.edges), (121, 200, 320));
     assert_eq!((found.border, found.tangled, found.empty, found.inverted), (40, 0, 0, 0));
     // Diagonals have four corners on a circle, though 0.3 is no float; their neighbours have not.
-    let pairs = Pairs { delaunay: 180, cocircular: 100, not_delaunay: 0, folded: 0 };
+    let pairs = DelaunayCounts { delaunay: 180, cocircular: 100, not_delaunay: 0, folded: 0 };
     assert_eq!(found.pairs, pairs);
     let length = found.lengths.value() * cell;
     assert!((length - (220.0 * 0.3 + 100.0 * 0.3 * 2f64.sqrt())).abs() < 1e-9, "{length}");
@@ -71,7 +75,7 @@ fn what_is_odd_is_counted() {
     let upside_down = of(&[[b, a, c]]);
     assert_eq!((upside_down.inverted, upside_down.border), (1, 3));
     let same_way = of(&[[a, b, c], [a, b, d]]);
-    assert_eq!((same_way.tangled, same_way.pairs), (1, Pairs::default()));
+    assert_eq!((same_way.tangled, same_way.pairs), (1, DelaunayCounts::default()));
     let overhang = of(&[[a, b, c], [b, a, [2.0, 3.0, 0.0]]]);
     assert_eq!(overhang.pairs.folded, 1);
     let empty = of(&[[a, b, [2.0, 0.0, 9.0]]]);
@@ -133,19 +137,23 @@ proptest! {
 fn vertices_are_numbered_in_the_order_of_the_lattice() {
     // A degree is told of by the number of its vertex: whole cells have another key than others.
     for shift in [0, 1] {
-        let at = |col: i64, row: i64| Vertex {
-            at: Position { col: (col << 30) + shift, row: row << 30 },
+        let at = |col: i64, row: i64| ProofVertex {
+            at: ProofPosition { col: (col << 30) + shift, row: row << 30 },
             z: 0.0,
         };
         let fan = [[1, 2], [0, 0], [2, 0], [4, 2], [2, 4], [0, 4]];
         let corner = |i: usize| at(fan[i][0], fan[i][1]);
-        let triangles: Vec<Triangle> =
-            (1..5).map(|i| Triangle { corners: [corner(0), corner(i), corner(i + 1)] }).collect();
-        let plan = Plan::new([[0.0; 3], [1.0, 1.0, 0.0]], [0.0; 3], false);
-        let layout = Layout { grid: [10; 2], size: [32; 2] };
+        let triangles: Vec<ProofTriangle> = (1..5)
+            .map(|i| ProofTriangle { corners: [corner(0), corner(i), corner(i + 1)] })
+            .collect();
+        let plan = QualityLattice::new([[0.0; 3], [1.0, 1.0, 0.0]], [0.0; 3], false);
+        let layout = DomainLayout { grid: [10; 2], size: [32; 2] };
         let mut found = Quality::default();
         let domain = layout.domain(0);
-        look(&Part { domain, triangles: &triangles, plan: &plan, has_space: false }, &mut found);
+        look(
+            &QualityPart { domain, triangles: &triangles, plan: &plan, has_space: false },
+            &mut found,
+        );
         assert_eq!((found.degrees[2], found.degrees[3], found.degrees[5]), (2, 3, 1));
         assert_eq!(found.space.count(), 0);
     }

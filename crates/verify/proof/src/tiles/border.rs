@@ -1,10 +1,10 @@
 //! Borders: the steps that heights are whole numbers of, the vertices of a side, and gaps between two sides.
 
-use super::decode::Tile;
-use super::ellipsoid::{Meridian, Parallel, Vector, dot, minus};
-use super::fault::{Fault, Faults};
+use super::decode::DecodedTile;
+use super::ellipsoid::{ProofMeridian, ProofParallel, Vector, dot, minus};
+use super::fault::{Faults, TilesetFault};
 use super::structure::along;
-use super::tiling::{LAST, Side, TileId};
+use super::tiling::{LAST, ProofTileId, ProofTileSide};
 
 /// True for 2^k.
 fn is_power_of_two(value: f64) -> bool {
@@ -16,7 +16,7 @@ fn is_power_of_two(value: f64) -> bool {
 ///
 /// The tile's own step is 1/32767 of what lies between its two heights, and has to be `step` / 2^j; the lower of
 /// the two is a whole number of it.
-pub fn lattice(id: TileId, tile: &Tile, step: f64, faults: &mut Faults) {
+pub fn lattice(id: ProofTileId, tile: &DecodedTile, step: f64, faults: &mut Faults) {
     let [low, high] = tile.heights.map(f64::from);
     let own = (high - low) / f64::from(LAST);
     let is_level = own == 0.0;
@@ -24,27 +24,27 @@ pub fn lattice(id: TileId, tile: &Tile, step: f64, faults: &mut Faults) {
     let is_exact = is_power_of_two(own) && own * f64::from(LAST) == high - low && own <= step;
     let is_whole = |height: f64, step: f64| (height / step).fract() == 0.0;
     let is_right = is_power_of_two(step) && (is_level || (is_exact && is_whole(low, own)));
-    faults.add(Fault::WrongStep, u64::from(!is_right), id);
+    faults.add(TilesetFault::WrongStep, u64::from(!is_right), id);
     let off = tile.vertices.iter().filter(|&&vertex| !is_whole(tile.height(vertex), step)).count();
-    faults.add(Fault::OffLattice, off as u64, id);
+    faults.add(TilesetFault::OffLattice, off as u64, id);
 }
 
 /// The vertices of a side, from the west or south on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Chain {
-    id: TileId,
-    side: Side,
+pub struct TileSideChain {
+    id: ProofTileId,
+    side: ProofTileSide,
     /// Where along the side, and the height.
     stops: Vec<(u16, f64)>,
     /// Where they are in space, where a tile says so.
     placed: Vec<Vector>,
 }
 
-impl Chain {
+impl TileSideChain {
     /// That of a side of a tile.
-    pub fn of(id: TileId, tile: &Tile, side: Side) -> Self {
+    pub fn of(id: ProofTileId, tile: &DecodedTile, side: ProofTileSide) -> Self {
         let on_it = tile.vertices.iter().enumerate();
-        let on_it = on_it.filter(|(_, vertex)| Tile::is_on(**vertex, side));
+        let on_it = on_it.filter(|(_, vertex)| DecodedTile::is_on(**vertex, side));
         let mut found: Vec<_> = on_it
             .map(|(number, &vertex)| ((along(vertex, side), tile.height(vertex)), number))
             .collect();
@@ -78,15 +78,15 @@ impl Chain {
     }
 
     /// The place of this longitude or latitude on the border.
-    fn place(&self, degrees: f64) -> (Meridian, Parallel) {
+    fn place(&self, degrees: f64) -> (ProofMeridian, ProofParallel) {
         let [west, south, east, north] = self.id.bounds();
         let [longitude, latitude] = match self.side {
-            Side::West => [west, degrees],
-            Side::East => [east, degrees],
-            Side::South => [degrees, south],
-            Side::North => [degrees, north],
+            ProofTileSide::West => [west, degrees],
+            ProofTileSide::East => [east, degrees],
+            ProofTileSide::South => [degrees, south],
+            ProofTileSide::North => [degrees, north],
         };
-        (Meridian::at(longitude), Parallel::at(latitude))
+        (ProofMeridian::at(longitude), ProofParallel::at(latitude))
     }
 
     fn position(&self, stop: (u16, f64)) -> Vector {
@@ -116,7 +116,7 @@ impl Chain {
 
 /// The largest vertical distance of two chains along the part of one border that they have in common, measured at
 /// the vertices of both: between these both are straight.
-pub fn gap(a: &Chain, b: &Chain) -> f64 {
+pub fn gap(a: &TileSideChain, b: &TileSideChain) -> f64 {
     let reaches = [a.reach(), b.reach()];
     let common = reaches[0][0].max(reaches[1][0])..=reaches[0][1].min(reaches[1][1]);
     let all = [a, b].into_iter().flat_map(|chain| {

@@ -6,10 +6,10 @@
 //! clients shrink its axes by the least height of a tile below zero, so it is looked at both ways. What is inside
 //! of the sphere is taken to be on it.
 
-use super::decode::Tile;
+use super::decode::DecodedTile;
 use super::ellipsoid::{A, B, Vector, cross, dot, height, length, minus, plus};
-use super::fault::{Fault, Faults};
-use super::tiling::TileId;
+use super::fault::{Faults, TilesetFault};
+use super::tiling::ProofTileId;
 
 /// Metres by which a vertex may be outside of its sphere: rounding.
 const SLACK: f64 = 1e-5;
@@ -54,7 +54,7 @@ impl About {
     }
 }
 
-impl Tile {
+impl DecodedTile {
     /// What it says of itself, but its error.
     pub fn about(&self) -> About {
         let heights = self.heights.map(f64::from);
@@ -66,9 +66,9 @@ impl Tile {
 /// corners, of the middles of sides, and of the middle. They say so of no more than their triangles may reach, to two
 /// steps of the lattice of coordinates.
 pub fn between(
-    id: TileId,
+    id: ProofTileId,
     (about, lattice): (&About, f64),
-    tile: &Tile,
+    tile: &DecodedTile,
     positions: &[Vector],
     faults: &mut Faults,
 ) {
@@ -86,12 +86,12 @@ pub fn between(
     };
     let of_surface = tile.triangles.iter().map(|of| of.map(|corner| positions[corner as usize]));
     let all = of_surface.chain(tile.skirt.triangles.iter().copied());
-    faults.add(Fault::Heights, all.clone().filter(is_out).count() as u64, id);
+    faults.add(TilesetFault::Heights, all.clone().filter(is_out).count() as u64, id);
     let needed = all.map(reach).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     let [least, most] = needed.unwrap_or([low, high]);
     let slack = 2.0 * lattice + LOOSE;
     let is_loose = low < least - slack || high > most + slack;
-    faults.add(Fault::LooseHeights, u64::from(is_loose), id);
+    faults.add(TilesetFault::LooseHeights, u64::from(is_loose), id);
 }
 
 /// Heights that no place of a triangle is beyond: those of its corners, less what the longest side of it bends.
@@ -106,15 +106,15 @@ fn reach(corners: [Vector; 3]) -> [f64; 2] {
 }
 
 /// Holds the lower of the two heights of a tile to be that of a vertex.
-pub fn lowest(id: TileId, tile: &Tile, faults: &mut Faults) {
+pub fn lowest(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
     let is_lower = tile.vertices.iter().all(|vertex| vertex[2] > 0);
-    faults.add(Fault::LooseHeights, u64::from(is_lower), id);
+    faults.add(TilesetFault::LooseHeights, u64::from(is_lower), id);
 }
 
 /// Holds what terrane says of its own tiles to be the nearest: sphere and centre in the middle of the box around the
 /// vertices, and the horizon occlusion point above that, no higher than it has to be. The radius that the sphere needs.
 pub fn tight(
-    id: TileId,
+    id: ProofTileId,
     tile: &About,
     centre: Option<Vector>,
     positions: &[Vector],
@@ -126,11 +126,11 @@ pub fn tight(
     let middle: Vector =
         std::array::from_fn(|axis| end(axis, f64::min).midpoint(end(axis, f64::max)));
     let is_off = |at: Vector| length(minus(at, middle)) > LOOSE;
-    faults.add(Fault::OffSphere, u64::from(is_off(tile.sphere.0)), id);
-    faults.add(Fault::Centre, u64::from(centre.is_some_and(is_off)), id);
+    faults.add(TilesetFault::OffSphere, u64::from(is_off(tile.sphere.0)), id);
+    faults.add(TilesetFault::Centre, u64::from(centre.is_some_and(is_off)), id);
     let radius = positions.iter().map(|&at| length(minus(at, middle))).fold(0.0, f64::max);
     let is_loose = centre.is_some() && tile.sphere.1 > radius + LOOSE;
-    faults.add(Fault::LooseSphere, u64::from(is_loose), id);
+    faults.add(TilesetFault::LooseSphere, u64::from(is_loose), id);
     let shrunk = by_least(tile);
     let up = scaled(middle, shrunk);
     let far = length(tile.horizon);
@@ -143,13 +143,13 @@ pub fn tight(
         && dot(tile.horizon, up) > 0.0
         && far > needed(-SLACK) * (1.0 - OF_HORIZON)
         && far < needed(SLACK) * (1.0 + OF_HORIZON);
-    faults.add(Fault::FarHorizon, u64::from(!is_there), id);
+    faults.add(TilesetFault::FarHorizon, u64::from(!is_there), id);
     radius
 }
 
 /// Looks at what is said of the places of the vertices of a tile, and where its centre is.
 pub fn contain(
-    id: TileId,
+    id: ProofTileId,
     tile: &About,
     centre: Option<Vector>,
     positions: &[Vector],
@@ -160,14 +160,14 @@ pub fn contain(
     let outside = positions.iter().filter(|&&at| length(minus(at, middle)) > most).count();
     // Not so of a radius that is no number or below zero.
     let outside = if radius >= 0.0 { outside } else { positions.len() };
-    faults.add(Fault::Sphere, outside as u64, id);
+    faults.add(TilesetFault::Sphere, outside as u64, id);
     let is_far = |centre: Vector| length(minus(centre, middle)) > 2.0 * radius + SLACK;
-    faults.add(Fault::Centre, u64::from(centre.is_some_and(is_far)), id);
-    faults.add(Fault::Range, u64::from(tile.heights[0] > tile.heights[1]), id);
+    faults.add(TilesetFault::Centre, u64::from(centre.is_some_and(is_far)), id);
+    faults.add(TilesetFault::Range, u64::from(tile.heights[0] > tile.heights[1]), id);
     let shrunk = by_least(tile);
     let is_seen =
         |&&at: &&Vector| [0.0, shrunk].iter().any(|by| is_seen(tile.horizon, scaled(at, *by)));
-    faults.add(Fault::Horizon, positions.iter().filter(is_seen).count() as u64, id);
+    faults.add(TilesetFault::Horizon, positions.iter().filter(is_seen).count() as u64, id);
 }
 
 /// What clients shrink the axes by: the least height, where that is below zero.

@@ -8,12 +8,14 @@
 //! Compressed tiles have positions in whole steps, or in parts of 65,535 of a multiple of it (which is taken for the
 //! step, exactly), and normals in bytes.
 
-use super::decode::Tile;
-use super::ellipsoid::{Meridian, Parallel, Vector, dot, length, minus, plus};
-use super::fault::Fault;
-use super::glb::{Attributes, Edges, File, Numbers, bad, refuse};
-use super::skirt::{Apart, Skirt};
-use super::tiling::{LAST, Side, TileId};
+use super::decode::DecodedTile;
+use super::ellipsoid::{ProofMeridian, ProofParallel, Vector, dot, length, minus, plus};
+use super::fault::TilesetFault;
+use super::glb::{
+    ProofAccessorNumbers, ProofGlbFile, ProofGltfAttributes, TileEdgeAccessors, bad, refuse,
+};
+use super::skirt::{Skirt, SkirtSplit};
+use super::tiling::{LAST, ProofTileId, ProofTileSide};
 use terrane_base::error::Result;
 
 /// Metres that computing a place may be off by.
@@ -32,7 +34,7 @@ fn upwards(metres: f64) -> [[f64; 4]; 3] {
 
 /// What a set says of the tiles of a level.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Said {
+pub struct StatedTileLevel {
     /// Metres of a step of heights.
     pub step: f64,
     /// Metres of a step of coordinates.
@@ -45,7 +47,7 @@ pub struct Said {
 
 /// A tile as it is stored.
 #[derive(Clone, Debug, Default)]
-pub struct Content {
+pub struct GlbTileContent {
     /// What positions are counted from.
     centre: Vector,
     /// Metres of what positions are counted in.
@@ -56,20 +58,20 @@ pub struct Content {
     /// By how much the length of a normal may differ from 1.
     of_normal: f64,
     triangles: Vec<[u32; 3]>,
-    /// Vertices said to be on each side, in the order of [`Side::ALL`].
+    /// Vertices said to be on each side, in the order of [`ProofTileSide::ALL`].
     sides: Option<[Vec<u32>; 4]>,
     /// True where the ends that the positions are said to have are not theirs.
     has_other_ends: bool,
 }
 
-impl Content {
+impl GlbTileContent {
     /// Reads a tile, whose number of vertices `fit` is asked about before there is room for them.
     ///
     /// # Errors
     /// Bad input: bytes that are no binary glTF, and what does not fit together in one. Unsupported: what clients of
     /// terrain do not take. Those of `fit`.
     pub fn read(bytes: &[u8], fit: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
-        let file = File::of(bytes)?;
+        let file = ProofGlbFile::of(bytes)?;
         let node = file.node()?;
         let matrix = node.matrix.ok_or_else(|| refuse("has a node without a matrix"))?;
         let (columns, _) = matrix.as_chunks::<4>();
@@ -79,7 +81,7 @@ impl Content {
             return Err(refuse("has a node that is turned or scaled other than from y up"));
         }
         let primitive = file.primitive(node)?;
-        let Attributes { position, place, normal } = primitive.attributes;
+        let ProofGltfAttributes { position, place, normal } = primitive.attributes;
         let count = file.accessor(position)?.count;
         fit(count)?;
         let place = place.ok_or_else(|| refuse("has no texture coordinates, which say places"))?;
@@ -91,7 +93,7 @@ impl Content {
         }
         let side = |accessor: usize| file.indices(accessor, count);
         let sides = match &primitive.extensions.edges {
-            Some(Edges { left, bottom, right, top }) => {
+            Some(TileEdgeAccessors { left, bottom, right, top }) => {
                 Some([side(*left)?, side(*bottom)?, side(*right)?, side(*top)?])
             }
             None => None,
@@ -105,7 +107,7 @@ impl Content {
             metres: positions.whole.map_or(scale, |whole| scale / whole),
             positions: positions.stored,
             places: file.vectors(place, "VEC2", count)?.told(),
-            normals: normals.map(Numbers::told),
+            normals: normals.map(ProofAccessorNumbers::told),
             of_normal: if is_whole { OF_SHORT_NORMAL } else { OF_NORMAL },
             triangles: triangles.to_vec(),
             sides,
@@ -116,8 +118,8 @@ impl Content {
     ///
     /// # Errors
     /// Heights further apart than a tile may have.
-    pub fn tile(self, id: TileId, as_said: Said) -> Result<Tile> {
-        let Said { step, lattice, has_edges, skirt } = as_said;
+    pub fn tile(self, id: ProofTileId, as_said: StatedTileLevel) -> Result<DecodedTile> {
+        let StatedTileLevel { step, lattice, has_edges, skirt } = as_said;
         let at = |offset: &Vector| plus(self.centre, offset.map(|value| value * self.metres));
         let placed: Vec<Vector> = self.positions.iter().map(at).collect();
         let mut off_place = 0;
@@ -130,8 +132,8 @@ impl Content {
                     && (0.0..=f64::from(LAST)).contains(&stop.round())
             });
             let stop = stops.map(|stop| stop.round() as u16);
-            let [longitude, latitude] = Tile::place(id, [stop[0], stop[1], 0]);
-            let (parallel, meridian) = (Parallel::at(latitude), Meridian::at(longitude));
+            let [longitude, latitude] = DecodedTile::place(id, [stop[0], stop[1], 0]);
+            let (parallel, meridian) = (ProofParallel::at(latitude), ProofMeridian::at(longitude));
             let up = dot(minus(*at, parallel.position(meridian, 0.0)), parallel.normal(meridian));
             let height = (up / step).round();
             let off = minus(*at, parallel.position(meridian, height * step));
@@ -152,47 +154,47 @@ impl Content {
             vertices.ok_or_else(|| bad("has heights too far apart for its level".to_owned()))?;
         let turned = self.turned(id, &vertices);
         let lacks_edges = has_edges && self.sides.is_none();
-        let apart = skirt.map(|_| Apart::of(&found, &self.triangles));
+        let apart = skirt.map(|_| SkirtSplit::of(&found, &self.triangles));
         let depth = skirt.map(|depth| depth / step);
         let off_depth =
             apart.iter().zip(depth).map(|(apart, depth)| apart.off_depth(&found, depth)).sum();
         let faults = vec![
-            (Fault::SkirtDepth, off_depth),
-            (Fault::SkirtTorn, apart.iter().map(Apart::torn).sum()),
-            (Fault::OffPlace, off_place),
-            (Fault::OffCoordinates, off_lattice),
-            (Fault::Ends, u64::from(self.has_other_ends)),
-            (Fault::Normals, turned),
-            (Fault::NoEdges, u64::from(lacks_edges)),
-            (Fault::Unannounced, u64::from(!has_edges && self.sides.is_some())),
-            (Fault::WalkedOtherwise, self.walked_otherwise(&vertices)),
+            (TilesetFault::SkirtDepth, off_depth),
+            (TilesetFault::SkirtTorn, apart.iter().map(SkirtSplit::torn).sum()),
+            (TilesetFault::OffPlace, off_place),
+            (TilesetFault::OffCoordinates, off_lattice),
+            (TilesetFault::Ends, u64::from(self.has_other_ends)),
+            (TilesetFault::Normals, turned),
+            (TilesetFault::NoEdges, u64::from(lacks_edges)),
+            (TilesetFault::Unannounced, u64::from(!has_edges && self.sides.is_some())),
+            (TilesetFault::WalkedOtherwise, self.walked_otherwise(&vertices)),
         ];
         let is_rim =
             |number: &u32| apart.as_ref().is_none_or(|apart| !apart.is_low[*number as usize]);
-        let on_side = |side: Side| {
-            let all = (0..).zip(&vertices).filter(|(_, vertex)| Tile::is_on(**vertex, side));
+        let on_side = |side: ProofTileSide| {
+            let all = (0..).zip(&vertices).filter(|(_, vertex)| DecodedTile::is_on(**vertex, side));
             all.map(|(number, _)| number).filter(is_rim).collect()
         };
         let low = lowest * step;
-        let tile = Tile {
+        let tile = DecodedTile {
             centre: self.centre,
             heights: [low as f32, (low + step * f64::from(LAST)) as f32],
             triangles: self.triangles,
-            sides: self.sides.unwrap_or_else(|| Side::ALL.map(on_side)),
+            sides: self.sides.unwrap_or_else(|| ProofTileSide::ALL.map(on_side)),
             normals: self.normals.map(|_| Vec::new()),
             vertices,
             placed,
             faults,
-            ..Tile::default()
+            ..DecodedTile::default()
         };
         Ok(apart.map_or(tile.clone(), |apart| without_skirt(tile, apart)))
     }
 
     /// Normals that are not outward, or not of length 1.
-    fn turned(&self, id: TileId, vertices: &[[u16; 3]]) -> u64 {
+    fn turned(&self, id: ProofTileId, vertices: &[[u16; 3]]) -> u64 {
         let is_turned = |(normal, vertex): &(&Vector, &[u16; 3])| {
-            let [longitude, latitude] = Tile::place(id, **vertex);
-            let up = Parallel::at(latitude).normal(Meridian::at(longitude));
+            let [longitude, latitude] = DecodedTile::place(id, **vertex);
+            let up = ProofParallel::at(latitude).normal(ProofMeridian::at(longitude));
             let is_unit = (length(**normal) - 1.0).abs() < self.of_normal;
             !is_unit || dot(**normal, up) <= 0.0
         };
@@ -202,23 +204,23 @@ impl Content {
     /// Lists of sides that do not run around the tile with the tile on the right, as clients expect that hang skirts.
     fn walked_otherwise(&self, vertices: &[[u16; 3]]) -> u64 {
         let Some(sides) = &self.sides else { return 0 };
-        let is_other = |side: &Side| {
+        let is_other = |side: &ProofTileSide| {
             let along = |vertex: &u32| {
                 let [u, v, _] = vertices[*vertex as usize];
                 if side.is_meridian() { v } else { u }
             };
             let mut stops: Vec<u16> = sides[*side as usize].iter().map(along).collect();
-            if matches!(side, Side::South | Side::East) {
+            if matches!(side, ProofTileSide::South | ProofTileSide::East) {
                 stops.reverse();
             }
             !stops.is_sorted()
         };
-        Side::ALL.iter().filter(|side| is_other(side)).count() as u64
+        ProofTileSide::ALL.iter().filter(|side| is_other(side)).count() as u64
     }
 }
 
 /// A tile whose vertices and triangles are those of its surface, with its skirt apart.
-fn without_skirt(tile: Tile, apart: Apart) -> Tile {
+fn without_skirt(tile: DecodedTile, apart: SkirtSplit) -> DecodedTile {
     let mut numbers = vec![u32::MAX; tile.vertices.len()];
     let kept: Vec<usize> = (0..numbers.len()).filter(|vertex| !apart.is_low[*vertex]).collect();
     for (number, vertex) in (0..).zip(&kept) {
@@ -227,7 +229,7 @@ fn without_skirt(tile: Tile, apart: Apart) -> Tile {
     // A side that names a vertex of the skirt names none that is there.
     let renumbered = |vertex: &u32| numbers[*vertex as usize];
     let of_skirt = |corners: &[u32; 3]| corners.map(|corner| tile.placed[corner as usize]);
-    Tile {
+    DecodedTile {
         skirt: Skirt { triangles: apart.hanging.iter().map(of_skirt).collect() },
         vertices: kept.iter().map(|vertex| tile.vertices[*vertex]).collect(),
         placed: kept.iter().map(|vertex| tile.placed[*vertex]).collect(),

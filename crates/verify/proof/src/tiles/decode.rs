@@ -1,9 +1,9 @@
 //! One tile from its bytes (quantized-mesh 1.0, little-endian, unpacked). What cannot be read so is an error with
 //! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
 
-use super::fault::Fault;
+use super::fault::TilesetFault;
 use super::skirt::Skirt;
-use super::tiling::{LAST, Side, TileId};
+use super::tiling::{LAST, ProofTileId, ProofTileSide};
 use terrane_base::error::{Error, Result};
 
 /// Most vertices with indices of 16 bits.
@@ -11,7 +11,7 @@ const MOST_SHORT: usize = 1 << 16;
 
 /// A tile as it is stored.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Tile {
+pub struct DecodedTile {
     /// Earth-centred middle of the tile.
     pub centre: [f64; 3],
     /// Heights that 0 and [`LAST`] stand for.
@@ -24,7 +24,7 @@ pub struct Tile {
     pub vertices: Vec<[u16; 3]>,
     /// Vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Vertices said to be on each side, in the order of [`Side::ALL`].
+    /// Vertices said to be on each side, in the order of [`ProofTileSide::ALL`].
     pub sides: [Vec<u32>; 4],
     /// Normals of vertices, oct-encoded.
     pub normals: Option<Vec<[u8; 2]>>,
@@ -37,10 +37,10 @@ pub struct Tile {
     /// What hangs from its sides.
     pub skirt: Skirt,
     /// What was found wrong while it was read, and how often.
-    pub faults: Vec<(Fault, u64)>,
+    pub faults: Vec<(TilesetFault, u64)>,
 }
 
-impl Tile {
+impl DecodedTile {
     /// Reads a tile, whose number of vertices `fit` is asked about before there is room for them.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Tile {
     /// coordinates out of their range, numbers that are not finite, extensions of a wrong length or there twice,
     /// bytes left over. Those of `fit`.
     pub fn read(bytes: &[u8], fit: impl FnOnce(usize) -> Result<()>) -> Result<Self> {
-        let mut from = Cursor { bytes, at: 0 };
+        let mut from = TileByteCursor { bytes, at: 0 };
         let mut tile = Self { centre: from.point()?, ..Self::default() };
         tile.heights = [from.float()?, from.float()?];
         tile.sphere = (from.point()?, from.double()?);
@@ -74,7 +74,7 @@ impl Tile {
     }
 
     /// Longitude and latitude of a vertex in degrees.
-    pub fn place(id: TileId, vertex: [u16; 3]) -> [f64; 2] {
+    pub fn place(id: ProofTileId, vertex: [u16; 3]) -> [f64; 2] {
         let [west, south, east, north] = id.bounds();
         let part = |at: u16, low: f64, high: f64| match at {
             LAST => high,
@@ -84,23 +84,23 @@ impl Tile {
     }
 
     /// True where a vertex lies on a side.
-    pub fn is_on(vertex: [u16; 3], side: Side) -> bool {
+    pub fn is_on(vertex: [u16; 3], side: ProofTileSide) -> bool {
         match side {
-            Side::West => vertex[0] == 0,
-            Side::South => vertex[1] == 0,
-            Side::East => vertex[0] == LAST,
-            Side::North => vertex[1] == LAST,
+            ProofTileSide::West => vertex[0] == 0,
+            ProofTileSide::South => vertex[1] == 0,
+            ProofTileSide::East => vertex[0] == LAST,
+            ProofTileSide::North => vertex[1] == LAST,
         }
     }
 }
 
 /// Bytes and how far they are read.
-struct Cursor<'a> {
+struct TileByteCursor<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Cursor<'a> {
+impl<'a> TileByteCursor<'a> {
     fn take(&mut self, length: usize, what: &str) -> Result<&'a [u8]> {
         let rest = &self.bytes[self.at..];
         let Some(taken) = rest.get(..length) else {
@@ -217,7 +217,7 @@ impl<'a> Cursor<'a> {
         Ok(indices)
     }
 
-    fn extension(&mut self, tile: &mut Tile) -> Result<()> {
+    fn extension(&mut self, tile: &mut DecodedTile) -> Result<()> {
         let at = self.at;
         let [id] = self.array("an extension")?;
         let length = self.count(1, "bytes of an extension")?;
@@ -234,7 +234,7 @@ impl<'a> Cursor<'a> {
             }
             2 => tile.water.replace(bytes.to_vec()).is_some(),
             4 => {
-                let mut inner = Cursor { bytes, at: 0 };
+                let mut inner = TileByteCursor { bytes, at: 0 };
                 let text = inner.count(1, "bytes of metadata").and_then(|length| {
                     let text = inner.take(length, "metadata")?;
                     match inner.at == bytes.len() {

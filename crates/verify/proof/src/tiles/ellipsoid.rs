@@ -14,12 +14,12 @@ pub(super) type Vector = [f64; 3];
 
 /// Cosine and sine of a longitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Meridian {
+pub struct ProofMeridian {
     pub(super) cos: f64,
     pub(super) sin: f64,
 }
 
-impl Meridian {
+impl ProofMeridian {
     /// Of a longitude in degrees.
     pub fn at(longitude: f64) -> Self {
         let (sin, cos) = longitude.to_radians().sin_cos();
@@ -34,7 +34,7 @@ impl Meridian {
 
 /// What all places of a latitude have in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Parallel {
+pub struct ProofParallel {
     pub(super) cos: f64,
     pub(super) sin: f64,
     /// From the ellipsoid along the normal to the axis.
@@ -43,7 +43,7 @@ pub struct Parallel {
     pub(super) drop: f64,
 }
 
-impl Parallel {
+impl ProofParallel {
     /// Of a latitude in degrees.
     pub fn at(latitude: f64) -> Self {
         let (sin, cos) = latitude.to_radians().sin_cos();
@@ -52,17 +52,17 @@ impl Parallel {
     }
 
     /// The normal of the ellipsoid.
-    pub(super) fn normal(&self, at: Meridian) -> Vector {
+    pub(super) fn normal(&self, at: ProofMeridian) -> Vector {
         [self.cos * at.cos, self.cos * at.sin, self.sin]
     }
 
     /// The direction to the north.
-    pub(super) fn north(&self, at: Meridian) -> Vector {
+    pub(super) fn north(&self, at: ProofMeridian) -> Vector {
         [-self.sin * at.cos, -self.sin * at.sin, self.cos]
     }
 
     /// A position at a height.
-    pub(super) fn position(&self, at: Meridian, height: f64) -> Vector {
+    pub(super) fn position(&self, at: ProofMeridian, height: f64) -> Vector {
         let [x, y, z] = self.normal(at);
         let far = self.radius + height;
         [far * x, far * y, far * z - self.drop]
@@ -71,7 +71,7 @@ impl Parallel {
 
 /// Earth-centred position of a longitude, latitude and height.
 pub fn position(longitude: f64, latitude: f64, height: f64) -> [f64; 3] {
-    Parallel::at(latitude).position(Meridian::at(longitude), height)
+    ProofParallel::at(latitude).position(ProofMeridian::at(longitude), height)
 }
 
 pub(super) fn dot(a: Vector, b: Vector) -> f64 {

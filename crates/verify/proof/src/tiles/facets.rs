@@ -15,17 +15,17 @@
 //! A place that is rounded moves a sample up or down a slope. So of each sample it is told by how much it is surely off,
 //! and by how much it may be: that matters where walls are a thousand times as high as they are wide. Factors that are
 //! counted from the centre of the earth do not tell the sides of such walls apart either: a sample on one, or so near a
-//! side that rounding decides, is looked at from itself ([`Frame`]), together with all triangles it may lie in. Where
+//! side that rounding decides, is looked at from itself ([`ProofEastNorthUp`]), together with all triangles it may lie in. Where
 //! positions are rounded to a lattice, triangles may be turned over, and the surface then lies above itself: the furthest
 //! of the triangles that a normal meets counts.
 
 mod sides;
 
-use super::decode::Tile;
+use super::decode::DecodedTile;
 use super::ellipsoid::{
-    A, B, Meridian, Parallel, Vector, cross, dot, latitude, length, minus, plus,
+    A, B, ProofMeridian, ProofParallel, Vector, cross, dot, latitude, length, minus, plus,
 };
-use super::tiling::TileId;
+use super::tiling::ProofTileId;
 use sides::{Collapsed, poles, twins};
 
 /// Cosine of a latitude below which it is a pole: rounding.
@@ -36,7 +36,7 @@ const NONE: u32 = u32::MAX;
 
 /// Bytes that a vertex and its two triangles take here, while they are made.
 pub const BYTES_PER_VERTEX: usize =
-    2 * size_of::<Facet>() + 2 * size_of::<Vector>() + 6 * size_of::<[u32; 3]>();
+    2 * size_of::<ProofTileFacet>() + 2 * size_of::<Vector>() + 6 * size_of::<[u32; 3]>();
 
 /// Metres that the distance of a normal from a side is rounded by, counted from the centre of the earth.
 const ROUNDING: f64 = 32.0 * f64::EPSILON * A;
@@ -47,7 +47,7 @@ const TURNED: f64 = 1e-4;
 
 /// A triangle.
 #[derive(Clone, Debug)]
-struct Facet {
+struct ProofTileFacet {
     /// Of each side, what the normal is multiplied with for the determinant.
     sides: [Vector; 3],
     /// x and y of each side, for the part of the determinant that comes of the ellipsoid being no sphere.
@@ -66,7 +66,7 @@ struct Facet {
 /// The triangles of a tile, in space.
 #[derive(Clone, Debug)]
 pub struct Facets {
-    facets: Vec<Facet>,
+    facets: Vec<ProofTileFacet>,
     positions: Vec<Vector>,
     /// Triangles that may be turned over.
     turned: Vec<u32>,
@@ -76,7 +76,7 @@ pub struct Facets {
 
 /// What a run of samples comes to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seen {
+pub struct SampleRunErrors {
     /// Samples with a height.
     pub count: u64,
     /// Those further from the surface than a limit.
@@ -90,18 +90,18 @@ pub struct Seen {
 }
 
 /// A triangle on a parallel: what the determinants of its sides, and its plane, have as factors there.
-struct Row {
+struct ProofParallelFacet {
     sides: [[f64; 3]; 3],
     lengths: [f64; 3],
     plane: [f64; 4],
-    parallel: Parallel,
+    parallel: ProofParallel,
     /// Length of the normal of the plane.
     length: f64,
 }
 
 impl Facets {
     /// Those of a tile; `positions` are those of its vertices.
-    pub fn new(tile: &Tile, positions: &[Vector]) -> Self {
+    pub fn new(tile: &DecodedTile, positions: &[Vector]) -> Self {
         let origin = positions.first().copied().unwrap_or_default();
         let poles = poles(positions);
         let coincide = |a: u32, b: u32| {
@@ -115,12 +115,12 @@ impl Facets {
             collapsed.0.fill(None);
         }
         let twins = twins(&tile.triangles);
-        let mut facets: Vec<Facet> = Vec::new();
+        let mut facets: Vec<ProofTileFacet> = Vec::new();
         let mut numbers = vec![NONE; tile.triangles.len()];
         for (triangle, &corners) in tile.triangles.iter().enumerate() {
             if collapsed.0[triangle].is_none() {
                 numbers[triangle] = facets.len() as u32;
-                facets.push(Facet::new(corners, positions, origin));
+                facets.push(ProofTileFacet::new(corners, positions, origin));
             }
         }
         for (triangle, &number) in numbers.iter().enumerate().filter(|(_, at)| **at != NONE) {
@@ -141,20 +141,20 @@ impl Facets {
     }
 
     /// Positions of the vertices of a tile.
-    pub fn positions(id: TileId, tile: &Tile) -> Vec<Vector> {
+    pub fn positions(id: ProofTileId, tile: &DecodedTile) -> Vec<Vector> {
         if !tile.placed.is_empty() {
             return tile.placed.clone();
         }
         let place = |&vertex: &[u16; 3]| {
-            let [longitude, latitude] = Tile::place(id, vertex);
-            Parallel::at(latitude).position(Meridian::at(longitude), tile.height(vertex))
+            let [longitude, latitude] = DecodedTile::place(id, vertex);
+            ProofParallel::at(latitude).position(ProofMeridian::at(longitude), tile.height(vertex))
         };
         tile.vertices.iter().map(place).collect()
     }
 
     /// Bytes that they take.
     pub fn bytes(&self) -> usize {
-        self.facets.len() * size_of::<Facet>()
+        self.facets.len() * size_of::<ProofTileFacet>()
             + self.positions.len() * size_of::<Vector>()
             + size_of::<Self>()
     }
@@ -165,12 +165,12 @@ impl Facets {
     pub fn row(
         &self,
         from: &mut u32,
-        parallel: &Parallel,
-        meridians: &[Meridian],
+        parallel: &ProofParallel,
+        meridians: &[ProofMeridian],
         heights: &[f64],
         [limit, rounded]: [f64; 2],
-    ) -> Seen {
-        let mut seen = Seen::default();
+    ) -> SampleRunErrors {
+        let mut seen = SampleRunErrors::default();
         if parallel.cos.abs() < POLAR {
             let Some([low, high]) = self.poles[usize::from(parallel.sin > 0.0)] else {
                 return seen;
@@ -178,7 +178,11 @@ impl Facets {
             let valid = heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
             valid.for_each(|(index, &height)| {
                 let distance = (height - low).abs().max((height - high).abs());
-                seen.add(index, Distance { distance, lower: distance, upper: distance }, limit);
+                seen.add(
+                    index,
+                    BoundedDistance { distance, lower: distance, upper: distance },
+                    limit,
+                );
             });
             return seen;
         }
@@ -196,9 +200,9 @@ impl Facets {
             let is_simple = self.turned.is_empty() && row.is_surely_in(at, ROUNDING + rounded);
             let distance = if is_simple {
                 let [surface, steep] = row.height(at);
-                Distance::of((surface - height).abs(), steep * rounded)
+                BoundedDistance::of((surface - height).abs(), steep * rounded)
             } else {
-                let frame = Frame::new(parallel, at, height);
+                let frame = ProofEastNorthUp::new(parallel, at, height);
                 let here = self.walk_in(now, &frame);
                 if here != now {
                     now = here;
@@ -220,12 +224,17 @@ impl Facets {
     }
 
     /// A triangle as it is seen from a sample.
-    fn seen_from(&self, frame: &Frame, facet: &Facet) -> [Vector; 3] {
+    fn seen_from(&self, frame: &ProofEastNorthUp, facet: &ProofTileFacet) -> [Vector; 3] {
         facet.corners.map(|corner| frame.look(self.positions[corner as usize]))
     }
 
     /// The side of a triangle that the normal of a sample passes on the outside, of several the first from `turn` on.
-    fn way_out(&self, frame: &Frame, facet: &Facet, turn: usize) -> Option<u32> {
+    fn way_out(
+        &self,
+        frame: &ProofEastNorthUp,
+        facet: &ProofTileFacet,
+        turn: usize,
+    ) -> Option<u32> {
         let corners = self.seen_from(frame, facet);
         let mut sides = (0..3).map(|k| (turn + k) % 3).filter(|&k| facet.beside[k] != NONE);
         let out = sides.find(|&k| across(corners[k], corners[(k + 1) % 3]) < 0.0);
@@ -233,7 +242,7 @@ impl Facets {
     }
 
     /// The triangle that the normal of a sample meets, as seen from there.
-    fn walk_in(&self, from: u32, frame: &Frame) -> u32 {
+    fn walk_in(&self, from: u32, frame: &ProofEastNorthUp) -> u32 {
         let mut now = from;
         for turn in 0..=self.facets.len() {
             match self.way_out(frame, &self.facets[now as usize], turn) {
@@ -246,16 +255,16 @@ impl Facets {
     }
 
     /// How far a sample is from a triangle; the bounds are those of all triangles joined to it that its place may lie in.
-    fn near(&self, facet: u32, frame: &Frame, rounded: f64) -> Distance {
+    fn near(&self, facet: u32, frame: &ProofEastNorthUp, rounded: f64) -> BoundedDistance {
         let mut seen = vec![facet];
-        let mut all: Option<Distance> = None;
+        let mut all: Option<BoundedDistance> = None;
         let mut next = 0;
         while let Some(facet) = seen.get(next).map(|&number| &self.facets[number as usize]) {
             next += 1;
             let corners = self.seen_from(frame, facet);
             let [height, steep] = plane(corners);
-            let one = Distance::of(height.abs(), steep * rounded);
-            all = Some(all.map_or(one, |all| Distance {
+            let one = BoundedDistance::of(height.abs(), steep * rounded);
+            all = Some(all.map_or(one, |all| BoundedDistance {
                 lower: all.lower.min(one.lower),
                 upper: all.upper.max(one.upper),
                 ..all
@@ -271,21 +280,26 @@ impl Facets {
     }
 
     /// Whether a triangle that is turned over may lie above or below a sample.
-    fn is_folded(&self, frame: &Frame, rounded: f64) -> bool {
+    fn is_folded(&self, frame: &ProofEastNorthUp, rounded: f64) -> bool {
         let turned = self.turned.iter().map(|&number| &self.facets[number as usize]);
         turned.map(|facet| self.seen_from(frame, facet)).any(|seen| is_met(seen, rounded).is_some())
     }
 
     /// How far a sample is from the furthest of all triangles above and below it, where `near` is what it is from those
     /// that one of them is joined to.
-    fn over(&self, near: Distance, frame: &Frame, rounded: f64) -> Distance {
+    fn over(
+        &self,
+        near: BoundedDistance,
+        frame: &ProofEastNorthUp,
+        rounded: f64,
+    ) -> BoundedDistance {
         let seen = self.facets.iter().map(|facet| self.seen_from(frame, facet));
         let met = seen.filter_map(|seen| Some((seen, is_met(seen, rounded)?)));
         met.fold(near, |all, (seen, is_sure)| {
             let [height, steep] = plane(seen);
-            let one = Distance::of(height.abs(), steep * rounded);
-            let sure = if is_sure { one } else { Distance::default() };
-            Distance {
+            let one = BoundedDistance::of(height.abs(), steep * rounded);
+            let sure = if is_sure { one } else { BoundedDistance::default() };
+            BoundedDistance {
                 distance: all.distance.max(sure.distance),
                 lower: all.lower.max(sure.lower),
                 upper: all.upper.max(one.upper),
@@ -294,7 +308,7 @@ impl Facets {
     }
 
     /// The triangle that the normal meets, or the last one before the border.
-    fn walk(&self, from: u32, parallel: &Parallel, at: Meridian) -> u32 {
+    fn walk(&self, from: u32, parallel: &ProofParallel, at: ProofMeridian) -> u32 {
         let mut now = from;
         for step in 0..=self.facets.len() {
             let facet = &self.facets[now as usize];
@@ -312,20 +326,20 @@ impl Facets {
     }
 
     /// The same by looking at every triangle.
-    fn search(&self, parallel: &Parallel, at: Meridian) -> Option<u32> {
+    fn search(&self, parallel: &ProofParallel, at: ProofMeridian) -> Option<u32> {
         let mut all = 0..self.facets.len() as u32;
         all.find(|&facet| self.is_here(facet, &self.facets[facet as usize].on(parallel), at))
     }
 
     /// Whether a normal on a parallel, whose factors for the triangle are given, meets it, or is nearest to it and
     /// beyond the border.
-    fn is_here(&self, facet: u32, row: &Row, at: Meridian) -> bool {
+    fn is_here(&self, facet: u32, row: &ProofParallelFacet, at: ProofMeridian) -> bool {
         self.facets[facet as usize].has(row, at) && self.along_border(facet, row, at).is_none()
     }
 
     /// Where a normal is beyond a side of the border that it is not beside: the triangle of the border beside which it is.
     /// Of two that meet at a vertex of the border, and that it is beyond, it stays at the one on whose side it is.
-    fn along_border(&self, facet: u32, row: &Row, at: Meridian) -> Option<u32> {
+    fn along_border(&self, facet: u32, row: &ProofParallelFacet, at: ProofMeridian) -> Option<u32> {
         let here = &self.facets[facet as usize];
         let mut out = (0..3).filter(|&side| here.is_border(side) && row.side(side, at) < 0.0);
         out.find_map(|side| {
@@ -343,7 +357,7 @@ impl Facets {
         })
     }
 
-    fn holds(&self, facet: u32, parallel: &Parallel, at: Meridian) -> bool {
+    fn holds(&self, facet: u32, parallel: &ProofParallel, at: ProofMeridian) -> bool {
         let facet = &self.facets[facet as usize];
         facet.has(&facet.on(parallel), at)
     }
@@ -354,8 +368,8 @@ impl Facets {
         &self,
         facet: u32,
         side: usize,
-        parallel: &Parallel,
-        at: Meridian,
+        parallel: &ProofParallel,
+        at: ProofMeridian,
     ) -> Option<(u32, usize)> {
         let corner = |facet: u32, k: usize| {
             self.positions[self.facets[facet as usize].corners[k % 3] as usize]
@@ -396,7 +410,7 @@ impl Facets {
     }
 }
 
-impl Facet {
+impl ProofTileFacet {
     fn new(corners: [u32; 3], positions: &[Vector], origin: Vector) -> Self {
         let from = corners.map(|corner| positions[corner as usize]);
         let [a, b, c] = from.map(|corner| minus(corner, origin));
@@ -446,20 +460,20 @@ impl Facet {
     }
 
     /// Whether a normal on a parallel, whose factors are given, passes all sides on the inside that are no borders.
-    fn has(&self, row: &Row, at: Meridian) -> bool {
+    fn has(&self, row: &ProofParallelFacet, at: ProofMeridian) -> bool {
         (0..3).all(|k| self.is_border(k) || row.side(k, at) >= 0.0)
     }
 
     /// Its factors on a parallel.
-    fn on(&self, parallel: &Parallel) -> Row {
-        let &Parallel { cos, sin, radius, drop } = parallel;
+    fn on(&self, parallel: &ProofParallel) -> ProofParallelFacet {
+        let &ProofParallel { cos, sin, radius, drop } = parallel;
         let side = |k: usize| {
             let ([x, y, z], [along_x, along_y]) = (self.sides[k], self.flat[k]);
             [cos * (x + drop * along_y), cos * (y - drop * along_x), sin * z]
         };
         let (normal, level) = self.plane;
         let rest = level - normal[2] * (radius * sin - drop);
-        Row {
+        ProofParallelFacet {
             sides: [side(0), side(1), side(2)],
             lengths: self.lengths,
             plane: [cos * normal[0], cos * normal[1], sin * normal[2], rest],
@@ -469,20 +483,20 @@ impl Facet {
     }
 }
 
-impl Row {
+impl ProofParallelFacet {
     /// Above zero where the normal passes a side on the inside.
-    fn side(&self, k: usize, at: Meridian) -> f64 {
+    fn side(&self, k: usize, at: ProofMeridian) -> f64 {
         let [x, y, rest] = self.sides[k];
         x * at.cos + y * at.sin + rest
     }
 
     /// Whether the normal passes all sides on the inside by so many metres, and this is no wall.
-    fn is_surely_in(&self, at: Meridian, margin: f64) -> bool {
+    fn is_surely_in(&self, at: ProofMeridian, margin: f64) -> bool {
         (0..3).all(|k| self.side(k, at) >= self.lengths[k] * margin)
     }
 
     /// The height at which the normal meets the plane, and metres up the plane for one along it.
-    fn height(&self, at: Meridian) -> [f64; 2] {
+    fn height(&self, at: ProofMeridian) -> [f64; 2] {
         let [x, y, z, rest] = self.plane;
         let across = x * at.cos + y * at.sin;
         let up = (across + z).recip();
@@ -490,9 +504,9 @@ impl Row {
     }
 }
 
-impl Seen {
-    fn add(&mut self, index: usize, distance: Distance, limit: f64) {
-        let Distance { distance, lower, upper } = distance;
+impl SampleRunErrors {
+    fn add(&mut self, index: usize, distance: BoundedDistance, limit: f64) {
+        let BoundedDistance { distance, lower, upper } = distance;
         self.count += 1;
         self.over += u64::from(lower > limit);
         self.ends[0] = self.ends[0].max(lower);
@@ -506,13 +520,13 @@ impl Seen {
 
 /// Metres that a sample is from the surface: as its place is given, and the bounds of that as far as places are rounded.
 #[derive(Clone, Copy, Debug, Default)]
-struct Distance {
+struct BoundedDistance {
     distance: f64,
     lower: f64,
     upper: f64,
 }
 
-impl Distance {
+impl BoundedDistance {
     /// From a triangle, where that changes by so much as far as places are rounded.
     fn of(distance: f64, rounded: f64) -> Self {
         if distance.is_finite() {
@@ -525,13 +539,13 @@ impl Distance {
 
 /// A sample, and the directions to the east, to the north and up from there. Nothing is far from it, so that rounding
 /// takes no more than part of a nanometre.
-struct Frame {
+struct ProofEastNorthUp {
     at: Vector,
     axes: [Vector; 3],
 }
 
-impl Frame {
-    fn new(parallel: &Parallel, at: Meridian, height: f64) -> Self {
+impl ProofEastNorthUp {
+    fn new(parallel: &ProofParallel, at: ProofMeridian, height: f64) -> Self {
         let axes = [at.east(), parallel.north(at), parallel.normal(at)];
         Self { at: parallel.position(at, height), axes }
     }

@@ -1,6 +1,6 @@
 //! What can be wrong with a set of tiles, how often it was found and where first.
 
-use super::tiling::TileId;
+use super::tiling::ProofTileId;
 
 /// What is proved of a set of tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,11 +39,11 @@ macro_rules! faults {
         /// Something wrong with a set of tiles.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[allow(missing_docs)]
-        pub enum Fault {
+        pub enum TilesetFault {
             $($name,)*
         }
 
-        impl Fault {
+        impl TilesetFault {
             /// All of them, with what they belong to and what they are called.
             pub const ALL: &'static [(Self, Check, &'static str)] =
                 &[$((Self::$name, Check::$check, $what),)*];
@@ -120,15 +120,15 @@ faults! {
 
 /// How often something was found, and the first tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Count {
+pub struct TilesetFaultCount {
     /// How often.
     pub count: u64,
     /// The first in the order of tiles.
-    pub first: Option<TileId>,
+    pub first: Option<ProofTileId>,
 }
 
-impl Count {
-    fn add(&mut self, count: u64, at: Option<TileId>) {
+impl TilesetFaultCount {
+    fn add(&mut self, count: u64, at: Option<ProofTileId>) {
         if count > 0 {
             self.count = self.count.saturating_add(count);
             self.first = self.first.into_iter().chain(at).min();
@@ -138,22 +138,22 @@ impl Count {
 
 /// All that was found. The same whatever the order it was found in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Faults(Vec<Count>);
+pub struct Faults(Vec<TilesetFaultCount>);
 
 impl Default for Faults {
     fn default() -> Self {
-        Self(vec![Count::default(); Fault::ALL.len()])
+        Self(vec![TilesetFaultCount::default(); TilesetFault::ALL.len()])
     }
 }
 
 impl Faults {
     /// Adds what was found `count` times in a tile.
-    pub fn add(&mut self, fault: Fault, count: u64, at: impl Into<Option<TileId>>) {
+    pub fn add(&mut self, fault: TilesetFault, count: u64, at: impl Into<Option<ProofTileId>>) {
         self.0[fault as usize].add(count, at.into());
     }
 
     /// What was found of one kind.
-    pub fn of(&self, fault: Fault) -> Count {
+    pub fn of(&self, fault: TilesetFault) -> TilesetFaultCount {
         self.0[fault as usize]
     }
 
@@ -165,8 +165,11 @@ impl Faults {
     }
 
     /// All that was found of a check, with its name.
-    pub fn found(&self, check: Check) -> impl Iterator<Item = (Fault, &'static str, Count)> + '_ {
-        let all = Fault::ALL.iter().zip(&self.0);
+    pub fn found(
+        &self,
+        check: Check,
+    ) -> impl Iterator<Item = (TilesetFault, &'static str, TilesetFaultCount)> + '_ {
+        let all = TilesetFault::ALL.iter().zip(&self.0);
         all.filter(move |((_, own, _), count)| *own == check && count.count > 0)
             .map(|((fault, _, what), count)| (*fault, *what, *count))
     }

@@ -26,7 +26,7 @@ const KNOWN: [&str; 2] = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub(super) struct Gltf {
-    asset: Asset,
+    asset: ProofGltfAsset,
     #[serde(default)]
     extensions_used: Vec<String>,
     #[serde(default)]
@@ -34,17 +34,17 @@ pub(super) struct Gltf {
     #[serde(default)]
     scene: usize,
     scenes: Vec<Scene>,
-    nodes: Vec<Node>,
-    meshes: Vec<Mesh>,
+    nodes: Vec<ProofGltfNode>,
+    meshes: Vec<ProofGltfMesh>,
     #[serde(default, rename = "materials")]
     _materials: Vec<Material>,
-    accessors: Vec<Accessor>,
-    buffer_views: Vec<View>,
-    buffers: Vec<Buffer>,
+    accessors: Vec<ProofGltfAccessor>,
+    buffer_views: Vec<ProofBufferView>,
+    buffers: Vec<ProofGltfBuffer>,
 }
 
 #[derive(Deserialize)]
-struct Asset {
+struct ProofGltfAsset {
     version: String,
 }
 
@@ -56,32 +56,32 @@ struct Scene {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Node {
+pub(super) struct ProofGltfNode {
     mesh: Option<usize>,
     pub(super) matrix: Option<[f64; 16]>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Mesh {
-    primitives: Vec<Primitive>,
+pub(super) struct ProofGltfMesh {
+    primitives: Vec<ProofGltfPrimitive>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Primitive {
-    pub(super) attributes: Attributes,
+pub(super) struct ProofGltfPrimitive {
+    pub(super) attributes: ProofGltfAttributes,
     pub(super) indices: Option<usize>,
     #[serde(rename = "material")]
     _material: Option<usize>,
     mode: Option<u32>,
     #[serde(default)]
-    pub(super) extensions: Extensions,
+    pub(super) extensions: ProofGltfExtensions,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "UPPERCASE", deny_unknown_fields)]
-pub(super) struct Attributes {
+pub(super) struct ProofGltfAttributes {
     pub(super) position: usize,
     #[serde(rename = "TEXCOORD_0")]
     pub(super) place: Option<usize>,
@@ -107,14 +107,14 @@ struct Lit {
 
 #[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Extensions {
+pub(super) struct ProofGltfExtensions {
     #[serde(rename = "CESIUM_tile_edges")]
-    pub(super) edges: Option<Edges>,
+    pub(super) edges: Option<TileEdgeAccessors>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Edges {
+pub(super) struct TileEdgeAccessors {
     pub(super) left: usize,
     pub(super) bottom: usize,
     pub(super) right: usize,
@@ -123,7 +123,7 @@ pub(super) struct Edges {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-pub(super) struct Accessor {
+pub(super) struct ProofGltfAccessor {
     buffer_view: Option<usize>,
     #[serde(default)]
     byte_offset: usize,
@@ -140,7 +140,7 @@ pub(super) struct Accessor {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct View {
+struct ProofBufferView {
     buffer: usize,
     #[serde(default)]
     byte_offset: usize,
@@ -155,13 +155,13 @@ struct View {
 #[serde(deny_unknown_fields)]
 struct OfView {
     #[serde(rename = "EXT_meshopt_compression")]
-    packed: Option<Packed>,
+    packed: Option<ProofPackedView>,
 }
 
 /// What is said of a view that is compressed.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Packed {
+struct ProofPackedView {
     buffer: usize,
     #[serde(default)]
     byte_offset: usize,
@@ -174,7 +174,7 @@ struct Packed {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Buffer {
+struct ProofGltfBuffer {
     byte_length: usize,
     uri: Option<String>,
     #[serde(default)]
@@ -195,13 +195,13 @@ struct Fallback {
 }
 
 /// The numbers of an accessor.
-pub(super) struct Numbers<const N: usize> {
+pub(super) struct ProofAccessorNumbers<const N: usize> {
     pub(super) stored: Vec<[f64; N]>,
     /// The whole number that stands for 1, if one does.
     pub(super) whole: Option<f64>,
 }
 
-impl<const N: usize> Numbers<N> {
+impl<const N: usize> ProofAccessorNumbers<N> {
     pub(super) fn told(self) -> Vec<[f64; N]> {
         match self.whole {
             Some(whole) => {
@@ -213,12 +213,12 @@ impl<const N: usize> Numbers<N> {
 }
 
 /// The two parts of a file, and what the first says of the second.
-pub(super) struct File<'a> {
+pub(super) struct ProofGlbFile<'a> {
     gltf: Gltf,
     bytes: &'a [u8],
 }
 
-impl<'a> File<'a> {
+impl<'a> ProofGlbFile<'a> {
     pub(super) fn of(bytes: &'a [u8]) -> Result<Self> {
         let number = |at: usize| {
             let found = bytes.get(at..at + 4).and_then(|bytes| bytes.try_into().ok());
@@ -259,10 +259,10 @@ impl<'a> File<'a> {
         }
         self.check_extensions()?;
         self.check_targets()?;
-        let is_here = |buffer: &Buffer| {
+        let is_here = |buffer: &ProofGltfBuffer| {
             buffer.uri.is_none() && buffer.byte_length.next_multiple_of(4) == self.bytes.len()
         };
-        let is_fallback = |buffer: &Buffer| {
+        let is_fallback = |buffer: &ProofGltfBuffer| {
             let is_told = buffer.extensions.packed.as_ref().is_some_and(|packed| packed.fallback);
             is_told && buffer.uri.is_none()
         };
@@ -303,8 +303,8 @@ impl<'a> File<'a> {
             let view = self.gltf.accessors.get(number)?.buffer_view?;
             self.gltf.buffer_views.get(view)?.target
         };
-        let is_odd = |Primitive { attributes, indices, .. }: &Primitive| {
-            let Attributes { position, place, normal } = attributes;
+        let is_odd = |ProofGltfPrimitive { attributes, indices, .. }: &ProofGltfPrimitive| {
+            let ProofGltfAttributes { position, place, normal } = attributes;
             let of_vertices = [Some(*position), *place, *normal].into_iter().flatten();
             let is_other = |number, known| target(number).is_some_and(|target| target != known);
             indices.is_some_and(|number| is_other(number, OF_INDICES))
@@ -316,7 +316,7 @@ impl<'a> File<'a> {
         }
     }
 
-    pub(super) fn node(&self) -> Result<&Node> {
+    pub(super) fn node(&self) -> Result<&ProofGltfNode> {
         let gltf = &self.gltf;
         let is_one = gltf.nodes.len() == 1 && gltf.meshes.len() == 1;
         let is_shown = gltf.scenes.get(gltf.scene).is_some_and(|scene| scene.nodes == [0]);
@@ -326,7 +326,7 @@ impl<'a> File<'a> {
         }
     }
 
-    pub(super) fn primitive(&self, node: &Node) -> Result<&Primitive> {
+    pub(super) fn primitive(&self, node: &ProofGltfNode) -> Result<&ProofGltfPrimitive> {
         let mesh = node.mesh.and_then(|mesh| self.gltf.meshes.get(mesh));
         match mesh.map(|mesh| &mesh.primitives[..]) {
             Some([primitive]) if primitive.mode.is_none_or(|mode| mode == 4) => Ok(primitive),
@@ -334,7 +334,7 @@ impl<'a> File<'a> {
         }
     }
 
-    pub(super) fn accessor(&self, number: usize) -> Result<&Accessor> {
+    pub(super) fn accessor(&self, number: usize) -> Result<&ProofGltfAccessor> {
         let none = || bad(format!("names accessor {number} of {}", self.gltf.accessors.len()));
         self.gltf.accessors.get(number).ok_or_else(none)
     }
@@ -345,7 +345,7 @@ impl<'a> File<'a> {
     }
 
     /// The bytes of a view.
-    fn view(&self, view: &View) -> Result<Cow<'_, [u8]>> {
+    fn view(&self, view: &ProofBufferView) -> Result<Cow<'_, [u8]>> {
         let outside = || bad("has a buffer view outside of its buffer".to_owned());
         match &view.extensions.packed {
             None => {
@@ -353,7 +353,7 @@ impl<'a> File<'a> {
                 found.map(Cow::Borrowed).ok_or_else(outside)
             }
             Some(packed) => {
-                let Packed { buffer, byte_offset, byte_length, .. } = packed;
+                let ProofPackedView { buffer, byte_offset, byte_length, .. } = packed;
                 let found = self.part(*buffer, *byte_offset, *byte_length).ok_or_else(outside)?;
                 let unpacked = packed.unpack(found)?;
                 match unpacked.len() == view.byte_length {
@@ -399,7 +399,7 @@ impl<'a> File<'a> {
         number: usize,
         kind: &str,
         count: usize,
-    ) -> Result<Numbers<N>> {
+    ) -> Result<ProofAccessorNumbers<N>> {
         let accessor = self.accessor(number)?;
         let (width, most) = match (accessor.component_type, accessor.normalized) {
             (FLOAT, false) => (4, None),
@@ -428,7 +428,7 @@ impl<'a> File<'a> {
         if stored.as_flattened().iter().any(|value| !value.is_finite()) {
             return Err(bad(format!("has a number in accessor {number} that is not finite")));
         }
-        Ok(Numbers { stored, whole: most })
+        Ok(ProofAccessorNumbers { stored, whole: most })
     }
 
     pub(super) fn indices(&self, number: usize, count: usize) -> Result<Vec<u32>> {
@@ -450,7 +450,7 @@ impl<'a> File<'a> {
     }
 }
 
-impl Packed {
+impl ProofPackedView {
     fn unpack(&self, bytes: &[u8]) -> Result<Vec<u8>> {
         let Self { byte_stride: stride, count, filter, mode, .. } = self;
         let of_vertices = |found: Vec<u32>| {
@@ -476,7 +476,7 @@ impl Packed {
     }
 }
 
-impl Accessor {
+impl ProofGltfAccessor {
     /// Whether it says the ends of its elements.
     pub(super) fn has_ends(&self, elements: &[Vector]) -> bool {
         let along = |axis: usize| elements.iter().map(move |element| element[axis]);

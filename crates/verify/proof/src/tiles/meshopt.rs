@@ -16,9 +16,9 @@ const TRIANGLES_TAIL: usize = 16;
 const LIST_TAIL: usize = 4;
 
 /// What is left to be read.
-struct Left<'a>(&'a [u8]);
+struct ProofMeshoptBytes<'a>(&'a [u8]);
 
-impl<'a> Left<'a> {
+impl<'a> ProofMeshoptBytes<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8]> {
         let (found, rest) = self.0.split_at_checked(count).ok_or_else(|| bad("end too early"))?;
         self.0 = rest;
@@ -74,7 +74,7 @@ pub(super) fn attributes(bytes: &[u8], stride: usize, count: usize) -> Result<Ve
     let tail = ATTRIBUTES_TAIL.max(stride);
     let body = bytes.len().checked_sub(tail).ok_or_else(|| bad("are too few bytes"))?;
     let mut before = bytes[bytes.len() - stride..].to_vec();
-    let mut left = Left(&bytes[..body]);
+    let mut left = ProofMeshoptBytes(&bytes[..body]);
     if left.byte()? != 0xa0 {
         return Err(bad("are of another version"));
     }
@@ -94,7 +94,7 @@ fn column(
     block: &mut [u8],
     (place, stride): (usize, usize),
     before: &mut u8,
-    left: &mut Left<'_>,
+    left: &mut ProofMeshoptBytes<'_>,
 ) -> Result<()> {
     let groups = (block.len() / stride).div_ceil(GROUP);
     let heads = left.take(groups.div_ceil(4))?;
@@ -110,7 +110,7 @@ fn column(
 }
 
 /// The steps of a group: none, or of 2, 4 or 8 bits each; the largest of 2 or 4 says that the step follows.
-fn steps(kind: u8, left: &mut Left<'_>) -> Result<[u8; GROUP]> {
+fn steps(kind: u8, left: &mut ProofMeshoptBytes<'_>) -> Result<[u8; GROUP]> {
     let bits = match kind {
         0 => return Ok([0; GROUP]),
         1 => 2,
@@ -156,7 +156,7 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
         return Err(bad("are of another version"));
     }
     let (codes, pairs) = (&bytes[1..=number], &bytes[body..]);
-    let mut data = Left(&bytes[number + 1..body]);
+    let mut data = ProofMeshoptBytes(&bytes[number + 1..body]);
     let (mut edges, mut vertices) = (Recent(Vec::new()), Recent(Vec::new()));
     let [mut next, mut last] = [0_u32; 2];
     let fresh = |next: &mut u32| {
@@ -226,7 +226,7 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
 pub(super) fn list(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
     let body = bytes.len().checked_sub(LIST_TAIL).filter(|body| *body > count);
     let body = body.ok_or_else(|| bad("are too few bytes"))?;
-    let mut left = Left(&bytes[..body]);
+    let mut left = ProofMeshoptBytes(&bytes[..body]);
     if left.byte()? != 0xd1 {
         return Err(bad("are of another version"));
     }

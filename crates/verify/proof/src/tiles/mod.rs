@@ -21,17 +21,17 @@ mod subtree;
 mod tiling;
 mod water;
 
-pub use border::{Chain, gap, lattice};
+pub use border::{TileSideChain, gap, lattice};
 pub use contain::{About, between, contain, lowest, tight};
-pub use content::{Content, Said};
-pub use decode::Tile;
-pub use ellipsoid::{Meridian, Parallel, position};
-pub use facets::{BYTES_PER_VERTEX, Facets, Seen};
-pub use fault::{Check, Count, Fault, Faults};
+pub use content::{GlbTileContent, StatedTileLevel};
+pub use decode::DecodedTile;
+pub use ellipsoid::{ProofMeridian, ProofParallel, position};
+pub use facets::{BYTES_PER_VERTEX, Facets, SampleRunErrors};
+pub use fault::{Check, Faults, TilesetFault, TilesetFaultCount};
 pub use skirt::Skirt;
 pub use structure::structure;
-pub use subtree::{MOST_SUBTREE_LEVELS, Schema, Subtree};
-pub use tiling::{LAST, MOST_LEVEL, Side, TileId, columns, rows};
+pub use subtree::{MOST_SUBTREE_LEVELS, MetadataSchema, Subtree};
+pub use tiling::{LAST, MOST_LEVEL, ProofTileId, ProofTileSide, columns, rows};
 pub use water::{Bank, Pixels, Shore, UNCLEAR};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.

@@ -16,7 +16,7 @@ pub struct Skirt {
 }
 
 /// A tile, taken apart.
-pub(super) struct Apart {
+pub(super) struct SkirtSplit {
     /// Triangles of the surface, by all vertices.
     pub(super) surface: Vec<[u32; 3]>,
     /// Those of the skirt.
@@ -25,7 +25,7 @@ pub(super) struct Apart {
     pub(super) is_low: Vec<bool>,
 }
 
-impl Apart {
+impl SkirtSplit {
     /// Of all triangles: those whose corners lie on one side of the tile have no area there, and hang.
     pub(super) fn of(places: &[Place], triangles: &[[u32; 3]]) -> Self {
         let is_hanging = |triangle: &&[u32; 3]| {
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn a_skirt_is_told_from_the_surface() {
         let (places, triangles) = square();
-        let apart = Apart::of(&places, &triangles);
+        let apart = SkirtSplit::of(&places, &triangles);
         assert_eq!((apart.surface.len(), apart.hanging.len()), (4, 8));
         assert_eq!(apart.is_low, [false, false, false, false, false, true, true, true, true]);
         assert_eq!((apart.torn(), apart.off_depth(&places, DEPTH)), (0, 0));
@@ -111,18 +111,18 @@ mod tests {
         for gone in (0..triangles.len()).filter(|i| i % 3 > 0) {
             let mut left = triangles.clone();
             left.remove(gone);
-            assert!(Apart::of(&places, &left).torn() > 0, "{gone}");
+            assert!(SkirtSplit::of(&places, &left).torn() > 0, "{gone}");
             let mut turned = triangles.clone();
             turned[gone].swap(0, 1);
-            assert!(Apart::of(&places, &turned).torn() > 0, "{gone}");
+            assert!(SkirtSplit::of(&places, &turned).torn() > 0, "{gone}");
         }
         for moved in 5..9 {
             let mut places = places.clone();
             places[moved].1 += 1.0;
-            assert_eq!(Apart::of(&places, &triangles).off_depth(&places, DEPTH), 1);
+            assert_eq!(SkirtSplit::of(&places, &triangles).off_depth(&places, DEPTH), 1);
         }
         // None at all.
         let surface: Vec<_> = triangles.iter().copied().step_by(3).collect();
-        assert!(Apart::of(&places, &surface).torn() > 0);
+        assert!(SkirtSplit::of(&places, &surface).torn() > 0);
     }
 }

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 
 use super::contain::About;
-use super::tiling::TileId;
+use super::tiling::ProofTileId;
 use terrane_base::error::{Error, Result};
 
 /// Most levels of a subtree: bits of more would be larger than any file.
@@ -24,19 +24,19 @@ const TOLD: [(&str, usize); 5] = [
 /// The classes of what is told: names of properties, and what they mean. Values are what is stored: whatever would
 /// make others of them is refused.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Schema {
-    classes: BTreeMap<String, Class>,
+pub struct MetadataSchema {
+    classes: BTreeMap<String, MetadataClass>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Class {
-    properties: BTreeMap<String, Property>,
+struct MetadataClass {
+    properties: BTreeMap<String, MetadataProperty>,
 }
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Property {
+struct MetadataProperty {
     #[serde(rename = "type")]
     kind: String,
     component_type: Option<String>,
@@ -52,7 +52,7 @@ struct Property {
     _about: Option<IgnoredAny>,
 }
 
-impl Property {
+impl MetadataProperty {
     /// Numbers of a value, all of them doubles.
     fn numbers(&self) -> Option<usize> {
         let each = match &*self.kind {
@@ -67,28 +67,28 @@ impl Property {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Stored {
+struct StoredSubtree {
     #[serde(default)]
-    buffers: Vec<Length>,
+    buffers: Vec<SubtreeBufferLength>,
     #[serde(default)]
-    buffer_views: Vec<View>,
-    property_tables: Option<Vec<Table>>,
+    buffer_views: Vec<SubtreeBufferView>,
+    property_tables: Option<Vec<SubtreePropertyTable>>,
     tile_metadata: Option<usize>,
-    tile_availability: Bits,
-    content_availability: Option<Vec<Bits>>,
-    child_subtree_availability: Bits,
+    tile_availability: SubtreeAvailability,
+    content_availability: Option<Vec<SubtreeAvailability>>,
+    child_subtree_availability: SubtreeAvailability,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Length {
+struct SubtreeBufferLength {
     byte_length: usize,
     uri: Option<String>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct View {
+struct SubtreeBufferView {
     buffer: usize,
     byte_offset: usize,
     byte_length: usize,
@@ -96,7 +96,7 @@ struct View {
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Bits {
+struct SubtreeAvailability {
     bitstream: Option<usize>,
     constant: Option<u8>,
     available_count: Option<usize>,
@@ -104,16 +104,16 @@ struct Bits {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Table {
+struct SubtreePropertyTable {
     class: String,
     count: usize,
     #[serde(default)]
-    properties: BTreeMap<String, Column>,
+    properties: BTreeMap<String, SubtreePropertyColumn>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Column {
+struct SubtreePropertyColumn {
     values: usize,
 }
 
@@ -121,9 +121,9 @@ struct Column {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Subtree {
     /// Tiles that there are, and what is told of each.
-    pub tiles: Vec<(TileId, About)>,
+    pub tiles: Vec<(ProofTileId, About)>,
     /// The tiles at the tops of the subtrees below that there are.
-    pub below: Vec<TileId>,
+    pub below: Vec<ProofTileId>,
 }
 
 impl Subtree {
@@ -132,8 +132,13 @@ impl Subtree {
     /// # Errors
     /// Bad input: bytes that are no subtree, counts that are not those of the bits, a table without what clients of
     /// terrain need, or of another length.
-    pub fn read(bytes: &[u8], top: TileId, levels: u8, schema: &Schema) -> Result<Self> {
-        let file = File::of(bytes)?;
+    pub fn read(
+        bytes: &[u8],
+        top: ProofTileId,
+        levels: u8,
+        schema: &MetadataSchema,
+    ) -> Result<Self> {
+        let file = SubtreeFile::of(bytes)?;
         let whole = first(levels);
         let here = file.bits(&file.stored.tile_availability, whole)?;
         let contents = file.stored.content_availability.as_deref().unwrap_or_default();
@@ -151,9 +156,9 @@ impl Subtree {
             (first(level)..first(level + 1)).map(move |bit| (level, bit - first(level), bit))
         });
         let ids = each.filter(|(.., bit)| here[*bit]).map(|(level, number, _)| id(level, number));
-        let ids: Vec<TileId> = ids.collect();
-        let known: HashSet<TileId> = ids.iter().copied().collect();
-        let is_alone = |id: &&TileId| {
+        let ids: Vec<ProofTileId> = ids.collect();
+        let known: HashSet<ProofTileId> = ids.iter().copied().collect();
+        let is_alone = |id: &&ProofTileId| {
             id.level > top.level && id.parent().is_none_or(|parent| !known.contains(&parent))
         };
         if let Some(id) = ids.iter().find(is_alone) {
@@ -161,7 +166,7 @@ impl Subtree {
         }
         let under = file.bits(&file.stored.child_subtree_availability, 1 << (2 * levels))?;
         let under = (0..).zip(under).filter(|(_, is_there)| *is_there);
-        let under: Vec<TileId> = under.map(|(number, _)| id(levels, number)).collect();
+        let under: Vec<ProofTileId> = under.map(|(number, _)| id(levels, number)).collect();
         let tiles = ids.iter().copied().zip(file.table(schema, ids.len())?).collect();
         Ok(Self { tiles, below: under })
     }
@@ -173,24 +178,24 @@ fn first(level: u8) -> usize {
 }
 
 /// The tile of a number along the curve of a level below another: its bits are those of column and row in turn.
-fn below(top: TileId, level: u8, number: usize) -> TileId {
+fn below(top: ProofTileId, level: u8, number: usize) -> ProofTileId {
     let every_second = |from: usize| {
         (0..level)
             .fold(0, |at, bit| at | ((number >> (2 * usize::from(bit) + from) & 1) as u32) << bit)
     };
-    TileId {
+    ProofTileId {
         level: top.level + level,
         x: (top.x << level) + every_second(0),
         y: (top.y << level) + every_second(1),
     }
 }
 
-struct File<'a> {
-    stored: Stored,
+struct SubtreeFile<'a> {
+    stored: StoredSubtree,
     bytes: &'a [u8],
 }
 
-impl<'a> File<'a> {
+impl<'a> SubtreeFile<'a> {
     fn of(bytes: &'a [u8]) -> Result<Self> {
         let number = |at: usize| {
             let found = bytes.get(at..at + 8).and_then(|bytes| bytes.try_into().ok());
@@ -208,10 +213,10 @@ impl<'a> File<'a> {
         };
         let (text, bytes) =
             parts().ok_or_else(|| bad("has not the two parts that it says".to_owned()))?;
-        let stored: Stored = serde_json::from_slice(text)
+        let stored: StoredSubtree = serde_json::from_slice(text)
             .map_err(|e| bad(format!("has a text that is not understood: {e}")))?;
         match &stored.buffers[..] {
-            [Length { byte_length, uri: None }]
+            [SubtreeBufferLength { byte_length, uri: None }]
                 if byte_length.next_multiple_of(8) == bytes.len() =>
             {
                 Ok(Self { stored, bytes })
@@ -232,7 +237,7 @@ impl<'a> File<'a> {
         found().ok_or_else(|| bad(format!("has no buffer view {number} of {length} bytes")))
     }
 
-    fn bits(&self, bits: &Bits, count: usize) -> Result<Vec<bool>> {
+    fn bits(&self, bits: &SubtreeAvailability, count: usize) -> Result<Vec<bool>> {
         let found = match (bits.bitstream, bits.constant) {
             (Some(view), None) => {
                 let bytes = self.view(view, count.div_ceil(8))?;
@@ -250,7 +255,7 @@ impl<'a> File<'a> {
         }
     }
 
-    fn table(&self, schema: &Schema, count: usize) -> Result<Vec<About>> {
+    fn table(&self, schema: &MetadataSchema, count: usize) -> Result<Vec<About>> {
         let tables = self.stored.property_tables.as_deref().unwrap_or_default();
         let table = self.stored.tile_metadata.and_then(|number| tables.get(number));
         let table = table.ok_or_else(|| bad("tells nothing of its tiles".to_owned()))?;
@@ -271,12 +276,12 @@ impl<'a> File<'a> {
 
     fn column(
         &self,
-        schema: &Schema,
-        table: &Table,
+        schema: &MetadataSchema,
+        table: &SubtreePropertyTable,
         semantic: &str,
         numbers: usize,
     ) -> Result<Vec<f64>> {
-        let is_it = |(_, property): &(&String, &Property)| {
+        let is_it = |(_, property): &(&String, &MetadataProperty)| {
             property.semantic.as_deref() == Some(semantic) && property.numbers() == Some(numbers)
         };
         let class = schema.classes.get(&table.class);

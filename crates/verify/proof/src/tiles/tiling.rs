@@ -10,7 +10,7 @@ pub const LAST: u16 = 32_767;
 
 /// A tile by its level, column and row. Sorted by level, then row from the south, then column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct TileId {
+pub struct ProofTileId {
     /// Level, 0 the coarsest.
     pub level: u8,
     /// Row, from the south.
@@ -22,14 +22,14 @@ pub struct TileId {
 /// A side of a tile, in the order of the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub enum Side {
+pub enum ProofTileSide {
     West,
     South,
     East,
     North,
 }
 
-impl Side {
+impl ProofTileSide {
     /// All of them, in the order of the format.
     pub const ALL: [Self; 4] = [Self::West, Self::South, Self::East, Self::North];
 
@@ -49,13 +49,13 @@ impl Side {
     }
 }
 
-impl fmt::Display for TileId {
+impl fmt::Display for ProofTileId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}/{}", self.level, self.x, self.y)
     }
 }
 
-impl TileId {
+impl ProofTileId {
     /// The tile of column `x` and row `y`; `None` beyond the last ones, or [`MOST_LEVEL`].
     pub fn new(level: u8, x: u32, y: u32) -> Option<Self> {
         let is_there = level <= MOST_LEVEL && x < columns(level) && y < rows(level);
@@ -71,13 +71,13 @@ impl TileId {
     }
 
     /// The tile beside it on its level; none beyond the poles and the antimeridian.
-    pub fn beside(self, side: Side) -> Option<Self> {
+    pub fn beside(self, side: ProofTileSide) -> Option<Self> {
         let Self { level, x, y } = self;
         match side {
-            Side::West => Self::new(level, x.checked_sub(1)?, y),
-            Side::South => Self::new(level, x, y.checked_sub(1)?),
-            Side::East => Self::new(level, x + 1, y),
-            Side::North => Self::new(level, x, y + 1),
+            ProofTileSide::West => Self::new(level, x.checked_sub(1)?, y),
+            ProofTileSide::South => Self::new(level, x, y.checked_sub(1)?),
+            ProofTileSide::East => Self::new(level, x + 1, y),
+            ProofTileSide::North => Self::new(level, x, y + 1),
         }
     }
 
@@ -95,14 +95,14 @@ impl TileId {
 
     /// The tile of the next coarser level on the other side of a border, where that border is one of that
     /// level, too.
-    pub fn coarser_beside(self, side: Side) -> Option<Self> {
+    pub fn coarser_beside(self, side: ProofTileSide) -> Option<Self> {
         let parent = self.parent()?;
         let [is_east, is_north] = [self.x, self.y].map(|at| at % 2 == 1);
         let is_outer = match side {
-            Side::West => !is_east,
-            Side::East => is_east,
-            Side::South => !is_north,
-            Side::North => is_north,
+            ProofTileSide::West => !is_east,
+            ProofTileSide::East => is_east,
+            ProofTileSide::South => !is_north,
+            ProofTileSide::North => is_north,
         };
         parent.beside(side).filter(|_| is_outer)
     }

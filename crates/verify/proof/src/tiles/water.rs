@@ -3,7 +3,7 @@
 //! Each column of pixels lies on a meridian. Where sides of polygons cross it tells what is within, polygon by polygon
 //! (even-odd); what is as near to a side as its place is known is not judged.
 
-use super::tiling::TileId;
+use super::tiling::ProofTileId;
 
 /// Pixels along a side of a mask.
 const SIDE: usize = 256;
@@ -101,7 +101,7 @@ impl Shore {
     }
 
     /// Looks at the mask of a tile: a byte for each pixel, row by row from the north, or one for all.
-    pub fn check(&self, id: TileId, mask: &[u8]) -> Pixels {
+    pub fn check(&self, id: ProofTileId, mask: &[u8]) -> Pixels {
         let [west, _, east, north] = id.bounds();
         let step = (east - west) / SIDE as f64;
         let (mut pixels, mut near) = (Pixels::default(), Vec::new());
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const TILE: TileId = TileId { level: 9, y: 387, x: 532 };
+    const TILE: ProofTileId = ProofTileId { level: 9, y: 387, x: 532 };
 
     fn banks(polygons: &[Vec<[f64; 2]>]) -> Vec<Bank> {
         let around = |(number, ring): (u32, &Vec<[f64; 2]>)| {

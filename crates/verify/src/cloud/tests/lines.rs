@@ -2,7 +2,7 @@
 
 use super::*;
 use terrane_base::geom::Crs;
-use terrane_engine::kept::Points;
+use terrane_engine::kept::ConstraintPoints;
 
 /// Vertices of lines, in steps from the lowest of the terrain; NaN for no height.
 const LINES: [&[[f64; 3]]; 4] = [
@@ -12,12 +12,12 @@ const LINES: [&[[f64; 3]]; 4] = [
     &[[-9000.0, 20_000.0, 0.0], [90_000.0, 20_700.0, 0.0]],
 ];
 
-fn features() -> Features {
+fn features() -> ConstraintFeatures {
     let of = |lines: &[&[[f64; 3]]]| {
         let all = || lines.iter().copied().flatten();
         let mut end = 0;
         let world = |&[x, y, _]: &[f64; 3]| [x * 0.01 + 500_000.0, y * 0.01 + 4_750_000.0];
-        Points {
+        ConstraintPoints {
             path: "lines.wkt".into(),
             crs: Crs::default(),
             at: all().map(world).collect(),
@@ -31,7 +31,7 @@ fn features() -> Features {
                 .collect(),
         }
     };
-    Features::of(Some(of(&LINES[..3])), Some(of(&LINES)))
+    ConstraintFeatures::of(Some(of(&LINES[..3])), Some(of(&LINES)))
 }
 
 fn terrain_with_mesh(crowded: bool, folder: &Path) -> (Few, Memory) {

@@ -3,20 +3,20 @@
 use super::*;
 use proptest::prelude::*;
 use std::collections::HashSet;
-use terrane_base::geom::{Crs, Segment};
-use terrane_engine::kept::Points;
+use terrane_base::geom::{Crs, SampleSegment};
+use terrane_engine::kept::ConstraintPoints;
 
 /// Vertices of lines, in steps, each with a height or NaN.
 type Shapes = Vec<Vec<[f64; 3]>>;
 
-fn features(shapes: &Shapes) -> Points {
+fn features(shapes: &Shapes) -> ConstraintPoints {
     let all = || shapes.iter().flatten();
     let world = |&[x, y, _]: &[f64; 3]| [x * 0.01 + 1000.0, y * 0.01 + 2000.0];
     let ends = shapes.iter().scan(0, |end, shape| {
         *end += shape.len() as u32;
         Some(*end)
     });
-    Points {
+    ConstraintPoints {
         path: "lines.wkt".into(),
         crs: Crs::default(),
         at: all().map(world).collect(),
@@ -39,17 +39,17 @@ struct Way {
 
 fn ways(kept: &OnCloud, source: &Few) -> Vec<Way> {
     let [low, _] = source.info.bounds.unwrap();
-    let hull = Hull::of(source.points.clone());
-    let way = |line: &terrane_engine::on_cloud::Line| {
+    let hull = ConvexHull::of(source.points.clone());
+    let way = |line: &terrane_engine::on_cloud::LatticeLine| {
         let [a, b] = line
             .ends
             .map(|[x, y]| [i64::from(low.x) + i64::from(x), i64::from(low.y) + i64::from(y)]);
-        let segment = Segment::new(a, b);
+        let segment = SampleSegment::new(a, b);
         let all: Vec<_> =
             (0..=segment.steps()).map(|step| segment.at(step).map(|v| v as i32)).collect();
         let inside = |site: &[i32; 2]| {
-            use terrane_delaunay::{Place, Position};
-            hull.place(Position::of(*site)) != Place::Outside
+            use terrane_delaunay::{FixedPosition, HullLocation};
+            hull.place(FixedPosition::of(*site)) != HullLocation::Outside
         };
         let (first, last) = (all.iter().position(inside)?, all.iter().rposition(inside)?);
         let height = |step: usize, [p, q]: [i32; 2]| match segment.steps() {
@@ -67,7 +67,12 @@ fn ways(kept: &OnCloud, source: &Few) -> Vec<Way> {
 }
 
 /// Fails unless the mesh follows all lines, has no other vertices than it may, and keeps points and the bound.
-fn judge(kept: &OnCloud, source: &Few, tolerance: f64, made: &(Vec<Point>, Vec<[u64; 3]>, Made)) {
+fn judge(
+    kept: &OnCloud,
+    source: &Few,
+    tolerance: f64,
+    made: &(Vec<Point>, Vec<[u64; 3]>, CloudTinOutcome),
+) {
     let (vertices, triangles, made) = made;
     let mut reference = whole(vertices);
     assert_eq!(shapes(vertices, triangles), shapes_of(&reference));
@@ -143,7 +148,7 @@ proptest! {
     fn lines_over_any_small_cloud_are_followed(
         (points, lines, peaks) in small(), tolerance in 0..3usize, claimed in 1..40u64
     ) {
-        prop_assume!(!Hull::of(points.clone()).is_flat());
+        prop_assume!(!ConvexHull::of(points.clone()).is_flat());
         let source = source(points, claimed * 4096);
         let tolerance = [0.0, 4.5, 18.0][tolerance];
         let kept = kept(&source, &peaks, &lines);
@@ -193,11 +198,11 @@ fn points_nearest_to_others_are_vertices() {
         .collect();
     let kept = kept(&source, &vec![at.clone()], &Vec::new());
     let (vertices, ..) = mesh_with(&kept, &source, 500.0, 700, 2, 1 << 30);
-    let hull = Hull::of(source.points.clone());
+    let hull = ConvexHull::of(source.points.clone());
     let (mut inside, mut nearest_of_all) = (0, HashSet::new());
     for [x, y] in at.iter().map(|at| [at[0] as i32, at[1] as i32]) {
-        use terrane_delaunay::{Place, Position};
-        if hull.place(Position::of([x, y])) == Place::Outside {
+        use terrane_delaunay::{FixedPosition, HullLocation};
+        if hull.place(FixedPosition::of([x, y])) == HullLocation::Outside {
             continue;
         }
         let far = |p: &Point| (i64::from(p.x - x).pow(2) + i64::from(p.y - y).pow(2), *p);
@@ -242,8 +247,10 @@ fn heights_are_cut_with_their_lines_and_do_not_know_directions() {
     let line = [[-100.0, 50.0, 0.0], [100.0, 50.0, 200.0]];
     let lines: Vec<_> = [line, [line[1], line[0]]].iter().map(|line| line.to_vec()).collect();
     let kept = kept(&source, &Vec::new(), &lines);
-    let expected =
-        terrane_engine::on_cloud::Line { ends: [[0, 50], [100, 50]], heights: Some([100, 200]) };
+    let expected = terrane_engine::on_cloud::LatticeLine {
+        ends: [[0, 50], [100, 50]],
+        heights: Some([100, 200]),
+    };
     assert_eq!(kept.lines, [expected]);
     let told = kept.followed(|_| false, 7).unwrap().unwrap();
     assert_eq!((told.segments, told.outside, told.apart), (2, 0, 7));

@@ -5,7 +5,7 @@ use crate::cloud_tin::CloudTinOptions;
 use crate::cloud_tin::plan::{PlanCloudTinJob, plan_regions};
 use terrane_engine::operation::Divisible;
 use terrane_engine::plan::DiskCheck;
-use terrane_engine::plan::{Form, RunJob};
+use terrane_engine::plan::{OutputForm, RunJob};
 
 /// Most points of a region, and of a task.
 const FEW: [u64; 2] = [300, 20_000];
@@ -13,21 +13,21 @@ const FEW: [u64; 2] = [300, 20_000];
 /// Vertices that each round of tasks and the last task add to a mesh, made by plan and compared with one run.
 fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     let folder = tempfile::tempdir().unwrap();
-    let at = At { progress: &Silent, cancel: &Cancel::default() };
+    let at = Observer { progress: &Silent, cancel: &Cancel::default() };
     let [whole, planned] = ["whole.ply", "planned.ply"].map(|name| folder.path().join(name));
     let resources = Resources { threads: 2, ..Resources::default() };
     let mut job = CloudTinJob::new(vec![cloud.to_owned()], whole.clone(), tolerance, resources);
     job.options.filter.classes = classes;
     let source = cloud::source(job.inputs.names(), &job.options).unwrap();
     let format = job.format().unwrap();
-    let told = make(&job, &*source, (Features::default(), format), FEW[0], at).unwrap();
+    let told = make(&job, &*source, (ConstraintFeatures::default(), format), FEW[0], at).unwrap();
     let work = folder.path().join("work");
     let (cut, job) = (Some(FEW[1] as u32), CloudTinJob { format: Some("PLY".into()), ..job });
     let plan = PlanCloudTinJob { job, folder: work.clone(), cut, skipped: Vec::new() };
     let status = plan_regions(&plan, FEW[0], at).unwrap();
     assert_eq!(status.of.regions, told.regions);
     let (to, with) = ((&*work, &*planned), (DiskCheck::On, &plan.job.resources));
-    let all = RunJob::until(to, false, Form::default(), with);
+    let all = RunJob::until(to, false, OutputForm::default(), with);
     let run = |task: &str| {
         let job = RunJob { task: Some(task.to_owned()), output: None, ..all.clone() };
         CloudTinOptions::run_plan(&job, &Silent, &Cancel::default()).unwrap().of.vertices

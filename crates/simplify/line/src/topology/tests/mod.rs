@@ -30,26 +30,30 @@ pub(super) fn rdp(points: &[Xy], from: u32, to: u32, tolerance: f64, out: &mut V
     }
 }
 
-fn solve(world: &World, tolerance: f64, options: Options<'_>) -> Outcome {
+fn solve(world: &World, tolerance: f64, options: UntangleOptions<'_>) -> UntangledChains {
     let chains = world.chains();
     let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
         rdp(chains.points, from, to, tolerance, out);
     };
-    let kept = Kept::simplified(&chains, &mut refine);
+    let kept = ChainVertices::simplified(&chains, &mut refine);
     untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
 }
 
 /// Both strategies, and each policy of collapse.
-fn ways<'a>() -> impl Iterator<Item = Options<'a>> {
+fn ways<'a>() -> impl Iterator<Item = UntangleOptions<'a>> {
     let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
     policies.into_iter().flat_map(move |collapse| {
-        strategies.map(|strategy| Options { strategy, collapse, ..Options::default() })
+        strategies.map(|strategy| UntangleOptions {
+            strategy,
+            collapse,
+            ..UntangleOptions::default()
+        })
     })
 }
 
 /// Checks an outcome in every way that is sure to hold for its world.
-fn check(world: &World, is_clean: bool, tolerance: f64, options: Options<'_>, name: &str) {
+fn check(world: &World, is_clean: bool, tolerance: f64, options: UntangleOptions<'_>, name: &str) {
     let outcome = solve(world, tolerance, options);
     let kept = &outcome.kept;
     let name = format!("{name}, tolerance {tolerance}, {options:?}");
@@ -77,7 +81,7 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_a
         clean += u64::from(is_clean);
         let tolerance = f64::from(1 << dice.below(12));
         let loops: Vec<bool> = world.rings.iter().map(|_| dice.below(2) == 0).collect();
-        let with_loops = ways().map(|options| Options { loops: &loops, ..options });
+        let with_loops = ways().map(|options| UntangleOptions { loops: &loops, ..options });
         let with_loops = with_loops.filter(|options| options.collapse == Collapse::Drop);
         for options in ways().chain(with_loops) {
             check(&world, is_clean, tolerance, options, &format!("{name} {seed}"));
@@ -124,9 +128,9 @@ fn segments_accepted_one_by_one_need_no_mending() {
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, tolerance, out);
         };
-        let kept = Kept::simplified(&chains, &mut refine);
-        let (kept, _) = rings::mend(&chains, &kept, &Options::default(), &mut refine);
-        let points = Points::new(&world.fixed).unwrap();
+        let kept = ChainVertices::simplified(&chains, &mut refine);
+        let (kept, _) = rings::mend(&chains, &kept, &UntangleOptions::default(), &mut refine);
+        let points = FixedPoints::new(&world.fixed).unwrap();
         let (kept, _) = proactive::accept(&chains, &kept, &points, None, &mut refine).unwrap();
         assert!(twin::crossings(&world, &kept).is_empty(), "seed {seed}: crossings");
         twin::sides(&world, &kept, &format!("seed {seed}"));
@@ -139,18 +143,19 @@ fn an_island_does_not_jump_the_coast() {
     let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
     let island = vec![[380, 30], [420, 30], [400, 50], [380, 30]];
     let world = World::new(vec![coast, island], vec![]);
-    assert_eq!(solve(&world, 100.0, Options::default()).kept.of(0), [0, 1, 3]);
+    assert_eq!(solve(&world, 100.0, UntangleOptions::default()).kept.of(0), [0, 1, 3]);
     let alone = World::new(vec![vec![[0, 0], [400, 90], [800, 0], [1600, 0]]], vec![[400, 80]]);
-    assert_eq!(solve(&alone, 100.0, Options::default()).kept.of(0), [0, 1, 3]);
+    assert_eq!(solve(&alone, 100.0, UntangleOptions::default()).kept.of(0), [0, 1, 3]);
     let beyond = World::new(vec![vec![[0, 0], [400, 90], [800, 0], [1600, 0]]], vec![[400, 95]]);
-    assert_eq!(solve(&beyond, 100.0, Options::default()).kept.of(0), [0, 3]);
+    assert_eq!(solve(&beyond, 100.0, UntangleOptions::default()).kept.of(0), [0, 3]);
 }
 
 #[test]
 fn a_line_that_ends_below_the_coast_is_not_blamed() {
     let coast = vec![[0, 0], [400, 90], [800, 0], [1600, 0]];
     let river = vec![[400, -300], [401, -100], [400, 50]];
-    let kept = solve(&World::new(vec![coast, river], vec![]), 100.0, Options::default()).kept;
+    let kept =
+        solve(&World::new(vec![coast, river], vec![]), 100.0, UntangleOptions::default()).kept;
     assert_eq!((kept.of(0), kept.of(1)), (&[0, 1, 3][..], &[4, 6][..]));
 }
 
@@ -158,7 +163,7 @@ fn a_line_that_ends_below_the_coast_is_not_blamed() {
 fn what_is_dropped_first_is_not_in_the_way_later() {
     let one = vec![[0, 0], [50, 10], [100, 0]];
     let other = vec![[0, 5], [50, 15], [100, 5]];
-    let options = Options { strategy: Strategy::Proactive, ..Options::default() };
+    let options = UntangleOptions { strategy: Strategy::Proactive, ..UntangleOptions::default() };
     let kept = solve(&World::new(vec![one, other], vec![]), 20.0, options).kept;
     assert_eq!(kept.vertices, [0, 2, 3, 5]);
 }
@@ -170,7 +175,8 @@ fn what_is_dropped_later_is_in_the_way_first() {
     let other = vec![[0, -5], [50, 5], [100, -5]];
     let world = World::new(vec![one, other], vec![]);
     let with = |strategy| {
-        let outcome = solve(&world, 20.0, Options { strategy, ..Options::default() });
+        let outcome =
+            solve(&world, 20.0, UntangleOptions { strategy, ..UntangleOptions::default() });
         (outcome.kept.vertices, outcome.refined)
     };
     assert_eq!(with(Strategy::Retroactive), (vec![0, 2, 3, 5], 0));
@@ -189,11 +195,12 @@ fn work_that_is_cancelled_ends() {
     {
         let cancel = Cancel::default();
         let chains = world.chains();
-        let options = Options { strategy, cancel: Some(&cancel), ..Options::default() };
+        let options =
+            UntangleOptions { strategy, cancel: Some(&cancel), ..UntangleOptions::default() };
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, 100.0, out);
         };
-        let kept = Kept::simplified(&chains, &mut refine);
+        let kept = ChainVertices::simplified(&chains, &mut refine);
         let mut splits = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| cancel.cancel();
         if at_once {
             cancel.cancel();
@@ -207,7 +214,8 @@ fn work_that_is_cancelled_ends() {
 #[test]
 fn a_ring_that_has_not_turned_over_is_left() {
     let ring = vec![[0, 0], [400, 90], [800, 0], [800, -600], [400, -690], [0, -600], [0, 0]];
-    let outcome = solve(&World::new(vec![ring], vec![[400, 80]]), 100.0, Options::default());
+    let outcome =
+        solve(&World::new(vec![ring], vec![[400, 80]]), 100.0, UntangleOptions::default());
     assert_eq!(outcome.kept.vertices, [0, 1, 2, 3, 5, 6]);
     assert_eq!((outcome.refined, outcome.rounds), (1, 2));
 }
@@ -216,7 +224,7 @@ fn a_ring_that_has_not_turned_over_is_left() {
 fn a_triangle_has_not_collapsed() {
     let ring = vec![[0, 0], [40, 1], [80, 0], [40, 90], [0, 0]];
     for collapse in [Collapse::Minimal, Collapse::Drop, Collapse::Keep] {
-        let options = Options { collapse, ..Options::default() };
+        let options = UntangleOptions { collapse, ..UntangleOptions::default() };
         let outcome = solve(&World::new(vec![ring.clone()], vec![]), 9.0, options);
         assert_eq!((outcome.kept.vertices, outcome.collapsed), (vec![0, 2, 3, 4], 0));
     }
@@ -227,7 +235,7 @@ fn policies_of_collapse() {
     let ring = vec![[0, 0], [40, 0], [50, 20], [40, 40], [0, 40], [-10, 20], [0, 0]];
     let world = World::new(vec![ring], vec![]);
     let with = |collapse| {
-        let options = Options { collapse, ..Options::default() };
+        let options = UntangleOptions { collapse, ..UntangleOptions::default() };
         solve(&world, 1000.0, options)
     };
     assert_eq!(with(Collapse::Minimal).kept.vertices.len(), 4);
@@ -254,9 +262,10 @@ fn a_minimal_ring_has_the_largest_triangle() {
         let far = 1 + dice.below(i64::from(last) - 1) as u32;
         let world = World::new(vec![ring], vec![]);
         let chains = world.chains();
-        let kept = Kept { vertices: vec![0, far, last], starts: vec![0, 3] };
+        let kept = ChainVertices { vertices: vec![0, far, last], starts: vec![0, 3] };
         let sign = area_sign(world.points.iter().copied());
-        let (made, mended) = rings::mend(&chains, &kept, &Options::default(), &mut keep_nothing);
+        let (made, mended) =
+            rings::mend(&chains, &kept, &UntangleOptions::default(), &mut keep_nothing);
         assert_eq!((mended.collapsed, mended.flat), (1, u64::from(sign == Ordering::Equal)));
         let twice = |v: u32| {
             let mut corners = [0, far, v];
@@ -290,7 +299,7 @@ fn a_ring_without_area_is_left_as_it_is() {
     let ring =
         [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0], [0, -2], [-2, -2], [-2, 0], [0, 0]].to_vec();
     let world = World::new(vec![ring], vec![]);
-    let kept = Kept { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
+    let kept = ChainVertices { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!((made, mended.collapsed, mended.flat), (kept.clone(), 0, 1));
@@ -302,7 +311,7 @@ fn a_ring_without_area_is_left_as_it_is() {
 fn a_ring_of_which_the_inside_is_kept_is_turned_back() {
     let hook = [[10, 2], [2, 2], [2, 8], [10, 8], [10, 10], [0, 10], [0, 0], [10, 0], [10, 2]];
     let world = World::new(vec![hook.to_vec()], vec![]);
-    let kept = Kept { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
+    let kept = ChainVertices { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!(made.vertices, [0, 1, 2, 3, 4, 5, 6, 8], "{options:?}");
@@ -316,7 +325,7 @@ fn nothing_is_asked_of_neighbours() {
         let mut dice = Dice::new(seed);
         let world = worlds::lattice(&mut dice);
         let chains = world.chains();
-        let kept = Kept::simplified(&chains, &mut |_, _, _, _| {});
+        let kept = ChainVertices::simplified(&chains, &mut |_, _, _, _| {});
         for options in ways() {
             let outcome = untangle(&chains, &kept, &world.fixed, &options, &mut keep_nothing);
             let name = format!("{options:?}, seed {seed}");
@@ -334,8 +343,14 @@ fn bad_arguments_are_turned_away() {
     let chains = Chains { points: &points, starts: &[0, 3], closed: &[false] };
     let mut refine = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| {};
     let mut fails = |vertices: Vec<u32>, starts: Vec<usize>, fixed: &[Xy]| {
-        untangle(&chains, &Kept { vertices, starts }, fixed, &Options::default(), &mut refine)
-            .is_err()
+        untangle(
+            &chains,
+            &ChainVertices { vertices, starts },
+            fixed,
+            &UntangleOptions::default(),
+            &mut refine,
+        )
+        .is_err()
     };
     assert!(!fails(vec![0, 2], vec![0, 2], &[]));
     assert!(fails(vec![0, 1], vec![0, 2], &[]));
@@ -352,7 +367,7 @@ fn bad_arguments_are_turned_away() {
 #[test]
 fn empty_chains_and_points_for_chains() {
     let world = World::new(vec![vec![], vec![[3, 3]], vec![[0, 0], [9, 9]], vec![]], vec![]);
-    let kept = solve(&world, 1.0, Options::default()).kept;
+    let kept = solve(&world, 1.0, UntangleOptions::default()).kept;
     assert_eq!((kept.vertices, kept.starts), (vec![0, 1, 2], vec![0, 0, 1, 3, 3]));
 }
 

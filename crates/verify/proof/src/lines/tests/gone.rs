@@ -18,10 +18,10 @@ proptest! {
         };
         let (ring, hole, tolerance) = (points(&ring), points(&hole), f64::from(tolerance) * 0.5);
         let near = |a: [f64; 3], b: [f64; 3]| {
-            ring.iter().chain(&hole).all(|p| Distance::Plane.of(*p, a, b) <= tolerance)
+            ring.iter().chain(&hole).all(|p| ProofDistance::Plane.of(*p, a, b) <= tolerance)
         };
         let want = ring.iter().any(|a| ring.iter().any(|b| near(*a, *b)));
-        let told = lies_along_a_segment(Distance::Plane, &ring, &hole, tolerance);
+        let told = lies_along_a_segment(ProofDistance::Plane, &ring, &hole, tolerance);
         prop_assert_eq!(told, Some(want));
     }
 }
@@ -36,7 +36,7 @@ fn large_rings_are_told_at_once() {
         (0..200_000).map(at).collect()
     };
     let told =
-        |radii, tolerance| lies_along_a_segment(Distance::Plane, &ring(radii), &[], tolerance);
+        |radii, tolerance| lies_along_a_segment(ProofDistance::Plane, &ring(radii), &[], tolerance);
     assert_eq!(told([100.0, 100.0], 30.0), Some(false));
     assert_eq!(told([100.0, 1.0], 1.001), Some(true));
 }

@@ -27,8 +27,8 @@ impl Flat {
         flat
     }
 
-    fn lines(&self) -> Lines<'_> {
-        Lines { points: &self.points, starts: &self.starts, closed: &self.closed }
+    fn lines(&self) -> ProofLines<'_> {
+        ProofLines { points: &self.points, starts: &self.starts, closed: &self.closed }
     }
 }
 
@@ -39,7 +39,7 @@ fn report(before: &[Part], after: &[Part], points: &[[f64; 2]], tolerance: f64) 
         original: before.lines(),
         simplified: after.lines(),
         points,
-        distance: Distance::Plane,
+        distance: ProofDistance::Plane,
         tolerance: Some(tolerance),
     };
     check(&question).unwrap()
@@ -207,7 +207,7 @@ fn shared_borders_that_part() {
 #[test]
 fn metres_at_the_equator_and_far_north() {
     let off = |latitude: f64| {
-        Distance::Geographic.of(
+        ProofDistance::Geographic.of(
             [1.0, latitude, 0.0],
             [0.0, latitude, 0.0],
             [0.0, latitude + 1.0, 0.0],
@@ -216,16 +216,17 @@ fn metres_at_the_equator_and_far_north() {
     assert!((off(0.0) - 111_319.490_793).abs() < 1e-5);
     // N cos(60 degrees) for WGS 84.
     assert!((off(60.0) - 55_800.0).abs() < 5.0);
-    let up =
-        |p: f64| Distance::Geographic.of([0.0, p, 0.0], [0.0, p + 1.0, 0.0], [1.0, p + 1.0, 0.0]);
+    let up = |p: f64| {
+        ProofDistance::Geographic.of([0.0, p, 0.0], [0.0, p + 1.0, 0.0], [1.0, p + 1.0, 0.0])
+    };
     assert!((up(0.0) - 110_574.3).abs() < 1.0);
 }
 
 #[test]
 fn distance_in_space_is_to_the_segment() {
-    let off = Distance::Space.of([5.0, 0.0, 3.0], [0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
+    let off = ProofDistance::Space.of([5.0, 0.0, 3.0], [0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
     assert_eq!(off, 3.0);
-    let beyond = Distance::Space.of([13.0, 0.0, 4.0], [0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
+    let beyond = ProofDistance::Space.of([13.0, 0.0, 4.0], [0.0, 0.0, 0.0], [10.0, 0.0, 0.0]);
     assert_eq!(beyond, 5.0);
 }
 
@@ -238,7 +239,7 @@ fn bad_questions_are_turned_away() {
             original: original.lines(),
             simplified: simplified.lines(),
             points: &[],
-            distance: Distance::Plane,
+            distance: ProofDistance::Plane,
             tolerance: None,
         };
         check(&question).map(|_| ())

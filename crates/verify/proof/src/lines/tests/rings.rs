@@ -78,8 +78,8 @@ proptest! {
             let [old, new] = [points(&before), points(&after)];
             let old = Vertices { points: &old, extras: &extras[0], outer: &[] };
             let new = Vertices { points: &new, extras: &extras[1], outer: &[] };
-            let comparison = Comparison { distance: Distance::Plane, tolerance: None, drops: Drops::None };
-            let (mut found, mut pieces) = (Report::default(), Pieces::new(Band::ALL));
+            let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: Drops::None };
+            let (mut found, mut pieces) = (Report::default(), LineProofPieces::new(XRange::ALL));
             comparison.part(0, old, new, true, &mut found, &mut pieces);
             (found.foreign.count, found.changed.count)
         };
@@ -121,7 +121,7 @@ proptest! {
         };
         let ends = left.iter().zip(left.iter().skip(1).copied().chain([ring.len()]));
         let off = |(&from, to): (&usize, usize)| {
-            (from..to).map(move |i| Distance::Plane.of(at(i), at(from), at(to))).fold(0.0, f64::max)
+            (from..to).map(move |i| ProofDistance::Plane.of(at(i), at(from), at(to))).fold(0.0, f64::max)
         };
         let most = ends.map(off).fold(0.0, f64::max);
         let mut turned = after.clone();

@@ -119,7 +119,7 @@ fn question_of(before: &[Part], after: &[Part], points: &[[f64; 2]], band: usize
     let closed: Vec<bool> = before.iter().map(|p| p.len() > 1 && p[0] == p[p.len() - 1]).collect();
     let (before, after) = (Flat::new(before, &closed), Flat::new(after, &closed));
     let (original, simplified) = (before.lines(), after.lines());
-    let distance = Distance::Plane;
+    let distance = ProofDistance::Plane;
     check_by(&Question { original, simplified, points, distance, tolerance: None }, band).unwrap()
 }
 
@@ -147,11 +147,11 @@ proptest! {
     #[test]
     fn what_is_held_narrows_to_bands_that_tell_the_same((before, after) in world()) {
         let whole = question_of(&before, &after, &[], 1 << 17);
-        let comparison = Comparison { distance: Distance::Plane, tolerance: None, drops: Drops::Any };
+        let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: Drops::Any };
         let mut report = Report::default();
         let mut from = f64::NEG_INFINITY;
         for pass in 0.. {
-            let mut pieces = Pieces::new(Band { from, to: f64::INFINITY });
+            let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
             let mut own = Report::default();
             for (part, (old, new)) in (0u32..).zip(before.iter().zip(&after)) {
                 let three = |part: &Part| part.iter().map(|p| [f64::from(p[0]), f64::from(p[1]), 0.0]).collect::<Vec<_>>();

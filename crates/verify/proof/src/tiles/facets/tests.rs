@@ -21,7 +21,11 @@ fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> Facets {
             _ => [[a, b, c], [b, d, c]],
         }
     });
-    let tile = Tile { triangles: triangles.collect(), placed: placed.clone(), ..Tile::default() };
+    let tile = DecodedTile {
+        triangles: triangles.collect(),
+        placed: placed.clone(),
+        ..DecodedTile::default()
+    };
     Facets::new(&tile, &placed)
 }
 
@@ -48,8 +52,8 @@ proptest! {
         prop_assert_eq!(plain.facets.len(), doubled.facets.len());
         let side = |count: usize| (count - 1) as f64 * 1e-5;
         for (x, y) in places {
-            let parallel = Parallel::at(46.0 + y * side(rows.len()));
-            let meridians = [Meridian::at(7.0 + x * side(columns.len()))];
+            let parallel = ProofParallel::at(46.0 + y * side(rows.len()));
+            let meridians = [ProofMeridian::at(7.0 + x * side(columns.len()))];
             let [a, b] = [&plain, &doubled].map(|facets| {
                 let mut from = from % facets.facets.len() as u32;
                 facets.row(&mut from, &parallel, &meridians, &[1.0], [0.5, 1e-6])
@@ -85,12 +89,12 @@ proptest! {
         let facets = lattice(&columns, &rows, diagonals);
         let width = columns.last().unwrap() - 7.0;
         let (parallel, at) =
-            (Parallel::at(south + place.1 * width), Meridian::at(7.0 + place.0 * width));
+            (ProofParallel::at(south + place.1 * width), ProofMeridian::at(7.0 + place.0 * width));
         let distance = |mut from: u32| {
             facets.row(&mut from, &parallel, &[at], &[1.0], [0.5, 0.0]).most.unwrap().0
         };
         // That by looking at every triangle, where one is met.
-        let frame = Frame::new(&parallel, at, 1.0);
+        let frame = ProofEastNorthUp::new(&parallel, at, 1.0);
         let seen = facets.facets.iter().map(|facet| facets.seen_from(&frame, facet));
         let met = seen.filter(|seen| is_met(*seen, 0.0).is_some()).map(|seen| plane(seen)[0].abs());
         let expected = met.reduce(f64::max).unwrap_or_else(|| distance(0));
@@ -105,7 +109,7 @@ proptest! {
 #[test]
 fn a_surface_without_area_is_far_from_everything() {
     let facets = lattice(&[7.0; 2], &[46.0; 2], 0);
-    let (parallel, meridians) = (Parallel::at(46.0), [Meridian::at(7.0)]);
+    let (parallel, meridians) = (ProofParallel::at(46.0), [ProofMeridian::at(7.0)]);
     let seen = facets.row(&mut 0, &parallel, &meridians, &[0.0], [0.5, 1e-6]);
     assert_eq!((seen.count, seen.over), (1, 1));
 }
