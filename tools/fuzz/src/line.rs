@@ -148,7 +148,7 @@ fn new_crossings(chains: &Chains<'_>, kept: &[u32]) -> u64 {
         original,
         simplified,
         points: &[],
-        distance: ProofDistance::PlaneMetric,
+        distance: ProofDistance::Plane,
         tolerance: None,
     };
     check(&question).expect("sound lines").new_crossings.count
