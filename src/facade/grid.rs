@@ -253,7 +253,7 @@ impl Grid {
     ///
     /// // Samples nearest to the points of a file stay; triangles may be others than Delaunay ones.
     /// let fewer = dem.tin().max_error(5.0).keep_points(peaks.to_str().unwrap());
-    /// let fewer = fewer.triangulation(terrane::Triangulation::DataDependent).write(&thin)?;
+    /// let fewer = fewer.triangulation(terrane::TriangulationRule::DataDependent).write(&thin)?;
     /// assert!(fewer.vertices < report.vertices);
     /// # Ok(())
     /// # }

@@ -72,10 +72,10 @@ impl Cloud {
     /// use terrane::prelude::*;
     /// # let folder = tempfile::tempdir().unwrap();
     /// # let [path, thin, high, parts] = ["points.xyz", "thin.laz", "high.csv", "parts"].map(|name| folder.path().join(name));
-    /// use terrane::{Assign, HeightsAs, Thin};
+    /// use terrane::{Assign, HeightsAs, CellThinning};
     /// std::fs::write(&path, "x y z class\n0 0 1 2\n4 0 3 2\n0 4 1 2\n1 1 9.25 5\n").unwrap();
     /// let cloud = terrane::open_cloud(format!("cloud:{}", path.display()))?;
-    /// let made = cloud.points().thin("2:lowest".parse::<Thin>().unwrap()).write(&thin)?;
+    /// let made = cloud.points().thin("2:lowest".parse::<CellThinning>().unwrap()).write(&thin)?;
     /// assert_eq!(made.points, 3); // one of each square of 2 by 2
     /// let set: Assign = "intensity = 10 * (z + 1)".parse().unwrap();
     /// cloud.points().height_above_ground(HeightsAs::Z).attribute([set]).write(&high)?;

@@ -9,8 +9,8 @@ use crate::registry::{RegistryEntry, named};
 /// Where a mesh is no further than its tolerance from the grid, vertically.
 ///
 /// ```
-/// use terrane_base::bound::Bound;
-/// assert_eq!("surface".parse::<Bound>()?, Bound::Surface);
+/// use terrane_base::bound::ErrorBound;
+/// assert_eq!("surface".parse::<ErrorBound>()?, ErrorBound::Surface);
 /// assert_eq!(ErrorBound::Samples.to_string(), "samples");
 /// # Ok::<(), terrane_base::Error>(())
 /// ```

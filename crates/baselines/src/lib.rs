@@ -6,12 +6,12 @@
 //! without rounding.
 //!
 //! ```
-//! use terrane_baselines::{Goal, Grid, METHODS, Task};
+//! use terrane_baselines::{BaselineGoal, HeightGrid, METHODS, BaselineTask};
 //!
 //! let heights: Vec<f64> = (0..20 * 20).map(|i| f64::from((i % 20) * (i / 20) % 7)).collect();
-//! let grid = Grid::new(20, 20, &heights, None)?;
+//! let grid = HeightGrid::new(20, 20, &heights, None)?;
 //! for method in METHODS {
-//!     let tin = (method.run)(&Task::new(grid, Goal::MaxError(1.5)))?;
+//!     let tin = (method.run)(&BaselineTask::new(grid, BaselineGoal::MaxError(1.5)))?;
 //!     assert!(tin.max_error <= 1.5, "{}: {} vertices", method.name, tin.vertices.len());
 //! }
 //! # Ok::<(), terrane_base::Error>(())

@@ -22,8 +22,8 @@ use terrane_base::registry::{RegistryEntry, named};
 /// Which triangles a set of vertices, inserted one by one, gets.
 ///
 /// ```
-/// use terrane_baselines::Triangulation;
-/// assert_eq!("split3".parse::<Triangulation>()?, Triangulation::Split3);
+/// use terrane_baselines::TriangulationRule;
+/// assert_eq!("split3".parse::<TriangulationRule>()?, TriangulationRule::Split3);
 /// # Ok::<(), terrane_base::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

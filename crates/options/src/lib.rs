@@ -5,7 +5,7 @@
 //! visitor of their values, and all else here is ordinary code over these two.
 //!
 //! ```
-//! use terrane_options::{Options, Range, Rule, check, fill};
+//! use terrane_options::{Options, OptionRange, OptionRule, check, fill};
 //!
 //! /// Shade the ground.
 //! #[derive(Clone, Debug, PartialEq, Options)]
@@ -15,13 +15,13 @@
 //!     #[option(value = "DEG", default_text = "315")]
 //!     azimuth: Option<f64>,
 //!     /// Height of the light above the horizon, in degrees
-//!     #[option(value = "DEG", default = 45.0, range = Range::new(1.0, 90.0))]
+//!     #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
 //!     altitude: f64,
 //!     /// Light from four directions
 //!     multidirectional: bool,
 //! }
 //!
-//! const RULES: &[Rule] = &[Rule::NotWith("azimuth", &["multidirectional"])];
+//! const RULES: &[OptionRule] = &[OptionRule::NotWith("azimuth", &["multidirectional"])];
 //!
 //! let given = serde_json::json!({ "azimuth": 90, "multidirectional": true });
 //! let options: ShadeOptions = fill(given.as_object().unwrap()).unwrap();

@@ -29,10 +29,10 @@ use terrane_base::error::{Error, Result};
 /// Planes of values over the same samples, each with the weight of its errors.
 ///
 /// ```
-/// use terrane_baselines::{Channels, Goal};
+/// use terrane_baselines::{WeightedChannels, BaselineGoal};
 ///
 /// let colours: [Vec<f64>; 2] = [7, 5].map(|n| (0..20 * 20).map(|i| f64::from(i * i % n)).collect());
-/// let picture = Channels::new([20, 20], &colours, &[1.0, 0.5])?;
+/// let picture = WeightedChannels::new([20, 20], &colours, &[1.0, 0.5])?;
 /// let drawn = picture.triangulate(BaselineGoal::MaxError(1.0), &|| Ok(()))?;
 /// assert!(drawn.channels[0].max_error <= 1.0 && drawn.channels[1].max_error <= 2.0);
 /// # Ok::<(), terrane_base::Error>(())

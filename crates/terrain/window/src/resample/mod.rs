@@ -6,10 +6,10 @@
 //!
 //! ```
 //! use terrane_base::geom::Rect;
-//! use terrane_window::resample::{RESAMPLINGS, Scale, Window};
+//! use terrane_window::resample::{RESAMPLINGS, Scale, SourceWindow};
 //!
 //! let heights = [1.0, 2.0, 5.0, f64::NAN];
-//! let window = Window { grid: [2, 2], rect: Rect::new(0, 0, 2, 2), heights: &heights };
+//! let window = SourceWindow { grid: [2, 2], rect: Rect::new(0, 0, 2, 2), heights: &heights };
 //! let mut out = [0.0; 3];
 //! let places = [[0.5, 0.0], [0.0, 0.25], [0.75, 0.75]];
 //! RESAMPLINGS[1].heights(&window, &places, Scale::ONE, &mut out);
