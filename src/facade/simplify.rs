@@ -84,11 +84,11 @@ mod sealed {
 /// that is no number keeps all.
 ///
 /// ```
-/// use terrane::SimplifyMethod;
+/// use terrane::Method;
 ///
 /// let coords = [[0.0, 0.0], [1.0, 0.004], [2.0, 0.0], [2.0, 1.0]];
 /// assert_eq!(terrane::simplify(&coords, 0.01).indices(), [0, 2, 3]);
-/// let kept = terrane::simplify(&coords, 0.01).method(SimplifyMethod::Rdp).coords();
+/// let kept = terrane::simplify(&coords, 0.01).method(Method::Rdp).coords();
 /// assert_eq!(kept, [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]);
 /// ```
 pub fn simplify<C: Coordinates>(coords: &[C], tolerance: f64) -> Simplify<'_, C> {
