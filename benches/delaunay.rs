@@ -9,7 +9,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use spade::Triangulation as _;
 use terrane_base::geom::Point;
 use terrane_delaunay::{
-    ConvexHull, FixedPosition, Loaded, Location, Natural, PointBins, PositionWindow,
+    ConvexHull, FixedPosition, LoadedPoints, Location, Natural, PointBins, SiteWindow,
     TriangleFinder, Triangulation, interpolate, stars,
 };
 use terrane_lidar::delaunay::triangulate;
@@ -73,7 +73,7 @@ fn parts(c: &mut Criterion) {
     let points = airborne(count());
     let bins = PointBins::new(&points);
     let hull = ConvexHull::of(points.clone());
-    let space = Loaded::whole(&bins);
+    let space = LoadedPoints::whole(&bins);
     let window = bins.window();
     let mut group = c.benchmark_group("parts");
     group.sample_size(10).throughput(Throughput::Elements(points.len() as u64));
@@ -94,19 +94,19 @@ fn parts(c: &mut Criterion) {
 }
 
 /// Blocks of about 40,000 points.
-fn blocks(window: &PositionWindow) -> impl Iterator<Item = PositionWindow> {
+fn blocks(window: &SiteWindow) -> impl Iterator<Item = SiteWindow> {
     let side = (SPACING * 200.0) as i32;
     let ([left, low], [right, high]) = (window.low, window.high);
     let rows = move |x: i32| (low..=high).step_by(side as usize).map(move |y| [x, y]);
     let corners = (left..=right).step_by(side as usize).flat_map(rows);
-    corners.map(move |low| PositionWindow { low, high: low.map(|v| v + side - 1) })
+    corners.map(move |low| SiteWindow { low, high: low.map(|v| v + side - 1) })
 }
 
 fn queries(c: &mut Criterion) {
     let points = airborne(count());
     let bins = PointBins::new(&points);
     let hull = ConvexHull::of(points.clone());
-    let space = Loaded::whole(&bins);
+    let space = LoadedPoints::whole(&bins);
     let side = bins.window().high[0] / CELL;
     let centre =
         |i: i32| FixedPosition::of([i % side * CELL + CELL / 2, i / side * CELL + CELL / 2]);

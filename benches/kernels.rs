@@ -11,8 +11,8 @@ use terrane_base::geom::{Crs, Point3, Rect};
 use terrane_mesh::{FORMATS, MeshBatch, MeshFormat, MeshHeader, Promises, SinkOptions};
 use terrane_synth::{CHARACTERS, Terrain};
 use terrane_tin::{
-    HeightWindow, PatchInput, Spec, TileInput, TileMesh, TilePosition, TileScratch, TileTriangle,
-    mend_patch, triangulate_tile,
+    HeightWindow, PatchInput, TileInput, TileMesh, TilePosition, TileScratch, TileTriangle,
+    TinSpec, mend_patch, triangulate_tile,
 };
 
 /// Cells along the side of a tile.
@@ -29,8 +29,8 @@ fn window(character: &str, cols: u32, rows: u32) -> Vec<f32> {
     heights
 }
 
-fn spec(tolerance: f64, drop: bool) -> Spec {
-    Spec {
+fn spec(tolerance: f64, drop: bool) -> TinSpec {
+    TinSpec {
         tolerance,
         bound: ErrorBound::Samples,
         strict: false,
@@ -44,7 +44,7 @@ fn spec(tolerance: f64, drop: bool) -> Spec {
 }
 
 /// A tile with more grid on the right, when `apron` is 1, and nothing else around it.
-fn tile(heights: &[f32], width: u32, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
+fn tile(heights: &[f32], width: u32, spec: &TinSpec, scratch: &mut TileScratch) -> TileMesh {
     let apron = width - CELLS - 1;
     let heights = HeightWindow { width, height: CELLS + 1, f32: heights, f64: None };
     let input = TileInput {

@@ -14,7 +14,7 @@ use laz::record::{
 };
 use laz::{DecompressionSelection, LazItem, LazItemRecordBuilder};
 use terrane_cloud::lazip::{
-    CompressedChunk, DecodedFields, Decoder, FieldSelection, LaszipItem, LaszipSchema,
+    CompressedChunk, DecodedFields, FieldSelection, LaszipItem, LaszipSchema, LazDecoder,
 };
 
 /// Points of a chunk, as LASzip has them.
@@ -149,7 +149,7 @@ fn whole_records(c: &mut Criterion) {
             b.iter(|| chunks.iter().map(Vec::as_slice).for_each(&mut decompress));
         });
         let schema = schema(&items);
-        let (mut decoder, mut fields) = (Decoder::new(), DecodedFields::default());
+        let (mut decoder, mut fields) = (LazDecoder::new(), DecodedFields::default());
         group.bench_function("ours", |b| {
             b.iter(|| {
                 for bytes in &chunks {
@@ -186,7 +186,7 @@ fn chunks(c: &mut Criterion) {
         let schema = schema(&items);
         let chunks: Vec<_> =
             chunks.iter().map(|bytes| CompressedChunk { bytes, count: CHUNK }).collect();
-        let (mut decoder, mut fields) = (Decoder::new(), DecodedFields::default());
+        let (mut decoder, mut fields) = (LazDecoder::new(), DecodedFields::default());
         group.bench_function("ours", |b| {
             b.iter(|| {
                 for chunk in &chunks {

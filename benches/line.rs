@@ -14,9 +14,10 @@ use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group};
 use geo::{Simplify as _, SimplifyVw as _};
-use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::visvalingam::{AreaWeight, EffectiveAreas};
 use terrane_line::{
-    GeographicMetric, Hierarchy, Located, METHODS, PlaneMetric, SimplifyScratch, VerticalMetric, Xy,
+    GeographicMetric, Hierarchy, LocatedVertex, METHODS, PlaneMetric, SimplifyScratch,
+    VerticalMetric, Xy,
 };
 
 /// Doublings of the synthetic coast.
@@ -89,7 +90,7 @@ fn plain(line: &[Xy], tolerance: f64) -> Vec<u32> {
 fn methods(c: &mut Criterion) {
     let line = coast();
     let peer = geo::LineString::from(line.clone());
-    let located: Vec<Located> = line.iter().map(|at| Located::new(*at)).collect();
+    let located: Vec<LocatedVertex> = line.iter().map(|at| LocatedVertex::new(*at)).collect();
     let mut scratch = SimplifyScratch::default();
     let mut group = c.benchmark_group("coast");
     group.sample_size(10).throughput(Throughput::Elements(line.len() as u64));
@@ -119,7 +120,7 @@ fn methods(c: &mut Criterion) {
         });
     }
     group.bench_function("visvalingam", |b| {
-        b.iter(|| EffectiveAreas::of_line(&PlaneMetric, &line, Weight::Plain));
+        b.iter(|| EffectiveAreas::of_line(&PlaneMetric, &line, AreaWeight::Plain));
     });
     group.bench_function("visvalingam geo", |b| b.iter(|| peer.simplify_vw(1e-4)));
     group.finish();

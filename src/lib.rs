@@ -90,14 +90,14 @@ pub use terrane_base::geom::{Affine, Crs, Rect};
 pub use terrane_base::{Error, ErrorKind, Result};
 pub use terrane_baselines::TriangulationRule;
 pub use terrane_cloud::{CloudInfo, Condition, Flags, LasVersion, PointFormat, PointMarks, Return};
-pub use terrane_engine::figures::Figures;
+pub use terrane_engine::figures::RunStatistics;
 pub use terrane_engine::input::is_mesh;
 pub use terrane_engine::operation::{
     AnyOperation, Divisible, Job, Memory, Operation, Reads, RunRequest, Writes, check_named,
 };
 pub use terrane_engine::options::{CloudInput, Constraints, GridInput, PointFilter};
 pub use terrane_engine::placing::Placing;
-pub use terrane_engine::plan::{AnyPlan as Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
+pub use terrane_engine::plan::{Plan, PlanRun, PlanStatus, RunOptions, TaskReport};
 pub use terrane_engine::proof::Inspection;
 pub use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 pub use terrane_engine::{Cancel, FileAt, Progress, Silent};
@@ -113,7 +113,7 @@ pub use terrane_lidar::translate::{
 pub use terrane_raster::{
     ArrayGrid, ArraySample, GridInfo, GridNote, Inputs, SampleType, WaterReport,
 };
-pub use terrane_simplify::{LengthOption, LineOptions, LineReport, MetricOption};
+pub use terrane_simplify::{Length, LineOptions, LineReport, Metric};
 pub use terrane_terrain::colours::ColorReliefOptions;
 pub use terrane_terrain::contour::{ContourOptions, ContourReport};
 pub use terrane_terrain::convert::{ConvertOptions, ConvertReport};
@@ -124,7 +124,7 @@ pub use terrane_terrain::relief::{
 pub use terrane_terrain::tin::{Refinement, Tin, TinOptions, TinParts, TinReport, TinTarget};
 #[cfg(feature = "tiles")]
 pub use terrane_tiles::{
-    Beyond as TilesBeyond, CloudTilesOptions, ModelOptions, TileOptions, TilesFormat, TilesOptions,
+    CloudTilesOptions, ModelOptions, TileOptions, TilesBeyond, TilesFormat, TilesOptions,
     TilesReport,
 };
 #[cfg(feature = "tiles")]

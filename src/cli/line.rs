@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Options, check_given};
 
 use crate::cli::operation::needed;
-use crate::cli::shared::many::Many;
-use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report, text};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::read_beside;
-use terrane_engine::sift::Sifted;
+use terrane_engine::sift::ReadableFiles;
 use terrane_files::atomic;
 use terrane_simplify::{DistanceKind, HierarchyReport, LineJob, LineOptions, LineReport};
 use terrane_vector as vector;
@@ -33,9 +33,9 @@ pub(super) struct SimplifyArgs {
     #[arg(long, value_name = "NAME")]
     input_format: Option<String>,
     #[command(flatten)]
-    pub(super) many: many::Many,
+    pub(super) many: many::InputSelection,
     #[command(flatten)]
-    options: Tabled<LineOptions>,
+    options: OperationOptionArgs<LineOptions>,
     /// File or folder to write, where it is not the last name
     #[arg(short = 'o', long = "output", value_name = "FILE", help_heading = "Output")]
     named: Option<PathBuf>,
@@ -43,7 +43,7 @@ pub(super) struct SimplifyArgs {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 impl Verb for SimplifyArgs {
@@ -51,7 +51,7 @@ impl Verb for SimplifyArgs {
     const ALIASES: &'static [&'static str] = &["line"];
 
     fn about() -> Option<String> {
-        Some(Door::CommandLine.spell(LineOptions::TABLE.about).into_owned())
+        Some(Frontend::CommandLine.spell(LineOptions::TABLE.about).into_owned())
     }
 
     fn usage() -> Option<String> {
@@ -69,7 +69,7 @@ impl Verb for SimplifyArgs {
         None
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -84,7 +84,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let resources = &options.resources;
     let (mut input, mut output) = (args.input.clone(), args.output.clone());
     let holds = pipes::PipeContent::Features(args.input_format.as_deref());
-    let mut stdin = pipes::Stdin::expect(&mut input, holds, resources)?;
+    let mut stdin = pipes::StdinFile::expect(&mut input, holds, resources)?;
     if args.input_format.is_some() && !stdin.is_read() {
         return Err(Error::usage("‹input_format› is for stdin, and no input is -")
             .remedy("leave ‹input_format› out: files tell their format"));
@@ -94,7 +94,7 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     if into_folder {
         atomic::refuse_stdout(&output)?;
     }
-    let stdout = pipes::Stdout::take(&mut output, options.file.format.as_deref(), resources)?;
+    let stdout = pipes::StdoutFile::take(&mut output, options.file.format.as_deref(), resources)?;
     let open = vector::VectorOpenOptions { layer: options.features.layer.clone() };
     let features = many::InputFileKind::Features(&open);
     input = args.many.find(&input, features)?;
@@ -106,11 +106,11 @@ fn run(args: &SimplifyArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     let job = LineJob { into_folder, ..options.job(&input, &output)? };
     job.check()?;
     stdin.gather(&mut input, cancel)?;
-    let Sifted { names, skipped } = args.many.sift(input, features, resources)?;
+    let ReadableFiles { names, skipped } = args.many.sift(input, features, resources)?;
     let job = LineJob { into_folder, ..options.job(&names, &output)? };
     check_report(&job, args.report.as_deref(), &[names, read_beside(options)?].concat())?;
     let report = terrane_simplify::run(&job, args.show.progress().as_ref(), cancel)?;
-    stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
+    stdout.as_ref().map_or(Ok(()), pipes::StdoutFile::pour)?;
     let told = report::WithSkipped { report: &report, skipped: &skipped };
     if let Some(path) = &args.report {
         report::write(path, options.file.replacing.overwrite, &told)?;

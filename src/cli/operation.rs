@@ -7,20 +7,22 @@ use terrane_options::{
     OptionField, OptionRule, OptionTable, Options, check_given, set_texts, to_map,
 };
 
-use crate::cli::shared::many::Many;
+use crate::cli::shared::many::InputSelection;
 use crate::cli::shared::report::Summarize;
-use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
 use crate::cli::synth;
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::{Error, Result};
 use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::memory::cache_beside;
-use terrane_engine::operation::{Has, InputOptions, Operation, RunRequest, Writes, read_beside};
+use terrane_engine::operation::{
+    HasGroup, InputOptions, Operation, RunRequest, Writes, read_beside,
+};
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput, Replacing};
-use terrane_engine::sift::{Sifted, Skipped};
+use terrane_engine::sift::{ReadableFiles, Skipped};
 use terrane_files::atomic;
 use terrane_files::{is_made, path_of};
 use terrane_raster as raster;
@@ -43,10 +45,10 @@ pub(super) trait OperationInput: InputOptions {
     const STDIN: pipes::PipeContent<'static>;
 
     /// How files are opened, to see whether they are good.
-    fn opening(&self, resources: &Resources) -> Result<Opening>;
+    fn opening(&self, resources: &Resources) -> Result<InputOpening>;
 
     /// Fails for what is not read, and when one of the options that were given cannot act on a file.
-    fn check(name: &str, many: &Many, given: &[&'static str]) -> Result<()>;
+    fn check(name: &str, many: &InputSelection, given: &[&'static str]) -> Result<()>;
 
     /// The lists of what is read.
     fn lists() -> Vec<String>;
@@ -56,12 +58,12 @@ pub(super) trait OperationInput: InputOptions {
 }
 
 /// The files that are taken of inputs, where these cannot be stdin and some options were given.
-pub(super) fn take<O: Has<I> + Has<Resources>, I: OperationInput>(
+pub(super) fn take<O: HasGroup<I> + HasGroup<Resources>, I: OperationInput>(
     (options, given): (&mut O, &[&'static str]),
     input: Vec<String>,
-    many: &Many,
-) -> Result<Sifted> {
-    let opening = Has::<I>::part(options).opening(options.part())?;
+    many: &InputSelection,
+) -> Result<ReadableFiles> {
+    let opening = HasGroup::<I>::part(options).opening(options.part())?;
     let opening = opening.of_colours(given.contains(&"bands"));
     let input = many.find(&input, opening.kind())?;
     input.iter().try_for_each(|name| I::check(name, many, given))?;
@@ -71,20 +73,20 @@ pub(super) fn take<O: Has<I> + Has<Resources>, I: OperationInput>(
 }
 
 /// Passes over damage where bad files are skipped, once these are sifted out.
-fn skip_bad<I: OperationInput>(options: &mut impl Has<I>, many: &Many) {
+fn skip_bad<I: OperationInput>(options: &mut impl HasGroup<I>, many: &InputSelection) {
     if many.skip_bad {
         options.part_mut().skip_bad();
     }
 }
 
 /// How files are opened.
-pub(super) enum Opening {
+pub(super) enum InputOpening {
     Grids(raster::GridOpenOptions),
     Clouds(Box<cloud::CloudOpenOptions>),
     Features(vector::VectorOpenOptions),
 }
 
-impl Opening {
+impl InputOpening {
     /// The same of grids whose bands may be colours.
     fn of_colours(self, colours: bool) -> Self {
         match self {
@@ -108,18 +110,18 @@ impl OperationInput for GridInput {
     const NAMES_PLANNED: &'static str = "Grid file, or a synthetic terrain by name; several files, a folder, a list or a pattern in quotes are one mosaic";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Grid;
 
-    fn opening(&self, resources: &Resources) -> Result<Opening> {
+    fn opening(&self, resources: &Resources) -> Result<InputOpening> {
         let usual = raster::GridOpenOptions::default();
         let (nodata, threads) = (self.nodata, resources.threads);
         let band = self.band.unwrap_or(usual.band);
         let (cache_bytes, temp_dir) = (cache_beside(resources.memory), resources.temp_dir.clone());
         let options =
             raster::GridOpenOptions { band, nodata, cache_bytes, threads, temp_dir, ..usual };
-        Ok(Opening::Grids(options))
+        Ok(InputOpening::Grids(options))
     }
 
     /// A mesh has nothing of all this, what is made by rule no bands.
-    fn check(name: &str, many: &Many, given: &[&'static str]) -> Result<()> {
+    fn check(name: &str, many: &InputSelection, given: &[&'static str]) -> Result<()> {
         if many.is_cloud(name)? {
             return Err(Error::usage("is a point cloud, and a grid is read")
                 .in_file(&path_of(name))
@@ -150,13 +152,13 @@ impl OperationInput for CloudInput {
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Points;
 
     /// Where points lie is no matter.
-    fn opening(&self, resources: &Resources) -> Result<Opening> {
+    fn opening(&self, resources: &Resources) -> Result<InputOpening> {
         let mut anywhere = self.clone();
         (anywhere.bounds, anywhere.clip) = (None, None);
-        Ok(Opening::Clouds(Box::new(anywhere.options(resources)?)))
+        Ok(InputOpening::Clouds(Box::new(anywhere.options(resources)?)))
     }
 
-    fn check(_name: &str, _many: &Many, _given: &[&'static str]) -> Result<()> {
+    fn check(_name: &str, _many: &InputSelection, _given: &[&'static str]) -> Result<()> {
         Ok(())
     }
 
@@ -174,11 +176,11 @@ impl OperationInput for FeatureInput {
     const NAMES_PLANNED: &'static str = "File of features";
     const STDIN: pipes::PipeContent<'static> = pipes::PipeContent::Features(None);
 
-    fn opening(&self, _resources: &Resources) -> Result<Opening> {
-        Ok(Opening::Features(vector::VectorOpenOptions { layer: self.layer.clone() }))
+    fn opening(&self, _resources: &Resources) -> Result<InputOpening> {
+        Ok(InputOpening::Features(vector::VectorOpenOptions { layer: self.layer.clone() }))
     }
 
-    fn check(_name: &str, _many: &Many, _given: &[&'static str]) -> Result<()> {
+    fn check(_name: &str, _many: &InputSelection, _given: &[&'static str]) -> Result<()> {
         Ok(())
     }
 
@@ -188,7 +190,7 @@ impl OperationInput for FeatureInput {
 }
 
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + Has<Replacing>> {
+pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + HasGroup<Replacing>> {
     #[arg(help = O::Input::NAMES, required = true, value_names = value_names(O::TABLE), num_args = 1.., value_parser = names::any())]
     input: Vec<String>,
     #[arg(skip)]
@@ -200,11 +202,11 @@ pub(super) struct OperationArgs<O: Operation<Input: OperationInput> + Has<Replac
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    options: Tabled<O>,
+    options: OperationOptionArgs<O>,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What names stand for: inputs, options without a dash, and the output.
@@ -217,7 +219,7 @@ fn positional(table: &'static OptionTable) -> impl Iterator<Item = &'static Opti
     table.fields().into_iter().filter(|field| field.positional)
 }
 
-impl<O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>> Verb
+impl<O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing>> Verb
     for OperationArgs<O>
 {
     const NAME: &'static str = O::NAME;
@@ -226,7 +228,7 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>> Ve
         let names = positional(O::TABLE)
             .map(|field| format!("\n\n{}: {}", field.value.unwrap_or_default(), field.about));
         let about = O::TABLE.about.to_owned() + &names.collect::<String>();
-        Some(Door::CommandLine.spell(&about).into_owned())
+        Some(Frontend::CommandLine.spell(&about).into_owned())
     }
 
     fn usage() -> Option<String> {
@@ -255,7 +257,7 @@ impl<O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>> Ve
         None
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -277,8 +279,8 @@ pub(super) struct RunArguments<'a> {
     /// The names of options that were given.
     pub(super) given: &'a [&'static str],
     pub(super) report: Option<&'a Path>,
-    pub(super) many: &'a Many,
-    pub(super) show: &'a args::Show,
+    pub(super) many: &'a InputSelection,
+    pub(super) show: &'a args::ReportDisplay,
 }
 
 /// Runs an operation and tells of it.
@@ -288,7 +290,7 @@ pub(super) fn run<O>(
     call: &VerbCall<'_>,
 ) -> Result<VerbOutcome>
 where
-    O: Operation<Input: OperationInput, Report: Summarize> + Has<Replacing>,
+    O: Operation<Input: OperationInput, Report: Summarize> + HasGroup<Replacing>,
 {
     let made = make(&mut options, &frame, call)?;
     let told = report::WithSkipped { report: &made.report, skipped: &made.skipped };
@@ -307,7 +309,7 @@ pub(super) struct FinishedRun<R> {
     /// True where stdout has the result.
     is_poured: bool,
     /// What inputs are in, if they came from there.
-    _stdin: pipes::Stdin<'static>,
+    _stdin: pipes::StdinFile<'static>,
 }
 
 /// Runs an operation, whose options are then as they were used.
@@ -317,7 +319,7 @@ pub(super) fn make<O>(
     call: &VerbCall<'_>,
 ) -> Result<FinishedRun<O::Report>>
 where
-    O: Operation<Input: OperationInput> + Has<Replacing>,
+    O: Operation<Input: OperationInput> + HasGroup<Replacing>,
 {
     let RunArguments { input: named_input, output, given, report, many, show } = *frame;
     let (mut input, mut output) = (named_input.to_vec(), output.to_path_buf());
@@ -325,14 +327,14 @@ where
     let reading = O::Input::clone(options.part());
     let resources = Resources::clone(options.part());
     let opening = reading.opening(&resources)?.of_colours(given.contains(&"bands"));
-    let mut stdin = pipes::Stdin::expect(&mut input, O::Input::STDIN, &resources)?;
+    let mut stdin = pipes::StdinFile::expect(&mut input, O::Input::STDIN, &resources)?;
     if named(options, "workdir").is_some() {
         stdin.refuse("‹workdir›")?;
     }
     let stdout = match O::WRITES {
         Writes::Lines => {
             let format = named(options, "format");
-            pipes::Stdout::take(&mut output, format.as_deref(), &resources)?
+            pipes::StdoutFile::take(&mut output, format.as_deref(), &resources)?
         }
         _ => atomic::refuse_stdout(&output).map(|()| None)?,
     };
@@ -344,7 +346,7 @@ where
     let read = [O::Input::files(&input)?, read_beside(options)?, lists.collect()].concat();
     check_files(options, &read, &output, report)?;
     stdin.gather(&mut input, call.cancel)?;
-    let Sifted { names, skipped } = many.sift(input, opening.kind(), &resources)?;
+    let ReadableFiles { names, skipped } = many.sift(input, opening.kind(), &resources)?;
     skip_bad::<O::Input>(options, many);
     let are_made = O::WRITES != Writes::Mesh && names.iter().all(|name| is_made(name));
     let inputs = stdin.inputs(names);
@@ -360,12 +362,17 @@ where
     };
     let made =
         options.run(request).map_err(|error| if are_made { synth::size(error) } else { error })?;
-    stdout.as_ref().map_or(Ok(()), pipes::Stdout::pour)?;
+    stdout.as_ref().map_or(Ok(()), pipes::StdoutFile::pour)?;
     Ok(FinishedRun { report: made, inputs, skipped, is_poured: stdout.is_some(), _stdin: stdin })
 }
 
 /// Fails for what is not read, and when one of the options that were given cannot act on it.
-fn check_inputs<O>(options: &O, input: &[String], many: &Many, given: &[&'static str]) -> Result<()>
+fn check_inputs<O>(
+    options: &O,
+    input: &[String],
+    many: &InputSelection,
+    given: &[&'static str],
+) -> Result<()>
 where
     O: Operation<Input: OperationInput>,
 {
@@ -379,7 +386,7 @@ where
 }
 
 /// Whether what exists is replaced.
-pub(super) fn is_replacing(options: &impl Has<Replacing>) -> bool {
+pub(super) fn is_replacing(options: &impl HasGroup<Replacing>) -> bool {
     options.part().overwrite
 }
 
@@ -418,7 +425,7 @@ pub(super) fn needed(table: &'static OptionTable) -> String {
 }
 
 /// Fails when a file beside the inputs is not there, or one to write is taken or among `files` that are read.
-fn check_files<O: Operation + Has<Replacing>>(
+fn check_files<O: Operation + HasGroup<Replacing>>(
     options: &O,
     files: &[String],
     output: &Path,

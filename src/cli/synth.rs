@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 use terrane_options::OptionCodec;
 
-use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, lists, report};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -38,9 +38,9 @@ pub(super) struct SynthArgs {
     #[arg(long)]
     overwrite: bool,
     #[command(flatten)]
-    resources: Tabled<Resources>,
+    resources: OperationOptionArgs<Resources>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 impl Verb for SynthArgs {

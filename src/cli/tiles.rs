@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use crate::cli::operation::{self, RunArguments};
-use crate::cli::shared::many::Many;
+use crate::cli::shared::many::InputSelection;
 use crate::cli::shared::report::Summarize;
-use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, lists, many, names, report, text};
 use terrane_base::error::Result;
@@ -36,18 +36,18 @@ pub(super) struct TilesArgs {
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    options: Union<TilesSources>,
+    options: InputUnion<TilesSources>,
     #[command(flatten)]
-    pub(super) many: many::Many,
+    pub(super) many: many::InputSelection,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What tiles are made of.
 #[derive(Clone, Debug)]
 struct TilesSources;
 
-impl Kinds for TilesSources {
+impl InputKinds for TilesSources {
     const ALL: &'static [InputKindOptions] = &[
         InputKindOptions::of::<TilesOptions>("grids"),
         InputKindOptions::of::<CloudTilesOptions>("point clouds"),
@@ -72,7 +72,7 @@ impl Verb for TilesArgs {
         None
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 

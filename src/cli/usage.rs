@@ -9,7 +9,7 @@ use clap::error::ErrorKind::{
 };
 
 use crate::cli::shared::say;
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::ErrorKind;
 
 /// Prints what clap has to say of a command line and returns the exit code.
@@ -25,7 +25,7 @@ pub(super) fn report(error: &clap::Error, args: &[OsString], command: &Command) 
         }
         _ => {
             let text = one_line(&error.render().to_string(), args, command);
-            say::failure(&Door::CommandLine.spell(&text));
+            say::failure(&Frontend::CommandLine.spell(&text));
             ErrorKind::Usage.exit_code().into()
         }
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use terrane_engine::operation::{Has, Job};
+use terrane_engine::operation::{HasGroup, Job};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::WrittenOutput;
 use terrane_options::Options;
@@ -94,7 +94,7 @@ impl BandGrid {
     }
 
     /// Options for these bands, which `of` are in.
-    fn options<O: Options + Has<GridInput>>(
+    fn options<O: Options + HasGroup<GridInput>>(
         &self,
         of: impl FnOnce(&mut O) -> (&mut Vec<u32>, &mut Vec<f64>),
     ) -> O {

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_base::geom::Crs;
-use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, HeldCloud, PointMarks};
+use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, InMemoryCloud, PointMarks};
 use terrane_engine::Resources;
-use terrane_engine::operation::{Has, Job};
+use terrane_engine::operation::{HasGroup, Job};
 use terrane_engine::options::CloudInput;
 use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_files::name_of;
@@ -24,7 +24,7 @@ pub struct Cloud {
     pub(super) reading: CloudInput,
     info: CloudInfo,
     /// Gives up what is in memory, once the last one of it is gone.
-    held: Option<Arc<HeldCloud>>,
+    held: Option<Arc<InMemoryCloud>>,
 }
 
 /// Opens a point cloud: LAS, LAZ, COPC or text, or a synthetic one by its name. Several files (a
@@ -98,7 +98,7 @@ pub fn open_points(
     marks: Option<&[PointMarks]>,
     crs: Crs,
 ) -> Result<Cloud> {
-    let held = HeldCloud::new(positions, marks, crs)?;
+    let held = InMemoryCloud::new(positions, marks, crs)?;
     let cloud = Cloud::open(vec![held.name().to_owned()], CloudInput::default())?;
     Ok(Cloud { held: Some(Arc::new(held)), ..cloud })
 }
@@ -176,14 +176,14 @@ impl Cloud {
 
     /// A job on it whose options are its reading, and what `change` makes of them.
     #[cfg(any(feature = "lidar", feature = "viewer"))]
-    pub(super) fn job<O: Options + Has<CloudInput> + Has<Resources>>(
+    pub(super) fn job<O: Options + HasGroup<CloudInput> + HasGroup<Resources>>(
         &self,
         change: impl FnOnce(&mut O),
     ) -> Job<'_, O> {
         Job::new(Data::inputs(self), self.options(change))
     }
 
-    fn options<O: Options + Has<CloudInput>>(&self, change: impl FnOnce(&mut O)) -> O {
+    fn options<O: Options + HasGroup<CloudInput>>(&self, change: impl FnOnce(&mut O)) -> O {
         let mut options = O::default();
         *options.part_mut() = self.reading.clone();
         change(&mut options);
@@ -195,7 +195,7 @@ impl Cloud {
         self.proof(mesh.as_ref())
     }
 
-    pub(super) fn proof<O: OutputProof + Has<CloudInput>>(
+    pub(super) fn proof<O: OutputProof + HasGroup<CloudInput>>(
         &self,
         file: &Path,
     ) -> Job<'_, O, WrittenOutput> {

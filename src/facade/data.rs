@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_engine::operation::{AnyOperation, OperationCall, RunRequest};
-use terrane_engine::plan::AnyPlan as Plan;
+use terrane_engine::plan::Plan;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::Inputs;
 

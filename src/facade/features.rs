@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json};
 use terrane_base::Result;
 use terrane_engine::Resources;
-use terrane_engine::operation::{Has, Job};
+use terrane_engine::operation::{HasGroup, Job};
 use terrane_engine::options::FeatureInput;
 use terrane_engine::proof::WrittenOutput;
 use terrane_options::{Options, to_map};
@@ -64,12 +64,14 @@ impl Features {
         self.job()
     }
 
-    pub(super) fn job<O: Options + Has<FeatureInput> + Has<Resources>>(&self) -> Job<'_, O> {
+    pub(super) fn job<O: Options + HasGroup<FeatureInput> + HasGroup<Resources>>(
+        &self,
+    ) -> Job<'_, O> {
         Job::new(self.inputs(), self.options())
     }
 
     /// Options for the reading of these.
-    fn options<O: Options + Has<FeatureInput>>(&self) -> O {
+    fn options<O: Options + HasGroup<FeatureInput>>(&self) -> O {
         let mut options = O::default();
         *options.part_mut() = self.input();
         options

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use serde_json::{Map, Value as Json};
 use terrane_base::geom::Rect;
 use terrane_base::{Error, ErrorKind, Result};
-use terrane_engine::operation::{Has, Job};
+use terrane_engine::operation::{HasGroup, Job};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_engine::{Resources, memory};
 use terrane_files::name_of;
 use terrane_options::{Options, to_map};
 use terrane_raster::{
-    self as raster, ArrayGrid, GridInfo, GridNote, GridOpenOptions, GridSource, HeldGrid, Inputs,
+    self as raster, ArrayGrid, GridInfo, GridNote, GridOpenOptions, GridSource, InMemoryGrid,
+    Inputs,
 };
 use terrane_terrain::colours::{ColorReliefOptions, ColorReliefSetters};
 use terrane_terrain::contour::ContourOptions;
@@ -36,7 +37,7 @@ pub struct Grid {
     pub(super) reading: GridInput,
     source: Box<dyn GridSource>,
     /// Gives up what is in memory, once the last one of it is gone.
-    held: Option<Arc<HeldGrid>>,
+    held: Option<Arc<InMemoryGrid>>,
 }
 
 /// Opens a grid of heights: a GeoTIFF, SRTM, ASCII, DTED, NumPy or any other
@@ -84,7 +85,7 @@ pub fn open(input: impl Into<Inputs>) -> Result<Grid> {
 /// # }
 /// ```
 pub fn open_array(grid: ArrayGrid<'static>) -> Result<Grid> {
-    let held = HeldGrid::new(grid);
+    let held = InMemoryGrid::new(grid);
     let inputs = Inputs::labelled(vec![held.name().to_owned()], "array".to_owned());
     let grid = Grid::open(inputs, GridInput::default())?;
     Ok(Grid { held: Some(Arc::new(held)), ..grid })
@@ -370,7 +371,7 @@ impl Grid {
     }
 
     /// An operation on it.
-    pub(super) fn job<O: Options + Has<GridInput> + Has<Resources>>(&self) -> Job<'_, O> {
+    pub(super) fn job<O: Options + HasGroup<GridInput> + HasGroup<Resources>>(&self) -> Job<'_, O> {
         Job::new(self.inputs.clone(), self.options())
     }
 
@@ -380,7 +381,7 @@ impl Grid {
         self.proof(mesh.as_ref())
     }
 
-    pub(super) fn proof<O: OutputProof + Has<GridInput>>(
+    pub(super) fn proof<O: OutputProof + HasGroup<GridInput>>(
         &self,
         file: &Path,
     ) -> Job<'_, O, WrittenOutput> {
@@ -389,7 +390,7 @@ impl Grid {
     }
 
     /// Options for the reading of it.
-    fn options<O: Options + Has<GridInput>>(&self) -> O {
+    fn options<O: Options + HasGroup<GridInput>>(&self) -> O {
         let mut options = O::default();
         *options.part_mut() = self.reading.clone();
         options

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use terrane_base::Result;
-use terrane_engine::plan::AnyPlan as Plan;
+use terrane_engine::plan::Plan;
 
 use crate::OPERATIONS;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value as Json, json};
 use terrane::{AnyOperation, Cancel, Data, OPERATIONS, Progress, Reads, Silent, Writes};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_options::{OptionArity, OptionField, OptionKind, OptionRole, OptionRule, texts_of};
 
 use crate::cli_support::Place;
@@ -94,8 +94,10 @@ fn arguments(operation: &AnyOperation, options: &Map<String, Json>) -> (Vec<Stri
     for (name, value) in options.iter().filter(|(_, value)| !value.is_null()) {
         let field = operation.table.find(name).unwrap();
         let long = match field.kind {
-            OptionKind::Flag => Door::CommandLine.spell(&format!("‹{name}={value}›")).into_owned(),
-            _ => Door::CommandLine.spell(&format!("‹{name}›")).into_owned(),
+            OptionKind::Flag => {
+                Frontend::CommandLine.spell(&format!("‹{name}={value}›")).into_owned()
+            }
+            _ => Frontend::CommandLine.spell(&format!("‹{name}›")).into_owned(),
         };
         let texts = texts_of(field, value).unwrap();
         match (field.positional, field.kind, field.shape) {
@@ -411,7 +413,7 @@ fn refuse_both(place: &Place, operation: &AnyOperation, terms: [&str; 2]) {
     words.extend(before_output(operation));
     words.push(output(operation, &options));
     words.extend(arguments.iter().map(String::as_str));
-    place.fails(&words, 2, &[&Door::CommandLine.spell(&together)]);
+    place.fails(&words, 2, &[&Frontend::CommandLine.spell(&together)]);
     options = in_place(place, operation, &options);
     let ending = place.path(output(operation, &options));
     let path = place.path("none").with_extension(ending.extension().unwrap_or_default());

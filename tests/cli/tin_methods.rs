@@ -2,7 +2,7 @@
 
 use crate::cli_support::Place;
 use serde_json::Value;
-use terrane_baselines::{METHODS, Promise, TriangulationRule};
+use terrane_baselines::{METHODS, MethodPromise, TriangulationRule};
 
 const GRIDS: [&str; 3] = [
     "synth:rough,size=65,seed=7",
@@ -30,8 +30,8 @@ fn every_method_keeps_the_bound_that_its_mesh_states() {
                 assert_eq!(report["triangulation"].is_string(), count > 1);
                 let [error, stated] = ["max_error", "tolerance"].map(|name| report[name].as_f64());
                 match method.promise {
-                    Promise::Samples => assert_eq!(stated, Some(5.5)),
-                    Promise::Measured => assert_eq!(stated, error),
+                    MethodPromise::Samples => assert_eq!(stated, Some(5.5)),
+                    MethodPromise::Measured => assert_eq!(stated, error),
                 }
                 assert!(error.unwrap() <= stated.unwrap(), "{report}");
                 let proof = made(&place, &["verify", "o.ply", grid]);

@@ -7,7 +7,7 @@ use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, Return, synth};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::survey;
-use terrane_lidar::translate::{Above, Classify, HeightsAs, TranslateJob};
+use terrane_lidar::translate::{Classify, HeightAboveGround, HeightsAs, TranslateJob};
 
 use crate::cloud_support::{Place, raw};
 use crate::translate::{job, number, run, whole};
@@ -48,13 +48,13 @@ fn bare_west(place: &Place, name: &str, format: u8) -> String {
     input
 }
 
-fn above(heights: Option<HeightsAs>, classify: &[&str]) -> Above {
+fn above(heights: Option<HeightsAs>, classify: &[&str]) -> HeightAboveGround {
     let classify = classify.iter().map(|text| text.parse().unwrap()).collect();
-    Above { heights, classify, ..Above::default() }
+    HeightAboveGround { heights, classify, ..HeightAboveGround::default() }
 }
 
 /// Records of the cloud with what is asked, which are to differ from those of the input in that alone.
-fn records(input: &str, asked: Above, output: &Path) -> Vec<Vec<u8>> {
+fn records(input: &str, asked: HeightAboveGround, output: &Path) -> Vec<Vec<u8>> {
     run(&TranslateJob { above: asked, ..job(&[input], output) }).unwrap();
     whole(output).records
 }
@@ -193,11 +193,11 @@ fn classes_come_from_the_ground_filter_and_from_heights() {
         let class = |record: &[u8]| if format == 3 { record[15] & 31 } else { record[16] };
         // As if nobody had looked at it.
         let bare = place.path().join("bare.las");
-        let job = |above: Above, input: &str, output: &Path| {
+        let job = |above: HeightAboveGround, input: &str, output: &Path| {
             run(&TranslateJob { above, ..job(&[input], output) }).unwrap();
             whole(output).records
         };
-        job(Above::default(), &input, &bare);
+        job(HeightAboveGround::default(), &input, &bare);
         let bare = bare.to_str().unwrap();
         rewrite(bare, |record| match format {
             3 => record[15] = record[15] & !31 | 1,
@@ -280,7 +280,7 @@ fn what_the_ground_cannot_tell_is_refused() {
     let place = Place::new();
     let input = survey(&place, "cloud,size=30,density=4,seed=2", 3, "in.laz");
     let output = place.path().join("out.laz");
-    let refused = |above: Above, told: &str| {
+    let refused = |above: HeightAboveGround, told: &str| {
         let error = run(&TranslateJob { above, ..job(&[&input], &output) }).unwrap_err();
         assert!(error.to_string().contains(told), "{error}");
         assert!(!output.exists());
@@ -289,10 +289,13 @@ fn what_the_ground_cannot_tell_is_refused() {
     refused(above(None, &["ground", "ground"]), "one way twice");
     refused(above(None, &["height:64=3"]), "point format 3 has no class 64");
     refused(
-        Above { from: GroundFrom::Class, ..above(None, &["ground"]) },
+        HeightAboveGround { from: GroundFrom::Class, ..above(None, &["ground"]) },
         "‹classify› ground cannot act",
     );
-    refused(Above { from: GroundFrom::FILTER, ..Above::default() }, "‹ground› cannot act");
+    refused(
+        HeightAboveGround { from: GroundFrom::FILTER, ..HeightAboveGround::default() },
+        "‹ground› cannot act",
+    );
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
     let filter = CloudFilter { z_range: Some([1e5, 2e5]), ..CloudFilter::default() };
     let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
@@ -328,7 +331,7 @@ fn whole_numbers_far_from_zero_change_nothing() {
     let thin = Some("0.7:lowest".parse().unwrap());
     let told = |input: &str, ask: &str, thin| {
         let from = if ask == "ground" { GroundFrom::FILTER } else { GroundFrom::Auto };
-        let above = Above { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
+        let above = HeightAboveGround { from, ..above(Some(HeightsAs::Dimension), &[ask]) };
         run(&TranslateJob { above, thin, ..job(&[input], &output) }).unwrap();
         let all = whole(&output).records;
         all.iter().map(|r| (raw(r)[0], class(r), height(r))).collect::<Vec<_>>()

@@ -10,7 +10,7 @@ use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::grid::GroundFrom;
 use terrane_lidar::translate::plan::{PlanPointsJob, PointsWritten, plan_points};
 use terrane_lidar::translate::{
-    Above, CellThinning, Classify, HeightsAs, PointsOptions, SquareSplit, TranslateJob,
+    CellThinning, Classify, HeightAboveGround, HeightsAs, PointsOptions, SquareSplit, TranslateJob,
 };
 
 use crate::cloud_support::{Made, Packing, Place};
@@ -141,7 +141,7 @@ fn squares_by_plan_are_those_of_a_single_run() {
         };
         let whole = place.path().join(format!("whole{number}"));
         let single = TranslateJob {
-            above: Above { from, heights: case.heights, classify },
+            above: HeightAboveGround { from, heights: case.heights, classify },
             cloud: CloudOpenOptions { filter, ..CloudOpenOptions::default() },
             dedupe: case.dedupe,
             thin: (number % 3 == 1).then(|| "1.5:lowest".parse::<CellThinning>().unwrap()),

@@ -6,12 +6,12 @@ use terrane::ErrorKind;
 use terrane_base::geom::Point;
 use terrane_cloud::synth::{SyntheticCloud, frame, survey};
 use terrane_cloud::{CloudFilter, CloudOpenOptions, Flags, PointSource, Return, is_cloud};
-use terrane_synth::cloud::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE, LidarSurvey};
+use terrane_synth::cloud::{BUILDING, GROUND, HIGH_NOISE, LOW_NOISE, LidarSurvey, SimulatedReturn};
 use terrane_synth::{CHARACTERS, Terrain};
 
 const NAME: &str = "cloud,width=420,height=300,density=4,seed=11,outliers=0.01";
 
-fn parts(survey: &LidarSurvey) -> Vec<Vec<Echo>> {
+fn parts(survey: &LidarSurvey) -> Vec<Vec<SimulatedReturn>> {
     let mut echoes = Vec::new();
     let part = |k| {
         survey.fill(k, &mut echoes);
@@ -20,12 +20,12 @@ fn parts(survey: &LidarSurvey) -> Vec<Vec<Echo>> {
     (0..survey.parts()).map(part).collect()
 }
 
-fn all(name: &str) -> Vec<Echo> {
+fn all(name: &str) -> Vec<SimulatedReturn> {
     parts(&survey(name).unwrap()).concat()
 }
 
 /// FNV-1a over every field, so that a bit that differs on some machine is seen.
-fn digest(echoes: &[Echo]) -> u64 {
+fn digest(echoes: &[SimulatedReturn]) -> u64 {
     let mut hash = 0xCBF2_9CE4_8422_2325_u64;
     let mut eat = |value: u64| {
         for byte in value.to_le_bytes() {
@@ -33,7 +33,7 @@ fn digest(echoes: &[Echo]) -> u64 {
         }
     };
     for e in echoes {
-        let Echo { point: Point { x, y, z }, time, intensity, source, angle, .. } = *e;
+        let SimulatedReturn { point: Point { x, y, z }, time, intensity, source, angle, .. } = *e;
         let wide = [x as u64, y as u64, z as u64, time.to_bits(), angle as u64];
         let small = [u64::from(intensity), u64::from(source), u64::from(e.class)];
         let returns = [u64::from(e.number), u64::from(e.of)];
@@ -199,7 +199,7 @@ fn voids_lie_on_tiles_and_hold_nothing() {
     for [x, y, r] in survey.void_places() {
         assert!((7.5..30.0).contains(&r) && (whole(x) || whole(y)), "({x}, {y}) {r}");
         // Crowns lean into a void by up to 23 m * 0.2.
-        let near = |e: &Echo, r: f64| {
+        let near = |e: &SimulatedReturn, r: f64| {
             let (dx, dy) = (f64::from(e.point.x) * 0.01 - x, f64::from(e.point.y) * 0.01 - y);
             dx * dx + dy * dy < r * r
         };
@@ -213,15 +213,15 @@ fn voids_lie_on_tiles_and_hold_nothing() {
 fn filters_act_on_synthetic_clouds() {
     let survey = survey(NAME).unwrap();
     let echoes = parts(&survey).concat();
-    let world = |e: &Echo| frame(&survey).world(e.point);
+    let world = |e: &SimulatedReturn| frame(&survey).world(e.point);
     let bounds = [500_050.0, 4_750_020.0, 500_100.0, 4_750_090.5];
     let middle = world(&echoes[echoes.len() / 2])[2];
     let heights = [middle - 5.0, middle + 30.0];
-    let within = |e: &Echo| {
+    let within = |e: &SimulatedReturn| {
         let [x, y, _] = world(e);
         x >= bounds[0] && x <= bounds[2] && y >= bounds[1] && y <= bounds[3]
     };
-    type Wanted<'a> = Box<dyn Fn(&Echo) -> bool + 'a>;
+    type Wanted<'a> = Box<dyn Fn(&SimulatedReturn) -> bool + 'a>;
     let cases: Vec<(CloudFilter, Wanted<'_>)> = vec![
         (CloudFilter::default(), Box::new(|e| !e.withheld)),
         (CloudFilter { keep_withheld: true, ..CloudFilter::default() }, Box::new(|_| true)),
@@ -326,7 +326,7 @@ fn extremes_are_sound() {
     ] {
         let survey = survey(name).unwrap();
         let ([width, height], [low, high]) = (survey.steps(), survey.heights());
-        for Echo { point: Point { x, y, z }, .. } in parts(&survey).concat() {
+        for SimulatedReturn { point: Point { x, y, z }, .. } in parts(&survey).concat() {
             assert!((0..width).contains(&x) && (0..height).contains(&y), "{name}");
             assert!((low..=high).contains(&z), "{name}: {z}");
         }

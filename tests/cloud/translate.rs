@@ -7,7 +7,7 @@ use terrane_base::geom::wkt;
 use terrane_cloud::synth;
 use terrane_cloud::{CloudFilter, CloudOpenOptions, PointFormat, PointSource, Return};
 use terrane_crs::CoordinateOperation;
-use terrane_engine::transform::OutputTransform;
+use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_lidar::survey;
 use terrane_lidar::translate::{self, BufferMark, SquareSplit, TranslateJob, TranslateReport};
@@ -411,7 +411,7 @@ fn places_in_another_system_are_those_of_the_operation_and_the_rest_stays() {
     let (input, from) = (input.to_str().unwrap(), synth::crs());
     for (target, step) in [("EPSG:32632", 0.01), ("EPSG:4326", 1e-8), ("EPSG:3035", 0.01)] {
         let output = place.path().join("out.laz");
-        let transform = Some(OutputTransform::to(target));
+        let transform = Some(TargetCrs::to(target));
         let thin = Some("2:lowest".parse().unwrap());
         let report = run(&TranslateJob { transform, thin, ..job(&[input], &output) }).unwrap();
         let plain = place.path().join("plain.laz");

@@ -7,7 +7,7 @@ use crate::data;
 use laz::laszip::ChunkTable;
 use laz::{LasZipDecompressor, LazVlr};
 use terrane_cloud::lazip::{
-    CompressedChunk, DecodedFields, Decoder, FieldSelection, LaszipItem, LaszipSchema,
+    CompressedChunk, DecodedFields, FieldSelection, LaszipItem, LaszipSchema, LazDecoder,
 };
 
 /// A compressed file, as far as a decoder has to know of it.
@@ -66,7 +66,7 @@ impl Packed {
         records
     }
 
-    fn ours(&self, decoder: &mut Decoder) -> Vec<u8> {
+    fn ours(&self, decoder: &mut LazDecoder) -> Vec<u8> {
         let (schema, mut fields) = (self.schema(), DecodedFields::default());
         if self.is_stream {
             let bytes = &self.bytes[self.points_at..];
@@ -104,7 +104,7 @@ fn laszip_record(bytes: &[u8]) -> &[u8] {
 #[test]
 #[ignore = "needs TERRANE_DATA"]
 fn real_files_become_the_records_that_another_decoder_finds() {
-    let (mut decoder, mut seen) = (Decoder::new(), 0);
+    let (mut decoder, mut seen) = (LazDecoder::new(), 0);
     for path in [data::files("lidar"), data::files("lidar/formats")].concat() {
         if path.extension().is_none_or(|ending| ending != "laz") {
             continue;

@@ -12,7 +12,7 @@ use terrane_engine::plan::{DiskCheck, OutputForm, RunJob};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
-use terrane_lidar::grid::{GridJob, GridOptions, GridReport, Preset, run};
+use terrane_lidar::grid::{GridJob, GridOptions, GridReport, SurfaceModel, run};
 
 const FOREST: &str = "synth:cloud,size=300,density=8,seed=7";
 
@@ -22,7 +22,7 @@ fn made(job: &GridJob) -> (Written, GridReport) {
     (read(&job.output, 1), report)
 }
 
-fn canopy(input: &[String], output: &Path, preset: Preset, canopy: &str) -> GridJob {
+fn canopy(input: &[String], output: &Path, preset: SurfaceModel, canopy: &str) -> GridJob {
     let job = GridJob::of_preset(input.to_vec(), output, preset, 1.0);
     GridJob { canopy: canopy.parse().unwrap(), ..job }
 }
@@ -57,8 +57,9 @@ fn statistic(input: &[String], output: &Path, stat: &str, is_first: bool) -> Wri
 fn a_spike_free_surface_has_no_pits_where_plain_ones_do() {
     let place = Place::new();
     let input = [FOREST.to_owned()];
-    let top =
-        |name: &str, asked: &str| made(&canopy(&input, &place.path(name), Preset::Dsm, asked));
+    let top = |name: &str, asked: &str| {
+        made(&canopy(&input, &place.path(name), SurfaceModel::Dsm, asked))
+    };
     let (free, report) = top("free.tif", "spike-free");
     let (pit_free, _) = top("pit.tif", "pit-free");
     let of = |stat, is_first| statistic(&input, &place.path("stat.tif"), stat, is_first);
@@ -116,7 +117,7 @@ fn where_nothing_freezes_it_is_the_triangulation_of_all() {
     let place = Place::new();
     let input = grove(&place.path(""));
     for max_edge in [None, Some(3.0)] {
-        let job = canopy(&input, &place.path("a.tif"), Preset::Dsm, "spike-free:freeze=0");
+        let job = canopy(&input, &place.path("a.tif"), SurfaceModel::Dsm, "spike-free:freeze=0");
         let (free, _) = made(&GridJob { max_edge, ..job });
         let stats = parse_list("tin").unwrap();
         let job = GridJob::new(input.clone(), place.path("b.tif"), stats, 1.0);
@@ -124,7 +125,7 @@ fn where_nothing_freezes_it_is_the_triangulation_of_all() {
         assert!(bits(&free.values) == bits(&plain.values), "{max_edge:?}");
         assert!(plain.values.iter().any(|z| z.is_nan()));
     }
-    let frozen = made(&canopy(&input, &place.path("a.tif"), Preset::Dsm, "spike-free")).0;
+    let frozen = made(&canopy(&input, &place.path("a.tif"), SurfaceModel::Dsm, "spike-free")).0;
     let max = statistic(&input, &place.path("c.tif"), "max", false);
     let [frozen, plain] = [&frozen, &read(&place.path("b.tif"), 1)].map(|grid| pits(grid, &max));
     println!("pits of the grove: spike-free {frozen}, plain {plain}");
@@ -135,12 +136,12 @@ fn where_nothing_freezes_it_is_the_triangulation_of_all() {
 fn neither_threads_nor_memory_nor_order_nor_the_box_leave_a_trace() {
     let place = Place::new();
     let mut input = grove(&place.path(""));
-    for (preset, max_edge) in [(Preset::Dsm, None), (Preset::Chm, Some(9.0))] {
+    for (preset, max_edge) in [(SurfaceModel::Dsm, None), (SurfaceModel::Chm, Some(9.0))] {
         let ground = "filter".parse().unwrap();
         let asked = |input: &[String], resources| {
             let job = canopy(input, &place.path("a.tif"), preset, "spike-free");
             let job = GridJob { max_edge, resources, ..job };
-            if preset == Preset::Chm { GridJob { ground, ..job } } else { job }
+            if preset == SurfaceModel::Chm { GridJob { ground, ..job } } else { job }
         };
         let bytes = |job: &GridJob| {
             let (_, report) = made(job);
@@ -170,9 +171,9 @@ fn a_plan_makes_the_bytes_of_a_single_run() {
     let place = Place::new();
     let input = grove(&place.path(""));
     for (number, (preset, asked, max_edge)) in [
-        (Preset::Dsm, "spike-free", None),
-        (Preset::Chm, "spike-free:freeze=1.5,buffer=1", Some(12.0)),
-        (Preset::Chm, "spike-free:freeze=0", None),
+        (SurfaceModel::Dsm, "spike-free", None),
+        (SurfaceModel::Chm, "spike-free:freeze=1.5,buffer=1", Some(12.0)),
+        (SurfaceModel::Chm, "spike-free:freeze=0", None),
     ]
     .into_iter()
     .enumerate()

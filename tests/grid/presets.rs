@@ -8,14 +8,19 @@ use crate::support::{Written, read};
 use terrane_cloud::synth::survey;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
-use terrane_lidar::grid::{GridJob, GridReport, GroundFrom, Preset, run};
+use terrane_lidar::grid::{GridJob, GridReport, GroundFrom, SurfaceModel, run};
 use terrane_synth::cloud::{BUILDING, LidarSurvey};
 
 /// World coordinates of a synthetic cloud's south-west corner.
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
 const FOREST: &str = "synth:cloud,size=300,density=8,seed=7";
 
-fn preset(name: &str, output: &Path, preset: Preset, ground: GroundFrom) -> (Written, GridReport) {
+fn preset(
+    name: &str,
+    output: &Path,
+    preset: SurfaceModel,
+    ground: GroundFrom,
+) -> (Written, GridReport) {
     let job = GridJob { ground, ..GridJob::of_preset([name], output, preset, 1.0) };
     made(&job)
 }
@@ -58,7 +63,7 @@ fn the_ground_is_found_by_class_and_by_filter() {
             (GroundFrom::Auto, by_class, "points of class 2"),
             (GroundFrom::FILTER, by_filter, "found by the ground filter"),
         ] {
-            let (grid, report) = preset(name, &place.path("a.tif"), Preset::Dtm, ground);
+            let (grid, report) = preset(name, &place.path("a.tif"), SurfaceModel::Dtm, ground);
             let [rmse, voids] = error(&grid, &survey);
             println!("{name} {ground:?}: {rmse:.3} m, {:.2} % void", 100.0 * voids);
             assert!(rmse < most && voids < 0.02, "{name} {ground:?}: {rmse} m, {voids} void");
@@ -71,7 +76,7 @@ fn the_ground_is_found_by_class_and_by_filter() {
 fn ground_without_classes_is_found_unless_only_classes_are_asked_for() {
     let place = Place::new();
     // Class 30 is that of no point.
-    let job = GridJob::of_preset([FOREST], place.path("a.tif"), Preset::Dtm, 1.0);
+    let job = GridJob::of_preset([FOREST], place.path("a.tif"), SurfaceModel::Dtm, 1.0);
     let mut none = job.clone();
     none.cloud.filter.classes = Some(vec![30]);
     let best = GridJob { ground: GroundFrom::Method(terrane_ground::Asked::BEST), ..job };
@@ -87,9 +92,9 @@ fn ground_without_classes_is_found_unless_only_classes_are_asked_for() {
 fn a_surface_has_no_pits_and_stands_on_the_ground() {
     let place = Place::new();
     let at = |name: &str| place.path(name);
-    let (dtm, _) = preset(FOREST, &at("dtm.tif"), Preset::Dtm, GroundFrom::Auto);
-    let (dsm, _) = preset(FOREST, &at("dsm.tif"), Preset::Dsm, GroundFrom::Auto);
-    let (chm, report) = preset(FOREST, &at("chm.tif"), Preset::Chm, GroundFrom::Auto);
+    let (dtm, _) = preset(FOREST, &at("dtm.tif"), SurfaceModel::Dtm, GroundFrom::Auto);
+    let (dsm, _) = preset(FOREST, &at("dsm.tif"), SurfaceModel::Dsm, GroundFrom::Auto);
+    let (chm, report) = preset(FOREST, &at("chm.tif"), SurfaceModel::Chm, GroundFrom::Auto);
     let mut plain = GridJob::new([FOREST], at("tin.tif"), parse_list("tin,max").unwrap(), 1.0);
     plain.cloud.filter.returns = Some(terrane_cloud::Return::First);
     plain.cloud.filter.classes = Some((0..=255).filter(|c| ![7, 18].contains(c)).collect());
@@ -130,7 +135,7 @@ fn is_pit(height: f64, max: &[f64], k: usize, width: usize) -> bool {
 fn roofs_and_meadows_are_as_high_as_they_are() {
     let place = Place::new();
     let survey = survey(FOREST).unwrap();
-    let (chm, _) = preset(FOREST, &place.path("a.tif"), Preset::Chm, GroundFrom::FILTER);
+    let (chm, _) = preset(FOREST, &place.path("a.tif"), SurfaceModel::Chm, GroundFrom::FILTER);
     // Cells whose points, those of the cells around too, are all of one class.
     let mut classes = vec![[0_u32; 2]; chm.values.len()];
     let mut heights = vec![0.0; chm.values.len()];
@@ -167,7 +172,7 @@ fn roofs_and_meadows_are_as_high_as_they_are() {
 fn neither_threads_nor_memory_nor_the_box_leave_a_trace() {
     let place = Place::new();
     let name = "synth:cloud,size=200,density=4,seed=5,voids=1,tile=100";
-    for kind in [Preset::Dtm, Preset::Chm] {
+    for kind in [SurfaceModel::Dtm, SurfaceModel::Chm] {
         let bytes = |threads, memory: u64| {
             let resources = Resources { threads, memory: memory << 20, temp_dir: None };
             let output = place.path("a.tif");

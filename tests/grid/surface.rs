@@ -7,7 +7,7 @@ use crate::support::{Lots, Memory, frame, job, read, run};
 use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{CloudOpenOptions, PointSource};
 use terrane_delaunay::{
-    ConvexHull, FixedPosition, Loaded, Location, PointBins, TriangleFinder, interpolate,
+    ConvexHull, FixedPosition, LoadedPoints, Location, PointBins, TriangleFinder, interpolate,
 };
 use terrane_engine::Resources;
 
@@ -40,7 +40,7 @@ fn untiled(
 ) -> Vec<f32> {
     let hull = ConvexHull::of(points.to_vec());
     let bins = PointBins::new(points);
-    let space = Loaded::whole(&bins);
+    let space = LoadedPoints::whole(&bins);
     let mut finder = TriangleFinder::new(&space, &hull);
     let world = |steps: f64| steps * frame.scale[2] + frame.offset[2];
     let height = |i: usize| {

@@ -266,13 +266,13 @@ fn lines_in_degrees_are_proved_in_metres() {
     let features = terrane::open_features(path("line.geojson")).unwrap();
     features
         .simplify()
-        .tolerance(terrane::LengthOption::metres(2000.0))
+        .tolerance(terrane::Length::metres(2000.0))
         .write(path("few.geojson"))
         .unwrap();
     let passed = |metres: f64| {
         features
             .verify(path("few.geojson"))
-            .tolerance(terrane::LengthOption::metres(metres))
+            .tolerance(terrane::Length::metres(metres))
             .run()
             .unwrap()
             .verdict

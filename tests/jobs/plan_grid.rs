@@ -9,7 +9,7 @@ use terrane_engine::plan::{DiskCheck, OutputForm, RunJob, RunReport};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_gridding::parse_list;
 use terrane_lidar::grid::plan::{CellRun, PlanGridJob, plan_grid};
-use terrane_lidar::grid::{GridJob, GridOptions, GroundFrom, Preset, run};
+use terrane_lidar::grid::{GridJob, GridOptions, GroundFrom, SurfaceModel, run};
 use terrane_raster::SampleType;
 
 /// Side of the cloud, and of the square that a file of it has.
@@ -138,12 +138,12 @@ fn models_of_a_plan_are_those_of_a_single_run() {
         GridJob { ground: method(ground), max_edge, resources: enough(), ..job }
     };
     for (number, made) in [
-        of(Preset::Dtm, "auto", None),
-        of(Preset::Dtm, "csf:rigidness=1,cloth=1.5", None),
-        of(Preset::Dtm, "filter", Some(25.0)),
-        of(Preset::Dsm, "class", None),
-        of(Preset::Chm, "auto", Some(30.0)),
-        of(Preset::Chm, "filter", None),
+        of(SurfaceModel::Dtm, "auto", None),
+        of(SurfaceModel::Dtm, "csf:rigidness=1,cloth=1.5", None),
+        of(SurfaceModel::Dtm, "filter", Some(25.0)),
+        of(SurfaceModel::Dsm, "class", None),
+        of(SurfaceModel::Chm, "auto", Some(30.0)),
+        of(SurfaceModel::Chm, "filter", None),
     ]
     .into_iter()
     .enumerate()
@@ -165,7 +165,7 @@ fn models_of_a_plan_are_those_of_a_single_run() {
 #[test]
 fn a_tile_of_a_model_reads_what_lies_near_it() {
     let temp = tempfile::tempdir().unwrap();
-    let job = GridJob::of_preset([FOREST], temp.path().join("a.tif"), Preset::Dtm, 0.5);
+    let job = GridJob::of_preset([FOREST], temp.path().join("a.tif"), SurfaceModel::Dtm, 0.5);
     let ground = GroundFrom::Class;
     let job = GridJob { ground, max_edge: Some(9.0), resources: enough(), ..job };
     let folder = temp.path().join("work");

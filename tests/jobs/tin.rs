@@ -10,10 +10,10 @@ use support::{
 use terrane_base::bound::ErrorBound;
 use terrane_base::{ErrorKind, Result};
 use terrane_engine::breaklines::Breaklines;
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_engine::{Cancel, Silent};
-use terrane_terrain::tin::{Flaws, TinOutcome, TinSettings, run_on};
-use terrane_tin::{MinimumAngle, Spec};
+use terrane_terrain::tin::{MeshFlaws, TinOutcome, TinSettings, run_on};
+use terrane_tin::{MinimumAngle, TinSpec};
 
 struct Run {
     tolerance: f64,
@@ -22,7 +22,7 @@ struct Run {
     data_dependent: bool,
     /// In degrees.
     min_angle: Option<f64>,
-    kept: ConstraintSamples,
+    kept: GridConstraints,
     tile: u32,
     threads: usize,
     mesh_bytes: u64,
@@ -39,7 +39,7 @@ impl Default for Run {
             fit: false,
             data_dependent: false,
             min_angle: None,
-            kept: ConstraintSamples::default(),
+            kept: GridConstraints::default(),
             tile: 16,
             threads: 1,
             mesh_bytes: 1 << 30,
@@ -54,7 +54,7 @@ impl Run {
     fn on(&self, grid: &FunctionGrid) -> Result<(Mesh, TinOutcome)> {
         let folder = tempfile::tempdir().unwrap();
         let settings = TinSettings {
-            spec: Spec {
+            spec: TinSpec {
                 tolerance: self.tolerance,
                 bound: self.bound,
                 strict: false,
@@ -160,7 +160,7 @@ fn bytes_do_not_depend_on_threads_memory_or_order() {
     let lines =
         Breaklines::of(vec![[[3, 149], [130, 11]], [[130, 11], [0, 16]], [[40, 0], [33, 140]]]);
     for (surface, bound, (fit, data_dependent)) in kinds {
-        let kept = ConstraintSamples::default().with(lines.clone());
+        let kept = GridConstraints::default().with(lines.clone());
         let usual = || Run { bound, fit, data_dependent, kept: kept.clone(), ..Run::default() };
         let grid = FunctionGrid::new(131, 150, surface);
         let (mesh, alone) = usual().on(&grid).unwrap();
@@ -320,7 +320,7 @@ fn triangles_that_stay_thin_are_counted_and_the_first_is_told() {
     let [row, col] = outcome.thin.first.unwrap();
     assert!(row == 0 && col < 3, "{row}, {col}");
     let wide = Run { min_angle: Some(20.0), ..run };
-    assert_eq!(wide.on(&grid).unwrap().1.thin, Flaws::default());
+    assert_eq!(wide.on(&grid).unwrap().1.thin, MeshFlaws::default());
 }
 
 /// Of half of two cells, in degrees: what may be asked for at most.
@@ -370,7 +370,7 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
         let one_in = if draw(6) < 0.4 { 2.0 + 200.0 * draw(7).powi(2) } else { f64::INFINITY };
         let samples = (0..height).flat_map(|row| (0..width).map(move |col| [col, row]));
         let is_kept = |[col, row]: &[u32; 2]| dice(seed, 8 + col, *row) * one_in < 1.0;
-        let kept = ConstraintSamples::of(samples.filter(is_kept).collect());
+        let kept = GridConstraints::of(samples.filter(is_kept).collect());
         let min_angle = (draw(8) < 0.4).then(|| draw(9) * SMALLEST);
         // A walk of some steps, and some long lines.
         let lines =
@@ -396,7 +396,7 @@ fn every_edge_is_delaunay_whatever_the_land_and_the_tiles() {
             validate(&mesh, &grid, tolerance);
             check_kept(&run.kept, &mesh, &grid, outcome.kept);
             check_followed(&segments, &mesh, &grid);
-            assert_eq!(outcome.apart, Flaws::default(), "{name} (seed {seed})");
+            assert_eq!(outcome.apart, MeshFlaws::default(), "{name} (seed {seed})");
             let thin = min_angle.map_or(0, |least| thin(&mesh, least));
             assert_eq!(thin, outcome.thin.count, "{name} (seed {seed})");
             // There are settings where some are left: then as many are told. None of these is one.

@@ -11,8 +11,8 @@ use support::{Grid, Heights, Line, first_meeting, job, lines_of, made, read, uni
 use terrane::ErrorKind;
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_engine::{Cancel, Silent};
-use terrane_proof::lines::{self, ProofDistance, Question};
-use terrane_simplify::LengthOption;
+use terrane_proof::lines::{self, LineQuestion, ProofDistance};
+use terrane_simplify::Length;
 use terrane_terrain::contour::trace;
 use terrane_vector as vector;
 use terrane_window::contour::{
@@ -182,7 +182,7 @@ fn prove(
     });
     // Its formula for distances is another one.
     let tolerance = Some(tolerance * (1.0 + 1e-9) + 1e-9);
-    let question = Question { original, simplified, points: &[], distance, tolerance };
+    let question = LineQuestion { original, simplified, points: &[], distance, tolerance };
     let report = lines::check(&question).unwrap();
     assert!(report.is_sound(), "{report:?}");
     assert_eq!((report.original_crossings, report.crossings, report.dropped), (0, 0, 0));
@@ -375,7 +375,7 @@ fn tolerances_have_units() {
         let path = folder.path().join("lines.geojson");
         let mut job = job("memory", &path, 0.2, 32, 2);
         (job.options.tolerance, job.options.file.replacing.overwrite) =
-            (Some(LengthOption { value, unit }), true);
+            (Some(Length { value, unit }), true);
         let report = trace(grid, &job, &Silent, &Cancel::default())?;
         Ok::<_, terrane::Error>((read(&path, "elev"), report))
     };

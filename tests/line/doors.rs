@@ -7,8 +7,8 @@ use terrane::ErrorKind;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::registry::ToleranceKind;
-use terrane_proof::lines::{self, ProofDistance, Question};
-use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
+use terrane_proof::lines::{self, LineQuestion, ProofDistance};
+use terrane_simplify::{Length, LineGoal, LineJob, LineReport, Topology, run};
 use terrane_terrain::contour::{self, ContourJob, ContourOptions};
 use terrane_vector::{
     self as vector, FORMATS, Feature, GeometryType, PropertyValue, VectorOpenOptions,
@@ -20,7 +20,7 @@ fn resources() -> Resources {
 }
 
 fn length(value: f64) -> LineGoal {
-    LineGoal::Tolerance(LengthOption { value, unit: None })
+    LineGoal::Tolerance(Length { value, unit: None })
 }
 
 fn job(input: &Path, output: &Path, goal: LineGoal) -> LineJob {
@@ -42,7 +42,7 @@ fn proof(lines: &Path, original: &Path, topology: bool) -> LineVerifyJob {
         lines: lines.into(),
         original: original.into(),
         layer: None,
-        tolerance: Some(LengthOption { value: 0.1, unit: None }),
+        tolerance: Some(Length { value: 0.1, unit: None }),
         is_space: false,
         topology,
         may_drop: false,
@@ -282,7 +282,7 @@ fn what_no_product_holds_is_refused_and_never_dropped() {
         let is_large = ["e308", "e155", "e80"].iter().any(|large| line.contains(large));
         let copied = made(&job(&path("a.wkt"), &path("b.wkt"), LineGoal::Ratio(1.0)));
         assert_eq!(copied.is_err(), is_large, "{line}");
-        let length = LengthOption { value: tolerance, unit: None };
+        let length = Length { value: tolerance, unit: None };
         let proof = proof(&path("a.wkt"), &path("a.wkt"), false);
         let proof = LineVerifyJob { tolerance: Some(length), ..proof };
         let proved = verify_lines(&proof, &Silent, &Cancel::default());
@@ -399,7 +399,8 @@ fn contours_do_not_cross_as_they_are_rounded() {
         let lines = lines::ProofLines { points: &points, starts: &starts, closed: &closed };
         let (original, simplified) = (lines, lines);
         let distance = ProofDistance::Plane;
-        let question = Question { original, simplified, points: &[], distance, tolerance: None };
+        let question =
+            LineQuestion { original, simplified, points: &[], distance, tolerance: None };
         let report = lines::check(&question).unwrap();
         assert_eq!((report.crossings, report.original_crossings), (0, 0), "{decimals}: {report:?}");
         assert!(found.iter().all(|feature| feature.geometry.kind() != GeometryType::Null));

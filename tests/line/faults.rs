@@ -8,8 +8,8 @@ use terrane::ErrorKind;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
 use terrane_line::registry::ToleranceKind;
-use terrane_line::topology::{Collapse, Strategy};
-use terrane_simplify::{LengthOption, LineGoal, LineJob, Topology, run};
+use terrane_line::topology::{RingCollapse, Strategy};
+use terrane_simplify::{Length, LineGoal, LineJob, Topology, run};
 use terrane_vector::{FORMATS, VectorFormat};
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 
@@ -31,8 +31,8 @@ impl Dice {
     }
 }
 
-fn length(value: f64) -> LengthOption {
-    LengthOption { value, unit: None }
+fn length(value: f64) -> Length {
+    Length { value, unit: None }
 }
 
 fn resources() -> Resources {
@@ -413,7 +413,7 @@ fn what_is_made_passes() {
             ToleranceKind::Distance => LineGoal::Tolerance(length(tolerance)),
             ToleranceKind::Area(_) => LineGoal::Area(tolerance),
         };
-        let collapse = dice.of(&[Collapse::Minimal, Collapse::Drop, Collapse::Keep]);
+        let collapse = dice.of(&[RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep]);
         let strategy = dice.of(&[Strategy::Retroactive, Strategy::Proactive]);
         let topology = is_neat.then(|| Topology { strategy, ..Topology::default() });
         let job = LineJob { method, collapse, topology, ..LineJob::new(&original, &lines, goal) };
@@ -426,7 +426,7 @@ fn what_is_made_passes() {
         }
         let bound = (method.bounds == ToleranceKind::Distance).then_some(tolerance * (1.0 + 1e-12));
         let report = prove(&LineVerifyJob {
-            may_drop: collapse == Collapse::Drop,
+            may_drop: collapse == RingCollapse::Drop,
             topology: is_neat,
             ..proof(lines, original.clone(), bound)
         });

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use crate::coverage;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::Xy;
-use terrane_line::topology::{ChainVertices, Chains, Collapse, Strategy};
-use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
+use terrane_line::topology::{Chains, KeptChainVertices, RingCollapse, Strategy};
+use terrane_simplify::{Length, LineGoal, LineJob, LineReport, Topology, run};
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 use worlds::{Dice, World};
 
@@ -46,7 +46,7 @@ impl Place {
     }
 
     fn job(&self, tolerance: f64, square: u64) -> LineJob {
-        let goal = LineGoal::Tolerance(LengthOption { value: tolerance, unit: None });
+        let goal = LineGoal::Tolerance(Length { value: tolerance, unit: None });
         let topology = Topology { square, sides: self.sides(), ..Topology::default() };
         LineJob {
             topology: Some(topology),
@@ -65,7 +65,7 @@ impl Place {
             lines: self.path("b.wkt"),
             original: self.path("a.wkt"),
             layer: None,
-            tolerance: Some(LengthOption { value: tolerance * (1.0 + 1e-12), unit: None }),
+            tolerance: Some(Length { value: tolerance * (1.0 + 1e-12), unit: None }),
             is_space: false,
             topology: true,
             may_drop: false,
@@ -114,22 +114,22 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str) {
         let is_clean = world.is_clean();
         cleans += u64::from(is_clean);
         for (strategy, collapse) in [
-            (Strategy::Retroactive, Collapse::Minimal),
-            (Strategy::Retroactive, Collapse::Drop),
-            (Strategy::Proactive, Collapse::Keep),
+            (Strategy::Retroactive, RingCollapse::Minimal),
+            (Strategy::Retroactive, RingCollapse::Drop),
+            (Strategy::Proactive, RingCollapse::Keep),
         ] {
             let mut job = place.job(tolerance, square);
             job.collapse = collapse;
             job.topology.as_mut().unwrap().strategy = strategy;
             let report = simplify(&job);
             let mut proof = place.proof_job(tolerance);
-            proof.may_drop = collapse == Collapse::Drop;
+            proof.may_drop = collapse == RingCollapse::Drop;
             let proof = verify_lines(&proof, &Silent, &Cancel::default()).unwrap();
             let name = format!("{name} {seed}, {square}, {tolerance}, {strategy:?} {collapse:?}");
             assert!(proof.verdict.passed, "{name}: {:?}", proof.verdict.failures);
             // Rings that lie on a line in the input are dropped after the count.
             let [met, told] = [proof.crossings[1], report.input_crossings];
-            let may_drop = collapse == Collapse::Drop && !is_clean;
+            let may_drop = collapse == RingCollapse::Drop && !is_clean;
             assert!(met == told || (met < told && may_drop), "{name}: {proof:?}");
             kept[0] += report.kept;
             kept[1] += report.vertices;
@@ -340,7 +340,7 @@ fn a_loop_at_a_border_is_no_ring_to_be_dropped() {
         [[0, 10], [100, 10], [101, 11], [102, 10], [101, 9], [100, 10], [0, 9], [0, 5], [0, 1]];
     place.write("a.wkt", std::iter::once(part(&line)));
     let mut job = place.job(5.0, 5);
-    job.collapse = Collapse::Drop;
+    job.collapse = RingCollapse::Drop;
     simplify(&job);
     let left = String::from_utf8(read(&place.path("b.wkt"))).unwrap();
     assert_eq!(left, "LINESTRING (0 10,100 10,101 11,102 10,100 10,0 9,0 1)\n");

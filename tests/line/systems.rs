@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 use terrane_engine::{Cancel, Resources, Silent};
-use terrane_simplify::{LengthOption, LineGoal, LineJob, run};
+use terrane_simplify::{Length, LineGoal, LineJob, run};
 use terrane_vector::FORMATS;
 use terrane_verify::{LineVerifyJob, LineVerifyReport, verify_lines};
 
@@ -13,7 +13,7 @@ fn resources() -> Resources {
 }
 
 fn prove(lines: &Path, original: &Path) -> LineVerifyReport {
-    let tolerance = Some(LengthOption { value: 0.0, unit: None });
+    let tolerance = Some(Length { value: 0.0, unit: None });
     let job = LineVerifyJob {
         lines: lines.to_owned(),
         original: original.to_owned(),
@@ -59,7 +59,7 @@ fn a_changed_system_is_broken_or_named_as_not_judged_in_every_format() {
     for format in FORMATS.iter().filter(|format| format.create.is_some()) {
         for made in systems {
             let lines = folder.path().join(format!("lines_{made:?}.{}", format.extensions[0]));
-            let goal = LineGoal::Tolerance(LengthOption { value: 0.0, unit: None });
+            let goal = LineGoal::Tolerance(Length { value: 0.0, unit: None });
             let job = LineJob { overwrite: true, ..LineJob::new(original(made), &lines, goal) };
             run(&LineJob { resources: resources(), ..job }, &Silent, &Cancel::default()).unwrap();
             for held in systems {

@@ -5,24 +5,24 @@ use terrane_line::arcs::CoverageArcs;
 use terrane_line::metric::PlaneMetric;
 use terrane_line::registry::ToleranceKind;
 use terrane_line::topology::{
-    ChainVertices, Collapse, Strategy, UntangleOptions, refining, untangle,
+    KeptChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
 };
 use terrane_line::{METHODS, SimplifyMethod, SimplifyScratch, Xy};
-use terrane_proof::lines::{ProofDistance, ProofLines, Question, Report, check};
+use terrane_proof::lines::{LineCheckReport, LineQuestion, ProofDistance, ProofLines, check};
 
 fn simplified(
     method: &SimplifyMethod,
     rings: &Rings,
     tolerance: f64,
     options: &UntangleOptions<'_>,
-) -> Report {
+) -> LineCheckReport {
     let mut scratch = SimplifyScratch::default();
     let arcs = CoverageArcs::new(&rings.chains(), 0.0).unwrap();
     let chains = arcs.chains();
     let mut refine = refining(chains.points, |part, kept| {
         (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
     });
-    let kept = ChainVertices::simplified(&chains, &mut refine);
+    let kept = KeptChainVertices::simplified(&chains, &mut refine);
     let fixed = [[0.5, 0.5], [1.3, 2.2], [2.0, 2.0]];
     let outcome = untangle(&chains, &kept, &fixed, options, &mut refine).unwrap();
     let parts = arcs.rebuild(&outcome.kept);
@@ -31,7 +31,7 @@ fn simplified(
     let after: Vec<[f64; 3]> =
         parts.vertices.iter().map(|&v| space(&arcs.points[v as usize])).collect();
     let is_bounded = method.bounds == ToleranceKind::Distance;
-    let question = Question {
+    let question = LineQuestion {
         original: ProofLines { points: &before, starts: &rings.starts, closed: &rings.closed },
         simplified: ProofLines { points: &after, starts: &parts.starts, closed: &rings.closed },
         points: &fixed,
@@ -48,8 +48,9 @@ fn every_method_comes_out_sound() {
             let rings = world(seed);
             let tolerance = [0.002, 0.02, 0.2][seed as usize % 3];
             let strategies = [Strategy::Retroactive, Strategy::Proactive];
-            for (strategy, collapse) in
-                strategies.into_iter().flat_map(|s| [(s, Collapse::Minimal), (s, Collapse::Keep)])
+            for (strategy, collapse) in strategies
+                .into_iter()
+                .flat_map(|s| [(s, RingCollapse::Minimal), (s, RingCollapse::Keep)])
             {
                 let options = UntangleOptions { strategy, collapse, ..UntangleOptions::default() };
                 let report = simplified(method, &rings, tolerance, &options);

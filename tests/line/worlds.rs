@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use lattice::{Cell, Segment, Shape, Way, closed, crowd, moved, world};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_line::METHODS;
-use terrane_line::topology::{Collapse, Strategy};
-use terrane_simplify::{LengthOption, LineGoal, LineJob, LineReport, Topology, run};
+use terrane_line::topology::{RingCollapse, Strategy};
+use terrane_simplify::{Length, LineGoal, LineJob, LineReport, Topology, run};
 use whole::{area, is_on, is_simple, is_within, meet, segments, turns, without_repeats};
 
 /// A number of thousandths.
@@ -67,7 +67,7 @@ fn parse(line: &str) -> Vec<Written> {
 fn simplify(folder: &std::path::Path, all: &[Shape], way: &Way) -> (LineReport, Vec<Vec<Written>>) {
     let (input, output) = (folder.join("a.wkt"), folder.join("b.wkt"));
     std::fs::write(&input, wkt(all)).unwrap();
-    let length = LengthOption { value: way.tolerance as f64 / 1000.0, unit: None };
+    let length = Length { value: way.tolerance as f64 / 1000.0, unit: None };
     let topology = Topology {
         strategy: way.strategy,
         snap: way.snap as f64 / 1000.0,
@@ -209,14 +209,14 @@ impl Judge {
         // Rings that are dropped may have spoilt something before.
         let input = moved.iter().flat_map(|shape| &shape.parts).flat_map(|part| segments(part));
         let all_of_it = input.map(in_order).collect();
-        let may = if way.collapse == Collapse::Drop { &all_of_it } else { &written };
+        let may = if way.collapse == RingCollapse::Drop { &all_of_it } else { &written };
         let is_due = is_spoilt(all, &moved, may);
         self.demand(is_due || !is_told, || "told is what moving does not spoil".into());
     }
 
     /// A ring of which nothing is written.
     fn gone(&mut self, old: &[Cell], way: &Way) {
-        self.demand(way.collapse == Collapse::Drop, || "a ring is gone".into());
+        self.demand(way.collapse == RingCollapse::Drop, || "a ring is gone".into());
         let is_thin = |s: Segment| old.iter().all(|p| is_within(*p, s, way.tolerance));
         let is_small = old.iter().any(|a| old.iter().any(|b| is_thin([*a, *b])));
         self.demand(is_small, || format!("a ring is gone that was larger: {old:?}"));
@@ -351,7 +351,7 @@ fn far_places(moved: &[Shape], written: &[Vec<Written>], way: &Way) -> Vec<Strin
 fn judge(seed: u64, folder: &std::path::Path, kept: &mut [u64; 2]) -> Vec<String> {
     let (all, way) = world(seed);
     // Kinds of worlds come in fives.
-    let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
+    let policies = [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep];
     let collapse = policies[(seed / 5 % 3) as usize];
     let mut faults = Vec::new();
     for strategy in [Strategy::Retroactive, Strategy::Proactive] {
@@ -388,9 +388,10 @@ fn what_is_written_of_any_world_is_sound() {
 fn faults_of(all: &[Shape], tolerance: i64, decimals: Option<u8>) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let mut faults = Vec::new();
-    for (strategy, collapse) in [Strategy::Retroactive, Strategy::Proactive]
-        .into_iter()
-        .flat_map(|s| [Collapse::Minimal, Collapse::Drop, Collapse::Keep].map(|c| (s, c)))
+    for (strategy, collapse) in
+        [Strategy::Retroactive, Strategy::Proactive].into_iter().flat_map(|s| {
+            [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep].map(|c| (s, c))
+        })
     {
         for square in [crowd(&moved(all, &way(tolerance, decimals))).max(4), 1 << 20] {
             let way = Way { strategy, collapse, square, ..way(tolerance, decimals) };
@@ -404,7 +405,7 @@ fn faults_of(all: &[Shape], tolerance: i64, decimals: Option<u8>) -> Vec<String>
 }
 
 fn way(tolerance: i64, decimals: Option<u8>) -> Way {
-    let (strategy, collapse) = (Strategy::Retroactive, Collapse::Minimal);
+    let (strategy, collapse) = (Strategy::Retroactive, RingCollapse::Minimal);
     Way { tolerance, snap: 0, decimals, square: 1 << 20, method: 0, strategy, collapse }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 use terrane_globe::{
-    GlbTileOptions, GlobeTileId, Patch, STEPS, TerrainTile, TileErrorMeasure, TileExtensions,
+    GlbTileOptions, GlobeTileId, HeightPatch, STEPS, TerrainTile, TileErrorMeasure, TileExtensions,
     TileLevel, TileVertex, glb, quantized_mesh,
 };
 use terrane_proof::tiles::{
@@ -108,7 +108,7 @@ fn lattice([cols, rows]: [i32; 2], has_one_more: bool) -> TerrainTile {
 /// in binary glTF 65,535 stands for none.
 #[test]
 fn d1_indices_grow_at_the_number_of_the_specification() {
-    let none: Option<(&TileLevel, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &HeightPatch<'_>)> = None;
     for (size, has_one_more, count) in
         [([255, 257], false, 65_535), ([256, 256], false, 65_536), ([256, 256], true, 65_537)]
     {

@@ -3,14 +3,14 @@
 use crate::support::{Grid, Mesh, delaunay, noise};
 use proptest::prelude::*;
 use terrane_base::geom::Affine;
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{MeshRequirements, VerifyReport, verify};
 
 fn prove(mesh: &Mesh, grid: &Grid, degrees: Option<f64>, memory: u64) -> VerifyReport {
     let asked = MeshRequirements {
         min_angle: degrees,
-        kept: ConstraintSamples::NONE,
+        kept: GridConstraints::NONE,
         ..MeshRequirements::of_samples(Some(1e9))
     };
     let resources = Resources { threads: 2, memory, temp_dir: None };

@@ -4,14 +4,14 @@ use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use terrane_engine::breaklines::Breaklines;
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{MeshRequirements, VerifyReport, verify};
 
 type Ends = [[u32; 2]; 2];
 
 fn prove(mesh: &Mesh, grid: &Grid, lines: &[Ends], memory: u64) -> VerifyReport {
-    let kept = ConstraintSamples::default().with(Breaklines::of(lines.to_vec()));
+    let kept = GridConstraints::default().with(Breaklines::of(lines.to_vec()));
     let asked = MeshRequirements { kept: &kept, ..MeshRequirements::of_samples(Some(1e9)) };
     let resources = Resources { threads: 2, memory, temp_dir: None };
     verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()

@@ -3,11 +3,11 @@
 use crate::support::{Grid, Mesh, delaunay, noise, split_cells};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_verify::{GridLocation, MeshRequirements, VerifyReport, verify};
 
-fn prove(mesh: &Mesh, grid: &Grid, kept: &ConstraintSamples, memory: u64) -> VerifyReport {
+fn prove(mesh: &Mesh, grid: &Grid, kept: &GridConstraints, memory: u64) -> VerifyReport {
     let asked = MeshRequirements { kept, ..MeshRequirements::of_samples(Some(1e9)) };
     let resources = Resources { threads: 2, memory, temp_dir: None };
     verify(mesh, grid, asked, &resources, &Silent, &Cancel::default()).unwrap()
@@ -33,7 +33,7 @@ proptest! {
         let vertices: BTreeSet<[u32; 2]> =
             mesh.vertices.iter().map(|v| [v[0] as u32, -v[1] as u32]).collect();
         let missing: Vec<_> = samples.iter().filter(|at| !vertices.contains(*at)).collect();
-        let kept = ConstraintSamples::of(samples.clone());
+        let kept = GridConstraints::of(samples.clone());
         for memory in [1 << 20, 64 << 20] {
             let report = prove(&mesh, &grid, &kept, memory);
             prop_assert_eq!(report.of.not_kept.count, missing.len() as u64);
@@ -50,7 +50,7 @@ proptest! {
 #[test]
 fn a_vertex_at_another_height_is_not_kept_even_where_heights_are_fitted() {
     let grid = grid(12, 9);
-    let kept = ConstraintSamples::of(vec![[5, 4], [6, 4]]);
+    let kept = GridConstraints::of(vec![[5, 4], [6, 4]]);
     for fitted in [false, true] {
         let mut mesh = split_cells(&grid);
         if fitted {
@@ -78,7 +78,7 @@ fn what_has_no_surface_cannot_be_kept() {
     let mut grid = grid(9, 9);
     // (0, 0) is left with no cell, (1, 1) is void, (2, 2) is on the outline.
     grid.set(1, 1, f64::NAN);
-    let kept = ConstraintSamples::of(vec![[0, 0], [1, 1], [2, 2]]);
+    let kept = GridConstraints::of(vec![[0, 0], [1, 1], [2, 2]]);
     let report = prove(&split_cells(&grid), &grid, &kept, 64 << 20);
     assert!(report.verdict.passed, "{:?}", report.verdict.failures);
     let told = report.of.keep_points.unwrap();

@@ -4,7 +4,7 @@
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 use terrane::{ErrorBound, Result};
 use terrane_base::geom::{Point3, Rect};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_mesh::{MeshInfo, MeshSource};
 use terrane_raster::{GridInfo, GridSource, SampleType};
@@ -210,6 +210,6 @@ pub(crate) fn check(mesh: &Mesh, grid: &Grid, tolerance: Option<f64>) -> VerifyR
 /// The findings alone, without the figures of the run.
 pub(crate) fn findings(mut report: VerifyReport) -> VerifyReport {
     report.of.samples_per_second = 0.0;
-    report.run = Figures::default();
+    report.run = RunStatistics::default();
     report
 }

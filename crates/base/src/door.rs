@@ -14,21 +14,21 @@ const CLOSE: char = '›';
 
 /// A way of asking for a job that has a spelling of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Door {
+pub enum Frontend {
     /// `--max-error`, `--memory 64M`, `--no-drop`.
     CommandLine,
     /// `max_error`, `memory='64M'`, `drop=False`.
     Python,
 }
 
-impl Door {
+impl Frontend {
     /// A message with its options spelled.
     ///
     /// ```
     /// use terrane_base::door::Door;
     /// let remedy = "raise ‹max_error›, or pass ‹memory=64M› and ‹drop=false›";
-    /// assert_eq!(Door::CommandLine.spell(remedy), "raise --max-error, or pass --memory 64M and --no-drop");
-    /// assert_eq!(Door::Python.spell(remedy), "raise max_error, or pass memory='64M' and drop=False");
+    /// assert_eq!(Frontend::CommandLine.spell(remedy), "raise --max-error, or pass --memory 64M and --no-drop");
+    /// assert_eq!(Frontend::Python.spell(remedy), "raise max_error, or pass memory='64M' and drop=False");
     /// ```
     pub fn spell(self, message: &str) -> Cow<'_, str> {
         if !message.contains(OPEN) {
@@ -57,7 +57,7 @@ impl Door {
     /// ```
     /// use terrane_base::door::Door;
     /// let report = r#"{"input":"‹fit›.tif","notes":["‹fit› helps"]}"#;
-    /// assert_eq!(Door::Python.spell_report(report), r#"{"input":"‹fit›.tif","notes":["fit helps"]}"#);
+    /// assert_eq!(Frontend::Python.spell_report(report), r#"{"input":"‹fit›.tif","notes":["fit helps"]}"#);
     /// ```
     pub fn spell_report(self, report: &str) -> Cow<'_, str> {
         if !report.contains(OPEN) {
@@ -149,7 +149,7 @@ fn is_option(text: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::Door::{CommandLine, Python};
+    use super::Frontend::{CommandLine, Python};
 
     #[test]
     fn values_of_reports_stay_and_notes_are_spelled() {

@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::door::Door;
+use crate::door::Frontend;
 
 /// Result of every fallible call in this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -73,12 +73,12 @@ pub struct Error {
     remedy: Option<String>,
     #[source]
     source: Option<io::Error>,
-    several: Option<Box<Several>>,
+    several: Option<Box<SeveralErrors>>,
 }
 
 /// What an error stands for that stands for several.
 #[derive(Debug)]
-struct Several {
+struct SeveralErrors {
     failures: Vec<Error>,
     /// Among so many files.
     of: usize,
@@ -103,7 +103,7 @@ impl Error {
         }
         let message = format!("{} of {of} files cannot be used", failures.len());
         let mut error = Self::new(failures[0].kind, message).remedy("mend them, or leave them out");
-        error.several = Some(Box::new(Several { failures, of }));
+        error.several = Some(Box::new(SeveralErrors { failures, of }));
         error
     }
 
@@ -120,7 +120,7 @@ impl Error {
     }
 
     /// In the words of a door, without the failures that it stands for.
-    pub fn summary(&self, door: Door) -> String {
+    pub fn summary(&self, door: Frontend) -> String {
         let Self { kind, message, remedy, .. } = self;
         match (&self.several, remedy) {
             (Some(_), Some(remedy)) => {
@@ -308,12 +308,12 @@ impl Error {
 }
 
 /// An error with its options in the words of a door; names of files stay as they are.
-pub struct Spelled<'a> {
+pub struct SpelledError<'a> {
     error: &'a Error,
-    door: Door,
+    door: Frontend,
 }
 
-impl fmt::Display for Spelled<'_> {
+impl fmt::Display for SpelledError<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.error.write_line(f, Some(self.door))
     }
@@ -327,11 +327,11 @@ impl fmt::Display for Error {
 
 impl Error {
     /// The same in the words of a door.
-    pub fn spelled(&self, door: Door) -> Spelled<'_> {
-        Spelled { error: self, door }
+    pub fn spelled(&self, door: Frontend) -> SpelledError<'_> {
+        SpelledError { error: self, door }
     }
 
-    fn write_line(&self, f: &mut fmt::Formatter<'_>, door: Option<Door>) -> fmt::Result {
+    fn write_line(&self, f: &mut fmt::Formatter<'_>, door: Option<Frontend>) -> fmt::Result {
         let spelled = |text| door.map_or(Cow::Borrowed(text), |door| door.spell(text));
         let mut line = OneLine(f);
         if let Some(path) = &self.path {

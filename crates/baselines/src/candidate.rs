@@ -3,7 +3,7 @@
 use std::cmp::{Ordering, Reverse};
 
 use crate::grid::PackedSample;
-use crate::plane::{Offset, TrianglePlane};
+use crate::plane::{PlaneOffset, TrianglePlane};
 use crate::task::BaselineTask;
 
 /// A sample beyond the tolerance. Of two the one with the larger error is the greater, and among equals the
@@ -16,7 +16,11 @@ pub(crate) struct RefinementCandidate {
 
 impl RefinementCandidate {
     /// The candidate that a sample of a triangle is, if it is one.
-    pub(crate) fn of(task: &BaselineTask<'_>, at: PackedSample, offset: &Offset) -> Option<Self> {
+    pub(crate) fn of(
+        task: &BaselineTask<'_>,
+        at: PackedSample,
+        offset: &PlaneOffset,
+    ) -> Option<Self> {
         // What is further off by so little that it rounds to nothing is not at 0 all the same.
         let error = || offset.error().max(f64::MIN_POSITIVE);
         task.exceeds(offset).then(|| Self { error: error(), at })

@@ -14,10 +14,10 @@ use std::collections::BinaryHeap;
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::check_surface;
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
-use crate::star::{Full, is_free};
+use crate::star::{FullMesh, is_free};
 use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 use terrane_base::geom::predicates::orient;
@@ -28,7 +28,7 @@ pub(crate) const COLLAPSE: BaselineMethod = BaselineMethod {
     source: "Garland & Heckbert 1997",
     time: "O(n log n), expected",
     memory: "the grid, a mesh of all samples, and a heap of its edges",
-    promise: Promise::Samples,
+    promise: MethodPromise::Samples,
     takes_triangulation: false,
     is_delaunay: false,
     takes_budget: true,
@@ -37,7 +37,7 @@ pub(crate) const COLLAPSE: BaselineMethod = BaselineMethod {
 };
 
 fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
-    let mut collapsing = Collapsing::new(task)?;
+    let mut collapsing = CollapsingMesh::new(task)?;
     collapsing.run()?;
     Ok(BaselineTin::of_mesh(&task.grid, &collapsing.full.mesh))
 }
@@ -90,20 +90,20 @@ impl Quadric {
 type Collapse = Reverse<(u64, PackedSample, PackedSample, u32)>;
 
 /// A mesh that gets coarser.
-struct Collapsing<'a> {
+struct CollapsingMesh<'a> {
     task: &'a BaselineTask<'a>,
-    full: Full,
+    full: FullMesh,
     heap: BinaryHeap<Collapse>,
     /// By sample: its quadric, and how often its star has changed.
     quadrics: Vec<Quadric>,
     stamps: Vec<u32>,
 }
 
-impl<'a> Collapsing<'a> {
+impl<'a> CollapsingMesh<'a> {
     fn new(task: &'a BaselineTask<'a>) -> Result<Self> {
         let grid = &task.grid;
         check_surface(grid)?;
-        let full = Full::new(grid);
+        let full = FullMesh::new(grid);
         let mut quadrics = vec![Quadric::default(); grid.len()];
         for corners in full.mesh.surface().map(|id| full.mesh.tris[id as usize].corners) {
             let quadric = Quadric::of_plane(grid, corners);
@@ -189,7 +189,7 @@ mod tests {
             let grid = heights.grid();
             prop_assume!(check_surface(&grid).is_ok());
             let task = BaselineTask::new(grid, BaselineGoal::MaxError(tolerance));
-            let mut collapsing = Collapsing::new(&task).unwrap();
+            let mut collapsing = CollapsingMesh::new(&task).unwrap();
             collapsing.run().unwrap();
             collapsing.full.mesh.validate();
             let tin = BaselineTin::of_mesh(&grid, &collapsing.full.mesh);

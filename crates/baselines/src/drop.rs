@@ -17,10 +17,10 @@ use std::collections::BinaryHeap;
 
 use crate::grid::PackedSample;
 use crate::mesh::check_surface;
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
-use crate::star::{Full, Star, is_free};
+use crate::star::{FullMesh, VertexStar, is_free};
 use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
 
@@ -30,7 +30,7 @@ pub(crate) const DROP: BaselineMethod = BaselineMethod {
     source: "Lee 1989, 1991",
     time: "O(n log n log (n/m)), expected",
     memory: "the grid, and a mesh of all samples",
-    promise: Promise::Samples,
+    promise: MethodPromise::Samples,
     takes_triangulation: false,
     is_delaunay: true,
     takes_budget: true,
@@ -39,7 +39,7 @@ pub(crate) const DROP: BaselineMethod = BaselineMethod {
 };
 
 fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
-    let mut dropping = Dropping::new(task)?;
+    let mut dropping = DroppingMesh::new(task)?;
     dropping.run()?;
     Ok(BaselineTin::of_mesh(&task.grid, &dropping.full.mesh))
 }
@@ -48,20 +48,20 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
 type Removal = Reverse<(u64, PackedSample, u32)>;
 
 /// A mesh that gets coarser.
-struct Dropping<'a> {
+struct DroppingMesh<'a> {
     task: &'a BaselineTask<'a>,
-    full: Full,
+    full: FullMesh,
     heap: BinaryHeap<Removal>,
     /// By sample: how often its star has changed.
     stamps: Vec<u32>,
 }
 
-impl<'a> Dropping<'a> {
+impl<'a> DroppingMesh<'a> {
     fn new(task: &'a BaselineTask<'a>) -> Result<Self> {
         let grid = &task.grid;
         check_surface(grid)?;
         let stamps = vec![0; grid.len()];
-        let mut new = Self { task, full: Full::new(grid), heap: BinaryHeap::new(), stamps };
+        let mut new = Self { task, full: FullMesh::new(grid), heap: BinaryHeap::new(), stamps };
         for at in grid.samples() {
             (task.pulse)()?;
             new.weigh(at);
@@ -106,7 +106,7 @@ impl<'a> Dropping<'a> {
 }
 
 /// The largest error that the removal of a vertex leaves in its star; none where that is beyond the tolerance.
-fn removal_error(task: &BaselineTask<'_>, star: &Star) -> Option<f64> {
+fn removal_error(task: &BaselineTask<'_>, star: &VertexStar) -> Option<f64> {
     let mut worst = 0.0;
     for corners in star.ears()? {
         let plane = TrianglePlane::new(&task.grid, corners);
@@ -133,7 +133,7 @@ mod tests {
             let grid = heights.grid();
             prop_assume!(check_surface(&grid).is_ok());
             let task = BaselineTask::new(grid, BaselineGoal::MaxError(tolerance));
-            let mut dropping = Dropping::new(&task).unwrap();
+            let mut dropping = DroppingMesh::new(&task).unwrap();
             dropping.run().unwrap();
             dropping.full.mesh.validate();
             let tin = BaselineTin::of_mesh(&grid, &dropping.full.mesh);

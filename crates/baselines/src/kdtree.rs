@@ -14,7 +14,7 @@
 
 use crate::grid::PackedSample;
 use crate::mesh::{BaselineMesh, check_surface};
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
 use crate::surface::{SurfaceCellSums, SurfaceCoverage};
@@ -28,7 +28,7 @@ pub(crate) const KDTREE: BaselineMethod = BaselineMethod {
     source: "Bentley 1975; Von Herzen & Barr 1987",
     time: "O(n log n) for each of few rounds, expected",
     memory: "the grid, the mesh, and a number for each sample",
-    promise: Promise::Samples,
+    promise: MethodPromise::Samples,
     takes_triangulation: false,
     is_delaunay: false,
     takes_budget: false,

@@ -41,7 +41,7 @@ mod vip;
 
 pub use channels::{ChannelErrors, MultichannelTin, WeightedChannels, join_voids};
 pub use grid::{HeightGrid, MOST_SIDE, PackedSample, check_sides};
-pub use method::{BaselineMethod, Promise};
+pub use method::{BaselineMethod, MethodPromise};
 pub use registry::METHODS;
 pub use result::BaselineTin;
 pub use surface::SampleCensus;

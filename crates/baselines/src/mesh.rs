@@ -34,7 +34,7 @@ pub(crate) struct BaselineTriangle {
 
 /// An edge of the ring around what is replaced: where it starts, and the half-edge beyond it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Link {
+pub(crate) struct RingEdge {
     pub(crate) from: PackedSample,
     pub(crate) beyond: u32,
 }
@@ -188,7 +188,7 @@ impl BaselineMesh {
         &mut self,
         gone: &[u32],
         filling: &[[PackedSample; 3]],
-        ring: &[Link],
+        ring: &[RingEdge],
     ) -> Vec<u32> {
         let state = self.tris[gone[0] as usize].state;
         for &id in gone {
@@ -283,14 +283,14 @@ impl BaselineMesh {
         self.legalise(grid, triangulation, fresh)
     }
 
-    fn around(&self, half_edges: &[u32]) -> Vec<Link> {
-        let link = |&edge: &u32| Link { from: self.origin(edge), beyond: self.twin(edge) };
+    fn around(&self, half_edges: &[u32]) -> Vec<RingEdge> {
+        let link = |&edge: &u32| RingEdge { from: self.origin(edge), beyond: self.twin(edge) };
         half_edges.iter().map(link).collect()
     }
 
     /// The triangles beside an edge and what lies around them, counter-clockwise; on the border the ring is
     /// open and ends where the edge starts.
-    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<Link>, Option<PackedSample>) {
+    fn beside(&self, half_edge: u32) -> (Vec<u32>, Vec<RingEdge>, Option<PackedSample>) {
         let others = |half_edge: u32| {
             let (t, edge) = (half_edge >> 2, half_edge & 3);
             [4 * t + next(edge), 4 * t + prev(edge)]

@@ -7,7 +7,7 @@ use terrane_base::registry::RegistryEntry;
 
 /// What a method says of the error of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Promise {
+pub enum MethodPromise {
     /// No sample is further off than the tolerance; equal is allowed.
     Samples,
     /// Nothing by itself: the error is measured, and told. Where a largest error is given, as many vertices are
@@ -15,7 +15,7 @@ pub enum Promise {
     Measured,
 }
 
-impl Promise {
+impl MethodPromise {
     /// In words.
     pub fn text(self) -> &'static str {
         match self {
@@ -39,7 +39,7 @@ pub struct BaselineMethod {
     /// What it holds in memory.
     pub memory: &'static str,
     /// What it promises when it is given a largest error.
-    pub promise: Promise,
+    pub promise: MethodPromise,
     /// Whether it leaves open how vertices are connected.
     pub takes_triangulation: bool,
     /// Whether its triangles are Delaunay on the lattice of samples, unless another triangulation is asked for.

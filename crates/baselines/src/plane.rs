@@ -27,13 +27,13 @@ impl<'a> TrianglePlane<'a> {
     }
 
     /// How a sample of the closed triangle lies to it.
-    pub(crate) fn offset(&self, at: PackedSample) -> Offset {
+    pub(crate) fn offset(&self, at: PackedSample) -> PlaneOffset {
         self.offset_by(weights_in(self.corners, at), at)
     }
 
     /// The same, by the sample's [`weights_in`] this triangle: they are the same for all channels.
-    pub(crate) fn offset_by(&self, weights: [i64; 3], at: PackedSample) -> Offset {
-        Offset { weights, heights: self.heights, height: self.grid.sample(at) }
+    pub(crate) fn offset_by(&self, weights: [i64; 3], at: PackedSample) -> PlaneOffset {
+        PlaneOffset { weights, heights: self.heights, height: self.grid.sample(at) }
     }
 
     /// The corners in the order that weights are in.
@@ -42,7 +42,7 @@ impl<'a> TrianglePlane<'a> {
     }
 
     /// The samples of the closed triangle in (row, column) order, and how they lie to it.
-    pub(crate) fn offsets(&self) -> impl Iterator<Item = (PackedSample, Offset)> {
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = (PackedSample, PlaneOffset)> {
         samples_of(self.corners).map(|at| (at, self.offset(at)))
     }
 }
@@ -73,14 +73,14 @@ fn greatest_divisor(mut a: i64, mut b: i64) -> i64 {
 
 /// A sample and the plane over or under it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Offset {
+pub(crate) struct PlaneOffset {
     /// Barycentric weights, none negative.
     weights: [i64; 3],
     heights: [f64; 3],
     height: f64,
 }
 
-impl Offset {
+impl PlaneOffset {
     /// True at a corner, which is a vertex already.
     pub(crate) fn is_corner(&self) -> bool {
         self.weights.iter().filter(|weight| **weight == 0).count() > 1

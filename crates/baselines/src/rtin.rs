@@ -16,7 +16,7 @@
 
 use crate::grid::PackedSample;
 use crate::mesh::check_surface;
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::plane::TrianglePlane;
 use crate::result::BaselineTin;
 use crate::surface::{SurfaceCellSums, SurfaceCoverage};
@@ -30,7 +30,7 @@ pub(crate) const RTIN: BaselineMethod = BaselineMethod {
     source: "Evans, Kirkpatrick & Townsend 1998",
     time: "O(n log n)",
     memory: "the grid, the mesh, and a bit for each sample of the square around it",
-    promise: Promise::Samples,
+    promise: MethodPromise::Samples,
     takes_triangulation: false,
     is_delaunay: false,
     takes_budget: false,
@@ -52,13 +52,13 @@ fn run(task: &BaselineTask<'_>) -> Result<BaselineTin> {
 
 /// A right triangle: the ends of its longest side, and the corner across, counter-clockwise.
 #[derive(Clone, Copy, Debug)]
-struct Right {
+struct RightTriangle {
     corners: [[u32; 2]; 3],
     /// How often the square was halved.
     level: u32,
 }
 
-impl Right {
+impl RightTriangle {
     /// The middle of the longest side.
     fn middle(self) -> [u32; 2] {
         let [a, b, _] = self.corners;
@@ -93,24 +93,24 @@ impl<'a> RtinHierarchy<'a> {
         Self { task, cells: SurfaceCellSums::new(&task.grid), side, levels: 2 * side.ilog2(), cut }
     }
 
-    fn roots(&self) -> [Right; 2] {
+    fn roots(&self) -> [RightTriangle; 2] {
         let [a, b] = [[0, 0], [self.side, 0]];
         let [c, d] = [[self.side, self.side], [0, self.side]];
-        [[c, a, b], [a, c, d]].map(|corners| Right { corners, level: 0 })
+        [[c, a, b], [a, c, d]].map(|corners| RightTriangle { corners, level: 0 })
     }
 
     /// Where the middle of a triangle's longest side has its bit.
-    fn bit(&self, triangle: Right) -> usize {
+    fn bit(&self, triangle: RightTriangle) -> usize {
         let [col, row] = triangle.middle();
         row as usize * (self.side as usize + 1) + col as usize
     }
 
-    fn is_cut(&self, triangle: Right) -> bool {
+    fn is_cut(&self, triangle: RightTriangle) -> bool {
         triangle.level < self.levels && self.cut.contains(self.bit(triangle))
     }
 
     /// Of the rectangle around a triangle.
-    fn extent_around(&self, triangle: Right) -> SurfaceCoverage {
+    fn extent_around(&self, triangle: RightTriangle) -> SurfaceCoverage {
         let ends = |axis: usize| {
             let [a, b, c] = triangle.corners.map(|corner| corner[axis]);
             [a.min(b).min(c), a.max(b).max(c)]
@@ -119,7 +119,7 @@ impl<'a> RtinHierarchy<'a> {
         self.cells.extent([cols[0], rows[0]], [cols[1], rows[1]])
     }
 
-    fn extent(&self, triangle: Right) -> SurfaceCoverage {
+    fn extent(&self, triangle: RightTriangle) -> SurfaceCoverage {
         match self.extent_around(triangle) {
             SurfaceCoverage::Partly => {
                 let [one, other] = triangle.halves().map(|half| self.extent(half));
@@ -130,7 +130,7 @@ impl<'a> RtinHierarchy<'a> {
     }
 
     /// Marks where triangles of a level within this one have to be cut; those of all deeper levels are marked.
-    fn mark(&mut self, triangle: Right, level: u32) -> Result<()> {
+    fn mark(&mut self, triangle: RightTriangle, level: u32) -> Result<()> {
         (self.task.pulse)()?;
         if self.extent_around(triangle) == SurfaceCoverage::Outside {
             return Ok(());
@@ -144,7 +144,7 @@ impl<'a> RtinHierarchy<'a> {
         Ok(())
     }
 
-    fn must_cut(&self, triangle: Right) -> bool {
+    fn must_cut(&self, triangle: RightTriangle) -> bool {
         match self.extent(triangle) {
             SurfaceCoverage::Outside => false,
             SurfaceCoverage::Partly => true,
@@ -157,7 +157,7 @@ impl<'a> RtinHierarchy<'a> {
     }
 
     /// The triangles that are not cut, as far as they belong to the surface.
-    fn collect(&self, triangle: Right, kept: &mut Vec<[PackedSample; 3]>) {
+    fn collect(&self, triangle: RightTriangle, kept: &mut Vec<[PackedSample; 3]>) {
         if self.is_cut(triangle) {
             triangle.halves().into_iter().for_each(|half| self.collect(half, kept));
         } else if self.extent(triangle) == SurfaceCoverage::Inside {

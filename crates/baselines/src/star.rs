@@ -1,18 +1,18 @@
 //! The triangles around a vertex, for methods that take vertices away.
 
 use crate::grid::{HeightGrid, PackedSample};
-use crate::mesh::{BaselineMesh, Link, NONE, next, prev};
+use crate::mesh::{BaselineMesh, NONE, RingEdge, next, prev};
 use crate::surface::SampleRole;
 use terrane_base::geom::predicates::{in_circle, orient};
 
 /// The star of a vertex and the ring around it, counter-clockwise. On a side of the grid the ring is closed
 /// by the edge that is left when the vertex goes.
-pub(crate) struct Star {
+pub(crate) struct VertexStar {
     pub(crate) triangles: Vec<u32>,
-    pub(crate) ring: Vec<Link>,
+    pub(crate) ring: Vec<RingEdge>,
 }
 
-impl Star {
+impl VertexStar {
     /// The star of the vertex that a half-edge starts from.
     pub(crate) fn of(mesh: &BaselineMesh, half_edge: u32) -> Self {
         let mut first = half_edge;
@@ -28,10 +28,10 @@ impl Star {
             let (t, edge) = (at >> 2, at & 3);
             let [outer, last] = [4 * t + next(edge), 4 * t + prev(edge)];
             star.triangles.push(t);
-            star.ring.push(Link { from: mesh.origin(outer), beyond: mesh.twin(outer) });
+            star.ring.push(RingEdge { from: mesh.origin(outer), beyond: mesh.twin(outer) });
             at = mesh.twin(last);
             if at == NONE {
-                star.ring.push(Link { from: mesh.origin(last), beyond: NONE });
+                star.ring.push(RingEdge { from: mesh.origin(last), beyond: NONE });
             }
             if at == NONE || at == first {
                 return star;
@@ -84,13 +84,13 @@ fn is_ear(ring: &[PackedSample], i: usize) -> bool {
 }
 
 /// A mesh of all samples of the surface, and where the star of each begins.
-pub(crate) struct Full {
+pub(crate) struct FullMesh {
     pub(crate) mesh: BaselineMesh,
     /// By sample, a half-edge that starts from it, or [`NONE`].
     spokes: Vec<u32>,
 }
 
-impl Full {
+impl FullMesh {
     /// Every cell cut from its first sample to its last: Delaunay, as all four lie on one circle.
     pub(crate) fn new(grid: &HeightGrid<'_>) -> Self {
         let cells = grid.samples().filter(|at| grid.holds_cell(at.col(), at.row()));
@@ -108,15 +108,15 @@ impl Full {
     }
 
     /// The star of a vertex.
-    pub(crate) fn star(&self, grid: &HeightGrid<'_>, vertex: PackedSample) -> Star {
-        Star::of(&self.mesh, self.spokes[grid.index(vertex)])
+    pub(crate) fn star(&self, grid: &HeightGrid<'_>, vertex: PackedSample) -> VertexStar {
+        VertexStar::of(&self.mesh, self.spokes[grid.index(vertex)])
     }
 
     /// Puts other triangles in the place of a star.
     pub(crate) fn refill(
         &mut self,
         grid: &HeightGrid<'_>,
-        star: &Star,
+        star: &VertexStar,
         filling: &[[PackedSample; 3]],
     ) {
         let added = self.mesh.replace(&star.triangles, filling, &star.ring);

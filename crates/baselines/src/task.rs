@@ -2,8 +2,8 @@
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::{BaselineMesh, TriangleState};
-use crate::plane::Offset;
-use crate::star::Star;
+use crate::plane::PlaneOffset;
+use crate::star::VertexStar;
 use crate::triangulation::TriangulationRule;
 use terrane_base::error::{Error, Result};
 
@@ -46,12 +46,12 @@ impl<'a> BaselineTask<'a> {
     }
 
     /// True for a sample that should become a vertex.
-    pub(crate) fn exceeds(&self, offset: &Offset) -> bool {
+    pub(crate) fn exceeds(&self, offset: &PlaneOffset) -> bool {
         !offset.is_corner() && !offset.is_within(self.tolerance())
     }
 
     /// True for a sample whose error forbids that vertices go: of a number of vertices there is none.
-    pub(crate) fn forbids(&self, offset: &Offset) -> bool {
+    pub(crate) fn forbids(&self, offset: &PlaneOffset) -> bool {
         matches!(self.goal, BaselineGoal::MaxError(_)) && self.exceeds(offset)
     }
 }
@@ -109,7 +109,7 @@ impl SurfaceSize {
     }
 
     /// A vertex goes, and `filling` takes the place of its star.
-    pub(crate) fn shrink(&mut self, star: &Star, filling: &[[PackedSample; 3]]) {
+    pub(crate) fn shrink(&mut self, star: &VertexStar, filling: &[[PackedSample; 3]]) {
         self.vertices -= 1;
         self.triangles -= (star.triangles.len() - filling.len()) as u64;
     }

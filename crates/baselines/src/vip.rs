@@ -17,7 +17,7 @@ use std::cmp::Reverse;
 
 use crate::grid::{HeightGrid, PackedSample};
 use crate::mesh::BaselineMesh;
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::result::BaselineTin;
 use crate::surface::SampleRole;
 use crate::task::{BaselineGoal, BaselineTask, SurfaceSize};
@@ -29,7 +29,7 @@ pub(crate) const VIP: BaselineMethod = BaselineMethod {
     source: "Chen & Guevara 1987",
     time: "O(n log n) for a number of vertices, O(n log^2 n) for an error",
     memory: "the grid, the mesh, and the order of its samples",
-    promise: Promise::Measured,
+    promise: MethodPromise::Measured,
     takes_triangulation: false,
     is_delaunay: true,
     takes_budget: true,

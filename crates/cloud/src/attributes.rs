@@ -5,7 +5,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Ruler};
 
 use super::column::PointColumn;
-use super::raw::Raw;
+use super::raw::RawPoint;
 use super::source::Each;
 
 /// Attributes that every source of points knows.
@@ -40,7 +40,7 @@ impl AttributeReader {
     }
 
     #[inline(always)]
-    fn value<R: Raw>(&self, raw: R, record: &[u8]) -> f64 {
+    fn value<R: RawPoint>(&self, raw: R, record: &[u8]) -> f64 {
         match self {
             Self::Class => raw.class().into(),
             Self::Number => raw.returns()[0].into(),
@@ -50,7 +50,7 @@ impl AttributeReader {
     }
 
     /// The value; of whole numbers that are steps of a ruler the decimal, as people write it.
-    pub(crate) fn decimal<R: Raw>(&self, raw: R, record: &[u8], ruler: Option<&Ruler>) -> f64 {
+    pub(crate) fn decimal<R: RawPoint>(&self, raw: R, record: &[u8], ruler: Option<&Ruler>) -> f64 {
         match (self, ruler) {
             (Self::Field(column), Some(ruler)) => column.decimal(record, ruler),
             _ => self.value(raw, record),
@@ -106,7 +106,7 @@ impl<'a> AttributeTable<'a> {
 
     /// Takes a point in, of which this is the record, where its readers take one.
     #[inline(always)]
-    pub(crate) fn push<R: Raw>(&mut self, point: Point, raw: R, record: &[u8]) {
+    pub(crate) fn push<R: RawPoint>(&mut self, point: Point, raw: R, record: &[u8]) {
         self.points.push(point);
         for (column, reader) in self.columns.iter_mut().zip(self.readers) {
             column.push(reader.value(raw, record));

@@ -12,7 +12,7 @@ use terrane_base::geom::{Point, PointFrame, Ruler};
 
 use super::attributes::{AttributeReader, reader};
 use super::column::PointColumn;
-use super::raw::Raw;
+use super::raw::RawPoint;
 
 /// What coordinates are called.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
@@ -59,7 +59,11 @@ impl Condition {
     ///
     /// # Errors
     /// An attribute that the points do not have.
-    pub(crate) fn bind(&self, columns: &[PointColumn], frame: &PointFrame) -> Result<Test> {
+    pub(crate) fn bind(
+        &self,
+        columns: &[PointColumn],
+        frame: &PointFrame,
+    ) -> Result<CompiledCondition> {
         let source = |name: &str| {
             if let Some(axis) = AXES.iter().position(|axis| name.eq_ignore_ascii_case(axis)) {
                 return Ok(ConditionOperand::Axis(axis, frame.ruler(axis)));
@@ -68,7 +72,7 @@ impl Condition {
             let ruler = found.column().and_then(PointColumn::ruler);
             Ok(ConditionOperand::Attribute(found, ruler))
         };
-        Ok(Test(self.formula.resolve(source)?))
+        Ok(CompiledCondition(self.formula.resolve(source)?))
     }
 }
 
@@ -82,11 +86,11 @@ enum ConditionOperand {
 
 /// A condition on the records of one file.
 #[derive(Clone, Debug)]
-pub(crate) struct Test(Formula<ConditionOperand>);
+pub(crate) struct CompiledCondition(Formula<ConditionOperand>);
 
-impl Test {
+impl CompiledCondition {
     /// Whether it is true of a point, of which this is the record.
-    pub(crate) fn holds<R: Raw>(&self, point: Point, raw: R, record: &[u8]) -> bool {
+    pub(crate) fn holds<R: RawPoint>(&self, point: Point, raw: R, record: &[u8]) -> bool {
         thread_local! {
             static STACK: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
         }

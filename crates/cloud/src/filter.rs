@@ -14,7 +14,7 @@ use super::polygon::FilterPolygon;
 use super::raw::Flags;
 
 /// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
-/// cloud's frame first, and all is decided on steps (see [`Gate`]).
+/// cloud's frame first, and all is decided on steps (see [`CompiledFilter`]).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CloudFilter {
     /// Of one of these classes.
@@ -94,7 +94,7 @@ impl CloudFilter {
 
 /// A filter whose limits are steps of a frame.
 #[derive(Clone, Debug)]
-pub struct Gate {
+pub struct CompiledFilter {
     filter: CloudFilter,
     /// Lowest and highest steps of the points wanted; none where they cross over.
     limits: [[i32; 2]; 3],
@@ -102,7 +102,7 @@ pub struct Gate {
     polygon: Option<Arc<FilterPolygon>>,
 }
 
-impl Gate {
+impl CompiledFilter {
     /// For points of `frame`.
     pub fn new(filter: &CloudFilter, frame: &PointFrame) -> Self {
         let [west, south, east, north] = filter.area();

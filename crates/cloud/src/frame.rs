@@ -93,7 +93,7 @@ impl FrameTransform {
 
 /// A frame, how each file gets into it, and how far points move at most on the way.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Common {
+pub(super) struct CommonFrame {
     pub(super) frame: PointFrame,
     pub(super) maps: Vec<FrameTransform>,
     pub(super) moved: [f64; 3],
@@ -105,14 +105,14 @@ pub(super) struct Common {
 ///
 /// # Errors
 /// Extents beyond [`REACH`], unless any will do; those beyond what files store.
-pub(super) fn common(claims: &[ClaimedExtent], any_extent: bool) -> Result<Common> {
+pub(super) fn common(claims: &[ClaimedExtent], any_extent: bool) -> Result<CommonFrame> {
     match within(claims, EXACT) {
         Err(_) if any_extent => within(claims, STORED),
         found => found,
     }
 }
 
-fn within(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<Common> {
+fn within(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
     let axes: Vec<Option<SharedLatticeAxis>> =
         (0..3).map(|axis| SharedLatticeAxis::shared(claims, axis)).collect();
     match <[Option<SharedLatticeAxis>; 3]>::try_from(axes) {
@@ -184,7 +184,7 @@ fn shifted(
     claims: &[ClaimedExtent],
     axes: [SharedLatticeAxis; 3],
     steps: [i64; 2],
-) -> Result<Common> {
+) -> Result<CommonFrame> {
     let mut origins = [0; 3];
     for (axis, lattice) in axes.iter().enumerate() {
         origins[axis] = lattice.origin(claims, axis, steps)?;
@@ -201,10 +201,10 @@ fn shifted(
             Ruler::new(axes[axis].scale, axes[axis].base).at(origins[axis])
         }),
     };
-    Ok(Common { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
+    Ok(CommonFrame { frame, maps: (0..claims.len()).map(map).collect(), moved: [0.0; 3] })
 }
 
-fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<Common> {
+fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
     let mut frame = PointFrame { scale: [1.0; 3], offset: [0.0; 3] };
     let mut moved = [0.0; 3];
     for (axis, moved) in moved.iter_mut().enumerate() {
@@ -224,7 +224,7 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<Common> {
         }
     }
     let maps = vec![FrameTransform::Round(frame); claims.len()];
-    Ok(Common { frame, maps, moved })
+    Ok(CommonFrame { frame, maps, moved })
 }
 
 /// Whether all steps of a file are steps of another lattice, too.

@@ -3,18 +3,18 @@
 use std::sync::Arc;
 
 use super::attributes::{AttributeReader, AttributeTable, readers};
-use super::filter::Gate;
+use super::filter::CompiledFilter;
 use super::frame::FrameTransform;
 use super::lattice::{PointLattice, PositionSpan, decimals};
 use super::open::CloudOpenOptions;
-use super::raw::{Flags, Raw};
+use super::raw::{Flags, RawPoint};
 use super::sieve::PointSieve;
 use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point};
-use terrane_files::{HeldResource, Register};
+use terrane_files::{HeldRegister, HeldResource};
 
-static CLOUDS: Register<HeldPoints> = Register::new();
+static CLOUDS: HeldRegister<InMemoryPoints> = HeldRegister::new();
 
 /// What is known of a point beside its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,10 +28,10 @@ pub struct PointMarks {
 }
 
 /// A cloud in memory that has a name; it is given up with this.
-pub struct HeldCloud(HeldResource<HeldPoints>);
+pub struct InMemoryCloud(HeldResource<InMemoryPoints>);
 
 /// Points on the lattice that was made for them.
-struct HeldPoints {
+struct InMemoryPoints {
     points: Vec<HeldPoint>,
     placed: PointLattice,
     span: PositionSpan,
@@ -45,7 +45,7 @@ struct HeldPoint {
     marks: PointMarks,
 }
 
-impl Raw for HeldPoint {
+impl RawPoint for HeldPoint {
     fn xyz(self) -> [i32; 3] {
         self.xyz
     }
@@ -63,7 +63,7 @@ impl Raw for HeldPoint {
     }
 }
 
-impl HeldCloud {
+impl InMemoryCloud {
     /// Gives points a name, by which [`source`](super::source) opens them. Their lattice has the decimals that they have, at
     /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 16
     /// bytes a point and looks at each twice.
@@ -92,7 +92,7 @@ impl HeldCloud {
             marks: marks.map_or(PointMarks::default(), |marks| marks[number]),
         };
         let points = positions.iter().enumerate().map(point).collect();
-        Ok(Self(CLOUDS.hold(HeldPoints { points, placed, span, crs })))
+        Ok(Self(CLOUDS.hold(InMemoryPoints { points, placed, span, crs })))
     }
 
     /// The name.
@@ -102,8 +102,8 @@ impl HeldCloud {
 }
 
 /// A held cloud as a source; its parts are a batch each.
-struct HeldCloudSource {
-    stock: Arc<HeldPoints>,
+struct InMemoryCloudSource {
+    stock: Arc<InMemoryPoints>,
     sieve: Option<PointSieve>,
     info: CloudInfo,
     notes: Vec<String>,
@@ -113,7 +113,7 @@ struct HeldCloudSource {
 pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let stock = CLOUDS.get(name)?;
     let frame = stock.placed.lattice();
-    let gate = Gate::new(&options.filter, &frame);
+    let gate = CompiledFilter::new(&options.filter, &frame);
     // Where nothing lies in the box asked for, nothing is read, as of a file.
     let claim = stock.placed.claim(&stock.span).filter(|all| all.within(&options.filter).is_some());
     let bounds = claim
@@ -128,16 +128,16 @@ pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn Poi
     let count = if sieve.is_some() { stock.points.len() as u64 } else { 0 };
     let info = CloudInfo { frame, bounds, count, crs };
     let notes = stock.placed.note.iter().cloned().collect();
-    Ok(Box::new(HeldCloudSource { stock, sieve, info, notes }))
+    Ok(Box::new(InMemoryCloudSource { stock, sieve, info, notes }))
 }
 
-impl HeldCloudSource {
+impl InMemoryCloudSource {
     fn part(&self, part: usize) -> &[HeldPoint] {
         self.stock.points.chunks(BATCH).nth(part).unwrap_or_default()
     }
 }
 
-impl PointSource for HeldCloudSource {
+impl PointSource for InMemoryCloudSource {
     fn info(&self) -> &CloudInfo {
         &self.info
     }
@@ -172,7 +172,7 @@ impl PointSource for HeldCloudSource {
     }
 
     fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
-        Ok(Box::new(HeldAttributeSource { open: self, readers: readers(names, &[])? }))
+        Ok(Box::new(InMemoryAttributes { open: self, readers: readers(names, &[])? }))
     }
 
     fn notes(&self) -> &[String] {
@@ -181,12 +181,12 @@ impl PointSource for HeldCloudSource {
 }
 
 /// The same with attributes.
-struct HeldAttributeSource<'a> {
-    open: &'a HeldCloudSource,
+struct InMemoryAttributes<'a> {
+    open: &'a InMemoryCloudSource,
     readers: Vec<AttributeReader>,
 }
 
-impl AttributeSource for HeldAttributeSource<'_> {
+impl AttributeSource for InMemoryAttributes<'_> {
     fn read(&self, part: usize, each: &mut Each<'_>) -> Result<PointCensus> {
         let (mut census, mut table) = (PointCensus::default(), AttributeTable::new(&self.readers));
         let Some(sieve) = &self.open.sieve else { return Ok(census) };
@@ -246,7 +246,7 @@ mod tests {
             let path = folder.path().join("points.csv");
             std::fs::write(&path, format!("x,y,z,class,return_number,number_of_returns\n{text}")).unwrap();
             let path = format!("cloud:{}", path.display());
-            let held = HeldCloud::new(&positions, Some(&marks), Crs::default()).unwrap();
+            let held = InMemoryCloud::new(&positions, Some(&marks), Crs::default()).unwrap();
             let filter = CloudFilter {
                 classes: Some(vec![1, 2]),
                 returns: Some(Return::First),
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn what_is_no_cloud_is_refused() {
-        let new = |points: &[[f64; 3]], marks| HeldCloud::new(points, marks, Crs::default());
+        let new = |points: &[[f64; 3]], marks| InMemoryCloud::new(points, marks, Crs::default());
         let told = new(&[[0.0; 3], [0.0, f64::NAN, 0.0]], None).err().unwrap().to_string();
         assert!(told.contains("point 1"), "{told}");
         assert!(new(&[[0.0; 3]], Some(&[])).is_err());
@@ -282,7 +282,8 @@ mod tests {
     #[test]
     fn coordinates_without_an_end_are_rounded_and_told_of() {
         let third = 1.0 / 3.0;
-        let held = HeldCloud::new(&[[third, 0.0, 1000.0 + third]], None, Crs::default()).unwrap();
+        let held =
+            InMemoryCloud::new(&[[third, 0.0, 1000.0 + third]], None, Crs::default()).unwrap();
         let source = source(&[held.name().to_owned()], &CloudOpenOptions::default()).unwrap();
         assert!(source.notes()[0].contains("rounded"), "{:?}", source.notes());
         let mut found = [0.0; 3];

@@ -29,12 +29,12 @@ mod times;
 mod version;
 pub mod write;
 
-pub use carry::{Carrier, LasOutputFormat, PointAppearance, Sight};
+pub use carry::{AppearanceReader, LasOutputFormat, PointAppearance, PointFormatConverter};
 pub use class::class_name;
 pub use condition::{AXES, Condition};
-pub use filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
+pub use filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 pub use format::PointFormat;
-pub use held::{HeldCloud, PointMarks};
+pub use held::{InMemoryCloud, PointMarks};
 pub use open::{CloudOpenOptions, PointCloud, files, files_below, is_cloud, is_cloud_below, open};
 pub use polygon::{FilterPolygon, PolygonRings};
 pub use raw::Flags;

@@ -11,9 +11,9 @@ use terrane_files::lock;
 use super::attributes::{AttributeReader, AttributeTable};
 use super::filter::{CloudFilter, FilterRecord, FilterVerdict};
 use super::frame::ClaimedExtent;
-use super::las::{self, LasFile, LasPointBlock, LegacyLasRecord, New, unpacked};
+use super::las::{self, LasFile, LasPointBlock, LegacyLasRecord, ModernLasRecord, unpacked};
 use super::lazip::FieldSelection;
-use super::raw::{Flags, Raw};
+use super::raw::{Flags, RawPoint};
 use super::recast::Recast;
 use super::sieve::PointSieve;
 use super::source::{self, BATCH, PointCensus};
@@ -88,8 +88,8 @@ pub(super) fn take_room<T>(work: impl FnOnce(&mut MemberReadBuffers) -> T) -> T 
 type Each<'a> = dyn FnMut(&[Point]) -> Result<()> + 'a;
 
 /// The records of a block, by their format.
-trait Visit {
-    fn visit<R: Raw>(
+trait RecordBlockVisitor {
+    fn visit<R: RawPoint>(
         &mut self,
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
@@ -97,15 +97,15 @@ trait Visit {
 }
 
 /// Sifts records into points.
-struct Sift<'a, 'b> {
+struct RecordFilter<'a, 'b> {
     sieve: &'a PointSieve,
     points: &'a mut Vec<Point>,
     census: PointCensus,
     each: &'a mut Each<'b>,
 }
 
-impl Take for Sift<'_, '_> {
-    fn take<'r, R: Raw>(
+impl RecordVisitor for RecordFilter<'_, '_> {
+    fn take<'r, R: RawPoint>(
         &mut self,
         first: u64,
         records: impl Iterator<Item = (&'r [u8], R)>,
@@ -118,8 +118,8 @@ impl Take for Sift<'_, '_> {
     }
 }
 
-impl Visit for Sift<'_, '_> {
-    fn visit<R: Raw>(
+impl RecordBlockVisitor for RecordFilter<'_, '_> {
+    fn visit<R: RawPoint>(
         &mut self,
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
@@ -136,8 +136,8 @@ struct FilteredRecordVisitor<'a> {
     each: &'a mut dyn FnMut(&FilterRecord),
 }
 
-impl Visit for FilteredRecordVisitor<'_> {
-    fn visit<R: Raw>(
+impl RecordBlockVisitor for FilteredRecordVisitor<'_> {
+    fn visit<R: RawPoint>(
         &mut self,
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
@@ -146,8 +146,8 @@ impl Visit for FilteredRecordVisitor<'_> {
     }
 }
 
-impl Take for FilteredRecordVisitor<'_> {
-    fn take<'r, R: Raw>(
+impl RecordVisitor for FilteredRecordVisitor<'_> {
+    fn take<'r, R: RawPoint>(
         &mut self,
         first: u64,
         records: impl Iterator<Item = (&'r [u8], R)>,
@@ -169,8 +169,8 @@ impl Take for FilteredRecordVisitor<'_> {
 }
 
 /// Whole records of a block, by their format.
-trait Take {
-    fn take<'r, R: Raw>(
+trait RecordVisitor {
+    fn take<'r, R: RawPoint>(
         &mut self,
         first: u64,
         records: impl Iterator<Item = (&'r [u8], R)>,
@@ -178,15 +178,15 @@ trait Take {
 }
 
 /// Takes wanted points on with their attributes.
-struct Tell<'a, 'b> {
+struct AttributeVisitor<'a, 'b> {
     sieve: &'a PointSieve,
     table: AttributeTable<'a>,
     census: PointCensus,
     each: &'a mut source::Each<'b>,
 }
 
-impl Take for Tell<'_, '_> {
-    fn take<'r, R: Raw>(
+impl RecordVisitor for AttributeVisitor<'_, '_> {
+    fn take<'r, R: RawPoint>(
         &mut self,
         first: u64,
         records: impl Iterator<Item = (&'r [u8], R)>,
@@ -200,8 +200,8 @@ impl Take for Tell<'_, '_> {
     }
 }
 
-impl Visit for Tell<'_, '_> {
-    fn visit<R: Raw>(
+impl RecordBlockVisitor for AttributeVisitor<'_, '_> {
+    fn visit<R: RawPoint>(
         &mut self,
         first: u64,
         records: impl ExactSizeIterator<Item = R> + Clone,
@@ -211,7 +211,7 @@ impl Visit for Tell<'_, '_> {
 }
 
 /// Takes wanted records on as those of another format.
-struct Carry<'a, 'b> {
+struct RecordConverter<'a, 'b> {
     sieve: &'a PointSieve,
     recast: &'a Recast,
     /// Whether places stay as they are stored.
@@ -221,8 +221,8 @@ struct Carry<'a, 'b> {
     each: &'a mut (dyn FnMut(&[u8]) -> Result<()> + 'b),
 }
 
-impl Take for Carry<'_, '_> {
-    fn take<'r, R: Raw>(
+impl RecordVisitor for RecordConverter<'_, '_> {
+    fn take<'r, R: RawPoint>(
         &mut self,
         first: u64,
         records: impl Iterator<Item = (&'r [u8], R)>,
@@ -300,7 +300,7 @@ impl CloudMember {
     ) -> Result<PointCensus> {
         let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
         let MemberReadBuffers { records, points } = room;
-        let mut sift = Sift { sieve, points, census: PointCensus::default(), each };
+        let mut sift = RecordFilter { sieve, points, census: PointCensus::default(), each };
         let lost = match sieve.needs_records() {
             true => self.take(part, records, &mut sift),
             false => self.visit(part, sieve.wanted(), records, &mut sift),
@@ -332,7 +332,7 @@ impl CloudMember {
         each: &mut dyn FnMut(&[u8]) -> Result<()>,
     ) -> Result<PointCensus> {
         let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
-        let mut carry = Carry {
+        let mut carry = RecordConverter {
             sieve,
             recast,
             as_stored,
@@ -353,7 +353,7 @@ impl CloudMember {
         each: &mut source::Each<'_>,
     ) -> Result<PointCensus> {
         let Some(sieve) = &self.sieve else { return Ok(PointCensus::default()) };
-        let mut tell = Tell {
+        let mut tell = AttributeVisitor {
             sieve,
             table: AttributeTable::new(readers),
             census: PointCensus::default(),
@@ -376,7 +376,7 @@ impl CloudMember {
         &self,
         part: usize,
         room: &mut las::LasReadBuffers,
-        taker: &mut impl Take,
+        taker: &mut impl RecordVisitor,
     ) -> Result<u64> {
         match &self.file {
             CloudFile::Las(file) => {
@@ -392,7 +392,7 @@ impl CloudMember {
                         };
                         let records = records.chunks_exact(size);
                         match is_new {
-                            true => taker.take(first, records.map(|r| (r, New::of(r)))),
+                            true => taker.take(first, records.map(|r| (r, ModernLasRecord::of(r)))),
                             false => {
                                 taker.take(first, records.map(|r| (r, LegacyLasRecord::of(r))))
                             }
@@ -406,7 +406,7 @@ impl CloudMember {
                 file.records(part, self.salvage, &mut |first, lines: &[text::TextPoint]| {
                     let records: Vec<_> = lines.iter().map(text::TextPoint::record).collect();
                     taker
-                        .take(first, records.iter().map(|r| (&r[..size], New::of(r))))
+                        .take(first, records.iter().map(|r| (&r[..size], ModernLasRecord::of(r))))
                         .map_err(|e| e.in_file(&file.path))
                 })
             }
@@ -419,7 +419,7 @@ impl CloudMember {
         part: usize,
         wanted: FieldSelection,
         room: &mut las::LasReadBuffers,
-        visitor: &mut impl Visit,
+        visitor: &mut impl RecordBlockVisitor,
     ) -> Result<u64> {
         match &self.file {
             CloudFile::Las(file) => {
@@ -434,7 +434,7 @@ impl CloudMember {
                             visitor.visit(first, unpacked::<false>(f))
                         }
                         (LasPointBlock::Records(r), true) => {
-                            visitor.visit(first, r.chunks_exact(record).map(New::of))
+                            visitor.visit(first, r.chunks_exact(record).map(ModernLasRecord::of))
                         }
                         (LasPointBlock::Records(r), false) => {
                             visitor.visit(first, r.chunks_exact(record).map(LegacyLasRecord::of))

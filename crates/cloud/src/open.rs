@@ -13,21 +13,21 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::{Crs, Point, PointFrame};
-use terrane_files::{RawFile, Seek, on_threads, path_of, shown};
+use terrane_files::{FileKind, RawFile, on_threads, path_of, shown};
 
 use super::agree;
 use super::attributes::{self, AttributeReader};
 use super::column::TIME;
-use super::condition::Test;
-use super::filter::{CloudFilter, FilterRecord, Gate};
-use super::frame::{self, ClaimedExtent, Common, FrameTransform};
+use super::condition::CompiledCondition;
+use super::filter::{CloudFilter, CompiledFilter, FilterRecord};
+use super::frame::{self, ClaimedExtent, CommonFrame, FrameTransform};
 use super::las::LasFile;
 use super::member::{CloudFile, CloudMember, take_room};
 use super::origin::CloudFileOrigin;
 use super::sieve::PointSieve;
 use super::source::{AttributeSource, CloudInfo, Each, PointCensus, PointSource};
 use super::text::TextFile;
-use super::times::Times;
+use super::times::GpsTimeEpoch;
 
 /// What says that a file is a cloud, before its name.
 const CLOUD_PREFIX: &str = "cloud:";
@@ -37,7 +37,7 @@ const ENDINGS: [&str; 2] = ["las", "laz"];
 const MOST_NOTES: usize = 20;
 
 /// What is looked for in folders.
-const CLOUDS: Seek = Seek { what: "point cloud", is_member, file_name: |input| input };
+const CLOUDS: FileKind = FileKind { what: "point cloud", is_member, file_name: |input| input };
 
 /// How a cloud is read.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -198,7 +198,7 @@ impl PointSource for PointCloud {
         }
         let is_time = |reader: &AttributeReader| matches!(reader, AttributeReader::Field(column) if column.name == TIME);
         if readers.iter().flatten().any(is_time) {
-            Times::of_all(&origins)?;
+            GpsTimeEpoch::of_all(&origins)?;
         }
         Ok(Box::new(CloudAttributeSource { cloud: self, readers }))
     }
@@ -320,7 +320,7 @@ fn join(
         false => frame::common(&wanted, options.any_extent)
             .map_err(|e| named(e, (&names, &touching), options.any_extent))?,
     };
-    let gate = Gate::new(&options.filter, &common.frame);
+    let gate = CompiledFilter::new(&options.filter, &common.frame);
     let lattice = shared(&wanted, &common);
     let mut maps = common.maps.iter();
     let (mut members, mut ends) = (Vec::new(), Vec::new());
@@ -347,14 +347,14 @@ fn test(
     name: &str,
     file: &CloudFile,
     (filter, frame): (&CloudFilter, &PointFrame),
-) -> Result<Option<Test>> {
+) -> Result<Option<CompiledCondition>> {
     let Some(condition) = &filter.condition else { return Ok(None) };
     let columns = CloudFileOrigin::new(name, file)?.columns();
     condition.bind(&columns, frame).map(Some).map_err(|e| e.in_file(&path_of(name)))
 }
 
 /// The lattice of all files and the steps from it to the frame, where all have one.
-fn shared(claims: &[ClaimedExtent], common: &Common) -> Option<(PointFrame, [i32; 3])> {
+fn shared(claims: &[ClaimedExtent], common: &CommonFrame) -> Option<(PointFrame, [i32; 3])> {
     let (first, FrameTransform::Shift(by)) = (claims.first()?, *common.maps.first()?) else {
         return None;
     };
@@ -378,7 +378,7 @@ fn named(
 }
 
 /// The frame of a cloud without points.
-fn nowhere(files: &[CloudFile]) -> Common {
+fn nowhere(files: &[CloudFile]) -> CommonFrame {
     let frame = files.iter().map(CloudFile::lattice).min_by(|a, b| {
         let key = |frame: &PointFrame| [frame.scale, frame.offset].concat();
         let (a, b) = (key(a), key(b));
@@ -389,7 +389,7 @@ fn nowhere(files: &[CloudFile]) -> Common {
             .unwrap_or(a.len().cmp(&b.len()))
     });
     let frame = frame.unwrap_or(PointFrame { scale: [1.0; 3], offset: [0.0; 3] });
-    Common { frame, maps: Vec::new(), moved: [0.0; 3] }
+    CommonFrame { frame, maps: Vec::new(), moved: [0.0; 3] }
 }
 
 /// Lowest and highest coordinates of a claim in the frame.

@@ -2,10 +2,10 @@
 
 use super::column::{PointColumn, TIME, columns};
 use super::format::PointFormat;
-use super::las::{Extra, LasFile};
+use super::las::{ExtraBytes, LasFile};
 use super::member::CloudFile;
 use super::text::TextFile;
-use super::times::Times;
+use super::times::GpsTimeEpoch;
 use terrane_base::error::{Error, Result};
 use terrane_files::{path_of, shown};
 
@@ -16,7 +16,7 @@ pub(super) struct CloudFileOrigin<'a> {
     pub(super) las: Option<&'a LasFile>,
     text: Option<&'a TextFile>,
     pub(super) format: PointFormat,
-    pub(super) extra: Extra,
+    pub(super) extra: ExtraBytes,
 }
 
 impl<'a> CloudFileOrigin<'a> {
@@ -28,7 +28,7 @@ impl<'a> CloudFileOrigin<'a> {
                 las: None,
                 text: Some(file),
                 format: file.format(),
-                extra: Extra::default(),
+                extra: ExtraBytes::default(),
             }),
         }
     }
@@ -52,10 +52,10 @@ impl<'a> CloudFileOrigin<'a> {
     }
 
     /// What its times are counted from.
-    fn times(&self) -> Times {
+    fn times(&self) -> GpsTimeEpoch {
         let is_standard = self.text.is_some_and(|text| text.is_standard);
-        let of_text = if is_standard { Times::USUAL } else { Times::Week };
-        self.las.map_or(of_text, |file| Times::of(&file.header))
+        let of_text = if is_standard { GpsTimeEpoch::USUAL } else { GpsTimeEpoch::Week };
+        self.las.map_or(of_text, |file| GpsTimeEpoch::of(&file.header))
     }
 
     pub(super) fn has_time(&self) -> bool {
@@ -66,7 +66,7 @@ impl<'a> CloudFileOrigin<'a> {
     }
 }
 
-impl Times {
+impl GpsTimeEpoch {
     /// Those of all files that have any.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A point as its file has it.
-pub(super) trait Raw: Copy {
+pub(super) trait RawPoint: Copy {
     /// Steps of the file's own lattice.
     fn xyz(self) -> [i32; 3];
     fn class(self) -> u8;

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
-use crate::las::{Extra, OVERLAP_CLASS, RecordByteCopy};
+use crate::las::{ExtraBytes, OVERLAP_CLASS, RecordByteCopy};
 use terrane_base::geom::Point;
 
 /// Bytes that records begin with in every format: place and intensity.
@@ -27,8 +27,8 @@ pub(crate) struct Recast {
 
 impl Recast {
     pub(crate) fn new(
-        (from, own): (PointFormat, &Extra),
-        (to, all): (PointFormat, &Extra),
+        (from, own): (PointFormat, &ExtraBytes),
+        (to, all): (PointFormat, &ExtraBytes),
     ) -> Self {
         let (a, b) = (from.places(), to.places());
         let field = |from: Option<usize>, to: Option<usize>, bytes| {
@@ -157,7 +157,7 @@ mod tests {
 
     fn recast(from: u8, to: u8) -> Recast {
         let [from, to] = [from, to].map(|number| PointFormat::new(number).unwrap());
-        Recast::new((from, &Extra::default()), (to, &Extra::default()))
+        Recast::new((from, &ExtraBytes::default()), (to, &ExtraBytes::default()))
     }
 
     fn push(recast: &Recast, record: &[u8]) -> Result<Vec<u8>, String> {

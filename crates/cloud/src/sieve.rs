@@ -3,18 +3,18 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::condition::Test;
-use super::filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
+use super::condition::CompiledCondition;
+use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
 use super::frame::{ClaimedExtent, FrameTransform};
-use super::raw::{Flags, Raw};
+use super::raw::{Flags, RawPoint};
 use super::source::PointCensus;
 
 /// What is done with the points of one file.
 #[derive(Clone, Debug)]
 pub(super) struct PointSieve {
-    gate: Gate,
+    gate: CompiledFilter,
     /// What attributes have to meet.
-    test: Option<Test>,
+    test: Option<CompiledCondition>,
     /// True when all filters but for withheld points would let everything through.
     is_plain: bool,
     claim: ClaimedExtent,
@@ -34,7 +34,7 @@ struct SieveCounts {
 impl PointSieve {
     /// For points of one file.
     pub(super) fn new(
-        (gate, test): (Gate, Option<Test>),
+        (gate, test): (CompiledFilter, Option<CompiledCondition>),
         claim: ClaimedExtent,
         map: FrameTransform,
         salvage: bool,
@@ -44,7 +44,7 @@ impl PointSieve {
         Self { is_plain: *gate.filter() == open, gate, test, claim, map, salvage }
     }
 
-    pub(super) fn gate(&self) -> &Gate {
+    pub(super) fn gate(&self) -> &CompiledFilter {
         &self.gate
     }
 
@@ -54,13 +54,13 @@ impl PointSieve {
     }
 
     /// What becomes of a point, of which these are the bytes where whole records are needed.
-    pub(super) fn judge<R: Raw>(
+    pub(super) fn judge<R: RawPoint>(
         &self,
         raw: R,
         bytes: &[u8],
         record: &FilterRecord,
     ) -> FilterVerdict {
-        let holds = |test: &Test| test.holds(record.point, raw, bytes);
+        let holds = |test: &CompiledCondition| test.holds(record.point, raw, bytes);
         match self.gate.judge(record) {
             FilterVerdict::Keep if !self.test.as_ref().is_none_or(holds) => FilterVerdict::Filtered,
             verdict => verdict,
@@ -72,7 +72,7 @@ impl PointSieve {
     ///
     /// # Errors
     /// A point outside the bounds its file claims, unless those are given up.
-    pub(super) fn sift<R: Raw>(
+    pub(super) fn sift<R: RawPoint>(
         &self,
         records: impl ExactSizeIterator<Item = R> + Clone,
         first: u64,
@@ -98,7 +98,7 @@ impl PointSieve {
     }
 
     /// Without a branch that depends on a point.
-    fn plain<R: Raw>(
+    fn plain<R: RawPoint>(
         &self,
         records: impl Iterator<Item = R>,
         by: [i32; 3],
@@ -124,7 +124,7 @@ impl PointSieve {
     }
 
     /// With every filter.
-    fn full<R: Raw>(
+    fn full<R: RawPoint>(
         &self,
         records: impl Iterator<Item = R>,
         first: u64,
@@ -153,7 +153,7 @@ impl PointSieve {
     ///
     /// # Errors
     /// Those of [`sift`](Self::sift).
-    pub(super) fn pick<R: Raw>(
+    pub(super) fn pick<R: RawPoint>(
         &self,
         (raw, bytes): (R, &[u8]),
         index: u64,
@@ -174,7 +174,7 @@ impl PointSieve {
         Ok(None)
     }
 
-    pub(super) fn record<R: Raw>(&self, record: R, index: u64) -> FilterRecord {
+    pub(super) fn record<R: RawPoint>(&self, record: R, index: u64) -> FilterRecord {
         let ([number, returns], raw) = (record.returns(), record.xyz());
         FilterRecord {
             point: self.map.place(raw, &self.claim),
@@ -188,7 +188,7 @@ impl PointSieve {
     }
 
     /// The error for the first point outside.
-    fn outside<R: Raw>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
+    fn outside<R: RawPoint>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
         let is_it = |(index, record): &(u64, R)| {
             let wanted = self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep;
             wanted && !self.claim.holds(record.xyz())

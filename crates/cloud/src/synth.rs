@@ -2,16 +2,16 @@
 
 use super::attributes::{AttributeReader, AttributeTable, readers};
 use super::column;
-use super::condition::{Condition, Test};
-use super::filter::{CloudFilter, FilterRecord, FilterVerdict, Gate};
-use super::las::New;
+use super::condition::{CompiledCondition, Condition};
+use super::filter::{CloudFilter, CompiledFilter, FilterRecord, FilterVerdict};
+use super::las::ModernLasRecord;
 use super::raw::Flags;
 use super::source::{AttributeSource, BATCH, CloudInfo, Each, PointCensus, PointSource};
 use super::write;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::is_held;
-use terrane_synth::cloud::{Echo, LidarSurvey};
+use terrane_synth::cloud::{LidarSurvey, SimulatedReturn};
 
 /// What comes before the cloud's name.
 const PREFIX: &str = "synth:";
@@ -64,8 +64,8 @@ pub fn crs() -> Crs {
 /// not made.
 pub struct SyntheticCloud {
     survey: LidarSurvey,
-    gate: Gate,
-    test: Option<Test>,
+    gate: CompiledFilter,
+    test: Option<CompiledCondition>,
     info: CloudInfo,
 }
 
@@ -76,7 +76,7 @@ impl SyntheticCloud {
     /// A condition on an attribute that they do not have.
     pub fn new(survey: LidarSurvey, filter: CloudFilter) -> Result<Self> {
         let frame = frame(&survey);
-        let gate = Gate::new(&filter, &frame);
+        let gate = CompiledFilter::new(&filter, &frame);
         let columns = column::columns(full()?, &[]);
         let bind = |condition: &Condition| condition.bind(&columns, &frame);
         let test = filter.condition.as_ref().map(bind).transpose()?;
@@ -98,7 +98,11 @@ impl SyntheticCloud {
     }
 
     /// Hands on the wanted echoes of a part.
-    fn sift(&self, part: usize, mut each: impl FnMut(&Echo) -> Result<()>) -> Result<PointCensus> {
+    fn sift(
+        &self,
+        part: usize,
+        mut each: impl FnMut(&SimulatedReturn) -> Result<()>,
+    ) -> Result<PointCensus> {
         if part >= self.parts() {
             return Err(Error::usage(format!("the cloud has no part {part}")));
         }
@@ -109,10 +113,10 @@ impl SyntheticCloud {
         self.survey.fill(part, &mut echoes);
         let mut census = PointCensus { read: echoes.len() as u64, ..PointCensus::default() };
         let (format, mut bytes) = (full()?, Vec::new());
-        let mut meets = |test: &Test, echo: &Echo| {
+        let mut meets = |test: &CompiledCondition, echo: &SimulatedReturn| {
             bytes.clear();
             format.encode(&[echo.into()], &mut bytes);
-            test.holds(echo.point, New::of(&bytes), &bytes)
+            test.holds(echo.point, ModernLasRecord::of(&bytes), &bytes)
         };
         for (index, echo) in echoes.iter().enumerate() {
             match self.gate.judge(&self.record(echo, index)) {
@@ -132,7 +136,7 @@ impl SyntheticCloud {
         Ok(census)
     }
 
-    fn record(&self, echo: &Echo, index: usize) -> FilterRecord {
+    fn record(&self, echo: &SimulatedReturn, index: usize) -> FilterRecord {
         FilterRecord {
             point: echo.point,
             world: self.info.frame.world(echo.point),
@@ -145,7 +149,7 @@ impl SyntheticCloud {
     }
 }
 
-fn info(survey: &LidarSurvey, gate: &Gate) -> CloudInfo {
+fn info(survey: &LidarSurvey, gate: &CompiledFilter) -> CloudInfo {
     let ([width, height], [low, high]) = (survey.steps(), survey.heights());
     let bounds = gate.cut([Point::new(0, 0, low), Point::new(width - 1, height - 1, high)]);
     CloudInfo { frame: frame(survey), bounds, count: survey.expected(), crs: crs() }
@@ -214,7 +218,7 @@ impl AttributeSource for SyntheticAttributeSource<'_> {
         let census = self.cloud.sift(part, |echo| {
             bytes.clear();
             self.format.encode(&[echo.into()], &mut bytes);
-            table.push(echo.point, New::of(&bytes), &bytes);
+            table.push(echo.point, ModernLasRecord::of(&bytes), &bytes);
             if table.len() < BATCH { Ok(()) } else { table.flush(each) }
         })?;
         table.flush(each).map(|()| census)
@@ -222,7 +226,7 @@ impl AttributeSource for SyntheticAttributeSource<'_> {
 }
 
 /// Marks of a return, with the bits of LAS 1.4.
-fn flags(echo: &Echo) -> u8 {
+fn flags(echo: &SimulatedReturn) -> u8 {
     let mark = |is: bool, flag: Flags| if is { flag.0 } else { 0 };
     mark(echo.withheld, Flags::WITHHELD) | mark(echo.overlap, Flags::OVERLAP)
 }
@@ -238,8 +242,8 @@ fn colours(class: u8) -> [u16; 4] {
 }
 
 /// A return as a record of a file: coloured by its class and strength.
-impl From<&Echo> for write::PointRecord {
-    fn from(echo: &Echo) -> Self {
+impl From<&SimulatedReturn> for write::PointRecord {
+    fn from(echo: &SimulatedReturn) -> Self {
         let shade = |colour: u16| colour * 200 + echo.intensity;
         let [red, green, blue, infrared] = colours(echo.class).map(shade);
         Self {

@@ -13,14 +13,14 @@ const BILLION: u16 = 1000;
 
 /// What times are counted from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Times {
+pub(crate) enum GpsTimeEpoch {
     /// The beginning of the week.
     Week,
     /// The beginning of GPS time and so many millions of seconds.
     Gps(u16),
 }
 
-impl Times {
+impl GpsTimeEpoch {
     /// Adjusted standard GPS times.
     pub(super) const USUAL: Self = Self::Gps(BILLION);
 

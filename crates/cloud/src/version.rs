@@ -18,7 +18,7 @@ pub enum PointPacking {
     Chunks,
     /// Compressed, any number of points at a time (COPC).
     Nodes,
-    /// Lines of text, which no [`Layout`](crate::write::PointLayout) makes.
+    /// Lines of text, which no [`PointLayout`](crate::write::PointLayout) makes.
     Text,
 }
 

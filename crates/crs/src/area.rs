@@ -9,14 +9,14 @@ pub(crate) const FAR: f64 = 3.0;
 
 /// From west to east, which is smaller where it goes across 180 degrees; from south to north.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Area {
+pub(crate) struct AreaOfUse {
     pub(crate) west: f64,
     pub(crate) south: f64,
     pub(crate) east: f64,
     pub(crate) north: f64,
 }
 
-impl Area {
+impl AreaOfUse {
     fn width(&self) -> f64 {
         match self.east - self.west {
             width if width < 0.0 => width + 360.0,
@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn areas_go_across_180_degrees() {
-        let area = Area { west: 170.0, south: -50.0, east: -170.0, north: -30.0 };
+        let area = AreaOfUse { west: 170.0, south: -50.0, east: -170.0, north: -30.0 };
         assert_eq!((area.width(), area.middle()), (20.0, -180.0));
         for (place, is_in) in [
             ([175.0, -40.0], true),
@@ -69,7 +69,7 @@ mod tests {
         ] {
             assert_eq!(area.has(place), is_in, "{place:?}");
         }
-        let all = Area { west: -180.0, south: -90.0, east: 180.0, north: 90.0 };
+        let all = AreaOfUse { west: -180.0, south: -90.0, east: 180.0, north: 90.0 };
         assert!(all.holds(&area, 0.0) && !area.holds(&all, 1.0) && all.has([180.0, 90.0]));
     }
 }

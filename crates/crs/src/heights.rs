@@ -9,7 +9,7 @@ use super::geoid::Geoid;
 
 /// What is done to a height.
 #[derive(Clone)]
-pub(crate) enum Rise {
+pub(crate) enum HeightOperation {
     /// It is what it was, times a factor.
     Times(f64),
     /// From the geoid's surface (in a unit of so many metres) to the ellipsoid of the target.
@@ -18,7 +18,7 @@ pub(crate) enum Rise {
     ToGeoid(Arc<Geoid>, f64),
 }
 
-impl Rise {
+impl HeightOperation {
     /// From the heights of one system to those of another, and what is to be said of that.
     ///
     /// # Errors

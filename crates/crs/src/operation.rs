@@ -6,9 +6,9 @@ use std::sync::Arc;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Datum, wkt};
 
-use super::area::{Area, FAR, NEAR};
+use super::area::{AreaOfUse, FAR, NEAR};
 use super::geoid::Geoid;
-use super::heights::Rise;
+use super::heights::HeightOperation;
 use super::ntv2::ShiftGrid;
 use super::projection::Projection;
 use super::shift::{Ellipsoid, Helmert};
@@ -32,7 +32,7 @@ pub struct CoordinateOperation {
     from: Projection,
     to: Projection,
     legs: Vec<DatumShift>,
-    rise: Rise,
+    rise: HeightOperation,
     /// The longitude that longitudes of a target in degrees lie around.
     about: Option<f64>,
     systems: [Crs; 2],
@@ -44,7 +44,7 @@ pub struct CoordinateOperation {
 /// A step between datums; places are longitudes and latitudes in radians.
 #[derive(Clone)]
 enum DatumShift {
-    Helmert { shift: Helmert, ellipsoids: [Ellipsoid; 2], area: Area, is_back: bool },
+    Helmert { shift: Helmert, ellipsoids: [Ellipsoid; 2], area: AreaOfUse, is_back: bool },
     Grid { grid: Arc<ShiftGrid>, is_back: bool },
 }
 
@@ -76,10 +76,15 @@ impl CoordinateOperation {
             }
             None => shift(datums, area.as_ref(), &mut notes)?,
         };
-        let rise = Rise::between([from, to], !legs.is_empty(), options.geoid.as_ref(), &mut notes)?;
-        let about = area.as_ref().filter(|_| sink.is_geographic()).map(Area::middle);
+        let rise = HeightOperation::between(
+            [from, to],
+            !legs.is_empty(),
+            options.geoid.as_ref(),
+            &mut notes,
+        )?;
+        let about = area.as_ref().filter(|_| sink.is_geographic()).map(AreaOfUse::middle);
         let is_over =
-            |area: &Area| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
+            |area: &AreaOfUse| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
         if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
             notes.push(
                 "longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned(),
@@ -144,11 +149,13 @@ impl CoordinateOperation {
             projection.unproject(at).map(|globe| globe.map(f64::to_degrees)).unwrap_or(at)
         };
         let z = match &self.rise {
-            Rise::Times(factor) => z * factor,
-            Rise::ToEllipsoid(geoid, metres) => {
+            HeightOperation::Times(factor) => z * factor,
+            HeightOperation::ToEllipsoid(geoid, metres) => {
                 z * metres + geoid.height(place(&self.to, [east, north]))?
             }
-            Rise::ToGeoid(geoid, metres) => (z - geoid.height(place(&self.from, [x, y]))?) / metres,
+            HeightOperation::ToGeoid(geoid, metres) => {
+                (z - geoid.height(place(&self.from, [x, y]))?) / metres
+            }
         };
         Ok([east, north, z])
     }
@@ -191,13 +198,13 @@ impl CoordinateOperation {
 
     /// True where heights stay the numbers they are.
     pub fn keeps_heights(&self) -> bool {
-        matches!(self.rise, Rise::Times(1.0))
+        matches!(self.rise, HeightOperation::Times(1.0))
     }
 
     /// True where x and y are kept to the last bit: of two names of one system.
     pub fn is_null(&self) -> bool {
         let [from, to] = &self.systems;
-        from.agrees(to) && matches!(self.rise, Rise::Times(1.0))
+        from.agrees(to) && matches!(self.rise, HeightOperation::Times(1.0))
     }
 }
 
@@ -229,13 +236,13 @@ impl DatumShift {
     }
 }
 
-fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
+fn check_area(area: &AreaOfUse, place: [f64; 2]) -> Result<()> {
     let [longitude, latitude] = place.map(f64::to_degrees);
     if area.has([longitude, latitude]) {
         return Ok(());
     }
     let place = format!("longitude {longitude:.4}, latitude {latitude:.4}");
-    let Area { west, south, east, north } = area;
+    let AreaOfUse { west, south, east, north } = area;
     Err(Error::unsupported(format!(
         "{place} lies outside of where the shift of the datum is known, which is from {west} to {east} degrees \
          of longitude and from {south} to {north} of latitude"
@@ -246,7 +253,7 @@ fn check_area(area: &Area, place: [f64; 2]) -> Result<()> {
 type Way = (Vec<DatumShift>, Option<f64>, String);
 
 /// The way from one datum to another, by WGS 84; what it is called, and how right.
-fn shift(datums: [&Datum; 2], area: Option<&Area>, notes: &mut Vec<String>) -> Result<Way> {
+fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>) -> Result<Way> {
     if is_one(datums) {
         return Ok((Vec::new(), Some(0.0), "the same datum".to_owned()));
     }
@@ -309,7 +316,11 @@ fn is_one([a, b]: [&Datum; 2]) -> bool {
 }
 
 /// The shift of a datum to WGS 84 for an area, or the one for the largest area.
-fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result<KnownDatumShift> {
+fn choose(
+    datum: &Datum,
+    [from, to]: [&Datum; 2],
+    area: Option<&AreaOfUse>,
+) -> Result<KnownDatumShift> {
     let known = datum.code.map(table::shifts).unwrap_or_default();
     let first = known.first().copied();
     let found = match (first, area) {
@@ -337,7 +348,7 @@ fn choose(datum: &Datum, [from, to]: [&Datum; 2], area: Option<&Area>) -> Result
 }
 
 /// The longitudes and latitudes, in degrees, that data in a rectangle of a system lie in.
-fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
+fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     const STEPS: u32 = 16;
     let at = |c: u32, r: u32| {
         let [u, v] = [c, r].map(|step| f64::from(step) / f64::from(STEPS));
@@ -349,7 +360,7 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
     let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
     let Some(first) = found.first() else {
         // None of them has a place: the error of one tells why.
-        return system.to_globe(places[0]).map(|_| Area {
+        return system.to_globe(places[0]).map(|_| AreaOfUse {
             west: 0.0,
             south: 0.0,
             east: 0.0,
@@ -377,11 +388,11 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<Area> {
         }
     }
     let [west, south, east, north] = area.map(f64::to_degrees);
-    Ok(Area { west, south, east, north })
+    Ok(AreaOfUse { west, south, east, north })
 }
 
 /// Fails where data lie across the edge of a map.
-fn check_edge(target: &Projection, area: &Area, label: &str) -> Result<()> {
+fn check_edge(target: &Projection, area: &AreaOfUse, label: &str) -> Result<()> {
     let Some(cut) = target.cut().map(f64::to_degrees) else { return Ok(()) };
     let has_pole = area.east - area.west >= 360.0 && (area.north >= 90.0 || area.south <= -90.0);
     if target.is_geographic() {

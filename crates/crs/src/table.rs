@@ -1,7 +1,7 @@
 //! What is known of the shifts of datums to WGS 84: EPSG's operations, each for an area and with its
 //! accuracy. `tools/make_shifts.py` writes the table.
 
-use super::area::Area;
+use super::area::AreaOfUse;
 
 const SHIFTS: &str = include_str!("shifts.tsv");
 
@@ -20,7 +20,7 @@ pub(crate) struct KnownDatumShift {
     pub(crate) name: &'static str,
     /// In metres.
     pub(crate) accuracy: f64,
-    pub(crate) area: Area,
+    pub(crate) area: AreaOfUse,
     /// Metres, arc-seconds, parts per million.
     pub(crate) numbers: [f64; 7],
 }
@@ -43,7 +43,7 @@ impl KnownDatumShift {
         for (place, number) in numbers.iter_mut().zip(all(next()?).ok()?) {
             *place = number;
         }
-        let area = Area { west, south, east, north };
+        let area = AreaOfUse { west, south, east, north };
         Some((datum, Self { code, name: next()?, accuracy, area, numbers }))
     }
 }

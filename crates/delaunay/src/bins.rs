@@ -1,8 +1,8 @@
 //! Points in square bins: a counting sort by bin, canonical order within each, one of each position.
 
-use super::disc::Disc;
+use super::disc::CircumscribedDisc;
 use super::predicates::Site;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
 /// Points that a bin should hold where they are spread evenly.
@@ -15,7 +15,7 @@ const MOST_BINS: u64 = 2;
 /// kept. About 16 bytes a point; each row of bins is one run of memory.
 #[derive(Clone, Debug)]
 pub struct PointBins {
-    window: PositionWindow,
+    window: SiteWindow,
     size: i32,
     /// 2^63 by the size, rounded up: products are quicker than quotients.
     inverse: u64,
@@ -28,7 +28,7 @@ pub struct PointBins {
 impl PointBins {
     /// Sorts points into bins; below 2^32 points, in linear time.
     pub fn new(points: &[Point]) -> Self {
-        let Some(window) = PositionWindow::of(points.iter().map(|p| [p.x, p.y])) else {
+        let Some(window) = SiteWindow::of(points.iter().map(|p| [p.x, p.y])) else {
             return Self::empty();
         };
         let mut bins = Self::sized(window, even_size(&window, points.len()));
@@ -42,10 +42,10 @@ impl PointBins {
     }
 
     fn empty() -> Self {
-        Self::sized(PositionWindow { low: [0; 2], high: [0; 2] }, 1)
+        Self::sized(SiteWindow { low: [0; 2], high: [0; 2] }, 1)
     }
 
-    fn sized(window: PositionWindow, size: i32) -> Self {
+    fn sized(window: SiteWindow, size: i32) -> Self {
         let [columns, rows] = [0, 1].map(|i| bins_along(&window, i, size) as usize);
         let inverse = (1_u64 << 63).div_ceil(size as u64);
         Self { window, size, inverse, columns, starts: vec![0; columns * rows + 1], points: vec![] }
@@ -136,7 +136,7 @@ impl PointBins {
     }
 
     /// The extent of the points (the origin alone, when there are none).
-    pub fn window(&self) -> PositionWindow {
+    pub fn window(&self) -> SiteWindow {
         self.window
     }
 
@@ -147,7 +147,7 @@ impl PointBins {
 
     /// Hands out all points in the window, and others near it.
     #[inline]
-    pub fn visit(&self, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
+    pub fn visit(&self, window: &SiteWindow, mut each: impl FnMut(&[Point])) {
         let Some(part) = window.intersection(&self.window) else { return };
         let columns = [self.column(part.low[0]), self.column(part.high[0])];
         for row in self.row(part.low[1])..=self.row(part.high[1]) {
@@ -157,7 +157,12 @@ impl PointBins {
 
     /// Hands out all points in both the window and the disc, and others near it.
     #[inline]
-    pub fn visit_disc(&self, disc: &Disc, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
+    pub fn visit_disc(
+        &self,
+        disc: &CircumscribedDisc,
+        window: &SiteWindow,
+        mut each: impl FnMut(&[Point]),
+    ) {
         let Some(part) = window.intersection(&self.window) else { return };
         let Some([low, high]) = disc.span(1, part.low[0], part.high[0]) else { return };
         let (low, high) = (low.max(part.low[1].into()), high.min(part.high[1].into()));
@@ -177,17 +182,17 @@ impl PointBins {
     }
 }
 
-fn length(window: &PositionWindow, axis: usize) -> u64 {
+fn length(window: &SiteWindow, axis: usize) -> u64 {
     (i64::from(window.high[axis]) - i64::from(window.low[axis])) as u64 + 1
 }
 
-fn bins_along(window: &PositionWindow, axis: usize, size: i32) -> u64 {
+fn bins_along(window: &SiteWindow, axis: usize, size: i32) -> u64 {
     (length(window, axis) - 1) / size as u64 + 1
 }
 
 /// Side of bins with [`PER_BIN`] points each, were they spread evenly; so large that a thin extent
 /// has no more bins than points.
-fn even_size(window: &PositionWindow, points: usize) -> i32 {
+fn even_size(window: &SiteWindow, points: usize) -> i32 {
     let (width, height, points) = (length(window, 0), length(window, 1), points as u64);
     let even = ((width as f64) * (height as f64) * PER_BIN as f64 / points as f64).sqrt() as u64;
     let least = width.max(height).div_ceil(points);
@@ -229,7 +234,7 @@ mod tests {
         fn visits_miss_nothing(points in points(), c in prop::array::uniform6(-3_000i32..3_000)) {
             let bins = PointBins::new(&points);
             let corners = [[c[0], c[1]], [c[2], c[3]], [c[4], c[5]]];
-            let window = PositionWindow::of(corners).unwrap();
+            let window = SiteWindow::of(corners).unwrap();
             let mut seen = vec![];
             bins.visit(&window, |run| seen.extend_from_slice(run));
             let inside = |p: &&Point| window.contains([p.x, p.y]);
@@ -237,9 +242,9 @@ mod tests {
             if super::super::predicates::orient(corners[0], corners[1], corners[2]) <= 0 {
                 return Ok(());
             }
-            let disc = Disc::around(corners);
+            let disc = CircumscribedDisc::around(corners);
             let mut seen = vec![];
-            bins.visit_disc(&disc, &PositionWindow::ALL, |run| seen.extend_from_slice(run));
+            bins.visit_disc(&disc, &SiteWindow::ALL, |run| seen.extend_from_slice(run));
             let inside = |p: &&Point| disc.holds([p.x, p.y]);
             prop_assert!(bins.points().iter().filter(inside).all(|p| seen.contains(p)));
         }
@@ -294,7 +299,7 @@ mod tests {
         #[test]
         fn products_are_quotients(bits in 0_u32..=30, size: u32, bin: u32, beside in 0_u32..3) {
             let size = (size & ((1 << bits) - 1)) + 1;
-            let bins = PointBins::sized(PositionWindow { low: [0; 2], high: [0; 2] }, size as i32);
+            let bins = PointBins::sized(SiteWindow { low: [0; 2], high: [0; 2] }, size as i32);
             // Next to where a bin begins, below 2^31 steps.
             let most = (1_u32 << 31) - 2;
             let steps = (bin % (most / size + 1) * size + beside).saturating_sub(1).min(most);
@@ -306,7 +311,7 @@ mod tests {
     fn windows_and_discs_beside_the_points_are_given_none() {
         let points: Vec<_> = (0..900).map(|i| Point::new(i % 30 * 4, i / 30 * 4, 0)).collect();
         let bins = PointBins::new(&points);
-        let count = |window: &PositionWindow, disc: Option<&Disc>| {
+        let count = |window: &SiteWindow, disc: Option<&CircumscribedDisc>| {
             let mut seen = 0;
             match disc {
                 None => bins.visit(window, |run| seen += run.len()),
@@ -314,12 +319,12 @@ mod tests {
             }
             seen
         };
-        let window = |low: Site, high: Site| PositionWindow { low, high };
+        let window = |low: Site, high: Site| SiteWindow { low, high };
         assert_eq!(count(&window([200, 0], [300, 300]), None), 0);
         assert!((100..200).contains(&count(&window([20, 20], [59, 59]), None)));
         // A circle of radius 20 around (60, 60), which holds some 80 points.
-        let disc = Disc::around([[80, 60], [48, 76], [48, 44]]);
-        let near = count(&PositionWindow::ALL, Some(&disc));
+        let disc = CircumscribedDisc::around([[80, 60], [48, 76], [48, 44]]);
+        let near = count(&SiteWindow::ALL, Some(&disc));
         assert!((78..180).contains(&near), "{near}");
         assert!(count(&window([60, 60], [119, 119]), Some(&disc)) < near / 2);
         assert_eq!(count(&window([0, 0], [30, 119]), Some(&disc)), 0);

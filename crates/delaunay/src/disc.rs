@@ -1,13 +1,13 @@
 //! Circumscribed discs in floating point, with margins that make every answer a certain one.
 
-use super::position::{Arm, FixedPosition};
+use super::position::{FixedPosition, SiteOffset};
 use super::predicates::{Site, in_circle, orient};
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 
 /// The closed disc through the corners of a triangle. Positions are relative to the first corner, so
 /// rounding is relative to the size of the triangle, not to that of the cloud.
 #[derive(Clone, Copy, Debug)]
-pub struct Disc {
+pub struct CircumscribedDisc {
     corners: [Site; 3],
     /// Centre, relative to the first corner; each coordinate is off by at most 4u of the radius.
     centre: [f64; 2],
@@ -25,7 +25,7 @@ const MARGIN: f64 = 1.0 / (1u64 << 44) as f64;
 /// Differences below this keep the numerators of the centre within 62 bits.
 const SMALL: i64 = 1 << 20;
 
-impl Disc {
+impl CircumscribedDisc {
     /// The disc of a counter-clockwise triangle with non-zero area.
     #[inline]
     pub fn around(corners: [Site; 3]) -> Self {
@@ -66,7 +66,7 @@ impl Disc {
 
     /// True when the whole disc certainly lies in the window.
     #[inline]
-    pub fn lies_in(&self, window: &PositionWindow) -> bool {
+    pub fn lies_in(&self, window: &SiteWindow) -> bool {
         (0..2).all(|axis| {
             let anchor = i64::from(self.corners[0][axis]);
             let low = (i64::from(window.low[axis]) - anchor) as f64;
@@ -104,7 +104,7 @@ impl Disc {
     #[inline(never)]
     fn holds_exactly(&self, q: FixedPosition) -> bool {
         let [a, b, c] = self.corners.map(|p| q.to(p));
-        let terms: [(Arm, i128); 3] = [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))];
+        let terms: [(SiteOffset, i128); 3] = [(a, b.cross(c)), (b, c.cross(a)), (c, a.cross(b))];
         let part = |part: &dyn Fn(i128) -> i128| -> i128 {
             terms.iter().map(|(arm, minor)| part(arm.square()) * minor).sum()
         };
@@ -145,7 +145,7 @@ impl Disc {
     /// The part of a window that the disc touches, never too small; `None` when it certainly touches
     /// nothing.
     #[inline]
-    pub fn clip(&self, window: &PositionWindow) -> Option<PositionWindow> {
+    pub fn clip(&self, window: &SiteWindow) -> Option<SiteWindow> {
         let mut part = *window;
         // Twice, because a narrower window in y narrows that in x and the other way round.
         for axis in [0, 1, 0, 1] {
@@ -199,14 +199,14 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(20_000))]
         #[test]
         fn answers_as_the_exact_predicate([a, b, c, d] in four(site)) {
-            let disc = Disc::around([a, b, c]);
+            let disc = CircumscribedDisc::around([a, b, c]);
             prop_assert_eq!(disc.holds(d), in_circle(a, b, c, d));
             prop_assert!(!disc.holds(a) && !disc.holds(b) && !disc.holds(c));
         }
 
         #[test]
         fn positions_are_inside_as_sites_are([a, b, c, d] in four(site)) {
-            let (disc, q) = (Disc::around([a, b, c]), FixedPosition::of(d));
+            let (disc, q) = (CircumscribedDisc::around([a, b, c]), FixedPosition::of(d));
             prop_assert_eq!(disc.holds_exactly(q), determinant(a, b, c, d) > 0);
             prop_assert_eq!(disc.holds_position(q), determinant(a, b, c, d) > 0);
         }
@@ -223,20 +223,20 @@ mod tests {
             let q = FixedPosition { x: d[0].into(), y: d[1].into() };
             let [large_a, large_b, large_c] = [a, b, c].map(|p| p.map(|v| v * 256));
             let expected = determinant(large_a, large_b, large_c, d) > 0;
-            prop_assert_eq!(Disc::around([a, b, c]).holds_exactly(q), expected);
-            prop_assert_eq!(Disc::around([a, b, c]).holds_position(q), expected);
+            prop_assert_eq!(CircumscribedDisc::around([a, b, c]).holds_exactly(q), expected);
+            prop_assert_eq!(CircumscribedDisc::around([a, b, c]).holds_position(q), expected);
         }
 
         #[test]
         fn spans_miss_nothing([a, b, c, d] in four(site)) {
-            let disc = Disc::around([a, b, c]);
+            let disc = CircumscribedDisc::around([a, b, c]);
             for p in [a, b, c, d].into_iter().filter(|&p| p != d || disc.holds(p)) {
                 for axis in [0, 1] {
                     let other = p[1 - axis];
                     let span = disc.span(axis, other, other).unwrap();
                     prop_assert!(span[0] <= p[axis].into() && i64::from(p[axis]) <= span[1]);
                 }
-                let window = PositionWindow { low: p, high: p };
+                let window = SiteWindow { low: p, high: p };
                 prop_assert_eq!(disc.clip(&window), Some(window));
             }
         }
@@ -244,7 +244,7 @@ mod tests {
         /// What is searched beyond the disc costs time, and what is called for in vain costs reading.
         #[test]
         fn spans_and_boxes_are_those_of_the_circle([a, b, c, d] in four(small), high in 0..300i32) {
-            let disc = Disc::around([a, b, c]);
+            let disc = CircumscribedDisc::around([a, b, c]);
             let (centre, radius) = circle([a, b, c]);
             let near = 2.0 + 1e-9 * radius;
             prop_assert!((disc.radius() - radius - 1.0).abs() < 1e-9 * radius, "{} {radius}", disc.radius());
@@ -277,13 +277,13 @@ mod tests {
             let end = |axis: usize, sign: f64, off: i32| {
                 ((centre[axis] + sign * radius).round() as i32) + off
             };
-            let window = PositionWindow {
+            let window = SiteWindow {
                 low: [end(0, -1.0, off[0]), end(1, -1.0, off[1])],
                 high: [end(0, 1.0, off[2]), end(1, 1.0, off[3])],
             };
             let room = [-off[0], -off[1], off[2], off[3]].into_iter().min().unwrap();
             if room != 1 {
-                prop_assert_eq!(Disc::around([a, b, c]).lies_in(&window), room > 1);
+                prop_assert_eq!(CircumscribedDisc::around([a, b, c]).lies_in(&window), room > 1);
             }
         }
     }
@@ -311,7 +311,7 @@ mod tests {
     #[test]
     fn positions_are_told_from_the_largest_circle_by_the_smallest_step() {
         for r in [1, 1000, terrane_base::geom::REACH] {
-            let disc = Disc::around([[-r, -r], [r, -r], [r, r]]);
+            let disc = CircumscribedDisc::around([[-r, -r], [r, -r], [r, r]]);
             let FixedPosition { x, y } = FixedPosition::of([-r, r]);
             for (east, north) in (-1..=1).flat_map(|e| (-1..=1).map(move |n| (e, n))) {
                 let q = FixedPosition { x: x + east, y: y + north };
@@ -330,7 +330,7 @@ mod tests {
             let bits = 1 + dice.below(28);
             let [x, y, east, north] = [0; 4].map(|_| dice.below(1 << bits) + 1);
             // The fourth corner of a rectangle, and a step of 1/256 to and from its middle.
-            let disc = Disc::around([[x, y], [x + east, y], [x + east, y + north]]);
+            let disc = CircumscribedDisc::around([[x, y], [x + east, y], [x + east, y + north]]);
             let FixedPosition { x, y } = FixedPosition::of([x, y + north]);
             let inside =
                 [-1, 0, 1].map(|step| disc.holds_exactly(FixedPosition { x: x + step, y }));
@@ -353,7 +353,7 @@ mod tests {
             let across = f64::from(any()) * 1e-9 * radius;
             let up = (radius * radius - across * across).sqrt();
             let q = FixedPosition::from_steps(east + across, north + up);
-            let disc = Disc::around([a, b, c]);
+            let disc = CircumscribedDisc::around([a, b, c]);
             assert_eq!(disc.holds_position(q), disc.holds_exactly(q));
             let [x, y] = disc.centre_from(q);
             let is_close = disc.within <= x * x + y * y && x * x + y * y <= disc.beyond;
@@ -365,8 +365,8 @@ mod tests {
     #[test]
     fn what_a_window_holds_of_a_disc_is_found_within_few_steps() {
         // A circle of radius 50 around (0, 0).
-        let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
-        let clip = |low: Site, high: Site| disc.clip(&PositionWindow { low, high });
+        let disc = CircumscribedDisc::around([[50, 0], [-30, 40], [-30, -40]]);
+        let clip = |low: Site, high: Site| disc.clip(&SiteWindow { low, high });
         assert_eq!(clip([60, -90], [90, 90]), None);
         assert_eq!(clip([-90, 53], [90, 90]), None);
         let whole = clip([-90, -90], [90, 90]).unwrap();

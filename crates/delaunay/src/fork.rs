@@ -2,7 +2,7 @@
 
 /// Does two things, maybe at the same time. A caller with a thread pool hands in its own; this room
 /// starts no threads.
-pub trait Fork: Sync {
+pub trait ForkJoin: Sync {
     /// Both results.
     fn join<A: Send, B: Send>(
         &self,
@@ -13,9 +13,9 @@ pub trait Fork: Sync {
 
 /// One after the other.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Serial;
+pub struct SerialJoin;
 
-impl Fork for Serial {
+impl ForkJoin for SerialJoin {
     fn join<A: Send, B: Send>(
         &self,
         a: impl FnOnce() -> A + Send,

@@ -26,7 +26,7 @@ impl Triangulation {
     }
 
     /// The same for a finer position, one on a side being in the east of it (in the north, along x), as for
-    /// [`Finder`](super::TriangleFinder); with `back` in the west (in the south).
+    /// [`TriangleFinder`](super::TriangleFinder); with `back` in the west (in the south).
     pub fn find_at(&self, at: FixedPosition, from: u32, back: bool) -> Option<u32> {
         let low = FixedPosition::of(self.ordered.low);
         let at = FixedPosition { x: at.x - low.x, y: at.y - low.y };

@@ -6,7 +6,7 @@
 //! two triangles more than they have: each part of the site array owns a fixed part of the triangle
 //! array, nothing is allocated or freed, and two halves can be done at the same time.
 
-use super::fork::Fork;
+use super::fork::ForkJoin;
 use super::predicates::{Site, in_circle, orient};
 
 /// The corner at infinity.
@@ -52,7 +52,7 @@ pub(super) struct MortonRun<'a> {
 }
 
 /// Triangulates a part of at least two sites; the result is the side of a ghost that lies on the hull.
-pub(super) fn triangulate(part: &mut MortonRun<'_>, fork: &impl Fork) -> u32 {
+pub(super) fn triangulate(part: &mut MortonRun<'_>, fork: &impl ForkJoin) -> u32 {
     let count = part.sites.len();
     if count <= 3 {
         return part.leaf();

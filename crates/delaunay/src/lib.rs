@@ -3,7 +3,7 @@
 //! One set of positions has one triangulation (`predicates`), so a part of it computed from a part of
 //! the points is the same part, once it is *final*: the discs of its triangles hold no place where
 //! unknown points may be. Whoever works on more points than fit into memory loads those around a
-//! window into [`PointBins`], says in a [`Loaded`] what that makes known, and asks: for the triangle at a
+//! window into [`PointBins`], says in a [`LoadedPoints`] what that makes known, and asks: for the triangle at a
 //! position ([`TriangleFinder`]), for natural neighbour heights ([`Natural`]), or for all triangles that a
 //! block owns ([`stars`]). The answer is final, or a [`NeededWindow`]: load that too (at most somewhat more
 //! at a time, for it shrinks as points come in) and ask again. The hull of all points must be known
@@ -31,16 +31,16 @@ mod triangulation;
 mod window;
 
 pub use bins::PointBins;
-pub use disc::Disc;
-pub use fork::{Fork, Serial};
+pub use disc::CircumscribedDisc;
+pub use fork::{ForkJoin, SerialJoin};
 pub use hull::{ConvexHull, HullLocation};
 pub use interpolate::interpolate;
 pub use natural::Natural;
 pub use position::{FRACTION, FixedPosition};
 pub use predicates::{Site, in_circle, orient};
 pub use query::{Location, TriangleFinder};
-pub use space::{CloudCoverage, Loaded, NeededWindow, PointSpace};
-pub use spikefree::{Freeze, SpikeFree};
+pub use space::{LoadedPoints, NeededWindow, OccupancyGrid, PointIndex};
+pub use spikefree::{FreezeRule, SpikeFree};
 pub use stars::stars;
 pub use triangulation::{MOST_POINTS, Triangulation};
-pub use window::PositionWindow;
+pub use window::SiteWindow;

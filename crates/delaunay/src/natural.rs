@@ -7,16 +7,16 @@
 //! discs of the two triangles beside the edge, so the result is final when the triangles of the
 //! cavity and those around it are.
 
-use super::disc::Disc;
+use super::disc::CircumscribedDisc;
 use super::hull::{ConvexHull, HullLocation};
 use super::interpolate::{float, interpolate};
 use super::knit::{GHOST, next, prev};
-use super::position::{Arm, FixedPosition};
+use super::position::{FixedPosition, SiteOffset};
 use super::query::{deepest, from_lowest, site};
-use super::space::{NeededWindow, PointSpace};
+use super::space::{NeededWindow, PointIndex};
 use super::stars::within;
 use super::triangulation::Triangulation;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
@@ -30,7 +30,7 @@ pub struct Natural<'a, S> {
     space: &'a S,
     hull: &'a ConvexHull,
     /// All known points in here are triangulated.
-    window: PositionWindow,
+    window: SiteWindow,
     points: Vec<Point>,
     triangulation: Triangulation,
     /// By triangle, whether it is known to be final.
@@ -38,23 +38,23 @@ pub struct Natural<'a, S> {
     /// A side of the triangle found last.
     last: u32,
     /// Room for what a position takes.
-    cavity: Cavity,
+    cavity: NaturalNeighborCavity,
 }
 
 /// Why there is no value.
-enum NaturalNeighborGap {
+enum MissingPoints {
     /// A known point lies in a disc but not in the window.
     Grow,
     Needs(NeededWindow),
 }
 
-impl<'a, S: PointSpace> Natural<'a, S> {
+impl<'a, S: PointIndex> Natural<'a, S> {
     /// Prepares a window: triangulates the known points in it and around it. `hull` is that of all
     /// points of the cloud.
     ///
     /// # Errors
     /// More points than [`Triangulation::new`] takes.
-    pub fn new(space: &'a S, hull: &'a ConvexHull, window: &PositionWindow) -> Result<Self> {
+    pub fn new(space: &'a S, hull: &'a ConvexHull, window: &SiteWindow) -> Result<Self> {
         let window = window.grown(space.pitch().saturating_mul(MARGIN));
         let mut points = within(space, &window);
         points.extend_from_slice(hull.ring());
@@ -62,7 +62,7 @@ impl<'a, S: PointSpace> Natural<'a, S> {
         let finals = vec![false; triangulation.numbers() as usize];
         let mut triangles = 0..triangulation.numbers();
         let last = 3 * triangles.find(|&t| triangulation.corners(t).is_some()).unwrap_or(0);
-        let cavity = Cavity::default();
+        let cavity = NaturalNeighborCavity::default();
         Ok(Self { space, hull, window, points, triangulation, finals, last, cavity })
     }
 
@@ -80,8 +80,8 @@ impl<'a, S: PointSpace> Natural<'a, S> {
         loop {
             match self.try_height(q) {
                 Ok(height) => return Ok(Ok(height)),
-                Err(NaturalNeighborGap::Needs(needs)) => return Ok(Err(needs)),
-                Err(NaturalNeighborGap::Grow) => {
+                Err(MissingPoints::Needs(needs)) => return Ok(Err(needs)),
+                Err(MissingPoints::Grow) => {
                     let longest = (0..2).map(|i| self.window.high[i] / 2 - self.window.low[i] / 2);
                     let margin = longest.max().unwrap_or(1).max(self.space.pitch());
                     let window = self.window.grown(margin);
@@ -94,10 +94,7 @@ impl<'a, S: PointSpace> Natural<'a, S> {
         }
     }
 
-    fn try_height(
-        &mut self,
-        q: FixedPosition,
-    ) -> std::result::Result<Option<f64>, NaturalNeighborGap> {
+    fn try_height(&mut self, q: FixedPosition) -> std::result::Result<Option<f64>, MissingPoints> {
         if self.triangulation.is_flat() || self.hull.place(q) == HullLocation::Outside {
             return Ok(self.point_at(q).map(|p| p.z.into()));
         }
@@ -115,7 +112,7 @@ impl<'a, S: PointSpace> Natural<'a, S> {
 
     fn point_at(&self, q: FixedPosition) -> Option<Point> {
         let mut found = None;
-        let window = PositionWindow { low: q.floor(), high: q.floor() };
+        let window = SiteWindow { low: q.floor(), high: q.floor() };
         self.space.visit(&window, |run| {
             found = found.or(run.iter().find(|p| FixedPosition::of(site(p)) == q).copied());
         });
@@ -167,16 +164,19 @@ impl<'a, S: PointSpace> Natural<'a, S> {
     }
 
     /// Whether the triangle of a side is part of the whole triangulation.
-    fn check_final(&mut self, s: u32, disc: &Disc) -> std::result::Result<(), NaturalNeighborGap> {
+    fn check_final(
+        &mut self,
+        s: u32,
+        disc: &CircumscribedDisc,
+    ) -> std::result::Result<(), MissingPoints> {
         let triangle = (s / 3) as usize;
         if self.finals[triangle] {
             return Ok(());
         }
-        if !disc.lies_in(&self.window) && deepest(self.space, disc, &PositionWindow::ALL).is_some()
-        {
-            return Err(NaturalNeighborGap::Grow);
+        if !disc.lies_in(&self.window) && deepest(self.space, disc, &SiteWindow::ALL).is_some() {
+            return Err(MissingPoints::Grow);
         }
-        self.space.certify(disc).map_err(NaturalNeighborGap::Needs)?;
+        self.space.certify(disc).map_err(MissingPoints::Needs)?;
         self.finals[triangle] = true;
         Ok(())
     }
@@ -184,7 +184,7 @@ impl<'a, S: PointSpace> Natural<'a, S> {
 
 /// What a position takes from its neighbours. Lengths in steps, relative to the position.
 #[derive(Debug, Default)]
-struct Cavity {
+struct NaturalNeighborCavity {
     q: FixedPosition,
     /// The neighbours counter-clockwise, and twice the area taken from each.
     border: Vec<(Point, f64)>,
@@ -199,20 +199,20 @@ struct Cavity {
     open: Vec<(u32, [f64; 2])>,
 }
 
-impl Cavity {
+impl NaturalNeighborCavity {
     /// Becomes the cavity of a position around the triangle of side `s`.
-    fn open<S: PointSpace>(
+    fn open<S: PointIndex>(
         &mut self,
         of: &mut Natural<'_, S>,
         q: FixedPosition,
         s: u32,
-    ) -> std::result::Result<(), NaturalNeighborGap> {
+    ) -> std::result::Result<(), MissingPoints> {
         (self.q, self.on) = (q, None);
         self.border.clear();
         self.centres.clear();
         self.edges.clear();
         self.open.clear();
-        let disc = Disc::around(of.corners(s).map(|p| site(&p)));
+        let disc = CircumscribedDisc::around(of.corners(s).map(|p| site(&p)));
         of.check_final(s, &disc)?;
         let centre = disc.centre_from(q);
         self.open.extend([(prev(s), centre), (next(s), centre), (s, centre)]);
@@ -222,7 +222,7 @@ impl Cavity {
             let mut beyond = None;
             if !of.is_ghost(twin) {
                 let corners = of.corners(twin).map(|p| site(&p));
-                let disc = Disc::around(corners);
+                let disc = CircumscribedDisc::around(corners);
                 of.check_final(twin, &disc)?;
                 beyond = disc.holds_position(q).then(|| disc.centre_from(q));
             }
@@ -292,9 +292,9 @@ fn cross(u: [f64; 2], v: [f64; 2]) -> f64 {
 
 /// Centre of the circle through a position and two sites seen from it, in steps from the position;
 /// `None` where they are collinear.
-fn centre_with([u, v]: [Arm; 2]) -> Option<[f64; 2]> {
+fn centre_with([u, v]: [SiteOffset; 2]) -> Option<[f64; 2]> {
     let area = u.cross(v);
-    let [a, b] = [u, v].map(Arm::steps);
+    let [a, b] = [u, v].map(SiteOffset::steps);
     let (aa, bb) = (a[0] * a[0] + a[1] * a[1], b[0] * b[0] + b[1] * b[1]);
     let double = 2.0 * float(area) / f64::from(1u32 << (2 * super::position::FRACTION));
     (area != 0).then(|| [(b[1] * aa - a[1] * bb) / double, (a[0] * bb - b[0] * aa) / double])
@@ -313,7 +313,7 @@ fn along_edge(u: Point, v: Point, q: FixedPosition) -> f64 {
 mod tests {
     use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
-    use super::super::space::Loaded;
+    use super::super::space::LoadedPoints;
     use super::*;
 
     /// Area of the cell of `centre` among `others`, cut out of a large square by half planes.
@@ -386,7 +386,7 @@ mod tests {
             points.sort();
             points.dedup_by_key(|p| site(p));
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let space = Loaded::whole(&bins);
+            let space = LoadedPoints::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
             for q in positions(200, most) {
                 // Near the hull the cells are cut off by the square.
@@ -412,7 +412,7 @@ mod tests {
     fn collinear_points_have_heights_at_themselves_alone() {
         let points: Vec<_> = (0..50).map(|i| Point::new(i * 6, i * 4, 100 - i)).collect();
         let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-        let space = Loaded::whole(&bins);
+        let space = LoadedPoints::whole(&bins);
         let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
         let mut height = |q: FixedPosition| natural.height(q).unwrap().unwrap();
         for p in &points {
@@ -434,7 +434,7 @@ mod tests {
                 p.z = plane(p.x.into(), p.y.into()) as i32;
             }
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let space = Loaded::whole(&bins);
+            let space = LoadedPoints::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
             let middles = points.windows(2).map(|p| FixedPosition {
                 x: i64::from(p[0].x + p[1].x) * 128,
@@ -458,10 +458,10 @@ mod tests {
     fn the_window_makes_no_difference() {
         for (name, points) in oracle::awkward(1500) {
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let space = Loaded::whole(&bins);
+            let space = LoadedPoints::whole(&bins);
             let mut natural = Natural::new(&space, &hull, &bins.window()).unwrap();
             for q in positions(25, 400_000).into_iter().chain(positions(25, 20_000)) {
-                let here = PositionWindow { low: q.floor(), high: q.floor() };
+                let here = SiteWindow { low: q.floor(), high: q.floor() };
                 let found = Natural::new(&space, &hull, &here).unwrap().height(q).unwrap().unwrap();
                 let expected = natural.height(q).unwrap().unwrap();
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name} {q:?}");
@@ -474,15 +474,15 @@ mod tests {
         let (mut asked, mut found) = (0, 0);
         for (name, points) in oracle::awkward(400) {
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let all = Loaded::whole(&bins);
+            let all = LoadedPoints::whole(&bins);
             let mut whole = Natural::new(&all, &hull, &bins.window()).unwrap();
             let bounds = bins.window();
             let middle = i32::midpoint(bounds.low[0], bounds.high[0]);
-            let known = PositionWindow { low: bounds.low, high: [middle, bounds.high[1]] };
+            let known = SiteWindow { low: bounds.low, high: [middle, bounds.high[1]] };
             let inside: Vec<_> =
                 points.iter().filter(|p| known.contains(site(p))).copied().collect();
             let bins = PointBins::new(&inside);
-            let space = Loaded { bins: &bins, known, bounds, coverage: None };
+            let space = LoadedPoints { bins: &bins, known, bounds, coverage: None };
             let mut part = Natural::new(&space, &hull, &known).unwrap();
             for q in positions(1000, 20_000).into_iter().filter(|q| known.contains(q.floor())) {
                 match part.height(q).unwrap() {
@@ -507,17 +507,17 @@ mod tests {
         let mut asked = 0;
         for (name, points) in oracle::awkward(400) {
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let whole = Loaded::whole(&bins);
+            let whole = LoadedPoints::whole(&bins);
             let mut natural = Natural::new(&whole, &hull, &bins.window()).unwrap();
             for q in positions(40, 20_000).into_iter().chain(positions(40, 300)) {
                 let expected = natural.height(q).unwrap().unwrap();
-                let mut known = PositionWindow { low: q.floor(), high: q.floor() }.grown(50);
+                let mut known = SiteWindow { low: q.floor(), high: q.floor() }.grown(50);
                 loop {
                     let inside = points.iter().filter(|p| known.contains(site(p))).copied();
                     let bins = PointBins::new(&inside.collect::<Vec<_>>());
-                    let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
-                    let space = Loaded { bins: &bins, known, bounds, coverage: None };
-                    let here = PositionWindow { low: q.floor(), high: q.floor() };
+                    let bounds = SiteWindow::of(points.iter().map(site)).unwrap();
+                    let space = LoadedPoints { bins: &bins, known, bounds, coverage: None };
+                    let here = SiteWindow { low: q.floor(), high: q.floor() };
                     match Natural::new(&space, &hull, &here).unwrap().height(q).unwrap() {
                         Ok(found) => {
                             let bits = |v: Option<f64>| v.map(f64::to_bits);

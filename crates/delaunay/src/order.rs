@@ -1,8 +1,8 @@
 //! Sites in Morton order, one of each position: the order in which halves of halves lie together.
 
-use super::fork::Fork;
+use super::fork::ForkJoin;
 use super::predicates::Site;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
 /// A site on its way into order: the bits of x and y, interleaved, and where it came from.
@@ -14,7 +14,7 @@ struct MortonSite {
 
 /// Sites in Morton order.
 #[derive(Debug, Default)]
-pub(super) struct Ordered {
+pub(super) struct MortonSites {
     /// Relative to the lowest x and y, hence not negative and below 2^30.
     pub(super) sites: Vec<Site>,
     /// The lowest x and y.
@@ -32,9 +32,9 @@ const SPREAD: u32 = 11;
 const FORK_LEAST: usize = 1 << 15;
 
 /// Sorts the positions of points; of several at one position the lowest stands for all.
-pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
-    let Some(window) = PositionWindow::of(points.iter().map(|p| [p.x, p.y])) else {
-        return Ordered::default();
+pub(super) fn order(points: &[Point], fork: &impl ForkJoin) -> MortonSites {
+    let Some(window) = SiteWindow::of(points.iter().map(|p| [p.x, p.y])) else {
+        return MortonSites::default();
     };
     let low = window.low;
     let key = |p: &Point| interleave((p.x - low[0]) as u32, (p.y - low[1]) as u32);
@@ -45,7 +45,7 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
         points.iter().enumerate().map(|(id, p)| MortonSite { key: key(p), id: id as u32 });
     let entries = sorted(entries, points.len(), bits, fork);
     let (sites, ids) = (Vec::with_capacity(points.len()), Vec::with_capacity(points.len()));
-    let mut ordered = Ordered { sites, low, ids, duplicates: vec![] };
+    let mut ordered = MortonSites { sites, low, ids, duplicates: vec![] };
     for same in entries.chunk_by(|a, b| a.key == b.key) {
         // The points themselves are far apart in memory, so they are looked at for duplicates only.
         let kept = match same {
@@ -59,7 +59,7 @@ pub(super) fn order(points: &[Point], fork: &impl Fork) -> Ordered {
     ordered
 }
 
-impl Ordered {
+impl MortonSites {
     /// Which of several entries at one position stands for all.
     fn choose(&mut self, points: &[Point], same: &[MortonSite]) -> u32 {
         let ids = same.iter().map(|entry| entry.id);
@@ -74,7 +74,7 @@ fn sorted(
     entries: impl Iterator<Item = MortonSite> + Clone,
     count: usize,
     bits: u32,
-    fork: &impl Fork,
+    fork: &impl ForkJoin,
 ) -> Vec<MortonSite> {
     let shift = bits.saturating_sub(SPREAD);
     let mut ends = vec![0usize; (1 << SPREAD) + 2];
@@ -92,7 +92,7 @@ fn sorted(
 }
 
 /// Sorts each bucket; bucket i is `ends[i]..ends[i + 1]` of the whole.
-fn sort_buckets(entries: &mut [MortonSite], ends: &[usize], fork: &impl Fork) {
+fn sort_buckets(entries: &mut [MortonSite], ends: &[usize], fork: &impl ForkJoin) {
     let base = ends[0];
     if ends.len() <= 2 || entries.len() < FORK_LEAST {
         for pair in ends.windows(2) {
@@ -141,7 +141,7 @@ fn gather(v: u64) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fork::Serial;
+    use super::super::fork::SerialJoin;
     use super::super::oracle::Dice;
     use super::*;
 
@@ -163,10 +163,10 @@ mod tests {
             let mut point = || Point::new(dice.below(most), dice.below(most), 0);
             let mut points: Vec<_> = (0..40_000).map(|_| point()).collect();
             points.push(Point::new((1 << 29) - 1, (1 << 29) - 1, 0));
-            let ordered = order(&points, &Serial);
+            let ordered = order(&points, &SerialJoin);
             let keys = ordered.sites.iter().map(|s| interleave(s[0] as u32, s[1] as u32));
             assert!(keys.clone().zip(keys.skip(1)).all(|(a, b)| a < b));
-            let low = PositionWindow::of(points.iter().map(|p| [p.x, p.y])).unwrap().low;
+            let low = SiteWindow::of(points.iter().map(|p| [p.x, p.y])).unwrap().low;
             for (site, &id) in ordered.sites.iter().zip(&ordered.ids) {
                 let p = points[id as usize];
                 assert_eq!([p.x - low[0], p.y - low[1]], *site);
@@ -179,7 +179,7 @@ mod tests {
         let mut dice = Dice(3);
         let mut point = || Point::new(dice.below(50) - 20, dice.below(40) - 50, dice.below(3));
         let points: Vec<_> = (0..5_000).map(|_| point()).collect();
-        let ordered = order(&points, &Serial);
+        let ordered = order(&points, &SerialJoin);
         assert_eq!(ordered.ids.len() + ordered.duplicates.len(), points.len());
         let keys = ordered.sites.iter().map(|s| interleave(s[0] as u32, s[1] as u32));
         assert!(keys.clone().zip(keys.skip(1)).all(|(a, b)| a < b));

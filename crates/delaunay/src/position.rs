@@ -44,17 +44,17 @@ impl FixedPosition {
 
     /// Where a site is, seen from here: below 2^39 in magnitude.
     #[inline(always)]
-    pub(super) fn to(self, site: Site) -> Arm {
+    pub(super) fn to(self, site: Site) -> SiteOffset {
         let there = Self::of(site);
-        Arm([there.x - self.x, there.y - self.y])
+        SiteOffset([there.x - self.x, there.y - self.y])
     }
 }
 
 /// A site as seen from a position, in 1/256 steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Arm(pub(super) [i64; 2]);
+pub(super) struct SiteOffset(pub(super) [i64; 2]);
 
-impl Arm {
+impl SiteOffset {
     /// In steps, exactly.
     #[inline]
     pub(super) fn steps(self) -> [f64; 2] {

@@ -7,12 +7,12 @@
 //! site replaces the corner without which q stays inside. Ties follow [`super::predicates`], so the
 //! triangle is that of the whole triangulation.
 
-use super::disc::Disc;
+use super::disc::CircumscribedDisc;
 use super::hull::{ConvexHull, HullLocation};
-use super::position::{Arm, FixedPosition};
+use super::position::{FixedPosition, SiteOffset};
 use super::predicates::{Site, in_circle};
-use super::space::{NeededWindow, PointSpace};
-use super::window::PositionWindow;
+use super::space::{NeededWindow, PointIndex};
+use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
 /// What lies at a position.
@@ -46,7 +46,7 @@ pub(super) fn site(p: &Point) -> Site {
     [p.x, p.y]
 }
 
-impl<'a, S: PointSpace> TriangleFinder<'a, S> {
+impl<'a, S: PointIndex> TriangleFinder<'a, S> {
     /// A finder in a space. `hull` is that of all points of the cloud, known or not.
     pub fn new(space: &'a S, hull: &'a ConvexHull) -> Self {
         Self { space, hull, last: None }
@@ -57,7 +57,7 @@ impl<'a, S: PointSpace> TriangleFinder<'a, S> {
     /// # Errors
     /// What has to be known in addition, if what is known does not suffice to be certain.
     pub fn find(&mut self, q: FixedPosition) -> Result<Location, NeededWindow> {
-        if let Some(found) = self.last.and_then(|last| Basis::around(q, last, false)) {
+        if let Some(found) = self.last.and_then(|last| EnclosingTriangle::around(q, last, false)) {
             return Ok(found.result());
         }
         let mut basis = match self.first(q) {
@@ -96,7 +96,8 @@ impl<'a, S: PointSpace> TriangleFinder<'a, S> {
 
     /// The triangle that `q` lies in if it is moved backwards; `None` outside.
     fn behind(&self, q: FixedPosition) -> Result<Option<[Point; 3]>, NeededWindow> {
-        let start = self.hull.start(q, true).and_then(|start| Basis::around(q, start, true));
+        let start =
+            self.hull.start(q, true).and_then(|start| EnclosingTriangle::around(q, start, true));
         let Some(mut basis) = start else { return Ok(None) };
         let disc = self.improve(&mut basis);
         self.space.certify(&disc)?;
@@ -106,7 +107,7 @@ impl<'a, S: PointSpace> TriangleFinder<'a, S> {
     /// A triangle of known points around `q`.
     fn first(&self, q: FixedPosition) -> FinderStart {
         let (at, pitch) = (q.floor(), self.space.pitch());
-        let here = PositionWindow { low: at, high: at };
+        let here = SiteWindow { low: at, high: at };
         let mut reach = 1;
         while reach <= FIRST_REACH {
             let window = here.grown(pitch.saturating_mul(reach));
@@ -138,27 +139,27 @@ impl<'a, S: PointSpace> TriangleFinder<'a, S> {
             }
             HullLocation::Inside => {}
         }
-        let start = |back| Basis::around(q, self.hull.start(q, back)?, back);
+        let start = |back| EnclosingTriangle::around(q, self.hull.start(q, back)?, back);
         start(false).or_else(|| start(true)).map_or(FinderStart::Outside, FinderStart::Basis)
     }
 
     /// Simplex: until no known point lies in the disc. Near points come first where the disc is
     /// large, so that it shrinks before it has to be searched.
-    fn improve(&self, basis: &mut Basis) -> Disc {
+    fn improve(&self, basis: &mut EnclosingTriangle) -> CircumscribedDisc {
         let (pitch, extent) = (self.space.pitch(), self.space.extent());
         let at = basis.q.floor();
         let mut reach = pitch.saturating_mul(2);
         loop {
-            let disc = Disc::around(basis.corners.map(|p| site(&p)));
+            let disc = CircumscribedDisc::around(basis.corners.map(|p| site(&p)));
             let narrow = disc.radius() * 2.0 < (WIDE * i64::from(pitch)) as f64;
             let whole = match narrow {
-                true => PositionWindow::ALL,
+                true => SiteWindow::ALL,
                 false => match disc.clip(&extent) {
                     None => return disc,
                     Some(part) => part,
                 },
             };
-            let near = PositionWindow { low: at, high: at }.grown(reach);
+            let near = SiteWindow { low: at, high: at }.grown(reach);
             let window = if narrow { whole } else { near };
             match deepest(self.space, &disc, &window) {
                 Some(point) => basis.pivot(point),
@@ -171,9 +172,9 @@ impl<'a, S: PointSpace> TriangleFinder<'a, S> {
 
 /// The known point in the window that lies deepest in the disc.
 pub(super) fn deepest(
-    space: &impl PointSpace,
-    disc: &Disc,
-    window: &PositionWindow,
+    space: &impl PointIndex,
+    disc: &CircumscribedDisc,
+    window: &SiteWindow,
 ) -> Option<Point> {
     let (mut best, mut point) = (disc.beyond(), None);
     space.visit_disc(disc, window, |run| {
@@ -191,11 +192,11 @@ pub(super) fn deepest(
 enum FinderStart {
     At(Point),
     Outside,
-    Basis(Basis),
+    Basis(EnclosingTriangle),
 }
 
 /// The nearest point of each quadrant around a position, by (north of it) * 2 + (east of it). Points
-/// on an axis belong to the quadrant that the moved position (see [`Arm::sees_left`]) sees them in.
+/// on an axis belong to the quadrant that the moved position (see [`SiteOffset::sees_left`]) sees them in.
 struct Quadrants {
     at: [f64; 2],
     /// Squared distances, in steps: rounded, since near enough is good enough.
@@ -227,7 +228,7 @@ impl Quadrants {
 
     /// A triangle of the four points that contains the position: of the two beside the diagonal from
     /// first to third the one that does, or that beside the other diagonal where it is better.
-    fn basis(&self, q: FixedPosition) -> Option<Basis> {
+    fn basis(&self, q: FixedPosition) -> Option<EnclosingTriangle> {
         let [south_west, south_east, north_west, north_east] = self.nearest;
         let [a, b, c, d] = [north_east?, north_west?, south_west?, south_east?];
         let [arm, across] = [a, c].map(|p| q.to(site(&p)));
@@ -236,7 +237,7 @@ impl Quadrants {
             false => ([a, b, c], d),
         };
         let arms = corners.map(|p| q.to(site(&p)));
-        let mut basis = Basis { q, back: false, corners, arms };
+        let mut basis = EnclosingTriangle { q, back: false, corners, arms };
         if in_circle(site(&corners[0]), site(&corners[1]), site(&corners[2]), site(&fourth)) {
             basis.pivot(fourth);
         }
@@ -245,15 +246,15 @@ impl Quadrants {
 }
 
 /// A counter-clockwise triangle around a position.
-struct Basis {
+struct EnclosingTriangle {
     q: FixedPosition,
     /// Whether the position is moved backwards where it is on a line.
     back: bool,
     corners: [Point; 3],
-    arms: [Arm; 3],
+    arms: [SiteOffset; 3],
 }
 
-impl Basis {
+impl EnclosingTriangle {
     /// The triangle, if it contains the position.
     #[inline]
     fn around(q: FixedPosition, corners: [Point; 3], back: bool) -> Option<Self> {
@@ -303,7 +304,7 @@ pub(super) fn from_lowest([a, b, c]: [Point; 3]) -> [Point; 3] {
 mod tests {
     use super::super::bins::PointBins;
     use super::super::oracle::{self, Dice};
-    use super::super::space::{CloudCoverage, Loaded};
+    use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 
     /// What lies at a position, by looking at every triangle.
@@ -321,7 +322,8 @@ mod tests {
             return Location::Outside;
         }
         let around = |back: bool| {
-            let mut inside = triangles.iter().filter(|t| Basis::around(q, **t, back).is_some());
+            let mut inside =
+                triangles.iter().filter(|t| EnclosingTriangle::around(q, **t, back).is_some());
             let found = inside.next().map(|t| Location::Triangle(*t));
             assert!(inside.next().is_none());
             found
@@ -331,7 +333,7 @@ mod tests {
 
     /// Positions over and around the points: anywhere, on half steps, on points, on edges.
     fn positions(points: &[Point], dice: &mut Dice) -> Vec<FixedPosition> {
-        let window = PositionWindow::of(points.iter().map(site)).unwrap();
+        let window = SiteWindow::of(points.iter().map(site)).unwrap();
         let mut any = |axis: usize| {
             let (low, high) =
                 (i64::from(window.low[axis]) * 256, i64::from(window.high[axis]) * 256);
@@ -356,7 +358,7 @@ mod tests {
         for n in [1, 2, 3, 4, 7, 20, 60] {
             for (name, points) in oracle::awkward(n) {
                 let (bins, triangles) = (PointBins::new(&points), oracle::triangles(&points));
-                let (space, hull) = (Loaded::whole(&bins), ConvexHull::of(points.clone()));
+                let (space, hull) = (LoadedPoints::whole(&bins), ConvexHull::of(points.clone()));
                 let mut finder = TriangleFinder::new(&space, &hull);
                 for q in positions(&points, &mut Dice(7)) {
                     let expected = brute(&points, &triangles, &hull, q);
@@ -375,7 +377,7 @@ mod tests {
         for n in [4, 7, 20, 60] {
             for (name, points) in oracle::awkward(n) {
                 let (bins, triangles) = (PointBins::new(&points), oracle::triangles(&points));
-                let (space, hull) = (Loaded::whole(&bins), ConvexHull::of(points.clone()));
+                let (space, hull) = (LoadedPoints::whole(&bins), ConvexHull::of(points.clone()));
                 let mut finder = TriangleFinder::new(&space, &hull);
                 // About half of the triangles, of no pattern.
                 let is_small = |t: &[Point; 3]| (t[0].x ^ t[1].y ^ t[2].x.wrapping_mul(3)) & 1 == 0;
@@ -409,20 +411,20 @@ mod tests {
         let mut asked = 0;
         for (name, points) in oracle::awkward(60) {
             let (triangles, hull) = (oracle::triangles(&points), ConvexHull::of(points.clone()));
-            let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
-            let mut coverage = CloudCoverage::new(bounds, 1 + (bounds.high[0] - bounds.low[0]) / 9);
+            let bounds = SiteWindow::of(points.iter().map(site)).unwrap();
+            let mut coverage = OccupancyGrid::new(bounds, 1 + (bounds.high[0] - bounds.low[0]) / 9);
             points.iter().for_each(|p| coverage.add(site(p)));
             for (i, q) in positions(&points, &mut Dice(9)).into_iter().enumerate() {
                 let expected = brute(&points, &triangles, &hull, q);
                 let mut known =
-                    PositionWindow { low: q.floor(), high: q.floor() }.grown(1 + i as i32 * 97);
+                    SiteWindow { low: q.floor(), high: q.floor() }.grown(1 + i as i32 * 97);
                 for round in 0.. {
                     assert!(round < 200, "{name}: does not end");
                     let inside = |p: &&Point| known.contains(site(p));
                     let bins =
                         PointBins::new(&points.iter().filter(inside).copied().collect::<Vec<_>>());
                     let coverage = (i % 2 == 0).then_some(&coverage);
-                    let space = Loaded { bins: &bins, known, bounds, coverage };
+                    let space = LoadedPoints { bins: &bins, known, bounds, coverage };
                     match TriangleFinder::new(&space, &hull).find(q) {
                         Ok(found) => {
                             assert_eq!(found, expected, "{name} {q:?} {known:?}");

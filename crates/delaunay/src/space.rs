@@ -2,55 +2,55 @@
 //! loaded before anything can be said.
 
 use super::bins::PointBins;
-use super::disc::Disc;
+use super::disc::CircumscribedDisc;
 use super::predicates::Site;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::geom::Point;
 
 /// Points of this window must be known before the answer is final. It may be much larger than what
 /// turns out to be needed (the circle shrinks with every point found), so load what lies in it *and*
 /// in a window somewhat larger than the one known, and ask again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NeededWindow(pub PositionWindow);
+pub struct NeededWindow(pub SiteWindow);
 
 /// What is known of a cloud. Every method hands out points in runs; a run may hold points that were
 /// not asked for.
-pub trait PointSpace {
+pub trait PointIndex {
     /// A length that holds a few points where the cloud is dense; at least 1.
     fn pitch(&self) -> i32;
 
     /// Hands out all known points in the window.
-    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point]));
+    fn visit(&self, window: &SiteWindow, each: impl FnMut(&[Point]));
 
     /// Hands out all known points in both the window and the disc.
-    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point]));
+    fn visit_disc(&self, disc: &CircumscribedDisc, window: &SiteWindow, each: impl FnMut(&[Point]));
 
     /// Where known points are; nothing is handed out beyond.
-    fn extent(&self) -> PositionWindow;
+    fn extent(&self) -> SiteWindow;
 
     /// Whether every point of the cloud in the disc is known.
     ///
     /// # Errors
     /// What has to be known in addition.
-    fn certify(&self, disc: &Disc) -> Result<(), NeededWindow>;
+    fn certify(&self, disc: &CircumscribedDisc) -> Result<(), NeededWindow>;
 }
 
 /// Where a cloud has points at all, coarsely: squares that hold at least one.
 #[derive(Clone, Debug)]
-pub struct CloudCoverage {
-    window: PositionWindow,
+pub struct OccupancyGrid {
+    window: SiteWindow,
     size: i32,
     columns: usize,
     holds: Vec<bool>,
 }
 
-/// Most squares of a [`CloudCoverage`].
+/// Most squares of a [`OccupancyGrid`].
 const MOST_SQUARES: usize = 1 << 24;
 
-impl CloudCoverage {
+impl OccupancyGrid {
     /// An empty map of `window` in squares of `size` steps, or larger ones where those would be more
     /// than 2^24.
-    pub fn new(window: PositionWindow, size: i32) -> Self {
+    pub fn new(window: SiteWindow, size: i32) -> Self {
         let length = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]);
         let count = |i: usize, size: i32| (length(i) / i64::from(size)) as usize + 1;
         let mut size = size.max(1);
@@ -77,10 +77,10 @@ impl CloudCoverage {
     }
 
     /// The smallest window of squares that hold points, touch the disc and do not lie in `known`.
-    fn unknown(&self, disc: &Disc, known: &PositionWindow) -> Option<PositionWindow> {
+    fn unknown(&self, disc: &CircumscribedDisc, known: &SiteWindow) -> Option<SiteWindow> {
         let part = disc.clip(&self.window)?;
         let rows = self.square(part.low)[1]..=self.square(part.high)[1];
-        let mut found: Option<PositionWindow> = None;
+        let mut found: Option<SiteWindow> = None;
         for row in rows {
             for square in self.row_squares(disc, row).filter(|square| !known.covers(square)) {
                 found = Some(found.map_or(square, |all| all.union(&square)));
@@ -90,9 +90,13 @@ impl CloudCoverage {
     }
 
     /// The squares of a row that hold points and touch the disc.
-    fn row_squares(&self, disc: &Disc, row: usize) -> impl Iterator<Item = PositionWindow> {
+    fn row_squares(
+        &self,
+        disc: &CircumscribedDisc,
+        row: usize,
+    ) -> impl Iterator<Item = SiteWindow> {
         let low = self.window.low[1] + row as i32 * self.size;
-        let strip = PositionWindow {
+        let strip = SiteWindow {
             low: [self.window.low[0], low],
             high: [self.window.high[0], low.saturating_add(self.size - 1).min(self.window.high[1])],
         };
@@ -102,7 +106,7 @@ impl CloudCoverage {
         columns.filter(move |column| self.holds[row * self.columns + column]).map(move |column| {
             let left = strip.low[0] + column as i32 * self.size;
             let right = left.saturating_add(self.size - 1).min(strip.high[0]);
-            PositionWindow { low: [left, strip.low[1]], high: [right, strip.high[1]] }
+            SiteWindow { low: [left, strip.low[1]], high: [right, strip.high[1]] }
         })
     }
 }
@@ -110,42 +114,47 @@ impl CloudCoverage {
 /// The usual space: every point of the cloud in one window is in the bins, and where the others can
 /// be is known coarsely.
 #[derive(Clone, Copy, Debug)]
-pub struct Loaded<'a> {
+pub struct LoadedPoints<'a> {
     /// The points, and maybe others.
     pub bins: &'a PointBins,
     /// All points in here are in the bins.
-    pub known: PositionWindow,
+    pub known: SiteWindow,
     /// No point lies outside.
-    pub bounds: PositionWindow,
+    pub bounds: SiteWindow,
     /// Where within the bounds points are, when that is known; it covers the bounds.
-    pub coverage: Option<&'a CloudCoverage>,
+    pub coverage: Option<&'a OccupancyGrid>,
 }
 
-impl<'a> Loaded<'a> {
+impl<'a> LoadedPoints<'a> {
     /// A cloud all of whose points are in the bins.
     pub fn whole(bins: &'a PointBins) -> Self {
-        Self { bins, known: PositionWindow::ALL, bounds: PositionWindow::ALL, coverage: None }
+        Self { bins, known: SiteWindow::ALL, bounds: SiteWindow::ALL, coverage: None }
     }
 }
 
-impl PointSpace for Loaded<'_> {
+impl PointIndex for LoadedPoints<'_> {
     fn pitch(&self) -> i32 {
         self.bins.size()
     }
 
-    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &SiteWindow, each: impl FnMut(&[Point])) {
         self.bins.visit(window, each);
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point])) {
+    fn visit_disc(
+        &self,
+        disc: &CircumscribedDisc,
+        window: &SiteWindow,
+        each: impl FnMut(&[Point]),
+    ) {
         self.bins.visit_disc(disc, window, each);
     }
 
-    fn extent(&self) -> PositionWindow {
+    fn extent(&self) -> SiteWindow {
         self.bins.window()
     }
 
-    fn certify(&self, disc: &Disc) -> Result<(), NeededWindow> {
+    fn certify(&self, disc: &CircumscribedDisc) -> Result<(), NeededWindow> {
         if disc.lies_in(&self.known) {
             return Ok(());
         }
@@ -167,10 +176,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const BOUNDS: PositionWindow = PositionWindow { low: [-40, 20], high: [170, 190] };
+    const BOUNDS: SiteWindow = SiteWindow { low: [-40, 20], high: [170, 190] };
 
     /// How far a position is from the nearest of a square.
-    fn gap(square: &PositionWindow, centre: [f64; 2]) -> f64 {
+    fn gap(square: &SiteWindow, centre: [f64; 2]) -> f64 {
         let along = |i: usize| {
             let (low, high) = (f64::from(square.low[i]), f64::from(square.high[i]));
             (low - centre[i]).max(centre[i] - high).max(0.0)
@@ -186,7 +195,7 @@ mod tests {
             points in prop::collection::vec((-40..=170_i32, 20..=190_i32), 0..12), size in 1..60_i32,
             x in -150..250_i32, y in -150..300_i32, small: bool, known in prop::array::uniform4(-60..200_i32)
         ) {
-            let mut coverage = CloudCoverage::new(BOUNDS, size);
+            let mut coverage = OccupancyGrid::new(BOUNDS, size);
             let mut half = coverage.clone();
             for (i, &(x, y)) in points.iter().enumerate() {
                 if i % 2 == 0 { coverage.add([x, y]) } else { half.add([x, y]) }
@@ -194,15 +203,15 @@ mod tests {
             coverage.merge(&half);
             let offsets = if small { [[7, 24], [-25, 0], [15, -20]] } else { [[33, 56], [-63, 16], [0, -65]] };
             let radius = if small { 25.0 } else { 65.0 };
-            let disc = Disc::around(offsets.map(|[dx, dy]| [x + dx, y + dy]));
-            let known = PositionWindow::of([[known[0], known[1]], [known[2], known[3]]]).unwrap();
+            let disc = CircumscribedDisc::around(offsets.map(|[dx, dy]| [x + dx, y + dy]));
+            let known = SiteWindow::of([[known[0], known[1]], [known[2], known[3]]]).unwrap();
             let square = |&(x, y): &(i32, i32)| {
                 let low = [0, 1].map(|i| {
                     let p = [x, y][i] - BOUNDS.low[i];
                     BOUNDS.low[i] + p / size * size
                 });
                 let high = [0, 1].map(|i| (low[i] + size - 1).min(BOUNDS.high[i]));
-                PositionWindow { low, high }
+                SiteWindow { low, high }
             };
             let all: Vec<_> = points.iter().map(square).filter(|square| !known.covers(square)).collect();
             // What the disc touches by less than three steps may be called for, or not.
@@ -221,7 +230,7 @@ mod tests {
     #[test]
     fn maps_have_no_more_squares_than_they_may() {
         let squares = |high: i32, size: i32| {
-            let map = CloudCoverage::new(PositionWindow { low: [0; 2], high: [high; 2] }, size);
+            let map = OccupancyGrid::new(SiteWindow { low: [0; 2], high: [high; 2] }, size);
             (map.size, map.columns, map.holds.len())
         };
         assert_eq!(squares(4095, 1), (1, 4096, 1 << 24));
@@ -234,24 +243,24 @@ mod tests {
     #[test]
     fn what_is_known_needs_nothing_more() {
         let bins = PointBins::new(&[]);
-        let window = |low: Site, high: Site| PositionWindow { low, high };
+        let window = |low: Site, high: Site| SiteWindow { low, high };
         let bounds = window([0, 0], [100, 100]);
         // A circle of radius 50 around the origin of the bounds.
-        let disc = Disc::around([[50, 0], [-30, 40], [-30, -40]]);
-        let certify = |known: PositionWindow, coverage: Option<&CloudCoverage>| {
-            Loaded { bins: &bins, known, bounds, coverage }.certify(&disc)
+        let disc = CircumscribedDisc::around([[50, 0], [-30, 40], [-30, -40]]);
+        let certify = |known: SiteWindow, coverage: Option<&OccupancyGrid>| {
+            LoadedPoints { bins: &bins, known, bounds, coverage }.certify(&disc)
         };
         assert_eq!(certify(window([-60, -60], [60, 60]), None), Ok(()));
         // Nothing lies beyond the bounds.
         assert_eq!(certify(window([0, 0], [60, 60]), None), Ok(()));
         let Err(NeededWindow(part)) = certify(window([0, 0], [20, 60]), None) else { panic!() };
         assert!(part.low == [0, 0] && part.high.iter().all(|v| (50..54).contains(v)), "{part:?}");
-        let mut coverage = CloudCoverage::new(bounds, 10);
+        let mut coverage = OccupancyGrid::new(bounds, 10);
         assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Ok(()));
         coverage.add([33, 5]);
         let needs = NeededWindow(window([30, 0], [39, 9]));
         assert_eq!(certify(window([0, 0], [20, 60]), Some(&coverage)), Err(needs));
-        let beyond = Loaded {
+        let beyond = LoadedPoints {
             bins: &bins,
             known: bounds,
             bounds: window([60, 60], [99, 99]),

@@ -15,13 +15,13 @@ use super::position::FixedPosition;
 use super::predicates::Site;
 use super::query::from_lowest;
 use super::triangulation::Triangulation;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, is_within};
 
 /// When a triangle is frozen, in the unit of `step`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Freeze {
+pub struct FreezeRule {
     /// Its longest edge, across, is no longer than this.
     pub edge: f64,
     /// Its lowest corner is higher than the points to come by more than this, 0 at least.
@@ -30,7 +30,7 @@ pub struct Freeze {
     pub step: [f64; 3],
 }
 
-impl Freeze {
+impl FreezeRule {
     /// Whether a triangle is small enough.
     fn is_small(&self, [a, b, c]: &[Point; 3]) -> bool {
         let [x, y, _] = self.step;
@@ -60,7 +60,7 @@ pub struct SpikeFree {
     /// From the window's corner on.
     points: Vec<Point>,
     triangulation: Triangulation,
-    freeze: Freeze,
+    freeze: FreezeRule,
     low: Site,
 }
 
@@ -69,7 +69,7 @@ impl SpikeFree {
     ///
     /// # Errors
     /// A limit: a window of 2^28 steps or more along a side.
-    pub fn new(points: Vec<Point>, window: &PositionWindow, freeze: Freeze) -> Result<Self> {
+    pub fn new(points: Vec<Point>, window: &SiteWindow, freeze: FreezeRule) -> Result<Self> {
         let side = |i: usize| i64::from(window.high[i]) - i64::from(window.low[i]) + 1;
         let side = side(0).max(side(1));
         if side > WIDEST {
@@ -82,12 +82,12 @@ impl SpikeFree {
         let mut triangulation = Triangulation::new(&frame(side))?;
         triangulation.reserve(points.len());
         let mut made = Self { points, triangulation, freeze, low };
-        let mut hints = Hints::new(side, made.points.len());
+        let mut hints = WalkHints::new(side, made.points.len());
         (0..made.points.len() as u32).for_each(|number| made.add(number, &mut hints));
         Ok(made)
     }
 
-    fn add(&mut self, number: u32, hints: &mut Hints) {
+    fn add(&mut self, number: u32, hints: &mut WalkHints) {
         let Self { points, triangulation, freeze, .. } = self;
         let point = points[number as usize];
         let at = [point.x, point.y];
@@ -140,7 +140,7 @@ fn sorted(mut points: Vec<Point>) -> Vec<Point> {
 
 /// Where walks begin: a triangle that was near each square of the plane. Squares are halves of those of the level
 /// before, down to two points or so.
-struct Hints {
+struct WalkHints {
     /// Of each level but the first, which is one square, the squares row by row.
     levels: Vec<Vec<u32>>,
     /// Bits of a coordinate.
@@ -152,7 +152,7 @@ const NOWHERE: u32 = u32::MAX;
 /// Most levels.
 const DEEPEST: u32 = 12;
 
-impl Hints {
+impl WalkHints {
     fn new(side: i32, points: usize) -> Self {
         let bits = 32 - side.leading_zeros();
         let depth = (points / 2 + 1).ilog2().div_ceil(2).min(bits).min(DEEPEST);

@@ -8,13 +8,13 @@
 //! has no others there. Hence a block is done when each triangle with a corner in it is final, save
 //! those of which it holds the highest corner alone.
 
-use super::disc::Disc;
+use super::disc::CircumscribedDisc;
 use super::hull::ConvexHull;
 use super::predicates::Site;
 use super::query::{deepest, from_lowest, site};
-use super::space::{NeededWindow, PointSpace};
+use super::space::{NeededWindow, PointIndex};
 use super::triangulation::Triangulation;
-use super::window::PositionWindow;
+use super::window::SiteWindow;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
@@ -35,9 +35,9 @@ const MARGIN: i32 = 6;
 /// # Errors
 /// More points than [`Triangulation::new`] takes.
 pub fn stars(
-    space: &impl PointSpace,
+    space: &impl PointIndex,
     hull: &ConvexHull,
-    block: &PositionWindow,
+    block: &SiteWindow,
     far: &[Point],
 ) -> Result<std::result::Result<Vec<[Point; 3]>, NeededWindow>> {
     let window = block.grown(space.pitch().saturating_mul(MARGIN));
@@ -57,7 +57,7 @@ pub fn stars(
 }
 
 /// The known points in a window.
-pub(super) fn within(space: &impl PointSpace, window: &PositionWindow) -> Vec<Point> {
+pub(super) fn within(space: &impl PointIndex, window: &SiteWindow) -> Vec<Point> {
     let mut points = vec![];
     space.visit(window, |run| points.extend(run.iter().filter(|p| window.contains(site(p)))));
     points
@@ -67,15 +67,15 @@ pub(super) fn within(space: &impl PointSpace, window: &PositionWindow) -> Vec<Po
 struct StarRound<'a, S> {
     space: &'a S,
     /// All known points in here are part of it.
-    window: &'a PositionWindow,
-    block: &'a PositionWindow,
+    window: &'a SiteWindow,
+    block: &'a SiteWindow,
     /// Points found in discs of triangles.
     found: Vec<Point>,
     /// What must be known for the triangles whose discs hold no known point.
-    needs: Option<PositionWindow>,
+    needs: Option<SiteWindow>,
 }
 
-impl<S: PointSpace> StarRound<'_, S> {
+impl<S: PointIndex> StarRound<'_, S> {
     /// The triangles that the block owns, sorted; not to be trusted unless nothing is found or needed.
     fn look(&mut self, triangulation: &Triangulation, points: &[Point]) -> Vec<[Point; 3]> {
         let mut owned = vec![];
@@ -96,9 +96,9 @@ impl<S: PointSpace> StarRound<'_, S> {
 
     /// Whether a triangle is final.
     fn check(&mut self, corners: [Site; 3]) {
-        let disc = Disc::around(corners);
+        let disc = CircumscribedDisc::around(corners);
         if !disc.lies_in(self.window)
-            && let Some(point) = deepest(self.space, &disc, &PositionWindow::ALL)
+            && let Some(point) = deepest(self.space, &disc, &SiteWindow::ALL)
         {
             return self.found.push(point);
         }
@@ -112,7 +112,7 @@ impl<S: PointSpace> StarRound<'_, S> {
 mod tests {
     use super::super::bins::PointBins;
     use super::super::oracle;
-    use super::super::space::{CloudCoverage, Loaded};
+    use super::super::space::{LoadedPoints, OccupancyGrid};
     use super::*;
 
     fn whole(points: &[Point]) -> Vec<[Point; 3]> {
@@ -125,15 +125,14 @@ mod tests {
     }
 
     /// Disjoint blocks that cover a window.
-    fn blocks(window: &PositionWindow, along: i32) -> Vec<PositionWindow> {
+    fn blocks(window: &SiteWindow, along: i32) -> Vec<SiteWindow> {
         let cuts = |axis: usize| -> Vec<[i32; 2]> {
             let (low, high) = (i64::from(window.low[axis]), i64::from(window.high[axis]));
             let at = |i: i32| (low + (high + 1 - low) * i64::from(i) / i64::from(along)) as i32;
             (0..along).map(|i| [at(i), at(i + 1) - 1]).filter(|cut| cut[0] <= cut[1]).collect()
         };
         let rows = cuts(1);
-        let block =
-            |x: [i32; 2], y: [i32; 2]| PositionWindow { low: [x[0], y[0]], high: [x[1], y[1]] };
+        let block = |x: [i32; 2], y: [i32; 2]| SiteWindow { low: [x[0], y[0]], high: [x[1], y[1]] };
         cuts(0).into_iter().flat_map(|x| rows.iter().map(move |y| block(x, *y))).collect()
     }
 
@@ -148,16 +147,16 @@ mod tests {
     /// Loads what is needed, and only that, until the block is done; also how often it had to.
     fn load(
         points: &[Point],
-        block: &PositionWindow,
+        block: &SiteWindow,
         far: &[Point],
-        map: Option<&CloudCoverage>,
+        map: Option<&OccupancyGrid>,
     ) -> (Vec<[Point; 3]>, u32) {
         let (hull, mut known) = (ConvexHull::of(points.to_vec()), *block);
-        let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
+        let bounds = SiteWindow::of(points.iter().map(site)).unwrap();
         for round in 0..100 {
             let inside = points.iter().filter(|p| known.contains(site(p))).copied();
             let bins = PointBins::new(&inside.collect::<Vec<_>>());
-            let space = Loaded { bins: &bins, known, bounds, coverage: map };
+            let space = LoadedPoints { bins: &bins, known, bounds, coverage: map };
             match stars(&space, &hull, block, far).unwrap() {
                 Ok(owned) => return (owned, round),
                 Err(NeededWindow(more)) => {
@@ -178,10 +177,10 @@ mod tests {
                     points.iter().rev().map(|p| (site(p), *p)).collect();
                 points.retain(|p| sites[&site(p)].z == p.z);
                 let expected = whole(&points);
-                let bounds = PositionWindow::of(points.iter().map(site)).unwrap();
+                let bounds = SiteWindow::of(points.iter().map(site)).unwrap();
                 let wide =
                     1 + (bounds.high[0] - bounds.low[0]).max(bounds.high[1] - bounds.low[1]) / 16;
-                let mut map = CloudCoverage::new(bounds, wide);
+                let mut map = OccupancyGrid::new(bounds, wide);
                 points.iter().for_each(|p| map.add(site(p)));
                 let far = skeleton(&points, wide);
                 for (far, map) in [(&far[..], Some(&map)), (&far[..], None), (&[], None)] {
@@ -203,7 +202,7 @@ mod tests {
     fn small_blocks_of_a_known_cloud_make_up_the_whole() {
         for (name, points) in oracle::awkward(3_000) {
             let (bins, hull) = (PointBins::new(&points), ConvexHull::of(points.clone()));
-            let space = Loaded::whole(&bins);
+            let space = LoadedPoints::whole(&bins);
             let mut found = vec![];
             for block in blocks(&bins.window(), 6) {
                 found.extend(stars(&space, &hull, &block, &[]).unwrap().unwrap());

@@ -1,8 +1,8 @@
 //! The Delaunay triangulation of a set of points, with its adjacency.
 
-use super::fork::{Fork, Serial};
+use super::fork::{ForkJoin, SerialJoin};
 use super::knit::{self, GHOST, HalfEdge, MortonRun, next, prev};
-use super::order::{Ordered, order};
+use super::order::{MortonSites, order};
 use super::predicates::{Site, in_circle, orient};
 use std::cell::Cell;
 use terrane_base::error::{Error, Result};
@@ -49,7 +49,7 @@ impl Drop for Triangulation {
 #[derive(Debug)]
 pub struct Triangulation {
     pub(super) sides: Vec<HalfEdge>,
-    pub(super) ordered: Ordered,
+    pub(super) ordered: MortonSites,
 }
 
 impl Triangulation {
@@ -58,14 +58,14 @@ impl Triangulation {
     /// # Errors
     /// More than [`MOST_POINTS`] points.
     pub fn new(points: &[Point]) -> Result<Self> {
-        Self::forked(points, &Serial)
+        Self::forked(points, &SerialJoin)
     }
 
     /// Triangulates points with the threads of the caller.
     ///
     /// # Errors
     /// More than [`MOST_POINTS`] points.
-    pub fn forked(points: &[Point], fork: &impl Fork) -> Result<Self> {
+    pub fn forked(points: &[Point], fork: &impl ForkJoin) -> Result<Self> {
         if points.len() > MOST_POINTS {
             return Err(Error::limit(
                 "the number of points to triangulate",
@@ -362,7 +362,7 @@ mod tests {
     #[derive(Default)]
     struct Joins(std::sync::atomic::AtomicU32);
 
-    impl Fork for Joins {
+    impl ForkJoin for Joins {
         fn join<A: Send, B: Send>(
             &self,
             a: impl FnOnce() -> A + Send,

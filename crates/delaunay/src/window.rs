@@ -5,14 +5,14 @@ use terrane_base::geom::REACH;
 
 /// A rectangle of positions, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PositionWindow {
+pub struct SiteWindow {
     /// Lowest x and y.
     pub low: Site,
     /// Highest x and y.
     pub high: Site,
 }
 
-impl PositionWindow {
+impl SiteWindow {
     /// Everything within [`REACH`].
     pub const ALL: Self = Self { low: [-REACH; 2], high: [REACH; 2] };
 
@@ -70,10 +70,10 @@ mod tests {
 
     #[test]
     fn windows_grow_within_the_reach_and_meet_in_what_both_hold() {
-        let window = |low: Site, high: Site| PositionWindow { low, high };
+        let window = |low: Site, high: Site| SiteWindow { low, high };
         let (a, b) = (window([0, 10], [20, 30]), window([20, -5], [40, 10]));
         assert_eq!(a.grown(7), window([-7, 3], [27, 37]));
-        assert_eq!(window([i32::MIN + 1; 2], [i32::MAX; 2]).grown(9), PositionWindow::ALL);
+        assert_eq!(window([i32::MIN + 1; 2], [i32::MAX; 2]).grown(9), SiteWindow::ALL);
         assert_eq!(a.intersection(&b), Some(window([20, 10], [20, 10])));
         assert_eq!(a.intersection(&window([21, 0], [40, 90])), None);
         assert_eq!(a.intersection(&window([0, 31], [40, 90])), None);

@@ -106,7 +106,7 @@ impl MeshBands {
     }
 
     /// All of them as grids that are void wherever one is, for `open` to open by their numbers.
-    pub fn open(&self, inputs: &Inputs, options: &GridOpenOptions) -> Result<Joined> {
+    pub fn open(&self, inputs: &Inputs, options: &GridOpenOptions) -> Result<JoinedBands> {
         // Band 1 is always there, and tells how many there are.
         let cache_bytes = options.cache_bytes / self.list.len();
         let options = GridOpenOptions { cache_bytes, ..options.clone() };
@@ -123,7 +123,7 @@ impl MeshBands {
                 return Err(Error::unsupported(message).remedy("name bands of one lattice"));
             }
         }
-        Ok(Joined(all.into()))
+        Ok(JoinedBands(all.into()))
     }
 }
 
@@ -150,9 +150,9 @@ pub fn kind_of(info: &GridInfo) -> ChannelKind {
 }
 
 /// The bands of a grid.
-pub struct Joined(Arc<[Box<dyn GridSource>]>);
+pub struct JoinedBands(Arc<[Box<dyn GridSource>]>);
 
-impl Joined {
+impl JoinedBands {
     /// A band alone.
     pub fn of(band: Box<dyn GridSource>) -> Self {
         Self(Arc::new([band]))
@@ -161,25 +161,25 @@ impl Joined {
     /// The band in this place, void wherever another is.
     pub fn band(&self, place: usize) -> Box<dyn GridSource> {
         let info = self.0[place].info().clone();
-        Box::new(WeightedBand { info, all: self.0.clone(), place, is_flat: false })
+        Box::new(JointlyValidBand { info, all: self.0.clone(), place, is_flat: false })
     }
 
     /// The same samples, with 0 wherever all bands are valid.
     pub fn flat(&self) -> Box<dyn GridSource> {
         let info = self.0[0].info().clone();
-        Box::new(WeightedBand { info, all: self.0.clone(), place: 0, is_flat: true })
+        Box::new(JointlyValidBand { info, all: self.0.clone(), place: 0, is_flat: true })
     }
 }
 
 /// A band among others.
-struct WeightedBand {
+struct JointlyValidBand {
     info: GridInfo,
     all: Arc<[Box<dyn GridSource>]>,
     place: usize,
     is_flat: bool,
 }
 
-impl GridSource for WeightedBand {
+impl GridSource for JointlyValidBand {
     fn info(&self) -> &GridInfo {
         &self.info
     }

@@ -13,7 +13,7 @@ use terrane_vector::{self as vector, Feature, FeatureSource};
 const BESIDE: u64 = 2 * (PROGRAM >> 20) + 40;
 
 /// Such a file, open.
-pub struct SidecarFile {
+pub struct AuxiliaryFeatures {
     /// Where it is.
     pub path: PathBuf,
     /// What is in it.
@@ -23,7 +23,7 @@ pub struct SidecarFile {
     remedy: &'static str,
 }
 
-impl SidecarFile {
+impl AuxiliaryFeatures {
     /// Opens a file of `what`. Of TopoJSON the first object is read.
     pub fn open(name: &str, what: &str, bytes_each: u64, remedy: &'static str) -> Result<Self> {
         let path = path_of(name).into_owned();

@@ -9,7 +9,7 @@ use crate::{Resources, peak_memory};
 /// What a run was allowed and what it took.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Figures {
+pub struct RunStatistics {
     /// Threads used.
     pub threads: usize,
     /// Bytes that it might hold.
@@ -23,7 +23,7 @@ pub struct Figures {
     pub wall_seconds: f64,
 }
 
-impl Figures {
+impl RunStatistics {
     /// Of a run with `resources` that began at `started` and ends now.
     pub fn since(started: Instant, resources: &Resources) -> Self {
         Self {

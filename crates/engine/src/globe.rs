@@ -90,13 +90,13 @@ fn check_body(crs: &Crs) -> Result<()> {
 
 /// What brings the heights of a grid to metres above the ellipsoid.
 #[derive(Clone, Debug)]
-pub struct Lift {
+pub struct VerticalShift {
     /// Metres in a unit, less than none where heights are counted downwards.
     pub metres: f64,
     geoid: Option<Arc<Geoid>>,
 }
 
-impl Lift {
+impl VerticalShift {
     /// Of the heights of a system, with the file of a geoid where they are counted from one; and whether the system
     /// says what they are in.
     ///

@@ -1,32 +1,20 @@
-//! Plans, tasks and reports as JSON. Their types are turned into one interface first, so that each is compiled once
-//! and not for every form of text.
+//! Plans, tasks and reports as JSON. Values are passed as trait objects, so that the code that serializes a type is
+//! compiled once, and not again for each kind of output.
 
-use serde::Serialize;
+use erased_serde::Serialize;
 use serde_json::{Result, Value};
 
-/// On one line.
-pub fn to_line(thing: &impl Serialize) -> Result<String> {
-    line_of(thing)
+/// JSON on one line.
+pub fn to_string(value: &dyn Serialize) -> Result<String> {
+    serde_json::to_string(value)
 }
 
-/// On lines with indents.
-pub fn to_lines(thing: &impl Serialize) -> Result<String> {
-    lines_of(thing)
+/// JSON with line breaks and indents.
+pub fn to_string_pretty(value: &dyn Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value)
 }
 
-/// As a value, with the names of each object in alphabetical order.
-pub fn to_value(thing: &impl Serialize) -> Result<Value> {
-    value_of(thing)
-}
-
-fn line_of(thing: &dyn erased_serde::Serialize) -> Result<String> {
-    serde_json::to_string(thing)
-}
-
-fn lines_of(thing: &dyn erased_serde::Serialize) -> Result<String> {
-    serde_json::to_string_pretty(thing)
-}
-
-fn value_of(thing: &dyn erased_serde::Serialize) -> Result<Value> {
-    serde_json::to_value(thing)
+/// A JSON value; the names in objects are sorted.
+pub fn to_value(value: &dyn Serialize) -> Result<Value> {
+    serde_json::to_value(value)
 }

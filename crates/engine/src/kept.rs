@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::Resources;
-use crate::beside::SidecarFile;
+use crate::beside::AuxiliaryFeatures;
 use crate::breaklines::Breaklines;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -15,8 +15,8 @@ use terrane_raster::{GridInfo, Water};
 /// What a mesh has to keep, where it is in the world.
 #[derive(Default)]
 pub struct ConstraintFeatures {
-    pub(super) points: Option<ConstraintPoints>,
-    pub(super) lines: Option<ConstraintPoints>,
+    pub(super) points: Option<ConstraintVertices>,
+    pub(super) lines: Option<ConstraintVertices>,
     water: Option<Arc<Water>>,
 }
 
@@ -35,9 +35,11 @@ impl ConstraintFeatures {
         Ok(Self {
             water: water.cloned(),
             points: points
-                .map(|name| ConstraintPoints::read(name, "point", resources))
+                .map(|name| ConstraintVertices::read(name, "point", resources))
                 .transpose()?,
-            lines: lines.map(|name| ConstraintPoints::read(name, "line", resources)).transpose()?,
+            lines: lines
+                .map(|name| ConstraintVertices::read(name, "line", resources))
+                .transpose()?,
         })
     }
 
@@ -50,12 +52,13 @@ impl ConstraintFeatures {
         lines: Option<&str>,
         resources: &Resources,
     ) -> Result<Self> {
-        let lines = lines.map(|name| ConstraintPoints::read_solid(name, resources)).transpose()?;
+        let lines =
+            lines.map(|name| ConstraintVertices::read_solid(name, resources)).transpose()?;
         Ok(Self { lines, ..Self::read(points, None, None, resources)? })
     }
 
     /// Those of these points and lines.
-    pub fn of(points: Option<ConstraintPoints>, lines: Option<ConstraintPoints>) -> Self {
+    pub fn of(points: Option<ConstraintVertices>, lines: Option<ConstraintVertices>) -> Self {
         Self { points, lines, water: None }
     }
 
@@ -76,10 +79,9 @@ impl ConstraintFeatures {
     ///
     /// # Errors
     /// Features in another system; none that is on the grid.
-    pub fn on(self, grid: &GridInfo) -> Result<ConstraintSamples> {
-        let mut kept = self
-            .points
-            .map_or_else(|| Ok(ConstraintSamples::default()), |points| points.on(grid))?;
+    pub fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
+        let mut kept =
+            self.points.map_or_else(|| Ok(GridConstraints::default()), |points| points.on(grid))?;
         if let Some(lines) = self.lines {
             kept.lines = lines.along(grid)?;
         }
@@ -92,7 +94,7 @@ impl ConstraintFeatures {
 
 /// Points of a file where they are in the world: those of its points, and the vertices of its lines and
 /// polygons.
-pub struct ConstraintPoints {
+pub struct ConstraintVertices {
     /// The file.
     pub path: PathBuf,
     /// Its reference system.
@@ -105,7 +107,7 @@ pub struct ConstraintPoints {
     pub ends: Vec<u32>,
 }
 
-impl ConstraintPoints {
+impl ConstraintVertices {
     /// Bytes for a point while a list of them grows, and for one with a height and what is known of lines over a
     /// cloud.
     const BYTES: u64 = 48;
@@ -124,7 +126,7 @@ impl ConstraintPoints {
     fn read_as(name: &str, what: &str, bytes: u64, resources: &Resources) -> Result<Self> {
         let wants_lines = what == "line";
         let remedy = if wants_lines { "keep fewer lines" } else { "keep fewer points" };
-        let mut file = SidecarFile::open(name, &format!("{what}s"), bytes, remedy)?;
+        let mut file = AuxiliaryFeatures::open(name, &format!("{what}s"), bytes, remedy)?;
         let (mut at, mut z, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         file.each((resources.memory / 4, resources), |feature| {
             for leaf in feature.geometry.leaves() {
@@ -164,7 +166,7 @@ impl ConstraintPoints {
     }
 
     /// The samples of a grid that are nearest to the points.
-    fn on(self, grid: &GridInfo) -> Result<ConstraintSamples> {
+    fn on(self, grid: &GridInfo) -> Result<GridConstraints> {
         grid.crs.check_same(&self.crs, "points").map_err(|e| e.in_file(&self.path))?;
         let nearest = |at: f64, side: u32| {
             let at = (at + 0.5).floor();
@@ -181,11 +183,11 @@ impl ConstraintPoints {
                 .remedy("choose points on the grid (terrane info tells the bounds of both)"));
         }
         let [points, inside] = [self.at.len(), samples.len()].map(|count| count as u64);
-        Ok(ConstraintSamples {
+        Ok(GridConstraints {
             path: Some(self.path),
             outside: points - inside,
             points,
-            ..ConstraintSamples::of(samples)
+            ..GridConstraints::of(samples)
         })
     }
 }
@@ -196,7 +198,7 @@ fn bytes(samples: usize) -> u64 {
 
 /// Samples to keep.
 #[derive(Clone, Debug, Default)]
-pub struct ConstraintSamples {
+pub struct GridConstraints {
     /// Columns and rows, each sample once, ordered by block, then row and column.
     samples: Vec<[u32; 2]>,
     path: Option<PathBuf>,
@@ -213,7 +215,7 @@ fn block([col, row]: [u32; 2]) -> [u32; 2] {
     [row / BLOCK, col / BLOCK]
 }
 
-impl ConstraintSamples {
+impl GridConstraints {
     /// None.
     pub const NONE: &Self =
         &Self { samples: Vec::new(), path: None, points: 0, outside: 0, lines: Breaklines::NONE };
@@ -306,9 +308,9 @@ mod tests {
         GridInfo { transform, ..GridInfo::plain("test", width, height, SampleType::F32) }
     }
 
-    fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<ConstraintSamples> {
+    fn kept(at: Vec<[f64; 2]>, grid: &GridInfo) -> Result<GridConstraints> {
         let (path, crs) = ("points.csv".into(), Crs::default());
-        ConstraintPoints { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
+        ConstraintVertices { path, crs, at, z: Vec::new(), ends: Vec::new() }.on(grid)
     }
 
     #[test]
@@ -361,7 +363,7 @@ mod tests {
 
     #[test]
     fn nothing_is_kept_of_nothing() {
-        assert_eq!(ConstraintSamples::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
-        assert_eq!(ConstraintSamples::NONE.report(0, 0), None);
+        assert_eq!(GridConstraints::NONE.within(Rect::new(0, 0, 9, 9)).count(), 0);
+        assert_eq!(GridConstraints::NONE.report(0, 0), None);
     }
 }

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use crate::breaklines::BreaklinesReport;
-use crate::kept::{ConstraintFeatures, ConstraintPoints, KeptReport};
+use crate::kept::{ConstraintFeatures, ConstraintVertices, KeptReport};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Ends, Point, PointFrame, REACH, cut};
 use terrane_cloud::CloudInfo;
@@ -46,7 +46,7 @@ impl ConstraintFeatures {
 impl OnCloud {
     /// The points and lines of files over a cloud within `bounds`.
     pub fn new(
-        (points, lines): (Option<ConstraintPoints>, Option<ConstraintPoints>),
+        (points, lines): (Option<ConstraintVertices>, Option<ConstraintVertices>),
         info: &CloudInfo,
         bounds: [Point; 2],
     ) -> Result<Self> {
@@ -68,7 +68,7 @@ impl OnCloud {
         Ok(kept)
     }
 
-    fn take_lines(&mut self, lines: ConstraintPoints, place: &CloudLattice) -> Result<()> {
+    fn take_lines(&mut self, lines: ConstraintVertices, place: &CloudLattice) -> Result<()> {
         let starts = std::iter::once(0).chain(lines.ends.iter().map(|&end| end as usize));
         let (mut asked, mut all) = (0, Vec::new());
         for (start, &end) in starts.zip(&lines.ends) {

@@ -19,7 +19,7 @@ use crate::options::{
 };
 use crate::outputs::not_among;
 pub use crate::plan::AnyOperation;
-use crate::plan::{PlanKind, PlanRunReport, RunJob, RunReport, StatusReport};
+use crate::plan::{DescribesRun, PlanKind, RunJob, RunReport, StatusReport};
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -30,7 +30,7 @@ use terrane_raster::{self as raster, Inputs};
 use terrane_vector as vector;
 
 /// A struct of options that has a group of them.
-pub trait Has<G> {
+pub trait HasGroup<G> {
     /// The group.
     fn part(&self) -> &G;
 
@@ -46,29 +46,29 @@ macro_rules! has_within {
         $crate::has_within!(@ $owner, $group, $inner);
     )+};
     (@ $owner:ty, $group:ty, [$($inner:ty)+]) => {$(
-        impl $crate::operation::Has<$inner> for $owner {
+        impl $crate::operation::HasGroup<$inner> for $owner {
             fn part(&self) -> &$inner {
-                $crate::operation::Has::<$inner>::part($crate::operation::Has::<$group>::part(self))
+                $crate::operation::HasGroup::<$inner>::part($crate::operation::HasGroup::<$group>::part(self))
             }
 
             fn part_mut(&mut self) -> &mut $inner {
-                $crate::operation::Has::<$inner>::part_mut($crate::operation::Has::<$group>::part_mut(self))
+                $crate::operation::HasGroup::<$inner>::part_mut($crate::operation::HasGroup::<$group>::part_mut(self))
             }
         }
     )+};
 }
 
-/// Whoever has a group of this crate has the group in it. Only the crate of [`Has`] can say so of all structs; others name
+/// Whoever has a group of this crate has the group in it. Only the crate of [`HasGroup`] can say so of all structs; others name
 /// them with [`has_within`](crate::has_within).
 macro_rules! has_nested {
     ($($group:ty => $inner:ty),+) => {$(
-        impl<O: Has<$group>> Has<$inner> for O {
+        impl<O: HasGroup<$group>> HasGroup<$inner> for O {
             fn part(&self) -> &$inner {
-                Has::<$inner>::part(Has::<$group>::part(self))
+                HasGroup::<$inner>::part(HasGroup::<$group>::part(self))
             }
 
             fn part_mut(&mut self) -> &mut $inner {
-                Has::<$inner>::part_mut(Has::<$group>::part_mut(self))
+                HasGroup::<$inner>::part_mut(HasGroup::<$group>::part_mut(self))
             }
         }
     )+};
@@ -167,7 +167,7 @@ pub struct RunRequest<'a> {
 
 /// Something that is made of a grid, a cloud or features: a struct of options.
 pub trait Operation:
-    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources> + Has<Self::Input>
+    Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources> + HasGroup<Self::Input>
 {
     /// Its name, which is that of its verb, with dashes; behind `cloud-` where the verb makes the same of grids.
     const NAME: &'static str;
@@ -205,7 +205,7 @@ pub trait Divisible: Operation {
     /// What is told of its plan beside what is told of all.
     type Status: Serialize;
     /// What is told of work on its plan beside what is told of all.
-    type Done: Serialize + PlanRunReport;
+    type Done: Serialize + DescribesRun;
 
     /// Writes down the work in a folder, which is the request's output; each task has so many of what
     /// [`TASK_SIZE`](Self::TASK_SIZE) says, or as many as make a fair piece of work.
@@ -426,7 +426,7 @@ impl<O, S> Job<'_, O, S> {
     }
 }
 
-impl<O: Options + Has<Resources>, S> Job<'_, O, S> {
+impl<O: Options + HasGroup<Resources>, S> Job<'_, O, S> {
     /// The operation on some files, or on something else.
     pub fn new(source: S, options: O) -> Self {
         let (progress, cancel) = (Box::new(Silent), Cancel::default());
@@ -479,13 +479,13 @@ impl<O: Options + Has<Resources>, S> Job<'_, O, S> {
         act: impl FnOnce(S, &O, &dyn Progress, &Cancel) -> Result<T>,
     ) -> Result<T> {
         if let Some(memory) = &self.memory {
-            Has::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
+            HasGroup::<Resources>::part_mut(&mut self.options).memory = memory.bytes()?;
         }
         act(self.source, &self.options, &*self.progress, &self.cancel)
     }
 }
 
-impl<O: Options + Has<Resources>> Job<'_, O> {
+impl<O: Options + HasGroup<Resources>> Job<'_, O> {
     /// The same with a request for an output.
     pub fn with_request<T>(
         self,
@@ -513,7 +513,7 @@ impl<O: Operation> Job<'_, O> {
     }
 }
 
-impl<O: Has<GridOutput>, S> Job<'_, O, S> {
+impl<O: HasGroup<GridOutput>, S> Job<'_, O, S> {
     /// A creation option of the format, such as `COMPRESS`, `DEFLATE`; one more each time.
     #[must_use]
     pub fn creation(mut self, key: impl Into<String>, value: impl Into<String>) -> Self {

@@ -8,11 +8,11 @@ use terrane_options::{OptionRange, OptionRule, Options, changed};
 
 use crate::beside;
 use crate::disk::DiskCheck;
-use crate::transform::OutputTransform;
+use crate::transform::TargetCrs;
 pub use codecs::{
-    AsFormula, AsNumber, BoundName, BoundsOption, ByteSize, CellSize, CrsText, FileName, FileSize,
-    Finite, FiniteOrNan, Interval, KeyValue, MarkName, PointFormatNumber, PositionOption,
-    PrintLength, PrintScale, SampleTypeName,
+    AsFormula, AsNumber, BoundName, BoundsText, ByteSizeText, CellSize, CrsText, FileName,
+    FileSize, FiniteNumber, FiniteOrNan, Interval, KeyValue, MarkName, PointFormatNumber,
+    PositionText, PrintLength, PrintScale, SampleTypeName,
 };
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
@@ -30,7 +30,7 @@ pub struct GridInput {
     #[option(value = "VALUE", with = FiniteOrNan)]
     pub nodata: Option<f64>,
     /// Part of the grid, in its coordinates, widened to whole cells (the square around each sample)
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsOption)]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsText)]
     pub bounds: Option<[f64; 4]>,
     /// Polygons of a file of features, in the system of the grid: samples outside of all of them are taken for voids;
     /// those on a border stay, and rings within a polygon are holes
@@ -103,7 +103,7 @@ pub struct PointFilter {
 #[non_exhaustive]
 pub struct CloudInput {
     /// Only points within this box, its borders included
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsOption)]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsText)]
     pub bounds: Option<[f64; 4]>,
     /// Only points inside the polygons of a file of features, in the system of the cloud, or on western and southern borders of
     /// these
@@ -234,8 +234,8 @@ const OF_REPROJECTION: &[OptionRule] =
 
 impl Reprojection {
     /// What is to be done, if anything.
-    pub fn transform(&self) -> Option<OutputTransform> {
+    pub fn transform(&self) -> Option<TargetCrs> {
         let (shift_grid, geoid) = (self.shift_grid.clone(), self.geoid.clone());
-        self.to_crs.clone().map(|target| OutputTransform { target, shift_grid, geoid })
+        self.to_crs.clone().map(|target| TargetCrs { target, shift_grid, geoid })
     }
 }

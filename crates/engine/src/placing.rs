@@ -7,7 +7,7 @@
 //! plane that touches the ellipsoid there would bend with the distance, and heights with it.
 //!
 //! Heights are rounded as they will be stored, scale and all, before the bound is kept
-//! (`geom::Rounding`), and the proof has a formula of its own for what a stored height may be. A plane
+//! (`geom::HeightQuantization`), and the proof has a formula of its own for what a stored height may be. A plane
 //! that touches the ellipsoid would take heights off by 8 m at 10 km, and no bound in the unit of the
 //! data would be one in the file.
 
@@ -49,20 +49,20 @@ const OF_PLACING: &[OptionRule] = &[
 
 /// How a mesh lies in its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MeshPlacement {
+pub struct StorageScale {
     /// Stored units in one unit of x, y and z.
     pub scale: Point3,
     /// The stored unit, where it is not that of the coordinates.
     pub unit: Option<String>,
 }
 
-impl Default for MeshPlacement {
+impl Default for StorageScale {
     fn default() -> Self {
         Self { scale: [1.0; 3], unit: None }
     }
 }
 
-impl MeshPlacement {
+impl StorageScale {
     /// True where the file does not have the coordinates of the data.
     pub fn is_local(&self) -> bool {
         *self != Self::default()
@@ -73,7 +73,7 @@ impl MeshPlacement {
 /// few.
 const ORIGIN_DIGITS: i32 = 5;
 
-impl MeshPlacement {
+impl StorageScale {
     /// An origin near `origin` that is told in few digits, where the file has coordinates of its own.
     pub fn origin(&self, origin: Point3, [low, high]: [Point3; 2]) -> Point3 {
         let unit = 10_f64.powi(ORIGIN_DIGITS);
@@ -113,7 +113,7 @@ impl Placing {
         crs: &Crs,
         (bounds, steps): ([Point3; 2], Point3),
         format: &MeshFormat,
-    ) -> Result<(MeshPlacement, Vec<String>)> {
+    ) -> Result<(StorageScale, Vec<String>)> {
         (format.admits)(crs)?;
         let (placed, notes) = self.scaled(crs, bounds, format)?;
         self.check_size(&placed, (bounds, steps), format)?;
@@ -125,7 +125,7 @@ impl Placing {
         crs: &Crs,
         bounds: [Point3; 2],
         format: &MeshFormat,
-    ) -> Result<(MeshPlacement, Vec<String>)> {
+    ) -> Result<(StorageScale, Vec<String>)> {
         let is_geographic = crs.horizontal_unit() == "degree";
         if !format.single_precision {
             return self.keep(is_geographic, format);
@@ -140,7 +140,7 @@ impl Placing {
         let is_print = self.size.is_some() || self.scale.is_some();
         let rise = self.exaggeration.unwrap_or(1.0);
         if !is_print && !format.states_unit && (self.keep_degrees || !is_geographic) {
-            let placed = MeshPlacement { scale: rounded([1.0, 1.0, rise]), unit: None };
+            let placed = StorageScale { scale: rounded([1.0, 1.0, rise]), unit: None };
             return Ok((placed, notes_on_degrees(is_geographic, format)));
         }
         let (metres, mut notes) = metres(crs, bounds)?;
@@ -156,14 +156,14 @@ impl Placing {
             ));
         }
         let scale = rounded([x, y, z * rise]);
-        Ok((MeshPlacement { scale, unit: Some(unit.to_owned()) }, notes))
+        Ok((StorageScale { scale, unit: Some(unit.to_owned()) }, notes))
     }
 
     /// Fails where the format, which holds f32, would not tell vertices apart, or not hold their
     /// coordinates.
     fn check_size(
         &self,
-        placed: &MeshPlacement,
+        placed: &StorageScale,
         ([low, high], steps): ([Point3; 2], Point3),
         format: &MeshFormat,
     ) -> Result<()> {
@@ -200,13 +200,13 @@ impl Placing {
         &self,
         is_geographic: bool,
         format: &MeshFormat,
-    ) -> Result<(MeshPlacement, Vec<String>)> {
+    ) -> Result<(StorageScale, Vec<String>)> {
         match self.given() {
             Some(option) => {
                 let why = format!("is for STL, 3MF and GLB: {} keeps the coordinates", format.name);
                 Err(refusal(option, &why))
             }
-            None => Ok((MeshPlacement::default(), notes_on_degrees(is_geographic, format))),
+            None => Ok((StorageScale::default(), notes_on_degrees(is_geographic, format))),
         }
     }
 
@@ -375,10 +375,10 @@ mod tests {
 
     #[test]
     fn origins_are_short_where_they_may_be() {
-        let placed = MeshPlacement { scale: [1.0; 3], unit: Some("metre".to_owned()) };
+        let placed = StorageScale { scale: [1.0; 3], unit: Some("metre".to_owned()) };
         let origin = [7.250_976_562_5, 45.100_585_937_5, 812.25];
         assert_eq!(placed.origin(origin, DEGREES), [7.25098, 45.10059, 812.25]);
-        assert_eq!(MeshPlacement::default().origin(origin, DEGREES), origin);
+        assert_eq!(StorageScale::default().origin(origin, DEGREES), origin);
         let tiny = [[7.25097, 45.10058, 0.0], [7.25098, 45.10059, 0.0]];
         assert_eq!(placed.origin(origin, tiny), origin, "not outside of what it is the origin of");
     }

@@ -8,7 +8,7 @@ use terrane_base::error::Result;
 use terrane_options::{Options, check};
 use terrane_raster::Inputs;
 
-use crate::operation::{Has, Job};
+use crate::operation::{HasGroup, Job};
 use crate::{Cancel, Progress, Resources};
 
 /// A file or folder that was written, and what it was made from.
@@ -57,7 +57,7 @@ impl ProofVerdict {
 /// A proof that a written file keeps its promises, by code that shares nothing with the code that wrote it: a struct of
 /// options.
 pub trait OutputProof:
-    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources>
+    Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources>
 {
     /// What is proved, for people, such as "meshes of grids".
     const OF: &'static str;
@@ -95,7 +95,7 @@ impl<O: OutputProof> Job<'_, O, WrittenOutput> {
 
 /// A report on files of one kind: a struct of options.
 pub trait Inspection:
-    Options + Clone + fmt::Debug + Send + Sync + 'static + Has<Resources>
+    Options + Clone + fmt::Debug + Send + Sync + 'static + HasGroup<Resources>
 {
     /// The kind of files, for people, such as "grids".
     const OF: &'static str;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::{self, SidecarFile};
+use crate::beside::{self, AuxiliaryFeatures};
 use crate::options::{CloudInput, GridInput};
 use crate::water;
 use terrane_base::error::{Error, Result};
@@ -117,7 +117,7 @@ fn rings_of(
     mut add: impl FnMut(&Feature) -> Result<()>,
 ) -> Result<(PathBuf, Crs)> {
     let remedy = "simplify them with ‹terrane simplify›";
-    let mut file = SidecarFile::open(name, "polygons", edge_bytes, remedy)?;
+    let mut file = AuxiliaryFeatures::open(name, "polygons", edge_bytes, remedy)?;
     let edges = file.each((resources.memory / 2, resources), |feature| {
         only_polygons(feature, whole)?;
         add(feature)

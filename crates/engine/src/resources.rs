@@ -1,6 +1,6 @@
 //! Resources of a job: memory, threads and a folder for temporary files.
 
-use crate::options::{ByteSize, FileName};
+use crate::options::{ByteSizeText, FileName};
 use terrane_files::{cores, physical_memory, proc_bytes};
 use terrane_options::{OptionRange, Options};
 
@@ -12,7 +12,7 @@ pub struct Resources {
     #[option(value = "N", default = cores(), default_text = "all cores", range = OptionRange::new(1.0, 1024.0), role = Run)]
     pub threads: usize,
     /// Memory for everything the job holds, such as 512M or 4GiB
-    #[option(value = "SIZE", with = ByteSize, default = default_memory(), role = Run, no_setter,
+    #[option(value = "SIZE", with = ByteSizeText, default = default_memory(), role = Run, no_setter,
              default_text = "half of the machine's, at most 4GiB")]
     pub memory: u64,
     /// Folder for temporary files

@@ -24,7 +24,7 @@ pub struct Skipped {
 
 /// Files that can be opened, in their order, and those that cannot.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sifted {
+pub struct ReadableFiles {
     /// Names of the good ones.
     pub names: Vec<String>,
     /// The others.
@@ -36,7 +36,11 @@ pub struct Sifted {
 /// # Errors
 /// Those of all files, where none can be opened; failures that are no file's, such as a band that
 /// there is not.
-pub fn grids(names: &[String], options: &GridOpenOptions, resources: &Resources) -> Result<Sifted> {
+pub fn grids(
+    names: &[String],
+    options: &GridOpenOptions,
+    resources: &Resources,
+) -> Result<ReadableFiles> {
     let alone = GridOpenOptions { threads: 1, ..options.clone() };
     sift(names, resources, |name| raster::open(name, &alone).map(drop))
 }
@@ -49,7 +53,7 @@ pub fn clouds(
     names: &[String],
     options: &cloud::CloudOpenOptions,
     resources: &Resources,
-) -> Result<Sifted> {
+) -> Result<ReadableFiles> {
     let alone = cloud::CloudOpenOptions { threads: 1, ..options.clone() };
     sift(names, resources, |name| cloud::open(&[name.to_owned()], &alone).map(drop))
 }
@@ -62,7 +66,7 @@ pub fn features(
     names: &[String],
     options: &vector::VectorOpenOptions,
     resources: &Resources,
-) -> Result<Sifted> {
+) -> Result<ReadableFiles> {
     sift(names, resources, |name| {
         let mut source = vector::open(&path_of(name), options)?;
         while source.next()?.is_some() {}
@@ -82,9 +86,9 @@ impl Skipped {
 
 /// Files that damage was passed over in, each with the points that are lost.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Losses(BTreeMap<String, u64>);
+pub struct LostPoints(BTreeMap<String, u64>);
 
-impl Losses {
+impl LostPoints {
     /// Of a cloud, as far as it was read.
     pub fn of(cloud: &dyn PointSource) -> Self {
         Self(cloud.losses().into_iter().collect())
@@ -115,7 +119,7 @@ fn sift(
     names: &[String],
     resources: &Resources,
     look: impl Fn(&str) -> Result<()> + Sync,
-) -> Result<Sifted> {
+) -> Result<ReadableFiles> {
     let looked: Vec<Result<()>> = workers(resources)?.install(|| {
         names.par_iter().map(|name| look(name).map_err(|e| e.in_file(&path_of(name)))).collect()
     });
@@ -131,5 +135,5 @@ fn sift(
         return Err(Error::several(bad.into_iter().map(|(_, error)| error).collect(), names.len()));
     }
     let skip = |(name, error): (&String, Error)| Skipped::new(name, &error);
-    Ok(Sifted { names: names_left, skipped: bad.into_iter().map(skip).collect() })
+    Ok(ReadableFiles { names: names_left, skipped: bad.into_iter().map(skip).collect() })
 }

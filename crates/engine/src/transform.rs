@@ -19,7 +19,7 @@ use terrane_vector::{CoordinateSequence, Feature, FeatureSink, JsonMember, Writt
 
 /// The system that an output is to be in, and what leads there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct OutputTransform {
+pub struct TargetCrs {
     /// The system: a code ("EPSG:4326", "EPSG:6339+6360") or well-known text.
     pub target: String,
     /// A grid of shifts between the datums (NTv2).
@@ -51,7 +51,7 @@ impl Transformed {
     }
 }
 
-impl OutputTransform {
+impl TargetCrs {
     /// To a system by its code or text.
     pub fn to(target: impl Into<String>) -> Self {
         Self { target: target.into(), ..Self::default() }
@@ -135,14 +135,14 @@ impl PositionExtent {
 }
 
 /// Takes features to another system before they are written.
-pub struct Moving {
+pub struct FeatureReprojection {
     /// Where they are written.
     pub inner: Box<dyn FeatureSink>,
     /// The operation between the two systems.
     pub operation: Arc<CoordinateOperation>,
 }
 
-impl FeatureSink for Moving {
+impl FeatureSink for FeatureReprojection {
     fn write(&mut self, feature: &Feature) -> Result<()> {
         let mut feature = feature.clone();
         feature.foreign.retain(stays);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::Resources;
-use crate::beside::SidecarFile;
+use crate::beside::AuxiliaryFeatures;
 use terrane_base::error::{Error, Result};
 use terrane_raster::{Water, WaterFeatures};
 use terrane_vector::{Feature, PartRole};
@@ -15,7 +15,7 @@ use terrane_vector::{Feature, PartRole};
 /// memory holds.
 pub fn read(name: &str, resources: &Resources) -> Result<Arc<Water>> {
     let remedy = "simplify it with ‹terrane simplify›";
-    let mut file = SidecarFile::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
+    let mut file = AuxiliaryFeatures::open(name, "water", WaterFeatures::VERTEX_BYTES, remedy)?;
     let mut water = WaterFeatures::default();
     file.each((resources.memory / 4, resources), |feature| add(feature, &mut water))?;
     if water.areas() == 0 {

@@ -36,18 +36,18 @@ pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<(
 }
 
 /// What is held of one kind, by its name.
-pub struct Register<T>(Mutex<BTreeMap<String, Arc<T>>>);
+pub struct HeldRegister<T>(Mutex<BTreeMap<String, Arc<T>>>);
 
 /// Something that is held; dropping it gives it up, but for those that have it open.
 pub struct HeldResource<T: 'static> {
-    register: &'static Register<T>,
+    register: &'static HeldRegister<T>,
     name: String,
 }
 
 /// Names are of one thing each, of whatever kind.
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
-impl<T> Register<T> {
+impl<T> HeldRegister<T> {
     /// Nothing is held yet.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
@@ -88,7 +88,7 @@ impl<T> Drop for HeldResource<T> {
 mod tests {
     use super::*;
 
-    static WORDS: Register<&str> = Register::new();
+    static WORDS: HeldRegister<&str> = HeldRegister::new();
 
     #[test]
     fn things_are_held_as_long_as_their_holder_lives() {

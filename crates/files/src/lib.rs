@@ -18,8 +18,8 @@ mod spool;
 pub mod xml;
 
 pub use beside::{beside_grid, companions, prj};
-pub use held::{HeldResource, Register, is_held, is_made, refuse_held};
-pub use list::Seek;
+pub use held::{HeldRegister, HeldResource, is_held, is_made, refuse_held};
+pub use list::FileKind;
 pub use lock::{lock, unlocked, wait};
 pub use machine::{cores, on_threads, physical_memory, proc_bytes};
 pub use name::{name_of, path_of, shown, shown_all};

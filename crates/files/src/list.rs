@@ -20,7 +20,7 @@ const LIST_ENDINGS: [&str; 2] = ["txt", "csv"];
 const MOST_LINE: u64 = 4096;
 
 /// What kind of files is looked for.
-pub struct Seek {
+pub struct FileKind {
     /// What is missing where there is none: "grid".
     pub what: &'static str,
     /// True for names in a folder that are wanted.
@@ -37,7 +37,7 @@ enum InputPathKind<'a> {
     Pattern,
 }
 
-impl Seek {
+impl FileKind {
     fn kind<'a>(&self, input: &'a str) -> InputPathKind<'a> {
         if is_made(input) {
             return InputPathKind::File;

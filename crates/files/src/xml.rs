@@ -24,7 +24,7 @@ const MAX_PART_BYTES: u64 = limits::MAX_HEADER_BYTES;
 
 /// A document being read.
 pub struct XmlReader<R> {
-    reader: Reader<Guard<R>>,
+    reader: Reader<PartSizeGuard<R>>,
     buffer: Vec<u8>,
     /// Elements that have begun and not ended, as far as they are known.
     depth: u64,
@@ -104,7 +104,7 @@ impl<R: BufRead> XmlReader<R> {
     /// A document that was read from its start before, from byte `base` on, where an element begins: what was found to be
     /// well-formed is not looked at again.
     pub fn within(from: R, base: u64) -> Self {
-        let mut reader = Reader::from_reader(Guard { inner: from, left: MAX_PART_BYTES });
+        let mut reader = Reader::from_reader(PartSizeGuard { inner: from, left: MAX_PART_BYTES });
         let config = reader.config_mut();
         config.expand_empty_elements = true;
         config.check_comments = true;
@@ -394,12 +394,12 @@ pub fn escaped(text: &str) -> String {
 }
 
 /// Fails when one part takes more than [`MAX_PART_BYTES`].
-struct Guard<R> {
+struct PartSizeGuard<R> {
     inner: R,
     left: u64,
 }
 
-impl<R: BufRead> Read for Guard<R> {
+impl<R: BufRead> Read for PartSizeGuard<R> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let bytes = self.fill_buf()?;
         let count = bytes.len().min(out.len());
@@ -409,7 +409,7 @@ impl<R: BufRead> Read for Guard<R> {
     }
 }
 
-impl<R: BufRead> BufRead for Guard<R> {
+impl<R: BufRead> BufRead for PartSizeGuard<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.left == 0 {
             return Err(io::ErrorKind::FileTooLarge.into());

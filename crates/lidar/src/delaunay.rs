@@ -2,13 +2,13 @@
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Fork, Triangulation};
+use terrane_delaunay::{ForkJoin, Triangulation};
 
 /// Forks work onto the thread pool that the caller runs in.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DelaunayPool;
 
-impl Fork for DelaunayPool {
+impl ForkJoin for DelaunayPool {
     fn join<A: Send, B: Send>(
         &self,
         a: impl FnOnce() -> A + Send,

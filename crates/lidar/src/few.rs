@@ -5,14 +5,14 @@ use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_cloud::{CloudInfo, PointCensus, PointSource};
 
 /// Points in memory, in parts of a thousand.
-pub(crate) struct Few {
+pub(crate) struct PointSample {
     pub(crate) info: CloudInfo,
     pub(crate) points: Vec<Point>,
 }
 
 const PART: usize = 1000;
 
-impl Few {
+impl PointSample {
     /// These points in steps of `frame`.
     pub(crate) fn new(frame: PointFrame, points: Vec<Point>) -> Self {
         let fold = |f: fn(i32, i32) -> i32| {
@@ -31,7 +31,7 @@ impl Few {
     }
 }
 
-impl PointSource for Few {
+impl PointSource for PointSample {
     fn info(&self) -> &CloudInfo {
         &self.info
     }

@@ -12,10 +12,10 @@ use terrane_cloud::synth;
 use terrane_cloud::write::{
     self, CloudWriteOptions, CloudWriter, PointFormat, PointLayout, PointPacking, PointRecord,
 };
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, too_little};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_synth::cloud::LidarSurvey;
 
@@ -45,7 +45,7 @@ pub struct SurveyReport {
     pub crs: String,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub points_per_second: f64,
 }
 
@@ -59,9 +59,9 @@ const BYTES_BY_PART: u64 = 24 << 20;
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
 pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<SurveyReport> {
-    let (start, at) = (Instant::now(), Observer { progress, cancel });
+    let (start, at) = (Instant::now(), RunControl { progress, cancel });
     let mut writer = CloudWriter::create(&job.output, &options(job)?)?;
-    let flown = Flown { survey: &job.survey, layout: writer.layout() };
+    let flown = SurveyRecords { survey: &job.survey, layout: writer.layout() };
     let flow = flow(&job.resources, &flown)?;
     let mut packer = RecordPacker::new(&mut writer, job.resources.threads);
     progress.begin("synth", job.survey.expected());
@@ -72,7 +72,7 @@ pub fn run(job: &SurveyJob, progress: &dyn Progress, cancel: &Cancel) -> Result<
     progress.end();
     let points = writer.points();
     let output_bytes = writer.finish()?;
-    let run = Figures::since(start, &job.resources);
+    let run = RunStatistics::since(start, &job.resources);
     Ok(SurveyReport {
         input: format!("synth:{}", job.survey),
         output: job.output.display().to_string(),
@@ -105,7 +105,7 @@ fn options(job: &SurveyJob) -> Result<CloudWriteOptions> {
 }
 
 /// As many parts in a round as keep all threads busy, as far as memory goes.
-fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<RecordFlow> {
+fn flow(resources: &Resources, flown: &SurveyRecords<'_>) -> Result<RecordFlow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {
         return Err(too_little(resources.memory, PROGRAM + BYTES_BY_PART));
@@ -116,12 +116,12 @@ fn flow(resources: &Resources, flown: &Flown<'_>) -> Result<RecordFlow> {
 }
 
 /// The parts of a survey as records.
-struct Flown<'a> {
+struct SurveyRecords<'a> {
     survey: &'a LidarSurvey,
     layout: PointLayout,
 }
 
-impl PointRecords for Flown<'_> {
+impl PointRecords for SurveyRecords<'_> {
     fn units(&self) -> usize {
         self.survey.parts()
     }

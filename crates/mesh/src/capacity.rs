@@ -1,7 +1,7 @@
 //! What formats can hold, checked before the work starts where the size is known, and with every
 //! batch.
 
-use crate::channels::{Carries, VertexChannel};
+use crate::channels::{VertexCapabilities, VertexChannel};
 use crate::format::MeshFormat;
 use crate::registry::FORMATS;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -81,14 +81,14 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
 /// Fails when the format called `name` has no room for these channels at vertices.
 pub(super) fn check_channels(
     name: &str,
-    carries: Carries,
+    carries: VertexCapabilities,
     channels: &[VertexChannel],
 ) -> Result<()> {
     if carries.holds(channels) {
         return Ok(());
     }
     let what = match carries {
-        Carries::Colours => "colours (three or four bands of 8 bits) at vertices alone",
+        VertexCapabilities::Colours => "colours (three or four bands of 8 bits) at vertices alone",
         _ => "no channels at vertices",
     };
     let others = others(|f| f.carries.holds(channels));

@@ -24,7 +24,7 @@ pub struct VertexChannel {
 
 /// What a format has room for at vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carries {
+pub enum VertexCapabilities {
     /// Positions alone.
     Nothing,
     /// Three or four bytes: a colour.
@@ -62,7 +62,7 @@ pub fn is_colour<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> bool {
     matches!(names.len(), 3 | 4) && names.zip(COLOURS).all(|(name, colour)| name == colour)
 }
 
-impl Carries {
+impl VertexCapabilities {
     /// True when there is room for these channels.
     pub(crate) fn holds(self, channels: &[VertexChannel]) -> bool {
         let names = channels.iter().map(|channel| channel.name.as_str());

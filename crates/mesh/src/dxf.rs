@@ -4,11 +4,13 @@
 use std::path::Path;
 
 use crate::capacity::MeshCapacity;
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, MeshFileLines, check_range};
-use crate::obj_index::{ObjLineMark, SparseIndex};
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::obj_index::{SparseIndex, TextLineMark};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64};
 use terrane_base::error::Result;
@@ -23,7 +25,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["dxf"],
     about: "DXF (release 12), a 3DFACE for each triangle, f64 as text",
     single_precision: false,
-    carries: Carries::Nothing,
+    carries: VertexCapabilities::Nothing,
     can_be_solid: false,
     states_unit: false,
     names_crs: true,
@@ -92,7 +94,7 @@ struct DxfEncoder {
     head: String,
 }
 
-impl Encoder for DxfEncoder {
+impl MeshEncoder for DxfEncoder {
     fn name(&self) -> &'static str {
         FORMAT.name
     }
@@ -140,11 +142,11 @@ struct DxfGroupReader<'a> {
     lines: MeshFileLines<'a>,
     code: u32,
     /// Where the pair began.
-    start: ObjLineMark,
+    start: TextLineMark,
 }
 
 impl<'a> DxfGroupReader<'a> {
-    fn new(input: &'a MeshFile, mark: ObjLineMark) -> Self {
+    fn new(input: &'a MeshFile, mark: TextLineMark) -> Self {
         Self { lines: input.lines(mark.offset, mark.line), code: 0, start: mark }
     }
 
@@ -154,7 +156,7 @@ impl<'a> DxfGroupReader<'a> {
             return Ok(false);
         }
         let (offset, line) = (self.lines.start(), self.lines.number());
-        self.start = ObjLineMark { offset, line, vertices: 0 };
+        self.start = TextLineMark { offset, line, vertices: 0 };
         self.code = self.number()?;
         if !self.lines.advance()? {
             return Err(self.lines.bad("ends within a group"));
@@ -224,7 +226,7 @@ impl DxfSource {
         let mut faces = SparseIndex::new();
         let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
         let mut pairs =
-            DxfGroupReader::new(&input, ObjLineMark { offset: 0, line: 1, vertices: 0 });
+            DxfGroupReader::new(&input, TextLineMark { offset: 0, line: 1, vertices: 0 });
         let (mut is_section, mut is_over) = (false, false);
         let (mut is_unit, mut unit) = (false, None);
         while !is_over && pairs.advance()? {

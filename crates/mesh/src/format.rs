@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::{Carries, VertexChannel};
+use crate::channels::{VertexCapabilities, VertexChannel};
 use crate::sink::{MeshHeader, MeshSink, SinkOptions};
 use crate::source::MeshSource;
 use terrane_base::error::Result;
@@ -34,7 +34,7 @@ pub struct MeshFormat {
     /// Most vertices and triangles the format can hold.
     pub most: fn() -> MeshCapacity,
     /// What vertices can have beside their positions.
-    pub carries: Carries,
+    pub carries: VertexCapabilities,
     /// Starts a file.
     pub create: fn(&Path, &MeshHeader, &SinkOptions) -> Result<Box<dyn MeshSink>>,
     /// Opens a file for reading.

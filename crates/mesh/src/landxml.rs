@@ -4,11 +4,13 @@
 use std::path::Path;
 
 use crate::capacity::MeshCapacity;
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_range};
-use crate::obj_index::{ObjLineMark, SparseIndex};
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::obj_index::{SparseIndex, TextLineMark};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
 use crate::xml::{MeshXmlReader, number};
@@ -26,7 +28,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["xml", "landxml"],
     about: "LandXML 1.2, a surface of points and faces, f64 as text",
     single_precision: false,
-    carries: Carries::Nothing,
+    carries: VertexCapabilities::Nothing,
     can_be_solid: false,
     states_unit: false,
     names_crs: true,
@@ -113,7 +115,7 @@ struct LandXmlEncoder {
     vertices: u64,
 }
 
-impl Encoder for LandXmlEncoder {
+impl MeshEncoder for LandXmlEncoder {
     fn name(&self) -> &'static str {
         FORMAT.name
     }
@@ -244,7 +246,7 @@ impl LandXmlSource {
         let mut xml = MeshXmlReader::new(&input, 0);
         loop {
             let at = xml.offset();
-            let mark = ObjLineMark { offset: at, ..ObjLineMark::default() };
+            let mark = TextLineMark { offset: at, ..TextLineMark::default() };
             let place = |e: Error| e.in_file(path).at(format!("byte {at}"));
             match xml.next()? {
                 XmlEvent::Over => break,

@@ -29,7 +29,7 @@ use std::path::Path;
 use terrane_base::error::Result;
 
 pub use capacity::MeshCapacity;
-pub use channels::{Carries, ChannelKind, VertexChannel, is_colour};
+pub use channels::{ChannelKind, VertexCapabilities, VertexChannel, is_colour};
 pub use format::MeshFormat;
 pub use promises::{FittedHeights, HeightBand, MaxError, Promises};
 pub use registry::{FORMATS, by_path, identify};

@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use crate::capacity::MeshCapacity;
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, MeshFileLines, check_range};
-use crate::obj_index::{ObjLineMark, SparseIndex};
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::obj_index::{SparseIndex, TextLineMark};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::{self, push_f64, push_u64};
 use terrane_base::error::Result;
@@ -22,7 +24,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["obj"],
     about: "Wavefront OBJ, f64 coordinates as text",
     single_precision: false,
-    carries: Carries::Nothing,
+    carries: VertexCapabilities::Nothing,
     can_be_solid: false,
     states_unit: false,
     names_crs: true,
@@ -55,7 +57,7 @@ struct ObjEncoder {
     comments: Vec<String>,
 }
 
-impl Encoder for ObjEncoder {
+impl MeshEncoder for ObjEncoder {
     fn name(&self) -> &'static str {
         FORMAT.name
     }
@@ -125,7 +127,7 @@ impl ObjSource {
         let mut comments = Vec::new();
         let mut lines = input.lines(0, 1);
         while lines.advance()? {
-            let mark = ObjLineMark {
+            let mark = TextLineMark {
                 offset: lines.start(),
                 line: lines.number(),
                 vertices: vertices.count(),
@@ -155,7 +157,7 @@ impl ObjSource {
     /// says that it has enough.
     fn scan(
         &self,
-        mark: ObjLineMark,
+        mark: TextLineMark,
         mut each: impl FnMut(ObjLine<'_>, u64, &MeshFileLines<'_>) -> Result<bool>,
     ) -> Result<()> {
         let mut lines = self.input.lines(mark.offset, mark.line);
@@ -173,7 +175,7 @@ impl ObjSource {
 }
 
 /// Comments before the first vertex are kept, but not without end.
-fn is_early(mark: &ObjLineMark, kept: usize) -> bool {
+fn is_early(mark: &TextLineMark, kept: usize) -> bool {
     mark.vertices == 0 && kept < 64
 }
 

@@ -5,7 +5,7 @@ const MOST_MARKS: usize = 1 << 16;
 
 /// A place at the start of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct ObjLineMark {
+pub(super) struct TextLineMark {
     /// Byte offset.
     pub(super) offset: u64,
     /// Line number, from 1.
@@ -17,7 +17,7 @@ pub(super) struct ObjLineMark {
 /// The places of every `stride`-th line of a kind. The stride doubles whenever they get too many.
 #[derive(Debug)]
 pub(super) struct SparseIndex {
-    marks: Vec<ObjLineMark>,
+    marks: Vec<TextLineMark>,
     stride: u64,
     count: u64,
     most: usize,
@@ -38,7 +38,7 @@ impl SparseIndex {
     }
 
     /// Notes the next line.
-    pub(super) fn note(&mut self, mark: ObjLineMark) {
+    pub(super) fn note(&mut self, mark: TextLineMark) {
         if self.count.is_multiple_of(self.stride) {
             self.make_room();
         }
@@ -49,10 +49,10 @@ impl SparseIndex {
     }
 
     /// The last remembered line at or before line `wanted`: which one it is, and where.
-    pub(super) fn before(&self, wanted: u64) -> (u64, ObjLineMark) {
+    pub(super) fn before(&self, wanted: u64) -> (u64, TextLineMark) {
         let at = usize::try_from(wanted / self.stride).unwrap_or(usize::MAX);
         let at = at.min(self.marks.len().saturating_sub(1));
-        let start = ObjLineMark { offset: 0, line: 1, vertices: 0 };
+        let start = TextLineMark { offset: 0, line: 1, vertices: 0 };
         (at as u64 * self.stride, self.marks.get(at).copied().unwrap_or(start))
     }
 
@@ -77,14 +77,17 @@ mod tests {
         for most in [2, 5, 8, 1000] {
             let mut index = SparseIndex::with_most(most);
             for i in 0..5000 {
-                index.note(ObjLineMark { offset: 10 * i, line: i + 1, vertices: i });
+                index.note(TextLineMark { offset: 10 * i, line: i + 1, vertices: i });
                 assert!(index.marks.len() <= most);
             }
             assert_eq!(index.count(), 5000);
             for wanted in 0..5000 {
                 let (line, mark) = index.before(wanted);
                 assert!(line <= wanted && wanted - line < index.stride);
-                assert_eq!(mark, ObjLineMark { offset: 10 * line, line: line + 1, vertices: line });
+                assert_eq!(
+                    mark,
+                    TextLineMark { offset: 10 * line, line: line + 1, vertices: line }
+                );
             }
         }
     }

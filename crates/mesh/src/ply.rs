@@ -3,11 +3,13 @@
 use std::path::Path;
 
 use crate::capacity::MeshCapacity;
-use crate::channels::{Carries, ChannelKind, VertexChannel};
+use crate::channels::{ChannelKind, VertexCapabilities, VertexChannel};
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_corners, check_position, check_range};
-use crate::ply_header::{self, PADDING, PlyElementSpan, PlyHeader, Scalar};
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::ply_header::{self, PADDING, PlyElementSpan, PlyHeader, PlyScalar};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text::comments;
 use terrane_base::error::{Error, Result};
@@ -22,7 +24,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["ply"],
     about: "binary little-endian PLY, f64 coordinates",
     single_precision: false,
-    carries: Carries::All,
+    carries: VertexCapabilities::All,
     can_be_solid: false,
     states_unit: false,
     names_crs: true,
@@ -69,7 +71,7 @@ impl PlyEncoder {
     }
 }
 
-impl Encoder for PlyEncoder {
+impl MeshEncoder for PlyEncoder {
     fn name(&self) -> &'static str {
         FORMAT.name
     }
@@ -151,7 +153,7 @@ impl PlySource {
         let order = if header.big { "big" } else { "little" };
         let encoding = ("encoding".to_owned(), format!("binary {order}-endian"));
         let info = MeshInfo {
-            single_precision: header.xyz.iter().any(|field| field.scalar == Scalar::F32),
+            single_precision: header.xyz.iter().any(|field| field.scalar == PlyScalar::F32),
             details: vec![encoding],
             channels: header.channels.iter().map(|(name, _)| name.clone()).collect(),
             ..MeshInfo::plain(FORMAT.name, header.vertices.count, header.faces.count)
@@ -174,7 +176,8 @@ impl PlySource {
 
     fn is_native_vertex(&self) -> bool {
         let offsets = self.header.xyz.map(|field| (field.scalar, field.offset));
-        !self.header.big && offsets == [(Scalar::F64, 0), (Scalar::F64, 8), (Scalar::F64, 16)]
+        !self.header.big
+            && offsets == [(PlyScalar::F64, 0), (PlyScalar::F64, 8), (PlyScalar::F64, 16)]
     }
 
     fn position(&self, record: &[u8]) -> Point3 {
@@ -187,12 +190,12 @@ impl PlySource {
     fn is_native_face(&self) -> bool {
         let PlyHeader { big, faces, length, item, .. } = &self.header;
         let types = (length.scalar, item.scalar);
-        !big && faces.stride == FACE_BYTES as u64 && types == (Scalar::U8, Scalar::U32)
+        !big && faces.stride == FACE_BYTES as u64 && types == (PlyScalar::U8, PlyScalar::U32)
     }
 
     /// The ids of triangle `index`.
     fn corners(&self, index: u64, record: &[u8]) -> Result<[u64; 3]> {
-        let number = |offset: u64, scalar: Scalar| {
+        let number = |offset: u64, scalar: PlyScalar| {
             scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
         };
         let PlyHeader { length, item, .. } = &self.header;

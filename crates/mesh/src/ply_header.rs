@@ -10,7 +10,7 @@ const MAX_ENTRIES: u64 = 1024;
 
 /// A number type of PLY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
+pub(super) enum PlyScalar {
     I8,
     U8,
     I16,
@@ -21,7 +21,7 @@ pub(super) enum Scalar {
     F64,
 }
 
-impl Scalar {
+impl PlyScalar {
     fn parse(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -75,11 +75,11 @@ fn number<const N: usize>(bytes: &[u8], big: bool, decode: impl Fn([u8; N]) -> f
 /// A property of an element: a number, or a list when it has a type for the list's length.
 struct PlyProperty {
     name: String,
-    length: Option<Scalar>,
-    item: Scalar,
+    length: Option<PlyScalar>,
+    item: PlyScalar,
 }
 
-struct Element {
+struct PlyElement {
     name: String,
     count: u64,
     properties: Vec<PlyProperty>,
@@ -97,7 +97,7 @@ pub(super) struct PlyElementSpan {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PlyField {
     pub(super) offset: u64,
-    pub(super) scalar: Scalar,
+    pub(super) scalar: PlyScalar,
 }
 
 /// How vertices and triangles are stored.
@@ -130,7 +130,7 @@ pub(super) fn read(input: &MeshFile) -> Result<PlyHeader> {
 #[derive(Default)]
 struct PlyHeaderParser {
     big: Option<bool>,
-    elements: Vec<Element>,
+    elements: Vec<PlyElement>,
     comments: Vec<String>,
 }
 
@@ -166,13 +166,13 @@ impl PlyHeaderParser {
     fn element(&mut self, name: &str, count: &str, lines: &MeshFileLines<'_>) -> Result<()> {
         limits::check("number of PLY elements", self.elements.len() as u64 + 1, MAX_ENTRIES)?;
         let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is no count")))?;
-        self.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+        self.elements.push(PlyElement { name: name.to_owned(), count, properties: Vec::new() });
         Ok(())
     }
 
     fn property(&mut self, words: &[&str], lines: &MeshFileLines<'_>) -> Result<()> {
         let scalar = |name: &str| {
-            Scalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
+            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
         };
         let property = match *words {
             ["list", length, item, name] => PlyProperty {
@@ -195,7 +195,7 @@ impl PlyHeaderParser {
 
     fn layout(self, input: &MeshFile, start: u64) -> Result<PlyHeader> {
         let big = self.big.ok_or_else(|| input.bad("the header has no format line"))?;
-        let nowhere = PlyField { offset: 0, scalar: Scalar::U8 };
+        let nowhere = PlyField { offset: 0, scalar: PlyScalar::U8 };
         let mut header = PlyHeader {
             big,
             vertices: PlyElementSpan::default(),
@@ -227,13 +227,13 @@ fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
 
 impl PlyHeader {
     /// Walks along the elements, which follow each other from byte `start` on.
-    fn place(&mut self, input: &MeshFile, elements: &[Element], start: u64) -> Result<()> {
+    fn place(&mut self, input: &MeshFile, elements: &[PlyElement], start: u64) -> Result<()> {
         if !elements.iter().any(|element| element.name == "vertex") {
             return Err(input.bad("has no vertices"));
         }
         let mut offset = start;
         for (i, element) in elements.iter().enumerate() {
-            let is_needed = |e: &Element| matches!(e.name.as_str(), "vertex" | "face");
+            let is_needed = |e: &PlyElement| matches!(e.name.as_str(), "vertex" | "face");
             if element.scalars().is_none() && !elements[i..].iter().any(is_needed) {
                 return Ok(());
             }
@@ -278,7 +278,7 @@ impl PlyHeader {
     fn element(
         &mut self,
         input: &MeshFile,
-        element: &Element,
+        element: &PlyElement,
         offset: u64,
     ) -> Result<PlyElementSpan> {
         let span = |stride| PlyElementSpan { offset, stride, count: element.count };
@@ -290,7 +290,7 @@ impl PlyHeader {
         Ok(if element.name == "vertex" { self.vertices } else { self.faces })
     }
 
-    fn vertex(&mut self, input: &MeshFile, element: &Element) -> Result<u64> {
+    fn vertex(&mut self, input: &MeshFile, element: &PlyElement) -> Result<u64> {
         let stride = element.scalars().ok_or_else(|| element.refused(input))?;
         for (field, name) in self.xyz.iter_mut().zip(["x", "y", "z"]) {
             let missing = || input.bad(format!("vertices have no property \"{name}\""));
@@ -304,7 +304,7 @@ impl PlyHeader {
     }
 
     /// The stride of triangles; faces with other numbers of corners are found when read.
-    fn face(&mut self, input: &MeshFile, element: &Element) -> Result<u64> {
+    fn face(&mut self, input: &MeshFile, element: &PlyElement) -> Result<u64> {
         let is_corners =
             |p: &PlyProperty| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
         let missing = || input.bad("faces have no property list \"vertex_indices\"");
@@ -323,7 +323,7 @@ impl PlyHeader {
     }
 }
 
-impl Element {
+impl PlyElement {
     /// Bytes of a record, unless it has lists.
     fn scalars(&self) -> Option<u64> {
         scalars(&self.properties)
@@ -340,7 +340,7 @@ impl Element {
     /// they are bytes, and bands.
     fn channels(&self) -> Vec<(String, PlyField)> {
         let field = |name: &str| self.field(|p| p.name == name).map(|at| (name.to_owned(), at));
-        let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == Scalar::U8));
+        let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == PlyScalar::U8));
         let [red, green, blue, alpha] = bytes;
         let colour = red.zip(green).zip(blue).map(|((red, green), blue)| [red, green, blue]);
         let alpha = alpha.filter(|_| colour.is_some());
@@ -361,7 +361,7 @@ fn scalars(properties: &[PlyProperty]) -> Option<u64> {
 }
 
 /// Where the records end, if they are all there.
-fn end(input: &MeshFile, element: &Element, span: PlyElementSpan) -> Result<u64> {
+fn end(input: &MeshFile, element: &PlyElement, span: PlyElementSpan) -> Result<u64> {
     let end = span.count.checked_mul(span.stride).and_then(|bytes| bytes.checked_add(span.offset));
     end.filter(|&end| end <= input.bytes()).ok_or_else(|| {
         let (count, bytes) = (element.count, input.bytes());

@@ -25,7 +25,7 @@ macro_rules! promises {
 
             /// Key and value of what is stated.
             pub fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
-                let all = [$(($key, self.$field.as_ref().map(Statement::to_text))),+];
+                let all = [$(($key, self.$field.as_ref().map(HeaderStatement::to_text))),+];
                 all.into_iter().filter_map(|(key, text)| Some((key, text?)))
             }
 
@@ -123,7 +123,7 @@ fn after<'a>(key: &str, line: &'a str) -> Option<&'a str> {
 }
 
 /// Puts the value of a text where none is, or one that says less; false where the text is not valid.
-fn state<T: Statement>(known: &mut Option<T>, key: &str, text: &str) -> Result<bool> {
+fn state<T: HeaderStatement>(known: &mut Option<T>, key: &str, text: &str) -> Result<bool> {
     let Some(value) = T::of_text(text) else { return Ok(false) };
     let old = known.as_ref().map(T::to_text);
     match old.filter(|old| !goes_on(text, old)) {
@@ -145,7 +145,7 @@ fn goes_on(text: &str, start: &str) -> bool {
 }
 
 /// A type of values that headers state.
-trait Statement: Sized {
+trait HeaderStatement: Sized {
     fn to_text(&self) -> String;
 
     fn of_text(text: &str) -> Option<Self>;
@@ -153,7 +153,7 @@ trait Statement: Sized {
 
 macro_rules! words {
     ($($type:ty),+) => {$(
-        impl Statement for $type {
+        impl HeaderStatement for $type {
             fn to_text(&self) -> String {
                 self.to_string()
             }
@@ -168,7 +168,7 @@ macro_rules! words {
 words!(String, ErrorBound);
 
 /// Numbers with commas between them: "3,1".
-impl<T: Display + FromStr> Statement for Vec<T> {
+impl<T: Display + FromStr> HeaderStatement for Vec<T> {
     fn to_text(&self) -> String {
         self.iter().map(T::to_string).collect::<Vec<_>>().join(",")
     }
@@ -187,7 +187,7 @@ pub struct MaxError {
     pub unit: Option<String>,
 }
 
-impl Statement for MaxError {
+impl HeaderStatement for MaxError {
     fn to_text(&self) -> String {
         let words = [Some(self.value.to_string()), self.unit.clone()];
         words.into_iter().flatten().collect::<Vec<_>>().join(" ")
@@ -205,7 +205,7 @@ impl Statement for MaxError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FittedHeights;
 
-impl Statement for FittedHeights {
+impl HeaderStatement for FittedHeights {
     fn to_text(&self) -> String {
         "heights".to_owned()
     }
@@ -216,7 +216,7 @@ impl Statement for FittedHeights {
 }
 
 /// The smallest angle of a triangle.
-impl Statement for f64 {
+impl HeaderStatement for f64 {
     fn to_text(&self) -> String {
         self.to_string()
     }
@@ -235,7 +235,7 @@ pub enum HeightBand {
     Band(u32),
 }
 
-impl Statement for HeightBand {
+impl HeaderStatement for HeightBand {
     fn to_text(&self) -> String {
         match self {
             Self::None => "none".to_owned(),

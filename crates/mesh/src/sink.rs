@@ -1,5 +1,5 @@
 //! What a mesh is written to, and the sink behind every format: it counts, checks, spools, and completes a file;
-//! an [`Encoder`] knows the bytes.
+//! an [`MeshEncoder`] knows the bytes.
 
 use std::fs::File;
 use std::path::Path;
@@ -88,7 +88,7 @@ pub(super) struct MeshCounts {
 /// The bytes of a format. A file is a header, the body in the order of the calls, and then what was
 /// put into the tail: a format that wants all vertices before the first triangle puts triangles
 /// there.
-pub(super) trait Encoder: Send {
+pub(super) trait MeshEncoder: Send {
     /// Short format name of the registry.
     fn name(&self) -> &'static str;
 
@@ -146,7 +146,7 @@ pub(super) struct FileSink<E> {
     broken: bool,
 }
 
-impl<E: Encoder + 'static> FileSink<E> {
+impl<E: MeshEncoder + 'static> FileSink<E> {
     /// Starts the file at `path`.
     pub(super) fn create(
         path: &Path,
@@ -198,7 +198,7 @@ impl<E: Encoder + 'static> FileSink<E> {
     }
 }
 
-impl<E: Encoder + 'static> MeshSink for FileSink<E> {
+impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
     fn wants_corners(&self) -> bool {
         self.encoder.wants_corners()
     }
@@ -258,7 +258,7 @@ mod tests {
     /// A format whose limits are small enough to meet in a test.
     struct Tiny;
 
-    impl Encoder for Tiny {
+    impl MeshEncoder for Tiny {
         fn name(&self) -> &'static str {
             "Tiny"
         }

@@ -185,11 +185,11 @@ impl SolidOutline {
 
 /// Pairs edges off in order of their keys; what is left comes out sorted.
 #[derive(Default)]
-struct Pairing {
+struct EdgePairing {
     waiting: Vec<DirectedEdge>,
 }
 
-impl Pairing {
+impl EdgePairing {
     fn push(
         &mut self,
         edge: DirectedEdge,
@@ -271,7 +271,7 @@ fn merge(
         queue.extend(head.map(|edge| Reverse((edge.key(), i))));
         heads.push(head);
     }
-    let mut pairing = Pairing::default();
+    let mut pairing = EdgePairing::default();
     while let Some(Reverse((_, i))) = queue.pop() {
         let next = runs[i].next()?;
         queue.extend(next.map(|edge| Reverse((edge.key(), i))));

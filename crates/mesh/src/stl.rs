@@ -5,12 +5,14 @@
 use std::path::Path;
 
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::input::{MeshFile, check_position, check_range};
 use crate::local::{LocalCoordinates, is_scale, to_world};
 use crate::promises::Promises;
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::solid::{DirectedEdge, SolidBase, SolidOutline, lowered};
 use crate::source::{MeshInfo, MeshSource};
 use crate::text;
@@ -26,7 +28,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["stl"],
     about: "binary STL, f32 relative to an origin in the header; optionally closed to a solid",
     single_precision: true,
-    carries: Carries::Nothing,
+    carries: VertexCapabilities::Nothing,
     can_be_solid: true,
     states_unit: false,
     names_crs: false,
@@ -62,7 +64,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let title = title(header.origin, local.scale(), &header.promises)?;
     let folder = folder_for(path, options.temp_dir.as_deref());
     let base = options.solid_base.map(|height| SolidBase::new(height, header)).transpose()?;
-    let solid = base.map(|base| Solid { base, outline: SolidOutline::new(folder) });
+    let solid = base.map(|base| SolidFacets { base, outline: SolidOutline::new(folder) });
     let encoder = StlEncoder { local, title, solid, written: 0 };
     FileSink::create(path, options, encoder)
 }
@@ -106,12 +108,12 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
 struct StlEncoder {
     local: LocalCoordinates,
     title: [u8; TITLE_BYTES],
-    solid: Option<Solid>,
+    solid: Option<SolidFacets>,
     /// Triangles written, those of the bottom included.
     written: u64,
 }
 
-impl Encoder for StlEncoder {
+impl MeshEncoder for StlEncoder {
     fn name(&self) -> &'static str {
         FORMAT.name
     }
@@ -156,7 +158,7 @@ impl Encoder for StlEncoder {
     }
 
     fn complete(&mut self, body: &mut AppendWriter, _tail: &mut AppendWriter) -> Result<()> {
-        let Some(Solid { base, outline }) = self.solid.take() else { return Ok(()) };
+        let Some(SolidFacets { base, outline }) = self.solid.take() else { return Ok(()) };
         let base = base.stored();
         outline.complete(|edge| {
             self.written += 2;
@@ -175,12 +177,12 @@ impl Encoder for StlEncoder {
 /// way as the other: one each, but two each where two voids touch at a corner, along the upright
 /// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
 /// that edge two; every loop of the outline has walls of its own, closed by themselves.
-struct Solid {
+struct SolidFacets {
     base: SolidBase,
     outline: SolidOutline,
 }
 
-impl Solid {
+impl SolidFacets {
     fn bottom(&self, top: Corners) -> Result<Corners> {
         let [a, b, c] = top;
         self.base.check(a[2].min(b[2]).min(c[2]))?;
@@ -286,7 +288,7 @@ fn statements(title: &str) -> Vec<(String, String)> {
     stated
 }
 
-/// True where the second of our triangles is the first one at the bottom: see [`Solid`]. No surface seen
+/// True where the second of our triangles is the first one at the bottom: see [`SolidFacets`]. No surface seen
 /// from above goes on like that.
 fn is_solid(input: &MeshFile, triangles: u64) -> Result<bool> {
     if triangles < 2 {

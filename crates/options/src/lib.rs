@@ -42,7 +42,7 @@
 //! | `value = "DEG"` | what stands for the value in help |
 //! | `default = 45.0`, `default_text = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
 //! | `bare = "auto"` | the value where the option is named without one |
-//! | `range = Range::POSITIVE` | least and largest value |
+//! | `range = OptionRange::POSITIVE` | least and largest value |
 //! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
 //! | `with = PathName` | the [`OptionCodec`] of the value, where it is not [`PlainCodec`] |
 //! | `stands_for = "max_error"` | an option of another struct in whose place it is: who gives that one is told of this |

@@ -48,9 +48,9 @@ trait SampleBuffer {
 }
 
 /// Something that holds samples of one type.
-struct Holder<T, S>(T, PhantomData<fn() -> S>);
+struct SampleHolder<T, S>(T, PhantomData<fn() -> S>);
 
-impl<T: AsRef<[S]>, S: ArraySample> SampleBuffer for Holder<T, S> {
+impl<T: AsRef<[S]>, S: ArraySample> SampleBuffer for SampleHolder<T, S> {
     fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(self.0.as_ref())
     }
@@ -128,7 +128,7 @@ impl ArrayGrid<'static> {
         height: u32,
     ) -> Result<Self> {
         let info = Self::plain::<S>(samples.as_ref().len(), width, height)?;
-        let samples = SampleStorage::Shared(Arc::new(Holder(samples, PhantomData)));
+        let samples = SampleStorage::Shared(Arc::new(SampleHolder(samples, PhantomData)));
         Ok(Self { info, samples })
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::spool::SampleSpool;
-use crate::strided::{Strided, StridedLayout};
+use crate::strided::{StridedGrid, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
@@ -40,7 +40,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let header = DtedHeader::read(&file)?;
@@ -48,7 +48,7 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
         .spool(SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let info = header.info(options);
     let layout = StridedLayout::columns(header.height, SampleType::I16.bytes());
-    Strided::new(spool, info, layout)
+    StridedGrid::new(spool, info, layout)
 }
 
 /// What the header records say.

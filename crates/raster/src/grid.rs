@@ -209,7 +209,7 @@ pub trait GridSource: Send + Sync {
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()>;
 
-    /// Bytes of the largest block that is decoded whole: [`OpenOptions::cache_bytes`](crate::GridOpenOptions::cache_bytes) must hold as
+    /// Bytes of the largest block that is decoded whole: [`GridOpenOptions::cache_bytes`](crate::GridOpenOptions::cache_bytes) must hold as
     /// many. 0 where samples are read straight from the file.
     fn block_bytes(&self) -> u64 {
         0

@@ -4,14 +4,14 @@ use super::array::ArrayGrid;
 use crate::format::{GridOpenOptions, only_band};
 use crate::grid::GridSource;
 use terrane_base::error::Result;
-use terrane_files::{HeldResource, Register};
+use terrane_files::{HeldRegister, HeldResource};
 
-static GRIDS: Register<ArrayGrid<'static>> = Register::new();
+static GRIDS: HeldRegister<ArrayGrid<'static>> = HeldRegister::new();
 
 /// A grid in memory that has a name; it is given up with this.
-pub struct HeldGrid(HeldResource<ArrayGrid<'static>>);
+pub struct InMemoryGrid(HeldResource<ArrayGrid<'static>>);
 
-impl HeldGrid {
+impl InMemoryGrid {
     /// Gives `grid` a name, by which [`open`](super::open) opens it.
     pub fn new(grid: ArrayGrid<'static>) -> Self {
         Self(GRIDS.hold(grid))
@@ -41,7 +41,7 @@ mod tests {
     #[test]
     fn a_held_grid_is_opened_by_its_name() {
         let samples: Vec<i16> = (0..6).collect();
-        let held = HeldGrid::new(ArrayGrid::shared(samples, 3, 2).unwrap());
+        let held = InMemoryGrid::new(ArrayGrid::shared(samples, 3, 2).unwrap());
         let options = GridOpenOptions { nodata: Some(4.0), ..GridOpenOptions::default() };
         let grid = crate::open_all(&[held.name().to_owned()], &options).unwrap();
         let name = held.name().to_owned();
@@ -51,7 +51,7 @@ mod tests {
         assert!(row[0] == 3.0 && row[1].is_nan() && row[2] == 5.0, "{row:?}");
         assert!(crate::open(&name, &options).is_err(), "given up");
         let second = GridOpenOptions { band: 2, ..GridOpenOptions::default() };
-        let held = HeldGrid::new(ArrayGrid::shared(vec![0_f32; 4], 2, 2).unwrap());
+        let held = InMemoryGrid::new(ArrayGrid::shared(vec![0_f32; 4], 2, 2).unwrap());
         assert!(crate::open(held.name(), &second).is_err());
     }
 }

@@ -46,7 +46,7 @@ pub use array::{ArrayGrid, ArraySample};
 pub use clip::{Clip, ClipRings, PolygonEdgeIndex};
 pub use format::{GridOpenOptions, RasterFormat};
 pub use grid::{GridInfo, GridSource, SampleType};
-pub use held::HeldGrid;
+pub use held::InMemoryGrid;
 pub use mosaic::{Inputs, files, files_below, is_collection};
 pub use nodata::{looks_like_nodata, undeclared_nodata};
 pub use notes::{GridNote, NOTE_KINDS, cautions, no_terrain, notes, notes_on_heights, terrain};

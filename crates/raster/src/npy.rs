@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
-use crate::strided::{Strided, StridedLayout, check_exact};
+use crate::strided::{StridedGrid, StridedLayout, check_exact};
 use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -29,7 +29,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let (start, bytes) = header_range(&file)?;
@@ -57,7 +57,7 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
     let layout = StridedLayout { offset: start + bytes, big_endian: header.big_endian, ..layout };
     let end = layout.end(header.width, header.height, size);
     check_exact(&file, end.as_ref().map(std::slice::from_ref))?;
-    Strided::new(file, info, layout)
+    StridedGrid::new(file, info, layout)
 }
 
 /// Offset and bytes of the text that describes the array.

@@ -70,7 +70,7 @@ fn open(
     let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
     let mut info = grid.info().clone();
     info.details.push(("packed".to_owned(), packing.to_owned()));
-    Ok(Box::new(UnpackedGrid { grid, info, path: path.to_path_buf() }))
+    Ok(Box::new(ExtractedGrid { grid, info, path: path.to_path_buf() }))
 }
 
 /// Opens `inner`, under the name of the packed file `outer` where only that tells its place.
@@ -91,13 +91,13 @@ fn open_placed(
 }
 
 /// A grid that came out of a packed file, whose name its errors bear.
-struct UnpackedGrid {
+struct ExtractedGrid {
     grid: Box<dyn GridSource>,
     info: GridInfo,
     path: PathBuf,
 }
 
-impl GridSource for UnpackedGrid {
+impl GridSource for ExtractedGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }

@@ -22,7 +22,7 @@ const SCRATCH_SAMPLES: u32 = 1 << 16;
 
 /// Whom to believe where both the file and its sidecar say something.
 #[derive(Clone, Copy, PartialEq)]
-enum Believe {
+enum MetadataPrecedence {
     /// The file, also where it is silent.
     File,
     /// The sidecar where the file is silent.
@@ -33,15 +33,15 @@ enum Believe {
 
 /// Whom to believe in what. Scale and offset are always the sidecar's.
 struct PamPrecedence {
-    place: Believe,
-    crs: Believe,
-    nodata: Believe,
-    unit: Believe,
+    place: MetadataPrecedence,
+    crs: MetadataPrecedence,
+    nodata: MetadataPrecedence,
+    unit: MetadataPrecedence,
 }
 
 /// Formats beside which a sidecar is read.
 const RULES: &[(&str, PamPrecedence)] = {
-    use Believe::{File, FileFirst, Sidecar};
+    use MetadataPrecedence::{File, FileFirst, Sidecar};
     &[
         (
             geotiff::FORMAT.name,
@@ -68,13 +68,13 @@ const RULES: &[(&str, PamPrecedence)] = {
 
 /// GDAL gives ENVI grids without a place the identity, and so never looks further.
 const ENVI: PamPrecedence = PamPrecedence {
-    place: Believe::File,
-    crs: Believe::File,
-    nodata: Believe::Sidecar,
-    unit: Believe::Sidecar,
+    place: MetadataPrecedence::File,
+    crs: MetadataPrecedence::File,
+    nodata: MetadataPrecedence::Sidecar,
+    unit: MetadataPrecedence::Sidecar,
 };
 
-impl Believe {
+impl MetadataPrecedence {
     /// `said` by the sidecar, unless the file is believed.
     fn pick<T>(self, said: Option<T>, file_is_silent: bool) -> Option<T> {
         said.filter(|_| self == Self::Sidecar || (self == Self::FileFirst && file_is_silent))
@@ -119,7 +119,7 @@ pub(super) fn open(
     }
     let said = if is_packed { PamMetadata { scale: None, offset: None, ..said } } else { said };
     let info = said.amend(rules, grid.info(), &sidecar).map_err(|e| e.in_file(&sidecar))?;
-    Ok(Box::new(Amended { grid, info }))
+    Ok(Box::new(GridWithSidecar { grid, info }))
 }
 
 /// Fails when a sidecar of an earlier file at `path` would change what is read of a new one there.
@@ -251,12 +251,12 @@ fn nodata(node: &RasterXmlElement) -> Result<Option<f64>> {
 }
 
 /// A grid with what its sidecar says of it.
-struct Amended {
+struct GridWithSidecar {
     grid: Box<dyn GridSource>,
     info: GridInfo,
 }
 
-impl Amended {
+impl GridWithSidecar {
     fn read<H: HeightSample>(&self, rect: Rect, out: &mut [H]) -> Result<()> {
         let mut window = SampleWindow::new(&self.info, rect, out)?;
         let GridInfo { scale, offset, .. } = self.info;
@@ -281,7 +281,7 @@ impl Amended {
     }
 }
 
-impl GridSource for Amended {
+impl GridSource for GridWithSidecar {
     fn info(&self) -> &GridInfo {
         &self.info
     }

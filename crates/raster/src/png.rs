@@ -9,7 +9,7 @@ use ::png::{BitDepth, ColorType, Decoder, DecodingError, Limits, Reader, Transfo
 use crate::format::{GridOpenOptions, RasterFormat, some_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::spool::SampleSpool;
-use crate::strided::{Strided, StridedLayout};
+use crate::strided::{StridedGrid, StridedLayout};
 use crate::{prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -107,7 +107,7 @@ fn decode(
     path: &Path,
     stated: Option<&'static RgbHeightEncoding>,
     options: &GridOpenOptions,
-) -> Result<Strided> {
+) -> Result<StridedGrid> {
     let file = RawFile::open(path)?;
     let memory = Limits { bytes: MOST_MEMORY as usize };
     let mut decoder = Decoder::new_with_limits(BufReader::new(file.reader()), memory);
@@ -125,7 +125,7 @@ fn decode(
         spool_rows(&mut picture, &content, SampleSpool::new(path, options.temp_dir.as_deref())?)?;
     let info = describe(path, (width, height), &content, &picture)?;
     let layout = StridedLayout::rows(width, info.sample_type.bytes());
-    Strided::new(spool, info, layout)
+    StridedGrid::new(spool, info, layout)
 }
 
 impl PngSampleLayout {

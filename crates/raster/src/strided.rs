@@ -80,7 +80,7 @@ fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
 }
 
 /// An open grid.
-pub(super) struct Strided {
+pub(super) struct StridedGrid {
     file: RawFile,
     info: GridInfo,
     layout: StridedLayout,
@@ -101,7 +101,7 @@ struct StridedBuffers {
     samples: Vec<u8>,
 }
 
-impl Strided {
+impl StridedGrid {
     /// Fails when the file is too short for what `info` and `layout` say.
     pub(super) fn new(file: RawFile, info: GridInfo, layout: StridedLayout) -> Result<Self> {
         check_length(&file, layout.end(info.width, info.height, info.sample_type.bytes()))?;
@@ -183,7 +183,7 @@ impl Strided {
     }
 }
 
-impl GridSource for Strided {
+impl GridSource for StridedGrid {
     reads_alike!();
 }
 
@@ -194,11 +194,11 @@ mod tests {
     use proptest::prelude::*;
     use std::path::Path;
 
-    fn grid(bytes: &[u8], width: u32, height: u32, layout: StridedLayout) -> Result<Strided> {
+    fn grid(bytes: &[u8], width: u32, height: u32, layout: StridedLayout) -> Result<StridedGrid> {
         let mut spool = SampleSpool::new(Path::new("t.raw"), None).unwrap();
         spool.write(bytes).unwrap();
         let info = GridInfo::plain("test", width, height, SampleType::U16);
-        Strided::new(spool.finish().unwrap(), info, layout)
+        StridedGrid::new(spool.finish().unwrap(), info, layout)
     }
 
     proptest! {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use terrane_base::error::Result;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_synth::lines::SyntheticLines;
 use terrane_vector::{self as vector, VectorOpenOptions, VectorWriteOptions};
@@ -34,7 +34,7 @@ pub struct DrawReport {
     pub vertices: u64,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     /// What the format could not hold.
     pub notes: Vec<String>,
 }
@@ -70,7 +70,7 @@ pub fn run(job: &DrawJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Dr
         features: written.features,
         vertices,
         output_bytes: written.bytes,
-        run: Figures::since(start, &job.resources).with_threads(1),
+        run: RunStatistics::since(start, &job.resources).with_threads(1),
         notes: written.notes,
     })
 }

@@ -7,8 +7,8 @@
 use super::tool::{DistanceKind, MetricVertex, SimplifyRule, check, vertices};
 use terrane_base::error::Result;
 use terrane_line::metric::largest_distance2;
-use terrane_line::topology::Collapse;
-use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::topology::RingCollapse;
+use terrane_line::visvalingam::{AreaWeight, EffectiveAreas};
 use terrane_line::{
     DistanceMetric, GeographicMetric, Hierarchy, PlaneMetric, SimplifyMethod, SpaceMetric,
 };
@@ -25,7 +25,7 @@ pub fn thresholds(part: &GeometryPart<'_>, measure: DistanceKind) -> Result<[Vec
         method: &SimplifyMethod::RDP,
         measure,
         threshold: f64::MAX,
-        collapse: Collapse::Keep,
+        collapse: RingCollapse::Keep,
     };
     check(part, &rule)?;
     Ok(match measure {
@@ -42,14 +42,14 @@ fn of_part<V: MetricVertex, M: DistanceMetric<V>>(
     let mut points: Vec<V> = Vec::new();
     vertices(part, &mut points);
     let by_area =
-        |line: &[V]| EffectiveAreas::of_line(metric, line, Weight::Plain).areas().to_vec();
+        |line: &[V]| EffectiveAreas::of_line(metric, line, AreaWeight::Plain).areas().to_vec();
     let by_distance = |line: &[V]| distances(metric, line);
     if !part.is_ring() {
         let far = middle(metric, &points);
         return [in_halves(&points, far, by_distance), in_halves(&points, far, by_area)];
     }
     points.pop();
-    let areas = EffectiveAreas::of_ring(metric, &points, Weight::Plain).areas().to_vec();
+    let areas = EffectiveAreas::of_ring(metric, &points, AreaWeight::Plain).areas().to_vec();
     [of_ring(metric, &points), areas]
 }
 
@@ -143,7 +143,7 @@ mod tests {
             // Not a distance or an area that can be met: ties are for the exact to decide.
             let threshold = f64::from(tolerance) * 0.5 + 0.0123;
             for (method, which) in [(&SimplifyMethod::RDP, 0), (&SimplifyMethod::VISVALINGAM, 1)] {
-                let rule = SimplifyRule { method, measure: DistanceKind::Plane, threshold, collapse: Collapse::Minimal };
+                let rule = SimplifyRule { method, measure: DistanceKind::Plane, threshold, collapse: RingCollapse::Minimal };
                 let (other, _) = simplify(&geometry, None, &rule).unwrap();
                 let part = geometry.parts().next().unwrap();
                 let own = thresholds(&part, DistanceKind::Plane).unwrap();

@@ -10,7 +10,7 @@ use super::tool::{DistanceKind, SimplifyRule};
 use terrane_base::error::{Error, Result, all};
 use terrane_base::geom::Crs;
 use terrane_crs::CoordinateOperation;
-use terrane_engine::transform::{self, Moving, PositionExtent, Transformed};
+use terrane_engine::transform::{self, FeatureReprojection, PositionExtent, Transformed};
 use terrane_files::atomic;
 use terrane_vector::{
     self as vector, FeatureSink, FeatureSource, LayerHeader, VectorFormat, VectorOpenOptions,
@@ -200,7 +200,7 @@ impl LineFilePair {
         layer.crs = operation.target().clone();
         layer.foreign.retain(transform::stays);
         let inner = vector::create(path, self.format, &layer, &options)?;
-        Ok(Box::new(Moving { inner, operation: operation.clone() }))
+        Ok(Box::new(FeatureReprojection { inner, operation: operation.clone() }))
     }
 
     /// Bytes of the input, where it is a file.

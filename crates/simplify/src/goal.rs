@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::length::LengthOption;
+use super::length::Length;
 use super::tool::DistanceKind;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
@@ -13,7 +13,7 @@ use terrane_line::registry::ToleranceKind;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LineGoal {
     /// No vertex farther than this from the segment in its place.
-    Tolerance(LengthOption),
+    Tolerance(Length),
     /// No triangle of less than this effective area, in squared units of the data, for methods that
     /// go by area.
     Area(f64),
@@ -54,7 +54,7 @@ impl LineGoal {
     /// Fails for what is no length, area or share.
     fn check_number(&self) -> Result<()> {
         let (what, value, most) = match *self {
-            Self::Tolerance(LengthOption { value, .. }) => ("tolerance", value, f64::MAX),
+            Self::Tolerance(Length { value, .. }) => ("tolerance", value, f64::MAX),
             Self::Area(area) => ("area", area, f64::MAX),
             Self::Ratio(share) => ("share of vertices", share, 1.0),
             Self::Count(_) | Self::Size(_) => return Ok(()),
@@ -84,7 +84,7 @@ impl LineGoal {
 ///
 /// # Errors
 /// A length in metres over data of an unknown unit, or one measured in space over degrees.
-pub fn measured(length: LengthOption, is_space: bool, crs: &Crs) -> Result<(DistanceKind, f64)> {
+pub fn measured(length: Length, is_space: bool, crs: &Crs) -> Result<(DistanceKind, f64)> {
     let plain = if is_space { DistanceKind::Space } else { DistanceKind::Plane };
     let Some(metres) = length.unit else { return Ok((plain, length.value)) };
     if let Some(unit) = crs.horizontal_metres() {
@@ -106,7 +106,7 @@ pub fn measured(length: LengthOption, is_space: bool, crs: &Crs) -> Result<(Dist
 
 /// A goal as it was met.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Threshold {
+pub struct MetGoal {
     /// The tolerance in units of the metric, or the area.
     pub value: f64,
     /// True for metres on the ellipsoid.
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn lengths_are_told_in_the_units_of_the_data() {
         let crs = |epsg| Crs { epsg: Some(epsg), ..Crs::default() };
-        let hundred = LengthOption { value: 100.0, unit: Some(1.0) };
+        let hundred = Length { value: 100.0, unit: Some(1.0) };
         let told = |length, space, crs: &Crs| measured(length, space, crs).unwrap();
         assert_eq!(told(hundred, false, &crs(28992)), (DistanceKind::Plane, 100.0));
         assert_eq!(told(hundred, true, &crs(28992)), (DistanceKind::Space, 100.0));
@@ -128,10 +128,10 @@ mod tests {
         assert_eq!(told(hundred, false, &degrees), (DistanceKind::Geographic, 100.0));
         assert!(measured(hundred, true, &degrees).is_err());
         assert!(measured(hundred, false, &Crs::default()).is_err());
-        let plain = LengthOption { value: 0.5, unit: None };
+        let plain = Length { value: 0.5, unit: None };
         assert_eq!(told(plain, false, &degrees), (DistanceKind::Plane, 0.5));
         let feet = Crs { geographic: Some(false), ..crs(2263) };
-        let (_, told) = told(LengthOption { value: 1.0, unit: Some(0.3048) }, false, &feet);
+        let (_, told) = told(Length { value: 1.0, unit: Some(0.3048) }, false, &feet);
         assert!((told - 1.0).abs() < 1e-5, "{told}");
     }
 }

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use super::goal::LineGoal;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::transform::OutputTransform;
-use terrane_line::topology::{Collapse, Strategy};
+use terrane_engine::transform::TargetCrs;
+use terrane_line::topology::{RingCollapse, Strategy};
 use terrane_line::{METHODS, SimplifyMethod};
 use terrane_vector as vector;
 
@@ -35,12 +35,12 @@ pub struct LineJob {
     /// asked instead of the method where it is.
     pub hierarchy: Option<PathBuf>,
     /// What becomes of rings that have fewer than three vertices left.
-    pub collapse: Collapse,
+    pub collapse: RingCollapse,
     /// Digits behind the point that positions are rounded to, in any format: with topology as far as nothing
     /// comes to touch, cross or change sides; `None` to leave them as they are.
     pub decimals: Option<u8>,
     /// The system to write in; that of the inputs when `None`.
-    pub transform: Option<OutputTransform>,
+    pub transform: Option<TargetCrs>,
     /// Replace files that exist.
     pub overwrite: bool,
     /// What the job may use.
@@ -85,7 +85,7 @@ impl LineJob {
             is_space: false,
             topology: None,
             hierarchy: None,
-            collapse: Collapse::Minimal,
+            collapse: RingCollapse::Minimal,
             decimals: None,
             transform: None,
             overwrite: false,

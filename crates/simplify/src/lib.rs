@@ -23,10 +23,10 @@ use std::time::Instant;
 pub use each::thresholds;
 pub use files::outputs;
 pub use goal::measured as goal_of;
-pub use goal::{LineGoal, Threshold};
+pub use goal::{LineGoal, MetGoal};
 pub use job::{LineJob, SQUARE, Topology};
-pub use length::{LengthOption, LengthText};
-pub use options::{LineOptions, LineSetters, MetricOption};
+pub use length::{Length, LengthText};
+pub use options::{LineOptions, LineSetters, Metric};
 pub use report::{HierarchyReport, LineReport};
 pub use tool::DistanceKind;
 pub use whole::positions;
@@ -34,7 +34,7 @@ pub use whole::positions;
 use files::LineFiles;
 use terrane_base::error::Result;
 use terrane_base::registry::named;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::outputs::not_among;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::name_of;
@@ -68,7 +68,7 @@ pub fn run(job: &LineJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Li
     files.note_operation(&mut report);
     report.inputs = job.input.iter().map(|path| path.display().to_string()).collect();
     report.method = job.method.name.to_owned();
-    report.run = Figures::since(started, &job.resources);
+    report.run = RunStatistics::since(started, &job.resources);
     Ok(report)
 }
 

@@ -7,13 +7,13 @@ use terrane_options::{
     Choice, ChoiceName, OptionCodec, OptionKind, OptionRange, OptionRule, Options,
 };
 
-use super::{LengthOption, LengthText, LineGoal, LineJob, LineReport, Topology, method, run};
+use super::{Length, LengthText, LineGoal, LineJob, LineReport, Topology, method, run};
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{FeatureInput, FileName, FileOutput, FileSize, Reprojection};
 use terrane_files::path_of;
-use terrane_line::topology::{Collapse, Strategy};
+use terrane_line::topology::{RingCollapse, Strategy};
 use terrane_line::{METHODS, SimplifyMethod};
 
 /// Make lines simpler: no vertex left out is farther than a tolerance from the segment in its place
@@ -27,7 +27,7 @@ pub struct LineOptions {
     /// Largest distance of a vertex from the segment in its place, in units of the data, or with a unit: 100m, 2km, 50ft
     /// (of longitudes and latitudes on the ellipsoid)
     #[option(value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "How much")]
-    pub tolerance: Option<LengthOption>,
+    pub tolerance: Option<Length>,
     /// For methods that go by area: smallest effective area, in squared units of the data
     #[option(value = "A", range = OptionRange::FROM_ZERO, heading = "How much")]
     pub area: Option<f64>,
@@ -49,10 +49,10 @@ pub struct LineOptions {
     pub hierarchy: Option<PathBuf>,
     /// What a distance is: in x and y, or in x, y and z
     #[option(value = "NAME", heading = "Method")]
-    pub metric: MetricOption,
+    pub metric: Metric,
     /// What becomes of rings of which less than a triangle would be left
     #[option(value = "HOW", heading = "Method")]
-    pub collapse: Collapse,
+    pub collapse: RingCollapse,
     /// Keep shared borders shared, and let nothing cross, turn over or change sides that did not
     #[option(heading = "Neighbours")]
     pub topology: bool,
@@ -93,7 +93,7 @@ const RULES: &[OptionRule] = &[
 
 /// What a distance is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum MetricOption {
+pub enum Metric {
     /// In x and y
     #[default]
     Plane,
@@ -161,7 +161,7 @@ impl LineOptions {
             format: self.file.format.clone(),
             method: self.chosen()?,
             goal: self.goal(),
-            is_space: self.metric == MetricOption::Space,
+            is_space: self.metric == Metric::Space,
             topology: self.topology.then_some(topology),
             hierarchy: self.hierarchy.clone(),
             collapse: self.collapse,

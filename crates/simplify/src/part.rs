@@ -2,8 +2,8 @@
 
 use std::cell::Cell;
 
-use super::tool::{MetricTask, MetricVertex, SimplifyRule, Tool, check, vertices};
-use super::trees::{PendingHierarchies, Trees};
+use super::tool::{MetricTask, MetricTool, MetricVertex, SimplifyRule, check, vertices};
+use super::trees::{FeatureHierarchies, PendingHierarchies};
 use terrane_base::error::Result;
 use terrane_line::{DistanceMetric, SimplifyScratch};
 use terrane_vector::{Geometry, KeptVertices};
@@ -29,7 +29,7 @@ pub(super) struct PartCounts {
 /// A part that the metric cannot measure ([`check`]).
 pub(super) fn simplify(
     geometry: &Geometry,
-    trees: Option<&Trees>,
+    trees: Option<&FeatureHierarchies>,
     rule: &SimplifyRule,
 ) -> Result<(Geometry, PartCounts)> {
     geometry.parts().try_for_each(|part| check(&part, rule))?;
@@ -59,7 +59,7 @@ impl MetricTask for GeometryTask<'_> {
 
     fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         mut self,
-        tool: &Tool<V, M>,
+        tool: &MetricTool<V, M>,
     ) -> (Geometry, PartCounts) {
         let mut tally = PartCounts { features: 1, ..PartCounts::default() };
         let (mut points, everything) = (Vec::new(), tool.rule.keeps_everything());
@@ -86,7 +86,7 @@ impl MetricTask for GeometryTask<'_> {
 /// Keeps vertices of lines by what is left of their hierarchies, or else by the method.
 fn chooser<V: MetricVertex, M: DistanceMetric<V> + Copy>(
     left: &mut PendingHierarchies<'_>,
-    tool: &Tool<V, M>,
+    tool: &MetricTool<V, M>,
 ) -> impl FnMut(&[V], &mut SimplifyScratch, &mut Vec<u32>) {
     |line, scratch, kept| {
         if tool.rule.keeps_everything() || !left.filter(line.len(), kept) {

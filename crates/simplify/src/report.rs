@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use super::goal::Threshold;
+use super::goal::MetGoal;
 use super::job::LineJob;
 use super::part::PartCounts;
 use super::stored::HierarchyStore;
 use super::tool::{DistanceKind, SimplifyRule};
 use terrane_base::error::Result;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::transform::Transformed;
 
 /// What a file of hierarchies was to a simplification.
@@ -34,7 +34,7 @@ pub struct LineReport {
     pub outputs: Vec<String>,
     pub method: String,
     pub measure: DistanceKind,
-    pub threshold: Threshold,
+    pub threshold: MetGoal,
     /// The system of the inputs.
     pub crs: String,
     /// What led to the system of the outputs, where that is another.
@@ -63,7 +63,7 @@ pub struct LineReport {
     pub output_bytes: u64,
     pub notes: Vec<String>,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 impl LineReport {
@@ -93,6 +93,6 @@ impl LineReport {
     pub(super) fn measured_by(&mut self, rule: &SimplifyRule) {
         self.measure = rule.measure;
         let value = rule.threshold.max(0.0);
-        self.threshold = Threshold { value, metres: rule.measure == DistanceKind::Geographic };
+        self.threshold = MetGoal { value, metres: rule.measure == DistanceKind::Geographic };
     }
 }

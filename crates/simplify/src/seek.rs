@@ -1,7 +1,7 @@
 //! A threshold for so many vertices or bytes, found in a few trials.
 //!
 //! What comes out of a threshold is known once it was tried. How many vertices a run by itself would
-//! keep is known before, for all thresholds at once ([`ThresholdProfile`]): so the search goes along that number,
+//! keep is known before, for all thresholds at once ([`ThresholdHistogram`]): so the search goes along that number,
 //! as what comes out is nearly a line over it, whatever the data are like.
 //!
 //! A hierarchy of each line (areas, for methods that go by them) says how many vertices any threshold
@@ -29,7 +29,7 @@ const RUNG: f64 = 0.25;
 const SHIFT: u32 = 52 - 6;
 
 /// How many vertices are kept at which threshold, by bins of thresholds.
-pub(super) struct ThresholdProfile {
+pub(super) struct ThresholdHistogram {
     bins: Vec<u64>,
     /// Vertices that stay at any threshold.
     pub(super) fixed: u64,
@@ -37,30 +37,30 @@ pub(super) struct ThresholdProfile {
     pub(super) total: u64,
 }
 
-impl Default for ThresholdProfile {
+impl Default for ThresholdHistogram {
     fn default() -> Self {
         Self { bins: vec![0; 1 << (63 - SHIFT)], fixed: 0, total: 0 }
     }
 }
 
-impl ThresholdProfile {
+impl ThresholdHistogram {
     /// Adds a vertex that is kept below `threshold`.
     pub(super) fn add(&mut self, threshold: f64) {
         self.bins[(threshold.to_bits() >> SHIFT) as usize] += 1;
     }
 
     /// Makes it one to be asked.
-    pub(super) fn dial(mut self, largest: f64, is_area: bool) -> Dial {
+    pub(super) fn dial(mut self, largest: f64, is_area: bool) -> ThresholdsByCount {
         for bin in (1..self.bins.len()).rev() {
             self.bins[bin - 1] += self.bins[bin];
         }
         let rung = if is_area { RUNG * RUNG } else { RUNG };
-        Dial { above: self.bins, fixed: self.fixed, total: self.total, largest, rung }
+        ThresholdsByCount { above: self.bins, fixed: self.fixed, total: self.total, largest, rung }
     }
 }
 
 /// Thresholds by how many vertices they keep.
-pub(super) struct Dial {
+pub(super) struct ThresholdsByCount {
     /// Vertices above the lower edge of each bin.
     above: Vec<u64>,
     fixed: u64,
@@ -70,7 +70,7 @@ pub(super) struct Dial {
     rung: f64,
 }
 
-impl Dial {
+impl ThresholdsByCount {
     /// The threshold that keeps about `count` vertices.
     fn threshold(&self, count: f64) -> f64 {
         let inner = count - self.fixed as f64;
@@ -94,7 +94,7 @@ impl Dial {
 }
 
 /// A goal, in vertices or bytes.
-pub(super) struct GoalTarget {
+pub(super) struct SizeLimit {
     /// The most there may be.
     pub(super) most: u64,
     /// About what all vertices would come to.
@@ -117,8 +117,8 @@ struct ThresholdTrial {
 /// # Errors
 /// Those of `attempt`.
 pub(super) fn seek(
-    target: &GoalTarget,
-    dial: &Dial,
+    target: &SizeLimit,
+    dial: &ThresholdsByCount,
     mut attempt: impl FnMut(f64, RangeInclusive<u64>) -> Result<Option<u64>>,
 ) -> Result<Option<u64>> {
     let most = target.most;
@@ -151,7 +151,7 @@ pub(super) fn seek(
 
 /// What is known of a search.
 struct ThresholdSearch<'a> {
-    dial: &'a Dial,
+    dial: &'a ThresholdsByCount,
     /// What a vertex comes to, as far as is known before the first trial.
     each: f64,
     /// Where to aim at.
@@ -166,14 +166,14 @@ struct ThresholdSearch<'a> {
 }
 
 impl<'a> ThresholdSearch<'a> {
-    fn new(target: &GoalTarget, dial: &'a Dial) -> Self {
+    fn new(target: &SizeLimit, dial: &'a ThresholdsByCount) -> Self {
         let aim = target.most as f64 * (1.0 - 0.5 / UNUSED as f64);
         let each = target.all / (dial.total as f64).max(1.0);
         Self { dial, each, aim, low: None, high: None, before: None, inside: 0 }
     }
 
     /// As if all vertices took the same; everything, where that seems to fit.
-    fn first(&self, target: &GoalTarget) -> f64 {
+    fn first(&self, target: &SizeLimit) -> f64 {
         let total = self.dial.total as f64;
         match target.most as f64 >= target.all {
             true => total,
@@ -231,9 +231,9 @@ mod tests {
     use super::*;
 
     /// A dial over 10,000 vertices whose thresholds fall as a power of their rank.
-    fn dial() -> Dial {
+    fn dial() -> ThresholdsByCount {
         let mut profile =
-            ThresholdProfile { fixed: 100, total: 10_100, ..ThresholdProfile::default() };
+            ThresholdHistogram { fixed: 100, total: 10_100, ..ThresholdHistogram::default() };
         (1..=9_000).for_each(|rank| profile.add(100.0 / f64::from(rank).powf(1.3)));
         profile.dial(1000.0, false)
     }
@@ -249,7 +249,7 @@ mod tests {
     /// What came at last, and how many trials it took.
     fn sought(most: u64, all: f64, came: impl Fn(f64) -> f64) -> (Option<u64>, Option<u64>, u32) {
         let (mut last, mut trials) = (None, 0);
-        let left = seek(&GoalTarget { most, all }, &dial(), |threshold, range| {
+        let left = seek(&SizeLimit { most, all }, &dial(), |threshold, range| {
             trials += 1;
             let came = came(threshold).round() as u64;
             last = Some(came).filter(|came| range.contains(came));

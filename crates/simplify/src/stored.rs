@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use super::job::LineJob;
 use super::tool::{DistanceKind, SimplifyRule};
-use super::trees::{Trees, digest};
+use super::trees::{FeatureHierarchies, digest};
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::Digest;
 use terrane_files::RawFile;
@@ -45,7 +45,7 @@ pub(super) struct HierarchyStore {
 }
 
 /// How a feature is simplified.
-pub(super) enum FeatureOrder {
+pub(super) enum HierarchyUse {
     /// By the method.
     Run,
     /// By hierarchies that are made first.
@@ -80,11 +80,11 @@ impl HierarchyStore {
     }
 
     /// How the next feature is simplified.
-    pub(super) fn next(&mut self, geometry: &Geometry) -> Result<FeatureOrder> {
+    pub(super) fn next(&mut self, geometry: &Geometry) -> Result<HierarchyUse> {
         match (&mut self.reader, &self.writer) {
-            (Some(reader), _) => reader.next(geometry).map(FeatureOrder::Use),
-            (None, Some(_)) => Ok(FeatureOrder::Make),
-            (None, None) => Ok(FeatureOrder::Run),
+            (Some(reader), _) => reader.next(geometry).map(HierarchyUse::Use),
+            (None, Some(_)) => Ok(HierarchyUse::Make),
+            (None, None) => Ok(HierarchyUse::Run),
         }
     }
 
@@ -113,14 +113,14 @@ impl HierarchyStore {
 /// # Errors
 /// A part that the metric cannot measure; stored ones that are damaged or of other coordinates.
 pub(super) fn trees(
-    order: FeatureOrder,
+    order: HierarchyUse,
     geometry: &Geometry,
     rule: &SimplifyRule,
-) -> Result<Option<Trees>> {
+) -> Result<Option<FeatureHierarchies>> {
     match order {
-        FeatureOrder::Run => Ok(None),
-        FeatureOrder::Make => Trees::of(geometry, rule).map(Some),
-        FeatureOrder::Use(record) => {
+        HierarchyUse::Run => Ok(None),
+        HierarchyUse::Make => FeatureHierarchies::of(geometry, rule).map(Some),
+        HierarchyUse::Use(record) => {
             let (own, trees) = record.split_at(Digest::BYTES);
             if *own != digest(geometry, rule.measure).bytes()[..] {
                 return Err(Error::bad_input("the stored hierarchy is of other coordinates")
@@ -128,7 +128,7 @@ pub(super) fn trees(
                         "delete the file of ‹hierarchy› to have it made again, or name another",
                     ));
             }
-            Trees::from_bytes(trees).map(Some)
+            FeatureHierarchies::from_bytes(trees).map(Some)
         }
     }
 }
@@ -160,7 +160,7 @@ impl HierarchyReader {
         }
         self.features -= 1;
         let bytes = self.take(LENGTH as u64)?.try_into().map_or(0, u64::from_le_bytes);
-        if !(Digest::BYTES as u64..=Trees::most_bytes(geometry)).contains(&bytes) {
+        if !(Digest::BYTES as u64..=FeatureHierarchies::most_bytes(geometry)).contains(&bytes) {
             return Err(others("has a feature of another size than the input").in_file(&path));
         }
         self.take(bytes).map(<[u8]>::to_vec)
@@ -282,10 +282,15 @@ impl HierarchyWriter {
 mod tests {
     use super::*;
     use terrane_line::METHODS;
-    use terrane_line::topology::Collapse;
+    use terrane_line::topology::RingCollapse;
 
     fn rule(measure: DistanceKind) -> SimplifyRule {
-        SimplifyRule { method: &METHODS[1], measure, threshold: 0.0, collapse: Collapse::Minimal }
+        SimplifyRule {
+            method: &METHODS[1],
+            measure,
+            threshold: 0.0,
+            collapse: RingCollapse::Minimal,
+        }
     }
 
     fn zigzag(count: usize) -> Geometry {
@@ -297,7 +302,7 @@ mod tests {
         let path = folder.join("h");
         let mut writer = HierarchyWriter::create(&path, DistanceKind::Plane).unwrap();
         for line in [zigzag(50), zigzag(9)] {
-            let trees = Trees::of(&line, &rule(DistanceKind::Plane)).unwrap();
+            let trees = FeatureHierarchies::of(&line, &rule(DistanceKind::Plane)).unwrap();
             writer.push(&trees.record(&line, DistanceKind::Plane)).unwrap();
         }
         assert!(!path.exists());
@@ -308,10 +313,10 @@ mod tests {
     }
 
     /// Reads all of a file that should be of those two lines.
-    fn read(path: &Path) -> Result<Vec<Trees>> {
+    fn read(path: &Path) -> Result<Vec<FeatureHierarchies>> {
         let mut reader = HierarchyReader::open(path, DistanceKind::Plane)?;
         let mut next = |line: Geometry| {
-            trees(FeatureOrder::Use(reader.next(&line)?), &line, &rule(DistanceKind::Plane))
+            trees(HierarchyUse::Use(reader.next(&line)?), &line, &rule(DistanceKind::Plane))
         };
         let all = [next(zigzag(50))?, next(zigzag(9))?];
         reader.end()?;
@@ -331,7 +336,8 @@ mod tests {
     fn what_is_stored_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let (path, _) = file(folder.path());
-        let made = [50, 9].map(|n| Trees::of(&zigzag(n), &rule(DistanceKind::Plane)).unwrap());
+        let made = [50, 9]
+            .map(|n| FeatureHierarchies::of(&zigzag(n), &rule(DistanceKind::Plane)).unwrap());
         assert_eq!(read(&path).unwrap(), made);
     }
 

@@ -9,7 +9,7 @@ use super::files::{self, LineFilePair, LineFiles};
 use super::job::LineJob;
 use super::part::{self, PartCounts};
 use super::report::LineReport;
-use super::stored::{self, FeatureOrder, HierarchyStore};
+use super::stored::{self, HierarchyStore, HierarchyUse};
 use super::tool::SimplifyRule;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, beside_program, short};
@@ -99,7 +99,7 @@ fn copy(
 }
 
 /// A feature, where it was, and how it is to be simplified.
-type Placed = (Feature, String, FeatureOrder);
+type Placed = (Feature, String, HierarchyUse);
 
 /// The next features, of about so many vertices; each has to fit into memory.
 fn read(
@@ -136,9 +136,9 @@ fn simplify(batch: Vec<Placed>, rule: &SimplifyRule) -> Vec<Result<SimplifiedFea
     batch.into_par_iter().map(one).collect()
 }
 
-fn make(feature: Feature, order: FeatureOrder, rule: &SimplifyRule) -> Result<SimplifiedFeature> {
+fn make(feature: Feature, order: HierarchyUse, rule: &SimplifyRule) -> Result<SimplifiedFeature> {
     let started = Instant::now();
-    let is_new = matches!(order, FeatureOrder::Make);
+    let is_new = matches!(order, HierarchyUse::Make);
     let trees = stored::trees(order, &feature.geometry, rule)?;
     let new = trees.as_ref().filter(|_| is_new);
     let record = new.map(|trees| trees.record(&feature.geometry, rule.measure));

@@ -2,9 +2,9 @@
 
 use terrane_base::error::{Error, Result};
 use terrane_line::metric::{LEAST, MOST, measurable};
-use terrane_line::topology::Collapse;
+use terrane_line::topology::RingCollapse;
 use terrane_line::{
-    DistanceMetric, GeographicMetric, Located, PlaneMetric, SimplifyMethod, SimplifyScratch,
+    DistanceMetric, GeographicMetric, LocatedVertex, PlaneMetric, SimplifyMethod, SimplifyScratch,
     SpaceMetric, Xy, metric, registry, ring,
 };
 use terrane_vector::GeometryPart;
@@ -39,7 +39,7 @@ impl MetricVertex for [f64; 3] {
     }
 }
 
-impl MetricVertex for Located {
+impl MetricVertex for LocatedVertex {
     fn of(xy: Xy, _: f64) -> Self {
         Self::new(xy.map(measurable))
     }
@@ -63,19 +63,22 @@ pub(super) struct SimplifyRule {
     /// Tolerance, or area for methods that bound one; or [`EVERYTHING`].
     pub(super) threshold: f64,
     /// What becomes of rings that have too few vertices left.
-    pub(super) collapse: Collapse,
+    pub(super) collapse: RingCollapse,
 }
 
 /// Something to be done with a method, whatever its metric.
 pub(super) trait MetricTask {
     type Output;
 
-    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(self, tool: &Tool<V, M>) -> Self::Output;
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+        self,
+        tool: &MetricTool<V, M>,
+    ) -> Self::Output;
 }
 
 /// A rule, made for the vertices of its metric.
 #[derive(Clone, Copy)]
-pub(super) struct Tool<V, M> {
+pub(super) struct MetricTool<V, M> {
     pub(super) metric: M,
     run: registry::Run<V, M>,
     pub(super) rule: SimplifyRule,
@@ -104,14 +107,16 @@ impl SimplifyRule {
         let rule = *self;
         match rule.measure {
             DistanceKind::Plane => {
-                task.run(&Tool { metric: PlaneMetric, run: rule.method.plane, rule })
+                task.run(&MetricTool { metric: PlaneMetric, run: rule.method.plane, rule })
             }
             DistanceKind::Space => {
-                task.run(&Tool { metric: SpaceMetric, run: rule.method.space, rule })
+                task.run(&MetricTool { metric: SpaceMetric, run: rule.method.space, rule })
             }
-            DistanceKind::Geographic => {
-                task.run(&Tool { metric: GeographicMetric, run: rule.method.geographic, rule })
-            }
+            DistanceKind::Geographic => task.run(&MetricTool {
+                metric: GeographicMetric,
+                run: rule.method.geographic,
+                rule,
+            }),
         }
     }
 }
@@ -148,7 +153,7 @@ pub(super) fn check(part: &GeometryPart<'_>, rule: &SimplifyRule) -> Result<()> 
 /// Thresholds from here on do not see what is below [`LEAST`].
 const FINEST: f64 = 1e-50;
 
-impl<V: MetricVertex, M: DistanceMetric<V> + Copy> Tool<V, M> {
+impl<V: MetricVertex, M: DistanceMetric<V> + Copy> MetricTool<V, M> {
     /// Appends what is kept of an open line.
     pub(super) fn line(&self, points: &[V], scratch: &mut SimplifyScratch, kept: &mut Vec<u32>) {
         if self.rule.keeps_everything() {
@@ -194,8 +199,8 @@ impl<V: MetricVertex, M: DistanceMetric<V> + Copy> Tool<V, M> {
         }
         let collapsed = self.whole_ring(points, choose, scratch, kept);
         match (collapsed, self.rule.collapse) {
-            (true, Collapse::Drop) => kept.clear(),
-            (true, Collapse::Keep) => {
+            (true, RingCollapse::Drop) => kept.clear(),
+            (true, RingCollapse::Keep) => {
                 kept.clear();
                 kept.extend(0..points.len().saturating_sub(1) as u32);
             }

@@ -3,10 +3,12 @@
 
 use std::time::Instant;
 
-use super::tool::{DistanceKind, MetricTask, MetricVertex, SimplifyRule, Tool, check, vertices};
+use super::tool::{
+    DistanceKind, MetricTask, MetricTool, MetricVertex, SimplifyRule, check, vertices,
+};
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::Digest;
-use terrane_line::visvalingam::{EffectiveAreas, Weight};
+use terrane_line::visvalingam::{AreaWeight, EffectiveAreas};
 use terrane_line::{DistanceMetric, Hierarchy, SimplifyMethod, SimplifyScratch};
 use terrane_vector::{Geometry, GeometryPart};
 
@@ -15,16 +17,16 @@ const LENGTH: usize = 8;
 
 /// The hierarchies of a feature, in the order in which its lines are simplified.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Trees(Vec<Hierarchy>);
+pub(super) struct FeatureHierarchies(Vec<Hierarchy>);
 
-impl Trees {
+impl FeatureHierarchies {
     /// Splits every line of a geometry down to its vertices.
     ///
     /// # Errors
     /// A part that the metric cannot measure.
     pub(super) fn of(geometry: &Geometry, rule: &SimplifyRule) -> Result<Self> {
         geometry.parts().try_for_each(|part| check(&part, rule))?;
-        Ok(Self(rule.apply(Splitting(geometry))))
+        Ok(Self(rule.apply(LineSplitting(geometry))))
     }
 
     /// What is stored of a geometry with these hierarchies: the digest of its coordinates, and their bytes.
@@ -95,7 +97,7 @@ pub(super) struct PendingHierarchies<'a> {
 
 impl<'a> PendingHierarchies<'a> {
     /// All of a feature; none without any.
-    pub(super) fn of(trees: Option<&'a Trees>, threshold: f64) -> Self {
+    pub(super) fn of(trees: Option<&'a FeatureHierarchies>, threshold: f64) -> Self {
         Self { trees: trees.map_or(&[], |trees| &trees.0), threshold, seconds: 0.0 }
     }
 
@@ -120,30 +122,36 @@ impl<'a> PendingHierarchies<'a> {
 /// A part that the metric cannot measure.
 pub(super) fn thresholds(
     geometry: &Geometry,
-    trees: Option<&Trees>,
+    trees: Option<&FeatureHierarchies>,
     rule: &SimplifyRule,
 ) -> Result<Vec<f64>> {
     if rule.method.bounds.weight().is_some() {
         geometry.parts().try_for_each(|part| check(&part, rule))?;
-        return Ok(rule.apply(Weighing(geometry)));
+        return Ok(rule.apply(AreaWeighting(geometry)));
     }
     let made = match trees {
-        Some(_) => Trees::default(),
-        None => Trees::of(geometry, &SimplifyRule { method: &SimplifyMethod::RDP, ..*rule })?,
+        Some(_) => FeatureHierarchies::default(),
+        None => FeatureHierarchies::of(
+            geometry,
+            &SimplifyRule { method: &SimplifyMethod::RDP, ..*rule },
+        )?,
     };
     let squares = trees.unwrap_or(&made).0.iter().flat_map(|tree| tree.squares());
     Ok(squares.filter(|square| **square > 0.0).map(|square| square.sqrt()).collect())
 }
 
 /// A geometry whose vertices have areas.
-struct Weighing<'a>(&'a Geometry);
+struct AreaWeighting<'a>(&'a Geometry);
 
-impl MetricTask for Weighing<'_> {
+impl MetricTask for AreaWeighting<'_> {
     type Output = Vec<f64>;
 
-    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(self, tool: &Tool<V, M>) -> Vec<f64> {
+    fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
+        self,
+        tool: &MetricTool<V, M>,
+    ) -> Vec<f64> {
         let (mut points, mut all) = (Vec::new(), Vec::new());
-        let weight = tool.rule.method.bounds.weight().unwrap_or(Weight::Plain);
+        let weight = tool.rule.method.bounds.weight().unwrap_or(AreaWeight::Plain);
         for part in self.0.parts() {
             vertices(&part, &mut points);
             let areas = match (part.is_ring(), points.len()) {
@@ -160,14 +168,14 @@ impl MetricTask for Weighing<'_> {
 }
 
 /// A geometry whose lines are to be split.
-struct Splitting<'a>(&'a Geometry);
+struct LineSplitting<'a>(&'a Geometry);
 
-impl MetricTask for Splitting<'_> {
+impl MetricTask for LineSplitting<'_> {
     type Output = Vec<Hierarchy>;
 
     fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         self,
-        tool: &Tool<V, M>,
+        tool: &MetricTool<V, M>,
     ) -> Vec<Hierarchy> {
         let (mut points, mut kept) = (Vec::new(), Vec::new());
         let (mut scratch, mut trees) = (SimplifyScratch::default(), Vec::new());

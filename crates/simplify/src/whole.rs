@@ -22,17 +22,17 @@ use super::files::LineFiles;
 use super::job::LineJob;
 use super::part::PartCounts;
 use super::report::LineReport;
-use super::stored::{self, FeatureOrder, HierarchyStore};
+use super::stored::{self, HierarchyStore, HierarchyUse};
 use super::tool::SimplifyRule;
-use super::trees::Trees;
-use input::{Collected, CoverageInput, room};
+use super::trees::FeatureHierarchies;
+use input::{CoverageInput, ReadFile, room};
 use rayon::prelude::*;
 use terrane_base::error::{Error, Result};
 use terrane_engine::memory::{PROGRAM, short};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::on_threads;
 use terrane_vector::Feature;
-use trial::WholeJob;
+use trial::OpenedLineJob;
 
 pub(super) fn run(
     job: &LineJob,
@@ -41,7 +41,7 @@ pub(super) fn run(
     cancel: &Cancel,
 ) -> Result<LineReport> {
     let mut report = LineReport { crs: files.crs.label(), ..LineReport::default() };
-    let whole = WholeJob { job, files, progress, cancel };
+    let whole = OpenedLineJob { job, files, progress, cancel };
     let plain = files.rule(job, 0.0)?;
     let mut store = HierarchyStore::of(job, &plain)?;
     let mut input = CoverageInput::read(job, files, whole.share(), &mut store, progress, cancel)?;
@@ -70,7 +70,7 @@ pub(super) fn run(
 const WITH_NEIGHBOURS: u64 = 2;
 const ALONE: u64 = 4;
 
-impl WholeJob<'_> {
+impl OpenedLineJob<'_> {
     /// Bytes of features that may be held.
     fn share(&self) -> u64 {
         match self.job.topology {
@@ -91,7 +91,7 @@ impl WholeJob<'_> {
 /// Makes the hierarchies that were ordered of all features, and stores new ones.
 fn split(
     files: &LineFiles,
-    all: &mut [Collected],
+    all: &mut [ReadFile],
     rule: &SimplifyRule,
     store: &mut HierarchyStore,
     report: &mut LineReport,
@@ -102,14 +102,14 @@ fn split(
     }
     for (pair, collected) in files.pairs.iter().zip(all) {
         let orders = std::mem::take(&mut collected.orders);
-        let make = |((order, place), feature): ((FeatureOrder, String), &Feature)| {
+        let make = |((order, place), feature): ((HierarchyUse, String), &Feature)| {
             cancel.check()?;
             let started = Instant::now();
             let trees = stored::trees(order, &feature.geometry, rule).map_err(|e| e.at(place))?;
             Ok((trees.unwrap_or_default(), started.elapsed().as_secs_f64()))
         };
         let made = orders.into_par_iter().zip(&collected.features).map(make);
-        let made: Result<Vec<(Trees, f64)>> = made.collect();
+        let made: Result<Vec<(FeatureHierarchies, f64)>> = made.collect();
         for (trees, prepare_seconds) in made.map_err(|e| e.in_file(&pair.input))? {
             report.add(&PartCounts { prepare_seconds, ..PartCounts::default() });
             collected.trees.push(trees);

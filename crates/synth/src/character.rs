@@ -1,33 +1,33 @@
 //! The characters a terrain can have, and the registry that names them.
 
 use super::hash::{RowHash, mix64};
-use super::stack::Spectrum;
-use super::terrain::{Character, MAX_SIDE, SampleRunStart, Terrain, TerrainParameter};
+use super::stack::OctaveSpectrum;
+use super::terrain::{MAX_SIDE, SampleRunStart, SynthParameter, Terrain, TerrainKind};
 
-const ROUGH: Spectrum =
-    Spectrum { coarsest: 12, ridged: 9, detail: 5, finest: 2, amplitude: 0.25, gain: 0.56 };
-const SMOOTH: Spectrum =
-    Spectrum { coarsest: 12, ridged: 9, detail: 9, finest: 5, amplitude: 0.35, gain: 0.45 };
+const ROUGH: OctaveSpectrum =
+    OctaveSpectrum { coarsest: 12, ridged: 9, detail: 5, finest: 2, amplitude: 0.25, gain: 0.56 };
+const SMOOTH: OctaveSpectrum =
+    OctaveSpectrum { coarsest: 12, ridged: 9, detail: 9, finest: 5, amplitude: 0.35, gain: 0.45 };
 
 /// Shorter swells than `ROUGH`, so that a thousand samples see both land and sea.
-const SHORES: Spectrum =
-    Spectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.12, gain: 0.56 };
+const SHORES: OctaveSpectrum =
+    OctaveSpectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.12, gain: 0.56 };
 
-const SEA: TerrainParameter = TerrainParameter {
+const SEA: SynthParameter = SynthParameter {
     key: "sea",
     about: "sea level, as a share of the relief",
     default: 0.6,
     range: (-2.0, 2.0),
     whole: false,
 };
-const STEP: TerrainParameter = TerrainParameter {
+const STEP: SynthParameter = SynthParameter {
     key: "step",
     about: "height of a terrace in metres",
     default: 60.0,
     range: (0.01, 10_000.0),
     whole: false,
 };
-const VOIDS: TerrainParameter = TerrainParameter {
+const VOIDS: SynthParameter = SynthParameter {
     key: "voids",
     about: "share of void samples, from 0 to 1",
     default: 0.005,
@@ -36,43 +36,43 @@ const VOIDS: TerrainParameter = TerrainParameter {
 };
 
 /// The parameters every character has.
-pub const PARAMETERS: &[TerrainParameter] = &[
-    TerrainParameter {
+pub const PARAMETERS: &[SynthParameter] = &[
+    SynthParameter {
         key: "size",
         about: "columns and rows",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "width",
         about: "columns, instead of size",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "height",
         about: "rows, instead of size",
         default: 4097.0,
         range: (1.0, MAX_SIDE as f64),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "seed",
         about: "any whole number: another number is another terrain",
         default: 1.0,
         range: (0.0, u64::MAX as f64),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "cell",
         about: "metres between samples (does not change heights)",
         default: 10.0,
         range: (1e-3, 1e5),
         whole: false,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "relief",
         about: "metres from low plains to high peaks, about",
         default: 1500.0,
@@ -82,8 +82,8 @@ pub const PARAMETERS: &[TerrainParameter] = &[
 ];
 
 /// All characters.
-pub const CHARACTERS: &[Character] = &[
-    Character {
+pub const CHARACTERS: &[TerrainKind] = &[
+    TerrainKind {
         name: "rough",
         about: "mountain ranges, valleys and plains with fractal detail down to four samples",
         own: None,
@@ -92,7 +92,7 @@ pub const CHARACTERS: &[Character] = &[
         spectrum: ROUGH,
         finish: land,
     },
-    Character {
+    TerrainKind {
         name: "smooth",
         about: "rolling hills without fine detail",
         own: None,
@@ -101,7 +101,7 @@ pub const CHARACTERS: &[Character] = &[
         spectrum: SMOOTH,
         finish: land,
     },
-    Character {
+    TerrainKind {
         name: "integer",
         about: "islands and shores in whole metres above a flat sea at 0",
         own: Some(SEA),
@@ -110,7 +110,7 @@ pub const CHARACTERS: &[Character] = &[
         spectrum: SHORES,
         finish: whole_metres,
     },
-    Character {
+    TerrainKind {
         name: "plateaus",
         about: "level terraces with steep sides",
         own: Some(STEP),
@@ -119,7 +119,7 @@ pub const CHARACTERS: &[Character] = &[
         spectrum: ROUGH,
         finish: terraces,
     },
-    Character {
+    TerrainKind {
         name: "coast",
         about: "islands and shores in metres above the sea; everything beyond the coast line is void",
         own: Some(SEA),
@@ -128,7 +128,7 @@ pub const CHARACTERS: &[Character] = &[
         spectrum: SHORES,
         finish: coast,
     },
-    Character {
+    TerrainKind {
         name: "salt",
         about: "rough, with single void samples strewn over it",
         own: Some(VOIDS),

@@ -17,4 +17,4 @@ mod terrain;
 mod words;
 
 pub use character::{CHARACTERS, PARAMETERS};
-pub use terrain::{Character, MAX_SIDE, Terrain, TerrainParameter};
+pub use terrain::{MAX_SIDE, SynthParameter, Terrain, TerrainKind};

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::words::{GivenSynthParameter, Words};
-use super::{CHARACTERS, Character, PARAMETERS, Terrain};
+use super::words::{GivenSynthParameter, NameGrammar};
+use super::{CHARACTERS, PARAMETERS, Terrain, TerrainKind};
 use terrane_base::error::Result;
 use terrane_base::registry::{RegistryEntry, named};
 
@@ -22,7 +22,7 @@ impl Terrain {
     }
 
     /// The terrain of this kind with all parameters at their defaults.
-    pub fn new(character: &'static Character) -> Self {
+    pub fn new(character: &'static TerrainKind) -> Self {
         let default = |key| PARAMETERS.iter().find(|p| p.key == key).map_or(0.0, |p| p.default);
         Self {
             character,
@@ -50,13 +50,13 @@ impl Terrain {
     }
 
     /// Every parameter this terrain has.
-    fn words(&self) -> Words {
+    fn words(&self) -> NameGrammar {
         let known = PARAMETERS.iter().chain(self.character.own.as_ref()).collect();
-        Words { what: "terrain", kind: self.character.name, known }
+        NameGrammar { what: "terrain", kind: self.character.name, known }
     }
 }
 
-impl RegistryEntry for Character {
+impl RegistryEntry for TerrainKind {
     const KIND: &'static str = "terrain";
 
     fn name(&self) -> &'static str {

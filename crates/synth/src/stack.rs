@@ -9,7 +9,7 @@ use super::lattice::{Octave, OctaveRun, OctaveSums};
 
 /// What the octaves are. Octaves are named by the logarithm of their cell's side in samples.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spectrum {
+pub(super) struct OctaveSpectrum {
     /// Coarsest octave, a swell.
     pub(super) coarsest: u32,
     /// First ridged octave.
@@ -24,7 +24,7 @@ pub(super) struct Spectrum {
     pub(super) gain: f32,
 }
 
-impl Spectrum {
+impl OctaveSpectrum {
     fn octaves(&self) -> impl Iterator<Item = u32> + use<> {
         (self.finest..=self.coarsest).rev()
     }
@@ -36,7 +36,7 @@ const RUN: u32 = 512;
 /// Calls `finish(row, first column, heights)` for every row of every run of columns of the window
 /// `[col, row, width, height]`; heights are about -1 to 1.
 pub(super) fn relief(
-    spectrum: &Spectrum,
+    spectrum: &OctaveSpectrum,
     seed: u64,
     [col, row, width, height]: [u32; 4],
     mut finish: impl FnMut(u32, u32, &[f32]),
@@ -64,7 +64,12 @@ fn octave(seed: u64, log2: u32) -> Octave {
     Octave { log2, shift_col: shift as u32 & mask, shift_row: (shift >> 32) as u32 & mask, key }
 }
 
-fn add_octaves(spectrum: &Spectrum, runs: &mut [OctaveRun], row: u32, mut sums: OctaveSums<'_>) {
+fn add_octaves(
+    spectrum: &OctaveSpectrum,
+    runs: &mut [OctaveRun],
+    row: u32,
+    mut sums: OctaveSums<'_>,
+) {
     sums.height.fill(0.0);
     sums.weight.fill(1.0);
     let mut amplitude = 1.0;
@@ -97,8 +102,8 @@ mod tests {
     use super::*;
     use crate::hash::RowHash;
 
-    const ALL: Spectrum =
-        Spectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.4, gain: 0.55 };
+    const ALL: OctaveSpectrum =
+        OctaveSpectrum { coarsest: 9, ridged: 7, detail: 5, finest: 2, amplitude: 0.4, gain: 0.55 };
 
     /// One octave at one sample, as its definition says: a sum over sixteen nodes, in `f64`.
     fn noise(octave: &Octave, col: u32, row: u32) -> f64 {
@@ -127,7 +132,7 @@ mod tests {
         }
     }
 
-    fn naive(spectrum: &Spectrum, seed: u64, col: u32, row: u32) -> f64 {
+    fn naive(spectrum: &OctaveSpectrum, seed: u64, col: u32, row: u32) -> f64 {
         let (mut height, mut weight, mut amplitude) = (0.0_f64, 1.0, 1.0);
         for log2 in spectrum.octaves() {
             if log2 == spectrum.ridged {

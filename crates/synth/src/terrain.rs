@@ -1,6 +1,6 @@
 //! A terrain, its kind, and the heights of any window of it.
 
-use super::stack::{self, Spectrum};
+use super::stack::{self, OctaveSpectrum};
 use terrane_base::geom::Rect;
 
 /// Most columns or rows of a terrain.
@@ -8,7 +8,7 @@ pub const MAX_SIDE: u32 = 1 << 30;
 
 /// A number a terrain can be told, as `key=value`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TerrainParameter {
+pub struct SynthParameter {
     /// Name before the equals sign.
     pub key: &'static str,
     /// One line for the help, with the unit.
@@ -23,18 +23,18 @@ pub struct TerrainParameter {
 
 /// One kind of terrain: an entry of [`CHARACTERS`](crate::CHARACTERS).
 #[derive(Clone, Copy, Debug)]
-pub struct Character {
+pub struct TerrainKind {
     /// Name, the first word of `rough,size=4097,seed=7`.
     pub name: &'static str,
     /// One line for the help.
     pub about: &'static str,
     /// A parameter only this character has.
-    pub own: Option<TerrainParameter>,
+    pub own: Option<SynthParameter>,
     /// True when every height is a whole number of metres between 0 and 32767.
     pub integer: bool,
     /// True when some samples can be void.
     pub voids: bool,
-    pub(super) spectrum: Spectrum,
+    pub(super) spectrum: OctaveSpectrum,
     pub(super) finish: fn(&Terrain, SampleRunStart, &[f32], &mut [f32]),
 }
 
@@ -49,7 +49,7 @@ pub(super) struct SampleRunStart {
 #[derive(Clone, Copy, Debug)]
 pub struct Terrain {
     /// Its kind.
-    pub character: &'static Character,
+    pub character: &'static TerrainKind,
     /// Columns.
     pub width: u32,
     /// Rows.

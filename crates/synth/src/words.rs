@@ -1,15 +1,15 @@
 //! The `key=value` words of a name, against the parameters known.
 
-use super::TerrainParameter;
+use super::SynthParameter;
 use terrane_base::error::{Error, Result};
 
 /// What words may be said of a thing.
-pub(super) struct Words {
+pub(super) struct NameGrammar {
     /// What the thing is called in messages: "terrain", "cloud".
     pub(super) what: &'static str,
     /// Which of them: "rough".
     pub(super) kind: &'static str,
-    pub(super) known: Vec<&'static TerrainParameter>,
+    pub(super) known: Vec<&'static SynthParameter>,
 }
 
 /// A parameter as it was given: what it says, and how.
@@ -17,7 +17,7 @@ pub(super) struct GivenSynthParameter<'a> {
     pub(super) key: &'static str,
     pub(super) value: f64,
     text: &'a str,
-    parameter: &'static TerrainParameter,
+    parameter: &'static SynthParameter,
     what: &'static str,
 }
 
@@ -28,7 +28,7 @@ impl GivenSynthParameter<'_> {
     }
 }
 
-impl Words {
+impl NameGrammar {
     /// Reads `key=value` words, each key at most once; "size" comes first in the result.
     pub(super) fn read<'a>(
         &self,
@@ -68,14 +68,14 @@ impl Words {
     }
 }
 
-fn check(what: &str, parameter: &TerrainParameter, text: &str) -> Result<f64> {
+fn check(what: &str, parameter: &SynthParameter, text: &str) -> Result<f64> {
     let value: f64 = text.parse().map_err(|_| wrong(what, parameter, text))?;
     let (least, most) = parameter.range;
     let sound = (least..=most).contains(&value) && !(parameter.whole && value.fract() != 0.0);
     if sound { Ok(value) } else { Err(wrong(what, parameter, text)) }
 }
 
-fn wrong(what: &str, parameter: &TerrainParameter, text: &str) -> Error {
+fn wrong(what: &str, parameter: &SynthParameter, text: &str) -> Error {
     let (least, most) = parameter.range;
     let kind = if parameter.whole { "a whole number" } else { "a number" };
     Error::usage(format!("{}={text} of the {what} makes no sense", parameter.key))

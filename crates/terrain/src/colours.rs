@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use crate::convert::copy::{GridFront, run_of};
+use crate::convert::copy::{DerivedBands, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -128,11 +128,12 @@ fn run(
             ..own.clone()
         };
         let parts = if options.alpha { 4 } else { 3 };
-        let painted = Arc::new(Painted { info, inner, table, parts, waiting: Mutex::default() });
+        let painted =
+            Arc::new(ColoredGrid { info, inner, table, parts, waiting: Mutex::default() });
         let band = |part: usize| -> Box<dyn GridSource> {
             Box::new(ReliefColorBand { painted: painted.clone(), part })
         };
-        Ok(GridFront::of_colours((0..parts).map(band).collect(), Vec::new()))
+        Ok(DerivedBands::of_colours((0..parts).map(band).collect(), Vec::new()))
     })?;
     // Of bytes of colours nothing is to be told.
     Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })
@@ -182,7 +183,7 @@ pub(crate) fn range(
 }
 
 /// A grid and its colours.
-struct Painted {
+struct ColoredGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     table: ColorTable,
@@ -192,7 +193,7 @@ struct Painted {
     waiting: Mutex<HashMap<Rect, Vec<Colour>>>,
 }
 
-impl Painted {
+impl ColoredGrid {
     fn colours(&self, rect: Rect) -> Result<Vec<Colour>> {
         let mut heights = vec![0.0; PIECE[0] as usize * PIECE[1] as usize];
         let mut colours = vec![Colour::default(); rect.len()];
@@ -215,7 +216,7 @@ impl Painted {
 
 /// One part of the colours of a grid.
 struct ReliefColorBand {
-    painted: Arc<Painted>,
+    painted: Arc<ColoredGrid>,
     part: usize,
 }
 

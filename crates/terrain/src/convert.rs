@@ -16,7 +16,7 @@ pub mod task;
 use std::path::Path;
 
 use crate::warp;
-use copy::{GridFront, run_of};
+use copy::{DerivedBands, run_of};
 use terrane_base::error::Result;
 use terrane_base::registry;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
@@ -47,6 +47,6 @@ impl Operation for ConvertOptions {
 pub fn run(job: &ConvertJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ConvertReport> {
     match &job.options.resampling {
         Some(name) => warp::run(job, registry::named(RESAMPLINGS, name)?, progress, cancel),
-        None => run_of(job, 0, progress, cancel, |source| Ok(GridFront::of(source, Vec::new()))),
+        None => run_of(job, 0, progress, cancel, |source| Ok(DerivedBands::of(source, Vec::new()))),
     }
 }

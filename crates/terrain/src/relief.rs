@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::colours::range;
-use crate::convert::copy::{GridFront, run_of};
+use crate::convert::copy::{DerivedBands, run_of};
 use crate::convert::job::{ConvertJob, ConvertOptions, ConvertReport};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -20,7 +20,7 @@ use terrane_engine::options::{FileOutput, GridInput, GridOutput};
 use terrane_options::Options;
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType};
 use terrane_window::relief::{Derivative, Turn};
-use toned::Toned;
+use toned::TonedGrid;
 
 pub use kinds::{
     AspectOptions, AspectSetters, CurvatureOptions, CurvatureSetters, HillshadeOptions,
@@ -69,7 +69,7 @@ impl DerivativeOptions {
 }
 
 /// What is computed of each sample, of a grid that has so many units of heights in a unit of x and y.
-struct ReliefRequest<'a> {
+struct DerivativeRequest<'a> {
     derivative: Arc<dyn Derivative>,
     scale: Option<f64>,
     common: &'a DerivativeOptions,
@@ -85,9 +85,9 @@ struct ReliefRequest<'a> {
 ///
 /// # Errors
 /// Those of [`crate::convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
-fn run(asked: &ReliefRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
+fn run(asked: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
     let RunRequest { inputs, output, progress, cancel, .. } = request;
-    let ReliefRequest { derivative, scale, common } = asked;
+    let DerivativeRequest { derivative, scale, common } = asked;
     let copy = common.copy(inputs, output);
     let picture = picture(&copy)?;
     let copy = picture.as_ref().unwrap_or(&copy);
@@ -112,14 +112,14 @@ fn run(asked: &ReliefRequest<'_>, request: RunRequest<'_>) -> Result<ConvertRepo
         let info = GridInfo { sample_type, nodata, crs, scale: 1.0, offset: 0.0, ..info.clone() };
         let (known, mut notes) = (derivative.range(), ground.notes());
         let (derivative, edges) = (Arc::clone(derivative), common.compute_edges);
-        let derived = Box::new(Derived { info, inner, derivative, ground, edges });
+        let derived = Box::new(DerivativeGrid { info, inner, derivative, ground, edges });
         if !is_toned {
-            return Ok(GridFront::of(derived, notes));
+            return Ok(DerivedBands::of(derived, notes));
         }
         let range = known.map_or_else(|| range(derived.as_ref(), progress, cancel), Ok)?;
-        let toned = Toned::new(derived, range);
+        let toned = TonedGrid::new(derived, range);
         notes.push(toned.note());
-        Ok(GridFront::of(Box::new(toned), notes))
+        Ok(DerivedBands::of(Box::new(toned), notes))
     })?;
     // Grays of values tell nothing of them.
     let told = |value: Option<f64>| value.filter(|_| !is_toned);
@@ -141,7 +141,7 @@ fn picture(copy: &ConvertJob) -> Result<Option<ConvertJob>> {
 }
 
 /// A grid of derivatives.
-struct Derived {
+struct DerivativeGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     derivative: Arc<dyn Derivative>,
@@ -157,7 +157,7 @@ struct ReliefPiece {
     inner: Vec<f64>,
 }
 
-impl Derived {
+impl DerivativeGrid {
     /// Hands on each row of a rectangle, piece by piece, with its first column and its row.
     fn each(&self, rect: Rect, found: &mut dyn FnMut([u32; 2], &[f64])) -> Result<()> {
         let (mut out, mut heights) = (vec![0.0; PIECE[0] as usize], ReliefPiece::default());
@@ -261,7 +261,7 @@ fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize;
     }
 }
 
-impl GridSource for Derived {
+impl GridSource for DerivativeGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }

@@ -6,7 +6,7 @@ use terrane_options::Choice;
 /// The ground between the edge of a grid and the sides of the tiles that hold it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Beyond {
+pub enum TilesBeyond {
     /// Falls (or rises) from the edge to the ellipsoid, one metre for two.
     #[default]
     Taper,
@@ -14,7 +14,7 @@ pub enum Beyond {
     Level,
 }
 
-impl Beyond {
+impl TilesBeyond {
     /// Metres that it falls for each metre.
     pub(super) fn slope(self) -> f64 {
         match self {

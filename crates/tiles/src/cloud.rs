@@ -21,7 +21,7 @@ use terrane_files::atomic::refuse_existing;
 use terrane_files::{folder_for, name_of, path_of};
 use terrane_lidar::grid::GridOptions;
 use terrane_lidar::grid::plan::{PlanGridJob, plan_grid};
-use terrane_lidar::grid::{self, GridJob, Placement, Preset};
+use terrane_lidar::grid::{self, GridJob, Placement, SurfaceModel};
 use terrane_raster::Inputs;
 
 /// The format of a model: all that is known of a grid, in blocks that are mapped.
@@ -203,7 +203,7 @@ impl GroundModel {
             let error = Error::bad_input("does not say where on the globe it lies");
             return Err(of_cloud(error.remedy("name its reference system: ‹crs› EPSG:2154")));
         }
-        let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), Preset::Dtm, 1.0);
+        let model = GridJob::of_preset(names.to_vec(), PathBuf::new(), SurfaceModel::Dtm, 1.0);
         let model = GridJob {
             cloud: self.cloud.clone(),
             format: Some(FORMAT.to_owned()),

@@ -186,7 +186,7 @@ mod tests {
     fn division(side: u32, seconds: f64) -> TilesDivision {
         let step = seconds / 3600.0;
         let map = Affine { x0: 7.0, a: step, b: 0.0, y0: 46.0, d: 0.0, e: -step };
-        let place = GridFootprint::of(&terrane_globe::Chart::straight(map, [side; 2]));
+        let place = GridFootprint::of(&terrane_globe::GridGeolocation::straight(map, [side; 2]));
         TilesDivision::new(place, terrane_globe::deepest_for(step))
     }
 

@@ -7,8 +7,8 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
 use terrane_globe::{
-    Builder, GeodeticBounds, GlobeTileId, GroundSampleRun, GroundSampler as _, Lie, Patch, Shell,
-    TileLevel,
+    GeodeticBounds, GlobeTileId, GroundSampleRun, GroundSampler as _, HeightPatch, RectRelation,
+    TileBuilder, TileLevel, TileShell,
 };
 
 impl SurveyedGrid<'_> {
@@ -32,7 +32,7 @@ impl SurveyedGrid<'_> {
         cancel: &Cancel,
     ) -> Result<TileFile> {
         let bounds = id.bounds();
-        let mut builder = Builder::new(id, level, self.overview)?;
+        let mut builder = TileBuilder::new(id, level, self.overview)?;
         builder.fit(|take| {
             self.overview.runs(&bounds, 1, &mut |run| take(run));
             self.overview.feet(&bounds, level.stride, &mut |foot| take(GroundSampleRun::One(foot)));
@@ -47,7 +47,7 @@ impl SurveyedGrid<'_> {
         &self,
         bounds: &GeodeticBounds,
         level: &TileLevel,
-        shell: &mut Shell,
+        shell: &mut TileShell,
         cancel: &Cancel,
     ) -> Result<()> {
         let [cols, rows] = self.overview.blocks_in(bounds);
@@ -62,9 +62,11 @@ impl SurveyedGrid<'_> {
                 let off = [block.off(), self.overview.bow([col, row])];
                 let is_told = block.count == 0
                     || match self.overview.lie([col, row], &corners, bounds) {
-                        Lie::Beside => true,
-                        Lie::Within => shell.add_block(&corners, off, block.count, level.assumed),
-                        Lie::Across => false,
+                        RectRelation::Beside => true,
+                        RectRelation::Within => {
+                            shell.add_block(&corners, off, block.count, level.assumed)
+                        }
+                        RectRelation::Across => false,
                     };
                 if is_told {
                     self.read(open.take(), bounds, level, shell, &mut heights)?;
@@ -86,14 +88,14 @@ impl SurveyedGrid<'_> {
         rect: Option<Rect>,
         bounds: &GeodeticBounds,
         level: &TileLevel,
-        shell: &mut Shell,
+        shell: &mut TileShell,
         heights: &mut Vec<f64>,
     ) -> Result<()> {
         let Some(rect) = rect else { return Ok(()) };
         let opened = self.opened;
         opened.read(rect, heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(heights, rect, opened.look.chart(), fill);
+        let patch = HeightPatch::new(heights, rect, opened.look.chart(), fill);
         patch.runs(bounds, 1, &mut |run| shell.add_run(&run, level.tolerance));
         opened.grid.copied(rect);
         Ok(())

@@ -3,9 +3,9 @@
 use super::opened::OpenedTilesGrid;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
-use terrane_globe::Glance;
+use terrane_globe::BlockSummary;
 
 /// Samples that are looked at at a time, about.
 const WINDOW: u32 = 1 << 20;
@@ -14,8 +14,8 @@ const WINDOW: u32 = 1 << 20;
 pub(super) fn look(
     opened: &OpenedTilesGrid,
     rows: [u32; 2],
-    at: Observer<'_>,
-    take: impl FnMut(Glance) -> Result<()> + Send,
+    at: RunControl<'_>,
+    take: impl FnMut(BlockSummary) -> Result<()> + Send,
 ) -> Result<()> {
     let (plan, width) = (&opened.look, opened.division.place.whole[0]);
     let rects = rects(width, rows, plan.blocks.side, opened.grid.info().block);

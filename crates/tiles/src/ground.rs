@@ -3,19 +3,19 @@
 use super::format::TilesFormat;
 use super::job::TilesJob;
 use super::opened::OpenedTilesGrid;
-use terrane_globe::{GlobeTileId, Overview, Relief, TileLevel, in_shorts};
+use terrane_globe::{GlobeTileId, GridOverview, LevelRelief, TileLevel, in_shorts};
 use terrane_raster::{self as raster, looks_like_nodata};
 
 /// What is known once all was looked at.
 pub(super) struct SurveyedGrid<'a> {
     pub(super) opened: &'a OpenedTilesGrid,
-    pub(super) overview: &'a Overview,
+    pub(super) overview: &'a GridOverview,
     /// By set, from level 0 on.
     pub(super) levels: Vec<Vec<TileLevel>>,
 }
 
 impl<'a> SurveyedGrid<'a> {
-    pub(super) fn new(opened: &'a OpenedTilesGrid, overview: &'a Overview) -> Self {
+    pub(super) fn new(opened: &'a OpenedTilesGrid, overview: &'a GridOverview) -> Self {
         let reliefs = overview.reliefs(opened.division.last);
         let of_set = |format: &TilesFormat| levels(*format, opened, overview.ends(), &reliefs);
         let levels = opened.job.tiles.format.iter().map(of_set).collect();
@@ -52,7 +52,7 @@ fn levels(
     format: TilesFormat,
     opened: &OpenedTilesGrid,
     range: [f64; 2],
-    reliefs: &[Relief],
+    reliefs: &[LevelRelief],
 ) -> Vec<TileLevel> {
     let OpenedTilesGrid { job: TilesJob { tiles, .. }, division, .. } = opened;
     let mut levels: Vec<TileLevel> = Vec::with_capacity(reliefs.len());

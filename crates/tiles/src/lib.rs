@@ -34,7 +34,7 @@ mod spans;
 mod three;
 mod work;
 
-pub use beyond::Beyond;
+pub use beyond::TilesBeyond;
 pub use cloud::{GroundModel, MadeGroundModel, ModelWorkFolder, run_cloud};
 pub use format::TilesFormat;
 pub use job::{PlanJob, TilesJob};

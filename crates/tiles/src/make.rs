@@ -14,10 +14,12 @@ use super::report::{StatusReport, TilesReport, TilesRun, TilesStatus};
 use super::spans::is_missing;
 use super::work::TilesPlan;
 use terrane_base::error::Result;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::operation::{Divisible, Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
-use terrane_engine::plan::{self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob};
+use terrane_engine::plan::{
+    self, DiskCheck, OutputForm, PlanKind, PlanManifest, RunControl, RunJob,
+};
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress, beside, workers};
 use terrane_files::refuse_held;
@@ -50,7 +52,7 @@ impl Operation for TilesOptions {
 /// A grid whose place on the globe is not known, or one around a pole or across 180 degrees;
 /// an output that exists; all that reading and writing may find.
 pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<TilesReport> {
-    let (started, at) = (Instant::now(), Observer { progress, cancel });
+    let (started, at) = (Instant::now(), RunControl { progress, cancel });
     terrane_files::atomic::refuse_existing(&job.output, job.overwrite)?;
     let folder = TilesetFolder::create(job)?;
     let opened = OpenedTilesGrid::new(job)?;
@@ -63,7 +65,7 @@ pub fn run(job: &TilesJob, progress: &dyn Progress, cancel: &Cancel) -> Result<T
     let ground = SurveyedGrid::new(&opened, &overview);
     ground.make(&folder, at)?;
     let made = folder.finish(&ground, cancel)?;
-    let run = Figures::since(started, &job.resources).with_threads(opened.shares.threads);
+    let run = RunStatistics::since(started, &job.resources).with_threads(opened.shares.threads);
     Ok(TilesReport { run, ..made })
 }
 
@@ -105,10 +107,10 @@ pub fn plan_tiles(job: &PlanJob) -> Result<StatusReport> {
     let opened = OpenedTilesGrid::new(&TilesJob { input, reading, tiles, ..job.clone() })?;
     let tiles = TilesPlan::new(&opened, *cut)?;
     let files = opened.files();
-    let there = Plan::<TilesPlan>::there(folder);
+    let there = PlanManifest::<TilesPlan>::there(folder);
     let needs = there.map_or_else(|| tiles.needs(&opened), |plan| Ok(plan.needs))?;
     let label = opened.job.input.to_string();
-    Plan::new(tiles, (label, files), needs, skipped)?.put(folder)?;
+    PlanManifest::new(tiles, (label, files), needs, skipped)?.put(folder)?;
     plan::status::<TilesPlan>(folder)
 }
 
@@ -128,14 +130,14 @@ pub fn run_in(
     let (to, with) = ((folder, &*job.output), (disk, &job.resources));
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan = || plan_tiles(&PlanJob::all(job, folder, skipped)).map(drop);
-    let report = plan::run_in::<TilesPlan>(&all, plan, Observer { progress, cancel })?;
+    let report = plan::run_in::<TilesPlan>(&all, plan, RunControl { progress, cancel })?;
     let mut tiles = PlanKind::Tiles.made(report.of.tiles)?;
     tiles.run.wall_seconds = report.wall_seconds;
     Ok(tiles)
 }
 
 impl SurveyedGrid<'_> {
-    fn make(&self, folder: &TilesetFolder, at: Observer<'_>) -> Result<()> {
+    fn make(&self, folder: &TilesetFolder, at: RunControl<'_>) -> Result<()> {
         let TilesDivision { near, .. } = self.opened.division;
         self.each("near levels", &self.opened.division.regions().all(), at, |id| {
             self.region(id, &mut |made| folder.put(&made), at.cancel)
@@ -155,7 +157,7 @@ impl SurveyedGrid<'_> {
         &self,
         stage: &str,
         tiles: &[GlobeTileId],
-        at: Observer<'_>,
+        at: RunControl<'_>,
         work: impl Fn(GlobeTileId) -> Result<()> + Sync,
     ) -> Result<()> {
         at.progress.begin(stage, tiles.len() as u64);

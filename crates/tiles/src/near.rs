@@ -10,7 +10,7 @@ use super::spans::KnownTiles;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
-use terrane_globe::{GeodeticBounds, GlobeTileId, Patch, build};
+use terrane_globe::{GeodeticBounds, GlobeTileId, HeightPatch, build};
 
 thread_local! {
     /// Room for the samples of a region, from one to the next.
@@ -18,8 +18,8 @@ thread_local! {
 }
 
 /// Where tiles go, and what was made of a region so far.
-struct Descent<'a> {
-    patch: &'a Patch<'a>,
+struct TileDescent<'a> {
+    patch: &'a HeightPatch<'a>,
     /// The water near the region.
     water: Option<TileWaterMask>,
     known: KnownTiles,
@@ -50,10 +50,10 @@ impl SurveyedGrid<'_> {
         let mut heights = HEIGHTS.take();
         opened.read(rect, &mut heights)?;
         let fill = self.overview.voids();
-        let patch = Patch::new(&heights, rect, chart, fill).kept();
+        let patch = HeightPatch::new(&heights, rect, chart, fill).kept();
         let water = opened.mask.as_ref().map(|mask| mask.near(id));
         let mut descent =
-            Descent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
+            TileDescent { patch: &patch, water, known: KnownTiles::default(), put, cancel };
         match id.level <= opened.division.last {
             true => self.descend(id, &mut descent)?,
             // All tiles are larger, and only have to know of it.
@@ -78,7 +78,7 @@ impl SurveyedGrid<'_> {
         Rect::new(cols[0], rows[0], cols[1] - cols[0], rows[1] - rows[0])
     }
 
-    fn descend(&self, id: GlobeTileId, to: &mut Descent<'_>) -> Result<()> {
+    fn descend(&self, id: GlobeTileId, to: &mut TileDescent<'_>) -> Result<()> {
         to.cancel.check()?;
         if !to.patch.holds_any(&id.bounds()) {
             return Ok(());

@@ -12,7 +12,8 @@ use terrane_base::geom::Rect;
 use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::plan;
 use terrane_globe::{
-    Chart, DEEPEST, GatheredOverview, Overview, OverviewPlan, Patch, SampleBlocks, deepest_for,
+    DEEPEST, GatheredOverview, GridGeolocation, GridOverview, HeightPatch, OverviewPlan,
+    SampleBlocks, deepest_for,
 };
 use terrane_raster::{GridSource, Water};
 
@@ -35,7 +36,7 @@ pub(super) struct OpenedTilesGrid {
 }
 
 /// Most samples of a region, with those around it; of a bent one, twice as many, as its rows may cross it.
-pub(super) fn most_samples(chart: &Chart) -> u64 {
+pub(super) fn most_samples(chart: &GridGeolocation) -> u64 {
     let side = REGION as u64 + 2 * APRON as u64 + 4;
     if chart.is_bent() { 2 * side * side } else { side * side }
 }
@@ -52,8 +53,8 @@ pub(super) fn worker_bytes(plan: &OverviewPlan) -> u64 {
 }
 
 /// Bytes that a worker takes, of near levels: the samples of a region, and the points of a tile with what is kept of each.
-fn near_bytes(chart: &Chart) -> u64 {
-    let place = if chart.is_bent() { Patch::PLACE_BYTES } else { 0 };
+fn near_bytes(chart: &GridGeolocation) -> u64 {
+    let place = if chart.is_bent() { HeightPatch::PLACE_BYTES } else { 0 };
     most_samples(chart) * (8 + place) + (24 << 20)
 }
 
@@ -113,7 +114,7 @@ impl OpenedTilesGrid {
     ///
     /// # Errors
     /// One without a sample, or with absurd heights.
-    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<Overview> {
+    pub(super) fn seen(&self, gathered: GatheredOverview) -> Result<GridOverview> {
         let refuse = |error: Error, remedy: &str| error.in_file(&self.name()).remedy(remedy);
         let overview = gathered.finish().ok_or_else(|| {
             let remedy = "check its nodata value, or choose another ‹band›";

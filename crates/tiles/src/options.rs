@@ -2,7 +2,7 @@
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::beyond::Beyond;
+use super::beyond::TilesBeyond;
 use super::format::TilesFormat;
 use terrane_engine::Resources;
 use terrane_engine::options::{CellSize, CloudInput, FileName, GridInput, Replacing, Resuming};
@@ -31,7 +31,7 @@ pub struct TileOptions {
     pub max_level: Option<u8>,
     /// The ground between the edge of the grid and the sides of the tiles that hold it
     #[option(value = "GROUND")]
-    pub beyond: Beyond,
+    pub beyond: TilesBeyond,
     /// Heights of the geoid that those of the grid are counted from, above the ellipsoid: a file (GTX or GeoTIFF)
     #[option(value = "FILE", with = FileName, role = Reads)]
     pub geoid: Option<String>,

@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use terrane_base::error::Result;
-use terrane_base::geom::VerticalReference as From;
+use terrane_base::geom::VerticalReference;
 use terrane_engine::Resources;
-use terrane_engine::globe::{Lift, OnGlobe};
-use terrane_globe::{Chart, GeodeticBounds};
+use terrane_engine::globe::{OnGlobe, VerticalShift};
+use terrane_globe::{GeodeticBounds, GridGeolocation};
 use terrane_raster::{GridInfo, Inputs};
 
 /// Of heights that the geoid was added to, so that they are counted from the ellipsoid.
@@ -32,7 +32,7 @@ pub(super) struct GridFootprint {
 /// What the heights of a grid are, and what is to be said of them.
 #[derive(Clone, Debug)]
 pub(super) struct HeightReference {
-    pub(super) lift: Lift,
+    pub(super) lift: VerticalShift,
     /// What they are counted from, as the set tells it.
     pub(super) from: &'static str,
     pub(super) notes: Vec<String>,
@@ -40,7 +40,7 @@ pub(super) struct HeightReference {
 
 impl GridFootprint {
     /// Of a grid that is on the globe.
-    pub(super) fn of(chart: &Chart) -> Self {
+    pub(super) fn of(chart: &GridGeolocation) -> Self {
         let GeodeticBounds { west, south, east, north } = chart.bounds();
         Self { whole: chart.whole(), sides: [west, south, east, north], spacing: chart.spacing() }
     }
@@ -60,17 +60,17 @@ pub(super) fn of(
     info: &GridInfo,
     (input, geoid): (&Inputs, Option<&str>),
     resources: &Resources,
-) -> Result<(Chart, HeightReference)> {
+) -> Result<(GridGeolocation, HeightReference)> {
     let found = chart(info);
     let (chart, mut notes) = found.map_err(|error| match input.names() {
         [name] => error.in_file(Path::new(name)),
         _ => error,
     })?;
-    let (lift, knows_unit) = Lift::of(&info.crs, geoid, resources)?;
+    let (lift, knows_unit) = VerticalShift::of(&info.crs, geoid, resources)?;
     if !knows_unit {
         notes.push("the unit of heights is not known; they are taken for metres".to_owned());
     }
-    let is_ellipsoidal = info.crs.heights() == From::Ellipsoidal;
+    let is_ellipsoidal = info.crs.heights() == VerticalReference::Ellipsoidal;
     let from = match (lift.has_geoid(), is_ellipsoidal) {
         (true, _) => WITH_GEOID,
         (false, true) => ON_ELLIPSOID,
@@ -88,14 +88,14 @@ pub(super) fn of(
     Ok((chart, HeightReference { lift, from, notes }))
 }
 
-fn chart(info: &GridInfo) -> Result<(Chart, Vec<String>)> {
+fn chart(info: &GridInfo) -> Result<(GridGeolocation, Vec<String>)> {
     let whole = [info.width, info.height];
     let (place, notes) = OnGlobe::of(info)?;
     let chart = match place {
-        OnGlobe::Straight(map) => Chart::straight(map, whole),
+        OnGlobe::Straight(map) => GridGeolocation::straight(map, whole),
         OnGlobe::Moved(map, operation) => {
             let back = operation.inverse();
-            Chart::bent(
+            GridGeolocation::bent(
                 whole,
                 |[col, row]| operation.position(map.apply(col, row)),
                 |place| back.position(place).map(|[x, y]| map.invert(x, y)),

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use terrane_engine::figures::Figures;
-use terrane_engine::plan::{self, PlanRunReport};
+use terrane_engine::figures::RunStatistics;
+use terrane_engine::plan::{self, DescribesRun};
 
 /// What a job that makes tiles did.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub struct TilesReport {
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 /// The tiles of a level.
@@ -72,7 +72,7 @@ pub struct TilesRun {
     pub tiles: Option<TilesReport>,
 }
 
-impl PlanRunReport for TilesRun {
+impl DescribesRun for TilesRun {
     fn written(&self) -> Option<&str> {
         self.tiles.as_ref().map(|tiles| tiles.output.as_str())
     }

@@ -9,19 +9,19 @@ use terrane_globe::GlobeTileId;
 
 /// Tiles of a level.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Spans {
+pub(super) struct LevelSpans {
     /// By row: first and last columns, apart from each other.
     rows: BTreeMap<u32, Vec<[u32; 2]>>,
 }
 
 /// Tiles of all levels, by level.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct KnownTiles(BTreeMap<u8, Spans>);
+pub(super) struct KnownTiles(BTreeMap<u8, LevelSpans>);
 
 impl KnownTiles {
     /// Those of a level.
-    pub(super) fn level(&self, level: u8) -> &Spans {
-        const NONE: &Spans = &Spans { rows: BTreeMap::new() };
+    pub(super) fn level(&self, level: u8) -> &LevelSpans {
+        const NONE: &LevelSpans = &LevelSpans { rows: BTreeMap::new() };
         self.0.get(&level).unwrap_or(NONE)
     }
 
@@ -43,13 +43,13 @@ impl KnownTiles {
     }
 
     /// Those that lie in a tile, `by` levels further.
-    pub(super) fn below(&self, id: GlobeTileId, by: u8) -> Spans {
+    pub(super) fn below(&self, id: GlobeTileId, by: u8) -> LevelSpans {
         let [columns, rows] = [id.x, id.y].map(|at| [at << by, ((at + 1) << by) - 1]);
         let cut = |[first, last]: [u32; 2]| {
             let run = [first.max(columns[0]), last.min(columns[1])];
             (run[0] <= run[1]).then_some(run)
         };
-        let mut found = Spans::default();
+        let mut found = LevelSpans::default();
         for (y, runs) in self.level(id.level + by).rows.range(rows[0]..=rows[1]) {
             let inner: Vec<_> = runs.iter().copied().filter_map(cut).collect();
             if !inner.is_empty() {
@@ -66,7 +66,7 @@ pub(super) fn is_missing(id: GlobeTileId, [there, known]: [&KnownTiles; 2]) -> b
     holds(known) && !holds(there)
 }
 
-impl Spans {
+impl LevelSpans {
     /// Adds a tile, unless it is there.
     pub(super) fn insert(&mut self, x: u32, y: u32) {
         let runs = self.rows.entry(y).or_default();
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn full_rows_are_one_rectangle() {
-        let mut spans = Spans::default();
+        let mut spans = LevelSpans::default();
         (0..400).for_each(|i| spans.insert(i * 7 % 20, i / 20));
         assert_eq!(spans.rectangles().as_array().unwrap().len(), 1);
         assert_eq!(spans.rows[&3], [[0, 19]]);

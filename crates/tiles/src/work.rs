@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::division::{TileNumbering, TilesDivision, TilesTask};
-use super::folder::{TileFile as Tile, TilesetFolder};
+use super::folder::{TileFile, TilesetFolder};
 use super::ground::SurveyedGrid;
 use super::job::TilesJob;
 use super::object::{TileObjectWriter, add_glances, add_known, each_tile};
@@ -21,14 +21,14 @@ use terrane_options::Choice;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_engine::beside;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::{self, with_slack};
 use terrane_engine::plan::{
-    self, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanNeeds,
-    PlanStep, PlannedGrid, PlannedWork, StatusReport, TaskSurvey,
+    self, MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest, PlanNeeds,
+    PlanStep, PlannedGrid, PlannedWork, RunControl, StatusReport, TaskSurvey,
 };
 use terrane_engine::workers;
-use terrane_globe::{GlobeTileId, Overview};
+use terrane_globe::{GlobeTileId, GridOverview};
 
 /// Tiles of a task, unless told otherwise: regions of as many as have about 134 million samples.
 const CUT: u32 = 128;
@@ -41,13 +41,13 @@ const SAMPLE: [f64; 2] = [650.0, 60.0];
 /// Tiles to make of a grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct TilesPlan {
-    method: TilesMethod,
+    method: PlannedTilesJob,
     grid: PlannedGrid,
 }
 
 /// What is asked for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct TilesMethod {
+struct PlannedTilesJob {
     #[serde(flatten)]
     job: TilesJob,
     /// Where the grid is on the globe.
@@ -68,7 +68,7 @@ pub(super) struct TileObjectSummary {
 pub(super) struct PreparedTiles {
     opened: OpenedTilesGrid,
     /// Once all was looked at.
-    overview: OnceLock<Overview>,
+    overview: OnceLock<GridOverview>,
 }
 
 impl TilesPlan {
@@ -76,7 +76,7 @@ impl TilesPlan {
     pub(super) fn new(opened: &OpenedTilesGrid, cut: Option<u32>) -> Result<Self> {
         let TilesDivision { place, last, .. } = opened.division.clone();
         let job = TilesJob { input: beside::noted(&opened.job.input), ..opened.job.clone() };
-        let method = TilesMethod { job, place, last, cut: cut.unwrap_or(CUT) };
+        let method = PlannedTilesJob { job, place, last, cut: cut.unwrap_or(CUT) };
         let tiles = Self { method, grid: PlannedGrid::of(opened.grid.info()) };
         tiles.check().map(|()| tiles)
     }
@@ -135,8 +135,8 @@ impl PreparedTiles {
         &self,
         (stage, object): (&str, &Path),
         parts: &[GlobeTileId],
-        at: Observer<'_>,
-        make: impl Fn(&GlobeTileId) -> Result<Vec<Tile>> + Sync,
+        at: RunControl<'_>,
+        make: impl Fn(&GlobeTileId) -> Result<Vec<TileFile>> + Sync,
     ) -> Result<u64> {
         let mut writer = TileObjectWriter::create(object)?;
         at.progress.begin(stage, parts.len() as u64);
@@ -243,8 +243,8 @@ impl PlannedWork for TilesPlan {
         Ok(PathBuf::from("tiles"))
     }
 
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<PreparedTiles> {
-        let OutputOrder { output, overwrite, resources, .. } = order;
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<PreparedTiles> {
+        let OutputRequest { output, overwrite, resources, .. } = order;
         let Self { method, grid } = &plan.work;
         let mut job = TilesJob { output, overwrite, resources, ..method.job.clone() };
         job.tiles.max_level = Some(method.last);
@@ -254,7 +254,7 @@ impl PlannedWork for TilesPlan {
         Ok(PreparedTiles { opened, overview: OnceLock::new() })
     }
 
-    fn check_output(ready: &PreparedTiles, _: Observer<'_>) -> Result<()> {
+    fn check_output(ready: &PreparedTiles, _: RunControl<'_>) -> Result<()> {
         TilesetFolder::create(&ready.opened.job).map(drop)
     }
 
@@ -263,7 +263,7 @@ impl PlannedWork for TilesPlan {
         (task, object): (TilesTask, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut TilesRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<TileObjectSummary>> {
         let (work, opened) = (&survey.folder.plan.work, &ready.opened);
         let tiles = match task {
@@ -314,7 +314,7 @@ impl PlannedWork for TilesPlan {
         ready: &PreparedTiles,
         survey: &TaskSurvey<'_, Self>,
         run: &mut TilesRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<TilesReport> {
         let (started, opened) = (Instant::now(), &ready.opened);
         let (ground, folder) = (ready.ground(survey)?, TilesetFolder::create(&opened.job)?);
@@ -332,7 +332,7 @@ impl PlannedWork for TilesPlan {
         workers::run(opened.shares.threads, tasks.len() as u64, at.cancel, || (), write, Ok)?;
         at.progress.end();
         let made = folder.finish(&ground, at.cancel)?;
-        let figures = Figures::since(started, &opened.job.resources);
+        let figures = RunStatistics::since(started, &opened.job.resources);
         let report = TilesReport { run: figures.with_threads(opened.shares.threads), ..made };
         run.tiles = Some(report.clone());
         Ok(report)

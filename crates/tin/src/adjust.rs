@@ -20,7 +20,7 @@ use super::facet::{PlaneFacet, level_for};
 use super::field::{HeightField, LEVELS};
 use super::judge::InsertionCriteria;
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState};
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState};
 use terrane_base::bits::BitSet;
 
 /// What the tolerance is multiplied with in the stages before it is reached.
@@ -78,13 +78,13 @@ pub(super) struct AdjustScratch {
 
 /// The largest offsets of a star, after a move of its vertex.
 #[derive(Clone, Copy)]
-struct Envelope {
+struct OffsetEnvelope {
     /// Above the samples, and below them.
     most: [f32; 2],
     step: f32,
 }
 
-impl Envelope {
+impl OffsetEnvelope {
     fn largest(self) -> f32 {
         self.most[0].max(self.most[1])
     }
@@ -147,8 +147,9 @@ impl AdjustScratch {
                 return false;
             }
             let at = judge.field.index(mesh.origin(half_edge));
-            let is_open =
-                |tri: &LatticeTriangle| matches!(tri.state, ScanState::Free | ScanState::Outside);
+            let is_open = |tri: &LatticeTriangle| {
+                matches!(tri.state, TriangleScanState::Free | TriangleScanState::Outside)
+            };
             if !self.due.contains(at) || is_open(&mesh.tris[(half_edge >> 2) as usize]) {
                 continue;
             }
@@ -271,7 +272,7 @@ impl AdjustScratch {
         }
     }
 
-    fn envelope(&self, step: f32) -> Envelope {
+    fn envelope(&self, step: f32) -> OffsetEnvelope {
         const LANES: usize = 16;
         let mut most = [[f32::NEG_INFINITY; LANES]; 2];
         let (offsets, shares) = (self.offsets.chunks(LANES), self.shares.chunks(LANES));
@@ -283,11 +284,11 @@ impl AdjustScratch {
             }
         }
         let most = most.map(|lanes| lanes.into_iter().fold(f32::NEG_INFINITY, f32::max));
-        Envelope { most, step }
+        OffsetEnvelope { most, step }
     }
 
     /// The sample that is furthest off after a move, above (0) or below (1).
-    fn extreme(&self, envelope: Envelope, side: usize) -> usize {
+    fn extreme(&self, envelope: OffsetEnvelope, side: usize) -> usize {
         let sign = [1.0, -1.0][side];
         let is_most = |(&offset, &share): (&f32, &f32)| {
             sign * (offset + envelope.step * share) == envelope.most[side]
@@ -322,7 +323,7 @@ impl AdjustScratch {
     }
 
     /// Where the line furthest above meets that furthest below.
-    fn meeting(&self, envelope: Envelope) -> Option<f32> {
+    fn meeting(&self, envelope: OffsetEnvelope) -> Option<f32> {
         let [top, bottom] = [0, 1].map(|side| self.extreme(envelope, side));
         let shares = self.shares.get(top)? + self.shares.get(bottom)?;
         Some(-(self.offsets[top] + self.offsets[bottom]) / shares)

@@ -9,7 +9,7 @@
 //! patches of the seams, and what these cannot mend, to a larger patch.
 
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, NONE, ScanState};
+use super::mesh::{LatticeMesh, NONE, TriangleScanState};
 use terrane_base::geom::predicates::{Lattice, orient};
 
 /// The smallest angle, in plan, that a triangle may have.
@@ -108,7 +108,7 @@ pub(super) fn insert(
 pub(super) fn thin(bound: &MinimumAngle, mesh: &LatticeMesh) -> Vec<ThinTriangle> {
     let look = |id: u32| {
         let tri = &mesh.tris[id as usize];
-        let is_asked = tri.state != ScanState::Outside;
+        let is_asked = tri.state != TriangleScanState::Outside;
         let cosine = bound.excess(tri.corners).filter(|_| is_asked)?;
         Some(ThinTriangle { id, corners: tri.corners, cosine })
     };
@@ -124,13 +124,13 @@ fn mend(
     insert: &mut impl FnMut(&mut LatticeMesh, u32, TilePosition) -> bool,
 ) -> bool {
     let tri = &mesh.tris[thin.id as usize];
-    if tri.state == ScanState::Free || tri.corners != thin.corners {
+    if tri.state == TriangleScanState::Free || tri.corners != thin.corners {
         return false;
     }
     let centre = centre(thin.corners);
     match walk(mesh, thin.id, centre) {
-        Reached::Border(half_edge) => split(mesh, half_edge, insert),
-        Reached::Triangle(holder) => {
+        WalkEnd::Border(half_edge) => split(mesh, half_edge, insert),
+        WalkEnd::Triangle(holder) => {
             let near = (4 * holder..4 * holder + 3).find(|&edge| encroaches(mesh, centre, edge));
             if near.is_some_and(|half_edge| split(mesh, half_edge, insert)) {
                 return true;
@@ -156,7 +156,7 @@ fn centre([a, b, c]: [TilePosition; 3]) -> Lattice {
 }
 
 /// Where a walk towards a position ends.
-pub(super) enum Reached {
+pub(super) enum WalkEnd {
     /// In the triangle that holds it.
     Triangle(u32),
     /// On the way.
@@ -164,7 +164,7 @@ pub(super) enum Reached {
 }
 
 /// Walks from triangle `start` towards a position, as far as the surface goes.
-pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> Reached {
+pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> WalkEnd {
     let mut at = start;
     loop {
         let beyond = (4 * at..4 * at + 3).filter(|&half_edge| {
@@ -175,7 +175,7 @@ pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> Reached {
         for half_edge in beyond {
             match mesh.twin(half_edge) {
                 NONE => border = border.or(Some(half_edge)),
-                twin if mesh.tris[(twin >> 2) as usize].state == ScanState::Outside => {
+                twin if mesh.tris[(twin >> 2) as usize].state == TriangleScanState::Outside => {
                     border = border.or(Some(half_edge));
                 }
                 twin => on = on.or(Some(twin >> 2)),
@@ -183,8 +183,8 @@ pub(super) fn walk(mesh: &LatticeMesh, start: u32, target: Lattice) -> Reached {
         }
         match (on, border) {
             (Some(other), _) => at = other,
-            (None, Some(half_edge)) => return Reached::Border(half_edge),
-            (None, None) => return Reached::Triangle(at),
+            (None, Some(half_edge)) => return WalkEnd::Border(half_edge),
+            (None, None) => return WalkEnd::Triangle(at),
         }
     }
 }

@@ -9,21 +9,21 @@
 //! What a tile cannot mend is left to the patches of its seams: there the sample wanted lies on a rim, so
 //! the edge ends on that rim, and both triangles beside it are within reach of a patch.
 
-use super::crossing::{Crossing, Crossings};
+use super::crossing::{CrossingJudge, EdgeCrossing};
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState};
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState};
 
 /// An edge that is too far off between samples.
 #[derive(Clone, Copy, Debug)]
-struct Over {
+struct OverlongEdge {
     half_edge: u32,
-    crossing: Crossing,
+    crossing: EdgeCrossing,
 }
 
 /// Lists, kept between tiles.
 #[derive(Debug, Default)]
-pub(super) struct Rounds {
-    over: Vec<Over>,
+pub(super) struct BetweenBuffers {
+    over: Vec<OverlongEdge>,
     fresh: Vec<u32>,
     star: Vec<u32>,
 }
@@ -32,9 +32,9 @@ pub(super) struct Rounds {
 /// the samples of dirty triangles within the tolerance. Some ten rounds, each linear in the length of the
 /// edges it has not seen.
 pub(super) fn insert(
-    crossings: &Crossings<'_>,
+    crossings: &CrossingJudge<'_>,
     mesh: &mut LatticeMesh,
-    rounds: &mut Rounds,
+    rounds: &mut BetweenBuffers,
     mut fit: impl FnMut(&mut LatticeMesh),
 ) {
     loop {
@@ -53,9 +53,9 @@ pub(super) fn insert(
     }
 }
 
-impl Rounds {
+impl BetweenBuffers {
     /// Finds the edges that are too far off, the worst first, among those not seen since they came to be.
-    fn look(&mut self, crossings: &Crossings<'_>, mesh: &mut LatticeMesh) {
+    fn look(&mut self, crossings: &CrossingJudge<'_>, mesh: &mut LatticeMesh) {
         self.over.clear();
         self.fresh.clear();
         self.fresh.extend(mesh.ids().filter(|&id| is_fresh(&mesh.tris[id as usize])));
@@ -69,17 +69,17 @@ impl Rounds {
                 continue;
             }
             if let Some(crossing) = crossings.worst(mesh.origin(half_edge), mesh.end(half_edge)) {
-                self.over.push(Over { half_edge, crossing });
+                self.over.push(OverlongEdge { half_edge, crossing });
             }
         }
-        self.fresh.iter().for_each(|&id| mesh.tris[id as usize].state = ScanState::Kept);
+        self.fresh.iter().for_each(|&id| mesh.tris[id as usize].state = TriangleScanState::Kept);
         for half_edge in self.over.iter().map(|over| over.half_edge) {
             let sides = [half_edge, mesh.twin(half_edge)];
             for side in sides.into_iter().filter(|&side| side != NONE) {
-                mesh.tris[(side >> 2) as usize].state = ScanState::Passed(0);
+                mesh.tris[(side >> 2) as usize].state = TriangleScanState::Passed(0);
             }
         }
-        let key = |over: &Over| over.crossing.error;
+        let key = |over: &OverlongEdge| over.crossing.error;
         self.over
             .sort_unstable_by(|a, b| key(b).total_cmp(&key(a)).then(a.half_edge.cmp(&b.half_edge)));
     }
@@ -87,7 +87,7 @@ impl Rounds {
     /// The samples beside which edges are still too far off.
     pub(super) fn left(
         &mut self,
-        crossings: &Crossings<'_>,
+        crossings: &CrossingJudge<'_>,
         mesh: &mut LatticeMesh,
     ) -> Vec<TilePosition> {
         self.look(crossings, mesh);
@@ -95,8 +95,8 @@ impl Rounds {
     }
 
     /// Makes a vertex of one of the samples; false when this cannot be, or has to wait.
-    fn mend(&mut self, mesh: &mut LatticeMesh, over: Over) -> bool {
-        let is_dirty = |id: u32| mesh.tris[id as usize].state == ScanState::Dirty;
+    fn mend(&mut self, mesh: &mut LatticeMesh, over: OverlongEdge) -> bool {
+        let is_dirty = |id: u32| mesh.tris[id as usize].state == TriangleScanState::Dirty;
         let twin = mesh.twin(over.half_edge);
         if twin == NONE || is_dirty(over.half_edge >> 2) || is_dirty(twin >> 2) {
             return false;
@@ -104,7 +104,7 @@ impl Rounds {
         let [near, far] = over.crossing.samples;
         for [from, to] in [[far, near], [near, far]] {
             let Some(holder) = mesh.follow(over.half_edge, from, to) else { continue };
-            if mesh.tris[holder as usize].state == ScanState::Dirty {
+            if mesh.tris[holder as usize].state == TriangleScanState::Dirty {
                 return false;
             }
             self.star.clear();
@@ -118,7 +118,7 @@ impl Rounds {
 
 /// True when the edges of a triangle have yet to be looked at.
 fn is_fresh(tri: &LatticeTriangle) -> bool {
-    matches!(tri.state, ScanState::Passed(_))
+    matches!(tri.state, TriangleScanState::Passed(_))
 }
 
 #[cfg(test)]
@@ -130,7 +130,7 @@ mod tests {
     /// The sample (1, 1) is beside the diagonal of a rectangle of four by three cells.
     #[test]
     fn an_edge_waits_when_a_triangle_beside_it_has_changed() {
-        let (kept, dirty) = (ScanState::Kept, ScanState::Dirty);
+        let (kept, dirty) = (TriangleScanState::Kept, TriangleScanState::Dirty);
         for (half_edge, states, expected) in [
             (2, [kept, kept], true),
             (4, [kept, kept], true),
@@ -147,8 +147,8 @@ mod tests {
                 tri.state = state;
             }
             let samples = [1, 0].map(|row| TilePosition::new(1, row));
-            let over = Over { half_edge, crossing: Crossing { error: 1.0, samples } };
-            let is_mended = Rounds::default().mend(&mut mesh, over);
+            let over = OverlongEdge { half_edge, crossing: EdgeCrossing { error: 1.0, samples } };
+            let is_mended = BetweenBuffers::default().mend(&mut mesh, over);
             assert_eq!(is_mended, expected, "{half_edge} {states:?}");
             let is_vertex = mesh.tris.iter().any(|tri| tri.corners.contains(&samples[0]));
             assert_eq!(is_vertex, expected, "{half_edge} {states:?}");
@@ -162,8 +162,8 @@ mod tests {
         let heights = HeightWindow { width: 5, height: 4, f32: &z, f64: None };
         let mut field = HeightField::default();
         field.load(&heights, [0, 0, 5, 4], [0; 4], None);
-        let crossings = Crossings::new(&field, 1.0);
-        let (kept, fresh) = (ScanState::Kept, ScanState::Passed(0));
+        let crossings = CrossingJudge::new(&field, 1.0);
+        let (kept, fresh) = (TriangleScanState::Kept, TriangleScanState::Passed(0));
         for (states, expected) in [
             ([fresh, fresh], vec![2]),
             ([fresh, kept], vec![]),
@@ -175,7 +175,7 @@ mod tests {
             for (tri, state) in mesh.tris.iter_mut().zip(states) {
                 tri.state = state;
             }
-            let mut rounds = Rounds::default();
+            let mut rounds = BetweenBuffers::default();
             rounds.look(&crossings, &mut mesh);
             let found: Vec<u32> = rounds.over.iter().map(|over| over.half_edge).collect();
             assert_eq!(found, expected, "{states:?}");

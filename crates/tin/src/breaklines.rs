@@ -11,22 +11,22 @@
 //! triangulation that has both samples: the circle around it holds no other. The paths are the same whichever
 //! way a segment runs, so that borders may be shared.
 
-use super::angles::{Reached, walk};
+use super::angles::{WalkEnd, walk};
 use super::field::HeightField;
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, ScanState};
+use super::mesh::{LatticeMesh, TriangleScanState};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::SampleSegment;
 
 /// A part of a segment's path, whose samples all lie in a tile or patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Stretch {
+pub struct PathStretch {
     segment: SampleSegment,
     first: u64,
     last: u64,
 }
 
-impl Stretch {
+impl PathStretch {
     /// What lies in a rectangle of so many samples, from whose first one positions are counted.
     pub fn of(segment: SampleSegment, width: u32, height: u32) -> Option<Self> {
         let high = [width, height].map(|count| i64::from(count) - 1);
@@ -75,12 +75,12 @@ pub(super) struct PathEdges {
 
 /// Two vertices on a path that no edge joins.
 #[derive(Clone, Copy, Debug)]
-struct Gap<'a> {
-    line: &'a Stretch,
+struct PathGap<'a> {
+    line: &'a PathStretch,
     steps: [u64; 2],
 }
 
-impl Gap<'_> {
+impl PathGap<'_> {
     /// The samples between the two, the middle first.
     fn samples(&self) -> impl Iterator<Item = TilePosition> + '_ {
         let [from, to] = self.steps;
@@ -94,7 +94,7 @@ impl Gap<'_> {
 /// where it `may` be. After each round `settle` brings back what else is promised of the mesh. Returns how many
 /// are not joined because they may not be. Each round is linear in the triangles and the samples of paths.
 pub(super) fn follow(
-    (lines, field): (&[Stretch], &HeightField),
+    (lines, field): (&[PathStretch], &HeightField),
     mesh: &mut LatticeMesh,
     edges: &mut PathEdges,
     may: impl Fn(&LatticeMesh, u32, TilePosition) -> bool,
@@ -127,7 +127,7 @@ pub(super) fn follow(
 
 /// Appends the vertices of a mesh that are on paths.
 pub(super) fn vertices(
-    (lines, field): (&[Stretch], &HeightField),
+    (lines, field): (&[PathStretch], &HeightField),
     mesh: &LatticeMesh,
     edges: &mut PathEdges,
     out: &mut Vec<TilePosition>,
@@ -144,7 +144,7 @@ impl PathEdges {
     }
 
     /// Lists the edges of the surface that begin on a path.
-    fn find(&mut self, lines: &[Stretch], field: &HeightField, mesh: &LatticeMesh) {
+    fn find(&mut self, lines: &[PathStretch], field: &HeightField, mesh: &LatticeMesh) {
         self.all.clear();
         if lines.is_empty() {
             return;
@@ -153,10 +153,12 @@ impl PathEdges {
         let samples = self.width * field.height() as usize;
         self.on.reset(samples);
         self.vertices.reset(samples);
-        for p in lines.iter().flat_map(Stretch::samples) {
+        for p in lines.iter().flat_map(PathStretch::samples) {
             self.on.insert(self.index(p));
         }
-        for id in mesh.ids().filter(|&id| mesh.tris[id as usize].state != ScanState::Outside) {
+        for id in
+            mesh.ids().filter(|&id| mesh.tris[id as usize].state != TriangleScanState::Outside)
+        {
             for half_edge in 4 * id..4 * id + 3 {
                 let from = mesh.origin(half_edge);
                 if self.on.contains(self.index(from)) {
@@ -180,12 +182,12 @@ impl PathEdges {
 
     /// The triangle that holds a sample in a gap, if it can be seen from one around its ends: beside voids and
     /// borders not from all of them.
-    fn holder(&self, gap: &Gap<'_>, at: TilePosition, mesh: &LatticeMesh) -> Option<u32> {
+    fn holder(&self, gap: &PathGap<'_>, at: TilePosition, mesh: &LatticeMesh) -> Option<u32> {
         let ends = gap.steps.map(|step| gap.line.at(step));
         ends.into_iter().flat_map(|end| self.from(end)).find_map(|half_edge| {
             match walk(mesh, half_edge >> 2, at.lattice()) {
-                Reached::Triangle(holder) => Some(holder),
-                Reached::Border(_) => None,
+                WalkEnd::Triangle(holder) => Some(holder),
+                WalkEnd::Border(_) => None,
             }
         })
     }
@@ -200,13 +202,13 @@ impl PathEdges {
 
     /// Appends the gaps of a stretch. Steps are never gaps: where both samples are vertices, all that there can be
     /// is an edge.
-    fn gaps<'a>(&self, line: &'a Stretch, gaps: &mut Vec<Gap<'a>>) {
+    fn gaps<'a>(&self, line: &'a PathStretch, gaps: &mut Vec<PathGap<'a>>) {
         let steps = (line.first..).zip(line.samples());
         let is_vertex = |&(_, at): &(u64, TilePosition)| self.vertices.contains(self.index(at));
         let mut vertices = steps.filter(is_vertex).peekable();
         while let (Some((step, at)), Some(&(next, to))) = (vertices.next(), vertices.peek()) {
             if next > step + 1 && !self.joins(at, to) {
-                gaps.push(Gap { line, steps: [step, next] });
+                gaps.push(PathGap { line, steps: [step, next] });
             }
         }
     }

@@ -17,7 +17,7 @@ use super::local::TilePosition;
 
 /// Where an edge is further than the tolerance from the line between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Crossing {
+pub(super) struct EdgeCrossing {
     /// How far, vertically.
     pub(super) error: f64,
     /// The two samples, the nearer one first.
@@ -26,7 +26,7 @@ pub(super) struct Crossing {
 
 /// Judges crossings.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Crossings<'a> {
+pub(super) struct CrossingJudge<'a> {
     field: &'a HeightField,
     tolerance: f64,
     /// More than the rounding error of a difference.
@@ -35,12 +35,12 @@ pub(super) struct Crossings<'a> {
 
 /// One of the two kinds of lines of the lattice.
 #[derive(Clone, Copy)]
-enum LatticeLines {
+enum LineDirection {
     Rows,
     Columns,
 }
 
-impl<'a> Crossings<'a> {
+impl<'a> CrossingJudge<'a> {
     pub(super) fn new(field: &'a HeightField, tolerance: f64) -> Self {
         // Some ten roundings of heights and of sums of them.
         let hair = 32.0 * f64::EPSILON * (field.largest() + tolerance);
@@ -61,16 +61,16 @@ impl<'a> Crossings<'a> {
     /// All samples beside the edge must be valid. The same whichever end comes first; time linear in the
     /// length of the edge.
     #[inline]
-    pub(super) fn worst(&self, a: TilePosition, b: TilePosition) -> Option<Crossing> {
+    pub(super) fn worst(&self, a: TilePosition, b: TilePosition) -> Option<EdgeCrossing> {
         let (a, b) = (a.min(b), a.max(b));
         let [dx, dy] = [b.col().abs_diff(a.col()), b.row() - a.row()];
         if dx == 0 || dy == 0 || dx == dy {
             return None;
         }
-        let rows = self.worst_of(LatticeLines::Rows, a, b);
+        let rows = self.worst_of(LineDirection::Rows, a, b);
         let columns = match a.col() < b.col() {
-            true => self.worst_of(LatticeLines::Columns, a, b),
-            false => self.worst_of(LatticeLines::Columns, b, a),
+            true => self.worst_of(LineDirection::Columns, a, b),
+            false => self.worst_of(LineDirection::Columns, b, a),
         };
         match (rows, columns) {
             (Some(rows), Some(columns)) if columns.error > rows.error => Some(columns),
@@ -82,10 +82,10 @@ impl<'a> Crossings<'a> {
     /// As [`Self::worst`], of the lines of one kind that lie between `from` and `to`, the later of them.
     fn worst_of(
         &self,
-        lines: LatticeLines,
+        lines: LineDirection,
         from: TilePosition,
         to: TilePosition,
-    ) -> Option<Crossing> {
+    ) -> Option<EdgeCrossing> {
         let walk = EdgeWalk::new(lines.place(from), lines.place(to));
         let [line_stride, stride] = lines.strides(self.field.width() as usize);
         let ends = [self.field.vertex(from), self.field.vertex(to)];
@@ -93,7 +93,7 @@ impl<'a> Crossings<'a> {
         let slope = (ends[1] - ends[0]) * part;
         let mut least = self.tolerance - self.hair;
         let mut worst = None;
-        for Cut { k, line, along, rest } in walk {
+        for EdgeCut { k, line, along, rest } in walk {
             let at = line as usize * line_stride + along as usize * stride;
             let line_ends = [self.field.at(at), self.field.at(at + stride)];
             let grid = line_ends[0] + (line_ends[1] - line_ends[0]) * (f64::from(rest) * part);
@@ -103,7 +103,8 @@ impl<'a> Crossings<'a> {
             }
             let near = along + i32::from(2 * rest > walk.n);
             let far = 2 * along + 1 - near;
-            worst = Some(Crossing { error, samples: [near, far].map(|at| lines.local(line, at)) });
+            worst =
+                Some(EdgeCrossing { error, samples: [near, far].map(|at| lines.local(line, at)) });
             least = error;
         }
         worst
@@ -125,7 +126,7 @@ impl<'a> Crossings<'a> {
     }
 }
 
-impl LatticeLines {
+impl LineDirection {
     /// A position as number of its line, and how far along that it is.
     fn place(self, p: TilePosition) -> [i32; 2] {
         match self {
@@ -165,7 +166,7 @@ struct EdgeWalk {
 }
 
 /// Where an edge cuts a line: in its part `k / n`, and `rest / n` behind the sample `along`.
-struct Cut {
+struct EdgeCut {
     k: i32,
     line: i32,
     along: i32,
@@ -184,10 +185,10 @@ impl EdgeWalk {
 }
 
 impl Iterator for EdgeWalk {
-    type Item = Cut;
+    type Item = EdgeCut;
 
     #[inline(always)]
-    fn next(&mut self) -> Option<Cut> {
+    fn next(&mut self) -> Option<EdgeCut> {
         loop {
             self.k += 1;
             if self.k >= self.n {
@@ -202,7 +203,7 @@ impl Iterator for EdgeWalk {
             }
             if self.rest > 0 {
                 let Self { k, line, along, rest, .. } = *self;
-                return Some(Cut { k, line, along, rest });
+                return Some(EdgeCut { k, line, along, rest });
             }
         }
     }
@@ -256,7 +257,7 @@ mod tests {
             let view = HeightWindow { width: 17, height: 13, f32: &values, f64: None };
             let mut field = HeightField::default();
             field.load(&view, [0, 0, 17, 13], [0; 4], None);
-            let crossings = Crossings::new(&field, tolerance as f64);
+            let crossings = CrossingJudge::new(&field, tolerance as f64);
             let [p, q] = [a, b].map(|(col, row)| TilePosition::new(col, row));
             let found = crossings.worst(p, q);
             prop_assert_eq!(found, crossings.worst(q, p));
@@ -289,7 +290,7 @@ mod tests {
         let mut field = HeightField::default();
         field.load(&view, [0, 0, 2, 3], [0; 4], None);
         let worst = |tolerance| {
-            Crossings::new(&field, tolerance)
+            CrossingJudge::new(&field, tolerance)
                 .worst(TilePosition::new(0, 0), TilePosition::new(1, 2))
         };
         assert_eq!(worst(1.5), None);

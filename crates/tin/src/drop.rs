@@ -14,8 +14,8 @@ use super::angles::MinimumAngle;
 use super::field::HeightField;
 use super::judge::InsertionCriteria;
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, LatticeTriangle, NONE, ScanState, next};
-use super::refill::{self, Refill};
+use super::mesh::{LatticeMesh, LatticeTriangle, NONE, TriangleScanState, next};
+use super::refill::{self, RefillBuffers};
 use terrane_base::bits::BitSet;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 
@@ -38,7 +38,7 @@ pub(super) struct DropScratch {
     min_angle: Option<MinimumAngle>,
     /// Set where these need not be Delaunay.
     any: bool,
-    any_fill: Refill,
+    any_fill: RefillBuffers,
 }
 
 /// Tries to drop every vertex that is not settled, in the order of the triangles. A drop changes what its
@@ -55,7 +55,7 @@ pub(super) fn drop_redundant(
             return;
         }
         let state = mesh.tris[(half_edge >> 2) as usize].state;
-        if !matches!(state, ScanState::Free | ScanState::Outside)
+        if !matches!(state, TriangleScanState::Free | TriangleScanState::Outside)
             && scratch.settled.insert(index(mesh.origin(half_edge)))
             && scratch.try_drop(judge, mesh, half_edge).is_some()
         {
@@ -235,7 +235,7 @@ impl DropScratch {
 
     fn replace(&mut self, mesh: &mut LatticeMesh) -> &[u32] {
         for (&id, &tri) in self.star.iter().zip(&self.fill) {
-            mesh.tris[id as usize] = LatticeTriangle { state: ScanState::Passed(0), ..tri };
+            mesh.tris[id as usize] = LatticeTriangle { state: TriangleScanState::Passed(0), ..tri };
         }
         for (&id, tri) in self.star.iter().zip(&self.fill) {
             (0..3).filter(|&i| tri.twins[i as usize] != NONE).for_each(|i| {
@@ -290,7 +290,7 @@ pub(super) mod tests {
             let mut failed = BTreeSet::new();
             for half_edge in (0..twin.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
                 let p = twin.origin(half_edge);
-                let is_free = twin.tris[(half_edge >> 2) as usize].state == ScanState::Free;
+                let is_free = twin.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free;
                 if !is_free && !fixed.contains(&p) && failed.insert((p, star(&twin, p))) {
                     scratch.try_drop(&judge, &mut twin, half_edge);
                 }
@@ -341,7 +341,7 @@ pub(super) mod tests {
             let mut scratch = DropScratch::default();
             scratch.limit_circles(2 * SIDE);
             for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-                if mesh.tris[(half_edge >> 2) as usize].state == ScanState::Free {
+                if mesh.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free {
                     continue;
                 }
                 let is_filled = scratch.gather(&mesh, half_edge) && scratch.refill();

@@ -43,20 +43,21 @@ pub(super) fn is_at_most<const N: usize>(
     tolerance: f64,
     total: f64,
 ) -> bool {
-    let add = |sum: Doubled, (weight, z)| sum.add(Doubled::product(weight, z));
-    let sum = terms.into_iter().fold(Doubled::default(), add);
-    let distance = if sum.high < 0.0 { Doubled { high: -sum.high, low: -sum.low } } else { sum };
-    distance.add(Doubled::product(-tolerance, total)).high <= 0.0
+    let add = |sum: DoubleDouble, (weight, z)| sum.add(DoubleDouble::product(weight, z));
+    let sum = terms.into_iter().fold(DoubleDouble::default(), add);
+    let distance =
+        if sum.high < 0.0 { DoubleDouble { high: -sum.high, low: -sum.low } } else { sum };
+    distance.add(DoubleDouble::product(-tolerance, total)).high <= 0.0
 }
 
 /// An unevaluated sum of two doubles, the second below half a unit of the first.
 #[derive(Clone, Copy, Debug, Default)]
-struct Doubled {
+struct DoubleDouble {
     high: f64,
     low: f64,
 }
 
-impl Doubled {
+impl DoubleDouble {
     fn two_sum(a: f64, b: f64) -> Self {
         let high = a + b;
         let shadow = high - a;
@@ -158,9 +159,9 @@ mod tests {
     #[test]
     fn a_sum_keeps_the_last_part_when_all_before_it_cancels() {
         let power = |exponent: i32| 2.0_f64.powi(exponent);
-        let a = Doubled { high: power(103), low: -power(50) };
+        let a = DoubleDouble { high: power(103), low: -power(50) };
         for last in [power(-10), -power(-10), 0.0] {
-            let b = Doubled { high: power(50) - power(103), low: last };
+            let b = DoubleDouble { high: power(50) - power(103), low: last };
             for sum in [a.add(b), b.add(a)] {
                 assert_eq!([sum.high, sum.low], [last, 0.0]);
             }

@@ -14,7 +14,7 @@ use super::facet::level_for;
 use super::field::LEVELS;
 use super::judge::{InsertionCandidate, InsertionCriteria};
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, ScanState};
+use super::mesh::{LatticeMesh, TriangleScanState};
 use super::{adjust, strict};
 
 /// Samples a first scan of a triangle looks at, about.
@@ -99,7 +99,8 @@ impl WorkLists {
         self.passed.clear();
         self.buckets.resize_with(BUCKETS, Vec::new);
         self.buckets.iter_mut().for_each(Vec::clear);
-        let dirty = mesh.ids().filter(|&id| mesh.tris[id as usize].state == ScanState::Dirty);
+        let dirty =
+            mesh.ids().filter(|&id| mesh.tris[id as usize].state == TriangleScanState::Dirty);
         self.buckets[BUCKETS - 1].extend(dirty);
         self.top = BUCKETS - 1;
     }
@@ -123,11 +124,11 @@ impl WorkLists {
     ) -> Option<TilePosition> {
         let tri = mesh.tris[id as usize];
         match tri.state {
-            ScanState::Dirty => {
+            TriangleScanState::Dirty => {
                 let level = level_for(tri.corners, SAMPLES_PER_SCAN, LEVELS);
                 self.scan(judge, mesh, id, level, bucket)
             }
-            ScanState::Waiting => {
+            TriangleScanState::Waiting => {
                 let found = self.found[id as usize];
                 (bucket_of(found.error, judge.tolerance) == bucket).then_some(found.at)
             }
@@ -146,7 +147,7 @@ impl WorkLists {
     ) -> Option<TilePosition> {
         let tri = &mut mesh.tris[id as usize];
         let Some(found) = judge.candidate(tri.corners, level) else {
-            tri.state = ScanState::Passed(level);
+            tri.state = TriangleScanState::Passed(level);
             if level > 0 {
                 self.passed.push((id, level));
             }
@@ -156,7 +157,7 @@ impl WorkLists {
         if own >= bucket {
             return Some(found.at);
         }
-        tri.state = ScanState::Waiting;
+        tri.state = TriangleScanState::Waiting;
         self.put(id, found, own);
         None
     }
@@ -187,7 +188,7 @@ impl WorkLists {
             }
             self.buckets[bucket * 3 / 4].extend_from_slice(&self.star);
         } else {
-            mesh.tris[id as usize].state = ScanState::Passed(0);
+            mesh.tris[id as usize].state = TriangleScanState::Passed(0);
         }
     }
 
@@ -198,7 +199,7 @@ impl WorkLists {
             if judge.field.is_stopped_in(round) {
                 return false;
             }
-            if mesh.tris[id as usize].state == ScanState::Passed(level) {
+            if mesh.tris[id as usize].state == TriangleScanState::Passed(level) {
                 let finer = level.saturating_sub(REFINE_STEP);
                 self.scan(judge, mesh, id, finer, usize::MAX);
             }

@@ -1,6 +1,6 @@
 //! Whether samples, and edges between them, are within the tolerance of a triangle.
 
-use super::crossing::Crossings;
+use super::crossing::CrossingJudge;
 use super::exact::{self, within};
 use super::facet::{PlaneFacet, double_area};
 use super::field::HeightField;
@@ -15,7 +15,7 @@ pub(super) struct InsertionCriteria<'a> {
     pub(super) scan: Scan,
     pub(super) tolerance: f64,
     /// Set where edges have to keep to the tolerance between samples, too.
-    pub(super) crossings: Option<Crossings<'a>>,
+    pub(super) crossings: Option<CrossingJudge<'a>>,
 }
 
 impl<'a> InsertionCriteria<'a> {
@@ -25,7 +25,7 @@ impl<'a> InsertionCriteria<'a> {
     }
 
     /// The same, of what lies between samples as well.
-    pub(super) fn and_between(&self, crossings: Crossings<'a>) -> Self {
+    pub(super) fn and_between(&self, crossings: CrossingJudge<'a>) -> Self {
         Self { crossings: Some(crossings), ..*self }
     }
 

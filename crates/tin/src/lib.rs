@@ -28,10 +28,10 @@ mod strict;
 mod tile;
 
 pub use angles::MinimumAngle;
-pub use breaklines::{Stretch, goes_on};
+pub use breaklines::{PathStretch, goes_on};
 pub use field::HeightWindow;
 pub use local::TilePosition;
 pub use order::sort_by_position;
 pub use patch::{mend_patch, reduce_patch};
-pub use spec::{PatchInput, PatchMesh, Spec, TileInput, TileMesh, TileTriangle};
+pub use spec::{PatchInput, PatchMesh, TileInput, TileMesh, TileTriangle, TinSpec};
 pub use tile::{TileScratch, triangulate_tile};

@@ -21,7 +21,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// What is known of a triangle's samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ScanState {
+pub(super) enum TriangleScanState {
     /// Scanned at the stride `2^level`; nothing above the tolerance was seen there.
     Passed(u8),
     /// All its samples are within the tolerance, and its edges between samples.
@@ -45,12 +45,12 @@ pub(super) struct LatticeTriangle {
     /// The loose triangle this one was built from, or anything else that it is known by until it changes:
     /// [`NONE`] then.
     pub(super) source: u32,
-    pub(super) state: ScanState,
+    pub(super) state: TriangleScanState,
 }
 
 /// Which border edges may not be split.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) enum Fixed {
+pub(super) enum FixedBorder {
     /// None: the mesh is being set up.
     #[default]
     Nothing,
@@ -66,7 +66,7 @@ pub(super) struct LatticeMesh {
     free: Vec<u32>,
     stack: Vec<u32>,
     /// Where border edges may not be split any more.
-    pub(super) fixed: Fixed,
+    pub(super) fixed: FixedBorder,
 }
 
 /// The next edge or corner of a triangle, without a division.
@@ -88,7 +88,7 @@ enum LocationInTriangle {
     Corner,
 }
 
-impl Fixed {
+impl FixedBorder {
     /// True when the border may be split at `p`.
     fn allows(self, p: TilePosition) -> bool {
         match self {
@@ -109,7 +109,7 @@ impl LatticeMesh {
         self.tris.clear();
         self.free.clear();
         self.stack.clear();
-        self.fixed = Fixed::Nothing;
+        self.fixed = FixedBorder::Nothing;
     }
 
     /// Starts over with the two triangles of a rectangle (`cols` x `rows` cells).
@@ -142,7 +142,7 @@ impl LatticeMesh {
     /// Ids of triangles in use.
     pub(super) fn ids(&self) -> impl Iterator<Item = u32> + '_ {
         let used = |(id, tri): (usize, &LatticeTriangle)| {
-            (tri.state != ScanState::Free).then_some(id as u32)
+            (tri.state != TriangleScanState::Free).then_some(id as u32)
         };
         self.tris.iter().enumerate().filter_map(used)
     }
@@ -159,7 +159,7 @@ impl LatticeMesh {
 
     /// Gives a slot back.
     pub(super) fn remove(&mut self, id: u32) {
-        self.tris[id as usize].state = ScanState::Free;
+        self.tris[id as usize].state = TriangleScanState::Free;
         self.free.push(id);
     }
 
@@ -170,12 +170,10 @@ impl LatticeMesh {
 
     /// All samples are to be judged again: heights or the tolerance have changed.
     pub(super) fn judge_again(&mut self) {
-        for tri in self
-            .tris
-            .iter_mut()
-            .filter(|tri| !matches!(tri.state, ScanState::Free | ScanState::Outside))
-        {
-            tri.state = ScanState::Dirty;
+        for tri in self.tris.iter_mut().filter(|tri| {
+            !matches!(tri.state, TriangleScanState::Free | TriangleScanState::Outside)
+        }) {
+            tri.state = TriangleScanState::Dirty;
         }
     }
 
@@ -186,7 +184,7 @@ impl LatticeMesh {
         let mut at = half_edge;
         loop {
             let tri = &self.tris[(at >> 2) as usize];
-            if tri.state == ScanState::Outside || star.len() == most {
+            if tri.state == TriangleScanState::Outside || star.len() == most {
                 return false;
             }
             star.push(at);
@@ -390,7 +388,7 @@ impl LatticeMesh {
 impl LatticeTriangle {
     /// A dirty triangle.
     pub(super) fn new(corners: [TilePosition; 3], twins: [u32; 3]) -> Self {
-        Self { corners, twins, source: NONE, state: ScanState::Dirty }
+        Self { corners, twins, source: NONE, state: TriangleScanState::Dirty }
     }
 }
 
@@ -434,7 +432,7 @@ impl LatticeMesh {
             return;
         }
         let other = &self.tris[(twin >> 2) as usize];
-        assert_ne!(other.state, ScanState::Free, "triangle {id} borders a free slot");
+        assert_ne!(other.state, TriangleScanState::Free, "triangle {id} borders a free slot");
         assert_eq!(other.twins[(twin & 3) as usize], 4 * id + edge, "twins of {id} disagree");
         let end = tri.corners[next(edge) as usize];
         assert_eq!(self.origin(twin), end, "twins of {id} have different ends");

@@ -8,15 +8,15 @@
 //! a fresh local mesh in canonical order; it is made Delaunay, samples beyond the tolerance are inserted,
 //! and redundant rim vertices are dropped.
 
-use super::crossing::Crossings;
+use super::crossing::CrossingJudge;
 use super::field::HeightField;
 use super::judge::InsertionCriteria;
 use super::local::TilePosition;
 use super::measure::owns_by_direction;
-use super::mesh::{Fixed, LatticeMesh, LatticeTriangle, NONE, ScanState, next, prev};
+use super::mesh::{FixedBorder, LatticeMesh, LatticeTriangle, NONE, TriangleScanState, next, prev};
 use super::order::{by_rows, sort_by_position};
 use super::scan::measure;
-use super::spec::{PatchInput, PatchMesh, Spec, TileTriangle};
+use super::spec::{PatchInput, PatchMesh, TileTriangle, TinSpec};
 use super::tile::{TileScratch, bring_within, on_grid_border, smallest_first, vertices_in_use};
 use super::{adjust, angles, breaklines, drop};
 use terrane_base::bits::BitSet;
@@ -28,18 +28,18 @@ use terrane_base::geom::predicates::in_circle;
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is
 /// linear in the triangles but for sorting them.
-pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
+pub fn mend_patch(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> PatchMesh {
     let sorted = begin(input, spec, scratch);
     let TileScratch { field, mesh, lists, rounds, drop, adjust, edges, used, scan } = scratch;
     let [width, height] = [input.heights.width, input.heights.height];
-    mesh.fixed = Fixed::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
+    mesh.fixed = FixedBorder::Inside { ends: input.grid_ends, cells: [width - 1, height - 1] };
     legalise(mesh);
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     bring_within(&judge, mesh, lists, rounds, spec);
     if spec.bound == ErrorBound::Surface {
-        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+        judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
-    let border = Border { field, input };
+    let border = PatchBorder { field, input };
     let is_frozen = |tri: &LatticeTriangle, edge| border.is_frozen(tri, edge);
     let may = |mesh: &LatticeMesh, holder, at| {
         !field.is_stopped() && !changes_beside(mesh, holder, at, is_frozen)
@@ -76,12 +76,16 @@ pub fn mend_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch
 ///
 /// The result is a pure function of the set of triangles, the heights and `spec`. Expected time is linear in the
 /// triangles but for sorting them, and of a star in the cube of its corners.
-pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
+pub fn reduce_patch(
+    input: &PatchInput<'_>,
+    spec: &TinSpec,
+    scratch: &mut TileScratch,
+) -> PatchMesh {
     let sorted = begin(input, spec, scratch);
     let TileScratch { field, mesh, drop, adjust, edges, used, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     if spec.bound == ErrorBound::Surface {
-        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+        judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
     let mut stays = input.kept.to_vec();
     breaklines::vertices((input.lines, field), mesh, edges, &mut stays);
@@ -102,11 +106,11 @@ pub fn reduce_patch(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScrat
         }
     }
     drop.allow_any(false);
-    finish(mesh, &Border { field, input }, &sorted, spec, (adjust, used))
+    finish(mesh, &PatchBorder { field, input }, &sorted, spec, (adjust, used))
 }
 
 /// Brings the heights and the triangles of a patch, which are returned sorted.
-fn begin(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
+fn begin(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> Vec<TileTriangle> {
     let [width, height] = [input.heights.width, input.heights.height];
     scratch.field.load(&input.heights, [0, 0, width, height], [0; 4], spec.single_precision);
     if spec.fit {
@@ -133,7 +137,7 @@ fn build(mesh: &mut LatticeMesh, sorted: &[TileTriangle]) {
     for (id, triangle) in (0_u32..).zip(sorted) {
         let corners = triangle.corners;
         mesh.add(LatticeTriangle {
-            state: ScanState::Passed(0),
+            state: TriangleScanState::Passed(0),
             source: id,
             ..LatticeTriangle::new(corners, [NONE; 3])
         });
@@ -149,12 +153,12 @@ fn build(mesh: &mut LatticeMesh, sorted: &[TileTriangle]) {
 }
 
 /// What lies beyond the edges that have no twin.
-struct Border<'a> {
+struct PatchBorder<'a> {
     field: &'a HeightField,
     input: &'a PatchInput<'a>,
 }
 
-impl Border<'_> {
+impl PatchBorder<'_> {
     /// The triangle, once for each frozen edge beyond which the mesh may not agree with it, turned so
     /// that this edge comes first: all edges of a changed triangle, and those on the seam of any.
     fn beside<'b>(
@@ -288,7 +292,7 @@ fn drop_seam(
 fn even_out(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
-    (border, stays): (&Border<'_>, &[TilePosition]),
+    (border, stays): (&PatchBorder<'_>, &[TilePosition]),
     adjust: &mut adjust::AdjustScratch,
     drop: &mut drop::DropScratch,
 ) {
@@ -310,9 +314,9 @@ fn even_out(
 /// The patch's triangles; those that were never touched keep their measures.
 fn finish(
     mesh: &LatticeMesh,
-    border: &Border<'_>,
+    border: &PatchBorder<'_>,
     sorted: &[TileTriangle],
-    spec: &Spec,
+    spec: &TinSpec,
     (adjust, used): (&adjust::AdjustScratch, &mut BitSet),
 ) -> PatchMesh {
     let field = border.field;
@@ -404,7 +408,7 @@ mod tests {
     #[test]
     fn a_void_lies_beyond_the_unit_edges_around_its_cells_alone() {
         let (field, input) = (field(), input([false; 4]));
-        let border = Border { field: &field, input: &input };
+        let border = PatchBorder { field: &field, input: &input };
         let mut found = 0;
         for (from, to) in all().flat_map(|from| all().map(move |to| (from, to))) {
             let apart = from.col().abs_diff(to.col()) + from.row().abs_diff(to.row());
@@ -423,7 +427,7 @@ mod tests {
         let heights = HeightWindow { width: 6, height: 5, f32: &[f32::NAN; 30], f64: None };
         let mut field = HeightField::default();
         field.load(&heights, [0, 0, 6, 5], [0; 4], None);
-        let border = Border { field: &field, input: &input([false; 4]) };
+        let border = PatchBorder { field: &field, input: &input([false; 4]) };
         for (from, to) in all().flat_map(|from| all().map(move |to| (from, to))) {
             let apart = from.col().abs_diff(to.col()) + from.row().abs_diff(to.row());
             let expected = apart == 1 && cell_beyond(from, to).is_some();
@@ -439,7 +443,7 @@ mod tests {
         };
         for ends in [[false; 4], [true; 4], [true, false, false, true]] {
             let input = input(ends);
-            let border = Border { field: &field, input: &input };
+            let border = PatchBorder { field: &field, input: &input };
             // Two sides of the rectangle, and a diagonal.
             let corner = tri([(0, 0), (5, 0), (0, 4)]);
             assert_eq!([0, 1, 2].map(|e| border.is_frozen(&corner, e)), [!ends[2], true, !ends[0]]);
@@ -468,7 +472,7 @@ mod tests {
             (false, [[false, true, false], [true, true, false]], 4),
         ] {
             let input = input([false, is_end, false, is_end]);
-            let border = Border { field: &field, input: &input };
+            let border = PatchBorder { field: &field, input: &input };
             let owned = |id: usize| [0, 1, 2].map(|edge| border.is_owned(&mesh.tris[id], edge));
             assert_eq!([owned(0), owned(1)], expected);
             let mut found = border.frozen(&mesh);
@@ -482,7 +486,7 @@ mod tests {
     #[test]
     fn an_edge_on_the_seam_has_both_ends_there() {
         let (field, input) = (field(), input([false; 4]));
-        let border = Border { field: &field, input: &input };
+        let border = PatchBorder { field: &field, input: &input };
         let tri = |corners: [(u32, u32); 3]| {
             let corners = corners.map(|(col, row)| TilePosition::new(col, row));
             LatticeTriangle { source: 7, ..LatticeTriangle::new(corners, [NONE; 3]) }

@@ -28,26 +28,26 @@ pub(super) const MAX_DEGREE: usize = 16;
 
 /// The best filling of a stretch of the outline.
 #[derive(Clone, Copy, Debug)]
-struct EarFilling {
+struct ChordFilling {
     /// The shape of its worst triangle; infinite where it has none, 0 where there is no filling.
     shape: f64,
     /// Where the triangle on the chord has its apex.
     apex: usize,
 }
 
-const NO_FILLING: EarFilling = EarFilling { shape: 0.0, apex: 0 };
-const EDGE: EarFilling = EarFilling { shape: f64::INFINITY, apex: 0 };
+const NO_FILLING: ChordFilling = ChordFilling { shape: 0.0, apex: 0 };
+const EDGE: ChordFilling = ChordFilling { shape: f64::INFINITY, apex: 0 };
 
 /// Buffers.
 #[derive(Debug, Default)]
-pub(super) struct Refill {
+pub(super) struct RefillBuffers {
     /// By the ends of a stretch.
-    fillings: Vec<EarFilling>,
+    fillings: Vec<ChordFilling>,
     /// Stretches to make triangles of, and the half-edge that lies beyond their chord.
     stack: Vec<([usize; 2], u32)>,
 }
 
-impl Refill {
+impl RefillBuffers {
     /// Fills the outline of the star of `vertex`: its corners, counter-clockwise, and per edge the half-edge beyond.
     /// The triangle that is found first takes the star's first slot, and so on; the twin of an edge between two
     /// of them is set in the later one only. False when no filling keeps the tolerance, and the angles.
@@ -96,7 +96,7 @@ impl Refill {
         ring: &[(TilePosition, u32)],
         [from, to]: [usize; 2],
         keeps: impl Fn([TilePosition; 3]) -> bool,
-    ) -> EarFilling {
+    ) -> ChordFilling {
         let at = |from: usize, to: usize| self.fillings[from * ring.len() + to].shape;
         let corners = |apex: usize| [ring[from].0, ring[apex].0, ring[to].0];
         let promise = |apex: usize| at(from, apex).min(at(apex, to)).min(shape(corners(apex)));
@@ -111,7 +111,7 @@ impl Refill {
                 return NO_FILLING;
             }
             if keeps(corners(apex)) {
-                return EarFilling { shape: promises[apex], apex };
+                return ChordFilling { shape: promises[apex], apex };
             }
             promises[apex] = 0.0;
         }
@@ -177,7 +177,7 @@ mod tests {
     use crate::field::HeightField;
     use crate::field::HeightWindow;
     use crate::greedy::{WorkLists, fit};
-    use crate::mesh::{LatticeMesh, ScanState};
+    use crate::mesh::{LatticeMesh, TriangleScanState};
     use crate::scan::available;
     use proptest::prelude::*;
 
@@ -224,7 +224,7 @@ mod tests {
             scratch.allow_any(true);
             let mut star = Vec::new();
             for half_edge in (0..mesh.tris.len() as u32).flat_map(|id| 4 * id..4 * id + 3) {
-                if mesh.tris[(half_edge >> 2) as usize].state == ScanState::Free
+                if mesh.tris[(half_edge >> 2) as usize].state == TriangleScanState::Free
                     || !mesh.star(half_edge, 9, &mut star)
                 {
                     continue;

@@ -21,14 +21,14 @@ use terrane_line::rdp::refine;
 
 /// Which cells of a tile, and of the apron around it, belong to the surface. Positions are tile
 /// positions.
-pub(super) struct TileSurface<'a> {
+pub(super) struct SurfaceCells<'a> {
     input: &'a TileInput<'a>,
     /// One a cell of tile and apron: 1 when all its samples are valid. Empty when nothing is void.
     cells: Vec<u8>,
     pitch: usize,
 }
 
-impl<'a> TileSurface<'a> {
+impl<'a> SurfaceCells<'a> {
     pub(super) fn new(input: &'a TileInput<'a>) -> Self {
         let heights = &input.heights;
         let width = heights.width as usize;
@@ -67,17 +67,17 @@ impl<'a> TileSurface<'a> {
     }
 
     /// What a sample of a tile with voids is to the surface.
-    pub(super) fn role(&self, p: TilePosition) -> RimRole {
+    pub(super) fn role(&self, p: TilePosition) -> SurfaceRole {
         let col = (p.col() + self.input.apron_left) as usize;
         let row = (p.row() + self.input.apron_above) as usize;
         let (left, above) = (col.checked_sub(1), row.checked_sub(1));
         let cells = [(left, above), (Some(col), above), (left, Some(row)), (Some(col), Some(row))]
             .map(|(col, row)| self.cell(col, row));
         match (cells.contains(&Some(true)), cells.contains(&Some(false))) {
-            (true, true) => RimRole::Outline,
-            (true, false) => RimRole::Interior,
-            (false, _) if self.is_valid(col, row) => RimRole::Isolated,
-            (false, _) => RimRole::Void,
+            (true, true) => SurfaceRole::Outline,
+            (true, false) => SurfaceRole::Interior,
+            (false, _) if self.is_valid(col, row) => SurfaceRole::Isolated,
+            (false, _) => SurfaceRole::Void,
         }
     }
 
@@ -89,7 +89,7 @@ impl<'a> TileSurface<'a> {
 
 /// Part a sample plays in the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum RimRole {
+pub(super) enum SurfaceRole {
     /// All its cells belong to the surface.
     Interior,
     /// Some of its cells do: it must be a vertex.
@@ -137,7 +137,7 @@ impl RimRun {
     /// ([`refine`]), but here the vertical distance decides without rounding.
     pub(super) fn vertices(
         &self,
-        role: impl Fn(TilePosition) -> RimRole,
+        role: impl Fn(TilePosition) -> SurfaceRole,
         is_kept: impl Fn(TilePosition) -> bool,
         (sample, vertex): (impl Fn(TilePosition) -> f64, impl Fn(TilePosition) -> f64),
         tolerance: f64,
@@ -147,13 +147,13 @@ impl RimRun {
         let mut posts = posts(last, self.spacing).skip(1).peekable();
         let mut is_fixed = |i: &u32| {
             let at = self.at(*i);
-            posts.next_if_eq(i).is_some() || role(at) == RimRole::Outline || is_kept(at)
+            posts.next_if_eq(i).is_some() || role(at) == SurfaceRole::Outline || is_kept(at)
         };
         let mut start = 0;
         out.push(self.at(0));
         while start < last {
             let end = (start + 1..=last).find(&mut is_fixed).unwrap_or(last);
-            if end > start + 1 && role(self.at(start + 1)) == RimRole::Interior {
+            if end > start + 1 && role(self.at(start + 1)) == SurfaceRole::Interior {
                 let ends = [start, end].map(|i| i as usize);
                 self.refine(ends, &sample, &vertex, tolerance, out);
             }

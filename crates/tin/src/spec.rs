@@ -1,7 +1,7 @@
 //! The specification of a tile or patch, its input and its result.
 
 use super::angles::MinimumAngle;
-use super::breaklines::Stretch;
+use super::breaklines::PathStretch;
 use super::field::HeightWindow;
 use super::local::TilePosition;
 use terrane_base::bound::ErrorBound;
@@ -23,7 +23,7 @@ pub struct TileTriangle {
 
 /// What a tile or patch has to reach.
 #[derive(Clone, Copy, Debug)]
-pub struct Spec {
+pub struct TinSpec {
     /// Largest allowed vertical distance of a valid sample, in the unit of the heights.
     pub tolerance: f64,
     /// Of what that is promised: of the samples, or of the lines between them too.
@@ -46,7 +46,7 @@ pub struct Spec {
     pub measure: bool,
 }
 
-impl Spec {
+impl TinSpec {
     /// How far posts are apart. Samples that are inserted for angles go on from a seam for some triangles: there
     /// are twice as many within a patch where posts are half as far apart. And a square whose side is a power of
     /// two has a sample in its middle, and so have its quarters, down to the cell: where posts are 3 apart, one
@@ -75,9 +75,9 @@ pub struct TileInput<'a> {
     /// Samples of the tile that stay vertices wherever there is surface, at the heights they have, sorted. Both
     /// tiles at a border have to be told of those on it.
     pub kept: &'a [TilePosition],
-    /// Paths that edges have to follow wherever there is surface; what [`Stretch::ends`] tells of each has to be
+    /// Paths that edges have to follow wherever there is surface; what [`PathStretch::ends`] tells of each has to be
     /// kept.
-    pub lines: &'a [Stretch],
+    pub lines: &'a [PathStretch],
 }
 
 impl<'a> TileInput<'a> {
@@ -145,7 +145,7 @@ pub struct PatchInput<'a> {
     /// Samples that stay vertices if they are, at the heights they have, sorted.
     pub kept: &'a [TilePosition],
     /// Paths that edges have to follow.
-    pub lines: &'a [Stretch],
+    pub lines: &'a [PathStretch],
 }
 
 /// A mended patch.

@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use super::exact::{self, ExactWorst};
 use super::judge::InsertionCriteria;
 use super::local::TilePosition;
-use super::mesh::{LatticeMesh, ScanState};
+use super::mesh::{LatticeMesh, TriangleScanState};
 
 /// The worst sample of a triangle as it was when its `stamp` was current.
 #[derive(Clone, Copy, Debug)]
@@ -52,7 +52,7 @@ pub(super) fn insert(judge: &InsertionCriteria<'_>, mesh: &mut LatticeMesh) {
     let mut heap = BinaryHeap::new();
     let mut stamps = vec![0; mesh.tris.len()];
     let mut star: Vec<u32> =
-        mesh.ids().filter(|&id| mesh.tris[id as usize].state == ScanState::Dirty).collect();
+        mesh.ids().filter(|&id| mesh.tris[id as usize].state == TriangleScanState::Dirty).collect();
     loop {
         stamps.resize(mesh.tris.len(), 0);
         for &id in &star {
@@ -75,7 +75,7 @@ fn candidate(
     stamp: u32,
 ) -> Option<QueuedSample> {
     let tri = &mut mesh.tris[id as usize];
-    tri.state = ScanState::Passed(0);
+    tri.state = TriangleScanState::Passed(0);
     let ExactWorst { error, at, within } = exact::scan(judge.field, tri.corners, judge.tolerance);
     (!within).then_some(QueuedSample { error, at, id, stamp })
 }
@@ -86,7 +86,7 @@ mod tests {
     use crate::exact::{distance, for_each_sample, within};
     use crate::field::HeightField;
     use crate::field::HeightWindow;
-    use crate::mesh::Fixed;
+    use crate::mesh::FixedBorder;
     use crate::scan;
     use proptest::prelude::*;
 
@@ -125,7 +125,7 @@ mod tests {
             let (mut mesh, mut twin) = (LatticeMesh::default(), LatticeMesh::default());
             for mesh in [&mut mesh, &mut twin] {
                 mesh.reset_to_rectangle(11, 8);
-                mesh.fixed = Fixed::Inside { ends: [false; 4], cells: [11, 8] };
+                mesh.fixed = FixedBorder::Inside { ends: [false; 4], cells: [11, 8] };
             }
             insert(&judge, &mut mesh);
             insert_naively(&judge, &mut twin);

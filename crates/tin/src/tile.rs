@@ -14,18 +14,18 @@
 //! 3,000 random meshes with tiles of 16 to 64 cells is non-Delaunay (`TERRANE_MESHES=3000 cargo test
 //! --test jobs every_edge`).
 
-use super::between::{self, Rounds};
-use super::breaklines::{self, Stretch};
-use super::crossing::Crossings;
+use super::between::{self, BetweenBuffers};
+use super::breaklines::{self, PathStretch};
+use super::crossing::CrossingJudge;
 use super::field::HeightField;
 use super::greedy::{WorkLists, fit};
 use super::judge::InsertionCriteria;
 use super::local::TilePosition;
 use super::measure::owns_by_direction;
-use super::mesh::{Fixed, LatticeMesh, NONE, ScanState, next};
-use super::rim::{RimRole, RimRun, TileSurface, posts};
+use super::mesh::{FixedBorder, LatticeMesh, NONE, TriangleScanState, next};
+use super::rim::{RimRun, SurfaceCells, SurfaceRole, posts};
 use super::scan::{self, Scan, measure};
-use super::spec::{Spec, TileInput, TileMesh, TileTriangle};
+use super::spec::{TileInput, TileMesh, TileTriangle, TinSpec};
 use super::{adjust, angles, drop};
 use terrane_base::bits::BitSet;
 use terrane_base::bound::ErrorBound;
@@ -37,7 +37,7 @@ pub struct TileScratch {
     pub(super) field: HeightField,
     pub(super) mesh: LatticeMesh,
     pub(super) lists: WorkLists,
-    pub(super) rounds: Rounds,
+    pub(super) rounds: BetweenBuffers,
     pub(super) drop: drop::DropScratch,
     pub(super) adjust: adjust::AdjustScratch,
     pub(super) edges: breaklines::PathEdges,
@@ -51,7 +51,7 @@ impl Default for TileScratch {
             field: HeightField::default(),
             mesh: LatticeMesh::default(),
             lists: WorkLists::default(),
-            rounds: Rounds::default(),
+            rounds: BetweenBuffers::default(),
             drop: drop::DropScratch::default(),
             adjust: adjust::AdjustScratch::default(),
             edges: breaklines::PathEdges::default(),
@@ -84,7 +84,11 @@ impl TileScratch {
 ///
 /// The result is a pure function of the input and `spec`. Expected time is linear in the samples
 /// plus the kept vertices times the samples of a scan.
-pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
+pub fn triangulate_tile(
+    input: &TileInput<'_>,
+    spec: &TinSpec,
+    scratch: &mut TileScratch,
+) -> TileMesh {
     let input = &TileInput { spacing: spec.spacing(input.spacing), ..*input };
     let (cols, rows) = (input.cols(), input.rows());
     let window = [input.apron_left, input.apron_above, cols, rows];
@@ -93,11 +97,11 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileSc
     // What the rim of a neighbour decides is not scanned.
     scratch.field.load(&input.heights, window, aprons, spec.single_precision);
     scratch.mesh.reset_to_rectangle(cols - 1, rows - 1);
-    let surface = TileSurface::new(input);
+    let surface = SurfaceCells::new(input);
     let fixed = fixed_vertices(&surface, &scratch.field, spec.tolerance, input);
     insert_all(&mut scratch.mesh, &fixed);
     insert_all(&mut scratch.mesh, &inner_posts(&surface, &scratch.field, input.spacing));
-    scratch.mesh.fixed = Fixed::Inside { ends, cells: [cols - 1, rows - 1] };
+    scratch.mesh.fixed = FixedBorder::Inside { ends, cells: [cols - 1, rows - 1] };
     if surface.has_voids() {
         mark_outside(&mut scratch.mesh, &surface);
     }
@@ -130,7 +134,12 @@ pub fn triangulate_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileSc
 }
 
 /// Inserts what breaklines need, and drops what is redundant then.
-fn follow(scratch: &mut TileScratch, spec: &Spec, mut fixed: Vec<TilePosition>, lines: &[Stretch]) {
+fn follow(
+    scratch: &mut TileScratch,
+    spec: &TinSpec,
+    mut fixed: Vec<TilePosition>,
+    lines: &[PathStretch],
+) {
     let TileScratch { field, mesh, lists, rounds, drop, edges, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     let settle = |mesh: &mut LatticeMesh| bring_within(&judge, mesh, lists, rounds, spec);
@@ -140,7 +149,7 @@ fn follow(scratch: &mut TileScratch, spec: &Spec, mut fixed: Vec<TilePosition>, 
         return;
     }
     if spec.bound == ErrorBound::Surface {
-        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+        judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
     breaklines::vertices((lines, field), mesh, edges, &mut fixed);
     drop.settle(field, &fixed);
@@ -148,7 +157,12 @@ fn follow(scratch: &mut TileScratch, spec: &Spec, mut fixed: Vec<TilePosition>, 
 }
 
 /// Brings the tolerance down in stages, vertices moved to where errors are least.
-fn loosen(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition], kept: &[TilePosition]) {
+fn loosen(
+    scratch: &mut TileScratch,
+    spec: &TinSpec,
+    fixed: &[TilePosition],
+    kept: &[TilePosition],
+) {
     scratch.field.free_heights();
     let TileScratch { field, mesh, lists, drop, adjust, scan, .. } = scratch;
     adjust.reset(field, kept);
@@ -165,11 +179,11 @@ fn loosen(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition], kept: 
 }
 
 /// Moves and drops vertices while that goes on, within the tolerance.
-fn even_out(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
+fn even_out(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     let TileScratch { field, mesh, drop, adjust, scan, .. } = scratch;
     let mut judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     if spec.bound == ErrorBound::Surface {
-        judge = judge.and_between(Crossings::new(field, spec.tolerance));
+        judge = judge.and_between(CrossingJudge::new(field, spec.tolerance));
     }
     adjust.look_at(field, mesh, |_| true);
     for _ in 0..adjust::ROUNDS {
@@ -185,7 +199,7 @@ fn even_out(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
 
 /// Inserts and drops vertices until the mesh is within the tolerance and none is redundant. Between samples
 /// only what then is too far off is mended: first to drop what samples do not need leaves fewer vertices.
-fn refine(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
+fn refine(scratch: &mut TileScratch, spec: &TinSpec, fixed: &[TilePosition]) {
     let TileScratch { field, mesh, lists, rounds, drop, scan, .. } = scratch;
     let judge = InsertionCriteria::of_samples(field, *scan, spec.tolerance);
     fit(&judge, mesh, lists, spec.strict);
@@ -197,7 +211,7 @@ fn refine(scratch: &mut TileScratch, spec: &Spec, fixed: &[TilePosition]) {
         return;
     }
     mesh.forget_changes();
-    let crossings = Crossings::new(field, spec.tolerance);
+    let crossings = CrossingJudge::new(field, spec.tolerance);
     between::insert(&crossings, mesh, rounds, |mesh| fit(&judge, mesh, lists, spec.strict));
     if spec.drop {
         drop.unsettle_changed(field, mesh);
@@ -210,12 +224,12 @@ pub(super) fn bring_within(
     judge: &InsertionCriteria<'_>,
     mesh: &mut LatticeMesh,
     lists: &mut WorkLists,
-    rounds: &mut Rounds,
-    spec: &Spec,
+    rounds: &mut BetweenBuffers,
+    spec: &TinSpec,
 ) {
     fit(judge, mesh, lists, spec.strict);
     if spec.bound == ErrorBound::Surface {
-        let crossings = Crossings::new(judge.field, spec.tolerance);
+        let crossings = CrossingJudge::new(judge.field, spec.tolerance);
         between::insert(&crossings, mesh, rounds, |mesh| fit(judge, mesh, lists, spec.strict));
     }
 }
@@ -234,7 +248,7 @@ impl TileInput<'_> {
 
 /// Rim vertices, outline samples and those to keep, sorted.
 fn fixed_vertices(
-    surface: &TileSurface<'_>,
+    surface: &SurfaceCells<'_>,
     field: &HeightField,
     tolerance: f64,
     &TileInput { spacing, kept, .. }: &TileInput<'_>,
@@ -248,18 +262,20 @@ fn fixed_vertices(
     };
     let rims = [rim(0, 0, false), rim(0, rows - 1, false), rim(0, 0, true), rim(cols - 1, 0, true)];
     let has_voids = surface.has_voids();
-    let role = |p| if has_voids { surface.role(p) } else { RimRole::Interior };
+    let role = |p| if has_voids { surface.role(p) } else { SurfaceRole::Interior };
     let is_kept = |p| kept.binary_search(&p).is_ok();
     let heights = (|p| field.sample(p), |p| field.vertex(p));
     let mut fixed = Vec::new();
     for rim in rims {
         rim.vertices(role, is_kept, heights, tolerance, &mut fixed);
     }
-    fixed.extend(kept.iter().filter(|&&p| matches!(role(p), RimRole::Interior | RimRole::Outline)));
+    fixed.extend(
+        kept.iter().filter(|&&p| matches!(role(p), SurfaceRole::Interior | SurfaceRole::Outline)),
+    );
     if has_voids {
         let inner =
             (1..rows - 1).flat_map(|row| (1..cols - 1).map(move |col| TilePosition::new(col, row)));
-        fixed.extend(inner.filter(|&p| surface.role(p) == RimRole::Outline));
+        fixed.extend(inner.filter(|&p| surface.role(p) == SurfaceRole::Outline));
     }
     fixed.sort_unstable();
     fixed.dedup();
@@ -267,11 +283,11 @@ fn fixed_vertices(
 }
 
 /// The posts that are not on the rim.
-fn inner_posts(surface: &TileSurface<'_>, field: &HeightField, spacing: u32) -> Vec<TilePosition> {
+fn inner_posts(surface: &SurfaceCells<'_>, field: &HeightField, spacing: u32) -> Vec<TilePosition> {
     let inside = |cells| posts(cells, spacing).filter(move |&at| at > 0 && at < cells);
     let [cols, rows] = [field.width() - 1, field.height() - 1];
     let all = inside(rows).flat_map(|row| inside(cols).map(move |col| TilePosition::new(col, row)));
-    all.filter(|&p| !surface.has_voids() || surface.role(p) == RimRole::Interior).collect()
+    all.filter(|&p| !surface.has_voids() || surface.role(p) == SurfaceRole::Interior).collect()
 }
 
 fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
@@ -286,21 +302,21 @@ fn insert_all(mesh: &mut LatticeMesh, points: &[TilePosition]) {
 
 /// Triangles lie wholly inside or wholly outside the surface, because every unit edge of its
 /// outline is an edge of the mesh; one cell under a triangle's middle tells.
-fn mark_outside(mesh: &mut LatticeMesh, surface: &TileSurface<'_>) {
-    for tri in mesh.tris.iter_mut().filter(|tri| tri.state != ScanState::Free) {
+fn mark_outside(mesh: &mut LatticeMesh, surface: &SurfaceCells<'_>) {
+    for tri in mesh.tris.iter_mut().filter(|tri| tri.state != TriangleScanState::Free) {
         let [a, b, c] = tri.corners;
         let col = (a.col() + b.col() + c.col()) / 3;
         let row = (a.row() + b.row() + c.row()) / 3;
         if !surface.holds_cell(col, row) {
-            tri.state = ScanState::Outside;
+            tri.state = TriangleScanState::Outside;
         }
     }
 }
 
 fn finish(
     scratch: &mut TileScratch,
-    spec: &Spec,
-    surface: &TileSurface<'_>,
+    spec: &TinSpec,
+    surface: &SurfaceCells<'_>,
     grid_ends: [bool; 4],
 ) -> TileMesh {
     let TileScratch { field, mesh, used, .. } = scratch;
@@ -311,7 +327,7 @@ fn finish(
             return TileMesh::default();
         }
         let tri = &mesh.tris[id as usize];
-        if tri.state == ScanState::Outside {
+        if tri.state == TriangleScanState::Outside {
             continue;
         }
         let owned = |edge| owns_edge(mesh, id, edge, field, grid_ends);
@@ -342,7 +358,7 @@ fn owns_edge(
     let nothing_beyond = if twin == NONE {
         on_grid_border(from, to, field, grid_ends)
     } else {
-        mesh.tris[(twin >> 2) as usize].state == ScanState::Outside
+        mesh.tris[(twin >> 2) as usize].state == TriangleScanState::Outside
     };
     nothing_beyond || owns_by_direction(from, to)
 }
@@ -392,7 +408,7 @@ pub(super) fn smallest_first([a, b, c]: [TilePosition; 3]) -> [TilePosition; 3] 
 }
 
 fn count_samples(
-    surface: &TileSurface<'_>,
+    surface: &SurfaceCells<'_>,
     field: &HeightField,
     [_, ends_right, _, ends_below]: [bool; 4],
     result: &mut TileMesh,
@@ -405,11 +421,11 @@ fn count_samples(
     }
     for p in (0..rows).flat_map(|row| (0..cols).map(move |col| TilePosition::new(col, row))) {
         match surface.role(p) {
-            RimRole::Interior | RimRole::Outline => result.valid += 1,
-            RimRole::Isolated => {
+            SurfaceRole::Interior | SurfaceRole::Outline => result.valid += 1,
+            SurfaceRole::Isolated => {
                 (result.valid, result.isolated) = (result.valid + 1, result.isolated + 1)
             }
-            RimRole::Void => {}
+            SurfaceRole::Void => {}
         }
     }
 }
@@ -428,7 +444,7 @@ mod tests {
         let z: Vec<f32> = (0..SIDE * SIDE).map(noise).collect();
         let heights = HeightWindow { width: SIDE, height: SIDE, f32: &z, f64: None };
         let input = TileInput::alone(heights);
-        let spec = Spec {
+        let spec = TinSpec {
             tolerance: 1.0,
             bound: ErrorBound::Samples,
             strict: false,
@@ -454,7 +470,7 @@ mod tests {
             scratch.stop_by(&finishing);
             [
                 inserted,
-                finish(&mut scratch, &spec, &TileSurface::new(&input), [true; 4]).triangles.len(),
+                finish(&mut scratch, &spec, &SurfaceCells::new(&input), [true; 4]).triangles.len(),
             ]
         };
         let [inserted, finished] = made([false, false]);

@@ -2,7 +2,7 @@
 
 use terrane_base::bound::ErrorBound;
 use terrane_tin::{
-    HeightWindow, Spec, TileInput, TileMesh, TilePosition, TileScratch, TileTriangle,
+    HeightWindow, TileInput, TileMesh, TilePosition, TileScratch, TileTriangle, TinSpec,
     triangulate_tile,
 };
 
@@ -29,7 +29,7 @@ fn no_mesh_holds_more_than_one_that_keeps_all_samples() {
     let heights = HeightWindow { width: side, height: side, f32: &z, f64: None };
     let input = TileInput::alone(heights);
     let tolerance = 0.0;
-    let spec = Spec {
+    let spec = TinSpec {
         tolerance,
         bound: ErrorBound::Samples,
         strict: false,

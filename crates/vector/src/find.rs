@@ -4,14 +4,15 @@ use std::path::Path;
 
 use super::FORMATS;
 use terrane_base::error::Result;
-use terrane_files::Seek;
+use terrane_files::FileKind;
 use terrane_files::format::by_extension;
 
 /// Endings that also lie beside files of features without being one: lists, tables, notes.
 const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
 
 /// What is looked for.
-const FEATURES: Seek = Seek { what: "file of features", is_member, file_name: |input| input };
+const FEATURES: FileKind =
+    FileKind { what: "file of features", is_member, file_name: |input| input };
 
 /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
 ///

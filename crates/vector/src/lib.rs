@@ -85,7 +85,7 @@ pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureS
             .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
     })?;
     let inner = (format.open)(path, options).map_err(|e| e.in_file(path))?;
-    Ok(Box::new(source::Guarded::new(inner, path)))
+    Ok(Box::new(source::CheckedFeatures::new(inner, path)))
 }
 
 /// Starts a file of `format`, see [`by_path`]. It appears under its name when it is finished.

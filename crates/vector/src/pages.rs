@@ -12,13 +12,13 @@ const CHUNK_BYTES: u64 = 1 << 18;
 const PAGE_BYTES: u64 = 1 << 12;
 
 /// A file, and the part of it that is in memory.
-pub(super) struct Pages {
+pub(super) struct PagedFile {
     file: RawFile,
     buffer: Vec<u8>,
     base: u64,
 }
 
-impl Pages {
+impl PagedFile {
     pub(super) fn open(path: &Path) -> Result<Self> {
         Ok(Self::of(RawFile::open(path)?))
     }
@@ -134,7 +134,7 @@ mod tests {
         let bytes: Vec<u8> = (0..600_000_u32).map(|i| (i % 253) as u8).collect();
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(&bytes).unwrap();
-        let mut pages = Pages::of(RawFile::of(file, Path::new("t")).unwrap());
+        let mut pages = PagedFile::of(RawFile::of(file, Path::new("t")).unwrap());
         for (at, count) in [(0, 10), (599_999, 1), (5, 400_000), (7, 9), (300_000, 300_000), (3, 0)]
         {
             assert_eq!(pages.get(at, count).unwrap(), &bytes[at as usize..(at + count) as usize]);

@@ -24,7 +24,7 @@ pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
     if coordinates.ends.len() <= 1 {
         return Geometry::new(GeometryType::Polygon, coordinates);
     }
-    let mut rings = Rings::new(&coordinates);
+    let mut rings = NestedRings::new(&coordinates);
     let is_outer = rings.outer()?;
     let owners = match rings.owners(&is_outer)? {
         Some(owners) => owners,
@@ -34,7 +34,7 @@ pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
 }
 
 /// Rings with what is needed to compare them.
-struct Rings<'a> {
+struct NestedRings<'a> {
     coordinates: &'a CoordinateSequence,
     /// Twice the area, negative where the ring is clockwise.
     areas: Vec<f64>,
@@ -49,7 +49,7 @@ struct Rings<'a> {
     looks: u64,
 }
 
-impl<'a> Rings<'a> {
+impl<'a> NestedRings<'a> {
     fn new(coordinates: &'a CoordinateSequence) -> Self {
         let all = 0..coordinates.ends.len();
         let rings = all.map(|at| ring(coordinates, at));
@@ -373,7 +373,7 @@ mod tests {
             assert!(found.len() == 20_000 && found.iter().all(|rings| *rings == [4.0, 2.0]));
             let mut all = CoordinateSequence::default();
             squares.iter().for_each(|&(at, reach, way)| square(&mut all, at, reach, way));
-            let mut rings = Rings::new(&all);
+            let mut rings = NestedRings::new(&all);
             let is_outer = rings.outer().unwrap();
             rings.owners(&is_outer).unwrap().unwrap();
             assert!(rings.looks < 60_000 * 200, "{turn}: {}", rings.looks);
@@ -405,7 +405,7 @@ mod tests {
             ring.end_part();
             let place = [f64::from(x) / 2.0, f64::from(y) / 2.0];
             let expected = contains(ring.xy.windows(2), &place);
-            prop_assert_eq!(Rings::new(&ring).contains(0, &place).unwrap(), expected);
+            prop_assert_eq!(NestedRings::new(&ring).contains(0, &place).unwrap(), expected);
         }
     }
 

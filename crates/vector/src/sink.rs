@@ -55,7 +55,7 @@ pub trait FeatureSink: Send {
     fn write(&mut self, feature: &Feature) -> Result<()>;
 
     /// Completes the file and gives it its name. `foreign` are members that were found after the
-    /// features (see [`Layer::foreign`](super::LayerHeader::foreign)), for formats that hold any.
+    /// features (see [`LayerHeader::foreign`](super::LayerHeader::foreign)), for formats that hold any.
     ///
     /// # Errors
     /// What the format cannot hold, and failures to write.

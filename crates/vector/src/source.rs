@@ -33,7 +33,7 @@ pub trait FeatureSource: Send {
 }
 
 /// What every format has in common: places of errors, finite coordinates, and lines that are points.
-pub(super) struct Guarded {
+pub(super) struct CheckedFeatures {
     inner: Box<dyn FeatureSource>,
     path: PathBuf,
     /// Features read.
@@ -42,13 +42,13 @@ pub(super) struct Guarded {
     single: u64,
 }
 
-impl Guarded {
+impl CheckedFeatures {
     pub(super) fn new(inner: Box<dyn FeatureSource>, path: &Path) -> Self {
         Self { inner, path: path.to_path_buf(), count: 0, single: 0 }
     }
 }
 
-impl FeatureSource for Guarded {
+impl FeatureSource for CheckedFeatures {
     fn next(&mut self) -> Result<Option<Feature>> {
         let next = self.inner.next().and_then(|feature| {
             feature.as_ref().map_or(Ok(()), |feature| feature.geometry.check_finite())?;

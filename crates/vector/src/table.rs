@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::feature::{Feature, FieldDefinition, FieldKind, Id, LayerHeader, PropertyValue};
 use super::geometry::{CoordinateSequence, Geometry, GeometryType};
 use super::number;
-use super::pages::{Pages, RecordBytes};
+use super::pages::{PagedFile, RecordBytes};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::{AppendWriter, folder_for};
@@ -44,7 +44,7 @@ pub(super) struct FeatureTable {
 /// A table that is complete.
 pub(super) struct FeatureRows {
     pub(super) columns: Vec<FeatureColumn>,
-    pages: Option<Pages>,
+    pages: Option<PagedFile>,
     starts: Vec<u64>,
     pub(super) notes: Vec<String>,
 }
@@ -119,7 +119,7 @@ impl FeatureTable {
         let end = self.spool.bytes();
         let pages = match end {
             0 => None,
-            _ => Some(Pages::of(self.spool.into_raw()?)),
+            _ => Some(PagedFile::of(self.spool.into_raw()?)),
         };
         let mut starts = self.starts;
         starts.push(end);

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use super::context::MeshRequirements;
 use super::found::{FaultReport, NO_BOUND};
-use super::options::{AskedBands, MeshProof, Proving};
+use super::options::{AskedBands, LineProofQuestion, MeshProof};
 use super::parts::verify;
 use super::report::{BandProof, OfGrid, VerifyReport};
 use super::stated::tolerance;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point3};
-use terrane_engine::bands::{Joined, MeshBands, label};
+use terrane_engine::bands::{JoinedBands, MeshBands, label};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress};
@@ -20,7 +20,7 @@ use terrane_raster::GridSource;
 
 /// A mesh and a job that names bands.
 pub(super) struct MultibandProof<'a> {
-    pub(super) job: &'a Proving<'a, MeshProof>,
+    pub(super) job: &'a LineProofQuestion<'a, MeshProof>,
     pub(super) mesh: &'a dyn MeshSource,
     pub(super) stated: &'a Promises,
     pub(super) progress: &'a dyn Progress,
@@ -60,7 +60,7 @@ impl MultibandProof<'_> {
     fn channels(
         &self,
         bands: &MeshBands,
-        joined: &Joined,
+        joined: &JoinedBands,
         tolerance: Option<f64>,
         heights: Option<VerifyReport>,
     ) -> Result<VerifyReport> {

@@ -4,9 +4,9 @@ use super::stated::is_delaunay;
 use super::work::ProofResources;
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, Result};
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_mesh::Promises;
-use terrane_proof::{Precision, Snapper};
+use terrane_proof::{HeightPrecision, Snapper};
 use terrane_raster::GridSource;
 
 /// What a mesh is held to.
@@ -19,18 +19,13 @@ pub struct MeshRequirements<'a> {
     /// The smallest angle that triangles may have in plan, in degrees.
     pub min_angle: Option<f64>,
     /// Samples that have to be vertices, and breaklines.
-    pub kept: &'a ConstraintSamples,
+    pub kept: &'a GridConstraints,
 }
 
 impl MeshRequirements<'_> {
     /// A tolerance at samples.
     pub fn of_samples(tolerance: Option<f64>) -> Self {
-        Self {
-            tolerance,
-            bound: ErrorBound::Samples,
-            min_angle: None,
-            kept: ConstraintSamples::NONE,
-        }
+        Self { tolerance, bound: ErrorBound::Samples, min_angle: None, kept: GridConstraints::NONE }
     }
 }
 
@@ -46,8 +41,8 @@ pub(super) struct GridProofContext<'a> {
     /// The mesh states no triangulation that is not Delaunay.
     pub(super) is_delaunay: bool,
     pub(super) snapper: Snapper,
-    pub(super) precision: Precision,
-    /// See [`terrane_proof::Part::orientation`].
+    pub(super) precision: HeightPrecision,
+    /// See [`terrane_proof::GridProofPart::orientation`].
     pub(super) orientation: i128,
 }
 
@@ -69,8 +64,8 @@ impl<'a> GridProofContext<'a> {
             stated,
             snapper: Snapper::new(map, size, info.origin, info.single_precision),
             precision: match info.single_precision {
-                true => Precision::Single { origin: info.origin[2], scale: info.scale[2] },
-                false => Precision::Double,
+                true => HeightPrecision::Single { origin: info.origin[2], scale: info.scale[2] },
+                false => HeightPrecision::Double,
             },
             orientation: if map.determinant() < 0.0 { -1 } else { 1 },
             work,

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::vertices::VertexCounts;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::proof::ProofVerdict;
 use terrane_mesh::{MeshInfo, Promises};
 use terrane_proof::{FaultCount, ProofPosition, ProofTally};
@@ -40,7 +40,7 @@ pub(super) fn is_zero(count: &u64) -> bool {
 }
 
 /// What a mesh is held against, and what is found of it alone.
-pub trait Original: Clone + Default + PartialEq + Serialize {
+pub trait MeshOriginal: Clone + Default + PartialEq + Serialize {
     /// Where a fault is.
     type Place: Copy + PartialEq + Serialize;
     /// What the promise is about.
@@ -74,7 +74,7 @@ pub trait Original: Clone + Default + PartialEq + Serialize {
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(bound = "")]
 #[non_exhaustive]
-pub struct MeshReport<O: Original> {
+pub struct MeshReport<O: MeshOriginal> {
     /// Mesh file.
     pub mesh: String,
     /// Format of the mesh.
@@ -156,7 +156,7 @@ pub struct MeshReport<O: Original> {
 
     /// What the run took.
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 /// What was found on the lattice, and what it is in the units of the original.
@@ -185,7 +185,7 @@ pub(super) fn area(double: i128, [width, height]: [f64; 2]) -> f64 {
     double as f64 / DOUBLE_CELL as f64 * width * height
 }
 
-impl<O: Original> MeshReport<O> {
+impl<O: MeshOriginal> MeshReport<O> {
     /// The findings, judged; without names of files and figures of the run.
     pub(super) fn new(
         of: O,
@@ -230,7 +230,7 @@ impl<O: Original> MeshReport<O> {
             source: stated.source.clone(),
             smallest_angle: tally.smallest_angle,
             angle_histogram: tally.angles.to_vec(),
-            run: Figures::default(),
+            run: RunStatistics::default(),
         };
         let verdict = report.judged(found);
         Self { verdict, ..report }

@@ -26,11 +26,11 @@ mod work;
 
 pub use cloud::{CloudProofFindings, CloudVerifyReport, prove_cloud};
 pub use context::MeshRequirements;
-pub use found::{FaultReport, MeshReport, Original};
+pub use found::{FaultReport, MeshOriginal, MeshReport};
 pub use lines::{LineVerifyReport, verify_lines};
 pub use options::{
-    AskedBands, CloudMeshProof, CloudMeshProofSetters, Gone, LineProof, LineProofSetters,
-    LineVerifyJob, MeshProof, MeshProofSetters,
+    AskedBands, CloudMeshProof, CloudMeshProofSetters, LineProof, LineProofSetters, LineVerifyJob,
+    MeshProof, MeshProofSetters, RemovedRings,
 };
 pub use parts::verify;
 pub use quality::{

@@ -28,18 +28,19 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use self::findings::FeatureFindings;
-use self::pairs::{Compared, FeaturePairs};
+use self::pairs::{ComparisonOutcome, FeaturePairs};
 use super::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::plane::Xy;
 use terrane_base::geom::{Crs, wkt};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::PROGRAM;
 use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::on_threads;
 use terrane_proof::lines::{
-    Defect, Drops, LineProofPieces, PartComparison, ProofDistance, Report, XRange, judge,
+    DroppedParts, LineCheckReport, LineDefect, LineProofPieces, PartComparison, ProofDistance,
+    XRange, judge,
 };
 use terrane_simplify::{DistanceKind, goal_of, positions};
 use terrane_vector::{self as vector, VectorOpenOptions};
@@ -91,7 +92,7 @@ pub struct LineVerifyReport {
     /// Borders torn apart or run together.
     pub torn: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 /// Least bytes for pieces, and for what is looked at together.
@@ -130,13 +131,13 @@ pub fn verify_lines(
         DistanceKind::Space => ProofDistance::Space,
         DistanceKind::Geographic => ProofDistance::Geographic,
     };
-    let drops = if job.may_drop { Drops::Thin } else { Drops::None };
+    let drops = if job.may_drop { DroppedParts::Thin } else { DroppedParts::None };
     let comparison = PartComparison { distance, tolerance, drops };
     let proof = LineProofRun { job, comparison, points, progress, cancel };
     let (found, findings, format) = on_threads(job.resources.threads, || proof.run())?;
     let mut report = told(job, (measure, tolerance), (&found, &findings), format);
     judge_system(&crs, job, format, &mut report.verdict)?;
-    Ok(LineVerifyReport { run: Figures::since(started, &job.resources), ..report })
+    Ok(LineVerifyReport { run: RunStatistics::since(started, &job.resources), ..report })
 }
 
 /// The format whose coordinates are always longitudes and latitudes on WGS 84.
@@ -186,7 +187,7 @@ fn judge_system(
 fn told(
     job: &LineVerifyJob,
     (measure, tolerance): (DistanceKind, Option<f64>),
-    (found, findings): (&Report, &FeatureFindings),
+    (found, findings): (&LineCheckReport, &FeatureFindings),
     format: &str,
 ) -> LineVerifyReport {
     let failures = [findings.failures(), failures(found, job.topology)].concat();
@@ -227,7 +228,7 @@ fn told(
         turned: found.turned.count,
         moved: found.moved.count,
         torn: found.torn.count,
-        run: Figures::default(),
+        run: RunStatistics::default(),
     }
 }
 
@@ -242,7 +243,7 @@ struct LineProofRun<'a> {
 
 impl LineProofRun<'_> {
     /// What was found, and the name of the format of the lines.
-    fn run(&self) -> Result<(Report, FeatureFindings, &'static str)> {
+    fn run(&self) -> Result<(LineCheckReport, FeatureFindings, &'static str)> {
         let mut pairs = FeaturePairs::new(self.job, self.cancel)?;
         let (mut pieces, mut report, findings) = self.compare(&mut pairs, f64::NEG_INFINITY)?;
         loop {
@@ -261,11 +262,11 @@ impl LineProofRun<'_> {
         &self,
         pairs: &mut FeaturePairs<'_>,
         from: f64,
-    ) -> Result<(LineProofPieces, Report, FeatureFindings)> {
+    ) -> Result<(LineProofPieces, LineCheckReport, FeatureFindings)> {
         self.progress.begin("compare", 0);
         let most = self.job.resources.memory.saturating_sub(PROGRAM).max(2 * LEAST) / 2;
         loop {
-            let mut report = Report::default();
+            let mut report = LineCheckReport::default();
             let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
             let mut part = 0;
             let compared = pairs.each(self.progress, &mut |before, after, is_ring| {
@@ -280,17 +281,17 @@ impl LineProofRun<'_> {
                 Ok(())
             })?;
             match compared {
-                Compared::All(findings) => {
+                ComparisonOutcome::All(findings) => {
                     self.progress.end();
                     return Ok((pieces, report, *findings));
                 }
-                Compared::OutOfOrder => pairs.collect()?,
+                ComparisonOutcome::OutOfOrder => pairs.collect()?,
             }
         }
     }
 
     /// Looks at the pieces together, band by band.
-    fn judge(&self, pieces: &LineProofPieces, report: &mut Report) -> Result<()> {
+    fn judge(&self, pieces: &LineProofPieces, report: &mut LineCheckReport) -> Result<()> {
         let Resources { memory, threads, .. } = self.job.resources;
         let share = memory.saturating_sub(PROGRAM) / 2 / threads.max(1) as u64;
         let bands = pieces.bands((share / BAND_VERTEX).clamp(BAND[0], BAND[1]) as usize);
@@ -301,7 +302,7 @@ impl LineProofRun<'_> {
             self.progress.advance(1);
             Ok(found)
         };
-        let found: Vec<Report> = bands.par_iter().map(of).collect::<Result<_>>()?;
+        let found: Vec<LineCheckReport> = bands.par_iter().map(of).collect::<Result<_>>()?;
         found.iter().for_each(|found| report.add_band(found));
         self.progress.end();
         Ok(())
@@ -318,7 +319,7 @@ fn crowded(job: &LineVerifyJob) -> Error {
 }
 
 /// Lines of each broken promise.
-fn failures(found: &Report, topology: bool) -> Vec<String> {
+fn failures(found: &LineCheckReport, topology: bool) -> Vec<String> {
     let own = [
         (found.missing, "lines and rings are gone"),
         (found.changed, "vertices have another height or measure"),
@@ -336,7 +337,7 @@ fn failures(found: &Report, topology: bool) -> Vec<String> {
         (found.torn, "borders are torn apart or run together"),
     ];
     let judged = own.into_iter().chain(neighbours.into_iter().filter(|_| topology));
-    let tell = |(defect, what): (Defect, &str)| {
+    let tell = |(defect, what): (LineDefect, &str)| {
         let (part, [x, y]) = defect.first?;
         Some(format!("{} {what}; the first in part {part} at {x}, {y}", defect.count))
     };

@@ -5,13 +5,13 @@ use std::path::Path;
 use super::bands::{MultibandProof, not_judged};
 use super::context::{MeshRequirements, check_grid};
 use super::header::{CheckedHeader, judge_bounds};
-use super::options::{MeshProof, Proving};
+use super::options::{LineProofQuestion, MeshProof};
 use super::parts::verify;
 use super::report::{OfGrid, VerifyReport};
 use super::stated::{leave_files, open_mesh, stated, tolerance};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Crs;
-use terrane_engine::bands::{Joined, label};
+use terrane_engine::bands::{JoinedBands, label};
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::cache_beside;
 use terrane_engine::proof::ProofVerdict;
@@ -22,7 +22,7 @@ use terrane_raster as raster;
 /// Runs a verification. An error means that it could not be done; a mesh that breaks a promise is
 /// no error, but a report with `passed` false.
 pub(super) fn run(
-    job: &Proving<'_, MeshProof>,
+    job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<VerifyReport> {
@@ -69,7 +69,7 @@ fn check_system(stated: &Promises) -> Result<()> {
 }
 
 /// What is wrong with the mesh names it.
-fn in_mesh<T>(found: Result<T>, job: &Proving<'_, MeshProof>) -> Result<T> {
+fn in_mesh<T>(found: Result<T>, job: &LineProofQuestion<'_, MeshProof>) -> Result<T> {
     found.map_err(|e| match e.kind() {
         ErrorKind::BadInput => e.in_file(&job.written.file),
         _ => e,
@@ -79,7 +79,7 @@ fn in_mesh<T>(found: Result<T>, job: &Proving<'_, MeshProof>) -> Result<T> {
 /// Proves the heights of a mesh; returns the reference system of the grid, too.
 fn heights(
     (mesh, stated): (&dyn MeshSource, &Promises),
-    job: &Proving<'_, MeshProof>,
+    job: &LineProofQuestion<'_, MeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<(VerifyReport, Crs)> {
@@ -100,7 +100,7 @@ fn heights(
                 .in_file(&job.written.file)
                 .remedy(format!("pass ‹bands› {label}")));
         }
-        Some(_) => Joined::of(grid).flat(),
+        Some(_) => JoinedBands::of(grid).flat(),
     };
     let bound = job.options.bound.or(stated.bound).unwrap_or_default();
     let min_angle = job.options.min_angle.or(stated.min_angle);
@@ -118,7 +118,11 @@ fn heights(
 }
 
 /// Names bands and files that the mesh was made with, as it states, and that were not given.
-fn tell_of_files(stated: &Promises, job: &Proving<'_, MeshProof>, verdict: &mut ProofVerdict) {
+fn tell_of_files(
+    stated: &Promises,
+    job: &LineProofQuestion<'_, MeshProof>,
+    verdict: &mut ProofVerdict,
+) {
     let mut tell = |told: String, left: String| {
         verdict.failures.extend((!verdict.passed).then_some(told));
         verdict.leave(left);

@@ -11,11 +11,11 @@ use terrane_engine::bands::MeshBands;
 use terrane_engine::options::Constraints;
 use terrane_engine::options::{BoundName, CloudInput, FeatureInput, FileName, GridInput};
 use terrane_engine::proof::WrittenOutput;
-use terrane_simplify::{LengthOption, LengthText, MetricOption};
+use terrane_simplify::{Length, LengthText, Metric};
 
 /// A proof as it is asked for.
 #[derive(Clone, Copy)]
-pub(super) struct Proving<'a, O> {
+pub(super) struct LineProofQuestion<'a, O> {
     pub(super) written: &'a WrittenOutput,
     pub(super) options: &'a O,
 }
@@ -98,10 +98,10 @@ pub struct LineProof {
     /// Largest distance allowed, in units of the data, or with a unit: 100m, 2km, 50ft
     #[option(value = "LENGTH", stands_for = "max_error", with = LengthText, range = OptionRange::FROM_ZERO,
              default_text = "only measure it")]
-    pub tolerance: Option<LengthOption>,
+    pub tolerance: Option<Length>,
     /// What a distance is: in x and y, or in x, y and z
     #[option(value = "NAME")]
-    pub metric: MetricOption,
+    pub metric: Metric,
     /// Judge crossings, rings, sides and shared borders, too
     pub topology: bool,
     /// Points that had to stay on their side
@@ -110,7 +110,7 @@ pub struct LineProof {
     /// Rings may be gone: those with two vertices whose segment has all others within the tolerance, and their holes with
     /// them
     #[option(value = "HOW", default_text = "nothing may be gone")]
-    pub collapse: Option<Gone>,
+    pub collapse: Option<RemovedRings>,
     /// How the lines are read that they were made from.
     #[option(flatten)]
     pub features: FeatureInput,
@@ -129,7 +129,7 @@ pub struct LineVerifyJob {
     /// The object of a TopoJSON original; its first one when `None`.
     pub layer: Option<String>,
     /// Largest allowed distance; only measured when `None`.
-    pub tolerance: Option<LengthOption>,
+    pub tolerance: Option<Length>,
     /// Heights take part in distances.
     pub is_space: bool,
     /// Crossings, rings, sides and borders are judged, too.
@@ -144,7 +144,7 @@ pub struct LineVerifyJob {
 
 /// What may have become of rings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
-pub enum Gone {
+pub enum RemovedRings {
     /// They may be gone where there is no room for them
     Drop,
 }

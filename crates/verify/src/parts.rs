@@ -14,8 +14,8 @@ use terrane_engine::{Cancel, Progress, Resources, workers};
 use terrane_files::lock;
 use terrane_mesh::MeshSource;
 use terrane_proof::{
-    self as proof, Domain, DomainLayout, Followed, GridProofPart, ProofAngleBound, ProofBreakline,
-    ProofPosition, ProofSurface, ProofTally, ProofTriangle, UnpairedEdge,
+    self as proof, DomainLayout, GridDomain, GridProofPart, OutlineFollowing, ProofAngleBound,
+    ProofBreakline, ProofPosition, ProofSurface, ProofTally, ProofTriangle, UnpairedEdge,
 };
 use terrane_raster::{GridInfo, GridSource};
 
@@ -56,7 +56,7 @@ pub fn verify(
 fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> DomainLayout {
     let grid = [info.width, info.height];
     let samples = u64::from(info.width) * u64::from(info.height);
-    let unit = u64::from(Domain::UNIT);
+    let unit = u64::from(GridDomain::UNIT);
     let across = u64::from(info.width).next_multiple_of(unit);
     let in_strips = info.block.0 >= info.width;
     let most = if in_strips { MOST_SAMPLES.max(across * STRIP_ROWS) } else { MOST_SAMPLES };
@@ -72,7 +72,7 @@ fn layout(info: &GridInfo, triangles: u64, memory: u64, threads: usize) -> Domai
     } else if area / across >= unit {
         [side(across), side(area / across)]
     } else {
-        [side(area / unit), Domain::UNIT]
+        [side(area / unit), GridDomain::UNIT]
     };
     DomainLayout { grid, size }
 }
@@ -155,7 +155,7 @@ struct GridDomainChecker<'a, J> {
 }
 
 impl<J> GridDomainChecker<'_, J> {
-    fn check<T>(&self, domain: Domain, bucket: usize, found: &mut T) -> Result<()>
+    fn check<T>(&self, domain: GridDomain, bucket: usize, found: &mut T) -> Result<()>
     where
         J: Fn(&GridProofPart<'_>, &mut T) -> Result<()>,
     {
@@ -181,7 +181,7 @@ impl<J> GridDomainChecker<'_, J> {
     }
 
     /// Triangles that touch and vertices that lie in a domain, which is (part of) a bucket's.
-    fn count(&self, domain: Domain, bucket: usize) -> Result<(u64, u64)> {
+    fn count(&self, domain: GridDomain, bucket: usize) -> Result<(u64, u64)> {
         let MeshSpread { layout, triangles, positions, .. } = self.spread;
         if domain == layout.domain(bucket as u64) {
             return Ok((triangles.len(bucket), positions.as_ref().map_or(0, |p| p.len(bucket))));
@@ -194,7 +194,7 @@ impl<J> GridDomainChecker<'_, J> {
 
     fn each_triangle(
         &self,
-        domain: Domain,
+        domain: GridDomain,
         bucket: usize,
         mut visit: impl FnMut(&ProofTriangle),
     ) -> Result<()> {
@@ -205,7 +205,7 @@ impl<J> GridDomainChecker<'_, J> {
 
     fn each_position(
         &self,
-        domain: Domain,
+        domain: GridDomain,
         bucket: usize,
         mut visit: impl FnMut(ProofPosition),
     ) -> Result<()> {
@@ -217,7 +217,7 @@ impl<J> GridDomainChecker<'_, J> {
 
     fn check_whole<T>(
         &self,
-        domain: Domain,
+        domain: GridDomain,
         bucket: usize,
         [triangles, positions]: [u64; 2],
         found: &mut T,
@@ -278,19 +278,19 @@ fn follow(
         let window = open.rest.window(layout.grid);
         let surface = ProofSurface::new(layout.grid, window, &read(context, window)?);
         match surface.follow(open.rest) {
-            Followed::On => return Ok(()),
-            Followed::Off => {
+            OutlineFollowing::On => return Ok(()),
+            OutlineFollowing::Off => {
                 tally.crack(&open);
                 return Ok(());
             }
-            Followed::Rest(rest) => open.rest = rest,
+            OutlineFollowing::Rest(rest) => open.rest = rest,
         }
     }
 }
 
 fn too_crowded(
     work: &ProofResources<'_>,
-    domain: Domain,
+    domain: GridDomain,
     [triangles, lines, need]: [u64; 3],
 ) -> Error {
     let Rect { col, row, width, height } = domain.rect;

@@ -3,13 +3,15 @@
 use super::cloud::{CloudVerifyReport, verify_cloud};
 use super::lines::{LineVerifyReport, verify_lines};
 use super::mesh::run;
-use super::options::{CloudMeshProof, Gone, LineProof, LineVerifyJob, MeshProof, Proving};
+use super::options::{
+    CloudMeshProof, LineProof, LineProofQuestion, LineVerifyJob, MeshProof, RemovedRings,
+};
 use super::report::VerifyReport;
 use terrane_base::error::{Error, Result};
 use terrane_engine::proof::{OutputProof, ProofVerdict, WrittenOutput};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::path_of;
-use terrane_simplify::MetricOption;
+use terrane_simplify::Metric;
 
 impl OutputProof for MeshProof {
     const OF: &'static str = "meshes of grids";
@@ -21,7 +23,7 @@ impl OutputProof for MeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<VerifyReport> {
-        run(&Proving { written, options: self }, progress, cancel)
+        run(&LineProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &VerifyReport) -> &ProofVerdict {
@@ -39,7 +41,7 @@ impl OutputProof for CloudMeshProof {
         progress: &dyn Progress,
         cancel: &Cancel,
     ) -> Result<CloudVerifyReport> {
-        verify_cloud(&Proving { written, options: self }, progress, cancel)
+        verify_cloud(&LineProofQuestion { written, options: self }, progress, cancel)
     }
 
     fn verdict(report: &CloudVerifyReport) -> &ProofVerdict {
@@ -66,9 +68,9 @@ impl OutputProof for LineProof {
             original: path_of(original).into_owned(),
             layer: self.features.layer.clone(),
             tolerance: self.tolerance,
-            is_space: self.metric == MetricOption::Space,
+            is_space: self.metric == Metric::Space,
             topology: self.topology,
-            may_drop: self.collapse == Some(Gone::Drop),
+            may_drop: self.collapse == Some(RemovedRings::Drop),
             sides: self.sides.clone(),
             resources: self.resources.clone(),
         };

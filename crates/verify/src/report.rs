@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::context::GridProofContext;
-use super::found::{DOUBLE_CELL, FaultReport, MeshFindings, MeshReport, Original, is_zero};
+use super::found::{DOUBLE_CELL, FaultReport, MeshFindings, MeshOriginal, MeshReport, is_zero};
 use super::vertices::VertexCounts;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
@@ -126,7 +126,7 @@ pub struct OfGrid {
     pub samples_per_second: f64,
 }
 
-impl Original for OfGrid {
+impl MeshOriginal for OfGrid {
     type Place = GridLocation;
     const POINTS: &'static str = "samples";
     const WHOLE: &'static str = "surface";

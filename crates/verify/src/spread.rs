@@ -123,7 +123,7 @@ impl MeshSpread {
         work.progress.begin("triangles", work.mesh.info().triangles);
         let broken = AtomicU64::new(0);
         let units = work.mesh.info().triangles.div_ceil(BATCH);
-        let start = || Filler {
+        let start = || DomainFiller {
             layout: self.layout,
             reach,
             cache: VertexCache::new(work.mesh, *snapper, work.share / 2),
@@ -132,8 +132,8 @@ impl MeshSpread {
             touched: Vec::new(),
             broken: 0,
         };
-        let batch = |filler: &mut Filler<'_, S>, unit| filler.batch(work, unit * BATCH);
-        let finish = |filler: Filler<'_, S>| {
+        let batch = |filler: &mut DomainFiller<'_, S>, unit| filler.batch(work, unit * BATCH);
+        let finish = |filler: DomainFiller<'_, S>| {
             broken.fetch_add(filler.broken, Ordering::Relaxed);
             filler.writer.finish()
         };
@@ -150,7 +150,7 @@ impl MeshSpread {
 }
 
 /// One thread's part in spreading triangles over domains.
-struct Filler<'a, S> {
+struct DomainFiller<'a, S> {
     layout: DomainLayout,
     reach: DomainReach,
     cache: VertexCache<'a, S>,
@@ -160,7 +160,7 @@ struct Filler<'a, S> {
     broken: u64,
 }
 
-impl<S: Snap> Filler<'_, S> {
+impl<S: Snap> DomainFiller<'_, S> {
     /// Spreads the batch of triangles that begins with `first`.
     fn batch(&mut self, work: &ProofResources<'_>, first: u64) -> Result<()> {
         let info = work.mesh.info();

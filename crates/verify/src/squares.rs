@@ -4,7 +4,7 @@
 use super::work::ProofResources;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
-use terrane_proof::{Domain, DomainLayout};
+use terrane_proof::{DomainLayout, GridDomain};
 
 /// Points or triangles that a domain should hold: with what is known of them they should stay near
 /// the processor.
@@ -23,8 +23,9 @@ pub(super) fn divide(grid: [u32; 2], wanted: u64) -> DomainLayout {
     let area = u64::from(grid[0]) * u64::from(grid[1]);
     let mut side = (area / wanted).isqrt();
     loop {
-        let size =
-            side.next_multiple_of(u64::from(Domain::UNIT)).clamp(u64::from(Domain::UNIT), 1 << 30);
+        let size = side
+            .next_multiple_of(u64::from(GridDomain::UNIT))
+            .clamp(u64::from(GridDomain::UNIT), 1 << 30);
         let layout = DomainLayout { grid, size: [size as u32; 2] };
         if layout.len() <= MOST {
             return layout;
@@ -38,8 +39,8 @@ pub(super) fn respread<T: bytemuck::Pod>(
     work: &ProofResources<'_>,
     pile: &Buckets<T>,
     number: usize,
-    pieces: &[Domain],
-    belongs: impl Fn(&Domain, &T) -> bool,
+    pieces: &[GridDomain],
+    belongs: impl Fn(&GridDomain, &T) -> bool,
 ) -> Result<Buckets<T>> {
     let again = Buckets::new(&work.folder, pieces.len(), work.share / 4);
     let mut writer = again.writer();
@@ -62,8 +63,8 @@ pub(super) fn load<T: bytemuck::Pod>(pile: &Buckets<T>, number: usize) -> Result
 }
 
 /// A domain halved several times, as far as that goes.
-pub(super) fn pieces(domain: Domain) -> Vec<Domain> {
-    let halve = |pieces: Vec<Domain>| -> Vec<Domain> {
+pub(super) fn pieces(domain: GridDomain) -> Vec<GridDomain> {
+    let halve = |pieces: Vec<GridDomain>| -> Vec<GridDomain> {
         pieces.into_iter().flat_map(|d| d.halves().map_or(vec![d], Vec::from)).collect()
     };
     (0..HALVINGS).fold(vec![domain], |pieces, _| halve(pieces))
@@ -85,7 +86,7 @@ mod tests {
         ] {
             let layout = divide(grid, wanted);
             assert!(layout.len() <= MOST, "{layout:?}");
-            let fits = layout.size[0] == Domain::UNIT || layout.len() >= wanted / 2;
+            let fits = layout.size[0] == GridDomain::UNIT || layout.len() >= wanted / 2;
             assert!(fits || layout.size[0] > 1 << 10, "{layout:?}");
             let last = layout.domain(layout.len() - 1);
             assert_eq!([last.rect.end_col(), last.rect.end_row()], grid);
@@ -94,11 +95,11 @@ mod tests {
 
     #[test]
     fn pieces_tile_their_domain() {
-        let domain = Domain { grid: [500, 300], rect: Rect::new(0, 0, 500, 300) };
+        let domain = GridDomain { grid: [500, 300], rect: Rect::new(0, 0, 500, 300) };
         let all = pieces(domain);
         assert_eq!(all.len(), 16);
         assert_eq!(all.iter().map(|d| d.rect.len()).sum::<usize>(), 150_000);
-        let unit = Domain { grid: [500, 300], rect: Rect::new(32, 32, 32, 32) };
+        let unit = GridDomain { grid: [500, 300], rect: Rect::new(32, 32, 32, 32) };
         assert_eq!(pieces(unit), [unit]);
     }
 }

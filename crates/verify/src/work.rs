@@ -6,7 +6,7 @@ use std::time::Instant;
 use bytemuck::Pod;
 
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::Buckets;
@@ -34,8 +34,13 @@ pub(super) struct ProofResources<'a> {
 
 impl<'a> ProofResources<'a> {
     /// Figures of a proof that ends now.
-    pub(super) fn figures(&self, started: Instant, resources: &Resources, spilled: u64) -> Figures {
-        Figures::since(started, resources).with_threads(self.threads).with_spilled(spilled)
+    pub(super) fn figures(
+        &self,
+        started: Instant,
+        resources: &Resources,
+        spilled: u64,
+    ) -> RunStatistics {
+        RunStatistics::since(started, resources).with_threads(self.threads).with_spilled(spilled)
     }
 
     pub(super) fn new(

@@ -20,7 +20,7 @@ pub use options::{
     Exaggeration, ExaggerationSetters, Lighting, LightingSetters, PictureOptions, PictureSetters,
     ViewJob,
 };
-pub use sheet::{Panel, SheetJob, run_sheet};
+pub use sheet::{PicturePanel, SheetJob, run_sheet};
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -29,10 +29,10 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::render::{PictureHeights, ReliefLight, Style, natural_exaggeration};
+use crate::render::{PictureHeights, PictureStyle, ReliefLight, natural_exaggeration};
 use drawn::{DrawnSurface, FINENESS};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::cache_beside;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
@@ -59,7 +59,7 @@ pub struct ViewReport {
     pub highest: Option<f32>,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 impl Operation for PictureOptions {
@@ -94,7 +94,7 @@ pub fn run(job: &ViewJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Vi
         }
     };
     let report = paint(job, &drawn, progress, cancel)?;
-    Ok(ViewReport { run: Figures::since(started, &job.options.resources), ..report })
+    Ok(ViewReport { run: RunStatistics::since(started, &job.options.resources), ..report })
 }
 
 fn options(job: &ViewJob) -> Result<GridOpenOptions> {
@@ -128,18 +128,18 @@ fn paint(
         lowest: low.is_finite().then_some(low),
         highest: high.is_finite().then_some(high),
         output_bytes: file.commit()?,
-        run: Figures::default(),
+        run: RunStatistics::default(),
     })
 }
 
 /// How `drawn` is lit.
-fn style(job: &ViewJob, drawn: &DrawnSurface) -> Style {
+fn style(job: &ViewJob, drawn: &DrawnSurface) -> PictureStyle {
     let ground = drawn.frame.finer(FINENESS).ground_pixel();
     let natural = || natural_exaggeration(&drawn.field, ground);
     let exaggeration = job.options.lighting.heights.exaggeration.unwrap_or_else(natural);
     let Lighting { azimuth, altitude, .. } = job.options.lighting;
     let light = ReliefLight::new(azimuth, altitude);
-    Style { light, exaggeration, ground, fineness: FINENESS as usize }
+    PictureStyle { light, exaggeration, ground, fineness: FINENESS as usize }
 }
 
 fn extremes(field: &PictureHeights) -> (f32, f32) {

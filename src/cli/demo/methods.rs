@@ -13,8 +13,8 @@ use terrane_engine::proof::ProofVerdict;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic;
 use terrane_terrain::convert;
-use terrane_terrain::tin::{Textbook, TinGoal, TinJob};
-use terrane_viewer::view::{Panel, SheetJob, run_sheet};
+use terrane_terrain::tin::{TextbookMethod, TinGoal, TinJob};
+use terrane_viewer::view::{PicturePanel, SheetJob, run_sheet};
 
 /// Small enough for methods that hold all of it, and for edges to be told apart; and how far a sample may be
 /// from the meshes, in metres.
@@ -135,14 +135,14 @@ fn row(
     })
 }
 
-fn by_name(name: &str) -> Result<Textbook> {
+fn by_name(name: &str) -> Result<TextbookMethod> {
     let found = METHODS.iter().find(|method| method.name == name);
     let method = found.ok_or_else(|| Error::usage(format!("no method {name}")).remedy("report it"));
-    Ok(Textbook { method: method?, triangulation: TriangulationRule::default() })
+    Ok(TextbookMethod { method: method?, triangulation: TriangulationRule::default() })
 }
 
 fn sheet(rows: &[DemoMeshRow], output: &Path, resources: &Resources) -> SheetJob {
-    let panel = |row: &DemoMeshRow| Panel {
+    let panel = |row: &DemoMeshRow| PicturePanel {
         mesh: row.mesh.clone(),
         lines: vec![
             row.method.to_owned(),

@@ -5,7 +5,7 @@ mod methods;
 
 use std::path::{Path, PathBuf};
 
-use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, report, say, text};
 use crate::cli::{tin, verify};
@@ -29,9 +29,9 @@ pub(super) struct DemoArgs {
     #[arg(long)]
     methods: bool,
     #[command(flatten)]
-    resources: Tabled<Resources>,
+    resources: OperationOptionArgs<Resources>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// The terrain, and how far a sample may be from the mesh, in metres.

@@ -3,7 +3,7 @@
 use crate::cli::info::details;
 use crate::cli::shared::text;
 use terrane_engine::input::GridStats;
-use terrane_terrain::tin::Cost;
+use terrane_terrain::tin::TinCost;
 use terrane_viewer::info::GridInfoReport;
 
 /// Names and values.
@@ -36,7 +36,7 @@ pub(crate) fn rows(grid: &GridInfoReport) -> Vec<(String, String)> {
     rows
 }
 
-fn cost_rows(plan: &Cost) -> Vec<(String, String)> {
+fn cost_rows(plan: &TinCost) -> Vec<(String, String)> {
     let [coarse, fine] = plan.seconds.map(text::seconds);
     let rates: Vec<String> = std::iter::zip(plan.nanoseconds_per_sample, plan.kept)
         .map(|(rate, kept)| format!("{} ns at {} kept", text::number(rate), text::percent(kept)))

@@ -12,16 +12,16 @@ use serde::Serialize;
 use terrane_options::check_given;
 
 use crate::cli::operation::{OperationInput, take};
-use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, report, say, text};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::input::is_mesh;
-use terrane_engine::operation::Has;
+use terrane_engine::operation::HasGroup;
 use terrane_engine::options::{CloudInput, FeatureInput, GridInput};
 use terrane_engine::proof::Inspection;
-use terrane_engine::sift::{Sifted, Skipped};
+use terrane_engine::sift::{ReadableFiles, Skipped};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::path_of;
 use terrane_raster::Inputs;
@@ -42,18 +42,18 @@ pub(crate) struct InfoArgs {
     #[arg(long)]
     mosaic: bool,
     #[command(flatten)]
-    options: Union<Described>,
+    options: InputUnion<DescribedInput>,
     #[command(flatten)]
-    pub(crate) many: many::Many,
+    pub(crate) many: many::InputSelection,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What is told about.
 #[derive(Clone, Debug)]
-struct Described;
+struct DescribedInput;
 
-impl Kinds for Described {
+impl InputKinds for DescribedInput {
     const ALL: &'static [InputKindOptions] = &[
         InputKindOptions::of::<GridInfoOptions>(GridInfoOptions::OF),
         InputKindOptions::of::<MeshInfoOptions>(MeshInfoOptions::OF),
@@ -69,7 +69,7 @@ impl Verb for InfoArgs {
         vec![lists::grids(), lists::meshes()]
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -238,14 +238,14 @@ impl InfoArgs {
     }
 
     /// What is known of the files that are taken.
-    fn inspect<O: Inspection + Has<I>, I: OperationInput>(
+    fn inspect<O: Inspection + HasGroup<I>, I: OperationInput>(
         &self,
         mut options: O,
         files: &[String],
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Known<O::Report>> {
         let given = self.options.given();
-        let Sifted { names, skipped } =
+        let ReadableFiles { names, skipped } =
             take::<O, I>((&mut options, given), files.to_vec(), &self.many)?;
         Ok((options.inspect(&names.into(), progress, cancel)?, skipped))
     }

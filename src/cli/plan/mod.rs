@@ -10,9 +10,9 @@ use clap::Subcommand;
 use terrane_options::check_planned;
 
 use crate::cli::operation::{OperationInput, RunArguments, take};
-use crate::cli::shared::many::Many;
-use crate::cli::shared::tabled::Tabled;
-use crate::cli::shared::union::Union;
+use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::tabled::OperationOptionArgs;
+use crate::cli::shared::union::InputUnion;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, many, names};
 use crate::cli::tin;
@@ -31,19 +31,19 @@ use terrane_tiles::TilesOptions;
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanArgs {
     #[command(subcommand)]
-    what: What,
+    what: PlanCommand,
 }
 
 #[derive(Clone, Debug, Subcommand)]
-enum What {
+enum PlanCommand {
     Tin(Box<TinArgs>),
     /// Plan a grid of the points of clouds, of statistics or a model of the terrain; the same grid as that of `terrane
     /// grid`
-    Grid(Box<Planned<GridOptions>>),
+    Grid(Box<PlanCommandOptions<GridOptions>>),
     /// Plan terrain tiles of a grid for viewers of the globe; the same tiles as those of `terrane tiles`
-    Tiles(Box<Planned<TilesOptions>>),
+    Tiles(Box<PlanCommandOptions<TilesOptions>>),
     /// Plan squares of the points of clouds; the same files as those of `terrane points --tile`
-    Points(Box<Planned<PointsOptions>>),
+    Points(Box<PlanCommandOptions<PointsOptions>>),
     Run(Box<run::PlanRunArgs>),
     Status(Box<status::PlanStatusArgs>),
     Finish(Box<run::FinishArgs>),
@@ -61,9 +61,9 @@ struct TinArgs {
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     #[command(flatten)]
-    options: Union<tin::TinSources, true>,
+    options: InputUnion<tin::TinSources, true>,
     /// Of a grid: rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]; of a cloud:
     /// most points of a task, but for the 131,072 that are worked on together [default: about 17 million]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
@@ -75,7 +75,7 @@ struct TinArgs {
     #[arg(long, hide = true, conflicts_with_all = ["task_size", "strip_rows"], value_parser = clap::value_parser!(u32).range(1..))]
     cut: Option<u32>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 impl TinArgs {
@@ -114,20 +114,20 @@ fn refuse_size(option: &str, given: Option<u32>, of: &str) -> Result<()> {
 
 /// Plan what an operation makes.
 #[derive(Clone, Debug, clap::Args)]
-struct Planned<O: Divisible<Input: OperationInput>> {
+struct PlanCommandOptions<O: Divisible<Input: OperationInput>> {
     #[arg(help = O::Input::NAMES_PLANNED, required = true, value_parser = names::any())]
     input: Vec<String>,
     /// Folder for the plan and the results of its tasks; new, empty, or with the same plan
     #[arg(short = 'o', long = "output", value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     #[command(flatten)]
-    options: Tabled<O, true>,
+    options: OperationOptionArgs<O, true>,
     #[arg(help = O::TASK_SIZE, long, alias = task_size_alias(O::NAME), value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Method")]
     task_size: Option<u32>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What the size of tasks was called.
@@ -135,13 +135,20 @@ fn task_size_alias(operation: &str) -> &'static str {
     if operation == GridOptions::NAME { "tile" } else { "cut" }
 }
 
-impl<O: Divisible<Input: OperationInput>> Planned<O> {
+impl<O: Divisible<Input: OperationInput>> PlanCommandOptions<O> {
     fn run(
         &self,
         cancel: &Cancel,
         summary: fn(&StatusReport<O::Status>) -> String,
     ) -> Result<VerbOutcome> {
-        let Self { input, folder, many, options: Tabled(options, given), task_size, show } = self;
+        let Self {
+            input,
+            folder,
+            many,
+            options: OperationOptionArgs(options, given),
+            task_size,
+            show,
+        } = self;
         let frame = RunArguments { input, output: folder, given, report: None, many, show };
         plan(options.clone(), &frame, *task_size, cancel, summary)
     }
@@ -170,13 +177,13 @@ fn plan<O: Divisible<Input: OperationInput>>(
 impl Verb for PlanArgs {
     const NAME: &'static str = "plan";
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         match &self.what {
-            What::Tin(args) => Some(&args.many),
-            What::Grid(args) => Some(&args.many),
-            What::Tiles(args) => Some(&args.many),
-            What::Points(args) => Some(&args.many),
-            What::Run(_) | What::Status(_) | What::Finish(_) => None,
+            PlanCommand::Tin(args) => Some(&args.many),
+            PlanCommand::Grid(args) => Some(&args.many),
+            PlanCommand::Tiles(args) => Some(&args.many),
+            PlanCommand::Points(args) => Some(&args.many),
+            PlanCommand::Run(_) | PlanCommand::Status(_) | PlanCommand::Finish(_) => None,
         }
     }
 
@@ -187,12 +194,12 @@ impl Verb for PlanArgs {
 
 fn run(args: &PlanArgs, cancel: &Cancel) -> Result<VerbOutcome> {
     match &args.what {
-        What::Tin(args) => args.run(cancel),
-        What::Grid(args) => args.run(cancel, status::grid_summary),
-        What::Tiles(args) => args.run(cancel, status::tiles_summary),
-        What::Points(args) => args.run(cancel, status::points_summary),
-        What::Run(args) => run::run(args, cancel),
-        What::Status(args) => status::run(args),
-        What::Finish(args) => run::finish(args, cancel),
+        PlanCommand::Tin(args) => args.run(cancel),
+        PlanCommand::Grid(args) => args.run(cancel, status::grid_summary),
+        PlanCommand::Tiles(args) => args.run(cancel, status::tiles_summary),
+        PlanCommand::Points(args) => args.run(cancel, status::points_summary),
+        PlanCommand::Run(args) => run::run(args, cancel),
+        PlanCommand::Status(args) => status::run(args),
+        PlanCommand::Finish(args) => run::finish(args, cancel),
     }
 }

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::plan::status;
 use crate::cli::shared::report::Summarize;
-use crate::cli::shared::tabled::Tabled;
+use crate::cli::shared::tabled::OperationOptionArgs;
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, say, text};
 use crate::cli::{points, tin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_engine::operation::Divisible;
-use terrane_engine::plan::{PlanKind, PlanRunReport, RunJob, RunOptions, RunReport, kind};
+use terrane_engine::plan::{DescribesRun, PlanKind, RunJob, RunOptions, RunReport, kind};
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_lidar::cloud_tin::plan::PointRun;
 use terrane_lidar::grid::GridOptions;
@@ -46,9 +46,9 @@ pub(crate) struct FinishArgs {
 #[derive(Clone, Debug, clap::Args)]
 struct PlanRunSettings {
     #[command(flatten)]
-    options: Tabled<RunOptions>,
+    options: OperationOptionArgs<RunOptions>,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 impl Verb for FinishArgs {
@@ -155,7 +155,7 @@ fn summary(r: &RunReport<MeshRun>) -> String {
 }
 
 /// What a run of any plan did; `made` of what, and the time of its stages in threads.
-fn rows<R: PlanRunReport>(
+fn rows<R: DescribesRun>(
     r: &RunReport<R>,
     made: String,
     stages: Option<String>,

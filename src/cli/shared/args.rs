@@ -33,7 +33,7 @@ pub(crate) fn refusal(option: &str, input: &str, what: &str) -> Error {
 /// What is shown while a job runs and after.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Messages")]
-pub(crate) struct Show {
+pub(crate) struct ReportDisplay {
     /// Progress on stderr: a bar on a terminal, lines of JSON for programs
     #[arg(long, value_name = "HOW", value_enum, default_value_t = ProgressMode::Auto)]
     progress: ProgressMode,
@@ -48,7 +48,7 @@ pub(crate) struct Show {
     is_taken: bool,
 }
 
-impl Show {
+impl ReportDisplay {
     /// The progress display asked for.
     pub(crate) fn progress(&self) -> Box<dyn Progress> {
         progress::display(if self.quiet { ProgressMode::None } else { self.progress })

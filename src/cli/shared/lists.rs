@@ -174,14 +174,14 @@ pub(crate) fn features() -> String {
 }
 
 pub(crate) fn characters() -> String {
-    let row = |c: &synth::Character| (c.name, String::new(), c.about);
+    let row = |c: &synth::TerrainKind| (c.name, String::new(), c.about);
     list("Characters", &synth::CHARACTERS.iter().map(row).collect::<Vec<_>>())
 }
 
 pub(crate) fn parameters() -> String {
     let own = synth::CHARACTERS.iter().filter_map(|c| Some((c.own.as_ref()?, c.name)));
     let all = synth::PARAMETERS.iter().map(|p| (p, "")).chain(own);
-    let value = |p: &synth::TerrainParameter, of: &str| match of {
+    let value = |p: &synth::SynthParameter, of: &str| match of {
         "" => format!("{}", p.default),
         of => format!("{} ({of} only)", p.default),
     };
@@ -205,7 +205,7 @@ pub(crate) fn line_parameters() -> String {
     list("Parameters of lines, as key=value, with their defaults", &rows(synth::lines::PARAMETERS))
 }
 
-fn rows(parameters: &[synth::TerrainParameter]) -> Vec<(&'static str, String, &'static str)> {
+fn rows(parameters: &[synth::SynthParameter]) -> Vec<(&'static str, String, &'static str)> {
     parameters.iter().map(|p| (p.key, format!("{}", p.default), p.about)).collect()
 }
 

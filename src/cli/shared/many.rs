@@ -7,7 +7,7 @@ use terrane_base::error::{Error, Result, all};
 use terrane_cloud as cloud;
 use terrane_engine::Resources;
 use terrane_engine::input::is_mesh;
-use terrane_engine::sift::{self, Sifted, Skipped};
+use terrane_engine::sift::{self, ReadableFiles, Skipped};
 use terrane_files::{is_made, path_of};
 use terrane_raster as raster;
 use terrane_vector as vector;
@@ -16,7 +16,7 @@ use terrane_vector as vector;
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Many files")]
 #[group(id = "many")]
-pub(crate) struct Many {
+pub(crate) struct InputSelection {
     /// Take the files in folders below the folders, too
     #[arg(long)]
     recursive: bool,
@@ -62,7 +62,7 @@ impl InputFileKind<'_> {
         }
     }
 
-    fn sift(self, names: &[String], resources: &Resources) -> Result<Sifted> {
+    fn sift(self, names: &[String], resources: &Resources) -> Result<ReadableFiles> {
         match self {
             Self::Grids(options) => sift::grids(names, options, resources),
             Self::Clouds(options) => sift::clouds(names, options, resources),
@@ -95,7 +95,7 @@ fn is_there(file: &str) -> Result<()> {
     Err(Error::missing(&path))
 }
 
-impl Many {
+impl InputSelection {
     /// The first of these options that was given.
     pub(crate) fn given(&self) -> Option<&'static str> {
         let options = [("--recursive", self.recursive), ("--skip-bad", self.skip_bad)];
@@ -159,9 +159,9 @@ impl Many {
         names: Vec<String>,
         kind: InputFileKind<'_>,
         resources: &Resources,
-    ) -> Result<Sifted> {
+    ) -> Result<ReadableFiles> {
         if !self.sifts(&names) {
-            return Ok(Sifted { names, skipped: Vec::new() });
+            return Ok(ReadableFiles { names, skipped: Vec::new() });
         }
         let sifted = kind.sift(&names, resources)?;
         sifted.skipped.iter().for_each(tell);

@@ -45,7 +45,7 @@ pub(crate) enum PipeContent<'a> {
 }
 
 /// Stdin as a file; it goes with the value.
-pub(crate) struct Stdin<'a> {
+pub(crate) struct StdinFile<'a> {
     file: Option<GatheredStdin>,
     holds: PipeContent<'a>,
 }
@@ -56,7 +56,7 @@ struct GatheredStdin {
     path: PathBuf,
 }
 
-impl<'a> Stdin<'a> {
+impl<'a> StdinFile<'a> {
     /// Makes an empty file where one of `names` stands for stdin, and puts the file's name there. What
     /// can be wrong with the rest is to be asked before it is [gathered](Self::gather).
     pub(crate) fn expect(
@@ -191,12 +191,12 @@ fn known() -> String {
 }
 
 /// A file of features that is written to stdout once it is complete.
-pub(crate) struct Stdout {
+pub(crate) struct StdoutFile {
     _folder: TempDir,
     path: PathBuf,
 }
 
-impl Stdout {
+impl StdoutFile {
     /// Where `output` is stdout: puts the name of a temporary file there.
     pub(crate) fn take(
         output: &mut PathBuf,

@@ -109,7 +109,7 @@ const LINE_INTERVAL: Duration = Duration::from_millis(250);
 /// Progress as lines, at the beginning and end of each stage and now and then between.
 struct ProgressLines {
     stage: Mutex<Option<LoggedStage>>,
-    layout: fn(&Status<'_>) -> String,
+    layout: fn(&StageStatus<'_>) -> String,
 }
 
 struct LoggedStage {
@@ -123,7 +123,7 @@ struct LoggedStage {
 
 /// What a line tells.
 #[derive(Debug, Serialize)]
-struct Status<'a> {
+struct StageStatus<'a> {
     stage: &'a str,
     done: u64,
     total: u64,
@@ -157,11 +157,11 @@ impl fmt::Display for InFile {
 }
 
 impl LoggedStage {
-    fn status(&self) -> Status<'_> {
+    fn status(&self) -> StageStatus<'_> {
         let seconds = self.begun.elapsed().as_secs_f64();
         let left = self.total.saturating_sub(self.done) as f64 / self.done as f64 * seconds;
         let told = self.done > 0 && seconds > 0.0;
-        Status {
+        StageStatus {
             stage: &self.name,
             done: self.done,
             total: self.total,
@@ -174,7 +174,7 @@ impl LoggedStage {
 }
 
 impl ProgressLines {
-    fn new(layout: fn(&Status<'_>) -> String) -> Self {
+    fn new(layout: fn(&StageStatus<'_>) -> String) -> Self {
         Self { stage: Mutex::new(None), layout }
     }
 
@@ -230,11 +230,11 @@ impl Progress for ProgressLines {
     }
 }
 
-fn json(status: &Status<'_>) -> String {
+fn json(status: &StageStatus<'_>) -> String {
     serde_json::to_string(status).unwrap_or_default()
 }
 
-fn plain(status: &Status<'_>) -> String {
+fn plain(status: &StageStatus<'_>) -> String {
     let share = status.done as f64 / status.total.max(1) as f64 * 100.0;
     let left = status.seconds_left.map_or(String::new(), |s| format!(", {s:.0} s left"));
     let rate = status.per_second.map_or(String::new(), |units| format!(", {}", rate(units)));

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::cli::shared::{say, text};
 use terrane_base::error::{Error, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::json;
 use terrane_engine::sift::Skipped;
 use terrane_engine::transform::Transformed;
@@ -43,7 +43,7 @@ pub(crate) trait Summarize: serde::Serialize {
 pub(crate) type Row = (&'static str, String);
 
 /// What a run took, as rows: its time, with how fast it was and where the time went, and its memory.
-pub(crate) fn took(run: &Figures, rate: Option<String>, stages: &str) -> Vec<Row> {
+pub(crate) fn took(run: &RunStatistics, rate: Option<String>, stages: &str) -> Vec<Row> {
     let threads =
         if run.threads == 1 { "1 thread".to_owned() } else { format!("{} threads", run.threads) };
     let stages = if stages.is_empty() { String::new() } else { format!(" ({stages})") };

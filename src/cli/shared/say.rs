@@ -6,7 +6,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use crate::cli::shared::pipes::told;
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::json;
 
@@ -19,7 +19,7 @@ pub(crate) fn result(text: &str) -> Result<()> {
 fn below_title(text: &str) -> String {
     let (title, _) = text.split_once('\n').unwrap_or_default();
     let end = if title.contains(" -> ") { title.len() } else { 0 };
-    text[..end].to_owned() + &Door::CommandLine.spell(&text[end..])
+    text[..end].to_owned() + &Frontend::CommandLine.spell(&text[end..])
 }
 
 /// Prints a result as indented JSON.
@@ -29,15 +29,15 @@ pub(crate) fn json(value: &impl Serialize) -> Result<()> {
 
 /// Prints a result as JSON on a line of its own.
 pub(crate) fn json_line(value: &impl Serialize) -> Result<()> {
-    let text = json::to_line(value).map_err(not_json)?;
-    let text = Door::CommandLine.spell_report(&text);
+    let text = json::to_string(value).map_err(not_json)?;
+    let text = Frontend::CommandLine.spell_report(&text);
     to_stdout((told(&text) + "\n").as_bytes())
 }
 
 /// A value as indented JSON with a line end.
 pub(crate) fn pretty(value: &impl Serialize) -> Result<String> {
-    let text = json::to_lines(value).map_err(not_json)?;
-    let text = Door::CommandLine.spell_report(&text);
+    let text = json::to_string_pretty(value).map_err(not_json)?;
+    let text = Frontend::CommandLine.spell_report(&text);
     Ok((told(&text) + "\n").into_owned())
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn aside(text: &str) {
 /// Prints an error on stderr, on one line; one that stands for several on a line for each, and the sum
 /// of them on the last.
 pub(crate) fn error(error: &Error) {
-    let door = Door::CommandLine;
+    let door = Frontend::CommandLine;
     error.each().iter().for_each(|inner| failure(&inner.spelled(door).to_string()));
     failure(&error.summary(door));
 }
@@ -79,13 +79,13 @@ pub(crate) fn not_judged(what: &str) {
     flushed(writeln!(
         io::stderr(),
         "terrane: not judged: {}",
-        one_line(&Door::CommandLine.spell(what))
+        one_line(&Frontend::CommandLine.spell(what))
     ));
 }
 
 /// Prints a remark on stderr, on one line.
 pub(crate) fn note(message: &str) {
-    flushed(writeln!(io::stderr(), "terrane: {}", one_line(&Door::CommandLine.spell(message))));
+    flushed(writeln!(io::stderr(), "terrane: {}", one_line(&Frontend::CommandLine.spell(message))));
 }
 
 fn one_line(message: &str) -> String {

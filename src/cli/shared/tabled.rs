@@ -13,12 +13,12 @@ use terrane_options::{
 };
 
 use crate::cli::shared::names;
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 
 /// Options within arguments of clap, and the names of those that were given; of a plan those that say something of the
 /// result alone.
 #[derive(Clone, Debug)]
-pub(crate) struct Tabled<O, const PLANNED: bool = false>(
+pub(crate) struct OperationOptionArgs<O, const PLANNED: bool = false>(
     pub(crate) O,
     pub(crate) Vec<&'static str>,
 );
@@ -29,7 +29,7 @@ fn fields<O: Options, const PLANNED: bool>() -> impl Iterator<Item = &'static Op
     fields.filter(|field| !(PLANNED && field.role == OptionRole::Run))
 }
 
-impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
+impl<O: Options, const PLANNED: bool> clap::Args for OperationOptionArgs<O, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults = to_map(&O::default());
         fields::<O, PLANNED>().fold(command, |command, field| {
@@ -43,7 +43,7 @@ impl<O: Options, const PLANNED: bool> clap::Args for Tabled<O, PLANNED> {
     }
 }
 
-impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED> {
+impl<O: Options, const PLANNED: bool> clap::FromArgMatches for OperationOptionArgs<O, PLANNED> {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let (mut options, mut given_names) = (O::default(), Vec::new());
         for field in fields::<O, PLANNED>() {
@@ -51,7 +51,7 @@ impl<O: Options, const PLANNED: bool> clap::FromArgMatches for Tabled<O, PLANNED
             if !texts.is_empty() {
                 given_names.push(field.name);
                 set_texts(&mut options, field, &texts).map_err(|error| {
-                    let text = Door::CommandLine.spell(&error.to_string()).into_owned();
+                    let text = Frontend::CommandLine.spell(&error.to_string()).into_owned();
                     clap::Error::raw(ErrorKind::ValueValidation, text)
                 })?;
             }
@@ -178,9 +178,9 @@ fn checked(field: &'static OptionField) -> ValueParser {
 
 /// What an option means, and its default.
 fn help(field: &OptionField, default: &serde_json::Value, about: &str) -> String {
-    let about = Door::CommandLine.spell(about).into_owned();
+    let about = Frontend::CommandLine.spell(about).into_owned();
     let default = match (field.default_text, field.shape, field.kind) {
-        (Some(words), ..) => Door::CommandLine.spell(words).into_owned(),
+        (Some(words), ..) => Frontend::CommandLine.spell(words).into_owned(),
         (None, _, OptionKind::Flag) | (None, OptionArity::Optional | OptionArity::Repeated, _) => {
             return about;
         }

@@ -7,7 +7,7 @@ use serde_json::Value;
 use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::MeshPlacement;
+use terrane_engine::placing::StorageScale;
 use terrane_raster::WaterReport;
 
 /// "1,234,567".
@@ -214,7 +214,7 @@ pub(crate) fn water(water: &WaterReport) -> String {
 }
 
 /// How a mesh lies in its file: "in metres; 1 x 1 x 2 to a unit of the data".
-pub(crate) fn placed(placed: &MeshPlacement) -> String {
+pub(crate) fn placed(placed: &StorageScale) -> String {
     let scale = placed.scale.map(number).join(" x ");
     let unit = placed.unit.as_ref().map(|unit| format!("in {unit}s; ")).unwrap_or_default();
     format!("{unit}{scale} to a unit of x, y and z")

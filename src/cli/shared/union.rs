@@ -27,21 +27,21 @@ impl InputKindOptions {
 }
 
 /// The kinds of inputs that a verb takes.
-pub(crate) trait Kinds: Clone + std::fmt::Debug + Send + Sync + 'static {
+pub(crate) trait InputKinds: Clone + std::fmt::Debug + Send + Sync + 'static {
     const ALL: &'static [InputKindOptions];
 }
 
 /// The options for all kinds of inputs, each said once, as far as they were given; of a plan those that say something of
 /// the result alone.
 #[derive(Clone, Debug)]
-pub(crate) struct Union<K, const PLANNED: bool = false> {
+pub(crate) struct InputUnion<K, const PLANNED: bool = false> {
     names: Vec<&'static str>,
     texts: Vec<Vec<String>>,
     kinds: PhantomData<K>,
 }
 
 /// The options of all kinds, each of the first one that has it, with the number of that kind.
-fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)> {
+fn fields<K: InputKinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)> {
     let mut found: Vec<(usize, &OptionField)> = Vec::new();
     for (number, kind) in K::ALL.iter().enumerate() {
         let known = |field: &&OptionField| found.iter().any(|(_, own)| own.name == field.name);
@@ -54,7 +54,7 @@ fn fields<K: Kinds, const PLANNED: bool>() -> Vec<(usize, &'static OptionField)>
 
 /// What an option is, of which kinds if it is not of all, and where they differ in it of each; `all` are the options of
 /// each kind.
-fn about<K: Kinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) -> String {
+fn about<K: InputKinds>(field: &OptionField, all: &[Vec<&'static OptionField>]) -> String {
     let mut told = vec![field.off.unwrap_or(field.about)];
     let of_each = K::ALL.iter().zip(all);
     let of_each = of_each
@@ -90,7 +90,7 @@ fn uncapitalized(text: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
 }
 
-impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
+impl<K: InputKinds, const PLANNED: bool> clap::Args for InputUnion<K, PLANNED> {
     fn augment_args(command: Command) -> Command {
         let defaults: Vec<_> = K::ALL.iter().map(|kind| (kind.defaults)()).collect();
         let all: Vec<_> = K::ALL.iter().map(|kind| kind.table.fields()).collect();
@@ -106,7 +106,7 @@ impl<K: Kinds, const PLANNED: bool> clap::Args for Union<K, PLANNED> {
     }
 }
 
-impl<K: Kinds, const PLANNED: bool> clap::FromArgMatches for Union<K, PLANNED> {
+impl<K: InputKinds, const PLANNED: bool> clap::FromArgMatches for InputUnion<K, PLANNED> {
     fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
         let all =
             fields::<K, PLANNED>().into_iter().map(|(_, own)| (own.name, given(own, matches)));
@@ -123,7 +123,7 @@ impl<K: Kinds, const PLANNED: bool> clap::FromArgMatches for Union<K, PLANNED> {
     }
 }
 
-impl<K: Kinds, const PLANNED: bool> Union<K, PLANNED> {
+impl<K: InputKinds, const PLANNED: bool> InputUnion<K, PLANNED> {
     /// The names of options that were given.
     pub(crate) fn given(&self) -> &[&'static str] {
         &self.names

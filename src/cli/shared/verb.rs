@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, Command};
 
-use crate::cli::shared::many::Many;
+use crate::cli::shared::many::InputSelection;
 use crate::cli::shared::{VerbOutcome, names};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::Result;
 use terrane_engine::Cancel;
 
@@ -40,7 +40,7 @@ pub(crate) trait Verb: clap::Args + 'static {
     }
 
     /// Which of many files are taken.
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         None
     }
 
@@ -102,7 +102,7 @@ fn command<V: Verb>() -> Command {
     if lists.is_empty() {
         command
     } else {
-        command.after_help(Door::CommandLine.spell(&lists.join("\n\n")).into_owned())
+        command.after_help(Frontend::CommandLine.spell(&lists.join("\n\n")).into_owned())
     }
 }
 

@@ -85,7 +85,7 @@ fn samples(r: &TinReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use terrane_engine::placing::MeshPlacement;
+    use terrane_engine::placing::StorageScale;
 
     #[test]
     fn a_summary_tells_counts_errors_and_time() {
@@ -104,7 +104,7 @@ mod tests {
         report.vertices = 12_345;
         report.kept = 0.016;
         report.samples_per_second = 12.3e6;
-        report.placed = Some(MeshPlacement::default());
+        report.placed = Some(StorageScale::default());
         report.suspected_nodata = Some(-1.0);
         report.suspected_samples = Some(7);
         (report.run.threads, report.run.peak_memory) = (2, Some(1 << 20));

@@ -9,19 +9,19 @@ pub(crate) use told::{MadeMeshReport, stages};
 use std::path::PathBuf;
 
 use crate::cli::operation::{FinishedRun, RunArguments, is_replacing, make};
-use crate::cli::shared::many::Many;
+use crate::cli::shared::many::InputSelection;
 use crate::cli::shared::report::Summarize;
-use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, lists, many, names};
 use crate::cli::verify;
 use terrane_base::error::{Error, Result};
-use terrane_engine::operation::Has;
+use terrane_engine::operation::HasGroup;
 use terrane_engine::options::Replacing;
 use terrane_engine::proof::{OutputProof, WrittenOutput};
 use terrane_lidar::cloud_tin::CloudTinOptions;
 use terrane_terrain::tin::TinOptions;
-use terrane_verify::{CloudMeshProof, MeshProof, MeshReport, Original};
+use terrane_verify::{CloudMeshProof, MeshOriginal, MeshProof, MeshReport};
 
 /// Simplify a grid or a point cloud into a triangle mesh with a proven vertical error bound
 #[derive(Clone, Debug, clap::Args)]
@@ -43,18 +43,18 @@ pub(crate) struct TinVerbArgs {
     #[arg(long, help_heading = "Output")]
     verify: bool,
     #[command(flatten)]
-    options: Union<TinSources>,
+    options: InputUnion<TinSources>,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What meshes are made of.
 #[derive(Clone, Debug)]
 pub(crate) struct TinSources;
 
-impl Kinds for TinSources {
+impl InputKinds for TinSources {
     const ALL: &'static [InputKindOptions] = &[
         InputKindOptions::of::<TinOptions>("grids"),
         InputKindOptions::of::<CloudTinOptions>("point clouds"),
@@ -79,7 +79,7 @@ impl Verb for TinVerbArgs {
         None
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -126,9 +126,9 @@ impl TinVerbArgs {
     }
 
     /// Proves what was made, where that is asked for, and tells of both.
-    fn tell<R: Summarize, O: Original, P: OutputProof<Report = MeshReport<O>>>(
+    fn tell<R: Summarize, O: MeshOriginal, P: OutputProof<Report = MeshReport<O>>>(
         &self,
-        (options, made): (&impl Has<Replacing>, &FinishedRun<R>),
+        (options, made): (&impl HasGroup<Replacing>, &FinishedRun<R>),
         proof: &P,
         summary: fn(&MeshReport<O>) -> String,
         call: &VerbCall<'_>,

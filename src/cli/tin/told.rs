@@ -9,12 +9,12 @@ use crate::cli::verify;
 use terrane_base::error::Result;
 use terrane_engine::sift::Skipped;
 use terrane_terrain::tin::StageReport;
-use terrane_verify::{MeshReport, Original};
+use terrane_verify::{MeshOriginal, MeshReport};
 
 /// The report of both steps, as one JSON object.
 #[derive(Serialize)]
 #[serde(bound = "T: Serialize")]
-pub(crate) struct MadeMeshReport<'a, T, O: Original> {
+pub(crate) struct MadeMeshReport<'a, T, O: MeshOriginal> {
     #[serde(flatten)]
     pub(crate) made: &'a T,
     #[serde(rename = "verify", skip_serializing_if = "Option::is_none")]
@@ -26,11 +26,11 @@ pub(crate) struct MadeMeshReport<'a, T, O: Original> {
     pub(crate) unmet: Option<String>,
 }
 
-impl<T: Serialize, O: Original> MadeMeshReport<'_, T, O> {
+impl<T: Serialize, O: MeshOriginal> MadeMeshReport<'_, T, O> {
     /// Tells of both steps, in a file as well that may be there.
     pub(super) fn tell(
         &self,
-        (show, file): (&args::Show, Option<(&Path, bool)>),
+        (show, file): (&args::ReportDisplay, Option<(&Path, bool)>),
         made: impl FnOnce() -> String,
         checked: impl FnOnce(&MeshReport<O>) -> String,
     ) -> Result<VerbOutcome> {

@@ -15,18 +15,18 @@ use std::path::{Path, PathBuf};
 use terrane_options::{Choice, Options, check_given};
 
 use crate::cli::operation::{OperationInput, take};
-use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, check, lists, many, names, pipes, report};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::is_cloud;
 use terrane_engine::Cancel;
 use terrane_engine::input::is_mesh;
-use terrane_engine::operation::{Has, read_beside};
+use terrane_engine::operation::{HasGroup, read_beside};
 use terrane_engine::options::{CloudInput, GridInput};
 use terrane_engine::proof::{OutputProof, WrittenOutput};
-use terrane_engine::sift::{Sifted, Skipped};
+use terrane_engine::sift::{ReadableFiles, Skipped};
 use terrane_files::{name_of, path_of};
 use terrane_tiles::TilesFormat;
 use terrane_verify::tiles::{CloudTilesProof, TilesProof, is_tiles};
@@ -48,9 +48,9 @@ pub(crate) struct VerifyArgs {
     #[arg(required = true, value_name = "ORIGINAL", value_parser = names::any())]
     source: Vec<String>,
     #[command(flatten)]
-    options: Union<Proofs>,
+    options: InputUnion<Proofs>,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     /// Write the report to this JSON file
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     report: Option<PathBuf>,
@@ -58,14 +58,14 @@ pub(crate) struct VerifyArgs {
     #[arg(long, help_heading = "Output")]
     overwrite: bool,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What is proved.
 #[derive(Clone, Debug)]
 struct Proofs;
 
-impl Kinds for Proofs {
+impl InputKinds for Proofs {
     const ALL: &'static [InputKindOptions] = &[
         InputKindOptions::of::<MeshProof>(MeshProof::OF),
         InputKindOptions::of::<CloudMeshProof>(CloudMeshProof::OF),
@@ -82,7 +82,7 @@ impl Verb for VerifyArgs {
         vec![lists::meshes(), lists::grids(), lists::EXIT_CODES.to_owned()]
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -141,14 +141,14 @@ impl VerifyArgs {
         check_given(&options, self.options.given()).map(|()| options)
     }
 
-    fn prove<P: OutputProof + Has<I>, I: OperationInput>(
+    fn prove<P: OutputProof + HasGroup<I>, I: OperationInput>(
         &self,
         cancel: &Cancel,
         summary: fn(&P::Report) -> String,
     ) -> Result<VerbOutcome> {
         let mut options: P = self.of()?;
         let (given, many) = (self.options.given(), &self.many);
-        let Sifted { names, skipped } =
+        let ReadableFiles { names, skipped } =
             take::<P, I>((&mut options, given), self.source.clone(), many)?;
         self.check_files(&options, I::files(&names)?)?;
         self.tell(&options, names, &skipped, cancel, summary)

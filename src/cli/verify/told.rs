@@ -2,13 +2,13 @@
 
 use crate::cli::shared::report::{self, Row};
 use crate::cli::shared::{VerbOutcome, say, text};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_engine::proof::ProofVerdict;
-use terrane_verify::{MeshReport, Original};
+use terrane_verify::{MeshOriginal, MeshReport};
 
 /// Names the broken promises on stderr, and those not judged, for those who asked for no result.
 pub(crate) fn tell(verdict: &ProofVerdict) {
-    verdict.failures.iter().for_each(|failure| say::failure(&Door::CommandLine.spell(failure)));
+    verdict.failures.iter().for_each(|failure| say::failure(&Frontend::CommandLine.spell(failure)));
     verdict.not_judged.iter().for_each(|what| say::not_judged(what));
 }
 
@@ -29,7 +29,7 @@ pub(super) fn in_words(verdict: &ProofVerdict) -> String {
 /// A proof of a mesh for people: the verdict, what failed, and the figures. Of the original come rows
 /// of its own, and one about vertices that it does not have (`off`); `unit` is that of errors, and `rate`
 /// how fast the proof was.
-pub(super) fn summary<O: Original>(
+pub(super) fn summary<O: MeshOriginal>(
     r: &MeshReport<O>,
     own: Vec<Row>,
     off: Row,
@@ -49,7 +49,7 @@ pub(super) fn summary<O: Original>(
     format!("{}\n{failures}{}", in_words(&r.verdict), text::table(&rows))
 }
 
-fn errors<O: Original>(r: &MeshReport<O>) -> String {
+fn errors<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let most = r.max_error.map_or("-".to_owned(), text::bound);
     let allowed = match r.tolerance {
         Some(tolerance) => format!("{most} at the most, {} allowed", text::number(tolerance)),
@@ -60,14 +60,14 @@ fn errors<O: Original>(r: &MeshReport<O>) -> String {
 }
 
 /// The smallest angle of a mesh, which is judged elsewhere where there is a promise of one.
-fn angles<O: Original>(r: &MeshReport<O>) -> String {
+fn angles<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let told = |a: f64| format!("{} degrees {} at the least (measured)", text::number(a), O::PLANE);
     r.smallest_angle.map_or("none".to_owned(), told)
 }
 
 /// What is told of `off` vertices that are no points of the original: a failure only where terrane made
 /// them.
-pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
+pub(super) fn off_vertices<O: MeshOriginal>(r: &MeshReport<O>, of: &str) -> Row {
     let (source, off) = (O::POINTS, r.of.off_vertices().count);
     let told = match (text::count(off), r.made_by_terrane) {
         _ if off == 0 && r.of.is_fitted() => {
@@ -86,7 +86,7 @@ pub(super) fn off_vertices<O: Original>(r: &MeshReport<O>, of: &str) -> Row {
 }
 
 /// What is told of edges: whether they are Delaunay is judged where the mesh promises it.
-fn edges<O: Original>(r: &MeshReport<O>) -> String {
+fn edges<O: MeshOriginal>(r: &MeshReport<O>) -> String {
     let [inner, outer] = [r.interior_edges, r.open_edges].map(text::count);
     let delaunay = match r.non_delaunay_edges.count {
         0 => format!("all of them Delaunay {}", O::PLANE),

@@ -6,13 +6,13 @@ mod told;
 use std::path::{Path, PathBuf};
 
 use crate::cli::operation::{self, OperationInput, RunArguments};
-use crate::cli::shared::many::Many;
-use crate::cli::shared::union::{InputKindOptions, Kinds, Union};
+use crate::cli::shared::many::InputSelection;
+use crate::cli::shared::union::{InputKindOptions, InputKinds, InputUnion};
 use crate::cli::shared::verb::{Verb, VerbCall};
 use crate::cli::shared::{VerbOutcome, args, lists, many, names, pipes};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
-use terrane_engine::operation::{Has, Operation};
+use terrane_engine::operation::{HasGroup, Operation};
 use terrane_engine::options::Replacing;
 use terrane_files::path_of;
 use terrane_viewer::page::{
@@ -50,18 +50,18 @@ pub(super) struct ViewArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     port: Option<u16>,
     #[command(flatten)]
-    options: Union<ViewSources>,
+    options: InputUnion<ViewSources>,
     #[command(flatten)]
-    many: many::Many,
+    many: many::InputSelection,
     #[command(flatten)]
-    show: args::Show,
+    show: args::ReportDisplay,
 }
 
 /// What is shown.
 #[derive(Clone, Debug)]
 struct ViewSources;
 
-impl Kinds for ViewSources {
+impl InputKinds for ViewSources {
     const ALL: &'static [InputKindOptions] = &[
         InputKindOptions::of::<PictureOptions>("pictures"),
         InputKindOptions::of::<PageOptions>("pages of grids and meshes"),
@@ -78,7 +78,7 @@ impl Verb for ViewArgs {
         vec![lists::grids(), lists::meshes()]
     }
 
-    fn many(&self) -> Option<&Many> {
+    fn many(&self) -> Option<&InputSelection> {
         Some(&self.many)
     }
 
@@ -132,13 +132,13 @@ impl ViewArgs {
     /// Makes a page, or serves it.
     fn page<O>(&self, call: &VerbCall<'_>) -> Result<VerbOutcome>
     where
-        O: Operation<Input: OperationInput, Report = PageReport> + Has<Replacing>,
+        O: Operation<Input: OperationInput, Report = PageReport> + HasGroup<Replacing>,
     {
         let mut options: O = self.options.of(&self.input[0])?;
         if let Some(html) = &self.html {
             return operation::run(options, self.frame(html), call);
         }
-        let temp_dir = Has::<Resources>::part(&options).temp_dir.clone();
+        let temp_dir = HasGroup::<Resources>::part(&options).temp_dir.clone();
         self.serve(temp_dir.as_deref(), None, call, |file| {
             let made = operation::make(&mut options, &self.frame(file), call)?;
             Ok((made.report, made.skipped))

@@ -12,7 +12,7 @@ use terrane_base::error::{Error, Result};
 use terrane_engine::sift::Skipped;
 use terrane_files::folder_for;
 use terrane_viewer::page::PageReport;
-use terrane_viewer::serve::{Server, Site};
+use terrane_viewer::serve::{ServedSite, Server};
 
 /// What is told once browsers can come.
 #[derive(Serialize)]
@@ -38,7 +38,7 @@ impl ViewArgs {
         let place = tempfile::tempdir_in(place).map_err(|e| Error::write(place, e))?;
         let file = place.path().join("page.html");
         let (mut made, skipped) = make(&file)?;
-        let server = Server::open(&Site { page: file, folder }, self.port)?;
+        let server = Server::open(&ServedSite { page: file, folder }, self.port)?;
         let url = server.url();
         made.output.clone_from(&url);
         let told = ServeReport {

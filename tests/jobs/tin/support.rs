@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use terrane_base::geom::predicates::in_circle;
 use terrane_base::geom::{Affine, Point3, Rect, SampleSegment};
 use terrane_base::{Error, Result};
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
@@ -158,7 +158,7 @@ pub(crate) fn validate(mesh: &Mesh, grid: &FunctionGrid, tolerance: f64) {
 }
 
 /// Panics unless every sample of the surface that was to be kept is a vertex at its height, and as many as told.
-pub(crate) fn check_kept(kept: &ConstraintSamples, mesh: &Mesh, grid: &FunctionGrid, told: u64) {
+pub(crate) fn check_kept(kept: &GridConstraints, mesh: &Mesh, grid: &FunctionGrid, told: u64) {
     let heights = mesh.vertices.iter().map(|v| v[2]);
     let vertices: HashMap<_, _> = lattice_places(mesh, grid).into_iter().zip(heights).collect();
     let all = Rect::new(0, 0, grid.info.width, grid.info.height);

@@ -9,7 +9,7 @@ use terrane_base::geom::plane::orient;
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::{Cancel, Resources, Silent};
 use terrane_raster::{GridInfo, GridSource, SampleType};
-use terrane_simplify::LengthOption;
+use terrane_simplify::Length;
 use terrane_terrain::contour::{ContourJob, ContourOptions, ContourReport, run, trace};
 use terrane_vector::{self as vector, PropertyValue};
 
@@ -89,8 +89,8 @@ pub fn job(input: &str, output: &Path, interval: f64, tile: u32, threads: usize)
 }
 
 /// A length in units of the data.
-pub fn units(value: f64) -> LengthOption {
-    LengthOption { value, unit: None }
+pub fn units(value: f64) -> Length {
+    Length { value, unit: None }
 }
 
 pub fn made(job: &ContourJob) -> Result<ContourReport> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use terrane_line::topology::{Collapse, Strategy};
+use terrane_line::topology::{RingCollapse, Strategy};
 
 /// A position in thousandths.
 pub(crate) type Cell = [i64; 2];
@@ -174,7 +174,7 @@ pub(crate) struct Way {
     pub(crate) square: u64,
     pub(crate) method: usize,
     pub(crate) strategy: Strategy,
-    pub(crate) collapse: Collapse,
+    pub(crate) collapse: RingCollapse,
 }
 
 /// A world in thousandths, and a way to simplify it but for strategy and collapse.
@@ -204,7 +204,7 @@ pub(crate) fn world(seed: u64) -> (Vec<Shape>, Way) {
     }
     let most = if snap == 0 && dice.below(2) == 0 { 4 + dice.below(30) as u64 } else { 1 << 20 };
     let method = dice.below(3) as usize;
-    let (strategy, collapse) = (Strategy::Retroactive, Collapse::Minimal);
+    let (strategy, collapse) = (Strategy::Retroactive, RingCollapse::Minimal);
     let mut way = Way { tolerance, snap, decimals, square: 0, method, strategy, collapse };
     let moved = moved(&all, &way);
     way.square = most.max(crowd(&moved));

@@ -1,17 +1,17 @@
-//! ProofLines from bytes, through every method: what each promises, and what slow loops give.
+//! Lines from bytes, through every method: what each promises, and what slow loops give.
 
 use terrane_line::metric::{DistanceMetric, largest_distance2};
 use terrane_line::topology::{
-    ChainVertices, Chains, Collapse, Strategy, UntangleOptions, refining, untangle,
+    Chains, KeptChainVertices, RingCollapse, Strategy, UntangleOptions, refining, untangle,
 };
 use terrane_line::{Hierarchy, METHODS, PlaneMetric, SimplifyMethod, SimplifyScratch, Xy};
-use terrane_proof::lines::{ProofDistance, ProofLines, Question, check};
+use terrane_proof::lines::{LineQuestion, ProofDistance, ProofLines, check};
 
 /// Most vertices.
 const MOST: usize = 4000;
 /// Most vertices of a line that may cross itself as often as it has pairs of segments.
 const CROSSING: usize = 400;
-/// ProofLines of which all segments are tried.
+/// Lines of which all segments are tried.
 const SHORT: usize = 24;
 
 /// Simplifies the line in `data` every way there is.
@@ -120,10 +120,10 @@ fn clean(line: &[Xy], tolerance: f64) {
                 let mut refine = refining(&points, |part, kept| {
                     (method.plane)(&PlaneMetric, part, tolerance, &mut scratch, kept);
                 });
-                let kept = ChainVertices::simplified(&chains, &mut refine);
+                let kept = KeptChainVertices::simplified(&chains, &mut refine);
                 let options = UntangleOptions {
                     strategy,
-                    collapse: Collapse::Keep,
+                    collapse: RingCollapse::Keep,
                     ..UntangleOptions::default()
                 };
                 let clean = untangle(&chains, &kept, &[], &options, &mut refine);
@@ -144,7 +144,7 @@ fn new_crossings(chains: &Chains<'_>, kept: &[u32]) -> u64 {
     let starts = [0, points.len()];
     let original = ProofLines { points: &all, starts: chains.starts, closed: chains.closed };
     let simplified = ProofLines { points: &points, starts: &starts, closed: chains.closed };
-    let question = Question {
+    let question = LineQuestion {
         original,
         simplified,
         points: &[],

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use terrane::{Error, ErrorKind};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 
 /// The Python exception for an error; `terrane._errors` knows which class its kind has.
 pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
@@ -15,10 +15,10 @@ pub(crate) fn exception(py: Python<'_>, error: &Error) -> PyErr {
         let file = error.path().map(|path| path.display().to_string());
         make.bind(py).call1((
             name(error.kind()),
-            error.spelled(Door::Python).to_string(),
+            error.spelled(Frontend::Python).to_string(),
             file,
             error.place(),
-            error.remedy_text().map(|remedy| Door::Python.spell(remedy)),
+            error.remedy_text().map(|remedy| Frontend::Python.spell(remedy)),
             error.is_missing(),
         ))
     };

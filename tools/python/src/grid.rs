@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use terrane::prelude::*;
 use terrane::{Affine, ArrayGrid, ArraySample, Crs, ErrorKind, Inputs, Rect, TinOptions};
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::geom::wkt;
 use terrane_files::name_of;
 use terrane_options::Options;
@@ -26,7 +26,7 @@ pub(crate) struct Grid(pub(crate) terrane::Grid);
 /// How a grid is read, as Python has it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-struct Reading {
+struct GridReading {
     band: Option<u32>,
     nodata: Option<f64>,
     clip: Option<PathBuf>,
@@ -80,7 +80,7 @@ impl Grid {
 impl Grid {
     /// The grid in some files, or a synthetic one.
     #[staticmethod]
-    fn open(py: Python<'_>, names: Vec<PathBuf>, reading: Reading) -> PyResult<Self> {
+    fn open(py: Python<'_>, names: Vec<PathBuf>, reading: GridReading) -> PyResult<Self> {
         let open = || {
             let mut grid = terrane::open(inputs(names)?)?;
             if let Some(band) = reading.band.filter(|band| *band != 1) {
@@ -97,7 +97,7 @@ impl Grid {
         array: &Bound<'_, PyAny>,
         place: Option<[f64; 6]>,
         crs: Option<&str>,
-        reading: Reading,
+        reading: GridReading,
     ) -> PyResult<Self> {
         let py = array.py();
         let crs = told(py, crs_of(crs))?;
@@ -105,7 +105,7 @@ impl Grid {
             ($($type:ty)*) => {$(
                 if let Ok(array) = array.cast::<PyArrayDyn<$type>>() {
                     let grid = Self::held(array, place, crs, reading.nodata)?;
-                    let rest = Reading { nodata: None, ..reading };
+                    let rest = GridReading { nodata: None, ..reading };
                     return told(py, py.detach(|| Self::read_as(grid, rest))).map(Self);
                 }
             )*};
@@ -136,7 +136,7 @@ impl Grid {
         self.0
             .notes()
             .into_iter()
-            .map(|note| (note.kind, Door::Python.spell(&note.text).into_owned()))
+            .map(|note| (note.kind, Frontend::Python.spell(&note.text).into_owned()))
             .collect()
     }
 
@@ -165,7 +165,7 @@ impl Grid {
 }
 
 impl Grid {
-    fn read_as(mut grid: terrane::Grid, reading: Reading) -> terrane::Result<terrane::Grid> {
+    fn read_as(mut grid: terrane::Grid, reading: GridReading) -> terrane::Result<terrane::Grid> {
         if let Some(nodata) = reading.nodata {
             grid = grid.nodata(nodata)?;
         }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use terrane::{Cancel, Coordinates, ErrorKind, Method};
 use terrane_vector::{
-    CoordinateSequence as Places, Feature, Geometry, GeometryType, LayerHeader, PropertyValue,
+    CoordinateSequence, Feature, Geometry, GeometryType, LayerHeader, PropertyValue,
     VectorOpenOptions, VectorWriteOptions,
 };
 
@@ -209,7 +209,7 @@ pub(crate) fn write_geometries(
         for level in &offsets {
             levels.push(level.readonly().as_slice()?.to_vec());
         }
-        let ragged = Ragged { positions: positions.as_slice()?, width, levels };
+        let ragged = RaggedArrays { positions: positions.as_slice()?, width, levels };
         for number in 0..ragged.len() {
             let geometry = ragged
                 .places(kind, number)
@@ -224,13 +224,13 @@ pub(crate) fn write_geometries(
 }
 
 /// The arrays of a [`Group`].
-struct Ragged<'a> {
+struct RaggedArrays<'a> {
     positions: &'a [f64],
     width: usize,
     levels: Vec<Vec<i64>>,
 }
 
-impl Ragged<'_> {
+impl RaggedArrays<'_> {
     /// How many geometries there are.
     fn len(&self) -> usize {
         self.levels.last().map_or(0, |ends| ends.len().saturating_sub(1))
@@ -243,8 +243,8 @@ impl Ragged<'_> {
     }
 
     /// The coordinates of a geometry.
-    fn places(&self, kind: GeometryType, number: usize) -> Option<Places> {
-        let mut places = Places::default();
+    fn places(&self, kind: GeometryType, number: usize) -> Option<CoordinateSequence> {
+        let mut places = CoordinateSequence::default();
         let polygons = match kind {
             GeometryType::LineString | GeometryType::MultiLineString | GeometryType::Polygon => {
                 number..number + 1

@@ -11,7 +11,7 @@ use terrane::{
     GridInfoOptions, Inspection, Job, MeshInfoOptions, MeshProof, OutputProof, Reads, TilesProof,
     WrittenOutput, check_named,
 };
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_options::{OptionTable, Options, fill, to_map};
 
 use crate::work::BuilderSettings;
@@ -22,7 +22,7 @@ pub(crate) fn dictionary<'py>(
     report: &impl Serialize,
 ) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(report).map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
-    py.import("json")?.getattr("loads")?.call1((Door::Python.spell_report(&text),))
+    py.import("json")?.getattr("loads")?.call1((Frontend::Python.spell_report(&text),))
 }
 
 /// A proof or an inspection by its name, beside the operations.

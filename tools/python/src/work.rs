@@ -19,12 +19,12 @@ const TICK: Duration = Duration::from_millis(30);
 #[pyo3(from_item_all)]
 pub(crate) struct JobSettings {
     threads: Option<usize>,
-    memory: Option<Amount>,
+    memory: Option<MemoryAmount>,
     progress: Option<Py<PyAny>>,
 }
 
 #[derive(FromPyObject)]
-enum Amount {
+enum MemoryAmount {
     Bytes(u64),
     Text(String),
 }
@@ -94,8 +94,8 @@ pub(crate) fn run<T: Send>(
 ) -> PyResult<T> {
     let JobSettings { threads, memory, progress } = settings;
     let memory = memory.map(|memory| match memory {
-        Amount::Bytes(bytes) => Memory::from(bytes),
-        Amount::Text(text) => Memory::from(text),
+        MemoryAmount::Bytes(bytes) => Memory::from(bytes),
+        MemoryAmount::Text(text) => Memory::from(text),
     });
     let (stage, cancel) = (SharedStage::default(), Cancel::default());
     let machine =

@@ -21,7 +21,7 @@ pub(crate) use point_heap::GREEDY_3;
 use crate::candidate::RefinementCandidate;
 use crate::grid::PackedSample;
 use crate::mesh::BaselineMesh;
-use crate::method::{BaselineMethod, Promise};
+use crate::method::{BaselineMethod, MethodPromise};
 use crate::result::BaselineTin;
 use crate::task::{BaselineTask, SurfaceSize};
 use terrane_base::error::Result;
@@ -74,7 +74,7 @@ const fn method<S: CandidateSearch>() -> BaselineMethod {
         source: "Garland & Heckbert 1995",
         time: "",
         memory: "",
-        promise: Promise::Samples,
+        promise: MethodPromise::Samples,
         takes_triangulation: true,
         is_delaunay: true,
         takes_budget: true,

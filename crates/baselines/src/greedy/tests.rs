@@ -122,7 +122,7 @@ fn by_engine(heights: &[f32], tolerance: f64) -> Vec<[[u32; 2]; 3]> {
         kept: &[],
         lines: &[],
     };
-    let spec = terrane_tin::Spec {
+    let spec = terrane_tin::TinSpec {
         tolerance,
         bound: terrane_base::bound::ErrorBound::Samples,
         strict: true,

@@ -11,16 +11,16 @@ use terrane_files::{RawFile, path_of, shown};
 
 use crate::column::{PointColumn, PointLineFormatter, columns};
 use crate::format::PointFormat;
-use crate::las::{Extra, LASZIP, LasFile, OCTREE, PROJECTION, VlrHeader, extra};
+use crate::las::{ExtraBytes, LASZIP, LasFile, OCTREE, PROJECTION, VlrHeader, extra};
 use crate::member::take_room;
 use crate::open::PointCloud;
 use crate::origin::CloudFileOrigin;
 use crate::recast::Recast;
 use crate::source::{CloudInfo, PointCensus};
-use crate::times::Times;
+use crate::times::GpsTimeEpoch;
 use crate::version::{LasVersion, PointPacking};
-use crate::write::{CarriedMetadata, CloudWriteOptions, Vlr as Record};
-pub use seen::{PointAppearance, Sight};
+use crate::write::{CarriedMetadata, CloudWriteOptions, Vlr};
+pub use seen::{AppearanceReader, PointAppearance};
 
 /// Numbers of records of [`extra::USER`]: records that are no longer valid, and descriptions of waveforms, which
 /// are followed by one that holds the waveforms themselves.
@@ -63,13 +63,13 @@ impl LasOutputFormat {
 }
 
 /// How the points of a cloud get into a file of one format.
-pub struct Carrier<'a> {
+pub struct PointFormatConverter<'a> {
     cloud: &'a PointCloud,
     info: CloudInfo,
     as_stored: bool,
     format: PointFormat,
     version: LasVersion,
-    extra: Extra,
+    extra: ExtraBytes,
     carried: CarriedMetadata,
     /// By file.
     recasts: Vec<Recast>,
@@ -81,7 +81,7 @@ pub struct Carrier<'a> {
 /// The dimension of heights above the ground, by the name that others have for it.
 const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
 
-impl<'a> Carrier<'a> {
+impl<'a> PointFormatConverter<'a> {
     /// For records of a file to be written. They have a dimension for heights above the ground where so told, which
     /// are not known yet.
     ///
@@ -94,7 +94,7 @@ impl<'a> Carrier<'a> {
         let (format, version) = target.choose(held.unwrap_or_default())?;
         let packing = target.packing;
         let (info, as_stored) = cloud.as_stored();
-        let mut extra = Extra::of_all(&origins)?;
+        let mut extra = ExtraBytes::of_all(&origins)?;
         let heights = has_heights.then(|| {
             let (name, about) = HEIGHTS;
             format.size() + extra.put_steps(name, about, info.frame.scale[2])
@@ -108,7 +108,7 @@ impl<'a> Carrier<'a> {
             [CloudFileOrigin { las: Some(file), .. }] => Some(&file.header),
             _ => None,
         };
-        let times = Times::of_all(&origins)?;
+        let times = GpsTimeEpoch::of_all(&origins)?;
         notes.extend(times.note(packing));
         let has_time = packing != PointPacking::Text && format.time_at().is_some();
         let (time, time_offset) = times.written(version, has_time)?;
@@ -209,7 +209,7 @@ impl<'a> Carrier<'a> {
     }
 }
 
-impl Extra {
+impl ExtraBytes {
     fn of_all(origins: &[CloudFileOrigin<'_>]) -> Result<Self> {
         let Some((first, others)) = origins.split_first() else { return Ok(Self::default()) };
         let mut all = first.extra.clone();
@@ -221,7 +221,7 @@ impl Extra {
 }
 
 /// The extra bytes, where a record can have so many.
-fn fitting(format: PointFormat, extra: &Extra) -> Result<u16> {
+fn fitting(format: PointFormat, extra: &ExtraBytes) -> Result<u16> {
     let (bytes, most) = (extra.bytes(), usize::from(u16::MAX) - format.size());
     if bytes <= most {
         return Ok(bytes as u16);
@@ -232,14 +232,9 @@ fn fitting(format: PointFormat, extra: &Extra) -> Result<u16> {
     .remedy("write some of them on their own"))
 }
 
-fn described(extra: &Extra) -> Option<Record> {
+fn described(extra: &ExtraBytes) -> Option<Vlr> {
     let data = extra.described()?;
-    Some(Record {
-        user: extra::USER.into(),
-        number: extra::NUMBER,
-        about: "Extra bytes".into(),
-        data,
-    })
+    Some(Vlr { user: extra::USER.into(), number: extra::NUMBER, about: "Extra bytes".into(), data })
 }
 
 /// The bits of the global encoding that hold for all files, but for those of times.
@@ -274,7 +269,7 @@ fn waves(origins: &[CloudFileOrigin<'_>]) -> Result<Option<String>> {
 fn records(
     origins: &[CloudFileOrigin<'_>],
     format: PointFormat,
-) -> Result<(Vec<Record>, Vec<String>)> {
+) -> Result<(Vec<Vlr>, Vec<String>)> {
     let mut by_file = Vec::new();
     for (origin, file) in origins.iter().filter_map(|origin| Some((origin, origin.las?))) {
         let found = of_file(file, format).map_err(|e| e.in_file(&path_of(origin.name)))?;
@@ -286,9 +281,9 @@ fn records(
     };
     let mut parted = HashSet::new();
     for other in others {
-        let is_there = |record: &Record, all: &[Record]| all.contains(record);
-        parted.extend(other.iter().filter(|r| !is_there(r, &shared)).map(Record::name));
-        parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Record::name));
+        let is_there = |record: &Vlr, all: &[Vlr]| all.contains(record);
+        parted.extend(other.iter().filter(|r| !is_there(r, &shared)).map(Vlr::name));
+        parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Vlr::name));
         shared.retain(|record| is_there(record, other));
     }
     let mut parted: Vec<_> = parted.into_iter().collect();
@@ -307,7 +302,7 @@ fn records(
 }
 
 /// The records of a file that do not tell of what is written anew.
-fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
+fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
     let is_wave = |vlr: &VlrHeader| vlr.user == extra::USER && WAVES.contains(&vlr.id);
     let is_carried = |vlr: &VlrHeader| {
         let is_data = vlr.is(extra::USER, WAVE_DATA) || vlr.is(extra::USER, SUPERSEDED);
@@ -327,13 +322,13 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Record>> {
     carried.map(|vlr| data(vlr, &raw, &mut left)).collect()
 }
 
-fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Record> {
+fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
         Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
             .remedy("take the largest of them out")
     })?;
     let data = vlr.data(file)?;
-    Ok(Record { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
+    Ok(Vlr { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
 }
 
 /// What the format has no field for.

@@ -4,7 +4,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
 use crate::format::PointFormat;
-use crate::las::Extra;
+use crate::las::ExtraBytes;
 use crate::member::{CloudFile, take_room};
 use crate::open::PointCloud;
 use crate::raw::Flags;
@@ -33,20 +33,20 @@ pub struct PointAppearance {
 
 /// Reads what is seen of a cloud. Extra bytes, times and waveforms are not looked at, so files that differ in them
 /// are one cloud all the same.
-pub struct Sight<'a> {
+pub struct AppearanceReader<'a> {
     cloud: &'a PointCloud,
     format: PointFormat,
     /// By file.
     recasts: Vec<Recast>,
 }
 
-impl<'a> Sight<'a> {
+impl<'a> AppearanceReader<'a> {
     /// Of all files of a cloud.
     ///
     /// # Errors
     /// A file of a point format that does not exist.
     pub fn new(cloud: &'a PointCloud) -> Result<Self> {
-        let (format, none) = (PointFormat::new(FORMAT)?, Extra::default());
+        let (format, none) = (PointFormat::new(FORMAT)?, ExtraBytes::default());
         let recast = |file: &CloudFile| {
             let own = match file {
                 CloudFile::Las(file) => PointFormat::new(file.header.format)?,

@@ -43,7 +43,7 @@ const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
 /// A dimension: its description without the range of its values, which are others in other files.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Dimension {
+struct ExtraBytesDimension {
     about: [u8; BYTES],
     size: usize,
     /// How many before it have its name.
@@ -52,8 +52,8 @@ struct Dimension {
 
 /// Extra bytes of the records of a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Extra {
-    dimensions: Vec<Dimension>,
+pub(crate) struct ExtraBytes {
+    dimensions: Vec<ExtraBytesDimension>,
     /// Bytes behind them.
     plain: usize,
 }
@@ -66,7 +66,7 @@ pub(crate) struct RecordByteCopy {
     pub(crate) bytes: usize,
 }
 
-impl Dimension {
+impl ExtraBytesDimension {
     /// Of a description, without what is not meant to be there: bytes behind the end of texts, and numbers whose
     /// option is not set. `None` of a kind that is not known.
     fn of(found: &[u8; BYTES]) -> Option<Self> {
@@ -179,7 +179,7 @@ fn size(kind: u8, options: u8) -> Option<usize> {
     }
 }
 
-impl Extra {
+impl ExtraBytes {
     /// From the descriptions in a file whose records have so many extra bytes, and what is to be said of them, one
     /// line each. Dimensions lie one behind the other, so from the first one on that does not fit, or whose size is
     /// not known, none can be told from the bytes: these are kept, and nothing describes them.
@@ -187,7 +187,7 @@ impl Extra {
         let descriptions = described.as_chunks::<BYTES>().0;
         let mut extra = Self { dimensions: Vec::new(), plain: bytes };
         for about in descriptions {
-            let Some(dimension) = Dimension::of(about) else { break };
+            let Some(dimension) = ExtraBytesDimension::of(about) else { break };
             let Some(plain) = extra.plain.checked_sub(dimension.size) else { break };
             extra.plain = plain;
             extra.push(dimension);
@@ -199,10 +199,10 @@ impl Extra {
         (extra, notes)
     }
 
-    fn push(&mut self, dimension: Dimension) {
+    fn push(&mut self, dimension: ExtraBytesDimension) {
         let name = dimension.name();
         let before = self.dimensions.iter().filter(|known| known.name() == name).count();
-        self.dimensions.push(Dimension { before, ..dimension });
+        self.dimensions.push(ExtraBytesDimension { before, ..dimension });
     }
 
     /// What is odd about the descriptions of records of so many extra bytes, the last of which do not count.
@@ -268,7 +268,7 @@ impl Extra {
     pub(crate) fn put_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
         self.dimensions.retain(|dimension| dimension.name() != name);
         let at = self.bytes() - self.plain;
-        self.dimensions.push(Dimension::of_steps(name, about, step));
+        self.dimensions.push(ExtraBytesDimension::of_steps(name, about, step));
         at
     }
 
@@ -284,7 +284,9 @@ impl Extra {
         };
         let mut at = 0;
         for dimension in &from.dimensions {
-            let is_it = |known: &Dimension| known.is_named(dimension) && known.is_alike(dimension);
+            let is_it = |known: &ExtraBytesDimension| {
+                known.is_named(dimension) && known.is_alike(dimension)
+            };
             if let Some(to) = self.place(is_it) {
                 add(RecordByteCopy { from: at, to, bytes: dimension.size });
             }
@@ -296,7 +298,7 @@ impl Extra {
         moves
     }
 
-    fn place(&self, is_it: impl Fn(&Dimension) -> bool) -> Option<usize> {
+    fn place(&self, is_it: impl Fn(&ExtraBytesDimension) -> bool) -> Option<usize> {
         let mut at = 0;
         for dimension in &self.dimensions {
             if is_it(dimension) {
@@ -309,7 +311,7 @@ impl Extra {
 
     /// The extra bytes of a point of which nothing is known.
     pub(crate) fn filling(&self) -> Vec<u8> {
-        let known = self.dimensions.iter().flat_map(Dimension::filling);
+        let known = self.dimensions.iter().flat_map(ExtraBytesDimension::filling);
         known.chain(std::iter::repeat_n(0, self.plain)).collect()
     }
 
@@ -349,8 +351,8 @@ mod tests {
         about
     }
 
-    fn extra(all: &[[u8; BYTES]], bytes: usize) -> Extra {
-        let (extra, notes) = Extra::of(&all.concat(), bytes);
+    fn extra(all: &[[u8; BYTES]], bytes: usize) -> ExtraBytes {
+        let (extra, notes) = ExtraBytes::of(&all.concat(), bytes);
         assert!(notes.is_empty(), "{notes:?}");
         extra
     }
@@ -429,7 +431,7 @@ mod tests {
             (vec![umlaut], &[("H\u{f6}he", 0)], 3, None),
         ];
         for (descriptions, named, plain, word) in cases {
-            let (extra, notes) = Extra::of(&descriptions.concat(), 5);
+            let (extra, notes) = ExtraBytes::of(&descriptions.concat(), 5);
             let columns = extra.columns(0);
             let found: Vec<_> = columns.iter().map(|c| (c.name(), c.at)).collect();
             assert_eq!((found.as_slice(), extra.plain, extra.bytes()), (named, plain, 5));
@@ -437,7 +439,7 @@ mod tests {
             assert!(word.is_none_or(|word| notes[0].contains(word)), "{notes:?}");
             assert_eq!(extra.moves(&extra), [RecordByteCopy { from: 0, to: 0, bytes: 5 }]);
             // What is written is read again, and nothing is to be said of it.
-            let again = Extra::of(&extra.described().unwrap_or_default(), 5);
+            let again = ExtraBytes::of(&extra.described().unwrap_or_default(), 5);
             assert_eq!(again.0, extra);
             assert_eq!(again.1.is_empty(), !word.is_some_and(|word| word.contains("several")));
         }
@@ -456,11 +458,11 @@ mod tests {
             (&both, both.moves(&two)),
             (&one, vec![RecordByteCopy { from: 0, to: 0, bytes: 2 }])
         );
-        let (twice, _) = Extra::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
+        let (twice, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
         let all = extra(&[described("b", 1, None)], 1).and(&twice).unwrap();
         assert_eq!(all.moves(&twice), [RecordByteCopy { from: 0, to: 1, bytes: 4 }]);
         // Kinds of one name are told apart in their order.
-        let (other, _) = Extra::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
+        let (other, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
         assert!(twice.and(&other).is_err());
     }
 

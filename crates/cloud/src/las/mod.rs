@@ -20,13 +20,13 @@ use terrane_files::RawFile;
 
 pub(super) use self::crs::{IS_WKT, PROJECTION, WKT};
 pub(super) use copc::OCTREE;
-pub(super) use extra::{Extra, RecordByteCopy};
+pub(super) use extra::{ExtraBytes, RecordByteCopy};
 pub(super) use header::{LasHeader, SIZES};
 pub(super) use read::{LasPointBlock, LasReadBuffers};
-pub(super) use record::{LegacyLasRecord, New, OVERLAP_CLASS, unpacked};
+pub(super) use record::{LegacyLasRecord, ModernLasRecord, OVERLAP_CLASS, unpacked};
 pub(super) use vlr::VlrHeader;
 
-use self::laz::{Compressor, LazLayout};
+use self::laz::{LazCompressor, LazLayout};
 use super::frame::ClaimedExtent;
 use parts::LasPart;
 
@@ -43,7 +43,7 @@ pub(super) struct LasFile {
     pub(super) vlrs: Vec<VlrHeader>,
     pub(super) crs: Crs,
     /// What is known of the extra bytes of its points.
-    pub(super) extra: Extra,
+    pub(super) extra: ExtraBytes,
     /// How points are compressed, if they are.
     pub(super) layout: Option<LazLayout>,
     pub(super) is_copc: bool,
@@ -77,7 +77,7 @@ impl LasFile {
             }
         };
         let nodes = match &layout {
-            Some(layout) if layout.compressor == Compressor::Layers => {
+            Some(layout) if layout.compressor == LazCompressor::Layers => {
                 copc::nodes(file, &header, &vlrs)
             }
             _ => Ok(None),
@@ -123,7 +123,7 @@ fn extra_bytes(
     header: &LasHeader,
     vlrs: &[VlrHeader],
     notes: &mut Vec<String>,
-) -> Result<Extra> {
+) -> Result<ExtraBytes> {
     let found: Vec<_> = vlrs.iter().filter(|vlr| vlr.is(extra::USER, extra::NUMBER)).collect();
     let bytes = found.iter().map(|vlr| vlr.bytes).sum();
     limits::check("bytes that describe extra bytes", bytes, limits::MAX_HEADER_BYTES)?;
@@ -131,7 +131,7 @@ fn extra_bytes(
     if found.len() > 1 {
         notes.push(format!("{} records describe extra bytes: they are read as one", found.len()));
     }
-    let (extra, odd) = Extra::of(&described, header.extra_bytes().into());
+    let (extra, odd) = ExtraBytes::of(&described, header.extra_bytes().into());
     notes.extend(odd);
     Ok(extra)
 }

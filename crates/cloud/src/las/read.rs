@@ -1,7 +1,7 @@
 //! Reading the points of a part, block by block.
 
 use super::LasFile;
-use super::laz::Unpacker;
+use super::laz::ChunkDecoder;
 use super::parts::{LasPart, LasPartKind};
 use crate::frame::ClaimedExtent;
 use crate::lazip::{DecodedFields, FieldSelection};
@@ -15,7 +15,7 @@ const BLOCK_BYTES: u64 = 1 << 18;
 pub(crate) struct LasReadBuffers {
     /// As in the file.
     bytes: Vec<u8>,
-    unpacker: Unpacker,
+    unpacker: ChunkDecoder,
 }
 
 /// Points that are handed on together.

@@ -1,7 +1,7 @@
 //! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or as they were decompressed.
 
 use crate::lazip::DecodedFields;
-use crate::raw::{Flags, Raw};
+use crate::raw::{Flags, RawPoint};
 
 /// A record of formats 0 to 5.
 #[derive(Clone, Copy)]
@@ -9,7 +9,7 @@ pub(crate) struct LegacyLasRecord<'a>(&'a [u8; 16]);
 
 /// A record of formats 6 to 10.
 #[derive(Clone, Copy)]
-pub(crate) struct New<'a>(&'a [u8; 17]);
+pub(crate) struct ModernLasRecord<'a>(&'a [u8; 17]);
 
 impl<'a> LegacyLasRecord<'a> {
     /// From a whole record.
@@ -19,7 +19,7 @@ impl<'a> LegacyLasRecord<'a> {
     }
 }
 
-impl<'a> New<'a> {
+impl<'a> ModernLasRecord<'a> {
     /// From a whole record.
     #[inline(always)]
     pub(crate) fn of(record: &'a [u8]) -> Self {
@@ -41,7 +41,7 @@ fn xyz(bytes: &[u8]) -> [i32; 3] {
     [fours[0], fours[1], fours[2]].map(i32::from_le_bytes)
 }
 
-impl Raw for LegacyLasRecord<'_> {
+impl RawPoint for LegacyLasRecord<'_> {
     #[inline(always)]
     fn xyz(self) -> [i32; 3] {
         xyz(&self.0[..12])
@@ -63,7 +63,7 @@ impl Raw for LegacyLasRecord<'_> {
     }
 }
 
-impl Raw for New<'_> {
+impl RawPoint for ModernLasRecord<'_> {
     #[inline(always)]
     fn xyz(self) -> [i32; 3] {
         xyz(&self.0[..12])
@@ -107,7 +107,7 @@ pub(crate) fn unpacked<const NEW: bool>(
     })
 }
 
-impl<const NEW: bool> Raw for UnpackedLasPoint<NEW> {
+impl<const NEW: bool> RawPoint for UnpackedLasPoint<NEW> {
     #[inline(always)]
     fn xyz(self) -> [i32; 3] {
         self.place

@@ -1,15 +1,15 @@
 //! What is learnt of a scanner channel's intensities, scan angles, user data, point sources and times
 //! while whole records of a layered chunk are decoded.
 
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::point::RECORD;
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 use super::streams::RestStreams;
-use super::time::Time;
-use super::trace::Trace;
+use super::time::GpsTime;
+use super::trace::PointChanges;
 
 /// Everything learnt of a channel, beside what the columns hold. A field whose
 /// stream is absent stays as it was.
@@ -23,11 +23,11 @@ pub(super) struct AttributeContext {
     time: u64,
     /// Last intensity, by place among the returns and change of time.
     intensities: [u16; 8],
-    intensity_steps: Integer<4>,
-    angle_steps: Integer<2>,
+    intensity_steps: IntegerDecoder<4>,
+    angle_steps: IntegerDecoder<2>,
     users: [ArithmeticModel<16>; 64],
-    source_steps: Integer<1>,
-    times: Time,
+    source_steps: IntegerDecoder<1>,
+    times: GpsTime,
 }
 
 impl AttributeContext {
@@ -41,11 +41,11 @@ impl AttributeContext {
             source: 0,
             time: 0,
             intensities: [0; 8],
-            intensity_steps: Integer::new(16),
-            angle_steps: Integer::new(16),
+            intensity_steps: IntegerDecoder::new(16),
+            angle_steps: IntegerDecoder::new(16),
             users: [const { ArithmeticModel::new() }; 64],
-            source_steps: Integer::new(16),
-            times: Time::new(),
+            source_steps: IntegerDecoder::new(16),
+            times: GpsTime::new(),
         }
     }
 
@@ -70,8 +70,8 @@ impl AttributeContext {
     fn next<M: InstructionSet>(
         &mut self,
         streams: &mut RestStreams<M>,
-        trace: Trace,
-        returns: Returns,
+        trace: PointChanges,
+        returns: ReturnNumbers,
     ) {
         if let Some(coder) = &mut streams.intensities {
             self.next_intensity(coder, trace, returns);
@@ -101,9 +101,9 @@ impl AttributeContext {
     #[inline(always)]
     fn next_intensity<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
-        trace: Trace,
-        returns: Returns,
+        coder: &mut RangeDecoder<M>,
+        trace: PointChanges,
+        returns: ReturnNumbers,
     ) {
         let place = usize::from(returns.is_first()) << 1 | usize::from(returns.is_last());
         let step = self.intensity_steps.next(coder, place).0;
@@ -124,12 +124,12 @@ impl AttributeContext {
 }
 
 /// The attributes of all channels. They are large: made once per thread, used again and again.
-pub(super) struct Heads {
+pub(super) struct ChannelHeads {
     channels: Box<[AttributeContext; 4]>,
     current: usize,
 }
 
-impl Heads {
+impl ChannelHeads {
     #[cold]
     #[inline(never)]
     pub(super) fn new() -> Self {
@@ -150,8 +150,8 @@ impl Heads {
     pub(super) fn next<M: InstructionSet>(
         &mut self,
         streams: &mut RestStreams<M>,
-        trace: Trace,
-        returns: Returns,
+        trace: PointChanges,
+        returns: ReturnNumbers,
         record: &mut [u8; RECORD],
     ) {
         if trace.channel() != self.current {

@@ -1,7 +1,7 @@
 //! The parts of a layered chunk: the first record, how many points there are, and the layers.
 
-use super::chunk::{CompressedChunk, Damage, LazLayer};
-use super::coder::Coder;
+use super::chunk::{ChunkDamage, CompressedChunk, LazLayer};
+use super::coder::RangeDecoder;
 use super::fields::FieldSelection;
 use super::machine::PortableInstructions;
 use super::point::RECORD;
@@ -23,13 +23,16 @@ pub(super) struct LayeredChunk<'a> {
 
 impl<'a> LayeredChunk<'a> {
     /// Takes a chunk apart.
-    pub(super) fn new(chunk: CompressedChunk<'a>, layers: &LayeredSchema) -> Result<Self, Damage> {
-        let split = |bytes: &'a [u8], at| bytes.split_at_checked(at).ok_or(Damage::Short);
+    pub(super) fn new(
+        chunk: CompressedChunk<'a>,
+        layers: &LayeredSchema,
+    ) -> Result<Self, ChunkDamage> {
+        let split = |bytes: &'a [u8], at| bytes.split_at_checked(at).ok_or(ChunkDamage::Short);
         let (record, rest) = split(chunk.bytes, RECORD + layers.bytes)?;
-        let (held, rest) = rest.split_first_chunk().ok_or(Damage::Short)?;
+        let (held, rest) = rest.split_first_chunk().ok_or(ChunkDamage::Short)?;
         let held = u32::from_le_bytes(*held);
         if (held as usize) < chunk.count {
-            return Err(Damage::Count(held));
+            return Err(ChunkDamage::Count(held));
         }
         let (sizes, bytes) = split(rest, 4 * (SHARED + layers.layers.len()))?;
         let (mut layers, mut shared) = (LayerSplitter { sizes, bytes }, [&[][..]; SHARED]);
@@ -43,13 +46,13 @@ impl<'a> LayeredChunk<'a> {
     pub(super) fn streams(
         &self,
         wanted: FieldSelection,
-    ) -> Result<Streams<'a, PortableInstructions>, Damage> {
+    ) -> Result<Streams<'a, PortableInstructions>, ChunkDamage> {
         let open = |layer, is_wanted| match is_wanted || wanted.records {
             true => self.open(layer),
             false => Ok(None),
         };
         Ok(Streams {
-            places: open(LazLayer::Places, true)?.ok_or(Damage::Layer(LazLayer::Places))?,
+            places: open(LazLayer::Places, true)?.ok_or(ChunkDamage::Layer(LazLayer::Places))?,
             heights: open(LazLayer::Heights, wanted.z)?,
             classes: open(LazLayer::Classes, wanted.class)?,
             flags: open(LazLayer::Flags, wanted.flags)?,
@@ -60,7 +63,7 @@ impl<'a> LayeredChunk<'a> {
     pub(super) fn rest(
         mut self,
         layers: &LayeredSchema,
-    ) -> Result<RestStreams<'a, PortableInstructions>, Damage> {
+    ) -> Result<RestStreams<'a, PortableInstructions>, ChunkDamage> {
         let mut tails = Vec::with_capacity(layers.layers.len());
         for &layer in &layers.layers {
             tails.push((layer, open(layer, self.tails.next()?)?));
@@ -75,16 +78,22 @@ impl<'a> LayeredChunk<'a> {
         })
     }
 
-    fn open(&self, layer: LazLayer) -> Result<Option<Coder<'a, PortableInstructions>>, Damage> {
+    fn open(
+        &self,
+        layer: LazLayer,
+    ) -> Result<Option<RangeDecoder<'a, PortableInstructions>>, ChunkDamage> {
         open(layer, self.shared[layer as usize])
     }
 }
 
 /// A layer's stream. A layer of no bytes stands for a field that is as in the first point.
-fn open(layer: LazLayer, bytes: &[u8]) -> Result<Option<Coder<'_, PortableInstructions>>, Damage> {
+fn open(
+    layer: LazLayer,
+    bytes: &[u8],
+) -> Result<Option<RangeDecoder<'_, PortableInstructions>>, ChunkDamage> {
     match bytes {
         [] => Ok(None),
-        _ => Coder::new(bytes).map(Some).ok_or(Damage::Layer(layer)),
+        _ => RangeDecoder::new(bytes).map(Some).ok_or(ChunkDamage::Layer(layer)),
     }
 }
 
@@ -96,10 +105,10 @@ struct LayerSplitter<'a> {
 }
 
 impl<'a> LayerSplitter<'a> {
-    fn next(&mut self) -> Result<&'a [u8], Damage> {
-        let (size, sizes) = self.sizes.split_first_chunk().ok_or(Damage::Short)?;
+    fn next(&mut self) -> Result<&'a [u8], ChunkDamage> {
+        let (size, sizes) = self.sizes.split_first_chunk().ok_or(ChunkDamage::Short)?;
         let size = u32::from_le_bytes(*size) as usize;
-        let (layer, bytes) = self.bytes.split_at_checked(size).ok_or(Damage::Short)?;
+        let (layer, bytes) = self.bytes.split_at_checked(size).ok_or(ChunkDamage::Short)?;
         *self = Self { sizes, bytes };
         Ok(layer)
     }

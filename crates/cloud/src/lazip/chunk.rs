@@ -67,7 +67,7 @@ impl fmt::Display for LazLayer {
 
 /// What is wrong with a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Damage {
+pub enum ChunkDamage {
     /// The bytes end before the streams do.
     Short,
     /// The chunk says that it holds fewer points than asked for: this many.
@@ -76,7 +76,7 @@ pub enum Damage {
     Layer(LazLayer),
 }
 
-impl fmt::Display for Damage {
+impl fmt::Display for ChunkDamage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Short => f.write_str("the chunk ends before its last stream does"),

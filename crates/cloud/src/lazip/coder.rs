@@ -1,7 +1,7 @@
 //! The arithmetic decoder: one stream of bytes, read without a branch per symbol.
 
 use super::machine::InstructionSet;
-use super::model::{ArithmeticModel, Bit};
+use super::model::{ArithmeticModel, BitModel};
 use std::marker::PhantomData;
 
 /// Bits of the interval that an adaptive model divides.
@@ -16,7 +16,7 @@ const RAW_BITS: u32 = 19;
 ///
 /// `value < length` and `length >= 2^24` hold between calls.
 #[derive(Clone, Copy)]
-pub(super) struct Coder<'a, M> {
+pub(super) struct RangeDecoder<'a, M> {
     /// Bytes not yet taken in.
     rest: &'a [u8],
     /// Bytes that were taken in beyond the end.
@@ -28,7 +28,7 @@ pub(super) struct Coder<'a, M> {
     machine: PhantomData<M>,
 }
 
-impl<'a, M: InstructionSet> Coder<'a, M> {
+impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     /// Starts on a stream; `None` when no encoder begins one like this.
     pub(super) fn new(bytes: &'a [u8]) -> Option<Self> {
         let (value, rest) = bytes.split_first_chunk()?;
@@ -39,9 +39,9 @@ impl<'a, M: InstructionSet> Coder<'a, M> {
     }
 
     /// The same, for another machine.
-    pub(super) fn on<N: InstructionSet>(self) -> Coder<'a, N> {
+    pub(super) fn on<N: InstructionSet>(self) -> RangeDecoder<'a, N> {
         let Self { rest, beyond, value, length, excess, .. } = self;
-        Coder { rest, beyond, value, length, excess, machine: PhantomData }
+        RangeDecoder { rest, beyond, value, length, excess, machine: PhantomData }
     }
 
     /// Notes that what was read came from no encoder.
@@ -77,9 +77,9 @@ impl<'a, M: InstructionSet> Coder<'a, M> {
     }
 
     /// The same, with other bytes to go on with.
-    pub(super) fn with<'b>(self, rest: &'b [u8]) -> Coder<'b, M> {
+    pub(super) fn with<'b>(self, rest: &'b [u8]) -> RangeDecoder<'b, M> {
         let Self { beyond, value, length, excess, machine, .. } = self;
-        Coder { rest, beyond, value, length, excess, machine }
+        RangeDecoder { rest, beyond, value, length, excess, machine }
     }
 
     /// The next symbol of an adaptive model.
@@ -96,7 +96,7 @@ impl<'a, M: InstructionSet> Coder<'a, M> {
 
     /// The next bit of a model of one bit.
     #[inline(always)]
-    pub(super) fn bit(&mut self, model: &mut Bit) -> bool {
+    pub(super) fn bit(&mut self, model: &mut BitModel) -> bool {
         let middle = model.zero * (self.length >> BIT_BITS);
         let bit = self.value >= middle;
         match bit {

@@ -1,20 +1,20 @@
 //! Colours and infrared: what each byte is likely to differ by. The bytes of the last record are what is
 //! remembered.
 
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 
 /// A colour of the first version.
 pub(super) struct OldColour {
     changes: ArithmeticModel<4>,
-    byte: Integer<6>,
+    byte: IntegerDecoder<6>,
 }
 
 impl OldColour {
     pub(super) fn new() -> Self {
-        Self { changes: ArithmeticModel::new(), byte: Integer::new(8) }
+        Self { changes: ArithmeticModel::new(), byte: IntegerDecoder::new(8) }
     }
 
     /// Forgets everything.
@@ -25,7 +25,11 @@ impl OldColour {
 
     /// Makes the last colour the next one.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        colour: &mut [u8; 6],
+    ) {
         let changes = coder.symbol(self.changes.ready(64));
         for (number, byte) in colour.iter_mut().enumerate() {
             if changes >> number & 1 != 0 {
@@ -36,12 +40,12 @@ impl OldColour {
 }
 
 /// A colour of the second version and of layered chunks.
-pub(super) struct Colour {
+pub(super) struct RgbColor {
     changes: ArithmeticModel<8>,
     bytes: [ArithmeticModel<16>; 6],
 }
 
-impl Colour {
+impl RgbColor {
     /// Stands for a colour that is not grey.
     const COLOURED: usize = 1 << 6;
 
@@ -57,7 +61,11 @@ impl Colour {
 
     /// Makes the last colour the next one.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, colour: &mut [u8; 6]) {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        colour: &mut [u8; 6],
+    ) {
         let changes = coder.symbol(self.changes.ready(128));
         let last = colour.map(i32::from);
         let mut read = |byte: usize, expected: i32| match changes >> byte & 1 {
@@ -83,12 +91,12 @@ impl Colour {
 }
 
 /// Near infrared.
-pub(super) struct Infrared {
+pub(super) struct NearInfrared {
     changes: ArithmeticModel<1>,
     bytes: [ArithmeticModel<16>; 2],
 }
 
-impl Infrared {
+impl NearInfrared {
     pub(super) fn new() -> Self {
         Self { changes: ArithmeticModel::new(), bytes: [const { ArithmeticModel::new() }; 2] }
     }
@@ -101,7 +109,11 @@ impl Infrared {
 
     /// Makes the last value the next one.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, value: &mut [u8; 2]) {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        value: &mut [u8; 2],
+    ) {
         let changes = coder.symbol(self.changes.ready(4));
         for ((number, byte), model) in value.iter_mut().enumerate().zip(&mut self.bytes) {
             if changes >> number & 1 != 0 {

@@ -2,23 +2,23 @@
 //! bytes are made those of the next.
 
 use super::chunk::LazLayer;
-use super::coder::Coder;
-use super::colour::{Colour, Infrared, OldColour};
+use super::coder::RangeDecoder;
+use super::colour::{NearInfrared, OldColour, RgbColor};
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
-use super::packet::{PACKET, Packet};
+use super::packet::{PACKET, WavePacketDecoder};
 use super::schema::LaszipItem;
-use super::time::{OldTime, Time};
+use super::time::{GpsTime, OldTime};
 use std::mem;
 
 /// What is learnt of an item.
 pub(super) enum ItemContext {
     OldTime(Box<OldTime>),
-    Time(Box<Time>),
+    Time(Box<GpsTime>),
     OldColour(Box<OldColour>),
-    Colour(Box<Colour>),
-    Infrared(Box<Infrared>),
-    Packet(Box<Packet>),
+    Colour(Box<RgbColor>),
+    Infrared(Box<NearInfrared>),
+    Packet(Box<WavePacketDecoder>),
     Bytes(Vec<ArithmeticModel<16>>),
 }
 
@@ -27,10 +27,10 @@ impl ItemContext {
     pub(super) fn new(item: &LaszipItem) -> Self {
         match (item.kind, item.version) {
             (7, 1) => Self::OldTime(Box::new(OldTime::new())),
-            (7, _) => Self::Time(Box::new(Time::new())),
+            (7, _) => Self::Time(Box::new(GpsTime::new())),
             (8, 1) => Self::OldColour(Box::new(OldColour::new())),
-            (8, _) => Self::Colour(Box::new(Colour::new())),
-            (9, _) => Self::Packet(Box::new(Packet::new())),
+            (8, _) => Self::Colour(Box::new(RgbColor::new())),
+            (9, _) => Self::Packet(Box::new(WavePacketDecoder::new())),
             _ => Self::Bytes(vec![ArithmeticModel::new(); usize::from(item.size)]),
         }
     }
@@ -38,9 +38,9 @@ impl ItemContext {
     /// Nothing, of what a layer holds; one of extra bytes has a byte of each record.
     pub(super) fn of(layer: LazLayer) -> Self {
         match layer {
-            LazLayer::Colours => Self::Colour(Box::new(Colour::new())),
-            LazLayer::Infrared => Self::Infrared(Box::new(Infrared::new())),
-            LazLayer::Packets => Self::Packet(Box::new(Packet::new())),
+            LazLayer::Colours => Self::Colour(Box::new(RgbColor::new())),
+            LazLayer::Infrared => Self::Infrared(Box::new(NearInfrared::new())),
+            LazLayer::Packets => Self::Packet(Box::new(WavePacketDecoder::new())),
             _ => Self::Bytes(vec![ArithmeticModel::new()]),
         }
     }
@@ -71,7 +71,11 @@ impl ItemContext {
 
     /// Makes the item the next one; it is what `rest` begins with, and is taken off it.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, rest: &mut &mut [u8]) {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        rest: &mut &mut [u8],
+    ) {
         match self {
             Self::OldTime(time) => {
                 let Some(part) = take(rest) else { return };

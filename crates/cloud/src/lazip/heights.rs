@@ -1,11 +1,11 @@
 //! The column of heights.
 
 use super::channels::{ChannelContext, ChannelContexts};
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::places::DecodedPosition;
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 
 /// What is learnt of heights.
 pub(super) struct HeightContext {
@@ -28,7 +28,7 @@ impl HeightContext {
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
-        coder: &mut Option<Coder<M>>,
+        coder: &mut Option<RangeDecoder<M>>,
         at: &DecodedPosition,
     ) -> i32 {
         if let Some(coder) = coder {
@@ -46,14 +46,14 @@ impl HeightContext {
 struct HeightChannel {
     /// Last height, by depth of the return.
     heights: [i32; 8],
-    steps: Integer<20>,
+    steps: IntegerDecoder<20>,
 }
 
 impl ChannelContext for HeightChannel {
     type Last = i32;
 
     fn new() -> Self {
-        Self { heights: [0; 8], steps: Integer::new(32) }
+        Self { heights: [0; 8], steps: IntegerDecoder::new(32) }
     }
 
     fn begin(&mut self, last: i32) {
@@ -66,9 +66,9 @@ impl HeightChannel {
     #[inline(always)]
     fn next<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         spread: usize,
-        returns: Returns,
+        returns: ReturnNumbers,
     ) -> i32 {
         let (step, _) = self.steps.next(coder, spread);
         let height = &mut self.heights[returns.depth() & 7];

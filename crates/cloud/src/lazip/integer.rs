@@ -1,31 +1,31 @@
 //! Integers that were coded as differences to what was expected of them.
 
-use super::coder::Coder;
+use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
-use super::model::{ArithmeticModel, Bit};
+use super::model::{ArithmeticModel, BitModel};
 use std::hint::select_unpredictable;
 
 /// Bits of a difference that are modelled; those below are stored as they are.
 const MODELLED: u32 = 8;
 
 /// Decoder of integers that come in `C` circumstances.
-pub(super) struct Integer<const C: usize> {
+pub(super) struct IntegerDecoder<const C: usize> {
     /// How many bits the difference has, by circumstance.
     sizes: [ArithmeticModel<4>; C],
     /// A difference of zero or one.
-    bit: Bit,
+    bit: BitModel,
     /// The upper bits of a difference, by its size.
     parts: [ArithmeticModel<16>; 32],
     /// Symbols of `sizes`.
     symbols: usize,
 }
 
-impl<const C: usize> Integer<C> {
+impl<const C: usize> IntegerDecoder<C> {
     /// A decoder of integers of `bits` bits, at most 32.
     pub(super) const fn new(bits: usize) -> Self {
         Self {
             sizes: [const { ArithmeticModel::new() }; C],
-            bit: Bit::new(),
+            bit: BitModel::new(),
             parts: [const { ArithmeticModel::new() }; 32],
             symbols: bits + 1,
         }
@@ -34,7 +34,7 @@ impl<const C: usize> Integer<C> {
     /// Forgets everything.
     pub(super) fn clear(&mut self) {
         self.sizes.iter_mut().for_each(ArithmeticModel::clear);
-        self.bit = Bit::new();
+        self.bit = BitModel::new();
         self.parts.iter_mut().for_each(ArithmeticModel::clear);
     }
 
@@ -42,7 +42,7 @@ impl<const C: usize> Integer<C> {
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         circumstance: usize,
     ) -> (i32, u32) {
         let size = self.size(coder, circumstance);
@@ -54,7 +54,7 @@ impl<const C: usize> Integer<C> {
     #[inline(always)]
     pub(super) fn size<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         circumstance: usize,
     ) -> u32 {
         coder.symbol(self.sizes[circumstance.min(C - 1)].ready(self.symbols)) as u32
@@ -62,7 +62,11 @@ impl<const C: usize> Integer<C> {
 
     /// The upper bits of a difference of `size` bits.
     #[inline(always)]
-    pub(super) fn upper<M: InstructionSet>(&mut self, coder: &mut Coder<M>, size: u32) -> u32 {
+    pub(super) fn upper<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        size: u32,
+    ) -> u32 {
         match size {
             0 => u32::from(coder.bit(&mut self.bit)),
             1..32 => {
@@ -77,7 +81,7 @@ impl<const C: usize> Integer<C> {
 /// A difference of `size` bits with these upper bits: one from -(2^size - 1) to 2^size that does not
 /// fit a lesser size.
 #[inline(always)]
-pub(super) fn lower<M: InstructionSet>(coder: &mut Coder<M>, size: u32, upper: u32) -> i32 {
+pub(super) fn lower<M: InstructionSet>(coder: &mut RangeDecoder<M>, size: u32, upper: u32) -> i32 {
     let place = match size {
         0 => return upper as i32,
         1..=MODELLED => upper,

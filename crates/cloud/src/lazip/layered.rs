@@ -1,21 +1,21 @@
 //! Chunks of point formats 6 to 10: each group of fields is a layer, a stream of its own.
 
 use super::body::LayeredChunk;
-use super::chunk::{CompressedChunk, Damage};
+use super::chunk::{ChunkDamage, CompressedChunk};
 use super::fields::{DecodedFields, FieldSelection};
 use super::heights::HeightContext;
 use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
 use super::marks::{ClassMark, Flag, MarkContext};
 use super::places::PositionContext;
 use super::point::LazPoint;
-use super::rest::{self, Rest};
+use super::rest::{self, RestLayers};
 use super::schema::LayeredSchema;
 use super::streams::Streams;
-use super::trace::Trace;
+use super::trace::PointChanges;
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]
-pub(super) struct Layered {
+pub(super) struct LayeredState {
     columns: Option<Box<LayeredContext>>,
     /// Nothing until whole records are wanted.
     rest: Option<rest::RestContext>,
@@ -28,7 +28,7 @@ struct LayeredContext {
     classes: MarkContext<ClassMark, 16>,
     flags: MarkContext<Flag, 4>,
     /// Of the points of a batch.
-    traces: Vec<Trace>,
+    traces: Vec<PointChanges>,
 }
 
 impl LayeredContext {
@@ -58,27 +58,27 @@ pub(super) struct LayeredChunkDecoder<'d, 'a> {
     /// The first point and its record, until they are handed on.
     first: Option<(LazPoint, &'a [u8])>,
     /// Nothing where whole records are not wanted.
-    rest: Option<Box<Rest<'d, 'a>>>,
+    rest: Option<Box<RestLayers<'d, 'a>>>,
 }
 
 impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
     /// Begins with the record of the first point.
     pub(super) fn new(
-        layered: &'d mut Layered,
+        layered: &'d mut LayeredState,
         layers: &LayeredSchema,
         chunk: CompressedChunk<'a>,
         wanted: FieldSelection,
-    ) -> Result<Self, Damage> {
+    ) -> Result<Self, ChunkDamage> {
         let body = LayeredChunk::new(chunk, layers)?;
         let streams = body.streams(wanted)?;
         let record = body.record;
-        let (first, channel) = LazPoint::new(record.first_chunk().ok_or(Damage::Short)?);
+        let (first, channel) = LazPoint::new(record.first_chunk().ok_or(ChunkDamage::Short)?);
         let columns = layered.columns.get_or_insert_with(LayeredContext::boxed);
         columns.begin(channel, &first);
         let rest = match wanted.records {
             true => {
                 let room = layered.rest.get_or_insert_with(rest::RestContext::new);
-                Some(Box::new(Rest::new(room, body, layers, channel)?))
+                Some(Box::new(RestLayers::new(room, body, layers, channel)?))
             }
             false => None,
         };
@@ -86,7 +86,11 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
     }
 
     /// Decodes the next `count` points.
-    pub(super) fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), Damage> {
+    pub(super) fn read(
+        &mut self,
+        count: usize,
+        fields: &mut DecodedFields,
+    ) -> Result<(), ChunkDamage> {
         let left = self.begin(count, fields);
         run(LayeredBatch { run: self, left, fields });
         self.streams.check(|coder| coder.is_sound())?;
@@ -95,9 +99,9 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
     }
 
     /// Fails unless all streams end here.
-    pub(super) fn end(&self) -> Result<(), Damage> {
+    pub(super) fn end(&self) -> Result<(), ChunkDamage> {
         self.streams.check(|coder| coder.is_all())?;
-        self.rest.as_deref().map_or(Ok(()), Rest::end)
+        self.rest.as_deref().map_or(Ok(()), RestLayers::end)
     }
 
     /// Hands on the first point; returns how many of `count` are left.
@@ -127,7 +131,7 @@ impl SimdTask for LayeredBatch<'_, '_, '_> {
         let Self { run: LayeredChunkDecoder { columns, streams, .. }, left, fields } = self;
         let LayeredContext { places, heights, classes, flags, traces } = &mut **columns;
         traces.clear();
-        traces.resize(left, Trace::default());
+        traces.resize(left, PointChanges::default());
         let from = fields.grow(left);
         let mut coders = streams.on::<M>();
         let points = fields.places[from..].iter_mut().zip(&mut fields.returns[from..]);

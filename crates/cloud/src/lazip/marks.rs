@@ -3,11 +3,11 @@
 use std::marker::PhantomData;
 
 use super::channels::{ChannelContext, ChannelContexts};
-use super::coder::Coder;
+use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::places::DecodedPosition;
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 
 /// A kind of mark.
 pub(super) trait MarkKind {
@@ -15,7 +15,7 @@ pub(super) trait MarkKind {
     const SYMBOLS: usize;
 
     /// The circumstance that the next mark comes in, below 64.
-    fn after(last: u8, returns: Returns) -> usize;
+    fn after(last: u8, returns: ReturnNumbers) -> usize;
 }
 
 /// Classes.
@@ -25,7 +25,7 @@ impl MarkKind for ClassMark {
     const SYMBOLS: usize = 256;
 
     #[inline(always)]
-    fn after(last: u8, returns: Returns) -> usize {
+    fn after(last: u8, returns: ReturnNumbers) -> usize {
         let is_only = returns.is_first() && returns.is_last();
         usize::from(last & 31) << 1 | usize::from(is_only)
     }
@@ -38,7 +38,7 @@ impl MarkKind for Flag {
     const SYMBOLS: usize = 64;
 
     #[inline(always)]
-    fn after(last: u8, _: Returns) -> usize {
+    fn after(last: u8, _: ReturnNumbers) -> usize {
         usize::from(last & 63)
     }
 }
@@ -65,7 +65,7 @@ impl<K: MarkKind, const B: usize> MarkContext<K, B> {
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
-        coder: &mut Option<Coder<M>>,
+        coder: &mut Option<RangeDecoder<M>>,
         at: &DecodedPosition,
     ) -> u8 {
         if let Some(coder) = coder {

@@ -6,7 +6,7 @@ use super::machine::InstructionSet;
 /// the largest or the smallest, by turns.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
-pub(super) struct Median {
+pub(super) struct FiveValueMedian {
     values: [i32; 8],
     drops_largest: bool,
 }
@@ -17,7 +17,7 @@ const NEIGHBOURS: [[[u32; 8]; 2]; 2] = [
     [[0, 0, 1, 2, 3, 4, 6, 6], [0, 1, 2, 3, 4, 6, 6, 6]],
 ];
 
-impl Median {
+impl FiveValueMedian {
     /// Five zeros.
     pub(super) const fn new() -> Self {
         Self { values: [i32::MIN, 0, 0, 0, 0, 0, i32::MAX, i32::MAX], drops_largest: true }
@@ -47,7 +47,7 @@ mod tests {
         type Result = Vec<i32>;
 
         fn work<M: InstructionSet>(self, _: M) -> Vec<i32> {
-            let mut median = Median::new();
+            let mut median = FiveValueMedian::new();
             let mut put = |value: i32| {
                 median.go::<M>(value.wrapping_sub(median.values[3]));
                 median.values[3]

@@ -53,23 +53,23 @@ mod tails;
 mod time;
 mod trace;
 
-use layered::Layered;
+use layered::LayeredState;
 use pointwise::Pointwise;
 use schema::ChunkLayout;
 
-pub use chunk::{CompressedChunk, Damage, LazLayer};
+pub use chunk::{ChunkDamage, CompressedChunk, LazLayer};
 pub use fields::{DecodedFields, FieldSelection};
 pub use schema::{LaszipItem, LaszipSchema};
 
 /// Decodes chunks; one per thread, used again and again. It keeps some 1 MiB, once whole records were
 /// wanted some 2 MiB, and for each extra byte a KiB in each scanner channel that there was.
 #[derive(Default)]
-pub struct Decoder {
-    layered: Layered,
+pub struct LazDecoder {
+    layered: LayeredState,
     pointwise: Pointwise,
 }
 
-impl Decoder {
+impl LazDecoder {
     /// A decoder that has seen nothing.
     pub fn new() -> Self {
         Self::default()
@@ -85,7 +85,7 @@ impl Decoder {
         chunk: CompressedChunk,
         wanted: FieldSelection,
         fields: &mut DecodedFields,
-    ) -> Result<(), Damage> {
+    ) -> Result<(), ChunkDamage> {
         match chunk.count {
             0 => Ok(()),
             count => self.stream(schema, chunk, wanted)?.read(count, fields),
@@ -101,7 +101,7 @@ impl Decoder {
         schema: &LaszipSchema,
         chunk: CompressedChunk<'a>,
         wanted: FieldSelection,
-    ) -> Result<ChunkStream<'d, 'a>, Damage> {
+    ) -> Result<ChunkStream<'d, 'a>, ChunkDamage> {
         Ok(ChunkStream(match &schema.layout {
             ChunkLayout::Layered(layers) => ChunkStreamKind::Layered(
                 layered::LayeredChunkDecoder::new(&mut self.layered, layers, chunk, wanted)?,
@@ -128,9 +128,9 @@ impl Decoder {
         schema: &LaszipSchema,
         bytes: &[u8],
         wanted: FieldSelection,
-    ) -> Result<(UnchunkedStream<'_>, usize), Damage> {
+    ) -> Result<(UnchunkedStream<'_>, usize), ChunkDamage> {
         let ChunkLayout::Pointwise(records) = &schema.layout else {
-            return Err(Damage::Layer(LazLayer::Records));
+            return Err(ChunkDamage::Layer(LazLayer::Records));
         };
         let run = pointwise::PointwiseStream::new(&mut self.pointwise, records, bytes, wanted)?;
         Ok((UnchunkedStream(&mut self.pointwise, run.with(&[])), run.left()))
@@ -150,7 +150,7 @@ impl ChunkStream<'_, '_> {
     ///
     /// # Errors
     /// Damage so far; none of the `count` points are appended then.
-    pub fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), Damage> {
+    pub fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), ChunkDamage> {
         let before = fields.mark();
         fields.reserve(count);
         let done = match &mut self.0 {
@@ -166,7 +166,7 @@ impl ChunkStream<'_, '_> {
     /// # Errors
     /// A stream that does not end here as encoders end them, or a layer that goes on: some of what
     /// was read from it was damaged, and nothing tells from which point on.
-    pub fn end(&self) -> Result<usize, Damage> {
+    pub fn end(&self) -> Result<usize, ChunkDamage> {
         match &self.0 {
             ChunkStreamKind::Layered(run) => run.end().map(|()| 0),
             ChunkStreamKind::Pointwise(_, run) => run.end(),
@@ -188,7 +188,7 @@ impl UnchunkedStream<'_> {
         bytes: &[u8],
         count: usize,
         fields: &mut DecodedFields,
-    ) -> Result<usize, Damage> {
+    ) -> Result<usize, ChunkDamage> {
         let mut run = self.1.with(bytes);
         run.read(self.0, count, fields)?;
         let left = run.left();
@@ -200,7 +200,7 @@ impl UnchunkedStream<'_> {
     ///
     /// # Errors
     /// As for [`ChunkStream::end`].
-    pub fn end(&self, bytes: &[u8]) -> Result<usize, Damage> {
+    pub fn end(&self, bytes: &[u8]) -> Result<usize, ChunkDamage> {
         self.1.with(bytes).end()
     }
 }

@@ -157,7 +157,7 @@ impl<const B: usize> ArithmeticModel<B> {
 
 /// A model of one bit.
 #[derive(Clone, Copy)]
-pub(super) struct Bit {
+pub(super) struct BitModel {
     /// How likely zero is, of 2^13.
     pub(super) zero: u32,
     zeros: u32,
@@ -166,7 +166,7 @@ pub(super) struct Bit {
     left: u32,
 }
 
-impl Bit {
+impl BitModel {
     /// A model that holds both bits alike.
     pub(super) const fn new() -> Self {
         Self { zero: MOST_BITS / 2, zeros: 1, total: 2, cycle: 4, left: 4 }

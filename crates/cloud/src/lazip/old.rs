@@ -1,12 +1,12 @@
 //! The part that all records of point formats 0 to 5 share, in its two versions.
 
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
-use super::median::Median;
+use super::median::FiveValueMedian;
 use super::model::ArithmeticModel;
 use super::point::LazPoint;
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 
 /// Bytes of that part.
 pub(super) const OLD_RECORD: usize = 20;
@@ -59,8 +59,8 @@ impl Point10Fields {
         record
     }
 
-    fn returns(self) -> Returns {
-        Returns::new(self.bits & 7, self.bits >> 3 & 7)
+    fn returns(self) -> ReturnNumbers {
+        ReturnNumbers::new(self.bits & 7, self.bits >> 3 & 7)
     }
 
     fn point(self) -> LazPoint {
@@ -78,7 +78,7 @@ pub(super) struct Point10Context {
     version: u16,
     last: Point10Fields,
     /// Recent steps along x and y, by group of returns.
-    steps: [[Median; 2]; 16],
+    steps: [[FiveValueMedian; 2]; 16],
     /// The last three steps along x and y, and which of them is the oldest (first version).
     recent: [[i32; 2]; 3],
     oldest: usize,
@@ -91,12 +91,12 @@ pub(super) struct Point10Context {
     classes: Vec<ArithmeticModel<16>>,
     users: Vec<ArithmeticModel<16>>,
     angles: [ArithmeticModel<16>; 2],
-    angle: Integer<2>,
-    intensity: Integer<4>,
-    source: Integer<1>,
-    x: Integer<2>,
-    y: Integer<22>,
-    z: Integer<20>,
+    angle: IntegerDecoder<2>,
+    intensity: IntegerDecoder<4>,
+    source: IntegerDecoder<1>,
+    x: IntegerDecoder<2>,
+    y: IntegerDecoder<22>,
+    z: IntegerDecoder<20>,
 }
 
 impl Point10Context {
@@ -106,7 +106,7 @@ impl Point10Context {
         Box::new(Self {
             version: 2,
             last: Point10Fields::new(&[0; OLD_RECORD]),
-            steps: [[const { Median::new() }; 2]; 16],
+            steps: [[const { FiveValueMedian::new() }; 2]; 16],
             recent: [[0; 2]; 3],
             oldest: 0,
             heights: [0; 8],
@@ -116,12 +116,12 @@ impl Point10Context {
             classes: vec![ArithmeticModel::new(); 256],
             users: vec![ArithmeticModel::new(); 256],
             angles: [const { ArithmeticModel::new() }; 2],
-            angle: Integer::new(8),
-            intensity: Integer::new(16),
-            source: Integer::new(16),
-            x: Integer::new(32),
-            y: Integer::new(32),
-            z: Integer::new(32),
+            angle: IntegerDecoder::new(8),
+            intensity: IntegerDecoder::new(16),
+            source: IntegerDecoder::new(16),
+            x: IntegerDecoder::new(32),
+            y: IntegerDecoder::new(32),
+            z: IntegerDecoder::new(32),
         })
     }
 
@@ -129,7 +129,7 @@ impl Point10Context {
     pub(super) fn begin(&mut self, version: u16, first: Point10Fields) -> LazPoint {
         self.version = version;
         self.last = first;
-        self.steps = [[Median::new(); 2]; 16];
+        self.steps = [[FiveValueMedian::new(); 2]; 16];
         self.recent = [[0; 2]; 3];
         self.oldest = 0;
         self.heights = [0; 8];
@@ -156,7 +156,7 @@ impl Point10Context {
 
     /// Takes in the next point.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> LazPoint {
+    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> LazPoint {
         match self.version {
             1 => self.next_1(coder),
             _ => self.next_2(coder),
@@ -165,7 +165,7 @@ impl Point10Context {
     }
 
     #[inline(always)]
-    fn next_2<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_2<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let changes = coder.symbol(self.changes.ready(64));
         if changes & BITS != 0 {
             self.next_bits(coder);
@@ -207,7 +207,7 @@ impl Point10Context {
     }
 
     #[inline(always)]
-    fn next_1<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_1<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let (x, x_size) = self.x.next(coder, 0);
         let (y, y_size) = self.y.next(coder, x_size.min(19) as usize);
         let size = (x_size + y_size) / 2;
@@ -255,24 +255,24 @@ impl Point10Context {
     }
 
     #[inline(always)]
-    fn next_bits<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_bits<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let bits = &mut self.last.bits;
         *bits = coder.symbol(self.bits[usize::from(*bits)].ready(256)) as u8;
     }
 
     #[inline(always)]
-    fn next_class<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_class<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let class = &mut self.last.class;
         *class = coder.symbol(self.classes[usize::from(*class)].ready(256)) as u8;
     }
 
     #[inline(always)]
-    fn next_user<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_user<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let user = &mut self.last.user;
         *user = coder.symbol(self.users[usize::from(*user)].ready(256)) as u8;
     }
     #[inline(always)]
-    fn next_source<M: InstructionSet>(&mut self, coder: &mut Coder<M>) {
+    fn next_source<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) {
         let source = &mut self.last.source;
         *source = source.wrapping_add(self.source.next(coder, 0).0 as u16);
     }

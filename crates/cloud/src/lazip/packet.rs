@@ -1,7 +1,7 @@
 //! Where the waveform of a point is. The bytes of the last record are what is remembered.
 
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::time::whole;
@@ -10,30 +10,30 @@ use super::time::whole;
 pub(super) const PACKET: usize = 29;
 
 /// A wave packet: descriptor, offset, bytes, place of the return, direction.
-pub(super) struct Packet {
+pub(super) struct WavePacketDecoder {
     descriptor: ArithmeticModel<16>,
     /// How the offset goes on, by how it went on before.
     offset: [ArithmeticModel<1>; 4],
     last: usize,
     /// By how much the offset went on when that was last told.
     step: i32,
-    difference: Integer<1>,
-    size: Integer<1>,
-    location: Integer<1>,
-    direction: Integer<3>,
+    difference: IntegerDecoder<1>,
+    size: IntegerDecoder<1>,
+    location: IntegerDecoder<1>,
+    direction: IntegerDecoder<3>,
 }
 
-impl Packet {
+impl WavePacketDecoder {
     pub(super) fn new() -> Self {
         Self {
             descriptor: ArithmeticModel::new(),
             offset: [const { ArithmeticModel::new() }; 4],
             last: 0,
             step: 0,
-            difference: Integer::new(32),
-            size: Integer::new(32),
-            location: Integer::new(32),
-            direction: Integer::new(32),
+            difference: IntegerDecoder::new(32),
+            size: IntegerDecoder::new(32),
+            location: IntegerDecoder::new(32),
+            direction: IntegerDecoder::new(32),
         }
     }
 
@@ -52,7 +52,7 @@ impl Packet {
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         packet: &mut [u8; PACKET],
     ) {
         let (head, numbers) = packet.split_at_mut(9);
@@ -74,7 +74,7 @@ impl Packet {
     #[inline(always)]
     fn next_offset<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         offset: u64,
         size: u32,
     ) -> u64 {

@@ -1,14 +1,14 @@
 //! The column of places: x, y and return numbers, and what changes from point to point.
 
 use super::channels::{ChannelContext, ChannelContexts};
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
-use super::median::Median;
+use super::median::FiveValueMedian;
 use super::model::ArithmeticModel;
 use super::point::LazPoint;
-use super::returns::Returns;
-use super::trace::{CHANNEL, TIME, Trace};
+use super::returns::ReturnNumbers;
+use super::trace::{CHANNEL, PointChanges, TIME};
 
 /// Bits of the symbol that says what differs from the point before.
 const OF: usize = 1 << 2;
@@ -17,8 +17,8 @@ const NUMBER: usize = 3;
 /// Where a point is, and what else is told with it.
 pub(super) struct DecodedPosition {
     pub(super) place: [i32; 2],
-    pub(super) returns: Returns,
-    pub(super) trace: Trace,
+    pub(super) returns: ReturnNumbers,
+    pub(super) trace: PointChanges,
 }
 
 /// What is learnt of places.
@@ -37,13 +37,16 @@ impl PositionContext {
         self.current = channel;
         self.channels.begin(
             channel,
-            Last { place: [first.place[0], first.place[1]], returns: first.returns },
+            LastPoint { place: [first.place[0], first.place[1]], returns: first.returns },
         );
     }
 
     /// The next point.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> DecodedPosition {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+    ) -> DecodedPosition {
         let mut channel = self.channels.get(self.current);
         let changes = channel.changes(coder);
         if changes & CHANNEL != 0 {
@@ -52,56 +55,56 @@ impl PositionContext {
             channel = self.channels.switch(self.current, last);
         }
         let spread = channel.next(coder, changes);
-        let Last { place, returns } = channel.last;
-        DecodedPosition { place, returns, trace: Trace::new(changes, self.current, spread) }
+        let LastPoint { place, returns } = channel.last;
+        DecodedPosition { place, returns, trace: PointChanges::new(changes, self.current, spread) }
     }
 }
 
 /// The last point of a channel.
 #[derive(Clone, Copy, Default)]
-struct Last {
+struct LastPoint {
     place: [i32; 2],
-    returns: Returns,
+    returns: ReturnNumbers,
 }
 
 /// What is learnt of a channel.
 struct PositionChannel {
-    last: Last,
+    last: LastPoint,
     /// Whether its time differs from that of the point before it.
     is_later: bool,
     /// Recent steps along x and y, by group of returns and change of time.
-    steps: [[Median; 2]; 16],
+    steps: [[FiveValueMedian; 2]; 16],
     changes: [ArithmeticModel<8>; 8],
     channel: ArithmeticModel<1>,
     of: [ArithmeticModel<1>; 16],
     number: [ArithmeticModel<1>; 16],
     number_same_time: ArithmeticModel<1>,
-    x: Integer<2>,
-    y: Integer<22>,
+    x: IntegerDecoder<2>,
+    y: IntegerDecoder<22>,
 }
 
 impl ChannelContext for PositionChannel {
-    type Last = Last;
+    type Last = LastPoint;
 
     fn new() -> Self {
         Self {
-            last: Last::default(),
+            last: LastPoint::default(),
             is_later: false,
-            steps: [[const { Median::new() }; 2]; 16],
+            steps: [[const { FiveValueMedian::new() }; 2]; 16],
             changes: [const { ArithmeticModel::new() }; 8],
             channel: ArithmeticModel::new(),
             of: [const { ArithmeticModel::new() }; 16],
             number: [const { ArithmeticModel::new() }; 16],
             number_same_time: ArithmeticModel::new(),
-            x: Integer::new(32),
-            y: Integer::new(32),
+            x: IntegerDecoder::new(32),
+            y: IntegerDecoder::new(32),
         }
     }
 
-    fn begin(&mut self, last: Last) {
+    fn begin(&mut self, last: LastPoint) {
         self.last = last;
         self.is_later = false;
-        self.steps = [[Median::new(); 2]; 16];
+        self.steps = [[FiveValueMedian::new(); 2]; 16];
         self.changes.iter_mut().for_each(ArithmeticModel::clear);
         self.channel.clear();
         self.of.iter_mut().for_each(ArithmeticModel::clear);
@@ -115,7 +118,7 @@ impl ChannelContext for PositionChannel {
 impl PositionChannel {
     /// Symbol that says what differs from the last point.
     #[inline(always)]
-    fn changes<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> usize {
+    fn changes<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> usize {
         let returns = self.last.returns;
         let kind = usize::from(returns.is_first())
             | usize::from(returns.is_last()) << 1
@@ -125,13 +128,13 @@ impl PositionChannel {
 
     /// How many channels on the next point is, less one.
     #[inline(always)]
-    fn step<M: InstructionSet>(&mut self, coder: &mut Coder<M>) -> usize {
+    fn step<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> usize {
         coder.symbol(self.channel.ready(3))
     }
 
     /// Goes on to the next point; returns the circumstance that its height comes in.
     #[inline(always)]
-    fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, changes: usize) -> usize {
+    fn next<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>, changes: usize) -> usize {
         let returns = self.returns(coder, changes);
         self.last.returns = returns;
         self.is_later = changes & TIME != 0;
@@ -151,7 +154,11 @@ impl PositionChannel {
 
     /// Return numbers of the next point.
     #[inline(always)]
-    fn returns<M: InstructionSet>(&mut self, coder: &mut Coder<M>, changes: usize) -> Returns {
+    fn returns<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        changes: usize,
+    ) -> ReturnNumbers {
         let last = self.last.returns;
         let of = match changes & OF {
             0 => last.of(),
@@ -162,12 +169,16 @@ impl PositionChannel {
             // The same, one more, one less.
             change => last.number() + [0, 1, 15][change],
         };
-        Returns::new(number, of)
+        ReturnNumbers::new(number, of)
     }
 
     /// A return number that is neither the last nor next to it.
     #[inline(always)]
-    fn other_number<M: InstructionSet>(&mut self, coder: &mut Coder<M>, is_later: bool) -> u8 {
+    fn other_number<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        is_later: bool,
+    ) -> u8 {
         let last = self.last.returns.number();
         match is_later {
             true => coder.symbol(self.number[usize::from(last)].ready(16)) as u8,

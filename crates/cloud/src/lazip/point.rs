@@ -1,6 +1,6 @@
 //! A point, as far as columns hold it.
 
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 
 /// Bytes of the part of a record that formats 6 to 10 share.
 pub(super) const RECORD: usize = 30;
@@ -9,7 +9,7 @@ pub(super) const RECORD: usize = 30;
 #[derive(Clone, Copy)]
 pub(super) struct LazPoint {
     pub(super) place: [i32; 3],
-    pub(super) returns: Returns,
+    pub(super) returns: ReturnNumbers,
     pub(super) class: u8,
     /// Synthetic, key point, withheld, overlap; then scan direction and edge of flight line.
     pub(super) flags: u8,
@@ -22,7 +22,7 @@ impl LazPoint {
         let flags = record[15];
         let point = Self {
             place: [axis(0), axis(4), axis(8)],
-            returns: Returns(record[14]),
+            returns: ReturnNumbers(record[14]),
             class: record[16],
             flags: flags & 15 | flags >> 2 & 0x30,
         };

@@ -1,7 +1,7 @@
 //! Chunks of point formats 0 to 5: one stream, record after record.
 
-use super::chunk::{Damage, LazLayer};
-use super::coder::Coder;
+use super::chunk::{ChunkDamage, LazLayer};
+use super::coder::RangeDecoder;
 use super::fields::{DecodedFields, FieldSelection};
 use super::follow::ItemContext;
 use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
@@ -39,7 +39,7 @@ impl Pointwise {
 pub(super) struct PointwiseStream<'a> {
     first: Option<LazPoint>,
     wants_records: bool,
-    coder: Option<Coder<'a, PortableInstructions>>,
+    coder: Option<RangeDecoder<'a, PortableInstructions>>,
     bytes: &'a [u8],
 }
 
@@ -50,10 +50,10 @@ impl<'a> PointwiseStream<'a> {
         records: &schema::PointwiseSchema,
         bytes: &'a [u8],
         wanted: FieldSelection,
-    ) -> Result<Self, Damage> {
+    ) -> Result<Self, ChunkDamage> {
         let size = OLD_RECORD + records.bytes;
-        let (record, bytes) = bytes.split_at_checked(size).ok_or(Damage::Short)?;
-        let first = Point10Fields::new(record.first_chunk().ok_or(Damage::Short)?);
+        let (record, bytes) = bytes.split_at_checked(size).ok_or(ChunkDamage::Short)?;
+        let first = Point10Fields::new(record.first_chunk().ok_or(ChunkDamage::Short)?);
         pointwise.begin(&records.follow, record);
         let old = pointwise.old.get_or_insert_with(Point10Context::boxed);
         let first = Some(old.begin(records.version, first));
@@ -61,11 +61,11 @@ impl<'a> PointwiseStream<'a> {
     }
 
     /// Bytes behind the end of the stream, which must be here.
-    pub(super) fn end(&self) -> Result<usize, Damage> {
+    pub(super) fn end(&self) -> Result<usize, ChunkDamage> {
         // A single point leaves the stream unopened.
-        match self.coder.or_else(|| Coder::new(self.bytes)) {
+        match self.coder.or_else(|| RangeDecoder::new(self.bytes)) {
             Some(coder) if coder.is_at_end() => Ok(coder.left()),
-            _ => Err(Damage::Layer(LazLayer::Records)),
+            _ => Err(ChunkDamage::Layer(LazLayer::Records)),
         }
     }
 
@@ -86,13 +86,13 @@ impl<'a> PointwiseStream<'a> {
         pointwise: &mut Pointwise,
         count: usize,
         fields: &mut DecodedFields,
-    ) -> Result<(), Damage> {
+    ) -> Result<(), ChunkDamage> {
         let count = count - usize::from(self.begin(pointwise, count, fields));
         if count == 0 {
             return Ok(());
         }
-        let damage = Damage::Layer(LazLayer::Records);
-        let coder = self.coder.or_else(|| Coder::new(self.bytes)).ok_or(damage)?;
+        let damage = ChunkDamage::Layer(LazLayer::Records);
+        let coder = self.coder.or_else(|| RangeDecoder::new(self.bytes)).ok_or(damage)?;
         let Pointwise { old: Some(old), follow, record, .. } = pointwise else {
             return Err(damage);
         };
@@ -125,7 +125,7 @@ struct PointwiseBatch<'a, 'b> {
     follow: &'a mut [ItemContext],
     /// The last record.
     record: &'a mut [u8],
-    coder: Coder<'b, PortableInstructions>,
+    coder: RangeDecoder<'b, PortableInstructions>,
     count: usize,
     fields: &'a mut DecodedFields,
 }
@@ -134,7 +134,7 @@ impl<'b> PointwiseBatch<'_, 'b> {
     #[inline(always)]
     fn decode<M: InstructionSet, const WANTS_RECORDS: bool>(
         self,
-    ) -> Coder<'b, PortableInstructions> {
+    ) -> RangeDecoder<'b, PortableInstructions> {
         let mut coder = self.coder.on::<M>();
         for _ in 0..self.count {
             let point = self.old.next(&mut coder);
@@ -153,7 +153,7 @@ impl<'b> PointwiseBatch<'_, 'b> {
 }
 
 impl<'b> SimdTask for PointwiseBatch<'_, 'b> {
-    type Result = Coder<'b, PortableInstructions>;
+    type Result = RangeDecoder<'b, PortableInstructions>;
 
     #[inline(always)]
     fn work<M: InstructionSet>(self, _: M) -> Self::Result {
@@ -165,7 +165,7 @@ impl<'b> SimdTask for PointwiseBatch<'_, 'b> {
 struct PointwiseRecordBatch<'a, 'b>(PointwiseBatch<'a, 'b>);
 
 impl<'b> SimdTask for PointwiseRecordBatch<'_, 'b> {
-    type Result = Coder<'b, PortableInstructions>;
+    type Result = RangeDecoder<'b, PortableInstructions>;
 
     #[inline(always)]
     fn work<M: InstructionSet>(self, _: M) -> Self::Result {

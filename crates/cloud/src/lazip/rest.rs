@@ -1,47 +1,47 @@
 //! The layers of a chunk that only whole records need. They are decoded some thousand points at a time,
 //! once it is known of those points where they are and what changes with them.
 
-use super::attributes::Heads;
+use super::attributes::ChannelHeads;
 use super::body::LayeredChunk;
-use super::chunk::Damage;
+use super::chunk::ChunkDamage;
 use super::fields::DecodedFields;
 use super::machine::{InstructionSet, PortableInstructions, SimdTask, run};
 use super::point::RECORD;
-use super::returns::Returns;
+use super::returns::ReturnNumbers;
 use super::schema::LayeredSchema;
 use super::streams::RestStreams;
-use super::tails::Tails;
-use super::trace::Trace;
+use super::tails::ChunkTails;
+use super::trace::PointChanges;
 
 /// What is kept from chunk to chunk, to be used again.
 pub(super) struct RestContext {
-    heads: Heads,
-    tails: Tails,
+    heads: ChannelHeads,
+    tails: ChunkTails,
 }
 
 impl RestContext {
     pub(super) fn new() -> Self {
-        Self { heads: Heads::new(), tails: Tails::default() }
+        Self { heads: ChannelHeads::new(), tails: ChunkTails::default() }
     }
 }
 
 /// The layers on their way, between batches of points.
-pub(super) struct Rest<'d, 'a> {
+pub(super) struct RestLayers<'d, 'a> {
     room: &'d mut RestContext,
     streams: RestStreams<'a, PortableInstructions>,
     /// Bytes of a record.
     size: usize,
 }
 
-impl<'d, 'a> Rest<'d, 'a> {
+impl<'d, 'a> RestLayers<'d, 'a> {
     /// Begins a chunk whose first point is in `channel`.
     pub(super) fn new(
         room: &'d mut RestContext,
         body: LayeredChunk<'a>,
         layers: &LayeredSchema,
         channel: usize,
-    ) -> Result<Self, Damage> {
-        let (head, tail) = body.record.split_first_chunk().ok_or(Damage::Short)?;
+    ) -> Result<Self, ChunkDamage> {
+        let (head, tail) = body.record.split_first_chunk().ok_or(ChunkDamage::Short)?;
         room.heads.begin(channel, head);
         room.tails.begin(layers, channel, tail);
         Ok(Self { room, size: body.record.len(), streams: body.rest(layers)? })
@@ -50,34 +50,34 @@ impl<'d, 'a> Rest<'d, 'a> {
     /// Appends the records of the last points of `fields`, of which the traces are.
     pub(super) fn read(
         &mut self,
-        traces: &[Trace],
+        traces: &[PointChanges],
         fields: &mut DecodedFields,
-    ) -> Result<(), Damage> {
+    ) -> Result<(), ChunkDamage> {
         fields.records.reserve(traces.len() * self.size);
         run(RestBatch(self, traces, fields));
         self.streams.check(|coder| coder.is_sound())
     }
 
     /// Fails unless all streams end here.
-    pub(super) fn end(&self) -> Result<(), Damage> {
+    pub(super) fn end(&self) -> Result<(), ChunkDamage> {
         self.streams.check(|coder| coder.is_all())
     }
 }
 
 /// Points to be completed.
-struct RestBatch<'r, 'd, 'a>(&'r mut Rest<'d, 'a>, &'r [Trace], &'r mut DecodedFields);
+struct RestBatch<'r, 'd, 'a>(&'r mut RestLayers<'d, 'a>, &'r [PointChanges], &'r mut DecodedFields);
 
 impl SimdTask for RestBatch<'_, '_, '_> {
     type Result = ();
 
     #[inline(always)]
     fn work<M: InstructionSet>(self, _: M) {
-        let Self(Rest { room, streams, .. }, traces, fields) = self;
+        let Self(RestLayers { room, streams, .. }, traces, fields) = self;
         let mut coders = streams.on::<M>();
         let first = fields.len() - traces.len();
         for (index, &trace) in (first..).zip(traces) {
             let mut head = head(fields, index, trace);
-            room.heads.next(&mut coders, trace, Returns(fields.returns[index]), &mut head);
+            room.heads.next(&mut coders, trace, ReturnNumbers(fields.returns[index]), &mut head);
             fields.records.extend_from_slice(&head);
             fields.records.extend_from_slice(room.tails.next(&mut coders, trace));
         }
@@ -87,7 +87,7 @@ impl SimdTask for RestBatch<'_, '_, '_> {
 
 /// The shared part of a record, as far as it is known.
 #[inline(always)]
-fn head(fields: &DecodedFields, index: usize, trace: Trace) -> [u8; RECORD] {
+fn head(fields: &DecodedFields, index: usize, trace: PointChanges) -> [u8; RECORD] {
     let mut head = [0; RECORD];
     head[..12].copy_from_slice(fields.places[index].map(i32::to_le_bytes).as_flattened());
     head[14] = fields.returns[index];

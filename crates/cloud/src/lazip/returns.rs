@@ -2,7 +2,7 @@
 
 /// Return number in the low half, number of returns of its pulse in the high half.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Returns(pub(super) u8);
+pub(super) struct ReturnNumbers(pub(super) u8);
 
 /// Group of a point by number of returns (row) and return number (column), of six.
 const GROUPS: [&[u8; 16]; 16] = [
@@ -46,7 +46,7 @@ static GROUP: [u8; 256] = {
     table
 };
 
-impl Returns {
+impl ReturnNumbers {
     /// Return `number` of `of`, each below 16.
     #[inline(always)]
     pub(super) fn new(number: u8, of: u8) -> Self {

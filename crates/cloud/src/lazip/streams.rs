@@ -1,16 +1,16 @@
 //! The streams of a layered chunk, and what is wrong with them.
 
-use super::chunk::{Damage, LazLayer};
-use super::coder::Coder;
+use super::chunk::{ChunkDamage, LazLayer};
+use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
 
 /// The streams of what grids and meshes need. A stream that is absent leaves its field as it was.
 #[derive(Clone, Copy)]
 pub(super) struct Streams<'a, M> {
-    pub(super) places: Coder<'a, M>,
-    pub(super) heights: Option<Coder<'a, M>>,
-    pub(super) classes: Option<Coder<'a, M>>,
-    pub(super) flags: Option<Coder<'a, M>>,
+    pub(super) places: RangeDecoder<'a, M>,
+    pub(super) heights: Option<RangeDecoder<'a, M>>,
+    pub(super) classes: Option<RangeDecoder<'a, M>>,
+    pub(super) flags: Option<RangeDecoder<'a, M>>,
 }
 
 impl<'a, M: InstructionSet> Streams<'a, M> {
@@ -18,14 +18,14 @@ impl<'a, M: InstructionSet> Streams<'a, M> {
     pub(super) fn on<N: InstructionSet>(self) -> Streams<'a, N> {
         Streams {
             places: self.places.on(),
-            heights: self.heights.map(Coder::on),
-            classes: self.classes.map(Coder::on),
-            flags: self.flags.map(Coder::on),
+            heights: self.heights.map(RangeDecoder::on),
+            classes: self.classes.map(RangeDecoder::on),
+            flags: self.flags.map(RangeDecoder::on),
         }
     }
 
     /// Says which layer is not `right`, if any is not.
-    pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
+    pub(super) fn check(&self, right: fn(&RangeDecoder<'a, M>) -> bool) -> Result<(), ChunkDamage> {
         check(LazLayer::Places, &Some(self.places), right)?;
         check(LazLayer::Heights, &self.heights, right)?;
         check(LazLayer::Classes, &self.classes, right)?;
@@ -35,31 +35,33 @@ impl<'a, M: InstructionSet> Streams<'a, M> {
 
 /// The streams of what else there is in whole records.
 pub(super) struct RestStreams<'a, M> {
-    pub(super) intensities: Option<Coder<'a, M>>,
-    pub(super) angles: Option<Coder<'a, M>>,
-    pub(super) user_data: Option<Coder<'a, M>>,
-    pub(super) sources: Option<Coder<'a, M>>,
-    pub(super) times: Option<Coder<'a, M>>,
+    pub(super) intensities: Option<RangeDecoder<'a, M>>,
+    pub(super) angles: Option<RangeDecoder<'a, M>>,
+    pub(super) user_data: Option<RangeDecoder<'a, M>>,
+    pub(super) sources: Option<RangeDecoder<'a, M>>,
+    pub(super) times: Option<RangeDecoder<'a, M>>,
     /// Those of what follows the part that all formats share.
-    pub(super) tails: Vec<(LazLayer, Option<Coder<'a, M>>)>,
+    pub(super) tails: Vec<(LazLayer, Option<RangeDecoder<'a, M>>)>,
 }
 
 impl<'a, M: InstructionSet> RestStreams<'a, M> {
     /// The same, for another machine.
     pub(super) fn on<N: InstructionSet>(&self) -> RestStreams<'a, N> {
-        let on = |(layer, coder): &(LazLayer, Option<Coder<'a, M>>)| (*layer, coder.map(Coder::on));
+        let on = |(layer, coder): &(LazLayer, Option<RangeDecoder<'a, M>>)| {
+            (*layer, coder.map(RangeDecoder::on))
+        };
         RestStreams {
-            intensities: self.intensities.map(Coder::on),
-            angles: self.angles.map(Coder::on),
-            user_data: self.user_data.map(Coder::on),
-            sources: self.sources.map(Coder::on),
-            times: self.times.map(Coder::on),
+            intensities: self.intensities.map(RangeDecoder::on),
+            angles: self.angles.map(RangeDecoder::on),
+            user_data: self.user_data.map(RangeDecoder::on),
+            sources: self.sources.map(RangeDecoder::on),
+            times: self.times.map(RangeDecoder::on),
             tails: self.tails.iter().map(on).collect(),
         }
     }
 
     /// Says which layer is not `right`, if any is not.
-    pub(super) fn check(&self, right: fn(&Coder<'a, M>) -> bool) -> Result<(), Damage> {
+    pub(super) fn check(&self, right: fn(&RangeDecoder<'a, M>) -> bool) -> Result<(), ChunkDamage> {
         check(LazLayer::Intensities, &self.intensities, right)?;
         check(LazLayer::Angles, &self.angles, right)?;
         check(LazLayer::UserData, &self.user_data, right)?;
@@ -71,11 +73,11 @@ impl<'a, M: InstructionSet> RestStreams<'a, M> {
 
 fn check<'a, M>(
     layer: LazLayer,
-    coder: &Option<Coder<'a, M>>,
-    right: fn(&Coder<'a, M>) -> bool,
-) -> Result<(), Damage> {
+    coder: &Option<RangeDecoder<'a, M>>,
+    right: fn(&RangeDecoder<'a, M>) -> bool,
+) -> Result<(), ChunkDamage> {
     match coder {
-        Some(coder) if !right(coder) => Err(Damage::Layer(layer)),
+        Some(coder) if !right(coder) => Err(ChunkDamage::Layer(layer)),
         _ => Ok(()),
     }
 }

@@ -5,7 +5,7 @@ use super::follow::ItemContext;
 use super::machine::InstructionSet;
 use super::schema::LayeredSchema;
 use super::streams::RestStreams;
-use super::trace::Trace;
+use super::trace::PointChanges;
 
 /// The version that takes the first channel for that of every point but those where the channel changes,
 /// and then still goes on from the last values of the channel before, unless the channel is new.
@@ -13,7 +13,7 @@ const ODD_VERSION: u16 = 3;
 
 /// What is kept from chunk to chunk, to be used again.
 #[derive(Default)]
-pub(super) struct Tails {
+pub(super) struct ChunkTails {
     version: u16,
     /// What `models` decode.
     layers: Vec<LazLayer>,
@@ -25,7 +25,7 @@ pub(super) struct Tails {
     current: usize,
 }
 
-impl Tails {
+impl ChunkTails {
     /// Begins a chunk after a point of `channel` with these bytes.
     pub(super) fn begin(&mut self, layers: &LayeredSchema, channel: usize, bytes: &[u8]) {
         if self.layers != layers.layers {
@@ -53,7 +53,7 @@ impl Tails {
     pub(super) fn next<M: InstructionSet>(
         &mut self,
         streams: &mut RestStreams<M>,
-        trace: Trace,
+        trace: PointChanges,
     ) -> &[u8] {
         let last = self.turn(match self.version == ODD_VERSION && !trace.is_other_channel() {
             true => 0,

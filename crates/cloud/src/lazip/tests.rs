@@ -87,10 +87,10 @@ fn new_fields(records: &[u8], size: usize) -> DecodedFields {
 }
 
 fn decode(
-    decoder: &mut Decoder,
+    decoder: &mut LazDecoder,
     schema: &LaszipSchema,
     chunk: CompressedChunk,
-) -> Result<DecodedFields, Damage> {
+) -> Result<DecodedFields, ChunkDamage> {
     let mut fields = DecodedFields::default();
     decoder.chunk(schema, chunk, FieldSelection::ALL, &mut fields).map(|()| fields)
 }
@@ -104,7 +104,7 @@ fn items(format: u8, extra: u16) -> (Vec<LazItem>, usize) {
 
 #[test]
 fn layered_chunks_are_decoded_as_they_were() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for (format, extra) in [(6, 0), (7, 0), (8, 0), (6, 5), (8, 3), (9, 0), (10, 2)] {
         for style in STYLES {
             for count in [1, 2, 3, 40, 3000] {
@@ -132,7 +132,7 @@ fn old_items() -> Vec<Vec<LazItem>> {
 
 #[test]
 fn chunks_of_records_are_decoded_as_they_were() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for items in old_items() {
         let size = items.iter().map(|item| usize::from(item.size())).sum();
         for style in STYLES {
@@ -153,7 +153,7 @@ fn chunks_of_records_are_decoded_as_they_were() {
 
 #[test]
 fn a_stream_is_read_batch_by_batch() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for format in [3, 7] {
         let (items, size) = items(format, 1);
         let is_new = is_layered(&items);
@@ -180,7 +180,7 @@ fn a_long_chunk_wears_its_models_in() {
         let records = new_records(style, size, 90_000, 3);
         let bytes = compress(&items, &records);
         let chunk = CompressedChunk { bytes: &bytes, count: 90_000 };
-        let fields = decode(&mut Decoder::new(), &schema(&items), chunk);
+        let fields = decode(&mut LazDecoder::new(), &schema(&items), chunk);
         assert!(fields == Ok(new_fields(&records, size)), "{style:?}");
     }
 }
@@ -192,7 +192,7 @@ fn only_wanted_fields_are_decoded() {
     let bytes = compress(&items, &records);
     let chunk = CompressedChunk { bytes: &bytes, count: 500 };
     let all = new_fields(&records, size);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for mask in 0..8 {
         let [z, class, flags] = [1, 2, 4].map(|bit| mask & bit != 0);
         let wanted = FieldSelection { z, class, flags, records: false };
@@ -214,7 +214,7 @@ fn a_stream_that_ends_early_is_named() {
     let schema = schema(&items);
     let records = new_records(Style::Wild, size, 200, 2);
     let bytes = compress(&items, &records);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let layers = [LazLayer::Places, LazLayer::Heights, LazLayer::Classes, LazLayer::Flags];
     for (number, layer) in layers.into_iter().enumerate() {
         let at = size + 4 + 4 * number;
@@ -222,11 +222,15 @@ fn a_stream_that_ends_early_is_named() {
         for cut in [1, 2, 3, length / 2, length - 4, length - 1] {
             let shorter = without(&bytes, &layers_before(&bytes, size, number), length, cut, at);
             let chunk = CompressedChunk { bytes: &shorter, count: 200 };
-            assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Layer(layer)), "{cut}");
+            assert_eq!(
+                decode(&mut decoder, &schema, chunk),
+                Err(ChunkDamage::Layer(layer)),
+                "{cut}"
+            );
         }
     }
     let chunk = CompressedChunk { bytes: &bytes, count: 201 };
-    assert_eq!(decode(&mut decoder, &schema, chunk), Err(Damage::Count(200)));
+    assert_eq!(decode(&mut decoder, &schema, chunk), Err(ChunkDamage::Count(200)));
 }
 
 /// Where layer `number` begins.
@@ -250,7 +254,7 @@ fn truncated_chunks_are_refused() {
     let schema = schema(&items);
     let records = new_records(Style::Walk, size, 60, 9);
     let bytes = compress(&items, &records);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let end = layers_before(&bytes, size, 4) + 4 * 3;
     for length in 0..end {
         let chunk = CompressedChunk { bytes: &bytes[..length], count: 60 };
@@ -260,7 +264,7 @@ fn truncated_chunks_are_refused() {
 
 #[test]
 fn mutated_chunks_never_disagree_with_laz() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let mut agreed = 0;
     for format in [1, 3, 6, 7] {
         let (items, size) = items(format, 0);
@@ -297,7 +301,7 @@ fn mutated_chunks_never_disagree_with_laz() {
 fn noise_is_decoded_or_refused() {
     let (items, size) = items(6, 0);
     let schema = schema(&items);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let mut dice = Dice(77);
     for round in 0..300 {
         let mut bytes: Vec<u8> = (0..2000).map(|_| dice.roll() as u8).collect();

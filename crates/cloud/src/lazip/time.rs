@@ -1,14 +1,14 @@
 //! GPS times: the differences between numbers as bits are expected to repeat, or to be a multiple of the
 //! last one.
 
-use super::coder::Coder;
-use super::integer::Integer;
+use super::coder::RangeDecoder;
+use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 
 /// Eight bytes that are stored as they are.
 #[inline(always)]
-pub(super) fn whole<M: InstructionSet>(coder: &mut Coder<M>) -> u64 {
+pub(super) fn whole<M: InstructionSet>(coder: &mut RangeDecoder<M>) -> u64 {
     let lower = coder.raw(32);
     u64::from(coder.raw(32)) << 32 | u64::from(lower)
 }
@@ -17,7 +17,7 @@ pub(super) fn whole<M: InstructionSet>(coder: &mut Coder<M>) -> u64 {
 pub(super) struct OldTime {
     multiple: ArithmeticModel<64>,
     after_same: ArithmeticModel<1>,
-    difference: Integer<6>,
+    difference: IntegerDecoder<6>,
     last: i32,
     extremes: u32,
 }
@@ -34,7 +34,7 @@ impl OldTime {
         Self {
             multiple: ArithmeticModel::new(),
             after_same: ArithmeticModel::new(),
-            difference: Integer::new(32),
+            difference: IntegerDecoder::new(32),
             last: 0,
             extremes: 0,
         }
@@ -50,7 +50,11 @@ impl OldTime {
 
     /// The time that follows `time`.
     #[inline(always)]
-    pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    pub(super) fn next<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        time: u64,
+    ) -> u64 {
         match self.last {
             0 => self.next_after_same(coder, time),
             last => self.next_multiple(coder, time, last),
@@ -58,7 +62,11 @@ impl OldTime {
     }
 
     #[inline(always)]
-    fn next_after_same<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    fn next_after_same<M: InstructionSet>(
+        &mut self,
+        coder: &mut RangeDecoder<M>,
+        time: u64,
+    ) -> u64 {
         match coder.symbol(self.after_same.ready(3)) {
             0 => time,
             1 => {
@@ -72,7 +80,7 @@ impl OldTime {
     #[inline(always)]
     fn next_multiple<M: InstructionSet>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         time: u64,
         last: i32,
     ) -> u64 {
@@ -109,10 +117,10 @@ fn later(time: u64, difference: i32) -> u64 {
 }
 
 /// A time of the second version and of layered chunks: as the first, of four interleaved sequences.
-pub(super) struct Time {
+pub(super) struct GpsTime {
     multiple: ArithmeticModel<64>,
     after_same: ArithmeticModel<1>,
-    difference: Integer<9>,
+    difference: IntegerDecoder<9>,
     /// The last time of each sequence but the current one.
     times: [u64; 4],
     /// The last difference of each sequence, and how often it was far off.
@@ -128,7 +136,7 @@ enum DecodedTime {
     Switch(usize),
 }
 
-impl Time {
+impl GpsTime {
     /// Largest multiple; the symbols up to here are multiples, then negative ones follow.
     const LARGEST: usize = 500;
     /// Symbol of the multiple -1.
@@ -146,7 +154,7 @@ impl Time {
         Self {
             multiple: ArithmeticModel::new(),
             after_same: ArithmeticModel::new(),
-            difference: Integer::new(32),
+            difference: IntegerDecoder::new(32),
             times: [0; 4],
             last: [0; 4],
             extremes: [0; 4],
@@ -168,7 +176,7 @@ impl Time {
     #[inline(always)]
     pub(super) fn next<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         time: u64,
     ) -> u64 {
         let mut last_time = time;
@@ -195,7 +203,7 @@ impl Time {
     #[inline(always)]
     fn next_after_same<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         time: u64,
     ) -> DecodedTime {
         let left_out = usize::from(IS_OTHER);
@@ -217,7 +225,7 @@ impl Time {
     #[inline(always)]
     fn next_multiple<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
-        coder: &mut Coder<M>,
+        coder: &mut RangeDecoder<M>,
         time: u64,
         last: i32,
     ) -> DecodedTime {
@@ -263,7 +271,7 @@ impl Time {
 
     /// Begins a new sequence in place of the oldest; returns its first time.
     #[inline(always)]
-    fn begin<M: InstructionSet>(&mut self, coder: &mut Coder<M>, time: u64) -> u64 {
+    fn begin<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>, time: u64) -> u64 {
         let upper = ((time >> 32) as u32).wrapping_add_signed(self.difference.next(coder, 8).0);
         self.times[self.current & 3] = time;
         self.newest = (self.newest + 1) & 3;

@@ -9,12 +9,12 @@ pub(super) const ANGLE: usize = 1 << 3;
 /// The scanner channel of a point, what differs from the point before it in the channel, and how far it
 /// is from where it was expected.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Trace {
+pub(super) struct PointChanges {
     changes: u8,
     spread: u8,
 }
 
-impl Trace {
+impl PointChanges {
     /// From the symbol that says what differs.
     #[inline(always)]
     pub(super) fn new(changes: usize, channel: usize, spread: usize) -> Self {

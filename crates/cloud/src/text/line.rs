@@ -3,7 +3,7 @@
 use crate::column::{self, ColumnEncoding, PointColumn};
 use crate::format::PointFormat;
 use crate::lattice::MOST_DECIMALS;
-use crate::raw::{Flags, Raw};
+use crate::raw::{Flags, RawPoint};
 
 /// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
 const EXACT_MANTISSA: u64 = 1 << 53;
@@ -70,7 +70,7 @@ impl TextPoint {
     }
 }
 
-impl Raw for TextPoint {
+impl RawPoint for TextPoint {
     fn xyz(self) -> [i32; 3] {
         self.xyz
     }
@@ -90,7 +90,7 @@ impl Raw for TextPoint {
 
 /// How lines are taken apart.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Grammar {
+pub(super) struct PointLineGrammar {
     separator: PointTextSeparator,
     /// Which column holds which of [`NAMES`].
     columns: [Option<usize>; NAMES.len()],
@@ -128,7 +128,7 @@ pub(super) fn content(line: &[u8]) -> Option<&[u8]> {
     (!line.is_empty() && line[0] != b'#' && !line.starts_with(b"//")).then_some(line)
 }
 
-impl Grammar {
+impl PointLineGrammar {
     /// From the first line that holds anything.
     pub(super) fn of(line: &[u8]) -> Result<Self, String> {
         let separator = match line {
@@ -409,17 +409,19 @@ mod tests {
 
     #[test]
     fn headings_and_separators() {
-        let plain = Grammar::of(b"1.5 2 3.25 7").unwrap();
+        let plain = PointLineGrammar::of(b"1.5 2 3.25 7").unwrap();
         assert_eq!(plain.values(b" 1.5\t 2  3.25 8").unwrap().world, [1.5, 2.0, 3.25]);
         let named =
-            Grammar::of(b"\"Z\",X,Y,Classification,Return_Number,Number Of Returns").unwrap();
+            PointLineGrammar::of(b"\"Z\",X,Y,Classification,Return_Number,Number Of Returns")
+                .unwrap();
         let values = named.values(b"3,1,2,6,2,3").unwrap();
         assert_eq!((values.world, values.class, values.returns), ([1.0, 2.0, 3.0], 6, [2, 3]));
         for bad in [&b"3,1,2,256,2,3"[..], b"3,1,2,6,16,3", b"3,1,2,6,2,16", b"3,1,2,6,1.5,3"] {
             assert!(named.values(bad).is_err(), "{bad:?}");
         }
         let all =
-            Grammar::of(b"x y z r g b Intensity gps_time withheld scan_angle foo foo").unwrap();
+            PointLineGrammar::of(b"x y z r g b Intensity gps_time withheld scan_angle foo foo")
+                .unwrap();
         let line = b"1 2 3 10 20 30 400 700000.5 1 -12 5 6";
         let values = all.values(line).unwrap();
         assert_eq!((all.format().number(), all.time(&values)), (7, Some(700_000.5)));
@@ -446,15 +448,15 @@ mod tests {
             let line = format!("1 2 3 {bad}");
             assert!(all.values(line.as_bytes()).is_err(), "{line}");
         }
-        assert_eq!(Grammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
+        assert_eq!(PointLineGrammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
         // What may be something else is not taken for a field.
-        let other = Grammar::of(b"x,y,z,time,i,angle,channel").unwrap();
+        let other = PointLineGrammar::of(b"x,y,z,time,i,angle,channel").unwrap();
         assert!(other.values(b"1,2,3,12:30:05,0.5,left,a").is_ok() && other.known().is_empty());
-        assert_eq!(Grammar::of(b"x,y,z,nir").unwrap().format().number(), 8);
-        let decimal = Grammar::of(b"1,5;2;3,25").unwrap();
+        assert_eq!(PointLineGrammar::of(b"x,y,z,nir").unwrap().format().number(), 8);
+        let decimal = PointLineGrammar::of(b"1,5;2;3,25").unwrap();
         assert_eq!(decimal.values(b"1,5;2;3,25").unwrap().world, [1.5, 2.0, 3.25]);
-        assert!(Grammar::of(b"x y w").is_err());
-        let plain = Grammar::of(b"1.5 2 3.25").unwrap();
+        assert!(PointLineGrammar::of(b"x y w").is_err());
+        let plain = PointLineGrammar::of(b"1.5 2 3.25").unwrap();
         for bad in [
             &b"1 2"[..],
             b"1 2 nan",

@@ -11,7 +11,7 @@ use terrane_base::geom::{Crs, PointFrame, wkt};
 use terrane_base::limits;
 use terrane_files::{self, RawFile};
 
-use line::{Grammar, TextPointValues, content};
+use line::{PointLineGrammar, TextPointValues, content};
 
 use super::column::PointColumn;
 use super::format::PointFormat;
@@ -71,7 +71,7 @@ struct PointTextSurvey {
 
 /// Where the lines of points are, and how they are read.
 struct PointTextLayout {
-    grammar: Grammar,
+    grammar: PointLineGrammar,
     /// First byte behind the heading.
     at: u64,
     /// Lines before it.
@@ -185,7 +185,8 @@ impl PointTextLayout {
         for line in head.split_inclusive(|c| *c == b'\n') {
             if let Some(text) = content(line) {
                 let place = format!("line {}", before + 1);
-                let grammar = Grammar::of(text).map_err(|what| not_points(what).at(place))?;
+                let grammar =
+                    PointLineGrammar::of(text).map_err(|what| not_points(what).at(place))?;
                 if grammar.has_heading {
                     (at, before) = (at + line.len() as u64, before + 1);
                 }

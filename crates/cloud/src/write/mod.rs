@@ -15,7 +15,7 @@ mod value;
 mod vlr;
 
 pub use chunk::{CHUNK, PointChunk, PointLayout};
-pub use octree::{Cube, Key};
+pub use octree::{Key, OctreeCube};
 pub use options::{CarriedMetadata, CloudWriteOptions};
 pub use record::PointRecord;
 pub use vlr::Vlr;
@@ -27,7 +27,7 @@ pub use crate::column::{PointColumn, PointLineFormatter};
 pub use crate::format::PointFormat;
 pub use crate::version::{LasVersion, PointPacking};
 use header::LasHeaderDraft;
-use octree::Nodes;
+use octree::OctreeNodes;
 use tally::PointTally;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
@@ -42,7 +42,7 @@ pub struct CloudWriter {
     /// The chunks of a LAZ file so far.
     entries: Vec<chunk::Entry>,
     /// What an octree has so far.
-    octree: Option<(Cube, Nodes)>,
+    octree: Option<(OctreeCube, OctreeNodes)>,
     /// True once a chunk came that was not full: it was the last.
     is_ended: bool,
 }
@@ -84,7 +84,7 @@ impl CloudWriter {
         let header = LasHeaderDraft::new(options, &layout).map_err(|e| e.in_file(path))?;
         let file = AtomicFile::create(path, options.overwrite)?;
         let (tally, entries) = (PointTally::default(), Vec::new());
-        let octree = options.cube.map(|cube| (cube, Nodes::default()));
+        let octree = options.cube.map(|cube| (cube, OctreeNodes::default()));
         let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
         writer.write(&writer.header.bytes(&PointTally::default()))?;
         if options.packing != PointPacking::Plain {

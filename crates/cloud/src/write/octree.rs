@@ -18,7 +18,7 @@ pub type Key = [i32; 4];
 
 /// The cube around all points, and how many cells along a side its root takes points from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cube {
+pub struct OctreeCube {
     /// Lowest corner, in world units.
     pub low: [f64; 3],
     /// Length of a side.
@@ -29,9 +29,9 @@ pub struct Cube {
 
 /// Nodes with points, in the order they were written.
 #[derive(Debug, Default)]
-pub(super) struct Nodes(Vec<(Key, [u64; 3])>);
+pub(super) struct OctreeNodes(Vec<(Key, [u64; 3])>);
 
-impl Nodes {
+impl OctreeNodes {
     /// Adds a node at so many bytes from the file's begin, of so many bytes and points.
     pub(super) fn push(&mut self, key: Key, place: [u64; 3]) {
         self.0.push((key, place));
@@ -63,7 +63,7 @@ fn above(key: Key) -> impl Iterator<Item = Key> {
 }
 
 /// The record of the cube, in a file whose hierarchy is the first record behind the points.
-pub(super) fn info(cube: &Cube, tally: &PointTally, (behind_at, bytes): (u64, u64)) -> Vlr {
+pub(super) fn info(cube: &OctreeCube, tally: &PointTally, (behind_at, bytes): (u64, u64)) -> Vlr {
     let half = cube.side / 2.0;
     let middle = cube.low.map(|low| low + half);
     let spacing = cube.side / f64::from(cube.cells);

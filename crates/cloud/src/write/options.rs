@@ -1,6 +1,6 @@
 //! Options of a point file to be written.
 
-use super::octree::Cube;
+use super::octree::OctreeCube;
 use super::vlr::Vlr;
 use crate::format::PointFormat;
 use crate::version::{LasVersion, PointPacking};
@@ -16,7 +16,7 @@ pub struct CloudWriteOptions {
     /// Whether and how they are compressed.
     pub packing: PointPacking,
     /// Where nodes lie, of files that have them.
-    pub cube: Option<Cube>,
+    pub cube: Option<OctreeCube>,
     /// Where the points lie: scale and offset of the header.
     pub frame: PointFrame,
     /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys

@@ -18,7 +18,7 @@ fn site(p: Point) -> Site {
 }
 
 impl Slow {
-    fn new(frame: &[Point], points: &[Point], freeze: &Freeze) -> Self {
+    fn new(frame: &[Point], points: &[Point], freeze: &FreezeRule) -> Self {
         let mut points: Vec<Point> = points.to_vec();
         points.sort_by_key(|p| (Reverse(p.z), p.x, p.y));
         let mut taken = BTreeSet::new();
@@ -30,7 +30,7 @@ impl Slow {
         made
     }
 
-    fn add(&mut self, p: Point, freeze: &Freeze) {
+    fn add(&mut self, p: Point, freeze: &FreezeRule) {
         for (corners, is_frozen) in &mut self.triangles {
             let [a, b, c] = corners.map(|i| self.points[i]);
             let long = |p: Point, q: Point| {
@@ -94,8 +94,8 @@ fn turned(triangles: impl Iterator<Item = [Point; 3]>) -> Vec<[Point; 3]> {
     all
 }
 
-fn made(points: &[Point], freeze: Freeze) -> SpikeFree {
-    let window = PositionWindow::of(points.iter().map(|p| site(*p))).unwrap();
+fn made(points: &[Point], freeze: FreezeRule) -> SpikeFree {
+    let window = SiteWindow::of(points.iter().map(|p| site(*p))).unwrap();
     let made = SpikeFree::new(points.to_vec(), &window, freeze).unwrap();
     let lowest = points.iter().map(|p| p.z).min().unwrap();
     let frozen = |ids: [u32; 3]| {
@@ -107,7 +107,7 @@ fn made(points: &[Point], freeze: Freeze) -> SpikeFree {
 
 /// The frame around points, and the points.
 fn vertices(made: &SpikeFree, points: &[Point]) -> Vec<Point> {
-    let window = PositionWindow::of(points.iter().map(|p| site(*p))).unwrap();
+    let window = SiteWindow::of(points.iter().map(|p| site(*p))).unwrap();
     let side = (0..2).map(|i| window.high[i] - window.low[i] + 1).max().unwrap();
     [&frame(side)[..], &made.points].concat()
 }
@@ -117,7 +117,7 @@ fn triangles(made: &SpikeFree, points: &[Point]) -> Vec<[Point; 3]> {
     turned(made.triangulation.triangles().map(|ids| ids.map(|id| vertices[id as usize])))
 }
 
-fn check_twin(name: &str, points: &[Point], freeze: Freeze) -> usize {
+fn check_twin(name: &str, points: &[Point], freeze: FreezeRule) -> usize {
     let fast = made(points, freeze);
     let place = |p: &Point| Point::new(p.x - fast.low[0], p.y - fast.low[1], p.z);
     let local: Vec<Point> = points.iter().map(place).collect();
@@ -136,7 +136,8 @@ fn awkward_sets_are_those_of_the_twin() {
             let points: Vec<Point> = points.into_iter().map(quarter).collect();
             for edge in [0.0, 6.0, 60.0, 9000.0] {
                 for buffer in [0.0, 7.0] {
-                    frozen += check_twin(name, &points, Freeze { edge, buffer, step: [1.0; 3] });
+                    frozen +=
+                        check_twin(name, &points, FreezeRule { edge, buffer, step: [1.0; 3] });
                 }
             }
         }
@@ -153,7 +154,7 @@ proptest! {
     ) {
         let mut points: Vec<Point> =
             points.into_iter().map(|(x, y, z)| Point::new(x - 5, y + 3, z)).collect();
-        let freeze = Freeze { edge, buffer, step: [1.0, 1.25, 0.5] };
+        let freeze = FreezeRule { edge, buffer, step: [1.0, 1.25, 0.5] };
         check_twin("crowded", &points, freeze);
         let before = triangles(&made(&points, freeze), &points);
         let mut dice = Dice(seed);
@@ -168,7 +169,7 @@ fn without_freezing_it_is_the_plain_triangulation() {
         for (name, points) in oracle::awkward(n) {
             let points: Vec<Point> =
                 points.into_iter().map(|p| Point::new(p.x / 4, p.y / 4, p.z)).collect();
-            let made = made(&points, Freeze { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
+            let made = made(&points, FreezeRule { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
             let vertices = vertices(&made, &points);
             let plain = Triangulation::new(&vertices).unwrap();
             let plain = plain.triangles().map(|ids| ids.map(|id| vertices[id as usize]));
@@ -207,7 +208,7 @@ fn a_crown_has_no_spikes_and_the_ground_beside_it_is_kept() {
         true => 20.0 - (x - 30.0).hypot(y - 30.0) / 5.0,
         false => 0.0,
     });
-    let with = |edge| made(&points, Freeze { edge, buffer: 0.5, step: METRES });
+    let with = |edge| made(&points, FreezeRule { edge, buffer: 0.5, step: METRES });
     let (free, plain) = (with(3.0), with(0.0));
     let (mut spikes, mut outside) = ([0, 0], 0);
     for (col, row) in (0..50 * 50).map(|k| (500 + k % 50 * 100, 500 + k / 50 * 100)) {
@@ -232,7 +233,7 @@ fn noise_below_the_buffer_is_kept_and_walls_stand() {
         let noise = f64::from(dice.below(49)) / 100.0;
         if is_roof(x, y) { 10.0 + noise } else { noise }
     });
-    let with = |edge| made(&points, Freeze { edge, buffer: 0.5, step: METRES });
+    let with = |edge| made(&points, FreezeRule { edge, buffer: 0.5, step: METRES });
     let (free, plain) = (with(3.0), with(0.0));
     assert_eq!(
         free.points.len() + FRAME as usize,
@@ -259,16 +260,16 @@ fn of_points_at_one_position_the_highest_counts() {
     let corner = [[0, 0], [40, 0], [0, 40], [40, 40]].map(|[x, y]| Point::new(x, y, 10));
     let mut points = corner.to_vec();
     points.extend([7, 900, -3].map(|z| Point::new(20, 20, z)));
-    let made = made(&points, Freeze { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
+    let made = made(&points, FreezeRule { edge: 0.0, buffer: 0.0, step: [1.0; 3] });
     assert_eq!(height(&made, 20.0, 20.0), 900.0);
     assert!(made.find(FixedPosition::from_steps(-9.0, 20.0), &mut 0, false).is_none());
 }
 
 #[test]
 fn a_window_that_is_too_wide_is_refused_and_no_points_have_no_surface() {
-    let freeze = Freeze { edge: 1.0, buffer: 0.5, step: [1.0; 3] };
+    let freeze = FreezeRule { edge: 1.0, buffer: 0.5, step: [1.0; 3] };
     let of = |side: i32| {
-        SpikeFree::new(Vec::new(), &PositionWindow { low: [0, 0], high: [side - 1, 5] }, freeze)
+        SpikeFree::new(Vec::new(), &SiteWindow { low: [0, 0], high: [side - 1, 5] }, freeze)
     };
     assert!(of((1 << 28) - 1).unwrap().find(FixedPosition::of([3, 3]), &mut 0, false).is_none());
     assert!(of(1 << 28).is_err());

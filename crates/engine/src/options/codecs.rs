@@ -41,9 +41,9 @@ impl OptionCodec<PathBuf> for FileName {
 }
 
 /// A finite number.
-pub struct Finite;
+pub struct FiniteNumber;
 
-impl OptionCodec<f64> for Finite {
+impl OptionCodec<f64> for FiniteNumber {
     const KIND: OptionKind = OptionKind::Number;
 
     fn parse(text: &str) -> Result<f64, String> {
@@ -77,14 +77,14 @@ impl OptionCodec<f64> for FiniteOrNan {
 }
 
 /// `xmin,ymin,xmax,ymax`.
-pub struct BoundsOption;
+pub struct BoundsText;
 
-impl OptionCodec<[f64; 4]> for BoundsOption {
+impl OptionCodec<[f64; 4]> for BoundsText {
     const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 4], String> {
         let wrong = || "expected xmin,ymin,xmax,ymax with xmin < xmax and ymin < ymax".to_owned();
-        let values: Result<Vec<f64>, String> = text.split(',').map(Finite::parse).collect();
+        let values: Result<Vec<f64>, String> = text.split(',').map(FiniteNumber::parse).collect();
         let bounds: [f64; 4] = values.ok().and_then(|v| v.try_into().ok()).ok_or_else(wrong)?;
         let is_ordered = bounds[0] < bounds[2] && bounds[1] < bounds[3];
         if is_ordered { Ok(bounds) } else { Err(wrong()) }
@@ -115,13 +115,14 @@ impl OptionCodec<[f64; 2]> for Interval {
 }
 
 /// `x,y`.
-pub struct PositionOption;
+pub struct PositionText;
 
-impl OptionCodec<[f64; 2]> for PositionOption {
+impl OptionCodec<[f64; 2]> for PositionText {
     const KIND: OptionKind = OptionKind::Numbers;
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
-        let place = text.split_once(',').map(|(x, y)| (Finite::parse(x), Finite::parse(y)));
+        let place =
+            text.split_once(',').map(|(x, y)| (FiniteNumber::parse(x), FiniteNumber::parse(y)));
         match place {
             Some((Ok(x), Ok(y))) => Ok([x, y]),
             _ => Err("expected x,y".to_owned()),
@@ -141,7 +142,7 @@ impl OptionCodec<[f64; 2]> for CellSize {
 
     fn parse(text: &str) -> Result<[f64; 2], String> {
         let (width, height) = text.split_once(',').unwrap_or((text, text));
-        match (Finite::parse(width), Finite::parse(height)) {
+        match (FiniteNumber::parse(width), FiniteNumber::parse(height)) {
             (Ok(width), Ok(height)) if width > 0.0 && height > 0.0 => Ok([width, height]),
             _ => Err("expected a number above zero, or two: width,height".to_owned()),
         }
@@ -153,12 +154,12 @@ impl OptionCodec<[f64; 2]> for CellSize {
 }
 
 /// Bytes as people write them: `512M`, `4GiB`.
-pub struct ByteSize;
+pub struct ByteSizeText;
 
 /// No job works in less.
 const LEAST_BYTES: u64 = 1 << 20;
 
-impl OptionCodec<u64> for ByteSize {
+impl OptionCodec<u64> for ByteSizeText {
     const KIND: OptionKind = OptionKind::Shaped("int | str");
 
     fn parse(text: &str) -> Result<u64, String> {
@@ -224,7 +225,7 @@ pub struct AsNumber;
 /// The same of a formula, which may begin with a sign.
 pub struct AsFormula;
 
-/// Values that a codec writes as they are displayed, and reads as they are parsed: `by_text!(AsText, Kind::Text, Canopy)`.
+/// Values that a codec writes as they are displayed, and reads as they are parsed: `by_text!(AsText, OptionKind::Text, Canopy)`.
 #[macro_export]
 macro_rules! by_text {
     ($codec:ident, $kind:expr, $($type:ty)*) => {$(
@@ -321,7 +322,7 @@ impl OptionCodec<f64> for PrintLength {
         let unit =
             units.into_iter().find_map(|(name, of)| Some((text.trim().strip_suffix(name)?, of)));
         let (number, millimetres) = unit.unwrap_or((text, 1.0));
-        let length = Finite::parse(number).ok().map(|value: f64| value * millimetres);
+        let length = FiniteNumber::parse(number).ok().map(|value: f64| value * millimetres);
         let length = length.filter(|length| *length > 0.0 && length.is_finite());
         length.ok_or_else(|| {
             "expected a length above zero, such as 100mm, 12cm, 0.1m or 4in".to_owned()
@@ -345,7 +346,7 @@ impl OptionCodec<f64> for PrintScale {
 
     fn parse(text: &str) -> Result<f64, String> {
         let (print, ground) = text.split_once(':').unwrap_or((text, "1"));
-        let side = |text: &str| Finite::parse(text).ok().filter(|side: &f64| *side > 0.0);
+        let side = |text: &str| FiniteNumber::parse(text).ok().filter(|side: &f64| *side > 0.0);
         match (side(print), side(ground)) {
             (Some(print), Some(ground)) if (print / ground).is_normal() => Ok(print / ground),
             _ => Err("expected a scale such as 1:50000 or 0.001".to_owned()),
@@ -421,7 +422,7 @@ mod tests {
         assert_eq!(interval("-1.5,2"), Some(json!([-1.5, 2.0])));
         assert_eq!(interval("-inf,2"), Some(json!([f64::MIN, 2.0])));
         assert!(["2,1", "1", "a,b", "1,nan", "1,2,3"].iter().all(|text| interval(text).is_none()));
-        let place = read::<[f64; 2], PositionOption>;
+        let place = read::<[f64; 2], PositionText>;
         assert_eq!(place("-1.5,2"), Some(json!([-1.5, 2.0])));
         assert!(place("1").is_none() && place("1,inf").is_none());
         let mark = read::<Flags, MarkName>;
@@ -443,7 +444,7 @@ mod tests {
         for text in ["", "mm", "-1mm", "0", "1:0", "1:2:3", "nan", "x", "5ft"] {
             assert!(length(text).is_err() && scale(text).is_err(), "{text}");
         }
-        let size = |text| <ByteSize as OptionCodec<u64>>::parse(text);
+        let size = |text| <ByteSizeText as OptionCodec<u64>>::parse(text);
         let good =
             [("128M", 128 << 20), ("4GiB", 4 << 30), ("512 MiB", 512 << 20), ("2tb", 2 << 40)];
         for (text, value) in good.into_iter().chain([("1536k", 3 << 19), ("2000000", 2_000_000)]) {
@@ -457,7 +458,7 @@ mod tests {
         for text in ["", "M", "-1M", "0", "4X", "1e9", "1..5M", "99999999T", "4 G i B", "NaN"] {
             assert!(size(text).is_err(), "{text}");
         }
-        let bounds = |text| BoundsOption::parse(text);
+        let bounds = |text| BoundsText::parse(text);
         assert_eq!(bounds("-1, 2,3,4.5"), Ok([-1.0, 2.0, 3.0, 4.5]));
         for text in ["1,2,3", "1,2,3,4,5", "3,2,1,4", "1,2,1,4", "a,b,c,d", "1,2,inf,4"] {
             assert!(bounds(text).is_err(), "{text}");

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json};
 use terrane_options::{OptionRange, OptionTable, Options, check, to_map};
 
-use super::report::{PlanRunReport, RunReport, StatusReport, TaskReport};
+use super::report::{DescribesRun, RunReport, StatusReport, TaskReport};
 use super::run::RunJob;
 use super::sheet::{PlanKind, kind};
 use super::work::OutputForm;
@@ -21,7 +21,7 @@ use terrane_base::error::{Error, Result};
 /// number of processes and machines that see the folder may [`run`](Self::run) it, or its tasks, at the same time and as
 /// often as they like. What comes out is, byte for byte, what `write` gives.
 #[derive(Clone, Debug)]
-pub struct AnyPlan {
+pub struct Plan {
     folder: PathBuf,
     division: PlanOperations,
 }
@@ -96,17 +96,17 @@ impl AnyOperation {
     ///
     /// # Errors
     /// An operation that cannot be divided; those of [`Job::plan`].
-    pub fn plan(&self, call: &OperationCall<'_>, task_size: Option<u32>) -> Result<AnyPlan> {
+    pub fn plan(&self, call: &OperationCall<'_>, task_size: Option<u32>) -> Result<Plan> {
         let Some(division) = self.division else {
             return Err(Error::usage(format!("{} is not divided into tasks", self.name))
                 .remedy("run it as a whole"));
         };
         (division.plan)(call, task_size)?;
-        AnyPlan::divided(call.request.output, division)
+        Plan::divided(call.request.output, division)
     }
 }
 
-/// How far the work on a [`AnyPlan`] has come.
+/// How far the work on an [`Plan`] has come.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanStatus {
@@ -128,7 +128,7 @@ pub struct PlanStatus {
     pub fault: Option<String>,
 }
 
-/// What a run of a [`AnyPlan`] did.
+/// What a run of an [`Plan`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PlanRun {
@@ -144,7 +144,7 @@ pub struct PlanRun {
     pub written: Option<PathBuf>,
 }
 
-impl AnyPlan {
+impl Plan {
     /// Opens the plan in a folder, which is of one of these operations.
     ///
     /// # Errors
@@ -263,7 +263,7 @@ impl RunOptions {
     }
 }
 
-impl Job<'_, RunOptions, AnyPlan> {
+impl Job<'_, RunOptions, Plan> {
     /// Does the work. Tasks that are done and sound are left alone, damaged ones done again; what is done
     /// stays done however this ends.
     ///
@@ -290,17 +290,17 @@ impl<O: Divisible> Job<'_, O> {
         self,
         folder: impl Into<PathBuf>,
         task_size: impl Into<Option<u32>>,
-    ) -> Result<AnyPlan> {
+    ) -> Result<Plan> {
         let (folder, task_size) = (folder.into(), task_size.into());
         self.with_request(&folder, |options, request| {
             plan_of(options, request, task_size).map(drop)
         })?;
-        AnyPlan::divided(folder, PlanOperations::of::<O>())
+        Plan::divided(folder, PlanOperations::of::<O>())
     }
 }
 
 impl PlanRun {
-    fn of<R: PlanRunReport>(report: RunReport<R>) -> Self {
+    fn of<R: DescribesRun>(report: RunReport<R>) -> Self {
         Self {
             written: report.of.written().map(PathBuf::from),
             tasks: report.tasks,

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::digest::Digest;
-use super::object::{ArtifactLocation, CheckDepth, Done, OBJECTS};
+use super::object::{ArtifactLocation, CheckDepth, FinishedArtifact, OBJECTS};
 use super::output::FINISHED;
 use super::report::TaskReport;
-use super::sheet::{PLAN, Plan};
-use super::work::{Numbered, Observer, PlanStep, PlannedWork};
+use super::sheet::{PLAN, PlanManifest};
+use super::work::{Numbered, PlanStep, PlannedWork, RunControl};
 use terrane_base::error::{Error, ErrorKind, Result};
 
 const LOCK: &str = "lock";
@@ -19,7 +19,7 @@ const LOCK: &str = "lock";
 /// A folder with a plan in it.
 pub struct PlanFolder<W: PlannedWork> {
     pub path: PathBuf,
-    pub plan: Plan<W>,
+    pub plan: PlanManifest<W>,
     pub id: Digest,
 }
 
@@ -28,7 +28,7 @@ pub struct TaskSurvey<'a, W: PlannedWork> {
     /// The folder of the plan.
     pub folder: &'a PlanFolder<W>,
     /// Tasks whose object is there and sound, as far as it was looked at.
-    pub done: BTreeMap<W::Task, Done<W::Facts>>,
+    pub done: BTreeMap<W::Task, FinishedArtifact<W::Facts>>,
     /// Tasks whose object is there and not sound.
     pub damaged: Vec<W::Task>,
 }
@@ -36,7 +36,7 @@ pub struct TaskSurvey<'a, W: PlannedWork> {
 impl<W: PlannedWork> PlanFolder<W> {
     /// Opens the folder `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let (plan, id) = Plan::read(path)?;
+        let (plan, id) = PlanManifest::read(path)?;
         Ok(Self { path: path.to_path_buf(), plan, id })
     }
 
@@ -139,7 +139,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
     pub(super) fn of_all(
         folder: &'a PlanFolder<W>,
         look: CheckDepth,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
         survey.look_for_all(folder.tasks(), look, at)?;
@@ -151,7 +151,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
         folder: &'a PlanFolder<W>,
         task: W::Task,
         look: CheckDepth,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<Self> {
         let mut survey = Self::new(folder);
         survey.look_for_all(folder.before(task), look, at.silent())?;
@@ -160,7 +160,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
     }
 
     /// Looks for the object of a task that was not found before what it works on was done.
-    pub(super) fn look_again(&mut self, task: W::Task, at: Observer<'_>) -> Result<()> {
+    pub(super) fn look_again(&mut self, task: W::Task, at: RunControl<'_>) -> Result<()> {
         let is_known = !self.is_missing(task) || self.damaged.contains(&task);
         if is_known || self.folder.before(task).is_empty() {
             return Ok(());
@@ -173,7 +173,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
         &mut self,
         tasks: Vec<W::Task>,
         look: CheckDepth,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<()> {
         let mut left: BTreeSet<W::Task> = tasks.into_iter().collect();
         while !left.is_empty() {
@@ -186,11 +186,14 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
         Ok(())
     }
 
-    fn look_for(&mut self, tasks: &[W::Task], look: CheckDepth, at: Observer<'_>) -> Result<()> {
+    fn look_for(&mut self, tasks: &[W::Task], look: CheckDepth, at: RunControl<'_>) -> Result<()> {
         let find = |&task: &W::Task| {
             at.progress.advance(1);
             let place = self.place(task).ok()?;
-            Some((task, at.cancel.check().and_then(|()| Done::look(&place, look, at.cancel))))
+            Some((
+                task,
+                at.cancel.check().and_then(|()| FinishedArtifact::look(&place, look, at.cancel)),
+            ))
         };
         let found: Vec<_> = tasks.par_iter().filter_map(find).collect();
         // What was not read to its end is not known to be damaged.
@@ -219,7 +222,7 @@ impl<'a, W: PlannedWork> TaskSurvey<'a, W> {
     }
 
     /// The file of the object of a finished task, and what is known of it.
-    pub fn object(&self, task: W::Task) -> Result<(PathBuf, &Done<W::Facts>)> {
+    pub fn object(&self, task: W::Task) -> Result<(PathBuf, &FinishedArtifact<W::Facts>)> {
         let done = self.done.get(&task).ok_or_else(|| self.folder.not_done(task))?;
         Ok((self.place(task)?.file, done))
     }

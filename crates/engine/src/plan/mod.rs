@@ -23,7 +23,7 @@ mod sheet;
 mod work;
 
 pub use crate::disk::DiskCheck;
-pub use any::{AnyOperation, AnyPlan, PlanOperations, PlanRun, PlanStatus, RunOptions, RunSetters};
+pub use any::{AnyOperation, Plan, PlanOperations, PlanRun, PlanStatus, RunOptions, RunSetters};
 pub use difference::refuse_another;
 pub use digest::{Digest, digest_of};
 pub use files::with_companions;
@@ -31,13 +31,15 @@ pub use folder::TaskSurvey;
 pub use note::{noted_path, write_json};
 pub use object::{CheckDepth, damaged_object};
 pub use planned::{PlannedGrid, grid_files};
-pub use report::{Forecast, LastOutput, PlanRunReport, RunReport, StatusReport, TaskReport};
+pub use report::{DescribesRun, Forecast, LastOutput, RunReport, StatusReport, TaskReport};
 pub use report::{PlanNeeds, shared};
 pub use run::{PlanJob, RunJob};
 pub use run::{run, run_in, run_named, status};
-pub use sheet::{PLAN, Plan, refuse_file};
+pub use sheet::{PLAN, PlanManifest, refuse_file};
 pub use sheet::{PlanKind, kind};
-pub use work::{MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, PlanStep, PlannedWork};
+pub use work::{
+    MadeArtifact, Numbered, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl,
+};
 
 /// What [`Divisible`](crate::operation::Divisible) asks of an operation whose plans are of this kind of work.
 #[macro_export]

@@ -19,7 +19,7 @@ pub(super) fn no_folder(path: &Path, error: io::Error) -> Error {
 /// Writes a small file as JSON.
 pub fn write_json<T: Serialize>(path: &Path, what: &T) -> Result<()> {
     let mut file = AtomicFile::create(path, true)?;
-    let written = json::to_lines(what).map_err(io::Error::from);
+    let written = json::to_string_pretty(what).map_err(io::Error::from);
     written.and_then(|text| file.write_all(text.as_bytes())).map_err(|e| Error::write(path, e))?;
     file.commit().map(drop)
 }

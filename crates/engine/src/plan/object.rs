@@ -55,7 +55,7 @@ impl ArtifactLocation {
 
 /// A finished object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Done<F> {
+pub struct FinishedArtifact<F> {
     key: Digest,
     /// Of the file's bytes.
     digest: Digest,
@@ -66,7 +66,7 @@ pub struct Done<F> {
     pub(super) seal: Digest,
 }
 
-impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
+impl<F: Clone + PartialEq + Serialize + DeserializeOwned> FinishedArtifact<F> {
     /// Looks at what is at `place`; `None` when it is not done. Fails when it is there and damaged.
     pub(super) fn look(
         place: &ArtifactLocation,
@@ -79,7 +79,7 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
         let Some(meta) = meta else { return Ok(None) };
         let done: Self = serde_json::from_slice(&text).map_err(|_| damaged_object(&note))?;
         // The text itself, too: a name that is damaged reads as a value that is not there.
-        let is_own = json::to_lines(&done).is_ok_and(|own| own.as_bytes() == text);
+        let is_own = json::to_string_pretty(&done).is_ok_and(|own| own.as_bytes() == text);
         if !is_own || done.key != place.key || done.clone().sealed() != done {
             return Err(damaged_object(&note));
         }
@@ -103,7 +103,7 @@ impl<F: Clone + PartialEq + Serialize + DeserializeOwned> Done<F> {
     }
 
     fn sealed(self) -> Self {
-        let facts = json::to_line(&self.facts).unwrap_or_default();
+        let facts = json::to_string(&self.facts).unwrap_or_default();
         let bytes = self.bytes.to_le_bytes();
         let seal =
             Digest::of_parts(&[self.key.bytes(), self.digest.bytes(), &bytes, facts.as_bytes()]);
@@ -157,10 +157,10 @@ mod tests {
             ArtifactLocation::new(folder.path(), (Digest::of(b""), "a", &[]), "tif"),
             Cancel::default(),
         );
-        let look = |look| Done::<Facts>::look(&place, look, &cancel);
+        let look = |look| FinishedArtifact::<Facts>::look(&place, look, &cancel);
         assert!(look(CheckDepth::Whole).unwrap().is_none(), "nothing is there");
         std::fs::write(&place.file, "one").unwrap();
-        let done = Done::seal(&place, Facts { points: 3 }, None).unwrap();
+        let done = FinishedArtifact::seal(&place, Facts { points: 3 }, None).unwrap();
         assert_eq!(look(CheckDepth::Whole).unwrap(), Some(done.clone()));
         std::fs::write(&place.file, "two").unwrap();
         assert!(look(CheckDepth::Quick).is_ok() && look(CheckDepth::Whole).is_err(), "other bytes");
@@ -168,7 +168,10 @@ mod tests {
         assert!(look(CheckDepth::Quick).is_err(), "more bytes");
         std::fs::write(&place.file, "one").unwrap();
         let facts = Facts { points: 4 };
-        for other in [Done { facts, ..done.clone() }, Done { key: done.seal, ..done }] {
+        for other in [
+            FinishedArtifact { facts, ..done.clone() },
+            FinishedArtifact { key: done.seal, ..done },
+        ] {
             write_json(&note(&place.file), &other).unwrap();
             assert!(look(CheckDepth::Quick).is_err(), "{other:?}");
         }

@@ -68,7 +68,7 @@ enum OutputState<R> {
 }
 
 /// Where what is written at the end of a plan belongs.
-pub(super) struct Output {
+pub(super) struct PlanOutput {
     folder: PathBuf,
     plan: Digest,
     /// As it was named.
@@ -77,7 +77,7 @@ pub(super) struct Output {
     form: Value,
 }
 
-impl Output {
+impl PlanOutput {
     /// Of the plan in `folder`; `form` is what else is asked for. Fails for a name that cannot be noted.
     pub(super) fn new(folder: &Path, plan: Digest, path: &Path, form: Value) -> Result<Self> {
         let absolute = noted_path(path)?;
@@ -188,7 +188,7 @@ impl FileStamp {
 pub(super) fn last_output(folder: &Path, plan: Digest) -> Result<LastOutput> {
     let note = note::<Value>(folder).filter(|note| note.plan_id == plan);
     let Some(note) = note else { return Ok(LastOutput::default()) };
-    let output = Output::new(folder, plan, &place(folder, &note.path)?, note.form)?;
+    let output = PlanOutput::new(folder, plan, &place(folder, &note.path)?, note.form)?;
     let path = output.absolute.display().to_string();
     let wrong = |how: String| LastOutput { output: None, output_fault: Some(how) };
     Ok(match output.state::<Value>(CheckDepth::Quick, &Cancel::default())? {

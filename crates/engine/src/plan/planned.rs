@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::difference::refuse_another;
 use super::files::with_companions;
-use super::sheet::Plan;
+use super::sheet::PlanManifest;
 use super::work::PlannedWork;
 use crate::options::GridInput;
 use terrane_base::error::{Error, Result};
@@ -45,7 +45,7 @@ impl PlannedGrid {
     /// others may say where voids are.
     pub fn check<W: PlannedWork>(
         &self,
-        plan: &Plan<W>,
+        plan: &PlanManifest<W>,
         source: &dyn GridSource,
         all: Vec<PathBuf>,
     ) -> Result<()> {

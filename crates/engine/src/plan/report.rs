@@ -121,7 +121,7 @@ pub struct StatusReport<S> {
 }
 
 /// What a kind of plan tells of a run.
-pub trait PlanRunReport {
+pub trait DescribesRun {
     /// Where what it is for is, if it is written.
     fn written(&self) -> Option<&str>;
 

@@ -8,11 +8,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::folder::{PlanFolder, TaskSurvey};
-use super::object::{CheckDepth, Done};
-use super::output::{Output, last_output};
+use super::object::{CheckDepth, FinishedArtifact};
+use super::output::{PlanOutput, last_output};
 use super::report::{RunReport, StatusReport};
 use super::sheet::{PLAN, PlanKind};
-use super::work::{MadeArtifact, Observer, OutputForm, OutputOrder, PlanStep, PlannedWork};
+use super::work::{MadeArtifact, OutputForm, OutputRequest, PlanStep, PlannedWork, RunControl};
 use crate::disk::DiskCheck;
 use crate::sift::Skipped;
 use crate::{Cancel, Progress, Resources, Silent, json, peak_memory};
@@ -103,7 +103,7 @@ pub fn status<W: PlannedWork>(path: &Path) -> Result<StatusReport<W::Status>> {
     let survey = TaskSurvey::of_all(
         &folder,
         CheckDepth::Quick,
-        Observer { progress: &Silent, cancel: &cancel },
+        RunControl { progress: &Silent, cancel: &cancel },
     )?;
     let told = last_output(&folder.path, folder.id)?;
     let (work, tasks) = (&folder.plan.work, folder.tasks());
@@ -137,7 +137,7 @@ pub fn run_named<W: PlannedWork>(
         Some(output) => work.check_name(output, &job.form),
         None => Ok(()),
     };
-    run_checked(job, check, Observer { progress, cancel })
+    run_checked(job, check, RunControl { progress, cancel })
 }
 
 /// Works on a plan.
@@ -146,13 +146,13 @@ pub fn run<W: PlannedWork>(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<RunReport<W::Run>> {
-    run_checked(job, |_: &W| Ok(()), Observer { progress, cancel })
+    run_checked(job, |_: &W| Ok(()), RunControl { progress, cancel })
 }
 
 fn run_checked<W: PlannedWork>(
     job: &RunJob,
     check: impl FnOnce(&W) -> Result<()>,
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
     let started = Instant::now();
     if W::KIND != PlanKind::Tin && job.form != OutputForm::default() {
@@ -184,7 +184,7 @@ fn run_checked<W: PlannedWork>(
 pub fn run_in<W: PlannedWork>(
     job: &RunJob,
     plan: impl FnOnce() -> Result<()>,
-    Observer { progress, cancel }: Observer<'_>,
+    RunControl { progress, cancel }: RunControl<'_>,
 ) -> Result<RunReport<W::Run>> {
     // Whether what an earlier run here wrote may be replaced is for the run to tell.
     if let (Some(output), false) = (&job.output, job.folder.join(PLAN).exists()) {
@@ -209,11 +209,11 @@ fn kept(error: Error) -> Error {
 struct RunningPlan<'a, W: PlannedWork> {
     folder: &'a PlanFolder<W>,
     opened: W::Opened,
-    output: Output,
+    output: PlanOutput,
     /// The note on what is written already and still as it was.
     note: Option<W::Note>,
     disk: DiskCheck,
-    at: Observer<'a>,
+    at: RunControl<'a>,
     report: RunReport<W::Run>,
 }
 
@@ -223,14 +223,14 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         folder: &'a PlanFolder<W>,
         job: &RunJob,
         writes: bool,
-        at: Observer<'a>,
+        at: RunControl<'a>,
     ) -> Result<Self> {
         let path = match &job.output {
             Some(path) => path.clone(),
             None => folder.path.join(folder.plan.work.output(&job.form)?),
         };
         let form = json::to_value(&job.form).unwrap_or_default();
-        let output = Output::new(&folder.path, folder.id, &path, form)?;
+        let output = PlanOutput::new(&folder.path, folder.id, &path, form)?;
         let (note, overwrite) = match writes {
             true => output.claim(job.overwrite, at.cancel)?,
             false => (None, job.overwrite),
@@ -241,7 +241,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         }
         let mut resources = job.resources.clone();
         resources.temp_dir.get_or_insert_with(|| folder.path.clone());
-        let order = OutputOrder { output: path, overwrite, form: job.form, resources };
+        let order = OutputRequest { output: path, overwrite, form: job.form, resources };
         let opened = W::open(&folder.plan, order)?;
         if writes {
             W::check_output(&opened, at)?;
@@ -388,7 +388,7 @@ impl<'a, W: PlannedWork> RunningPlan<'a, W> {
         let (object, told) = ((task, &*place.file), &mut self.report.of);
         let MadeArtifact { facts, digest, spilled } =
             W::make(&self.opened, object, survey, told, self.at)?;
-        let done = Done::seal(&place, facts, digest)?;
+        let done = FinishedArtifact::seal(&place, facts, digest)?;
         self.report.made.push(task.to_string());
         self.report.made_bytes += done.bytes;
         self.report.spilled_bytes += spilled;

@@ -64,7 +64,7 @@ impl PlanKind {
 /// A plan.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub struct Plan<W: PlannedWork> {
+pub struct PlanManifest<W: PlannedWork> {
     #[serde(flatten)]
     maker: PlanHeader,
     /// What the user called the input; people are told, and nothing depends on it.
@@ -90,7 +90,7 @@ struct PlanHeader {
 
 /// A plan with its digest, as it is on disk.
 #[derive(Serialize, Deserialize)]
-struct SignedPlan<P> {
+struct PlanWithDigest<P> {
     plan_id: Digest,
     plan: P,
 }
@@ -100,7 +100,7 @@ struct SignedPlan<P> {
 /// # Errors
 /// A folder without a plan.
 pub fn kind(folder: &Path) -> Result<PlanKind> {
-    let named = serde_json::from_slice::<SignedPlan<PlanHeader>>(&text_of(folder)?);
+    let named = serde_json::from_slice::<PlanWithDigest<PlanHeader>>(&text_of(folder)?);
     named.map(|named| named.plan.kind).map_err(|e| bad(folder, &e.to_string()))
 }
 
@@ -142,7 +142,7 @@ impl PlanHeader {
     }
 }
 
-impl<W: PlannedWork> Plan<W> {
+impl<W: PlannedWork> PlanManifest<W> {
     /// The plan of `work` on an input that the user calls `label`: the files of `paths` and what lies beside them;
     /// `skipped` were left out.
     pub fn new(
@@ -161,11 +161,12 @@ impl<W: PlannedWork> Plan<W> {
     pub fn read(folder: &Path) -> Result<(Self, Digest)> {
         let (text, bad) = (text_of(folder)?, |how: &str| bad(folder, how));
         // Of another version all else may have another form.
-        let made: SignedPlan<PlanHeader> =
+        let made: PlanWithDigest<PlanHeader> =
             serde_json::from_slice(&text).map_err(|e| bad(&e.to_string()))?;
         made.plan.check_version(folder)?;
-        let SignedPlan { plan_id, plan } =
-            serde_json::from_slice::<SignedPlan<Self>>(&text).map_err(|e| bad(&e.to_string()))?;
+        let PlanWithDigest { plan_id, plan } =
+            serde_json::from_slice::<PlanWithDigest<Self>>(&text)
+                .map_err(|e| bad(&e.to_string()))?;
         if plan.id() != plan_id {
             return Err(bad("its digest does not match"));
         }
@@ -185,13 +186,13 @@ impl<W: PlannedWork> Plan<W> {
     fn id(&self) -> Digest {
         let needs = PlanNeeds { seconds: [0.0; 2], ..self.needs.clone() };
         let request = Self { needs, label: String::new(), ..self.clone() };
-        Digest::of(json::to_line(&request).unwrap_or_default().as_bytes())
+        Digest::of(json::to_string(&request).unwrap_or_default().as_bytes())
     }
 
     /// The text of its file.
     fn to_text(&self) -> Result<String> {
-        let sealed = SignedPlan { plan_id: self.id(), plan: self };
-        json::to_lines(&sealed).map_err(|e| {
+        let sealed = PlanWithDigest { plan_id: self.id(), plan: self };
+        json::to_string_pretty(&sealed).map_err(|e| {
             Error::new(ErrorKind::Internal, format!("cannot write down the plan: {e}"))
         })
     }

@@ -9,8 +9,8 @@ use serde::de::DeserializeOwned;
 use super::digest::Digest;
 use super::folder::TaskSurvey;
 use super::object::CheckDepth;
-use super::report::{PlanRunReport, StatusReport};
-use super::sheet::{Plan, PlanKind};
+use super::report::{DescribesRun, StatusReport};
+use super::sheet::{PlanKind, PlanManifest};
 use crate::{Cancel, Progress, Resources, Silent};
 use terrane_base::error::Result;
 
@@ -32,7 +32,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
     /// What an object tells of itself without being read through.
     type Facts: Clone + PartialEq + Send + Sync + Serialize + DeserializeOwned;
     /// What a run tells beside what all do.
-    type Run: Default + PlanRunReport;
+    type Run: Default + DescribesRun;
     /// What is noted of what was written.
     type Note: Serialize + DeserializeOwned;
     /// What is told of the plan beside what is told of all.
@@ -65,10 +65,10 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
     }
 
     /// Opens the input; fails when it is not what the plan was made for.
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<Self::Opened>;
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<Self::Opened>;
 
     /// Fails before the work where the output cannot be written.
-    fn check_output(opened: &Self::Opened, at: Observer<'_>) -> Result<()>;
+    fn check_output(opened: &Self::Opened, at: RunControl<'_>) -> Result<()>;
 
     /// Does a task: writes its object, whole or not at all, and adds to what is told.
     fn make(
@@ -76,7 +76,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
         object: (Self::Task, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut Self::Run,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<Self::Facts>>;
 
     /// Writes what all objects are for.
@@ -84,7 +84,7 @@ pub trait PlannedWork: Clone + Sync + Serialize + DeserializeOwned {
         opened: &Self::Opened,
         survey: &TaskSurvey<'_, Self>,
         run: &mut Self::Run,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<Self::Note>;
 
     /// Tells of what is written already.
@@ -96,22 +96,22 @@ pub type Numbered<T> = (&'static str, fn(u32) -> T);
 
 /// Who is told of the work, and may stop it.
 #[derive(Clone, Copy)]
-pub struct Observer<'a> {
+pub struct RunControl<'a> {
     /// Who is told.
     pub progress: &'a dyn Progress,
     /// What may stop it.
     pub cancel: &'a Cancel,
 }
 
-impl Observer<'_> {
+impl RunControl<'_> {
     /// The same, without telling.
     pub fn silent(self) -> Self {
-        Observer { progress: &Silent, ..self }
+        RunControl { progress: &Silent, ..self }
     }
 }
 
 /// What is to be written, and what the work may use.
-pub struct OutputOrder {
+pub struct OutputRequest {
     /// The file or folder.
     pub output: PathBuf,
     /// Whether one that exists is replaced.

@@ -16,7 +16,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 pub use folder::AtomicFolder;
 pub use sidecar::Sidecar;
 pub use temporary::is_temporary;
-use temporary::{Temporary, parent, remove_leftovers};
+use temporary::{TemporaryFile, parent, remove_leftovers};
 
 /// What stands for stdout where a file is named. No file or folder is ever called so.
 pub const STDOUT: &str = "-";
@@ -29,7 +29,7 @@ pub fn is_stdout(path: &Path) -> bool {
 /// An output file in the making. Dropping it removes the temporary file.
 #[derive(Debug)]
 pub struct AtomicFile {
-    temp: Temporary,
+    temp: TemporaryFile,
     path: PathBuf,
     /// Where `path` leads.
     target: PathBuf,
@@ -45,7 +45,7 @@ impl AtomicFile {
         let target = resolve(path)?;
         let folder = parent(&target);
         remove_leftovers(folder);
-        let temp = fault::point(FaultPoint::Create).and_then(|()| Temporary::new(folder));
+        let temp = fault::point(FaultPoint::Create).and_then(|()| TemporaryFile::new(folder));
         let temp = temp.map_err(|e| Error::write(path, plain(e)))?;
         Ok(Self { temp, path: path.to_path_buf(), target, overwrite })
     }

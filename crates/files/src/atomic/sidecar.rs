@@ -16,12 +16,12 @@ const MOST_BYTES: u64 = 1 << 20;
 pub struct Sidecar {
     path: PathBuf,
     overwrite: bool,
-    change: Change,
+    change: SidecarChange,
 }
 
 /// What is to be done.
 #[derive(Debug, PartialEq)]
-enum Change {
+enum SidecarChange {
     /// What is there says the same already, or nothing is there and nothing is to be said.
     Nothing,
     Write(String),
@@ -44,15 +44,15 @@ impl Sidecar {
         let found = read(&path);
         let is_there = path.symlink_metadata().is_ok();
         let change = match text {
-            _ if found.is_some_and(|found| says_so(&found)) => Change::Nothing,
+            _ if found.is_some_and(|found| says_so(&found)) => SidecarChange::Nothing,
             Some(text) => {
                 refuse_existing(&path, overwrite)?;
                 refuse_special(&path)?;
-                Change::Write(text)
+                SidecarChange::Write(text)
             }
-            None if is_there && overwrite => Change::Remove,
+            None if is_there && overwrite => SidecarChange::Remove,
             None if is_there => return Err(foreign(&path)),
-            None => Change::Nothing,
+            None => SidecarChange::Nothing,
         };
         Ok(Self { path, overwrite, change })
     }
@@ -60,9 +60,9 @@ impl Sidecar {
     /// Where it is, if it is to be there: its path and its size.
     pub fn place(&self) -> Option<(PathBuf, u64)> {
         let bytes = match &self.change {
-            Change::Write(text) => text.len() as u64,
-            Change::Remove => return None,
-            Change::Nothing => self.path.metadata().ok()?.len(),
+            SidecarChange::Write(text) => text.len() as u64,
+            SidecarChange::Remove => return None,
+            SidecarChange::Nothing => self.path.metadata().ok()?.len(),
         };
         Some((self.path.clone(), bytes))
     }
@@ -71,9 +71,9 @@ impl Sidecar {
     pub fn commit(&self) -> Result<()> {
         let fail = |e| Error::write(&self.path, e);
         match &self.change {
-            Change::Nothing => Ok(()),
-            Change::Remove => std::fs::remove_file(&self.path).map_err(fail),
-            Change::Write(text) => {
+            SidecarChange::Nothing => Ok(()),
+            SidecarChange::Remove => std::fs::remove_file(&self.path).map_err(fail),
+            SidecarChange::Write(text) => {
                 let mut file = AtomicFile::create(&self.path, self.overwrite)?;
                 file.write_all(text.as_bytes()).map_err(fail)?;
                 file.commit().map(drop)

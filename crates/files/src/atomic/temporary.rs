@@ -13,14 +13,14 @@ pub(super) const TEMP_SUFFIX: &str = ".tmp";
 
 /// A file that has not got its name yet. Dropping it removes it.
 #[derive(Debug)]
-pub(super) enum Temporary {
+pub(super) enum TemporaryFile {
     /// The kernel removes it with the process, however that ends.
     Nameless(File),
     /// Locked as long as it is open, so that what nobody has locked is left by a killed run.
     Named(NamedTempFile),
 }
 
-impl Temporary {
+impl TemporaryFile {
     /// A file in `folder`, with the permissions of any new file.
     pub(super) fn new(folder: &Path) -> io::Result<Self> {
         match nameless(folder) {
@@ -165,9 +165,9 @@ mod tests {
     }
 
     /// Both kinds, where there are both.
-    fn kinds(folder: &Path) -> Vec<Temporary> {
-        let nameless = nameless(folder).map(Temporary::Nameless);
-        nameless.into_iter().chain([Temporary::Named(named(folder).unwrap())]).collect()
+    fn kinds(folder: &Path) -> Vec<TemporaryFile> {
+        let nameless = nameless(folder).map(TemporaryFile::Nameless);
+        nameless.into_iter().chain([TemporaryFile::Named(named(folder).unwrap())]).collect()
     }
 
     #[test]
@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn a_file_in_the_making_is_no_leftover() {
         let folder = tempfile::tempdir().unwrap();
-        let temp = Temporary::Named(named(folder.path()).unwrap());
+        let temp = TemporaryFile::Named(named(folder.path()).unwrap());
         remove_leftovers(folder.path());
         assert_eq!(count(folder.path()), 1);
         drop(temp);

@@ -3,7 +3,7 @@
 //! the process. [`Buckets`] keeps records in extents, and in memory while that lasts.
 //!
 //! What is written from front to back and then read once, without a share of memory, is no spool: see
-//! [`Out`](crate::Out).
+//! [`AppendWriter`](crate::AppendWriter).
 
 mod buckets;
 

@@ -2,7 +2,7 @@
 
 use super::cell::{CellUnits, StatisticCell};
 use super::plane::{AccumulatorKind, AccumulatorPlane, CellHits};
-use super::recipe::{Recipe, StatisticBand};
+use super::recipe::{StatisticBand, StatisticRecipe};
 use terrane_base::error::Result;
 
 /// Cells and what has been kept of their points.
@@ -15,7 +15,7 @@ pub struct CellBlock {
 
 impl CellBlock {
     /// `cells` cells without points.
-    pub fn new(recipe: &Recipe, cells: usize) -> Self {
+    pub fn new(recipe: &StatisticRecipe, cells: usize) -> Self {
         let make = |primitive: &AccumulatorKind| (primitive.make)(cells, primitive.parameters);
         let planes = recipe.planes.iter().map(|(_, primitive)| make(primitive));
         let regions = recipe.planes.iter().map(|(region, _)| *region).collect();

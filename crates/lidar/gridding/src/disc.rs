@@ -11,7 +11,7 @@ use terrane_base::geom::{Point, Rect};
 
 /// Hands points to the cells whose centres they are nearer to than a radius.
 #[derive(Debug)]
-pub struct Scatter {
+pub struct DiscScatter {
     unit: DistanceUnit,
     /// Least squared distance that is not within the radius.
     limit: u128,
@@ -41,7 +41,7 @@ pub struct BlockTarget<'a> {
 /// Hits that are handed over at once.
 const ROOM: usize = 4096;
 
-impl Scatter {
+impl DiscScatter {
     /// For cells of `lattice`.
     pub fn new(lattice: &CellLattice, radius: f64) -> Self {
         let reach = |cell: f64| (radius / cell + 0.5).min(f64::from(i32::MAX)) as i64;

@@ -140,14 +140,14 @@ enum BorderComparison {
 }
 
 /// An axis in decimals.
-struct Decimals {
+struct DecimalLattice {
     scale: Decimal,
     offset: Decimal,
     anchor: Decimal,
     cell: Decimal,
 }
 
-impl Decimals {
+impl DecimalLattice {
     fn digits(&self) -> u32 {
         let all = [self.scale, self.offset, self.anchor, self.cell];
         all.into_iter().map(Decimal::digits).max().unwrap_or(0)
@@ -234,7 +234,7 @@ impl LatticeAxis {
     }
 
     /// What is in whole steps is so many of them, however it is written.
-    fn decimals(&self, scale: f64, offset: f64) -> Option<Decimals> {
+    fn decimals(&self, scale: f64, offset: f64) -> Option<DecimalLattice> {
         let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
         let world = |steps: i64, from: Decimal| {
             let digits = scale.digits().max(from.digits());
@@ -252,7 +252,7 @@ impl LatticeAxis {
                 (Decimal::of(self.world_anchor)?, Decimal::of(self.world_cell)?)
             }
         };
-        Some(Decimals { scale, offset, anchor, cell })
+        Some(DecimalLattice { scale, offset, anchor, cell })
     }
 
     /// The upper border belongs to a cell, not the lower one.
@@ -329,7 +329,7 @@ impl LatticeAxis {
             BorderComparison::Steps { cell, .. } => {
                 let low = self.border() + self.first * cell;
                 let within = u64::from(self.count) * cell as u64;
-                let divide = Divide::by(cell as u64);
+                let divide = ExactDivisor::by(cell as u64);
                 out.extend(steps.map(|steps| {
                     let from = (i64::from(steps) - low) as u64;
                     match from < within.min(1 << 32) {
@@ -402,12 +402,12 @@ impl LatticeAxis {
 
 /// Division of numbers below 2^32 by one and the same number, by multiplying.
 #[derive(Clone, Copy)]
-struct Divide {
+struct ExactDivisor {
     by: u64,
     inverse: u64,
 }
 
-impl Divide {
+impl ExactDivisor {
     fn by(by: u64) -> Self {
         Self { by, inverse: (u64::MAX / by).wrapping_add(1) }
     }
@@ -433,7 +433,7 @@ mod tests {
     #[test]
     fn quotients_are_exact() {
         for by in [1_u64, 2, 3, 7, 100, 1000, 65_537, (1 << 31) - 1] {
-            let divide = Divide::by(by);
+            let divide = ExactDivisor::by(by);
             for value in [0, 1, by - 1, by, by + 1, 3 * by - 1, 3 * by, u64::from(u32::MAX)] {
                 assert_eq!(divide.quotient(value), value / by, "{value} / {by}");
             }
@@ -442,7 +442,7 @@ mod tests {
 
     #[test]
     fn numbers_too_large_to_count_are_not_counted() {
-        let decimals = |scale: i128, cell: i128, offset: i128| Decimals {
+        let decimals = |scale: i128, cell: i128, offset: i128| DecimalLattice {
             scale: Decimal::new(scale, 0),
             offset: Decimal::new(offset, 0),
             anchor: Decimal::new(0, 0),

@@ -2,7 +2,7 @@
 //!
 //! Points go into the cells of blocks ([`CellBlock`]) in any order and any division: what a block keeps
 //! of them are whole numbers that are added, or extremes, so the result has the same bits whatever
-//! the order, and blocks of the same cells can be added up. A [`Recipe`] says what is kept for the
+//! the order, and blocks of the same cells can be added up. A [`StatisticRecipe`] says what is kept for the
 //! statistics ([`METHODS`]) that are asked for, a [`CellLattice`] where the cells lie.
 
 mod block;
@@ -26,15 +26,15 @@ mod tests_of_subjects;
 pub use block::CellBlock;
 pub use canopy::Canopy;
 pub use cell::CellUnits;
-pub use disc::{BlockTarget, Scatter};
+pub use disc::{BlockTarget, DiscScatter};
 pub use fill::fill;
 pub use lattice::{CellEdgeRule, CellLattice, DistanceUnit, FAR, LatticeAxis};
 pub use parameter::StatisticParameter;
 pub use plane::CellHits;
-pub use recipe::{Recipe, StatisticBand};
+pub use recipe::{StatisticBand, StatisticRecipe};
 pub use region::{CellNeighborhood, StatisticDefaults};
 pub use statistic::{
     METHODS, MOST_POWER, Statistic, StatisticMethod, StatisticRequest, SurfaceInterpolation,
     check_power, parse_list,
 };
-pub use subject::{OF_POINTS, Selected, Selector, Subject};
+pub use subject::{OF_POINTS, SelectedPoints, Subject, SubjectSelector};

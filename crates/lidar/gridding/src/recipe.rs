@@ -14,7 +14,7 @@ use super::subject::Subject;
 
 /// What is kept of the points, and the bands that are made of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recipe {
+pub struct StatisticRecipe {
     subjects: Vec<Subject>,
     /// Regions, each of the points of a subject.
     pub(super) regions: Vec<(usize, CellNeighborhood)>,
@@ -55,7 +55,7 @@ impl StatisticBand {
     }
 }
 
-impl Recipe {
+impl StatisticRecipe {
     /// For these statistics by these rules.
     pub fn new(asked: &[StatisticRequest], rules: &StatisticDefaults) -> Self {
         let mut recipe = Self {
@@ -163,7 +163,7 @@ mod tests {
     fn bands_share_what_they_have_in_common() {
         let recipe = |list: &str, around| {
             let rules = StatisticDefaults { radius: 2.0, power: 1.0, around };
-            Recipe::new(&parse_list(list).unwrap(), &rules)
+            StatisticRecipe::new(&parse_list(list).unwrap(), &rules)
         };
         let own = recipe("mean,std,min,range,count", false);
         assert_eq!(own.regions, [(0, CellNeighborhood::Cell)]);

@@ -144,7 +144,7 @@ fn classes(text: &str) -> Option<Vec<u8>> {
 
 /// Finds the points of a subject among those of a cloud, and its values.
 #[derive(Clone, Debug)]
-pub struct Selector {
+pub struct SubjectSelector {
     /// Lowest and highest height in steps.
     heights: [i64; 2],
     /// The column of classes, and which of them are wanted.
@@ -165,14 +165,14 @@ enum SubjectValues {
 
 /// The points of a subject.
 #[derive(Clone, Debug, Default)]
-pub struct Selected {
+pub struct SelectedPoints {
     /// With its values in place of heights; where these are any numbers, their places in `reals`.
     pub points: Vec<Point>,
     /// Its values, where they are any numbers.
     pub reals: Vec<f64>,
 }
 
-impl Selector {
+impl SubjectSelector {
     /// For points of `frame` with columns of these attributes, among which are those that the subject takes.
     pub fn new(subject: &Subject, columns: &[String], frame: &PointFrame) -> Self {
         let place =
@@ -196,7 +196,7 @@ impl Selector {
     }
 
     /// Puts its points into `out`, in place of what was there. A value that is not finite is none.
-    pub fn select(&self, points: &[Point], columns: &[Vec<f64>], out: &mut Selected) {
+    pub fn select(&self, points: &[Point], columns: &[Vec<f64>], out: &mut SelectedPoints) {
         out.points.clear();
         out.reals.clear();
         let number = |column: usize, at: usize| {
@@ -282,8 +282,8 @@ mod tests {
             }).collect::<Vec<_>>();
             let columns: Vec<_> = names.iter().map(column).collect();
             let points: Vec<_> = (0..).zip(&all).map(|(x, (z, ..))| Point::new(x, 0, *z)).collect();
-            let mut out = Selected::default();
-            Selector::new(&subject, &names, &FRAME).select(&points, &columns, &mut out);
+            let mut out = SelectedPoints::default();
+            SubjectSelector::new(&subject, &names, &FRAME).select(&points, &columns, &mut out);
             let expected = all.iter().enumerate().filter(|(_, (z, class_of, number, of, _))| {
                 min.is_none_or(|min| *z >= min) && max.is_none_or(|max| *z < max)
                     && above.is_none_or(|above| *z > above)
@@ -309,15 +309,15 @@ mod tests {
         assert!(time.is_real() && time.step() == Some(1.0));
         let names = ["gps_time".to_owned()];
         let columns = [vec![3.5, f64::NAN, -1.25, f64::INFINITY]];
-        let mut out = Selected::default();
+        let mut out = SelectedPoints::default();
         let points = [Point::new(1, 2, 3); 4];
-        Selector::new(&time, &names, &FRAME).select(&points, &columns, &mut out);
+        SubjectSelector::new(&time, &names, &FRAME).select(&points, &columns, &mut out);
         assert_eq!(out.reals, [3.5, -1.25]);
         assert_eq!(out.points, [Point::new(1, 2, 0), Point::new(1, 2, 1)]);
         let angle = subject("attribute=angle");
         assert!(!angle.is_real() && angle.step() == Some(0.002));
         let columns = [vec![15.0, -0.006, 0.012, -180.0]];
-        let selector = Selector::new(&angle, &["scan_angle".to_owned()], &FRAME);
+        let selector = SubjectSelector::new(&angle, &["scan_angle".to_owned()], &FRAME);
         selector.select(&points, &columns, &mut out);
         assert_eq!(out.points.iter().map(|p| p.z).collect::<Vec<_>>(), [7500, -3, 6, -90_000]);
     }

@@ -9,8 +9,11 @@ use terrane_base::geom::{Affine, Point, PointFrame, Rect};
 const UNITS: CellUnits = CellUnits { scale: 0.25, offset: -7.0, area: 3.0 };
 const OWN: &str = "count,density,min,max,range,mean,std,std:ddof=1,median,p95,p0,p100,tin,natural";
 
-fn recipe(list: &str, around: bool) -> Recipe {
-    Recipe::new(&parse_list(list).unwrap(), &StatisticDefaults { radius: 2.0, power: 1.0, around })
+fn recipe(list: &str, around: bool) -> StatisticRecipe {
+    StatisticRecipe::new(
+        &parse_list(list).unwrap(),
+        &StatisticDefaults { radius: 2.0, power: 1.0, around },
+    )
 }
 
 /// A statistic of the heights of a cell.
@@ -53,7 +56,7 @@ fn near(a: f64, b: f64) -> bool {
 }
 
 /// A block of the same content, by way of its bytes.
-fn reread(recipe: &Recipe, block: &CellBlock, cells: usize) -> CellBlock {
+fn reread(recipe: &StatisticRecipe, block: &CellBlock, cells: usize) -> CellBlock {
     let mut copy = CellBlock::new(recipe, cells);
     let parts = block.parts();
     let lengths: Vec<usize> = parts.iter().map(|part| part.len()).collect();
@@ -235,7 +238,7 @@ fn points_are_scattered_to_the_cells_around_them() {
                 [(0, CellNeighborhood::Disc(world(radius)))]
             );
             let mut block = CellBlock::new(&recipe, (stride * window.height) as usize);
-            let mut scatter = Scatter::new(&lattice, world(radius));
+            let mut scatter = DiscScatter::new(&lattice, world(radius));
             // A cell that no point can be nearer to than the radius, but may be as near, is either.
             let reach = |twice: i64| (twice / whole.cell + 1) / 2;
             let (least, most) = (reach(2 * radius - 1), reach(2 * radius));
@@ -403,7 +406,7 @@ fn no_hit_is_lost_however_many_there_are() {
         // All are in one cell, some of whose neighbours are nearer than the radius to them.
         let points = vec![Point::new(250, 3450, 7); 5_000];
         let mut block = CellBlock::new(&recipe, (width * height) as usize);
-        let mut scatter = Scatter::new(&lattice, 2.0);
+        let mut scatter = DiscScatter::new(&lattice, 2.0);
         let places = vec![(2, 5); points.len()];
         scatter.add((&lattice, window, width), &points, &places, to(&mut block)).unwrap();
         for at in 0..width * height {

@@ -57,15 +57,15 @@ fn known() -> impl Strategy<Value = Known> {
 }
 
 /// What is kept of points.
-fn block(recipe: &Recipe, all: &[Known]) -> CellBlock {
+fn block(recipe: &StatisticRecipe, all: &[Known]) -> CellBlock {
     let names = recipe.attributes();
     let column = |name: &String| all.iter().map(|point| point.attribute(name)).collect();
     let columns: Vec<Vec<f64>> = names.iter().map(column).collect();
     let point = |known: &Known| Point::new(known.cell as i32, 0, known.steps);
     let points: Vec<Point> = all.iter().map(point).collect();
-    let (mut block, mut out) = (CellBlock::new(recipe, CELLS), Selected::default());
+    let (mut block, mut out) = (CellBlock::new(recipe, CELLS), SelectedPoints::default());
     for (number, subject) in recipe.subjects().iter().enumerate() {
-        Selector::new(subject, &names, &FRAME).select(&points, &columns, &mut out);
+        SubjectSelector::new(subject, &names, &FRAME).select(&points, &columns, &mut out);
         let cells: Vec<u32> = out.points.iter().map(|point| point.x as u32).collect();
         for (region, _) in recipe.regions_of(number) {
             let hits = CellHits {
@@ -185,10 +185,10 @@ fn near(a: f64, b: f64, scale: f64) -> bool {
     a.is_nan() && b.is_nan() || (a - b).abs() <= 1e-9 * scale.max(1.0)
 }
 
-fn recipe() -> Recipe {
+fn recipe() -> StatisticRecipe {
     let names = LIST.iter().map(|(name, ..)| *name).chain(SHARES.iter().map(|(name, ..)| *name));
     let list = names.collect::<Vec<_>>().join(",");
-    Recipe::new(
+    StatisticRecipe::new(
         &parse_list(&list).unwrap(),
         &StatisticDefaults { radius: 2.0, power: 1.0, around: false },
     )

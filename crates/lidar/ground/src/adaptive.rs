@@ -11,11 +11,11 @@
 //! are hardly further off.
 
 use crate::cells::{LowestCells, WIDEST};
-use crate::csf::{Cloth, settled};
+use crate::csf::{ClothParameters, settled};
 use crate::densify::{DensifyLimits, densified};
-use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
+use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grow::{grown, scatter};
-use crate::lows::Lows;
+use crate::lows::LowestPoints;
 use crate::surface::GroundSurface;
 
 pub(crate) const METHOD: Method = Method {
@@ -24,7 +24,7 @@ pub(crate) const METHOD: Method = Method {
     about: "a cloth and a triangulation that check each other; what auto takes",
     parameters: &[],
     finder: GroundFinder {
-        lattice: |_, spacing| FinderTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        lattice: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
         find,
     },
 };
@@ -48,9 +48,10 @@ const NARROW: DensifyLimits =
 const TOLERANCE: [f64; 2] = [0.12, 0.2];
 const OF_SCATTER: f64 = 5.5;
 const MOST: f64 = 10.0;
-const CLOTH: Cloth = Cloth { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
+const CLOTH: ClothParameters =
+    ClothParameters { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };
 
-fn find(_: &Asked, lows: &Lows<'_>) -> GroundSurface {
+fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let checked = checked(lows, &cells);
     let level = OF_SCATTER * scatter(lows, &checked).unwrap_or_default();
@@ -65,7 +66,7 @@ fn find(_: &Asked, lows: &Lows<'_>) -> GroundSurface {
 }
 
 /// The cells whose lowest points touch the cloth and lie not far above the first triangulation.
-fn checked(lows: &Lows<'_>, cells: &LowestCells) -> Vec<usize> {
+fn checked(lows: &LowestPoints<'_>, cells: &LowestCells) -> Vec<usize> {
     let (width, cell) = (lows.width, lows.cell);
     let few = cells.thinned(((BLOCK / cell) as usize).max(1));
     let first = few.lowest((SQUARE / cell).ceil() as usize);

@@ -1,6 +1,6 @@
 //! The lowest points of cells in whole millimetres.
 
-use crate::lows::Lows;
+use crate::lows::LowestPoints;
 use terrane_base::geom::Point;
 
 /// Millimetres to a metre.
@@ -19,7 +19,7 @@ pub(crate) struct LowestCells {
 }
 
 impl LowestCells {
-    pub(crate) fn of(lows: &Lows<'_>) -> Self {
+    pub(crate) fn of(lows: &LowestPoints<'_>) -> Self {
         let whole = |metres: f64| (metres * MILLI).round() as i32;
         let point =
             |at: usize| lows.metres(at).map(|[x, y, z]| Point::new(whole(x), whole(y), whole(z)));

@@ -6,9 +6,9 @@
 //! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
 //! mended in the end.
 
-use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
+use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
-use crate::lows::Lows;
+use crate::lows::LowestPoints;
 use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
@@ -41,12 +41,12 @@ pub(crate) const METHOD: Method = Method {
         )
         .whole(),
     ],
-    finder: GroundFinder { lattice: |asked, _| FinderTiling::fixed(asked.value("cloth")), find },
+    finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cloth")), find },
 };
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
+fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     let step = lows.step[2];
-    let cloth = Cloth {
+    let cloth = ClothParameters {
         rigidness: asked.value("rigidness") as u32,
         time_step: asked.value("step"),
         iterations: asked.value("iterations") as u32,
@@ -59,7 +59,7 @@ fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
 
 /// How a cloth behaves.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cloth {
+pub(crate) struct ClothParameters {
     /// 1 for steep ground, 2 for hills, 3 for plains.
     pub(crate) rigidness: u32,
     /// Of the integration.
@@ -83,7 +83,7 @@ const MENDED: usize = 50;
 
 /// Heights of the cloth in metres where it has come to rest under the heights of cells, NaN where
 /// there are no points.
-pub(crate) fn settled(heights: &[f64], width: usize, cloth: &Cloth) -> Vec<f64> {
+pub(crate) fn settled(heights: &[f64], width: usize, cloth: &ClothParameters) -> Vec<f64> {
     let ceiling = nearest_filled(heights, width);
     let lowest = ceiling.iter().copied().fold(f64::INFINITY, f64::min);
     if !lowest.is_finite() {
@@ -265,7 +265,7 @@ mod tests {
         let (width, cells) = (60, 60 * 60);
         let roof = |k: usize| (25..35).contains(&(k % width)) && (25..35).contains(&(k / width));
         let heights: Vec<f64> = (0..cells).map(|k| if roof(k) { 8.0 } else { 2.0 }).collect();
-        let cloth = Cloth { rigidness: 3, time_step: 0.65, iterations: 500, mend: true };
+        let cloth = ClothParameters { rigidness: 3, time_step: 0.65, iterations: 500, mend: true };
         let found = settled(&heights, width, &cloth);
         for (k, z) in found.into_iter().enumerate() {
             assert!(if roof(k) { z < 5.0 } else { (z - 2.0).abs() < 0.5 }, "{k} {z}");

@@ -1,7 +1,7 @@
 //! A triangulation of ground points that takes in those near it, round by round.
 
 use crate::cells::{LowestCells, MILLI};
-use crate::frame::GroundFrame;
+use crate::frame::GroundExtrapolation;
 use crate::tin::{GroundTin, gradient, height_of};
 use terrane_base::geom::Point;
 
@@ -28,17 +28,17 @@ struct PendingPoint {
 /// Heights in metres at the centres of cells, and of those beside the window, of the triangulation of the
 /// seeds and of all points that can be reached from them; NaN where there are no seeds.
 pub(crate) fn densified(cells: &LowestCells, seeds: &[usize], limits: &DensifyLimits) -> Vec<f64> {
-    let Some(mut densifying) = Densifying::new(cells, seeds, limits) else {
+    let Some(mut densifying) = GroundDensifier::new(cells, seeds, limits) else {
         return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
     };
     densifying.run();
     densifying.surface()
 }
 
-struct Densifying<'a> {
+struct GroundDensifier<'a> {
     cells: &'a LowestCells,
     limits: &'a DensifyLimits,
-    frame: GroundFrame,
+    frame: GroundExtrapolation,
     tin: GroundTin,
     ground: usize,
     waiting: Vec<PendingPoint>,
@@ -47,9 +47,9 @@ struct Densifying<'a> {
     outer: Vec<bool>,
 }
 
-impl<'a> Densifying<'a> {
+impl<'a> GroundDensifier<'a> {
     fn new(cells: &'a LowestCells, seeds: &[usize], limits: &'a DensifyLimits) -> Option<Self> {
-        let mut frame = GroundFrame::new(cells);
+        let mut frame = GroundExtrapolation::new(cells);
         let known: Vec<Point> = seeds.iter().filter_map(|&at| cells.points[at]).collect();
         known.iter().for_each(|point| frame.see(point));
         let ground = known.len();
@@ -201,7 +201,7 @@ mod tests {
     /// All triangles of the frame and the ground.
     fn triangles(cells: &LowestCells, ground: &[usize]) -> Vec<[Point; 3]> {
         let known: Vec<Point> = ground.iter().filter_map(|&at| cells.points[at]).collect();
-        let mut frame = GroundFrame::new(cells);
+        let mut frame = GroundExtrapolation::new(cells);
         known.iter().for_each(|point| frame.see(point));
         let vertices = [frame.vertices(), known].concat();
         let triangulation = Triangulation::new(&vertices).unwrap();

@@ -1,7 +1,7 @@
 //! The interface of methods that find ground, and the squares of cells that they work in.
 
 use super::asked;
-use super::lows::Lows;
+use super::lows::LowestPoints;
 use super::surface::GroundSurface;
 
 /// One method of the registry.
@@ -13,13 +13,13 @@ pub type Asked = asked::FinderRequest<GroundFinder>;
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFinder {
     /// How the plane is divided for it, points being so many metres apart.
-    pub(crate) lattice: fn(&Asked, f64) -> FinderTiling,
-    pub(crate) find: fn(&Asked, &Lows<'_>) -> GroundSurface,
+    pub(crate) lattice: fn(&Asked, f64) -> GroundTiling,
+    pub(crate) find: fn(&Asked, &LowestPoints<'_>) -> GroundSurface,
 }
 
 /// The squares of cells that a method works in, and what each has to see.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FinderTiling {
+pub struct GroundTiling {
     /// Side of a cell in metres.
     pub cell: f64,
     /// Cells that a square sees beyond its own.
@@ -34,7 +34,7 @@ const HALO: (f64, usize) = (128.0, 192);
 /// Fewest cells of both.
 const FEWEST: usize = 16;
 
-impl FinderTiling {
+impl GroundTiling {
     /// Squares of a size that depends on that of the cells alone: for methods whose cells depend on
     /// others however far away, and which are therefore defined on these squares.
     pub(crate) fn fixed(cell: f64) -> Self {

@@ -12,7 +12,7 @@ const ENOUGH: i64 = 12;
 
 /// Vertices around a window, each on a plane through the ground points in the blocks nearest to it: a slope
 /// goes on as it is where the ground that is known ends.
-pub(crate) struct GroundFrame {
+pub(crate) struct GroundExtrapolation {
     places: Vec<[i32; 2]>,
     /// Steps along a block, and blocks of a row; the first lies around the frame's lowest corner.
     side: i32,
@@ -21,7 +21,7 @@ pub(crate) struct GroundFrame {
     blocks: Vec<PointMoments>,
 }
 
-impl GroundFrame {
+impl GroundExtrapolation {
     pub(crate) fn new(cells: &LowestCells) -> Self {
         let span = |count: usize| (count as f64 * cells.cell * MILLI).ceil() as i32;
         let (side, out) = (span(BLOCK), span(OUT));
@@ -135,8 +135,12 @@ impl PointMoments {
 mod tests {
     use super::*;
 
-    fn frame(width: usize, rows: usize) -> GroundFrame {
-        GroundFrame::new(&LowestCells { points: vec![None; width * rows], width, cell: 0.5 })
+    fn frame(width: usize, rows: usize) -> GroundExtrapolation {
+        GroundExtrapolation::new(&LowestCells {
+            points: vec![None; width * rows],
+            width,
+            cell: 0.5,
+        })
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! it is: a cell's lowest point is ground when it lies on the plane through the ground beside it, whatever the slope.
 //! Roofs and plants are steps, which no plane leads up to.
 
-use crate::lows::Lows;
+use crate::lows::LowestPoints;
 
 /// Cells on each side that a plane is fitted to, and fewest of them with ground.
 const BESIDE: usize = 2;
@@ -24,10 +24,10 @@ const ROUNDS: usize = 64;
 const SPREAD: f64 = 0.05;
 
 /// The seeds, sorted, with all cells that ground goes on to from them.
-pub(crate) fn grown(lows: &Lows<'_>, seeds: &[usize]) -> Vec<usize> {
+pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
     let points: Vec<Option<[f64; 3]>> = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
     let mut growing =
-        Growing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
+        RegionGrowing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
     seeds.iter().for_each(|&at| growing.is_ground[at] = true);
     let mut waiting = vec![true; lows.points.len()];
     for _ in 0..ROUNDS {
@@ -47,10 +47,10 @@ pub(crate) fn grown(lows: &Lows<'_>, seeds: &[usize]) -> Vec<usize> {
 
 /// How far ground scatters around planes, in metres: of four seeds three scatter more, which rough ground and plants
 /// make of some. `None` where hardly any seed has others beside it.
-pub(crate) fn scatter(lows: &Lows<'_>, seeds: &[usize]) -> Option<f64> {
+pub(crate) fn scatter(lows: &LowestPoints<'_>, seeds: &[usize]) -> Option<f64> {
     let points = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
     let mut growing =
-        Growing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
+        RegionGrowing { points, width: lows.width, is_ground: vec![false; lows.points.len()] };
     seeds.iter().for_each(|&at| growing.is_ground[at] = true);
     let mut strays: Vec<f64> =
         seeds.iter().filter_map(|&at| Some(growing.plane(at)?.stray)).collect();
@@ -58,14 +58,14 @@ pub(crate) fn scatter(lows: &Lows<'_>, seeds: &[usize]) -> Option<f64> {
     (quarter > 0).then(|| *strays.select_nth_unstable_by(quarter, f64::total_cmp).1)
 }
 
-struct Growing {
+struct RegionGrowing {
     /// The lowest point of each cell, in metres.
     points: Vec<Option<[f64; 3]>>,
     width: usize,
     is_ground: Vec<bool>,
 }
 
-impl Growing {
+impl RegionGrowing {
     /// The cells of the square around one.
     fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, rows) = (self.width, self.points.len() / self.width);
@@ -164,8 +164,13 @@ mod tests {
             Point::new(at(col), at(row), (height(col, row) * 100.0).round() as i32)
         };
         let points: Vec<Point> = (0..WIDTH * WIDTH).map(point).collect();
-        let lows =
-            Lows { points: &points, width: WIDTH, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        let lows = LowestPoints {
+            points: &points,
+            width: WIDTH,
+            cell: 1.0,
+            corner: [0.0; 2],
+            step: [0.01; 3],
+        };
         let seeds: Vec<usize> = (0..points.len()).filter(|k| k % WIDTH < 3).collect();
         let mut is_grown = vec![false; points.len()];
         grown(&lows, &seeds).into_iter().for_each(|at| is_grown[at] = true);

@@ -2,7 +2,7 @@
 //! without.
 
 use crate::finder::Asked;
-use crate::lows::{Lows, NO_POINT};
+use crate::lows::{LowestPoints, NO_POINT};
 use crate::method::METHODS;
 use terrane_base::geom::Point;
 use terrane_delaunay::{FixedPosition, Triangulation, interpolate};
@@ -310,8 +310,13 @@ fn found(method: &Asked, points: &[Point]) -> Vec<Point> {
         let low = &mut lows[row * width + col];
         *low = if (p.z, p.x, p.y) < (low.z, low.x, low.y) { *p } else { *low };
     }
-    let ground =
-        method.find(&Lows { points: &lows, width, cell, corner: [0.0; 2], step: [0.001; 3] });
+    let ground = method.find(&LowestPoints {
+        points: &lows,
+        width,
+        cell,
+        corner: [0.0; 2],
+        step: [0.001; 3],
+    });
     let is_ground = |p: &&Point| {
         let [col, row] = place(p);
         let within = [p.x, p.y].map(|v| (f64::from(v) / steps).fract());

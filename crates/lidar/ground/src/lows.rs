@@ -10,7 +10,7 @@ pub const NO_POINT: Point = Point::new(EMPTY, EMPTY, EMPTY);
 
 /// The lowest points of a window of square cells, row by row from the south, each row from the west.
 #[derive(Clone, Copy, Debug)]
-pub struct Lows<'a> {
+pub struct LowestPoints<'a> {
     /// Of each cell, in steps; [`NO_POINT`] where there is none.
     pub points: &'a [Point],
     /// Cells of a row.
@@ -23,7 +23,7 @@ pub struct Lows<'a> {
     pub step: [f64; 3],
 }
 
-impl Lows<'_> {
+impl LowestPoints<'_> {
     /// Heights in metres, NaN where there is no point.
     pub(crate) fn heights(&self) -> Vec<f64> {
         let height = |p: &Point| match p.z {

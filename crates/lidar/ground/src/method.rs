@@ -1,8 +1,8 @@
 //! The methods that find the ground, and how the ground is found by the one that is asked for.
 
 use super::asked::FinderRegistry;
-use super::finder::{Asked, FinderTiling, GroundFinder, Method};
-use super::lows::Lows;
+use super::finder::{Asked, GroundFinder, GroundTiling, Method};
+use super::lows::LowestPoints;
 use super::surface::GroundSurface;
 use super::{adaptive, csf, filter, outliers, ptd, smrf};
 
@@ -22,19 +22,19 @@ impl Asked {
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
     /// How the plane is divided, points being `spacing` metres apart.
-    pub fn lattice(&self, spacing: f64) -> FinderTiling {
+    pub fn lattice(&self, spacing: f64) -> GroundTiling {
         let lattice = (self.finder().lattice)(self, spacing);
         let reach = if lattice.core.is_none() { outliers::REACH } else { 0 };
-        FinderTiling { halo: lattice.halo + reach, ..lattice }
+        GroundTiling { halo: lattice.halo + reach, ..lattice }
     }
 
     /// The ground under the cells of a window, or of a square with its halo. Low outliers are no ground, and left out
     /// before the method begins.
-    pub fn find(&self, lows: &Lows<'_>) -> GroundSurface {
+    pub fn find(&self, lows: &LowestPoints<'_>) -> GroundSurface {
         let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
         let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };
         let points = outliers::without_outliers(lows, passes);
-        (self.finder().find)(self, &Lows { points: &points, ..*lows })
+        (self.finder().find)(self, &LowestPoints { points: &points, ..*lows })
     }
 }
 
@@ -91,16 +91,17 @@ mod tests {
         let hole = |k: usize| (20..30).contains(&(k % width)) && (70..80).contains(&(k / width));
         let points: Vec<Point> =
             (0..width * rows).map(|k| if hole(k) { NO_POINT } else { point(k) }).collect();
-        let lows = Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        let lows =
+            LowestPoints { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
         for method in METHODS {
             let ground = Asked::plain(method).find(&lows);
             for at in (0..points.len()).filter(|&at| !hole(at)) {
                 let is = ground.is_ground(at % width, at / width, [0.5; 2], points[at].z);
                 assert_eq!(is, !shed(at), "{}: {at}", method.name);
             }
-            let empty = Lows { points: &[], ..lows };
+            let empty = LowestPoints { points: &[], ..lows };
             Asked::plain(method).find(&empty);
-            let none = Lows { points: &[NO_POINT; 9], width: 3, ..lows };
+            let none = LowestPoints { points: &[NO_POINT; 9], width: 3, ..lows };
             assert!(!Asked::plain(method).find(&none).is_ground(1, 1, [0.5; 2], 0));
         }
     }
@@ -116,7 +117,8 @@ mod tests {
         let point =
             |&(col, row): &(usize, usize)| Point::new(at(col), at(row), z(col, row).round() as i32);
         let points: Vec<Point> = cells.iter().map(point).collect();
-        let lows = Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+        let lows =
+            LowestPoints { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
         let ground = Asked::parse(asked).unwrap().find(&lows);
         let is_in = |&(col, row): &(usize, usize)| {
             (12..width - 12).contains(&col) && (12..rows - 12).contains(&row)
@@ -196,8 +198,13 @@ mod tests {
                     }
                 };
                 let points: Vec<Point> = (0..width * rows).map(point).collect();
-                let lows =
-                    Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+                let lows = LowestPoints {
+                    points: &points,
+                    width,
+                    cell: 1.0,
+                    corner: [0.0; 2],
+                    step: [0.01; 3],
+                };
                 for method in ["adaptive", "ptd"] {
                     let ground = Asked::parse(method).unwrap().find(&lows);
                     let is_ground =
@@ -213,7 +220,7 @@ mod tests {
 
     #[test]
     fn squares_are_as_large_as_cells_allow() {
-        let sizes = |cell: f64| (FinderTiling::fixed(cell).core, FinderTiling::fixed(cell).halo);
+        let sizes = |cell: f64| (GroundTiling::fixed(cell).core, GroundTiling::fixed(cell).halo);
         assert_eq!(sizes(1.0), (Some(512), 128));
         assert_eq!(sizes(0.01), (Some(768), 192));
         assert_eq!(sizes(1000.0), (Some(16), 16));

@@ -11,7 +11,7 @@
 
 use crate::grid::slid;
 use crate::grow::{FittedPlane, PlaneSums};
-use crate::lows::{EMPTY, Lows, NO_POINT};
+use crate::lows::{EMPTY, LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
 
 /// Side of a block in cells.
@@ -49,7 +49,7 @@ const ROUGH: usize = 20;
 pub(crate) const REACH: usize = FEW_PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
 
 /// The lowest points without low outliers: their cells are empty.
-pub(crate) fn without_outliers(lows: &Lows<'_>, passes: usize) -> Vec<Point> {
+pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Point> {
     let mut points = lows.points.to_vec();
     let mut left_out = Vec::new();
     for _ in 0..passes {
@@ -74,7 +74,7 @@ pub(crate) fn without_outliers(lows: &Lows<'_>, passes: usize) -> Vec<Point> {
         return points;
     }
     left_out.sort_unstable();
-    let left = Lows { points: &points, ..*lows };
+    let left = LowestPoints { points: &points, ..*lows };
     let smooth: Vec<_> = (0..points.len()).map(|at| is_smooth(&left, at)).collect();
     let is_ground =
         |at: &usize| is_under_crowns(&smooth, lows.width, *at) && goes_on(lows, &left_out, *at);
@@ -96,7 +96,7 @@ fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool 
 }
 
 /// Whether half of the points around a cell lie near one plane; `None` where they tell of none.
-fn is_smooth(lows: &Lows<'_>, at: usize) -> Option<bool> {
+fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
     let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
     let cols = around(at % lows.width, lows.width);
     let rows = around(at / lows.width, lows.points.len() / lows.width);
@@ -113,7 +113,7 @@ fn is_smooth(lows: &Lows<'_>, at: usize) -> Option<bool> {
 }
 
 /// Whether a left out point lies on a plane with many others that were left out.
-fn goes_on(lows: &Lows<'_>, left_out: &[usize], at: usize) -> bool {
+fn goes_on(lows: &LowestPoints<'_>, left_out: &[usize], at: usize) -> bool {
     let away = |other: usize, from: usize| {
         let apart = |a: usize, b: usize| a.abs_diff(b);
         apart(other % lows.width, from % lows.width)
@@ -134,7 +134,7 @@ fn goes_on(lows: &Lows<'_>, left_out: &[usize], at: usize) -> bool {
 }
 
 /// Whether most of the others lie on one plane, and this point as well.
-fn lie_on_one_plane(lows: &Lows<'_>, at: usize, others: &[usize]) -> bool {
+fn lie_on_one_plane(lows: &LowestPoints<'_>, at: usize, others: &[usize]) -> bool {
     let Some([x, y, z]) = lows.metres(at) else { return false };
     let others: Vec<[f64; 3]> = others.iter().filter_map(|&other| lows.metres(other)).collect();
     let others: Vec<[f64; 3]> =
@@ -261,8 +261,13 @@ mod tests {
             Point::new(col as i32, row as i32, (height(col, row) * 100.0).round() as i32)
         };
         let points: Vec<Point> = (0..width * rows).map(point).collect();
-        let lows =
-            Lows { points: &points, width, cell: 1.0, corner: [0.0; 2], step: [1.0, 1.0, 0.01] };
+        let lows = LowestPoints {
+            points: &points,
+            width,
+            cell: 1.0,
+            corner: [0.0; 2],
+            step: [1.0, 1.0, 0.01],
+        };
         let left = without_outliers(&lows, FEW_PASSES);
         (0..left.len())
             .filter(|&at| left[at] == NO_POINT)

@@ -5,8 +5,8 @@
 
 use crate::cells::{LowestCells, WIDEST};
 use crate::densify::{DensifyLimits, densified};
-use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
-use crate::lows::Lows;
+use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::lows::LowestPoints;
 use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
@@ -47,12 +47,12 @@ pub(crate) const METHOD: Method = Method {
         ),
     ],
     finder: GroundFinder {
-        lattice: |_, spacing| FinderTiling::fixed(spacing.clamp(1.0, WIDEST)),
+        lattice: |_, spacing| GroundTiling::fixed(spacing.clamp(1.0, WIDEST)),
         find,
     },
 };
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
+fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cells, step) = (LowestCells::of(lows), lows.step[2]);
     let [distance, spacing] = ["distance", "spacing"].map(|key| asked.value(key));
     let limits = DensifyLimits { sine: asked.value("angle").to_radians().sin(), distance, spacing };

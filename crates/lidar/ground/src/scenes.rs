@@ -1,7 +1,7 @@
 //! Scenes whose ground is known exactly, for the method `adaptive`.
 
 use crate::finder::Asked;
-use crate::lows::{Lows, NO_POINT};
+use crate::lows::{LowestPoints, NO_POINT};
 use terrane_base::geom::Point;
 
 const WIDTH: usize = 180;
@@ -19,7 +19,13 @@ fn wrong(scene: impl Fn(usize, usize) -> Option<Low>) -> [Vec<(usize, usize)>; 2
         low.map_or(NO_POINT, |(z, _)| Point::new(at(col), at(row), (z * 100.0).round() as i32))
     };
     let points: Vec<Point> = cells.iter().map(point).collect();
-    let lows = Lows { points: &points, width: WIDTH, cell: 1.0, corner: [0.0; 2], step: [0.01; 3] };
+    let lows = LowestPoints {
+        points: &points,
+        width: WIDTH,
+        cell: 1.0,
+        corner: [0.0; 2],
+        step: [0.01; 3],
+    };
     let found = Asked::BEST.find(&lows);
     let mut wrong = [vec![], vec![]];
     for (at, (col, row)) in cells.into_iter().enumerate() {

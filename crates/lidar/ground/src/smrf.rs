@@ -5,9 +5,9 @@
 //! openings with discs cut off by more than their radius times a slope is an object; holes are filled
 //! by springs; points near what is left are ground, the further off it the steeper it is.
 
-use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
+use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
-use crate::lows::Lows;
+use crate::lows::LowestPoints;
 use crate::surface::GroundSurface;
 use terrane_base::parameters::Parameter;
 
@@ -27,7 +27,7 @@ pub(crate) const METHOD: Method = Method {
         ),
         Parameter::new("scalar", 1.25, [0.0, 100.0], "how much further for a slope of 1, metres"),
     ],
-    finder: GroundFinder { lattice: |asked, _| FinderTiling::fixed(asked.value("cell")), find },
+    finder: GroundFinder { lattice: |asked, _| GroundTiling::fixed(asked.value("cell")), find },
 };
 
 /// Slope by which a low point stands out, rise over run to the next cell.
@@ -36,7 +36,7 @@ const LOW: f64 = 5.0;
 const RELAXED: usize = 200;
 const BEYOND: f64 = 1.85;
 
-fn find(asked: &Asked, lows: &Lows<'_>) -> GroundSurface {
+fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     let (cell, step) = (lows.cell, lows.step[2]);
     let heights = lows.heights();
     let radius = (asked.value("window") / cell).ceil() as usize;

@@ -18,9 +18,9 @@ use super::work::CloudTinContext;
 use crate::points::{PointStore, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{ConvexHull, PositionWindow};
+use terrane_delaunay::{ConvexHull, SiteWindow};
 use terrane_files::lock;
-use terrane_tin::scatter::{Fit, ScatterMesh};
+use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
 /// The band of points around a region that its first choice looks at: the side of a square over this.
 pub(super) const BAND: i32 = 4;
@@ -33,13 +33,13 @@ pub(super) struct RegionInspection {
     /// Vertices from which no edge follows a line, and never will.
     apart: Vec<[i32; 2]>,
     /// The part of the plane in which a new vertex may change what was seen.
-    pub(super) influence: PositionWindow,
+    pub(super) influence: SiteWindow,
     pub(super) errors: CloudTinErrors,
 }
 
 impl RegionInspection {
     /// Of a region that found nothing to add, and has no lines.
-    pub(super) fn settled(influence: PositionWindow, points: u64) -> Self {
+    pub(super) fn settled(influence: SiteWindow, points: u64) -> Self {
         let errors = CloudTinErrors { points, ..CloudTinErrors::default() };
         Self { open: Vec::new(), apart: Vec::new(), influence, errors }
     }
@@ -153,7 +153,7 @@ fn choose_in(
     for &point in rim.iter().chain(&points_around(posts, region)?) {
         mesh.insert(point);
     }
-    Fit::new(&mut mesh, &points, tolerance).run();
+    InsertUntilWithin::new(&mut mesh, &points, tolerance).run();
     work.lines.of_region(number, store, region).follow(&mut mesh)?;
     let mut chosen: Vec<Point> = mesh.points().iter().chain(hull).copied().filter(is_own).collect();
     chosen.sort_unstable();
@@ -189,7 +189,7 @@ impl RegionWorklist {
     /// Nothing is looked at.
     fn new(regions: usize) -> Self {
         Self {
-            looks: vec![RegionInspection::settled(PositionWindow::ALL, 0); regions],
+            looks: vec![RegionInspection::settled(SiteWindow::ALL, 0); regions],
             due: (0..regions).collect(),
         }
     }
@@ -241,7 +241,7 @@ pub(super) fn due(
     changed: impl Iterator<Item = usize>,
     tiling: &Tiling,
 ) -> Vec<usize> {
-    let changes = Changes::of(changed, tiling);
+    let changes = VertexChanges::of(changed, tiling);
     (0..looks.len()).filter(|&i| changes.touch(looks[i].influence, tiling)).collect()
 }
 
@@ -281,7 +281,7 @@ fn look_at(
         work.points.load_distinct(square, &mut square_points)?;
         points.extend_from_slice(&square_points);
     }
-    let mut fit = Fit::new(&mut local.mesh, &points, tolerance);
+    let mut fit = InsertUntilWithin::new(&mut local.mesh, &points, tolerance);
     let (most, squares) = if work.measure { fit.measure() } else { (0.0, 0.0) };
     let mut open = fit.run();
     let (posts, apart) =
@@ -302,12 +302,12 @@ fn sum(looks: &[RegionInspection]) -> CloudTinErrors {
 }
 
 /// Squares with new vertices, summed from the south-west corner to each square.
-struct Changes {
+struct VertexChanges {
     sums: Vec<u32>,
     across: usize,
 }
 
-impl Changes {
+impl VertexChanges {
     fn of(changed: impl Iterator<Item = usize>, tiling: &Tiling) -> Self {
         let [cols, rows] = tiling.counts().map(|n| n as usize);
         let across = cols + 1;
@@ -325,7 +325,7 @@ impl Changes {
     }
 
     /// True when a square that the window touches has changed.
-    fn touch(&self, window: PositionWindow, tiling: &Tiling) -> bool {
+    fn touch(&self, window: SiteWindow, tiling: &Tiling) -> bool {
         let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];
         let (west, south, east, north) = (low[0], low[1], high[0] + 1, high[1] + 1);

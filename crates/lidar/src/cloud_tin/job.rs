@@ -9,10 +9,10 @@ use terrane_base::error::{Error, Result};
 use terrane_cloud::{CloudOpenOptions, PointCensus, PointSource};
 use terrane_engine::Resources;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::{MeshPlacement, Placing};
-use terrane_engine::sift::Losses;
+use terrane_engine::placing::{Placing, StorageScale};
+use terrane_engine::sift::LostPoints;
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::Inputs;
 use terrane_terrain::tin::{FlawReport, StageReport};
@@ -125,10 +125,10 @@ pub struct CloudTinReport {
     pub prj: Option<String>,
     /// How the mesh lies in its file, where that has coordinates of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub placed: Option<MeshPlacement>,
+    pub placed: Option<StorageScale>,
     pub regions: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub points_per_second: f64,
     pub stages: Vec<StageReport>,
     /// What is odd about the cloud.
@@ -140,7 +140,7 @@ impl CloudTinReport {
     pub(super) fn of_source(
         &mut self,
         source: &dyn PointSource,
-        losses: &Losses,
+        losses: &LostPoints,
         started: Instant,
     ) {
         self.files = source.files().len() as u64;

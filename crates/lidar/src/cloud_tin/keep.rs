@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, PositionWindow};
+use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
 /// Squares whose points are held at a time.
 const HELD: usize = 256;
@@ -106,7 +106,7 @@ fn far(a: [i32; 2], b: [i32; 2]) -> i64 {
 }
 
 /// The same of a position and a window.
-fn gap(at: [i32; 2], window: PositionWindow) -> i64 {
+fn gap(at: [i32; 2], window: SiteWindow) -> i64 {
     let inside = [0, 1].map(|axis| at[axis].clamp(window.low[axis], window.high[axis]));
     far(at, inside)
 }

@@ -1,7 +1,7 @@
 //! Lines that edges follow: which of their steps lie over the cloud, what part of them is in which region, and how
 //! high a post is.
 //!
-//! A line is a path of steps of the frame ([`terrane_tin::scatter::Courses`]) as far as it is in the convex hull of
+//! A line is a path of steps of the frame ([`terrane_tin::scatter::ClippedSegments`]) as far as it is in the convex hull of
 //! the points, and its *posts* are vertices that need be no points. So lines keep where they were measured, and what
 //! follows them, region by region, is decided on whole numbers like all else. Vertices from the start are the posts
 //! at ends, where lines cross, and where one comes into a region: that is where the next region takes it up.
@@ -18,7 +18,7 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, SampleSegment};
 use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, Location, interpolate};
 use terrane_engine::on_cloud::{LatticeLine, OnCloud};
-use terrane_tin::scatter::{Courses, PathCourse, ScatterMesh};
+use terrane_tin::scatter::{ClippedSegment, ClippedSegments, ScatterMesh};
 
 type Site = [i32; 2];
 
@@ -196,7 +196,7 @@ impl<'a> CloudLines<'a> {
         let from = self.pieces.partition_point(|piece| piece.region < number);
         let pieces = &self.pieces[from..];
         let pieces = &pieces[..pieces.partition_point(|piece| piece.region == number)];
-        let courses = pieces.iter().map(|piece| PathCourse {
+        let courses = pieces.iter().map(|piece| ClippedSegment {
             segment: self.segment(piece.line as usize),
             from: piece.from.into(),
             to: piece.to.into(),
@@ -204,7 +204,7 @@ impl<'a> CloudLines<'a> {
             last: piece.last.into(),
         });
         let window = region.window(store.tiling());
-        let courses = Courses::new(courses.collect());
+        let courses = ClippedSegments::new(courses.collect());
         RegionLines {
             lines: self,
             pieces,
@@ -261,13 +261,13 @@ impl HullOutline {
 pub(super) struct RegionLines<'a> {
     lines: &'a CloudLines<'a>,
     pieces: &'a [CloudLinePiece],
-    courses: Courses,
+    courses: ClippedSegments,
     store: &'a PointStore,
     /// All points near, once a height needs them.
     around: Option<SurroundingPoints<'a>>,
     /// Points by square.
     loaded: HashMap<usize, Vec<Point>>,
-    window: terrane_delaunay::PositionWindow,
+    window: terrane_delaunay::SiteWindow,
 }
 
 impl RegionLines<'_> {

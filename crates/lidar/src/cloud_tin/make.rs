@@ -16,13 +16,13 @@ use terrane_base::geom::{Point, PointFrame};
 use terrane_cloud::{self as cloud, PointCensus, PointSource};
 use terrane_delaunay::ConvexHull;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::with_polygons;
 use terrane_engine::on_cloud::OnCloud;
-use terrane_engine::placing::MeshPlacement;
-use terrane_engine::plan::Observer;
-use terrane_engine::sift::Losses;
+use terrane_engine::placing::StorageScale;
+use terrane_engine::plan::RunControl;
+use terrane_engine::sift::LostPoints;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
 use terrane_mesh::{MeshFormat, MeshSink, check_prj, write_prj};
@@ -44,13 +44,13 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     check_prj(&job.output, &source.info().crs, job.overwrite)?;
     let [points, lines] = [&job.keep_points, &job.breaklines].map(Option::as_deref);
     let features = ConstraintFeatures::read_for_cloud(points, lines, &job.resources)?;
-    let at = Observer { progress, cancel };
+    let at = RunControl { progress, cancel };
     let mut report = with_polygons(&job.options, &job.resources, |resources| {
         let job = CloudTinJob { resources, ..job.clone() };
         make(&job, &*source, (features, format), REGION_POINTS, at)
     })?;
     report.run.memory_budget = job.resources.memory;
-    report.of_source(&*source, &Losses::of(&*source), started);
+    report.of_source(&*source, &LostPoints::of(&*source), started);
     Ok(report)
 }
 
@@ -60,7 +60,7 @@ pub fn make(
     source: &dyn PointSource,
     (features, format): (ConstraintFeatures, &'static MeshFormat),
     most: u64,
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<CloudTinReport> {
     let ready = PreparedCloudTin::new((job, &job.label()), source, features, format)?;
     let (kept, mut clock) = (&ready.kept, CloudTinClock::default());
@@ -198,9 +198,9 @@ pub(super) fn report(
         kept: written.vertices as f64 / points.kept.max(1) as f64,
         output_bytes: written.bytes,
         prj: prj.map(|path| path.display().to_string()),
-        placed: Some(ready.placed.clone()).filter(MeshPlacement::is_local),
+        placed: Some(ready.placed.clone()).filter(StorageScale::is_local),
         regions: work.regions.all.len() as u64,
-        run: Figures::since(Instant::now(), &job.resources)
+        run: RunStatistics::since(Instant::now(), &job.resources)
             .with_threads(work.threads)
             .with_spilled(made.spilled),
         stages: clock.stages,

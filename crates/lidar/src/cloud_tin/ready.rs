@@ -14,8 +14,8 @@ use terrane_cloud::{CloudInfo, PointSource};
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::{PROGRAM, too_little};
 use terrane_engine::on_cloud::OnCloud;
-use terrane_engine::placing::MeshPlacement;
-use terrane_engine::plan::Observer;
+use terrane_engine::placing::StorageScale;
+use terrane_engine::plan::RunControl;
 use terrane_engine::{Resources, beside};
 use terrane_files::folder_for;
 use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
@@ -84,7 +84,7 @@ pub(super) struct PreparedCloudTin<'a> {
     pub(super) kept: OnCloud,
     pub(super) format: &'static MeshFormat,
     header: MeshHeader,
-    pub(super) placed: MeshPlacement,
+    pub(super) placed: StorageScale,
     pub(super) notes: Vec<String>,
     pub(super) division: &'static CloudTinMemory,
 }
@@ -128,7 +128,7 @@ impl<'a> PreparedCloudTin<'a> {
     }
 
     /// How points are read.
-    pub(super) fn filling<'f>(&'f self, at: Observer<'f>) -> PointStoreSetup<'f> {
+    pub(super) fn filling<'f>(&'f self, at: RunControl<'f>) -> PointStoreSetup<'f> {
         let memory = self.job.resources.memory.saturating_sub(self.kept.bytes());
         PointStoreSetup {
             threads: self.job.resources.threads.max(1),
@@ -152,7 +152,7 @@ impl<'a> PreparedCloudTin<'a> {
         &'w self,
         (points, regions, lines): (&'w PointStore, &'w CloudTinRegions, &'w CloudLines<'w>),
         held: u64,
-        at: Observer<'w>,
+        at: RunControl<'w>,
     ) -> Result<CloudTinContext<'w>> {
         let Resources { threads, memory, .. } = self.job.resources;
         let worker = self.division.worker(regions.most_points(), lines.most_bytes());

@@ -11,7 +11,7 @@ use super::regions::{CloudTinRegion, no_surface};
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_delaunay::{Disc, PositionWindow};
+use terrane_delaunay::{CircumscribedDisc, SiteWindow};
 use terrane_tin::scatter::ScatterMesh;
 
 /// Squares taken in at a time, the nearest first.
@@ -27,7 +27,7 @@ pub(super) struct RegionMesh<'a> {
     /// Squares that are in the mesh as a whole, with their vertices.
     loaded: HashMap<usize, Vec<Point>>,
     /// All squares in here are loaded.
-    whole: PositionWindow,
+    whole: SiteWindow,
 }
 
 impl<'a> RegionMesh<'a> {
@@ -97,18 +97,18 @@ impl<'a> RegionMesh<'a> {
     }
 
     /// The circles of the triangles whose box touches the region's.
-    fn discs(&self) -> impl Iterator<Item = Disc> {
+    fn discs(&self) -> impl Iterator<Item = CircumscribedDisc> {
         let window = self.region.window(self.vertices.tiling());
         let all = (0..self.mesh.triangles().len() as u32).filter_map(|t| self.mesh.corners(t));
         let all = all.map(|corners| corners.map(|p| [p.x, p.y]));
         let touches = move |corners: &[[i32; 2]; 3]| {
-            PositionWindow::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
+            SiteWindow::of(*corners).is_some_and(|own| own.intersection(&window).is_some())
         };
-        all.filter(touches).map(Disc::around)
+        all.filter(touches).map(CircumscribedDisc::around)
     }
 
     /// A window that holds every vertex that may change the mesh here.
-    pub(super) fn influence(&self) -> PositionWindow {
+    pub(super) fn influence(&self) -> SiteWindow {
         let all = self.vertices.tiling().window();
         let parts = self.discs().filter_map(|disc| disc.clip(&all));
         parts.fold(self.whole, |sum, part| sum.union(&part))

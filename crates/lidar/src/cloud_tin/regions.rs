@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::points::{PointStore, Tiling};
 use terrane_base::error::Error;
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 
 /// Most points of a region, unless a single square holds more.
 pub(super) const REGION_POINTS: u64 = 1 << 17;
@@ -37,7 +37,7 @@ impl CloudTinRegion {
     }
 
     /// What it covers.
-    pub(super) fn window(&self, tiling: &Tiling) -> PositionWindow {
+    pub(super) fn window(&self, tiling: &Tiling) -> SiteWindow {
         let first = tiling.window_of(tiling.square(self.low));
         first.union(&tiling.window_of(tiling.square(self.end.map(|end| end - 1))))
     }

@@ -18,11 +18,11 @@ use super::extent::GridExtent;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::{self as files, SpoolFile, lock};
-use terrane_gridding::{CellBlock, Recipe};
+use terrane_gridding::{CellBlock, StatisticRecipe};
 
 /// All blocks of a grid.
 pub(super) struct CellBlocks<'a> {
-    recipe: &'a Recipe,
+    recipe: &'a StatisticRecipe,
     /// Blocks have 2^shift columns and rows.
     shift: u32,
     width: u32,
@@ -65,7 +65,7 @@ const MOST_PARTS: usize = 4;
 
 impl<'a> CellBlocks<'a> {
     pub(super) fn new(
-        recipe: &'a Recipe,
+        recipe: &'a StatisticRecipe,
         extent: &GridExtent,
         budget: &GridBudget,
         folder: &Path,

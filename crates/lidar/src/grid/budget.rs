@@ -12,7 +12,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::memory::{PROGRAM, too_little};
-use terrane_gridding::Recipe;
+use terrane_gridding::StatisticRecipe;
 use terrane_raster::write::{GridFormat, GridSink};
 
 use super::extent::GridExtent;
@@ -48,7 +48,7 @@ impl GridBudget {
         format: &GridFormat,
         sink: &dyn GridSink,
         extent: &GridExtent,
-        recipe: &Recipe,
+        recipe: &StatisticRecipe,
         points: u64,
     ) -> Result<Self> {
         let Resources { threads, memory: all, .. } = *resources;
@@ -85,7 +85,7 @@ impl GridBudget {
         format: &GridFormat,
         sink: &dyn GridSink,
         extent: &GridExtent,
-        recipe: &Recipe,
+        recipe: &StatisticRecipe,
     ) -> u64 {
         let slots = cells(extent).div_ceil(1 << (2 * MOST_SHIFT)).saturating_mul(SLOT);
         let one = PROGRAM + slots + LEAST + worker(format, sink, extent, recipe);
@@ -96,7 +96,7 @@ impl GridBudget {
     pub(super) fn check(
         resources: &Resources,
         format: &GridFormat,
-        (sink, extent, recipe): (&dyn GridSink, &GridExtent, &Recipe),
+        (sink, extent, recipe): (&dyn GridSink, &GridExtent, &StatisticRecipe),
         before: u64,
     ) -> Result<()> {
         match before > resources.memory {
@@ -114,7 +114,7 @@ impl GridBudget {
         format: &GridFormat,
         sink: &dyn GridSink,
         extent: &GridExtent,
-        recipe: &Recipe,
+        recipe: &StatisticRecipe,
     ) -> Result<Self> {
         let worker = WORKER.max(writing(format, sink, extent, recipe));
         let left = |threads: usize| {
@@ -130,7 +130,12 @@ impl GridBudget {
 }
 
 /// Bytes a thread needs.
-fn worker(format: &GridFormat, sink: &dyn GridSink, extent: &GridExtent, recipe: &Recipe) -> u64 {
+fn worker(
+    format: &GridFormat,
+    sink: &dyn GridSink,
+    extent: &GridExtent,
+    recipe: &StatisticRecipe,
+) -> u64 {
     let around = if recipe.triangulates() { neighbours::WORKER } else { 0 };
     let columns = if recipe.attributes().is_empty() { 0 } else { COLUMNS };
     columns + WORKER.max(around + writing(format, sink, extent, recipe))
@@ -142,7 +147,12 @@ fn cells(extent: &GridExtent) -> u64 {
 }
 
 /// Bytes a thread needs to write a block of the output, with what its voids are filled from.
-fn writing(format: &GridFormat, sink: &dyn GridSink, extent: &GridExtent, recipe: &Recipe) -> u64 {
+fn writing(
+    format: &GridFormat,
+    sink: &dyn GridSink,
+    extent: &GridExtent,
+    recipe: &StatisticRecipe,
+) -> u64 {
     let (width, height) = sink.block();
     let (width, height) = (width.min(extent.output.width), height.min(extent.output.height));
     let (width, height) = (u64::from(width), u64::from(height));

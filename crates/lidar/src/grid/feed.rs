@@ -4,36 +4,36 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::blocks::CellBlocks;
 use super::extent::GridExtent;
-use super::lane::{Lane, Outside};
+use super::lane::{FeedLane, OutsideCounter};
 use super::queue::ReadQueue;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{AttributeSource, PointCensus, PointSource};
 use terrane_engine::{Cancel, FileAt, Progress};
-use terrane_gridding::{Recipe, Selected, Selector};
+use terrane_gridding::{SelectedPoints, StatisticRecipe, SubjectSelector};
 
 /// A cloud and the blocks it goes into.
-pub(super) struct Feed<'a> {
+pub(super) struct CloudFeed<'a> {
     pub(super) source: &'a dyn PointSource,
     /// What reads it with the attributes that the recipe takes, if it takes any.
     pub(super) columns: Option<&'a dyn AttributeSource>,
     /// The parts of it that are read.
     pub(super) parts: Vec<usize>,
     pub(super) extent: &'a GridExtent,
-    pub(super) recipe: &'a Recipe,
+    pub(super) recipe: &'a StatisticRecipe,
     pub(super) blocks: &'a CellBlocks<'a>,
 }
 
 /// What became of the points.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Fed {
+pub(super) struct FeedOutcome {
     pub(super) census: PointCensus,
     /// Points kept that lie in no cell that is written.
     pub(super) outside: u64,
 }
 
-impl Feed<'_> {
+impl CloudFeed<'_> {
     /// Reads all parts on so many threads; `store` takes all points, where surfaces go through them.
     pub(super) fn run(
         &self,
@@ -41,7 +41,7 @@ impl Feed<'_> {
         threads: usize,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<Fed> {
+    ) -> Result<FeedOutcome> {
         progress.begin("points", self.parts.iter().map(|part| self.source.points_of(*part)).sum());
         let queue = ReadQueue::new(self.parts.len(), threads);
         let failed = AtomicBool::new(false);
@@ -51,14 +51,14 @@ impl Feed<'_> {
             failed.fetch_or(fed.is_err(), Ordering::Relaxed);
             fed
         };
-        let all: Result<Vec<Fed>> = std::thread::scope(|scope| {
+        let all: Result<Vec<FeedOutcome>> = std::thread::scope(|scope| {
             let work = &work;
             let workers: Vec<_> = (0..threads).map(|t| scope.spawn(move || work(t))).collect();
             let joined = workers.into_iter().map(|worker| worker.join());
             joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
         });
         progress.end();
-        let mut sum = Fed::default();
+        let mut sum = FeedOutcome::default();
         for fed in all? {
             sum.census.add(&fed.census);
             sum.outside += fed.outside;
@@ -73,7 +73,7 @@ impl Feed<'_> {
         thread: usize,
         failed: &AtomicBool,
         (progress, cancel): (&dyn Progress, &Cancel),
-    ) -> Result<Fed> {
+    ) -> Result<FeedOutcome> {
         let mut census = PointCensus::default();
         while let Some(part) = queue.take(thread).filter(|_| !failed.load(Ordering::Relaxed)) {
             cancel.check()?;
@@ -82,7 +82,7 @@ impl Feed<'_> {
             census.add(&self.read(part, &mut worker)?);
             progress.advance(self.source.points_of(part));
         }
-        Ok(Fed { census, outside: worker.outside() })
+        Ok(FeedOutcome { census, outside: worker.outside() })
     }
 
     fn read(&self, part: usize, worker: &mut GridFeedWorker<'_>) -> Result<PointCensus> {
@@ -99,23 +99,24 @@ impl Feed<'_> {
 struct GridFeedWorker<'a> {
     store: Option<&'a PointStore>,
     /// For each subject: how its points are found, where they are not all of them, and what takes them.
-    lanes: Vec<(Option<Selector>, Lane<'a>)>,
-    selected: Selected,
+    lanes: Vec<(Option<SubjectSelector>, FeedLane<'a>)>,
+    selected: SelectedPoints,
     /// Counts what lies in no cell, where no lane sees all points.
-    apart: Option<Outside<'a>>,
+    apart: Option<OutsideCounter<'a>>,
 }
 
 impl<'a> GridFeedWorker<'a> {
-    fn new(feed: &'a Feed<'a>, store: Option<&'a PointStore>) -> Self {
+    fn new(feed: &'a CloudFeed<'a>, store: Option<&'a PointStore>) -> Self {
         let (names, frame) = (feed.recipe.attributes(), feed.source.info().frame);
         let lane = |(number, subject): (usize, &terrane_gridding::Subject)| {
-            let selector = (!subject.is_plain()).then(|| Selector::new(subject, &names, &frame));
-            (selector, Lane::new((feed.recipe, number), feed.extent, feed.blocks))
+            let selector =
+                (!subject.is_plain()).then(|| SubjectSelector::new(subject, &names, &frame));
+            (selector, FeedLane::new((feed.recipe, number), feed.extent, feed.blocks))
         };
         let lanes: Vec<_> = feed.recipe.subjects().iter().enumerate().map(lane).collect();
         let is_apart = !lanes.is_empty() && lanes.iter().all(|(selector, _)| selector.is_some());
-        let apart = is_apart.then(|| Outside::new(feed.extent));
-        Self { store, lanes, selected: Selected::default(), apart }
+        let apart = is_apart.then(|| OutsideCounter::new(feed.extent));
+        Self { store, lanes, selected: SelectedPoints::default(), apart }
     }
 
     /// Hands a batch of points to the blocks they touch.

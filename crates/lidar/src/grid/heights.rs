@@ -1,15 +1,15 @@
 //! Sources of heights for bands that are not statistics: surfaces through the points, models of the terrain.
 
 use super::extent::CellRequest;
-use super::neighbours::Surfaces;
+use super::neighbours::CloudSurfaces;
 use super::preset::PresetModel;
 use terrane_base::error::Result;
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_gridding::Statistic;
 
 /// Surfaces through the points, or a model of the terrain.
 pub(super) enum HeightSource {
-    Surfaces(Box<Surfaces>),
+    Surfaces(Box<CloudSurfaces>),
     Model(Box<PresetModel>),
 }
 
@@ -44,7 +44,7 @@ impl HeightSource {
     }
 
     /// Files whose damage was passed over, where they are read for these alone.
-    pub(super) fn losses(&self) -> Option<&Losses> {
+    pub(super) fn losses(&self) -> Option<&LostPoints> {
         match self {
             Self::Surfaces(_) => None,
             Self::Model(model) => Some(&model.losses),

@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::placement::{Compat, Placement, usual_cell};
-use super::preset::kinds::{GroundFrom, Preset};
+use super::preset::kinds::{GroundFrom, SurfaceModel};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions};
 use terrane_engine::Resources;
 use terrane_files::folder_for;
 use terrane_gridding::canopy::CanopyAlgorithm;
-use terrane_gridding::{self as gridding, Canopy, Recipe, StatisticDefaults, StatisticRequest};
+use terrane_gridding::{
+    self as gridding, Canopy, StatisticDefaults, StatisticRecipe, StatisticRequest,
+};
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, GridWriteOptions};
 
@@ -33,8 +35,8 @@ pub struct GridJob {
     pub creation: Vec<(String, String)>,
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<StatisticRequest>,
-    /// The model of the terrain that the only band is ([`Preset::band`]), if it is one.
-    pub preset: Option<Preset>,
+    /// The model of the terrain that the only band is ([`SurfaceModel::band`]), if it is one.
+    pub preset: Option<SurfaceModel>,
     /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
     pub ground: GroundFrom,
     /// How a preset of what is seen from above gets rid of returns from deep in crowns.
@@ -111,7 +113,7 @@ impl GridJob {
     pub fn of_preset(
         input: impl IntoIterator<Item = impl Into<String>>,
         output: impl Into<PathBuf>,
-        preset: Preset,
+        preset: SurfaceModel,
         cell: f64,
     ) -> Self {
         Self { preset: Some(preset), ..Self::new(input, output, vec![preset.band()], cell) }
@@ -168,7 +170,7 @@ impl GridJob {
     pub(super) fn reading(&self) -> CloudOpenOptions {
         let mut options = self.cloud.clone();
         let cell = self.placement.cell.unwrap_or_default();
-        let recipe = Recipe::new(&self.stats, &self.rules(cell));
+        let recipe = StatisticRecipe::new(&self.stats, &self.rules(cell));
         if let (Some([x0, y0, x1, y1]), None, false) =
             (self.placement.extent, options.filter.bounds, recipe.triangulates())
         {
@@ -202,7 +204,7 @@ impl GridJob {
     /// Whether the ground has to be known.
     pub(super) fn needs_ground(&self) -> bool {
         let has_layers = self.canopy.way() == CanopyAlgorithm::PitFree;
-        self.preset.is_some_and(|preset| preset != Preset::Dsm || has_layers)
+        self.preset.is_some_and(|preset| preset != SurfaceModel::Dsm || has_layers)
     }
 
     /// Fails when something is asked for that acts on none of the bands.
@@ -241,7 +243,7 @@ impl GridJob {
             return Err(Error::usage("no statistic is asked for").remedy("add ‹stat› mean"));
         }
         self.preset.map_or(Ok(()), |preset| check_preset(preset, self))?;
-        if self.water.is_some() && self.preset != Some(Preset::Dtm) {
+        if self.water.is_some() && self.preset != Some(SurfaceModel::Dtm) {
             return Err(Error::usage("‹water› is for models of the ground")
                 .remedy("leave it out, or pass ‹dtm›"));
         }
@@ -252,7 +254,7 @@ impl GridJob {
 }
 
 /// Fails when a preset cannot be made as asked for, whatever the points.
-fn check_preset(preset: Preset, job: &GridJob) -> Result<()> {
+fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     let wanted = &job.cloud.filter;
     if job.stats != [preset.band()] {
         let message = "a preset is one band, beside which there is no statistic";
@@ -271,8 +273,8 @@ fn check_preset(preset: Preset, job: &GridJob) -> Result<()> {
 }
 
 /// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
-fn check_canopy(preset: Preset, job: &GridJob) -> Result<()> {
-    if preset == Preset::Dtm && !job.canopy.is_usual() {
+fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
+    if preset == SurfaceModel::Dtm && !job.canopy.is_usual() {
         return Err(Error::usage("‹canopy› cannot act: it is for ‹dsm› and ‹chm›")
             .remedy("leave ‹canopy› out"));
     }

@@ -4,17 +4,17 @@ use super::blocks::CellBlocks;
 use super::extent::GridExtent;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
-use terrane_gridding::{BlockTarget, CellHits, CellNeighborhood, Recipe, Scatter};
+use terrane_gridding::{BlockTarget, CellHits, CellNeighborhood, DiscScatter, StatisticRecipe};
 
 /// Counts points that lie in no cell that is written.
-pub(super) struct Outside<'a> {
+pub(super) struct OutsideCounter<'a> {
     extent: &'a GridExtent,
     pub(super) count: u64,
     cols: Vec<i32>,
     rows: Vec<i32>,
 }
 
-impl<'a> Outside<'a> {
+impl<'a> OutsideCounter<'a> {
     pub(super) fn new(extent: &'a GridExtent) -> Self {
         Self { extent, count: 0, cols: Vec::new(), rows: Vec::new() }
     }
@@ -29,13 +29,13 @@ impl<'a> Outside<'a> {
 }
 
 /// What one thread needs to hand the points of a subject to blocks.
-pub(super) struct Lane<'a> {
+pub(super) struct FeedLane<'a> {
     extent: &'a GridExtent,
     blocks: &'a CellBlocks<'a>,
     /// Points in no cell that is written.
     pub(super) outside: u64,
     /// The regions of the subject, and what is for discs.
-    regions: Vec<(usize, Option<Scatter>)>,
+    regions: Vec<(usize, Option<DiscScatter>)>,
     cols: Vec<i32>,
     rows: Vec<i32>,
     /// Points with their cells, each for one block.
@@ -59,16 +59,18 @@ struct PointBatch {
 /// Points to a block in a run, on average, below which a batch is put in order first.
 const SHORT_RUN: usize = 16;
 
-impl<'a> Lane<'a> {
+impl<'a> FeedLane<'a> {
     /// For a subject of the recipe.
     pub(super) fn new(
-        (recipe, subject): (&Recipe, usize),
+        (recipe, subject): (&StatisticRecipe, usize),
         extent: &'a GridExtent,
         blocks: &'a CellBlocks<'a>,
     ) -> Self {
         let regions = recipe.regions_of(subject).map(|(number, region)| match region {
             CellNeighborhood::Cell => (number, None),
-            CellNeighborhood::Disc(radius) => (number, Some(Scatter::new(&extent.lattice, radius))),
+            CellNeighborhood::Disc(radius) => {
+                (number, Some(DiscScatter::new(&extent.lattice, radius)))
+            }
         });
         Self {
             extent,

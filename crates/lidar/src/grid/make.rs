@@ -5,12 +5,12 @@ use std::time::Instant;
 use super::blocks::CellBlocks;
 use super::budget::GridBudget;
 use super::extent::GridExtent;
-use super::feed::{Fed, Feed};
+use super::feed::{CloudFeed, FeedOutcome};
 use super::heights::HeightSource;
 use super::job::GridJob;
 use super::level;
 use super::near::CellSurroundings;
-use super::neighbours::{Surfaces, tiling};
+use super::neighbours::{CloudSurfaces, tiling};
 use super::preset::{self, CloudOverview, Making, PresetModel};
 use super::report::{GridReport, GridStage};
 use super::source::{CellBands, FinishedGrid};
@@ -18,11 +18,11 @@ use crate::points::{PointStore, PointStoreLimits, parts_in};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{self as cloud, AttributeSource, PointSource};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_engine::{Cancel, Progress};
-use terrane_gridding::{CellUnits, Recipe};
+use terrane_gridding::{CellUnits, StatisticRecipe};
 use terrane_raster::GridInfo;
 
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
@@ -102,7 +102,7 @@ impl<'a> GridMaker<'a> {
     pub(super) fn try_make(&self) -> Result<Option<GridReport>> {
         let start = Instant::now();
         let Self { job, extent, progress, cancel, .. } = self;
-        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let columns = self.columns(&recipe)?;
         let info = extent.written(job);
         let format = job.format()?;
@@ -117,8 +117,14 @@ impl<'a> GridMaker<'a> {
             GridBudget::divide(&job.resources, format, sink.as_ref(), extent, &recipe, count)?;
         let blocks = CellBlocks::new(&recipe, extent, &budget, job.spill_folder());
         let columns = columns.as_deref();
-        let feed =
-            Feed { source: self.points, columns, parts, extent, recipe: &recipe, blocks: &blocks };
+        let feed = CloudFeed {
+            source: self.points,
+            columns,
+            parts,
+            extent,
+            recipe: &recipe,
+            blocks: &blocks,
+        };
         let (fed, heights) = self.gather(&feed, budget.threads, budget.points)?;
         let accumulated = GridStage::since("points", start);
         let begun = Instant::now();
@@ -135,7 +141,7 @@ impl<'a> GridMaker<'a> {
         let made_of = finished.heights.as_ref().map_or(&[][..], HeightSource::notes).to_vec();
         let notes = [extent.notes.clone(), made_of, sink.notes()].concat();
         let output_bytes = sink.finish()?;
-        let mut losses = Losses::of(self.points);
+        let mut losses = LostPoints::of(self.points);
         finished.heights.iter().filter_map(HeightSource::losses).for_each(|more| losses.add(more));
         Ok(Some(GridReport {
             points: fed.census,
@@ -146,7 +152,7 @@ impl<'a> GridMaker<'a> {
             output_bytes,
             points_per_second: fed.census.read as f64 / accumulated.seconds,
             stages: vec![accumulated, GridStage::since("write", begun)],
-            run: Figures::since(start, &job.resources)
+            run: RunStatistics::since(start, &job.resources)
                 .with_threads(budget.threads)
                 .with_spilled(blocks.spilled_bytes() + through),
             ..report(job, &info, extent)
@@ -154,7 +160,7 @@ impl<'a> GridMaker<'a> {
     }
 
     /// What reads the cloud with the attributes that the statistics take, if they take any.
-    fn columns(&self, recipe: &Recipe) -> Result<Option<Box<dyn AttributeSource + '_>>> {
+    fn columns(&self, recipe: &StatisticRecipe) -> Result<Option<Box<dyn AttributeSource + '_>>> {
         let names = recipe.attributes();
         (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
@@ -170,10 +176,10 @@ impl<'a> GridMaker<'a> {
     /// Reads the points; what goes through their neighbours may hold `memory` bytes of them.
     fn gather(
         &self,
-        feed: &Feed<'_>,
+        feed: &CloudFeed<'_>,
         threads: usize,
         memory: u64,
-    ) -> Result<(Fed, Option<HeightSource>)> {
+    ) -> Result<(FeedOutcome, Option<HeightSource>)> {
         let Self { points, job, progress, cancel, .. } = *self;
         if let Some(preset) = job.preset {
             let reading = job.reading();
@@ -182,7 +188,7 @@ impl<'a> GridMaker<'a> {
             let making =
                 Making { job, extent, reading, threads, memory, points, part, progress, cancel };
             let model = PresetModel::new(preset, points.info(), &making)?;
-            let fed = Fed { census: model.census, outside: 0 };
+            let fed = FeedOutcome { census: model.census, outside: 0 };
             return Ok((fed, Some(HeightSource::Model(Box::new(model)))));
         }
         let limits = || self.within.map(|near| PointStoreLimits::new(points, near.window()));
@@ -190,7 +196,7 @@ impl<'a> GridMaker<'a> {
             PointStore::empty(tiling(points.info()), job.spill_folder(), memory).limited(limits())
         });
         let fed = feed.run(store.as_ref(), threads, progress, cancel)?;
-        let surfaces = store.map(|store| Surfaces::new(store, points.info().frame));
+        let surfaces = store.map(|store| CloudSurfaces::new(store, points.info().frame));
         Ok((fed, surfaces.transpose()?.map(Box::new).map(HeightSource::Surfaces)))
     }
 

@@ -1,7 +1,7 @@
 //! What is read of a cloud for some of its cells.
 
 use terrane_base::geom::{PointFrame, REACH};
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 
 /// How many times wider a margin becomes when one was too small.
 const WIDER: i32 = 4;
@@ -10,18 +10,18 @@ const WIDER: i32 = 4;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellSurroundings {
     /// What statistics of the cells are made of.
-    pub(crate) cells: PositionWindow,
+    pub(crate) cells: SiteWindow,
     /// Steps around them.
     pub(crate) margin: i32,
 }
 
 impl CellSurroundings {
-    pub(crate) fn window(self) -> PositionWindow {
+    pub(crate) fn window(self) -> SiteWindow {
         self.cells.grown(self.margin)
     }
 
     /// What lies near all of the window.
-    pub(crate) fn beyond(self) -> PositionWindow {
+    pub(crate) fn beyond(self) -> SiteWindow {
         self.window().grown(self.margin)
     }
 

@@ -1,18 +1,20 @@
 //! Bands that need the points around a cell, not only those in it.
 
 use super::extent::{CellRequest, GridExtent};
-use crate::points::{InterpolatedSurface, PointStore, Positions, SurroundingPoints, Tiling};
+use crate::points::{
+    ColumnRowPositions, InterpolatedSurface, PointStore, SurroundingPoints, Tiling,
+};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point, PointFrame, Rect};
 use terrane_cloud::CloudInfo;
-use terrane_delaunay::{ConvexHull, FixedPosition, Location, PositionWindow, interpolate};
+use terrane_delaunay::{ConvexHull, FixedPosition, Location, SiteWindow, interpolate};
 use terrane_gridding::{Statistic, SurfaceInterpolation};
 
 /// Bytes that a thread holds for the points around the cells it is at.
 pub(crate) const WORKER: u64 = 32 << 20;
 
 /// All points of a cloud, for surfaces through them.
-pub(crate) struct Surfaces {
+pub(crate) struct CloudSurfaces {
     store: PointStore,
     hull: ConvexHull,
     frame: PointFrame,
@@ -24,7 +26,7 @@ pub(crate) fn tiling(cloud: &CloudInfo) -> Tiling {
     Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count)
 }
 
-impl Surfaces {
+impl CloudSurfaces {
     /// Through the points of a store that is complete.
     pub(crate) fn new(store: PointStore, frame: PointFrame) -> Result<Self> {
         let hull = store.hull()?;
@@ -60,7 +62,7 @@ impl Surfaces {
             return Err(more_is_needed());
         }
         let surface = InterpolatedSurface { store, hull, frame: *frame, shape };
-        let centres = Centres::new(piece.extent, piece.rect, frame);
+        let centres = CellCenters::new(piece.extent, piece.rect, frame);
         surface.fill(centres.positions(), out)
     }
 
@@ -72,7 +74,7 @@ impl Surfaces {
         mut each: impl FnMut(&Point, Option<f64>),
     ) -> Result<()> {
         let site = |p: &Point| [p.x, p.y];
-        let Some(window) = PositionWindow::of(points.iter().map(site)) else { return Ok(()) };
+        let Some(window) = SiteWindow::of(points.iter().map(site)) else { return Ok(()) };
         let mut around = SurroundingPoints::new(&self.store, window)?;
         let (positions, mut left) =
             (points.iter().map(|p| FixedPosition::of(site(p))), points.iter());
@@ -93,12 +95,12 @@ pub(crate) fn more_is_needed() -> Error {
 }
 
 /// The centres of cells, in steps.
-pub(super) struct Centres {
+pub(super) struct CellCenters {
     xs: Vec<f64>,
     ys: Vec<f64>,
 }
 
-impl Centres {
+impl CellCenters {
     /// Of the cells of `rect`.
     pub(super) fn new(extent: &GridExtent, rect: Rect, frame: &PointFrame) -> Self {
         let (x, y) = (extent.lattice.x, extent.lattice.y);
@@ -109,7 +111,7 @@ impl Centres {
         Self { xs, ys }
     }
 
-    pub(super) fn positions(&self) -> Positions<'_> {
-        Positions { xs: &self.xs, ys: &self.ys }
+    pub(super) fn positions(&self) -> ColumnRowPositions<'_> {
+        ColumnRowPositions { xs: &self.xs, ys: &self.ys }
     }
 }

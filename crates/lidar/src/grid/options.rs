@@ -8,14 +8,14 @@ use super::codecs::{AsText, StatisticList};
 use super::job::{GridJob, NODATA};
 use super::make::run;
 use super::placement::{Compat, Placement};
-use super::preset::kinds::{GroundFrom, Preset};
+use super::preset::kinds::{GroundFrom, SurfaceModel};
 use super::report::GridReport;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::{
-    BoundsOption, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput,
-    PositionOption, SampleTypeName,
+    BoundsText, CellSize, CloudInput, FileName, FileOutput, FiniteOrNan, GridOutput, PositionText,
+    SampleTypeName,
 };
 use terrane_gridding::{Canopy, parse_list};
 use terrane_raster::{Inputs, SampleType};
@@ -60,10 +60,10 @@ pub struct GridOptions {
              default_text = "of ‹dtm›, ‹dsm› and ‹chm› about the distance between points, rounded up to 1, 2 or 5 times a power of ten")]
     pub cell: Option<[f64; 2]>,
     /// A corner of some cell
-    #[option(value = "X,Y", with = PositionOption, heading = "Cells", default_text = "0,0")]
+    #[option(value = "X,Y", with = PositionText, heading = "Cells", default_text = "0,0")]
     pub align: Option<[f64; 2]>,
     /// All cells that this box overlaps, instead of those of the whole cloud
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsOption, heading = "Cells")]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", alias = "bbox", with = BoundsText, heading = "Cells")]
     pub extent: Option<[f64; 4]>,
     /// The very cells of this grid
     #[option(value = "GRID", with = FileName, role = ReadsGrid, heading = "Cells")]
@@ -122,8 +122,12 @@ const RULES: &[OptionRule] = &[
 ];
 
 impl GridOptions {
-    fn preset(&self) -> Option<Preset> {
-        let presets = [(self.dtm, Preset::Dtm), (self.dsm, Preset::Dsm), (self.chm, Preset::Chm)];
+    fn preset(&self) -> Option<SurfaceModel> {
+        let presets = [
+            (self.dtm, SurfaceModel::Dtm),
+            (self.dsm, SurfaceModel::Dsm),
+            (self.chm, SurfaceModel::Chm),
+        ];
         presets.into_iter().find(|(wanted, _)| *wanted).map(|(_, preset)| preset)
     }
 

@@ -5,8 +5,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use terrane_cloud::PointCensus;
-use terrane_engine::figures::Figures;
-use terrane_engine::sift::Losses;
+use terrane_engine::figures::RunStatistics;
+use terrane_engine::sift::LostPoints;
 use terrane_raster::WaterReport;
 
 /// What a cloud-to-grid job did.
@@ -45,13 +45,13 @@ pub struct GridReport {
     pub water: Option<WaterReport>,
     /// Files whose damage was passed over; the notes tell of them.
     #[serde(skip)]
-    pub losses: Losses,
+    pub losses: LostPoints,
     /// What is odd about the cloud, or what the format could not say.
     pub notes: Vec<String>,
     pub output_bytes: u64,
     pub stages: Vec<GridStage>,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub points_per_second: f64,
 }
 

@@ -6,8 +6,8 @@ use super::store::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::{
-    ConvexHull, Disc, FixedPosition, Location, Natural, NeededWindow, PointBins, PointSpace,
-    PositionWindow, TriangleFinder,
+    CircumscribedDisc, ConvexHull, FixedPosition, Location, Natural, NeededWindow, PointBins,
+    PointIndex, SiteWindow, TriangleFinder,
 };
 
 /// Squares taken in at a time, the nearest first.
@@ -18,7 +18,7 @@ pub(crate) struct SurroundingPoints<'a> {
     store: &'a PointStore,
     /// Of the window.
     bins: PointBins,
-    known: PositionWindow,
+    known: SiteWindow,
     /// By square.
     beyond: Vec<(usize, PointBins)>,
     /// Squares that the last answer lacked.
@@ -27,7 +27,7 @@ pub(crate) struct SurroundingPoints<'a> {
 
 impl<'a> SurroundingPoints<'a> {
     /// The points of the squares that `window` touches.
-    pub(crate) fn new(store: &'a PointStore, window: PositionWindow) -> Result<Self> {
+    pub(crate) fn new(store: &'a PointStore, window: SiteWindow) -> Result<Self> {
         let squares = || store.tiling().touching(window);
         let windows = squares().map(|square| store.tiling().window_of(square));
         let known = windows.reduce(|all, one| all.union(&one)).unwrap_or(window);
@@ -95,7 +95,9 @@ impl<'a> SurroundingPoints<'a> {
                 };
                 if let Location::Triangle(corners) = &found
                     && is_small(corners)
-                    && self.certify(&Disc::around(corners.map(|p| [p.x, p.y]))).is_err()
+                    && self
+                        .certify(&CircumscribedDisc::around(corners.map(|p| [p.x, p.y])))
+                        .is_err()
                 {
                     break;
                 }
@@ -110,7 +112,7 @@ impl<'a> SurroundingPoints<'a> {
     /// Whether a known point may be within `reach` steps, along both axes.
     fn is_near(&self, position: FixedPosition, reach: i32) -> bool {
         let at = position.floor();
-        let (window, mut any) = (PositionWindow { low: at, high: at }.grown(reach + 1), false);
+        let (window, mut any) = (SiteWindow { low: at, high: at }.grown(reach + 1), false);
         self.visit(&window, |run| any |= !run.is_empty());
         any
     }
@@ -119,7 +121,7 @@ impl<'a> SurroundingPoints<'a> {
     pub(crate) fn natural(
         &mut self,
         hull: &ConvexHull,
-        window: PositionWindow,
+        window: SiteWindow,
         positions: impl Iterator<Item = FixedPosition>,
         mut each: impl FnMut(Option<f64>),
     ) -> Result<()> {
@@ -157,7 +159,7 @@ impl<'a> SurroundingPoints<'a> {
     }
 
     /// An answer rests on a disc that holds no point of the store.
-    fn note(&self, disc: &Disc) {
+    fn note(&self, disc: &CircumscribedDisc) {
         if let Some(limits) = &self.store.limits {
             limits.note_disc(disc);
         }
@@ -176,12 +178,12 @@ fn binned(store: &PointStore, mut squares: impl Iterator<Item = usize>) -> Resul
     Ok(PointBins::new(&points))
 }
 
-impl PointSpace for SurroundingPoints<'_> {
+impl PointIndex for SurroundingPoints<'_> {
     fn pitch(&self) -> i32 {
         self.bins.size()
     }
 
-    fn visit(&self, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &SiteWindow, mut each: impl FnMut(&[Point])) {
         self.bins.visit(window, &mut each);
         for (_, bins) in &self.beyond {
             if bins.window().intersection(window).is_some() {
@@ -190,7 +192,12 @@ impl PointSpace for SurroundingPoints<'_> {
         }
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, mut each: impl FnMut(&[Point])) {
+    fn visit_disc(
+        &self,
+        disc: &CircumscribedDisc,
+        window: &SiteWindow,
+        mut each: impl FnMut(&[Point]),
+    ) {
         self.bins.visit_disc(disc, window, &mut each);
         for (_, bins) in &self.beyond {
             if bins.window().intersection(window).is_some() {
@@ -199,12 +206,12 @@ impl PointSpace for SurroundingPoints<'_> {
         }
     }
 
-    fn extent(&self) -> PositionWindow {
+    fn extent(&self) -> SiteWindow {
         let windows = self.beyond.iter().map(|(_, bins)| bins.window());
         windows.fold(self.bins.window(), |all, one| all.union(&one))
     }
 
-    fn certify(&self, disc: &Disc) -> std::result::Result<(), NeededWindow> {
+    fn certify(&self, disc: &CircumscribedDisc) -> std::result::Result<(), NeededWindow> {
         if self.store.is_within(disc, &self.known) {
             self.note(disc);
             return Ok(());
@@ -226,24 +233,29 @@ impl PointSpace for SurroundingPoints<'_> {
 /// The points around a place as if there were no others.
 struct KnownPoints<'a, 'b>(&'a SurroundingPoints<'b>);
 
-impl PointSpace for KnownPoints<'_, '_> {
+impl PointIndex for KnownPoints<'_, '_> {
     fn pitch(&self) -> i32 {
         self.0.pitch()
     }
 
-    fn visit(&self, window: &PositionWindow, each: impl FnMut(&[Point])) {
+    fn visit(&self, window: &SiteWindow, each: impl FnMut(&[Point])) {
         self.0.visit(window, each);
     }
 
-    fn visit_disc(&self, disc: &Disc, window: &PositionWindow, each: impl FnMut(&[Point])) {
+    fn visit_disc(
+        &self,
+        disc: &CircumscribedDisc,
+        window: &SiteWindow,
+        each: impl FnMut(&[Point]),
+    ) {
         self.0.visit_disc(disc, window, each);
     }
 
-    fn extent(&self) -> PositionWindow {
+    fn extent(&self) -> SiteWindow {
         self.0.extent()
     }
 
-    fn certify(&self, _: &Disc) -> std::result::Result<(), NeededWindow> {
+    fn certify(&self, _: &CircumscribedDisc) -> std::result::Result<(), NeededWindow> {
         Ok(())
     }
 }
@@ -252,7 +264,7 @@ impl PointSpace for KnownPoints<'_, '_> {
 mod tests {
     use super::*;
     use crate::points::Tiling;
-    use terrane_delaunay::Loaded;
+    use terrane_delaunay::LoadedPoints;
 
     /// Points with voids much larger than a square, and an outline with a notch.
     fn points() -> Vec<Point> {
@@ -279,10 +291,10 @@ mod tests {
         let hull = store.hull().unwrap();
         assert_eq!(hull.ring(), ConvexHull::of(points.clone()).ring());
         let bins = PointBins::new(&points);
-        let space = Loaded::whole(&bins);
+        let space = LoadedPoints::whole(&bins);
         let (mut whole, mut asked, mut beyond) = (TriangleFinder::new(&space, &hull), 0, 0);
         for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
-            let window = PositionWindow { low: [x, y], high: [x + 999, y + 999] };
+            let window = SiteWindow { low: [x, y], high: [x + 999, y + 999] };
             let mut around = SurroundingPoints::new(&store, window).unwrap();
             let positions = (0..400).map(|i| {
                 let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);
@@ -308,7 +320,7 @@ mod tests {
         store.add(&points).unwrap();
         let hull = store.hull().unwrap();
         let bins = PointBins::new(&points);
-        let space = Loaded::whole(&bins);
+        let space = LoadedPoints::whole(&bins);
         let reach = 130;
         let is_small = |found: &Location| match found {
             Location::Triangle([a, b, c]) => [(a, b), (b, c), (c, a)]
@@ -319,7 +331,7 @@ mod tests {
         };
         let (mut whole, mut small, mut large) = (TriangleFinder::new(&space, &hull), 0, 0);
         for (x, y) in (0..100).map(|i| (i % 10 * 1000, i / 10 * 1000)) {
-            let window = PositionWindow { low: [x, y], high: [x + 999, y + 999] };
+            let window = SiteWindow { low: [x, y], high: [x + 999, y + 999] };
             let mut around = SurroundingPoints::new(&store, window.grown(reach)).unwrap();
             let positions = (0..400).map(|i| {
                 let (col, row) = (f64::from(i % 20) + 0.5, f64::from(i / 20) + 0.5);

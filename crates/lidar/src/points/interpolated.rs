@@ -2,7 +2,7 @@
 //!
 //! The triangle at a cell's centre is found without a triangulation: it is the optimal basis of a linear
 //! programme with three rows, reached in about one pivot from the nearest points of the four quadrants
-//! (`terrane_delaunay::Finder`). If its circle reaches into squares that are not loaded and hold points
+//! (`terrane_delaunay::TriangleFinder`). If its circle reaches into squares that are not loaded and hold points
 //! there, those are loaded, too. No buffer has to be guessed: a fixed one is wrong wherever voids are
 //! wider than it.
 
@@ -12,7 +12,7 @@ use super::around::SurroundingPoints;
 use super::store::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame, REACH};
-use terrane_delaunay::{ConvexHull, FixedPosition, Location, PositionWindow, interpolate};
+use terrane_delaunay::{ConvexHull, FixedPosition, Location, SiteWindow, interpolate};
 use terrane_gridding::SurfaceInterpolation;
 use terrane_gridding::pitfree::is_short;
 
@@ -33,7 +33,7 @@ pub(crate) struct InterpolatedSurface<'a> {
 
 /// Positions in columns and rows, in steps: a rectangle of them has one from each.
 #[derive(Clone, Copy)]
-pub(crate) struct Positions<'a> {
+pub(crate) struct ColumnRowPositions<'a> {
     /// Steps east of each column, rising.
     pub(crate) xs: &'a [f64],
     /// Steps north of each row, falling.
@@ -47,13 +47,13 @@ pub(crate) struct ColumnRowRange {
     pub(crate) rows: Range<usize>,
 }
 
-impl Positions<'_> {
+impl ColumnRowPositions<'_> {
     /// Hands on parts, each with what it lies in, near which there are `most` points to be held.
     pub(crate) fn in_parts(
         self,
         most: u64,
-        points_near: impl Fn(PositionWindow) -> u64,
-        mut each: impl FnMut(&ColumnRowRange, PositionWindow) -> Result<()>,
+        points_near: impl Fn(SiteWindow) -> u64,
+        mut each: impl FnMut(&ColumnRowRange, SiteWindow) -> Result<()>,
     ) -> Result<()> {
         let mut parts = vec![ColumnRowRange { cols: 0..self.xs.len(), rows: 0..self.ys.len() }];
         while let Some(part) = parts.pop() {
@@ -86,7 +86,7 @@ impl ColumnRowRange {
 impl InterpolatedSurface<'_> {
     /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
     /// the points and its position alone.
-    pub(crate) fn fill(&self, at: Positions<'_>, out: &mut [f64]) -> Result<()> {
+    pub(crate) fn fill(&self, at: ColumnRowPositions<'_>, out: &mut [f64]) -> Result<()> {
         let near = |window| self.store.points_near(window);
         let most = match self.shape {
             SurfaceInterpolation::Linear { .. } => MOST_POINTS,
@@ -97,9 +97,9 @@ impl InterpolatedSurface<'_> {
 
     fn fill_part(
         &self,
-        at: Positions<'_>,
+        at: ColumnRowPositions<'_>,
         part: &ColumnRowRange,
-        window: PositionWindow,
+        window: SiteWindow,
         out: &mut [f64],
     ) -> Result<()> {
         let mut around = SurroundingPoints::new(self.store, window.grown(self.margin()))?;
@@ -178,12 +178,12 @@ pub(crate) fn reach(frame: &PointFrame, length: f64) -> i32 {
 }
 
 /// What the positions of a part lie in.
-fn window(at: Positions<'_>, part: &ColumnRowRange) -> Option<PositionWindow> {
+fn window(at: ColumnRowPositions<'_>, part: &ColumnRowRange) -> Option<SiteWindow> {
     let (xs, ys) = (at.xs.get(part.cols.clone())?, at.ys.get(part.rows.clone())?);
     let site = |x: f64, y: f64| FixedPosition::from_steps(x, y).floor();
     let low = site(*xs.first()?, *ys.last()?);
     let high = site(*xs.last()?, *ys.first()?);
-    Some(PositionWindow { low, high }.grown(1))
+    Some(SiteWindow { low, high }.grown(1))
 }
 
 #[cfg(test)]
@@ -215,7 +215,7 @@ mod tests {
             let shape = SurfaceInterpolation::Linear { max_edge };
             let linear = InterpolatedSurface { store: &store, hull: &hull, frame: FRAME, shape };
             let mut out = vec![0.0; 3600];
-            linear.fill(Positions { xs: &xs, ys: &ys }, &mut out).unwrap();
+            linear.fill(ColumnRowPositions { xs: &xs, ys: &ys }, &mut out).unwrap();
             out
         };
         let (all, near) = (fill(None), fill(Some(3.0)));

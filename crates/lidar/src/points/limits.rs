@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
-use terrane_delaunay::{ConvexHull, Disc, FixedPosition, HullLocation, PositionWindow};
+use terrane_delaunay::{CircumscribedDisc, ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
 /// The part of a cloud that a store is filled from, and whether an answer needed more of it.
 ///
@@ -22,9 +22,9 @@ use terrane_delaunay::{ConvexHull, Disc, FixedPosition, HullLocation, PositionWi
 #[derive(Debug)]
 pub(crate) struct PointStoreLimits {
     /// All points of the cloud that lie in it are in the store.
-    window: PositionWindow,
+    window: SiteWindow,
     /// All that the cloud may reach.
-    cloud: PositionWindow,
+    cloud: SiteWindow,
     /// Around all boxes that other points may lie in.
     others: ConvexHull,
     /// Around these and the points known.
@@ -34,7 +34,7 @@ pub(crate) struct PointStoreLimits {
 
 impl PointStoreLimits {
     /// Of a store that has all its points in `window`, and those of its hull.
-    pub(crate) fn with_hull(source: &dyn PointSource, window: PositionWindow) -> Self {
+    pub(crate) fn with_hull(source: &dyn PointSource, window: SiteWindow) -> Self {
         Self {
             window,
             cloud: across(source.info().bounds.unwrap_or_default()),
@@ -45,7 +45,7 @@ impl PointStoreLimits {
     }
 
     /// Of the parts of a cloud that may have points in `window`; the others are not read.
-    pub(crate) fn new(source: &dyn PointSource, window: PositionWindow) -> Self {
+    pub(crate) fn new(source: &dyn PointSource, window: SiteWindow) -> Self {
         let corners = (0..source.parts())
             .filter_map(|part| source.bounds_of(part))
             .filter(|bounds| !window.covers(&across(*bounds)))
@@ -62,7 +62,7 @@ impl PointStoreLimits {
     }
 
     /// Notes that `disc` has to be empty.
-    pub(super) fn note_disc(&self, disc: &Disc) {
+    pub(super) fn note_disc(&self, disc: &CircumscribedDisc) {
         if disc.clip(&self.cloud).is_some_and(|part| !self.window.covers(&part)) {
             self.exceed();
         }
@@ -88,7 +88,7 @@ impl PointStoreLimits {
 }
 
 /// The parts that may have points in a window.
-pub(crate) fn parts_in(source: &dyn PointSource, window: &PositionWindow) -> Vec<usize> {
+pub(crate) fn parts_in(source: &dyn PointSource, window: &SiteWindow) -> Vec<usize> {
     let touches = |part: &usize| {
         let bounds = source.bounds_of(*part);
         bounds.is_some_and(|bounds| across(bounds).intersection(window).is_some())
@@ -97,6 +97,6 @@ pub(crate) fn parts_in(source: &dyn PointSource, window: &PositionWindow) -> Vec
 }
 
 /// The window between two points.
-fn across([low, high]: [Point; 2]) -> PositionWindow {
-    PositionWindow { low: [low.x, low.y], high: [high.x, high.y] }
+fn across([low, high]: [Point; 2]) -> SiteWindow {
+    SiteWindow { low: [low.x, low.y], high: [high.x, high.y] }
 }

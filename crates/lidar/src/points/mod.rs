@@ -15,9 +15,11 @@ mod summary;
 mod tiling;
 
 pub(crate) use around::SurroundingPoints;
-pub(crate) use interpolated::{ColumnRowRange, InterpolatedSurface, MOST_POINTS, Positions, reach};
+pub(crate) use interpolated::{
+    ColumnRowPositions, ColumnRowRange, InterpolatedSurface, MOST_POINTS, reach,
+};
 pub(crate) use limits::{PointStoreLimits, parts_in};
-pub(crate) use shelf::{ENTRY, POINT, ShelfWriter, Shelves};
+pub(crate) use shelf::{ENTRY, POINT, ShelfWriter, SquareIndexes};
 pub(crate) use store::{PointStore, PointStoreSetup};
 pub(crate) use summary::SquareSummary;
 pub(crate) use tiling::Tiling;

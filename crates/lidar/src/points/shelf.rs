@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::summary::SquareSummary;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 use terrane_engine::plan::{Digest, damaged_object};
 use terrane_files::atomic::AtomicFile;
 
@@ -43,7 +43,7 @@ impl ShelfWriter {
         self.write(&bytes)?;
         let mut summary = SquareSummary::EMPTY;
         summary.add(points);
-        let SquareSummary { window: PositionWindow { low, high }, lowest, .. } = summary;
+        let SquareSummary { window: SiteWindow { low, high }, lowest, .. } = summary;
         let [square, count] = [square, points.len()].map(|n| (n as u32).to_le_bytes());
         self.index.extend([square, count].concat());
         let [box_, lowest] = [[low, high].concat(), vec![lowest.x, lowest.y, lowest.z]];
@@ -84,13 +84,13 @@ struct SquareIndexEntry {
 
 /// The squares of several files.
 #[derive(Debug, Default)]
-pub(crate) struct Shelves {
+pub(crate) struct SquareIndexes {
     files: Vec<PathBuf>,
     /// By square, then file.
     entries: Vec<SquareIndexEntry>,
 }
 
-impl Shelves {
+impl SquareIndexes {
     /// Of files whose indices have these digests.
     ///
     /// # Errors
@@ -173,7 +173,7 @@ fn entry(bytes: &[u8], (file, start): (u32, u64)) -> SquareIndexEntry {
     let mut numbers = words(numbers);
     let mut next = || numbers.next().unwrap_or_default();
     let [square, count] = [next(), next()].map(i32::cast_unsigned);
-    let window = PositionWindow { low: [next(), next()], high: [next(), next()] };
+    let window = SiteWindow { low: [next(), next()], high: [next(), next()] };
     let summary = SquareSummary {
         count: u64::from(count),
         window,
@@ -211,7 +211,7 @@ mod tests {
             written(&at("b"), (0..40).step_by(3)),
             written(&at("c"), 0..0),
         ];
-        let shelves = Shelves::open(all).unwrap();
+        let shelves = SquareIndexes::open(all).unwrap();
         for number in 0..45 {
             let times = [2, 3].iter().filter(|step| number < 40 && number % **step == 0).count();
             let mut found = Vec::new();
@@ -230,7 +230,7 @@ mod tests {
         let (_, digest) = written(&path, 1..9);
         let sound = std::fs::read(&path).unwrap();
         let read = || -> Result<()> {
-            let shelves = Shelves::open([(path.clone(), digest)])?;
+            let shelves = SquareIndexes::open([(path.clone(), digest)])?;
             (0..9).try_for_each(|square| shelves.read(square, |_| ()))
         };
         read().unwrap();

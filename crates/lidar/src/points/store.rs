@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use super::limits::{PointStoreLimits, parts_in};
-use super::shelf::Shelves;
+use super::shelf::SquareIndexes;
 use super::summary::SquareSummary;
 use super::tiling::Tiling;
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{PointCensus, PointSource};
-use terrane_delaunay::{ConvexHull, Disc, FixedPosition, HullLocation, PositionWindow};
-use terrane_engine::sift::Losses;
+use terrane_delaunay::{CircumscribedDisc, ConvexHull, FixedPosition, HullLocation, SiteWindow};
+use terrane_engine::sift::LostPoints;
 use terrane_engine::workers;
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::{Buckets, lock};
@@ -22,12 +22,12 @@ pub(crate) struct PointStore {
     tiling: Tiling,
     pub(super) points: Buckets<Point>,
     /// What lies in files beside them.
-    shelves: Shelves,
+    shelves: SquareIndexes,
     /// Squares whose points are kept, where these are not all.
     wanted: Option<Vec<bool>>,
     summaries: Vec<Mutex<SquareSummary>>,
     census: PointCensus,
-    losses: Losses,
+    losses: LostPoints,
     /// Where not all of the cloud is in it.
     pub(super) limits: Option<PointStoreLimits>,
     /// Where no points are kept, but what surrounds them.
@@ -43,7 +43,7 @@ pub(crate) struct PointStoreSetup<'a> {
     /// Folder of the temporary file, if one is needed.
     pub(crate) folder: &'a Path,
     /// Only what lies in it, where it is not all of the cloud.
-    pub(crate) within: Option<PositionWindow>,
+    pub(crate) within: Option<SiteWindow>,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) cancel: &'a Cancel,
 }
@@ -86,7 +86,7 @@ impl PointStore {
                 add(&near)
             }
         })?;
-        Ok(Self { census, losses: Losses::of(source), ..self })
+        Ok(Self { census, losses: LostPoints::of(source), ..self })
     }
 
     /// The same store, which will know its squares and what surrounds its points, and keep none of these.
@@ -102,11 +102,11 @@ impl PointStore {
         Self {
             tiling,
             points,
-            shelves: Shelves::default(),
+            shelves: SquareIndexes::default(),
             wanted: None,
             summaries,
             census: PointCensus::default(),
-            losses: Losses::default(),
+            losses: LostPoints::default(),
             limits: None,
             outline: None,
         }
@@ -118,7 +118,7 @@ impl PointStore {
     }
 
     /// The same store with the points of files, too.
-    pub(crate) fn over(self, shelves: Shelves) -> Self {
+    pub(crate) fn over(self, shelves: SquareIndexes) -> Self {
         for (square, summary) in shelves.squares() {
             lock(&self.summaries[square]).merge(&summary);
         }
@@ -191,7 +191,7 @@ impl PointStore {
     }
 
     /// Files whose damage was passed over.
-    pub(crate) fn losses(&self) -> &Losses {
+    pub(crate) fn losses(&self) -> &LostPoints {
         &self.losses
     }
 
@@ -226,7 +226,7 @@ impl PointStore {
     }
 
     /// Points of the squares that a window touches.
-    pub(crate) fn points_near(&self, window: PositionWindow) -> u64 {
+    pub(crate) fn points_near(&self, window: SiteWindow) -> u64 {
         let squares = self.tiling.touching(window);
         squares.filter_map(|square| Some(self.summary(square)?.count)).sum()
     }
@@ -247,7 +247,7 @@ impl PointStore {
         let summaries = || (0..self.tiling.count()).filter_map(|i| Some((i, self.summary(i)?)));
         let inner = ConvexHull::of(summaries().map(|(_, summary)| summary.lowest).collect());
         let (mut hull, mut points) = (inner.clone(), Vec::new());
-        for (square, SquareSummary { window: PositionWindow { low, high }, .. }) in summaries() {
+        for (square, SquareSummary { window: SiteWindow { low, high }, .. }) in summaries() {
             let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
             let is_outside =
                 |corner| inner.place(FixedPosition::of(corner)) == HullLocation::Outside;
@@ -260,14 +260,14 @@ impl PointStore {
     }
 
     /// True when every point that may lie in the disc lies in `known`.
-    pub(crate) fn is_within(&self, disc: &Disc, known: &PositionWindow) -> bool {
+    pub(crate) fn is_within(&self, disc: &CircumscribedDisc, known: &SiteWindow) -> bool {
         // Few discs reach beyond, and it takes no root to tell of most that they do not.
         disc.lies_in(known)
             || disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
     }
 
     /// The squares that may have a point in the disc.
-    pub(crate) fn squares_in(&self, disc: Disc) -> impl Iterator<Item = usize> {
+    pub(crate) fn squares_in(&self, disc: CircumscribedDisc) -> impl Iterator<Item = usize> {
         let part = disc.clip(&self.tiling.window());
         let rows = part.map(|part| {
             let [low, high] = [part.low, part.high].map(|at| self.tiling.place(at));
@@ -281,12 +281,12 @@ impl PointStore {
     /// Those of a row, between two columns.
     fn row_in(
         &self,
-        disc: Disc,
+        disc: CircumscribedDisc,
         row: u32,
         [first, last]: [u32; 2],
     ) -> impl Iterator<Item = usize> + use<> {
         let (tiling, strip) = (self.tiling, self.tiling.window_of(self.tiling.square([0, row])));
-        let west_to_east = PositionWindow {
+        let west_to_east = SiteWindow {
             low: [tiling.window().low[0], strip.low[1]],
             high: [tiling.window().high[0], strip.high[1]],
         };

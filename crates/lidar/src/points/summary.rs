@@ -1,7 +1,7 @@
 //! Number, bounds and window of a square of points, known without reading it.
 
 use terrane_base::geom::Point;
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 
 /// What is known of a square without reading it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,7 +9,7 @@ pub(crate) struct SquareSummary {
     /// Points in it.
     pub(crate) count: u64,
     /// The smallest that holds them.
-    pub(crate) window: PositionWindow,
+    pub(crate) window: SiteWindow,
     /// The lowest of them.
     pub(crate) lowest: Point,
 }
@@ -17,13 +17,13 @@ pub(crate) struct SquareSummary {
 impl SquareSummary {
     pub(super) const EMPTY: Self = Self {
         count: 0,
-        window: PositionWindow { low: [i32::MAX; 2], high: [i32::MIN; 2] },
+        window: SiteWindow { low: [i32::MAX; 2], high: [i32::MIN; 2] },
         lowest: Point::new(i32::MAX, i32::MAX, i32::MAX),
     };
 
     pub(super) fn add(&mut self, run: &[Point]) {
         self.count += run.len() as u64;
-        let PositionWindow { low, high } = &mut self.window;
+        let SiteWindow { low, high } = &mut self.window;
         for &point in run {
             *low = [low[0].min(point.x), low[1].min(point.y)];
             *high = [high[0].max(point.x), high[1].max(point.y)];

@@ -1,7 +1,7 @@
 //! The plane in squares, numbered row by row from the south-west.
 
 use terrane_base::geom::Point;
-use terrane_delaunay::{PositionWindow, Site};
+use terrane_delaunay::{Site, SiteWindow};
 
 /// Points that a square should hold on average: enough that a read from disk pays, few enough that
 /// the squares around a place are a small detour.
@@ -13,7 +13,7 @@ const MOST: u64 = 1 << 18;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tiling {
     /// What they cover.
-    window: PositionWindow,
+    window: SiteWindow,
     /// Steps along a side.
     side: u32,
     /// Squares along x and y.
@@ -23,7 +23,7 @@ pub(crate) struct Tiling {
 impl Tiling {
     /// Squares that cover `bounds` (lowest and highest point) for about `points` points.
     pub(crate) fn new([low, high]: [Point; 2], points: u64) -> Self {
-        let window = PositionWindow { low: [low.x, low.y], high: [high.x, high.y] };
+        let window = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
         let extent = [0, 1].map(|i| u64::from(window.high[i].abs_diff(window.low[i])) + 1);
         let wanted = (points / AVERAGE).clamp(1, MOST);
         let counts = |side: u64| extent.map(|e| e.div_ceil(side));
@@ -50,7 +50,7 @@ impl Tiling {
     }
 
     /// All that the squares cover.
-    pub(crate) fn window(&self) -> PositionWindow {
+    pub(crate) fn window(&self) -> SiteWindow {
         self.window
     }
 
@@ -77,7 +77,7 @@ impl Tiling {
     /// beyond them.
     pub(crate) fn touching(
         &self,
-        PositionWindow { low, high }: PositionWindow,
+        SiteWindow { low, high }: SiteWindow,
     ) -> impl Iterator<Item = usize> + use<> {
         let (tiling, low, high) = (*self, self.place(low), self.place(high));
         let row = move |row: u32| (low[0]..=high[0]).map(move |col| [col, row]);
@@ -85,14 +85,14 @@ impl Tiling {
     }
 
     /// What a square covers.
-    pub(crate) fn window_of(&self, square: usize) -> PositionWindow {
+    pub(crate) fn window_of(&self, square: usize) -> SiteWindow {
         let across = self.counts[0] as usize;
         let place = [square % across, square / across];
         let (side, all) = (i64::from(self.side), self.window);
         let low = [0, 1].map(|axis| i64::from(all.low[axis]) + place[axis] as i64 * side);
         let high = [0, 1].map(|axis| (low[axis] + side - 1).min(i64::from(all.high[axis])));
         // Within the window, whose ends are i32.
-        PositionWindow { low: low.map(|v| v as i32), high: high.map(|v| v as i32) }
+        SiteWindow { low: low.map(|v| v as i32), high: high.map(|v| v as i32) }
     }
 }
 
@@ -121,11 +121,11 @@ mod tests {
             let tiling = Tiling::new([Point::new(-1000, -300, 0), Point::new(999, 299, 0)], points);
             let square = tiling.square_of(Point::new(x, y, 0));
             prop_assert!(tiling.window_of(square).contains([x, y]));
-            let window = PositionWindow { low: [x, y], high: [x, y] }.grown(reach);
+            let window = SiteWindow { low: [x, y], high: [x, y] }.grown(reach);
             prop_assert!(tiling.touching(window).any(|touched| touched == square));
-            prop_assert_eq!(tiling.touching(PositionWindow::ALL).count(), tiling.count());
+            prop_assert_eq!(tiling.touching(SiteWindow::ALL).count(), tiling.count());
             let sum: u64 = (0..tiling.count()).map(|square| {
-                let PositionWindow { low, high } = tiling.window_of(square);
+                let SiteWindow { low, high } = tiling.window_of(square);
                 u64::from(high[0].abs_diff(low[0]) + 1) * u64::from(high[1].abs_diff(low[1]) + 1)
             }).sum();
             prop_assert_eq!(sum, 2000 * 600);

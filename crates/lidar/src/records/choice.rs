@@ -11,7 +11,7 @@ use super::{PointRecords, RecordFlow, RecordUnit, Take, numbered};
 use terrane_base::bits::{BitSet, mixed};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
 /// Says which group a record is of, and how good it is there: the least rank is best.
@@ -72,7 +72,7 @@ impl<'a> ChosenRecords<'a> {
         records: &'a dyn PointRecords,
         choice: &dyn RecordRanking,
         (flow, memory, folder): (RecordFlow, u64, &std::path::Path),
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<Self> {
         let points: u64 = (0..records.units()).map(|unit| records.unit(unit).points).sum();
         let (count, left) = (buckets(points), memory.saturating_sub(points / 8));
@@ -140,7 +140,7 @@ fn best(
     count: usize,
     keeps_alike: bool,
     (numbers, memory): (u64, u64),
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<BitSet> {
     let mut kept = BitSet::new(numbers as usize);
     for bucket in 0..count {

@@ -10,7 +10,7 @@ pub(crate) use pack::RecordPacker;
 
 use terrane_base::error::Result;
 use terrane_engine::FileAt;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 
 /// Takes records, some at a time.
 pub(crate) type Take<'a> = dyn FnMut(&[u8]) -> Result<()> + Send + 'a;
@@ -65,7 +65,7 @@ impl RecordFlow {
     pub(crate) fn run(
         self,
         records: &dyn PointRecords,
-        at: Observer<'_>,
+        at: RunControl<'_>,
         take: &mut Take<'_>,
     ) -> Result<()> {
         let mut made = Vec::new();
@@ -122,13 +122,13 @@ fn pass(made: &[Vec<u8>], take: &mut Take<'_>) -> Result<()> {
     made.iter().try_for_each(|bytes| take(bytes))
 }
 
-fn tell(records: &dyn PointRecords, unit: usize, at: Observer<'_>) {
+fn tell(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) {
     if let Some(file) = records.unit(unit).file {
         at.progress.file(file);
     }
 }
 
-fn whole(records: &dyn PointRecords, unit: usize, at: Observer<'_>) -> Result<Vec<u8>> {
+fn whole(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<Vec<u8>> {
     tell(records, unit, at);
     let mut all = Vec::new();
     records.read(unit, &mut |bytes| {
@@ -180,7 +180,7 @@ mod tests {
             (0..8).flat_map(|unit| [unit as u8, 7].repeat(records.0[unit] as usize)).collect();
         for round in [0, 1, 4, 10, 40, 1000] {
             let mut taken = Vec::new();
-            let at = Observer { progress: &Silent, cancel: &Cancel::default() };
+            let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
             let mut take = |bytes: &[u8]| {
                 taken.extend_from_slice(bytes);
                 Ok(())

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use super::{PointRecords, RecordFlow, RecordUnit, Take};
 use terrane_base::error::Result;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::lock;
 
 /// Hands on all records in order, each with its number; returns the number of the first of each unit, and how many
@@ -12,7 +12,7 @@ use terrane_files::lock;
 pub(crate) fn pass(
     records: &dyn PointRecords,
     flow: RecordFlow,
-    at: Observer<'_>,
+    at: RunControl<'_>,
     take: &mut (dyn FnMut(u64, &[u8]) -> Result<()> + Send),
 ) -> Result<(Vec<u64>, u64)> {
     let counts = Mutex::new(vec![0; records.units()]);

@@ -68,12 +68,12 @@ enum AssignOperand {
 }
 
 /// What is set, one after the other.
-pub(super) struct Assigning {
+pub(super) struct AttributeAssigner {
     rulers: [Ruler; 3],
     steps: Vec<(PointColumn, Formula<AssignOperand>)>,
 }
 
-impl Assigning {
+impl AttributeAssigner {
     /// For records of a format with these columns, which lie in a frame.
     ///
     /// # Errors
@@ -141,16 +141,16 @@ pub(super) fn column(
 }
 
 /// Records with attributes that were set.
-pub(super) struct Assigned<'a> {
+pub(super) struct AssignedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
-    pub(super) assigning: &'a Assigning,
+    pub(super) assigning: &'a AttributeAssigner,
     /// Bytes of a record.
     pub(super) record: usize,
     /// Whose parts the units are.
     pub(super) cloud: &'a PointCloud,
 }
 
-impl Assigned<'_> {
+impl AssignedRecords<'_> {
     fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
@@ -162,7 +162,7 @@ impl Assigned<'_> {
     }
 }
 
-impl PointRecords for Assigned<'_> {
+impl PointRecords for AssignedRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }

@@ -7,18 +7,18 @@ use crate::points::parts_in;
 use crate::records::choice::place;
 use crate::records::{PointRecords, RecordUnit, Take};
 use terrane_base::error::Result;
-use terrane_cloud::{Carrier, PointCensus, PointCloud, PointSource};
-use terrane_delaunay::PositionWindow;
+use terrane_cloud::{PointCensus, PointCloud, PointFormatConverter, PointSource};
+use terrane_delaunay::SiteWindow;
 use terrane_engine::FileAt;
 use terrane_files::lock;
 
 /// The records that a carrier hands on.
 pub(super) struct CarriedRecords<'a> {
     cloud: &'a PointCloud,
-    carrier: &'a Carrier<'a>,
+    carrier: &'a PointFormatConverter<'a>,
     /// The parts that are read, and where points of them are wanted, if not everywhere.
     parts: Vec<usize>,
-    within: Option<PositionWindow>,
+    within: Option<SiteWindow>,
     /// Those that are noise, where that is known.
     noise: Option<&'a Noted>,
     /// Of each part that was read.
@@ -29,8 +29,8 @@ impl<'a> CarriedRecords<'a> {
     /// Those that lie in a window of the cloud's frame, or all.
     pub(super) fn within(
         cloud: &'a PointCloud,
-        carrier: &'a Carrier<'a>,
-        within: Option<PositionWindow>,
+        carrier: &'a PointFormatConverter<'a>,
+        within: Option<SiteWindow>,
     ) -> Self {
         let all = || (0..cloud.parts()).collect();
         let parts: Vec<_> = within.map_or_else(all, |window| parts_in(cloud, &window));

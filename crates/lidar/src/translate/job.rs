@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::above::asked::{Above, HeightsAs};
+use super::above::asked::{HeightAboveGround, HeightsAs};
 use super::assign::Assign;
 use super::moved::CloudReprojection;
 use super::overlap::Overlap;
@@ -18,7 +18,7 @@ use terrane_cloud::{
     CloudFilter, CloudInfo, CloudOpenOptions, LasOutputFormat, LasVersion, PointCloud, PointFormat,
 };
 use terrane_engine::Resources;
-use terrane_engine::transform::OutputTransform;
+use terrane_engine::transform::TargetCrs;
 use terrane_files::path_of;
 
 /// Clouds to be written as one.
@@ -37,7 +37,7 @@ pub struct TranslateJob {
     /// Keep one point of those of one place and time.
     pub dedupe: bool,
     /// Heights above the ground, and classes.
-    pub above: Above,
+    pub above: HeightAboveGround,
     /// Attributes that are set, one after the other.
     pub assign: Vec<Assign>,
     /// Keep the points of one flight line in each cell.
@@ -47,7 +47,7 @@ pub struct TranslateJob {
     /// Keep points that are no nearer to each other than this, in space and world units; as many as that allows.
     pub distance: Option<f64>,
     /// The system that they are to be in.
-    pub transform: Option<OutputTransform>,
+    pub transform: Option<TargetCrs>,
     /// Their order; that of files and of points in them when `None`.
     pub sort: Option<Sort>,
     /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
@@ -70,7 +70,7 @@ impl TranslateJob {
             format: None,
             version: None,
             dedupe: false,
-            above: Above::default(),
+            above: HeightAboveGround::default(),
             assign: Vec::new(),
             overlap: None,
             thin: None,

@@ -32,7 +32,7 @@ mod wide;
 mod work;
 mod write;
 
-pub use above::{Above, Classify, HeightClasses, HeightsAs, Reclassify};
+pub use above::{Classify, HeightAboveGround, HeightClasses, HeightsAs, Reclassify};
 pub use assign::Assign;
 pub use job::TranslateJob;
 pub use options::{PointsOptions, PointsSetters, TileFormat};

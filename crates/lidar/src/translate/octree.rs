@@ -18,9 +18,9 @@ use crate::records::choice::place;
 use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
-use terrane_cloud::write::{CloudWriter, Cube, Key, PointChunk, PointLayout};
+use terrane_cloud::write::{CloudWriter, Key, OctreeCube, PointChunk, PointLayout};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
 /// Points that a node may have without nodes below it; more only where they are all at one place.
@@ -37,7 +37,7 @@ const MOST_LEVELS: u32 = 8;
 /// Where points are in the cube.
 pub(super) struct OctreePlacement {
     frame: PointFrame,
-    cube: Cube,
+    cube: OctreeCube,
 }
 
 /// The points of the nodes of a column, by their numbers from the bottom: what may still go up.
@@ -96,10 +96,10 @@ impl OctreePlacement {
         let [low, high] = info.bounds.unwrap_or([origin; 2]).map(|point| info.frame.world(point));
         let reach = |axis: usize| (high[axis] - low[axis]).max(info.frame.scale[axis]);
         let side = (0..3).map(reach).fold(0.0, f64::max);
-        Self { frame: info.frame, cube: Cube { low, side, cells: 1 << CELLS } }
+        Self { frame: info.frame, cube: OctreeCube { low, side, cells: 1 << CELLS } }
     }
 
-    pub(super) fn cube(&self) -> Cube {
+    pub(super) fn cube(&self) -> OctreeCube {
         self.cube
     }
 
@@ -131,7 +131,7 @@ pub(super) struct Octree<'a> {
     pub(super) folder: &'a Path,
     /// Bytes of the records of a column that are held; and of all that wait.
     pub(super) memory: [u64; 2],
-    pub(super) at: Observer<'a>,
+    pub(super) at: RunControl<'a>,
 }
 
 impl Octree<'_> {

@@ -8,7 +8,7 @@ use super::plan::run_in;
 use super::prepared::run;
 use super::report::TranslateReport;
 use terrane_base::error::Result;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::CloudInput;
 use terrane_engine::outputs::refuse_file_name;
@@ -36,7 +36,7 @@ impl Operation for PointsOptions {
         let Some(folder) = &self.resuming.workdir else { return run(&job, progress, cancel) };
         let start = Instant::now();
         let written = run_in(folder, &job, skipped, self.resuming.disk(), progress, cancel)?;
-        let run = Figures::since(start, &self.resources);
+        let run = RunStatistics::since(start, &self.resources);
         Ok(TranslateReport { run, ..TranslateReport::from(written) })
     }
 }

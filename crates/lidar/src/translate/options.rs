@@ -4,7 +4,7 @@ use std::path::Path;
 
 use terrane_options::{Choice, OptionKind, OptionRange, OptionRule, Options};
 
-use super::above::asked::{Above, Classify, HeightsAs};
+use super::above::asked::{Classify, HeightAboveGround, HeightsAs};
 use super::assign::Assign;
 use super::job::TranslateJob;
 use super::overlap::Overlap;
@@ -151,7 +151,7 @@ impl PointsOptions {
             format: self.point_format,
             version: self.las_version,
             dedupe: self.dedupe,
-            above: Above {
+            above: HeightAboveGround {
                 from: self.ground,
                 heights: self.height_above_ground,
                 classify: self.classify.clone(),

@@ -12,11 +12,11 @@ use crate::grid::{CellSurroundings, near_steps};
 use crate::points::PointStoreLimits;
 use terrane_base::geom::PointFrame;
 use terrane_cloud::PointSource;
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 
 /// What has to be known of the whole cloud before some squares are made.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Looked {
+pub(super) struct CloudKnowledge {
     /// Which points are noise, where that has to be known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) noise: Option<Noise>,
@@ -25,7 +25,7 @@ pub(super) struct Looked {
     pub(super) seen: Option<CloudOverview>,
 }
 
-impl Looked {
+impl CloudKnowledge {
     /// What was found, one line each.
     pub(super) fn notes(&self) -> impl Iterator<Item = String> + '_ {
         let noise = self.noise.iter().flat_map(|noise| &noise.notes);
@@ -34,12 +34,12 @@ impl Looked {
 }
 
 /// Squares that are made by themselves.
-pub(super) struct Portion<'a> {
+pub(super) struct SquarePortion<'a> {
     pub(super) spans: Spans,
     /// The points that are looked at, and how far around them the ground is.
     pub(super) near: CellSurroundings,
     /// What is known of the whole cloud.
-    pub(super) looked: &'a Looked,
+    pub(super) looked: &'a CloudKnowledge,
     /// The cloud: of its parts only the bounds are asked.
     pub(super) points: &'a dyn PointSource,
     /// Where their files go.
@@ -47,10 +47,10 @@ pub(super) struct Portion<'a> {
     exceeded: AtomicBool,
 }
 
-impl<'a> Portion<'a> {
+impl<'a> SquarePortion<'a> {
     pub(super) fn new(
         (spans, near): (Spans, CellSurroundings),
-        looked: &'a Looked,
+        looked: &'a CloudKnowledge,
         points: &'a dyn PointSource,
         folder: &'a Path,
     ) -> Self {
@@ -63,12 +63,12 @@ impl<'a> Portion<'a> {
     }
 
     /// All points that may be in the files, or decide which are.
-    pub(super) fn window(&self) -> PositionWindow {
+    pub(super) fn window(&self) -> SiteWindow {
         self.near.cells
     }
 
     /// Where the ground is to be known.
-    pub(super) fn ground(&self) -> PositionWindow {
+    pub(super) fn ground(&self) -> SiteWindow {
         self.near.window()
     }
 
@@ -97,7 +97,7 @@ pub(super) fn window(
     spans: Spans,
     margin: f64,
     frame: &PointFrame,
-) -> PositionWindow {
+) -> SiteWindow {
     let margin = margin + squares.buffer;
     let ends = [0, 1].map(|axis| {
         let [first, last] = spans[axis];
@@ -105,5 +105,5 @@ pub(super) fn window(
         let high = (last + 1) as f64 * squares.side + margin;
         near_steps(frame, axis, [low, high])
     });
-    PositionWindow { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) }
+    SiteWindow { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) }
 }

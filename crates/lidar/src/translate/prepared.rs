@@ -3,28 +3,28 @@
 use std::time::Instant;
 
 use super::above::asked::HeightsAs;
-use super::assign::{Assigned, Assigning};
+use super::assign::{AssignedRecords, AttributeAssigner};
 use super::carried::CarriedRecords;
 use super::job::TranslateJob;
 use super::moved::MovedRecords;
-use super::noise::Marked;
+use super::noise::MarkedRecords;
 use super::noise::noted::Noise;
-use super::portion::{Looked, Portion};
+use super::portion::{CloudKnowledge, SquarePortion};
 use super::report::TranslateReport;
 use super::shares::TranslateMemory;
 use super::split::{AttributeSplit, SplitColumn};
 use super::squares::{SplitFiles, refuse_within};
-use super::wide::Wide;
+use super::wide::WidenedCloud;
 use super::work::TranslateContext;
 use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
 use terrane_cloud::write::CloudWriteOptions;
-use terrane_cloud::{Carrier, PointCloud, PointSource};
-use terrane_engine::figures::Figures;
+use terrane_cloud::{PointCloud, PointFormatConverter, PointSource};
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::input::workers;
 use terrane_engine::memory::with_polygons;
-use terrane_engine::plan::Observer;
-use terrane_engine::sift::Losses;
+use terrane_engine::plan::RunControl;
+use terrane_engine::sift::LostPoints;
 use terrane_engine::transform::Transformed;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::refuse_existing;
@@ -39,7 +39,7 @@ pub fn run(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TranslateReport> {
-    let (start, at) = (Instant::now(), Observer { progress, cancel });
+    let (start, at) = (Instant::now(), RunControl { progress, cancel });
     refuse_existing(&job.output, job.overwrite)?;
     job.packing()?;
     let cloud = job.open()?;
@@ -59,19 +59,19 @@ pub fn run(
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,
-    portion: Option<&Portion<'_>>,
-    at: Observer<'_>,
+    portion: Option<&SquarePortion<'_>>,
+    at: RunControl<'_>,
     act: impl FnOnce(&Prepared<'_>) -> Result<T> + Send,
 ) -> Result<T> {
     let packing = job.packing()?;
     let carrier = carrier(job, cloud)?;
     let told = job.above.info(carrier.info());
     let columns = carrier.columns();
-    let assigning = Assigning::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
+    let assigning = AttributeAssigner::new(&job.assign, (carrier.format(), &columns), &told.frame)?;
     let values = |split: &AttributeSplit| SplitColumn::new(split, (carrier.format(), &columns));
     let values = job.split.as_ref().map(values).transpose()?;
-    let source = CarriedRecords::within(cloud, &carrier, portion.map(Portion::window))
-        .with(portion.and_then(Portion::noise).map(|noise| &noise.own));
+    let source = CarriedRecords::within(cloud, &carrier, portion.map(SquarePortion::window))
+        .with(portion.and_then(SquarePortion::noise).map(|noise| &noise.own));
     let needed = job.needed(packing, carrier.info(), (source.count(), portion.is_some()));
     let shares =
         TranslateMemory::new(&job.resources, (carrier.size(), carrier.extra_bytes()), needed)?;
@@ -117,7 +117,7 @@ impl Prepared<'_> {
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (made, found) = self.make()?;
         let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
-        let run = Figures::since(start, &job.resources).with_threads(shares.threads);
+        let run = RunStatistics::since(start, &job.resources).with_threads(shares.threads);
         let census = self.source.census();
         Ok(TranslateReport {
             input: job.input.join(", "),
@@ -131,7 +131,7 @@ impl Prepared<'_> {
             points_per_second: Some(run.rate(census.read)),
             run,
             transformed: moved.map(|moved| Transformed::of(&moved.operation)),
-            notes: [self.notes(), Losses::of(self.source.cloud()).notes().collect(), found]
+            notes: [self.notes(), LostPoints::of(self.source.cloud()).notes().collect(), found]
                 .concat(),
         })
     }
@@ -144,14 +144,14 @@ impl Prepared<'_> {
     }
 
     /// What has to be known of the whole cloud: what is noise, and of the ground what some squares do not tell.
-    pub(super) fn look(&self) -> Result<Looked> {
+    pub(super) fn look(&self) -> Result<CloudKnowledge> {
         let (work, above) = (&self.work, &self.work.job.above);
         let wide = work.job.wide(false)?;
         let is_own = wide.is_none() || above.noise().is_some();
         let single = if is_own { work.single(self.source)? } else { None };
         let records = over(&single, self.source);
         let marked = work.mark(records)?;
-        let noted = |marked: &Marked<'_>| {
+        let noted = |marked: &MarkedRecords<'_>| {
             let (own, notes) = (marked.noted(single.as_ref())?, marked.notes.clone());
             Ok(Noise { own, wide: None, notes })
         };
@@ -161,7 +161,7 @@ impl Prepared<'_> {
             None if above.is_asked() => Some(work.looking().look(over(&marked, records))?),
             None => None,
         };
-        Ok(Looked { noise, seen })
+        Ok(CloudKnowledge { noise, seen })
     }
 }
 
@@ -170,7 +170,7 @@ impl TranslateContext<'_> {
     fn run(
         &self,
         source: &dyn PointRecords,
-        wide: Option<&Wide>,
+        wide: Option<&WidenedCloud>,
     ) -> Result<(SplitFiles, Vec<String>)> {
         let (job, record) = (self.job, self.shares.flow.record);
         let single = self.single(source)?;
@@ -180,8 +180,12 @@ impl TranslateContext<'_> {
         let told = job.above.is_asked().then(|| self.tell(records, wide)).transpose()?;
         let records = over(&told, records);
         let (assigning, cloud) = (self.assigning, self.input);
-        let assigned =
-            (!job.assign.is_empty()).then_some(Assigned { records, assigning, record, cloud });
+        let assigned = (!job.assign.is_empty()).then_some(AssignedRecords {
+            records,
+            assigning,
+            record,
+            cloud,
+        });
         let records = over(&assigned, records);
         let lines = job.overlap.map(|overlap| self.lines(records, overlap)).transpose()?;
         let records = over(&lines, records);
@@ -207,9 +211,12 @@ impl TranslateContext<'_> {
 }
 
 /// What carries the points of a job that can be done.
-pub(super) fn carrier<'a>(job: &TranslateJob, cloud: &'a PointCloud) -> Result<Carrier<'a>> {
+pub(super) fn carrier<'a>(
+    job: &TranslateJob,
+    cloud: &'a PointCloud,
+) -> Result<PointFormatConverter<'a>> {
     let has_dimension = job.above.heights == Some(HeightsAs::Dimension);
-    let carrier = Carrier::new(cloud, job.target()?, has_dimension)?;
+    let carrier = PointFormatConverter::new(cloud, job.target()?, has_dimension)?;
     job.check((carrier.format(), job.packing()?), carrier.info())?;
     Ok(carrier)
 }

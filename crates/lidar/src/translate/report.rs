@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use terrane_cloud::PointCensus;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::transform::Transformed;
 
 /// What was written.
@@ -27,7 +27,7 @@ pub struct TranslateReport {
     pub transformed: Option<Transformed>,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     /// Points that were read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub points_per_second: Option<f64>,

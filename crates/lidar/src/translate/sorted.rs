@@ -13,7 +13,7 @@ use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, total};
 use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointFormat;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::{SpoolExtent, SpoolFile};
 
 /// An order of points.
@@ -99,7 +99,7 @@ impl SortedRecords {
         records: &dyn PointRecords,
         (by, format): (Sort, PointFormat),
         (flow, memory, folder): (RecordFlow, u64, &Path),
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<Self> {
         check(by, format)?;
         let (order, spool) = (RecordOrder { by, time: format.time_at() }, SpoolFile::new(folder));
@@ -120,7 +120,7 @@ impl SortedRecords {
         &mut self,
         records: &dyn PointRecords,
         (flow, memory): (RecordFlow, u64),
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<()> {
         let each = (self.record + KEY) as u64;
         let most = (memory / each).clamp(1, u32::MAX.into()) as usize * self.record;
@@ -308,7 +308,7 @@ mod tests {
                 Sort::Time => a.3.total_cmp(&b.3),
             });
             let folder = tempfile::tempdir().unwrap();
-            let (flow, at) = (RecordFlow { record: 28, round: 100 }, Observer { progress: &Silent, cancel: &Cancel::default() });
+            let (flow, at) = (RecordFlow { record: 28, round: 100 }, RunControl { progress: &Silent, cancel: &Cancel::default() });
             let format = PointFormat::new(1).unwrap();
             let sorted = SortedRecords::new(&records, (by, format), (flow, memory, folder.path()), at).unwrap();
             for _ in 0..2 {

@@ -4,13 +4,13 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::assign::column;
-use super::squares::{Filled, SplitFiles, ending, holds_only};
+use super::squares::{FilledBuckets, SplitFiles, ending, holds_only};
 use crate::records::{PointRecords, RecordFlow, total};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Ruler;
 use terrane_cloud::write::{CloudWriteOptions, PointColumn, PointPacking};
 use terrane_cloud::{AXES, PointFormat};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
 /// Most files: as many as there are values of 16 bits, which point sources have.
@@ -100,7 +100,7 @@ impl SplitColumn {
         (flow, threads): (RecordFlow, usize),
         (folder, options): (&Path, &CloudWriteOptions),
         (waiting, memory): (&Path, u64),
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<SplitFiles> {
         let buckets = Buckets::new(waiting, MOST_FILES, memory);
         let (mut numbers, mut keys) = (HashMap::new(), Vec::new());
@@ -124,7 +124,7 @@ impl SplitColumn {
         at.progress.end();
         let ending = ending(options.packing);
         let name = |number: usize| folder.join(format!("{}.{ending}", self.name(keys[number])));
-        let all = Filled { buckets: &buckets, count: keys.len(), options };
+        let all = FilledBuckets { buckets: &buckets, count: keys.len(), options };
         all.write((flow.record, threads), name, at)
     }
 

@@ -12,7 +12,7 @@ use terrane_base::geom::{Decimal, Point, PointFrame};
 use terrane_cloud::write::is_written_here;
 use terrane_cloud::write::{CHUNK, CloudWriteOptions, CloudWriter, PointPacking};
 use terrane_cloud::{CloudInfo, Flags};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, path_of, shown};
 use terrane_gridding::{CellEdgeRule, CellLattice};
@@ -133,7 +133,7 @@ impl<'a> SquareSplitter<'a> {
         records: &dyn PointRecords,
         (flow, threads): (RecordFlow, usize),
         folder: &Path,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<SplitFiles> {
         at.progress.begin("squares", total(records));
         let mut copy = Vec::new();
@@ -144,7 +144,7 @@ impl<'a> SquareSplitter<'a> {
         let count = self.axes[0].reaches.len() * self.axes[1].reaches.len();
         let ending = ending(self.options.packing);
         let name = |square: usize| folder.join(format!("{}.{ending}", self.name(square)));
-        let all = Filled { buckets: &self.buckets, count, options: self.options };
+        let all = FilledBuckets { buckets: &self.buckets, count, options: self.options };
         all.write((flow.record, threads), name, at)
     }
 
@@ -189,20 +189,20 @@ pub(super) fn ending(packing: PointPacking) -> &'static str {
 }
 
 /// Records that are divided, each bucket to become a file.
-pub(super) struct Filled<'a> {
+pub(super) struct FilledBuckets<'a> {
     pub(super) buckets: &'a Buckets<u8>,
     /// How many of the buckets may have records.
     pub(super) count: usize,
     pub(super) options: &'a CloudWriteOptions,
 }
 
-impl Filled<'_> {
+impl FilledBuckets<'_> {
     /// Writes a file for each bucket that has records, which have so many bytes.
     pub(super) fn write(
         &self,
         (record, threads): (usize, usize),
         name: impl Fn(usize) -> PathBuf + Sync,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<SplitFiles> {
         at.progress.begin("files", self.count as u64);
         let mut made = SplitFiles::default();

@@ -122,18 +122,18 @@ impl RecordRanking for ThinningCells {
 }
 
 /// Points of one place and time.
-pub(super) struct Twice {
+pub(super) struct DuplicateKey {
     /// Where a record has its time.
     time: Option<usize>,
 }
 
-impl Twice {
+impl DuplicateKey {
     pub(super) fn new(format: PointFormat) -> Self {
         Self { time: format.time_at() }
     }
 }
 
-impl RecordRanking for Twice {
+impl RecordRanking for DuplicateKey {
     fn mark(&self, record: &[u8]) -> (Group, Rank) {
         let at = place(record);
         let time = self

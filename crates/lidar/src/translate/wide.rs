@@ -4,16 +4,18 @@ use super::above::told::Told;
 use super::carried::CarriedRecords;
 use super::job::TranslateJob;
 use super::noise::noted::Noise;
-use super::portion::Portion;
+use super::portion::SquarePortion;
 use super::work::TranslateContext;
-use crate::grid::preset::{CloudOverview, Metres, around};
+use crate::grid::preset::{CloudOverview, MetricFrame, around};
 use crate::records::{PointRecords, over};
 use terrane_base::error::Result;
-use terrane_cloud::{Carrier, CloudFilter, CloudOpenOptions, LasOutputFormat, PointCloud};
-use terrane_delaunay::PositionWindow;
+use terrane_cloud::{
+    CloudFilter, CloudOpenOptions, LasOutputFormat, PointCloud, PointFormatConverter,
+};
+use terrane_delaunay::SiteWindow;
 
 /// A cloud with points beyond those asked for.
-pub(super) struct Wide {
+pub(super) struct WidenedCloud {
     cloud: PointCloud,
     target: LasOutputFormat,
     /// Whether it has none but those asked for, which are looked at in parts.
@@ -22,7 +24,7 @@ pub(super) struct Wide {
 
 impl TranslateJob {
     /// All points that the ground may be made of, where these are not only those asked for, or some of them.
-    pub(super) fn wide(&self, is_part: bool) -> Result<Option<Wide>> {
+    pub(super) fn wide(&self, is_part: bool) -> Result<Option<WidenedCloud>> {
         let own = self.reading();
         let chosen = &own.filter;
         let is_same =
@@ -32,7 +34,7 @@ impl TranslateJob {
         }
         let filter = CloudFilter { classes: None, returns: None, condition: None, ..own.filter };
         let cloud = terrane_cloud::open(&self.input, &CloudOpenOptions { filter, ..own })?;
-        Ok(Some(Wide { cloud, target: self.target()?, is_same }))
+        Ok(Some(WidenedCloud { cloud, target: self.target()?, is_same }))
     }
 }
 
@@ -41,15 +43,15 @@ impl TranslateContext<'_> {
     pub(super) fn tell<'r>(
         &self,
         records: &'r dyn PointRecords,
-        wide: Option<&Wide>,
+        wide: Option<&WidenedCloud>,
     ) -> Result<Told<'r>> {
         let looking = self.looking();
         let at = self.carrier.heights_at();
-        let Some(Wide { cloud, target, is_same }) = wide else {
+        let Some(WidenedCloud { cloud, target, is_same }) = wide else {
             return looking.tell(records, None, at);
         };
-        let carrier = Carrier::new(cloud, *target, at.is_some())?;
-        let noise = self.portion.and_then(Portion::noise).map(Noise::of_ground);
+        let carrier = PointFormatConverter::new(cloud, *target, at.is_some())?;
+        let noise = self.portion.and_then(SquarePortion::noise).map(Noise::of_ground);
         let wide = CarriedRecords::within(cloud, &carrier, self.around_ground()?).with(noise);
         let single = if *is_same { self.single(&wide)? } else { None };
         let wide = over(&single, &wide);
@@ -60,10 +62,14 @@ impl TranslateContext<'_> {
     /// What has to be known of the ground of all points, whose noise is noted.
     pub(super) fn look_at_wide(
         &self,
-        wide: &Wide,
+        wide: &WidenedCloud,
         noise: Option<&mut Noise>,
     ) -> Result<CloudOverview> {
-        let carrier = Carrier::new(&wide.cloud, wide.target, self.carrier.heights_at().is_some())?;
+        let carrier = PointFormatConverter::new(
+            &wide.cloud,
+            wide.target,
+            self.carrier.heights_at().is_some(),
+        )?;
         let wide = CarriedRecords::within(&wide.cloud, &carrier, None);
         let marked = self.mark(&wide)?;
         if let Some((noise, marked)) = noise.zip(marked.as_ref()) {
@@ -73,12 +79,12 @@ impl TranslateContext<'_> {
     }
 
     /// Where points lie that the ground of the squares is made of, if not everywhere.
-    fn around_ground(&self) -> Result<Option<PositionWindow>> {
+    fn around_ground(&self) -> Result<Option<SiteWindow>> {
         let Some(portion) = self.portion else { return Ok(None) };
         let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {
             return Ok(Some(portion.ground()));
         };
-        let metres = Metres::of(&self.cloud.crs, &self.cloud.frame)?;
+        let metres = MetricFrame::of(&self.cloud.crs, &self.cloud.frame)?;
         let method = self.job.above.from.method();
         Ok(Some(around(&method, &metres, seen.last, portion.ground())))
     }

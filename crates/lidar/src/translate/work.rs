@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::above::look::Looking;
-use super::assign::Assigning;
-use super::discs::Discs;
+use super::above::look::GroundHeightSearch;
+use super::assign::AttributeAssigner;
+use super::discs::PoissonDiscs;
 use super::job::TranslateJob;
 use super::moved::CloudReprojection;
-use super::noise::{self, Marked};
+use super::noise::{self, MarkedRecords};
 use super::overlap::{FlightLines, Overlap};
-use super::portion::Portion;
+use super::portion::SquarePortion;
 use super::shares::TranslateMemory;
 use super::sorted::{Sort, SortedRecords};
 use super::split::SplitColumn;
@@ -19,8 +19,8 @@ use crate::records::{PointRecords, total};
 use terrane_base::error::Result;
 use terrane_base::geom::DistancePredicate;
 use terrane_cloud::write::CloudWriteOptions;
-use terrane_cloud::{Carrier, CloudInfo, PointCloud};
-use terrane_engine::plan::Observer;
+use terrane_cloud::{CloudInfo, PointCloud, PointFormatConverter};
+use terrane_engine::plan::RunControl;
 use terrane_files::folder_for;
 
 /// A job whose input is open.
@@ -31,18 +31,18 @@ pub(super) struct TranslateContext<'a> {
     pub(super) cloud: &'a CloudInfo,
     /// What is known before points are moved.
     pub(super) told: &'a CloudInfo,
-    pub(super) assigning: &'a Assigning,
+    pub(super) assigning: &'a AttributeAssigner,
     /// What records are divided by.
     pub(super) values: Option<&'a SplitColumn>,
     /// What is written.
     pub(super) info: &'a CloudInfo,
     pub(super) moved: Option<&'a CloudReprojection>,
-    pub(super) carrier: &'a Carrier<'a>,
+    pub(super) carrier: &'a PointFormatConverter<'a>,
     pub(super) options: CloudWriteOptions,
     pub(super) shares: TranslateMemory,
     /// The squares that are made, if not all.
-    pub(super) portion: Option<&'a Portion<'a>>,
-    pub(super) at: Observer<'a>,
+    pub(super) portion: Option<&'a SquarePortion<'a>>,
+    pub(super) at: RunControl<'a>,
 }
 
 impl TranslateContext<'_> {
@@ -51,14 +51,17 @@ impl TranslateContext<'_> {
         &self,
         records: &'r dyn PointRecords,
     ) -> Result<Option<ChosenRecords<'r>>> {
-        let twice = thin::Twice::new(self.options.format);
+        let twice = thin::DuplicateKey::new(self.options.format);
         let choose = || self.choose(records, &twice, "points there twice");
         self.job.dedupe.then(choose).transpose()
     }
 
     /// The records with the class of noise for those that are, where it is looked for.
-    pub(super) fn mark<'r>(&self, records: &'r dyn PointRecords) -> Result<Option<Marked<'r>>> {
-        let look = |asked| noise::Looking {
+    pub(super) fn mark<'r>(
+        &self,
+        records: &'r dyn PointRecords,
+    ) -> Result<Option<MarkedRecords<'r>>> {
+        let look = |asked| noise::NoiseSearch {
             asked,
             info: self.carrier.info(),
             format: self.carrier.format(),
@@ -90,8 +93,8 @@ impl TranslateContext<'_> {
         self.choose(records, &thin::ThinningCells::new(thin, &self.told.frame)?, "cells")
     }
 
-    pub(super) fn discs(&self, least: f64) -> Discs<'_> {
-        Discs {
+    pub(super) fn discs(&self, least: f64) -> PoissonDiscs<'_> {
+        PoissonDiscs {
             apart: DistancePredicate::new(self.told.frame.scale, least),
             info: self.told,
             format: self.options.format,
@@ -108,9 +111,9 @@ impl TranslateContext<'_> {
         SortedRecords::new(records, (by, self.options.format), held, self.at)
     }
 
-    pub(super) fn looking(&self) -> Looking<'_> {
+    pub(super) fn looking(&self) -> GroundHeightSearch<'_> {
         let square = self.job.above.square(self.cloud);
-        Looking {
+        GroundHeightSearch {
             above: &self.job.above,
             info: self.cloud,
             shift: self.carrier.shift(),

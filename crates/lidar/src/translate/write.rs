@@ -6,7 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::octree::{Octree, OctreePlacement};
-use super::portion::Portion;
+use super::portion::SquarePortion;
 use super::split::SplitColumn;
 use super::squares::{self, Spans, SplitFiles, SquareSplit, SquareSplitter};
 use super::work::TranslateContext;
@@ -81,7 +81,7 @@ impl TranslateContext<'_> {
     }
 
     fn divide(&self, squares: SquareSplit, records: &dyn PointRecords) -> Result<SplitFiles> {
-        if let Some(Portion { spans, folder, .. }) = self.portion {
+        if let Some(SquarePortion { spans, folder, .. }) = self.portion {
             return self.files((squares, *spans), records, folder);
         }
         let folder = AtomicFolder::create(&self.job.output, self.job.overwrite, squares::is_ours)?;

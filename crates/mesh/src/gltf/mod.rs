@@ -11,7 +11,7 @@ mod write;
 use std::path::Path;
 
 use self::layout::{GltfCompression, MAGIC, NAME, PACKED_NAME};
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::source::MeshSource;
 use terrane_base::error::Result;
@@ -21,7 +21,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["glb"],
     about: "binary glTF 2.0, f32 relative to an origin in asset.extras, Y up",
     single_precision: true,
-    carries: Carries::Colours,
+    carries: VertexCapabilities::Colours,
     can_be_solid: false,
     states_unit: false,
     names_crs: true,

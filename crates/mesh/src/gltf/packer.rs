@@ -16,7 +16,7 @@ pub(super) struct MeshoptPacker {
     /// Of the triangles what follows behind all their codes.
     data: AppendWriter,
     is_begun: bool,
-    sizes: Sizes,
+    sizes: MeshoptSizes,
 }
 
 impl MeshoptPacker {
@@ -31,7 +31,7 @@ impl MeshoptPacker {
             triangles,
             data: AppendWriter::spool(folder)?,
             is_begun: false,
-            sizes: Sizes::default(),
+            sizes: MeshoptSizes::default(),
         })
     }
 
@@ -80,16 +80,16 @@ impl MeshoptPacker {
     }
 
     /// Bytes of both streams, once they are complete.
-    pub(super) fn sizes(&self) -> Sizes {
+    pub(super) fn sizes(&self) -> MeshoptSizes {
         self.sizes
     }
 }
 
 /// Bytes of a stream of vertices, and of one of triangles.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sizes(pub(super) [u64; 2]);
+pub(super) struct MeshoptSizes(pub(super) [u64; 2]);
 
-impl Sizes {
+impl MeshoptSizes {
     /// Where both begin in the data of the file, and how many bytes they have.
     pub(super) fn spans(self) -> [(u64, u64); 2] {
         let [vertices, triangles] = self.0;

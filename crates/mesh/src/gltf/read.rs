@@ -25,7 +25,7 @@ const UNSIGNED_SHORT: u32 = 5123;
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Document {
+struct GltfDocument {
     asset: GltfAsset,
     #[serde(default)]
     extensions_required: Vec<String>,
@@ -207,7 +207,7 @@ fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
 }
 
 /// The JSON document, and where the binary data begins and how much there is.
-fn read_chunks(input: &MeshFile) -> Result<(Document, (u64, u64))> {
+fn read_chunks(input: &MeshFile) -> Result<(GltfDocument, (u64, u64))> {
     let [magic, version, length] = words(input, 0)?;
     if magic != *MAGIC {
         return Err(input.bad("does not begin with \"glTF\""));
@@ -258,7 +258,7 @@ fn words<const N: usize>(input: &MeshFile, offset: u64) -> Result<[[u8; 4]; N]> 
 /// Finds things in a document and checks them against the binary data: its start and length.
 struct GltfResolver<'a> {
     input: &'a MeshFile,
-    document: &'a Document,
+    document: &'a GltfDocument,
     data: (u64, u64),
 }
 

@@ -9,11 +9,13 @@ use super::layout::{
     UNSIGNED_INT, VERSION, to_y_up,
 };
 use super::meshopt;
-use super::packer::{MeshoptPacker, Sizes};
+use super::packer::{MeshoptPacker, MeshoptSizes};
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::{Carries, VertexChannel, linear, opacity};
+use crate::channels::{VertexCapabilities, VertexChannel, linear, opacity};
 use crate::local::LocalCoordinates;
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::text;
 use terrane_base::error::Result;
 use terrane_base::geom::Point3;
@@ -39,7 +41,7 @@ pub(super) fn create(
     let local = LocalCoordinates::new(header.origin, header.scale)?;
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     let comments = header.promises.to_lines();
-    capacity::check_channels(NAME, Carries::Colours, &header.channels)?;
+    capacity::check_channels(NAME, VertexCapabilities::Colours, &header.channels)?;
     let (channels, light) = (header.channels.clone(), linear());
     let spool = folder_for(path, options.temp_dir.as_deref());
     let packer = match packing {
@@ -70,7 +72,7 @@ impl GlbEncoder {
         &self,
         counts: MeshCounts,
         [low, high]: [[f32; 3]; 2],
-        packed: Option<Sizes>,
+        packed: Option<MeshoptSizes>,
     ) -> Vec<u8> {
         let mut asset = json!({
             "version": "2.0",
@@ -113,7 +115,7 @@ impl GlbEncoder {
     }
 
     /// Bytes of what is compressed.
-    fn sizes(&self) -> Option<Sizes> {
+    fn sizes(&self) -> Option<MeshoptSizes> {
         self.packer.as_ref().map(MeshoptPacker::sizes)
     }
 
@@ -121,14 +123,14 @@ impl GlbEncoder {
     fn data_bytes(&self, counts: MeshCounts) -> u64 {
         let raw =
             counts.vertices * self.vertex_bytes() as u64 + counts.triangles * TRIANGLE_BYTES as u64;
-        self.sizes().map_or(raw, Sizes::bytes)
+        self.sizes().map_or(raw, MeshoptSizes::bytes)
     }
 
     /// Bytes kept free for the JSON text: as many as the largest mesh could need.
     fn json_bytes(&self) -> usize {
         let largest = u32::MAX.into();
         let counts = MeshCounts { vertices: largest, triangles: largest };
-        let sizes = self.sizes().map(|_| Sizes([largest; 2]));
+        let sizes = self.sizes().map(|_| MeshoptSizes([largest; 2]));
         self.json(counts, [[f32::MIN; 3]; 2], sizes).len().next_multiple_of(4)
     }
 }
@@ -185,7 +187,7 @@ fn add_mesh(document: &mut Value, counts: MeshCounts, [low, high]: [[f32; 3]; 2]
     document["accessors"] = accessors.into();
 }
 
-impl Encoder for GlbEncoder {
+impl MeshEncoder for GlbEncoder {
     fn name(&self) -> &'static str {
         if self.packer.is_some() { PACKED_NAME } else { NAME }
     }
@@ -285,7 +287,7 @@ impl GlbEncoder {
 
 /// Says of a document that what its buffer holds is compressed, and that of what it speaks is in another
 /// buffer, which is nowhere.
-fn pack(document: &mut Value, sizes: Sizes, counts: MeshCounts, vertex_bytes: u64) {
+fn pack(document: &mut Value, sizes: MeshoptSizes, counts: MeshCounts, vertex_bytes: u64) {
     let raw = document["buffers"][0]["byteLength"].clone();
     let fallback = json!({ meshopt::NAME: { "fallback": true } });
     document["buffers"] = json!([

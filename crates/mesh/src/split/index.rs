@@ -61,7 +61,8 @@ impl MeshBlockIndex {
         let path = folder.join(NAME);
         let fail = |e| Error::write(&path, e);
         let mut file = BufWriter::new(AtomicFile::create(&path, false)?);
-        serde_json::to_writer(&mut file, &Collection::from(self)).map_err(|e| fail(e.into()))?;
+        serde_json::to_writer(&mut file, &BlockIndexCollection::from(self))
+            .map_err(|e| fail(e.into()))?;
         file.into_inner().map_err(|e| fail(e.into_error()))?.commit()
     }
 
@@ -73,11 +74,11 @@ impl MeshBlockIndex {
         limits::check("bytes of an index", bytes, limits::MAX_VRT_BYTES)
             .map_err(|e| e.in_file(&path))?;
         let file = BufReader::new(File::open(&path).map_err(fail)?);
-        let read: Option<Collection> = match serde_json::from_reader(file.take(bytes)) {
+        let read: Option<BlockIndexCollection> = match serde_json::from_reader(file.take(bytes)) {
             Err(error) if error.is_io() => return Err(fail(error.into())),
             read => read.ok(),
         };
-        read.and_then(Collection::index).ok_or_else(|| {
+        read.and_then(BlockIndexCollection::index).ok_or_else(|| {
             Error::bad_input("is not the index of a mesh in blocks")
                 .in_file(&path)
                 .remedy("make the folder again with terrane")
@@ -87,7 +88,7 @@ impl MeshBlockIndex {
 
 /// The index as it is in the file; keys are in the order of the alphabet.
 #[derive(Serialize, Deserialize)]
-struct Collection {
+struct BlockIndexCollection {
     comments: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     crs: Option<Value>,
@@ -123,7 +124,7 @@ struct BlockIndexProperties {
     vertices: u64,
 }
 
-impl From<MeshBlockIndex> for Collection {
+impl From<MeshBlockIndex> for BlockIndexCollection {
     fn from(index: MeshBlockIndex) -> Self {
         let feature = |block: MeshBlock| {
             let MeshBlock { file, vertices, triangles, bytes, ring } = block;
@@ -145,7 +146,7 @@ impl From<MeshBlockIndex> for Collection {
     }
 }
 
-impl Collection {
+impl BlockIndexCollection {
     /// The index, if it is one and names nothing outside its folder.
     fn index(self) -> Option<MeshBlockIndex> {
         let block = |feature: BlockIndexFeature| {
@@ -181,9 +182,9 @@ mod tests {
             blocks: vec![block],
         };
         let text = |index: &MeshBlockIndex| {
-            serde_json::to_string(&Collection::from(index.clone())).unwrap()
+            serde_json::to_string(&BlockIndexCollection::from(index.clone())).unwrap()
         };
-        let read = |text: &str| serde_json::from_str::<Collection>(text).ok()?.index();
+        let read = |text: &str| serde_json::from_str::<BlockIndexCollection>(text).ok()?.index();
         assert_eq!(read(&text(&index)).as_ref(), Some(&index));
         let same = serde_json::from_str::<Value>(&text(&index)).unwrap().to_string();
         assert_eq!(text(&index), same, "keys in order");

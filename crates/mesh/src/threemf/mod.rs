@@ -14,12 +14,14 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use self::parts::{CONTENT_TYPES, MODEL, NAME, PREFIX, RELATIONS, push_triangle, push_vertex};
-use self::walls::Walls;
+use self::walls::SolidWalls;
 use crate::capacity::{self, MeshCapacity};
-use crate::channels::Carries;
+use crate::channels::VertexCapabilities;
 use crate::format::MeshFormat;
 use crate::local::LocalCoordinates;
-use crate::sink::{Encoder, FileSink, MeshBatch, MeshCounts, MeshHeader, MeshSink, SinkOptions};
+use crate::sink::{
+    FileSink, MeshBatch, MeshCounts, MeshEncoder, MeshHeader, MeshSink, SinkOptions,
+};
 use crate::solid::{SolidBase, lowered};
 use crate::text;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -35,7 +37,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     extensions: &["3mf"],
     about: "3D Manufacturing Format, f32 relative to a recorded origin; optionally closed to a solid",
     single_precision: true,
-    carries: Carries::Nothing,
+    carries: VertexCapabilities::Nothing,
     can_be_solid: true,
     states_unit: true,
     names_crs: true,
@@ -60,7 +62,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     let local = LocalCoordinates::new(header.origin, header.scale)?;
     let folder = folder_for(path, options.temp_dir.as_deref());
     let base = options.solid_base.map(|height| SolidBase::new(height, header)).transpose()?;
-    let walls = base.map(|base| Walls::new(base, folder));
+    let walls = base.map(|base| SolidWalls::new(base, folder));
     let head = head(header, walls.is_some()).map_err(|e| e.in_file(path))?;
     FileSink::create(path, options, Encoder3mf { local, head, walls })
 }
@@ -110,10 +112,10 @@ const END: &[u8] = b"</triangles>\n</mesh>\n</object>\n</resources>\n\
 struct Encoder3mf {
     local: LocalCoordinates,
     head: String,
-    walls: Option<Walls>,
+    walls: Option<SolidWalls>,
 }
 
-impl Encoder for Encoder3mf {
+impl MeshEncoder for Encoder3mf {
     fn name(&self) -> &'static str {
         NAME
     }
@@ -140,7 +142,7 @@ impl Encoder for Encoder3mf {
         tail: &mut AppendWriter,
     ) -> Result<()> {
         let Self { local, walls, .. } = self;
-        let base = walls.as_ref().map(Walls::base);
+        let base = walls.as_ref().map(SolidWalls::base);
         body.lines(batch.vertices, |point, text| {
             let position = local.place(point);
             push_vertex(position, text);

@@ -10,7 +10,7 @@ use zip::ZipArchive;
 use super::parts::{MODEL, NAME, PREFIX, RELATIONS};
 use crate::input::{MeshFile, check_corners, check_range};
 use crate::local::{is_scale, to_world};
-use crate::obj_index::{ObjLineMark, SparseIndex};
+use crate::obj_index::{SparseIndex, TextLineMark};
 use crate::source::{MeshInfo, MeshSource};
 use crate::xml::{MeshXmlReader, number};
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -43,7 +43,7 @@ pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     let mut xml = MeshXmlReader::new(&input, 0);
     loop {
         let at = xml.offset();
-        let mark = ObjLineMark { offset: at, ..ObjLineMark::default() };
+        let mark = TextLineMark { offset: at, ..TextLineMark::default() };
         let place = |e: Error| e.in_file(path).at(format!("byte {at} of the model"));
         match xml.next()? {
             XmlEvent::Over => break,

@@ -20,7 +20,7 @@ use terrane_files::AppendWriter;
 const MOST_PINCHES: u64 = 1 << 20;
 
 /// Makes a solid of a surface.
-pub(super) struct Walls {
+pub(super) struct SolidWalls {
     base: SolidBase,
     outline: SolidOutline,
     folder: PathBuf,
@@ -28,7 +28,7 @@ pub(super) struct Walls {
     vertices: u64,
 }
 
-impl Walls {
+impl SolidWalls {
     /// Down to `base`; what has to wait goes to nameless files in `folder`.
     pub(super) fn new(base: SolidBase, folder: &Path) -> Self {
         let outline = SolidOutline::new(folder);
@@ -59,7 +59,7 @@ impl Walls {
     pub(super) fn complete(self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<u64> {
         let base = self.base();
         let mut edges = AppendWriter::spool(&self.folder)?;
-        let mut starts = Starts::default();
+        let mut starts = OutlineStarts::default();
         self.outline.complete(|edge| {
             starts.note(edge.ids[0])?;
             edges.write(bytemuck::bytes_of(&edge))
@@ -118,12 +118,12 @@ fn wall([from, to]: [u64; 2], middles: [Option<u64>; 2]) -> Vec<[u64; 3]> {
 
 /// How many edges of the outline begin at each vertex, where that is more than one.
 #[derive(Default)]
-struct Starts {
+struct OutlineStarts {
     seen: Vec<u64>,
     several: BTreeMap<u64, u64>,
 }
 
-impl Starts {
+impl OutlineStarts {
     fn note(&mut self, id: u64) -> Result<()> {
         let (word, bit) = ((id / 64) as usize, 1 << (id % 64));
         if self.seen.len() <= word {

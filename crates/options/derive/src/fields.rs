@@ -49,7 +49,7 @@ struct FieldTokens {
     visits: Vec<TokenStream>,
     mutable_visits: Vec<TokenStream>,
     defaults: Vec<TokenStream>,
-    setters: Vec<Setter>,
+    setters: Vec<FieldSetter>,
     groups: Vec<TokenStream>,
 }
 
@@ -154,7 +154,7 @@ impl FieldTokens {
         self.defaults.push(quote!(#ident: ::core::default::Default::default()));
         if whole.setters.is_some() {
             self.groups.push(quote! {
-                impl ::terrane_engine::operation::Has<#ty> for #name {
+                impl ::terrane_engine::operation::HasGroup<#ty> for #name {
                     fn part(&self) -> &#ty { &self.#ident }
 
                     fn part_mut(&mut self) -> &mut #ty { &mut self.#ident }
@@ -219,7 +219,7 @@ impl FieldTokens {
             None => quote!(#ident: ::core::default::Default::default()),
         });
         if !said.no_setter {
-            self.setters.push(Setter::new(field, ident));
+            self.setters.push(FieldSetter::new(field, ident));
         }
         Ok(())
     }
@@ -233,7 +233,7 @@ fn optional<T: quote::ToTokens>(value: Option<&T>) -> TokenStream {
 }
 
 /// The setter of a field.
-struct Setter {
+struct FieldSetter {
     docs: Vec<Attribute>,
     ident: Ident,
     /// What it takes.
@@ -242,7 +242,7 @@ struct Setter {
     value: TokenStream,
 }
 
-impl Setter {
+impl FieldSetter {
     /// That of a field: an optional one takes the value itself.
     fn new(field: &Field, ident: &Ident) -> Self {
         let docs = field.attrs.iter().filter(|attribute| attribute.path().is_ident("doc"));
@@ -258,11 +258,11 @@ impl Setter {
 }
 
 /// A trait of setters for the fields of a struct, which jobs have whose options are that struct, or have it as a group.
-fn traits(name: &Ident, kind: &Ident, setters: &[Setter]) -> TokenStream {
+fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     let text = name.to_string();
     let about = format!("Setters of [`{name}`].");
     let called = format_ident!("{}Setters", text.strip_suffix("Options").unwrap_or(&text));
-    let said = setters.iter().map(|Setter { docs, ident, taken, .. }| {
+    let said = setters.iter().map(|FieldSetter { docs, ident, taken, .. }| {
         quote! {
             #(#docs)*
             #[must_use]
@@ -270,10 +270,10 @@ fn traits(name: &Ident, kind: &Ident, setters: &[Setter]) -> TokenStream {
         }
     });
     let is_own = kind == "own";
-    let done = setters.iter().map(|Setter { ident, taken, value, .. }| {
+    let done = setters.iter().map(|FieldSetter { ident, taken, value, .. }| {
         let place = match is_own {
             true => quote!(self.options_mut().#ident),
-            false => quote!(::terrane_engine::operation::Has::<#name>::part_mut(self.options_mut()).#ident),
+            false => quote!(::terrane_engine::operation::HasGroup::<#name>::part_mut(self.options_mut()).#ident),
         };
         quote! {
             fn #ident(mut self, value: #taken) -> Self {
@@ -285,7 +285,7 @@ fn traits(name: &Ident, kind: &Ident, setters: &[Setter]) -> TokenStream {
     let jobs = match is_own {
         true => quote!(impl<S> #called for ::terrane_engine::operation::Job<'_, #name, S>),
         false => quote! {
-            impl<O: ::terrane_engine::operation::Has<#name>, S> #called for ::terrane_engine::operation::Job<'_, O, S>
+            impl<O: ::terrane_engine::operation::HasGroup<#name>, S> #called for ::terrane_engine::operation::Job<'_, O, S>
         },
     };
     quote! {

@@ -4,7 +4,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
 
-use super::tokens::{Tokens, number};
+use super::tokens::{AscTokens, number};
 
 const KEYS: [&str; 10] = [
     "ncols",
@@ -55,7 +55,7 @@ impl AscHeaderValues {
 }
 
 /// Reads the header from the start of the file.
-pub(super) fn read(tokens: &mut Tokens<'_>) -> Result<AscHeader> {
+pub(super) fn read(tokens: &mut AscTokens<'_>) -> Result<AscHeader> {
     let mut values = AscHeaderValues::default();
     loop {
         let Some((offset, word)) = tokens.next()? else {
@@ -80,7 +80,7 @@ fn key_of(word: &[u8]) -> Option<usize> {
     KEYS.iter().position(|key| word.eq_ignore_ascii_case(key.as_bytes()))
 }
 
-fn value_of(tokens: &mut Tokens<'_>, key: &str) -> Result<f64> {
+fn value_of(tokens: &mut AscTokens<'_>, key: &str) -> Result<f64> {
     let value = tokens.next()?.and_then(|(_, word)| number(word));
     value.ok_or_else(|| {
         Error::bad_input(format!("{key} is not followed by a number")).at(tokens.place())

@@ -18,7 +18,7 @@ use terrane_base::limits;
 use terrane_files::RawFile;
 
 use header::AscHeader;
-use tokens::Tokens;
+use tokens::AscTokens;
 
 /// The registry entry.
 pub(super) const FORMAT: RasterFormat = RasterFormat {
@@ -51,7 +51,7 @@ impl AscGrid {
     fn open(path: &Path, options: &GridOpenOptions) -> Result<Self> {
         only_band(options.band)?;
         let file = RawFile::open(path)?;
-        let header = header::read(&mut Tokens::new(&file, 0, 1))?;
+        let header = header::read(&mut AscTokens::new(&file, 0, 1))?;
         check_length(&header, &file)?;
         let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
         let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
@@ -95,7 +95,7 @@ impl AscGrid {
     fn parse(&self, block: u32) -> Result<Vec<u8>> {
         let rect = self.block_rect(block);
         let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
-        let mut tokens = Tokens::new(&self.file, self.starts[block as usize], 1);
+        let mut tokens = AscTokens::new(&self.file, self.starts[block as usize], 1);
         // The scan has made sure that whole numbers fit.
         let found = match self.info.sample_type {
             SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
@@ -136,7 +136,7 @@ impl GridSource for AscGrid {
 
 /// Fills `out` with samples that `stored` makes of the next words; false when there are too few.
 fn fill<const N: usize>(
-    tokens: &mut Tokens<'_>,
+    tokens: &mut AscTokens<'_>,
     out: &mut [u8],
     stored: impl Fn(f64) -> [u8; N],
 ) -> Result<bool> {
@@ -213,7 +213,7 @@ impl AscScan {
     /// Parses every value once, remembering only where each block of `rows` rows starts.
     fn run(file: &RawFile, header: &AscHeader, rows: u64) -> Result<Self> {
         let values = u64::from(header.width) * u64::from(header.height);
-        let mut tokens = Tokens::new(file, header.data.0, header.data.1);
+        let mut tokens = AscTokens::new(file, header.data.0, header.data.1);
         let mut range = AscValueRange { whole: true, low: 0.0, high: 0.0 };
         let mut lines = AscLineCheck::default();
         let mut starts = Vec::new();
@@ -249,7 +249,7 @@ impl AscLineCheck {
     /// Hands a row of values to `each`; returns how many there were if the file ends before.
     fn row(
         &mut self,
-        tokens: &mut Tokens<'_>,
+        tokens: &mut AscTokens<'_>,
         width: u32,
         mut each: impl FnMut(f64),
     ) -> Result<u64> {

@@ -10,7 +10,7 @@ const CHUNK: usize = 64 << 10;
 const MOST_WORD: usize = 256;
 
 /// A reader of whitespace-separated words.
-pub(super) struct Tokens<'a> {
+pub(super) struct AscTokens<'a> {
     file: &'a RawFile,
     buffer: Vec<u8>,
     /// Next byte in `buffer`.
@@ -28,7 +28,7 @@ fn is_break(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
 }
 
-impl<'a> Tokens<'a> {
+impl<'a> AscTokens<'a> {
     /// Words from `offset` on; `line` is the number of the line it lies in.
     pub(super) fn new(file: &'a RawFile, offset: u64, line: u64) -> Self {
         Self { file, buffer: Vec::new(), next: 0, end: offset, start: (offset, line), breaks: 0 }
@@ -208,7 +208,7 @@ mod tests {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(text.as_bytes()).unwrap();
         let file = RawFile::of(file, Path::new("t.asc")).unwrap();
-        let mut tokens = Tokens::new(&file, 0, 1);
+        let mut tokens = AscTokens::new(&file, 0, 1);
         let mut expected = expected.into_iter();
         for i in 0..30_000_u64 {
             let (offset, word) = tokens.next().unwrap().unwrap();
@@ -229,7 +229,7 @@ mod tests {
         let text: String = (0..40_000).map(|i| format!("{}\n", words[i % words.len()])).collect();
         file.write_all(text.as_bytes()).unwrap();
         let file = RawFile::of(file, Path::new("t.asc")).unwrap();
-        let mut tokens = Tokens::new(&file, 0, 1);
+        let mut tokens = AscTokens::new(&file, 0, 1);
         let mut values = Vec::new();
         // Of any number at a time.
         for count in (0..).take_while(|count| count * (count + 1) / 2 < 40_000) {

@@ -5,7 +5,7 @@ use terrane_base::geom::Rect;
 use terrane_files::{RawFile, RowRun, to_usize};
 
 use super::codec::{
-    Decoders, DecompressionFault, GeoTiffCompression, GeoTiffScratch, with_scratch,
+    BlockDecoders, DecompressionFault, GeoTiffCompression, GeoTiffScratch, with_scratch,
 };
 use super::ifd::{GeoTiffDirectory, IntArray, about};
 use super::layout::GeoTiffLayout;
@@ -201,7 +201,7 @@ impl GeoTiffBlocks {
     /// Fills `out` from `packed`; rows of a tile below the image may be missing.
     fn unpack(
         &self,
-        decoders: &mut Decoders,
+        decoders: &mut BlockDecoders,
         packed: &[u8],
         out: &mut [u8],
         by: u32,
@@ -237,7 +237,12 @@ impl GeoTiffBlocks {
     }
 
     /// Some writers pad the last strip to its full height, or blocks by a little more.
-    fn unpack_padded(&self, decoders: &mut Decoders, packed: &[u8], out: &mut [u8]) -> Result<()> {
+    fn unpack_padded(
+        &self,
+        decoders: &mut BlockDecoders,
+        packed: &[u8],
+        out: &mut [u8],
+    ) -> Result<()> {
         let full = to_usize("block", self.layout.block_bytes(self.layout.block_height))?;
         let mut room = vec![0; full + PADDING];
         match decoders.run(self.layout.compression, packed, &mut room) {

@@ -114,14 +114,14 @@ pub(super) struct GeoTiffScratch {
     /// Decompressed bytes that still need sorting.
     pub(super) plain: Vec<u8>,
     /// Decoders.
-    pub(super) decoders: Decoders,
+    pub(super) decoders: BlockDecoders,
 }
 
 thread_local! {
     static SCRATCH: RefCell<GeoTiffScratch> = RefCell::new(GeoTiffScratch {
         packed: Vec::new(),
         plain: Vec::new(),
-        decoders: Decoders { deflate: Decompressor::new(), zstd: None, lzw: None },
+        decoders: BlockDecoders { deflate: Decompressor::new(), zstd: None, lzw: None },
     });
 }
 
@@ -139,13 +139,13 @@ pub(super) fn with_scratch<T>(work: impl FnOnce(&mut GeoTiffScratch) -> T) -> T 
 }
 
 /// The decoders that are costly to set up.
-pub(super) struct Decoders {
+pub(super) struct BlockDecoders {
     deflate: Decompressor,
     zstd: Option<zstd::bulk::Decompressor<'static>>,
     lzw: Option<Box<lzw::LzwTable>>,
 }
 
-impl Decoders {
+impl BlockDecoders {
     /// Decompresses `packed` into the start of `out` and returns the bytes written. LZW and
     /// packbits stop when `out` is full; deflate and zstd report [`DecompressionFault::TooLong`].
     pub(super) fn run(

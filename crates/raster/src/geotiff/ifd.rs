@@ -83,12 +83,12 @@ pub(super) struct GeoTiffDirectory<'a> {
 }
 
 /// Field widths that differ between TIFF and BigTIFF.
-struct Widths {
+struct TiffFieldWidths {
     count: usize,
     offset: usize,
 }
 
-impl Widths {
+impl TiffFieldWidths {
     fn of(big: bool) -> Self {
         if big { Self { count: 8, offset: 8 } } else { Self { count: 2, offset: 4 } }
     }
@@ -137,7 +137,7 @@ impl<'a> GeoTiffDirectory<'a> {
     }
 
     fn read_entries(&mut self, at: u64) -> Result<()> {
-        let widths = Widths::of(self.big);
+        let widths = TiffFieldWidths::of(self.big);
         let count = self.order.uint(&self.file.read_vec(at, widths.count as u64)?);
         limits::check("number of directory entries", count, limits::MAX_IFD_ENTRIES)?;
         if count == 0 {

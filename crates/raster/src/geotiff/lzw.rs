@@ -39,7 +39,7 @@ fn run<const OLD: bool>(
     out: &mut [u8],
     table: &mut LzwTable,
 ) -> Result<usize, InvalidCode> {
-    let mut codes = Codes::<OLD>::new(packed);
+    let mut codes = LzwCodes::<OLD>::new(packed);
     let mut at = 0;
     while at < out.len() {
         codes.set_width(NARROWEST);
@@ -68,7 +68,7 @@ enum LzwStop {
 /// Decodes up to the next clear code, or to the end, what follows the string `last` of one byte at
 /// `last_at`. Every code defines the next free one: the string before it and its own first byte.
 fn strings<const OLD: bool>(
-    codes: &mut Codes<'_, OLD>,
+    codes: &mut LzwCodes<'_, OLD>,
     mut last: LzwString,
     out: &mut [u8],
     mut last_at: usize,
@@ -100,7 +100,7 @@ fn strings<const OLD: bool>(
 }
 
 /// The codes of a stream.
-struct Codes<'a, const OLD: bool> {
+struct LzwCodes<'a, const OLD: bool> {
     packed: &'a [u8],
     /// Where the next one starts.
     bit: usize,
@@ -109,7 +109,7 @@ struct Codes<'a, const OLD: bool> {
     limit: usize,
 }
 
-impl<'a, const OLD: bool> Codes<'a, OLD> {
+impl<'a, const OLD: bool> LzwCodes<'a, OLD> {
     fn new(packed: &'a [u8]) -> Self {
         Self { packed, bit: 0, width: 0, limit: 0 }
     }

@@ -19,7 +19,7 @@ use super::cache::{Grid, MosaicFilePool, OpenMosaicFile};
 use super::vrt;
 
 /// What a mosaic and all mosaics within it share.
-pub(super) struct Family {
+pub(super) struct MosaicFamily {
     pub(super) pool: MosaicFilePool,
     /// Files and sources so far.
     members: AtomicU64,
@@ -58,8 +58,8 @@ impl MosaicFileFacts {
 
 /// Where in a nest of mosaics a file is looked for.
 #[derive(Clone)]
-pub(super) struct Nest {
-    pub(super) family: Arc<Family>,
+pub(super) struct MosaicNesting {
+    pub(super) family: Arc<MosaicFamily>,
     /// The VRTs around, outermost first, by their real paths.
     pub(super) around: Vec<PathBuf>,
 }
@@ -78,7 +78,7 @@ pub(super) struct MosaicEntry {
     pub(super) source: MosaicSource,
 }
 
-impl Family {
+impl MosaicFamily {
     pub(super) fn new(files: usize, options: &GridOpenOptions) -> Arc<Self> {
         Arc::new(Self {
             pool: MosaicFilePool::new(files, options.cache_bytes),
@@ -121,13 +121,18 @@ impl MosaicFile {
 
     /// As if the file declared `nodata`, whatever it does declare. One that is open as it is will
     /// be opened anew.
-    pub(super) fn with_nodata(self, family: &Family, nodata: Option<f64>) -> Self {
+    pub(super) fn with_nodata(self, family: &MosaicFamily, nodata: Option<f64>) -> Self {
         Self { key: family.pool.new_key(), nodata, ..self }
     }
 }
 
 /// Opens the file or mosaic `name` to see what it is. A file stays open if there is room for it.
-pub(super) fn find(name: &str, band: u32, nodata: Option<f64>, nest: &Nest) -> Result<MosaicEntry> {
+pub(super) fn find(
+    name: &str,
+    band: u32,
+    nodata: Option<f64>,
+    nest: &MosaicNesting,
+) -> Result<MosaicEntry> {
     if is_vrt(name)? {
         let path = &*path_of(name);
         let share = nest.family.pool.share();
@@ -159,7 +164,7 @@ fn is_vrt(name: &str) -> Result<bool> {
 
 /// Opens a file with its share of the memory, or with more where it cannot be read with that.
 fn open_file(
-    family: &Family,
+    family: &MosaicFamily,
     name: &str,
     band: u32,
     nodata: Option<f64>,

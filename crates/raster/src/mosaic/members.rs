@@ -9,7 +9,7 @@ use crate::raw;
 use crate::registry::{FORMATS, file_name};
 use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
-use terrane_files::{Seek, is_made, name_of, path_of, shown};
+use terrane_files::{FileKind, is_made, name_of, path_of, shown};
 
 /// Formats of one file in another.
 const PACKED_ENDINGS: [&str; 2] = ["gz", "zip"];
@@ -126,7 +126,7 @@ impl fmt::Display for Inputs {
 }
 
 /// What is looked for.
-const GRIDS: Seek = Seek { what: "grid", is_member: is_grid_name, file_name };
+const GRIDS: FileKind = FileKind { what: "grid", is_member: is_grid_name, file_name };
 
 /// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
 /// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a

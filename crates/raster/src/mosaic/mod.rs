@@ -33,11 +33,11 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::path_of;
 
-use find::{Family, MosaicSource};
+use find::{MosaicFamily, MosaicSource};
 use index::MosaicRTree;
 pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
-use recode::Recode;
+use recode::HeightRecoding;
 
 /// Most samples that are read apart before they are painted.
 const SCRATCH_SAMPLES: u32 = 1 << 19;
@@ -48,7 +48,7 @@ struct Mosaic {
     /// Bottom to top.
     parts: Vec<MosaicPart>,
     index: MosaicRTree,
-    family: Arc<Family>,
+    family: Arc<MosaicFamily>,
 }
 
 /// A rectangle of a file and where it goes.
@@ -60,11 +60,11 @@ struct MosaicPart {
     from: [u32; 2],
     /// True when voids let through what lies below.
     transparent: bool,
-    recode: Option<Recode>,
+    recode: Option<HeightRecoding>,
 }
 
 impl Mosaic {
-    fn new(info: GridInfo, parts: Vec<MosaicPart>, family: Arc<Family>) -> Self {
+    fn new(info: GridInfo, parts: Vec<MosaicPart>, family: Arc<MosaicFamily>) -> Self {
         let index = MosaicRTree::new(&parts.iter().map(|part| part.rect).collect::<Vec<_>>());
         Self { info, parts, index, family }
     }

@@ -12,9 +12,9 @@ use terrane_base::geom::Rect;
 use terrane_files::{on_threads, path_of};
 
 use super::agree::{self, NamedGrid};
-use super::find::{Family, MosaicEntry, MosaicSource, Nest, find};
+use super::find::{MosaicEntry, MosaicFamily, MosaicNesting, MosaicSource, find};
 use super::layout::{GridShape, MosaicLayout, lay_out};
-use super::recode::{Recode, is_same, void_range, wider};
+use super::recode::{HeightRecoding, is_same, void_range, wider};
 use super::{Mosaic, MosaicPart, members};
 
 /// Most nodata values that are told.
@@ -59,9 +59,9 @@ fn nothing() -> Error {
 }
 
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
-    let family = Family::new(names.len(), options);
+    let family = MosaicFamily::new(names.len(), options);
     family.count_members(names.len() as u64)?;
-    let nest = Nest { family, around: Vec::new() };
+    let nest = MosaicNesting { family, around: Vec::new() };
     let look = |name: &str| find(name, options.band, options.nodata, &nest);
     let first = look(&names[0]).and_then(|found| match found.info.georeferenced {
         true => Ok(found),
@@ -182,13 +182,13 @@ fn last_resort(kind: SampleType) -> f64 {
 }
 
 /// In a file that declares no nodata value, samples at the mosaic's are void where that can be no height.
-fn recode(own: Option<f64>, info: &GridInfo) -> Option<Recode> {
+fn recode(own: Option<f64>, info: &GridInfo) -> Option<HeightRecoding> {
     let nodata = info.nodata.filter(|value| own.is_none() && is_no_height(*value))?;
     let (low, high) = void_range(info.sample_type, nodata)?;
     // Heights of all files are scaled alike, and just as here.
     let height = |stored: f64| stored * info.scale + info.offset;
     let (low, high) = (height(low), height(high));
-    Some(Recode { void: Some((low.min(high), low.max(high))), ..Recode::NONE })
+    Some(HeightRecoding { void: Some((low.min(high), low.max(high))), ..HeightRecoding::NONE })
 }
 
 /// How many files there are, what the first is, and where they differ in nodata.

@@ -6,7 +6,7 @@ use crate::sample::StoredSample;
 
 /// What is done to each valid height of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Recode {
+pub(super) struct HeightRecoding {
     /// Stored by the mosaic = read * ratio + shift, rounded into `kind` where that is given.
     pub(super) ratio: f64,
     pub(super) shift: f64,
@@ -18,7 +18,7 @@ pub(super) struct Recode {
     pub(super) offset: f64,
 }
 
-impl Recode {
+impl HeightRecoding {
     /// Heights as they are.
     pub(super) const NONE: Self =
         Self { ratio: 1.0, shift: 0.0, kind: None, void: None, scale: 1.0, offset: 0.0 };
@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn values_are_rounded_clamped_and_voided() {
-        let recode = Recode {
+        let recode = HeightRecoding {
             ratio: 0.5,
             shift: -1.0,
             kind: Some(I16),
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(recode.height(-1.0), -17.0, "-1.5 becomes -2");
         assert_eq!(recode.height(1e9), 327_673.0);
         assert!(recode.height(-19_996.0).is_nan());
-        assert_eq!(Recode::NONE.height(0.1), 0.1);
+        assert_eq!(HeightRecoding::NONE.height(0.1), 0.1);
         assert_eq!(fitted(0.1, F32), f64::from(0.1_f32));
         assert_eq!(void_range(U8, -1.0), None);
         assert!(void_range(F32, -3.4028234e38).is_some());

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use self::header::RawRasterHeader;
 use crate::format::{GridOpenOptions, RasterFormat, some_band};
 use crate::grid::{GridInfo, GridSource};
-use crate::strided::{Strided, check_exact};
+use crate::strided::{StridedGrid, check_exact};
 use crate::{beside, prj, world};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -83,7 +83,7 @@ pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn Gri
         return Err(Error::bad_input("its rows are beyond counting").in_file(&header_path));
     };
     let info = header.info(path, options)?;
-    Ok(Box::new(Strided::new(file, info, layout)?))
+    Ok(Box::new(StridedGrid::new(file, info, layout)?))
 }
 
 /// The header of the data file `path`: `name.ext.hdr` or `name.hdr`.

@@ -8,7 +8,7 @@
 //! 0              16                                                                   a multiple of 4096
 //! ```
 //!
-//! Everything before the tiles follows from a few facts (`Header`), so opening a store means:
+//! Everything before the tiles follows from a few facts (`StoreHeader`), so opening a store means:
 //! read the facts, encode them again, and demand that every byte and the file's length agree. Any
 //! other file, one edited by another program included, is left to the general GeoTIFF reader.
 

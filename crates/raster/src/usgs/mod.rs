@@ -10,7 +10,7 @@ use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::raw;
 use crate::spool::SampleSpool;
-use crate::strided::{Strided, StridedLayout};
+use crate::strided::{StridedGrid, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
 use terrane_files::RawFile;
@@ -49,14 +49,14 @@ fn is_text(path: &Path) -> Result<bool> {
     Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
 }
 
-fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let header = UsgsDemHeader::read(&file)?;
     let spool = SampleSpool::new(path, options.temp_dir.as_deref())?;
     let spool = unpack(&file, &header, spool)?;
     let layout = StridedLayout::columns(header.height, header.sample_type().bytes());
-    Strided::new(spool, info(&header, options), layout)
+    StridedGrid::new(spool, info(&header, options), layout)
 }
 
 fn info(header: &UsgsDemHeader, options: &GridOpenOptions) -> GridInfo {

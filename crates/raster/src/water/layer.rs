@@ -12,7 +12,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
 /// A grid with level water.
-struct Levelled {
+struct LeveledGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     water: Arc<Water>,
@@ -33,10 +33,10 @@ pub(crate) fn levelled(
     let mut info = inner.info().clone();
     super::mask::WaterMask::new(water, &info)?;
     info.details.push(("water".to_owned(), water.path().display().to_string()));
-    Ok(Box::new(Levelled { info, inner, water: water.clone() }))
+    Ok(Box::new(LeveledGrid { info, inner, water: water.clone() }))
 }
 
-impl Levelled {
+impl LeveledGrid {
     /// Those found before, or now.
     fn levels(&self) -> Result<Arc<WaterLevels>> {
         let mut known = self.water.lock();
@@ -81,7 +81,7 @@ impl Levelled {
     }
 }
 
-impl GridSource for Levelled {
+impl GridSource for LeveledGrid {
     reads_alike!();
 
     fn block_bytes(&self) -> u64 {

@@ -69,7 +69,7 @@ impl WaterLevels {
         };
         let axes: Vec<_> = water.bodies.iter().map(axis).collect();
         let found = BankLevels::new(grid, &mask, &axes, lines.len())?;
-        let network = Network::new(water, &mask, info, &lines, station);
+        let network = RiverNetwork::new(water, &mask, info, &lines, station);
         let (lakes, profiles) =
             network.solve(&found.lowest, &found.stations).map_err(|e| e.in_file(&water.path))?;
         let rounding = LevelRounding::of(info);
@@ -278,7 +278,7 @@ impl BankLevels {
 }
 
 /// Lines from node to node: a lake, or where lines begin and end.
-struct Network {
+struct RiverNetwork {
     /// From where, to where, and how long, in stations.
     lines: Vec<([usize; 2], f64)>,
     /// Nodes: first one for each body.
@@ -286,7 +286,7 @@ struct Network {
     bodies: usize,
 }
 
-impl Network {
+impl RiverNetwork {
     fn new(
         water: &Water,
         mask: &WaterMask,

@@ -7,7 +7,7 @@
 //! which on water counts: what is in the file is water.
 //!
 //! - **Water** are the samples within the polygon whose corners are the samples nearest to those of a ring, and
-//!   those on the [path](terrane_base::geom::Segment) along its sides ([`mask`]), so that edges of a mesh can follow
+//!   those on the [path](terrane_base::geom::SampleSegment) along its sides ([`mask`]), so that edges of a mesh can follow
 //!   its bank exactly. Voids become water, too.
 //! - **Levels** come from banks: the valid samples beside water (of the eight around a sample) that are none.
 //!   A lake is as high as the lowest of them. A river goes down by straight lines from each place where its banks

@@ -8,12 +8,12 @@ use std::sync::Mutex;
 
 use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
-use super::creation::{Creation, CreationOption};
+use super::creation::{CreationOption, CreationOptions};
 use super::directory::{TiffDirectoryBuilder, TiffOffsets, TiffVariant};
 use super::format::{GridFormat, GridSink, GridWriteRequest};
 use super::level::{self, OverviewLevel, OverviewResampling};
 use super::packed::{PackedBlocks, beside};
-use super::tiff::{self, Coding, TiffImage};
+use super::tiff::{self, SampleCoding, TiffImage};
 use crate::grid::{GridInfo, GridSource};
 use crate::store::HeightSlice;
 use crate::store::header::facts;
@@ -72,7 +72,7 @@ struct CogSink {
     target: AtomicFile,
     info: GridInfo,
     bands: Vec<BandName>,
-    creation: Creation,
+    creation: CreationOptions,
     /// From the full resolution down.
     layers: Vec<CogLevel>,
     /// The layer that is being fed.
@@ -95,7 +95,7 @@ impl CogSink {
         let info = order.stored()?;
         let creation = order.creation.clone();
         let side = creation.number("BLOCKSIZE").unwrap_or(TILE);
-        let coding = Coding::of(&creation, info.sample_type, "DEFLATE")?;
+        let coding = SampleCoding::of(&creation, info.sample_type, "DEFLATE")?;
         let image = TiffImage {
             width: info.width,
             height: info.height,
@@ -166,7 +166,7 @@ fn room(image: &TiffImage, below: &[TiffImage], elsewhere: bool) -> u64 {
 }
 
 /// Sizes of the overviews.
-fn below(creation: &Creation, image: &TiffImage) -> Result<Vec<(u32, u32)>> {
+fn below(creation: &CreationOptions, image: &TiffImage) -> Result<Vec<(u32, u32)>> {
     if creation.word("OVERVIEWS") == Some("NONE") {
         for key in ["OVERVIEW_RESAMPLING", "RESAMPLING"] {
             creation.refuse(key, "without overviews")?;
@@ -176,7 +176,7 @@ fn below(creation: &Creation, image: &TiffImage) -> Result<Vec<(u32, u32)>> {
     Ok(level::sizes(image.width, image.height, image.block.0))
 }
 
-fn resampling(creation: &Creation) -> OverviewResampling {
+fn resampling(creation: &CreationOptions) -> OverviewResampling {
     let words = ["OVERVIEW_RESAMPLING", "RESAMPLING"].map(|key| creation.word(key));
     match words.into_iter().flatten().next() {
         Some("NEAREST") => OverviewResampling::Nearest,

@@ -3,7 +3,7 @@
 use libdeflater::{CompressionLvl, Compressor};
 use weezl::BitOrder;
 
-use super::creation::Creation;
+use super::creation::CreationOptions;
 use terrane_base::error::{Error, ErrorKind, Result};
 
 /// A compression with its level.
@@ -22,7 +22,7 @@ const ZSTD_LEVEL: i32 = 9;
 
 impl TiffCompression {
     /// By COMPRESS and LEVEL; `default` is the value of COMPRESS when it is not given.
-    pub(super) fn of(creation: &Creation, default: &str) -> Result<Self> {
+    pub(super) fn of(creation: &CreationOptions, default: &str) -> Result<Self> {
         let name = creation.word("COMPRESS").unwrap_or(default);
         let level = creation.number("LEVEL");
         let levels = if name == "DEFLATE" { MOST_DEFLATE_LEVEL } else { u32::MAX };
@@ -197,7 +197,7 @@ mod tests {
     fn levels_belong_to_their_compression() {
         let of = |given: &[(&str, &str)]| {
             let given: Vec<_> = given.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
-            TiffCompression::of(&Creation::new("COG", CODING, &given)?, "NONE")
+            TiffCompression::of(&CreationOptions::new("COG", CODING, &given)?, "NONE")
         };
         assert_eq!(of(&[]).unwrap(), TiffCompression::None);
         assert_eq!(of(&[("COMPRESS", "ZSTD")]).unwrap(), TiffCompression::Zstd(9));

@@ -54,9 +54,9 @@ impl Accepts {
 
 /// Options as given, found valid for one format.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Creation(Vec<(&'static str, String)>);
+pub struct CreationOptions(Vec<(&'static str, String)>);
 
-impl Creation {
+impl CreationOptions {
     /// Checks `given` against what the format called `format` takes.
     ///
     /// # Errors
@@ -132,9 +132,9 @@ mod tests {
         },
     ];
 
-    fn parse(given: &[(&str, &str)]) -> Result<Creation> {
+    fn parse(given: &[(&str, &str)]) -> Result<CreationOptions> {
         let given: Vec<_> = given.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
-        Creation::new("X", OPTIONS, &given)
+        CreationOptions::new("X", OPTIONS, &given)
     }
 
     #[test]

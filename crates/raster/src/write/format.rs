@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::creation::{Creation, CreationOption};
+use super::creation::{CreationOption, CreationOptions};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::store::HeightSlice;
 use crate::store::metadata::BandName;
@@ -71,7 +71,7 @@ pub(super) struct GridWriteRequest<'a> {
     pub(super) path: &'a Path,
     pub(super) info: &'a GridInfo,
     pub(super) options: &'a GridWriteOptions,
-    pub(super) creation: Creation,
+    pub(super) creation: CreationOptions,
 }
 
 /// Receives a grid block by block and writes it whole or not at all: the file appears under its name
@@ -124,7 +124,7 @@ pub trait GridSink: Send + Sync {
 impl GridFormat {
     /// Fails unless the options are the format's, with values it takes.
     pub fn check(&self, creation: &[(String, String)]) -> Result<()> {
-        Creation::new(self.name, self.options, creation).map(drop)
+        CreationOptions::new(self.name, self.options, creation).map(drop)
     }
 
     /// Fails where the option that names a value for voids cannot act.

@@ -10,7 +10,7 @@ use super::creation::CreationOption;
 use super::directory::{TiffDirectoryBuilder, TiffOffsets, TiffVariant};
 use super::format::{GridFormat, GridSink, GridWriteRequest};
 use super::packed::PackedBlocks;
-use super::tiff::{self, Coding, TiffImage};
+use super::tiff::{self, SampleCoding, TiffImage};
 use crate::grid::GridInfo;
 use crate::store::HeightSlice;
 use crate::store::header::facts;
@@ -101,7 +101,7 @@ fn image(order: &GridWriteRequest<'_>, info: &GridInfo) -> Result<TiffImage> {
     let (creation, bands) = (&order.creation, order.options.band_count());
     let are_colours = order.options.are_colours;
     let GridInfo { width, height, sample_type, .. } = *info;
-    let coding = Coding::of(creation, sample_type, "NONE")?;
+    let coding = SampleCoding::of(creation, sample_type, "NONE")?;
     let tiled = creation.word("TILED") == Some("YES");
     let rows = creation.number("BLOCKYSIZE");
     let block = if tiled {

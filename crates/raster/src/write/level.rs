@@ -8,7 +8,7 @@ use super::packed::beside;
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::store::sample::StoreHeight;
 use crate::store::writer::set_length;
-use crate::strided::{Strided, StridedLayout};
+use crate::strided::{StridedGrid, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::RawFile;
@@ -87,7 +87,7 @@ impl OverviewLevel {
     pub(super) fn into_source(self) -> Result<Box<dyn GridSource>> {
         let layout = StridedLayout::rows(self.info.width, self.info.sample_type.bytes());
         let file = RawFile::of(self.file, &self.path)?;
-        Ok(Box::new(Strided::new(file, self.info, layout)?))
+        Ok(Box::new(StridedGrid::new(file, self.info, layout)?))
     }
 }
 

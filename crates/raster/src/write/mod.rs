@@ -28,7 +28,7 @@ mod tiff;
 
 use std::path::Path;
 
-pub use creation::{Accepts, Creation, CreationOption};
+pub use creation::{Accepts, CreationOption, CreationOptions};
 pub use format::{GridFormat, GridSink, GridWriteOptions};
 
 use self::format::GridWriteRequest;
@@ -74,7 +74,7 @@ impl GridFormat {
         info: &GridInfo,
         options: &GridWriteOptions,
     ) -> Result<Box<dyn GridSink>> {
-        let creation = Creation::new(self.name, self.options, &options.creation)?;
+        let creation = CreationOptions::new(self.name, self.options, &options.creation)?;
         self.check_bands(options)?;
         if options.nodata.is_some() {
             self.check_voids("‹out_nodata›")?;

@@ -2,7 +2,7 @@
 
 use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
-use super::creation::{Creation, CreationOption};
+use super::creation::{CreationOption, CreationOptions};
 use super::directory::{TiffDirectoryBuilder, TiffVariant};
 use super::predict;
 use crate::grid::SampleType;
@@ -52,15 +52,19 @@ const PLANAR: u16 = 2;
 
 /// How samples are coded, by COMPRESS, LEVEL and PREDICTOR.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Coding {
+pub(super) struct SampleCoding {
     pub(super) compression: TiffCompression,
     /// The value of the Predictor tag.
     predictor: u16,
 }
 
-impl Coding {
+impl SampleCoding {
     /// By the options; `default` is the compression when none is given.
-    pub(super) fn of(creation: &Creation, sample_type: SampleType, default: &str) -> Result<Self> {
+    pub(super) fn of(
+        creation: &CreationOptions,
+        sample_type: SampleType,
+        default: &str,
+    ) -> Result<Self> {
         let compression = TiffCompression::of(creation, default)?;
         let word = creation.word("PREDICTOR");
         let plain = matches!(word, Some("NO" | "1"));
@@ -95,7 +99,7 @@ pub(super) struct TiffImage {
     pub(super) block: (u32, u32),
     pub(super) tiled: bool,
     pub(super) sample_type: SampleType,
-    pub(super) coding: Coding,
+    pub(super) coding: SampleCoding,
     /// Bands, each with blocks of its own.
     pub(super) bands: u32,
     /// They are red, green, blue and, if there are four, opacity.
@@ -217,7 +221,11 @@ const SAFE_BYTES: u64 = 2 << 30;
 ///
 /// # Errors
 /// Usage: BIGTIFF=NO, and the file is known to be too large.
-pub(super) fn form(creation: &Creation, exact: Option<u64>, plain: u64) -> Result<TiffVariant> {
+pub(super) fn form(
+    creation: &CreationOptions,
+    exact: Option<u64>,
+    plain: u64,
+) -> Result<TiffVariant> {
     let fits = exact.map_or(plain <= SAFE_BYTES, |bytes| bytes <= TiffVariant::Classic.most());
     match creation.word("BIGTIFF").unwrap_or("IF_NEEDED") {
         "YES" => Ok(TiffVariant::Big),
@@ -239,10 +247,10 @@ pub(super) fn too_large() -> Error {
 mod tests {
     use super::*;
 
-    fn creation(given: &[(&str, &str)]) -> Creation {
+    fn creation(given: &[(&str, &str)]) -> CreationOptions {
         const OPTIONS: &[CreationOption] = &[COMPRESS, LEVEL, PREDICTOR, BIGTIFF];
         let given: Vec<_> = given.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
-        Creation::new("X", OPTIONS, &given).unwrap()
+        CreationOptions::new("X", OPTIONS, &given).unwrap()
     }
 
     #[test]
@@ -269,7 +277,8 @@ mod tests {
     #[test]
     fn the_predictor_follows_the_samples() {
         let of = |given: &[(&str, &str)], sample_type| {
-            Coding::of(&creation(given), sample_type, "DEFLATE").map(|coding| coding.predictor)
+            SampleCoding::of(&creation(given), sample_type, "DEFLATE")
+                .map(|coding| coding.predictor)
         };
         assert_eq!(of(&[], SampleType::I16).unwrap(), 2);
         assert_eq!(of(&[], SampleType::F32).unwrap(), 3);

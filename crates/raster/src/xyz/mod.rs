@@ -10,7 +10,7 @@ use crate::format::{GridOpenOptions, RasterFormat, only_band};
 use crate::grid::{GridInfo, GridSource, SampleType};
 use crate::prj;
 use crate::spool::SampleSpool;
-use crate::strided::{Strided, StridedLayout};
+use crate::strided::{StridedGrid, StridedLayout};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 use terrane_base::limits;
@@ -39,7 +39,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(grid))
 }
 
-fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
+fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let survey = XyzSurvey::of(&file)?;
@@ -63,19 +63,19 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<Strided> {
         true => StridedLayout::columns(grid.y.count, size),
         false => StridedLayout::rows(grid.x.count, size),
     };
-    Strided::new(spool, info, layout)
+    StridedGrid::new(spool, info, layout)
 }
 
 /// Steps between neighbouring points along one axis. The mean of the smallest ones tells the
 /// spacing better than any one of them where coordinates are rounded.
 #[derive(Clone, Copy, Default)]
-struct Steps {
+struct AxisSteps {
     least: f64,
     sum: f64,
     count: u64,
 }
 
-impl Steps {
+impl AxisSteps {
     fn add(&mut self, step: f64) {
         let step = step.abs();
         if self.count == 0 || step < 0.67 * self.least {
@@ -111,7 +111,7 @@ struct XyzSurvey {
     /// True when the first change of row was to the north.
     northward: bool,
     spans: [XyzRange; 2],
-    steps: [Steps; 2],
+    steps: [AxisSteps; 2],
     whole: bool,
     heights: XyzRange,
 }
@@ -124,7 +124,7 @@ impl XyzSurvey {
             by_column: false,
             northward: false,
             spans: [XyzRange::EMPTY; 2],
-            steps: [Steps::default(); 2],
+            steps: [AxisSteps::default(); 2],
             whole: true,
             heights: XyzRange::EMPTY,
         };
@@ -203,7 +203,7 @@ struct XyzAxis {
 }
 
 impl XyzAxis {
-    fn of(name: &str, span: XyzRange, steps: Steps) -> Result<Self> {
+    fn of(name: &str, span: XyzRange, steps: AxisSteps) -> Result<Self> {
         if steps.count == 0 {
             return Err(irregular(format!("no two neighbours tell the spacing of {name}")));
         }

@@ -11,7 +11,7 @@
 //! load.
 
 use super::metric::DistanceMetric;
-use super::rdp::Splits;
+use super::rdp::VertexSplits;
 use terrane_base::error::{Error, Result};
 
 /// What a stored hierarchy begins with.
@@ -35,7 +35,7 @@ pub struct Hierarchy {
 }
 
 /// A part of the line to be split.
-struct LineSplit {
+struct UnsplitRange {
     start: u32,
     end: u32,
     /// The squared distance at which it came to be.
@@ -169,9 +169,9 @@ fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> 
     if squares.is_empty() {
         return squares;
     }
-    let mut finder = Splits::new(metric, points);
+    let mut finder = VertexSplits::new(metric, points);
     let mut parts =
-        vec![LineSplit { start: 0, end: points.len() as u32 - 1, square: f64::INFINITY }];
+        vec![UnsplitRange { start: 0, end: points.len() as u32 - 1, square: f64::INFINITY }];
     while let Some(part) = parts.pop() {
         let (start, end) = (part.start as usize, part.end as usize);
         let Some((vertex, own)) = finder.split(start, end, 0.0) else {
@@ -180,8 +180,8 @@ fn squares<V: Copy, M: DistanceMetric<V>>(metric: &M, points: &[V]) -> Vec<f64> 
         let square = own.min(part.square);
         squares[vertex - 1] = square;
         let vertex = vertex as u32;
-        parts.push(LineSplit { start: vertex, square, ..part });
-        parts.push(LineSplit { end: vertex, square, ..part });
+        parts.push(UnsplitRange { start: vertex, square, ..part });
+        parts.push(UnsplitRange { end: vertex, square, ..part });
     }
     squares
 }

@@ -90,9 +90,9 @@ pub fn imai_iri<V: Copy, M: DistanceMetric<V>>(
 /// Vertices that leave no direction from some vertex, ascending: the last to cut each side, and the one
 /// after which nothing was left.
 #[derive(Clone, Copy)]
-struct Witness([u32; MOST_SIDES + 1]);
+struct DirectionWitness([u32; MOST_SIDES + 1]);
 
-impl Witness {
+impl DirectionWitness {
     const NONE: Self = Self([NONE; MOST_SIDES + 1]);
 
     /// Notes who cut which sides.
@@ -111,7 +111,7 @@ struct VisibilityWedge<W> {
     /// The least squared distance of what may be seen.
     least_span2: f64,
     /// Who narrowed the wedge.
-    witness: Witness,
+    witness: DirectionWitness,
     /// True when others than the last witness did.
     is_new: bool,
 }
@@ -138,7 +138,7 @@ struct ShortcutSearch<'a, V: Copy, M: DistanceMetric<V>> {
     nodes: &'a mut [PathNode],
     /// Vertices of the next layer.
     found: &'a mut Vec<u32>,
-    witness: Witness,
+    witness: DirectionWitness,
     /// A vertex that spoiled segments, farther off than others.
     outermost: usize,
     /// Made for the first long segment.
@@ -172,7 +172,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             tolerance2: tolerance * tolerance,
             nodes,
             found,
-            witness: Witness::NONE,
+            witness: DirectionWitness::NONE,
             outermost: 0,
             tree: None,
             looks,
@@ -290,7 +290,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
         let is_passed = (from + 1..first).contains(&self.outermost);
         let least_span2 =
             if is_passed { wedge.least_span2(&self.points[self.outermost]) } else { 0.0 };
-        VisibilityWedge { wedge, least_span2, witness: Witness::NONE, is_new: false }
+        VisibilityWedge { wedge, least_span2, witness: DirectionWitness::NONE, is_new: false }
     }
 
     /// Tries the segments to the unvisited vertices of `at..end` that are in view: `false` when nothing
@@ -340,7 +340,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
     }
 
     /// Keeps the witness of a wedge of which `killer` left nothing.
-    fn stop(&mut self, mut witness: Witness, killer: usize) {
+    fn stop(&mut self, mut witness: DirectionWitness, killer: usize) {
         witness.0[MOST_SIDES] = killer as u32;
         witness.0.sort_unstable();
         self.witness = witness;
@@ -349,7 +349,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
     /// Narrows the wedge of `from` until nothing is left.
     fn sweep(&mut self, from: usize) {
         let mut wedge = M::Wedge::new(&self.points[from], self.tolerance);
-        let mut witness = Witness::NONE;
+        let mut witness = DirectionWitness::NONE;
         let mut span2 = 0.0;
         for to in from + 1..self.points.len() {
             let p = &self.points[to];
@@ -433,7 +433,7 @@ mod tests {
                 tolerance2: 1.0,
                 nodes: &mut [PathNode { parent: NONE, spoiler: 0, next: 0 }; 12],
                 found: &mut Vec::new(),
-                witness: Witness::NONE,
+                witness: DirectionWitness::NONE,
                 outermost: 0,
                 tree: None,
                 looks,
@@ -463,7 +463,7 @@ mod tests {
                 tolerance2: 1.0,
                 nodes: &mut nodes,
                 found: &mut Vec::new(),
-                witness: Witness::NONE,
+                witness: DirectionWitness::NONE,
                 outermost: 0,
                 tree: None,
                 looks: Some(100),

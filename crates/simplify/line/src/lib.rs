@@ -25,7 +25,7 @@ pub mod wedge;
 
 pub use hierarchy::Hierarchy;
 pub use metric::{
-    DistanceMetric, GeographicMetric, Located, PlaneMetric, SpaceMetric, VerticalMetric,
+    DistanceMetric, GeographicMetric, LocatedVertex, PlaneMetric, SpaceMetric, VerticalMetric,
 };
 pub use registry::{METHODS, SimplifyMethod};
 pub use scratch::SimplifyScratch;

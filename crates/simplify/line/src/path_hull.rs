@@ -42,7 +42,7 @@
 
 use std::cell::Cell;
 use std::cmp::Ordering;
-use std::ops::Range as Indices;
+use std::ops::Range;
 
 use super::metric::range::larger;
 use super::metric::{DistanceMetric, PlaneBox, PlaneMetric, PlaneSegment};
@@ -124,7 +124,7 @@ impl FarthestBound {
 
 /// What rounding may do to what is computed of the vertices of a run.
 #[derive(Clone, Copy, Debug)]
-struct Doubt {
+struct RoundingBound {
     /// To products.
     slack: f64,
     /// Not even reaches are rounded.
@@ -134,14 +134,14 @@ struct Doubt {
 /// A run that a query has yet to look at: its level, its place there, and the most that its vertices
 /// reach.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct HullRun {
+pub(super) struct PendingRun {
     level: usize,
     place: usize,
     most: f64,
 }
 
 /// A query: the farthest from `segment`, of vertices that reach above `limit`.
-struct Query<'a> {
+struct FarthestQuery<'a> {
     hulls: &'a Hulls,
     segment: &'a PlaneSegment,
     points: &'a [Xy],
@@ -184,8 +184,8 @@ impl Hulls {
         &self,
         segment: &PlaneSegment,
         points: &[Xy],
-        vertices: Indices<usize>,
-        open: &mut Vec<HullRun>,
+        vertices: Range<usize>,
+        open: &mut Vec<PendingRun>,
         farthest: &mut FarthestVertex,
     ) -> u64 {
         let (from, to) = (vertices.start, vertices.end);
@@ -197,7 +197,7 @@ impl Hulls {
         let looks = (start - from + to - end) as u64;
         let (limit, ends) = (farthest.reach, [points[from - 1], points[to]]);
         let unit = coarsest(ends.iter());
-        let mut query = Query { hulls: self, segment, points, limit, ends, unit, looks };
+        let mut query = FarthestQuery { hulls: self, segment, points, limit, ends, unit, looks };
         open.clear();
         open.extend(self.runs(start..end).map(|(level, place)| query.run(level, place)));
         open.reverse();
@@ -210,7 +210,7 @@ impl Hulls {
     }
 
     /// The largest runs that make up `within`, whose ends are multiples of [`LEAF`].
-    fn runs(&self, within: Indices<usize>) -> impl Iterator<Item = (usize, usize)> + '_ {
+    fn runs(&self, within: Range<usize>) -> impl Iterator<Item = (usize, usize)> + '_ {
         let mut at = within.start;
         std::iter::from_fn(move || {
             if at >= within.end {
@@ -230,10 +230,10 @@ impl Hulls {
     }
 }
 
-impl Query<'_> {
+impl FarthestQuery<'_> {
     /// Looks at the vertices of a run of the lowest level, or puts off those of which another is made
     /// up, unless nothing in it is farther.
-    fn open(&mut self, run: HullRun, open: &mut Vec<HullRun>, farthest: &mut FarthestVertex) {
+    fn open(&mut self, run: PendingRun, open: &mut Vec<PendingRun>, farthest: &mut FarthestVertex) {
         self.limit = larger(self.limit, farthest.reach);
         if run.most <= self.limit {
             return;
@@ -256,17 +256,17 @@ impl Query<'_> {
     }
 
     /// A run with the most that its vertices reach, or anything not above the limit.
-    fn run(&mut self, level: usize, place: usize) -> HullRun {
+    fn run(&mut self, level: usize, place: usize) -> PendingRun {
         let hulls = &self.hulls.levels[level];
         let hull = &hulls.hulls[place];
         self.looks += 1;
         let most = PlaneMetric::reach_most(self.segment, &hull.around);
         let most = if most > self.limit { self.most(hulls, hull).min(most) } else { most };
         let most = if most > self.limit { self.most_of_few(hulls, hull).min(most) } else { most };
-        HullRun { level, place, most }
+        PendingRun { level, place, most }
     }
 
-    /// As [`Query::run`], by the hull.
+    /// As [`FarthestQuery::run`], by the hull.
     fn most(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let doubt = self.doubt(hull);
         let [x, y] = self.segment.direction();
@@ -289,7 +289,7 @@ impl Query<'_> {
         most.min(larger(square, larger(beyond[0], beyond[1])))
     }
 
-    /// As [`Query::most`], where the run has few positions: what they reach, as it is computed.
+    /// As [`FarthestQuery::most`], where the run has few positions: what they reach, as it is computed.
     fn most_of_few(&mut self, level: &HullLevel, hull: &RunHull) -> f64 {
         let few = &level.few[hull.few[0]..hull.few[1]];
         self.looks += few.len() as u64;
@@ -300,11 +300,11 @@ impl Query<'_> {
     }
 
     /// What rounding may do, by the run and the segment together.
-    fn doubt(&self, hull: &RunHull) -> Doubt {
+    fn doubt(&self, hull: &RunHull) -> RoundingBound {
         let span = self.segment.span(&hull.around);
         let units = span * 2.0_f64.powi(-hull.unit.min(self.unit).clamp(-1000, 1000));
         let slack = if units < EXACT { 0.0 } else { self.segment.rounding(&hull.around) };
-        Doubt { slack, is_whole: units < WHOLE }
+        RoundingBound { slack, is_whole: units < WHOLE }
     }
 
     /// The most that vertices of a run reach that lie beyond the begin (`side` 0) or the end (1), where
@@ -315,7 +315,7 @@ impl Query<'_> {
         hull: &RunHull,
         side: usize,
         place: usize,
-        doubt: Doubt,
+        doubt: RoundingBound,
     ) -> f64 {
         let wider = |reach: f64| match doubt.is_whole {
             true => reach,
@@ -391,7 +391,7 @@ impl Query<'_> {
     }
 
     /// The place of the vertex of a chain that is farthest in `direction`, which is the chain's own side.
-    fn extreme(&mut self, level: &HullLevel, chain: Indices<usize>, direction: Xy) -> usize {
+    fn extreme(&mut self, level: &HullLevel, chain: Range<usize>, direction: Xy) -> usize {
         let (mut low, mut high) = (chain.start, chain.end - 1);
         while low < high {
             self.looks += 1;

@@ -13,7 +13,7 @@
 //! branches cost, not arithmetic.
 
 use super::metric::{DistanceMetric, PlaneMetric};
-use super::path_hull::{HullRun, Hulls};
+use super::path_hull::{Hulls, PendingRun};
 use super::regions::{LOOK, SHORTEST, VertexRegions, beyond};
 use super::scratch::{SimplifyScratch, keep_short};
 use terrane_base::geom::plane::Xy;
@@ -43,7 +43,7 @@ pub(super) fn counted<V: Copy, M: DistanceMetric<V>>(
     if keep_short(points.len(), kept) {
         return 0;
     }
-    let mut splits = Splits::new(metric, points);
+    let mut splits = VertexSplits::new(metric, points);
     let last = points.len() - 1;
     kept.push(0);
     let split = |start, end| {
@@ -82,19 +82,19 @@ pub fn refine(
 }
 
 /// Finds the vertices at which a line is split.
-pub(super) struct Splits<'a, V: Copy, M: DistanceMetric<V>> {
+pub(super) struct VertexSplits<'a, V: Copy, M: DistanceMetric<V>> {
     metric: &'a M,
     points: &'a [V],
     tree: VertexRegions<M::Region>,
     /// Regions that may still be looked at before the hulls are made.
     left: u64,
     hulls: Option<Hulls>,
-    open: Vec<HullRun>,
+    open: Vec<PendingRun>,
     /// Vertices, regions, runs and corners looked at; those of the boxes in tests only.
     pub(super) looks: u64,
 }
 
-impl<'a, V: Copy, M: DistanceMetric<V>> Splits<'a, V, M> {
+impl<'a, V: Copy, M: DistanceMetric<V>> VertexSplits<'a, V, M> {
     /// For the splits of `points`.
     pub(super) fn new(metric: &'a M, points: &'a [V]) -> Self {
         let left = ENOUGH * points.len() as u64 * u64::from(points.len().max(1).ilog2());
@@ -140,7 +140,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> Splits<'a, V, M> {
         }
     }
 
-    /// As [`Splits::split`], once there are hulls.
+    /// As [`VertexSplits::split`], once there are hulls.
     #[inline(never)]
     fn split_by_hulls(
         &mut self,

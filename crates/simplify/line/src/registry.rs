@@ -1,8 +1,8 @@
 //! The methods by name.
 
-use super::metric::{GeographicMetric, Located, PlaneMetric, SpaceMetric, VerticalMetric};
+use super::metric::{GeographicMetric, LocatedVertex, PlaneMetric, SpaceMetric, VerticalMetric};
 use super::scratch::SimplifyScratch;
-use super::visvalingam::{self, Weight};
+use super::visvalingam::{self, AreaWeight};
 use super::{cone, imai_iri, rdp};
 use terrane_base::geom::plane::Xy;
 use terrane_base::registry::{RegistryEntry, find};
@@ -17,12 +17,12 @@ pub enum ToleranceKind {
     /// The largest distance of a vertex from the segment that replaces it.
     Distance,
     /// The effective area, weighted like this, below which a vertex goes; no distance is bounded.
-    Area(Weight),
+    Area(AreaWeight),
 }
 
 impl ToleranceKind {
     /// How areas are weighted; `None` for methods that go by distance.
-    pub fn weight(self) -> Option<Weight> {
+    pub fn weight(self) -> Option<AreaWeight> {
         match self {
             Self::Distance => None,
             Self::Area(weight) => Some(weight),
@@ -49,7 +49,7 @@ pub struct SimplifyMethod {
     /// On profiles.
     pub vertical: Run<Xy, VerticalMetric>,
     /// In metres on the ellipsoid.
-    pub geographic: Run<Located, GeographicMetric>,
+    pub geographic: Run<LocatedVertex, GeographicMetric>,
 }
 
 macro_rules! method {
@@ -95,14 +95,14 @@ impl SimplifyMethod {
     /// Visvalingam and Whyatt.
     pub const VISVALINGAM: Self = method!(
         "visvalingam",
-        ToleranceKind::Area(Weight::Plain),
+        ToleranceKind::Area(AreaWeight::Plain),
         visvalingam::visvalingam,
         "Visvalingam-Whyatt: smallest triangles first"
     );
     /// Visvalingam and Whyatt, with areas weighted by the angle.
     pub const WEIGHTED_VISVALINGAM: Self = method!(
         "weighted-visvalingam",
-        ToleranceKind::Area(Weight::Angle),
+        ToleranceKind::Area(AreaWeight::Angle),
         visvalingam::weighted_visvalingam,
         "Visvalingam-Whyatt with areas weighted by the angle: spikes first"
     );

@@ -20,7 +20,7 @@ use super::metric::DistanceMetric;
 use super::rdp::rdp;
 use super::regions::{VertexRegions, farthest_beyond};
 use super::scratch::SimplifyScratch;
-use super::visvalingam::{EffectiveAreas, Weight};
+use super::visvalingam::{AreaWeight, EffectiveAreas};
 
 /// What became of a ring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +81,7 @@ pub fn visvalingam<V: Copy, M: DistanceMetric<V>>(
     metric: &M,
     ring: &[V],
     area: f64,
-    weight: Weight,
+    weight: AreaWeight,
     kept: &mut Vec<u32>,
 ) -> RingFate {
     let count = ring.len().saturating_sub(1);

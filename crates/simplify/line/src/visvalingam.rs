@@ -15,7 +15,7 @@ use super::scratch::{SimplifyScratch, keep_short};
 
 /// How the area of a triangle is weighted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Weight {
+pub enum AreaWeight {
     /// Not at all.
     Plain,
     /// By `1 - 0.7 cos(angle at the vertex)`, as mapshaper does unless told otherwise: spikes go sooner,
@@ -23,7 +23,7 @@ pub enum Weight {
     Angle,
 }
 
-/// Share of the cosine in [`Weight::Angle`].
+/// Share of the cosine in [`AreaWeight::Angle`].
 const ANGLE: f64 = 0.7;
 
 /// Appends to `kept` the vertices whose effective area is more than `area`.
@@ -35,7 +35,7 @@ pub fn visvalingam<V: Copy, M: DistanceMetric<V>>(
     kept: &mut Vec<u32>,
 ) {
     if !keep_short(points.len(), kept) {
-        EffectiveAreas::of_line(metric, points, Weight::Plain).filter(area, kept);
+        EffectiveAreas::of_line(metric, points, AreaWeight::Plain).filter(area, kept);
     }
 }
 
@@ -48,7 +48,7 @@ pub fn weighted_visvalingam<V: Copy, M: DistanceMetric<V>>(
     kept: &mut Vec<u32>,
 ) {
     if !keep_short(points.len(), kept) {
-        EffectiveAreas::of_line(metric, points, Weight::Angle).filter(area, kept);
+        EffectiveAreas::of_line(metric, points, AreaWeight::Angle).filter(area, kept);
     }
 }
 
@@ -66,11 +66,11 @@ impl EffectiveAreas {
     pub fn of_line<V: Copy, M: DistanceMetric<V>>(
         metric: &M,
         points: &[V],
-        weight: Weight,
+        weight: AreaWeight,
     ) -> Self {
         match weight {
-            Weight::Plain => VertexChain::line(points.len()).dissolve(points, plain(metric)),
-            Weight::Angle => VertexChain::line(points.len()).dissolve(points, by_angle(metric)),
+            AreaWeight::Plain => VertexChain::line(points.len()).dissolve(points, plain(metric)),
+            AreaWeight::Angle => VertexChain::line(points.len()).dissolve(points, by_angle(metric)),
         }
     }
 
@@ -78,11 +78,11 @@ impl EffectiveAreas {
     pub fn of_ring<V: Copy, M: DistanceMetric<V>>(
         metric: &M,
         points: &[V],
-        weight: Weight,
+        weight: AreaWeight,
     ) -> Self {
         match weight {
-            Weight::Plain => VertexChain::ring(points.len()).dissolve(points, plain(metric)),
-            Weight::Angle => VertexChain::ring(points.len()).dissolve(points, by_angle(metric)),
+            AreaWeight::Plain => VertexChain::ring(points.len()).dissolve(points, plain(metric)),
+            AreaWeight::Angle => VertexChain::ring(points.len()).dissolve(points, by_angle(metric)),
         }
     }
 

@@ -14,7 +14,7 @@
 
 use std::marker::PhantomData;
 
-use super::metric::located::Located;
+use super::metric::located::LocatedVertex;
 use super::metric::range::{larger, smaller};
 use terrane_base::geom::plane::Xy;
 
@@ -125,11 +125,11 @@ impl<const I: usize, const J: usize> WedgeView<[f64; 3]> for ProjectedView<I, J>
 #[derive(Clone, Copy, Debug)]
 pub struct EllipsoidView;
 
-impl WedgeView<Located> for EllipsoidView {
+impl WedgeView<LocatedVertex> for EllipsoidView {
     const IS_UNIFORM: bool = false;
 
     #[inline(always)]
-    fn look(anchor: &Located, p: &Located) -> (Xy, Xy) {
+    fn look(anchor: &LocatedVertex, p: &LocatedVertex) -> (Xy, Xy) {
         let k = p.scale;
         ([(p.at[0] - anchor.at[0]) * k[0], (p.at[1] - anchor.at[1]) * k[1]], k)
     }
@@ -139,7 +139,7 @@ impl WedgeView<Located> for EllipsoidView {
 pub type PlaneWedge = DiscWedge<Xy, PlaneView>;
 
 /// The wedge in longitude and latitude.
-pub type EllipseWedge = DiscWedge<Located, EllipsoidView>;
+pub type EllipseWedge = DiscWedge<LocatedVertex, EllipsoidView>;
 
 /// A wedge between two rays, tangents to discs.
 #[derive(Clone, Copy, Debug)]
@@ -155,7 +155,7 @@ pub struct DiscWedge<V, L> {
 
 /// A vertex beside a ray.
 #[derive(Clone, Copy)]
-struct RaySide {
+struct RayOffset {
     /// Distance to the left of it.
     left: f64,
     /// Distance along it.
@@ -202,13 +202,13 @@ fn tangents(v: Xy, k: Xy, tolerance: f64) -> [Xy; 2] {
 impl<V, L: WedgeView<V>> DiscWedge<V, L> {
     /// The vertex at `v` beside the ray in direction `ray`.
     #[inline(always)]
-    fn beside(ray: Xy, v: Xy, k: Xy) -> RaySide {
+    fn beside(ray: Xy, v: Xy, k: Xy) -> RayOffset {
         if L::IS_UNIFORM {
-            return RaySide { left: cross(ray, v), ahead: dot(ray, v) };
+            return RayOffset { left: cross(ray, v), ahead: dot(ray, v) };
         }
         let ray = [ray[0] * k[0], ray[1] * k[1]];
         let unit = 1.0 / dot(ray, ray).sqrt();
-        RaySide { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
+        RayOffset { left: cross(ray, v) * unit, ahead: dot(ray, v) * unit }
     }
 
     /// With a tolerance of 0, only the direction of the first vertex is left; its length does not
@@ -234,7 +234,7 @@ impl<V, L: WedgeView<V>> DiscWedge<V, L> {
             return true;
         }
         let [left, right] = rays.map(|ray| Self::beside(ray, v, k));
-        let meets = |ray: RaySide| ray.ahead > 0.0 && ray.left.abs() <= reach;
+        let meets = |ray: RayOffset| ray.ahead > 0.0 && ray.left.abs() <= reach;
         let tangents = tangents(v, k, reach);
         let met = [meets(left), meets(right)];
         let [Some(left), Some(right)] = [0, 1].map(|i| match met[i] {

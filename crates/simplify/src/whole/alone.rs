@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::input::{Collected, CoverageInput};
-use super::trial::{SimplifiedSource, TrialGoal, WholeJob};
+use super::input::{CoverageInput, ReadFile};
+use super::trial::{OpenedLineJob, SimplifiedSource, TrialGoal};
 use crate::part::{self, PartCounts};
 use crate::report::LineReport;
 use crate::tool::SimplifyRule;
@@ -11,7 +11,7 @@ use terrane_base::error::Result;
 use terrane_files::on_threads;
 use terrane_vector::{Feature, Geometry};
 
-impl WholeJob<'_> {
+impl OpenedLineJob<'_> {
     /// Simplifies all features and writes them, if that is what is wanted; else tells what came.
     pub(super) fn alone(
         &self,
@@ -30,18 +30,18 @@ impl WholeJob<'_> {
         })?;
         self.progress.end();
         let kept = made.iter().map(|(_, tally)| tally.kept).sum();
-        let unwanted = self.unwanted(input, wanted, kept, &mut PendingFeatures(made.iter()))?;
+        let unwanted = self.unwanted(input, wanted, kept, &mut SimplifiedInOrder(made.iter()))?;
         if unwanted.is_some() {
             return Ok(unwanted);
         }
-        let written = self.write(input, &mut PendingFeatures(made.iter()), None)?;
+        let written = self.write(input, &mut SimplifiedInOrder(made.iter()), None)?;
         made.iter().for_each(|(_, tally)| report.add(tally));
         self.note(input, written, report);
         Ok(None)
     }
 }
 
-fn simplified(file: &Collected, rule: &SimplifyRule) -> Result<Vec<(Geometry, PartCounts)>> {
+fn simplified(file: &ReadFile, rule: &SimplifyRule) -> Result<Vec<(Geometry, PartCounts)>> {
     let features = file.features.par_iter().enumerate();
     features
         .map(|(at, feature)| part::simplify(&feature.geometry, file.trees.get(at), rule))
@@ -49,9 +49,9 @@ fn simplified(file: &Collected, rule: &SimplifyRule) -> Result<Vec<(Geometry, Pa
 }
 
 /// What was made of features that are still to come.
-struct PendingFeatures<'a>(std::slice::Iter<'a, (Geometry, PartCounts)>);
+struct SimplifiedInOrder<'a>(std::slice::Iter<'a, (Geometry, PartCounts)>);
 
-impl SimplifiedSource for PendingFeatures<'_> {
+impl SimplifiedSource for SimplifiedInOrder<'_> {
     fn of(&mut self, feature: &Feature) -> Result<Geometry> {
         Ok(self.0.next().map_or_else(|| feature.geometry.clone(), |(geometry, _)| geometry.clone()))
     }

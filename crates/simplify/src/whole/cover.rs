@@ -26,16 +26,17 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-use super::gaps::NearMisses;
+use super::gaps::MeetingGaps;
 use super::input::{CoverageInput, REST, beside};
 use super::kept::KeptBits;
-use super::left::{Cutting, Now, Parts, RemainingFeatures};
+use super::left::{AssembledFeatures, FinishedSquares, Parts, RunCutting};
 use super::moves::{self, SnappedPositions};
 use super::spool::{self, TileSpool, by_square};
 use super::square::{
-    FlatChains, KEPT_VERTEX, MOST_PAIRS, Solved, TileRounding, TileSettings, VERTEX, World, solve,
+    FlatChains, KEPT_VERTEX, MOST_PAIRS, SolvedSquare, SquareContent, TileRounding, TileSettings,
+    VERTEX, solve,
 };
-use super::trial::{SimplifiedSource, TrialGoal, WholeJob};
+use super::trial::{OpenedLineJob, SimplifiedSource, TrialGoal};
 use crate::files::LineFiles;
 use crate::job::{LineJob, Topology};
 use crate::report::LineReport;
@@ -47,8 +48,8 @@ use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress, disk};
 use terrane_files::{Buckets, lock};
 use terrane_line::Xy;
-use terrane_line::squares::{LastTile, VertexTiles};
-use terrane_line::topology::{Collapse, conflict};
+use terrane_line::squares::{LastTile, VertexQuadtree};
+use terrane_line::topology::{RingCollapse, conflict};
 use terrane_vector::{self as vector, VectorOpenOptions};
 
 /// Bytes for each segment that comes by a square.
@@ -80,10 +81,10 @@ impl CoverageJob<'_> {
                 || KeptBits::new(&self.folder(), squares.count(), beside(self.memory()) / 64);
             let (kept, rounded) = (bits(), self.job.decimals.map(|_| bits()));
             let (squares, rounded) = (&squares, rounded.as_ref());
-            let now = Now { squares, whole: &whole, kept: &kept, rounded };
+            let now = FinishedSquares { squares, whole: &whole, kept: &kept, rounded };
             let total = self.solve_all(input, &now, report)?;
             // A file that is written cannot be taken back.
-            let may_turn = squares.count() > 1 || self.rule.collapse == Collapse::Drop;
+            let may_turn = squares.count() > 1 || self.rule.collapse == RingCollapse::Drop;
             if wanted.is_some() || (input.all.len() > 1 && may_turn) {
                 let left = self.look(input, &now)?;
                 if !left.turned.is_empty() {
@@ -111,9 +112,9 @@ impl CoverageJob<'_> {
         }
     }
 
-    fn whole(&self) -> WholeJob<'_> {
+    fn whole(&self) -> OpenedLineJob<'_> {
         let &Self { job, files, progress, cancel, .. } = self;
-        WholeJob { job, files, progress, cancel }
+        OpenedLineJob { job, files, progress, cancel }
     }
 
     fn memory(&self) -> u64 {
@@ -158,15 +159,15 @@ impl CoverageJob<'_> {
     }
 
     /// Divides space so that a square fits into the memory, beside the features or without them.
-    fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexTiles> {
+    fn squares(&self, input: &mut CoverageInput<'_>) -> Result<VertexQuadtree> {
         let most = self.topology.square.clamp(1, spool::MOST);
-        let mut squares = VertexTiles::new(&input.seen.census, most)?;
+        let mut squares = VertexQuadtree::new(&input.seen.census, most)?;
         while let Some(mut finer) = squares.finer() {
             input.visit_all(self.cancel, |feature| {
                 feature.geometry.parts().for_each(|part| finer.add(part.xy));
                 Ok(())
             })?;
-            squares = VertexTiles::refined(finer, &squares)?;
+            squares = VertexQuadtree::refined(finer, &squares)?;
         }
         let largest = (0..squares.count()).map(|square| squares.vertices(square)).max();
         let needed = largest.unwrap_or(0) * VERTEX + self.others(input);
@@ -263,7 +264,7 @@ impl CoverageJob<'_> {
     fn solve_all(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &Now<'_>,
+        now: &FinishedSquares<'_>,
         report: &mut LineReport,
     ) -> Result<TileTotals> {
         let squares = now.squares;
@@ -273,7 +274,7 @@ impl CoverageJob<'_> {
         };
         self.progress.begin("simplify", squares.count() as u64);
         let total = Mutex::new(TileTotals::default());
-        let solve_one = |square: usize, mut world: World, room: u64| {
+        let solve_one = |square: usize, mut world: SquareContent, room: u64| {
             let own = sides.partition_point(|(other, _)| (*other as usize) < square);
             let own = sides[own..].iter().take_while(|(other, _)| *other as usize == square);
             world.sides = own.map(|(_, at)| *at).collect();
@@ -313,7 +314,11 @@ impl CoverageJob<'_> {
     }
 
     /// All parts as they are held, as one square.
-    fn flat(&self, input: &mut CoverageInput<'_>, now: &Now<'_>) -> Result<World> {
+    fn flat(
+        &self,
+        input: &mut CoverageInput<'_>,
+        now: &FinishedSquares<'_>,
+    ) -> Result<SquareContent> {
         let mut flat = FlatChains::default();
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
@@ -328,11 +333,11 @@ impl CoverageJob<'_> {
         })?;
         // There are as many as fit into one square.
         let whole = now.whole.iter().map(|part| *part as u32).collect();
-        Ok(World { flat, whole, ..World::default() })
+        Ok(SquareContent { flat, whole, ..SquareContent::default() })
     }
 
     /// Bytes of the square that takes most, if all of its vertices are kept.
-    fn most_bytes(&self, squares: &VertexTiles) -> u64 {
+    fn most_bytes(&self, squares: &VertexQuadtree) -> u64 {
         let sizes = (0..squares.count()).map(|square| squares.vertices(square) * KEPT_VERTEX);
         sizes.max().unwrap_or(0)
     }
@@ -344,7 +349,11 @@ impl CoverageJob<'_> {
     }
 
     /// Sorts all parts into squares.
-    fn spool<'s>(&self, input: &mut CoverageInput<'_>, now: &Now<'s>) -> Result<TileSpool<'s>> {
+    fn spool<'s>(
+        &self,
+        input: &mut CoverageInput<'_>,
+        now: &FinishedSquares<'s>,
+    ) -> Result<TileSpool<'s>> {
         let squares = now.squares;
         let has_z = self.rule.measure == DistanceKind::Space;
         let (room, largest) = (self.room(input), self.most_bytes(squares));
@@ -355,7 +364,7 @@ impl CoverageJob<'_> {
             disk::check(&self.folder(), bytes)?;
         }
         let mut spool = TileSpool::new(squares, has_z, &self.folder(), memory);
-        let mut parts = Cutting::new(squares);
+        let mut parts = RunCutting::new(squares);
         input.visit_all(self.cancel, |feature| {
             feature.geometry.parts().try_for_each(|part| {
                 check(&part, self.rule)?;
@@ -375,9 +384,9 @@ impl CoverageJob<'_> {
     fn solve_spooled(
         &self,
         input: &CoverageInput<'_>,
-        squares: &VertexTiles,
+        squares: &VertexQuadtree,
         spool: &TileSpool<'_>,
-        solve_one: impl Fn(usize, World, u64) -> Result<()> + Sync,
+        solve_one: impl Fn(usize, SquareContent, u64) -> Result<()> + Sync,
     ) -> Result<()> {
         let obstacles = |square: usize| spool.obstacles(square) * OBSTACLE;
         let size = |square: usize| squares.vertices(square) * KEPT_VERTEX + obstacles(square);
@@ -400,16 +409,16 @@ impl CoverageJob<'_> {
     }
 
     /// What is left of all features, from the first one on.
-    fn left<'k>(&self, now: Now<'k>) -> RemainingFeatures<'k> {
-        RemainingFeatures::new(now, self.rule.collapse, self.job.decimals)
+    fn left<'k>(&self, now: FinishedSquares<'k>) -> AssembledFeatures<'k> {
+        AssembledFeatures::new(now, self.rule.collapse, self.job.decimals)
     }
 
     /// Looks at what is left of all features.
     fn look<'k>(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &Now<'k>,
-    ) -> Result<RemainingFeatures<'k>> {
+        now: &FinishedSquares<'k>,
+    ) -> Result<AssembledFeatures<'k>> {
         let mut left = self.left(*now);
         input.visit_all(self.cancel, |feature| left.of(feature).map(|_| ()))?;
         Ok(left)
@@ -420,7 +429,7 @@ impl CoverageJob<'_> {
     fn write(
         &self,
         input: &mut CoverageInput<'_>,
-        now: &Now<'_>,
+        now: &FinishedSquares<'_>,
         report: &mut LineReport,
     ) -> Result<Parts> {
         let mut left = self.left(*now);
@@ -443,11 +452,11 @@ struct TileTotals {
     square: f64,
     /// Some of the pairs of segments that meet.
     pairs: Vec<[[Xy; 2]; 2]>,
-    gaps: NearMisses,
+    gaps: MeetingGaps,
 }
 
 impl TileTotals {
-    fn add(&mut self, solved: &Solved, square: usize, squares: &VertexTiles) {
+    fn add(&mut self, solved: &SolvedSquare, square: usize, squares: &VertexQuadtree) {
         self.arcs += solved.arcs;
         self.refined += solved.refined;
         self.collapsed += solved.collapsed;

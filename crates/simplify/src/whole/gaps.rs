@@ -11,13 +11,13 @@ const FEWEST: u64 = 10;
 
 /// Pairs of segments that meet, and those of them with ends that are nearly the same.
 #[derive(Clone, Debug, Default)]
-pub(super) struct NearMisses {
+pub(super) struct MeetingGaps {
     all: u64,
     /// By the power of ten just above the distance of the ends.
     near: BTreeMap<i32, u64>,
 }
 
-impl NearMisses {
+impl MeetingGaps {
     /// Adds a pair.
     pub(super) fn add(&mut self, [s, t]: [[Xy; 2]; 2]) {
         let length = |[a, b]: [Xy; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn the_distance_to_try_is_above_nearly_all_gaps() {
-        let mut gaps = NearMisses::default();
+        let mut gaps = MeetingGaps::default();
         let pair = |gap: f64| [[[0.0, 0.0], [10.0, 0.0]], [[gap, 0.0], [10.0, 5.0]]];
         (0..9).for_each(|_| gaps.add(pair(3e-7)));
         assert_eq!(gaps.note(), None, "too few");

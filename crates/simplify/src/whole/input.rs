@@ -1,16 +1,16 @@
 //! The features of all files: in memory where they fit, else read anew each time.
 
-use super::moves::{Harm, Moves, SnappedPositions};
+use super::moves::{RingDamage, SnappedPositions, VertexMoves};
 use crate::files::{LineFilePair, LineFiles};
 use crate::job::LineJob;
-use crate::stored::{FeatureOrder, HierarchyStore};
-use crate::trees::Trees;
+use crate::stored::{HierarchyStore, HierarchyUse};
+use crate::trees::FeatureHierarchies;
 use terrane_base::error::Result;
 use terrane_engine::memory::{beside_program, short};
 use terrane_engine::{Cancel, Progress};
 use terrane_files::Buckets;
 use terrane_line::Xy;
-use terrane_line::squares::{LastTile, TileRun, VertexHistogram, VertexTiles, cut};
+use terrane_line::squares::{LastTile, TileRun, VertexHistogram, VertexQuadtree, cut};
 use terrane_vector::{Feature, Geometry, JsonMember, LayerHeader};
 
 /// Bytes for each feature beside its vertices, about.
@@ -36,7 +36,7 @@ pub(super) fn room(job: &LineJob) -> u64 {
 }
 
 /// A file that has been read.
-pub(super) struct Collected {
+pub(super) struct ReadFile {
     /// What it says of itself at its beginning.
     pub(super) layer: LayerHeader,
     /// And after its features.
@@ -45,21 +45,21 @@ pub(super) struct Collected {
     /// Its features, if they are held.
     pub(super) features: Vec<Feature>,
     /// How each of them is simplified, and where it was, until hierarchies are made.
-    pub(super) orders: Vec<(FeatureOrder, String)>,
+    pub(super) orders: Vec<(HierarchyUse, String)>,
     /// The hierarchies of each; none without `--hierarchy`.
-    pub(super) trees: Vec<Trees>,
+    pub(super) trees: Vec<FeatureHierarchies>,
 }
 
 /// What is known of all features where they are moved to.
 #[derive(Default)]
-pub(super) struct CoverageExtent {
+pub(super) struct CoverageSummary {
     /// Where they are.
     pub(super) census: VertexHistogram,
     /// What moving has done.
-    pub(super) harm: Harm,
+    pub(super) harm: RingDamage,
 }
 
-impl CoverageExtent {
+impl CoverageSummary {
     fn add(&mut self, before: &Geometry, moved: Option<&Geometry>) -> Result<()> {
         if let Some(after) = moved {
             self.harm.add(before, after);
@@ -73,12 +73,12 @@ impl CoverageExtent {
 pub(super) struct CoverageInput<'a> {
     job: &'a LineJob,
     files: &'a LineFiles,
-    pub(super) all: Vec<Collected>,
+    pub(super) all: Vec<ReadFile>,
     pub(super) vertices: u64,
     /// Where they go when they are shown.
-    pub(super) moves: Moves,
+    pub(super) moves: VertexMoves,
     /// What is known of them then.
-    pub(super) seen: CoverageExtent,
+    pub(super) seen: CoverageSummary,
     /// Bytes that all features take when they are held.
     pub(super) bytes: u64,
     /// Whether they are.
@@ -100,8 +100,8 @@ impl<'a> CoverageInput<'a> {
             files,
             all: Vec::new(),
             vertices: 0,
-            moves: Moves::default(),
-            seen: CoverageExtent::default(),
+            moves: VertexMoves::default(),
+            seen: CoverageSummary::default(),
             bytes: 0,
             is_held: true,
         };
@@ -123,7 +123,7 @@ impl<'a> CoverageInput<'a> {
     ) -> Result<()> {
         let mut source = pair.open(self.job)?;
         let layer = source.layer().clone();
-        self.all.push(Collected {
+        self.all.push(ReadFile {
             layer,
             foreign: Vec::new(),
             notes: Vec::new(),
@@ -177,8 +177,8 @@ impl<'a> CoverageInput<'a> {
 
     /// From now on shows features snapped.
     pub(super) fn snap(&mut self, snapped: SnappedPositions, cancel: &Cancel) -> Result<()> {
-        self.moves = Moves { snapped: Some(snapped) };
-        let mut seen = CoverageExtent::default();
+        self.moves = VertexMoves { snapped: Some(snapped) };
+        let mut seen = CoverageSummary::default();
         self.visit_moves(cancel, |before, after| seen.add(before, Some(after)))?;
         self.seen = seen;
         Ok(())
@@ -250,7 +250,7 @@ impl<'a> CoverageInput<'a> {
     /// Sorts all vertices by square.
     pub(super) fn sort(
         &mut self,
-        squares: &VertexTiles,
+        squares: &VertexQuadtree,
         buckets: &Buckets<Xy>,
         cancel: &Cancel,
     ) -> Result<()> {

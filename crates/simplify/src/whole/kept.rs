@@ -45,7 +45,7 @@ impl KeptBits {
     pub(super) fn reader(&self) -> KeptBitsReader<'_> {
         KeptBitsReader {
             bits: &self.bits,
-            words: Cursors::new(self.squares),
+            words: TileCursors::new(self.squares),
             open: vec![(0, 0); self.squares],
         }
     }
@@ -63,9 +63,9 @@ struct TileCursor<T> {
 
 /// Records read square by square, each from its beginning: 128 of them for each square.
 #[derive(Debug)]
-pub(super) struct Cursors<T>(Vec<TileCursor<T>>);
+pub(super) struct TileCursors<T>(Vec<TileCursor<T>>);
 
-impl<T: Pod> Cursors<T> {
+impl<T: Pod> TileCursors<T> {
     pub(super) fn new(squares: usize) -> Self {
         Self((0..squares).map(|_| TileCursor { records: Vec::new(), first: 0, next: 0 }).collect())
     }
@@ -88,7 +88,7 @@ impl<T: Pod> Cursors<T> {
 /// Bits read square by square, each from its beginning.
 pub(super) struct KeptBitsReader<'a> {
     bits: &'a Buckets<u64>,
-    words: Cursors<u64>,
+    words: TileCursors<u64>,
     /// What is left of each square's last word, and of how many bits.
     open: Vec<(u64, u32)>,
 }

@@ -9,8 +9,8 @@ use crate::part::chosen;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::key;
 use terrane_line::Xy;
-use terrane_line::squares::{LastTile, TileRun, VertexTiles, cut};
-use terrane_line::topology::Collapse;
+use terrane_line::squares::{LastTile, TileRun, VertexQuadtree, cut};
+use terrane_line::topology::RingCollapse;
 use terrane_vector::{self as vector, Feature, GeometryPart, PartRole};
 
 /// Numbers of parts.
@@ -18,8 +18,8 @@ pub(super) type Parts = BTreeSet<u64>;
 
 /// What is known when all squares are done: twice, if rings have turned over.
 #[derive(Clone, Copy)]
-pub(super) struct Now<'a> {
-    pub(super) squares: &'a VertexTiles,
+pub(super) struct FinishedSquares<'a> {
+    pub(super) squares: &'a VertexQuadtree,
     /// Parts that stay whole.
     pub(super) whole: &'a Parts,
     /// What is kept.
@@ -29,16 +29,16 @@ pub(super) struct Now<'a> {
 }
 
 /// Parts cut into runs, one after the other.
-pub(super) struct Cutting<'a> {
-    squares: &'a VertexTiles,
+pub(super) struct RunCutting<'a> {
+    squares: &'a VertexQuadtree,
     place: LastTile,
     pub(super) runs: Vec<TileRun>,
     /// Parts so far.
     pub(super) number: u64,
 }
 
-impl<'a> Cutting<'a> {
-    pub(super) fn new(squares: &'a VertexTiles) -> Self {
+impl<'a> RunCutting<'a> {
+    pub(super) fn new(squares: &'a VertexQuadtree) -> Self {
         Self { squares, place: LastTile::default(), runs: Vec::new(), number: 0 }
     }
 
@@ -51,12 +51,12 @@ impl<'a> Cutting<'a> {
 }
 
 /// What is left of features, one after the other.
-pub(super) struct RemainingFeatures<'a> {
-    pub(super) parts: Cutting<'a>,
+pub(super) struct AssembledFeatures<'a> {
+    pub(super) parts: RunCutting<'a>,
     whole: &'a Parts,
     kept: KeptBitsReader<'a>,
     rounded: Option<(KeptBitsReader<'a>, u8)>,
-    collapse: Collapse,
+    collapse: RingCollapse,
     indices: Vec<u32>,
     /// The last outer ring, if nothing is kept of it.
     gone: Option<u64>,
@@ -66,10 +66,14 @@ pub(super) struct RemainingFeatures<'a> {
     pub(super) vertices: u64,
 }
 
-impl<'a> RemainingFeatures<'a> {
-    pub(super) fn new(now: Now<'a>, collapse: Collapse, decimals: Option<u8>) -> Self {
+impl<'a> AssembledFeatures<'a> {
+    pub(super) fn new(
+        now: FinishedSquares<'a>,
+        collapse: RingCollapse,
+        decimals: Option<u8>,
+    ) -> Self {
         Self {
-            parts: Cutting::new(now.squares),
+            parts: RunCutting::new(now.squares),
             whole: now.whole,
             kept: now.kept.reader(),
             rounded: now.rounded.map(KeptBits::reader).zip(decimals),
@@ -125,7 +129,7 @@ impl<'a> RemainingFeatures<'a> {
     }
 }
 
-impl SimplifiedSource for RemainingFeatures<'_> {
+impl SimplifiedSource for AssembledFeatures<'_> {
     fn of(&mut self, feature: &Feature) -> Result<vector::Geometry> {
         let (mut choices, mut rounded) = (Vec::new(), Vec::new());
         for part in feature.geometry.parts() {

@@ -9,26 +9,26 @@
 use std::cmp::Ordering;
 use std::path::Path;
 
-use super::kept::Cursors;
+use super::kept::TileCursors;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::{area_sign, key};
 use terrane_engine::Cancel;
 use terrane_files::Buckets;
-use terrane_line::squares::{LastTile, VertexTiles};
+use terrane_line::squares::{LastTile, VertexQuadtree};
 use terrane_line::{Xy, arcs};
 use terrane_vector::{Geometry, GeometryPart};
 
 /// Where vertices go.
 #[derive(Default)]
-pub(super) struct Moves {
+pub(super) struct VertexMoves {
     pub(super) snapped: Option<SnappedPositions>,
 }
 
-impl Moves {
+impl VertexMoves {
     /// Begins with the first feature again.
     pub(super) fn restart(&mut self) {
         if let Some(snapped) = &mut self.snapped {
-            snapped.cursors = Cursors::new(snapped.squares.count());
+            snapped.cursors = TileCursors::new(snapped.squares.count());
         }
     }
 
@@ -61,9 +61,9 @@ pub(super) fn most_held(memory: u64) -> u64 {
 
 /// Positions after snapping: of each square in the order in which the input comes by them.
 pub(super) struct SnappedPositions {
-    squares: VertexTiles,
+    squares: VertexQuadtree,
     places: Buckets<Xy>,
-    cursors: Cursors<Xy>,
+    cursors: TileCursors<Xy>,
     place: LastTile,
 }
 
@@ -73,7 +73,7 @@ impl SnappedPositions {
     /// farther. In a square the rule is that of [`arcs::snap`].
     pub(super) fn new(
         old: Buckets<Xy>,
-        squares: VertexTiles,
+        squares: VertexQuadtree,
         distance: f64,
         (folder, memory): (&Path, u64),
         cancel: &Cancel,
@@ -101,7 +101,7 @@ impl SnappedPositions {
                 later.try_for_each(|other| stayed.push(*other as usize, &[*p]))?;
             }
         }
-        Ok(Self { cursors: Cursors::new(count), squares, places, place: LastTile::default() })
+        Ok(Self { cursors: TileCursors::new(count), squares, places, place: LastTile::default() })
     }
 
     /// Moves the next vertex.
@@ -116,14 +116,14 @@ impl SnappedPositions {
 
 /// What moving vertices has done to rings.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Harm {
+pub(super) struct RingDamage {
     /// Rings that have turned over, or lost their area.
     pub(super) rings: u64,
     /// Features whose rings touch themselves or each other where they did not.
     pub(super) touching: u64,
 }
 
-impl Harm {
+impl RingDamage {
     /// Adds what has happened to a geometry.
     pub(super) fn add(&mut self, before: &Geometry, after: &Geometry) {
         let pairs = before.parts().zip(after.parts()).filter(|(part, _)| part.is_ring());

@@ -5,16 +5,16 @@ use std::cmp::Ordering;
 use crate::part::chosen;
 use terrane_base::geom::plane::area_sign;
 use terrane_line::Xy;
-use terrane_line::topology::Collapse;
+use terrane_line::topology::RingCollapse;
 use terrane_vector::KeptVertices;
 
 /// What is written of a ring that keeps `left` of its own vertices; `None` where it has to stay whole, as
 /// it has turned over, or lost what area it had.
-pub(super) fn ring(own: &[Xy], left: &[u32], collapse: Collapse) -> Option<KeptVertices> {
+pub(super) fn ring(own: &[Xy], left: &[u32], collapse: RingCollapse) -> Option<KeptVertices> {
     let kept = left.iter().map(|at| own[*at as usize]);
     if is_flat(own.iter().copied()) {
         // It had no area to begin with.
-        return Some(if collapse == Collapse::Drop {
+        return Some(if collapse == RingCollapse::Drop {
             KeptVertices::Nothing
         } else {
             KeptVertices::All

@@ -6,18 +6,18 @@ use rayon::prelude::*;
 
 use super::cover::CoverageJob;
 use super::input::CoverageInput;
-use super::trial::{TrialGoal, WholeJob};
+use super::trial::{OpenedLineJob, TrialGoal};
 use crate::goal::GoalUnit;
 use crate::report::LineReport;
-use crate::seek::{GoalTarget, ThresholdProfile, seek};
+use crate::seek::{SizeLimit, ThresholdHistogram, seek};
 use crate::tool::SimplifyRule;
 use crate::trees;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::{lock, on_threads};
-use terrane_line::topology::Collapse;
+use terrane_line::topology::RingCollapse;
 use terrane_vector::{Feature, GeometryPart};
 
-impl WholeJob<'_> {
+impl OpenedLineJob<'_> {
     /// Simplifies all features by a rule and writes them; unless something else is wanted: then tells
     /// what came.
     pub(super) fn make(
@@ -39,7 +39,7 @@ impl WholeJob<'_> {
 
 /// Meets a goal of so many vertices or bytes.
 pub(super) fn run(
-    whole: &WholeJob<'_>,
+    whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
     (most, unit): (u64, GoalUnit),
     report: &mut LineReport,
@@ -54,7 +54,7 @@ pub(super) fn run(
     };
     let largest = (4.0 * extent).max(f64::MIN_POSITIVE);
     let dial = profile.dial(if is_area { largest * largest } else { largest }, is_area);
-    let left = seek(&GoalTarget { most, all }, &dial, |threshold, range| {
+    let left = seek(&SizeLimit { most, all }, &dial, |threshold, range| {
         whole.cancel.check()?;
         let rule = SimplifyRule { threshold, ..rule };
         let left = whole.make(input, &rule, Some(&TrialGoal { unit, range }), report)?;
@@ -64,14 +64,14 @@ pub(super) fn run(
     left.map_or(Ok(()), |least| Err(too_few(whole, (most, unit), least)))
 }
 
-fn too_few(whole: &WholeJob<'_>, (most, unit): (u64, GoalUnit), least: u64) -> Error {
+fn too_few(whole: &OpenedLineJob<'_>, (most, unit): (u64, GoalUnit), least: u64) -> Error {
     let what = match unit {
         GoalUnit::Vertices => "vertices",
         GoalUnit::Bytes => "bytes",
     };
     let others = match (whole.job.collapse, unit) {
-        (Collapse::Drop, GoalUnit::Vertices) => "",
-        (Collapse::Drop, GoalUnit::Bytes) => ", or fewer ‹decimals› in a text format",
+        (RingCollapse::Drop, GoalUnit::Vertices) => "",
+        (RingCollapse::Drop, GoalUnit::Bytes) => ", or fewer ‹decimals› in a text format",
         (_, GoalUnit::Vertices) => ", or pass ‹collapse› drop",
         (_, GoalUnit::Bytes) => ", or pass ‹collapse› drop, or fewer ‹decimals› in a text format",
     };
@@ -88,14 +88,14 @@ fn too_few(whole: &WholeJob<'_>, (most, unit): (u64, GoalUnit), least: u64) -> E
 /// Which thresholds vertices are kept at, each line and ring by itself, and the larger side of the box
 /// around all of them.
 fn profile(
-    whole: &WholeJob<'_>,
+    whole: &OpenedLineJob<'_>,
     input: &mut CoverageInput<'_>,
     rule: &SimplifyRule,
-) -> Result<(ThresholdProfile, f64)> {
+) -> Result<(ThresholdHistogram, f64)> {
     // Thresholds of all sizes are asked for, so coordinates may be as small as they are.
     let rule = &SimplifyRule { threshold: f64::MAX, ..*rule };
-    let state = Mutex::new((ThresholdProfile::default(), None));
-    let add = |feature: &Feature, own: Option<&trees::Trees>| {
+    let state = Mutex::new((ThresholdHistogram::default(), None));
+    let add = |feature: &Feature, own: Option<&trees::FeatureHierarchies>| {
         let thresholds = trees::thresholds(&feature.geometry, own, rule)?;
         let mut state = lock(&state);
         let (profile, bounds) = &mut *state;

@@ -3,11 +3,11 @@
 use std::cmp::Ordering;
 use std::path::Path;
 
-use super::square::World;
+use super::square::SquareContent;
 use terrane_base::error::Result;
 use terrane_files::Buckets;
 use terrane_line::Xy;
-use terrane_line::squares::{LastTile, TileRun, VertexTiles, cross_overs};
+use terrane_line::squares::{LastTile, TileRun, VertexQuadtree, cross_overs};
 use terrane_vector::GeometryPart;
 
 /// What the bits of a run's word say beside the number of its vertices.
@@ -21,7 +21,7 @@ pub(super) const MOST: u64 = (1 << (u32::BITS - FLAGS)) - 1;
 
 /// What the squares hold.
 pub(super) struct TileSpool<'a> {
-    squares: &'a VertexTiles,
+    squares: &'a VertexQuadtree,
     runs: Buckets<u32>,
     points: Buckets<Xy>,
     /// Nothing where no distance asks for heights.
@@ -35,7 +35,12 @@ pub(super) struct TileSpool<'a> {
 
 impl<'a> TileSpool<'a> {
     /// Of about `memory` bytes, and the rest in `folder`.
-    pub(super) fn new(squares: &'a VertexTiles, has_z: bool, folder: &Path, memory: u64) -> Self {
+    pub(super) fn new(
+        squares: &'a VertexQuadtree,
+        has_z: bool,
+        folder: &Path,
+        memory: u64,
+    ) -> Self {
         let (count, share) = (squares.count(), memory / 8);
         Self {
             squares,
@@ -94,8 +99,8 @@ impl<'a> TileSpool<'a> {
     }
 
     /// Takes out what a square holds.
-    pub(super) fn take(&self, square: usize) -> Result<World> {
-        let mut world = World::default();
+    pub(super) fn take(&self, square: usize) -> Result<SquareContent> {
+        let mut world = SquareContent::default();
         let flat = &mut world.flat;
         flat.points.reserve_exact(self.squares.vertices(square) as usize);
         self.points.read(square, |run| flat.points.extend_from_slice(run))?;
@@ -139,7 +144,7 @@ fn by_place(p: &[Xy; 2], q: &[Xy; 2]) -> Ordering {
 }
 
 /// Given points by square, in the order of the squares.
-pub(super) fn by_square(points: Vec<Xy>, squares: &VertexTiles) -> Vec<(u32, Xy)> {
+pub(super) fn by_square(points: Vec<Xy>, squares: &VertexQuadtree) -> Vec<(u32, Xy)> {
     let mut place = LastTile::default();
     let known = points.into_iter().filter_map(|p| Some((squares.of(p, &mut place)?, p)));
     let mut all: Vec<_> = known.collect();

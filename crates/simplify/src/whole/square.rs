@@ -6,18 +6,18 @@
 //! right one of the two. A closed arc keeps the sign of its area by itself; a ring of several arcs that
 //! has turned over, as one that touches or crosses itself may, is kept whole, and its square done again.
 
-use super::gaps::NearMisses;
+use super::gaps::MeetingGaps;
 use super::{kept, own};
 use crate::part::chosen;
-use crate::tool::{MetricTask, MetricVertex, SimplifyRule, Tool};
+use crate::tool::{MetricTask, MetricTool, MetricVertex, SimplifyRule};
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::key;
 use terrane_engine::Cancel;
 use terrane_line::arcs::CoverageArcs;
 use terrane_line::topology::{
-    ChainVertices as Chosen, Chains, PIECE_BYTES, PIECES, Strategy, UntangleOptions,
-    UntangledChains, refining, round, untangle_within,
+    Chains, KeptChainVertices, PIECE_BYTES, PIECES, Strategy, UntangleOptions, UntangledChains,
+    refining, round, untangle_within,
 };
 use terrane_line::{DistanceMetric, SimplifyScratch, Xy};
 use terrane_vector::{self as vector, KeptVertices};
@@ -59,7 +59,7 @@ impl FlatChains {
 
 /// What a square holds.
 #[derive(Debug, Default)]
-pub(super) struct World {
+pub(super) struct SquareContent {
     /// Runs of parts, some of which are whole parts.
     pub(super) flat: FlatChains,
     /// Numbers of those that go on in other squares: both of their ends stay.
@@ -74,7 +74,7 @@ pub(super) struct World {
 
 /// What became of it.
 #[derive(Debug, Default)]
-pub(super) struct Solved {
+pub(super) struct SolvedSquare {
     /// The vertices that are kept.
     pub(super) bits: BitSet,
     /// Those of them that are rounded; of no length where none is to be.
@@ -89,7 +89,7 @@ pub(super) struct Solved {
     /// The first of these pairs.
     pub(super) pairs: Vec<[[Xy; 2]; 2]>,
     /// How near they come to share an end.
-    pub(super) gaps: NearMisses,
+    pub(super) gaps: MeetingGaps,
     /// Pairs of obstacles that meet.
     pub(super) meeting: Vec<[[Xy; 2]; 2]>,
     /// The largest squared distance.
@@ -120,11 +120,11 @@ pub(super) struct TileSettings<'a> {
 /// Simplifies what a square holds. A ring of several arcs that turns over, as one that crosses itself may,
 /// keeps all of its vertices: then all is done again. Fails where `room` bytes are too little.
 pub(super) fn solve(
-    world: &World,
+    world: &SquareContent,
     how: &TileSettings<'_>,
     room: u64,
     cancel: &Cancel,
-) -> Result<Solved> {
+) -> Result<SolvedSquare> {
     let &TileSettings { strategy, rule, .. } = how;
     let left = room.saturating_sub(VERTEX * world.flat.points.len() as u64);
     let pieces = usize::try_from(left / PIECE_BYTES).unwrap_or(usize::MAX);
@@ -133,7 +133,7 @@ pub(super) fn solve(
         cancel.check()?;
         let arcs = with_obstacles(world)?;
         let made =
-            rule.apply(Together { arcs, world, whole: &whole, strategy, rule, pieces, cancel })?;
+            rule.apply(SharedArcs { arcs, world, whole: &whole, strategy, rule, pieces, cancel })?;
         let mut solved = made.solved(world);
         let spoiled = made.own_bits(world, &whole, rule, &mut solved.bits);
         if spoiled.is_empty() {
@@ -148,7 +148,7 @@ pub(super) fn solve(
 }
 
 /// The arcs of all runs, and each obstacle as one more.
-fn with_obstacles(world: &World) -> Result<CoverageArcs> {
+fn with_obstacles(world: &SquareContent) -> Result<CoverageArcs> {
     let mut arcs = CoverageArcs::new(&world.flat.chains(), 0.0)?;
     for segment in &world.obstacles {
         arcs.points.extend(segment);
@@ -162,9 +162,9 @@ fn with_obstacles(world: &World) -> Result<CoverageArcs> {
 }
 
 /// Arcs to be simplified together.
-struct Together<'a> {
+struct SharedArcs<'a> {
     arcs: CoverageArcs,
-    world: &'a World,
+    world: &'a SquareContent,
     /// Numbers of the runs of which all vertices stay, ascending.
     whole: &'a [u32],
     strategy: Strategy,
@@ -184,16 +184,16 @@ struct TileOutcome {
 
 impl TileOutcome {
     /// What there is to tell of it.
-    fn solved(&self, world: &World) -> Solved {
+    fn solved(&self, world: &SquareContent) -> SolvedSquare {
         let own = self.arcs.closed.len() - world.obstacles.len();
         let first = self.arcs.starts[own] as u32;
         let segment = |from: u32| [0, 1].map(|k| self.arcs.points[from as usize + k]);
-        let mut solved = Solved {
+        let mut solved = SolvedSquare {
             arcs: own as u64,
             refined: self.outcome.refined,
             collapsed: self.outcome.collapsed,
             square: self.square,
-            ..Solved::default()
+            ..SolvedSquare::default()
         };
         for pair in &self.outcome.crossings {
             let segments = pair.map(segment);
@@ -213,7 +213,7 @@ impl TileOutcome {
     /// Sets the bits of what is kept of all runs; returns the rings that have to stay whole and do not.
     fn own_bits(
         &self,
-        world: &World,
+        world: &SquareContent,
         whole: &[u32],
         rule: &SimplifyRule,
         bits: &mut BitSet,
@@ -244,9 +244,9 @@ impl TileOutcome {
     /// Sets the bits of what is rounded. The ends of segments that cross over stay.
     fn round(
         &self,
-        world: &World,
+        world: &SquareContent,
         rounding: &TileRounding<'_>,
-        solved: &mut Solved,
+        solved: &mut SolvedSquare,
         cancel: &Cancel,
     ) -> Result<()> {
         let mut fixed: Vec<_> = world.obstacles.as_flattened().iter().map(|at| key(*at)).collect();
@@ -277,12 +277,12 @@ impl TileOutcome {
     }
 }
 
-impl MetricTask for Together<'_> {
+impl MetricTask for SharedArcs<'_> {
     type Output = Result<TileOutcome>;
 
     fn run<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         mut self,
-        tool: &Tool<V, M>,
+        tool: &MetricTool<V, M>,
     ) -> Result<TileOutcome> {
         let mut scratch = SimplifyScratch::default();
         let kept = self.plain(tool, &mut scratch);
@@ -304,15 +304,15 @@ impl MetricTask for Together<'_> {
     }
 }
 
-impl Together<'_> {
+impl SharedArcs<'_> {
     /// What the method keeps of each arc by itself. Rings without a junction are opened at a vertex that
     /// is kept; of one that collapsed it is only that vertex.
     fn plain<V: MetricVertex, M: DistanceMetric<V> + Copy>(
         &mut self,
-        tool: &Tool<V, M>,
+        tool: &MetricTool<V, M>,
         scratch: &mut SimplifyScratch,
-    ) -> Chosen {
-        let mut all = Chosen::new();
+    ) -> KeptChainVertices {
+        let mut all = KeptChainVertices::new();
         let whole = self.whole();
         let (mut points, mut kept) = (Vec::new(), Vec::new());
         for arc in 0..self.arcs.closed.len() {
@@ -379,9 +379,9 @@ impl Together<'_> {
 
 /// The largest squared distance of what was left out of chains that are still there.
 fn largest<V: MetricVertex, M: DistanceMetric<V> + Copy>(
-    tool: &Tool<V, M>,
+    tool: &MetricTool<V, M>,
     points: &[V],
-    kept: &Chosen,
+    kept: &KeptChainVertices,
 ) -> f64 {
     let chains = kept.starts.windows(2).map(|ends| &kept.vertices[ends[0]..ends[1]]);
     chains.map(|chain| tool.largest(points, chain)).fold(0.0, f64::max)

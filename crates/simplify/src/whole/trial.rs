@@ -13,7 +13,7 @@ use terrane_engine::{Cancel, Progress};
 use terrane_vector::{Feature, Geometry, WrittenFeatures};
 
 /// A job on all features.
-pub(super) struct WholeJob<'a> {
+pub(super) struct OpenedLineJob<'a> {
     pub(super) job: &'a LineJob,
     pub(super) files: &'a LineFiles,
     pub(super) progress: &'a dyn Progress,
@@ -37,7 +37,7 @@ pub(super) trait SimplifiedSource {
     }
 }
 
-impl WholeJob<'_> {
+impl OpenedLineJob<'_> {
     /// What came of a threshold, where it is not what is wanted: `vertices`, or the bytes that `leaves`
     /// take.
     pub(super) fn unwanted(

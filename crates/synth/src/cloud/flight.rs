@@ -88,7 +88,7 @@ pub(super) struct FlightLeg<'a> {
 }
 
 /// A pulse: where it meets the ground, and how it was sent.
-pub(super) struct Shot {
+pub(super) struct LaserPulse {
     pub(super) x: f64,
     pub(super) y: f64,
     pub(super) dice: SurveyRandom,
@@ -142,13 +142,13 @@ impl FlightLeg<'_> {
     }
 
     /// Calls `each` for every pulse that meets the survey.
-    pub(super) fn each_pulse(&self, mut each: impl FnMut(Shot)) {
+    pub(super) fn each_pulse(&self, mut each: impl FnMut(LaserPulse)) {
         for scan in self.from..self.to {
             self.each_of_scan(scan, &mut each);
         }
     }
 
-    fn each_of_scan(&self, scan: u64, each: &mut impl FnMut(Shot)) {
+    fn each_of_scan(&self, scan: u64, each: &mut impl FnMut(LaserPulse)) {
         let (survey, within) = (self.flight.survey, self.within());
         let eastward = !survey.zigzag || scan.is_multiple_of(2);
         let key = mix64(survey.key(1) ^ mix64(self.line << 32 | scan));
@@ -163,7 +163,7 @@ impl FlightLeg<'_> {
 
     /// The pulse of a number from the west. It strays from its place by up to 0.4 of a step.
     #[inline(always)]
-    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: SurveyRandom) -> Shot {
+    fn shot(&self, scan: u64, pulse: u64, eastward: bool, mut dice: SurveyRandom) -> LaserPulse {
         let flight = self.flight;
         let bits = dice.bits();
         let [right, ahead] = [0, 16].map(|at| f64::from((bits >> at) as u16) * (1.0 / 65_536.0));
@@ -173,7 +173,7 @@ impl FlightLeg<'_> {
         let place = if flight.survey.zigzag { done } else { 0.5 };
         let way = (scan as f64 + place + 0.8 * (ahead - 0.5)) * flight.along;
         let offset = x - (self.west() + 0.5 * SWATH);
-        Shot {
+        LaserPulse {
             x,
             y: self.northing(self.reflect(way)),
             dice,

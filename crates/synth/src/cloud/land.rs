@@ -17,7 +17,7 @@ const TOWN: std::ops::Range<f64> = -0.32..-0.04;
 const TREE: f64 = 6.0;
 
 /// The landscape within a rectangle.
-pub(super) struct Land {
+pub(super) struct LandscapeWindow {
     /// Steps of coordinates by metre.
     pub(super) by_metre: f64,
     /// Steps from west to east.
@@ -45,7 +45,7 @@ pub(super) enum PulseTarget<'a> {
     Undergrowth,
 }
 
-impl Land {
+impl LandscapeWindow {
     /// The landscape over [x min, y min, x max, y max].
     pub(super) fn new(survey: &LidarSurvey, area: [f64; 4]) -> Self {
         let wide = building::whole_lots(area);

@@ -20,11 +20,11 @@ mod spline;
 mod survey;
 
 pub use name::PARAMETERS;
-pub use pulse::{BUILDING, Echo, GROUND, HIGH_NOISE, LOW_NOISE};
+pub use pulse::{BUILDING, GROUND, HIGH_NOISE, LOW_NOISE, SimulatedReturn};
 pub use survey::LidarSurvey;
 
 use flight::Flight;
-use land::Land;
+use land::LandscapeWindow;
 
 impl LidarSurvey {
     /// How many parts there are.
@@ -50,11 +50,11 @@ impl LidarSurvey {
     ///
     /// # Panics
     /// When there is no such part.
-    pub fn fill(&self, part: usize, echoes: &mut Vec<Echo>) {
+    pub fn fill(&self, part: usize, echoes: &mut Vec<SimulatedReturn>) {
         echoes.clear();
         let flight = Flight::new(self);
         let leg = flight.leg(part);
-        let land = Land::new(self, leg.area());
+        let land = LandscapeWindow::new(self, leg.area());
         leg.each_pulse(|shot| pulse::echoes(self, &land, &shot, echoes));
     }
 

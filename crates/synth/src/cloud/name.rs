@@ -3,8 +3,8 @@
 use std::fmt;
 
 use super::LidarSurvey;
-use crate::TerrainParameter;
-use crate::words::{GivenSynthParameter, Words};
+use crate::SynthParameter;
+use crate::words::{GivenSynthParameter, NameGrammar};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::REACH;
 
@@ -17,14 +17,14 @@ const fn parameter(
     default: f64,
     range: (f64, f64),
     whole: bool,
-) -> TerrainParameter {
-    TerrainParameter { key, about, default, range, whole }
+) -> SynthParameter {
+    SynthParameter { key, about, default, range, whole }
 }
 
 const SIDE: (f64, f64) = (1.0, 1e6);
 
 /// The parameters of a survey.
-pub const PARAMETERS: &[TerrainParameter] = &[
+pub const PARAMETERS: &[SynthParameter] = &[
     parameter("size", "metres from west to east and from south to north", 1000.0, SIDE, false),
     parameter("width", "metres from west to east, instead of size", 1000.0, SIDE, false),
     parameter("height", "metres from south to north, instead of size", 1000.0, SIDE, false),
@@ -90,7 +90,7 @@ impl LidarSurvey {
             return Err(Error::usage(format!("there is no cloud named {name:?}"))
                 .remedy(format!("its first word is {KIND:?}")));
         }
-        let known = Words { what: "cloud", kind: KIND, known: PARAMETERS.iter().collect() };
+        let known = NameGrammar { what: "cloud", kind: KIND, known: PARAMETERS.iter().collect() };
         let mut survey = Self::default();
         for given in known.read(words, name)? {
             survey.set(&given)?;

@@ -1,8 +1,8 @@
 //! What comes back of one pulse.
 
 use super::dice::SurveyRandom;
-use super::flight::Shot;
-use super::land::{Land, PulseTarget};
+use super::flight::LaserPulse;
+use super::land::{LandscapeWindow, PulseTarget};
 use super::survey::LidarSurvey;
 use terrane_base::geom::Point;
 
@@ -17,7 +17,7 @@ pub const HIGH_NOISE: u8 = 18;
 
 /// A return of a pulse.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Echo {
+pub struct SimulatedReturn {
     /// Steps of [`LidarSurvey::scale`] east and north of the south-west corner, and up from zero.
     pub point: Point,
     /// Seconds, growing along a line and from line to line.
@@ -80,7 +80,12 @@ impl PulseReturns {
 
 /// Adds the returns of a pulse to `echoes`.
 #[inline(always)]
-pub(super) fn echoes(survey: &LidarSurvey, land: &Land, shot: &Shot, echoes: &mut Vec<Echo>) {
+pub(super) fn echoes(
+    survey: &LidarSurvey,
+    land: &LandscapeWindow,
+    shot: &LaserPulse,
+    echoes: &mut Vec<SimulatedReturn>,
+) {
     let steps = [shot.x, shot.y].map(|place| (place * land.by_metre) as i32);
     let [x, y] = steps.map(|step| f64::from(step) * survey.scale);
     let Some(place) = land.at(x, y) else { return };
@@ -104,20 +109,20 @@ pub(super) fn echoes(survey: &LidarSurvey, land: &Land, shot: &Shot, echoes: &mu
         let point = place_of(land, steps, [ground, shot.tangent], *hit, &mut dice);
         let intensity = intensity(hit.class, &mut dice);
         let of = hits.count as u8;
-        echoes.push(Echo { point, intensity, number, of, class: hit.class, ..template });
+        echoes.push(SimulatedReturn { point, intensity, number, of, class: hit.class, ..template });
     }
 }
 
 /// What all returns of a pulse share.
-fn template(shot: &Shot) -> Echo {
-    Echo {
+fn template(shot: &LaserPulse) -> SimulatedReturn {
+    SimulatedReturn {
         time: shot.time,
         source: shot.source,
         angle: (angle(shot.tangent) * (1.0 / 0.006)) as i16,
         overlap: shot.overlap,
         eastward: shot.eastward,
         edge: shot.edge,
-        ..Echo::default()
+        ..SimulatedReturn::default()
     }
 }
 
@@ -128,7 +133,7 @@ fn angle(tangent: f64) -> f64 {
 
 /// A point with the ranging noise, as the beam met it: higher hits lie nearer to the aircraft.
 fn place_of(
-    land: &Land,
+    land: &LandscapeWindow,
     [x, y]: [i32; 2],
     [ground, tangent]: [f64; 2],
     hit: PulseReturn,
@@ -141,7 +146,7 @@ fn place_of(
 }
 
 /// Height in steps, the nearest. A number that is not negative is rounded down by a plain conversion.
-fn whole(land: &Land, z: f64) -> i32 {
+fn whole(land: &LandscapeWindow, z: f64) -> i32 {
     const LIFT: i64 = 1 << 31;
     ((z * land.by_metre + (LIFT as f64 + 0.5)) as i64 - LIFT) as i32
 }
@@ -156,7 +161,13 @@ fn intensity(class: u8, dice: &mut SurveyRandom) -> u16 {
 }
 
 /// A return that is wrong: from below the ground, from the air, or one that is marked as withheld.
-fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut SurveyRandom) -> Echo {
+fn stray(
+    land: &LandscapeWindow,
+    at: [i32; 2],
+    ground: f64,
+    template: SimulatedReturn,
+    dice: &mut SurveyRandom,
+) -> SimulatedReturn {
     let [kind, size, strength, _] = dice.four();
     let (class, above, withheld) = match kind {
         k if k < 0.4 => (LOW_NOISE, -(1.0 + 29.0 * size * size), false),
@@ -165,7 +176,7 @@ fn stray(land: &Land, at: [i32; 2], ground: f64, template: Echo, dice: &mut Surv
     };
     let point = Point::new(at[0], at[1], whole(land, ground + above));
     let intensity = (100.0 * strength) as u16;
-    Echo { point, intensity, number: 1, of: 1, class, withheld, ..template }
+    SimulatedReturn { point, intensity, number: 1, of: 1, class, withheld, ..template }
 }
 
 /// Class of vegetation of a height.

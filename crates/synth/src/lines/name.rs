@@ -3,35 +3,35 @@
 use std::fmt;
 
 use super::{LineFamily, SHAPES, SyntheticLines};
-use crate::TerrainParameter;
-use crate::words::{GivenSynthParameter, Words};
+use crate::SynthParameter;
+use crate::words::{GivenSynthParameter, NameGrammar};
 use terrane_base::error::Result;
 use terrane_base::registry::{RegistryEntry, find, named};
 
 /// The parameters of synthetic lines.
-pub const PARAMETERS: &[TerrainParameter] = &[
-    TerrainParameter {
+pub const PARAMETERS: &[SynthParameter] = &[
+    SynthParameter {
         key: "vertices",
         about: "vertices of each feature",
         default: 10_000.0,
         range: (2.0, 1e8),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "features",
         about: "how many, side by side",
         default: 1.0,
         range: (1.0, 1e9),
         whole: true,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "size",
         about: "side of the square that a feature is drawn in",
         default: 1000.0,
         range: (1e-6, 1e9),
         whole: false,
     },
-    TerrainParameter {
+    SynthParameter {
         key: "seed",
         about: "any whole number: another number is another walk or coverage",
         default: 1.0,
@@ -56,7 +56,7 @@ impl SyntheticLines {
     pub fn parse(name: &str) -> Result<Self> {
         let shape = named(SHAPES, first_word(name))?;
         let known = PARAMETERS.iter().collect();
-        let words = Words { what: "line", kind: shape.name, known };
+        let words = NameGrammar { what: "line", kind: shape.name, known };
         let mut lines = Self {
             shape,
             vertices: default("vertices") as u32,

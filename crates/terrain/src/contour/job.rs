@@ -7,13 +7,13 @@ use serde::Serialize;
 use terrane_base::error::{Error, Result};
 use terrane_crs as crs;
 use terrane_engine::Resources;
-use terrane_engine::figures::Figures;
-use terrane_engine::options::{FileOutput, Finite, GridInput, Reprojection};
+use terrane_engine::figures::RunStatistics;
+use terrane_engine::options::{FileOutput, FiniteNumber, GridInput, Reprojection};
 use terrane_engine::transform::{Transformed, extent_of};
 use terrane_files::folder_for;
 use terrane_options::{OptionRange, OptionRule, Options};
 use terrane_raster::{GridInfo, Inputs};
-use terrane_simplify::{LengthOption, LengthText, Threshold};
+use terrane_simplify::{Length, LengthText, MetGoal};
 use terrane_vector::{self as vector, VectorFormat};
 use terrane_window::contour::ContourLevels;
 
@@ -36,10 +36,10 @@ pub struct ContourOptions {
     #[option(short = 'i', alias = "every", value = "HEIGHT", range = OptionRange::POSITIVE, heading = "Levels")]
     pub interval: Option<f64>,
     /// Lines at these heights, such as 10,50,100, instead
-    #[option(alias = "at", value = "LIST", with = Finite, heading = "Levels")]
+    #[option(alias = "at", value = "LIST", with = FiniteNumber, heading = "Levels")]
     pub levels: Vec<f64>,
     /// Height from which the multiples are counted
-    #[option(alias = "offset", value = "HEIGHT", with = Finite, default_text = "0", heading = "Levels")]
+    #[option(alias = "offset", value = "HEIGHT", with = FiniteNumber, default_text = "0", heading = "Levels")]
     pub base: Option<f64>,
     /// Mark lines at every N-th level from the base in a property "index" (true or false)
     #[option(value = "N", range = OptionRange::new(1.0, u32::MAX as f64), heading = "Levels")]
@@ -47,7 +47,7 @@ pub struct ContourOptions {
     /// Leave out vertices that are at most so far from the line, in units of x and y or with a unit: 100m, 2km, 50ft (of
     /// longitudes and latitudes on the ellipsoid); lines still neither cross nor touch
     #[option(alias = "simplify", value = "LENGTH", with = LengthText, range = OptionRange::FROM_ZERO, heading = "Simplification")]
-    pub tolerance: Option<LengthOption>,
+    pub tolerance: Option<Length>,
     /// Cells along the side of a tile, 16 to 8192; where tiles meet, lines keep a vertex that they may have lost
     #[option(value = "CELLS", default = 1024, range = OptionRange::new(TILE_CELLS[0], TILE_CELLS[1]), heading = "Simplification")]
     pub tile: u32,
@@ -160,7 +160,7 @@ pub struct ContourReport {
     pub levels: u64,
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    pub tolerance: Option<Threshold>,
+    pub tolerance: Option<MetGoal>,
     /// Cells along the side of a tile.
     pub tile: u32,
     /// Lines written, rings among them.
@@ -176,6 +176,6 @@ pub struct ContourReport {
     pub output_bytes: u64,
     pub samples: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub samples_per_second: f64,
 }

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 
 use super::budget::{ContourMemory, VERTEX_BYTES};
 use super::tiles::{ContourTiles, lowest};
-use super::trace::Traced;
+use super::trace::TracedTile;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::Cancel;
@@ -28,7 +28,7 @@ struct ContourPiece {
     /// Its first edge, and the lowest.
     first: CrossedEdge,
     low: CrossedEdge,
-    /// See [`terrane_window::contour::JoinedContour::around`].
+    /// See [`terrane_window::contour::WindowContour::around`].
     around: Option<i64>,
     count: u32,
     level: i32,
@@ -40,7 +40,7 @@ struct ContourPiece {
 
 /// An open end that waits for its counterpart.
 #[derive(Clone, Copy, Debug)]
-enum End {
+enum OpenEnd {
     First(u32),
     Last(u32),
 }
@@ -55,7 +55,7 @@ pub(super) struct JoinedContour {
     /// The first piece: of a ring, the one with that edge.
     first: u32,
     pub(super) closed: bool,
-    /// See [`terrane_window::contour::JoinedContour::around`].
+    /// See [`terrane_window::contour::WindowContour::around`].
     pub(super) around: Option<i64>,
 }
 
@@ -66,7 +66,7 @@ pub(super) struct ContourPieces {
     /// The vertices of all of them: one bucket.
     vertices: Buckets<ContourVertex>,
     /// Open ends by their crossing. Looked up only, so its order leaves no trace.
-    ends: HashMap<(CrossedEdge, i32), End>,
+    ends: HashMap<(CrossedEdge, i32), OpenEnd>,
     pub(super) original_vertices: u64,
     pub(super) left_out: u64,
 }
@@ -88,12 +88,12 @@ impl ContourPieces {
     /// Takes over the lines of a tile with the samples `rect`.
     pub(super) fn add(
         &mut self,
-        traced: Traced<'_>,
+        traced: TracedTile<'_>,
         rect: Rect,
         tiles: ContourTiles,
         cancel: &Cancel,
     ) -> Result<()> {
-        let Traced { lines, original_vertices, left_out } = traced;
+        let TracedTile { lines, original_vertices, left_out } = traced;
         self.original_vertices += original_vertices;
         self.left_out += left_out;
         if (self.pieces.len() + lines.lines.len()) as u64 > self.most {
@@ -120,7 +120,7 @@ impl ContourPieces {
             });
             start += vertices.len() as u64;
             if let (false, [first, .., last]) = (line.closed, vertices) {
-                for (vertex, end) in [(first, End::First(id)), (last, End::Last(id))] {
+                for (vertex, end) in [(first, OpenEnd::First(id)), (last, OpenEnd::Last(id))] {
                     if tiles.rim(rect, vertex).is_some() {
                         self.meet((vertex.edge, line.level), end);
                     }
@@ -131,10 +131,10 @@ impl ContourPieces {
     }
 
     /// Joins an end to its counterpart, or lets it wait.
-    fn meet(&mut self, crossing: (CrossedEdge, i32), end: End) {
+    fn meet(&mut self, crossing: (CrossedEdge, i32), end: OpenEnd) {
         let (last, first) = match (self.ends.remove(&crossing), end) {
-            (Some(End::Last(last)), End::First(first))
-            | (Some(End::First(first)), End::Last(last)) => (last, first),
+            (Some(OpenEnd::Last(last)), OpenEnd::First(first))
+            | (Some(OpenEnd::First(first)), OpenEnd::Last(last)) => (last, first),
             // A crossing has one line in and one out, so there is none but a counterpart.
             _ => {
                 self.ends.insert(crossing, end);

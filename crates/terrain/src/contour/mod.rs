@@ -33,19 +33,19 @@ use std::time::Instant;
 
 use budget::ContourMemory;
 use join::ContourPieces;
-use simplify::{Tolerance, measured};
+use simplify::{MetricTolerance, measured};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_crs as crs;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
 use terrane_engine::options::GridInput;
 use terrane_engine::outputs::not_member;
-use terrane_engine::transform::{Moving, Transformed};
+use terrane_engine::transform::{FeatureReprojection, Transformed};
 use terrane_engine::workers;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::{lock, unlocked};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource};
-use terrane_simplify::{DistanceKind, Threshold};
+use terrane_simplify::{DistanceKind, MetGoal};
 use terrane_vector::{self as vector, FeatureSink, VectorFormat, VectorWriteOptions};
 use terrane_window::contour::ContourLevels;
 use tiles::ContourTiles;
@@ -85,7 +85,7 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     let options = GridOpenOptions { threads: budget.threads, ..options };
     let source = raster::open_all(job.input.names(), &options)?;
     not_member(source.as_ref(), &job.output)?;
-    let work = ContourWork::new(job, source.info())?;
+    let work = OpenedContourJob::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source.as_ref(), progress, cancel)?;
     // Decoded blocks and polygons make room for lines.
@@ -104,24 +104,24 @@ pub fn trace(
     cancel: &Cancel,
 ) -> Result<ContourReport> {
     let start = Instant::now();
-    let work = ContourWork::new(job, source.info())?;
+    let work = OpenedContourJob::new(job, source.info())?;
     let sink = work.sink()?;
     let pieces = work.trace(source, progress, cancel)?;
     work.write(pieces, sink, start, progress, cancel)
 }
 
 /// A job on a grid.
-struct ContourWork<'a> {
+struct OpenedContourJob<'a> {
     job: &'a ContourJob,
     format: &'static VectorFormat,
     levels: ContourLevels,
-    tolerance: Option<Tolerance>,
+    tolerance: Option<MetricTolerance>,
     budget: ContourMemory,
     info: GridInfo,
     operation: Option<Arc<crs::CoordinateOperation>>,
 }
 
-impl<'a> ContourWork<'a> {
+impl<'a> OpenedContourJob<'a> {
     fn new(job: &'a ContourJob, info: &GridInfo) -> Result<Self> {
         info.check_cells().map_err(|e| e.in_file(Path::new(&job.input.to_string())))?;
         Ok(Self {
@@ -147,7 +147,7 @@ impl<'a> ContourWork<'a> {
         };
         layer.crs = operation.target().clone();
         let inner = vector::create(&self.job.output, self.format, &layer, &options)?;
-        Ok(Box::new(Moving { inner, operation: operation.clone() }))
+        Ok(Box::new(FeatureReprojection { inner, operation: operation.clone() }))
     }
 
     fn trace(
@@ -196,7 +196,7 @@ impl<'a> ContourWork<'a> {
         let drawn = made.lowest.zip(made.highest).map(|(lowest, highest)| [lowest, highest]);
         made.notes.extend(drawn.and_then(|range| raster::no_terrain(info, range)));
         made.notes.extend(operation.iter().flat_map(|own| own.notes().iter().cloned()));
-        let run = Figures::since(start, &job.options.resources)
+        let run = RunStatistics::since(start, &job.options.resources)
             .with_threads(self.budget.threads)
             .with_spilled(made.run.spilled_bytes);
         Ok(ContourReport {
@@ -207,7 +207,7 @@ impl<'a> ContourWork<'a> {
             height: info.height,
             crs: info.crs.label(),
             transformed: operation.map(Transformed::of),
-            tolerance: self.tolerance.map(|own| Threshold {
+            tolerance: self.tolerance.map(|own| MetGoal {
                 value: own.value,
                 metres: own.measure == DistanceKind::Geographic,
             }),

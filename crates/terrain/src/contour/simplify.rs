@@ -5,23 +5,25 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Rect};
 use terrane_engine::Cancel;
 use terrane_line::cone::cone;
-use terrane_line::topology::{ChainVertices, Chains, UntangleOptions, open_at, refining, untangle};
+use terrane_line::topology::{
+    Chains, KeptChainVertices, UntangleOptions, open_at, refining, untangle,
+};
 use terrane_line::{
-    DistanceMetric, GeographicMetric, Located, PlaneMetric, SimplifyScratch, Xy, ring,
+    DistanceMetric, GeographicMetric, LocatedVertex, PlaneMetric, SimplifyScratch, Xy, ring,
 };
 use terrane_raster::GridInfo;
-use terrane_simplify::{DistanceKind, LengthOption, goal_of};
+use terrane_simplify::{DistanceKind, Length, goal_of};
 use terrane_window::contour::{ContourVertex, WindowContour, WindowContours};
 
 /// A tolerance as it is measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Tolerance {
+pub(super) struct MetricTolerance {
     pub(super) measure: DistanceKind,
     pub(super) value: f64,
 }
 
 /// A length over a grid.
-pub(super) fn measured(length: LengthOption, info: &GridInfo) -> Result<Tolerance> {
+pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricTolerance> {
     let (measure, value) = goal_of(length, false, &info.crs)?;
     let [east, south] = [info.width, info.height].map(|samples| f64::from(samples) - 1.0);
     let corners = [[0.0, 0.0], [east, 0.0], [0.0, south], [east, south]];
@@ -32,13 +34,13 @@ pub(super) fn measured(length: LengthOption, info: &GridInfo) -> Result<Toleranc
         return Err(Error::bad_input("a latitude is beyond 90 degrees")
             .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
     }
-    Ok(Tolerance { measure, value })
+    Ok(MetricTolerance { measure, value })
 }
 
 /// Simplifies tiles, one after the other.
 pub(super) struct Simplifier {
     transform: Affine,
-    cone: Cone,
+    cone: DoubleCone,
     /// What became of the last tile.
     lines: WindowContours,
 }
@@ -51,15 +53,16 @@ struct TileChains {
     starts: Vec<usize>,
     closed: Vec<bool>,
     /// What is kept of each chain.
-    kept: ChainVertices,
+    kept: KeptChainVertices,
     /// True for a chain that goes on from the one before it, as one line.
     goes_on: Vec<bool>,
 }
 
 impl Simplifier {
     /// Distances are those of positions after `transform`.
-    pub(super) fn new(tolerance: Tolerance, transform: Affine) -> Self {
-        let cone = Cone { tolerance, scratch: SimplifyScratch::default(), located: Vec::new() };
+    pub(super) fn new(tolerance: MetricTolerance, transform: Affine) -> Self {
+        let cone =
+            DoubleCone { tolerance, scratch: SimplifyScratch::default(), located: Vec::new() };
         Self { transform, cone, lines: WindowContours::default() }
     }
 
@@ -72,7 +75,7 @@ impl Simplifier {
         cancel: &Cancel,
     ) -> Result<&WindowContours> {
         let mut input =
-            TileChains { starts: vec![0], kept: ChainVertices::new(), ..TileChains::default() };
+            TileChains { starts: vec![0], kept: KeptChainVertices::new(), ..TileChains::default() };
         for (index, line) in lines.lines.iter().enumerate() {
             cancel.check()?;
             let vertices = lines.of(index);
@@ -142,7 +145,7 @@ impl Simplifier {
     }
 
     /// Fills `lines` with the kept vertices of those given.
-    fn collect(&mut self, lines: &WindowContours, input: &TileChains, kept: &ChainVertices) {
+    fn collect(&mut self, lines: &WindowContours, input: &TileChains, kept: &KeptChainVertices) {
         self.lines.clear();
         let mut originals = lines.lines.iter();
         for (chain, goes_on) in input.goes_on.iter().enumerate() {
@@ -162,13 +165,13 @@ impl Simplifier {
 }
 
 /// The greedy double cone, in the metric asked for.
-struct Cone {
-    tolerance: Tolerance,
+struct DoubleCone {
+    tolerance: MetricTolerance,
     scratch: SimplifyScratch,
-    located: Vec<Located>,
+    located: Vec<LocatedVertex>,
 }
 
-impl Cone {
+impl DoubleCone {
     /// Appends the vertices kept of a line.
     fn line(&mut self, points: &[Xy], kept: &mut Vec<u32>) {
         let (tolerance, scratch) = (self.tolerance.value, &mut self.scratch);
@@ -217,9 +220,9 @@ impl Cone {
     }
 }
 
-fn locate(points: &[Xy], located: &mut Vec<Located>) {
+fn locate(points: &[Xy], located: &mut Vec<LocatedVertex>) {
     located.clear();
-    located.extend(points.iter().map(|point| Located::new(*point)));
+    located.extend(points.iter().map(|point| LocatedVertex::new(*point)));
 }
 
 fn ring_in<V: Copy, M: DistanceMetric<V>>(

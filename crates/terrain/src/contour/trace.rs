@@ -1,7 +1,7 @@
 //! The lines of one tile: read, traced and simplified.
 
 use super::budget::ContourMemory;
-use super::simplify::{Simplifier, Tolerance};
+use super::simplify::{MetricTolerance, Simplifier};
 use super::tiles::ContourTiles;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
@@ -18,12 +18,12 @@ pub(super) struct ContourTask<'a> {
     pub(super) levels: &'a ContourLevels,
     pub(super) tiles: ContourTiles,
     pub(super) budget: ContourMemory,
-    pub(super) tolerance: Option<Tolerance>,
+    pub(super) tolerance: Option<MetricTolerance>,
     pub(super) cancel: &'a Cancel,
 }
 
 /// The lines of a tile.
-pub(super) struct Traced<'a> {
+pub(super) struct TracedTile<'a> {
     pub(super) lines: &'a WindowContours,
     /// Vertices before anything was left out.
     pub(super) original_vertices: u64,
@@ -55,7 +55,7 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
     }
 
     /// Reads, traces and simplifies a tile.
-    pub(super) fn trace(&mut self, tile: u64) -> Result<Traced<'_>> {
+    pub(super) fn trace(&mut self, tile: u64) -> Result<TracedTile<'_>> {
         let ContourTask { source, tiles, .. } = *self.task;
         let rect = tiles.rect(tile);
         if source.info().exact_in_f32() {
@@ -74,7 +74,7 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
             Some(simplifier) => simplifier.simplify(&self.lines, rect, tiles, self.task.cancel)?,
             None => &self.lines,
         };
-        Ok(Traced { lines, original_vertices, left_out })
+        Ok(TracedTile { lines, original_vertices, left_out })
     }
 
     fn lines_of<H: Copy + Into<f64>>(

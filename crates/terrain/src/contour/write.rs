@@ -3,7 +3,7 @@
 use super::job::{ContourJob, ContourReport, INDEX};
 use super::join::{ContourPieces, JoinedContour};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::{Cancel, Progress};
 use terrane_raster::GridInfo;
 use terrane_vector::{
@@ -75,7 +75,7 @@ impl ContourWriter<'_> {
         cancel.check()?;
         let written = sink.finish(&[])?;
         progress.end();
-        let run = Figures::default().with_spilled(pieces.spilled());
+        let run = RunStatistics::default().with_spilled(pieces.spilled());
         Ok(ContourReport { notes: written.notes, output_bytes: written.bytes, run, ..report })
     }
 

@@ -3,16 +3,16 @@
 use std::time::Instant;
 
 use super::job::{ConvertJob, ConvertReport};
-use super::task::{CopyPieces, CopySummary, CopyTask};
+use super::task::{CopyPieces, CopyStatistics, CopyTask};
 use terrane_base::error::{Error, ErrorKind, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::outputs::not_member;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_raster::write::{BandName, GridFormat, GridSink, GridWriteOptions};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, WaterReport};
 
 /// What stands in front of a grid that is read.
-pub(crate) struct GridFront {
+pub(crate) struct DerivedBands {
     /// What is written, alike in size and type.
     bands: Vec<Box<dyn GridSource>>,
     /// What the bands are called, where they are colours.
@@ -21,7 +21,7 @@ pub(crate) struct GridFront {
     notes: Vec<String>,
 }
 
-impl GridFront {
+impl DerivedBands {
     /// A grid.
     pub(crate) fn of(grid: Box<dyn GridSource>, notes: Vec<String>) -> Self {
         Self { bands: vec![grid], colours: Vec::new(), notes }
@@ -43,7 +43,7 @@ pub(crate) fn run_of(
     held: u64,
     progress: &dyn Progress,
     cancel: &Cancel,
-    front: impl FnOnce(Box<dyn GridSource>) -> Result<GridFront>,
+    front: impl FnOnce(Box<dyn GridSource>) -> Result<DerivedBands>,
 ) -> Result<ConvertReport> {
     let format = job.options.format(&job.output)?;
     format.check(&job.options.written.co)?;
@@ -55,7 +55,7 @@ pub(crate) fn run_of(
     let source = raster::open_all(job.input.names(), &options)?;
     not_member(source.as_ref(), &job.output)?;
     let cautions = raster::cautions(source.info());
-    let GridFront { bands, colours, notes } = front(source)?;
+    let DerivedBands { bands, colours, notes } = front(source)?;
     let mut notes = [cautions, notes].concat();
     let bands: Vec<&dyn GridSource> = bands.iter().map(AsRef::as_ref).collect();
     let report = copy_of(&bands, colours, job, held, progress, cancel)?;
@@ -103,7 +103,7 @@ fn copy_of(
     let (written, mut notes) = (sink.info().clone(), sink.notes());
     notes.extend(moved_nodata(job.options.out_nodata, info, &written));
     let output_bytes = sink.finish()?;
-    let run = Figures::since(start, &job.options.resources).with_threads(threads);
+    let run = RunStatistics::since(start, &job.options.resources).with_threads(threads);
     Ok(ConvertReport {
         format: format.name.to_owned(),
         samples,
@@ -145,7 +145,7 @@ pub fn copy_levels(
     Ok(())
 }
 
-fn report(job: &ConvertJob, info: &GridInfo, summary: &CopySummary) -> ConvertReport {
+fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> ConvertReport {
     let seen = |height: f64| (summary.valid > 0).then_some(height);
     ConvertReport {
         input: job.input.to_string(),

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::warp::lattice::LatticeOptions as Lattice;
+use crate::warp::lattice::LatticeOptions;
 use terrane_base::error::Result;
 use terrane_base::registry;
 use terrane_engine::Resources;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::options::{
     FileOutput, FiniteOrNan, GridInput, GridOutput, Reprojection, SampleTypeName,
 };
@@ -51,7 +51,7 @@ pub struct ConvertOptions {
     pub resampling: Option<String>,
     /// The lattice of the output.
     #[option(flatten)]
-    pub lattice: Lattice,
+    pub lattice: LatticeOptions,
     /// The coordinate reference system of the output.
     #[option(flatten)]
     pub reprojection: Reprojection,
@@ -169,7 +169,7 @@ pub struct ConvertReport {
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub samples_per_second: f64,
 }
 

@@ -81,29 +81,29 @@ impl CopyTask<'_> {
         threads: usize,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<CopySummary> {
-        let (next, turns) = (AtomicU64::new(0), Turns::default());
+    ) -> Result<CopyStatistics> {
+        let (next, turns) = (AtomicU64::new(0), OrderedTurns::default());
         let work = || self.work(&next, &turns, progress, cancel);
         let summaries: Result<_> = std::thread::scope(|scope| {
             let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
             let joined = workers.into_iter().map(|worker| worker.join());
             joined.map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
         });
-        let summaries: Vec<CopySummary> = summaries?;
-        Ok(summaries.into_iter().fold(CopySummary::NONE, CopySummary::join))
+        let summaries: Vec<CopyStatistics> = summaries?;
+        Ok(summaries.into_iter().fold(CopyStatistics::NONE, CopyStatistics::join))
     }
 
     fn work(
         &self,
         next: &AtomicU64,
-        turns: &Turns,
+        turns: &OrderedTurns,
         progress: &dyn Progress,
         cancel: &Cancel,
-    ) -> Result<CopySummary> {
-        let alarm = Alarm(turns);
+    ) -> Result<CopyStatistics> {
+        let alarm = TurnAlarm(turns);
         let bytes = vec![Vec::new(); self.sources.len()];
         let mut buffers = CopyBuffers { bytes, ..CopyBuffers::default() };
-        let mut summary = CopySummary::NONE;
+        let mut summary = CopyStatistics::NONE;
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= self.pieces.count() || turns.are_over() {
@@ -121,10 +121,10 @@ impl CopyTask<'_> {
         }
     }
 
-    fn copy(&self, rect: Rect, buffers: &mut CopyBuffers) -> Result<CopySummary> {
+    fn copy(&self, rect: Rect, buffers: &mut CopyBuffers) -> Result<CopyStatistics> {
         let Rect { col, row, .. } = self.window;
         let from = Rect::new(col + rect.col, row + rect.row, rect.width, rect.height);
-        let mut summary = CopySummary::NONE;
+        let mut summary = CopyStatistics::NONE;
         for (band, source) in (0..).zip(self.sources) {
             summary = summary.join(self.copy_band((band, *source), rect, from, buffers)?);
         }
@@ -138,19 +138,19 @@ impl CopyTask<'_> {
         rect: Rect,
         from: Rect,
         buffers: &mut CopyBuffers,
-    ) -> Result<CopySummary> {
+    ) -> Result<CopyStatistics> {
         let CopyBuffers { narrow, wide, bytes } = buffers;
         let bytes = &mut bytes[band as usize];
         if source.info().exact_in_f32() {
             narrow.resize(rect.len(), 0.0);
             source.read_f32(from, narrow)?;
             self.sink.encode(band, rect, HeightSlice::F32(narrow), bytes)?;
-            return Ok(CopySummary::of_f32(narrow));
+            return Ok(CopyStatistics::of_f32(narrow));
         }
         wide.resize(rect.len(), 0.0);
         source.read_f64(from, wide)?;
         self.sink.encode(band, rect, HeightSlice::F64(wide), bytes)?;
-        Ok(CopySummary::of_f64(wide))
+        Ok(CopyStatistics::of_f64(wide))
     }
 
     /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
@@ -163,7 +163,7 @@ impl CopyTask<'_> {
 
 /// Lets the holders of 0, 1, 2, ... through in that order.
 #[derive(Default)]
-struct Turns {
+struct OrderedTurns {
     state: Mutex<CopyState>,
     changed: Condvar,
 }
@@ -174,7 +174,7 @@ struct CopyState {
     over: bool,
 }
 
-impl Turns {
+impl OrderedTurns {
     /// Waits until all before `index` are through, and does `work`; nothing when the turns are over.
     fn take(&self, index: u64, work: impl FnOnce() -> Result<()>) -> Result<()> {
         let mut state = lock(&self.state);
@@ -195,9 +195,9 @@ impl Turns {
 }
 
 /// Ends the turns when a thread fails or panics, so that none waits for it.
-struct Alarm<'a>(&'a Turns);
+struct TurnAlarm<'a>(&'a OrderedTurns);
 
-impl Drop for Alarm<'_> {
+impl Drop for TurnAlarm<'_> {
     fn drop(&mut self) {
         lock(&self.0.state).over = true;
         self.0.changed.notify_all();
@@ -206,7 +206,7 @@ impl Drop for Alarm<'_> {
 
 /// What was seen while copying.
 #[derive(Clone, Copy, Debug)]
-pub struct CopySummary {
+pub struct CopyStatistics {
     /// Samples with a value.
     pub valid: u64,
     /// The lowest value.
@@ -215,7 +215,7 @@ pub struct CopySummary {
     pub highest: f64,
 }
 
-impl CopySummary {
+impl CopyStatistics {
     /// That of no sample.
     pub const NONE: Self = Self { valid: 0, lowest: f64::INFINITY, highest: f64::NEG_INFINITY };
 

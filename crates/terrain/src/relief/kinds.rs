@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use terrane_options::{OptionRange, OptionRule, Options};
 
-use super::{DerivativeOptions, ReliefRequest, run};
+use super::{DerivativeOptions, DerivativeRequest, run};
 use crate::convert::job::ConvertReport;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::operation::{Operation, RunRequest, Writes};
-use terrane_engine::options::{FileOutput, Finite, GridInput, GridOutput};
+use terrane_engine::options::{FileOutput, FiniteNumber, GridInput, GridOutput};
 use terrane_raster::Inputs;
 use terrane_window::relief::{
-    self as kernels, CurvatureKind, Gradient, LightSource, RuggednessMeasure,
+    self as kernels, CurvatureKind, Gradient, HillshadeMode, RuggednessMeasure,
 };
 
 terrane_engine::has_within!(
@@ -37,7 +37,7 @@ macro_rules! derivative {
 
             fn run(&self, request: RunRequest<'_>) -> Result<ConvertReport> {
                 let $own = self;
-                let asked = ReliefRequest {
+                let asked = DerivativeRequest {
                     derivative: Arc::new($kernel),
                     scale: $scale,
                     common: &self.common,
@@ -116,7 +116,7 @@ pub struct HillshadeOptions {
     #[option(value = "NAME")]
     pub algorithm: Gradient,
     /// Direction of the light, in degrees clockwise from north
-    #[option(value = "DEG", with = Finite, default_text = "315")]
+    #[option(value = "DEG", with = FiniteNumber, default_text = "315")]
     pub azimuth: Option<f64>,
     /// Height of the light above the horizon, in degrees
     #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]
@@ -146,9 +146,9 @@ const OF_LIGHT: &[OptionRule] =
 impl HillshadeOptions {
     fn kernel(&self) -> kernels::Hillshade {
         let light = match (self.multidirectional, self.combined) {
-            (true, _) => LightSource::Four,
-            (false, true) => LightSource::Combined,
-            (false, false) => LightSource::One,
+            (true, _) => HillshadeMode::Four,
+            (false, true) => HillshadeMode::Combined,
+            (false, false) => HillshadeMode::One,
         };
         let azimuth = self.azimuth.unwrap_or(kernels::Hillshade::default().azimuth);
         let (altitude, exaggeration) = (self.altitude, self.z_factor);
@@ -204,7 +204,7 @@ pub struct TpiOptions {
     pub common: DerivativeOptions,
 }
 
-derivative!(TpiOptions, "tpi", |_own| None, kernels::PositionIndex);
+derivative!(TpiOptions, "tpi", |_own| None, kernels::TopographicPositionIndex);
 
 /// Terrain ruggedness index of a grid at each sample
 ///

@@ -11,13 +11,13 @@ const NONE: f64 = 0.0;
 const GRAYS: [f64; 2] = [1.0, 65_535.0];
 
 /// A grid of grays in front of one of values.
-pub(super) struct Toned {
+pub(super) struct TonedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     range: [f64; 2],
 }
 
-impl Toned {
+impl TonedGrid {
     /// Grays of values within `range`, which has the lowest first.
     pub(super) fn new(inner: Box<dyn GridSource>, range: [f64; 2]) -> Self {
         let own = inner.info().clone();
@@ -44,7 +44,7 @@ impl Toned {
     }
 }
 
-impl GridSource for Toned {
+impl GridSource for TonedGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }

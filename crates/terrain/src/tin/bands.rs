@@ -9,8 +9,8 @@ use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, VertexExtras, in_input, options};
 use super::report::TinReport;
 use super::run::TinOutcome;
-use super::textbook::{self, Stages, WholeGridMethod, surface};
-use super::window::WorkerBuffers;
+use super::textbook::{self, StageTimes, WholeGridMethod, surface};
+use super::window::HeightBuffers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_baselines::{MultichannelTin, PackedSample, WeightedChannels, join_voids};
@@ -43,7 +43,7 @@ pub fn run_bands(
     opened.format.check_channels(&opened.carried.channels)?;
     let maker = TinMaker { job, opened: &opened, progress, cancel };
     let picture =
-        maker.check_output().and_then(|()| Picture::read(&maker, bands)).map_err(named)?;
+        maker.check_output().and_then(|()| BandValues::read(&maker, bands)).map_err(named)?;
     opened.carried = carried(bands, &picture.kinds(kinds));
     let maker = TinMaker { job, opened: &opened, progress, cancel };
     let mut report = picture.make(&maker, bands).map_err(named)?;
@@ -88,17 +88,17 @@ fn carried(bands: &MeshBands, kinds: &[ChannelKind]) -> VertexExtras {
 }
 
 /// The values of all bands.
-struct Picture {
+struct BandValues {
     size: [u32; 2],
     planes: Vec<Vec<f64>>,
-    stages: Stages,
+    stages: StageTimes,
 }
 
-impl Picture {
+impl BandValues {
     /// Reads all bands, one after the other; what is void in one becomes void in all.
     fn read(maker: &TinMaker<'_>, bands: &MeshBands) -> Result<Self> {
         let info = maker.opened.source.info();
-        let (size, mut stages) = ([info.width, info.height], Stages::default());
+        let (size, mut stages) = ([info.width, info.height], StageTimes::default());
         let planes = stages.time(maker, "read", || {
             let plane = |&(band, _): &(u32, f64)| read(maker, band);
             let mut planes = bands.list().iter().map(plane).collect::<Result<Vec<_>>>()?;
@@ -201,7 +201,7 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
         let message = format!("bands {} and {band} differ in size or place", info.band);
         return Err(Error::unsupported(message).remedy("name bands of one lattice"));
     }
-    let mut window = WorkerBuffers::default();
+    let mut window = HeightBuffers::default();
     window.read(source, Rect::new(0, 0, info.width, info.height))?;
     Ok(textbook::all_heights(&window))
 }

@@ -7,12 +7,12 @@ use terrane_tin::{TilePosition, TileTriangle};
 
 /// Moves positions by a fixed number of columns and rows.
 #[derive(Clone, Copy)]
-pub(super) struct Shift {
+pub(super) struct PositionShift {
     pub(super) cols: i32,
     pub(super) rows: i32,
 }
 
-impl Shift {
+impl PositionShift {
     /// From positions relative to grid position `from` to positions relative to `to`
     /// (column, row).
     pub(super) fn new(from: (u32, u32), to: (u32, u32)) -> Self {
@@ -45,7 +45,7 @@ pub(super) struct OffsetFrame {
 impl OffsetFrame {
     /// The samples of `rect` as positions relative to grid position `origin` (column, row).
     pub(super) fn new(rect: Rect, origin: (u32, u32)) -> Self {
-        let Shift { cols, rows } = Shift::new((rect.col, rect.row), origin);
+        let PositionShift { cols, rows } = PositionShift::new((rect.col, rect.row), origin);
         Self { first: [cols, rows], size: [rect.width, rect.height] }
     }
 

@@ -8,7 +8,7 @@ use super::make::{MeshOrigin, header, in_input, open_tiled};
 use super::refinement::Refinement;
 use super::report::{FlawReport, unmet};
 use super::run::TinOutcome;
-use super::seek::{Seeker, run_stage};
+use super::seek::{TinSeeker, run_stage};
 use super::settings::TinSettings;
 use terrane_base::error::Result;
 use terrane_engine::kept::ConstraintFeatures;
@@ -16,7 +16,7 @@ use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::{Cancel, Progress, Resources, beside};
 use terrane_mesh::{MeshHeader, MeshSink};
 use terrane_raster::{GridOpenOptions, GridSource, Inputs, NorthUpGrid};
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// A mesh to make of a grid that is open.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +41,7 @@ impl BuildJob<'_> {
 
 /// What a [`BuildJob`] did.
 #[derive(Clone, Debug)]
-pub struct Built {
+pub struct BuildOutcome {
     /// The tolerance of the mesh.
     pub tolerance: f64,
     /// What the run counted, errors measured.
@@ -62,7 +62,7 @@ pub fn build(
     job: &BuildJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Built> {
+) -> Result<BuildOutcome> {
     job.goal.check()?;
     let source = &NorthUpGrid::new(source);
     let info = source.info();
@@ -85,7 +85,7 @@ pub fn build_files(
     job: &BuildJob<'_>,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Built> {
+) -> Result<BuildOutcome> {
     job.goal.check()?;
     let features = job.refinement.features(options.water.as_ref(), job.resources)?;
     let worker = |tile| job.worker(&features, tile);
@@ -105,7 +105,7 @@ fn build_within(
     shares: MemoryShares,
     progress: &dyn Progress,
     cancel: &Cancel,
-) -> Result<Built> {
+) -> Result<BuildOutcome> {
     let info = source.info();
     let layout = TileLayout::new(info.width, info.height, job.tile)?;
     let kept = features.on(info)?;
@@ -121,12 +121,12 @@ fn build_within(
         progress,
         cancel,
     };
-    let (tolerance, _) = Seeker { source, layout, settings }.tolerance(job.goal)?;
-    let settings = TinSettings { spec: Spec { tolerance, ..settings.spec }, ..settings };
+    let (tolerance, _) = TinSeeker { source, layout, settings }.tolerance(job.goal)?;
+    let settings = TinSettings { spec: TinSpec { tolerance, ..settings.spec }, ..settings };
     let outcome = run_stage("triangulate", source, sink, layout, &settings)?;
     let [clip, water] = [clip, water].map(|path| path.map(beside::label));
     let from = MeshOrigin { input: info.format, clip, water, refinement: job.refinement };
     let flaws = |flaws| Some(FlawReport::of(flaws, &info.transform));
     let unmet = unmet(flaws(outcome.thin), flaws(outcome.apart), job.refinement.min_angle);
-    Ok(Built { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
+    Ok(BuildOutcome { tolerance, outcome, unmet, header: header(info, from, &settings.spec, 0.0) })
 }

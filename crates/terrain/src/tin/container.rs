@@ -7,9 +7,9 @@
 
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
-use super::bounds::{OffsetFrame, SampleBounds, Shift, all_bounds, inner_bounds};
+use super::bounds::{OffsetFrame, PositionShift, SampleBounds, all_bounds, inner_bounds};
 use super::layout::{TileId, TileLayout};
-use super::zone::PatchZone;
+use super::zone::PatchTriangles;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_files::{SpoolExtent, SpoolFile};
@@ -26,7 +26,7 @@ pub(super) struct MeshPiece<'a> {
 
 /// What is kept with a tile, in memory.
 #[derive(Debug, Default)]
-pub(super) struct Container {
+pub(super) struct TileContainer {
     /// Those near the sides of the tile, and all that seam patches brought.
     pub(super) triangles: Vec<TileTriangle>,
     /// The others; no triangle of a neighbour has a corner among theirs.
@@ -38,18 +38,18 @@ pub(super) struct Container {
     sorted: usize,
 }
 
-impl Container {
+impl TileContainer {
     /// Moves all triangles of `zone` to `out`, relative to its limits.
     pub(super) fn extract(
         &mut self,
-        zone: &PatchZone,
+        zone: &PatchTriangles,
         tile: TileId,
         layout: &TileLayout,
         out: &mut Vec<TileTriangle>,
     ) {
         let origin = layout.origin(tile);
         let members = zone.seen_from(origin);
-        let shift = Shift::new(origin, (zone.limits().col, zone.limits().row));
+        let shift = PositionShift::new(origin, (zone.limits().col, zone.limits().row));
         let is_left = |triangle: &TileTriangle| {
             let is_member = members.contains(triangle);
             if is_member {
@@ -66,7 +66,7 @@ impl Container {
     /// True when a triangle of `zone` has too small an angle.
     pub(super) fn is_thin_in(
         &self,
-        zone: &PatchZone,
+        zone: &PatchTriangles,
         tile: TileId,
         layout: &TileLayout,
         bound: &MinimumAngle,
@@ -81,7 +81,7 @@ impl Container {
     /// Takes what belongs to `tile` out of a piece of the mesh.
     pub(super) fn insert(&mut self, piece: MeshPiece<'_>, tile: TileId, layout: &TileLayout) {
         let at = (piece.rect.col, piece.rect.row);
-        let shift = Shift::new(at, layout.origin(tile));
+        let shift = PositionShift::new(at, layout.origin(tile));
         let owned = OffsetFrame::new(layout.owned(tile), at);
         let kept = piece.triangles.iter().filter(|t| owned.contains(first_corner(t)));
         if piece.rect == layout.rect(tile) {
@@ -128,7 +128,7 @@ impl Container {
     ) {
         let origin = layout.origin(tile);
         let (inside, shift) =
-            (OffsetFrame::new(rect, origin), Shift::new(origin, (rect.col, rect.row)));
+            (OffsetFrame::new(rect, origin), PositionShift::new(origin, (rect.col, rect.row)));
         let all = self.vertices.iter().zip(&self.heights);
         out.extend(
             all.filter(|&(&at, _)| inside.contains(at)).map(|(&at, &z)| (shift.apply(at), z)),
@@ -150,7 +150,7 @@ impl Container {
     }
 
     /// Appends the vertices that are not among the tile's own; those that are may have moved.
-    fn insert_loose(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame, shift: Shift) {
+    fn insert_loose(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame, shift: PositionShift) {
         for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
             if !owned.contains(at) {
                 continue;
@@ -270,7 +270,7 @@ impl SpilledContainer {
     }
 
     /// Reads the container back and frees its space.
-    pub(super) fn load(self, spool: &SpoolFile) -> Result<Container> {
+    pub(super) fn load(self, spool: &SpoolFile) -> Result<TileContainer> {
         let mut triangles = vec![TileTriangle::zeroed(); self.triangles];
         let mut inner = vec![TileTriangle::zeroed(); self.inner];
         let mut vertices = vec![TilePosition::zeroed(); self.vertices];
@@ -282,7 +282,7 @@ impl SpilledContainer {
             bytemuck::cast_slice_mut::<f64, u8>(&mut heights),
         ];
         spool.take(self.extent, &mut parts)?;
-        Ok(Container { triangles, inner, vertices, heights, sorted: self.sorted })
+        Ok(TileContainer { triangles, inner, vertices, heights, sorted: self.sorted })
     }
 }
 
@@ -295,7 +295,7 @@ fn first_corner(triangle: &TileTriangle) -> TilePosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tin::layout::Seam;
+    use crate::tin::layout::SeamPlace;
 
     fn triangle(corners: [(u32, u32); 3]) -> TileTriangle {
         let corners = corners.map(|(col, row)| TilePosition::new(col, row));
@@ -306,7 +306,7 @@ mod tests {
     fn a_piece_is_divided_among_owners_and_found_again() {
         let layout = TileLayout::new(257, 129, 128).unwrap();
         let (left, right) = (TileId::new(0, 0), TileId::new(0, 1));
-        let zone = PatchZone::new(&layout, Seam::Vertical, left, 64, 0);
+        let zone = PatchTriangles::new(&layout, SeamPlace::Vertical, left, 64, 0);
         let triangles = [
             triangle([(0, 0), (127, 0), (64, 9)]),
             triangle([(64, 1), (65, 1), (64, 90)]),
@@ -321,7 +321,7 @@ mod tests {
         let mut found = Vec::new();
         let mut counts = Vec::new();
         for tile in [left, right] {
-            let mut container = Container::default();
+            let mut container = TileContainer::default();
             container.insert(piece, tile, &layout);
             counts.push((container.triangles.len(), container.vertices.len()));
             container.extract(&zone, tile, &layout, &mut found);
@@ -341,12 +341,12 @@ mod tests {
             [triangle([(70, 50), (80, 50), (75, 60)]), triangle([(110, 50), (120, 50), (115, 60)])];
         let rect = layout.rect(tile);
         let piece = MeshPiece { rect, triangles: &triangles, vertices: &[], heights: &[] };
-        let mut container = Container::default();
+        let mut container = TileContainer::default();
         container.insert(piece, tile, &layout);
         assert_eq!((container.inner.len(), container.triangles.len()), (1, 1));
         for (reach, taken) in [(8, 1), (32, 1), (60, 2)] {
             let mut found = Vec::new();
-            let zone = PatchZone::new(&layout, Seam::Vertical, tile, reach, 0);
+            let zone = PatchTriangles::new(&layout, SeamPlace::Vertical, tile, reach, 0);
             container.extract(&zone, tile, &layout, &mut found);
             assert_eq!(found.len(), if reach == 32 { 0 } else { taken.min(1) }, "reach {reach}");
         }
@@ -356,7 +356,7 @@ mod tests {
     fn spilled_and_loaded_is_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let spool = SpoolFile::new(folder.path());
-        let container = Container {
+        let container = TileContainer {
             triangles: vec![triangle([(0, 0), (1, 0), (0, 1)])],
             inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
             vertices: vec![
@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn a_closed_container_comes_back_from_its_bytes_and_from_no_others() {
         let at = |col| TilePosition::new(col, 3);
-        let mut container = Container {
+        let mut container = TileContainer {
             triangles: [7, 2].map(|col| triangle([(col, 0), (col + 1, 0), (0, 9)])).to_vec(),
             inner: vec![triangle([(5, 5), (9, 5), (6, 7)])],
             vertices: vec![at(4), at(1), at(4)],
@@ -391,14 +391,14 @@ mod tests {
         );
         assert!(container.triangles[0].corners < container.triangles[1].corners);
         let mut bytes = container.to_bytes();
-        let back = Container::of_bytes(&bytes).unwrap();
+        let back = TileContainer::of_bytes(&bytes).unwrap();
         assert_eq!((back.triangles, back.inner), (container.triangles, container.inner));
         assert_eq!(
             (back.vertices, back.heights, back.sorted),
             (container.vertices, container.heights, 2)
         );
-        assert!((0..bytes.len()).all(|len| Container::of_bytes(&bytes[..len]).is_none()));
+        assert!((0..bytes.len()).all(|len| TileContainer::of_bytes(&bytes[..len]).is_none()));
         bytes[7] = 0xff;
-        assert!(Container::of_bytes(&bytes).is_none());
+        assert!(TileContainer::of_bytes(&bytes).is_none());
     }
 }

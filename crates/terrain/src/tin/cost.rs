@@ -21,7 +21,7 @@ const ROWS_IN_FLIGHT: u64 = 3;
 /// What a TIN of a grid takes with tiles of the usual size. What depends on the mesh is told for a
 /// coarse and for a fine one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Cost {
+pub struct TinCost {
     /// Bytes of memory without which it cannot be made.
     pub least_memory: u64,
     /// Bytes it may use.
@@ -41,7 +41,7 @@ pub struct Cost {
 }
 
 /// What a TIN of `source` would take within `resources`; `None` when it has no cell.
-pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
+pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<TinCost> {
     let layout = TileLayout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
     let worker = worker_bytes(layout.side(), false, false);
@@ -49,7 +49,7 @@ pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<Cost> {
     let memory = resources.memory.max(least_memory);
     let shares = memory::divide(memory, resources.threads, worker).ok()?;
     let in_flight = width * height.min(ROWS_IN_FLIGHT * u64::from(USUAL_TILE));
-    Some(Cost {
+    Some(TinCost {
         least_memory,
         memory: resources.memory,
         threads: shares.threads,
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use terrane_raster::{GridOpenOptions, open};
 
-    fn cost_of(terrain: &str, threads: usize, memory: u64) -> Option<Cost> {
+    fn cost_of(terrain: &str, threads: usize, memory: u64) -> Option<TinCost> {
         let source = open(terrain, &GridOpenOptions::default()).unwrap();
         cost(source.as_ref(), &Resources { threads, memory, temp_dir: None })
     }

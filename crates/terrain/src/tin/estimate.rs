@@ -7,12 +7,12 @@ use std::collections::HashMap;
 
 use super::budget::ToleranceTrial;
 use super::layout::{TileId, TileLayout};
-use super::window::WorkerBuffers;
+use super::window::HeightBuffers;
 use super::worker::tile_input;
 use terrane_base::error::Result;
 use terrane_engine::{Cancel, workers};
 use terrane_raster::GridSource;
-use terrane_tin::{Spec, TileMesh, TileScratch, triangulate_tile};
+use terrane_tin::{TileMesh, TileScratch, TinSpec, triangulate_tile};
 
 /// One tile in this many is sampled, but no more than [`MOST_TILES`].
 const ONE_IN: u64 = 32;
@@ -50,7 +50,7 @@ impl MeshSize {
 }
 
 /// Triangulates the same few tiles at any tolerance, each at once on one of several threads.
-pub(super) struct Estimator<'a> {
+pub(super) struct SizeEstimator<'a> {
     source: &'a dyn GridSource,
     layout: TileLayout,
     threads: usize,
@@ -62,7 +62,7 @@ pub(super) struct Estimator<'a> {
     relief: Option<f64>,
 }
 
-impl<'a> Estimator<'a> {
+impl<'a> SizeEstimator<'a> {
     /// Chooses the tiles.
     pub(super) fn new(
         source: &'a dyn GridSource,
@@ -88,12 +88,12 @@ impl<'a> Estimator<'a> {
     }
 
     /// The estimated size of the whole mesh.
-    pub(super) fn size(&mut self, spec: &Spec) -> Result<MeshSize> {
+    pub(super) fn size(&mut self, spec: &TinSpec) -> Result<MeshSize> {
         self.sizes(spec).map(|sizes| self.whole(&sizes))
     }
 
     /// The same with what it is likely to be off by on top: the standard error of the sampled tiles.
-    pub(super) fn size_at_most(&mut self, spec: &Spec) -> Result<MeshSize> {
+    pub(super) fn size_at_most(&mut self, spec: &TinSpec) -> Result<MeshSize> {
         let sizes = self.sizes(spec)?;
         let size = self.whole(&sizes);
         let a_sample = size.vertices as f64 / self.layout.samples() as f64;
@@ -117,19 +117,19 @@ impl<'a> Estimator<'a> {
         found.times(self.layout.samples() as f64 / samples.max(1) as f64)
     }
 
-    fn sizes(&mut self, spec: &Spec) -> Result<Vec<(u64, MeshSize)>> {
+    fn sizes(&mut self, spec: &TinSpec) -> Result<Vec<(u64, MeshSize)>> {
         self.look(spec, &[spec.tolerance])?;
         Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
     }
 
     /// Makes meshes of the tiles at those of some tolerances that are not known yet.
-    fn look(&mut self, spec: &Spec, tolerances: &[f64]) -> Result<()> {
+    fn look(&mut self, spec: &TinSpec, tolerances: &[f64]) -> Result<()> {
         let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
         let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
         let (count, mut made) = (self.tiles.len() as u64, Vec::new());
         let this = &*self;
-        let size = |state: &mut (WorkerBuffers, TileScratch), unit: u64| {
-            let spec = Spec { tolerance: new[(unit / count) as usize], ..*spec };
+        let size = |state: &mut (HeightBuffers, TileScratch), unit: u64| {
+            let spec = TinSpec { tolerance: new[(unit / count) as usize], ..*spec };
             this.size_of(this.tiles[(unit % count) as usize], &spec, state)
         };
         let units = count * new.len() as u64;
@@ -146,18 +146,18 @@ impl<'a> Estimator<'a> {
     }
 
     /// Buffers of a thread.
-    fn state(&self) -> (WorkerBuffers, TileScratch) {
+    fn state(&self) -> (HeightBuffers, TileScratch) {
         let mut scratch = TileScratch::default();
         scratch.stop_by(self.cancel);
-        (WorkerBuffers::default(), scratch)
+        (HeightBuffers::default(), scratch)
     }
 
     /// Samples of a tile, and what a mesh of it keeps.
     fn size_of(
         &self,
         tile: TileId,
-        spec: &Spec,
-        state: &mut (WorkerBuffers, TileScratch),
+        spec: &TinSpec,
+        state: &mut (HeightBuffers, TileScratch),
     ) -> Result<(u64, MeshSize)> {
         let mesh = self.triangulate(tile, spec, state)?;
         let owned = self.layout.owned(tile);
@@ -171,12 +171,12 @@ impl<'a> Estimator<'a> {
     /// taken to be off by the same factor as that for a trial.
     pub(super) fn guess(
         &mut self,
-        spec: &Spec,
+        spec: &TinSpec,
         budget: u64,
         trial: Option<ToleranceTrial>,
         count: impl Fn(MeshSize) -> u64,
     ) -> Result<f64> {
-        let mut estimate = |tolerance| self.size(&Spec { tolerance, ..*spec }).map(&count);
+        let mut estimate = |tolerance| self.size(&TinSpec { tolerance, ..*spec }).map(&count);
         let factor = match trial {
             Some(trial) => estimate(trial.tolerance)? as f64 / trial.count.max(1) as f64,
             None => 1.0,
@@ -190,7 +190,7 @@ impl<'a> Estimator<'a> {
             let next = f64::midpoint(middle, high);
             let is_free = self.threads > self.tiles.len();
             self.look(spec, &[middle.exp(), next.exp()][..1 + usize::from(is_free)])?;
-            let size = self.size(&Spec { tolerance: middle.exp(), ..*spec })?;
+            let size = self.size(&TinSpec { tolerance: middle.exp(), ..*spec })?;
             if count(size) as f64 > budget { low = middle } else { high = middle }
         }
         Ok(high.exp())
@@ -202,7 +202,7 @@ impl<'a> Estimator<'a> {
             return Ok(relief);
         }
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        let mut window = WorkerBuffers::default();
+        let mut window = HeightBuffers::default();
         for &tile in &self.tiles {
             window.read(self.source, self.layout.rect(tile))?;
             let heights = window.heights().f32;
@@ -217,8 +217,8 @@ impl<'a> Estimator<'a> {
     fn triangulate(
         &self,
         tile: TileId,
-        spec: &Spec,
-        (window, scratch): &mut (WorkerBuffers, TileScratch),
+        spec: &TinSpec,
+        (window, scratch): &mut (HeightBuffers, TileScratch),
     ) -> Result<TileMesh> {
         self.cancel.check()?;
         window.read(self.source, self.layout.apron(tile))?;

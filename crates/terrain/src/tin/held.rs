@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use terrane_options::{Options, check, to_map};
 
-use super::build::{BuildJob, Built, build, build_files};
+use super::build::{BuildJob, BuildOutcome, build, build_files};
 use super::options::TinOptions;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
@@ -233,7 +233,7 @@ impl TinOptions {
 /// Makes a mesh by `build`, which is given a sink and the job.
 fn build_by(
     options: &TinOptions,
-    build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<Built>,
+    build: impl FnOnce(Box<dyn MeshSink>, &BuildJob<'_>) -> Result<BuildOutcome>,
 ) -> Result<Tin> {
     let TinOptions { refinement, tile, resources, .. } = options;
     let job = BuildJob { goal: options.target.goal()?, refinement, tile: *tile, resources };
@@ -244,19 +244,19 @@ fn build_by(
 
 /// A sink that keeps what it is given.
 #[derive(Clone, Default)]
-struct MemorySink(Arc<Mutex<Lists>>);
+struct MemorySink(Arc<Mutex<KeptLists>>);
 
 #[derive(Default)]
-struct Lists {
+struct KeptLists {
     vertices: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl MemorySink {
-    fn into_tin(self, built: Built) -> Tin {
+    fn into_tin(self, built: BuildOutcome) -> Tin {
         let mut lists = lock(&self.0);
-        let Lists { vertices, triangles } = std::mem::take(&mut *lists);
-        let Built { tolerance, outcome, unmet, header } = built;
+        let KeptLists { vertices, triangles } = std::mem::take(&mut *lists);
+        let BuildOutcome { tolerance, outcome, unmet, header } = built;
         let surface = (outcome.valid - outcome.isolated).max(1) as f64;
         Tin {
             vertices,

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{Tin, height_origin_of};
 use terrane_base::geom::HeightQuantization;
 use terrane_base::{Error, Result};
-use terrane_engine::placing::{MeshPlacement, Placing};
+use terrane_engine::placing::{Placing, StorageScale};
 use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, SinkOptions};
 
 /// Vertices or triangles handed to a sink at once.
@@ -85,7 +85,7 @@ impl Tin {
     }
 
     /// How it lies in a file, what heights are relative to there, and the bound of them as they are stored.
-    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(MeshPlacement, f64, f64)> {
+    fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(StorageScale, f64, f64)> {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
         let (placed, _) = Placing::default()

@@ -10,7 +10,7 @@ use super::refinement::Refinement;
 use terrane_engine::Resources;
 use terrane_engine::options::GridInput;
 use terrane_engine::placing::Placing;
-use terrane_engine::transform::OutputTransform;
+use terrane_engine::transform::TargetCrs;
 use terrane_raster::Inputs;
 
 /// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
@@ -43,7 +43,7 @@ pub struct TinJob {
     pub placing: Placing,
     /// The system to write in; that of the grid when `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub transform: Option<OutputTransform>,
+    pub transform: Option<TargetCrs>,
     /// What to reach.
     #[serde(flatten)]
     pub goal: TinGoal,

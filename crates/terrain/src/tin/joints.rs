@@ -1,6 +1,6 @@
 //! Whether the edges of a finished mesh follow its breaklines: looked up vertex by vertex, whoever made them.
 
-use super::tally::Flaws;
+use super::tally::MeshFlaws;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::{Rect, SampleSegment};
 use terrane_engine::breaklines::Breaklines;
@@ -11,7 +11,7 @@ type At = [i16; 2];
 
 /// The triangles around the vertices of a tile that lie on breaklines.
 #[derive(Default)]
-pub(super) struct Joints {
+pub(super) struct BreaklineFans {
     segments: Vec<SampleSegment>,
     /// Samples on their paths.
     on: BitSet,
@@ -20,7 +20,7 @@ pub(super) struct Joints {
     fans: Vec<(At, [At; 2])>,
 }
 
-impl Joints {
+impl BreaklineFans {
     /// Begins with what lies in a rectangle.
     pub(super) fn begin(&mut self, lines: &Breaklines, rect: Rect) {
         self.fans.clear();
@@ -57,8 +57,8 @@ impl Joints {
     }
 
     /// The vertices in the rectangle from which a line should go on along an edge, and does not.
-    pub(super) fn apart(&mut self) -> Flaws {
-        let mut apart = Flaws::default();
+    pub(super) fn apart(&mut self) -> MeshFlaws {
+        let mut apart = MeshFlaws::default();
         let Some(rect) = self.rect else { return apart };
         self.fans.sort_unstable();
         let mut around = Vec::new();
@@ -115,24 +115,24 @@ mod tests {
     fn a_line_across_a_triangle_is_told_of() {
         let tile = Rect::new(10, 20, 5, 3);
         let found = |line: [[u32; 2]; 2]| {
-            let mut joints = Joints::default();
+            let mut joints = BreaklineFans::default();
             joints.begin(&Breaklines::of(vec![line]), tile);
             joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
             joints.see(&[triangle([(12, 0), (12, 2), (8, 2)])], (2, 20));
             joints.apart()
         };
         for followed in [[[10, 20], [14, 20]], [[14, 20], [10, 22]], [[10, 22], [14, 22]]] {
-            assert_eq!(found(followed), Flaws::default(), "{followed:?}");
+            assert_eq!(found(followed), MeshFlaws::default(), "{followed:?}");
         }
         let across = found([[14, 22], [10, 20]]);
-        assert_eq!(across, Flaws { count: 1, first: Some([20, 10]) });
+        assert_eq!(across, MeshFlaws { count: 1, first: Some([20, 10]) });
         // An edge beside its path is none along it.
         assert_eq!(found([[10, 20], [14, 21]]).count, 1);
         // What is outside of the tile is told of by another.
-        assert_eq!(found([[30, 20], [40, 29]]), Flaws::default());
-        let mut joints = Joints::default();
+        assert_eq!(found([[30, 20], [40, 29]]), MeshFlaws::default());
+        let mut joints = BreaklineFans::default();
         joints.begin(&Breaklines::NONE, tile);
         joints.see(&[triangle([(0, 0), (4, 0), (0, 2)])], (10, 20));
-        assert_eq!(joints.apart(), Flaws::default());
+        assert_eq!(joints.apart(), MeshFlaws::default());
     }
 }

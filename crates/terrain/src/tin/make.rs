@@ -13,7 +13,7 @@ use super::layout::{TileLayout, checked_tile};
 use super::refinement::Refinement;
 use super::report::{FlawReport, TinReport};
 use super::run::TinOutcome;
-use super::seek::{Seeker, run_stage};
+use super::seek::{TinSeeker, run_stage};
 use super::settings::TinSettings;
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -21,12 +21,12 @@ use terrane_base::geom::{HeightQuantization, Point3};
 use terrane_baselines::TriangulationRule;
 use terrane_engine::bands::MeshBands;
 use terrane_engine::beside;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::input::grid_stats;
-use terrane_engine::kept::{ConstraintFeatures, ConstraintSamples};
+use terrane_engine::kept::{ConstraintFeatures, GridConstraints};
 use terrane_engine::memory::{self, MemoryShares};
 use terrane_engine::outputs::refuse_file_name;
-use terrane_engine::placing::MeshPlacement;
+use terrane_engine::placing::StorageScale;
 use terrane_engine::transform::{MovingMesh, Transformed};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, refuse_existing};
@@ -39,7 +39,7 @@ use terrane_mesh::{
 use terrane_raster::{
     self as raster, GridInfo, GridOpenOptions, GridSource, Inputs, NorthUpGrid, Water, WaterReport,
 };
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// Runs a job from file to file.
 ///
@@ -70,19 +70,19 @@ pub(super) struct OpenedTinJob {
     pub(super) format: &'static MeshFormat,
     /// What heights are stored relative to, where the format stores them in f32.
     pub(super) height_origin: Option<f64>,
-    pub(super) placed: MeshPlacement,
+    pub(super) placed: StorageScale,
     /// The system that the mesh is written in.
     pub(super) frame: MeshFrame,
     notes: Vec<String>,
     pub(super) shares: MemoryShares,
     /// Samples that stay vertices, and breaklines.
-    pub(super) kept: ConstraintSamples,
+    pub(super) kept: GridConstraints,
     /// What is made level.
     water: Option<Arc<Water>>,
     /// What vertices have beside their positions.
     pub(super) carried: VertexExtras,
     /// What the kernel is told, for whatever tolerance.
-    spec: Spec,
+    spec: TinSpec,
 }
 
 impl OpenedTinJob {
@@ -112,7 +112,7 @@ impl OpenedTinJob {
         let (placed, mut notes) =
             job.placing.place(&frame.crs, (frame.bounds, frame.steps), format)?;
         notes.extend(frame.notes().into_iter().chain(raster::cautions(info)));
-        let (kept, carried) = (ConstraintSamples::default(), VertexExtras::default());
+        let (kept, carried) = (GridConstraints::default(), VertexExtras::default());
         let spec = job.refinement.spec(&info.transform)?;
         let water = None;
         let mut opened = Self {
@@ -242,7 +242,7 @@ impl TinMaker<'_> {
         &self,
         tolerance: f64,
         trials: u32,
-        write: impl FnOnce(Box<dyn MeshSink>, Spec) -> Result<TinOutcome>,
+        write: impl FnOnce(Box<dyn MeshSink>, TinSpec) -> Result<TinOutcome>,
     ) -> Result<TinReport> {
         let (job, info) = (self.job, self.opened.source.info());
         let height = self.opened.height_origin.unwrap_or(0.0);
@@ -347,7 +347,7 @@ impl TinMaker<'_> {
     pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
         let settings = self.settings(self.spec(0.0), folder);
-        let seeker = Seeker { source: &*self.opened.source, layout, settings };
+        let seeker = TinSeeker { source: &*self.opened.source, layout, settings };
         let most = seeker.most();
         match self.job.goal {
             // Hardly any mesh keeps all samples.
@@ -373,17 +373,17 @@ impl TinMaker<'_> {
         self.opened.format.check_capacity(vertices, triangles)
     }
 
-    pub(super) fn spec(&self, tolerance: f64) -> Spec {
-        Spec { tolerance, ..self.opened.spec }
+    pub(super) fn spec(&self, tolerance: f64) -> TinSpec {
+        TinSpec { tolerance, ..self.opened.spec }
     }
 
-    fn run(&self, sink: Box<dyn MeshSink>, spec: Spec) -> Result<TinOutcome> {
+    fn run(&self, sink: Box<dyn MeshSink>, spec: TinSpec) -> Result<TinOutcome> {
         let settings = self.settings(spec, self.temp_dir());
         run_stage("triangulate", &*self.opened.source, sink, self.layout()?, &settings)
     }
 
     /// How to run the core.
-    pub(super) fn settings<'a>(&'a self, spec: Spec, temp_dir: &'a Path) -> TinSettings<'a> {
+    pub(super) fn settings<'a>(&'a self, spec: TinSpec, temp_dir: &'a Path) -> TinSettings<'a> {
         TinSettings {
             spec,
             tile: self.job.tile,
@@ -456,13 +456,13 @@ impl TinMaker<'_> {
                 .map(|_| FlawReport::of(outcome.thin, &info.transform)),
             output_bytes: outcome.output_bytes,
             prj: prj.map(|path| path.display().to_string()),
-            placed: Some(self.opened.placed.clone()).filter(MeshPlacement::is_local),
+            placed: Some(self.opened.placed.clone()).filter(StorageScale::is_local),
             notes,
             tiles: layout.tiles(),
             tile_cells: layout.side(),
             trials,
             stages: outcome.stages,
-            run: Figures::since(Instant::now(), &job.resources)
+            run: RunStatistics::since(Instant::now(), &job.resources)
                 .with_threads(self.opened.shares.threads)
                 .with_spilled(outcome.spilled_bytes),
             samples_per_second: 0.0,
@@ -483,7 +483,7 @@ pub(super) struct MeshOrigin<'a> {
 pub(super) fn header(
     info: &GridInfo,
     from: MeshOrigin<'_>,
-    spec: &Spec,
+    spec: &TinSpec,
     height: f64,
 ) -> MeshHeader {
     let bounds = bounds(info);
@@ -500,7 +500,7 @@ pub(super) fn header(
 }
 
 /// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
-fn promises(from: MeshOrigin<'_>, spec: &Spec, unit: Option<String>) -> Promises {
+fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
     let [kept, lines] = from.refinement.files();
     Promises {
         source: Some(from.input.to_owned()),

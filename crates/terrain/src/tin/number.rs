@@ -4,10 +4,10 @@
 //! and by position (row, column) within a tile, so an id is the tile's first id plus the vertex's
 //! rank: the number of marked samples before it.
 
-use super::bounds::Shift;
-use super::container::Container;
+use super::bounds::PositionShift;
+use super::container::TileContainer;
 use super::layout::{TileId, TileLayout};
-use super::writer::Faces;
+use super::writer::TileFaces;
 use terrane_base::bits::BitSet;
 use terrane_base::geom::{Affine, Point3, Rect};
 use terrane_tin::{TilePosition, TileTriangle, sort_by_position};
@@ -59,7 +59,7 @@ impl VertexFlags {
 
 /// World positions of a tile's vertices.
 pub(super) fn positions(
-    container: &Container,
+    container: &TileContainer,
     origin: (u32, u32),
     to_world: &Affine,
 ) -> Vec<Point3> {
@@ -74,7 +74,7 @@ fn position(at: TilePosition, height: f64, (col, row): (u32, u32), to_world: &Af
 
 /// The numbered vertices of one tile, ready to be looked up.
 #[derive(Default)]
-pub(super) struct Ranks {
+pub(super) struct VertexRanks {
     first_id: u64,
     /// Samples from one row to the next.
     pitch: usize,
@@ -82,17 +82,17 @@ pub(super) struct Ranks {
     bits: BitSet,
     /// Vertices before each word of `bits`.
     before: Vec<u32>,
-    /// Copies for [`Lookup::faces`] with corners; else empty.
+    /// Copies for [`VertexLookup::faces`] with corners; else empty.
     vertices: Vec<TilePosition>,
     heights: Vec<f64>,
 }
 
-impl Ranks {
+impl VertexRanks {
     /// Takes over a settled container of the tile that owns `owned`, whose first vertex has id
     /// `first_id`.
     pub(super) fn fill(
         &mut self,
-        container: &Container,
+        container: &TileContainer,
         owned: Rect,
         first_id: u64,
         with_corners: bool,
@@ -138,21 +138,21 @@ impl Ranks {
 /// The vertices that the triangles kept with one tile can use: its own, and those of the tiles on
 /// the right, below, and below right.
 #[derive(Default)]
-pub(super) struct Lookup {
-    near: [Ranks; 4],
+pub(super) struct VertexLookup {
+    near: [VertexRanks; 4],
     origins: [(u32, u32); 4],
     /// Columns and rows the first tile owns.
     owned: (u32, u32),
 }
 
-impl Lookup {
+impl VertexLookup {
     /// Starts a lookup for the triangles of `tile`; returns where to fill in the vertices of each
     /// tile concerned.
     pub(super) fn begin<'a>(
         &'a mut self,
         layout: &'a TileLayout,
         tile: TileId,
-    ) -> impl Iterator<Item = (TileId, &'a mut Ranks)> {
+    ) -> impl Iterator<Item = (TileId, &'a mut VertexRanks)> {
         let owned = layout.owned(tile);
         self.owned = (owned.width, owned.height);
         let steps = [(0, 0), (0, 1), (1, 0), (1, 1)];
@@ -182,8 +182,8 @@ impl Lookup {
         Some((near, self.near[near].rank(there)?))
     }
 
-    fn shift(&self, near: usize) -> Shift {
-        Shift::new(self.origins[0], self.origins[near])
+    fn shift(&self, near: usize) -> PositionShift {
+        PositionShift::new(self.origins[0], self.origins[near])
     }
 
     fn id(&self, (near, rank): (usize, usize)) -> u64 {
@@ -202,10 +202,10 @@ impl Lookup {
         mut triangles: Vec<TileTriangle>,
         to_world: &Affine,
         with_corners: bool,
-    ) -> Option<Faces> {
+    ) -> Option<TileFaces> {
         sort_by_position(&mut triangles);
         let flip = to_world.determinant() < 0.0;
-        let mut faces = Faces::default();
+        let mut faces = TileFaces::default();
         faces.ids.reserve_exact(triangles.len());
         for triangle in &triangles {
             let [a, b, c] = triangle.corners;
@@ -226,12 +226,12 @@ impl Lookup {
 mod tests {
     use super::*;
 
-    fn ranks(positions: &[(u32, u32)], first_id: u64) -> Ranks {
-        let mut container = Container::default();
+    fn ranks(positions: &[(u32, u32)], first_id: u64) -> VertexRanks {
+        let mut container = TileContainer::default();
         container.vertices =
             positions.iter().map(|&(col, row)| TilePosition::new(col, row)).collect();
         container.heights = vec![0.0; positions.len()];
-        let mut ranks = Ranks::default();
+        let mut ranks = VertexRanks::default();
         ranks.fill(&container, Rect::new(0, 0, 10, 7), first_id, false);
         ranks
     }

@@ -17,7 +17,7 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
-use super::container::Container;
+use super::container::TileContainer;
 use super::tally::SampleCounts;
 use terrane_base::error::{Error, Result};
 use terrane_engine::plan::{Digest, damaged_object as damaged};
@@ -33,7 +33,7 @@ const _: () = assert!(cfg!(target_endian = "little"), "records are written as th
 /// Where a record lies.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct RecordOffset {
+struct RecordIndexEntry {
     offset: u64,
     len: u64,
     digest: [u8; 32],
@@ -50,7 +50,7 @@ pub(super) struct TinArtifactFacts {
 
 /// Bytes of an object whose containers take `kept` bytes in memory.
 pub(super) fn object_bytes(kept: u64, tiles: u64) -> u64 {
-    kept + tiles * (size_of::<RecordOffset>() as u64 + RECORD_HEAD) + MAGIC.len() as u64
+    kept + tiles * (size_of::<RecordIndexEntry>() as u64 + RECORD_HEAD) + MAGIC.len() as u64
 }
 
 /// A container as bytes, with their digest.
@@ -62,7 +62,7 @@ pub(super) struct ContainerRecord {
 
 impl ContainerRecord {
     /// Of a settled container.
-    pub(super) fn of(container: &Container) -> Self {
+    pub(super) fn of(container: &TileContainer) -> Self {
         let bytes = container.to_bytes();
         let digest = Digest::of(&bytes);
         Self { bytes, digest }
@@ -81,7 +81,7 @@ pub(super) struct ObjectWriter {
     /// Of all that was written.
     hasher: blake3::Hasher,
     offset: u64,
-    index: Vec<RecordOffset>,
+    index: Vec<RecordIndexEntry>,
 }
 
 impl ObjectWriter {
@@ -97,7 +97,11 @@ impl ObjectWriter {
     /// Appends the next tile's record.
     pub(super) fn push(&mut self, record: &ContainerRecord) -> Result<()> {
         let ContainerRecord { bytes, digest } = record;
-        self.index.push(RecordOffset { offset: self.offset, len: record.len(), digest: digest.0 });
+        self.index.push(RecordIndexEntry {
+            offset: self.offset,
+            len: record.len(),
+            digest: digest.0,
+        });
         self.write(bytes)
     }
 
@@ -120,28 +124,28 @@ impl ObjectWriter {
 }
 
 /// A finished object.
-pub(super) struct Object {
+pub(super) struct ObjectFile {
     path: PathBuf,
     file: Mutex<File>,
-    index: Vec<RecordOffset>,
+    index: Vec<RecordIndexEntry>,
 }
 
-impl Object {
+impl ObjectFile {
     /// Opens the object of `tiles` tiles at `path`, whose index has that digest. Fails with the kind
     /// `Io` when it is damaged.
     pub(super) fn open(path: PathBuf, index: Digest, tiles: u64) -> Result<Self> {
         let fail = |e| Error::read(&path, e);
         let mut file = File::open(&path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
-        let len = tiles * size_of::<RecordOffset>() as u64;
+        let len = tiles * size_of::<RecordIndexEntry>() as u64;
         let offset = bytes.checked_sub(len).ok_or_else(|| damaged(&path))?;
         let mut end = vec![0; len as usize];
         read_at(&mut file, &mut end, offset).map_err(fail)?;
         if Digest::of(&end) != index {
             return Err(damaged(&path));
         }
-        let index: Vec<RecordOffset> = bytemuck::allocation::pod_collect_to_vec(&end);
-        let is_inside = |entry: &RecordOffset| {
+        let index: Vec<RecordIndexEntry> = bytemuck::allocation::pod_collect_to_vec(&end);
+        let is_inside = |entry: &RecordIndexEntry| {
             entry.offset.checked_add(entry.len).is_some_and(|end| end <= offset)
         };
         match index.iter().all(is_inside) {
@@ -151,14 +155,14 @@ impl Object {
     }
 
     /// Reads the container of the tile at `position`.
-    pub(super) fn read(&self, position: u64) -> Result<Container> {
+    pub(super) fn read(&self, position: u64) -> Result<TileContainer> {
         let damaged = || damaged(&self.path);
         let entry = self.index.get(position as usize).ok_or_else(damaged)?;
         let mut bytes = vec![0; entry.len as usize];
         read_at(&mut lock(&self.file), &mut bytes, entry.offset)
             .map_err(|e| Error::read(&self.path, e))?;
         let is_same = Digest::of(&bytes).0 == entry.digest;
-        is_same.then(|| Container::of_bytes(&bytes)).flatten().ok_or_else(damaged)
+        is_same.then(|| TileContainer::of_bytes(&bytes)).flatten().ok_or_else(damaged)
     }
 }
 
@@ -177,10 +181,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.object");
         for (offset, len) in [(16, 0), (16, 1), (0, u64::MAX >> 1), (u64::MAX, 2)] {
-            let index = [RecordOffset { offset, len, digest: Digest::of(b"").0 }];
+            let index = [RecordIndexEntry { offset, len, digest: Digest::of(b"").0 }];
             let index: &[u8] = bytemuck::cast_slice(&index);
             std::fs::write(&path, [MAGIC, index].concat()).unwrap();
-            let opened = Object::open(path.clone(), Digest::of(index), 1);
+            let opened = ObjectFile::open(path.clone(), Digest::of(index), 1);
             assert_eq!(opened.is_ok(), len == 0, "{len} bytes at {offset}");
         }
     }

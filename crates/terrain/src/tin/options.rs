@@ -9,18 +9,18 @@ use super::job::TinJob;
 use super::layout::{TILE_CELLS, USUAL_TILE};
 use super::names::{GREEDY, MeshMethodName};
 use super::refinement::Refinement;
-use super::textbook::Textbook;
+use super::textbook::TextbookMethod;
 use terrane_base::error::{Error, Result};
 use terrane_base::registry;
 use terrane_baselines::{BaselineMethod, METHODS, TriangulationRule};
 use terrane_engine::Resources;
 use terrane_engine::bands::MeshBands;
 use terrane_engine::options::{
-    Constraints, FileOutput, Finite, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
+    Constraints, FileOutput, FiniteNumber, GridInput, KeyValue, PrintLength, Reprojection, Resuming,
 };
 use terrane_engine::outputs::refuse_file_name;
 use terrane_engine::placing::Placing;
-use terrane_mesh::{self as mesh, Carries, MeshFormat};
+use terrane_mesh::{self as mesh, MeshFormat, VertexCapabilities};
 use terrane_raster::Inputs;
 
 terrane_engine::has_within!(TinOptions: Refinement => [Constraints]);
@@ -144,7 +144,7 @@ const RULES: &[OptionRule] = &[
 
 impl TinOptions {
     /// The method, where it is not greedy insertion in tiles.
-    pub(super) fn textbook(&self) -> Result<Option<Textbook>> {
+    pub(super) fn textbook(&self) -> Result<Option<TextbookMethod>> {
         let triangulation = self.refinement.triangulation;
         if self.method == GREEDY {
             return match triangulation {
@@ -170,7 +170,7 @@ impl TinOptions {
             }
             None => {
                 let triangulation = triangulation.unwrap_or_default();
-                Ok(Some(Textbook { method, triangulation }))
+                Ok(Some(TextbookMethod { method, triangulation }))
             }
         }
     }
@@ -191,7 +191,7 @@ impl TinOptions {
         if self.split.is_some() {
             refuse_file_name(output)?;
         }
-        if !self.bands.is_empty() && format.carries == Carries::Nothing {
+        if !self.bands.is_empty() && format.carries == VertexCapabilities::Nothing {
             return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
                 .remedy("write PLY, or GLB for three or four bands of 8 bits"));
         }
@@ -213,7 +213,7 @@ impl TinOptions {
             let wrong =
                 |remedy: &str| Error::usage(format!("‹co› is \"{key}={value}\"")).remedy(remedy);
             match key.eq_ignore_ascii_case("SOLID_BASE") {
-                true => Finite::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
+                true => FiniteNumber::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
                 false => Err(wrong("the only option known is SOLID_BASE=HEIGHT")),
             }
         };

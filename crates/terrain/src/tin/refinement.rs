@@ -16,7 +16,7 @@ use terrane_engine::Resources;
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::options::{BoundName, Constraints};
 use terrane_raster::Water;
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// How a mesh of a grid is refined
 #[derive(Clone, Debug, PartialEq, Options)]
@@ -62,9 +62,9 @@ impl Refinement {
     ///
     /// # Errors
     /// An angle that the cells do not have; options that do not go together.
-    pub(super) fn spec(&self, map: &Affine) -> Result<Spec> {
+    pub(super) fn spec(&self, map: &Affine) -> Result<TinSpec> {
         check(self)?;
-        Ok(Spec {
+        Ok(TinSpec {
             tolerance: 0.0,
             bound: self.bound,
             strict: self.strict,

@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::tally::Flaws;
+use super::tally::MeshFlaws;
 use terrane_base::bound::ErrorBound;
 use terrane_base::geom::Affine;
 use terrane_engine::bands::MeshBandReport;
 use terrane_engine::breaklines::BreaklinesReport;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::kept::KeptReport;
-use terrane_engine::placing::MeshPlacement;
+use terrane_engine::placing::StorageScale;
 use terrane_engine::transform::Transformed;
 use terrane_raster::WaterReport;
 
@@ -99,7 +99,7 @@ pub struct TinReport {
     pub prj: Option<String>,
     /// How the mesh lies in its file, where that has coordinates of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub placed: Option<MeshPlacement>,
+    pub placed: Option<StorageScale>,
     /// What the user of the mesh should know.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
@@ -108,7 +108,7 @@ pub struct TinReport {
     /// Complete runs that only counted, to find the tolerance of a budget.
     pub trials: u32,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
     pub samples_per_second: f64,
     pub stages: Vec<StageReport>,
 }
@@ -123,7 +123,7 @@ pub struct FlawReport {
 }
 
 impl FlawReport {
-    pub(super) fn of(flaws: Flaws, map: &Affine) -> Self {
+    pub(super) fn of(flaws: MeshFlaws, map: &Affine) -> Self {
         let place = |[row, col]: [u32; 2]| map.apply(f64::from(col), f64::from(row));
         Self { count: flaws.count, first: flaws.first.map(place) }
     }
@@ -229,13 +229,13 @@ mod tests {
     #[test]
     fn what_is_asked_for_and_not_so_is_told_with_its_place() {
         let map = Affine { x0: 100.0, a: 10.0, b: 0.0, y0: 500.0, d: 0.0, e: -10.0 };
-        let told = |thin: Option<Flaws>| {
+        let told = |thin: Option<MeshFlaws>| {
             let thin_triangles = thin.map(|thin| FlawReport::of(thin, &map));
             TinReport { min_angle: Some(20.0), thin_triangles, ..TinReport::default() }.unmet()
         };
         assert_eq!(told(None), None);
-        assert_eq!(told(Some(Flaws::default())), None);
-        let some = told(Some(Flaws { count: 3, first: Some([2, 7]) })).unwrap();
+        assert_eq!(told(Some(MeshFlaws::default())), None);
+        let some = told(Some(MeshFlaws { count: 3, first: Some([2, 7]) })).unwrap();
         assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("‹tile›"), "{some}");
         let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });

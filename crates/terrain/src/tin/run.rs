@@ -5,16 +5,17 @@ use std::sync::atomic::AtomicU64;
 
 use crossbeam_channel::{Receiver, bounded};
 
+use super::kernel::PipelineKernel;
 use super::layout::{TileId, TileLayout};
 use super::object::ObjectWriter;
 use super::report::{PipelineStage, StageClock, StageReport};
 use super::schedule::TaskQueue;
-use super::scope::{LayoutWork, Scope};
+use super::scope::{LayoutWork, RunScope};
 use super::settings::TinSettings;
 use super::store::ContainerStore;
-use super::tally::{Flaws, SampleCounts};
-use super::worker::{ContainerSource, Outlet, PipelineKernel, Shared, TinWorker};
-use super::writer::{Collect, Saver, TilePart, TinWriter, Totals};
+use super::tally::{MeshFlaws, SampleCounts};
+use super::worker::{ContainerSource, SharedTinState, TilePartOutlet, TinWorker};
+use super::writer::{ContainerSaver, MeshTotals, OrderedMeshWriter, TilePart, TilePartSink};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::workers::spawn;
 use terrane_files::{lock, unlocked};
@@ -35,9 +36,9 @@ pub struct TinOutcome {
     /// Samples to keep that are vertices.
     pub kept: u64,
     /// Triangles with a smaller angle than asked for.
-    pub thin: Flaws,
+    pub thin: MeshFlaws,
     /// Vertices from which a breakline should go on along an edge, and does not.
-    pub apart: Flaws,
+    pub apart: MeshFlaws,
     /// Samples that look like undeclared nodata: the value as stored, and how many.
     pub suspects: Option<(f64, u64)>,
     /// The lowest and highest height of parts with some that may be of no land.
@@ -76,8 +77,8 @@ pub(super) fn run_with(
     settings: &TinSettings<'_>,
     kernel: PipelineKernel,
 ) -> Result<TinOutcome> {
-    let work = LayoutWork { layout: layout(source, settings)?, scope: Scope::Whole };
-    let shared = Shared::new(source, settings, kernel, work, None, sink.wants_corners());
+    let work = LayoutWork { layout: layout(source, settings)?, scope: RunScope::Whole };
+    let shared = SharedTinState::new(source, settings, kernel, work, None, sink.wants_corners());
     write_mesh(shared, sink)
 }
 
@@ -90,8 +91,8 @@ pub(super) fn write(
     sink: Box<dyn MeshSink>,
     settings: &TinSettings<'_>,
 ) -> Result<TinOutcome> {
-    let work = LayoutWork { layout: layout(source, settings)?, scope: Scope::Write };
-    let shared = Shared::new(
+    let work = LayoutWork { layout: layout(source, settings)?, scope: RunScope::Write };
+    let shared = SharedTinState::new(
         source,
         settings,
         PipelineKernel::GREEDY,
@@ -108,18 +109,18 @@ pub(super) fn write(
 /// the bytes that were spilled.
 pub(super) fn save(
     source: &dyn GridSource,
-    scope: Scope,
+    scope: RunScope,
     stock: Option<&dyn ContainerSource>,
     object: ObjectWriter,
     settings: &TinSettings<'_>,
-) -> Result<Saved> {
+) -> Result<SaveOutcome> {
     let work = LayoutWork { layout: layout(source, settings)?, scope };
-    let shared = Shared::new(source, settings, PipelineKernel::GREEDY, work, stock, false);
-    let saver = Mutex::new(Saver::new(work, object));
+    let shared = SharedTinState::new(source, settings, PipelineKernel::GREEDY, work, stock, false);
+    let saver = Mutex::new(ContainerSaver::new(work, object));
     let clock = drive(&shared, &saver);
     shared.queue.into_result()?;
     let saver = unlocked(saver);
-    Ok(Saved {
+    Ok(SaveOutcome {
         object: saver.into_object(),
         tally: unlocked(shared.tally),
         clock,
@@ -128,7 +129,7 @@ pub(super) fn save(
 }
 
 /// What [`save`] did.
-pub(super) struct Saved {
+pub(super) struct SaveOutcome {
     pub(super) object: ObjectWriter,
     pub(super) tally: SampleCounts,
     pub(super) clock: StageClock,
@@ -139,7 +140,7 @@ fn layout(source: &dyn GridSource, settings: &TinSettings<'_>) -> Result<TileLay
     TileLayout::new(source.info().width, source.info().height, settings.tile)
 }
 
-impl<'a> Shared<'a> {
+impl<'a> SharedTinState<'a> {
     fn new(
         source: &'a dyn GridSource,
         settings: &'a TinSettings<'a>,
@@ -165,22 +166,22 @@ impl<'a> Shared<'a> {
 }
 
 /// Carries out all tasks; what they send goes to `collector`.
-fn drive(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> StageClock {
+fn drive(shared: &SharedTinState<'_>, collector: &Mutex<dyn TilePartSink + '_>) -> StageClock {
     if threads_for(shared) > 1 {
         run_threads(shared, collector)
     } else {
-        TinWorker::new(shared, Outlet { collector, writer: None }).run()
+        TinWorker::new(shared, TilePartOutlet { collector, writer: None }).run()
     }
 }
 
 /// Threads that have something to do.
-fn threads_for(shared: &Shared<'_>) -> usize {
+fn threads_for(shared: &SharedTinState<'_>) -> usize {
     let tiles = usize::try_from(shared.layout.tiles()).unwrap_or(usize::MAX);
     shared.settings.threads.min(tiles)
 }
 
-fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<TinOutcome> {
-    let writer = Mutex::new(TinWriter::new(shared.layout, sink));
+fn write_mesh(shared: SharedTinState<'_>, sink: Box<dyn MeshSink>) -> Result<TinOutcome> {
+    let writer = Mutex::new(OrderedMeshWriter::new(shared.layout, sink));
     let clock = drive(&shared, &writer);
     conclude(shared, unlocked(writer), clock)
 }
@@ -188,17 +189,20 @@ fn write_mesh(shared: Shared<'_>, sink: Box<dyn MeshSink>) -> Result<TinOutcome>
 /// Parts that may wait for the writer, by worker.
 const WAITING_PARTS: usize = 4;
 
-fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> StageClock {
+fn run_threads(
+    shared: &SharedTinState<'_>,
+    collector: &Mutex<dyn TilePartSink + '_>,
+) -> StageClock {
     let threads = threads_for(shared);
     std::thread::scope(|scope| {
         let (sender, receiver) = bounded(WAITING_PARTS * threads);
         let writing = spawn(scope, move || write_parts(shared, collector, &receiver));
         // Where there are no threads to be had, this one does it all.
         let Some(writing) = writing else {
-            return TinWorker::new(shared, Outlet { collector, writer: None }).run();
+            return TinWorker::new(shared, TilePartOutlet { collector, writer: None }).run();
         };
         let work = |sender| {
-            move || TinWorker::new(shared, Outlet { collector, writer: Some(sender) }).run()
+            move || TinWorker::new(shared, TilePartOutlet { collector, writer: Some(sender) }).run()
         };
         let others: Vec<_> =
             (1..threads).map_while(|_| spawn(scope, work(sender.clone()))).collect();
@@ -218,8 +222,8 @@ fn run_threads(shared: &Shared<'_>, collector: &Mutex<dyn Collect + '_>) -> Stag
 
 /// The writer thread: writes parts until all workers have left or writing fails.
 fn write_parts(
-    shared: &Shared<'_>,
-    collector: &Mutex<dyn Collect + '_>,
+    shared: &SharedTinState<'_>,
+    collector: &Mutex<dyn TilePartSink + '_>,
     parts: &Receiver<(TileId, TilePart)>,
 ) {
     for (tile, part) in parts {
@@ -230,7 +234,11 @@ fn write_parts(
     }
 }
 
-fn conclude(shared: Shared<'_>, writer: TinWriter, mut clock: StageClock) -> Result<TinOutcome> {
+fn conclude(
+    shared: SharedTinState<'_>,
+    writer: OrderedMeshWriter,
+    mut clock: StageClock,
+) -> Result<TinOutcome> {
     let (totals, writing) = writer.totals();
     let tolerance = shared.settings.spec.tolerance;
     let SampleCounts { valid, isolated, suspects, odd_range, kept, thin, apart } =
@@ -258,7 +266,7 @@ fn conclude(shared: Shared<'_>, writer: TinWriter, mut clock: StageClock) -> Res
 }
 
 /// Fails when there is nothing to write.
-fn check_surface(valid: u64, totals: Totals) -> Result<()> {
+fn check_surface(valid: u64, totals: MeshTotals) -> Result<()> {
     if valid == 0 {
         return Err(Error::bad_input("the grid has no valid sample")
             .remedy("check its nodata value, or choose another ‹band›"));
@@ -273,17 +281,17 @@ fn check_surface(valid: u64, totals: Totals) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tin::container::Container;
+    use crate::tin::container::TileContainer;
     use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
     use terrane_base::bound::ErrorBound;
     use terrane_base::geom::Rect;
-    use terrane_engine::kept::ConstraintSamples;
+    use terrane_engine::kept::GridConstraints;
     use terrane_engine::{Cancel, Silent};
     use terrane_mesh::MeshBatch;
     use terrane_raster::{GridInfo, SampleType};
     use terrane_tin::{PatchInput, PatchMesh, TileInput, TileMesh, TileScratch, triangulate_tile};
-    use terrane_tin::{Spec, TilePosition, TileTriangle, mend_patch};
+    use terrane_tin::{TilePosition, TileTriangle, TinSpec, mend_patch};
 
     /// A saddle with a fault in it, if wanted.
     struct Saddle {
@@ -336,7 +344,7 @@ mod tests {
 
     fn settings(cancel: &Cancel, threads: usize) -> TinSettings<'_> {
         TinSettings {
-            spec: Spec {
+            spec: TinSpec {
                 tolerance: 5.0,
                 bound: ErrorBound::Samples,
                 strict: false,
@@ -348,7 +356,7 @@ mod tests {
                 measure: false,
             },
             tile: 64,
-            kept: ConstraintSamples::NONE,
+            kept: GridConstraints::NONE,
             threads,
             mesh_bytes: 1 << 20,
             temp_dir: Path::new("."),
@@ -363,12 +371,12 @@ mod tests {
         run_with(source, Box::new(Drain), &settings(&cancel, threads), kernel)
     }
 
-    fn faulty_tile(input: &TileInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> TileMesh {
+    fn faulty_tile(input: &TileInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> TileMesh {
         assert!(input.apron_left + input.apron_above > 0, "planted fault");
         triangulate_tile(input, spec, scratch)
     }
 
-    fn faulty_patch(_: &PatchInput<'_>, _: &Spec, _: &mut TileScratch) -> PatchMesh {
+    fn faulty_patch(_: &PatchInput<'_>, _: &TinSpec, _: &mut TileScratch) -> PatchMesh {
         panic!("planted fault {}", 7);
     }
 
@@ -396,7 +404,7 @@ mod tests {
     fn measured(
         of: usize,
         input: &PatchInput<'_>,
-        spec: &Spec,
+        spec: &TinSpec,
         scratch: &mut TileScratch,
     ) -> PatchMesh {
         if is_corner(input) {
@@ -406,7 +414,7 @@ mod tests {
     }
 
     /// Leaves something to mend at the first row of all patches along rows.
-    fn leaving(input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch) -> PatchMesh {
+    fn leaving(input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch) -> PatchMesh {
         let is_row = input.seam_row.is_some() && !is_corner(input);
         let left = if is_row { vec![TilePosition::new(0, 0)] } else { Vec::new() };
         PatchMesh { left, ..measured(1, input, spec, scratch) }
@@ -415,7 +423,7 @@ mod tests {
     #[test]
     fn what_is_left_between_samples_beside_a_seam_is_taken_up_around_the_corners() {
         let source = Saddle::new(257);
-        let usual = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
+        let usual = |input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch| {
             measured(0, input, spec, scratch)
         };
         run(&source, 1, PipelineKernel { patch: usual, ..PipelineKernel::GREEDY }).unwrap();
@@ -426,7 +434,7 @@ mod tests {
 
     #[test]
     fn what_no_patch_around_a_corner_can_mend_between_samples_is_an_error() {
-        let stuck = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
+        let stuck = |input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch| {
             let left = if is_corner(input) { vec![TilePosition::new(0, 0)] } else { Vec::new() };
             PatchMesh { left, ..mend_patch(input, spec, scratch) }
         };
@@ -434,7 +442,7 @@ mod tests {
         let error = run(&Saddle::new(257), 1, kernel).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Internal);
         assert!(error.to_string().contains("cannot be kept within the tolerance"), "{error}");
-        let narrow = |input: &PatchInput<'_>, spec: &Spec, scratch: &mut TileScratch| {
+        let narrow = |input: &PatchInput<'_>, spec: &TinSpec, scratch: &mut TileScratch| {
             let is_left = is_corner(input) && input.heights.width < 55;
             let left = if is_left { vec![TilePosition::new(0, 0)] } else { Vec::new() };
             PatchMesh { left, ..mend_patch(input, spec, scratch) }
@@ -447,13 +455,13 @@ mod tests {
     struct Flat(TileLayout);
 
     impl ContainerSource for Flat {
-        fn load(&self, tile: TileId) -> Result<Container> {
+        fn load(&self, tile: TileId) -> Result<TileContainer> {
             let (rect, owned) = (self.0.rect(tile), self.0.owned(tile));
             let (right, below) = (rect.width - 1, rect.height - 1);
             let corners = [(0, 0), (right, 0), (0, below), (right, below)];
             let at = corners.map(|(col, row)| TilePosition::new(col, row));
             let triangle = |corners| TileTriangle { corners, max_error: 0.0, square_sum: 0.0 };
-            let mut kept = Container::default();
+            let mut kept = TileContainer::default();
             kept.triangles = vec![triangle([at[0], at[3], at[2]]), triangle([at[0], at[1], at[3]])];
             let is_own = |at: &TilePosition| at.col() < owned.width && at.row() < owned.height;
             kept.vertices = at.into_iter().filter(is_own).collect();

@@ -260,7 +260,7 @@ mod tests {
     use std::collections::{BTreeSet, HashSet};
 
     use crate::tin::layout::TileLayout;
-    use crate::tin::scope::Scope;
+    use crate::tin::scope::RunScope;
 
     const STEPS: [TileStep; 8] = [
         TileStep::Tile,
@@ -280,9 +280,9 @@ mod tests {
             shapes.map(|(cols, rows)| TileLayout::new(cols * 16 + 1, rows * 16 + 1, 16).unwrap());
         let scopes = |layout: TileLayout| {
             let strips =
-                (0..layout.rows).map(move |row| Scope::Strip { first: row / 2, end: row + 1 });
-            let seams = (0..layout.rows - 1).map(|above| Scope::Seam { above });
-            let scopes = [Scope::Whole, Scope::Write].into_iter().chain(strips).chain(seams);
+                (0..layout.rows).map(move |row| RunScope::Strip { first: row / 2, end: row + 1 });
+            let seams = (0..layout.rows - 1).map(|above| RunScope::Seam { above });
+            let scopes = [RunScope::Whole, RunScope::Write].into_iter().chain(strips).chain(seams);
             scopes.map(move |scope| LayoutWork { layout, scope }).collect::<Vec<_>>()
         };
         layouts.into_iter().flat_map(scopes).collect()
@@ -396,7 +396,7 @@ mod tests {
     #[test]
     fn the_first_failure_stops_the_queue() {
         let layout = TileLayout::new(33, 33, 16).unwrap();
-        let queue = TaskQueue::new(LayoutWork { layout, scope: Scope::Whole }, 1, None);
+        let queue = TaskQueue::new(LayoutWork { layout, scope: RunScope::Whole }, 1, None);
         assert!(queue.next(|| true).is_some());
         queue.fail(Error::usage("first"));
         queue.fail(Error::usage("second"));

@@ -5,7 +5,7 @@ use super::task::{TileStep, TileTask};
 
 /// The part of the work one run does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scope {
+pub(super) enum RunScope {
     /// From heights to the written mesh.
     Whole,
     /// Tiles of the rows `first .. end`, and the seams between them, to saved containers.
@@ -21,7 +21,7 @@ pub(super) enum Scope {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LayoutWork {
     pub(super) layout: TileLayout,
-    pub(super) scope: Scope,
+    pub(super) scope: RunScope,
 }
 
 impl LayoutWork {
@@ -46,7 +46,7 @@ impl LayoutWork {
     }
 
     fn has_step(&self, step: TileStep) -> bool {
-        use Scope::{Seam, Strip, Whole, Write};
+        use RunScope::{Seam, Strip, Whole, Write};
         match step {
             TileStep::Tile => true,
             TileStep::Vertical => matches!(self.scope, Whole | Strip { .. }),
@@ -65,15 +65,15 @@ impl LayoutWork {
 
     /// True when tiles come from saved containers, not from heights.
     pub(super) fn loads(&self) -> bool {
-        matches!(self.scope, Scope::Seam { .. } | Scope::Write)
+        matches!(self.scope, RunScope::Seam { .. } | RunScope::Write)
     }
 
     /// The first row of tiles, and the one after the last.
     fn rows(&self) -> [u32; 2] {
         match self.scope {
-            Scope::Whole | Scope::Write => [0, self.layout.rows],
-            Scope::Strip { first, end } => [first, end],
-            Scope::Seam { above } => [above, above + 2],
+            RunScope::Whole | RunScope::Write => [0, self.layout.rows],
+            RunScope::Strip { first, end } => [first, end],
+            RunScope::Seam { above } => [above, above + 2],
         }
     }
 

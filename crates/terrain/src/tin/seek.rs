@@ -1,7 +1,7 @@
 //! The tolerance that meets a goal.
 
 use super::budget::{ToleranceTrial, search};
-use super::estimate::{Estimator, MeshSize};
+use super::estimate::{MeshSize, SizeEstimator};
 use super::goal::TinGoal;
 use super::layout::TileLayout;
 use super::run::{TinOutcome, run_on};
@@ -9,17 +9,17 @@ use super::settings::TinSettings;
 use terrane_base::error::{Error, Result};
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridSource;
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// Seeks among the meshes of one grid.
-pub(super) struct Seeker<'a> {
+pub(super) struct TinSeeker<'a> {
     pub(super) source: &'a dyn GridSource,
     pub(super) layout: TileLayout,
     /// How meshes are made, whatever their tolerance.
     pub(super) settings: TinSettings<'a>,
 }
 
-impl Seeker<'_> {
+impl TinSeeker<'_> {
     /// The tolerance to run with, and how many trials it took to find it.
     pub(super) fn tolerance(&self, goal: TinGoal) -> Result<(f64, u32)> {
         let most = self.most();
@@ -42,12 +42,12 @@ impl Seeker<'_> {
         self.estimator().size(&self.spec(tolerance))
     }
 
-    fn estimator(&self) -> Estimator<'_> {
-        Estimator::new(self.source, self.layout, self.settings.threads, self.settings.cancel)
+    fn estimator(&self) -> SizeEstimator<'_> {
+        SizeEstimator::new(self.source, self.layout, self.settings.threads, self.settings.cancel)
     }
 
-    fn spec(&self, tolerance: f64) -> Spec {
-        Spec { measure: false, tolerance, ..self.settings.spec }
+    fn spec(&self, tolerance: f64) -> TinSpec {
+        TinSpec { measure: false, tolerance, ..self.settings.spec }
     }
 
     fn search(&self, budget: u64, counted: impl Fn(MeshSize) -> u64) -> Result<(f64, u32)> {
@@ -66,7 +66,8 @@ impl Seeker<'_> {
     fn count(&self, tolerance: f64, counted: impl Fn(MeshSize) -> u64) -> Result<u64> {
         let stage = format!("count at {tolerance:.4}");
         let settings = TinSettings { spec: self.spec(tolerance), ..self.settings };
-        let outcome = run_stage(&stage, self.source, Box::new(Counter), self.layout, &settings)?;
+        let outcome =
+            run_stage(&stage, self.source, Box::new(CountingSink), self.layout, &settings)?;
         Ok(counted(MeshSize { vertices: outcome.vertices, triangles: outcome.triangles }))
     }
 }
@@ -86,9 +87,9 @@ pub(super) fn run_stage(
 }
 
 /// A sink that keeps nothing; the run itself counts.
-struct Counter;
+struct CountingSink;
 
-impl MeshSink for Counter {
+impl MeshSink for CountingSink {
     fn push(&mut self, _batch: MeshBatch<'_>) -> Result<()> {
         Ok(())
     }

@@ -2,19 +2,19 @@
 
 use std::path::Path;
 
-use terrane_engine::kept::ConstraintSamples;
+use terrane_engine::kept::GridConstraints;
 use terrane_engine::{Cancel, Progress};
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// How to run the core of a job.
 #[derive(Clone, Copy)]
 pub struct TinSettings<'a> {
     /// What each tile has to reach.
-    pub spec: Spec,
+    pub spec: TinSpec,
     /// Cells along a tile's side.
     pub tile: u32,
     /// Samples that stay vertices.
-    pub kept: &'a ConstraintSamples,
+    pub kept: &'a GridConstraints,
     /// Worker threads. With one, everything runs on the calling thread; with more, one further
     /// thread writes.
     pub threads: usize,

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use super::container::{Container, SpilledContainer};
+use super::container::{SpilledContainer, TileContainer};
 use super::layout::{TileId, TileLayout};
 use terrane_base::error::Result;
 use terrane_files::{SpoolFile, lock};
@@ -30,13 +30,13 @@ struct ContainerSlot {
 }
 
 enum SlotState {
-    Held(Container),
+    Held(TileContainer),
     Spilled(SpilledContainer),
 }
 
 impl Default for SlotState {
     fn default() -> Self {
-        Self::Held(Container::default())
+        Self::Held(TileContainer::default())
     }
 }
 
@@ -67,7 +67,11 @@ impl ContainerStore {
     }
 
     /// Runs `f` on the container of `tile`, loading or creating it first.
-    pub(super) fn with<R>(&self, tile: TileId, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
+    pub(super) fn with<R>(
+        &self,
+        tile: TileId,
+        f: impl FnOnce(&mut TileContainer) -> R,
+    ) -> Result<R> {
         self.slot(tile, |slot| self.load(slot, f))?
     }
 
@@ -97,7 +101,7 @@ impl ContainerStore {
     pub(super) fn with_ids<R>(
         &self,
         tile: TileId,
-        f: impl FnOnce(&mut Container, u64) -> R,
+        f: impl FnOnce(&mut TileContainer, u64) -> R,
     ) -> Result<R> {
         self.slot(tile, |slot| {
             let first_id = slot.first_id;
@@ -129,9 +133,9 @@ impl ContainerStore {
 
     /// Makes room for `bytes` that a worker needs for a while, and counts them until the result is
     /// dropped.
-    pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<Reserved<'_>> {
+    pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<ReservedBytes<'_>> {
         self.account(0, bytes);
-        let reserved = Reserved { store: self, bytes };
+        let reserved = ReservedBytes { store: self, bytes };
         self.relieve(tile)?;
         Ok(reserved)
     }
@@ -171,7 +175,11 @@ impl ContainerStore {
         Mutex::new(ContainerSlot { readers, ..ContainerSlot::default() })
     }
 
-    fn load<R>(&self, slot: &mut ContainerSlot, f: impl FnOnce(&mut Container) -> R) -> Result<R> {
+    fn load<R>(
+        &self,
+        slot: &mut ContainerSlot,
+        f: impl FnOnce(&mut TileContainer) -> R,
+    ) -> Result<R> {
         let mut container = match std::mem::take(&mut slot.place) {
             SlotState::Held(container) => container,
             SlotState::Spilled(spilled) => {
@@ -237,12 +245,12 @@ impl ContainerStore {
 }
 
 /// Bytes in use by a worker.
-pub(super) struct Reserved<'a> {
+pub(super) struct ReservedBytes<'a> {
     store: &'a ContainerStore,
     bytes: u64,
 }
 
-impl Drop for Reserved<'_> {
+impl Drop for ReservedBytes<'_> {
     fn drop(&mut self) {
         self.store.account(self.bytes, 0);
     }
@@ -260,7 +268,7 @@ mod tests {
         let store = ContainerStore::new(layout, 100, folder.path());
         let tiles: Vec<TileId> = (0..layout.tiles()).map(|i| layout.tile_at(i)).collect();
         for &tile in &tiles {
-            let fill = |c: &mut Container| {
+            let fill = |c: &mut TileContainer| {
                 c.vertices.extend([TilePosition::new(tile.col, tile.row); 10]);
                 c.heights.extend([f64::from(tile.col); 10]);
             };
@@ -269,7 +277,7 @@ mod tests {
         assert!(store.spilled() > 0 && store.held.load(Ordering::Relaxed) <= 300);
         for &tile in tiles.iter().rev() {
             let same =
-                |c: &mut Container| c.vertices == [TilePosition::new(tile.col, tile.row); 10];
+                |c: &mut TileContainer| c.vertices == [TilePosition::new(tile.col, tile.row); 10];
             assert!(store.with(tile, same).unwrap());
             assert_eq!(store.number(tile, 5).unwrap(), 15);
         }

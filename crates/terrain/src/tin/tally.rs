@@ -19,22 +19,22 @@ pub(super) struct SampleCounts {
     pub(super) kept: u64,
     /// Triangles with too small an angle, known then, too, and
     #[serde(skip)]
-    pub(super) thin: Flaws,
+    pub(super) thin: MeshFlaws,
     /// vertices from which a breakline should go on, and does not.
     #[serde(skip)]
-    pub(super) apart: Flaws,
+    pub(super) apart: MeshFlaws,
 }
 
 /// Places where something that was asked for is not so.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Flaws {
+pub struct MeshFlaws {
     /// How many there are.
     pub count: u64,
     /// Row and column of the first one.
     pub first: Option<[u32; 2]>,
 }
 
-impl Flaws {
+impl MeshFlaws {
     /// Counts one here.
     pub(super) fn see(&mut self, row: u32, col: u32) {
         self.add(Self { count: 1, first: Some([row, col]) });
@@ -95,11 +95,11 @@ mod tests {
 
     #[test]
     fn of_flaws_the_first_is_told() {
-        let mut thin = Flaws::default();
+        let mut thin = MeshFlaws::default();
         for (row, col) in [(4, 1), (2, 7), (2, 3), (9, 0)] {
             thin.see(row, col);
         }
-        thin.add(Flaws::default());
-        assert_eq!(thin, Flaws { count: 4, first: Some([2, 3]) });
+        thin.add(MeshFlaws::default());
+        assert_eq!(thin, MeshFlaws { count: 4, first: Some([2, 3]) });
     }
 }

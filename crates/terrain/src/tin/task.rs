@@ -1,6 +1,6 @@
 //! One unit of work: a step for a tile.
 
-use super::layout::{Seam, TileId};
+use super::layout::{SeamPlace, TileId};
 
 /// Most rows or columns that a step lags.
 pub(super) const MOST_LAG: u32 = 3;
@@ -28,11 +28,11 @@ pub(super) enum TileStep {
 
 impl TileStep {
     /// The seam a step mends.
-    pub(super) fn seam(self) -> Option<Seam> {
+    pub(super) fn seam(self) -> Option<SeamPlace> {
         match self {
-            Self::Vertical => Some(Seam::Vertical),
-            Self::Horizontal => Some(Seam::Horizontal),
-            Self::Corner => Some(Seam::Corner),
+            Self::Vertical => Some(SeamPlace::Vertical),
+            Self::Horizontal => Some(SeamPlace::Horizontal),
+            Self::Corner => Some(SeamPlace::Corner),
             _ => None,
         }
     }

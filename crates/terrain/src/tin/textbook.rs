@@ -7,22 +7,22 @@ use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, in_input, options};
 use super::report::{StageReport, TinReport};
 use super::run::TinOutcome;
-use super::window::WorkerBuffers;
+use super::window::HeightBuffers;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point3, Rect};
 use terrane_baselines::{
-    BaselineGoal as MethodGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, MOST_SIDE,
-    PackedSample, Promise, SampleCensus, TriangulationRule,
+    BaselineGoal, BaselineMethod, BaselineTask, BaselineTin, HeightGrid, MOST_SIDE, MethodPromise,
+    PackedSample, SampleCensus, TriangulationRule,
 };
 use terrane_engine::{Cancel, Progress, Resources, memory};
 use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridOpenOptions;
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 /// A way to make a mesh that is not the engine's own.
 #[derive(Clone, Copy, Debug)]
-pub struct Textbook {
+pub struct TextbookMethod {
     /// The method.
     pub method: &'static BaselineMethod,
     /// How vertices are connected, by methods that leave it open.
@@ -41,7 +41,7 @@ const BATCH: usize = 1 << 16;
 /// that the memory does not hold, both before any sample is read.
 pub fn run_by(
     job: &TinJob,
-    by: &Textbook,
+    by: &TextbookMethod,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TinReport> {
@@ -68,7 +68,7 @@ pub fn run_by(
 }
 
 /// What triangles are called that are not Delaunay.
-fn other_triangles(by: &Textbook) -> Option<&'static str> {
+fn other_triangles(by: &TextbookMethod) -> Option<&'static str> {
     match by.method.is_delaunay {
         true if by.triangulation == TriangulationRule::Delaunay => None,
         true => Some(by.triangulation.name()),
@@ -140,10 +140,10 @@ fn too_large(
     memory::short(message, least).or(&smaller)
 }
 
-fn make(maker: &TinMaker<'_>, by: &Textbook) -> Result<TinReport> {
+fn make(maker: &TinMaker<'_>, by: &TextbookMethod) -> Result<TinReport> {
     maker.check_output()?;
-    let mut stages = Stages::default();
-    let mut window = WorkerBuffers::default();
+    let mut stages = StageTimes::default();
+    let mut window = HeightBuffers::default();
     let heights = stages.time(maker, "read", || read(maker, &mut window))?;
     let info = maker.opened.source.info();
     let whole = Rect::new(0, 0, info.width, info.height);
@@ -181,7 +181,7 @@ fn make(maker: &TinMaker<'_>, by: &Textbook) -> Result<TinReport> {
 /// The bound that the mesh states.
 fn stated(goal: TinGoal, method: &BaselineMethod, tin: &BaselineTin) -> f64 {
     match goal {
-        TinGoal::MaxError(tolerance) if method.promise == Promise::Samples => tolerance,
+        TinGoal::MaxError(tolerance) if method.promise == MethodPromise::Samples => tolerance,
         _ => tin.max_error,
     }
 }
@@ -204,33 +204,37 @@ fn outcome(tin: &BaselineTin) -> TinOutcome {
 }
 
 /// All heights, checked as those of tiles are.
-fn read(maker: &TinMaker<'_>, window: &mut WorkerBuffers) -> Result<Vec<f64>> {
+fn read(maker: &TinMaker<'_>, window: &mut HeightBuffers) -> Result<Vec<f64>> {
     maker.cancel.check()?;
     let info = maker.opened.source.info();
     window.read(&*maker.opened.source, Rect::new(0, 0, info.width, info.height))?;
     if let TinGoal::MaxError(tolerance) = maker.job.goal {
-        window.check_rounding(&Spec { ..maker.spec(tolerance) })?;
+        window.check_rounding(&TinSpec { ..maker.spec(tolerance) })?;
     }
     Ok(all_heights(window))
 }
 
 /// All heights that a window has, exact.
-pub(super) fn all_heights(window: &WorkerBuffers) -> Vec<f64> {
+pub(super) fn all_heights(window: &HeightBuffers) -> Vec<f64> {
     let heights = window.heights();
     let narrow = || heights.f32.iter().map(|&height| f64::from(height)).collect();
     heights.f64.map_or_else(narrow, <[f64]>::to_vec)
 }
 
 /// The goal as methods know it.
-pub(super) fn asked(goal: TinGoal) -> MethodGoal {
+pub(super) fn asked(goal: TinGoal) -> BaselineGoal {
     match goal {
-        TinGoal::MaxError(tolerance) => MethodGoal::MaxError(tolerance),
-        TinGoal::MaxVertices(most) => MethodGoal::MaxVertices(most),
-        TinGoal::MaxTriangles(most) => MethodGoal::MaxTriangles(most),
+        TinGoal::MaxError(tolerance) => BaselineGoal::MaxError(tolerance),
+        TinGoal::MaxVertices(most) => BaselineGoal::MaxVertices(most),
+        TinGoal::MaxTriangles(most) => BaselineGoal::MaxTriangles(most),
     }
 }
 
-fn triangulate(maker: &TinMaker<'_>, by: &Textbook, grid: HeightGrid<'_>) -> Result<BaselineTin> {
+fn triangulate(
+    maker: &TinMaker<'_>,
+    by: &TextbookMethod,
+    grid: HeightGrid<'_>,
+) -> Result<BaselineTin> {
     let goal = asked(maker.job.goal);
     let pulse = || maker.cancel.check();
     (by.method.run)(&BaselineTask {
@@ -275,9 +279,9 @@ pub(super) fn write<V: Iterator<Item = f64>>(
 
 /// What was done, and how long it took.
 #[derive(Default)]
-pub(super) struct Stages(pub(super) Vec<StageReport>);
+pub(super) struct StageTimes(pub(super) Vec<StageReport>);
 
-impl Stages {
+impl StageTimes {
     pub(super) fn time<T>(
         &mut self,
         maker: &TinMaker<'_>,

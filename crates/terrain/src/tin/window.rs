@@ -4,7 +4,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{HeightQuantization, Rect};
 use terrane_base::limits::MAX_HEIGHT;
 use terrane_raster::{GridInfo, GridSource, looks_like_nodata};
-use terrane_tin::{HeightWindow, Spec};
+use terrane_tin::{HeightWindow, TinSpec};
 
 /// Nodata values in use are below the first, and no land is; hardly any land is above the second: only beyond
 /// them the lowest and the highest height are sought.
@@ -13,7 +13,7 @@ const LAND: [f32; 2] = [-900.0, 8800.0];
 /// The buffers of one worker. They never shrink, because what they grow by is filled first; only what
 /// `rect` covers counts.
 #[derive(Default)]
-pub(super) struct WorkerBuffers {
+pub(super) struct HeightBuffers {
     rect: Option<Rect>,
     f32: Vec<f32>,
     f64: Vec<f64>,
@@ -23,7 +23,7 @@ pub(super) struct WorkerBuffers {
     range: Option<[f32; 2]>,
 }
 
-impl WorkerBuffers {
+impl HeightBuffers {
     /// Most bytes for a rectangle of `samples` samples.
     pub(super) fn bytes(samples: u64) -> u64 {
         samples * 12
@@ -46,7 +46,7 @@ impl WorkerBuffers {
     }
 
     /// Fails where the output's rounding of heights alone would break the tolerance.
-    pub(super) fn check_rounding(&self, spec: &Spec) -> Result<()> {
+    pub(super) fn check_rounding(&self, spec: &TinSpec) -> Result<()> {
         let Some(stored) = spec.single_precision else { return Ok(()) };
         let moved = |height: f64| (stored.apply(height) - height).abs();
         let heights = self.heights();
@@ -149,8 +149,8 @@ mod tests {
 
     #[test]
     fn a_tolerance_below_the_rounding_of_the_output_is_refused() {
-        let window = WorkerBuffers { rounding: 0.01, ..WorkerBuffers::default() };
-        let spec = |tolerance, single: bool| Spec {
+        let window = HeightBuffers { rounding: 0.01, ..HeightBuffers::default() };
+        let spec = |tolerance, single: bool| TinSpec {
             tolerance,
             single_precision: single.then_some(HeightQuantization::about(0.0)),
             bound: ErrorBound::Samples,
@@ -165,23 +165,23 @@ mod tests {
         assert!(window.check_rounding(&spec(0.001, false)).is_ok());
         let error = window.check_rounding(&spec(0.001, true)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        let far = WorkerBuffers {
+        let far = HeightBuffers {
             rect: Some(Rect::new(0, 0, 2, 1)),
             f32: vec![2e7, f32::NAN],
             f64: vec![2e7 + 0.25, f64::NAN],
             rounding: 0.25,
-            ..WorkerBuffers::default()
+            ..HeightBuffers::default()
         };
         assert!(far.check_rounding(&spec(0.1, true)).is_err());
         let near =
-            Spec { single_precision: Some(HeightQuantization::about(2e7)), ..spec(0.0, true) };
+            TinSpec { single_precision: Some(HeightQuantization::about(2e7)), ..spec(0.0, true) };
         assert!(far.check_rounding(&near).is_ok(), "relative to a height nearby");
     }
 
     #[test]
     fn what_is_left_of_a_larger_rectangle_does_not_count() {
         let mut window =
-            WorkerBuffers { f32: vec![1.0, 2.0, 3e38, -2000.0], ..WorkerBuffers::default() };
+            HeightBuffers { f32: vec![1.0, 2.0, 3e38, -2000.0], ..HeightBuffers::default() };
         let rect = Rect::new(5, 6, 2, 1);
         window.rect = Some(rect);
         window.refuse_extremes(rect).unwrap();
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn undeclared_nodata_is_named() {
         let heights = vec![1.0, 2.0, 3.0, 4.0, f32::MIN, 6.0];
-        let mut window = WorkerBuffers { f32: heights, ..WorkerBuffers::default() };
+        let mut window = HeightBuffers { f32: heights, ..HeightBuffers::default() };
         let error = window.refuse_extremes(Rect::new(10, 20, 3, 2)).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);
         let text = error.to_string();

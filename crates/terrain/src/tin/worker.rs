@@ -7,46 +7,34 @@ use std::time::Instant;
 
 use crossbeam_channel::Sender;
 
-use super::bounds::Shift;
-use super::container::{Container, MeshPiece};
-use super::joints::Joints;
-use super::layout::{Seam, TileId, TileLayout};
-use super::number::{Lookup, Ranks, VertexFlags, positions};
+use super::bounds::PositionShift;
+use super::container::{MeshPiece, TileContainer};
+use super::joints::BreaklineFans;
+use super::kernel::PipelineKernel;
+use super::layout::{SeamPlace, TileId, TileLayout};
+use super::number::{VertexFlags, VertexLookup, VertexRanks, positions};
 use super::object::ContainerRecord;
 use super::report::{PipelineStage, StageClock};
 use super::schedule::TaskQueue;
 use super::settings::TinSettings;
 use super::store::ContainerStore;
-use super::tally::{Flaws, SampleCounts};
+use super::tally::{MeshFlaws, SampleCounts};
 use super::task::{TileStep, TileTask};
-use super::window::WorkerBuffers;
-use super::writer::{Collect, TilePart};
-use super::zone::{Frontier, PatchZone, rect_around};
+use super::window::HeightBuffers;
+use super::writer::{TilePart, TilePartSink};
+use super::zone::{PatchFrontier, PatchTriangles, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rect, SampleSegment};
 use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 use terrane_raster::GridSource;
 use terrane_tin::{
-    self as tin, HeightWindow, PatchInput, PatchMesh, Spec, Stretch, TileInput, TileMesh,
-    TilePosition, TileScratch, TileTriangle, mend_patch, reduce_patch, triangulate_tile,
+    self as tin, HeightWindow, PatchInput, PatchMesh, PathStretch, TileInput, TileMesh,
+    TilePosition, TileScratch, TileTriangle, TinSpec,
 };
 
-/// The pure functions the pipeline is built around; tests plant faults here.
-#[derive(Clone, Copy)]
-pub(super) struct PipelineKernel {
-    pub(super) tile: fn(&TileInput<'_>, &Spec, &mut TileScratch) -> TileMesh,
-    pub(super) patch: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
-    pub(super) reduce: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
-}
-
-impl PipelineKernel {
-    pub(super) const GREEDY: PipelineKernel =
-        PipelineKernel { tile: triangulate_tile, patch: mend_patch, reduce: reduce_patch };
-}
-
 /// What all workers of a running job share.
-pub(super) struct Shared<'a> {
+pub(super) struct SharedTinState<'a> {
     pub(super) source: &'a dyn GridSource,
     pub(super) settings: &'a TinSettings<'a>,
     pub(super) kernel: PipelineKernel,
@@ -65,21 +53,21 @@ pub(super) struct Shared<'a> {
 /// Where saved containers come from.
 pub(super) trait ContainerSource: Sync {
     /// The container of `tile`.
-    fn load(&self, tile: TileId) -> Result<Container>;
+    fn load(&self, tile: TileId) -> Result<TileContainer>;
 }
 
 /// Where finished parts go.
-pub(super) struct Outlet<'a> {
-    pub(super) collector: &'a Mutex<dyn Collect + 'a>,
+pub(super) struct TilePartOutlet<'a> {
+    pub(super) collector: &'a Mutex<dyn TilePartSink + 'a>,
     /// The way to a thread that hands them to the collector while the worker goes on.
     pub(super) writer: Option<Sender<(TileId, TilePart)>>,
 }
 
 /// One worker and its buffers.
 pub(super) struct TinWorker<'a> {
-    job: &'a Shared<'a>,
-    outlet: Outlet<'a>,
-    window: WorkerBuffers,
+    job: &'a SharedTinState<'a>,
+    outlet: TilePartOutlet<'a>,
+    window: HeightBuffers,
     scratch: TileScratch,
     triangles: Vec<TileTriangle>,
     /// Heights of their corners, where those are free.
@@ -87,29 +75,29 @@ pub(super) struct TinWorker<'a> {
     /// Samples to keep where it works, sorted.
     kept: Vec<TilePosition>,
     /// Parts of breaklines there, in the same order for all tiles.
-    lines: Vec<Stretch>,
-    joints: Joints,
+    lines: Vec<PathStretch>,
+    joints: BreaklineFans,
     marks: VertexFlags,
-    lookup: Lookup,
+    lookup: VertexLookup,
     clock: StageClock,
 }
 
 impl<'a> TinWorker<'a> {
-    pub(super) fn new(job: &'a Shared<'a>, outlet: Outlet<'a>) -> Self {
+    pub(super) fn new(job: &'a SharedTinState<'a>, outlet: TilePartOutlet<'a>) -> Self {
         let mut scratch = TileScratch::default();
         scratch.stop_by(job.settings.cancel);
         Self {
             job,
             outlet,
-            window: WorkerBuffers::default(),
+            window: HeightBuffers::default(),
             scratch,
             triangles: Vec::new(),
             vertices: Vec::new(),
             kept: Vec::new(),
             lines: Vec::new(),
-            joints: Joints::default(),
+            joints: BreaklineFans::default(),
             marks: VertexFlags::default(),
-            lookup: Lookup::default(),
+            lookup: VertexLookup::default(),
             clock: StageClock::default(),
         }
     }
@@ -140,9 +128,9 @@ impl<'a> TinWorker<'a> {
                 None => self.triangulate(task.tile),
                 Some(stock) => self.load(stock, task.tile),
             },
-            TileStep::Vertical => self.mend(Seam::Vertical, task.tile),
-            TileStep::Horizontal => self.mend(Seam::Horizontal, task.tile),
-            TileStep::Corner => self.mend(Seam::Corner, task.tile),
+            TileStep::Vertical => self.mend(SeamPlace::Vertical, task.tile),
+            TileStep::Horizontal => self.mend(SeamPlace::Horizontal, task.tile),
+            TileStep::Corner => self.mend(SeamPlace::Corner, task.tile),
             TileStep::Gather => self.gather(task.tile),
             TileStep::Number => self.number(task.tile),
             TileStep::Emit => self.emit(task.tile),
@@ -194,12 +182,12 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends one seam, in a wider patch while the mesh beyond does not agree with the result.
-    fn mend(&mut self, seam: Seam, tile: TileId) -> Result<()> {
+    fn mend(&mut self, seam: SeamPlace, tile: TileId) -> Result<()> {
         let layout = self.job.layout;
         let along = self.reach_along(seam, tile)?;
         self.triangles.clear();
         for reach in layout.reaches() {
-            let zone = PatchZone::new(&layout, seam, tile, reach, along);
+            let zone = PatchTriangles::new(&layout, seam, tile, reach, along);
             self.extract(&zone)?;
             let is_widest = reach == layout.widest_reach();
             if !is_widest && self.is_last_of_lines(seam, &zone) {
@@ -211,7 +199,7 @@ impl<'a> TinWorker<'a> {
             let patch = self.mend_rect(seam, tile, zone.limits(), rect);
             self.job.settings.cancel.check()?;
             let frontier = self.frontier(&patch, rect, &zone)?;
-            let is_done = seam != Seam::Corner || patch.left.is_empty();
+            let is_done = seam != SeamPlace::Corner || patch.left.is_empty();
             if is_widest && !is_done {
                 return Err(unbounded());
             }
@@ -226,8 +214,8 @@ impl<'a> TinWorker<'a> {
 
     /// True around a corner near breaklines. Nobody comes after that patch, and what others have left of a line may
     /// be anywhere it can reach.
-    fn is_last_of_lines(&self, seam: Seam, zone: &PatchZone) -> bool {
-        seam == Seam::Corner
+    fn is_last_of_lines(&self, seam: SeamPlace, zone: &PatchTriangles) -> bool {
+        seam == SeamPlace::Corner
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
@@ -239,8 +227,8 @@ impl<'a> TinWorker<'a> {
     }
 
     /// How far up and down from a tile corner the patch has to follow the vertical seam.
-    fn reach_along(&self, seam: Seam, tile: TileId) -> Result<u32> {
-        if seam != Seam::Corner {
+    fn reach_along(&self, seam: SeamPlace, tile: TileId) -> Result<u32> {
+        if seam != SeamPlace::Corner {
             return Ok(0);
         }
         let right = self.job.layout.clamp(tile, 0, 1);
@@ -249,23 +237,29 @@ impl<'a> TinWorker<'a> {
 
     /// True when a patch has left a triangle with too small an angle, or one around a corner would take one in
     /// if it were wider: there nobody comes after it.
-    fn is_thin(&self, seam: Seam, tile: TileId, along: u32, patch: &PatchMesh) -> Result<bool> {
+    fn is_thin(
+        &self,
+        seam: SeamPlace,
+        tile: TileId,
+        along: u32,
+        patch: &PatchMesh,
+    ) -> Result<bool> {
         let Some(bound) = self.job.settings.spec.min_angle else { return Ok(false) };
-        if seam != Seam::Corner {
+        if seam != SeamPlace::Corner {
             return Ok(patch.thin > 0);
         }
         let layout = &self.job.layout;
-        let widest = PatchZone::new(layout, seam, tile, layout.widest_reach(), along);
+        let widest = PatchTriangles::new(layout, seam, tile, layout.widest_reach(), along);
         let mut is_thin = patch.thin > 0;
         for tile in layout.keepers(widest.limits()) {
-            let look = |kept: &mut Container| kept.is_thin_in(&widest, tile, layout, &bound);
+            let look = |kept: &mut TileContainer| kept.is_thin_in(&widest, tile, layout, &bound);
             is_thin = is_thin || self.job.store.with(tile, look)?;
         }
         Ok(is_thin)
     }
 
     /// Adds the triangles of `zone` to those found in a narrower one.
-    fn extract(&mut self, zone: &PatchZone) -> Result<()> {
+    fn extract(&mut self, zone: &PatchTriangles) -> Result<()> {
         let started = Instant::now();
         let layout = &self.job.layout;
         for tile in layout.keepers(zone.limits()) {
@@ -291,11 +285,11 @@ impl<'a> TinWorker<'a> {
     }
 
     /// Mends the triangles in `rect`, whose heights have been read.
-    fn mend_rect(&mut self, seam: Seam, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
+    fn mend_rect(&mut self, seam: SeamPlace, tile: TileId, limits: Rect, rect: Rect) -> PatchMesh {
         let started = Instant::now();
         let layout = &self.job.layout;
         let seams = layout.seam_lines(seam, tile, rect);
-        let shift = Shift::new((limits.col, limits.row), (rect.col, rect.row));
+        let shift = PositionShift::new((limits.col, limits.row), (rect.col, rect.row));
         let triangles: Vec<TileTriangle> =
             self.triangles.iter().map(|t| shift.triangle(t)).collect();
         let patch = self.patch(self.job.kernel.patch, rect, &triangles, seams);
@@ -306,7 +300,7 @@ impl<'a> TinWorker<'a> {
     /// What `make` makes of triangles in `rect`, whose heights have been read.
     fn patch(
         &mut self,
-        make: fn(&PatchInput<'_>, &Spec, &mut TileScratch) -> PatchMesh,
+        make: fn(&PatchInput<'_>, &TinSpec, &mut TileScratch) -> PatchMesh,
         rect: Rect,
         triangles: &[TileTriangle],
         [seam_col, seam_row]: [Option<u32>; 2],
@@ -349,12 +343,17 @@ impl<'a> TinWorker<'a> {
     }
 
     /// What the mesh beyond a mended patch says to it.
-    fn frontier(&mut self, patch: &PatchMesh, rect: Rect, zone: &PatchZone) -> Result<Frontier> {
+    fn frontier(
+        &mut self,
+        patch: &PatchMesh,
+        rect: Rect,
+        zone: &PatchTriangles,
+    ) -> Result<PatchFrontier> {
         let started = Instant::now();
         let layout = &self.job.layout;
         let limits = zone.limits();
         let places = ((rect.col, rect.row), (limits.col, limits.row));
-        let mut frontier = Frontier::new(&patch.border, places.0, places.1);
+        let mut frontier = PatchFrontier::new(&patch.border, places.0, places.1);
         for tile in layout.keepers(limits).take_while(|_| !patch.border.is_empty()) {
             self.job.store.with(tile, |kept| {
                 frontier.see([&kept.triangles, &kept.inner], zone, tile, layout)
@@ -367,25 +366,25 @@ impl<'a> TinWorker<'a> {
     /// Stores a mended patch.
     fn settle(
         &mut self,
-        seam: Seam,
+        seam: SeamPlace,
         tile: TileId,
         rect: Rect,
         patch: &PatchMesh,
-        frontier: &Frontier,
+        frontier: &PatchFrontier,
     ) -> Result<()> {
         let started = Instant::now();
         let PatchMesh { triangles, vertices, heights, .. } = patch;
         self.job.insert(MeshPiece { rect, triangles, vertices, heights })?;
         match seam {
-            Seam::Vertical => self.release_left_of_seam(tile),
-            Seam::Horizontal => {
+            SeamPlace::Vertical => self.release_left_of_seam(tile),
+            SeamPlace::Horizontal => {
                 let row = self.job.layout.widest_reach() as i32;
                 let seam = self.job.layout.seam_lines(seam, tile, rect)[1].unwrap_or_default();
                 let left = patch.left.iter().map(|at| at.row().abs_diff(seam)).max();
                 let reach = frontier.closed_reach(row).max(left.unwrap_or_default());
                 self.job.store.set_reach(tile, reach)?;
             }
-            Seam::Corner => {}
+            SeamPlace::Corner => {}
         }
         self.clock.add(PipelineStage::Seams, started, 0);
         Ok(())
@@ -450,13 +449,14 @@ impl<'a> TinWorker<'a> {
         let job = self.job;
         for (near, ranks) in self.lookup.begin(&job.layout, tile) {
             let owned = job.layout.owned(near);
-            let fill = |kept: &mut Container, id| ranks.fill(kept, owned, id, job.with_corners);
+            let fill = |kept: &mut TileContainer, id| ranks.fill(kept, owned, id, job.with_corners);
             job.store.with_ids(near, fill)?;
         }
-        let triangles = job.store.with(tile, Container::take_triangles)?;
+        let triangles = job.store.with(tile, TileContainer::take_triangles)?;
         lock(&job.tally)
             .add(SampleCounts { thin: self.thin(tile, &triangles), ..SampleCounts::default() });
-        let _room = job.store.reserve(Lookup::bytes(triangles.len(), job.with_corners), tile)?;
+        let _room =
+            job.store.reserve(VertexLookup::bytes(triangles.len(), job.with_corners), tile)?;
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
         let faces =
@@ -470,8 +470,8 @@ impl<'a> TinWorker<'a> {
     }
 
     /// The triangles of a tile with too small an angle.
-    fn thin(&self, tile: TileId, triangles: &[TileTriangle]) -> Flaws {
-        let mut thin = Flaws::default();
+    fn thin(&self, tile: TileId, triangles: &[TileTriangle]) -> MeshFlaws {
+        let mut thin = MeshFlaws::default();
         let Some(bound) = self.job.settings.spec.min_angle else { return thin };
         let (col, row) = self.job.layout.origin(tile);
         for triangle in triangles.iter().filter(|triangle| !bound.holds(triangle.corners)) {
@@ -507,7 +507,7 @@ impl<'a> TinWorker<'a> {
         let origin = [rect.col, rect.row].map(i64::from);
         let near = self.job.settings.kept.lines().paths().near(rect);
         let stretch =
-            |line: SampleSegment| Stretch::of(line.seen_from(origin), rect.width, rect.height);
+            |line: SampleSegment| PathStretch::of(line.seen_from(origin), rect.width, rect.height);
         self.lines.clear();
         self.lines.extend(near.filter_map(stretch));
     }
@@ -538,7 +538,7 @@ impl<'a> TinWorker<'a> {
     }
 }
 
-impl Shared<'_> {
+impl SharedTinState<'_> {
     /// Hands a piece of the mesh to the containers it belongs to.
     fn insert(&self, piece: MeshPiece<'_>) -> Result<()> {
         self.layout.owners(piece.rect).try_for_each(|tile| {
@@ -552,7 +552,7 @@ pub(super) fn tile_input<'a>(
     layout: &TileLayout,
     tile: TileId,
     heights: HeightWindow<'a>,
-    (kept, lines): (&'a [TilePosition], &'a [Stretch]),
+    (kept, lines): (&'a [TilePosition], &'a [PathStretch]),
 ) -> TileInput<'a> {
     let (rect, apron) = (layout.rect(tile), layout.apron(tile));
     TileInput {
@@ -569,7 +569,7 @@ pub(super) fn tile_input<'a>(
 
 /// How many more a worker holds where breaklines are followed.
 pub(super) fn line_bytes(cells: u32) -> u64 {
-    tin::TileScratch::line_bytes(cells + 2) + Joints::bytes(cells)
+    tin::TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
 }
 
 /// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
@@ -580,9 +580,9 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let whole = TileMesh::most_bytes(samples) + 2 * samples * face as u64;
     let mesh = if keeps_all { whole } else { 0 };
     mesh + tin::TileScratch::bytes(cells + 2, fit)
-        + WorkerBuffers::bytes(samples)
+        + HeightBuffers::bytes(samples)
         + VertexFlags::bytes(cells)
-        + 4 * Ranks::bytes(cells)
+        + 4 * VertexRanks::bytes(cells)
 }
 
 /// What is left over of the bound between samples at the end: never seen.

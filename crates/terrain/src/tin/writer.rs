@@ -15,7 +15,7 @@ use terrane_mesh::{MeshBatch, MeshSink};
 
 /// The triangles of one tile.
 #[derive(Debug, Default)]
-pub(super) struct Faces {
+pub(super) struct TileFaces {
     pub(super) ids: Vec<[u64; 3]>,
     /// World positions, if the sink wants them.
     pub(super) corners: Vec<[Point3; 3]>,
@@ -29,7 +29,7 @@ pub(super) enum TilePart {
     /// The vertices it owns.
     Vertices(Vec<Point3>),
     /// The triangles kept with it.
-    Triangles(Faces),
+    Triangles(TileFaces),
     /// All that is kept with it, for another run.
     Saved(ContainerRecord),
 }
@@ -47,20 +47,20 @@ impl TilePart {
 }
 
 /// Where finished parts of tiles go, in whatever order they come.
-pub(super) trait Collect: Send {
+pub(super) trait TilePartSink: Send {
     /// Takes a part and writes all that is now in order; returns the bytes that left.
     fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64>;
 }
 
 /// Puts what is kept with each tile into an object, tile by tile.
-pub(super) struct Saver {
+pub(super) struct ContainerSaver {
     work: LayoutWork,
     object: ObjectWriter,
     waiting: BTreeMap<u64, ContainerRecord>,
     next: u64,
 }
 
-impl Saver {
+impl ContainerSaver {
     pub(super) fn new(work: LayoutWork, object: ObjectWriter) -> Self {
         Self { work, object, waiting: BTreeMap::new(), next: 0 }
     }
@@ -71,7 +71,7 @@ impl Saver {
     }
 }
 
-impl Collect for Saver {
+impl TilePartSink for ContainerSaver {
     fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64> {
         let TilePart::Saved(record) = part else { return Err(misplaced()) };
         self.waiting.insert(self.work.position(tile), record);
@@ -91,7 +91,7 @@ fn misplaced() -> Error {
 
 /// What has been written.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Totals {
+pub(super) struct MeshTotals {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
     pub(super) max_error: f32,
@@ -99,20 +99,20 @@ pub(super) struct Totals {
 }
 
 /// The ordered end of the pipeline.
-pub(super) struct TinWriter {
+pub(super) struct OrderedMeshWriter {
     layout: TileLayout,
     sink: Box<dyn MeshSink>,
     vertices: BTreeMap<u64, Vec<Point3>>,
-    triangles: BTreeMap<u64, Faces>,
+    triangles: BTreeMap<u64, TileFaces>,
     /// Next tile whose vertices, and
     next_vertices: u64,
     /// whose triangles are to be written.
     next_triangles: u64,
-    totals: Totals,
+    totals: MeshTotals,
     spent: Duration,
 }
 
-impl TinWriter {
+impl OrderedMeshWriter {
     pub(super) fn new(layout: TileLayout, sink: Box<dyn MeshSink>) -> Self {
         Self {
             layout,
@@ -121,13 +121,13 @@ impl TinWriter {
             triangles: BTreeMap::new(),
             next_vertices: 0,
             next_triangles: 0,
-            totals: Totals::default(),
+            totals: MeshTotals::default(),
             spent: Duration::ZERO,
         }
     }
 
     /// What has been written so far, and the time that took.
-    pub(super) fn totals(&self) -> (Totals, Duration) {
+    pub(super) fn totals(&self) -> (MeshTotals, Duration) {
         (self.totals, self.spent)
     }
 
@@ -165,7 +165,7 @@ impl TinWriter {
                     corners: &[],
                 })
             }
-            TilePart::Triangles(Faces { ids, corners, max_error, square_sum }) => {
+            TilePart::Triangles(TileFaces { ids, corners, max_error, square_sum }) => {
                 totals.triangles += ids.len() as u64;
                 totals.max_error = totals.max_error.max(max_error);
                 totals.square_sum += square_sum;
@@ -181,7 +181,7 @@ impl TinWriter {
     }
 }
 
-impl Collect for TinWriter {
+impl TilePartSink for OrderedMeshWriter {
     fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64> {
         let started = Instant::now();
         let index = self.layout.index(tile);

@@ -9,8 +9,8 @@
 //! Measured, against patches that take in rectangles: integer heights with sea at 5.5 % kept, seams 0.54
 //! to 0.12 s, tiles 0.55 s.
 
-use super::bounds::{OffsetFrame, SampleBounds, Shift, inner_bounds};
-use super::layout::{Seam, TileId, TileLayout};
+use super::bounds::{OffsetFrame, PositionShift, SampleBounds, inner_bounds};
+use super::layout::{SeamPlace, TileId, TileLayout};
 use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::{Lattice, in_circle};
 use terrane_tin::{TilePosition, TileTriangle};
@@ -22,18 +22,18 @@ use terrane_tin::{TilePosition, TileTriangle};
 /// A patch around a tile corner also takes in the triangles on the vertical line as far up and down
 /// as the horizontal patches on its two sides would have gone on: each of them stopped there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PatchZone {
+pub(super) struct PatchTriangles {
     /// Positions are relative to these.
     limits: Rect,
     bands: [SampleBounds; 2],
 }
 
-impl PatchZone {
+impl PatchTriangles {
     /// The zone of a seam of `tile`, `reach` cells on each side; around a corner, `along` cells up
     /// and down the vertical line.
     pub(super) fn new(
         layout: &TileLayout,
-        seam: Seam,
+        seam: SeamPlace,
         tile: TileId,
         reach: u32,
         along: u32,
@@ -48,7 +48,7 @@ impl PatchZone {
         let rows = |reach| around(row, limits.height, reach);
         let band = SampleBounds { cols: cols(reach), rows: rows(reach) };
         let line = SampleBounds { cols: cols(0), rows: rows(along) };
-        Self { limits, bands: [band, if seam == Seam::Corner { line } else { band }] }
+        Self { limits, bands: [band, if seam == SeamPlace::Corner { line } else { band }] }
     }
 
     /// The largest rectangle the triangles can fill.
@@ -57,20 +57,21 @@ impl PatchZone {
     }
 
     /// The rule for triangles with positions relative to `origin` (column, row).
-    pub(super) fn seen_from(&self, origin: (u32, u32)) -> Membership {
-        let Shift { cols, rows } = Shift::new((self.limits.col, self.limits.row), origin);
+    pub(super) fn seen_from(&self, origin: (u32, u32)) -> PatchMembership {
+        let PositionShift { cols, rows } =
+            PositionShift::new((self.limits.col, self.limits.row), origin);
         let bands = self.bands.map(|band| band.moved(cols, rows));
-        Membership { limits: OffsetFrame::new(self.limits, origin), bands }
+        PatchMembership { limits: OffsetFrame::new(self.limits, origin), bands }
     }
 }
 
-/// A [`PatchZone`] as seen from a tile.
-pub(super) struct Membership {
+/// A [`PatchTriangles`] as seen from a tile.
+pub(super) struct PatchMembership {
     limits: OffsetFrame,
     bands: [SampleBounds; 2],
 }
 
-impl Membership {
+impl PatchMembership {
     /// True when the patch takes the triangle in.
     #[inline]
     pub(super) fn contains(&self, triangle: &TileTriangle) -> bool {
@@ -105,7 +106,7 @@ pub(super) fn rect_around(
 
 /// The edges on the border of a mended patch beside which it changed, in search of the triangles
 /// beyond them.
-pub(super) struct Frontier {
+pub(super) struct PatchFrontier {
     /// Edges in the direction of the triangle beyond, sorted, with the third corner on this side.
     edges: Vec<([Lattice; 2], Lattice)>,
     /// Which of them have a triangle beyond that the patch could have taken in.
@@ -113,10 +114,10 @@ pub(super) struct Frontier {
     is_open: bool,
 }
 
-impl Frontier {
+impl PatchFrontier {
     /// The border of a patch whose positions are relative to `from`, in positions relative to `to`.
     pub(super) fn new(border: &[[TilePosition; 3]], from: (u32, u32), to: (u32, u32)) -> Self {
-        let Shift { cols, rows } = Shift::new(from, to);
+        let PositionShift { cols, rows } = PositionShift::new(from, to);
         let place = |at: TilePosition| [at.col() as i32 + cols, at.row() as i32 + rows];
         let turned = |corners: &[TilePosition; 3]| {
             let [a, b, c] = corners.map(place);
@@ -131,12 +132,13 @@ impl Frontier {
     pub(super) fn see(
         &mut self,
         [triangles, inner]: [&[TileTriangle]; 2],
-        zone: &PatchZone,
+        zone: &PatchTriangles,
         tile: TileId,
         layout: &TileLayout,
     ) {
         let origin = layout.origin(tile);
-        let Shift { cols, rows } = Shift::new(origin, (zone.limits.col, zone.limits.row));
+        let PositionShift { cols, rows } =
+            PositionShift::new(origin, (zone.limits.col, zone.limits.row));
         let members = zone.seen_from(origin);
         let within = inner_bounds(layout, tile).moved(cols, rows);
         let around = self.bounds();
@@ -195,29 +197,32 @@ mod tests {
     fn a_zone_takes_what_touches_its_band_within_its_limits() {
         let layout = TileLayout::new(129, 129, 32).unwrap();
         let takes = |seam, reach, along, corners| {
-            let zone = PatchZone::new(&layout, seam, TileId::new(1, 1), reach, along);
+            let zone = PatchTriangles::new(&layout, seam, TileId::new(1, 1), reach, along);
             zone.seen_from((32, 32)).contains(&triangle(corners))
         };
-        assert!(takes(Seam::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
-        assert!(!takes(Seam::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
-        assert!(takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
-        assert!(!takes(Seam::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]), "beyond the limits");
-        assert!(takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
-        assert!(!takes(Seam::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]), "in two tiles");
+        assert!(takes(SeamPlace::Vertical, 0, 0, [(32, 0), (32, 9), (20, 4)]));
+        assert!(!takes(SeamPlace::Vertical, 0, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(takes(SeamPlace::Vertical, 1, 0, [(31, 0), (31, 9), (20, 4)]));
+        assert!(
+            !takes(SeamPlace::Vertical, 1, 0, [(31, 0), (31, 9), (15, 4)]),
+            "beyond the limits"
+        );
+        assert!(takes(SeamPlace::Horizontal, 0, 0, [(5, 32), (9, 32), (7, 25)]));
+        assert!(!takes(SeamPlace::Horizontal, 0, 0, [(5, 32), (9, 32), (40, 25)]), "in two tiles");
         let above = [(32, 20), (32, 29), (30, 22)];
-        assert!(!takes(Seam::Corner, 2, 2, above));
-        assert!(takes(Seam::Corner, 2, 3, above) && takes(Seam::Corner, 3, 0, above));
+        assert!(!takes(SeamPlace::Corner, 2, 2, above));
+        assert!(takes(SeamPlace::Corner, 2, 3, above) && takes(SeamPlace::Corner, 3, 0, above));
     }
 
     #[test]
     fn a_frontier_finds_what_is_not_delaunay_beyond_it() {
         let layout = TileLayout::new(129, 129, 32).unwrap();
         let tile = TileId::new(1, 1);
-        let zone = PatchZone::new(&layout, Seam::Vertical, tile, 4, 0);
+        let zone = PatchTriangles::new(&layout, SeamPlace::Vertical, tile, 4, 0);
         let base = (zone.limits().col, zone.limits().row);
         let border = [[(40, 40), (40, 50), (32, 45)].map(|(col, row)| TilePosition::new(col, row))];
         for (beyond, is_open, found) in [(41, true, true), (46, false, true), (0, false, false)] {
-            let mut frontier = Frontier::new(&border, (26, 0), base);
+            let mut frontier = PatchFrontier::new(&border, (26, 0), base);
             let mut kept = Vec::new();
             if beyond > 0 {
                 let moved =

@@ -12,7 +12,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
 use terrane_engine::memory;
-use terrane_engine::options::{BoundsOption, CellSize, FileName};
+use terrane_engine::options::{BoundsText, CellSize, FileName};
 use terrane_options::Options;
 use terrane_raster::{GridInfo, GridOpenOptions, Inputs};
 
@@ -24,7 +24,7 @@ pub struct LatticeOptions {
     #[option(value = "X[,Y]", with = CellSize, default_text = "as large as in the middle of the input")]
     pub resolution: Option<[f64; 2]>,
     /// Rectangle that the output covers, in its system
-    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsOption, default_text = "all of the input")]
+    #[option(value = "XMIN,YMIN,XMAX,YMAX", with = BoundsText, default_text = "all of the input")]
     pub extent: Option<[f64; 4]>,
     /// Grid whose lattice the output is to have: sample on sample
     #[option(value = "GRID", with = FileName, role = ReadsGrid)]
@@ -33,7 +33,7 @@ pub struct LatticeOptions {
 
 /// Places of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct TargetLattice {
+pub(super) struct TargetGrid {
     pub(super) transform: Affine,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -51,8 +51,8 @@ pub(super) fn of(
     grid: &GridInfo,
     crs: &Crs,
     way: &CrsTransform,
-) -> Result<TargetLattice> {
-    let outline = GridOutline::of(grid, way);
+) -> Result<TargetGrid> {
+    let outline = WarpedExtent::of(grid, way);
     if let Some(like) = &wanted.like {
         let lattice = alike(like, crs)?;
         outline.check_near(lattice.extent()).map_err(|e| e.in_file(Path::new(like)))?;
@@ -87,11 +87,7 @@ pub(super) fn of(
 
 /// Columns and rows of the grid by one of the lattice, in the middle of it or, if that is far from the grid, in that of
 /// the grid.
-pub(super) fn scale(
-    lattice: &TargetLattice,
-    grid: &GridInfo,
-    way: &CrsTransform,
-) -> Result<[f64; 2]> {
+pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
     let back = |at: [f64; 2]| {
         let [x, y] = lattice.transform.apply(at[0], at[1]);
         way.back([x, y]).map(|[x, y]| grid.transform.invert(x, y))
@@ -147,14 +143,14 @@ fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
 }
 
 /// The rectangle around the cells of a grid in another system.
-struct GridOutline {
+struct WarpedExtent {
     /// Around those edges of cells that have a place there.
     extent: [f64; 4],
     /// Why others have none.
     lost: Option<Error>,
 }
 
-impl GridOutline {
+impl WarpedExtent {
     fn of(grid: &GridInfo, way: &CrsTransform) -> Self {
         let mut outline = Self { extent: [f64::MAX, f64::MAX, f64::MIN, f64::MIN], lost: None };
         let steps = grid.width.max(grid.height).min(MOST_PLACES);
@@ -199,7 +195,7 @@ impl GridOutline {
     }
 }
 
-impl TargetLattice {
+impl TargetGrid {
     /// The rectangle around all cells.
     fn extent(&self) -> [f64; 4] {
         let [right, bottom] = [self.width, self.height].map(|side| f64::from(side) - 0.5);
@@ -212,7 +208,7 @@ impl TargetLattice {
 }
 
 /// The lattice of another grid.
-fn alike(name: &str, crs: &Crs) -> Result<TargetLattice> {
+fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
     let other = memory::look_at(&Inputs::from(vec![name.to_owned()]), &GridOpenOptions::default())?;
     let GridInfo { transform, width, height, .. } = *other.info();
     if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
@@ -222,7 +218,7 @@ fn alike(name: &str, crs: &Crs) -> Result<TargetLattice> {
             .in_file(Path::new(name))
             .remedy("name its system with ‹to_crs›"));
     }
-    Ok(TargetLattice { transform, width, height })
+    Ok(TargetGrid { transform, width, height })
 }
 
 /// Columns and rows of a rectangle.
@@ -231,13 +227,13 @@ fn spans([x0, y0, x1, y1]: [f64; 4], cell: [f64; 2]) -> [f64; 2] {
 }
 
 /// Cells of this size from the upper left corner of a rectangle on, until it is covered.
-fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<TargetLattice> {
+fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<TargetGrid> {
     let count = spans(extent, cell).map(|span| (span - HAIR).ceil().max(1.0));
     upright([extent[0], extent[3]], cell, count)
 }
 
 /// A lattice with north above.
-fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<TargetLattice> {
+fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<TargetGrid> {
     let transform = Affine::from_gdal([x, across, 0.0, y, 0.0, -down]);
     let most = limits::MAX_SIDE as f64;
     let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
@@ -246,5 +242,5 @@ fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Resul
         return Err(Error::usage(message).remedy("ask for larger cells, or for a part"));
     }
     let [width, height] = count.map(|count| count as u32);
-    Ok(TargetLattice { transform, width, height })
+    Ok(TargetGrid { transform, width, height })
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::convert::copy::{GridFront, run_of};
+use crate::convert::copy::{DerivedBands, run_of};
 use crate::convert::job::{ConvertJob, ConvertReport};
 use terrane_base::error::{Error, Result};
 use terrane_crs::CoordinateOperation;
@@ -25,8 +25,8 @@ use terrane_engine::{Cancel, Progress};
 use terrane_raster::{GridInfo, GridSource, SampleType};
 use terrane_window::resample::{ResamplingMethod, Scale};
 
-pub use lattice::{LatticeOptions as Lattice, LatticeSetters};
-use source::Warped;
+pub use lattice::{LatticeOptions, LatticeSetters};
+use source::WarpedGrid;
 use way::CrsTransform;
 
 /// A grid to be written on another lattice.
@@ -59,7 +59,7 @@ pub(crate) fn run(
         let transformed = operation.as_ref().map(Transformed::of);
         let warped = job.warped(inner, operation, nowhere.clone())?;
         about = Some((transformed, warped.scale()));
-        Ok(GridFront::of(Box::new(warped), notes))
+        Ok(DerivedBands::of(Box::new(warped), notes))
     })?;
     let (transformed, scale) = about.unwrap_or((None, Scale::ONE));
     let mut notes = report.notes.clone();
@@ -84,7 +84,7 @@ impl WarpJob<'_> {
         inner: Box<dyn GridSource>,
         operation: Option<CoordinateOperation>,
         nowhere: Arc<AtomicU64>,
-    ) -> Result<Warped> {
+    ) -> Result<WarpedGrid> {
         let own = inner.info();
         let crs = operation.as_ref().map_or(&own.crs, CoordinateOperation::target).clone();
         let way = CrsTransform::new(operation);
@@ -102,7 +102,7 @@ impl WarpJob<'_> {
         let info = if is_made { made(info) } else { info };
         let scale = Scale::new(lattice::scale(&lattice, own, &way)?);
         self.check_reach(scale)?;
-        Ok(Warped::new(info, inner, way, self.resampling, scale, is_made, nowhere))
+        Ok(WarpedGrid::new(info, inner, way, self.resampling, scale, is_made, nowhere))
     }
 
     /// Fails where a height depends on more samples than are held.

@@ -28,7 +28,7 @@ pub(super) const WORKER_BYTES: u64 =
     (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
 
 /// A grid on another lattice.
-pub(super) struct Warped {
+pub(super) struct WarpedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     way: CrsTransform,
@@ -50,7 +50,7 @@ struct WarpBuffers {
     heights: Vec<f64>,
 }
 
-impl Warped {
+impl WarpedGrid {
     pub(super) fn new(
         info: GridInfo,
         inner: Box<dyn GridSource>,
@@ -175,7 +175,7 @@ fn put<H>(out: &mut [H], rect: Rect, piece: Rect, heights: &[f64], of: impl Fn(f
     }
 }
 
-impl GridSource for Warped {
+impl GridSource for WarpedGrid {
     fn info(&self) -> &GridInfo {
         &self.info
     }

@@ -30,7 +30,7 @@ const ALONG: u32 = 4;
 
 /// Where the samples of a grid are on the globe.
 #[derive(Clone, Debug)]
-pub struct Chart {
+pub struct GridGeolocation {
     whole: [u32; 2],
     way: ChartMapping,
     /// Metres that heights fall for each metre beyond the grid.
@@ -60,12 +60,12 @@ impl ChartSpot {
 #[derive(Clone, Debug)]
 enum ChartMapping {
     Straight(Affine),
-    Bent(Arc<Bent>),
+    Bent(Arc<CurvedLattice>),
 }
 
 /// Rows and columns that are no parallels and meridians.
 #[derive(Debug)]
-struct Bent {
+struct CurvedLattice {
     /// From columns and rows to what is upright there, nearly of length 1.
     upright: CubicTable<3>,
     /// From longitudes and latitudes to columns and rows; not a number where they have none.
@@ -78,7 +78,7 @@ struct Bent {
     off: OnceLock<f64>,
 }
 
-impl Chart {
+impl GridGeolocation {
     /// Of a grid of columns and rows, which `map` takes to longitudes and latitudes without turning it.
     pub fn straight(map: Affine, whole: [u32; 2]) -> Self {
         debug_assert!(map.b == 0.0 && map.d == 0.0);
@@ -151,7 +151,7 @@ impl Chart {
         let samples = CubicTable::new(sides, parts, |at| Ok(back(at).unwrap_or([f64::NAN; 2])))?;
         // Half of what a sample takes at the most, and a part of every tile's side.
         let stop = 180.0 / (360.0 / spacing).log2().ceil().exp2();
-        let bent = Bent { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
+        let bent = CurvedLattice { upright, samples, bounds, spacing, stop, off: OnceLock::new() };
         Ok(Self { whole, way: ChartMapping::Bent(Arc::new(bent)), slope: 0.0 })
     }
 

@@ -10,7 +10,7 @@ use crate::tiling::{GlobeTileId, STEPS, degrees};
 const SURELY: f64 = 0.02;
 
 /// Triangles by the squares of positions that they reach into.
-pub(crate) struct Folds {
+pub(crate) struct FoldedTriangles {
     lists: Vec<Vec<u32>>,
     squares: usize,
 }
@@ -41,7 +41,7 @@ impl TileFacet {
     }
 }
 
-impl Folds {
+impl FoldedTriangles {
     /// Of triangles by number, with the positions of their corners, on a lattice of so many metres, 0 where there is none;
     /// `None` where none is turned over.
     pub(crate) fn of(

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::chart::{Chart, ChartSpot};
+use crate::chart::{ChartSpot, GridGeolocation};
 use crate::globe::EllipsoidNormal;
 use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, SampleRow};
 use crate::tiling::GeodeticBounds;
@@ -48,12 +48,12 @@ pub trait GroundSampler {
 
 /// A rectangle of heights of a grid.
 #[derive(Clone, Debug)]
-pub struct Patch<'a> {
+pub struct HeightPatch<'a> {
     heights: &'a [f64],
     rect: Rect,
-    chart: &'a Chart,
+    chart: &'a GridGeolocation,
     places: PatchPlaces,
-    fill: &'a Fill,
+    fill: &'a VoidFill,
 }
 
 /// Where samples of a patch are.
@@ -67,12 +67,17 @@ enum PatchPlaces {
     Asked,
 }
 
-impl<'a> Patch<'a> {
+impl<'a> HeightPatch<'a> {
     /// Bytes that are kept of each sample's place, of samples that are looked at again and again.
     pub const PLACE_BYTES: u64 = size_of::<([f64; 2], EllipsoidNormal)>() as u64;
 
     /// The heights of `rect`, row by row, NaN where void.
-    pub fn new(heights: &'a [f64], rect: Rect, chart: &'a Chart, fill: &'a Fill) -> Self {
+    pub fn new(
+        heights: &'a [f64],
+        rect: Rect,
+        chart: &'a GridGeolocation,
+        fill: &'a VoidFill,
+    ) -> Self {
         debug_assert_eq!(heights.len(), rect.len());
         let places = match chart.map() {
             None => PatchPlaces::Asked,
@@ -185,7 +190,7 @@ impl<'a> Patch<'a> {
     }
 }
 
-impl GroundSampler for Patch<'_> {
+impl GroundSampler for HeightPatch<'_> {
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let (spot, mut sum) = (self.chart.within(place), 0.0);
         for ([col, row], part) in around(spot.at) {
@@ -269,7 +274,11 @@ pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f6
 }
 
 /// The height at a place in columns and rows, between samples or what stands for them.
-pub(crate) fn between(at: [f64; 2], fill: &Fill, sample: impl Fn([u32; 2]) -> Option<f64>) -> f64 {
+pub(crate) fn between(
+    at: [f64; 2],
+    fill: &VoidFill,
+    sample: impl Fn([u32; 2]) -> Option<f64>,
+) -> f64 {
     let known = |at: [u32; 2]| sample(at).unwrap_or_else(|| fill.at(at.map(f64::from)));
     around(at).map(|(at, part)| part * known(at)).sum()
 }
@@ -278,7 +287,7 @@ pub(crate) fn between(at: [f64; 2], fill: &Fill, sample: impl Fn([u32; 2]) -> Op
 /// the ellipsoid.
 pub(crate) fn feet(
     ground: &impl GroundSampler,
-    (chart, rect): (&Chart, Rect),
+    (chart, rect): (&GridGeolocation, Rect),
     (bounds, stride): (&GeodeticBounds, u32),
     found: &mut impl FnMut(GroundSample),
 ) {
@@ -320,7 +329,7 @@ pub(crate) fn feet(
 /// Heights that stand for those of voids and of what lies beyond the grid: means of squares of samples, and where
 /// a square has none, of ever larger ones around it. Between the lowest and the highest sample everywhere.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fill {
+pub struct VoidFill {
     means: Vec<f64>,
     width: u32,
     height: u32,
@@ -335,9 +344,9 @@ fn whole(value: f64) -> i128 {
     if nearest.abs() < 9.2e18 { i128::from(nearest as i64) } else { nearest as i128 }
 }
 
-/// Sums for a [`Fill`], of samples in any order.
+/// Sums for a [`VoidFill`], of samples in any order.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Means {
+pub struct VoidFillSums {
     /// By square: sum in steps of 2^-20 m, so that order does not matter, and count.
     sums: BTreeMap<u32, (i128, u64)>,
     width: u32,
@@ -350,7 +359,7 @@ const SQUARES: u32 = 128;
 /// Steps that sums of heights are counted in.
 const FRACTION: f64 = (1 << 20) as f64;
 
-impl Means {
+impl VoidFillSums {
     /// Bytes that they take at the most, with those that stand for voids.
     pub(crate) const BYTES: u64 = (SQUARES * SQUARES) as u64 * 48;
 
@@ -410,11 +419,11 @@ impl Means {
     }
 
     /// What stands for voids; `None` without a sample.
-    pub fn fill(&self) -> Option<Fill> {
+    pub fn fill(&self) -> Option<VoidFill> {
         let sum = |square| self.sums.get(&square).copied().unwrap_or_default();
         let sums: Vec<_> = (0..self.width * self.height).map(sum).collect();
         let means = filled(&sums, [self.width as usize, self.height as usize])?;
-        Some(Fill { means, width: self.width, height: self.height, square: self.square })
+        Some(VoidFill { means, width: self.width, height: self.height, square: self.square })
     }
 }
 
@@ -441,7 +450,7 @@ fn filled(sums: &[(i128, u64)], [width, height]: [usize; 2]) -> Option<Vec<f64>>
     Some(sums.iter().enumerate().map(of).collect())
 }
 
-impl Fill {
+impl VoidFill {
     /// The lowest and the highest that it may have in a rectangle of samples.
     pub(crate) fn ends(&self, rect: Rect) -> [f64; 2] {
         let along = |first: u32, count: u32, most: u32| {
@@ -483,8 +492,8 @@ mod tests {
 
     const MAP: Affine = Affine { x0: 7.0, a: 0.01, b: 0.0, y0: 46.0, d: 0.0, e: -0.01 };
 
-    fn fill(value: f64) -> Fill {
-        let mut means = Means::new([50, 40]);
+    fn fill(value: f64) -> VoidFill {
+        let mut means = VoidFillSums::new([50, 40]);
         means.add(0, 0, &[value]);
         means.fill().unwrap()
     }
@@ -494,8 +503,8 @@ mod tests {
         let heights: Vec<f64> =
             (0..2000).map(|i| f64::from(i % 50) * 3.0 - f64::from(i / 50) * 2.0).collect();
         let fill = fill(5.0);
-        let chart = Chart::straight(MAP, [50, 40]);
-        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
+        let chart = GridGeolocation::straight(MAP, [50, 40]);
+        let patch = HeightPatch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         for [col, row] in [[0.0, 0.0], [3.3, 7.8], [49.0, 39.0], [20.5, 0.0]] {
             let found = patch.height(MAP.apply(col, row)).unwrap();
             assert!((found - (col * 3.0 - row * 2.0)).abs() < 1e-9, "{col} {row}");
@@ -516,15 +525,15 @@ mod tests {
     fn a_part_of_a_grid_is_as_the_whole() {
         let heights: Vec<f64> = (0..2000).map(|i| f64::from(i * 7919 % 997)).collect();
         let fill = fill(5.0);
-        let chart = Chart::straight(MAP, [50, 40]);
-        let whole = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
+        let chart = GridGeolocation::straight(MAP, [50, 40]);
+        let whole = HeightPatch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         let rect = Rect::new(11, 5, 30, 30);
         let part: Vec<f64> =
             (5..35).flat_map(|row| heights[row * 50 + 11..][..30].to_vec()).collect();
-        let part = Patch::new(&part, rect, &chart, &fill);
+        let part = HeightPatch::new(&part, rect, &chart, &fill);
         let bounds = GeodeticBounds { west: 7.2, south: 45.7, east: 7.3, north: 45.9 };
         for stride in [1, 2, 4] {
-            let all = |patch: &Patch<'_>| {
+            let all = |patch: &HeightPatch<'_>| {
                 let mut found = Vec::new();
                 patch.each(&bounds, stride, &mut |sample| {
                     found.push((sample.place, sample.height));
@@ -547,13 +556,13 @@ mod tests {
         let mut heights = vec![10.0; 2000];
         heights[0] = f64::NAN;
         heights[1999] = 30.0;
-        let mut means = Means::new([50, 40]);
+        let mut means = VoidFillSums::new([50, 40]);
         for (row, line) in (0..).zip(heights.chunks(50)) {
             means.add(0, row, line);
         }
         let fill = means.fill().unwrap();
-        let chart = Chart::straight(MAP, [50, 40]);
-        let patch = Patch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
+        let chart = GridGeolocation::straight(MAP, [50, 40]);
+        let patch = HeightPatch::new(&heights, Rect::new(0, 0, 50, 40), &chart, &fill);
         assert_eq!(patch.height(MAP.apply(0.2, 0.2)), None);
         assert_eq!(patch.height(MAP.apply(1.0, 0.0)), Some(10.0), "on a sample it alone counts");
         let filled = patch.filled(MAP.apply(0.0, 0.0));
@@ -563,6 +572,6 @@ mod tests {
             patch.filled(MAP.apply(49.0, 0.0)),
             "beyond the grid"
         );
-        assert!(Means::new([3, 3]).fill().is_none());
+        assert!(VoidFillSums::new([3, 3]).fill().is_none());
     }
 }

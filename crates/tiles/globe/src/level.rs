@@ -30,7 +30,7 @@ const STEPS_OF_TILE: f64 = 32_000.0;
 
 /// What a level has to hold of the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Relief {
+pub struct LevelRelief {
     /// Metres up or down from the ellipsoid, at the most.
     pub reach: f64,
     /// Metres between the lowest and the highest vertex of a tile, at the most.
@@ -74,7 +74,7 @@ pub struct TileLevel {
 
 impl TileLevel {
     /// Level `level` of a ground whose samples are so many degrees apart.
-    pub fn new(level: u8, spacing: f64, relief: &Relief) -> Self {
+    pub fn new(level: u8, spacing: f64, relief: &LevelRelief) -> Self {
         let assumed = tiling::level_error(level);
         let step = power_below(assumed / STEPS_OF_ERROR)
             .max(power_above(relief.range / STEPS_OF_TILE))
@@ -195,8 +195,8 @@ fn power_above(value: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn relief(reach: f64) -> Relief {
-        Relief { reach, range: 4000.0, ..Relief::default() }
+    fn relief(reach: f64) -> LevelRelief {
+        LevelRelief { reach, range: 4000.0, ..LevelRelief::default() }
     }
 
     #[test]
@@ -220,7 +220,7 @@ mod tests {
                         let level = TileLevel::new(
                             number,
                             1e-6,
-                            &Relief { reach, range, rough, ..Relief::default() },
+                            &LevelRelief { reach, range, rough, ..LevelRelief::default() },
                         );
                         let apart = level.with_skirts(None).on_lattice([-reach, reach]);
                         for level in [level, apart] {
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn rounding_takes_a_small_part_of_the_error() {
         for level in 0..=tiling::DEEPEST {
-            let level = TileLevel::new(level, 1e-6, &Relief { range: 50.0, ..relief(9000.0) });
+            let level = TileLevel::new(level, 1e-6, &LevelRelief { range: 50.0, ..relief(9000.0) });
             assert!(level.goal() > 0.97 * level.tolerance && level.border_goal() < level.goal());
         }
     }

@@ -9,11 +9,11 @@
 //!   each other have the same border, bit by bit ([`TileLevel`], `border`).
 //! - Within, the sample that is furthest off becomes a vertex (Garland & Heckbert 1995) until all are near enough;
 //!   the kernel counts heights from a plane, so it knows of the bend ([`build`]).
-//! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`Shell`]);
+//! - Then every sample is measured against the surface as it is decoded, along what is upright there ([`TileShell`]);
 //!   those beyond the error become vertices, and all are measured again.
 //!
-//! Voids are spanned by triangles between what is known and means of what is around ([`Fill`]); beyond the grid the
-//! ground falls from its edge to the ellipsoid, or goes on level ([`Chart::sloping`]).
+//! Voids are spanned by triangles between what is known and means of what is around ([`VoidFill`]); beyond the grid the
+//! ground falls from its edge to the ellipsoid, or goes on level ([`GridGeolocation::sloping`]).
 
 mod border;
 mod chart;
@@ -39,18 +39,19 @@ mod tests;
 mod tile;
 mod tiling;
 
-pub use chart::Chart;
+pub use chart::GridGeolocation;
 pub use encode::{MASK_SIDE, MASK_WATER, TileExtensions, quantized_mesh};
 pub use globe::{EllipsoidNormal, SinCos, Vector};
 pub use gltf::{GlbTileOptions, TileMetadata, glb, in_shorts};
-pub use ground::{Fill, GroundSampler, Means, Patch};
-pub use level::{Relief, TileLevel, deepest_for};
-pub use measure::Shell;
+pub use ground::{GroundSampler, HeightPatch, VoidFill, VoidFillSums};
+pub use level::{LevelRelief, TileLevel, deepest_for};
+pub use measure::TileShell;
 pub use overview::{
-    GatheredOverview, Glance, Lie, Overview, OverviewPlan, SampleBlock, SampleBlocks,
+    BlockSummary, GatheredOverview, GridOverview, OverviewPlan, RectRelation, SampleBlock,
+    SampleBlocks,
 };
 pub use run::{GroundSample, GroundSampleRun, SampleRow};
 pub use subtree::{CLASS, SUBTREE_LEVELS, subtree, subtree_of};
-pub use surface::{Builder, build};
+pub use surface::{TileBuilder, build};
 pub use tile::{TerrainTile, TileErrorMeasure, TileVertex};
 pub use tiling::{DEEPEST, GeodeticBounds, GlobeTileId, STEPS, degrees, level_error};

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::facet::{FacetView, TileFacet};
-use crate::fold::Folds;
+use crate::fold::FoldedTriangles;
 use crate::globe::{EastNorthUpFrame, POLE, SinCos, Vector, beneath};
 use crate::level::TileLevel;
 use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleParallel, SampleRow};
@@ -72,7 +72,7 @@ impl ParallelFacet {
 }
 
 /// The surface of a tile.
-pub struct Shell {
+pub struct TileShell {
     id: GlobeTileId,
     facets: Vec<TileFacet>,
     /// A triangle for each square of positions, to start from.
@@ -80,7 +80,7 @@ pub struct Shell {
     squares: usize,
     last: u32,
     /// Where triangles lie above each other, as some of them are turned over.
-    folds: Option<Folds>,
+    folds: Option<FoldedTriangles>,
     doubt: f64,
     /// The lowest and the highest vertex at the south pole, and at the north pole.
     poles: [[f64; 2]; 2],
@@ -89,7 +89,7 @@ pub struct Shell {
     beyond: BTreeMap<u32, (f64, GroundSample)>,
 }
 
-impl Shell {
+impl TileShell {
     /// Of vertices, where they are, and triangles with those across from each corner.
     pub(crate) fn new(
         id: GlobeTileId,
@@ -115,7 +115,7 @@ impl Shell {
         let inner = inner.map(|((number, (corners, _)), _)| {
             (number, corners.map(|corner| vertices[corner as usize].at))
         });
-        let folds = Folds::of((id, level.lattice.unwrap_or_default()), &facets, inner);
+        let folds = FoldedTriangles::of((id, level.lattice.unwrap_or_default()), &facets, inner);
         let (measure, beyond, doubt) = (TileErrorMeasure::default(), BTreeMap::new(), level.doubt);
         let last = first;
         Self { id, facets, starts, squares, last, folds, doubt, poles, measure, beyond }
@@ -473,10 +473,10 @@ const SLACK: f64 = 0.05;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::Chart;
-    use crate::ground::{GroundSampler as _, Means, Patch};
-    use crate::level::Relief;
-    use crate::surface::Builder;
+    use crate::chart::GridGeolocation;
+    use crate::ground::{GroundSampler as _, HeightPatch, VoidFillSums};
+    use crate::level::LevelRelief;
+    use crate::surface::TileBuilder;
     use crate::tiling::GeodeticBounds;
     use proptest::prelude::*;
     use terrane_base::geom::{Affine, Rect};
@@ -516,13 +516,13 @@ mod tests {
             };
             let all = (0..size.1).flat_map(|row| (0..size.0).map(move |col| height(col, row)));
             let heights: Vec<f64> = all.collect();
-            let mut means = Means::new([size.0, size.1]);
+            let mut means = VoidFillSums::new([size.0, size.1]);
             (0..).zip(heights.chunks(size.0 as usize)).for_each(|(row, line)| means.add(0, row, line));
-            let (chart, fill) = (Chart::straight(map, [size.0, size.1]), means.fill().unwrap());
-            let patch = Patch::new(&heights, Rect::new(0, 0, size.0, size.1), &chart, &fill);
-            let relief = Relief { reach: 9000.0, range: 9000.0, ..Relief::default() };
+            let (chart, fill) = (GridGeolocation::straight(map, [size.0, size.1]), means.fill().unwrap());
+            let patch = HeightPatch::new(&heights, Rect::new(0, 0, size.0, size.1), &chart, &fill);
+            let relief = LevelRelief { reach: 9000.0, range: 9000.0, ..LevelRelief::default() };
             let level = TileLevel::new(number, step, &relief);
-            let builder = Builder::new(id, &level, &patch).unwrap();
+            let builder = TileBuilder::new(id, &level, &patch).unwrap();
             let [right, down] = [size.0 - 1, size.1 - 1];
             let corners = [[0, 0], [right, 0], [right, down], [0, down]].map(|[col, row]| {
                 chart.sample([col, row].map(f64::from), height(col, row))
@@ -549,12 +549,12 @@ mod tests {
                 GroundSample::new([west + (east - west) * x, south + (north - south) * y], height)
             };
             let map = Affine { x0: west, a: 1e-5, b: 0.0, y0: south, d: 0.0, e: -1e-5 };
-            let mut means = Means::new([1, 1]);
+            let mut means = VoidFillSums::new([1, 1]);
             means.add(0, 0, &[500.0]);
-            let (chart, fill) = (Chart::straight(map, [1, 1]), means.fill().unwrap());
-            let patch = Patch::new(&[500.0], Rect::new(0, 0, 1, 1), &chart, &fill);
-            let level = TileLevel::new(number, 1e-5, &Relief { reach: 9000.0, ..Relief::default() });
-            let mut builder = Builder::new(id, &level, &patch).unwrap();
+            let (chart, fill) = (GridGeolocation::straight(map, [1, 1]), means.fill().unwrap());
+            let patch = HeightPatch::new(&[500.0], Rect::new(0, 0, 1, 1), &chart, &fill);
+            let level = TileLevel::new(number, 1e-5, &LevelRelief { reach: 9000.0, ..LevelRelief::default() });
+            let mut builder = TileBuilder::new(id, &level, &patch).unwrap();
             let vertices = vertices.into_iter().map(|(x, y, height)| sample((x, y), height));
             builder.insert(&vertices.collect::<Vec<_>>());
             let (mut shell, sample, mut first) = (builder.shell(), sample(place, 500.0), None);

@@ -33,11 +33,11 @@ pub(crate) struct TileBufferBuilder {
 struct BufferElements<'a> {
     bytes: &'a [u8],
     stride: usize,
-    mode: Mode<'a>,
+    mode: TilePartMode<'a>,
 }
 
 #[derive(Clone, Copy)]
-enum Mode<'a> {
+enum TilePartMode<'a> {
     Attributes { is_octahedral: bool },
     Triangles(&'a [u32]),
     Sequence(&'a [u32]),
@@ -84,12 +84,12 @@ impl TileBufferBuilder {
         })?;
         let (length, count) = (bytes.len(), bytes.len() / stride);
         let (name, filter, of_vertices) = match mode {
-            Mode::Attributes { is_octahedral: true } => {
+            TilePartMode::Attributes { is_octahedral: true } => {
                 ("ATTRIBUTES", r#","filter":"OCTAHEDRAL""#, true)
             }
-            Mode::Attributes { .. } => ("ATTRIBUTES", "", true),
-            Mode::Triangles(_) => ("TRIANGLES", "", false),
-            Mode::Sequence(_) => ("INDICES", "", false),
+            TilePartMode::Attributes { .. } => ("ATTRIBUTES", "", true),
+            TilePartMode::Triangles(_) => ("TRIANGLES", "", false),
+            TilePartMode::Sequence(_) => ("INDICES", "", false),
         };
         let gap = if of_vertices { format!(r#","byteStride":{stride}"#) } else { String::new() };
         self.unpacked = self.unpacked.next_multiple_of(4);
@@ -112,7 +112,7 @@ impl TileBufferBuilder {
         let count = values.len();
         let ends = if has_ends { ends(values) } else { String::new() };
         let what = format!(r#""componentType":{FLOAT},"count":{count},"type":"{kind}"{ends}"#);
-        let mode = Mode::Attributes { is_octahedral: false };
+        let mode = TilePartMode::Attributes { is_octahedral: false };
         self.add(&BufferElements { bytes: &bytes, stride: 4 * N, mode }, ARRAYS, &what)
     }
 
@@ -126,7 +126,7 @@ impl TileBufferBuilder {
         let (count, ends) = (values.len(), ends(values));
         let part = if is_part { r#","normalized":true"# } else { "" };
         let what = format!(r#""componentType":{U16}{part},"count":{count},"type":"VEC3"{ends}"#);
-        let mode = Mode::Attributes { is_octahedral: false };
+        let mode = TilePartMode::Attributes { is_octahedral: false };
         self.add(&BufferElements { bytes: &bytes, stride: 8, mode }, ARRAYS, &what)
     }
 
@@ -136,7 +136,7 @@ impl TileBufferBuilder {
         let count = values.len();
         let what =
             format!(r#""componentType":{I16},"normalized":true,"count":{count},"type":"VEC2""#);
-        let mode = Mode::Attributes { is_octahedral: false };
+        let mode = TilePartMode::Attributes { is_octahedral: false };
         self.add(&BufferElements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }
 
@@ -149,23 +149,23 @@ impl TileBufferBuilder {
             .map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
         let what =
             format!(r#""componentType":{I8},"normalized":true,"count":{count},"type":"VEC3""#);
-        let mode = Mode::Attributes { is_octahedral: true };
+        let mode = TilePartMode::Attributes { is_octahedral: true };
         self.add(&BufferElements { bytes: &bytes, stride: 4, mode }, ARRAYS, &what)
     }
 
     /// Adds the corners of triangles.
     pub(crate) fn triangles(&mut self, corners: &[u32], is_short: bool) -> Result<usize> {
-        self.indices((corners, Mode::Triangles(corners)), is_short, INDICES)
+        self.indices((corners, TilePartMode::Triangles(corners)), is_short, INDICES)
     }
 
     /// Adds numbers of vertices in any order.
     pub(crate) fn vertices(&mut self, numbers: &[u32], is_short: bool) -> Result<usize> {
-        self.indices((numbers, Mode::Sequence(numbers)), is_short, 0)
+        self.indices((numbers, TilePartMode::Sequence(numbers)), is_short, 0)
     }
 
     fn indices(
         &mut self,
-        (indices, mode): (&[u32], Mode<'_>),
+        (indices, mode): (&[u32], TilePartMode<'_>),
         is_short: bool,
         target: u32,
     ) -> Result<usize> {
@@ -178,7 +178,7 @@ impl TileBufferBuilder {
     }
 }
 
-impl Mode<'_> {
+impl TilePartMode<'_> {
     fn pack(self, bytes: &[u8], stride: usize) -> std::result::Result<Vec<u8>, meshopt::Error> {
         // The versions of the extension.
         let (vertices, indices) =

@@ -7,13 +7,13 @@ use crate::border::{self, TileSide};
 use crate::globe::{EllipsoidNormal, SinCos, bend};
 use crate::ground::GroundSampler;
 use crate::level::{TileLevel, nearest};
-use crate::measure::Shell;
+use crate::measure::TileShell;
 use crate::run::{GroundSample, GroundSampleRun, SampleMeridian, SampleRow};
 use crate::tile::{TerrainTile, TileErrorMeasure, TileVertex, point};
 use crate::tiling::{GlobeTileId, STEPS};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point;
-use terrane_tin::scatter::{Fit, ScatterMesh};
+use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
 /// Rounds in which samples that are found beyond the error are put into the mesh.
 const MOST_ROUNDS: u32 = 48;
@@ -41,20 +41,20 @@ fn inner(place: [f64; 2]) -> [i32; 2] {
 }
 
 /// A tile that is being made.
-pub struct Builder<'a> {
+pub struct TileBuilder<'a> {
     id: GlobeTileId,
     level: &'a TileLevel,
-    drop: Drop,
+    drop: HorizonDrop,
     mesh: ScatterMesh,
 }
 
-impl<'a> Builder<'a> {
+impl<'a> TileBuilder<'a> {
     /// The borders and the posts of a tile.
     ///
     /// # Errors
     /// None but of a broken tile, which is a mistake of the program.
     pub fn new(id: GlobeTileId, level: &'a TileLevel, ground: &impl GroundSampler) -> Result<Self> {
-        let mut drop = Drop::new(id, level);
+        let mut drop = HorizonDrop::new(id, level);
         let mut first = Vec::new();
         for side in TileSide::ALL {
             for [along, height] in border::vertices(id, side, level, ground) {
@@ -97,7 +97,7 @@ impl<'a> Builder<'a> {
             }
         });
         let goal = self.level.goal() / self.level.unit();
-        Fit::new(&mut self.mesh, &points, goal).run();
+        InsertUntilWithin::new(&mut self.mesh, &points, goal).run();
         if points.capacity() <= MOST_KEPT {
             POINTS.set(points);
         }
@@ -111,7 +111,7 @@ impl<'a> Builder<'a> {
     /// Those of `measure`.
     pub fn refine(
         &mut self,
-        mut measure: impl FnMut(&mut Shell) -> Result<()>,
+        mut measure: impl FnMut(&mut TileShell) -> Result<()>,
     ) -> Result<TerrainTile> {
         let mut best: Option<TerrainTile> = None;
         for _ in 0..MOST_ROUNDS {
@@ -183,11 +183,11 @@ impl<'a> Builder<'a> {
     }
 
     /// The surface as it is, to measure samples against.
-    pub fn shell(&self) -> Shell {
+    pub fn shell(&self) -> TileShell {
         let (vertices, numbers) = self.vertices();
         let decoding = (self.level.step, self.level.lattice);
         let points = vertices.iter().map(|vertex| point(self.id, decoding, *vertex));
-        Shell::new(self.id, self.level, (&vertices, points.collect()), self.triangles(&numbers))
+        TileShell::new(self.id, self.level, (&vertices, points.collect()), self.triangles(&numbers))
     }
 
     /// The tile as it is, with what was measured of it.
@@ -227,7 +227,7 @@ pub fn build(
     ground: &impl GroundSampler,
 ) -> Result<TerrainTile> {
     let bounds = id.bounds();
-    let mut builder = Builder::new(id, level, ground)?;
+    let mut builder = TileBuilder::new(id, level, ground)?;
     builder.fit(|take| {
         ground.runs(&bounds, level.stride, &mut |run| take(run));
         ground.feet(&bounds, level.stride, &mut |foot| take(GroundSampleRun::One(foot)));
@@ -240,7 +240,7 @@ pub fn build(
 
 /// How far the ellipsoid lies below a plane that touches it in the middle of a tile: heights counted from there
 /// make flat triangles what they are for a client, nearly. In units of the kernel.
-struct Drop {
+struct HorizonDrop {
     id: GlobeTileId,
     step: f64,
     unit: f64,
@@ -251,7 +251,7 @@ struct Drop {
     row: (i32, [f64; 2]),
 }
 
-impl Drop {
+impl HorizonDrop {
     fn new(id: GlobeTileId, level: &TileLevel) -> Self {
         let bounds = id.bounds();
         let middle = SinCos::of((bounds.south + bounds.north) / 2.0);

@@ -12,8 +12,8 @@ struct Land {
     heights: Vec<f64>,
     side: u32,
     map: Affine,
-    fill: Fill,
-    chart: Chart,
+    fill: VoidFill,
+    chart: GridGeolocation,
 }
 
 impl Land {
@@ -41,7 +41,7 @@ impl Land {
         let step = 1.0 / 3600.0;
         let north = south + step * f64::from(side - 1);
         let map = Affine { x0: west, a: step, b: 0.0, y0: north, d: 0.0, e: -step };
-        let mut means = Means::new([side; 2]);
+        let mut means = VoidFillSums::new([side; 2]);
         for (row, line) in (0..).zip(heights.chunks(side as usize)) {
             means.add(0, row, line);
         }
@@ -50,13 +50,13 @@ impl Land {
             heights,
             side,
             map,
-            chart: Chart::straight(map, [side; 2]),
+            chart: GridGeolocation::straight(map, [side; 2]),
         }
     }
 
-    fn patch(&self) -> Patch<'_> {
+    fn patch(&self) -> HeightPatch<'_> {
         let all = Rect::new(0, 0, self.side, self.side);
-        Patch::new(&self.heights, all, &self.chart, &self.fill)
+        HeightPatch::new(&self.heights, all, &self.chart, &self.fill)
     }
 
     fn bounds(&self) -> GeodeticBounds {
@@ -70,7 +70,7 @@ impl Land {
         TileLevel::new(
             level,
             1.0 / 3600.0,
-            &Relief { reach: 9000.0, range: 4000.0, ..Relief::default() },
+            &LevelRelief { reach: 9000.0, range: 4000.0, ..LevelRelief::default() },
         )
     }
 
@@ -192,7 +192,7 @@ proptest! {
         let (level, patch) = (land.level(number), land.patch());
         for id in land.tiles(number) {
             let bounds = id.bounds();
-            let [mut rows, mut samples] = [0; 2].map(|_| Builder::new(id, &level, &patch).unwrap());
+            let [mut rows, mut samples] = [0; 2].map(|_| TileBuilder::new(id, &level, &patch).unwrap());
             let middle = bounds.west + (bounds.east - bounds.west) * fine / 2.0;
             let parts = [GeodeticBounds { west: middle, ..bounds }, GeodeticBounds { east: middle, ..bounds }, bounds];
             rows.fit(|take| {
@@ -235,7 +235,7 @@ proptest! {
         };
         let mut land = Land::of((0..across * across).map(height).collect(), across, [10.0, south]);
         land.chart = land.chart.clone().sloping(slope);
-        let relief = Relief { reach: relief, range: relief, ..Relief::default() };
+        let relief = LevelRelief { reach: relief, range: relief, ..LevelRelief::default() };
         let level = TileLevel::new(number, 1.0 / 3600.0, &relief);
         let level = match shorts {
             true => in_shorts(level.on_lattice([-relief.reach, relief.reach])),
@@ -323,7 +323,7 @@ fn samples_between_a_border_and_what_is_a_step_beside_it_are_held() {
                 )
             })
             .collect();
-        let mut builder = Builder::new(id, &level, &patch).unwrap();
+        let mut builder = TileBuilder::new(id, &level, &patch).unwrap();
         builder.insert(&[0.3, 0.5].map(|along| column[((1.0 - along) * 632.0) as usize]));
         let is_held = |_| {
             let mut shell = builder.shell();
@@ -342,14 +342,14 @@ fn samples_at_borders_do_not_become_vertices_of_them() {
     let land = Land::new(101, 46.0, 900.0, 3, 0);
     let (level, patch) = (land.level(12), land.patch());
     let id = land.tiles(12)[0];
-    let finished = |builder: &Builder<'_>| {
+    let finished = |builder: &TileBuilder<'_>| {
         let tile = builder.finish(builder.shell().end().0);
         validate(&tile);
         tile
     };
     let sides = |tile: &TerrainTile| TileSide::ALL.map(|s| side(tile, s));
     for along in [1, STEPS / 2 + 1, STEPS] {
-        let mut builder = Builder::new(id, &level, &patch).unwrap();
+        let mut builder = TileBuilder::new(id, &level, &patch).unwrap();
         let before = finished(&builder);
         for side in TileSide::ALL {
             let sample = GroundSample::new(id.place(side.position(along)), 8000.0);
@@ -382,7 +382,7 @@ fn bytes_are_those_of_the_format() {
     assert_eq!((bytes[edges], number(edges + 1) as usize), (1, 2 * count));
     let text = String::from_utf8_lossy(&bytes[edges + 5 + 2 * count..]).into_owned();
     assert!(text.ends_with('}') && text.contains(r#"{"error":"#), "{text}");
-    let none: Option<(&TileLevel, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &HeightPatch<'_>)> = None;
     assert_eq!(
         quantized_mesh(&tile, none, TileExtensions::default()).unwrap().len(),
         bytes.len() - 5 - 2 * count
@@ -427,7 +427,7 @@ fn decoded(bytes: &[u8], count: usize) -> Vec<Vector> {
 /// On all levels: what is decoded is what was measured, and is the same on both sides of each border, bit by bit.
 #[test]
 fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
-    let none: Option<(&TileLevel, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &HeightPatch<'_>)> = None;
     let mut borders = 0;
     for (south, relief, voids, first) in [(-0.01, 300.0, 9000, 0), (79.99, 2000.0, 500, 1)] {
         let land = Land::new(101, south, relief, 5, voids);
@@ -483,7 +483,7 @@ fn tiles_of_earth_centred_coordinates_are_decoded_as_they_were_measured() {
 fn volumes_hold_triangles_and_what_is_below() {
     let land = Land::new(101, 46.0, 900.0, 5, 0);
     let patch = land.patch();
-    let none: Option<(&TileLevel, &Patch<'_>)> = None;
+    let none: Option<(&TileLevel, &HeightPatch<'_>)> = None;
     let facts = |id: GlobeTileId| {
         let level = land.level(id.level).on_lattice([-9000.0, 9000.0]);
         let tile = build(id, &level, &patch).unwrap();
@@ -547,7 +547,7 @@ fn tiles_at_a_pole_are_measured_there_too() {
     {
         let mut land = Land::new(40, 89.9, relief, 5, 0);
         land.map = Affine { x0: west, a: step, y0: 90.0, e: -step, ..land.map };
-        land.chart = Chart::straight(land.map, [land.side; 2]);
+        land.chart = GridGeolocation::straight(land.map, [land.side; 2]);
         let (level, patch) = (land.level(level), land.patch());
         let mut polar = 0;
         for id in land.tiles(level.level) {

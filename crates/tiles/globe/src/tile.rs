@@ -36,7 +36,7 @@ pub struct TerrainTile {
     pub id: GlobeTileId,
     /// Metres of a step of heights.
     pub step: f64,
-    /// Metres of a step of earth-centred coordinates, as of [`Level::lattice`](crate::level::TileLevel::lattice).
+    /// Metres of a step of earth-centred coordinates, as of [`TileLevel::lattice`](crate::level::TileLevel::lattice).
     pub lattice: Option<f64>,
     /// Those on the borders first.
     pub vertices: Vec<TileVertex>,

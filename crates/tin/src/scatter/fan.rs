@@ -6,9 +6,9 @@ use terrane_base::geom::Point;
 use terrane_delaunay::orient;
 
 /// The sides of a triangle.
-pub(super) struct Sides([[i64; 3]; 3]);
+pub(super) struct TriangleSides([[i64; 3]; 3]);
 
-impl Sides {
+impl TriangleSides {
     pub(super) fn new(corners: [Point; 3]) -> Self {
         let side = |k: usize| {
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
@@ -28,9 +28,9 @@ impl Sides {
 
 /// The triangles around a new vertex, to find points in.
 #[derive(Debug, Default)]
-pub(super) struct Fan {
+pub(super) struct TriangleFan {
     centre: [i32; 2],
-    pub(super) spokes: Vec<Spoke>,
+    pub(super) spokes: Vec<FanEdge>,
     /// By bit, those of the first spokes that begin triangles which are no ghosts.
     inner: u64,
     /// Where the last point was found.
@@ -39,14 +39,14 @@ pub(super) struct Fan {
 
 /// The side of a triangle of a fan that it begins at.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spoke {
+pub(super) struct FanEdge {
     end: [i32; 2],
     pub(super) triangle: u32,
     /// In a triangle that is no ghost.
     pub(super) search: Option<ScatterSearch>,
 }
 
-impl Fan {
+impl TriangleFan {
     /// Turns to the vertex that was inserted last.
     pub(super) fn turn_to(&mut self, mesh: &ScatterMesh, centre: Point) {
         let spoke = |&triangle: &u32| {
@@ -54,7 +54,7 @@ impl Fan {
             let end = mesh.points().get(corners[0] as usize).map_or([0; 2], |p| [p.x, p.y]);
             let search =
                 mesh.corners(triangle).map(|corners| ScatterSearch::new(triangle, corners));
-            Spoke { end, triangle, search }
+            FanEdge { end, triangle, search }
         };
         self.centre = [centre.x, centre.y];
         self.spokes.clear();
@@ -134,7 +134,7 @@ mod tests {
             }
             let centre = Point::new(centre.0, centre.1, 0);
             prop_assume!(mesh.insert(centre).is_some());
-            let mut fan = Fan::default();
+            let mut fan = TriangleFan::default();
             fan.turn_to(&mesh, centre);
             let mut found = 0;
             for point in (0..3600).map(|i| [i % 60, i / 60]) {
@@ -148,7 +148,7 @@ mod tests {
                     let [a, b, c] = corners.map(|corner| [corner.x, corner.y]);
                     let is_in = [(a, b), (b, c), (c, a)].iter().all(|(a, b)| orient(*a, *b, point) > 0);
                     prop_assert!(!is_in || at_once.is_some());
-                    prop_assert_eq!(Sides::new(corners).hold(Point::new(point[0], point[1], 9)), is_in);
+                    prop_assert_eq!(TriangleSides::new(corners).hold(Point::new(point[0], point[1], 9)), is_in);
                 }
             }
             prop_assert!(found > 0 || fan.spokes.len() < 4);

@@ -21,7 +21,7 @@ type Site = [i32; 2];
 
 /// A part of a line: the steps of its path in a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PathCourse {
+pub struct ClippedSegment {
     /// The line.
     pub segment: SampleSegment,
     /// First step in the rectangle.
@@ -34,7 +34,7 @@ pub struct PathCourse {
     pub last: u64,
 }
 
-impl PathCourse {
+impl ClippedSegment {
     /// After how many steps this part of the path comes to a position, if it does.
     fn step_of(&self, at: Site) -> Option<u64> {
         let step = self.segment.step_of(at.map(i64::from))?;
@@ -48,8 +48,8 @@ impl PathCourse {
 
 /// The courses of a rectangle, found by position.
 #[derive(Debug)]
-pub struct Courses {
-    all: Vec<PathCourse>,
+pub struct ClippedSegments {
+    all: Vec<ClippedSegment>,
     low: [i64; 2],
     /// Side of a bin, bins across and down.
     side: i64,
@@ -61,7 +61,7 @@ pub struct Courses {
 
 /// What a mesh lacks.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct MissingEdges {
+pub struct MissingConstraints {
     /// Positions that should become vertices, sorted, each once.
     pub posts: Vec<Site>,
     /// Vertices from which no edge goes on and after which none can be put.
@@ -76,16 +76,16 @@ struct CourseVertex {
     vertex: u32,
 }
 
-impl Courses {
+impl ClippedSegments {
     /// Most bins along a side.
     const MOST: usize = 64;
     /// About the bytes for a course and what is listed of it.
-    pub const BYTES: u64 = size_of::<PathCourse>() as u64 + 4 * 2 * Self::MOST as u64;
+    pub const BYTES: u64 = size_of::<ClippedSegment>() as u64 + 4 * 2 * Self::MOST as u64;
 
     /// Those of a list. Bins divide the rectangle of all of them, so that few share one however near they are.
-    pub fn new(all: Vec<PathCourse>) -> Self {
+    pub fn new(all: Vec<ClippedSegment>) -> Self {
         let ends =
-            |course: &PathCourse| [course.from, course.to].map(|step| course.segment.at(step));
+            |course: &ClippedSegment| [course.from, course.to].map(|step| course.segment.at(step));
         let first = all.first().map_or([0; 2], |course| ends(course)[0]);
         let (mut low, mut high) = (first, first);
         for end in all.iter().flat_map(ends) {
@@ -121,7 +121,7 @@ impl Courses {
     }
 
     /// The bins that a course passes, row by row.
-    fn each_bin(&self, course: &PathCourse, mut each: impl FnMut(u32)) {
+    fn each_bin(&self, course: &ClippedSegment, mut each: impl FnMut(u32)) {
         let [first, last] =
             [course.from, course.to].map(|step| self.bin_of(course.segment.at(step)));
         let (west, east) = (first[0].min(last[0]), first[0].max(last[0]));
@@ -174,10 +174,10 @@ impl Courses {
     }
 
     /// Looks for vertices on courses from which no edge goes on. A post goes where it `may` be.
-    pub fn gaps(&self, mesh: &ScatterMesh, may: impl Fn(Site) -> bool) -> MissingEdges {
+    pub fn gaps(&self, mesh: &ScatterMesh, may: impl Fn(Site) -> bool) -> MissingConstraints {
         let stops = self.stops(mesh);
         let triangles = triangles(mesh);
-        let mut gaps = MissingEdges::default();
+        let mut gaps = MissingConstraints::default();
         for (i, stop) in stops.iter().enumerate() {
             let course = &self.all[stop.course as usize];
             if stop.step == course.last || goes_on(mesh, &triangles, stop, course) {
@@ -247,7 +247,7 @@ fn goes_on(
     mesh: &ScatterMesh,
     triangles: &[u32],
     stop: &CourseVertex,
-    course: &PathCourse,
+    course: &ClippedSegment,
 ) -> bool {
     let mut all = around(mesh, triangles[stop.vertex as usize], stop.vertex);
     all.any(|(triangle, k)| {
@@ -263,7 +263,7 @@ fn aim(
     mesh: &ScatterMesh,
     triangles: &[u32],
     stop: &CourseVertex,
-    course: &PathCourse,
+    course: &ClippedSegment,
     next: u64,
 ) -> u64 {
     let (a, b) = (course.site(stop.step), course.site(next));
@@ -284,7 +284,7 @@ fn aim(
 /// The distances, from both ends of a missing edge, of the vertex that sees it under the widest angle, of those of all
 /// triangles that the edge would pass; `None` where that is no more than a right angle.
 fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) -> Option<[f64; 2]> {
-    let mut widest = Widest { ends: [a, b], cosine: 0.0, far: None };
+    let mut widest = WidestAngleVertex { ends: [a, b], cosine: 0.0, far: None };
     let site = |v: u32| mesh.points().get(v as usize).map(|p| [p.x, p.y]);
     let begin = around(mesh, first, vertex).find_map(|(triangle, k)| {
         let corners = mesh.triangles()[triangle as usize].corners;
@@ -315,13 +315,13 @@ fn in_the_way(mesh: &ScatterMesh, first: u32, vertex: u32, [a, b]: [Site; 2]) ->
 }
 
 /// The vertex that sees an edge under the widest angle.
-struct Widest {
+struct WidestAngleVertex {
     ends: [Site; 2],
     cosine: f64,
     far: Option<[f64; 2]>,
 }
 
-impl Widest {
+impl WidestAngleVertex {
     fn see(&mut self, at: Site) {
         let [a, b] = self.ends.map(|end| [0, 1].map(|i| f64::from(end[i]) - f64::from(at[i])));
         let far = [a, b].map(|[x, y]| (x * x + y * y).sqrt());
@@ -333,9 +333,9 @@ impl Widest {
 }
 
 /// A position of two paths near which their straight lines cross.
-fn crossing(a: &PathCourse, b: &PathCourse) -> Option<Site> {
+fn crossing(a: &ClippedSegment, b: &ClippedSegment) -> Option<Site> {
     let ends =
-        |course: &PathCourse| [0, course.segment.steps()].map(|step| course.segment.at(step));
+        |course: &ClippedSegment| [0, course.segment.steps()].map(|step| course.segment.at(step));
     let ([p, q], [r, s]) = (ends(a), ends(b));
     let turn = |o: [i64; 2], u: [i64; 2], v: [i64; 2]| {
         let d = |p: i64, q: i64| i128::from(p - q);

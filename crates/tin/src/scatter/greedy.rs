@@ -7,14 +7,14 @@
 
 use std::collections::BinaryHeap;
 
-use super::fan::{Fan, Sides, Spoke};
+use super::fan::{FanEdge, TriangleFan, TriangleSides};
 use super::mesh::{NONE, PointLocation, ScatterMesh};
 use super::search::{ScatterCandidate, ScatterPlane, ScatterSearch, rounded_up};
 use terrane_base::geom::Point;
 
 /// The points of a region over a mesh that is to fit them.
 #[derive(Debug)]
-pub struct Fit<'a> {
+pub struct InsertUntilWithin<'a> {
     mesh: &'a mut ScatterMesh,
     points: &'a [Point],
     /// In steps of z.
@@ -25,10 +25,10 @@ pub struct Fit<'a> {
     /// By triangle.
     worst: Vec<ScatterCandidate>,
     queue: BinaryHeap<ScatterCandidate>,
-    fan: Fan,
+    fan: TriangleFan,
 }
 
-impl<'a> Fit<'a> {
+impl<'a> InsertUntilWithin<'a> {
     /// Lists `points` with the triangles of `mesh` they lie in. Points at a vertex or beyond the hull
     /// are left out; of those at one position only the first counts. Points that are near each other
     /// in the list are found fastest.
@@ -42,7 +42,7 @@ impl<'a> Fit<'a> {
             nexts: vec![NONE; points.len()],
             worst: vec![ScatterCandidate::NOBODY; triangles],
             queue: BinaryHeap::new(),
-            fan: Fan::default(),
+            fan: TriangleFan::default(),
         };
         fit.list_all();
         (0..triangles as u32).for_each(|triangle| fit.elect(triangle));
@@ -51,7 +51,7 @@ impl<'a> Fit<'a> {
 
     fn list_all(&mut self) {
         // Most points lie in the triangle of the one before, which is where the next walk would begin.
-        let mut last: Option<(u32, Sides)> = None;
+        let mut last: Option<(u32, TriangleSides)> = None;
         for (i, &point) in self.points.iter().enumerate() {
             let triangle = match &last {
                 Some((triangle, sides)) if sides.hold(point) => *triangle,
@@ -59,7 +59,7 @@ impl<'a> Fit<'a> {
                     let PointLocation::Triangle(triangle) = self.mesh.locate(point) else {
                         continue;
                     };
-                    last = self.mesh.corners(triangle).map(|c| (triangle, Sides::new(c)));
+                    last = self.mesh.corners(triangle).map(|c| (triangle, TriangleSides::new(c)));
                     if last.is_none() {
                         continue;
                     }
@@ -134,7 +134,7 @@ impl<'a> Fit<'a> {
             }
         }
         for i in 0..self.fan.spokes.len() {
-            let Spoke { triangle, search, .. } = &self.fan.spokes[i];
+            let FanEdge { triangle, search, .. } = &self.fan.spokes[i];
             let (triangle, worst) = (*triangle, search.as_ref().map(|search| search.worst));
             self.put(triangle, worst);
         }
@@ -227,14 +227,14 @@ pub(super) mod tests {
             let tolerance = f64::from(tolerance) + 0.25;
             let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
             let before = mesh.points().len();
-            let mut fit = Fit::new(&mut mesh, &points, tolerance);
+            let mut fit = InsertUntilWithin::new(&mut mesh, &points, tolerance);
             let is_open = fit.is_open();
             let inserted = fit.run();
             prop_assert_eq!(is_open, !inserted.is_empty());
             validate(&mesh);
             prop_assert_eq!(mesh.points().len(), before + inserted.len());
             prop_assert!(worst(&mesh, &points) <= tolerance * (1.0 + 1e-12));
-            prop_assert!(!Fit::new(&mut mesh, &points, tolerance).is_open());
+            prop_assert!(!InsertUntilWithin::new(&mut mesh, &points, tolerance).is_open());
             prop_assert!(mesh.points().iter().all(|p| points.contains(p)));
         }
 
@@ -242,7 +242,7 @@ pub(super) mod tests {
         #[test]
         fn every_point_is_listed_once_with_a_triangle_that_holds_it(points in cloud()) {
             let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
-            let mut fit = Fit::new(&mut mesh, &points, 0.5);
+            let mut fit = InsertUntilWithin::new(&mut mesh, &points, 0.5);
             loop {
                 let mut listed = 0;
                 for triangle in 0..fit.mesh.triangles().len() {
@@ -280,9 +280,9 @@ pub(super) mod tests {
         #[test]
         fn what_is_measured_is_what_is_left(points in cloud(), tolerance in 0..30u32) {
             let Some(mut mesh) = hull_of(&points) else { return Ok(()) };
-            Fit::new(&mut mesh, &points, tolerance.into()).run();
+            InsertUntilWithin::new(&mut mesh, &points, tolerance.into()).run();
             let expected = worst(&mesh, &points);
-            let (most, squares) = Fit::new(&mut mesh, &points, tolerance.into()).measure();
+            let (most, squares) = InsertUntilWithin::new(&mut mesh, &points, tolerance.into()).measure();
             prop_assert!((most - expected).abs() <= 1e-9 * (1.0 + expected), "{} {}", most, expected);
             prop_assert!((squares - sum_of_squares(&mesh, &points)).abs() <= 1e-6 * (1.0 + squares));
         }
@@ -294,7 +294,7 @@ pub(super) mod tests {
         let corners = [[0, 0], [90, 0], [0, 90]].map(|[x, y]| Point::new(x, y, 0));
         let points = [Point::new(20, 20, 7)];
         let mut mesh = ScatterMesh::new(corners).unwrap();
-        assert!(Fit::new(&mut mesh, &points, 7.0_f64.next_down()).is_open());
+        assert!(InsertUntilWithin::new(&mut mesh, &points, 7.0_f64.next_down()).is_open());
         for (z, x) in (1..40).flat_map(|z| (1..40).map(move |x| (z, x))) {
             let corners = [[0, 0, 0], [61, 0, z], [0, 59, 3]].map(|[x, y, z]| Point::new(x, y, z));
             let point = Point::new(x, 7, 100);
@@ -315,7 +315,7 @@ pub(super) mod tests {
             let points = points.map(|[x, y, z]| Point::new(x, y, z));
             let open = |tolerance: f64| {
                 let mut mesh = ScatterMesh::new(corners).unwrap();
-                Fit::new(&mut mesh, &points, tolerance).run().len()
+                InsertUntilWithin::new(&mut mesh, &points, tolerance).run().len()
             };
             let furthest = f64::from(points[0].z.abs().max(points[1].z.abs()));
             assert_eq!((open(furthest), open(furthest.next_down() - 0.001) > 0), (0, true));

@@ -6,7 +6,7 @@ mod greedy;
 mod mesh;
 mod search;
 
-pub use follow::{Courses, MissingEdges, PathCourse};
-pub use greedy::Fit;
+pub use follow::{ClippedSegment, ClippedSegments, MissingConstraints};
+pub use greedy::InsertUntilWithin;
 pub use mesh::{GHOST, PointLocation, ScatterMesh, ScatterTriangle};
 pub use search::exceeds;

@@ -40,7 +40,7 @@ proptest! {
         let degrees = share * most[0].min(most[1]);
         let min_angle = Some(MinimumAngle::new(degrees, steps[0], steps[1]));
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { drop, bound, min_angle, ..spec(tolerance.into()) };
+        let spec = TinSpec { drop, bound, min_angle, ..spec(tolerance.into()) };
         let grid = Grid::hills(width, height, seed, holes);
         let mesh = whole(&grid, &spec);
         check_all(&grid, &mesh.triangles, tolerance.into(), 1);

@@ -39,7 +39,7 @@ fn patch(
     triangles: &[TileTriangle],
     col: u32,
     ends: [bool; 4],
-    spec: &Spec,
+    spec: &TinSpec,
 ) -> PatchMesh {
     let input = PatchInput {
         heights: HeightWindow {
@@ -85,7 +85,7 @@ proptest! {
         let right = if right > 0 { [[b, c, d], [b, d, e]] } else { [[b, c, e], [c, d, e]] };
         let triangles = [left, right].concat()
             .into_iter().map(|corners| TileTriangle { corners, max_error: 0.0, square_sum: 0.0 });
-        let spec = Spec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
+        let spec = TinSpec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
         let mended = patch(&grid, &triangles.collect::<Vec<_>>(), top, ends, &spec);
         check_delaunay(&mended.triangles);
         if ends == [true; 4] {
@@ -109,7 +109,7 @@ proptest! {
         let grid = Grid::hills(2 * half + 1, height, seed, 0);
         let mut triangles = whole(&grid, &spec(tolerance.into())).triangles;
         triangles.retain(|t| t.corners.iter().any(|p| p.col().abs_diff(half) <= reach));
-        let spec = Spec { bound: ErrorBound::Surface, ..spec(tolerance.into()) };
+        let spec = TinSpec { bound: ErrorBound::Surface, ..spec(tolerance.into()) };
         let mended = patch(&grid, &triangles, half, [true; 4], &spec);
         let expected = beyond(&grid, &mended.triangles, tolerance.into());
         prop_assert_eq!(mended.left.is_empty(), expected.is_empty());

@@ -8,7 +8,7 @@ impl Grid {
         let at = |&(col, row): &(u32, u32)| [col % self.width, row % self.height].map(i64::from);
         let lines: Vec<_> =
             samples.windows(2).map(|pair| SampleSegment::new(at(&pair[0]), at(&pair[1]))).collect();
-        let stretch = |line: &SampleSegment| Stretch::of(*line, self.width, self.height);
+        let stretch = |line: &SampleSegment| PathStretch::of(*line, self.width, self.height);
         let stretches = lines.iter().filter_map(stretch).collect();
         Self { lines, stretches, ..self }
     }
@@ -87,7 +87,7 @@ proptest! {
         tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let grid = Grid::hills(width, height, seed, holes).with_lines(&samples);
         let mesh = whole(&grid, &spec);
         check_followed(&grid, &samples, &mesh.triangles);
@@ -108,7 +108,7 @@ proptest! {
         tolerance in 0_i32..40, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { bound, ..spec(tolerance.into()) };
         let grid = Grid::hills(2 * half + 1, height, seed, holes).with_lines(&samples);
         let (mended, _) = mend(&grid, half, &spec, half);
         check_followed(&grid, &samples, &mended);

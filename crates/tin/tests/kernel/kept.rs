@@ -16,10 +16,10 @@ impl Grid {
         &self,
         cols: [u32; 2],
         rows: [u32; 2],
-    ) -> (Vec<TilePosition>, Vec<Stretch>) {
+    ) -> (Vec<TilePosition>, Vec<PathStretch>) {
         let [width, height] = [cols, rows].map(|[from, to]| to - from + 1);
         let origin = [cols[0], rows[0]].map(i64::from);
-        let stretch = |line: &SampleSegment| Stretch::of(line.seen_from(origin), width, height);
+        let stretch = |line: &SampleSegment| PathStretch::of(line.seen_from(origin), width, height);
         let lines: Vec<_> = self.lines.iter().filter_map(stretch).collect();
         let mut kept = self.kept_in(cols, rows);
         kept.extend(lines.iter().flat_map(|line| line.ends(width, height)));
@@ -71,7 +71,7 @@ proptest! {
         one_in in 1_u32..60, tolerance in 0_i32..60, fit: bool, drop: bool, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit, drop: drop || fit, bound, ..spec(tolerance.into()) };
         let kept = scattered(width, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(width, height, seed, holes) };
         let mesh = whole(&grid, &spec);
@@ -89,7 +89,7 @@ proptest! {
         one_in in 1_u32..40, tolerance in 0_i32..40, of_surface: bool
     ) {
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { bound, ..spec(tolerance.into()) };
+        let spec = TinSpec { bound, ..spec(tolerance.into()) };
         let kept = scattered(2 * half + 1, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(2 * half + 1, height, seed, holes) };
         let (mended, _) = mend(&grid, half, &spec, half);
@@ -107,7 +107,7 @@ proptest! {
         seed in 0_u32..1000, half in 8_u32..30, height in 4_u32..40, one_in in 2_u32..20,
         tolerance in 1_i32..20
     ) {
-        let spec = Spec { fit: true, ..spec(tolerance.into()) };
+        let spec = TinSpec { fit: true, ..spec(tolerance.into()) };
         let kept = scattered(2 * half + 1, height, seed, one_in);
         let grid = Grid { kept, ..Grid::hills(2 * half + 1, height, seed, 0) };
         let (_, patch) = fit::mend_fitted(&grid, half, &spec);

@@ -16,8 +16,8 @@ use terrane_base::bound::ErrorBound;
 use terrane_base::geom::predicates::{Lattice, in_circle, orient};
 use terrane_base::geom::{HeightQuantization, SampleSegment};
 use terrane_tin::{
-    HeightWindow, PatchInput, PatchMesh, Spec, Stretch, TileInput, TileMesh, TilePosition,
-    TileScratch, TileTriangle, mend_patch, triangulate_tile,
+    HeightWindow, PatchInput, PatchMesh, PathStretch, TileInput, TileMesh, TilePosition,
+    TileScratch, TileTriangle, TinSpec, mend_patch, triangulate_tile,
 };
 
 /// A grid of integer heights; voids are `None`.
@@ -30,7 +30,7 @@ struct Grid {
     kept: Vec<TilePosition>,
     /// Breaklines, and the same as they lie in it.
     lines: Vec<SampleSegment>,
-    stretches: Vec<Stretch>,
+    stretches: Vec<PathStretch>,
 }
 
 impl Grid {
@@ -64,8 +64,8 @@ impl Grid {
     }
 }
 
-fn spec(tolerance: f64) -> Spec {
-    Spec {
+fn spec(tolerance: f64) -> TinSpec {
+    TinSpec {
         tolerance,
         bound: ErrorBound::Samples,
         strict: false,
@@ -79,12 +79,12 @@ fn spec(tolerance: f64) -> Spec {
 }
 
 /// Triangulates columns `from ..= to` of a grid as one tile.
-fn tile(grid: &Grid, from: u32, to: u32, spec: &Spec) -> TileMesh {
+fn tile(grid: &Grid, from: u32, to: u32, spec: &TinSpec) -> TileMesh {
     part(grid, [from, to], [0, grid.height - 1], spec)
 }
 
 /// Triangulates columns and rows of a grid, both ends included, as one tile.
-fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &Spec) -> TileMesh {
+fn part(grid: &Grid, cols: [u32; 2], rows: [u32; 2], spec: &TinSpec) -> TileMesh {
     let aprons =
         |[from, to]: [u32; 2], count: u32| [u32::from(from > 0), u32::from(to + 1 < count)];
     let ([left, right], [above, below]) = (aprons(cols, grid.width), aprons(rows, grid.height));
@@ -116,7 +116,7 @@ fn moved(triangles: &[TileTriangle], [col, row]: [u32; 2]) -> Vec<TileTriangle> 
     triangles.iter().map(|t| TileTriangle { corners: t.corners.map(shift), ..*t }).collect()
 }
 
-fn whole(grid: &Grid, spec: &Spec) -> TileMesh {
+fn whole(grid: &Grid, spec: &TinSpec) -> TileMesh {
     tile(grid, 0, grid.width - 1, spec)
 }
 
@@ -273,7 +273,7 @@ proptest! {
     ) {
         let grid = Grid::hills(width, height, seed, holes);
         let bound = ErrorBound::ALL[usize::from(of_surface)];
-        let spec = Spec { strict, drop, bound, ..spec(f64::from(quarters) / 4.0) };
+        let spec = TinSpec { strict, drop, bound, ..spec(f64::from(quarters) / 4.0) };
         let mesh = whole(&grid, &spec);
         if of_surface {
             check_between(&grid, &mesh.triangles, quarters.into(), 4);
@@ -311,7 +311,7 @@ proptest! {
         tolerance in 0_i32..20, of_surface: bool
     ) {
         let grid = Grid::hills(2 * half + 1, height, seed, holes);
-        let spec = Spec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
+        let spec = TinSpec { bound: ErrorBound::ALL[usize::from(of_surface)], ..spec(tolerance.into()) };
         for reach in [half, half / 2, 4, 0] {
             let (mended, is_done) = mend(&grid, half, &spec, reach);
             if is_done {
@@ -328,7 +328,7 @@ proptest! {
 /// Two tiles that meet at column `half`, and the patch of the triangles that come within `reach` of
 /// it: all triangles in grid positions, and whether those left out agree with the patch, which had no more
 /// to mend between samples.
-fn mend(grid: &Grid, half: u32, spec: &Spec, reach: u32) -> (Vec<TileTriangle>, bool) {
+fn mend(grid: &Grid, half: u32, spec: &TinSpec, reach: u32) -> (Vec<TileTriangle>, bool) {
     let left = tile(grid, 0, half, spec).triangles;
     let right = moved(&tile(grid, half, 2 * half, spec).triangles, [half, 0]);
     let all = left.into_iter().chain(right);
@@ -361,15 +361,15 @@ fn narrow_patches_suffice_on_rough_ground() {
 fn adaptive_strides_need_no_more_vertices_than_strict_greedy() {
     let grid = Grid::hills(257, 257, 11, 0);
     for tolerance in [3.0, 4.0, 8.0] {
-        let greedy = Spec { drop: false, ..spec(tolerance) };
+        let greedy = TinSpec { drop: false, ..spec(tolerance) };
         let adaptive = whole(&grid, &greedy).vertices.len();
-        let strict = whole(&grid, &Spec { strict: true, ..greedy }).vertices.len();
+        let strict = whole(&grid, &TinSpec { strict: true, ..greedy }).vertices.len();
         assert!(adaptive as f64 <= 1.07 * strict as f64, "{adaptive} against {strict}");
     }
 }
 
 /// Samples of a tile of 64 by 48 cells that begins with posts, and its triangles.
-fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &Spec) -> TileMesh {
+fn with_posts(height: impl Fn(u32, u32) -> f32, spacing: u32, spec: &TinSpec) -> TileMesh {
     let z: Vec<f32> = (0..65 * 49).map(|i| height(i % 65, i / 65)).collect();
     let heights = HeightWindow { width: 65, height: 49, f32: &z, f64: None };
     let input = TileInput { spacing, ..TileInput::alone(heights) };
@@ -415,7 +415,7 @@ fn flat_ground_keeps_its_posts_and_vertices_between_them_may_go() {
             assert_eq!(flat.vertices.len(), posts, "{spacing}");
         }
     }
-    let count = |drop| with_posts(cone, 16, &Spec { drop, ..spec(5.0) }).vertices.len();
+    let count = |drop| with_posts(cone, 16, &TinSpec { drop, ..spec(5.0) }).vertices.len();
     let (all, fewer) = (count(false), count(true));
     assert!(fewer as f64 <= 0.95 * all as f64, "{fewer} of {all}");
 }
@@ -452,7 +452,7 @@ fn isolated_samples_touch_no_cell() {
 #[test]
 fn dropping_saves_vertices() {
     let grid = Grid::hills(257, 257, 5, 0);
-    let all = whole(&grid, &Spec { drop: false, ..spec(6.0) }).vertices.len();
+    let all = whole(&grid, &TinSpec { drop: false, ..spec(6.0) }).vertices.len();
     let fewer = whole(&grid, &spec(6.0)).vertices.len();
     assert!(fewer as f64 <= 0.9 * all as f64, "{fewer} of {all}");
 }
@@ -564,7 +564,7 @@ fn the_bound_holds_for_double_precision_heights() {
         [(0.25, false), (0.25, true), (0.02, true), (0.016, true)].map(|kind| (stored, kind))
     });
     for (single_precision, (tolerance, fit)) in kinds {
-        let spec = Spec { single_precision, fit, ..spec(tolerance) };
+        let spec = TinSpec { single_precision, fit, ..spec(tolerance) };
         let mesh = triangulate_tile(&TileInput::alone(heights), &spec, &mut TileScratch::default());
         let written = |p: TilePosition| {
             let at = mesh.vertices.binary_search(&p).expect("a listed vertex");

@@ -8,7 +8,7 @@ use terrane_base::error::{Error, Result};
 
 /// How bytes are text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum TextEncoding {
     /// Said. ISO 8859-1 is Windows-1252, which has printable characters where that has none.
     Known(&'static encoding_rs::Encoding),
     /// Not said: UTF-8 where it is sound, or else as ISO 8859-1.
@@ -17,7 +17,7 @@ pub(super) enum Encoding {
     Other(String),
 }
 
-impl Encoding {
+impl TextEncoding {
     /// That which the `.cpg` beside the table at `path` names, or else the language driver in the
     /// table's header.
     pub(super) fn find(path: &Path, driver: u8) -> Self {
@@ -91,13 +91,13 @@ mod tests {
             ("88592", "ĂŠ"),
         ];
         for (name, text) in names.into_iter().chain(others) {
-            assert_eq!(Encoding::by_name(name).text("é".as_bytes()).unwrap(), text, "{name}");
+            assert_eq!(TextEncoding::by_name(name).text("é".as_bytes()).unwrap(), text, "{name}");
         }
-        let latin = Encoding::Known(WINDOWS_1252);
+        let latin = TextEncoding::Known(WINDOWS_1252);
         assert_eq!(latin.text(&[b'a', 0x80, 0x81, 0xe9]).unwrap(), "a€\u{81}é");
-        assert_eq!(Encoding::Unknown.text(&[0xe9]).unwrap(), "é");
-        assert!(Encoding::Known(UTF_8).text(&[0xe9]).is_err());
-        let other = Encoding::by_name("CP437");
+        assert_eq!(TextEncoding::Unknown.text(&[0xe9]).unwrap(), "é");
+        assert!(TextEncoding::Known(UTF_8).text(&[0xe9]).is_err());
+        let other = TextEncoding::by_name("CP437");
         assert!(other.text(b"abc").is_ok());
         assert!(other.text(&[0xe9]).unwrap_err().to_string().contains("CP437"));
     }

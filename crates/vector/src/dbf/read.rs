@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::encoding::Encoding;
+use super::encoding::TextEncoding;
 use crate::feature::{FeatureProperties, FieldDefinition, FieldKind, PropertyValue, is_date};
 use crate::number;
-use crate::pages::Pages;
+use crate::pages::PagedFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
@@ -18,12 +18,12 @@ const DELETED: u8 = b'*';
 
 /// A table being read.
 pub(crate) struct DbfReader {
-    pages: Pages,
+    pages: PagedFile,
     path: PathBuf,
     schema: Vec<FieldDefinition>,
     /// What each field is and where in a record it ends.
     columns: Vec<(u8, usize)>,
-    encoding: Encoding,
+    encoding: TextEncoding,
     header_bytes: u64,
     record_bytes: u64,
     records: u64,
@@ -36,12 +36,12 @@ impl DbfReader {
     }
 
     fn try_open(path: &Path) -> Result<Self> {
-        let mut pages = Pages::open(path)?;
+        let mut pages = PagedFile::open(path)?;
         let head = pages.get(0, HEADER_BYTES)?;
         let records = u64::from(u32::from_le_bytes([head[4], head[5], head[6], head[7]]));
         let header_bytes = u64::from(u16::from_le_bytes([head[8], head[9]]));
         let record_bytes = u64::from(u16::from_le_bytes([head[10], head[11]]));
-        let encoding = Encoding::find(path, head[29]);
+        let encoding = TextEncoding::find(path, head[29]);
         let fields = header_bytes.checked_sub(HEADER_BYTES);
         let fields = fields.ok_or_else(|| Error::bad_input("is not a dBASE table"))?;
         let descriptions = pages.get(HEADER_BYTES, fields)?;
@@ -124,7 +124,7 @@ impl DbfReader {
 }
 
 /// A field from its description.
-fn field(description: &[u8; 32], encoding: &Encoding) -> Result<FieldDefinition> {
+fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinition> {
     let name = description[..11].split(|&byte| byte == 0).next().unwrap_or_default();
     let name = encoding.text(name)?.trim().into();
     let (width, decimals) = (u32::from(description[16]), u32::from(description[17]));
@@ -147,7 +147,7 @@ fn value(
     field: &FieldDefinition,
     kind: u8,
     bytes: &[u8],
-    encoding: &Encoding,
+    encoding: &TextEncoding,
 ) -> Result<PropertyValue> {
     let blank = |byte: &u8| matches!(byte, b' ' | 0);
     let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);

@@ -1,7 +1,7 @@
 //! FlatBuffers tables into bytes, from the front to the back: a table first, then what it points to.
 
 /// A buffer behind its size; places are counted from the size on, as the alignment of FlatBuffers is.
-pub(super) struct Build {
+pub(super) struct FlatbufferBuilder {
     pub(super) bytes: Vec<u8>,
 }
 
@@ -29,7 +29,7 @@ impl FlatbufferField {
     }
 }
 
-impl Build {
+impl FlatbufferBuilder {
     /// An empty buffer whose root is the table that is appended next.
     pub(super) fn new() -> Self {
         // The size, and the place of the root.
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn what_is_built_is_seen() {
-        let mut build = Build::new();
+        let mut build = FlatbufferBuilder::new();
         let slots = [
             FlatbufferField::Link,
             FlatbufferField::U8(7),

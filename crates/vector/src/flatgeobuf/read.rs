@@ -7,7 +7,7 @@ use super::value;
 use super::view::FlatbufferTable;
 use crate::feature::{Feature, FieldDefinition, LayerHeader};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
-use crate::pages::{Pages, numbers, pairs};
+use crate::pages::{PagedFile, numbers, pairs};
 use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::tree::levels;
 use terrane_base::error::{Error, Result};
@@ -19,7 +19,7 @@ const NODE_BYTES: u64 = 40;
 
 /// Opens a file.
 pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
-    let mut pages = Pages::open(path)?;
+    let mut pages = PagedFile::open(path)?;
     let head = pages.get(0, 12)?;
     if head[..4] != MAGIC[..4] {
         let message = "is not a FlatGeobuf of version 3";
@@ -119,7 +119,7 @@ fn kind_of(code: u8) -> Result<Option<GeometryType>> {
 }
 
 struct FlatGeobufSource {
-    pages: Pages,
+    pages: PagedFile,
     header: FlatGeobufHeader,
     /// Where the next feature begins.
     offset: u64,
@@ -301,12 +301,12 @@ fn joined(parts: &[Geometry]) -> Result<Geometry> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flatgeobuf::build::{Build, FlatbufferField};
+    use crate::flatgeobuf::build::{FlatbufferBuilder, FlatbufferField};
 
     /// Collections within one another, each with ten members that are one and the same table.
     fn shared(levels: usize) -> Vec<u8> {
-        let mut build = Build::new();
-        let collection = |build: &mut Build| {
+        let mut build = FlatbufferBuilder::new();
+        let collection = |build: &mut FlatbufferBuilder| {
             let none = || FlatbufferField::None;
             let slots = [
                 none(),

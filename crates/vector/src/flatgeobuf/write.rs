@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::build::{Build, FlatbufferField};
+use super::build::{FlatbufferBuilder, FlatbufferField};
 use super::schema::{self, KINDS, MAGIC};
 use super::value;
 use crate::crs;
@@ -75,7 +75,7 @@ impl FeatureSink for FlatGeobufSink {
             true => hilbert_order(&this.bounds, &extent),
             false => (0..rows.len() as u32).collect(),
         };
-        let head = Head {
+        let head = FlatGeobufHead {
             name: &this.name,
             extent: (extent[0] <= extent[2]).then_some(extent),
             form,
@@ -238,7 +238,7 @@ fn code_of(kind: GeometryType) -> u8 {
 }
 
 /// What the header says.
-struct Head<'a> {
+struct FlatGeobufHead<'a> {
     name: &'a str,
     extent: Option<Bounds>,
     form: FlatGeobufGeometryType,
@@ -248,9 +248,9 @@ struct Head<'a> {
     crs: &'a Crs,
 }
 
-impl Head<'_> {
+impl FlatGeobufHead<'_> {
     fn bytes(&self) -> Option<Vec<u8>> {
-        let mut build = Build::new();
+        let mut build = FlatbufferBuilder::new();
         let has_crs = self.crs.is_named();
         let link =
             |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
@@ -285,7 +285,7 @@ impl Head<'_> {
         build.finish()
     }
 
-    fn put_crs(&self, build: &mut Build, place: usize) {
+    fn put_crs(&self, build: &mut FlatbufferBuilder, place: usize) {
         let text = self.crs.to_wkt();
         let link =
             |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
@@ -318,7 +318,7 @@ fn feature(row: &FeatureRow, kinds: &[FieldKind], form: FlatGeobufGeometryType) 
     for (column, value) in &row.values {
         value::put(*column as u16, kinds[*column], value, &mut properties);
     }
-    let mut build = Build::new();
+    let mut build = FlatbufferBuilder::new();
     let is_null = row.geometry.kind() == GeometryType::Null;
     let (root, places) = build.table(&[
         if is_null { FlatbufferField::None } else { FlatbufferField::Link },
@@ -340,7 +340,7 @@ fn feature(row: &FeatureRow, kinds: &[FieldKind], form: FlatGeobufGeometryType) 
 /// Appends a geometry as one of the form's kind. Collections are nested no deeper than their
 /// constructor allows.
 fn put_geometry(
-    build: &mut Build,
+    build: &mut FlatbufferBuilder,
     place: usize,
     geometry: &Geometry,
     form: FlatGeobufGeometryType,
@@ -383,7 +383,12 @@ fn put_geometry(
 }
 
 /// A geometry of `count` others; gives the place of each.
-fn parts(build: &mut Build, place: usize, kind: GeometryType, count: usize) -> Vec<usize> {
+fn parts(
+    build: &mut FlatbufferBuilder,
+    place: usize,
+    kind: GeometryType,
+    count: usize,
+) -> Vec<usize> {
     let none = || FlatbufferField::None;
     let code = FlatbufferField::U8(code_of(kind));
     let slots = [none(), none(), none(), none(), none(), none(), code, FlatbufferField::Link];
@@ -395,7 +400,7 @@ fn parts(build: &mut Build, place: usize, kind: GeometryType, count: usize) -> V
 /// A geometry of some parts of `from`, or of all its positions where it has no parts. In a layer with
 /// heights or measures each position has one: readers of it count on that.
 fn put_leaf(
-    build: &mut Build,
+    build: &mut FlatbufferBuilder,
     place: usize,
     form: FlatGeobufGeometryType,
     from: &CoordinateSequence,

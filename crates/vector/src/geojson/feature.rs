@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::feature::{Feature, FeatureProperties, Id, JsonMember, PropertyValue};
 use crate::geometry::{Geometry, GeometryType};
-use crate::json::{JsonCursor, Token, compact};
+use crate::json::{JsonCursor, JsonToken, compact};
 use crate::number;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -58,7 +58,7 @@ impl GeoJsonFeatureReader {
         let mut properties = FeatureProperties::default();
         if cursor.peek() != Some(b'{') {
             return match cursor.value()? {
-                Token::Null => Ok(properties),
+                JsonToken::Null => Ok(properties),
                 _ => Err(cursor.bad("properties are no object")),
             };
         }
@@ -84,11 +84,11 @@ impl GeoJsonFeatureReader {
 /// A member that is passed on.
 pub(crate) fn member(name: &str, cursor: &mut JsonCursor<'_>) -> Result<JsonMember> {
     let json = match cursor.value()? {
-        Token::Null => "null".to_owned(),
-        Token::Bool(value) => value.to_string(),
-        Token::Number(text) => text.to_owned(),
-        Token::Text(text) => serde_json::Value::from(&*text).to_string(),
-        Token::Nested(json) => compact(json),
+        JsonToken::Null => "null".to_owned(),
+        JsonToken::Bool(value) => value.to_string(),
+        JsonToken::Number(text) => text.to_owned(),
+        JsonToken::Text(text) => serde_json::Value::from(&*text).to_string(),
+        JsonToken::Nested(json) => compact(json),
     };
     Ok(JsonMember { name: name.to_owned(), json })
 }
@@ -104,13 +104,13 @@ pub(crate) fn id(cursor: &mut JsonCursor<'_>) -> Result<Option<Id>> {
     }
 }
 
-fn value(token: Token<'_>) -> PropertyValue {
+fn value(token: JsonToken<'_>) -> PropertyValue {
     match token {
-        Token::Null => PropertyValue::Null,
-        Token::Bool(value) => PropertyValue::Bool(value),
-        Token::Text(text) => PropertyValue::Text(text.into_owned()),
-        Token::Nested(json) => PropertyValue::Json(compact(json)),
-        Token::Number(text) => {
+        JsonToken::Null => PropertyValue::Null,
+        JsonToken::Bool(value) => PropertyValue::Bool(value),
+        JsonToken::Text(text) => PropertyValue::Text(text.into_owned()),
+        JsonToken::Nested(json) => PropertyValue::Json(compact(json)),
+        JsonToken::Number(text) => {
             let is_whole = !text.contains(['.', 'e', 'E']) && text != "-0";
             let whole = text.parse().ok().filter(|_| is_whole).map(PropertyValue::Int);
             let real = || number::whole(text.as_bytes()).filter(|v| !is_whole && v.is_finite());
@@ -133,7 +133,7 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     if cursor.peek() != Some(b'{') {
         return match cursor.value()? {
-            Token::Null => Ok(Geometry::null()),
+            JsonToken::Null => Ok(Geometry::null()),
             _ => Err(cursor.bad("a geometry is no object")),
         };
     }

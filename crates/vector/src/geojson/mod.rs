@@ -10,7 +10,7 @@ mod write;
 use crate::format::{PropertySupport, VectorCapabilities, VectorFormat};
 use crate::geometry::GeometryType;
 
-pub(super) use feature::{GeoJsonFeatureReader as FeatureReader, check_depth, id, member, short};
+pub(super) use feature::{GeoJsonFeatureReader, check_depth, id, member, short};
 
 /// What both hold.
 const HOLDS: VectorCapabilities = VectorCapabilities {

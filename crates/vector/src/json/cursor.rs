@@ -17,7 +17,7 @@ pub(crate) struct JsonCursor<'a> {
 
 /// A value: a scalar, or the text of an object or list.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Token<'a> {
+pub(crate) enum JsonToken<'a> {
     Null,
     Bool(bool),
     /// A number's text.
@@ -141,13 +141,13 @@ impl<'a> JsonCursor<'a> {
     }
 
     /// Any value; objects and lists are passed over, and checked.
-    pub(crate) fn value(&mut self) -> Result<Token<'a>> {
+    pub(crate) fn value(&mut self) -> Result<JsonToken<'a>> {
         match self.peek() {
-            Some(b'"') => self.string().map(Token::Text),
-            Some(b'{' | b'[') => self.nested().map(Token::Nested),
-            Some(b'n') => self.literal("null", Token::Null),
-            Some(b't') => self.literal("true", Token::Bool(true)),
-            Some(b'f') => self.literal("false", Token::Bool(false)),
+            Some(b'"') => self.string().map(JsonToken::Text),
+            Some(b'{' | b'[') => self.nested().map(JsonToken::Nested),
+            Some(b'n') => self.literal("null", JsonToken::Null),
+            Some(b't') => self.literal("true", JsonToken::Bool(true)),
+            Some(b'f') => self.literal("false", JsonToken::Bool(false)),
             _ => self.number(),
         }
     }
@@ -180,7 +180,7 @@ impl<'a> JsonCursor<'a> {
         Ok(json)
     }
 
-    fn literal(&mut self, word: &str, token: Token<'a>) -> Result<Token<'a>> {
+    fn literal(&mut self, word: &str, token: JsonToken<'a>) -> Result<JsonToken<'a>> {
         if !self.rest().starts_with(word.as_bytes()) {
             return Err(self.bad("is not JSON: a value is missing"));
         }
@@ -188,7 +188,7 @@ impl<'a> JsonCursor<'a> {
         Ok(token)
     }
 
-    fn number(&mut self) -> Result<Token<'a>> {
+    fn number(&mut self) -> Result<JsonToken<'a>> {
         let rest = self.rest();
         let is_part = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
         let end = rest.iter().take_while(is_part).count();
@@ -197,7 +197,7 @@ impl<'a> JsonCursor<'a> {
         match std::str::from_utf8(&rest[..end]) {
             Ok(number) if sound => {
                 self.at += end;
-                Ok(Token::Number(number))
+                Ok(JsonToken::Number(number))
             }
             _ => Err(self.bad("is not JSON: a value is missing")),
         }
@@ -213,7 +213,7 @@ impl<'a> JsonCursor<'a> {
 mod tests {
     use super::*;
 
-    fn values(text: &str) -> Result<Vec<Token<'_>>> {
+    fn values(text: &str) -> Result<Vec<JsonToken<'_>>> {
         let mut cursor = JsonCursor::new(text.as_bytes(), 0);
         cursor.expect(b'[')?;
         let (mut first, mut found) = (true, Vec::new());
@@ -227,18 +227,18 @@ mod tests {
     fn every_kind_of_value() {
         let found =
             values(r#" [ null,true , false,-1.5e3,"a\"\u00e9", "é", {"b":[1]}, [] ]"#).unwrap();
-        let text = |text: &'static str| Token::Text(text.into());
+        let text = |text: &'static str| JsonToken::Text(text.into());
         assert_eq!(
             found,
             [
-                Token::Null,
-                Token::Bool(true),
-                Token::Bool(false),
-                Token::Number("-1.5e3"),
+                JsonToken::Null,
+                JsonToken::Bool(true),
+                JsonToken::Bool(false),
+                JsonToken::Number("-1.5e3"),
                 text("a\"é"),
                 text("é"),
-                Token::Nested("{\"b\":[1]}"),
-                Token::Nested("[]"),
+                JsonToken::Nested("{\"b\":[1]}"),
+                JsonToken::Nested("[]"),
             ]
         );
     }

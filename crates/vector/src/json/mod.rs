@@ -5,7 +5,7 @@ mod coordinates;
 mod cursor;
 mod extent;
 
-pub(super) use cursor::{JsonCursor, Token};
+pub(super) use cursor::{JsonCursor, JsonToken};
 pub(super) use extent::JsonEndSearch;
 
 /// Appends `text` as a JSON string.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::shape;
 use crate::feature::{Feature, FeatureProperties, LayerHeader};
-use crate::pages::Pages;
+use crate::pages::PagedFile;
 use crate::source::{FeatureSource, VectorOpenOptions};
 use crate::tree::Bounds;
 use crate::{crs, dbf};
@@ -23,7 +23,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     if is_index {
         return Err(Error::usage("is the index of a shapefile").remedy("name the .shp file"));
     }
-    let mut shapes = Pages::open(path)?;
+    let mut shapes = PagedFile::open(path)?;
     let extent = extent(&mut shapes)?;
     let places = sibling(path, "shx").map(|path| ShxIndex::open(&path)).transpose()?;
     let table = sibling(path, "dbf").map(|path| dbf::DbfReader::open(&path)).transpose()?;
@@ -51,13 +51,13 @@ fn sibling(path: &Path, extension: &str) -> Option<PathBuf> {
 }
 
 /// Checks the header; the rectangle it claims, if that is one.
-fn extent(shapes: &mut Pages) -> Result<Option<Bounds>> {
+fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     let header = shapes.get(0, HEADER_BYTES)?;
     if header[..4] != MAGIC {
         return Err(Error::bad_input("is not a shapefile: it does not begin with the code 9994"));
     }
     let mut bytes = crate::pages::RecordBytes(&header[32..]);
-    shape::Type::of_code(bytes.u32()?)?;
+    shape::ShapefileType::of_code(bytes.u32()?)?;
     let mut bounds = [0.0; 4];
     for bound in &mut bounds {
         *bound = bytes.f64()?;
@@ -68,14 +68,14 @@ fn extent(shapes: &mut Pages) -> Result<Option<Bounds>> {
 
 /// The `.shx`: where each record begins.
 struct ShxIndex {
-    pages: Pages,
+    pages: PagedFile,
     count: u64,
     path: PathBuf,
 }
 
 impl ShxIndex {
     fn open(path: &Path) -> Result<Self> {
-        let mut pages = Pages::open(path)?;
+        let mut pages = PagedFile::open(path)?;
         let header = pages.get(0, HEADER_BYTES)?;
         if header[..4] != MAGIC {
             return Err(Error::bad_input("is not the index of a shapefile")
@@ -94,7 +94,7 @@ impl ShxIndex {
 }
 
 struct ShapefileSource {
-    shapes: Pages,
+    shapes: PagedFile,
     places: Option<ShxIndex>,
     table: Option<dbf::DbfReader>,
     layer: LayerHeader,

@@ -20,13 +20,13 @@ pub(super) enum ShapeType {
 
 /// The type of a shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Type {
+pub(super) struct ShapefileType {
     pub(super) base: ShapeType,
     pub(super) has_z: bool,
     pub(super) has_m: bool,
 }
 
-impl Type {
+impl ShapefileType {
     /// Of a number in a file; `None` for the null shape.
     pub(super) fn of_code(code: u32) -> Result<Option<Self>> {
         let base = match code % 10 {
@@ -83,7 +83,7 @@ fn unknown(code: u32) -> Error {
 /// [`rings::group`].
 pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
     let mut bytes = RecordBytes(record);
-    let Some(kind) = Type::of_code(bytes.u32()?)? else { return Ok(Geometry::null()) };
+    let Some(kind) = ShapefileType::of_code(bytes.u32()?)? else { return Ok(Geometry::null()) };
     match kind.base {
         ShapeType::Point => point(kind, bytes),
         ShapeType::MultiPoint => {
@@ -111,7 +111,7 @@ pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
     }
 }
 
-fn point(kind: Type, mut bytes: RecordBytes<'_>) -> Result<Geometry> {
+fn point(kind: ShapefileType, mut bytes: RecordBytes<'_>) -> Result<Geometry> {
     let mut found = CoordinateSequence { xy: bytes.pairs(1)?, ..CoordinateSequence::default() };
     if kind.has_z {
         found.z = bytes.numbers(1)?;
@@ -124,7 +124,11 @@ fn point(kind: Type, mut bytes: RecordBytes<'_>) -> Result<Geometry> {
 }
 
 /// `count` positions with what else the type has, which follows all of them.
-fn positions(kind: Type, bytes: &mut RecordBytes<'_>, count: usize) -> Result<CoordinateSequence> {
+fn positions(
+    kind: ShapefileType,
+    bytes: &mut RecordBytes<'_>,
+    count: usize,
+) -> Result<CoordinateSequence> {
     let mut found = CoordinateSequence { xy: bytes.pairs(count)?, ..CoordinateSequence::default() };
     if kind.has_z {
         bytes.take(16)?;
@@ -172,7 +176,7 @@ fn ends(starts: &[u8], count: usize) -> Result<Vec<usize>> {
 
 /// Appends a shape of the type, which fits the geometry. Outer rings are written clockwise, holes the
 /// other way. What has no position is a null shape.
-pub(super) fn encode(geometry: &Geometry, kind: Type, out: &mut Vec<u8>) -> Result<()> {
+pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>) -> Result<()> {
     let coordinates = geometry.coordinates();
     if coordinates.xy.is_empty() {
         out.extend_from_slice(&0_u32.to_le_bytes());

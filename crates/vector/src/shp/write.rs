@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::read::{HEADER_BYTES, MAGIC, VERSION};
-use super::shape::{self, NO_MEASURE, ShapeType, Type, too_large};
+use super::shape::{self, NO_MEASURE, ShapeType, ShapefileType, too_large};
 use crate::feature::{Feature, JsonMember, LayerHeader};
 use crate::out::VectorOutputFile;
 use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
@@ -62,7 +62,7 @@ impl FeatureSink for ShapefileSink {
 
     fn finish(mut self: Box<Self>, _: &[JsonMember]) -> Result<WrittenFeatures> {
         let base = self.base.unwrap_or(ShapeType::Line);
-        let kind = Type { base, has_z: self.has_z, has_m: self.has_m };
+        let kind = ShapefileType { base, has_z: self.has_z, has_m: self.has_m };
         let mut rows = self.features.finish()?;
         let mut notes = std::mem::take(&mut self.notes);
         notes.append(&mut rows.notes);
@@ -101,7 +101,7 @@ impl ShapefileSink {
     fn take(&mut self, feature: &Feature) -> Result<()> {
         self.features.push(feature, dbf::DbfTablePlan::MOST)?;
         let geometry = &feature.geometry;
-        let Some(base) = Type::base_of(geometry.kind())? else { return Ok(()) };
+        let Some(base) = ShapefileType::base_of(geometry.kind())? else { return Ok(()) };
         let known = *self.base.get_or_insert(base);
         if known != base {
             let (found, kind) = (base.plural(), known.plural());
@@ -130,7 +130,7 @@ impl ShapeType {
 fn write_shapes(
     shapes: &mut VectorOutputFile,
     places: &mut VectorOutputFile,
-    kind: Type,
+    kind: ShapefileType,
     rows: &mut FeatureRows,
 ) -> Result<()> {
     let (mut bounds, mut z, mut m) = (NOTHING, None, None);

@@ -5,9 +5,9 @@ use std::path::Path;
 use super::arcs::{TopoJsonArcs, TopoJsonTransform};
 use crate::crs;
 use crate::feature::{Feature, LayerHeader};
-use crate::geojson::{FeatureReader, check_depth, id, member, short};
+use crate::geojson::{GeoJsonFeatureReader, check_depth, id, member, short};
 use crate::geometry::{CoordinateSequence, Geometry, GeometryType};
-use crate::json::{JsonCursor, Token};
+use crate::json::{JsonCursor, JsonToken};
 use crate::source::{FeatureSource, VectorOpenOptions};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Crs;
@@ -41,7 +41,7 @@ pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn F
         ..LayerHeader::default()
     };
     let arcs = top.arcs;
-    let reader = FeatureReader::default();
+    let reader = GeoJsonFeatureReader::default();
     Ok(Box::new(TopoJsonSource { text, arcs, layer, features, next: 0, reader, notes }))
 }
 
@@ -72,7 +72,7 @@ impl TopoJsonTopology {
                     }
                 }
                 "crs" => {
-                    if let Token::Nested(json) = cursor.value()? {
+                    if let JsonToken::Nested(json) = cursor.value()? {
                         system = crs::of_member(json);
                     }
                 }
@@ -110,7 +110,7 @@ fn range(cursor: &mut JsonCursor<'_>) -> Result<Range> {
 
 fn read_transform(cursor: &mut JsonCursor<'_>) -> Result<TopoJsonTransform> {
     let start = cursor.offset();
-    let Token::Nested(json) = cursor.value()? else {
+    let JsonToken::Nested(json) = cursor.value()? else {
         return Err(cursor.bad("a transform is no object"));
     };
     let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
@@ -148,7 +148,7 @@ struct TopoJsonSource {
     features: Vec<Range>,
     /// The feature to be read next.
     next: usize,
-    reader: FeatureReader,
+    reader: GeoJsonFeatureReader,
     notes: Vec<String>,
 }
 
@@ -180,7 +180,7 @@ impl FeatureSource for TopoJsonSource {
 /// Puts geometries together.
 struct TopoJsonAssembler<'a> {
     arcs: &'a TopoJsonArcs,
-    reader: &'a mut FeatureReader,
+    reader: &'a mut GeoJsonFeatureReader,
     /// Vertices that the feature at hand may still have.
     budget: usize,
 }
@@ -199,8 +199,8 @@ impl TopoJsonAssembler<'_> {
             match &*name {
                 "type" => {
                     kind = Some(match cursor.value()? {
-                        Token::Null => GeometryType::Null,
-                        Token::Text(name) => GeometryType::by_name(&name).ok_or_else(|| {
+                        JsonToken::Null => GeometryType::Null,
+                        JsonToken::Text(name) => GeometryType::by_name(&name).ok_or_else(|| {
                             cursor.bad(format!("type {:?} is no geometry", short(&name)))
                         })?,
                         _ => return Err(cursor.bad("a type is no text")),
@@ -296,7 +296,7 @@ impl TopoJsonAssembler<'_> {
     /// Appends the arc whose number is next.
     fn arc(&mut self, cursor: &mut JsonCursor<'_>, to: &mut CoordinateSequence) -> Result<()> {
         let index = match cursor.value()? {
-            Token::Number(text) => text.parse().ok(),
+            JsonToken::Number(text) => text.parse().ok(),
             _ => None,
         };
         let index: i64 = index.ok_or_else(|| cursor.bad("an arc is no whole number"))?;

@@ -36,7 +36,7 @@ struct WktSource {
 
 /// The kind that a word begins, whether it has heights, and whether it has measures ("POINTZM").
 /// A ring is read as a line.
-pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<Dimensions>)> {
+pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>)> {
     let upper = word.to_ascii_uppercase();
     let known = |word: &str| match word {
         "LINEARRING" => Some(GeometryType::LineString),
@@ -48,13 +48,13 @@ pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<Dimensions>)> 
     let tails = [("ZM", true, true), ("Z", true, false), ("M", false, true)];
     tails.into_iter().find_map(|(tail, has_z, has_m)| {
         let kind = known(upper.strip_suffix(tail)?)?;
-        Some((kind, Some(Dimensions { has_z, has_m })))
+        Some((kind, Some(WktDimensions { has_z, has_m })))
     })
 }
 
 /// What numbers follow x and y.
 #[derive(Clone, Copy)]
-pub(super) struct Dimensions {
+pub(super) struct WktDimensions {
     has_z: bool,
     has_m: bool,
 }
@@ -183,7 +183,7 @@ impl WktSource {
     }
 
     /// The words that a geometry begins with.
-    fn kind(&mut self) -> Result<(GeometryType, Option<Dimensions>)> {
+    fn kind(&mut self) -> Result<(GeometryType, Option<WktDimensions>)> {
         let word = self.word()?;
         let Some((kind, dimensions)) = keyword(&word) else {
             return Err(match word.as_str() {
@@ -194,9 +194,9 @@ impl WktSource {
         self.window.advance(word.len());
         let next = self.word()?;
         let dimensions = match next.to_ascii_uppercase().as_str() {
-            "Z" => Some(Dimensions { has_z: true, has_m: false }),
-            "M" => Some(Dimensions { has_z: false, has_m: true }),
-            "ZM" => Some(Dimensions { has_z: true, has_m: true }),
+            "Z" => Some(WktDimensions { has_z: true, has_m: false }),
+            "M" => Some(WktDimensions { has_z: false, has_m: true }),
+            "ZM" => Some(WktDimensions { has_z: true, has_m: true }),
             _ => return Ok((kind, dimensions)),
         };
         self.window.advance(next.len());
@@ -207,7 +207,7 @@ impl WktSource {
     fn coordinates(
         &mut self,
         kind: GeometryType,
-        dimensions: Option<Dimensions>,
+        dimensions: Option<WktDimensions>,
     ) -> Result<Geometry> {
         let deep = match kind {
             GeometryType::Polygon | GeometryType::MultiLineString => 2,
@@ -254,7 +254,7 @@ impl WktSource {
 
     fn position(
         &mut self,
-        known: Option<Dimensions>,
+        known: Option<WktDimensions>,
         found: &mut CoordinateSequence,
     ) -> Result<()> {
         let mut numbers = [0.0; 4];
@@ -274,7 +274,7 @@ impl WktSource {
             }
         }
         let [x, y, third, fourth] = numbers;
-        let dimensions = known.unwrap_or(Dimensions { has_z: count > 2, has_m: count > 3 });
+        let dimensions = known.unwrap_or(WktDimensions { has_z: count > 2, has_m: count > 3 });
         let wanted = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
         if count != wanted || count < 2 {
             return Err(self.bad(format!("a position has {count} numbers, not {wanted}")));

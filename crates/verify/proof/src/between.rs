@@ -13,9 +13,9 @@ use std::ops::Range;
 use terrane_base::geom::Rect;
 
 use super::bits::BitGrid;
-use super::exact::Blend;
+use super::exact::InterpolatedHeight;
 use super::part::GridProofPart;
-use super::sections::{EdgeRowWalk, Int, ceil, floor, is_small};
+use super::sections::{EdgeRowWalk, SectionInt, ceil, floor, is_small};
 use super::surface::ProofSurface;
 use super::tally::{ErrorSpot, ProofTally};
 use super::triangle::ProofPosition;
@@ -48,7 +48,7 @@ impl SampleLineAxis {
 
 /// A break on the way from sample `unit` of a line to the next, at `rest` of `whole`. Of the edge that the
 /// mesh breaks at, `part` of `whole` lies before it.
-struct Break<N> {
+struct ProfileBreak<N> {
     lines: SampleLineAxis,
     line: i64,
     unit: i64,
@@ -57,7 +57,7 @@ struct Break<N> {
     whole: N,
 }
 
-impl<N: Int> Break<N> {
+impl<N: SectionInt> ProfileBreak<N> {
     /// Where it is, rounded down.
     fn position(&self) -> ProofPosition {
         let fraction = (self.rest.wide() << ProofPosition::FRACTION) / self.whole.wide();
@@ -97,7 +97,7 @@ impl<'a> BreakJudge<'a> {
         self.heights.clear();
         self.heights.extend(heights.iter().map(|&z| [z, z]));
         distinct(&mut self.heights);
-        self.judge(&Break { lines, line, unit, rest, part: 0, whole }, tally);
+        self.judge(&ProfileBreak { lines, line, unit, rest, part: 0, whole }, tally);
     }
 
     /// Judges where an edge crosses lines strictly between its ends, where triangles have these heights.
@@ -131,7 +131,7 @@ impl<'a> BreakJudge<'a> {
     }
 
     /// Judges where an edge crosses lines of one kind, from its end before them (`a`) to that behind.
-    fn cross<N: Int>(
+    fn cross<N: SectionInt>(
         &self,
         lines: SampleLineAxis,
         [a, b]: [ProofPosition; 2],
@@ -149,7 +149,7 @@ impl<'a> BreakJudge<'a> {
             let EdgeRowWalk { column: unit, rest, divisor: whole, .. } = walk;
             if rest > N::whole(0) && along.contains(&unit) {
                 let part = cell * (cell * N::whole(line) - N::coordinate(a.row));
-                self.judge(&Break { lines, line, unit, rest, part, whole }, tally);
+                self.judge(&ProfileBreak { lines, line, unit, rest, part, whole }, tally);
             }
             walk.advance();
         }
@@ -157,7 +157,7 @@ impl<'a> BreakJudge<'a> {
 
     /// Judges a break, of an edge with the heights noted, where there is surface along its line.
     #[inline]
-    fn judge<N: Int>(&self, at: &Break<N>, tally: &mut ProofTally) {
+    fn judge<N: SectionInt>(&self, at: &ProfileBreak<N>, tally: &mut ProofTally) {
         let Some(ground) = self.ground(at) else { return };
         let each = 1.0 / at.whole.float();
         let height = |[a, b]: [f64; 2], part: N| a + (b - a) * (part.float() * each);
@@ -177,7 +177,7 @@ impl<'a> BreakJudge<'a> {
 
     /// Heights of the samples before and behind a break, where there is surface along the line between them.
     #[inline]
-    fn ground<N>(&self, at: &Break<N>) -> Option<[f64; 2]> {
+    fn ground<N>(&self, at: &ProfileBreak<N>) -> Option<[f64; 2]> {
         let Self { window, lines: [right, down], .. } = self;
         let width = window.width as usize;
         let upright = at.lines.upright;
@@ -191,9 +191,9 @@ impl<'a> BreakJudge<'a> {
 
     /// Takes note of an error that is over the tolerance or the worst so far, or may be.
     #[cold]
-    fn note<N: Int>(
+    fn note<N: SectionInt>(
         &self,
-        at: &Break<N>,
+        at: &ProfileBreak<N>,
         [mesh, ground]: [[f64; 2]; 2],
         [error, doubt]: [f64; 2],
         tally: &mut ProofTally,
@@ -202,8 +202,8 @@ impl<'a> BreakJudge<'a> {
         let mut error = if error.is_nan() { f64::INFINITY } else { error };
         let place = at.position();
         if let Some(tolerance) = self.part.tolerance {
-            let mesh = Blend { ends: mesh, part: at.part.wide() };
-            let ground = Blend { ends: ground, part: at.rest.wide() };
+            let mesh = InterpolatedHeight { ends: mesh, part: at.part.wide() };
+            let ground = InterpolatedHeight { ends: ground, part: at.rest.wide() };
             let exactly = || mesh.is_far(ground, at.whole.wide(), tolerance);
             let is_within = error + doubt < tolerance;
             if !is_within && (error - doubt > tolerance || exactly()) {

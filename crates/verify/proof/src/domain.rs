@@ -8,14 +8,14 @@ use super::triangle::{ProofPosition, ProofTriangle};
 /// them, and every position whose whole part is one of its samples; positions beyond the grid
 /// belong to the nearest domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Domain {
+pub struct GridDomain {
     /// Columns and rows of the grid.
     pub grid: [u32; 2],
     /// The samples owned: not empty, inside the grid.
     pub rect: Rect,
 }
 
-impl Domain {
+impl GridDomain {
     /// Sums of errors are formed over squares of this many samples, at multiples of it, so that
     /// they do not depend on the division; domains start at multiples of it.
     pub const UNIT: u32 = 32;
@@ -50,7 +50,7 @@ impl Domain {
     }
 
     /// Two halves along the longer side, `None` when it is a single unit.
-    pub fn halves(&self) -> Option<[Domain; 2]> {
+    pub fn halves(&self) -> Option<[GridDomain; 2]> {
         let Rect { col, row, width, height } = self.rect;
         let half = |side: u32| (side / 2).next_multiple_of(Self::UNIT);
         let (a, b) = if width >= height && width > Self::UNIT {
@@ -62,7 +62,7 @@ impl Domain {
         } else {
             return None;
         };
-        Some([a, b].map(|rect| Domain { rect, ..*self }))
+        Some([a, b].map(|rect| GridDomain { rect, ..*self }))
     }
 }
 
@@ -112,7 +112,7 @@ fn clipped(p: [f64; 2], q: [f64; 2], above: f64, below: f64) -> [f64; 2] {
 pub struct DomainLayout {
     /// Columns and rows of the grid, neither 0.
     pub grid: [u32; 2],
-    /// Columns and rows of a domain: multiples of [`Domain::UNIT`].
+    /// Columns and rows of a domain: multiples of [`GridDomain::UNIT`].
     pub size: [u32; 2],
 }
 
@@ -133,15 +133,15 @@ impl DomainLayout {
     }
 
     /// The domain at (`across`, `down`).
-    fn at(&self, across: u32, down: u32) -> Domain {
+    fn at(&self, across: u32, down: u32) -> GridDomain {
         let [w, h] = self.size;
         let all = Rect::new(0, 0, self.grid[0], self.grid[1]);
         let rect = Rect::new(across * w, down * h, w, h);
-        Domain { grid: self.grid, rect: rect.intersect(&all) }
+        GridDomain { grid: self.grid, rect: rect.intersect(&all) }
     }
 
     /// Domain `index`.
-    pub fn domain(&self, index: u64) -> Domain {
+    pub fn domain(&self, index: u64) -> GridDomain {
         let across = u64::from(self.counts()[0]);
         self.at((index % across) as u32, (index / across) as u32)
     }
@@ -193,10 +193,10 @@ mod tests {
         let layout = DomainLayout { grid: [100, 70], size: [64, 32] };
         let owned: usize = (0..layout.len()).map(|i| layout.domain(i).rect.len()).sum();
         assert_eq!((layout.len(), owned), (6, 7000));
-        let whole = Domain { grid: [100, 70], rect: Rect::new(0, 0, 100, 70) };
+        let whole = GridDomain { grid: [100, 70], rect: Rect::new(0, 0, 100, 70) };
         let [a, b] = whole.halves().unwrap();
         assert_eq!((a.rect, b.rect), (Rect::new(0, 0, 64, 70), Rect::new(64, 0, 36, 70)));
-        let unit = Domain { grid: [100, 70], rect: Rect::new(32, 32, 32, 32) };
+        let unit = GridDomain { grid: [100, 70], rect: Rect::new(32, 32, 32, 32) };
         assert_eq!(unit.halves(), None);
         assert_eq!(unit.apron(), Rect::new(31, 31, 34, 34));
     }

@@ -8,14 +8,14 @@ use super::follow::BreaklineCheck;
 use super::kept::KeptSampleCheck;
 use super::part::GridProofPart;
 use super::sections::{ceil, floor};
-use super::surface::{Followed, OutlineRun, ProofSurface};
+use super::surface::{OutlineFollowing, OutlineRun, ProofSurface};
 use super::tally::ProofTally;
 use super::triangle::{ProofPosition, ProofTriangle};
 
 /// Bytes of the tables below for one triangle.
 pub(crate) const BYTES_PER_TRIANGLE: usize = 3
     * (size_of::<(ProofPosition, u32)>()
-        + size_of::<Use>()
+        + size_of::<EdgeUse>()
         + size_of::<u32>()
         + size_of::<ProofPosition>());
 
@@ -30,7 +30,7 @@ pub struct UnpairedEdge {
 
 /// How triangles meet along an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Meeting {
+pub(crate) enum EdgeMeeting {
     /// One triangle, with this opposite corner.
     Open(ProofPosition),
     /// Two that pass it in opposite directions, with these opposite corners.
@@ -42,12 +42,12 @@ pub(crate) enum Meeting {
 /// One side of one triangle: the vertices it joins (the smaller number in the high half), then
 /// the triangle and the corner it starts at. Vertices are numbered in the order of their positions.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Use {
+pub(crate) struct EdgeUse {
     ends: u64,
     side: u32,
 }
 
-impl Use {
+impl EdgeUse {
     fn new(a: u32, b: u32, side: u32) -> Self {
         Self { ends: u64::from(a.min(b)) << 32 | u64::from(a.max(b)), side }
     }
@@ -125,14 +125,14 @@ impl PartCorners {
     }
 
     /// All sides of all triangles, sorted by the vertices they join.
-    fn uses(&self) -> Vec<Use> {
+    fn uses(&self) -> Vec<EdgeUse> {
         let mut uses = Vec::with_capacity(self.numbers.len());
         for (triangle, corners) in self.numbers.chunks_exact(3).enumerate() {
             for corner in 0..3 {
                 let (a, b) = (corners[corner], corners[(corner + 1) % 3]);
                 if a != b {
                     let side = (triangle * 3 + corner) as u32;
-                    uses.push(Use::new(a, b, side));
+                    uses.push(EdgeUse::new(a, b, side));
                 }
             }
         }
@@ -141,26 +141,29 @@ impl PartCorners {
     }
 
     /// True when the side runs from the smaller vertex number to the larger.
-    fn is_forward(&self, side: Use) -> bool {
+    fn is_forward(&self, side: EdgeUse) -> bool {
         self.numbers[side.side as usize] == side.numbers()[0]
     }
 
     /// Hands on every edge: its ends, the lower first, how triangles meet there, and their sides.
-    pub(crate) fn each_edge(&self, mut each: impl FnMut([ProofPosition; 2], Meeting, &[Use])) {
+    pub(crate) fn each_edge(
+        &self,
+        mut each: impl FnMut([ProofPosition; 2], EdgeMeeting, &[EdgeUse]),
+    ) {
         for uses in self.uses().chunk_by(|a, b| a.ends == b.ends) {
             let meeting = match *uses {
-                [one] => Meeting::Open(self.apex(one)),
+                [one] => EdgeMeeting::Open(self.apex(one)),
                 [a, b] if self.is_forward(a) != self.is_forward(b) => {
-                    Meeting::Inner([self.apex(a), self.apex(b)])
+                    EdgeMeeting::Inner([self.apex(a), self.apex(b)])
                 }
-                _ => Meeting::Tangled,
+                _ => EdgeMeeting::Tangled,
             };
             each(uses[0].numbers().map(|number| self.position(number)), meeting, uses);
         }
     }
 
     /// The corner opposite a side.
-    fn apex(&self, side: Use) -> ProofPosition {
+    fn apex(&self, side: EdgeUse) -> ProofPosition {
         let (triangle, corner) = (side.side / 3, side.side % 3);
         self.position(self.numbers[(triangle * 3 + (corner + 2) % 3) as usize])
     }
@@ -189,14 +192,14 @@ pub(crate) fn check(
     corners.each_edge(|ends, meeting, sides| {
         between.edge(ends, sides.iter().map(|side| side.heights(part.triangles)), tally);
         follow.edge(ends);
-        if matches!(meeting, Meeting::Open(_)) {
+        if matches!(meeting, EdgeMeeting::Open(_)) {
             open.push(ends);
         }
         if !part.domain.owns(ends[0]) {
             return;
         }
         tally.edge(ends, meeting);
-        if matches!(meeting, Meeting::Open(_)) {
+        if matches!(meeting, EdgeMeeting::Open(_)) {
             unfinished.extend(check_open(ends, surface, tally));
         }
     });
@@ -227,16 +230,16 @@ impl ProofTally {
     }
 
     /// Counts an edge by how its triangles meet.
-    pub(crate) fn edge(&mut self, ends: [ProofPosition; 2], meeting: Meeting) {
+    pub(crate) fn edge(&mut self, ends: [ProofPosition; 2], meeting: EdgeMeeting) {
         match meeting {
-            Meeting::Open(_) => self.open_edges += 1,
-            Meeting::Inner([a, b]) => {
+            EdgeMeeting::Open(_) => self.open_edges += 1,
+            EdgeMeeting::Inner([a, b]) => {
                 self.interior_edges += 1;
                 if is_bad(ends, a, b) {
                     self.non_delaunay.add(ends[0]);
                 }
             }
-            Meeting::Tangled => self.non_manifold.add(ends[0]),
+            EdgeMeeting::Tangled => self.non_manifold.add(ends[0]),
         }
     }
 }
@@ -255,14 +258,14 @@ fn check_open(
     surface: &ProofSurface,
     tally: &mut ProofTally,
 ) -> Option<UnpairedEdge> {
-    let followed = lattice_run(ends).map_or(Followed::Off, |run| surface.follow(run));
+    let followed = lattice_run(ends).map_or(OutlineFollowing::Off, |run| surface.follow(run));
     match followed {
-        Followed::On => None,
-        Followed::Off => {
+        OutlineFollowing::On => None,
+        OutlineFollowing::Off => {
             tally.cracks.add(ends[0]);
             None
         }
-        Followed::Rest(rest) => Some(UnpairedEdge { rest, at: ends[0] }),
+        OutlineFollowing::Rest(rest) => Some(UnpairedEdge { rest, at: ends[0] }),
     }
 }
 

@@ -95,14 +95,14 @@ fn is_beyond(terms: &[(i128, f64)], whole: i128, tolerance: f64) -> bool {
 
 /// A height on the straight line between two: the second has `part` of the weight, the first the rest.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Blend {
+pub(crate) struct InterpolatedHeight {
     /// The two heights.
     pub(crate) ends: [f64; 2],
     /// From 0 to the whole.
     pub(crate) part: i128,
 }
 
-impl Blend {
+impl InterpolatedHeight {
     /// True when two heights are more than `tolerance` apart, parts being of `whole`: exact, as [`exceeds`].
     pub(crate) fn is_far(self, other: Self, whole: i128, tolerance: f64) -> bool {
         let terms = |Self { ends: [a, b], part }, side: i128| {

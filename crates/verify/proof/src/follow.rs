@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use super::domain::Domain;
+use super::domain::GridDomain;
 use super::surface::ProofSurface;
 use super::tally::ProofTally;
 use super::triangle::ProofPosition;
@@ -53,7 +53,7 @@ impl ProofBreakline {
     }
 
     /// The steps that are in a domain: rows and columns only grow, or only fall, along a path.
-    pub(crate) fn steps_in(&self, domain: &Domain) -> Range<i64> {
+    pub(crate) fn steps_in(&self, domain: &GridDomain) -> Range<i64> {
         let rect = domain.rect;
         let first = [rect.col, rect.row].map(i64::from);
         let beyond = [rect.end_col(), rect.end_row()].map(i64::from);
@@ -73,7 +73,7 @@ impl ProofBreakline {
     }
 
     /// Most bytes that it takes in a domain.
-    pub fn bytes_in(&self, domain: &Domain) -> u64 {
+    pub fn bytes_in(&self, domain: &GridDomain) -> u64 {
         let steps = self.steps_in(domain);
         size_of::<Self>() as u64
             + (steps.end - steps.start) as u64 * size_of::<BreaklineStop>() as u64
@@ -115,7 +115,7 @@ pub(crate) struct BreaklineCheck<'a> {
 impl<'a> BreaklineCheck<'a> {
     pub(crate) fn new(
         lines: &'a [ProofBreakline],
-        domain: &Domain,
+        domain: &GridDomain,
         surface: &ProofSurface,
     ) -> Self {
         let mut stops = Vec::new();
@@ -229,7 +229,7 @@ mod tests {
             let line = ProofBreakline::between(a, b);
             for rect in [Rect::new(5, 7, 20, 30), Rect::new(0, 0, 4, 4), Rect::new(30, 60, 61, 40)]
             {
-                let domain = Domain { rect, grid: [100, 100] };
+                let domain = GridDomain { rect, grid: [100, 100] };
                 let inside = |&step: &i64| {
                     let [col, row] = line.at(step);
                     rect.contains(col as u32, row as u32)

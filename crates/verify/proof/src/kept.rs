@@ -1,7 +1,7 @@
 //! Samples that have to be vertices, at the heights they have.
 
 use super::part::GridProofPart;
-use super::snap::Precision;
+use super::snap::HeightPrecision;
 use super::surface::ProofSurface;
 use super::tally::ProofTally;
 use super::triangle::ProofPosition;
@@ -22,7 +22,8 @@ impl<'a> KeptSampleCheck<'a> {
     pub(crate) fn corner(&mut self, at: ProofPosition, heights: &[f64]) {
         let Ok(place) = self.part.kept.binary_search(&at) else { return };
         let sample = self.part.sample(at);
-        let is = |precision: Precision, z| sample.is_some_and(|sample| precision.is(z, sample));
+        let is =
+            |precision: HeightPrecision, z| sample.is_some_and(|sample| precision.is(z, sample));
         self.is_vertex[place] = heights.iter().all(|&z| is(self.part.precision, z));
     }
 

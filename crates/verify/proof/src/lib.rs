@@ -1,7 +1,7 @@
 //! Independent proof of a mesh's promises: error bound, coverage, topology; and its [`quality`], which is
 //! measured and not judged. Pure; shares no code with `tin`.
 //!
-//! Everything is decided one [`Domain`] (a rectangle of samples) at a time, from the triangles
+//! Everything is decided one [`GridDomain`] (a rectangle of samples) at a time, from the triangles
 //! that touch it and the heights of it and of one sample around it. Each sample, cell, vertex,
 //! edge and triangle is owned by exactly one domain, and every figure of a [`ProofTally`] is a count, a
 //! maximum or an exact sum, so the outcome does not depend on how the grid was divided, nor on the
@@ -30,13 +30,13 @@ mod triangle;
 mod unit;
 mod worst;
 
-pub use domain::{Domain, DomainLayout};
+pub use domain::{DomainLayout, GridDomain};
 pub use edges::UnpairedEdge;
 pub use follow::ProofBreakline;
 pub use part::{GridProofPart, ProofAngleBound};
-pub use snap::{Precision, Snap, SnapOutcome, Snapper};
+pub use snap::{HeightPrecision, Snap, SnapOutcome, Snapper};
 pub use sum::ExactSum;
-pub use surface::{Followed, OutlineRun, ProofSurface};
+pub use surface::{OutlineFollowing, OutlineRun, ProofSurface};
 pub use tally::{ErrorSpot, FaultCount, ProofTally};
 pub use triangle::{ProofPosition, ProofTriangle, ProofVertex};
 

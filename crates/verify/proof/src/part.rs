@@ -1,9 +1,9 @@
 //! The unit of a proof: a rectangle of samples, with everything that touches it.
 
-use super::domain::Domain;
+use super::domain::GridDomain;
 use super::follow::ProofBreakline;
 use super::sections::floor;
-use super::snap::Precision;
+use super::snap::HeightPrecision;
 use super::surface::ProofSurface;
 use super::tally::ProofTally;
 use super::triangle::{ProofPosition, ProofTriangle};
@@ -12,8 +12,8 @@ use super::triangle::{ProofPosition, ProofTriangle};
 #[derive(Debug)]
 pub struct GridProofPart<'a> {
     /// The samples it owns, in the grid they belong to.
-    pub domain: Domain,
-    /// Heights of [`Domain::apron`], row by row, NaN where void.
+    pub domain: GridDomain,
+    /// Heights of [`GridDomain::apron`], row by row, NaN where void.
     pub heights: &'a [f64],
     /// Every triangle that touches the domain, in any order; others do no harm.
     pub triangles: &'a [ProofTriangle],
@@ -27,7 +27,7 @@ pub struct GridProofPart<'a> {
     /// What the angles of triangles are held to, if anything.
     pub min_angle: Option<ProofAngleBound>,
     /// How the mesh stores heights.
-    pub precision: Precision,
+    pub precision: HeightPrecision,
     /// Vertices inside the surface may have other heights than their samples.
     pub is_fitted: bool,
     /// Largest allowed vertical distance; `None` to measure only.

@@ -6,14 +6,14 @@ use super::triangle::{ProofPosition, ProofTriangle};
 
 /// The part of a row of the lattice that lies in a triangle, in columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Section {
+pub(crate) struct RowSection {
     /// Left end, rounded down, and whether that left a fraction.
     pub(crate) left: (i64, bool),
     /// Right end likewise.
     pub(crate) right: (i64, bool),
 }
 
-impl Section {
+impl RowSection {
     /// Samples in the closed triangle: first, and one past the last.
     pub(crate) fn samples(&self) -> [i64; 2] {
         [self.left.0 + i64::from(self.left.1), self.right.0 + 1]
@@ -31,7 +31,7 @@ impl Section {
 }
 
 /// The integer arithmetic needed: `i64` for samples in reach, `i128` for everything.
-pub(crate) trait Int:
+pub(crate) trait SectionInt:
     Copy + Ord + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
 {
     /// Fraction bits of coordinates.
@@ -50,7 +50,7 @@ pub(crate) trait Int:
     fn wide(self) -> i128;
 }
 
-impl Int for i64 {
+impl SectionInt for i64 {
     const FRACTION: u32 = 0;
     fn coordinate(fixed: i64) -> Self {
         fixed >> ProofPosition::FRACTION
@@ -72,7 +72,7 @@ impl Int for i64 {
     }
 }
 
-impl Int for i128 {
+impl SectionInt for i128 {
     const FRACTION: u32 = ProofPosition::FRACTION;
     fn coordinate(fixed: i64) -> Self {
         Self::from(fixed)
@@ -111,7 +111,7 @@ pub(crate) struct EdgeRowWalk<N> {
     step_rest: N,
 }
 
-impl<N: Int> EdgeRowWalk<N> {
+impl<N: SectionInt> EdgeRowWalk<N> {
     /// Starts on the edge from `a` down to `b` (`a.row < b.row`) at `row`.
     #[inline]
     pub(crate) fn new(a: ProofPosition, b: ProofPosition, row: i64) -> Self {
@@ -143,11 +143,11 @@ impl<N: Int> EdgeRowWalk<N> {
 /// Calls `visit` with each row of the lattice in `from ..= to` that crosses the closed triangle
 /// (of non-zero area).
 #[inline]
-pub(crate) fn sections<N: Int>(
+pub(crate) fn sections<N: SectionInt>(
     triangle: &ProofTriangle,
     from: i64,
     to: i64,
-    mut visit: impl FnMut(i64, Section),
+    mut visit: impl FnMut(i64, RowSection),
 ) {
     let mut p = triangle.positions();
     p.sort_unstable();
@@ -167,7 +167,7 @@ pub(crate) fn sections<N: Int>(
         for row in first..=last {
             let (left, right) =
                 if bend_right { (long.at(), short.at()) } else { (short.at(), long.at()) };
-            visit(row, Section { left, right });
+            visit(row, RowSection { left, right });
             long.advance();
             short.advance();
         }
@@ -228,7 +228,7 @@ mod tests {
         [double_area(at, b, c), double_area(a, at, c), double_area(a, b, at)].map(|w| w * sign)
     }
 
-    fn found<N: Int>(t: &ProofTriangle) -> (Vec<[i64; 2]>, Vec<[i64; 2]>) {
+    fn found<N: SectionInt>(t: &ProofTriangle) -> (Vec<[i64; 2]>, Vec<[i64; 2]>) {
         let (mut closed, mut strict) = (Vec::new(), Vec::new());
         let [low, high] = t.bounds();
         sections::<N>(t, -100, 100, |row, s| {

@@ -22,7 +22,7 @@ const BYTES_PER_SAMPLE: u64 = 32;
 
 /// Everything found in the parts looked at so far; the same in any order.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Slopes {
+pub struct SlopeTally {
     /// Cells with four samples whose middle a triangle covers.
     pub cells: u64,
     /// Those whose middle none covers.
@@ -33,7 +33,7 @@ pub struct Slopes {
     pub worst: Option<ErrorSpot>,
 }
 
-impl Slopes {
+impl SlopeTally {
     /// Adds what was found elsewhere.
     pub fn merge(&mut self, other: &Self) {
         self.cells += other.cells;
@@ -94,7 +94,7 @@ pub fn between(p: Slope, q: Slope) -> f64 {
 
 /// Looks at the cells that the part owns; `turn` knows how slopes lie on the ground at the middle of a
 /// cell (column, row).
-pub fn look(part: &GridProofPart<'_>, turn: &impl Fn(u32, u32) -> Turn, slopes: &mut Slopes) {
+pub fn look(part: &GridProofPart<'_>, turn: &impl Fn(u32, u32) -> Turn, slopes: &mut SlopeTally) {
     let Some(mut cells) = SlopeCells::new(part) else { return };
     part.triangles.iter().for_each(|triangle| cells.add(triangle, turn));
     cells.tell(slopes);
@@ -156,7 +156,7 @@ impl SlopeCells {
         self.worst[at] = if error > self.worst[at] { error } else { self.worst[at] };
     }
 
-    fn tell(&self, slopes: &mut Slopes) {
+    fn tell(&self, slopes: &mut SlopeTally) {
         let width = self.rect.width as usize;
         for (i, (slope, &worst)) in self.slopes.iter().zip(&self.worst).enumerate() {
             if slope[0].is_nan() {
@@ -184,7 +184,7 @@ fn shifted(triangle: &ProofTriangle) -> ProofTriangle {
 mod tests {
     use super::*;
     use crate::exact::double_area;
-    use crate::{Domain, DomainLayout, Precision};
+    use crate::{DomainLayout, GridDomain, HeightPrecision};
     use proptest::prelude::*;
 
     const PLAIN: Turn = [[1.0, 0.0], [0.0, 1.0]];
@@ -228,18 +228,18 @@ mod tests {
         triangles: &[ProofTriangle],
         size: u32,
         turn: Turn,
-    ) -> Slopes {
+    ) -> SlopeTally {
         let layout = DomainLayout { grid, size: [size; 2] };
-        let mut all = Slopes::default();
+        let mut all = SlopeTally::default();
         for domain in (0..layout.len()).rev().map(|i| layout.domain(i)) {
-            let mut own = Slopes::default();
+            let mut own = SlopeTally::default();
             look(&part(domain, &window(heights, &domain), triangles), &|_, _| turn, &mut own);
             all.merge(&own);
         }
         all
     }
 
-    fn window(heights: &[f64], domain: &Domain) -> Vec<f64> {
+    fn window(heights: &[f64], domain: &GridDomain) -> Vec<f64> {
         let apron = domain.apron();
         let places = (apron.row..apron.end_row())
             .flat_map(|r| (apron.col..apron.end_col()).map(move |c| (c, r)));
@@ -247,11 +247,11 @@ mod tests {
     }
 
     fn part<'a>(
-        domain: Domain,
+        domain: GridDomain,
         heights: &'a [f64],
         triangles: &'a [ProofTriangle],
     ) -> GridProofPart<'a> {
-        let (precision, vertices) = (Precision::Double, None);
+        let (precision, vertices) = (HeightPrecision::Double, None);
         let (tolerance, is_fitted) = (None, false);
         GridProofPart {
             domain,
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn a_grid_of_one_row_has_no_cells() {
-        assert_eq!(slopes([5, 1], &[0.0; 5], &[], 32, PLAIN), Slopes::default());
-        assert_eq!(slopes([1, 5], &[0.0; 5], &[], 32, PLAIN), Slopes::default());
+        assert_eq!(slopes([5, 1], &[0.0; 5], &[], 32, PLAIN), SlopeTally::default());
+        assert_eq!(slopes([1, 5], &[0.0; 5], &[], 32, PLAIN), SlopeTally::default());
     }
 }

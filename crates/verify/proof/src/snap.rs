@@ -16,7 +16,7 @@ pub(crate) const SMALLEST_RADIUS: f64 = 1.0 / (1u64 << 29) as f64;
 
 /// How a mesh stores heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Precision {
+pub enum HeightPrecision {
     /// In `f64`, or in text that reads back as such.
     Double,
     /// In `f32`, relative to a height and multiplied by a scale.
@@ -28,7 +28,7 @@ pub enum Precision {
     },
 }
 
-impl Precision {
+impl HeightPrecision {
     /// True when `stored` is what a file of this precision holds for `height`.
     pub(crate) fn is(self, stored: f64, height: f64) -> bool {
         match self {

@@ -3,7 +3,7 @@
 use terrane_base::geom::Rect;
 
 use super::bits::{BitGrid, ones};
-use super::domain::Domain;
+use super::domain::GridDomain;
 use super::tally::ProofTally;
 use super::triangle::ProofPosition;
 
@@ -32,7 +32,7 @@ pub struct OutlineRun {
 
 /// How far a run keeps to the outline of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Followed {
+pub enum OutlineFollowing {
     /// All the way.
     On,
     /// It leaves the outline.
@@ -132,7 +132,7 @@ impl ProofSurface {
     }
 
     /// Counts valid and isolated samples and surface cells of `domain`.
-    pub(crate) fn count(&self, domain: &Domain, tally: &mut ProofTally) {
+    pub(crate) fn count(&self, domain: &GridDomain, tally: &mut ProofTally) {
         let left = (domain.rect.col - self.rect.col) as usize;
         let above = (domain.rect.row - self.rect.row) as usize;
         let (width, height) = (domain.rect.width as usize, domain.rect.height as usize);
@@ -186,15 +186,15 @@ impl ProofSurface {
 
     /// Follows `run` along the outline: each of its unit edges must have surface on exactly one
     /// side.
-    pub fn follow(&self, run: OutlineRun) -> Followed {
+    pub fn follow(&self, run: OutlineRun) -> OutlineFollowing {
         for unit in run.from..run.to {
             match run.sides(unit).map(|side| self.cell(side)) {
                 [Some(a), Some(b)] if a != b => {}
-                [Some(_), Some(_)] => return Followed::Off,
-                _ => return Followed::Rest(OutlineRun { from: unit, ..run }),
+                [Some(_), Some(_)] => return OutlineFollowing::Off,
+                _ => return OutlineFollowing::Rest(OutlineRun { from: unit, ..run }),
             }
         }
-        Followed::On
+        OutlineFollowing::On
     }
 }
 
@@ -256,14 +256,14 @@ mod tests {
         let surface = notched();
         let run =
             |vertical, line, from, to| surface.follow(OutlineRun { vertical, line, from, to });
-        assert_eq!(run(false, 0, 0, 1), Followed::On);
-        assert_eq!(run(false, 0, 0, 2), Followed::Off);
-        assert_eq!(run(true, 1, 0, 1), Followed::On);
-        assert_eq!(run(true, 1, 0, 2), Followed::Off);
-        assert_eq!(run(false, 1, 1, 3), Followed::On);
-        assert_eq!(run(false, 2, 0, 3), Followed::On);
-        assert_eq!(run(true, 3, 1, 2), Followed::On);
-        assert_eq!(run(true, 3, 0, 1), Followed::Off);
+        assert_eq!(run(false, 0, 0, 1), OutlineFollowing::On);
+        assert_eq!(run(false, 0, 0, 2), OutlineFollowing::Off);
+        assert_eq!(run(true, 1, 0, 1), OutlineFollowing::On);
+        assert_eq!(run(true, 1, 0, 2), OutlineFollowing::Off);
+        assert_eq!(run(false, 1, 1, 3), OutlineFollowing::On);
+        assert_eq!(run(false, 2, 0, 3), OutlineFollowing::On);
+        assert_eq!(run(true, 3, 1, 2), OutlineFollowing::On);
+        assert_eq!(run(true, 3, 0, 1), OutlineFollowing::Off);
     }
 
     #[test]
@@ -273,6 +273,6 @@ mod tests {
         let window = run.window(grid);
         assert_eq!(window, Rect::new(10, 0, 4097, 2));
         let surface = ProofSurface::new(grid, window, &vec![0.0; window.len()]);
-        assert_eq!(surface.follow(run), Followed::Rest(OutlineRun { from: 4106, ..run }));
+        assert_eq!(surface.follow(run), OutlineFollowing::Rest(OutlineRun { from: 4106, ..run }));
     }
 }

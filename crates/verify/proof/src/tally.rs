@@ -199,7 +199,7 @@ impl ProofTally {
         self.smallest_angle = Some(self.smallest_angle.map_or(angle, |least| least.min(angle)));
     }
 
-    /// Judges the area and the angles of a triangle; for `orientation` see [`Part`].
+    /// Judges the area and the angles of a triangle; for `orientation` see [`GridProofPart`](crate::GridProofPart).
     pub(crate) fn shape(&mut self, triangle: &ProofTriangle, orientation: i128) {
         let at = triangle.corners[0].at;
         let area = triangle.double_area() * orientation;

@@ -1,12 +1,12 @@
-//! Sums, maximum and histogram of errors, a run of [`Domain::UNIT`] samples at a time.
+//! Sums, maximum and histogram of errors, a run of [`GridDomain::UNIT`] samples at a time.
 //!
 //! Sums run in four lanes, and histograms in four copies, so that no addition waits for the last.
 
-use super::domain::Domain;
+use super::domain::GridDomain;
 use super::tally::ProofTally;
 
 const LANES: usize = 4;
-const RUN: usize = Domain::UNIT as usize;
+const RUN: usize = GridDomain::UNIT as usize;
 
 /// Errors of a run of samples in a row; 0 for those that do not count.
 pub(crate) struct ErrorRun {

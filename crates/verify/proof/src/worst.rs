@@ -7,7 +7,7 @@
 use terrane_base::geom::Rect;
 
 use super::bits::{BitGrid, masks, ones};
-use super::domain::Domain;
+use super::domain::GridDomain;
 use super::exact::exceeds;
 use super::part::GridProofPart;
 use super::sections::{ceil, floor, is_small, sections, strip};
@@ -131,7 +131,11 @@ impl<'a> WorstErrors<'a> {
         }
     }
 
-    fn scan<N: super::sections::Int>(&mut self, triangle: &ProofTriangle, plane: &ProofPlane) {
+    fn scan<N: super::sections::SectionInt>(
+        &mut self,
+        triangle: &ProofTriangle,
+        plane: &ProofPlane,
+    ) {
         let rect = self.part.domain.rect;
         let end = i64::from(rect.end_row());
         let suspicious = plane.suspicious(self.part.tolerance);
@@ -250,7 +254,7 @@ impl<'a> WorstErrors<'a> {
     /// Adds everything to the tally.
     pub(crate) fn finish(mut self, tally: &mut ProofTally) {
         let rect = self.part.domain.rect;
-        let mut sums = vec![ErrorSums::default(); rect.width.div_ceil(Domain::UNIT) as usize];
+        let mut sums = vec![ErrorSums::default(); rect.width.div_ceil(GridDomain::UNIT) as usize];
         let mut histogram = self.part.tolerance.map(Histogram::new);
         let over = tally.over.count;
         let mut samples = Vec::new();
@@ -259,7 +263,7 @@ impl<'a> WorstErrors<'a> {
             self.finish_cells(row, tally);
             self.settle(row, &samples, tally);
             self.finish_row(row, &samples, &mut sums, histogram.as_mut(), tally);
-            if (row + 1) % Domain::UNIT == 0 || row + 1 == rect.end_row() {
+            if (row + 1) % GridDomain::UNIT == 0 || row + 1 == rect.end_row() {
                 sums.iter_mut().for_each(|sums| sums.flush(tally));
             }
         }
@@ -302,7 +306,7 @@ impl<'a> WorstErrors<'a> {
         let [mut from, end] = self.clip(0, i64::MAX);
         let line = self.line(i64::from(row)) * self.window.width as usize;
         for sums in sums {
-            let to = (from + Domain::UNIT as usize).min(end);
+            let to = (from + GridDomain::UNIT as usize).min(end);
             let due = bits_at(samples, from, to);
             let run = ErrorRun::new(&self.errors[line + from..line + to], due);
             sums.add(&run);

@@ -8,7 +8,7 @@ use terrane_cloud::PointSource;
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::on_cloud::OnCloud;
 use terrane_mesh::Promises;
-use terrane_proof::cloud::{Placer, VerticalBound};
+use terrane_proof::cloud::{LatticeSnapper, VerticalBound};
 
 /// What every pass over a cloud needs to know.
 pub(super) struct CloudProofContext<'a> {
@@ -16,7 +16,7 @@ pub(super) struct CloudProofContext<'a> {
     pub(super) source: &'a dyn PointSource,
     /// Lowest and highest coordinates of all points.
     pub(super) bounds: [Point; 2],
-    pub(super) placer: Placer,
+    pub(super) placer: LatticeSnapper,
     pub(super) tolerance: Option<f64>,
     pub(super) bound: Option<VerticalBound>,
     pub(super) kept: OnCloud,
@@ -43,7 +43,7 @@ impl<'a> CloudProofContext<'a> {
         let has_posts = !kept.has_lines() && stated.breaklines.is_some();
         let (frame, mesh) = (source.info().frame, work.mesh.info());
         let reach = kept.and_heights(bounds);
-        let placer = Placer::new(frame, reach, mesh.origin, mesh.single_precision);
+        let placer = LatticeSnapper::new(frame, reach, mesh.origin, mesh.single_precision);
         let bound = tolerance.map(|tolerance| VerticalBound::new(tolerance, frame.scale[2]));
         Ok(Self {
             work,

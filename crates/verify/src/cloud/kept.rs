@@ -7,8 +7,10 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_engine::on_cloud::OnCloud;
 use terrane_files::Buckets;
-use terrane_proof::cloud::{ProofHull, ProofNearestPoints, Sought, Track, order, position};
-use terrane_proof::{Domain, DomainLayout, ProofPosition};
+use terrane_proof::cloud::{
+    CloudTrack, NearestQuery, ProofHull, ProofNearestPoints, order, position,
+};
+use terrane_proof::{DomainLayout, GridDomain, ProofPosition};
 
 /// Points that are looked through at a time.
 const HEAP: usize = 1 << 16;
@@ -20,7 +22,7 @@ pub(super) struct KeptOn {
     /// Positions that are beyond the hull.
     pub(super) beyond: u64,
     /// By line: none where it is not over the hull.
-    tracks: Vec<Option<Track>>,
+    tracks: Vec<Option<CloudTrack>>,
     /// Domains, and lines in them.
     lines: Vec<(u64, u32)>,
 }
@@ -34,7 +36,7 @@ impl KeptOn {
     ) -> Result<Self> {
         let kept = &context.kept;
         let tracks: Vec<_> =
-            kept.lines.iter().map(|line| Track::new(line.ends, line.heights, hull)).collect();
+            kept.lines.iter().map(|line| CloudTrack::new(line.ends, line.heights, hull)).collect();
         let mut lines = Vec::new();
         for (number, track) in (0..).zip(&tracks) {
             let Some(track) = track else { continue };
@@ -61,7 +63,7 @@ impl KeptOn {
     }
 
     /// What is in a domain of the layout, of that number.
-    pub(super) fn of(&self, domain: u64) -> (Vec<Point>, Vec<Track>) {
+    pub(super) fn of(&self, domain: u64) -> (Vec<Point>, Vec<CloudTrack>) {
         let points = &self.points[self.points.partition_point(|&(other, _)| other < domain)..];
         let points = points.iter().take_while(|(other, _)| *other == domain);
         let lines = &self.lines[self.lines.partition_point(|&(other, _)| other < domain)..];
@@ -80,13 +82,13 @@ fn nearest(
 ) -> Result<(Vec<Point>, u64)> {
     let sample = |[x, y]: [i32; 2]| ProofPosition::sample(x.into(), y.into());
     let all = kept.points.iter().map(|at| at.map(|steps| steps as i32));
-    let mut sought: Vec<_> = all.map(|at| Sought { at, found: None }).collect();
+    let mut sought: Vec<_> = all.map(|at| NearestQuery { at, found: None }).collect();
     let asked = sought.len() as u64;
     sought.retain(|sought| hull.contains(sample(sought.at)));
     let beyond = asked - sought.len() as u64;
     sought.dedup();
     sought.sort_by_key(|sought| layout.owner(sample(sought.at)));
-    let home = |sought: &Sought| layout.owner(sample(sought.at));
+    let home = |sought: &NearestQuery| layout.owner(sample(sought.at));
     for group in sought.chunk_by_mut(|a, b| home(a) == home(b)) {
         seek(group, home(&group[0]), points, layout)?;
     }
@@ -99,7 +101,7 @@ fn nearest(
 /// Finds the nearest points of positions in one domain: looks there, then in all domains around it in the order of
 /// their distance, as long as that may help.
 fn seek(
-    group: &mut [Sought],
+    group: &mut [NearestQuery],
     home: u64,
     points: &Buckets<Point>,
     layout: DomainLayout,
@@ -118,7 +120,7 @@ fn seek(
             let cols = cols.clone().filter(|col| (0..across).contains(col));
             for col in cols.filter(|col| is_rim || (col - place[0]).abs() == far) {
                 let number = (row * across + col) as u64;
-                let may = |sought: &Sought| {
+                let may = |sought: &NearestQuery| {
                     let gap = gap(sought.at, layout.domain(number));
                     sought.found.is_none_or(|(found, _)| gap <= found)
                 };
@@ -131,7 +133,7 @@ fn seek(
     Ok(())
 }
 
-fn look_in(group: &mut [Sought], points: &Buckets<Point>, number: usize) -> Result<()> {
+fn look_in(group: &mut [NearestQuery], points: &Buckets<Point>, number: usize) -> Result<()> {
     points.read(number, |run| {
         for heap in run.chunks(HEAP) {
             let heap = ProofNearestPoints::of(heap.to_vec());
@@ -141,7 +143,7 @@ fn look_in(group: &mut [Sought], points: &Buckets<Point>, number: usize) -> Resu
 }
 
 /// The square of the distance of a position to a domain, at least.
-fn gap(at: [i32; 2], domain: Domain) -> i64 {
+fn gap(at: [i32; 2], domain: GridDomain) -> i64 {
     let rect = domain.rect;
     let (low, high) = ([rect.col, rect.row], [rect.end_col() - 1, rect.end_row() - 1]);
     let off = |axis: usize| {

@@ -19,7 +19,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::header::{CheckedHeader, judge_bounds};
-use super::options::{CloudMeshProof, Proving};
+use super::options::{CloudMeshProof, LineProofQuestion};
 use super::spread::MeshSpread;
 use super::stated::{leave_files, open_mesh, stated, tolerance};
 use super::work::ProofResources;
@@ -39,7 +39,7 @@ pub use report::{CloudProofFindings, CloudVerifyReport};
 /// # Errors
 /// As [`prove_cloud`], and whatever the files report.
 pub(super) fn verify_cloud(
-    job: &Proving<'_, CloudMeshProof>,
+    job: &LineProofQuestion<'_, CloudMeshProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudVerifyReport> {

@@ -15,8 +15,8 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, Rect};
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_proof::cloud::{self, CloudProofPart, ProofHull, Track, position};
-use terrane_proof::{Domain, DomainLayout, ProofPosition, ProofTally, ProofTriangle};
+use terrane_proof::cloud::{self, CloudProofPart, CloudTrack, ProofHull, position};
+use terrane_proof::{DomainLayout, GridDomain, ProofPosition, ProofTally, ProofTriangle};
 
 /// Divides the lattice so that a domain of average density takes half of a thread's memory at most.
 pub(super) fn layout(context: &CloudProofContext<'_>) -> Result<DomainLayout> {
@@ -55,7 +55,7 @@ pub(super) fn check(
     let all = Mutex::new(ProofTally::default());
     let checker =
         CloudDomainChecker { context, hull, crowded: Mutex::new(()), spilled: AtomicU64::new(0) };
-    let piles = Piles {
+    let piles = DomainRecords {
         points: &points.points,
         triangles: &spread.triangles,
         positions: spread.positions.as_ref(),
@@ -80,13 +80,13 @@ pub(super) fn check(
 
 /// Records of several domains, by the number of the domain.
 #[derive(Clone, Copy)]
-struct Piles<'a> {
+struct DomainRecords<'a> {
     points: &'a Buckets<Point>,
     triangles: &'a Buckets<ProofTriangle>,
     positions: Option<&'a Buckets<ProofPosition>>,
 }
 
-impl Piles<'_> {
+impl DomainRecords<'_> {
     /// Points, triangles and vertices of a domain.
     fn counts(&self, domain: usize) -> [u64; 3] {
         let positions = self.positions.map_or(0, |positions| positions.len(domain));
@@ -106,10 +106,10 @@ struct CloudDomainChecker<'a> {
 impl CloudDomainChecker<'_> {
     fn check(
         &self,
-        piles: &Piles<'_>,
-        held: (&[Point], &[Track]),
+        piles: &DomainRecords<'_>,
+        held: (&[Point], &[CloudTrack]),
         number: usize,
-        domain: Domain,
+        domain: GridDomain,
         tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
@@ -133,28 +133,28 @@ impl CloudDomainChecker<'_> {
     /// Spreads what a domain has over pieces of it, and checks those.
     fn check_pieces(
         &self,
-        piles: &Piles<'_>,
-        held: (&[Point], &[Track]),
+        piles: &DomainRecords<'_>,
+        held: (&[Point], &[CloudTrack]),
         number: usize,
-        pieces: &[Domain],
+        pieces: &[GridDomain],
         tally: &mut ProofTally,
     ) -> Result<()> {
         let work = &self.context.work;
-        let is_there = |piece: &Domain, &point: &Point| piece.owns(position(point));
+        let is_there = |piece: &GridDomain, &point: &Point| piece.owns(position(point));
         let points = respread(work, piles.points, number, pieces, is_there)?;
-        let triangles = respread(work, piles.triangles, number, pieces, Domain::may_touch)?;
+        let triangles = respread(work, piles.triangles, number, pieces, GridDomain::may_touch)?;
         let positions = piles.positions.map(|positions| {
             respread(work, positions, number, pieces, |piece, &at: &ProofPosition| piece.owns(at))
         });
         let positions = positions.transpose()?;
         let positions = positions.as_ref();
-        let again = Piles { points: &points, triangles: &triangles, positions };
+        let again = DomainRecords { points: &points, triangles: &triangles, positions };
         let bytes = points.spilled() + triangles.spilled() + positions.map_or(0, Buckets::spilled);
         self.spilled.fetch_add(bytes, Ordering::Relaxed);
         (0..).zip(pieces).try_for_each(|(number, &piece)| {
             let is_kept = |point: &&Point| piece.owns(position(**point));
             let kept: Vec<Point> = held.0.iter().filter(is_kept).copied().collect();
-            let lines: Vec<Track> =
+            let lines: Vec<CloudTrack> =
                 held.1.iter().filter(|line| line.is_in(&piece)).copied().collect();
             self.check(&again, (&kept, &lines), number, piece, tally)
         })
@@ -162,10 +162,10 @@ impl CloudDomainChecker<'_> {
 
     fn check_whole(
         &self,
-        piles: &Piles<'_>,
-        held: (&[Point], &[Track]),
+        piles: &DomainRecords<'_>,
+        held: (&[Point], &[CloudTrack]),
         number: usize,
-        domain: Domain,
+        domain: GridDomain,
         tally: &mut ProofTally,
     ) -> Result<()> {
         let mut points = load(piles.points, number)?;
@@ -187,7 +187,7 @@ impl CloudDomainChecker<'_> {
         Ok(())
     }
 
-    fn too_crowded(&self, domain: Domain, points: u64, triangles: u64, need: u64) -> Error {
+    fn too_crowded(&self, domain: GridDomain, points: u64, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
         let at = ProofPosition::sample(i64::from(col), i64::from(row));
         let [x, y] = self.context.placer.world(at);

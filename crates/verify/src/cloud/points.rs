@@ -9,7 +9,7 @@ use terrane_cloud::PointCensus;
 use terrane_engine::{FileAt, workers};
 use terrane_files::{BucketWriter, Buckets, lock};
 use terrane_proof::DomainLayout;
-use terrane_proof::cloud::{ProofHull, Wrap, position};
+use terrane_proof::cloud::{HullGatherer, ProofHull, position};
 
 /// All points, by the domain that owns them, and what is known of them together.
 pub(super) struct SpreadPoints {
@@ -24,7 +24,7 @@ pub(super) struct SpreadPoints {
 #[derive(Default)]
 struct CloudPointFindings {
     census: PointCensus,
-    wrap: Wrap,
+    wrap: HullGatherer,
 }
 
 impl SpreadPoints {

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::context::CloudProofContext;
 use super::kept::KeptOn;
 use super::points::SpreadPoints;
-use crate::found::{FaultReport, MeshFindings, MeshReport, Original, area, is_zero};
+use crate::found::{FaultReport, MeshFindings, MeshOriginal, MeshReport, area, is_zero};
 use crate::spread::MeshSpread;
 use terrane_base::error::Result;
 use terrane_cloud::PointCensus;
@@ -80,7 +80,7 @@ pub struct CloudProofFindings {
     pub points_per_second: f64,
 }
 
-impl Original for CloudProofFindings {
+impl MeshOriginal for CloudProofFindings {
     type Place = [f64; 2];
     const POINTS: &'static str = "points";
     const WHOLE: &'static str = "hull";

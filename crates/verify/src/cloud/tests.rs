@@ -8,12 +8,12 @@ mod lines;
 use std::path::Path;
 
 use super::*;
-use few::Few;
+use few::PointSample;
 use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_cloud::CloudOpenOptions;
 use terrane_engine::Silent;
-use terrane_engine::figures::Figures;
-use terrane_engine::plan::Observer;
+use terrane_engine::figures::RunStatistics;
+use terrane_engine::plan::RunControl;
 use terrane_lidar::cloud_tin::{self, CloudTinJob};
 use terrane_mesh::{self as mesh, MeshInfo};
 
@@ -22,12 +22,12 @@ const FRAME: PointFrame =
 /// Steps of height allowed.
 const STEPS: i32 = 7;
 
-fn few(points: Vec<Point>) -> Few {
-    Few::new(FRAME, points)
+fn few(points: Vec<Point>) -> PointSample {
+    PointSample::new(FRAME, points)
 }
 
 /// A rough terrain; some points lie above others.
-fn terrain(count: usize, crowded: bool) -> Few {
+fn terrain(count: usize, crowded: bool) -> PointSample {
     let mut state = 7u64;
     let mut random = move |below: u64| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -51,14 +51,14 @@ fn resources(threads: usize, memory: u64, folder: &Path) -> Resources {
 }
 
 /// Writes the mesh of a cloud and opens it.
-fn made(cloud: &Few, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshSource> {
+fn made(cloud: &PointSample, tolerance: f64, folder: &Path, name: &str) -> Box<dyn MeshSource> {
     made_with(ConstraintFeatures::default(), cloud, tolerance, folder, name)
 }
 
 /// The same, with what it has to keep.
 fn made_with(
     features: ConstraintFeatures,
-    cloud: &Few,
+    cloud: &PointSample,
     tolerance: f64,
     folder: &Path,
     name: &str,
@@ -77,19 +77,19 @@ fn made_with(
         resources: resources(2, 1 << 30, folder),
     };
     let format = mesh::by_path(&job.output, None).unwrap();
-    let at = Observer { progress: &Silent, cancel: &Cancel::default() };
+    let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
     cloud_tin::make(&job, cloud, (features, format), 1 << 17, at).unwrap();
     mesh::open(&job.output).unwrap()
 }
 
-fn proved(mesh: &dyn MeshSource, cloud: &Few, resources: &Resources) -> CloudVerifyReport {
+fn proved(mesh: &dyn MeshSource, cloud: &PointSample, resources: &Resources) -> CloudVerifyReport {
     proved_with(ConstraintFeatures::default(), mesh, cloud, resources)
 }
 
 fn proved_with(
     features: ConstraintFeatures,
     mesh: &dyn MeshSource,
-    cloud: &Few,
+    cloud: &PointSample,
     resources: &Resources,
 ) -> CloudVerifyReport {
     let stated = mesh.info().promises().unwrap();
@@ -98,7 +98,7 @@ fn proved_with(
     // What may differ from run to run, leave out.
     CloudVerifyReport {
         of: CloudProofFindings { points_per_second: 0.0, ..report.of },
-        run: Figures::default(),
+        run: RunStatistics::default(),
         ..report
     }
 }
@@ -289,7 +289,7 @@ fn what_cannot_be_proved_is_an_error() {
     let cloud = terrain(300, false);
     let mut mesh = Memory::of(&*made(&cloud, tolerance(), folder.path(), "e.ply"));
     let resources = resources(1, 1 << 20, folder.path());
-    let prove = |mesh: &Memory, cloud: &Few, tolerance| {
+    let prove = |mesh: &Memory, cloud: &PointSample, tolerance| {
         let cancel = Cancel::default();
         prove_cloud(
             mesh,

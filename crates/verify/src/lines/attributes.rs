@@ -30,12 +30,12 @@ pub(super) struct AttributeRules {
     /// True where ids have a place of their own: cells are all alike.
     has_ids: bool,
     /// What was not compared, and of how many features.
-    pub(super) lost: Lost,
+    pub(super) lost: UnsupportedAttributes,
 }
 
 /// What a format has no place for, by the number of features.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Lost {
+pub(super) struct UnsupportedAttributes {
     pub(super) properties: u64,
     pub(super) ids: u64,
     /// Values that have fewer digits than they had.
@@ -51,7 +51,13 @@ impl AttributeRules {
     pub(super) fn new(holds: VectorCapabilities, lines: &dyn FeatureSource) -> Self {
         let columns = lines.layer().schema.clone().unwrap_or_default();
         let has_ids = holds.ids && holds.values != PropertySupport::Cells;
-        Self { holds, columns, cut: HashMap::new(), has_ids, lost: Lost::default() }
+        Self {
+            holds,
+            columns,
+            cut: HashMap::new(),
+            has_ids,
+            lost: UnsupportedAttributes::default(),
+        }
     }
 
     /// Names that are cut in the file, with what they were.
@@ -157,9 +163,9 @@ impl AttributeRules {
                 return Some(format!("{name} is gone"));
             };
             match self.compare(name, value, own) {
-                Same::Yes => {}
-                Same::Rounded => self.lost.rounded += 1,
-                Same::No => {
+                AttributeMatch::Yes => {}
+                AttributeMatch::Rounded => self.lost.rounded += 1,
+                AttributeMatch::No => {
                     return Some(format!("{name} is {}", told_apart(own, value)));
                 }
             }
@@ -177,8 +183,8 @@ impl AttributeRules {
         found.iter().find(is_new).map(|(name, _)| format!("{name} is new"))
     }
 
-    fn compare(&self, name: &str, value: &PropertyValue, own: &PropertyValue) -> Same {
-        let yes = |is_same: bool| if is_same { Same::Yes } else { Same::No };
+    fn compare(&self, name: &str, value: &PropertyValue, own: &PropertyValue) -> AttributeMatch {
+        let yes = |is_same: bool| if is_same { AttributeMatch::Yes } else { AttributeMatch::No };
         match (number(value), number(own)) {
             (Some(a), Some(b)) if a == b => return yes(is_whole_same(value, own)),
             (Some(a), Some(b)) => return self.compare_rounded(name, a, b),
@@ -204,14 +210,14 @@ impl AttributeRules {
 
     /// Numbers that differ: those of dBASE tables have so many digits behind the point, and in columns of
     /// fractions whole numbers have 53 bits.
-    fn compare_rounded(&self, name: &str, value: f64, own: f64) -> Same {
+    fn compare_rounded(&self, name: &str, value: f64, own: f64) -> AttributeMatch {
         let column = self.columns.iter().find(|field| *field.name == *name);
         let digits =
             column.filter(|_| self.holds.values == PropertySupport::Dbase).and_then(|c| c.decimals);
-        let Some(digits) = digits else { return Same::No };
+        let Some(digits) = digits else { return AttributeMatch::No };
         let half = 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(i32::MAX));
         let is_near = (value - own).abs() <= half * (1.0 + 1e-9);
-        if is_near { Same::Rounded } else { Same::No }
+        if is_near { AttributeMatch::Rounded } else { AttributeMatch::No }
     }
 
     /// The text of a value as the format holds it.
@@ -238,7 +244,7 @@ fn counterpart(name: &str) -> Option<&'static str> {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Same {
+enum AttributeMatch {
     Yes,
     Rounded,
     No,

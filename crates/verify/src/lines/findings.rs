@@ -1,6 +1,6 @@
 //! What was found of features beyond their lines and rings.
 
-use super::attributes::Lost;
+use super::attributes::UnsupportedAttributes;
 
 /// How often something was found, and where first.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,7 +38,7 @@ pub(super) struct FeatureFindings {
     pub(super) roles: FeatureTally,
     /// Features whose heights, and measures, the format has no place for.
     pub(super) unheld: [u64; 2],
-    pub(super) lost: Lost,
+    pub(super) lost: UnsupportedAttributes,
     /// Names that the format has cut.
     pub(super) cut: Vec<String>,
 }
@@ -59,7 +59,7 @@ impl FeatureFindings {
     /// A line for each thing that could not be judged, as `format` cannot hold it.
     pub(super) fn not_judged(&self, format: &str) -> Vec<String> {
         let [heights, measures] = self.unheld;
-        let Lost { properties, ids, rounded } = self.lost;
+        let UnsupportedAttributes { properties, ids, rounded } = self.lost;
         let no_place = format!("features, which {format} has no place for");
         let all = [
             (properties, format!("properties of {properties} {no_place}")),

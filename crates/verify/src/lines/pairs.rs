@@ -10,7 +10,7 @@ use crate::options::LineVerifyJob;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::memory::{PROGRAM, short};
 use terrane_engine::{Cancel, Progress};
-use terrane_proof::lines::Vertices;
+use terrane_proof::lines::PartVertices;
 use terrane_vector::{
     self as vector, Feature, FeatureSource, PartRole, PropertySupport, VectorFormat,
     VectorOpenOptions,
@@ -41,7 +41,7 @@ struct HeldFeatures {
 }
 
 /// How a comparison went.
-pub(super) enum Compared {
+pub(super) enum ComparisonOutcome {
     /// Every feature was looked at.
     All(Box<FeatureFindings>),
     /// Features are not in the same order: collect them first.
@@ -49,7 +49,7 @@ pub(super) enum Compared {
 }
 
 /// Takes a part before and after (without vertices when it is gone), and whether it is a ring.
-pub(super) type Visit<'a> = dyn FnMut(Vertices<'_>, Vertices<'_>, bool) -> Result<()> + 'a;
+pub(super) type Visit<'a> = dyn FnMut(PartVertices<'_>, PartVertices<'_>, bool) -> Result<()> + 'a;
 
 impl<'a> FeaturePairs<'a> {
     pub(super) fn new(job: &'a LineVerifyJob, cancel: &'a Cancel) -> Result<Self> {
@@ -65,7 +65,11 @@ impl<'a> FeaturePairs<'a> {
     }
 
     /// Visits all parts in the order of the original.
-    pub(super) fn each(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
+    pub(super) fn each(
+        &self,
+        progress: &dyn Progress,
+        visit: &mut Visit<'_>,
+    ) -> Result<ComparisonOutcome> {
         let Some(HeldFeatures { before, after, partners, findings }) = &self.held else {
             return self.side_by_side(progress, visit);
         };
@@ -80,11 +84,15 @@ impl<'a> FeaturePairs<'a> {
             let pair = FeaturePair { number: number as u64, before, after };
             self.visit(&pair, &beside(before, after), &mut findings, visit)?;
         }
-        Ok(Compared::All(Box::new(findings)))
+        Ok(ComparisonOutcome::All(Box::new(findings)))
     }
 
     /// Visits parts while both files are read.
-    fn side_by_side(&self, progress: &dyn Progress, visit: &mut Visit<'_>) -> Result<Compared> {
+    fn side_by_side(
+        &self,
+        progress: &dyn Progress,
+        visit: &mut Visit<'_>,
+    ) -> Result<ComparisonOutcome> {
         let [mut original, mut lines] = self.open()?;
         let mut rules = AttributeRules::new(self.format.holds, &*lines);
         let mut findings = FeatureFindings::default();
@@ -95,10 +103,10 @@ impl<'a> FeaturePairs<'a> {
             let (before, after) = match (original.next()?, lines.next()?) {
                 (None, None) => {
                     (findings.lost, findings.cut) = (rules.lost, rules.cut());
-                    return Ok(Compared::All(Box::new(findings)));
+                    return Ok(ComparisonOutcome::All(Box::new(findings)));
                 }
                 (Some(before), Some(after)) => (before, after),
-                _ => return Ok(Compared::OutOfOrder),
+                _ => return Ok(ComparisonOutcome::OutOfOrder),
             };
             let facts = [rules.expected(&before), rules.found(&after)];
             let [expected, found] = facts;
@@ -112,7 +120,7 @@ impl<'a> FeaturePairs<'a> {
                 false => is_same && is_sound,
             };
             if !is_pair {
-                return Ok(Compared::OutOfOrder);
+                return Ok(ComparisonOutcome::OutOfOrder);
             }
             if let Some(what) = difference {
                 findings.attributes.add(|| format!("feature {number}: {what}"));
@@ -154,11 +162,11 @@ impl<'a> FeaturePairs<'a> {
             if own.is_some_and(|own| own.role != part.role) && is_told {
                 findings.roles.add(|| format!("in feature {number}"));
             }
-            let before = Vertices { points: &part.points, extras: &old, outer };
-            visit(before, Vertices { points, extras: &new, outer: &[] }, part.is_ring())?;
+            let before = PartVertices { points: &part.points, extras: &old, outer };
+            visit(before, PartVertices { points, extras: &new, outer: &[] }, part.is_ring())?;
         }
         for added in placed.added.iter().map(|&own| &after.parts[own]) {
-            visit(Vertices::default(), Vertices::of(&added.points), added.is_ring())?;
+            visit(PartVertices::default(), PartVertices::of(&added.points), added.is_ring())?;
         }
         Ok(())
     }
@@ -170,7 +178,7 @@ impl<'a> FeaturePairs<'a> {
         let mut held = 0;
         let before = self.all(&mut *original, &mut held, |feature| rules.expected(feature))?;
         let after = self.all(&mut *lines, &mut held, |feature| rules.found(feature))?;
-        let Partners { of: partners, made, .. } = Partners::find(&before, &after);
+        let FeaturePartners { of: partners, made, .. } = FeaturePartners::find(&before, &after);
         let mut findings =
             FeatureFindings { features: before.len() as u64, ..FeatureFindings::default() };
         for (number, (old, partner)) in before.iter().zip(&partners).enumerate() {
@@ -313,7 +321,7 @@ impl ZmComparison {
 }
 
 fn visit_gone(part: &OwnPart, visit: &mut Visit<'_>) -> Result<()> {
-    visit(Vertices::of(&part.points), Vertices::default(), part.is_ring())
+    visit(PartVertices::of(&part.points), PartVertices::default(), part.is_ring())
 }
 
 /// Something to know a feature by.
@@ -323,7 +331,7 @@ fn named(own: &ComparedFeature) -> String {
 }
 
 /// Which features were made from which.
-struct Partners<'a> {
+struct FeaturePartners<'a> {
     before: &'a [ComparedFeature],
     after: &'a [ComparedFeature],
     /// For each feature before the one made from it, and for each after whether it has been found.
@@ -331,7 +339,7 @@ struct Partners<'a> {
     made: Vec<bool>,
 }
 
-impl<'a> Partners<'a> {
+impl<'a> FeaturePartners<'a> {
     /// First those whose facts and vertices both are its own, then those with its vertices, then those
     /// with its facts; what is empty now is most likely what was empty.
     fn find(before: &'a [ComparedFeature], after: &'a [ComparedFeature]) -> Self {

@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use crate::report::GridLocation;
 use terrane_proof::ProofPosition;
-use terrane_proof::quality::{Angles, DelaunayCounts, Quality};
-use terrane_proof::slope::Slopes;
+use terrane_proof::quality::{AcuteAngles, DelaunayCounts, Quality};
+use terrane_proof::slope::SlopeTally;
 
 /// The quality of a mesh. Vertices are positions in plan, so that those of formats without an identity
 /// of vertices count once; lengths and angles are in plan in the coordinates of the mesh, as if these were
@@ -95,8 +95,8 @@ pub struct AngleShare {
 }
 
 impl AngleReport {
-    fn new(found: &Angles) -> Self {
-        let below = Angles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| {
+    fn new(found: &AcuteAngles) -> Self {
+        let below = AcuteAngles::LIMITS.into_iter().zip(found.below).map(|(angle, triangles)| {
             AngleShare { angle, triangles, share: triangles as f64 / found.count().max(1) as f64 }
         });
         Self {
@@ -158,7 +158,7 @@ pub struct SlopeReport {
 
 impl SlopeReport {
     pub(super) fn new(
-        found: &Slopes,
+        found: &SlopeTally,
         notes: Vec<String>,
         place: impl Fn(ProofPosition) -> GridLocation,
     ) -> Self {

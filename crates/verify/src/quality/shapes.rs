@@ -10,7 +10,7 @@ use terrane_base::geom::Rect;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 use terrane_proof::quality::{self, Quality, QualityLattice, QualityPart};
-use terrane_proof::{Domain, ProofPosition, ProofTriangle};
+use terrane_proof::{GridDomain, ProofPosition, ProofTriangle};
 
 /// Looks at all squares. Returns the triangles that were left out because of an unusable vertex, too.
 pub(super) fn look(
@@ -64,7 +64,7 @@ impl QualityInspector<'_> {
         &self,
         pile: &Buckets<ProofTriangle>,
         number: usize,
-        domain: Domain,
+        domain: GridDomain,
         found: &mut Quality,
     ) -> Result<()> {
         self.work.cancel.check()?;
@@ -90,7 +90,7 @@ impl QualityInspector<'_> {
         &self,
         pile: &Buckets<ProofTriangle>,
         number: usize,
-        domain: Domain,
+        domain: GridDomain,
         found: &mut Quality,
     ) -> Result<()> {
         let triangles = load(pile, number)?;
@@ -99,7 +99,7 @@ impl QualityInspector<'_> {
         Ok(())
     }
 
-    fn too_crowded(&self, domain: Domain, triangles: u64, need: u64) -> Error {
+    fn too_crowded(&self, domain: GridDomain, triangles: u64, need: u64) -> Error {
         let Rect { col, row, .. } = domain.rect;
         let [x, y] = self.plan.world(ProofPosition::sample(i64::from(col), i64::from(row)));
         let what = format!("{triangles} triangles share a place");
@@ -108,6 +108,6 @@ impl QualityInspector<'_> {
 }
 
 /// True when the domain owns a corner of the triangle.
-fn has_corner(domain: &Domain, triangle: &ProofTriangle) -> bool {
+fn has_corner(domain: &GridDomain, triangle: &ProofTriangle) -> bool {
     triangle.positions().into_iter().any(|at| domain.owns(at))
 }

@@ -8,7 +8,7 @@ use crate::spread::{DomainReach, MeshSpread};
 use crate::work::ProofResources;
 use terrane_base::error::Result;
 use terrane_engine::ground::GroundScale;
-use terrane_proof::slope::{self, Slopes};
+use terrane_proof::slope::{self, SlopeTally};
 use terrane_raster::GridSource;
 
 /// Holds all triangles against the grid.
@@ -22,12 +22,12 @@ pub(super) fn look(
     let spread =
         MeshSpread::of_triangles(&context.work, &context.snapper, layout, DomainReach::Touched)?;
     let turn = |col: u32, row: u32| ground.turn(f64::from(col) + 0.5, f64::from(row) + 0.5);
-    let judge = |part: &terrane_proof::GridProofPart<'_>, slopes: &mut Slopes| {
+    let judge = |part: &terrane_proof::GridProofPart<'_>, slopes: &mut SlopeTally| {
         slope::look(part, &turn, slopes);
         Ok(())
     };
     let need = |samples, triangles, _| slope::bytes_needed(samples, triangles);
-    let found = parts::each(&context, &spread, need, judge, Slopes::merge)?;
+    let found = parts::each(&context, &spread, need, judge, SlopeTally::merge)?;
     let map = grid.info().transform;
     Ok(SlopeReport::new(&found, ground.notes(), |at| place(&map, at)))
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use serde::Deserialize;
 
 use super::below::TileDescendants;
-use super::cache::Cache;
+use super::cache::TileCache;
 use super::context::{TilesProofContext, decoded};
 use super::folder;
 use super::layer::TileRange;
@@ -13,8 +13,9 @@ use terrane_base::error::{Error, Result};
 use terrane_engine::workers;
 use terrane_files::lock;
 use terrane_proof::tiles::{
-    About, DecodedTile, Facets, Faults, Pixels, ProofTileId, ProofTileSide, TileSideChain,
-    TilesetFault, between, contain, gap, lattice, lowest, structure, tight,
+    DecodedTile, MaskPixels, ProofTileId, ProofTileSide, StatedTileMetadata, TileFacets,
+    TileSideChain, TilesetFault, TilesetFaults, between, contain, gap, lattice, lowest, structure,
+    tight,
 };
 
 /// Tiles that a thread takes at a time, along a row.
@@ -33,7 +34,7 @@ pub(super) struct TileRecord {
 
 /// Borders of one kind on a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Borders {
+pub(super) struct LevelBorders {
     /// Those that were compared.
     pub(super) compared: u64,
     /// Those with no tile on the other side.
@@ -44,7 +45,7 @@ pub(super) struct Borders {
     pub(super) gap: Option<(f64, ProofTileId)>,
 }
 
-impl Borders {
+impl LevelBorders {
     fn add(&mut self, apart: f64, is_broken: bool, at: ProofTileId) {
         self.compared += 1;
         self.broken += u64::from(is_broken);
@@ -71,13 +72,13 @@ impl Borders {
 /// What is found of tiles by themselves and beside others.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SingleTileFindings {
-    pub(super) faults: Faults,
+    pub(super) faults: TilesetFaults,
     /// By level: within it, and to the next coarser one.
-    pub(super) borders: Vec<[Borders; 2]>,
+    pub(super) borders: Vec<[LevelBorders; 2]>,
     /// By level: vertices and triangles.
     pub(super) sizes: Vec<[u64; 2]>,
     /// Of masks of water.
-    pub(super) pixels: Pixels,
+    pub(super) pixels: MaskPixels,
     /// Tiles that are not packed, and that are.
     pub(super) packed: [TileTally; 2],
     /// The first tile that cannot be read, and why.
@@ -133,7 +134,7 @@ pub(super) fn check(
     let records = Mutex::new(vec![None; all.len()]);
     let found = Mutex::new(SingleTileFindings::new(levels));
     let below = TileDescendants::of(context.layer, context.tiles);
-    let looker = TileInspector { context, sides: Cache::new(context.room.memory / 4), below };
+    let looker = TileInspector { context, sides: TileCache::new(context.room.memory / 4), below };
     context.progress.begin("tiles", all.len() as u64);
     let work = |found: &mut SingleTileFindings, run: u64| {
         let first = (run * RUN) as usize;
@@ -168,7 +169,7 @@ type Sides = [TileSideChain; 4];
 
 struct TileInspector<'a> {
     context: &'a TilesProofContext<'a>,
-    sides: Cache<Sides>,
+    sides: TileCache<Sides>,
     below: Option<TileDescendants>,
 }
 
@@ -195,7 +196,7 @@ impl TileInspector<'_> {
         found.packed[usize::from(is_packed)].add(id);
         let faults = &mut found.faults;
         structure(id, &tile, faults);
-        let positions = Facets::positions(id, &tile);
+        let positions = TileFacets::positions(id, &tile);
         let (about, radius) = self.contained(id, &tile, &positions, faults);
         tile.faults.iter().for_each(|(fault, count)| faults.add(*fault, *count, id));
         if let Some(own) = layer.own(id.level) {
@@ -241,8 +242,8 @@ impl TileInspector<'_> {
         id: ProofTileId,
         tile: &DecodedTile,
         positions: &[[f64; 3]],
-        faults: &mut Faults,
-    ) -> (Option<About>, f64) {
+        faults: &mut TilesetFaults,
+    ) -> (Option<StatedTileMetadata>, f64) {
         let layer = &self.context.layer;
         let Some(three) = layer.three() else {
             let about = tile.about();

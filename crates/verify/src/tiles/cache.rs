@@ -8,7 +8,7 @@ use terrane_files::lock;
 use terrane_proof::tiles::ProofTileId;
 
 /// Things by tile. Those not asked for since the last time that half of the bytes were filled go first.
-pub(super) struct Cache<T> {
+pub(super) struct TileCache<T> {
     half: usize,
     kept: Mutex<CachedTiles<T>>,
 }
@@ -19,7 +19,7 @@ struct CachedTiles<T> {
     bytes: usize,
 }
 
-impl<T> Cache<T> {
+impl<T> TileCache<T> {
     /// One of about so many bytes.
     pub(super) fn new(bytes: u64) -> Self {
         let half = usize::try_from(bytes / 2).unwrap_or(usize::MAX);
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn what_is_asked_for_stays_and_bytes_are_bounded() {
-        let cache = Cache::new(100);
+        let cache = TileCache::new(100);
         let id = |x| ProofTileId { level: 5, y: 0, x };
         let made = Mutex::new(0);
         let get = |x: u32| {

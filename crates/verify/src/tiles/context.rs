@@ -3,10 +3,10 @@
 use super::folder::{self, FolderTiles};
 use super::layer::TilesetPromises;
 use super::place::GlobeRaster;
-use super::room::Divided;
+use super::room::DividedBudget;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_engine::{Cancel, Progress};
-use terrane_proof::tiles::{DecodedTile, ProofTileId, Shore};
+use terrane_proof::tiles::{DecodedTile, ProofTileId, WaterShore};
 
 /// Metres by which a distance may be larger than what it is held to: rounding.
 pub const ROUNDING: f64 = 1e-6;
@@ -17,12 +17,12 @@ pub(super) struct TilesProofContext<'a> {
     pub(super) tiles: &'a FolderTiles,
     pub(super) places: GlobeRaster<'a>,
     /// What masks of water are held to.
-    pub(super) shore: Option<Shore>,
+    pub(super) shore: Option<WaterShore>,
     /// Metres that heights of steep ground are apart; none where it is not steep.
     pub(super) steep: f64,
     pub(super) progress: &'a dyn Progress,
     pub(super) cancel: &'a Cancel,
-    pub(super) room: &'a Divided,
+    pub(super) room: &'a DividedBudget,
 }
 
 impl TilesProofContext<'_> {

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::folder::NAME;
 use super::level::{StatedLevel, check_levels};
-use super::three::{self, Three};
+use super::three::{self, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_proof::tiles::{ERROR_OF_ROOT, MOST_LEVEL, ProofTileId};
@@ -84,7 +84,7 @@ pub(super) struct TilesetPromises {
 #[derive(Debug)]
 pub(super) enum TilesetKind {
     QuantizedMesh,
-    ThreeTiles(Three),
+    ThreeTiles(ThreeTilesCheck),
 }
 
 impl TilesetPromises {
@@ -112,7 +112,7 @@ impl TilesetPromises {
     }
 
     /// What only 3D Tiles have.
-    pub(super) fn three(&self) -> Option<&Three> {
+    pub(super) fn three(&self) -> Option<&ThreeTilesCheck> {
         match &self.kind {
             TilesetKind::QuantizedMesh => None,
             TilesetKind::ThreeTiles(three) => Some(three),

@@ -31,14 +31,14 @@ use self::layer::{TilesetKind, TilesetPromises};
 use self::place::GlobeRaster;
 use self::room::TilesProofRoom;
 use super::context::check_grid;
-use super::options::Proving;
+use super::options::LineProofQuestion;
 use terrane_base::error::{Error, Result};
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::{cache_beside, too_little, with_polygons};
 use terrane_engine::options::GridInput;
 use terrane_engine::proof::WrittenOutput;
 use terrane_engine::{Cancel, Progress, Resources};
-use terrane_proof::tiles::Shore;
+use terrane_proof::tiles::WaterShore;
 use terrane_raster::{self as raster, Water};
 use terrane_tiles::GroundModel;
 
@@ -64,7 +64,7 @@ pub fn is_tiles(path: &Path) -> bool {
 /// on the globe is not known, that reaches beyond the world or has no valid sample; too little memory for the number of
 /// tiles or the vertices of one. A tile that cannot be decoded is a fault, and the others are proved.
 pub(super) fn verify_tiles(
-    job: &Proving<'_, TilesProof>,
+    job: &LineProofQuestion<'_, TilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
@@ -90,7 +90,7 @@ pub(super) fn verify_tiles(
     let water = options.water.as_ref().filter(|_| layer.has_water);
     let shore = |water: &Arc<Water>| shore::shore(water, &places, layer.finest, &room);
     let shore = water.map(shore).transpose()?;
-    room.take(shore.as_ref().map_or(0, Shore::bytes));
+    room.take(shore.as_ref().map_or(0, WaterShore::bytes));
     let room = room.divided(&places, job.options.resources.threads);
     let (layer, tiles, room, steep) = (&layer, &tiles, &room, 0.0);
     let mut context =
@@ -104,7 +104,7 @@ pub(super) fn verify_tiles(
     let found = report::TilesProofFindings { alone, records, sweep, under };
     let mut report = report::report(&context, &found, &grid.info().crs);
     (report.tiles, report.raster) = (job.written.file.display().to_string(), name);
-    let figures = Figures::since(start, &job.options.resources);
+    let figures = RunStatistics::since(start, &job.options.resources);
     report.run = figures.with_threads(room.threads);
     report.samples_per_second = report.run.rate(report.measured);
     Ok(report)
@@ -117,7 +117,7 @@ pub(super) fn verify_tiles(
 /// # Errors
 /// Those of [`verify_tiles`], and of making the model.
 pub(super) fn verify_tiles_of_cloud(
-    job: &Proving<'_, CloudTilesProof>,
+    job: &LineProofQuestion<'_, CloudTilesProof>,
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<TilesVerifyReport> {
@@ -132,7 +132,7 @@ pub(super) fn verify_tiles_of_cloud(
         // Points are within bounds and polygons, and the model is whole.
         let grid = GridInput::with_water(water.clone());
         let options = TilesProof { geoid: geoid.clone(), grid, resources };
-        verify_tiles(&Proving { written: &written, options: &options }, progress, cancel)
+        verify_tiles(&LineProofQuestion { written: &written, options: &options }, progress, cancel)
     });
     let mut report = report.map_err(|error| made.renamed(error))?;
     report.run.memory_budget = resources.memory;

@@ -3,7 +3,7 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_engine::Resources;
-use terrane_engine::globe::{Lift, OnGlobe};
+use terrane_engine::globe::{OnGlobe, VerticalShift};
 use terrane_proof::tiles::{LAST, ProofMeridian, ProofParallel, rows};
 use terrane_raster::GridSource;
 
@@ -15,7 +15,7 @@ const ROUNDED: [f64; 2] = [1e-6, 1e-4];
 pub(super) struct GlobeRaster<'a> {
     grid: &'a dyn GridSource,
     on_globe: OnGlobe,
-    lift: Lift,
+    lift: VerticalShift,
     /// Whether the raster says what heights are in.
     pub(super) knows_unit: bool,
     /// What is to be said of where it lies.
@@ -47,7 +47,7 @@ impl<'a> GlobeRaster<'a> {
     ) -> Result<Self> {
         let info = grid.info();
         let (on_globe, notes) = OnGlobe::of(info)?;
-        let (lift, knows_unit) = Lift::of(&info.crs, geoid, resources)?;
+        let (lift, knows_unit) = VerticalShift::of(&info.crs, geoid, resources)?;
         Ok(Self { grid, on_globe, lift, knows_unit, notes })
     }
 

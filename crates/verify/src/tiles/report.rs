@@ -7,11 +7,11 @@ use super::context::{ROUNDING, TilesProofContext};
 use super::folder;
 use super::layer::TilesetPromises;
 use super::level::StatedLevel;
-use super::sweep::{self, FarthestSample, Under};
+use super::sweep::{self, FarthestSample, TileSamples};
 use terrane_base::geom::Crs;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::proof::ProofVerdict;
-use terrane_proof::tiles::{Check, Faults, Pixels, ProofTileId, TilesetFault};
+use terrane_proof::tiles::{MaskPixels, ProofTileId, TilesetCheck, TilesetFault, TilesetFaults};
 
 /// Metres that a sphere may be larger than it has to be, and part that a tolerance may: rounding.
 const LOOSE: f64 = 1e-3;
@@ -76,7 +76,7 @@ pub struct TilesVerifyReport {
     pub samples_per_second: f64,
     /// What the run took.
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 /// What came of one thing that is proved.
@@ -142,7 +142,7 @@ pub(super) struct TilesProofFindings {
     pub(super) alone: alone::SingleTileFindings,
     pub(super) records: Vec<Option<TileRecord>>,
     pub(super) sweep: sweep::SampleFindings,
-    pub(super) under: Vec<Under>,
+    pub(super) under: Vec<TileSamples>,
 }
 
 /// The findings, judged; without names of files and figures of the run.
@@ -158,9 +158,9 @@ pub(super) fn report(
     judge.index(&mut faults);
     let levels: Vec<_> = (0..=context.layer.finest).map(|level| judge.level(level)).collect();
     judge.levels(&levels, &mut faults);
-    let checks: Vec<_> = Check::ALL
+    let checks: Vec<_> = TilesetCheck::ALL
         .into_iter()
-        .filter(|(check, _)| *check != Check::Water || context.layer.has_water)
+        .filter(|(check, _)| *check != TilesetCheck::Water || context.layer.has_water)
         .map(|(check, name)| {
             let looked_at = judge.looked_at(check, &levels);
             CheckReport::new((check, name), &faults, context.layer, looked_at)
@@ -188,8 +188,8 @@ pub(super) fn report(
 
 impl CheckReport {
     fn new(
-        (check, name): (Check, &'static str),
-        faults: &Faults,
+        (check, name): (TilesetCheck, &'static str),
+        faults: &TilesetFaults,
         layer: &TilesetPromises,
         looked_at: String,
     ) -> Self {
@@ -215,7 +215,7 @@ struct TilesJudge<'a> {
 
 impl TilesJudge<'_> {
     /// What is only known when samples and tiles have been looked at.
-    fn tiles(&self, faults: &mut Faults) {
+    fn tiles(&self, faults: &mut TilesetFaults) {
         let layer = self.context.layer;
         let numbered = self.context.tiles.all.iter().zip(&self.found.records);
         let [lowest, highest] = self.reach();
@@ -246,7 +246,7 @@ impl TilesJudge<'_> {
     }
 
     /// Holds the sphere of a tile of terrane's to be no larger than it and the spheres below it need.
-    fn sphere(&self, id: ProofTileId, record: &TileRecord, faults: &mut Faults) {
+    fn sphere(&self, id: ProofTileId, record: &TileRecord, faults: &mut TilesetFaults) {
         let Some(three) = self.context.layer.three() else { return };
         let Some(about) = three.about(id) else { return };
         let below = id.below().filter_map(|part| three.about(part));
@@ -268,7 +268,7 @@ impl TilesJudge<'_> {
     }
 
     /// Which tiles there are, and what is said of them.
-    fn index(&self, faults: &mut Faults) {
+    fn index(&self, faults: &mut TilesetFaults) {
         let (layer, tiles) = (self.context.layer, self.context.tiles);
         for x in 0..2 {
             let root = ProofTileId { level: 0, y: 0, x };
@@ -311,7 +311,7 @@ impl TilesJudge<'_> {
     }
 
     /// Holds the files of a level to those that are said to be there.
-    fn available(&self, level: u8, faults: &mut Faults) {
+    fn available(&self, level: u8, faults: &mut TilesetFaults) {
         let tiles = self.context.tiles;
         let of_level = tiles.of_level(level);
         let mut is_named = vec![false; of_level.len()];
@@ -385,7 +385,7 @@ impl TilesJudge<'_> {
     }
 
     /// What is said of levels.
-    fn levels(&self, levels: &[LevelProofReport], faults: &mut Faults) {
+    fn levels(&self, levels: &[LevelProofReport], faults: &mut TilesetFaults) {
         for found in levels {
             let id = self.context.tiles.all.get(self.context.tiles.of_level(found.level).start);
             let assumed = self.context.layer.assumed(found.level);
@@ -443,30 +443,30 @@ impl TilesJudge<'_> {
         over.reduce(f64::max)
     }
 
-    fn looked_at(&self, check: Check, levels: &[LevelProofReport]) -> String {
+    fn looked_at(&self, check: TilesetCheck, levels: &[LevelProofReport]) -> String {
         let sum = |of: fn(&LevelProofReport) -> u64| levels.iter().map(of).sum::<u64>();
         let files = self.context.tiles.all.len();
         match check {
-            Check::Structure => format!("{files} tiles"),
-            Check::Samples => {
+            TilesetCheck::Structure => format!("{files} tiles"),
+            TilesetCheck::Samples => {
                 format!("{} samples on {} levels", self.found.sweep.valid, levels.len())
             }
-            Check::Borders => format!(
+            TilesetCheck::Borders => format!(
                 "{} borders within levels, {} with no tile beside",
                 sum(|level| level.borders),
                 sum(|level| level.borders_alone)
             ),
-            Check::Levels => format!(
+            TilesetCheck::Levels => format!(
                 "{} borders to coarser tiles, {} with no such tile beside",
                 sum(|level| level.coarser),
                 sum(|level| level.coarser_alone)
             ),
-            Check::Containment => format!("{} vertices", sum(|level| level.vertices)),
-            Check::Water => {
-                let Pixels { judged, unclear, .. } = self.found.alone.pixels;
+            TilesetCheck::Containment => format!("{} vertices", sum(|level| level.vertices)),
+            TilesetCheck::Water => {
+                let MaskPixels { judged, unclear, .. } = self.found.alone.pixels;
                 format!("{judged} pixels, {unclear} more too near to a bank to tell")
             }
-            Check::Index => format!("{}, {files} files", self.context.layer.name()),
+            TilesetCheck::Index => format!("{}, {files} files", self.context.layer.name()),
         }
     }
 

@@ -6,7 +6,7 @@ use super::place::GlobeRaster;
 use terrane_base::error::Result;
 use terrane_engine::Resources;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
-use terrane_proof::tiles::{BYTES_PER_VERTEX, Bank};
+use terrane_proof::tiles::{BYTES_PER_VERTEX, WaterBank};
 
 /// Bytes that are kept of each tile, and of what subtrees tell of it.
 const TILE_BYTES: u64 = 256;
@@ -26,7 +26,7 @@ pub(super) struct TilesProofRoom {
 
 /// What is left, and how threads share it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Divided {
+pub(super) struct DividedBudget {
     pub(super) threads: usize,
     /// Bytes for what is made of tiles.
     pub(super) memory: u64,
@@ -88,7 +88,7 @@ impl TilesProofRoom {
 
     /// Parts of sides of water that there is room for.
     pub(super) fn sides(&self) -> u64 {
-        self.free / 2 / Bank::BYTES
+        self.free / 2 / WaterBank::BYTES
     }
 
     /// Fails where there are more than so many.
@@ -98,25 +98,25 @@ impl TilesProofRoom {
             true => Ok(()),
             false => Err(short(
                 format!("its sides have {count} parts, and {most} fit into memory"),
-                enough(self.taken + 2 * count * Bank::BYTES),
+                enough(self.taken + 2 * count * WaterBank::BYTES),
             )),
         }
     }
 
     /// What is left for windows of the raster and what is made of tiles.
-    pub(super) fn divided(self, places: &GlobeRaster<'_>, threads: usize) -> Divided {
+    pub(super) fn divided(self, places: &GlobeRaster<'_>, threads: usize) -> DividedBudget {
         self.shared(window_bytes(places), threads)
     }
 
-    fn shared(self, window: u64, wanted: usize) -> Divided {
+    fn shared(self, window: u64, wanted: usize) -> DividedBudget {
         let fitting = usize::try_from(self.free / (WINDOWS * window)).unwrap_or(usize::MAX);
         let threads = wanted.clamp(1, fitting.max(1));
         let memory = self.free.saturating_sub(threads as u64 * window);
-        Divided { threads, memory, window, taken: self.taken, wanted: wanted.max(1) as u64 }
+        DividedBudget { threads, memory, window, taken: self.taken, wanted: wanted.max(1) as u64 }
     }
 }
 
-impl Divided {
+impl DividedBudget {
     /// Most vertices of a tile.
     fn vertices(&self) -> u64 {
         self.memory / SHARES / self.threads as u64 / BYTES_PER_VERTEX as u64

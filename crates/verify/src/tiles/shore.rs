@@ -6,7 +6,7 @@
 use super::place::GlobeRaster;
 use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
-use terrane_proof::tiles::{Bank, ProofTileId, Shore, UNCLEAR};
+use terrane_proof::tiles::{ProofTileId, UNCLEAR, WaterBank, WaterShore};
 use terrane_raster::Water;
 
 /// Pixels of a mask along the side of a tile.
@@ -25,7 +25,7 @@ pub(super) fn shore(
     places: &GlobeRaster<'_>,
     finest: u8,
     room: &TilesProofRoom,
-) -> Result<Shore> {
+) -> Result<WaterShore> {
     let of_file = |e: Error| e.in_file(water.path());
     let [west, _, east, _] = ProofTileId { level: finest, y: 0, x: 0 }.bounds();
     let off = (east - west) / PIXELS * UNCLEAR * OFF;
@@ -57,13 +57,13 @@ pub(super) fn shore(
             for part in 1..=parts {
                 let next =
                     if part == parts { to(1.0)? } else { to(f64::from(part) / f64::from(parts))? };
-                banks.push(Bank::new(last, next, polygon));
+                banks.push(WaterBank::new(last, next, polygon));
                 last = next;
             }
         }
     }
     room.check_sides(count).map_err(of_file)?;
-    Ok(Shore::new(banks))
+    Ok(WaterShore::new(banks))
 }
 
 /// Parts that a side with such places at its quarters is cut into: what an arc is off by falls with their square.

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::{Arc, Mutex};
 
-use super::cache::Cache;
+use super::cache::TileCache;
 use super::context::{TilesProofContext, decoded};
 use super::place::WindowPlaces;
 use super::room::window;
@@ -15,7 +15,8 @@ use terrane_engine::workers;
 use terrane_files::lock;
 use terrane_proof::ExactSum;
 use terrane_proof::tiles::{
-    Facets, Faults, ProofMeridian, ProofParallel, ProofTileId, SampleRunErrors, TilesetFault,
+    ProofMeridian, ProofParallel, ProofTileId, SampleRunErrors, TileFacets, TilesetFault,
+    TilesetFaults,
 };
 
 /// Metres for a metre from which on ground is steep, and metres of a degree, about.
@@ -37,7 +38,7 @@ pub(super) struct FarthestSample {
 
 /// Samples of a tile.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Under {
+pub(super) struct TileSamples {
     pub(super) count: u64,
     pub(super) far: Option<FarthestSample>,
 }
@@ -60,7 +61,7 @@ impl OfLevel {
 /// What is found of samples.
 #[derive(Debug, Default)]
 pub(super) struct SampleFindings {
-    pub(super) faults: Faults,
+    pub(super) faults: TilesetFaults,
     pub(super) levels: Vec<OfLevel>,
     /// Valid samples of the raster.
     pub(super) valid: u64,
@@ -126,11 +127,11 @@ fn hold(bounds: &mut Option<[f64; 4]>, [x, y]: [f64; 2]) {
 }
 
 /// Measures all samples. What lies under tiles is by the number of the tile.
-pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, Vec<Under>)> {
+pub(super) fn check(context: &TilesProofContext<'_>) -> Result<(SampleFindings, Vec<TileSamples>)> {
     let levels = usize::from(context.layer.finest) + 1;
-    let under = Mutex::new(vec![Under::default(); context.tiles.all.len()]);
+    let under = Mutex::new(vec![TileSamples::default(); context.tiles.all.len()]);
     let found = Mutex::new(SampleFindings::new(levels));
-    let facets = Cache::new(context.room.memory / 2);
+    let facets = TileCache::new(context.room.memory / 2);
     let bounds = context.places.bounds();
     let side = window(&context.places);
     let across = u64::from(bounds.width.div_ceil(side));
@@ -237,8 +238,8 @@ fn runs<I: Iterator<Item = u32>>(
 struct SweepLevel<'a> {
     window: &'a SweepWindow<'a>,
     level: u8,
-    facets: &'a Cache<Facets>,
-    under: &'a Mutex<Vec<Under>>,
+    facets: &'a TileCache<TileFacets>,
+    under: &'a Mutex<Vec<TileSamples>>,
     found: &'a mut SampleFindings,
 }
 
@@ -285,7 +286,7 @@ impl SweepLevel<'_> {
     fn tile(
         &mut self,
         id: ProofTileId,
-        measure: impl FnOnce(&mut Self, &Facets) -> Under,
+        measure: impl FnOnce(&mut Self, &TileFacets) -> TileSamples,
     ) -> Result<()> {
         let Some(number) = self.window.context.tiles.find_one(id) else {
             self.found.miss(id);
@@ -301,10 +302,10 @@ impl SweepLevel<'_> {
         Ok(())
     }
 
-    fn facets_of(&self, id: ProofTileId) -> Result<Arc<Facets>> {
+    fn facets_of(&self, id: ProofTileId) -> Result<Arc<TileFacets>> {
         self.facets.get(id, || {
             let (tile, _) = self.window.context.read(id)?;
-            let facets = Facets::new(&tile, &Facets::positions(id, &tile));
+            let facets = TileFacets::new(&tile, &TileFacets::positions(id, &tile));
             let bytes = facets.bytes();
             Ok((facets, bytes))
         })
@@ -313,13 +314,13 @@ impl SweepLevel<'_> {
     fn rows(
         &mut self,
         id: ProofTileId,
-        facets: &Facets,
+        facets: &TileFacets,
         rows: &Range<usize>,
         columns: &Range<usize>,
-    ) -> Under {
+    ) -> TileSamples {
         let window = self.window;
         let WindowPlaces::Straight { meridians, parallels, .. } = &window.placed else {
-            return Under::default();
+            return TileSamples::default();
         };
         let meridians = &meridians[columns.clone()];
         let mut from = 0;
@@ -333,9 +334,9 @@ impl SweepLevel<'_> {
     fn each(
         &mut self,
         id: ProofTileId,
-        facets: &Facets,
+        facets: &TileFacets,
         (places, numbers): (&[[f64; 2]], &[usize]),
-    ) -> Under {
+    ) -> TileSamples {
         let window = self.window;
         let width = window.rect.width as usize;
         let mut from = 0;
@@ -354,9 +355,9 @@ impl SweepLevel<'_> {
         id: ProofTileId,
         parts: impl Iterator<Item = T>,
         mut look: impl FnMut(T, [f64; 2]) -> (SampleRunErrors, [u32; 2]),
-    ) -> Under {
+    ) -> TileSamples {
         let limit = [self.window.context.limit(self.level), self.window.context.places.rounded()];
-        let (mut under, mut squares, mut over) = (Under::default(), 0.0, 0);
+        let (mut under, mut squares, mut over) = (TileSamples::default(), 0.0, 0);
         for part in parts {
             let (seen, sample) = look(part, limit);
             under.count += seen.count;

@@ -9,8 +9,8 @@ use super::room::TilesProofRoom;
 use terrane_base::error::{Error, Result};
 use terrane_engine::Cancel;
 use terrane_proof::tiles::{
-    About, DecodedTile, ERROR_OF_ROOT, Faults, GlbTileContent, MOST_LEVEL, MetadataSchema,
-    ProofTileId, StatedTileLevel, Subtree, TilesetFault,
+    DecodedTile, ERROR_OF_ROOT, GlbTileContent, MOST_LEVEL, MetadataSchema, ProofTileId,
+    StatedTileLevel, StatedTileMetadata, Subtree, TilesetFault, TilesetFaults,
 };
 
 /// The name of the file.
@@ -27,9 +27,9 @@ const SHARE: f64 = 1e-6;
 
 /// What only sets of 3D Tiles have.
 #[derive(Debug)]
-pub(super) struct Three {
+pub(super) struct ThreeTilesCheck {
     /// What the subtrees tell of tiles.
-    pub(super) about: HashMap<ProofTileId, About>,
+    pub(super) about: HashMap<ProofTileId, StatedTileMetadata>,
     /// The tiles at the tops of subtrees.
     pub(super) subtrees: HashSet<ProofTileId>,
     /// Lowest and highest of the regions of the whole and of its halves.
@@ -39,7 +39,7 @@ pub(super) struct Three {
     pub(super) has_edges: bool,
 }
 
-impl Three {
+impl ThreeTilesCheck {
     /// Follows the subtrees from the roots on.
     pub(super) fn collect(
         &mut self,
@@ -70,7 +70,7 @@ impl Three {
     }
 
     /// What is told of a tile.
-    pub(super) fn about(&self, id: ProofTileId) -> Option<&About> {
+    pub(super) fn about(&self, id: ProofTileId) -> Option<&StatedTileMetadata> {
         self.about.get(&id)
     }
 
@@ -95,7 +95,7 @@ impl Three {
     }
 
     /// Holds what is told of tiles to what is told of those below, and regions to all of them.
-    pub(super) fn check(&self, faults: &mut Faults) {
+    pub(super) fn check(&self, faults: &mut TilesetFaults) {
         for (id, about) in &self.about {
             let whole = id.parent().and_then(|parent| Some((parent, self.about(parent)?)));
             if let Some((parent, _)) = whole.filter(|(_, whole)| !whole.holds(about)) {

@@ -12,7 +12,7 @@ use super::layer::{
 };
 use super::level::{StatedLevel, check_levels};
 use super::room::TilesProofRoom;
-use super::three::{self, HALVES, SUBTREE, TILE, Three};
+use super::three::{self, HALVES, SUBTREE, TILE, ThreeTilesCheck};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_engine::Cancel;
@@ -83,41 +83,41 @@ struct TerraneTilesetExtras {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 struct TilesetRoot {
-    bounding_volume: Volume,
+    bounding_volume: BoundingVolume,
     geometric_error: f64,
     refine: String,
-    children: Vec<Half>,
+    children: Vec<HalfAxis>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Volume {
+struct BoundingVolume {
     region: [f64; 6],
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Half {
-    bounding_volume: Volume,
+struct HalfAxis {
+    bounding_volume: BoundingVolume,
     geometric_error: f64,
     refine: Option<String>,
-    content: Address,
-    implicit_tiling: Implicit,
+    content: TileAddress,
+    implicit_tiling: ImplicitTiling,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Address {
+struct TileAddress {
     uri: String,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Implicit {
+struct ImplicitTiling {
     subdivision_scheme: String,
     subtree_levels: u8,
     available_levels: u8,
-    subtrees: Address,
+    subtrees: TileAddress,
 }
 
 /// Reads the file of a set and all of its subtrees, for whose tiles there has to be room.
@@ -151,7 +151,7 @@ impl StoredTilesetJson {
             return Err(of_file(Error::bad_input("states no lattice of a level")));
         }
         let regions = [&self.root.bounding_volume, &west.bounding_volume, &east.bounding_volume];
-        let mut three = Three {
+        let mut three = ThreeTilesCheck {
             about: HashMap::new(),
             subtrees: HashSet::new(),
             regions: regions.map(|volume| [volume.region[4], volume.region[5]]),
@@ -203,7 +203,7 @@ impl StoredTilesetJson {
             (&west.bounding_volume, [-PI, 0.0]),
             (&east.bounding_volume, [0.0, PI]),
         ];
-        let is_off = |(volume, [from, to]): &(&Volume, [f64; 2])| {
+        let is_off = |(volume, [from, to]): &(&BoundingVolume, [f64; 2])| {
             let sides = [*from, -FRAC_PI_2, *to, FRAC_PI_2];
             sides.iter().zip(volume.region).any(|(a, b)| (a - b).abs() > RADIANS)
         };
@@ -223,7 +223,7 @@ impl StoredTilesetJson {
         if !refines.chain([&*root.refine]).all(is_replaced) {
             return Err(Error::unsupported("refines tiles other than by replacing them"));
         }
-        let of = |half: &Half| {
+        let of = |half: &HalfAxis| {
             (half.implicit_tiling.subtree_levels, half.implicit_tiling.available_levels)
         };
         match of(west) == of(east) {
@@ -233,7 +233,7 @@ impl StoredTilesetJson {
     }
 }
 
-impl Half {
+impl HalfAxis {
     fn check(&self, name: &str) -> Result<()> {
         let tiling = &self.implicit_tiling;
         let of = |ending: &str| format!("{name}/{{level}}/{{x}}/{{y}}{ending}");

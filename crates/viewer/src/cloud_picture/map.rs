@@ -9,7 +9,7 @@ use terrane_base::bits::ordered;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{
-    CloudInfo, PointAppearance, PointCloud, PointSource, Sight, round_side, round_up,
+    AppearanceReader, CloudInfo, PointAppearance, PointCloud, PointSource, round_side, round_up,
 };
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_gridding::{CellEdgeRule, CellLattice};
@@ -94,7 +94,7 @@ impl PointDensityMap {
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Self> {
         let zeros = || (0..cells.count()).map(|_| AtomicU64::new(0)).collect::<Vec<_>>();
-        let (counts, tops, sight) = (zeros(), zeros(), Sight::new(cloud)?);
+        let (counts, tops, sight) = (zeros(), zeros(), AppearanceReader::new(cloud)?);
         let add = |PointAppearance { point, class, .. }: &PointAppearance| {
             let Some(cell) = cells.of(*point) else { return };
             counts[cell].fetch_add(1, Ordering::Relaxed);

@@ -14,14 +14,14 @@ use serde::Serialize;
 use crate::view::write_png;
 use map::{PictureCells, PointDensityMap};
 use paint::CloudPicture;
-pub use paint::Shows;
+pub use paint::PictureContent;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{PointCloud, PointSource};
 use terrane_engine::input::workers;
 use terrane_engine::memory::{PROGRAM, beside_program, short};
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
-pub use voids::Voids;
+pub use voids::VoidShares;
 
 /// A picture to draw.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub struct PictureJob {
     /// Replace an existing picture.
     pub overwrite: bool,
     /// What it shows.
-    pub shows: Shows,
+    pub shows: PictureContent,
     /// Side of a cell, in units of x and y; by the density of the points when `None`.
     pub cell: Option<f64>,
 }
@@ -41,7 +41,7 @@ pub struct PictureJob {
 #[allow(missing_docs)]
 pub struct PictureReport {
     pub output: String,
-    pub shows: Shows,
+    pub shows: PictureContent,
     /// Points that were drawn: those that are not withheld, unless they were asked for.
     pub points: u64,
     /// Side of a cell, in units of x and y.
@@ -53,7 +53,7 @@ pub struct PictureReport {
     /// Cells that have points.
     pub filled: u64,
     /// Cells that have none, within the convex hull of those that do.
-    pub voids: Voids,
+    pub voids: VoidShares,
     /// Most points to a unit of area of a cell.
     pub densest: f64,
     pub output_bytes: u64,

@@ -5,14 +5,14 @@ use terrane_options::Choice;
 
 use super::map::PointDensityMap;
 use super::voids::VoidCells;
-use crate::render::{PictureHeights, Tint, class_colour, text_size, write_text};
+use crate::render::{HeightColors, PictureHeights, class_colour, text_size, write_text};
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, class_name};
 
 /// What a picture shows of each cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Choice)]
 #[serde(rename_all = "lowercase")]
-pub enum Shows {
+pub enum PictureContent {
     /// Points to a unit of area
     #[default]
     Density,
@@ -60,7 +60,7 @@ enum CellColoring {
     /// Points of a cell that have the last colour.
     Density(f64),
     Voids,
-    Height(Tint, PointFrame),
+    Height(HeightColors, PointFrame),
     Class,
 }
 
@@ -78,7 +78,7 @@ impl<'a> CloudPicture<'a> {
     pub(super) fn new(
         map: &'a PointDensityMap,
         found: &'a VoidCells,
-        shows: Shows,
+        shows: PictureContent,
         info: &CloudInfo,
     ) -> Self {
         let [columns, rows] = map.cells.size;
@@ -121,19 +121,19 @@ impl<'a> CloudPicture<'a> {
 }
 
 impl CellColoring {
-    fn new(map: &PointDensityMap, shows: Shows, frame: &PointFrame) -> Self {
+    fn new(map: &PointDensityMap, shows: PictureContent, frame: &PointFrame) -> Self {
         match shows {
-            Shows::Density => Self::Density(dense(map)),
-            Shows::Voids => Self::Voids,
-            Shows::Class => Self::Class,
-            Shows::Height => {
+            PictureContent::Density => Self::Density(dense(map)),
+            PictureContent::Voids => Self::Voids,
+            PictureContent::Class => Self::Class,
+            PictureContent::Height => {
                 let height = |cell| match map.is_filled(cell) {
                     true => height(frame, map.top(cell).0),
                     false => f32::NAN,
                 };
                 let z = (0..map.counts.len()).map(height).collect();
                 let [width, height] = map.cells.size;
-                Self::Height(Tint::of(&PictureHeights { width, height, z }), *frame)
+                Self::Height(HeightColors::of(&PictureHeights { width, height, z }), *frame)
             }
         }
     }
@@ -304,7 +304,7 @@ mod tests {
     }
 
     /// The pixels in the middle of cells.
-    fn painted(map: &PointDensityMap, shows: Shows) -> Vec<[u8; 4]> {
+    fn painted(map: &PointDensityMap, shows: PictureContent) -> Vec<[u8; 4]> {
         let found = find(map);
         let sheet = CloudPicture::new(map, &found, shows, &info());
         let [width, rows] = sheet.size();
@@ -325,16 +325,16 @@ mod tests {
     #[test]
     fn cells_have_the_colours_of_what_is_shown() {
         let map = PointDensityMap::of_rows(&[&[1, 2, 0], &[0, 0, 9], &[3, 0, 4]]);
-        let density = painted(&map, Shows::Density);
+        let density = painted(&map, PictureContent::Density);
         assert_eq!(density[2], CLEAR, "outside");
         assert_eq!(density[4], CLEAR, "a void");
         assert_eq!(density[5], opaque(DENSITIES[5]), "the densest");
         assert!(density[0][0] > density[1][0] && density[1][0] > density[6][0], "{density:?}");
-        let voids = painted(&map, Shows::Voids);
+        let voids = painted(&map, PictureContent::Voids);
         assert_eq!([voids[0], voids[4], voids[2]], [opaque(FILLED), opaque(VOID), CLEAR]);
-        let classes = painted(&map, Shows::Class);
+        let classes = painted(&map, PictureContent::Class);
         assert_eq!([classes[0], classes[1]], [1, 2].map(|class| opaque(class_colour(class))));
-        let heights = painted(&map, Shows::Height);
+        let heights = painted(&map, PictureContent::Height);
         let land = crate::render::palette()[0];
         assert_eq!([heights[5], heights[2]], [opaque(land[land.len() - 1]), CLEAR]);
     }

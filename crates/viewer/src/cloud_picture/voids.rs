@@ -6,7 +6,7 @@ use super::map::PointDensityMap;
 
 /// How much is void.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Voids {
+pub struct VoidShares {
     /// Cells without points.
     pub cells: u64,
     /// How much of the hull they are, from 0 to 1.
@@ -21,7 +21,7 @@ pub struct Voids {
 
 /// The voids, and which cells they are.
 pub(super) struct VoidCells {
-    pub(super) voids: Voids,
+    pub(super) voids: VoidShares,
     /// Of each row, the first and the last column of the hull; rows without it have none.
     hull: Vec<Option<[usize; 2]>>,
 }
@@ -49,7 +49,7 @@ pub(super) fn find(map: &PointDensityMap) -> VoidCells {
     }
     let (largest, ends) = largest(open, map.cells.size);
     let area = map.cells.area();
-    let voids = Voids {
+    let voids = VoidShares {
         cells,
         share: cells as f64 / all.max(1) as f64,
         area: cells as f64 * area,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::view::grid_bounds;
 use terrane_engine::input::GridStats;
 use terrane_raster::{GridInfo, GridNote, notes, notes_on_heights};
-use terrane_terrain::tin::Cost;
+use terrane_terrain::tin::TinCost;
 
 /// What is known of a grid.
 #[derive(Clone, Debug, Serialize)]
@@ -43,7 +43,7 @@ pub struct GridInfoReport {
     pub stats: Option<GridStats>,
     /// What a TIN of it would take; absent where it has no cell.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub tin: Option<Cost>,
+    pub tin: Option<TinCost>,
     pub notes: Vec<GridNote>,
 }
 
@@ -52,7 +52,7 @@ impl GridInfoReport {
         file: &str,
         info: &GridInfo,
         stats: Option<GridStats>,
-        tin: Option<Cost>,
+        tin: Option<TinCost>,
     ) -> Self {
         let map = &info.transform;
         Self {

@@ -14,7 +14,7 @@ pub use features::{FeaturesInfoReport, FieldStats};
 pub use grid::GridInfoReport;
 pub use mesh::MeshInfoReport;
 
-use crate::cloud_picture::{PictureJob, Shows, draw};
+use crate::cloud_picture::{PictureContent, PictureJob, draw};
 use crate::cloud_stats::cloud_stats;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as clouds, CloudFilter};
@@ -23,7 +23,7 @@ use terrane_engine::memory::cache_beside;
 use terrane_engine::options::{CloudInput, FeatureInput, FileName, GridInput, Replacing};
 use terrane_engine::outputs::{check_ending, not_among};
 use terrane_engine::proof::Inspection;
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::path_of;
 use terrane_mesh as meshes;
@@ -89,7 +89,7 @@ pub struct CloudInfoOptions {
     pub picture: Option<PathBuf>,
     /// What the picture shows of each cell
     #[option(value = "WHAT", heading = "Pictures of clouds")]
-    pub picture_of: Shows,
+    pub picture_of: PictureContent,
     /// Side of the cells of the picture, in units of x and y
     #[option(
         value = "SIZE",
@@ -229,7 +229,7 @@ impl Inspection for CloudInfoOptions {
         let stats = (self.stats || are_chosen).then(measure).transpose()?;
         let mut report =
             CloudInfoReport { picture, ..CloudInfoReport::new(&inputs.to_string(), &cloud, stats) };
-        report.notes.extend(Losses::of(&cloud).notes());
+        report.notes.extend(LostPoints::of(&cloud).notes());
         Ok(report)
     }
 }

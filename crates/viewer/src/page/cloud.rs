@@ -7,7 +7,7 @@ use super::{PageJob, PageReport, facts};
 use crate::html::HtmlPage;
 use crate::html::pack::{PackedArray, QuantizedAxis};
 use crate::render::class_colour;
-use terrane_base::door::Door;
+use terrane_base::door::Frontend;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudOpenOptions, PointAppearance, PointCloud, PointSource, class_name};
@@ -87,7 +87,7 @@ fn put(
         page.array("colour", PackedArray::signed(seen().map(|seen| colour(seen.colour, is_short))));
     }
     drop(points);
-    let system = facts::System::of_features(&cloud.info().crs);
+    let system = facts::SurfaceSystem::of_features(&cloud.info().crs);
     facts::put(&mut page, job, &system, report.bounds, placed);
     page.fact("about", facts::about(&system));
     tell(&mut page, cloud, tally, &report);
@@ -183,7 +183,7 @@ fn notes(cloud: &PointCloud, tally: &PagePointTally, report: &PageReport) -> Vec
         notes.push("Colours are shown with 8 of their 16 bits.".to_owned());
     }
     // Who reads a page has no options.
-    notes.extend(cloud.notes().iter().map(|note| format!("{}.", Door::Python.spell(note))));
+    notes.extend(cloud.notes().iter().map(|note| format!("{}.", Frontend::Python.spell(note))));
     notes
 }
 

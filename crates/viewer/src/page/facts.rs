@@ -11,7 +11,7 @@ use terrane_raster::{GridInfo, Inputs};
 
 /// The system that x, y and z of a surface are in, as far as it is known.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct System {
+pub(super) struct SurfaceSystem {
     label: String,
     pub(super) geographic: bool,
     pub(super) units: [String; 2],
@@ -19,7 +19,7 @@ pub(super) struct System {
     metres: [Option<f64>; 2],
 }
 
-impl System {
+impl SurfaceSystem {
     pub(super) fn of_grid(info: &GridInfo) -> Self {
         Self::of_crs(&info.crs, info.crs.label())
     }
@@ -87,7 +87,7 @@ fn short(unit: &str) -> String {
 pub(super) fn put(
     page: &mut HtmlPage,
     job: &PageJob<'_>,
-    system: &System,
+    system: &SurfaceSystem,
     bounds: [f64; 4],
     steps: [f64; 2],
 ) {
@@ -116,7 +116,7 @@ pub(super) fn title(inputs: &Inputs) -> String {
 }
 
 /// What system a page is in, in few words.
-pub(super) fn about(system: &System) -> String {
+pub(super) fn about(system: &SurfaceSystem) -> String {
     match system.label.as_str() {
         "unknown" => "no reference system known".to_owned(),
         label => label.to_owned(),
@@ -127,10 +127,10 @@ pub(super) fn about(system: &System) -> String {
 mod tests {
     use super::*;
 
-    fn mesh(crs: Option<&str>, comment: &str) -> System {
+    fn mesh(crs: Option<&str>, comment: &str) -> SurfaceSystem {
         let plain = MeshInfo::plain("PLY", 3, 1);
         let details = vec![("comment".to_owned(), comment.to_owned())];
-        System::of_mesh(&MeshInfo { crs: crs.map(str::to_owned), details, ..plain })
+        SurfaceSystem::of_mesh(&MeshInfo { crs: crs.map(str::to_owned), details, ..plain })
     }
 
     #[test]

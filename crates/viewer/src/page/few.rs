@@ -9,7 +9,9 @@ use rayon::prelude::*;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_cloud::{BATCH, PointAppearance, PointCensus, PointCloud, PointSource, Sight};
+use terrane_cloud::{
+    AppearanceReader, BATCH, PointAppearance, PointCensus, PointCloud, PointSource,
+};
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::lock;
 
@@ -56,14 +58,14 @@ impl PagePointTally {
 }
 
 /// The least of all that are offered.
-struct Fewest {
+struct FewestPoints {
     most: usize,
     /// No rank above it is wanted.
     limit: AtomicU64,
     kept: Mutex<Vec<Ranked>>,
 }
 
-impl Fewest {
+impl FewestPoints {
     fn new(most: usize) -> Self {
         Self { most, limit: AtomicU64::new(u64::MAX), kept: Mutex::default() }
     }
@@ -114,7 +116,7 @@ pub(super) fn choose(
     most: usize,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<(Vec<Ranked>, PagePointTally)> {
-    let (sight, fewest) = (Sight::new(cloud)?, Fewest::new(most));
+    let (sight, fewest) = (AppearanceReader::new(cloud)?, FewestPoints::new(most));
     progress.begin("points", cloud.info().count);
     let read = (0..cloud.parts()).into_par_iter().map(|part| {
         FileAt::tell(progress, cloud, part);
@@ -183,7 +185,7 @@ mod tests {
             let mut points: Vec<PointAppearance> = points.iter().map(|(x, y, z, c)| seen(*x, *y, *z, *c)).collect();
             let expected = chosen(&points, most);
             points.reverse();
-            let fewest = Fewest::new(most);
+            let fewest = FewestPoints::new(most);
             for some in points.chunks(batch) {
                 fewest.offer(some);
                 fewest.shorten(&mut lock(&fewest.kept));

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::facts::{self, System};
+use super::facts::{self, SurfaceSystem};
 use super::lattice::{part, places};
 use super::surface::told_steps;
 use super::{PageJob, PageReport, within_memory};
@@ -46,7 +46,7 @@ pub(super) fn page(
     page.fact("height", rows.len());
     page.axis("z", &axis);
     let report = report(&heights, axis.rounding, &info.transform, [&cols, &rows], stride);
-    let system = System::of_grid(info);
+    let system = SurfaceSystem::of_grid(info);
     facts::put(&mut page, job, &system, report.bounds, told_steps(&report, system.geographic));
     let ground = system.ground(report.bounds);
     let map = &info.transform;

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::facts::{self, System};
+use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::surface::{new_page, told_steps};
 use super::{MOST_SAMPLES, PageJob, PageReport, within_memory};
@@ -32,7 +32,7 @@ pub(super) fn page(
     let mut page = new_page(&facts::title(job.input))?;
     let mut report = shape.put(&mut page)?;
     report.stride = Some(stride);
-    let system = System::of_grid(info);
+    let system = SurfaceSystem::of_grid(info);
     let steps = told_steps(&report, system.geographic);
     facts::put(&mut page, job, &system, report.bounds, steps);
     page.fact("about", facts::about(&system));

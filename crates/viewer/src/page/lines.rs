@@ -151,7 +151,7 @@ impl PageLines {
     }
 
     fn tell(&self, page: &mut HtmlPage, report: &PageReport, crs: &Crs, measure: DistanceKind) {
-        let system = facts::System::of_features(crs);
+        let system = facts::SurfaceSystem::of_features(crs);
         let unit = match measure {
             DistanceKind::Geographic => "m".to_owned(),
             _ => system.units[0].clone(),

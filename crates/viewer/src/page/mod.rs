@@ -33,7 +33,7 @@ pub use options::{
 };
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_cloud::PointCensus;
-use terrane_engine::figures::Figures;
+use terrane_engine::figures::RunStatistics;
 use terrane_engine::memory::{beside_program, short};
 use terrane_engine::{Cancel, Resources};
 use terrane_files::atomic::{AtomicFile, refuse_existing};
@@ -108,7 +108,7 @@ pub struct PageReport {
     pub max_error: Option<f64>,
     pub output_bytes: u64,
     #[serde(flatten)]
-    pub run: Figures,
+    pub run: RunStatistics,
 }
 
 impl PageJob<'_> {
@@ -145,7 +145,7 @@ impl PageJob<'_> {
             input: self.input.to_string(),
             output: self.output.display().to_string(),
             output_bytes: file.commit()?,
-            run: Figures::since(started, self.resources),
+            run: RunStatistics::since(started, self.resources),
             ..report
         })
     }

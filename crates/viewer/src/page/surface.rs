@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use serde_json::{Value, json};
 
-use super::facts::{self, System};
+use super::facts::{self, SurfaceSystem};
 use super::solid::{PageMesh, TRIANGLE_BYTES, VERTEX_BYTES};
 use super::{MOST_TRIANGLES, PageJob, PageReport, errors, within_memory};
 use crate::html::HtmlPage;
@@ -38,7 +38,7 @@ pub(super) fn page(
         shape.crop(bounds);
     }
     let mut page = new_page(&facts::title(job.input))?;
-    let system = System::of_mesh(mesh.info());
+    let system = SurfaceSystem::of_mesh(mesh.info());
     let mut figures = vec![];
     let mut measured = None;
     if let Some(against) = against {
@@ -144,7 +144,7 @@ fn weld(shape: &mut PageMesh) {
 }
 
 /// An error with its unit, to six digits.
-fn told(error: f64, system: &System) -> String {
+fn told(error: f64, system: &SurfaceSystem) -> String {
     let digits = (5 - error.max(1e-9).log10().floor() as i32).clamp(0, 12) as usize;
     let text = format!("{error:.digits$}");
     let text =
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn errors_are_told_to_six_digits() {
-        let system = System::of_mesh(&MeshInfo::plain("PLY", 3, 1));
+        let system = SurfaceSystem::of_mesh(&MeshInfo::plain("PLY", 3, 1));
         let told = |error| told(error, &system);
         assert_eq!(
             [told(10.0), told(3.321_818), told(0.0), told(123_456.7)],

@@ -60,7 +60,7 @@ struct PageTilesetLevel {
 }
 
 /// What a folder holds.
-struct Set {
+struct ViewedTileset {
     format: &'static str,
     told: &'static str,
     levels: usize,
@@ -99,7 +99,7 @@ pub fn is_tiles(path: &Path) -> bool {
 pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     let input = job.input.to_string();
     let folder = path_of(&input);
-    let set = Set::read(&folder)?;
+    let set = ViewedTileset::read(&folder)?;
     let none = || Error::new(ErrorKind::Internal, "there is no page of tiles");
     let mut page = HtmlPage::new("tiles", &name(&folder)).ok_or_else(none)?;
     let [land, water] = crate::render::palette();
@@ -114,7 +114,7 @@ pub(super) fn page(job: &PageJob<'_>) -> Result<(HtmlPage, PageReport)> {
     ))
 }
 
-impl Set {
+impl ViewedTileset {
     fn read(folder: &Path) -> Result<Self> {
         let [told, tileset] = [LAYER, TILESET].map(|name| folder.join(name));
         match (told.is_file(), tileset.is_file()) {

@@ -1,7 +1,7 @@
 //! Pictures of grids and meshes: shaded relief in a pixel buffer. Pure.
 //!
-//! A [`PictureHeights`] of heights is filled from a grid ([`average_rows`], [`PictureHeights::bilinear`]) or from
-//! triangles ([`fill_triangle`], with [`PixelColors`] of their own [`fill_coloured`]); [`Painter`] turns it into
+//! A [`PictureHeights`] is filled from a grid ([`average_rows`], [`PictureHeights::bilinear`]) or from
+//! triangles ([`fill_triangle`], with [`PixelColors`] of their own [`fill_coloured`]); [`FieldPainter`] turns it into
 //! RGBA rows, with the strokes of a [`StrokeCoverage`] on top.
 //!
 //! **Painting.** A tint by height, halfway between equal steps and equal areas; light from one main and
@@ -28,7 +28,7 @@ pub use coverage::StrokeCoverage;
 pub use field::{PictureHeights, average_rows};
 pub use frame::{MAX_PICTURE_SIDE, PictureFrame};
 pub use light::{ReliefLight, natural_exaggeration};
-pub use paint::{Painter, Style};
+pub use paint::{FieldPainter, PictureStyle};
 pub use text::{text_size, write_text};
-pub use tint::{Tint, palette};
+pub use tint::{HeightColors, palette};
 pub use triangle::{fill_coloured, fill_triangle};

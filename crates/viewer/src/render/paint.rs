@@ -1,11 +1,11 @@
 //! From heights and strokes to the rows of a picture.
 
 use crate::render::light::slope;
-use crate::render::{PictureHeights, PixelColors, ReliefLight, StrokeCoverage, Tint};
+use crate::render::{HeightColors, PictureHeights, PixelColors, ReliefLight, StrokeCoverage};
 
 /// How a picture is to look.
 #[derive(Clone, Copy, Debug)]
-pub struct Style {
+pub struct PictureStyle {
     /// The light.
     pub light: ReliefLight,
     /// Heights are multiplied by this before slopes are lit.
@@ -31,12 +31,12 @@ const NEIGHBOURHOODS: usize = 48;
 const BORDER: f64 = 2.0;
 
 /// Paints a field, row by row; rows are independent of each other.
-pub struct Painter<'a> {
+pub struct FieldPainter<'a> {
     field: &'a PictureHeights,
     edges: Option<&'a StrokeCoverage>,
     colours: Option<&'a PixelColors>,
-    tint: Tint,
-    style: Style,
+    tint: HeightColors,
+    style: PictureStyle,
     /// Smoothed heights, to tell what stands out.
     ground: PictureHeights,
     stride: usize,
@@ -44,13 +44,17 @@ pub struct Painter<'a> {
     prominence: f32,
 }
 
-impl<'a> Painter<'a> {
+impl<'a> FieldPainter<'a> {
     /// Prepares to paint `field`, whose sides are multiples of `style.fineness`, with `edges` (in
     /// picture pixels) on top.
-    pub fn new(field: &'a PictureHeights, edges: Option<&'a StrokeCoverage>, style: Style) -> Self {
+    pub fn new(
+        field: &'a PictureHeights,
+        edges: Option<&'a StrokeCoverage>,
+        style: PictureStyle,
+    ) -> Self {
         let stride = (field.width.max(field.height) / NEIGHBOURHOODS).max(1);
         let ground = smooth(&field.coarser(stride));
-        let tint = Tint::of(field);
+        let tint = HeightColors::of(field);
         let mut painter = Self {
             field,
             edges,
@@ -187,13 +191,13 @@ fn smooth(field: &PictureHeights) -> PictureHeights {
 mod tests {
     use super::*;
 
-    fn style(fineness: usize) -> Style {
+    fn style(fineness: usize) -> PictureStyle {
         let light = ReliefLight::new(315.0, 45.0);
-        Style { light, exaggeration: 1.0, ground: [1.0, 1.0], fineness }
+        PictureStyle { light, exaggeration: 1.0, ground: [1.0, 1.0], fineness }
     }
 
     fn paint(field: &PictureHeights, edges: Option<&StrokeCoverage>, fineness: usize) -> Vec<u8> {
-        let painter = Painter::new(field, edges, style(fineness));
+        let painter = FieldPainter::new(field, edges, style(fineness));
         let mut out = vec![0; painter.width() * painter.height() * 4];
         let bytes = painter.width() * 4;
         out.chunks_exact_mut(bytes).enumerate().for_each(|(row, line)| painter.row(row, line));
@@ -229,7 +233,7 @@ mod tests {
         let painted = |slope: f32| {
             let z = (0..64).map(|i| slope * (i % 8 + i / 8) as f32).collect();
             let field = PictureHeights { width: 8, height: 8, z };
-            let painter = Painter::new(&field, None, style(1)).coloured(Some(&colours));
+            let painter = FieldPainter::new(&field, None, style(1)).coloured(Some(&colours));
             let mut out = vec![0; 8 * 4];
             painter.row(0, &mut out);
             out

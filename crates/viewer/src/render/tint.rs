@@ -25,7 +25,7 @@ const BINS: usize = 2048;
 
 /// Maps heights to colours.
 #[derive(Clone, Debug)]
-pub struct Tint {
+pub struct HeightColors {
     /// Lowest and highest height with land colours.
     low: f32,
     high: f32,
@@ -35,7 +35,7 @@ pub struct Tint {
     positions: Vec<f32>,
 }
 
-impl Tint {
+impl HeightColors {
     /// A tint for the heights of `field`: halfway between equal steps of height and equal areas of
     /// colour. Heights at or below zero are water where there is land too.
     pub fn of(field: &PictureHeights) -> Self {
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn the_palette_runs_from_lowest_to_highest_land() {
-        let tint = Tint::of(&field(&[100.0, 150.0, f32::NAN, 900.0]));
+        let tint = HeightColors::of(&field(&[100.0, 150.0, f32::NAN, 900.0]));
         assert_eq!(tint.land_range(), (100.0, 900.0));
         assert_eq!(tint.colour(900.0), LAND[7].map(|c| f32::from(c) / 255.0));
         assert!(tint.colour(100.0)[0] < tint.colour(150.0)[0]);
@@ -129,17 +129,19 @@ mod tests {
     #[test]
     fn zero_is_water_only_beside_land() {
         let blue = |c: [f32; 3]| c[2] > c[1];
-        assert!(blue(Tint::of(&field(&[0.0, 5.0])).colour(0.0)));
-        assert!(!blue(Tint::of(&field(&[-9.0, -5.0])).colour(-9.0)));
-        assert!(!blue(Tint::of(&field(&[3.0, 5.0])).colour(3.0)));
-        let deep = Tint::of(&field(&[-100.0, -1.0, 50.0]));
+        assert!(blue(HeightColors::of(&field(&[0.0, 5.0])).colour(0.0)));
+        assert!(!blue(HeightColors::of(&field(&[-9.0, -5.0])).colour(-9.0)));
+        assert!(!blue(HeightColors::of(&field(&[3.0, 5.0])).colour(3.0)));
+        let deep = HeightColors::of(&field(&[-100.0, -1.0, 50.0]));
         assert!(deep.colour(-100.0)[0] < deep.colour(-1.0)[0]);
     }
 
     #[test]
     fn level_and_empty_fields_have_a_colour() {
         for z in [&[7.0, 7.0][..], &[f32::NAN][..]] {
-            assert!(Tint::of(&field(z)).colour(7.0).iter().all(|c| (0.0..=1.0).contains(c)));
+            assert!(
+                HeightColors::of(&field(z)).colour(7.0).iter().all(|c| (0.0..=1.0).contains(c))
+            );
         }
     }
 }

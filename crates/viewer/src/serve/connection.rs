@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use crate::serve::clients::Client;
 use crate::serve::folder::{ServedFile, ServedFolder};
-use crate::serve::request::{self, BAD, HttpRequest, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, Refusal};
+use crate::serve::request::{
+    self, BAD, HttpRequest, MOST_HEAD, NOT_ALLOWED, NOT_FOUND, RequestRefusal,
+};
 
 /// How long the whole head of a request may take, and each block that a client is sent.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -27,7 +29,7 @@ const NO_FRAMES: &str = "frame-ancestors 'none'";
 const ICON: &str = "favicon.ico";
 
 /// A client that is listened to.
-pub(crate) struct Connection<'a> {
+pub(crate) struct ServerConnection<'a> {
     stream: &'a TcpStream,
     client: &'a Client<'a>,
     port: u16,
@@ -35,7 +37,7 @@ pub(crate) struct Connection<'a> {
     ahead: Vec<u8>,
 }
 
-impl<'a> Connection<'a> {
+impl<'a> ServerConnection<'a> {
     pub(crate) fn new(stream: &'a TcpStream, client: &'a Client<'a>, port: u16) -> Self {
         Self { stream, client, port, ahead: Vec::new() }
     }
@@ -90,7 +92,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The next head, without the empty line; `None` when the client has gone.
-    fn head(&mut self) -> io::Result<Result<Option<Vec<u8>>, Refusal>> {
+    fn head(&mut self) -> io::Result<Result<Option<Vec<u8>>, RequestRefusal>> {
         let end = Instant::now() + PATIENCE;
         let mut block = [0; 2048];
         loop {
@@ -138,8 +140,8 @@ impl<'a> Connection<'a> {
     }
 
     /// Says why not; whether there may be another request.
-    fn refuse(&self, refusal: Refusal, is_head: bool, stays: bool) -> io::Result<bool> {
-        let Refusal { status, told } = refusal;
+    fn refuse(&self, refusal: RequestRefusal, is_head: bool, stays: bool) -> io::Result<bool> {
+        let RequestRefusal { status, told } = refusal;
         let allow = if refusal == NOT_ALLOWED { "Allow: GET, HEAD\r\n" } else { "" };
         let of = format!(
             "{allow}Content-Security-Policy: {NOTHING}\r\nContent-Type: text/plain; charset=utf-8\r\n\

@@ -9,7 +9,7 @@ use terrane_base::error::{Error, Result};
 
 /// What is served.
 #[derive(Clone, Debug)]
-pub struct Site {
+pub struct ServedSite {
     /// The HTML file that `/` is.
     pub page: PathBuf,
     /// The folder whose files the page asks for.
@@ -47,7 +47,7 @@ pub(crate) struct ServedFile {
 }
 
 impl ServedFolder {
-    pub(crate) fn open(site: &Site) -> Result<Self> {
+    pub(crate) fn open(site: &ServedSite) -> Result<Self> {
         let whole = |path: &PathBuf| path.canonicalize().map_err(|e| Error::read(path, e));
         let root = site.folder.as_ref().map(whole).transpose()?;
         Ok(Self { page: whole(&site.page)?, root })
@@ -107,7 +107,7 @@ mod tests {
         write("set/mine.txt", b"mine");
         write("set/1/0.terrain", &[0x1f, 0x8b, 8]);
         let (page, folder) = (place.path().join("page.html"), place.path().join("set"));
-        let folder = ServedFolder::open(&Site { page, folder: Some(folder) }).unwrap();
+        let folder = ServedFolder::open(&ServedSite { page, folder: Some(folder) }).unwrap();
         assert!(folder.find(&[]).unwrap().is_page);
         let tile = folder.find(&names("1/0.terrain")).unwrap();
         assert!(tile.is_gzip && !tile.is_page && tile.size == 3);

@@ -16,9 +16,9 @@ use std::thread::{self, Scope};
 use std::time::Duration;
 
 use clients::Clients;
-use connection::Connection;
+use connection::ServerConnection;
 use folder::ServedFolder;
-pub use folder::Site;
+pub use folder::ServedSite;
 use terrane_base::Cancel;
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -40,7 +40,7 @@ impl Server {
     ///
     /// # Errors
     /// A port that is taken or not allowed; a folder that is not there.
-    pub fn open(site: &Site, port: Option<u16>) -> Result<Self> {
+    pub fn open(site: &ServedSite, port: Option<u16>) -> Result<Self> {
         let folder = ServedFolder::open(site)?;
         let listen = |e: io::Error| {
             let what = match port {
@@ -97,7 +97,8 @@ impl Server {
             if is_over.load(Ordering::Relaxed) {
                 return;
             }
-            let attend = move || Connection::new(&stream, &client, self.port).attend(&self.folder);
+            let attend =
+                move || ServerConnection::new(&stream, &client, self.port).attend(&self.folder);
             // Without a thread for it, a client is turned away: its stream goes with the closure.
             let _ = thread::Builder::new().stack_size(STACK).spawn_scoped(scope, attend);
         }

@@ -20,34 +20,35 @@ pub(crate) struct HttpRequest {
 
 /// Why there is none: the status, and a word on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Refusal {
+pub(crate) struct RequestRefusal {
     pub(crate) status: &'static str,
     pub(crate) told: &'static str,
 }
 
-const fn refusal(status: &'static str, told: &'static str) -> Refusal {
-    Refusal { status, told }
+const fn refusal(status: &'static str, told: &'static str) -> RequestRefusal {
+    RequestRefusal { status, told }
 }
 
-pub(crate) const BAD: Refusal = refusal("400 Bad Request", "this is no request of HTTP/1.1");
-pub(crate) const TOO_LARGE: Refusal =
+pub(crate) const BAD: RequestRefusal = refusal("400 Bad Request", "this is no request of HTTP/1.1");
+pub(crate) const TOO_LARGE: RequestRefusal =
     refusal("431 Request Header Fields Too Large", "the head of a request has at most 8,192 bytes");
-pub(crate) const NOT_FOUND: Refusal =
+pub(crate) const NOT_FOUND: RequestRefusal =
     refusal("404 Not Found", "there is no such file in the folder that is served");
-pub(crate) const NOT_ALLOWED: Refusal =
+pub(crate) const NOT_ALLOWED: RequestRefusal =
     refusal("405 Method Not Allowed", "files are read here, with GET or HEAD");
-const TOO_LONG: Refusal = refusal("414 URI Too Long", "a name has at most 1,024 bytes");
-const BODY: Refusal = refusal("413 Content Too Large", "nothing is taken here");
-const NOT_HERE: Refusal =
+const TOO_LONG: RequestRefusal = refusal("414 URI Too Long", "a name has at most 1,024 bytes");
+const BODY: RequestRefusal = refusal("413 Content Too Large", "nothing is taken here");
+const NOT_HERE: RequestRefusal =
     refusal("421 Misdirected Request", "this server is 127.0.0.1 or localhost, with its port");
-const VERSION: Refusal = refusal("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
+const VERSION: RequestRefusal =
+    refusal("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
 
 impl HttpRequest {
     /// Reads a head, without the empty line at its end; `port` is that of the server.
     ///
     /// A page of somebody else can make its own name stand for 127.0.0.1, and would then read what is served as if
     /// it were its own: so the host that is asked for has to be this one.
-    pub(crate) fn read(head: &[u8], port: u16) -> Result<Self, Refusal> {
+    pub(crate) fn read(head: &[u8], port: u16) -> Result<Self, RequestRefusal> {
         let text = std::str::from_utf8(head).map_err(|_| BAD)?;
         let mut lines = text.split("\r\n");
         let [method, target, version] = words(lines.next().unwrap_or_default()).ok_or(BAD)?;
@@ -109,7 +110,7 @@ fn is_here(host: &str, port: u16) -> bool {
 
 /// The parts of a name: letters, digits, `_`, `-`, and points that none begins with, so that no name leads up,
 /// elsewhere, or to what is hidden. What stands behind `?` is for nobody here.
-fn name(target: &str) -> Result<Vec<String>, Refusal> {
+fn name(target: &str) -> Result<Vec<String>, RequestRefusal> {
     if target.len() > MOST_TARGET {
         return Err(TOO_LONG);
     }
@@ -146,11 +147,11 @@ fn decoded(part: &str) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
-    fn asked(head: &str) -> Result<HttpRequest, Refusal> {
+    fn asked(head: &str) -> Result<HttpRequest, RequestRefusal> {
         HttpRequest::read(head.as_bytes(), 8000)
     }
 
-    fn at(target: &str) -> Result<Vec<String>, Refusal> {
+    fn at(target: &str) -> Result<Vec<String>, RequestRefusal> {
         asked(&format!("GET {target} HTTP/1.1\r\nHost: 127.0.0.1:8000")).map(|asked| asked.name)
     }
 

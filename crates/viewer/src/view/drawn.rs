@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use super::options::ViewJob;
-use crate::render::{Painter, PictureFrame, PictureHeights, PixelColors, StrokeCoverage, Style};
+use crate::render::{
+    FieldPainter, PictureFrame, PictureHeights, PictureStyle, PixelColors, StrokeCoverage,
+};
 use terrane_base::error::{Error, Result};
 use terrane_engine::Resources;
 use terrane_engine::memory::short;
@@ -18,8 +20,8 @@ pub(super) struct DrawnSurface {
 }
 
 impl DrawnSurface {
-    pub(super) fn painter(&self, style: Style) -> Painter<'_> {
-        Painter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
+    pub(super) fn painter(&self, style: PictureStyle) -> FieldPainter<'_> {
+        FieldPainter::new(&self.field, self.edges.as_ref(), style).coloured(self.colours.as_ref())
     }
 }
 

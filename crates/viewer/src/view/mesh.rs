@@ -37,7 +37,7 @@ pub(super) fn draw(
     }
     let mut canvas = MeshCanvas::new(frame, job.options.edges, channels > 0);
     let triangles = mesh.info().triangles;
-    let mut gather = Gather::new(vertex_count(mesh), channels);
+    let mut gather = PositionGatherer::new(vertex_count(mesh), channels);
     let mut batch = vec![[0u64; 3]; triangles.min(TRIANGLE_BATCH) as usize];
     progress.begin("triangles", triangles);
     for first in (0..triangles).step_by(TRIANGLE_BATCH as usize) {
@@ -114,7 +114,7 @@ type Corner = (Point3, [f64; 4]);
 
 /// Fetches the positions of a batch's vertices with few reads, in bounded memory however the ids
 /// are spread; and their colours, if they have as many channels.
-struct Gather {
+struct PositionGatherer {
     vertices: u64,
     channels: usize,
     ids: Vec<u64>,
@@ -124,7 +124,7 @@ struct Gather {
     run_values: Vec<f64>,
 }
 
-impl Gather {
+impl PositionGatherer {
     fn new(vertices: u64, channels: usize) -> Self {
         Self {
             vertices,
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn gathers_near_and_far_vertices() {
         let mesh = Line::new(1 << 40);
-        let mut gather = Gather::new(vertex_count(&mesh), 0);
+        let mut gather = PositionGatherer::new(vertex_count(&mesh), 0);
         let far = (1 << 40) - 1;
         let dense: Vec<[u64; 3]> = (0..30_000).step_by(3).map(|i| [i, i + 1, i + 2]).collect();
         for triangles in [vec![[5, far, 5], [1 << 33, 6, 300]], dense] {

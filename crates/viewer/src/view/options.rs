@@ -6,7 +6,7 @@ use terrane_options::{OptionRange, Options};
 
 use crate::render::MAX_PICTURE_SIDE;
 use terrane_engine::Resources;
-use terrane_engine::options::{Finite, GridInput, Replacing};
+use terrane_engine::options::{FiniteNumber, GridInput, Replacing};
 use terrane_raster::Inputs;
 
 terrane_engine::has_within!(PictureOptions: Lighting => [Exaggeration]);
@@ -25,7 +25,7 @@ pub struct Exaggeration {
 #[options(setters = group)]
 pub struct Lighting {
     /// Where the light comes from, in degrees clockwise from north
-    #[option(value = "DEG", default = 315.0, with = Finite)]
+    #[option(value = "DEG", default = 315.0, with = FiniteNumber)]
     pub azimuth: f64,
     /// Height of the light above the horizon, in degrees from 1 to 90
     #[option(value = "DEG", default = 45.0, range = OptionRange::new(1.0, 90.0))]

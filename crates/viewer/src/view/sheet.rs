@@ -3,7 +3,7 @@
 use super::drawn::{DrawnSurface, PIXEL_BYTES};
 use super::options::ViewJob;
 use super::{mesh, options, style, write_png};
-use crate::render::{Painter, text_size, write_text};
+use crate::render::{FieldPainter, text_size, write_text};
 use terrane_base::error::{Error, Result};
 use terrane_engine::input::{self, SurfaceInput};
 use terrane_engine::memory::short;
@@ -12,7 +12,7 @@ use terrane_files::atomic::{AtomicFile, refuse_existing};
 
 /// A mesh, and what is written below it.
 #[derive(Clone, Debug)]
-pub struct Panel {
+pub struct PicturePanel {
     /// Mesh file.
     pub mesh: String,
     /// Lines of text: letters, digits, commas, points and hyphens.
@@ -23,7 +23,7 @@ pub struct Panel {
 #[derive(Clone, Debug)]
 pub struct SheetJob {
     /// The meshes, row by row.
-    pub panels: Vec<Panel>,
+    pub panels: Vec<PicturePanel>,
     /// How many stand beside each other; at least 1.
     pub columns: usize,
     /// How each is drawn, but for its input, and where all are written; `width` is that of one. Without an
@@ -109,7 +109,7 @@ impl ComparisonSheet {
     }
 
     /// Paints a panel, what of it lies within its cell, and its text.
-    fn put(&mut self, place: usize, painter: &Painter<'_>, lines: &[String]) {
+    fn put(&mut self, place: usize, painter: &FieldPainter<'_>, lines: &[String]) {
         let left = GAP + place % self.columns * self.cell[0];
         let top = GAP + place / self.columns * self.cell[1];
         let mut painted = vec![0; painter.width() * 4];
@@ -159,7 +159,10 @@ mod tests {
         let mesh = |i: usize| {
             let path = folder.join(format!("{i}.obj"));
             std::fs::write(&path, square(i as f64)).unwrap();
-            Panel { mesh: path.to_str().unwrap().to_owned(), lines: vec!["one".into(), "2".into()] }
+            PicturePanel {
+                mesh: path.to_str().unwrap().to_owned(),
+                lines: vec!["one".into(), "2".into()],
+            }
         };
         let each = ViewJob {
             input: "".into(),

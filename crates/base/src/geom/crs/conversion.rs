@@ -1,7 +1,7 @@
 //! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
 //! spells it, the datum these are on, and what heights are.
 
-use super::definition::{Definition, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::definition::{CrsDefinition, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::geokeys::GeoKeys;
 use super::method::{ProjectionMethod, ProjectionParameter};
 use super::node::CrsWktNode;
@@ -138,7 +138,7 @@ impl Crs {
                 if let Horizontal::Geographic(own) = &mut horizontal {
                     own.is_3d = false;
                 }
-                wkt::from_text(&Definition { horizontal, vertical: None }.wkt())
+                wkt::from_text(&CrsDefinition { horizontal, vertical: None }.wkt())
             }
             (_, None) => self.clone(),
         };

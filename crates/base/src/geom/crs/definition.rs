@@ -6,7 +6,7 @@ use super::unit::{LengthUnit, plain};
 
 /// A system: its horizontal part, and its vertical one where it has one.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Definition {
+pub(super) struct CrsDefinition {
     pub(super) horizontal: Horizontal,
     pub(super) vertical: Option<VerticalCrs>,
 }

@@ -98,7 +98,7 @@ impl ProjectionParameter {
 
 /// What latitude and longitude are called in the first well-known text.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Centre {
+pub(super) enum CenterNaming {
     Origin,
     Center,
 }
@@ -112,7 +112,7 @@ pub(super) struct ProjectionMethod {
     pub(super) name: &'static str,
     /// Its names elsewhere, letters and digits alone.
     also: &'static [&'static str],
-    centre: Centre,
+    centre: CenterNaming,
     /// The numbers it takes, in the order they are written.
     pub(super) roles: &'static [ProjectionParameter],
 }
@@ -127,10 +127,10 @@ impl ProjectionMethod {
     /// What `role` is called in the first well-known text.
     pub(super) fn parameter(&self, role: ProjectionParameter) -> &'static str {
         match (role, self.centre) {
-            (Latitude, Centre::Origin) => "latitude_of_origin",
-            (Latitude, Centre::Center) => "latitude_of_center",
-            (Longitude, Centre::Origin) => "central_meridian",
-            (Longitude, Centre::Center) => "longitude_of_center",
+            (Latitude, CenterNaming::Origin) => "latitude_of_origin",
+            (Latitude, CenterNaming::Center) => "latitude_of_center",
+            (Longitude, CenterNaming::Origin) => "central_meridian",
+            (Longitude, CenterNaming::Center) => "longitude_of_center",
             (Parallel1, _) => "standard_parallel_1",
             (Parallel2, _) => "standard_parallel_2",
             (Azimuth, _) => "azimuth",
@@ -187,7 +187,7 @@ const fn method(
     code: u16,
     name: &'static str,
     also: &'static [&'static str],
-    centre: Centre,
+    centre: CenterNaming,
     roles: &'static [ProjectionParameter],
 ) -> ProjectionMethod {
     ProjectionMethod { code, name, also, centre, roles }
@@ -195,7 +195,7 @@ const fn method(
 
 /// All methods, by their GeoTIFF codes.
 pub(super) const METHODS: &[ProjectionMethod] = {
-    use Centre::{Center, Origin};
+    use CenterNaming::{Center, Origin};
     &[
         method(1, "Transverse_Mercator", &["gausskruger"], Origin, ORIGIN),
         method(3, "Hotine_Oblique_Mercator", &["hotineobliquemercatorvarianta"], Center, OBLIQUE),

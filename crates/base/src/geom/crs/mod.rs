@@ -27,7 +27,7 @@ pub mod wkt;
 mod write;
 
 use crate::error::{Error, Result};
-use definition::{Definition, Horizontal, VerticalCrs};
+use definition::{CrsDefinition, Horizontal, VerticalCrs};
 use read::AxisUnit;
 use unit::LengthUnit;
 
@@ -152,7 +152,7 @@ impl Crs {
             (Some(text), _, Some(up)) if read::parts(text).1.is_none() => {
                 Some(write::compound(text.split('"').nth(1).unwrap_or_default(), text, up))
             }
-            (_, Some(horizontal), _) => Some(Definition { horizontal, vertical }.wkt()),
+            (_, Some(horizontal), _) => Some(CrsDefinition { horizontal, vertical }.wkt()),
             (_, None, _) => known.map(str::to_owned),
         }
     }
@@ -440,7 +440,7 @@ mod tests {
                 LengthUnit::of_code(9002).unwrap(),
             );
             let horizontal = Horizontal::Projected(own.unwrap());
-            let text = Definition { horizontal: horizontal.clone(), vertical: None }.wkt();
+            let text = CrsDefinition { horizontal: horizontal.clone(), vertical: None }.wkt();
             let (found, _) = read::parts(&text);
             assert!(found.is_some_and(|found| found.same(&horizontal)), "{text}");
         }

@@ -30,7 +30,7 @@ fn by_text(
     let given = |role| method.roles.contains(&role).then(|| number(role));
     let base = codes::geographic(4326).unwrap();
     let own = Projected::new(("own".to_owned(), None), base, method, given, unit.clone()).unwrap();
-    wkt::from_text(&Definition { horizontal: Horizontal::Projected(own), vertical: None }.wkt())
+    wkt::from_text(&CrsDefinition { horizontal: Horizontal::Projected(own), vertical: None }.wkt())
 }
 
 #[test]

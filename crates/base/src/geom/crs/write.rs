@@ -1,13 +1,15 @@
 //! Definitions as well-known text of the first kind, which every reader of `.prj` files knows.
 
-use super::definition::{Definition, EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
+use super::definition::{
+    CrsDefinition, EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs,
+};
 use super::node::quoted;
 
 fn authority(code: Option<u32>) -> String {
     code.map(|code| format!(",AUTHORITY[\"EPSG\",\"{code}\"]")).unwrap_or_default()
 }
 
-impl Definition {
+impl CrsDefinition {
     pub(super) fn wkt(&self) -> String {
         let horizontal = self.horizontal.wkt();
         match &self.vertical {

@@ -6,12 +6,12 @@
 //! stream that was read wrongly anywhere hardly ever gets there.
 
 use crate::lazip::{
-    self, ChunkStream, CompressedChunk, DecodedFields, Decoder, FieldSelection, UnchunkedStream,
+    self, ChunkStream, CompressedChunk, DecodedFields, FieldSelection, LazDecoder, UnchunkedStream,
 };
 use terrane_base::error::Result;
 use terrane_files::RawFile;
 
-use super::{Compressor, LazLayout, layers};
+use super::{LazCompressor, LazLayout, layers};
 
 /// Points that are decoded before they are handed on, and most bytes of their records.
 const BLOCK: u64 = 8192;
@@ -30,13 +30,13 @@ type Each<'a> = dyn FnMut(&DecodedFields) -> Result<()> + 'a;
 
 /// A decoder and its room, to be used again and again.
 #[derive(Default)]
-pub(crate) struct Unpacker {
-    decoder: Decoder,
+pub(crate) struct ChunkDecoder {
+    decoder: LazDecoder,
     fields: DecodedFields,
     window: Vec<u8>,
 }
 
-impl Unpacker {
+impl ChunkDecoder {
     /// Decodes a chunk of `count` points. Fields that are not wanted hold anything.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Unpacker {
         wanted: FieldSelection,
         each: &mut Each<'_>,
     ) -> Decoded<()> {
-        if layout.compressor == Compressor::Layers
+        if layout.compressor == LazCompressor::Layers
             && let Err(what) = check(layout, bytes, count)
         {
             return Ok(Err(what));
@@ -141,7 +141,7 @@ impl LazStreamWindow<'_> {
         flow: &mut UnchunkedStream<'_>,
         points: u64,
         fields: &mut DecodedFields,
-    ) -> std::result::Result<(), lazip::Damage> {
+    ) -> std::result::Result<(), lazip::ChunkDamage> {
         let left = flow.read(self.bytes, points as usize, fields)?;
         self.keep(left, Ok(()))
     }

@@ -17,7 +17,7 @@ const VARIABLE: [u32; 2] = [0, u32::MAX];
 
 /// How points are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Compressor {
+pub(crate) enum LazCompressor {
     /// All points in one stream.
     Stream,
     /// Chunks, each one stream.
@@ -26,7 +26,7 @@ pub(crate) enum Compressor {
     Layers,
 }
 
-impl Compressor {
+impl LazCompressor {
     /// For people.
     pub(crate) fn name(self) -> &'static str {
         match self {
@@ -40,7 +40,7 @@ impl Compressor {
 /// What a decoder must know of a file.
 #[derive(Clone, Debug)]
 pub(crate) struct LazLayout {
-    pub(crate) compressor: Compressor,
+    pub(crate) compressor: LazCompressor,
     /// Points of each chunk but the last one; `None` where the chunk table has them.
     pub(crate) chunk_points: Option<u32>,
     /// Bytes of a decompressed point.
@@ -56,9 +56,9 @@ impl LazLayout {
     pub(crate) fn parse(data: &[u8], header: &LasHeader) -> Result<Self> {
         let b = LasHeaderBytes(data);
         let compressor = match (b.u16(0), b.u16(2)) {
-            (1, 0) => Compressor::Stream,
-            (2, 0) => Compressor::Chunks,
-            (3, 0) => Compressor::Layers,
+            (1, 0) => LazCompressor::Stream,
+            (2, 0) => LazCompressor::Chunks,
+            (3, 0) => LazCompressor::Layers,
             (kind, coder) => {
                 let message = format!("compressor {kind} with coder {coder} is not known");
                 return Err(unsupported(message));
@@ -92,7 +92,7 @@ fn unsupported(what: String) -> Error {
 fn items(
     b: LasHeaderBytes<'_>,
     len: usize,
-    compressor: Compressor,
+    compressor: LazCompressor,
     header: &LasHeader,
 ) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
@@ -106,7 +106,7 @@ fn items(
     if kinds != expected(header) {
         return Err(damaged(format!("its items are not those of point format {}", header.format)));
     }
-    let versions = if compressor == Compressor::Layers { 3..=4 } else { 1..=2 };
+    let versions = if compressor == LazCompressor::Layers { 3..=4 } else { 1..=2 };
     let version = items[0][2];
     // Waves have had no second version.
     let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);

@@ -6,6 +6,6 @@ mod layers;
 mod layout;
 mod table;
 
-pub(super) use decode::Unpacker;
-pub(super) use layout::{Compressor, LazLayout};
+pub(super) use decode::ChunkDecoder;
+pub(super) use layout::{LazCompressor, LazLayout};
 pub(super) use table::{LazChunk, LazChunkTable, read as table};

@@ -12,7 +12,7 @@ use crate::lazip::FieldSelection;
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 
-use super::{Compressor, LazLayout, Unpacker, layers};
+use super::{ChunkDecoder, LazCompressor, LazLayout, layers};
 
 /// Bytes of the table's place, before the first chunk and, where that could not be written later, at
 /// the file's end.
@@ -56,7 +56,7 @@ pub(crate) fn read(
     salvage: bool,
 ) -> Result<(LazChunkTable, LazTableFindings)> {
     let start = header.points_at;
-    if layout.compressor == Compressor::Stream {
+    if layout.compressor == LazCompressor::Stream {
         let bytes = file.size() - start;
         return Ok((
             LazChunkTable::Stream(LazChunk { at: start, bytes, points: header.count }),
@@ -84,18 +84,18 @@ pub(crate) fn read(
 }
 
 /// Why there is no table.
-struct Missing {
+struct MissingChunkTable {
     what: String,
     /// The writer did not come to it; nothing is damaged.
     is_unfinished: bool,
 }
 
-fn missing(what: impl Into<String>) -> Missing {
-    Missing { what: what.into(), is_unfinished: false }
+fn missing(what: impl Into<String>) -> MissingChunkTable {
+    MissingChunkTable { what: what.into(), is_unfinished: false }
 }
 
 /// The table's place: before the first chunk, or at the file's end.
-fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
+fn place(file: &RawFile, first: u64) -> std::result::Result<u64, MissingChunkTable> {
     let at = |offset: u64| {
         let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
         Some(LasHeaderBytes(&bytes).u64(0) as i64)
@@ -107,7 +107,7 @@ fn place(file: &RawFile, first: u64) -> std::result::Result<u64, Missing> {
     let place = inside(told).or_else(|| inside(at(last?)?).filter(|at| *at < file.size()));
     let Some(place) = place else {
         let what = "the chunk table was not written".to_owned();
-        return Err(Missing { what, is_unfinished: told <= 0 });
+        return Err(MissingChunkTable { what, is_unfinished: told <= 0 });
     };
     match place.checked_add(HEAD_BYTES) {
         Some(end) if end <= file.size() => Ok(place),
@@ -125,7 +125,7 @@ fn entries(
     header: &LasHeader,
     layout: &LazLayout,
     first: u64,
-) -> std::result::Result<(Vec<LazChunk>, u64), Missing> {
+) -> std::result::Result<(Vec<LazChunk>, u64), MissingChunkTable> {
     let place = place(file, first)?;
     let unreadable = |e: Error| missing(e.to_string());
     let head = file.read_vec(place, HEAD_BYTES).map_err(unreadable)?;
@@ -167,7 +167,7 @@ fn placed(
     count: u64,
     layout: &LazLayout,
     room: std::ops::Range<u64>,
-) -> std::result::Result<(Vec<LazChunk>, u64), Missing> {
+) -> std::result::Result<(Vec<LazChunk>, u64), MissingChunkTable> {
     let (mut at, mut left, mut more) = (room.start, count, 0);
     let mut chunks = Vec::with_capacity(sizes.len());
     for (number, (points, bytes)) in sizes.iter().enumerate() {
@@ -209,7 +209,7 @@ fn without(
 ) -> Result<LazChunkTable> {
     let first = first.min(file.size());
     let chunks = match (layout.compressor, layout.chunk_points) {
-        (Compressor::Layers, _) => walk(file, header, layout, first)?,
+        (LazCompressor::Layers, _) => walk(file, header, layout, first)?,
         (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
         (_, None) => {
             let what = "without its chunk table, the chunks of this file cannot be told apart";
@@ -225,7 +225,7 @@ fn follow(
     layout: &LazLayout,
     (mut at, mut left, full): (u64, u64, u32),
 ) -> Result<Vec<LazChunk>> {
-    let (mut unpacker, mut chunks) = (Unpacker::default(), Vec::new());
+    let (mut unpacker, mut chunks) = (ChunkDecoder::default(), Vec::new());
     while left > 0 && at < file.size() {
         let points = u64::from(full).min(left);
         let found =

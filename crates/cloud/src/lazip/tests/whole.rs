@@ -40,11 +40,11 @@ fn size_of(items: &[LazItem]) -> usize {
 }
 
 fn records_of(
-    decoder: &mut Decoder,
+    decoder: &mut LazDecoder,
     schema: &LaszipSchema,
     bytes: &[u8],
     count: usize,
-) -> Result<DecodedFields, Damage> {
+) -> Result<DecodedFields, ChunkDamage> {
     let mut fields = DecodedFields::default();
     let mut stream =
         decoder.stream(schema, CompressedChunk { bytes, count }, FieldSelection::RECORDS)?;
@@ -53,7 +53,7 @@ fn records_of(
 }
 
 /// Records come out as they went in, and so do the columns.
-fn goes_round(decoder: &mut Decoder, items: &Vec<LazItem>, records: &[u8], what: &str) {
+fn goes_round(decoder: &mut LazDecoder, items: &Vec<LazItem>, records: &[u8], what: &str) {
     let size = size_of(items);
     let count = records.len() / size;
     let bytes = compress(items, records);
@@ -71,7 +71,7 @@ proptest! {
 
     #[test]
     fn records_come_out_as_they_went_in(moves in moves(120)) {
-        let mut decoder = Decoder::new();
+        let mut decoder = LazDecoder::new();
         for items in all_items() {
             goes_round(&mut decoder, &items, &moved(&items, &moves), &format!("{items:?}"));
         }
@@ -80,7 +80,7 @@ proptest! {
 
 #[test]
 fn records_of_every_style_come_out_as_they_went_in() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for items in all_items() {
         for style in STYLES {
             for count in [1, 2, 40, 3000] {
@@ -104,12 +104,12 @@ fn layers_that_never_change_are_left_out() {
     let bytes = compress(&items, &records);
     let lengths: Vec<_> = (0..14).map(|layer| axis(&bytes, size + 4 + 4 * layer)).collect();
     assert!(lengths[2..].iter().all(|length| *length == 0), "{lengths:?}");
-    goes_round(&mut Decoder::new(), &items, &records, "constant");
+    goes_round(&mut LazDecoder::new(), &items, &records, "constant");
 }
 
 #[test]
 fn records_are_read_batch_by_batch() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for items in all_items() {
         let size = size_of(&items);
         let make = if is_layered(&items) { new_records } else { old_records };
@@ -134,7 +134,7 @@ fn records_are_read_batch_by_batch() {
 
 #[test]
 fn records_pass_through_windows() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for format in 0..6 {
         let (items, size) = items(format, 1);
         let records = old_records(Style::Walk, size, 900, 6);
@@ -161,7 +161,7 @@ fn damage_in_a_chunk_leaves_the_next_one() {
     let mut bad = good.clone();
     let last = bad.len() - 30;
     bad[last..].fill(0x5a);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for bytes in [&bad, &good[..good.len() / 3], &good] {
         let mut fields = DecodedFields::default();
         let chunk = CompressedChunk { bytes, count: 300 };
@@ -183,7 +183,7 @@ fn every_layer_that_ends_early_is_named() {
     let (size, schema) = (size_of(&items), schema(&items));
     let records = new_records(Style::Wild, size, 200, 2);
     let bytes = compress(&items, &records);
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let layers = [shared, tails].concat();
     let head = size + 4 + 4 * layers.len();
     let mut begin = head;
@@ -193,13 +193,13 @@ fn every_layer_that_ends_early_is_named() {
         for cut in [1, 2, 3, length / 2, length - 4, length - 1] {
             let shorter = without(&bytes, &begin, length, cut, at);
             let found = records_of(&mut decoder, &schema, &shorter, 200);
-            assert_eq!(found, Err(Damage::Layer(*layer)), "{cut}");
+            assert_eq!(found, Err(ChunkDamage::Layer(*layer)), "{cut}");
         }
         let mut longer = bytes.clone();
         put(&mut longer, at, &(length + 1).to_le_bytes());
         longer.insert(begin + length as usize, 0);
         let found = records_of(&mut decoder, &schema, &longer, 200);
-        assert_eq!(found, Err(Damage::Layer(*layer)), "one byte more");
+        assert_eq!(found, Err(ChunkDamage::Layer(*layer)), "one byte more");
         begin += length as usize;
     }
     assert_eq!(begin, bytes.len());
@@ -207,7 +207,7 @@ fn every_layer_that_ends_early_is_named() {
 
 #[test]
 fn truncated_chunks_of_records_are_refused() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     for items in all_items() {
         let (size, schema) = (size_of(&items), schema(&items));
         let make = if is_layered(&items) { new_records } else { old_records };
@@ -226,7 +226,7 @@ fn truncated_chunks_of_records_are_refused() {
 
 #[test]
 fn mutated_records_never_disagree_with_laz() {
-    let mut decoder = Decoder::new();
+    let mut decoder = LazDecoder::new();
     let (mut agreed, mut refused) = (0, 0);
     // What decodes colours of the first version is wrong where their upper bytes change.
     let is_right = |items: &Vec<LazItem>| items[0].version() > 1;
@@ -264,7 +264,7 @@ fn mutated_records_never_disagree_with_laz() {
 fn noise_becomes_records_or_is_refused() {
     let (items, size) = items(10, 4);
     let schema = schema(&items);
-    let (layers, mut decoder, mut dice) = (9 + 3 + 4, Decoder::new(), Dice(78));
+    let (layers, mut decoder, mut dice) = (9 + 3 + 4, LazDecoder::new(), Dice(78));
     for round in 0..200 {
         let mut bytes: Vec<u8> = (0..3000).map(|_| dice.roll() as u8).collect();
         put(&mut bytes, size, &1000_u32.to_le_bytes());

@@ -1,15 +1,15 @@
 //! How many points there are.
 
-use super::method::{Nature, Of, StatisticMethod, Takes};
+use super::method::{StatisticMethod, StatisticSource, SubjectKinds, ValueNature};
 use crate::plane::PointCount;
 
 pub(super) const COUNT: StatisticMethod = StatisticMethod {
     name: "count",
     aliases: &["n"],
     about: "number of points, 0 where there is none",
-    nature: Nature::Count,
-    takes: Takes::Conditions,
-    of: Of::Points {
+    nature: ValueNature::Count,
+    takes: SubjectKinds::Conditions,
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![PointCount::KEPT]),
         value: |_, cell| f64::from(cell.kept::<PointCount>(0).0),
     },
@@ -19,9 +19,9 @@ pub(super) const COUNT: StatisticMethod = StatisticMethod {
 pub(super) const DENSITY: StatisticMethod = StatisticMethod {
     name: "density",
     about: "points in a square unit of the CRS, 0 where there is none",
-    nature: Nature::Density,
-    takes: Takes::Conditions,
-    of: Of::Points {
+    nature: ValueNature::Density,
+    takes: SubjectKinds::Conditions,
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![PointCount::KEPT]),
         value: |_, cell| f64::from(cell.kept::<PointCount>(0).0) / cell.units.area,
     },

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource};
 use crate::cell::StatisticCell;
 use crate::plane::{AccumulatorKind, CellAccumulator};
 use terrane_base::geom::Point;
@@ -10,17 +10,17 @@ use terrane_base::geom::Point;
 /// Lowest height in steps; no coordinate is as large as that of no point.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Low(i32);
+struct LowestHeight(i32);
 
 /// Highest height in steps.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct High(i32);
+struct HighestHeight(i32);
 
-const LOW: AccumulatorKind = AccumulatorKind::cells::<Low>("low");
-const HIGH: AccumulatorKind = AccumulatorKind::cells::<High>("high");
+const LOW: AccumulatorKind = AccumulatorKind::cells::<LowestHeight>("low");
+const HIGH: AccumulatorKind = AccumulatorKind::cells::<HighestHeight>("high");
 
-impl CellAccumulator for Low {
+impl CellAccumulator for LowestHeight {
     const NONE: Self = Self(i32::MAX);
 
     #[inline(always)]
@@ -35,7 +35,7 @@ impl CellAccumulator for Low {
     }
 }
 
-impl CellAccumulator for High {
+impl CellAccumulator for HighestHeight {
     const NONE: Self = Self(i32::MIN);
 
     #[inline(always)]
@@ -51,18 +51,18 @@ impl CellAccumulator for High {
 }
 
 fn low(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
-    Some(cell.kept::<Low>(of).0).filter(|z| *z != Low::NONE.0).map(f64::from)
+    Some(cell.kept::<LowestHeight>(of).0).filter(|z| *z != LowestHeight::NONE.0).map(f64::from)
 }
 
 fn high(cell: &StatisticCell<'_>, of: usize) -> Option<f64> {
-    Some(cell.kept::<High>(of).0).filter(|z| *z != High::NONE.0).map(f64::from)
+    Some(cell.kept::<HighestHeight>(of).0).filter(|z| *z != HighestHeight::NONE.0).map(f64::from)
 }
 
 pub(super) const MIN: StatisticMethod = StatisticMethod {
     name: "min",
     aliases: &["minimum", "lowest"],
     about: "lowest height",
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![LOW]),
         value: |_, cell| cell.units.height(low(cell, 0)),
     },
@@ -74,7 +74,7 @@ pub(super) const MAX: StatisticMethod = StatisticMethod {
     name: "max",
     aliases: &["maximum", "highest"],
     about: "highest height",
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![HIGH]),
         value: |_, cell| cell.units.height(high(cell, 0)),
     },
@@ -85,7 +85,7 @@ pub(super) const MAX: StatisticMethod = StatisticMethod {
 pub(super) const RANGE: StatisticMethod = StatisticMethod {
     name: "range",
     about: "highest minus lowest height",
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![LOW, HIGH]),
         value: |_, cell| {
             let ends = high(cell, 1).zip(low(cell, 0));

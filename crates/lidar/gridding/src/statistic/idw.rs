@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource};
 use crate::parameter::{NUMBER, RADIUS, StatisticParameter};
 use crate::plane::{
     AccumulatorKind, AccumulatorPlane, CellAccumulator, CellHits, DensePlane, like,
@@ -37,7 +37,7 @@ pub(super) const IDW: StatisticMethod = StatisticMethod {
         check_power(power.unwrap_or(1.0))?;
         Ok([given.positive(RADIUS.key)?, power])
     },
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |statistic, rules| {
             let radius = statistic.parameter(RADIUS.key).unwrap_or(rules.radius);
             let power = statistic.parameter(POWER.key).unwrap_or(rules.power);
@@ -47,7 +47,7 @@ pub(super) const IDW: StatisticMethod = StatisticMethod {
             let hit = Some(cell.kept::<CenterHeight>(1).0)
                 .filter(|z| *z != CenterHeight::NONE.0)
                 .map(f64::from);
-            let mean = || cell.plane::<Weights>(0)?.sums.0.get(cell.at)?.mean();
+            let mean = || cell.plane::<CellWeights>(0)?.sums.0.get(cell.at)?.mean();
             cell.units.height(hit.or_else(mean))
         },
     },
@@ -80,22 +80,22 @@ impl CellAccumulator for CenterHeight {
 /// Sums of weights and of weighted heights.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Weighted {
+struct WeightedHeights {
     weight: u128,
     height: i128,
 }
 
-impl Weighted {
+impl WeightedHeights {
     /// The weighted mean of heights, in steps.
     fn mean(self) -> Option<f64> {
         (self.weight > 0).then(|| self.height as f64 / self.weight as f64)
     }
 }
 
-impl CellAccumulator for Weighted {
+impl CellAccumulator for WeightedHeights {
     const NONE: Self = Self { weight: 0, height: 0 };
 
-    /// Points come with weights: [`Weights`].
+    /// Points come with weights: [`CellWeights`].
     fn take(&mut self, _: &Point, _: u128) -> bool {
         true
     }
@@ -110,23 +110,23 @@ impl CellAccumulator for Weighted {
 
 /// Sums of weights for each cell.
 #[derive(Debug)]
-struct Weights {
-    sums: DensePlane<Weighted>,
-    falloff: Falloff,
+struct CellWeights {
+    sums: DensePlane<WeightedHeights>,
+    falloff: WeightFalloff,
 }
 
 fn weights(radius: f64, power: f64) -> AccumulatorKind {
     AccumulatorKind {
         parameters: [radius, power],
         make: |cells, [radius, power]| {
-            let falloff = Falloff::new(radius, power);
-            Box::new(Weights { sums: DensePlane::new(cells), falloff })
+            let falloff = WeightFalloff::new(radius, power);
+            Box::new(CellWeights { sums: DensePlane::new(cells), falloff })
         },
-        ..AccumulatorKind::cells::<Weighted>("weights")
+        ..AccumulatorKind::cells::<WeightedHeights>("weights")
     }
 }
 
-impl AccumulatorPlane for Weights {
+impl AccumulatorPlane for CellWeights {
     fn add(&mut self, hits: CellHits<'_>) -> Result<()> {
         let Self { sums: DensePlane(sums), falloff } = self;
         falloff.weigh(hits, |i, weight| {
@@ -154,14 +154,14 @@ impl AccumulatorPlane for Weights {
 /// so that the rounding of the smallest one, at the radius, is less than 2^-24 of it. None is larger
 /// than 2^63, which a distance of less than radius * 2^(-39/power) would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Falloff {
+struct WeightFalloff {
     unit: f64,
     power: f64,
 }
 
 const WEIGHT_AT_RADIUS: f64 = (1 << 24) as f64;
 
-impl Falloff {
+impl WeightFalloff {
     fn new(radius: f64, power: f64) -> Self {
         Self { unit: WEIGHT_AT_RADIUS * raised(radius * radius, power), power }
     }
@@ -221,7 +221,7 @@ mod tests {
             let hits =
                 CellHits { cells: &cells, points: &points, squares: &squares, unit, reals: &[] };
             let mut found = Vec::new();
-            Falloff::new(radius, power).weigh(hits, |i, weight| found.push((i, weight)));
+            WeightFalloff::new(radius, power).weigh(hits, |i, weight| found.push((i, weight)));
             assert_eq!(found.len(), squares.len());
             for (i, weight) in found {
                 let distance = (squares[i] as f64).sqrt() * unit;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::sorted::{self, CellValueList as All, Real, SortedCellValues, StepValue};
+use super::sorted::{self, CellValueList, RealValue, SortedCellValues, StepValue};
 use crate::cell::{CellUnits, StatisticCell};
 use crate::parameter::{GivenParameters, StatisticParameter};
 use crate::plane::{AccumulatorKind, PointCount};
@@ -22,24 +22,24 @@ pub struct StatisticMethod {
     pub about: &'static str,
     /// What may follow its name.
     pub parameters: &'static [StatisticParameter],
-    pub(super) nature: Nature,
+    pub(super) nature: ValueNature,
     /// It is a percentile, whose rank is in its name.
     pub(super) ranks: bool,
     /// What may say which points and values it is of.
-    pub(super) takes: Takes,
+    pub(super) takes: SubjectKinds,
     /// The attribute it is of unless another is named; heights when `None`.
     pub(super) usual: Option<&'static str>,
     /// What it is of where that was not said.
     pub(super) complete: fn(Subject) -> Subject,
     pub(super) check: fn(&GivenParameters) -> Result<Values>,
-    pub(super) of: Of,
+    pub(super) of: StatisticSource,
     /// The same of all values in order, where they are any numbers.
     pub(super) reals: Option<OfSorted>,
 }
 
 /// What its values are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Nature {
+pub(super) enum ValueNature {
     /// Whole numbers of points or values, 0 where there is none.
     Count,
     /// Points for an area, 0 where there is none.
@@ -54,7 +54,7 @@ pub(super) enum Nature {
 
 /// What may say which points and values a statistic is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Takes {
+pub(super) enum SubjectKinds {
     Nothing,
     Conditions,
     /// And the attribute.
@@ -66,7 +66,7 @@ pub(super) type OfSorted = fn(&Statistic, SortedCellValues<'_>, &CellUnits) -> f
 
 /// What a statistic is made of.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Of {
+pub(super) enum StatisticSource {
     /// Of some points.
     Points {
         /// Of which, and what has to be kept of them.
@@ -87,7 +87,7 @@ pub(super) enum Of {
     All(fn(&Statistic) -> SurfaceInterpolation),
 }
 
-impl Takes {
+impl SubjectKinds {
     pub(super) fn parameters(self) -> impl Iterator<Item = &'static StatisticParameter> {
         let attribute = Some(&ATTRIBUTE).filter(|_| self == Self::Attributes);
         let conditions = CONDITIONS.iter().filter(move |_| self != Self::Nothing);
@@ -102,19 +102,22 @@ impl StatisticMethod {
         aliases: &[],
         about: "",
         parameters: &[],
-        nature: Nature::Height,
+        nature: ValueNature::Height,
         ranks: false,
-        takes: Takes::Attributes,
+        takes: SubjectKinds::Attributes,
         usual: None,
         complete: |subject| subject,
         check: |_| Ok([None; 2]),
-        of: Of::Points { needs: |_, rules| (rules.own(), Vec::new()), value: |_, _| f64::NAN },
+        of: StatisticSource::Points {
+            needs: |_, rules| (rules.own(), Vec::new()),
+            value: |_, _| f64::NAN,
+        },
         reals: None,
     };
 
     /// Whether it can be of values that are any numbers.
     pub(super) fn is_of_reals(&self) -> bool {
-        self.reals.is_some() || matches!(self.of, Of::Sorted(_))
+        self.reals.is_some() || matches!(self.of, StatisticSource::Sorted(_))
     }
 }
 
@@ -167,22 +170,22 @@ impl Statistic {
 
     /// True for values in the unit of what it is of.
     pub fn is_height(&self) -> bool {
-        matches!(self.method.nature, Nature::Height | Nature::Nominal)
+        matches!(self.method.nature, ValueNature::Height | ValueNature::Nominal)
     }
 
     /// True for whole numbers of points or of values.
     pub fn is_whole(&self) -> bool {
-        self.method.nature == Nature::Count
+        self.method.nature == ValueNature::Count
     }
 
     /// True when a cell without points has a value, which is 0.
     pub fn counts(&self) -> bool {
-        matches!(self.method.nature, Nature::Count | Nature::Density)
+        matches!(self.method.nature, ValueNature::Count | ValueNature::Density)
     }
 
     /// True when the mean of two values is one, so that voids can be filled from around.
     pub fn fills(&self) -> bool {
-        matches!(self.method.nature, Nature::Height | Nature::Ratio)
+        matches!(self.method.nature, ValueNature::Height | ValueNature::Ratio)
     }
 
     /// The value of a parameter that was given.
@@ -207,7 +210,7 @@ impl Statistic {
     /// What surface it is the height of, if it is made of all points and not of those of a cell.
     pub fn shape(&self) -> Option<SurfaceInterpolation> {
         match self.method.of {
-            Of::All(shape) => Some(shape(self)),
+            StatisticSource::All(shape) => Some(shape(self)),
             _ => None,
         }
     }
@@ -219,19 +222,19 @@ impl Statistic {
         real: bool,
     ) -> (CellNeighborhood, Vec<AccumulatorKind>) {
         match self.method.of {
-            Of::Points { needs, .. } if !real => needs(self, rules),
-            Of::Points { .. } | Of::Sorted(_) => {
+            StatisticSource::Points { needs, .. } if !real => needs(self, rules),
+            StatisticSource::Points { .. } | StatisticSource::Sorted(_) => {
                 (rules.own(), vec![if real { sorted::REAL } else { sorted::WHOLE }])
             }
-            Of::Share { .. } => (rules.own(), vec![PointCount::KEPT]),
-            Of::All(_) => (rules.own(), Vec::new()),
+            StatisticSource::Share { .. } => (rules.own(), vec![PointCount::KEPT]),
+            StatisticSource::All(_) => (rules.own(), Vec::new()),
         }
     }
 
     /// The points that those of `subject` are a share of, of whom as much has to be kept.
     pub(crate) fn base(&self, subject: &Subject) -> Option<Subject> {
         match self.method.of {
-            Of::Share { base, .. } => Some(base(subject)),
+            StatisticSource::Share { base, .. } => Some(base(subject)),
             _ => None,
         }
     }
@@ -239,25 +242,29 @@ impl Statistic {
     /// Its value in a cell of points with `real` values; NaN where there is none.
     pub(crate) fn value(&self, cell: &StatisticCell<'_>, real: bool) -> f64 {
         match self.method.of {
-            Of::Points { value, .. } if !real => value(self, cell),
-            Of::Points { .. } => {
+            StatisticSource::Points { value, .. } if !real => value(self, cell),
+            StatisticSource::Points { .. } => {
                 self.method.reals.map_or(f64::NAN, |value| value(self, reals(cell), cell.units))
             }
-            Of::Sorted(value) if real => value(self, reals(cell), cell.units),
-            Of::Sorted(value) => {
-                let values = cell.plane::<All<StepValue>>(0).map_or(&[][..], |all| all.of(cell.at));
+            StatisticSource::Sorted(value) if real => value(self, reals(cell), cell.units),
+            StatisticSource::Sorted(value) => {
+                let values = cell
+                    .plane::<CellValueList<StepValue>>(0)
+                    .map_or(&[][..], |all| all.of(cell.at));
                 value(self, SortedCellValues::Whole(values), cell.units)
             }
-            Of::Share { value, .. } => value(cell),
+            StatisticSource::Share { value, .. } => value(cell),
             // Cells know nothing of the points around them.
-            Of::All(_) => f64::NAN,
+            StatisticSource::All(_) => f64::NAN,
         }
     }
 }
 
 /// The values of a cell that are any numbers.
 fn reals<'a>(cell: &StatisticCell<'a>) -> SortedCellValues<'a> {
-    SortedCellValues::Real(cell.plane::<All<Real>>(0).map_or(&[][..], |all| all.of(cell.at)))
+    SortedCellValues::Real(
+        cell.plane::<CellValueList<RealValue>>(0).map_or(&[][..], |all| all.of(cell.at)),
+    )
 }
 
 /// A statistic as plans have it.

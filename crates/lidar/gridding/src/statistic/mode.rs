@@ -1,6 +1,6 @@
 //! Which values there are: the most frequent one, and how many different ones.
 
-use super::method::{Nature, Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource, ValueNature};
 use super::sorted::SortedCellValues;
 use terrane_base::attribute::CLASS;
 
@@ -8,18 +8,18 @@ pub(super) const MODE: StatisticMethod = StatisticMethod {
     name: "mode",
     aliases: &["majority"],
     about: "most frequent class (or value of another attribute), the lowest of equally frequent ones",
-    nature: Nature::Nominal,
+    nature: ValueNature::Nominal,
     usual: Some(CLASS),
-    of: Of::Sorted(|_, values, units| units.height(mode(values))),
+    of: StatisticSource::Sorted(|_, values, units| units.height(mode(values))),
     ..StatisticMethod::HEIGHT
 };
 
 pub(super) const VARIETY: StatisticMethod = StatisticMethod {
     name: "variety",
     about: "number of different classes (or values of another attribute), 0 where there is no point",
-    nature: Nature::Count,
+    nature: ValueNature::Count,
     usual: Some(CLASS),
-    of: Of::Sorted(|_, values, _| values.runs().count() as f64),
+    of: StatisticSource::Sorted(|_, values, _| values.runs().count() as f64),
     ..StatisticMethod::HEIGHT
 };
 

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Of, StatisticMethod, Values};
+use super::method::{StatisticMethod, StatisticSource, Values};
 use crate::cell::StatisticCell;
 use crate::parameter::{GivenParameters, NUMBER, StatisticParameter};
 use crate::plane::{AccumulatorKind, CellAccumulator, PointCount};
@@ -58,7 +58,7 @@ pub(super) const MEAN: StatisticMethod = StatisticMethod {
     name: "mean",
     aliases: &["average", "avg"],
     about: "mean height",
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM]),
         value: |_, cell| {
             let count = cell.kept::<PointCount>(0).0;
@@ -82,7 +82,7 @@ pub(super) const STD: StatisticMethod = StatisticMethod {
     about: "standard deviation of heights",
     parameters: &[DDOF],
     check: ddof,
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |_, rules| (rules.own(), vec![PointCount::KEPT, SUM, SQUARES]),
         value: |statistic, cell| {
             let ddof = statistic.parameter(DDOF.key).unwrap_or(0.0);

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::method::{Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource};
 use crate::parameter::RADIUS;
 use crate::plane::{AccumulatorKind, CellAccumulator};
 use crate::region::CellNeighborhood;
@@ -44,7 +44,7 @@ pub(super) const NEAREST: StatisticMethod = StatisticMethod {
     about: "height of the point nearest to the cell's centre within a radius",
     parameters: &[RADIUS],
     check: |given| Ok([given.positive(RADIUS.key)?, None]),
-    of: Of::Points {
+    of: StatisticSource::Points {
         needs: |statistic, rules| {
             let radius = statistic.parameter(RADIUS.key).unwrap_or(rules.radius);
             (CellNeighborhood::Disc(radius), vec![NEAR])

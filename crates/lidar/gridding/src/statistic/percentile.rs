@@ -1,10 +1,10 @@
 //! Percentiles, from all values.
 
-use super::method::{Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource};
 use super::sorted::SortedCellValues;
 use terrane_base::error::Error;
 
-const OF: Of = Of::Sorted(|statistic, values, units| {
+const OF: StatisticSource = StatisticSource::Sorted(|statistic, values, units| {
     units.height(statistic.rank().and_then(|rank| percentile(values, rank)))
 });
 

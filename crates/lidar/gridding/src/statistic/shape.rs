@@ -1,6 +1,6 @@
 //! How values are distributed: skewness, kurtosis and entropy.
 
-use super::method::{Nature, Of, StatisticMethod};
+use super::method::{StatisticMethod, StatisticSource, ValueNature};
 use super::sorted::SortedCellValues;
 use crate::cell::CellUnits;
 use crate::parameter::{NUMBER, StatisticParameter};
@@ -9,8 +9,8 @@ pub(super) const SKEWNESS: StatisticMethod = StatisticMethod {
     name: "skewness",
     aliases: &["skew"],
     about: "third central moment by the third power of the standard deviation, as of a population",
-    nature: Nature::Ratio,
-    of: Of::Sorted(|_, values, _| moment(values, 3).unwrap_or(f64::NAN)),
+    nature: ValueNature::Ratio,
+    of: StatisticSource::Sorted(|_, values, _| moment(values, 3).unwrap_or(f64::NAN)),
     ..StatisticMethod::HEIGHT
 };
 
@@ -18,8 +18,8 @@ pub(super) const KURTOSIS: StatisticMethod = StatisticMethod {
     name: "kurtosis",
     aliases: &["kurt"],
     about: "fourth central moment by the fourth power of the standard deviation: 3 for a normal distribution",
-    nature: Nature::Ratio,
-    of: Of::Sorted(|_, values, _| moment(values, 4).unwrap_or(f64::NAN)),
+    nature: ValueNature::Ratio,
+    of: StatisticSource::Sorted(|_, values, _| moment(values, 4).unwrap_or(f64::NAN)),
     ..StatisticMethod::HEIGHT
 };
 
@@ -38,9 +38,9 @@ pub(super) const ENTROPY: StatisticMethod = StatisticMethod {
     name: "entropy",
     about: "Shannon entropy of the shares of points in layers from 0 to the highest point, by that of equal shares",
     parameters: &[LAYER],
-    nature: Nature::Ratio,
+    nature: ValueNature::Ratio,
     check: |given| Ok([given.positive(LAYER.key)?, None]),
-    of: Of::Sorted(|statistic, values, units| {
+    of: StatisticSource::Sorted(|statistic, values, units| {
         let layer = statistic.parameter(LAYER.key).unwrap_or(1.0);
         entropy(values, layer, units).unwrap_or(f64::NAN)
     }),

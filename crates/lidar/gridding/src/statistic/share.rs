@@ -1,6 +1,6 @@
 //! Some points as a share of others.
 
-use super::method::{Nature, Of, StatisticMethod, Takes};
+use super::method::{StatisticMethod, StatisticSource, SubjectKinds, ValueNature};
 use crate::cell::StatisticCell;
 use crate::plane::PointCount;
 use crate::subject::Subject;
@@ -9,9 +9,9 @@ use terrane_base::attribute::Return;
 pub(super) const SHARE: StatisticMethod = StatisticMethod {
     name: "share",
     about: "points of a class, return or layer of heights, as a share of all points, 0 to 1",
-    nature: Nature::Ratio,
-    takes: Takes::Conditions,
-    of: Of::Share { base: |_| Subject::default(), value: share },
+    nature: ValueNature::Ratio,
+    takes: SubjectKinds::Conditions,
+    of: StatisticSource::Share { base: |_| Subject::default(), value: share },
     ..StatisticMethod::HEIGHT
 };
 
@@ -21,14 +21,14 @@ const ABOVE: f64 = 2.0;
 pub(super) const COVER: StatisticMethod = StatisticMethod {
     name: "cover",
     about: "first returns above a height, or in a layer of heights, as a share of all first returns [above=2]",
-    nature: Nature::Ratio,
-    takes: Takes::Conditions,
+    nature: ValueNature::Ratio,
+    takes: SubjectKinds::Conditions,
     complete: |subject| {
         let above = subject.above.or((!subject.has_limits()).then_some(ABOVE));
         let returns = subject.returns.or(Some(Return::First));
         Subject { above, returns, ..subject }
     },
-    of: Of::Share { base: Subject::of_any_height, value: share },
+    of: StatisticSource::Share { base: Subject::of_any_height, value: share },
     ..StatisticMethod::HEIGHT
 };
 

@@ -9,7 +9,7 @@ use terrane_base::geom::Point;
 /// Values in steps.
 pub(super) const WHOLE: AccumulatorKind = all::<StepValue>("values");
 /// Values that are any numbers.
-pub(super) const REAL: AccumulatorKind = all::<Real>("real values");
+pub(super) const REAL: AccumulatorKind = all::<RealValue>("real values");
 
 const fn all<E: CellValue>(name: &'static str) -> AccumulatorKind {
     AccumulatorKind {
@@ -39,7 +39,7 @@ pub(super) struct StepValue {
 /// Any number and its cell: its bits, high and low, so turned that they are ordered as numbers are.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
-pub(super) struct Real {
+pub(super) struct RealValue {
     cell: u32,
     high: u32,
     low: u32,
@@ -62,7 +62,7 @@ impl CellValue for StepValue {
 
 const SIGN: u64 = 1 << 63;
 
-impl CellValue for Real {
+impl CellValue for RealValue {
     fn new(cell: u32, point: &Point, reals: &[f64]) -> Self {
         // Nought has one sign.
         let value = reals.get(point.z as usize).map_or(0.0, |value| value + 0.0);
@@ -129,7 +129,7 @@ impl<E: CellValue> CellValueList<E> {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum SortedCellValues<'a> {
     Whole(&'a [StepValue]),
-    Real(&'a [Real]),
+    Real(&'a [RealValue]),
 }
 
 impl<'a> SortedCellValues<'a> {
@@ -219,7 +219,7 @@ mod tests {
             mut numbers in prop::collection::vec(any_finite(), 1..40),
         ) {
             let places: Vec<_> = (0..numbers.len() as i32).map(|z| Point::new(0, 0, z)).collect();
-            let mut values = CellValueList::<Real>(Vec::new());
+            let mut values = CellValueList::<RealValue>(Vec::new());
             let cells = vec![3; numbers.len()];
             let hits = CellHits { cells: &cells, points: &places, squares: &[], unit: 1.0, reals: &numbers };
             values.add(hits).unwrap();

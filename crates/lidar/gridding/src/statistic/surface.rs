@@ -1,6 +1,6 @@
 //! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
 
-use super::method::{Of, StatisticMethod, SurfaceInterpolation, Takes};
+use super::method::{StatisticMethod, StatisticSource, SubjectKinds, SurfaceInterpolation};
 use crate::parameter::{NUMBER, StatisticParameter};
 
 const MAX_EDGE: StatisticParameter = StatisticParameter {
@@ -14,9 +14,9 @@ pub(super) const TIN: StatisticMethod = StatisticMethod {
     aliases: &["linear"],
     about: "height at the cell's centre, linear in the Delaunay triangulation of all points",
     parameters: &[MAX_EDGE],
-    takes: Takes::Nothing,
+    takes: SubjectKinds::Nothing,
     check: |given| Ok([given.positive(MAX_EDGE.key)?, None]),
-    of: Of::All(|statistic| SurfaceInterpolation::Linear {
+    of: StatisticSource::All(|statistic| SurfaceInterpolation::Linear {
         max_edge: statistic.parameter(MAX_EDGE.key),
     }),
     ..StatisticMethod::HEIGHT
@@ -26,7 +26,7 @@ pub(super) const NATURAL: StatisticMethod = StatisticMethod {
     name: "natural",
     aliases: &["sibson"],
     about: "height at the cell's centre from its natural neighbours among all points",
-    takes: Takes::Nothing,
-    of: Of::All(|_| SurfaceInterpolation::Natural),
+    takes: SubjectKinds::Nothing,
+    of: StatisticSource::All(|_| SurfaceInterpolation::Natural),
     ..StatisticMethod::HEIGHT
 };

@@ -14,8 +14,8 @@ mod low;
 mod open;
 mod parameters;
 
-use crate::finder::{Asked, FinderTiling, GroundFinder, Method};
-use crate::lows::{EMPTY, Lows};
+use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
+use crate::lows::{EMPTY, LowestPoints};
 use crate::surface::{BESIDE, GroundSurface};
 use fill::{filled, widened};
 
@@ -29,7 +29,7 @@ pub(crate) const METHOD: Method = Method {
     finder: GroundFinder {
         lattice: |_, spacing| {
             let cell = spacing.max(CELL);
-            FinderTiling { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
+            GroundTiling { cell, halo: Parameters::metres(cell, 1.0).reach(), core: None }
         },
         find,
     },
@@ -38,7 +38,7 @@ pub(crate) const METHOD: Method = Method {
 /// Side of a cell in metres, unless points are further apart.
 const CELL: f64 = 1.0;
 
-fn find(_: &Asked, lows: &Lows<'_>) -> GroundSurface {
+fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     let minima: Vec<i32> = lows.points.iter().map(|p| p.z).collect();
     ground(&minima, lows.width, &Parameters::metres(lows.cell, lows.step[2]))
 }

@@ -23,7 +23,7 @@ pub struct NoiseFinder {
     /// `None` where a limit depends on all points.
     pub(super) reach: Option<Reach>,
     pub(super) scores: Scores,
-    pub(super) limit: fn(&Asked, &ScoreSums) -> Limit,
+    pub(super) limit: fn(&Asked, &ScoreSums) -> ScoreLimit,
     /// Bytes that scores take for each point of a part.
     pub(super) bytes: fn(&Asked) -> u64,
 }
@@ -47,14 +47,14 @@ pub trait NeighborParts {
 
 /// Which scores are noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Limit {
+pub enum ScoreLimit {
     /// Those up to a number of points.
     Few(u64),
     /// Those above a distance, in [`NoiseSpace::unit`]s.
     Far(f64),
 }
 
-impl Limit {
+impl ScoreLimit {
     /// Whether a score is.
     pub fn is_noise(&self, score: u64) -> bool {
         match self {

@@ -1,8 +1,8 @@
 //! Which points of a cloud are noise: methods by name, from the points around each.
 //!
 //! A method ([`METHODS`], [`Asked`]) gives each point of a part of the cloud a score, from the points of the part and
-//! those [`NeighborParts`] it; a score is a function of all points, however these are put into parts. Which scores are noise
-//! ([`Limit`]) may depend on those of all points, of which whole-number sums are kept ([`ScoreSums`]): they are the same
+//! those around it ([`NeighborParts`]); a score is a function of all points, however these are put into parts. Which scores are noise
+//! ([`ScoreLimit`]) may depend on those of all points, of which whole-number sums are kept ([`ScoreSums`]): they are the same
 //! whatever the order.
 
 mod finder;
@@ -18,7 +18,7 @@ use terrane_base::geom::Point;
 use crate::asked::FinderRegistry;
 use finder::CLASS;
 
-pub use finder::{Asked, Limit, Method, NeighborParts, NoiseFinder};
+pub use finder::{Asked, Method, NeighborParts, NoiseFinder, ScoreLimit};
 pub use space::{Bounds, NoiseSpace};
 pub use sums::ScoreSums;
 
@@ -66,7 +66,7 @@ impl Asked {
     }
 
     /// Which scores are noise, all of them having these sums; of a local method, whatever they are.
-    pub fn limit(&self, sums: &ScoreSums) -> Limit {
+    pub fn limit(&self, sums: &ScoreSums) -> ScoreLimit {
         (self.finder().limit)(self, sums)
     }
 

@@ -7,7 +7,7 @@
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 
-use super::finder::{Asked, CLASS, Limit, Method, NeighborParts, NoiseFinder};
+use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
 use super::space::{NoiseSpace, bounds};
 use super::sums::ScoreSums;
 use super::tree::NoiseKdTree;
@@ -28,7 +28,7 @@ pub(super) const METHOD: Method = Method {
         scores,
         limit: |asked, sums| {
             let [mean, deviation] = sums.mean_and_deviation();
-            Limit::Far(mean + asked.value("m") * deviation)
+            ScoreLimit::Far(mean + asked.value("m") * deviation)
         },
         // Points of a part and of another, as they are and in trees, and distances.
         bytes: |asked| 4 * 14 + 8 + 8 * (2 + asked.value("k") as u64),

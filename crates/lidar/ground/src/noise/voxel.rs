@@ -6,7 +6,7 @@
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-use super::finder::{Asked, CLASS, Limit, Method, NeighborParts, NoiseFinder};
+use super::finder::{Asked, CLASS, Method, NeighborParts, NoiseFinder, ScoreLimit};
 use super::space::{Bounds, NoiseSpace};
 use terrane_base::parameters::Parameter;
 
@@ -23,7 +23,7 @@ pub(super) const METHOD: Method = Method {
     finder: NoiseFinder {
         reach: Some(|asked, space| Ok(Voxels::new(asked, space)?.side.map(|side| 2 * side))),
         scores,
-        limit: |asked, _| Limit::Few(most(asked)),
+        limit: |asked, _| ScoreLimit::Few(most(asked)),
         // Points, cubes and counts of a part, and of another.
         bytes: |_| 2 * (12 + 24 + 32) + 8,
     },

@@ -6,19 +6,19 @@ mod plans;
 use super::*;
 use crate::cloud_tin::ready::in_steps;
 use crate::cloud_tin::region_mesh::RegionMesh;
-use crate::few::Few;
+use crate::few::PointSample;
 use crate::points::{PointStoreSetup, Tiling};
 use std::sync::{Arc, Mutex};
 use terrane_base::error::ErrorKind;
 use terrane_base::geom::Point3;
 use terrane_engine::{Resources, Silent};
 use terrane_mesh::MeshBatch;
-use terrane_tin::scatter::{Fit, ScatterMesh};
+use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
 const FRAME: PointFrame = PointFrame { scale: [0.01; 3], offset: [1000.0, 2000.0, 0.0] };
 
-fn source(points: Vec<Point>, claimed: u64) -> Few {
-    Few::new(FRAME, points).claiming(claimed)
+fn source(points: Vec<Point>, claimed: u64) -> PointSample {
+    PointSample::new(FRAME, points).claiming(claimed)
 }
 
 /// Vertices and triangles.
@@ -44,7 +44,7 @@ impl MeshSink for Collected {
 
 /// The mesh of a source: vertices, triangles, and how it went.
 fn mesh(
-    source: &Few,
+    source: &PointSample,
     tolerance: f64,
     region: u64,
     threads: usize,
@@ -56,7 +56,7 @@ fn mesh(
 /// The same, with what is to be kept.
 fn mesh_with(
     kept: &OnCloud,
-    source: &Few,
+    source: &PointSample,
     tolerance: f64,
     region: u64,
     threads: usize,
@@ -173,7 +173,7 @@ fn regions_give_the_one_triangulation_of_all_vertices_and_keep_the_bound() {
         points.sort_unstable();
         points.dedup_by_key(|p| (p.x, p.y));
         assert_eq!(made.stacked as usize, source.points.len() - points.len());
-        let fit = Fit::new(&mut reference, &points, tolerance);
+        let fit = InsertUntilWithin::new(&mut reference, &points, tolerance);
         assert!(!fit.is_open(), "a point is beyond {tolerance}");
         assert!(tolerance == 0.0 || (fit.measure().0 - made.errors.most).abs() < 1e-6);
     }
@@ -194,7 +194,7 @@ fn no_vertex_beyond_the_influence_of_a_region_touches_its_triangles() {
         let all = (0..local.mesh.triangles().len() as u32).filter_map(|t| local.mesh.corners(t));
         let sites = all.map(|corners| corners.map(|p| [p.x, p.y]));
         let touches = |t: &[[i32; 2]; 3]| {
-            terrane_delaunay::PositionWindow::of(*t).unwrap().intersection(&window).is_some()
+            terrane_delaunay::SiteWindow::of(*t).unwrap().intersection(&window).is_some()
         };
         let own: Vec<_> = sites.filter(touches).collect();
         for _ in 0..300 {
@@ -234,7 +234,7 @@ fn few_points_and_lines_have_no_surface() {
         let output = folder.path().join("a.ply");
         let job = CloudTinJob::new(vec![], output, 1.0, Resources::default());
         let format = terrane_mesh::by_path(&job.output, None).unwrap();
-        let at = Observer { progress: &Silent, cancel: &Cancel::default() };
+        let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
         let error = make(&job, &source, (ConstraintFeatures::default(), format), REGION_POINTS, at)
             .unwrap_err();
         assert_eq!(error.kind(), ErrorKind::BadInput);

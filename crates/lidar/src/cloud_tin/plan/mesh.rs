@@ -20,20 +20,20 @@ use crate::cloud_tin::ready::PreparedCloudTin;
 use crate::cloud_tin::regions::{CloudTinRegion, CloudTinRegions, no_surface};
 use crate::cloud_tin::work;
 use crate::cloud_tin::write::write;
-use crate::points::{PointStore, ShelfWriter, Shelves, Tiling};
+use crate::points::{PointStore, ShelfWriter, SquareIndexes, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_base::limits;
 use terrane_cloud::{self as cloud, CloudInfo, CloudOpenOptions, PointCensus, PointSource};
-use terrane_delaunay::{ConvexHull, PositionWindow};
+use terrane_delaunay::{ConvexHull, SiteWindow};
 use terrane_engine::kept::ConstraintFeatures;
 use terrane_engine::memory::beside_polygons;
 use terrane_engine::outputs::refuse_other_name;
 use terrane_engine::plan::{
-    self, Digest, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind,
-    PlanStep, PlannedWork, StatusReport, TaskSurvey, refuse_another,
+    self, Digest, MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest,
+    PlanStep, PlannedWork, RunControl, StatusReport, TaskSurvey, refuse_another,
 };
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{name_of, path_of};
 use terrane_mesh::{self as mesh, MeshFormat, check_prj};
@@ -48,14 +48,14 @@ const MOST_PARTS: u64 = 1 << 12;
 /// A mesh to make of a cloud.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct CloudMesh {
-    method: CloudTinMethod,
+    method: PlannedCloudTinJob,
     cloud: CloudHeaderSummary,
     pub(super) seen: CloudTinSurvey,
 }
 
 /// What is asked for, by paths that hold wherever a task is run on this file system.
 #[derive(Clone, Serialize, Deserialize)]
-struct CloudTinMethod {
+struct PlannedCloudTinJob {
     inputs: Vec<String>,
     #[serde(flatten)]
     options: CloudOpenOptions,
@@ -81,8 +81,8 @@ struct CloudHeaderSummary {
 pub(super) struct CloudTinSurvey {
     census: PointCensus,
     /// Files whose damage was passed over.
-    #[serde(default, skip_serializing_if = "Losses::is_empty")]
-    losses: Losses,
+    #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
+    losses: LostPoints,
     /// Corners of the hull.
     hull: Vec<[i32; 3]>,
     pub(super) regions: Vec<CloudTinRegion>,
@@ -168,7 +168,7 @@ impl CloudTinSurvey {
         OpenedCloudTin { source, .. }: &OpenedCloudTin,
         (cut, most): (Option<u32>, u64),
         ready: &PreparedCloudTin<'_>,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<(Self, f64)> {
         let (sample, filling) = (SquareSample::new(ready), ready.filling(at));
         let empty = PointStore::empty(ready.tiling(), ready.folder(), 0).outline();
@@ -205,7 +205,7 @@ impl CloudMesh {
         };
         let (options, max_error) = (job.options.clone(), job.tolerance);
         let format = job.format()?.name.to_owned();
-        let method = CloudTinMethod { inputs, options, format, max_error, cut };
+        let method = PlannedCloudTinJob { inputs, options, format, max_error, cut };
         let mesh = Self { method, cloud: CloudHeaderSummary::of(source.info())?, seen };
         mesh.check().map(|()| mesh)
     }
@@ -255,7 +255,7 @@ fn parts(regions: &[CloudTinRegion], blocks: Vec<CloudTinRegion>) -> Vec<CloudTi
 }
 
 /// What is worked on, in a task or at the end.
-struct Desk<'a> {
+struct CloudTinTaskContext<'a> {
     mesh: &'a CloudMesh,
     opened: &'a OpenedCloudTin,
     ready: &'a PreparedCloudTin<'a>,
@@ -263,14 +263,14 @@ struct Desk<'a> {
     hull: Vec<Point>,
     regions: CloudTinRegions,
     lines: CloudLines<'a>,
-    at: Observer<'a>,
+    at: RunControl<'a>,
 }
 
-impl<'a> Desk<'a> {
+impl<'a> CloudTinTaskContext<'a> {
     fn new(
         mesh: &'a CloudMesh,
         (opened, ready): (&'a OpenedCloudTin, &'a PreparedCloudTin<'a>),
-        at: Observer<'a>,
+        at: RunControl<'a>,
     ) -> Self {
         let tiling = ready.tiling();
         let hull: Vec<_> = mesh.seen.hull.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
@@ -290,7 +290,7 @@ impl<'a> Desk<'a> {
     }
 
     /// The points in a window, those of some squares only where these are named.
-    fn read(&self, within: PositionWindow, squares: Option<&[usize]>) -> Result<PointStore> {
+    fn read(&self, within: SiteWindow, squares: Option<&[usize]>) -> Result<PointStore> {
         let filling = self.ready.filling(self.at);
         let filling = crate::points::PointStoreSetup { within: Some(within), ..filling };
         let empty = self.empty(filling.memory);
@@ -374,23 +374,23 @@ impl<'a> Desk<'a> {
 }
 
 /// The vertices in the objects of some tasks.
-fn shelves(survey: &TaskSurvey<'_, CloudMesh>, tasks: Vec<CloudTinTask>) -> Result<Shelves> {
+fn shelves(survey: &TaskSurvey<'_, CloudMesh>, tasks: Vec<CloudTinTask>) -> Result<SquareIndexes> {
     let object = |task: CloudTinTask| {
         let (path, done) = survey.object(task)?;
         Ok((path, done.facts.index))
     };
-    Shelves::open(tasks.into_iter().map(object).collect::<Result<Vec<_>>>()?)
+    SquareIndexes::open(tasks.into_iter().map(object).collect::<Result<Vec<_>>>()?)
 }
 
 /// What the regions of a task found when they looked last, before its round.
 fn looks(survey: &TaskSurvey<'_, CloudMesh>, task: CloudTinTask) -> Result<Vec<RegionInspection>> {
     let regions = survey.folder.plan.work.part(task).regions.clone();
-    let mut looks = vec![RegionInspection::settled(PositionWindow::ALL, 0); regions.len()];
+    let mut looks = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
     for round in 1..task.round {
         let (_, done) = survey.object(CloudTinTask { round, ..task })?;
         for &(region, [low, high], points) in &done.facts.looks {
             looks[region - regions.start] =
-                RegionInspection::settled(PositionWindow { low, high }, points);
+                RegionInspection::settled(SiteWindow { low, high }, points);
         }
     }
     Ok(looks)
@@ -456,8 +456,8 @@ impl PlannedWork for CloudMesh {
         Ok(Path::new("mesh").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedCloudTin> {
-        let OutputOrder { output, overwrite, resources, .. } = order;
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<OpenedCloudTin> {
+        let OutputRequest { output, overwrite, resources, .. } = order;
         let Self { method, cloud, .. } = &plan.work;
         let resources = beside_polygons(&method.options, &resources);
         let options = CloudOpenOptions { threads: resources.threads, ..method.options.clone() };
@@ -477,7 +477,7 @@ impl PlannedWork for CloudMesh {
         Ok(opened)
     }
 
-    fn check_output(opened: &OpenedCloudTin, _: Observer<'_>) -> Result<()> {
+    fn check_output(opened: &OpenedCloudTin, _: RunControl<'_>) -> Result<()> {
         let (CloudTinJob { output, overwrite, .. }, ready) = (&opened.job, opened.ready()?);
         drop(AtomicFile::create(output, *overwrite)?);
         check_prj(output, &ready.info.crs, *overwrite)
@@ -488,10 +488,10 @@ impl PlannedWork for CloudMesh {
         (task, object): (CloudTinTask, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut PointRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<VertexObjectSummary>> {
         let (mesh, ready) = (&survey.folder.plan.work, opened.ready()?);
-        let (desk, part) = (Desk::new(mesh, (opened, &ready), at), mesh.part(task));
+        let (desk, part) = (CloudTinTaskContext::new(mesh, (opened, &ready), at), mesh.part(task));
         let (vertices, mut found) = match task.round {
             0 => (desk.choose(&part.block, part.regions.clone())?, Vec::new()),
             _ => {
@@ -504,7 +504,7 @@ impl PlannedWork for CloudMesh {
         let (points, index) = put(&vertices, &part.block, object)?;
         run.vertices += points;
         let look = |(region, look): (usize, RegionInspection)| {
-            let PositionWindow { low, high } = look.influence;
+            let SiteWindow { low, high } = look.influence;
             (region, [low, high], look.errors.points)
         };
         let facts =
@@ -516,10 +516,11 @@ impl PlannedWork for CloudMesh {
         opened: &OpenedCloudTin,
         survey: &TaskSurvey<'_, Self>,
         run: &mut PointRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<CloudTinReport> {
         let (started, mesh, ready) = (Instant::now(), &survey.folder.plan.work, opened.ready()?);
-        let (desk, mut clock) = (Desk::new(mesh, (opened, &ready), at), CloudTinClock::default());
+        let (desk, mut clock) =
+            (CloudTinTaskContext::new(mesh, (opened, &ready), at), CloudTinClock::default());
         let (none, all) = (desk.empty(0), shelves(survey, mesh.tasks())?);
         let work = desk.work(&none, all.bytes())?;
         let vertices = desk.empty(work.vertex_bytes).over(all);

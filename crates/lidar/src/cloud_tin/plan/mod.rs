@@ -26,7 +26,7 @@ use mesh::{CloudMesh, CloudTinSurvey, OpenedCloudTin};
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
 use terrane_engine::plan::{
-    self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob, StatusReport,
+    self, DiskCheck, OutputForm, PlanKind, PlanManifest, RunControl, RunJob, StatusReport,
 };
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
@@ -70,21 +70,21 @@ pub fn plan_cloud_tin(
     progress: &dyn Progress,
     cancel: &Cancel,
 ) -> Result<CloudTinStatus> {
-    plan_regions(job, REGION_POINTS, Observer { progress, cancel })
+    plan_regions(job, REGION_POINTS, RunControl { progress, cancel })
 }
 
 /// The same in regions of so many points at the most.
 pub(super) fn plan_regions(
     job: &PlanCloudTinJob,
     most: u64,
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<CloudTinStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     refuse_held(job.inputs.names())?;
     refuse_lines(job)?;
     job.check()?;
     let opened = OpenedCloudTin::new(job.clone(), job.label())?;
-    let (mesh, needs) = match Plan::<CloudMesh>::there(folder) {
+    let (mesh, needs) = match PlanManifest::<CloudMesh>::there(folder) {
         Some(plan) => (CloudMesh::of(&opened, *cut, plan.work.seen)?, plan.needs),
         None => {
             let (seen, share) = CloudTinSurvey::look(&opened, (*cut, most), &opened.ready()?, at)?;
@@ -94,7 +94,7 @@ pub(super) fn plan_regions(
         }
     };
     let files = mesh.files(&opened);
-    Plan::new(mesh, (job.label(), files), needs, skipped)?.put(folder)?;
+    PlanManifest::new(mesh, (job.label(), files), needs, skipped)?.put(folder)?;
     plan::status::<CloudMesh>(folder)
 }
 
@@ -127,7 +127,7 @@ pub fn run_in(
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan =
         || plan_cloud_tin(&PlanCloudTinJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<CloudMesh>(&all, plan, Observer { progress, cancel })?;
+    let run = plan::run_in::<CloudMesh>(&all, plan, RunControl { progress, cancel })?;
     let mut mesh = PlanKind::Cloud.made(run.of.mesh)?;
     mesh.run.wall_seconds = run.wall_seconds;
     mesh.run.peak_memory = run.peak_memory;

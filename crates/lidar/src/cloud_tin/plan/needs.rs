@@ -9,7 +9,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::ConvexHull;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{Observer, PlanNeeds};
+use terrane_engine::plan::{PlanNeeds, RunControl};
 
 /// Squares that are tried.
 const TRIED: u32 = 96;
@@ -52,7 +52,7 @@ impl SquareSample {
         &self,
         ready: &PreparedCloudTin<'_>,
         hull: &ConvexHull,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<f64> {
         let tiling = self.points.tiling();
         let few = |square: usize| {

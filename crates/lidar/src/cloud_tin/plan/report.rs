@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
-use terrane_engine::plan::{self, PlanRunReport, StatusReport};
+use terrane_engine::plan::{self, DescribesRun, StatusReport};
 
 /// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
 pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
@@ -29,7 +29,7 @@ pub struct PointRun {
     pub mesh: Option<CloudTinReport>,
 }
 
-impl PlanRunReport for PointRun {
+impl DescribesRun for PointRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }

@@ -14,7 +14,7 @@ use terrane_base::geom::Rect;
 use terrane_base::limits;
 use terrane_cloud::{self as cloud, PointSource};
 use terrane_engine::memory::beside_polygons;
-use terrane_engine::plan::{self, OutputOrder};
+use terrane_engine::plan::{self, OutputRequest};
 use terrane_files::{name_of, path_of};
 
 /// Sides of tiles are multiples of this many cells, the usual blocks of files.
@@ -84,8 +84,8 @@ impl CloudGridPlan {
     }
 
     /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
-    pub(super) fn open(&self, label: &str, order: OutputOrder) -> Result<OpenedCloudGrid> {
-        let OutputOrder { output, overwrite, resources, .. } = order;
+    pub(super) fn open(&self, label: &str, order: OutputRequest) -> Result<OpenedCloudGrid> {
+        let OutputRequest { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);
         let mut job = GridJob { output, overwrite, resources, ..self.method.clone() };
         job.cloud.threads = job.resources.threads;

@@ -16,17 +16,17 @@ use serde::{Deserialize, Serialize};
 use super::extent::GridExtent;
 use super::job::GridJob;
 use super::options::GridOptions;
-use super::preset::{CloudOverview, Making, Preset};
+use super::preset::{CloudOverview, Making, SurfaceModel};
 use super::report::GridReport;
 use manifest::{BLOCK, CloudGridPlan, GridTileTask, MOST_SIDE};
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{self as cloud, PointCensus, PointSource};
 use terrane_engine::operation::{Divisible, Operation, RunRequest};
 use terrane_engine::plan::{
-    self, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanRunReport,
-    PlanStep, PlannedWork, StatusReport, TaskSurvey,
+    self, DescribesRun, MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest,
+    PlanStep, PlannedWork, RunControl, StatusReport, TaskSurvey,
 };
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_engine::{Cancel, Progress, Resources};
 use terrane_files::{name_of, refuse_held, shown_all};
 use terrane_raster::write::{self, by_name};
@@ -59,7 +59,7 @@ pub struct CellRun {
     pub grid: Option<GridReport>,
 }
 
-impl PlanRunReport for CellRun {
+impl DescribesRun for CellRun {
     fn written(&self) -> Option<&str> {
         self.written.as_deref()
     }
@@ -125,7 +125,8 @@ pub fn plan_grid(
     let job = &job.settled()?;
     let points = cloud::source(&job.input, &job.cloud)?;
     let extent = GridExtent::new(points.info(), job)?;
-    let (there, at) = (Plan::<CloudGridPlan>::there(folder), Observer { progress, cancel });
+    let (there, at) =
+        (PlanManifest::<CloudGridPlan>::there(folder), RunControl { progress, cancel });
     let look = |preset| look(preset, job, (&*points, &extent), at);
     let seen = match &there {
         Some(plan) => plan.work.seen.clone(),
@@ -137,16 +138,16 @@ pub fn plan_grid(
     let expect = || probe::expect(&opened, &grid.grid, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let label = shown_all(&job.input);
-    Plan::new(grid, (label, files), needs, skipped)?.put(folder)?;
+    PlanManifest::new(grid, (label, files), needs, skipped)?.put(folder)?;
     plan::status::<CloudGridPlan>(folder)
 }
 
 /// What a model of the terrain has to know of the whole cloud.
 fn look(
-    preset: Preset,
+    preset: SurfaceModel,
     job: &GridJob,
     (points, extent): (&dyn PointSource, &GridExtent),
-    Observer { progress, cancel }: Observer<'_>,
+    RunControl { progress, cancel }: RunControl<'_>,
 ) -> Result<CloudOverview> {
     let reading = job.reading();
     let Resources { threads, memory, .. } = job.resources;
@@ -161,8 +162,8 @@ struct TilePointCounts {
     read: u64,
     kept: u64,
     /// Files whose damage was passed over.
-    #[serde(default, skip_serializing_if = "Losses::is_empty")]
-    losses: Losses,
+    #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
+    losses: LostPoints,
 }
 
 impl PlannedWork for CloudGridPlan {
@@ -211,11 +212,11 @@ impl PlannedWork for CloudGridPlan {
         Ok(Path::new("grid").with_extension(format.extensions[0]))
     }
 
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedCloudGrid> {
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<OpenedCloudGrid> {
         plan.work.open(&plan.label, order)
     }
 
-    fn check_output(opened: &OpenedCloudGrid, _: Observer<'_>) -> Result<()> {
+    fn check_output(opened: &OpenedCloudGrid, _: RunControl<'_>) -> Result<()> {
         opened.sink(&opened.job, &opened.extent).map(drop)
     }
 
@@ -224,7 +225,7 @@ impl PlannedWork for CloudGridPlan {
         (tile, object): (GridTileTask, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut CellRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<TilePointCounts>> {
         let made = opened.make(survey.folder.plan.work.grid.cells(tile), object, at)?;
         run.points += made.points.read;
@@ -243,9 +244,9 @@ impl PlannedWork for CloudGridPlan {
         opened: &OpenedCloudGrid,
         survey: &TaskSurvey<'_, Self>,
         run: &mut CellRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<()> {
-        let (mut points, mut losses) = (PointCensus::default(), Losses::default());
+        let (mut points, mut losses) = (PointCensus::default(), LostPoints::default());
         for done in survey.done.values() {
             points.read += done.facts.read;
             points.kept += done.facts.kept;
@@ -254,7 +255,8 @@ impl PlannedWork for CloudGridPlan {
         let file = |tile: &GridTileTask| name_of(survey.object(*tile)?.0);
         let files = survey.done.keys().map(file).collect::<Result<Vec<_>>>()?;
         let made = opened.write(&files, &opened.job, &opened.extent, at)?;
-        let Plan { label, work: CloudGridPlan { grid: cells, .. }, .. } = &survey.folder.plan;
+        let PlanManifest { label, work: CloudGridPlan { grid: cells, .. }, .. } =
+            &survey.folder.plan;
         let notes = losses.notes().chain(made.notes).collect();
         let (cloud_points, input) = (Some(cells.points), label.clone());
         run.grid = Some(GridReport { points, cloud_points, input, notes, ..made });

@@ -16,9 +16,9 @@ use crate::points::parts_in;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{Observer, PlanNeeds, shared};
+use terrane_engine::plan::{PlanNeeds, RunControl, shared};
 use terrane_files::name_of;
-use terrane_gridding::Recipe;
+use terrane_gridding::StatisticRecipe;
 
 /// Small tiles along each side of the grid.
 const ALONG: u32 = 4;
@@ -44,12 +44,12 @@ const MARGIN: f64 = 1.06;
 pub(super) fn expect(
     opened: &OpenedCloudGrid,
     cells: &PlannedCells,
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let folder = TempDir::new_in(&folder).map_err(|e| Error::write(&folder, e))?;
     let places = places(cells);
-    let least = Least::of(opened, cells, folder.path())?;
+    let least = LeastMemory::of(opened, cells, folder.path())?;
     let mut seen = GridProbe { block: least.block, ..GridProbe::default() };
     at.progress.begin("sample", places.len() as u64);
     for (number, rect) in places.iter().enumerate() {
@@ -83,7 +83,7 @@ fn is_found(OpenedCloudGrid { job, seen, .. }: &OpenedCloudGrid) -> bool {
 /// Nanoseconds for a point, where that is not measured.
 fn point(opened: &OpenedCloudGrid) -> f64 {
     let OpenedCloudGrid { job, seen, extent, .. } = opened;
-    let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+    let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
     let usual = match seen {
         Some(seen) if job.needs_ground() && !seen.by_class => FOUND,
         _ => POINT[usize::from(recipe.triangulates())],
@@ -116,7 +116,7 @@ fn points_near(opened: &OpenedCloudGrid, near: Option<CellSurroundings>) -> u64 
 }
 
 /// A tile that was tried.
-struct Tried {
+struct TriedTile {
     /// Bytes of the tile, and of the grid written from it.
     bytes: [u64; 2],
     /// Points read.
@@ -140,7 +140,7 @@ struct GridProbe {
 }
 
 impl GridProbe {
-    fn add(&mut self, rect: Rect, tried: Tried) {
+    fn add(&mut self, rect: Rect, tried: TriedTile) {
         let [tile, written] = tried.bytes;
         self.points += tried.points;
         self.seconds += tried.seconds;
@@ -206,8 +206,8 @@ fn probe(
     opened: &OpenedCloudGrid,
     rect: Rect,
     folder: &Path,
-    at: Observer<'_>,
-) -> Result<Option<Tried>> {
+    at: RunControl<'_>,
+) -> Result<Option<TriedTile>> {
     at.cancel.check()?;
     let near = opened.near(rect);
     if points_near(opened, near) > MOST_POINTS {
@@ -223,7 +223,7 @@ fn probe(
     let job = written_in(&opened.job, folder)?;
     let written = opened.write(&files, &job, &extent, at)?;
     let bytes = [made.output_bytes, written.output_bytes];
-    Ok(Some(Tried { bytes, points: made.points.read, seconds }))
+    Ok(Some(TriedTile { bytes, points: made.points.read, seconds }))
 }
 
 /// The job whose output is in `folder`.
@@ -234,14 +234,14 @@ fn written_in(job: &GridJob, folder: &Path) -> Result<GridJob> {
 }
 
 /// The least that the work needs.
-struct Least {
+struct LeastMemory {
     /// Bytes, for the largest tile and for the writing of the grid.
     memory: u64,
     /// Columns and rows of a block of the written grid.
     block: (u32, u32),
 }
 
-impl Least {
+impl LeastMemory {
     fn of(opened: &OpenedCloudGrid, cells: &PlannedCells, folder: &Path) -> Result<Self> {
         let tile = opened.extent.part(cells.cells(GridTileTask(0)), opened.points.info());
         let tile = Self::to_write(&opened.job_of(&folder.join("tile.tif")), &tile)?;
@@ -255,7 +255,7 @@ impl Least {
 
     fn to_write(job: &GridJob, extent: &GridExtent) -> Result<Self> {
         let (format, info) = (job.format()?, extent.written(job));
-        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let sink = format.create(&job.output, &info, &job.write_options())?;
         let memory = GridBudget::least(format, sink.as_ref(), extent, &recipe);
         Ok(Self { memory, block: sink.block() })

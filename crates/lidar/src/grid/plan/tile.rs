@@ -16,10 +16,10 @@ use crate::points::reach;
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_cloud::PointSource;
-use terrane_delaunay::PositionWindow;
-use terrane_engine::figures::Figures;
-use terrane_engine::plan::Observer;
-use terrane_gridding::{LatticeAxis, Recipe, Statistic, SurfaceInterpolation};
+use terrane_delaunay::SiteWindow;
+use terrane_engine::figures::RunStatistics;
+use terrane_engine::plan::RunControl;
+use terrane_gridding::{LatticeAxis, Statistic, StatisticRecipe, SurfaceInterpolation};
 use terrane_raster::write::GridSink;
 use terrane_raster::{self as raster, GridSource, SampleType};
 
@@ -38,7 +38,7 @@ pub(super) struct OpenedCloudGrid {
 impl OpenedCloudGrid {
     /// Writes the tile of these `cells` to `file` from the part of the cloud that lies near it, or as
     /// much more as it takes.
-    pub(super) fn make(&self, cells: Rect, file: &Path, at: Observer<'_>) -> Result<GridReport> {
+    pub(super) fn make(&self, cells: Rect, file: &Path, at: RunControl<'_>) -> Result<GridReport> {
         let mut near = self.near(cells);
         loop {
             if let Some(made) = self.try_make(cells, file, near, at)? {
@@ -54,7 +54,7 @@ impl OpenedCloudGrid {
         cells: Rect,
         file: &Path,
         near: Option<CellSurroundings>,
-        Observer { progress, cancel }: Observer<'_>,
+        RunControl { progress, cancel }: RunControl<'_>,
     ) -> Result<Option<GridReport>> {
         let (points, job) = (&*self.points, self.job_of(file));
         let extent = self.extent.part(cells, points.info());
@@ -65,7 +65,7 @@ impl OpenedCloudGrid {
     /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
     pub(super) fn near(&self, cells: Rect) -> Option<CellSurroundings> {
         let extent = self.extent.part(cells, self.points.info());
-        let recipe = Recipe::new(&self.job.stats, &self.job.rules(extent.cell()));
+        let recipe = StatisticRecipe::new(&self.job.stats, &self.job.rules(extent.cell()));
         let cells = self.window(&extent, recipe.reach());
         let margin = self.margin(&recipe, &cells)?;
         Some(CellSurroundings { cells, margin })
@@ -98,11 +98,11 @@ impl OpenedCloudGrid {
         files: &[String],
         job: &GridJob,
         extent: &GridExtent,
-        Observer { progress, cancel }: Observer<'_>,
+        RunControl { progress, cancel }: RunControl<'_>,
     ) -> Result<GridReport> {
         let started = Instant::now();
         let (format, info) = (job.format()?, extent.written(job));
-        let recipe = Recipe::new(&job.stats, &job.rules(extent.cell()));
+        let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
         let mut sink = self.sink(job, extent)?;
         let budget = GridBudget::writing(&job.resources, format, sink.as_ref(), extent, &recipe)?;
         let bands = u32::try_from(job.stats.len()).unwrap_or(u32::MAX);
@@ -126,7 +126,7 @@ impl OpenedCloudGrid {
             bands: bands.reports(&valid),
             notes,
             output_bytes: sink.finish()?,
-            run: Figures::since(started, &job.resources)
+            run: RunStatistics::since(started, &job.resources)
                 .with_threads(budget.threads)
                 .with_spilled(0),
             stages: vec![GridStage::since("write", started)],
@@ -135,7 +135,7 @@ impl OpenedCloudGrid {
     }
 
     /// All that lies less than `reach` world units from the centre of a cell, or in one.
-    fn window(&self, extent: &GridExtent, reach: f64) -> PositionWindow {
+    fn window(&self, extent: &GridExtent, reach: f64) -> SiteWindow {
         let frame = &self.points.info().frame;
         let ends = |axis: usize, cells: LatticeAxis, count: u32| {
             let [a, b] = [0, count - 1].map(|cell| cells.world_centre(i64::from(cell)));
@@ -145,11 +145,11 @@ impl OpenedCloudGrid {
         let (width, height) = extent.lattice.size();
         let [west, east] = ends(0, extent.lattice.x, width);
         let [south, north] = ends(1, extent.lattice.y, height);
-        PositionWindow { low: [west, south], high: [east, north] }
+        SiteWindow { low: [west, south], high: [east, north] }
     }
 
     /// Steps around the cells that are read at first; `None` for the whole cloud.
-    fn margin(&self, recipe: &Recipe, cells: &PositionWindow) -> Option<i32> {
+    fn margin(&self, recipe: &StatisticRecipe, cells: &SiteWindow) -> Option<i32> {
         let info = self.points.info();
         let own = |statistic: &Statistic| match statistic.shape() {
             Some(SurfaceInterpolation::Natural) => None,

@@ -7,13 +7,13 @@
 
 use std::collections::BTreeSet;
 
-use super::metres::Metres;
+use super::metres::MetricFrame;
 use crate::points::{PointStore, SquareSummary, Tiling};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, REACH};
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 use terrane_engine::{Cancel, Progress, workers};
-use terrane_ground::{Asked, FinderTiling, GroundSurface, Lows, NO_POINT};
+use terrane_ground::{Asked, GroundSurface, GroundTiling, LowestPoints, NO_POINT};
 
 /// Bytes that a method needs for each cell of a tile and its halo: where tiles may have any size, and
 /// where it is fixed.
@@ -28,7 +28,7 @@ pub(crate) struct GroundFilter<'a> {
     candidates: Vec<&'a PointStore>,
     others: Option<&'a PointStore>,
     method: Asked,
-    lattice: FinderTiling,
+    lattice: GroundTiling,
     /// Metres to a step.
     step: [f64; 3],
     /// Steps along a cell, in x and y.
@@ -38,7 +38,7 @@ pub(crate) struct GroundFilter<'a> {
     /// Bytes for each tile.
     memory: u64,
     /// Where ground is looked for, if not everywhere.
-    within: Option<PositionWindow>,
+    within: Option<SiteWindow>,
 }
 
 /// Cells from the first to before the end, in x and y.
@@ -70,11 +70,11 @@ impl GroundCellRange {
     }
 
     /// What they lie in, where they have so many steps along a side, and a step more.
-    fn window(&self, cell: [f64; 2]) -> PositionWindow {
+    fn window(&self, cell: [f64; 2]) -> SiteWindow {
         let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
         let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
         let high = [0, 1].map(|i| within((self.end[i] as f64 * cell[i]).ceil() + 1.0));
-        PositionWindow { low, high }
+        SiteWindow { low, high }
     }
 
     /// The column and row of a cell, if it is one of these.
@@ -88,7 +88,7 @@ impl<'a> GroundFilter<'a> {
     /// For tiles that take about `memory` bytes each; of all points there are.
     pub(crate) fn new(
         candidates: Vec<&'a PointStore>,
-        metres: &Metres,
+        metres: &MetricFrame,
         method: Asked,
         memory: u64,
     ) -> Self {
@@ -97,9 +97,9 @@ impl<'a> GroundFilter<'a> {
     }
 
     fn on(
-        lattice: FinderTiling,
+        lattice: GroundTiling,
         candidates: Vec<&'a PointStore>,
-        metres: &Metres,
+        metres: &MetricFrame,
         method: Asked,
         memory: u64,
     ) -> Self {
@@ -115,10 +115,10 @@ impl<'a> GroundFilter<'a> {
     /// For the ground in a `window` of a cloud whose points are `spacing` metres apart, which has all candidates
     /// [around](around) it.
     pub(crate) fn within(
-        window: PositionWindow,
+        window: SiteWindow,
         spacing: f64,
         candidates: Vec<&'a PointStore>,
-        metres: &Metres,
+        metres: &MetricFrame,
         method: Asked,
         memory: u64,
     ) -> Self {
@@ -180,7 +180,7 @@ impl<'a> GroundFilter<'a> {
 
     /// The cells that the cloud touches: beyond, all are empty.
     fn all(&self) -> GroundCellRange {
-        let PositionWindow { low, high } = self.tiling().window();
+        let SiteWindow { low, high } = self.tiling().window();
         let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
         GroundCellRange { low: cell(low), end: cell(high).map(|last| last + 1) }
     }
@@ -217,7 +217,7 @@ impl<'a> GroundFilter<'a> {
     fn tile(&self, core: GroundCellRange, into: &PointStore) -> Result<()> {
         let reach = self.lattice.halo as i64;
         let wide = self.all().within(&core.grown(reach));
-        let found = self.method.find(&Lows {
+        let found = self.method.find(&LowestPoints {
             points: &self.lows(&wide)?,
             width: wide.width(),
             cell: self.lattice.cell,
@@ -275,17 +275,17 @@ fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) 
 }
 
 /// Steps along a cell, in x and y.
-fn cell(lattice: &FinderTiling, metres: &Metres) -> [f64; 2] {
+fn cell(lattice: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
     [0, 1].map(|i| lattice.cell / metres.step[i])
 }
 
 /// All that tells which points of a window are ground, where points are `spacing` metres apart.
 pub(crate) fn around(
     method: &Asked,
-    metres: &Metres,
+    metres: &MetricFrame,
     spacing: f64,
-    window: PositionWindow,
-) -> PositionWindow {
+    window: SiteWindow,
+) -> SiteWindow {
     let lattice = method.lattice(spacing);
     let (cell, side) = (cell(&lattice, metres), lattice.core.unwrap_or(1) as i64);
     let square = |at: i32, i: usize| ((f64::from(at) / cell[i]).floor() as i64).div_euclid(side);
@@ -302,14 +302,14 @@ pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
     bytes_of(method.lattice(0.0), extent)
 }
 
-fn bytes_of(lattice: FinderTiling, extent: [f64; 2]) -> u64 {
+fn bytes_of(lattice: GroundTiling, extent: [f64; 2]) -> u64 {
     let most = lattice.core.map_or(0, |core| core + 2 * lattice.halo) as u64;
     let cells = extent.map(|metres| ((metres / lattice.cell).ceil() as u64).saturating_add(2));
     cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
 }
 
 /// How far points of all stores are apart, about, in metres: by the squares that hold any.
-pub(super) fn spacing(stores: &[&PointStore], metres: &Metres) -> f64 {
+pub(super) fn spacing(stores: &[&PointStore], metres: &MetricFrame) -> f64 {
     let (mut count, mut steps) = (0, 0.0);
     for square in 0..stores[0].tiling().count() {
         let all = stores.iter().filter_map(|store| store.summary(square));
@@ -347,7 +347,7 @@ mod tests {
     fn found(candidates: &PointStore, method: Asked, memory: u64, threads: usize) -> Vec<Point> {
         let folder = Resources::default().temp_dir.unwrap_or_else(std::env::temp_dir);
         let into = PointStore::empty(*candidates.tiling(), &folder, 1 << 24);
-        let metres = Metres { step: [0.01; 3], is_guess: false };
+        let metres = MetricFrame { step: [0.01; 3], is_guess: false };
         let filter = GroundFilter::new(vec![candidates], &metres, method, memory);
         assert!(memory > 0 || method != Asked::FILTER || filter.tiles().unwrap().len() > 8);
         filter.run(&into, threads, &Silent, &Cancel::default()).unwrap();
@@ -388,7 +388,7 @@ mod tests {
     #[test]
     fn spacing_is_that_of_the_places_with_points() {
         let folder = tempfile::tempdir().unwrap();
-        let metres = Metres { step: [0.01; 3], is_guess: false };
+        let metres = MetricFrame { step: [0.01; 3], is_guess: false };
         let found = spacing(&[&store(folder.path())], &metres);
         assert!((0.6..0.8).contains(&found), "{found}");
     }

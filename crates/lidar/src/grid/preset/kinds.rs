@@ -11,7 +11,7 @@ use terrane_ground as ground;
 
 /// A model of the terrain that is made of the points it takes, instead of a statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Preset {
+pub enum SurfaceModel {
     /// The ground: its points, linear in their Delaunay triangulation.
     Dtm,
     /// What is seen from above, linear in triangulations, without the pits of crowns ([`canopy`](super::super::GridJob::canopy)).
@@ -20,7 +20,7 @@ pub enum Preset {
     Chm,
 }
 
-impl Preset {
+impl SurfaceModel {
     /// The band that holds it.
     pub fn band(self) -> StatisticRequest {
         let label = match self {

@@ -1,9 +1,9 @@
 //! A scan of the whole cloud, for models of its parts.
 
 use super::filter::spacing;
-use super::kinds::{GroundFrom, Preset};
+use super::kinds::{GroundFrom, SurfaceModel};
 use super::making::{Making, no_noise};
-use super::metres::Metres;
+use super::metres::MetricFrame;
 use super::notes::{frozen, named, no_ground, not_of_class};
 use super::seen::{CloudOverview, places};
 use super::squares::{SpikeFreeSquares, SpikeFreeTally};
@@ -19,7 +19,7 @@ impl CloudOverview {
     /// # Errors
     /// No ground where there has to be some; units that are no lengths.
     pub(in crate::grid) fn look(
-        preset: Preset,
+        preset: SurfaceModel,
         cloud: &CloudInfo,
         making: &Making<'_>,
     ) -> Result<Self> {
@@ -27,7 +27,7 @@ impl CloudOverview {
         if making.job.needs_ground() {
             seen.look_for_ground(preset, cloud, making)?;
         }
-        if preset != Preset::Dtm {
+        if preset != SurfaceModel::Dtm {
             seen.look_at_surface(cloud, making)?;
         }
         Ok(seen)
@@ -35,7 +35,7 @@ impl CloudOverview {
 
     fn look_for_ground(
         &mut self,
-        preset: Preset,
+        preset: SurfaceModel,
         cloud: &CloudInfo,
         making: &Making<'_>,
     ) -> Result<()> {
@@ -48,14 +48,14 @@ impl CloudOverview {
         if self.all_returns {
             last = making.outlined(no_noise(), None, &|_| ())?;
         }
-        if last.count() == 0 && preset != Preset::Dsm {
+        if last.count() == 0 && preset != SurfaceModel::Dsm {
             return Err(no_ground());
         }
         self.look_at_candidates(&[&last], cloud, making.job.ground)
     }
 
     fn look_at_surface(&mut self, cloud: &CloudInfo, making: &Making<'_>) -> Result<()> {
-        let metres = Metres::of(&cloud.crs, &cloud.frame)?;
+        let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
         let first = making.outlined(no_noise(), Some(Return::First), &|_| ())?;
         self.first = spacing(&[&first], &metres);
         let CanopyAlgorithm::SpikeFree { freeze, buffer } = making.job.canopy.way() else {
@@ -88,7 +88,7 @@ impl CloudOverview {
 }
 
 /// Steps along the longest edge that counts above the first triangulation, points being so far apart.
-fn reach(spacing: f64, metres: &Metres) -> i32 {
+fn reach(spacing: f64, metres: &MetricFrame) -> i32 {
     let [x, y, _] = metres.step;
     (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32
 }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::filter::spacing;
-use super::kinds::{GROUND, NOISE, Preset};
-use super::metres::Metres;
+use super::kinds::{GROUND, NOISE, SurfaceModel};
+use super::metres::MetricFrame;
 use super::seen::CloudOverview;
 use crate::grid::extent::GridExtent;
 use crate::grid::job::GridJob;
@@ -13,8 +13,8 @@ use crate::grid::neighbours::tiling;
 use crate::points::{PointStore, PointStoreLimits, PointStoreSetup, Tiling};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
-use terrane_cloud::{self as cloud, CloudFilter as Wanted, CloudOpenOptions, PointSource, Return};
-use terrane_delaunay::PositionWindow;
+use terrane_cloud::{self as cloud, CloudFilter, CloudOpenOptions, PointSource, Return};
+use terrane_delaunay::SiteWindow;
 use terrane_engine::memory::short;
 use terrane_engine::{Cancel, Progress};
 use terrane_gridding::canopy::CanopyAlgorithm;
@@ -57,14 +57,14 @@ impl Making<'_> {
     }
 
     /// What is read of first returns; `None` for all.
-    pub(super) fn surface_window(&self) -> Option<PositionWindow> {
+    pub(super) fn surface_window(&self) -> Option<SiteWindow> {
         self.part.map(|(near, _)| near.window())
     }
 
     /// Where the ground is to be known: for layers, under all first returns that are read.
-    pub(super) fn ground_window(&self) -> Option<PositionWindow> {
+    pub(super) fn ground_window(&self) -> Option<SiteWindow> {
         let is_layered = self.job.canopy.way() == CanopyAlgorithm::PitFree;
-        let is_all = self.job.preset == Some(Preset::Dtm) || !is_layered;
+        let is_all = self.job.preset == Some(SurfaceModel::Dtm) || !is_layered;
         self.part.map(|(near, _)| if is_all { near.window() } else { near.beyond() })
     }
 
@@ -73,7 +73,7 @@ impl Making<'_> {
         &self,
         classes: Vec<u8>,
         returns: Option<Return>,
-        within: Option<PositionWindow>,
+        within: Option<SiteWindow>,
     ) -> Result<PointStore> {
         let source = self.source(classes, returns)?;
         let filling = PointStoreSetup { within, ..self.filling() };
@@ -96,7 +96,7 @@ impl Making<'_> {
     }
 
     /// How far pulses are apart in all of the cloud, about, in metres.
-    pub(super) fn pulses(&self, metres: &Metres) -> Result<f64> {
+    pub(super) fn pulses(&self, metres: &MetricFrame) -> Result<f64> {
         match self.part {
             Some((_, seen)) => Ok(seen.first),
             None => {
@@ -111,7 +111,7 @@ impl Making<'_> {
         classes: Vec<u8>,
         returns: Option<Return>,
     ) -> Result<Box<dyn PointSource>> {
-        let filter = Wanted { classes: Some(classes), returns, ..self.reading.filter.clone() };
+        let filter = CloudFilter { classes: Some(classes), returns, ..self.reading.filter.clone() };
         cloud::source(&self.job.input, &CloudOpenOptions { filter, ..self.reading.clone() })
     }
 
@@ -130,7 +130,7 @@ impl Making<'_> {
     pub(super) fn limited(
         &self,
         store: PointStore,
-        window: Option<PositionWindow>,
+        window: Option<SiteWindow>,
         around: &[Point],
     ) -> Result<PointStore> {
         let Some(window) = window else { return Ok(store) };

@@ -5,14 +5,14 @@ use terrane_base::geom::{Crs, Point, PointFrame};
 
 /// What steps of a frame are in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Metres {
+pub(crate) struct MetricFrame {
     /// A step along each axis.
     pub(crate) step: [f64; 3],
     /// True when no unit is known, so that it is taken for metres.
     pub(crate) is_guess: bool,
 }
 
-impl Metres {
+impl MetricFrame {
     /// What is said of a guess.
     pub(crate) const GUESS: &str = "the cloud names no unit of length; it is taken for metres";
 
@@ -51,8 +51,8 @@ fn no_length(unit: &str) -> Error {
 mod tests {
     use super::*;
 
-    fn steps(crs: &Crs) -> Result<Metres> {
-        Metres::of(crs, &PointFrame { scale: [0.01, 0.02, 0.1], offset: [0.0; 3] })
+    fn steps(crs: &Crs) -> Result<MetricFrame> {
+        MetricFrame::of(crs, &PointFrame { scale: [0.01, 0.02, 0.1], offset: [0.0; 3] })
     }
 
     #[test]
@@ -63,9 +63,9 @@ mod tests {
             ..Crs::default()
         };
         let plain = steps(&crs(None, None)).unwrap();
-        assert_eq!(plain, Metres { step: [0.01, 0.02, 0.1], is_guess: true });
+        assert_eq!(plain, MetricFrame { step: [0.01, 0.02, 0.1], is_guess: true });
         let mixed = steps(&crs(Some(32631), Some("foot"))).unwrap();
-        assert_eq!(mixed, Metres { step: [0.01, 0.02, 0.1 * 0.3048], is_guess: false });
+        assert_eq!(mixed, MetricFrame { step: [0.01, 0.02, 0.1 * 0.3048], is_guess: false });
         let feet = steps(&crs(Some(2263), None)).unwrap();
         assert!(
             feet.step.iter().zip([0.003048, 0.006096, 0.03048]).all(|(a, b)| (a - b).abs() < 1e-6)

@@ -22,14 +22,14 @@ mod top;
 use super::extent::CellRequest;
 use super::job::GridJob;
 use super::near::CellSurroundings;
-use super::neighbours::{Surfaces, more_is_needed, tiling};
+use super::neighbours::{CloudSurfaces, more_is_needed, tiling};
 use crate::points::{PointStore, PointStoreSetup};
 pub(crate) use filter::{GroundFilter, around, square_bytes};
 pub(crate) use kinds::{GROUND, NOISE};
-pub use kinds::{GroundFrom, Preset};
+pub use kinds::{GroundFrom, SurfaceModel};
 pub(super) use making::Making;
 use making::{STORES, no_noise, too_little};
-pub(crate) use metres::Metres;
+pub(crate) use metres::MetricFrame;
 pub(crate) use notes::{found_by, no_ground, no_ground_of_class};
 use notes::{found_in_classes, frozen, named, not_of_class};
 use pit_free::PitFreeLayers;
@@ -39,7 +39,7 @@ use squares::{SpikeFreeSquares, SpikeFreeTally};
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, PointCensus, Return};
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_gridding::Statistic;
 use terrane_gridding::canopy::CanopyAlgorithm;
 use top::CanopySurface;
@@ -49,13 +49,13 @@ const TILE_SHARE: u64 = 8;
 
 /// A preset whose points are all in.
 pub(super) struct PresetModel {
-    preset: Preset,
-    ground: Option<Surfaces>,
+    preset: SurfaceModel,
+    ground: Option<CloudSurfaces>,
     top: Option<Box<dyn CanopySurface>>,
     /// What became of the points of its surface.
     pub(super) census: PointCensus,
     /// Files whose damage was passed over.
-    pub(super) losses: Losses,
+    pub(super) losses: LostPoints,
     /// Which points it is made of, one line each.
     pub(super) notes: Vec<String>,
     spilled: u64,
@@ -63,13 +63,17 @@ pub(super) struct PresetModel {
 
 impl PresetModel {
     /// Reads what the preset needs of the cloud.
-    pub(super) fn new(preset: Preset, cloud: &CloudInfo, making: &Making<'_>) -> Result<Self> {
+    pub(super) fn new(
+        preset: SurfaceModel,
+        cloud: &CloudInfo,
+        making: &Making<'_>,
+    ) -> Result<Self> {
         let empty = Self {
             preset,
             ground: None,
             top: None,
             census: PointCensus::default(),
-            losses: Losses::default(),
+            losses: LostPoints::default(),
             notes: Vec::new(),
             spilled: 0,
         };
@@ -77,10 +81,10 @@ impl PresetModel {
             true => empty.with_ground(cloud, making)?,
             false => empty,
         };
-        if preset != Preset::Dsm && model.ground.is_none() {
+        if preset != SurfaceModel::Dsm && model.ground.is_none() {
             return Err(no_ground());
         }
-        if preset != Preset::Dtm {
+        if preset != SurfaceModel::Dtm {
             match making.job.canopy.way() {
                 CanopyAlgorithm::PitFree => model.add_layers(cloud, making)?,
                 CanopyAlgorithm::SpikeFree { freeze, buffer } => {
@@ -105,7 +109,7 @@ impl PresetModel {
             self.notes.push(found_in_classes(count, &classes));
             let around = making.part.map(|(_, seen)| seen.around_ground()).unwrap_or_default();
             let store = making.limited(store, window, &around)?;
-            self.ground = Some(Surfaces::new(store, cloud.frame)?);
+            self.ground = Some(CloudSurfaces::new(store, cloud.frame)?);
             return Ok(self);
         }
         if making.job.ground == GroundFrom::Class {
@@ -149,7 +153,7 @@ impl PresetModel {
         self.spilled += candidates.spilled();
         if found > 0 || part.is_some() {
             let store = making.limited(store, making.ground_window(), &[])?;
-            self.ground = Some(Surfaces::new(store, cloud.frame)?);
+            self.ground = Some(CloudSurfaces::new(store, cloud.frame)?);
         }
         Ok(self)
     }
@@ -206,10 +210,10 @@ impl PresetModel {
     }
 
     /// Steps in metres; a unit that is guessed is noted, once.
-    fn metres(&mut self, cloud: &CloudInfo) -> Result<Metres> {
-        let metres = Metres::of(&cloud.crs, &cloud.frame)?;
-        if metres.is_guess && !self.notes.iter().any(|note| note == Metres::GUESS) {
-            self.notes.push(Metres::GUESS.to_owned());
+    fn metres(&mut self, cloud: &CloudInfo) -> Result<MetricFrame> {
+        let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
+        if metres.is_guess && !self.notes.iter().any(|note| note == MetricFrame::GUESS) {
+            self.notes.push(MetricFrame::GUESS.to_owned());
         }
         Ok(metres)
     }
@@ -222,11 +226,11 @@ impl PresetModel {
         if let Some(top) = &self.top {
             top.values(piece, out)?;
         }
-        let Some(ground) = self.ground.as_ref().filter(|_| self.preset != Preset::Dsm) else {
+        let Some(ground) = self.ground.as_ref().filter(|_| self.preset != SurfaceModel::Dsm) else {
             return Ok(());
         };
         let linear = Statistic::linear(None);
-        if self.preset == Preset::Dtm {
+        if self.preset == SurfaceModel::Dtm {
             return ground.values(linear, piece, out);
         }
         let mut below = vec![0.0; out.len()];
@@ -247,7 +251,7 @@ impl PresetModel {
 
     /// Bytes that went to temporary files.
     pub(super) fn spilled_bytes(&self) -> u64 {
-        let ground = self.ground.as_ref().map_or(0, Surfaces::spilled_bytes);
+        let ground = self.ground.as_ref().map_or(0, CloudSurfaces::spilled_bytes);
         self.spilled + ground + self.top.as_ref().map_or(0, |top| top.spilled())
     }
 }
@@ -267,7 +271,8 @@ fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOvervie
         return 0;
     }
     let method = job.ground.method();
-    let extent = Metres::of(&cloud.crs, &cloud.frame).map(|metres| metres.extent(cloud.bounds));
+    let extent =
+        MetricFrame::of(&cloud.crs, &cloud.frame).map(|metres| metres.extent(cloud.bounds));
     extent.map_or(0, |extent| least_for(square_bytes(&method, extent)))
 }
 

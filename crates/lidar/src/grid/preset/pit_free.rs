@@ -4,17 +4,17 @@
 use std::convert::Infallible;
 
 use super::super::extent::CellRequest;
-use super::super::neighbours::{Centres, Surfaces};
+use super::super::neighbours::{CellCenters, CloudSurfaces};
 use super::filter::spacing;
 use super::making::Making;
-use super::metres::Metres;
+use super::metres::MetricFrame;
 use super::top::CanopySurface;
-use crate::points::{ColumnRowRange, MOST_POINTS, PointStore, Positions, SurroundingPoints, reach};
+use crate::points::{
+    ColumnRowPositions, ColumnRowRange, MOST_POINTS, PointStore, SurroundingPoints, reach,
+};
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame};
-use terrane_delaunay::{
-    ConvexHull, FixedPosition, Location, PointBins, PositionWindow, interpolate,
-};
+use terrane_delaunay::{ConvexHull, FixedPosition, Location, PointBins, SiteWindow, interpolate};
 use terrane_engine::workers;
 use terrane_gridding::pitfree::{PitFree, PitFreeFacet, is_short};
 
@@ -44,7 +44,7 @@ impl PitFreeLayer {
 
 impl CanopySurface for PitFreeLayers {
     fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
-        let centres = Centres::new(piece.extent, piece.rect, &self.frame);
+        let centres = CellCenters::new(piece.extent, piece.rect, &self.frame);
         let at = centres.positions();
         let near = |window| self.layers.iter().map(|layer| layer.store.points_near(window)).sum();
         at.in_parts(MOST_POINTS, near, |part, window| {
@@ -66,8 +66,8 @@ impl PitFreeLayers {
     /// too; without `ground`, none is.
     pub(super) fn new(
         first: PointStore,
-        ground: Option<&Surfaces>,
-        (metres, frame): (&Metres, PointFrame),
+        ground: Option<&CloudSurfaces>,
+        (metres, frame): (&MetricFrame, PointFrame),
         making: &Making<'_>,
     ) -> Result<Self> {
         let known = making.part.map(|(_, seen)| seen.first);
@@ -90,9 +90,9 @@ impl PitFreeLayers {
 
     fn fill(
         &self,
-        at: Positions<'_>,
+        at: ColumnRowPositions<'_>,
         part: &ColumnRowRange,
-        window: PositionWindow,
+        window: SiteWindow,
         max_edge: Option<f64>,
         out: &mut [f64],
     ) -> Result<()> {
@@ -188,7 +188,7 @@ fn facet(position: FixedPosition, found: Location) -> Option<PitFreeFacet> {
 /// Adds points to all of the stores that their height above the ground reaches.
 fn lift(
     first: &PointStore,
-    ground: &Surfaces,
+    ground: &CloudSurfaces,
     rise: f64,
     pits: &PitFree,
     high: &[PointStore],

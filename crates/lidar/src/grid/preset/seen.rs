@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::spacing;
 use super::kinds::GroundFrom;
-use super::metres::Metres;
+use super::metres::MetricFrame;
 use super::notes::found_in_classes;
 use crate::points::PointStore;
 use terrane_base::error::Result;
@@ -54,7 +54,7 @@ impl CloudOverview {
         cloud: &CloudInfo,
         ground: GroundFrom,
     ) -> Result<()> {
-        self.last = spacing(candidates, &Metres::of(&cloud.crs, &cloud.frame)?);
+        self.last = spacing(candidates, &MetricFrame::of(&cloud.crs, &cloud.frame)?);
         self.notes.push(format!("ground: found by {}", ground.method().name()));
         Ok(())
     }

@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::super::extent::CellRequest;
-use super::super::neighbours::{Centres, Surfaces};
+use super::super::neighbours::{CellCenters, CloudSurfaces};
 use super::making::{Making, STORES, too_little};
 use super::squares::{SpikeFreeSquares, SpikeFreeTally};
 use super::top::CanopySurface;
 use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, PointFrame, Rect};
-use terrane_delaunay::{Disc, FixedPosition, PositionWindow, SpikeFree, interpolate};
+use terrane_delaunay::{CircumscribedDisc, FixedPosition, SiteWindow, SpikeFree, interpolate};
 use terrane_engine::workers;
 use terrane_files::Buckets;
 use terrane_gridding::Statistic;
@@ -42,7 +42,7 @@ pub(super) fn least(points: u64) -> u64 {
 /// Heights of the surface, by square.
 pub(super) struct BySquare {
     /// Through all returns.
-    plain: Surfaces,
+    plain: CloudSurfaces,
     /// Columns and rows by square.
     spans: [Spans; 2],
     /// Which bucket has the heights of a square, row by row.
@@ -100,7 +100,7 @@ impl BySquare {
     ) -> Result<Self> {
         let squares = tally.squares;
         let (width, height) = making.extent.lattice.size();
-        let centres = Centres::new(making.extent, Rect::new(0, 0, width, height), &frame);
+        let centres = CellCenters::new(making.extent, Rect::new(0, 0, width, height), &frame);
         let spans = spans(&squares, &centres);
         let mut counts = tally.counts();
         counts.retain(|[x, y], _| spans[0].contains_key(x) && spans[1].contains_key(y));
@@ -108,7 +108,7 @@ impl BySquare {
         let threads = threads(most, making)?;
         let numbers: BTreeMap<_, _> = counts.keys().copied().zip(0..).collect();
         let heights = Buckets::new(making.folder(), counts.len(), making.store_memory() / HEIGHTS);
-        let plain = Surfaces::new(all, frame)?;
+        let plain = CloudSurfaces::new(all, frame)?;
         let made = Self { plain, spans, numbers, heights };
         let work = SpikeFreeContext { made: &made, squares, centres, frame, making };
         let counts: Vec<_> = counts.into_iter().collect();
@@ -157,7 +157,7 @@ impl BySquare {
 }
 
 /// The squares of columns and rows.
-fn spans(squares: &SpikeFreeSquares, centres: &Centres) -> [Spans; 2] {
+fn spans(squares: &SpikeFreeSquares, centres: &CellCenters) -> [Spans; 2] {
     let at = centres.positions();
     [(0, at.xs), (1, at.ys)].map(|(axis, steps)| {
         let mut spans = Spans::new();
@@ -185,7 +185,7 @@ fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
 struct SpikeFreeContext<'a> {
     made: &'a BySquare,
     squares: SpikeFreeSquares,
-    centres: Centres,
+    centres: CellCenters,
     frame: PointFrame,
     making: &'a Making<'a>,
 }
@@ -220,7 +220,7 @@ impl SpikeFreeContext<'_> {
     fn height(
         &self,
         surface: &SpikeFree,
-        window: &PositionWindow,
+        window: &SiteWindow,
         at: FixedPosition,
         last: &mut u32,
     ) -> f64 {
@@ -236,11 +236,11 @@ impl SpikeFreeContext<'_> {
     fn height_in(
         &self,
         found: Option<([Point; 3], bool)>,
-        window: &PositionWindow,
+        window: &SiteWindow,
         at: FixedPosition,
     ) -> f64 {
         let Some((corners, is_small)) = found else { return PLAIN };
-        let disc = || Disc::around(corners.map(|p| [p.x, p.y]));
+        let disc = || CircumscribedDisc::around(corners.map(|p| [p.x, p.y]));
         if !is_small && !self.made.plain.store().is_within(&disc(), window) {
             return PLAIN;
         }

@@ -7,9 +7,9 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-use super::metres::Metres;
+use super::metres::MetricFrame;
 use terrane_base::geom::{Point, REACH};
-use terrane_delaunay::{Freeze, PositionWindow};
+use terrane_delaunay::{FreezeRule, SiteWindow};
 use terrane_files::lock;
 
 /// Edges of triangles that freeze along a halo, and halos along a square.
@@ -24,7 +24,7 @@ const WIDEST: f64 = (1 << 24) as f64;
 /// The squares, counted from the offset of the cloud.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpikeFreeSquares {
-    pub(super) freeze: Freeze,
+    pub(super) freeze: FreezeRule,
     /// Steps along a halo.
     halo: i32,
 }
@@ -35,10 +35,10 @@ impl SpikeFreeSquares {
     pub(super) fn new(
         spacing: f64,
         (edge, buffer): (Option<f64>, f64),
-        Metres { step, .. }: &Metres,
+        MetricFrame { step, .. }: &MetricFrame,
     ) -> Self {
         let usual = SPACINGS * spacing;
-        let freeze = Freeze { edge: edge.unwrap_or(usual), buffer, step: *step };
+        let freeze = FreezeRule { edge: edge.unwrap_or(usual), buffer, step: *step };
         let metres = (EDGES * freeze.edge.max(usual)).max(NARROWEST);
         let halo = (metres / step[0].min(step[1])).ceil().clamp(1.0, WIDEST) as i32;
         Self { freeze, halo }
@@ -59,11 +59,11 @@ impl SpikeFreeSquares {
     }
 
     /// All that a square sees.
-    pub(super) fn window(&self, square: [i32; 2]) -> PositionWindow {
+    pub(super) fn window(&self, square: [i32; 2]) -> SiteWindow {
         let [side, halo] = [self.side(), self.halo].map(i64::from);
         let within = |v: i64| v.clamp(-i64::from(REACH), i64::from(REACH)) as i32;
         let low = square.map(|at| i64::from(at) * side - halo);
-        PositionWindow { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
+        SiteWindow { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
     }
 
     /// The first and the last of the squares, along both axes, that see a point.
@@ -108,7 +108,7 @@ impl SpikeFreeTally {
 mod tests {
     use super::*;
 
-    const METRES: Metres = Metres { step: [0.01, 0.02, 0.01], is_guess: false };
+    const METRES: MetricFrame = MetricFrame { step: [0.01, 0.02, 0.01], is_guess: false };
 
     #[test]
     fn a_halo_has_twelve_edges_and_fits() {
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!((of(0.5, Some(4.0)).freeze.edge, of(0.5, Some(4.0)).halo), (4.0, 4800));
         assert_eq!((of(0.5, Some(0.0)).freeze.edge, of(0.5, Some(0.0)).halo), (0.0, 1800));
         assert_eq!((of(0.0, None).halo, of(1e9, None).halo), (100, 1 << 24));
-        let PositionWindow { low, high } = of(1e9, None).window([0, -1]);
+        let SiteWindow { low, high } = of(1e9, None).window([0, -1]);
         assert!((0..2).all(|i| i64::from(high[i]) - i64::from(low[i]) < (1 << 28) - 1));
     }
 

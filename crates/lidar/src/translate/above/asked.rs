@@ -8,7 +8,7 @@ use terrane_options::Choice;
 
 use super::reclassify::Reclassify;
 use super::told::VALUES;
-use crate::grid::preset::{Metres, NOISE, square_bytes};
+use crate::grid::preset::{MetricFrame, NOISE, square_bytes};
 use crate::grid::{GroundFrom, WORKER};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame};
@@ -126,7 +126,7 @@ impl HeightClasses {
 
 /// What is asked of the ground.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Above {
+pub struct HeightAboveGround {
     /// Which points are ground.
     pub from: GroundFrom,
     /// Where heights above it go.
@@ -152,7 +152,7 @@ pub(in crate::translate) fn is_there(
     keeps_withheld || !format.flags(record).meets(Flags::WITHHELD)
 }
 
-impl Above {
+impl HeightAboveGround {
     /// Whether anything is asked of the ground.
     pub(in crate::translate) fn is_asked(&self) -> bool {
         let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
@@ -183,7 +183,7 @@ impl Above {
 
     /// Bytes of them for a square of the method that finds the ground.
     pub(in crate::translate) fn square(&self, info: &CloudInfo) -> u64 {
-        let metres = Metres::of(&info.crs, &info.frame);
+        let metres = MetricFrame::of(&info.crs, &info.frame);
         match metres {
             Ok(metres) if self.is_asked() && self.from != GroundFrom::Class => {
                 square_bytes(&self.from.method(), metres.extent(info.bounds))

@@ -7,21 +7,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 
-use super::asked::{Above, Classify, HeightsAs, is_known_noise, is_there};
+use super::asked::{Classify, HeightAboveGround, HeightsAs, is_known_noise, is_there};
 use super::told::{NO_HEIGHT, PointAnnotations, Told, Z};
 use crate::grid::preset::{
-    CloudOverview, GroundFilter, Metres, NOISE, found_by, no_ground, no_ground_of_class,
+    CloudOverview, GroundFilter, MetricFrame, NOISE, found_by, no_ground, no_ground_of_class,
 };
-use crate::grid::{GROUND, GroundFrom, Surfaces, more_is_needed, tiling};
+use crate::grid::{CloudSurfaces, GROUND, GroundFrom, more_is_needed, tiling};
 use crate::points::PointStore;
 use crate::records::choice::place;
 use crate::records::{PointRecords, RecordFlow, numbered, total};
-use crate::translate::portion::Portion;
+use crate::translate::portion::SquarePortion;
 use terrane_base::attribute::Return;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
@@ -37,8 +37,8 @@ const STRIPS: i32 = 32;
 const NO_CLASS: [u8; 2] = [0, 1];
 
 /// Where the ground is looked for, and with what.
-pub(in crate::translate) struct Looking<'a> {
-    pub(in crate::translate) above: &'a Above,
+pub(in crate::translate) struct GroundHeightSearch<'a> {
+    pub(in crate::translate) above: &'a HeightAboveGround,
     /// Where points lie.
     pub(in crate::translate) info: &'a CloudInfo,
     /// How many steps records are from there.
@@ -54,8 +54,8 @@ pub(in crate::translate) struct Looking<'a> {
     /// Whether points marked as withheld may be ground.
     pub(in crate::translate) keeps_withheld: bool,
     /// The squares that are made, if not all.
-    pub(in crate::translate) portion: Option<&'a Portion<'a>>,
-    pub(in crate::translate) at: Observer<'a>,
+    pub(in crate::translate) portion: Option<&'a SquarePortion<'a>>,
+    pub(in crate::translate) at: RunControl<'a>,
 }
 
 /// Points that may be ground: of any class that may change, and no noise.
@@ -78,7 +78,7 @@ impl GroundCandidates {
 }
 
 /// Where points go that tell of the ground.
-enum Gathering<'a> {
+enum GroundGathering<'a> {
     Nowhere,
     /// Those of the class of ground.
     Class(PointStoreFeed<'a>),
@@ -109,7 +109,7 @@ impl<'a> PointStoreFeed<'a> {
     }
 }
 
-impl<'a> Gathering<'a> {
+impl<'a> GroundGathering<'a> {
     fn of_class(store: &'a PointStore) -> Self {
         Self::Class(PointStoreFeed::new(store))
     }
@@ -118,7 +118,12 @@ impl<'a> Gathering<'a> {
         Self::Candidates([&into.last, &into.others].map(PointStoreFeed::new), &into.is_numbered)
     }
 
-    fn take(&mut self, looking: &Looking<'_>, record: &[u8], point: Point) -> Result<()> {
+    fn take(
+        &mut self,
+        looking: &GroundHeightSearch<'_>,
+        record: &[u8],
+        point: Point,
+    ) -> Result<()> {
         match self {
             Self::Class(run) => {
                 let is_ground = looking.format.class(record) == GROUND && looking.is_there(record);
@@ -183,14 +188,14 @@ impl GroundClassCounts {
 /// The ground, and the places of all points.
 struct FoundGround {
     /// `None` where nothing but classes of ground is asked, or there is none.
-    surface: Option<Surfaces>,
+    surface: Option<CloudSurfaces>,
     entries: Buckets<GroundQueryPoint>,
     firsts: Vec<u64>,
     count: u64,
     notes: Vec<String>,
 }
 
-impl Looking<'_> {
+impl GroundHeightSearch<'_> {
     /// The records with what the ground tells of them. Where they are not all points that the ground is made of,
     /// `wide` are; a record has its height `at` a byte.
     ///
@@ -209,7 +214,7 @@ impl Looking<'_> {
             Some(surface) => {
                 let counts = self.value(&surface, &entries, &values);
                 if surface.store().is_exceeded() {
-                    self.portion.into_iter().for_each(Portion::exceed);
+                    self.portion.into_iter().for_each(SquarePortion::exceed);
                     return Err(more_is_needed());
                 }
                 counts?
@@ -231,7 +236,7 @@ impl Looking<'_> {
         let mut seen = CloudOverview::default();
         if self.above.takes_classes() {
             let ground = self.store().outline();
-            self.pass(records, None, Gathering::of_class(&ground))?;
+            self.pass(records, None, GroundGathering::of_class(&ground))?;
             seen.look_at_classes(&ground, &[GROUND])?;
             if !seen.by_class && self.above.from == GroundFrom::Class {
                 return Err(not_of_class());
@@ -239,7 +244,7 @@ impl Looking<'_> {
         }
         if !seen.by_class {
             let all = self.candidates(|| self.store().outline());
-            self.pass(records, None, Gathering::of_candidates(&all))?;
+            self.pass(records, None, GroundGathering::of_candidates(&all))?;
             seen.all_returns = !all.is_numbered.load(Ordering::Relaxed);
             let looked_at = all.looked_at(seen.all_returns);
             if looked_at.iter().all(|store| store.count() == 0) {
@@ -265,14 +270,14 @@ impl Looking<'_> {
         let by_class = self.seen().map_or(self.above.takes_classes(), |seen| seen.by_class);
         let (class, candidates) = (self.store(), self.candidates(|| self.store()));
         let gathering = match by_class {
-            true => Gathering::of_class(&class),
-            false => Gathering::of_candidates(&candidates),
+            true => GroundGathering::of_class(&class),
+            false => GroundGathering::of_candidates(&candidates),
         };
         let (firsts, count) = match wide {
             None => self.pass(records, Some(&entries), gathering)?,
             Some(wide) => {
                 self.pass(wide, None, gathering)?;
-                self.pass(records, Some(&entries), Gathering::Nowhere)?
+                self.pass(records, Some(&entries), GroundGathering::Nowhere)?
             }
         };
         let mut notes = Vec::new();
@@ -284,7 +289,7 @@ impl Looking<'_> {
                 if self.above.from == GroundFrom::Class {
                     return Err(not_of_class());
                 }
-                let gathering = Gathering::of_candidates(&candidates);
+                let gathering = GroundGathering::of_candidates(&candidates);
                 self.pass(wide.unwrap_or(records), None, gathering)?;
             }
             if candidates.count() == 0 && self.portion.is_none() {
@@ -294,7 +299,7 @@ impl Looking<'_> {
         };
         let store = self.limited(store)?;
         let is_there = store.count() > 0 || self.portion.is_some();
-        let surface = is_there.then(|| Surfaces::new(store, self.info.frame));
+        let surface = is_there.then(|| CloudSurfaces::new(store, self.info.frame));
         Ok(FoundGround { surface: surface.transpose()?, entries, firsts, count, notes })
     }
 
@@ -332,9 +337,9 @@ impl Looking<'_> {
         candidates: &GroundCandidates,
         notes: &mut Vec<String>,
     ) -> Result<PointStore> {
-        let metres = Metres::of(&self.info.crs, &self.info.frame)?;
+        let metres = MetricFrame::of(&self.info.crs, &self.info.frame)?;
         if metres.is_guess {
-            notes.push(Metres::GUESS.to_owned());
+            notes.push(MetricFrame::GUESS.to_owned());
         }
         let tile = (self.square + self.memory / TILE_SHARE) / self.threads as u64;
         let ground = self.store();
@@ -360,7 +365,7 @@ impl Looking<'_> {
         &self,
         records: &dyn PointRecords,
         entries: Option<&Buckets<GroundQueryPoint>>,
-        mut ground: Gathering<'_>,
+        mut ground: GroundGathering<'_>,
     ) -> Result<(Vec<u64>, u64)> {
         let tiling = tiling(self.info);
         self.at.progress.begin("ground", total(records));
@@ -401,7 +406,7 @@ impl Looking<'_> {
     /// Puts what is told of each point to its number.
     fn value(
         &self,
-        ground: &Surfaces,
+        ground: &CloudSurfaces,
         entries: &Buckets<GroundQueryPoint>,
         values: &PointAnnotations,
     ) -> Result<GroundClassCounts> {
@@ -432,7 +437,7 @@ impl Looking<'_> {
     fn square(
         &self,
         square: usize,
-        ground: &Surfaces,
+        ground: &CloudSurfaces,
         (entries, values): (&Buckets<GroundQueryPoint>, &PointAnnotations),
         counts: &mut GroundClassCounts,
     ) -> Result<()> {
@@ -461,7 +466,7 @@ impl Looking<'_> {
     /// How far points are above the ground, in steps; `None` beyond it.
     fn heights(
         &self,
-        ground: &Surfaces,
+        ground: &CloudSurfaces,
         known: &[Point],
         entries: &[GroundQueryPoint],
     ) -> Result<Vec<Option<f64>>> {

@@ -10,5 +10,5 @@ pub(super) mod look;
 mod reclassify;
 pub(super) mod told;
 
-pub use asked::{Above, Classify, HeightClasses, HeightsAs};
+pub use asked::{Classify, HeightAboveGround, HeightClasses, HeightsAs};
 pub use reclassify::Reclassify;

@@ -4,7 +4,7 @@ use terrane_base::geom::{DistancePredicate, Point};
 
 /// What becomes of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum DiscFate {
+pub(super) enum PoissonVerdict {
     Kept,
     /// There is one that is kept nearer than the distance.
     LeftOut,
@@ -16,7 +16,7 @@ pub(super) enum DiscFate {
 pub(super) type Span = [[i64; 2]; 2];
 
 /// The fates of points so far.
-pub(super) struct Fates<'a> {
+pub(super) struct PoissonVerdicts<'a> {
     apart: &'a DistancePredicate,
     /// Steps along the sides of a cell: points nearer than the distance are in cells that touch.
     side: [i64; 3],
@@ -43,7 +43,7 @@ const FEW: usize = 1 << 10;
 /// Cells around one, and it.
 const AROUND: i64 = 27;
 
-impl<'a> Fates<'a> {
+impl<'a> PoissonVerdicts<'a> {
     pub(super) fn new(apart: &'a DistancePredicate, sure: Span) -> Self {
         let (firsts, held) = (vec![NONE; FEW], Vec::new());
         Self { apart, side: apart.steps(), sure, firsts, held }
@@ -55,19 +55,19 @@ impl<'a> Fates<'a> {
     }
 
     /// The fate of the next point.
-    pub(super) fn judge(&mut self, point: Point) -> DiscFate {
+    pub(super) fn judge(&mut self, point: Point) -> PoissonVerdict {
         match self.look(point) {
-            None => DiscFate::LeftOut,
+            None => PoissonVerdict::LeftOut,
             Some(true) if self.is_sure(point) => {
                 self.hold(point, true);
-                DiscFate::Kept
+                PoissonVerdict::Kept
             }
             Some(_) => {
                 let cell = self.cell(point);
                 if !self.of(cell).any(|held| self.is_open(held, cell)) {
                     self.hold(point, false);
                 }
-                DiscFate::Unknown
+                PoissonVerdict::Unknown
             }
         }
     }
@@ -166,18 +166,18 @@ mod tests {
     fn compare(points: &[Point], least: f64) -> Result<(), TestCaseError> {
         let apart = DistancePredicate::new([0.5, 1.0, 0.25], least);
         let reach = apart.steps()[0];
-        let mut all = Fates::new(&apart, ALL);
-        let mut part = Fates::new(&apart, [[reach, i64::MIN], [99 - reach, i64::MAX]]);
+        let mut all = PoissonVerdicts::new(&apart, ALL);
+        let mut part = PoissonVerdicts::new(&apart, [[reach, i64::MIN], [99 - reach, i64::MAX]]);
         let mut kept: Vec<Point> = Vec::new();
         for point in points {
             let is_kept = !kept.iter().any(|other| apart.is_nearer(*other, *point));
             prop_assert_eq!(all.is_left_out(*point), !is_kept);
-            let fate = if is_kept { DiscFate::Kept } else { DiscFate::LeftOut };
+            let fate = if is_kept { PoissonVerdict::Kept } else { PoissonVerdict::LeftOut };
             prop_assert_eq!(all.judge(*point), fate);
             kept.extend(is_kept.then_some(*point));
             if (0..100).contains(&point.x) {
                 let told = part.judge(*point);
-                prop_assert!(told == fate || told == DiscFate::Unknown);
+                prop_assert!(told == fate || told == PoissonVerdict::Unknown);
             }
         }
         Ok(())
@@ -204,11 +204,13 @@ mod tests {
         let mut points: Vec<_> = (0..240_000).map(place).collect();
         points.sort_by_key(|point| mixed(&[point.x, point.y, point.z].map(ordered)));
         let apart = DistancePredicate::new([0.2, 0.2, 0.01], 1.0);
-        let mut fates = Fates::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
+        let mut fates = PoissonVerdicts::new(&apart, [[206, i64::MIN], [3794, i64::MAX]]);
         let (mut known, mut depth) = (0, 0);
         for point in points.iter().filter(|point| (200..3800).contains(&point.x)) {
             match fates.judge(*point) {
-                DiscFate::Unknown => depth = depth.max((point.x - 200).min(3800 - point.x) / 5),
+                PoissonVerdict::Unknown => {
+                    depth = depth.max((point.x - 200).min(3800 - point.x) / 5)
+                }
                 _ => known += 1,
             }
         }

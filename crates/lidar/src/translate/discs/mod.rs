@@ -17,14 +17,14 @@ use bytemuck::{Pod, Zeroable};
 use crate::points::Tiling;
 use crate::records::choice::{ChosenRecords, place, time};
 use crate::records::{PointRecords, RecordFlow, numbered, total};
-use fates::{DiscFate, Fates, HELD, Span, contains};
+use fates::{HELD, PoissonVerdict, PoissonVerdicts, Span, contains};
 use terrane_base::bits::BitSet;
 use terrane_base::bits::{mixed, ordered};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{DistancePredicate, Point};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_delaunay::PositionWindow;
-use terrane_engine::plan::Observer;
+use terrane_delaunay::SiteWindow;
+use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
@@ -45,7 +45,7 @@ const TOGETHER: usize = 1 << 12;
 /// A point that is to be kept or left out.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
-struct DiscCandidate {
+struct PoissonCandidate {
     place: [i32; 3],
     spare: u32,
     time: u64,
@@ -57,11 +57,11 @@ struct DiscCandidate {
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct RankedCandidate {
     hash: u64,
-    entry: DiscCandidate,
+    entry: PoissonCandidate,
 }
 
 impl RankedCandidate {
-    fn of(entry: DiscCandidate) -> Self {
+    fn of(entry: PoissonCandidate) -> Self {
         Self { hash: mixed(&entry.place.map(ordered)), entry }
     }
 
@@ -101,7 +101,7 @@ pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
 }
 
 /// What is chosen from, and with what.
-pub(super) struct Discs<'a> {
+pub(super) struct PoissonDiscs<'a> {
     pub(super) apart: DistancePredicate,
     /// Where records lie.
     pub(super) info: &'a CloudInfo,
@@ -111,16 +111,16 @@ pub(super) struct Discs<'a> {
     /// Bytes for points.
     pub(super) memory: u64,
     pub(super) folder: &'a Path,
-    pub(super) at: Observer<'a>,
+    pub(super) at: RunControl<'a>,
 }
 
 /// Points by square of the plane, and what is kept of them.
-struct DiscSearch<'a> {
-    discs: &'a Discs<'a>,
+struct PoissonSampler<'a> {
+    discs: &'a PoissonDiscs<'a>,
     tiling: Tiling,
     /// Where all points are.
     bounds: Span,
-    entries: Buckets<DiscCandidate>,
+    entries: Buckets<PoissonCandidate>,
     kept: Mutex<BitSet>,
 }
 
@@ -133,7 +133,7 @@ enum SquareKnowledge {
     TooMany,
 }
 
-impl Discs<'_> {
+impl PoissonDiscs<'_> {
     /// The records of points that are kept.
     ///
     /// # Errors
@@ -147,7 +147,7 @@ impl Discs<'_> {
         self.at.progress.end();
         let bounds = [low, high].map(|end| [i64::from(end.x), i64::from(end.y)]);
         let kept = Mutex::new(BitSet::new(count as usize));
-        let search = DiscSearch { discs: self, tiling, bounds, entries, kept };
+        let search = PoissonSampler { discs: self, tiling, bounds, entries, kept };
         search.run()?;
         let kept = search.kept.into_inner().unwrap_or_default();
         Ok(ChosenRecords::of(records, self.flow.record, (firsts, count), kept))
@@ -156,14 +156,14 @@ impl Discs<'_> {
     fn pass(
         &self,
         records: &dyn PointRecords,
-        (tiling, entries): (&Tiling, &Buckets<DiscCandidate>),
+        (tiling, entries): (&Tiling, &Buckets<PoissonCandidate>),
     ) -> Result<(Vec<u64>, u64)> {
         let time_at = self.format.time_at();
         let mut writer = entries.writer();
         let passed = numbered::pass(records, self.flow, self.at, &mut |number, record| {
             let point = place(record);
             let (place, time) = ([point.x, point.y, point.z], time(record, time_at));
-            let entry = DiscCandidate { place, spare: 0, time, number };
+            let entry = PoissonCandidate { place, spare: 0, time, number };
             writer.push(tiling.square_of(point), entry)
         })?;
         writer.finish()?;
@@ -200,10 +200,10 @@ impl Discs<'_> {
     }
 }
 
-impl DiscSearch<'_> {
+impl PoissonSampler<'_> {
     /// Finds all that are kept, square by square.
     fn run(&self) -> Result<()> {
-        let Discs { threads, at, .. } = self.discs;
+        let PoissonDiscs { threads, at, .. } = self.discs;
         let ([low, high], side) = (self.bounds, self.discs.side(&self.tiling));
         let [columns, rows] = [0, 1].map(|axis| (high[axis] - low[axis]) / side + 1);
         let count = (columns * rows) as u64;
@@ -266,7 +266,7 @@ impl DiscSearch<'_> {
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<SquareKnowledge> {
         let (whole, sure) = self.around(span, halo);
-        let mut fates = Fates::new(&self.discs.apart, sure);
+        let mut fates = PoissonVerdicts::new(&self.discs.apart, sure);
         let (mut unknown, mut after): (Option<Span>, _) = (None, None);
         loop {
             let is_last = self.next([&span, &whole], (after, &fates), waiting)?;
@@ -275,9 +275,9 @@ impl DiscSearch<'_> {
                 let (fate, [x, y, _]) = (fates.judge(turn.point()), turn.entry.place);
                 match fate {
                     _ if !contains(&span, [x, y]) => {}
-                    DiscFate::LeftOut => {}
-                    DiscFate::Kept => kept.push(turn.entry.number),
-                    DiscFate::Unknown => unknown = Some(with(unknown, [x.into(), y.into()])),
+                    PoissonVerdict::LeftOut => {}
+                    PoissonVerdict::Kept => kept.push(turn.entry.number),
+                    PoissonVerdict::Unknown => unknown = Some(with(unknown, [x.into(), y.into()])),
                 }
             }
             let mut all = lock(&self.kept);
@@ -319,7 +319,7 @@ impl DiscSearch<'_> {
     fn next(
         &self,
         [span, whole]: [&Span; 2],
-        (after, fates): (Option<RankedCandidate>, &Fates<'_>),
+        (after, fates): (Option<RankedCandidate>, &PoissonVerdicts<'_>),
         waiting: &mut Vec<RankedCandidate>,
     ) -> Result<bool> {
         let most = self.discs.most_waiting();
@@ -347,17 +347,17 @@ impl DiscSearch<'_> {
     }
 
     /// Hands on the points of a span.
-    fn each(&self, whole: &Span, take: &mut dyn FnMut(DiscCandidate)) -> Result<()> {
+    fn each(&self, whole: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
         // Within the bounds, whose ends are i32.
         let [low, high] = whole.map(|end| end.map(|at| at as i32));
-        let mut some = vec![DiscCandidate::zeroed(); TOGETHER];
-        for square in self.tiling.touching(PositionWindow { low, high }) {
+        let mut some = vec![PoissonCandidate::zeroed(); TOGETHER];
+        for square in self.tiling.touching(SiteWindow { low, high }) {
             let mut first = 0;
             while first < self.entries.len(square) {
                 let read = self.entries.read_from(square, first, &mut some)?;
                 first += read as u64;
                 let within =
-                    |entry: &&DiscCandidate| contains(whole, [entry.place[0], entry.place[1]]);
+                    |entry: &&PoissonCandidate| contains(whole, [entry.place[0], entry.place[1]]);
                 some[..read].iter().filter(within).for_each(|entry| take(*entry));
             }
         }

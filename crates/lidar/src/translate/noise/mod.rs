@@ -13,17 +13,17 @@ use std::sync::Mutex;
 use bytemuck::{Pod, Zeroable};
 
 use super::above::asked::{is_known_noise, is_there};
-use crate::grid::preset::Metres;
+use crate::grid::preset::MetricFrame;
 use crate::records::choice::place;
 use crate::records::{PointRecords, RecordFlow, RecordUnit, Take, numbered, total};
 use parts::{NoiseParts, NoisePartsBuilder, NoisePoint};
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::{CloudInfo, PointFormat};
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
-use terrane_ground::noise::{Asked, Limit, NoiseSpace, ScoreSums};
+use terrane_ground::noise::{Asked, NoiseSpace, ScoreLimit, ScoreSums};
 
 /// Points that are put into parts together.
 const TOGETHER: usize = 1 << 14;
@@ -38,7 +38,7 @@ const BUCKETS: u64 = 64;
 /// A score and the number of its record.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Score {
+struct NoiseScore {
     number: u64,
     score: u64,
 }
@@ -62,7 +62,7 @@ pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
 /// # Errors
 /// Coordinates that are no lengths.
 fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
-    let metres = Metres::of(&info.crs, &info.frame).map_err(|_| {
+    let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
         Error::usage("‹classify› noise needs coordinates in units of length")
             .remedy("write the points with ‹to_crs› first, and look for noise in these")
     })?;
@@ -74,7 +74,7 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
 }
 
 /// What noise is looked for with.
-pub(super) struct Looking<'a> {
+pub(super) struct NoiseSearch<'a> {
     pub(super) asked: &'a Asked,
     /// Where records lie.
     pub(super) info: &'a CloudInfo,
@@ -86,15 +86,15 @@ pub(super) struct Looking<'a> {
     pub(super) folder: &'a Path,
     /// Whether points marked as withheld are looked at.
     pub(super) keeps_withheld: bool,
-    pub(super) at: Observer<'a>,
+    pub(super) at: RunControl<'a>,
 }
 
-impl Looking<'_> {
+impl NoiseSearch<'_> {
     /// The records, with the class of noise for those that are.
     ///
     /// # Errors
     /// As for [`reach`].
-    pub(super) fn mark<'r>(&self, records: &'r dyn PointRecords) -> Result<Marked<'r>> {
+    pub(super) fn mark<'r>(&self, records: &'r dyn PointRecords) -> Result<MarkedRecords<'r>> {
         let (space, is_guess) = space(self.info)?;
         self.asked.reach(&space)?;
         let ((firsts, count), parts) = self.divide(records, &space)?;
@@ -104,7 +104,7 @@ impl Looking<'_> {
         let noise = noise.into_inner().unwrap_or_default();
         let notes = self.told(&noise, &limit, (&space, is_guess));
         let (format, record, class) = (self.format, self.flow.record, self.asked.class());
-        Ok(Marked { records, format, record, class, noise, firsts, count, notes })
+        Ok(MarkedRecords { records, format, record, class, noise, firsts, count, notes })
     }
 
     /// Points that are neither noise yet nor withheld, by parts.
@@ -140,7 +140,7 @@ impl Looking<'_> {
         space: &NoiseSpace,
         parts: &NoiseParts<'_>,
         noise: &Mutex<BitSet>,
-    ) -> Result<Limit> {
+    ) -> Result<ScoreLimit> {
         let (asked, sums) = (self.asked, Mutex::new(ScoreSums::default()));
         let scores = Buckets::new(self.folder, BUCKETS as usize, self.memory / 4);
         let local = asked.is_local().then(|| asked.limit(&ScoreSums::default()));
@@ -150,7 +150,7 @@ impl Looking<'_> {
             parts.load(part, &mut points, &mut numbers)?;
             let found = asked.scores(space, &points, &mut parts.around(part))?;
             let found = numbers.into_iter().zip(found);
-            let found: Vec<_> = found.map(|(number, score)| Score { number, score }).collect();
+            let found: Vec<_> = found.map(|(number, score)| NoiseScore { number, score }).collect();
             match &local {
                 Some(limit) => mark(noise, limit, &found),
                 None => {
@@ -186,22 +186,24 @@ impl Looking<'_> {
     fn told(
         &self,
         noise: &BitSet,
-        limit: &Limit,
+        limit: &ScoreLimit,
         (space, is_guess): (&NoiseSpace, bool),
     ) -> Vec<String> {
         let found: u64 = noise.words().iter().map(|word| u64::from(word.count_ones())).sum();
         let far = match limit {
-            Limit::Few(_) => String::new(),
-            Limit::Far(most) => format!(", more than {:.3} m from others", most * space.unit()),
+            ScoreLimit::Few(_) => String::new(),
+            ScoreLimit::Far(most) => {
+                format!(", more than {:.3} m from others", most * space.unit())
+            }
         };
         let (class, asked) = (self.asked.class(), self.asked);
         let found = format!("noise: {found} points of class {class} by {asked}{far}");
-        [found].into_iter().chain(is_guess.then(|| Metres::GUESS.to_owned())).collect()
+        [found].into_iter().chain(is_guess.then(|| MetricFrame::GUESS.to_owned())).collect()
     }
 }
 
 /// Notes which points are noise.
-fn mark(noise: &Mutex<BitSet>, limit: &Limit, found: &[Score]) {
+fn mark(noise: &Mutex<BitSet>, limit: &ScoreLimit, found: &[NoiseScore]) {
     let mut all = lock(noise);
     found.iter().filter(|found| limit.is_noise(found.score)).for_each(|found| {
         all.insert(found.number as usize);
@@ -209,7 +211,7 @@ fn mark(noise: &Mutex<BitSet>, limit: &Limit, found: &[Score]) {
 }
 
 /// Records, some of which have got the class of noise.
-pub(super) struct Marked<'a> {
+pub(super) struct MarkedRecords<'a> {
     records: &'a dyn PointRecords,
     format: PointFormat,
     record: usize,
@@ -221,7 +223,7 @@ pub(super) struct Marked<'a> {
     pub(super) notes: Vec<String>,
 }
 
-impl PointRecords for Marked<'_> {
+impl PointRecords for MarkedRecords<'_> {
     fn units(&self) -> usize {
         self.records.units()
     }

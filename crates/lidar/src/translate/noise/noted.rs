@@ -5,7 +5,7 @@ use std::str::Split;
 
 use serde::{Deserialize, Serialize};
 
-use super::Marked;
+use super::MarkedRecords;
 use crate::records::choice::ChosenRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 
@@ -116,7 +116,7 @@ impl Marks<'_> {
     }
 }
 
-impl Marked<'_> {
+impl MarkedRecords<'_> {
     /// What a plan notes of them: by the places of records in their parts, of which those of `single` are left.
     ///
     /// # Errors

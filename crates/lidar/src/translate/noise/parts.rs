@@ -12,7 +12,7 @@ use bytemuck::{Pod, Zeroable};
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
-use terrane_engine::plan::Observer;
+use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 use terrane_ground::noise::{Bounds, NeighborParts, NoiseSpace};
 
@@ -170,7 +170,7 @@ impl<'a> NoisePartsBuilder<'a> {
     }
 
     /// Divides cells that have too many points.
-    pub(super) fn finish(self, at: Observer<'_>) -> Result<NoiseParts<'a>> {
+    pub(super) fn finish(self, at: RunControl<'_>) -> Result<NoiseParts<'a>> {
         let Self { space, folder, memory, level, .. } = self;
         let mut parts = NoiseParts { space, levels: Vec::new(), parts: Vec::new() };
         let mut next = Some(level);
@@ -213,7 +213,7 @@ fn divided(
     crowded: &[(usize, Bounds)],
     space: &NoiseSpace,
     (folder, memory): (&Path, u64),
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<NoiseGridLevel> {
     let points: u64 = crowded.iter().map(|(cell, _)| level.entries.len(*cell)).sum();
     let average = AVERAGE.max(points / MOST_CELLS);

@@ -4,11 +4,11 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::translate::above::asked::Above;
+use crate::translate::above::asked::HeightAboveGround;
 use crate::translate::assign::Assign;
 use crate::translate::job::TranslateJob;
 use crate::translate::overlap::Overlap;
-use crate::translate::portion::Looked;
+use crate::translate::portion::CloudKnowledge;
 use crate::translate::sorted::Sort;
 use crate::translate::squares::{self, Spans, SquareSplit};
 use crate::translate::thin::CellThinning;
@@ -26,16 +26,16 @@ const MOST_CUT: u32 = 1 << 10;
 /// Squares to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct SquaresPlan {
-    pub(super) method: TranslateMethod,
+    pub(super) method: PlannedTranslateJob,
     pub(super) blocks: SquareBlocks,
     /// What is known of the whole cloud.
     #[serde(flatten)]
-    pub(super) looked: Looked,
+    pub(super) looked: CloudKnowledge,
 }
 
 /// What is asked for, by paths that hold wherever a task is run on this file system.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct TranslateMethod {
+pub(super) struct PlannedTranslateJob {
     input: Vec<String>,
     #[serde(flatten)]
     cloud: CloudOpenOptions,
@@ -43,7 +43,7 @@ pub(super) struct TranslateMethod {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     version: Option<LasVersion>,
     dedupe: bool,
-    above: Above,
+    above: HeightAboveGround,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     assign: Vec<Assign>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,7 +78,7 @@ impl fmt::Display for SquareBlockTask {
     }
 }
 
-impl TranslateMethod {
+impl PlannedTranslateJob {
     /// Of a job, but for where it goes and what it may use.
     ///
     /// # Errors

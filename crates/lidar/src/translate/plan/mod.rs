@@ -17,7 +17,7 @@ use manifest::SquaresPlan;
 use terrane_base::error::Result;
 use terrane_engine::operation::{Divisible, RunRequest};
 use terrane_engine::plan::{
-    self, DiskCheck, Observer, OutputForm, Plan, PlanKind, RunJob, StatusReport,
+    self, DiskCheck, OutputForm, PlanKind, PlanManifest, RunControl, RunJob, StatusReport,
 };
 use terrane_engine::sift::Skipped;
 use terrane_engine::{Cancel, Progress};
@@ -55,15 +55,15 @@ pub fn plan_points(
     cancel: &Cancel,
 ) -> Result<PointsStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
-    let at = Observer { progress, cancel };
+    let at = RunControl { progress, cancel };
     refuse_held(&job.input)?;
-    let there = Plan::<SquaresPlan>::there(folder);
+    let there = PlanManifest::<SquaresPlan>::there(folder);
     let known = there.as_ref().map(|plan| &plan.work.looked);
     let (work, opened) = SquaresPlan::new((job, *cut), known, at)?;
     let files = work.files(&opened);
     let expect = || probe::expect(&opened, &work, at);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
-    Plan::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
+    PlanManifest::new(work, (shown_all(&job.input), files), needs, skipped)?.put(folder)?;
     plan::status::<SquaresPlan>(folder)
 }
 
@@ -84,6 +84,6 @@ pub fn run_in(
     let all = RunJob::until(to, job.overwrite, OutputForm::default(), with);
     let plan =
         || plan_points(&PlanPointsJob::all(job, folder, skipped), progress, cancel).map(drop);
-    let run = plan::run_in::<SquaresPlan>(&all, plan, Observer { progress, cancel })?;
+    let run = plan::run_in::<SquaresPlan>(&all, plan, RunControl { progress, cancel })?;
     PlanKind::Points.made(run.of.written)
 }

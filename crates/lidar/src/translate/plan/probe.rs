@@ -11,9 +11,9 @@ use crate::translate::prepared::{carrier, least};
 use crate::translate::squares::Spans;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::PointSource;
-use terrane_delaunay::PositionWindow;
+use terrane_delaunay::SiteWindow;
 use terrane_engine::memory::polygon_bytes;
-use terrane_engine::plan::{Observer, PlanNeeds};
+use terrane_engine::plan::{PlanNeeds, RunControl};
 
 /// Squares that are made along each side.
 const ALONG: u32 = 3;
@@ -31,7 +31,7 @@ const MARGIN: f64 = 1.06;
 pub(super) fn expect(
     opened: &OpenedTranslate,
     work: &SquaresPlan,
-    at: Observer<'_>,
+    at: RunControl<'_>,
 ) -> Result<PlanNeeds> {
     let folder = opened.job.resources.temp_dir.clone().unwrap_or_else(std::env::temp_dir);
     let (mut bytes, mut tried) = (0.0, 0.0);
@@ -92,7 +92,7 @@ fn points_near(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> Re
 fn area(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> f64 {
     let info = opened.cloud.info();
     let [low, high] = info.bounds.unwrap_or_default();
-    let cloud = PositionWindow { low: [low.x, low.y], high: [high.x, high.y] };
+    let cloud = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
     let within = window(&work.method.squares, spans, -work.method.squares.buffer, &info.frame);
     within.intersection(&cloud).map_or(0.0, |part| {
         let side = |i: usize| f64::from(part.high[i].abs_diff(part.low[i])) + 1.0;
@@ -107,14 +107,14 @@ fn heaviest(opened: &OpenedTranslate, work: &SquaresPlan) -> Result<u64> {
     }
     let info = opened.cloud.info();
     let (blocks, reach, frame) = (&work.blocks, opened.job.reach(info)?, &info.frame);
-    let windows: Vec<PositionWindow> = blocks
+    let windows: Vec<SiteWindow> = blocks
         .all()
         .map(|block| window(&work.method.squares, blocks.of_task(block), reach, frame))
         .collect();
     let mut points = vec![0; windows.len()];
     for part in 0..opened.cloud.parts() {
         let Some([low, high]) = opened.cloud.bounds_of(part) else { continue };
-        let bounds = PositionWindow { low: [low.x, low.y], high: [high.x, high.y] };
+        let bounds = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
         for (window, points) in windows.iter().zip(&mut points) {
             if window.intersection(&bounds).is_some() {
                 *points += opened.cloud.points_of(part);

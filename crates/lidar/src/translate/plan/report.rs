@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::translate::job::TranslateJob;
 use crate::translate::report::TranslateReport;
-use terrane_engine::plan::{self, PlanRunReport, StatusReport};
+use terrane_engine::plan::{self, DescribesRun, StatusReport};
 
 /// Squares of points to plan; a task has so many squares along its side (`cut`).
 pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
@@ -32,7 +32,7 @@ pub struct SquareRun {
     pub written: Option<PointsWritten>,
 }
 
-impl PlanRunReport for SquareRun {
+impl DescribesRun for SquareRun {
     fn written(&self) -> Option<&str> {
         self.written.as_ref().map(|points| points.output.as_str())
     }

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::manifest::{SquareBlockTask, SquareBlocks, SquaresPlan, TranslateMethod};
+use super::manifest::{PlannedTranslateJob, SquareBlockTask, SquareBlocks, SquaresPlan};
 use super::report::{PointsWritten, SquareRun, SquareStatus};
 use crate::grid::CellSurroundings;
 use crate::translate::job::TranslateJob;
-use crate::translate::portion::{Looked, Portion, window};
+use crate::translate::portion::{CloudKnowledge, SquarePortion, window};
 use crate::translate::prepared::{carrier, prepared};
 use crate::translate::squares::{self, Spans};
 use terrane_base::error::{Error, Result};
@@ -19,10 +19,10 @@ use terrane_cloud::{PointCloud, PointSource};
 use terrane_engine::memory::beside_polygons;
 use terrane_engine::outputs::refuse_file_name;
 use terrane_engine::plan::{
-    MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind, PlanStep,
-    PlannedWork, StatusReport, TaskSurvey, damaged_object, refuse_another,
+    MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest, PlanStep,
+    PlannedWork, RunControl, StatusReport, TaskSurvey, damaged_object, refuse_another,
 };
-use terrane_engine::sift::Losses;
+use terrane_engine::sift::LostPoints;
 use terrane_files::atomic::{AtomicFile, AtomicFolder};
 use terrane_ground::noise;
 
@@ -38,18 +38,18 @@ pub(super) struct SquareObjectSummary {
     points: u64,
     files: Vec<(String, u64)>,
     /// Files whose damage was passed over.
-    #[serde(default, skip_serializing_if = "Losses::is_empty")]
-    losses: Losses,
+    #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
+    losses: LostPoints,
 }
 
 impl SquaresPlan {
     /// What is asked for, what there is, and what has to be known of all of it, where that is not `known`.
     pub(super) fn new(
         (job, cut): (&TranslateJob, Option<u32>),
-        known: Option<&Looked>,
-        at: Observer<'_>,
+        known: Option<&CloudKnowledge>,
+        at: RunControl<'_>,
     ) -> Result<(Self, OpenedTranslate)> {
-        let mut method = TranslateMethod::of(job)?;
+        let mut method = PlannedTranslateJob::of(job)?;
         let mut opened = OpenedTranslate::new(job.clone())?;
         method.found(opened.cloud.files())?;
         let info = carrier(&opened.job, &opened.cloud)?.info().clone();
@@ -77,17 +77,17 @@ impl OpenedTranslate {
 
     /// What has to be known of the whole cloud: of its ground, where something is told of that, and what is noise,
     /// where that is no matter of points nearby or is no ground.
-    fn look(&self, at: Observer<'_>) -> Result<Looked> {
+    fn look(&self, at: RunControl<'_>) -> Result<CloudKnowledge> {
         let above = &self.job.above;
         let is_local = above.noise().is_none_or(noise::Asked::is_local);
         match above.is_asked() || !is_local {
             true => prepared(&self.job, &self.cloud, None, at, |of| of.look()),
-            false => Ok(Looked::default()),
+            false => Ok(CloudKnowledge::default()),
         }
     }
 
     /// What is left to be done where this is known: noise is marked as points are read.
-    fn knowing(mut self, looked: &Looked) -> Self {
+    fn knowing(mut self, looked: &CloudKnowledge) -> Self {
         if looked.noise.is_some() {
             self.job.above.forget_noise();
         }
@@ -99,7 +99,7 @@ impl OpenedTranslate {
         &self,
         work: &SquaresPlan,
         (spans, folder): (Spans, &Path),
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<squares::SplitFiles> {
         let (job, info) = (&self.job, self.cloud.info());
         let cells = window(&work.method.squares, spans, job.reach(info)?, &info.frame);
@@ -107,7 +107,7 @@ impl OpenedTranslate {
         let wide = (0..2).map(|i| cells.high[i].abs_diff(cells.low[i]) / 8).min().unwrap_or(0);
         let mut near = CellSurroundings { cells, margin: side.saturating_add(4).max(wide as i32) };
         loop {
-            let portion = Portion::new((spans, near), &work.looked, &self.cloud, folder);
+            let portion = SquarePortion::new((spans, near), &work.looked, &self.cloud, folder);
             let made = prepared(job, &self.cloud, Some(&portion), at, |of| of.make());
             if !portion.is_exceeded() {
                 return made.map(|(made, _)| made);
@@ -162,8 +162,8 @@ impl PlannedWork for SquaresPlan {
         Ok(PathBuf::from("points"))
     }
 
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedTranslate> {
-        let OutputOrder { output, overwrite, resources, .. } = order;
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<OpenedTranslate> {
+        let OutputRequest { output, overwrite, resources, .. } = order;
         let Self { method, blocks, looked } = &plan.work;
         let mut job = TranslateJob { output, overwrite, ..method.job()? };
         job.resources = beside_polygons(&job.cloud, &resources);
@@ -177,7 +177,7 @@ impl PlannedWork for SquaresPlan {
 
     fn check_output(
         OpenedTranslate { job, cloud }: &OpenedTranslate,
-        _: Observer<'_>,
+        _: RunControl<'_>,
     ) -> Result<()> {
         refuse_file_name(&job.output)?;
         squares::refuse_within(cloud.files(), &job.output)?;
@@ -189,13 +189,13 @@ impl PlannedWork for SquaresPlan {
         (block, object): (SquareBlockTask, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut SquareRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<SquareObjectSummary>> {
         let work = &survey.folder.plan.work;
         // It goes with its files, and what a killed run left of one is removed.
         let folder = AtomicFolder::create(&object.with_extension("files"), true, |_| true)?;
         let made = opened.make(work, (work.blocks.of_task(block), folder.inside()), at)?;
-        let (files, losses) = (pack(folder.inside(), object)?, Losses::of(&opened.cloud));
+        let (files, losses) = (pack(folder.inside(), object)?, LostPoints::of(&opened.cloud));
         let facts = SquareObjectSummary { points: made.points, files, losses };
         run.points += made.points;
         Ok(MadeArtifact { facts, digest: None, spilled: 0 })
@@ -205,9 +205,9 @@ impl PlannedWork for SquaresPlan {
         OpenedTranslate { job, cloud }: &OpenedTranslate,
         survey: &TaskSurvey<'_, Self>,
         run: &mut SquareRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<PointsWritten> {
-        let Plan { label, work, .. } = &survey.folder.plan;
+        let PlanManifest { label, work, .. } = &survey.folder.plan;
         let folder = AtomicFolder::create(&job.output, job.overwrite, squares::is_ours)?;
         let mut written = prepared(job, cloud, None, at, |of| {
             Ok(PointsWritten {
@@ -219,7 +219,7 @@ impl PlannedWork for SquaresPlan {
                 ..PointsWritten::default()
             })
         })?;
-        let mut losses = Losses::default();
+        let mut losses = LostPoints::default();
         at.progress.begin("write", survey.done.values().map(|done| done.bytes).sum());
         for block in survey.done.keys() {
             at.cancel.check()?;

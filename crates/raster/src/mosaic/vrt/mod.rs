@@ -26,8 +26,8 @@ use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
 use terrane_files::{RawFile, on_threads, path_of};
 
-use super::find::{Family, MosaicSource as Samples, Nest, find};
-use super::recode::{self, Recode, holds, void_range};
+use super::find::{MosaicFamily, MosaicNesting, MosaicSource, find};
+use super::recode::{self, HeightRecoding, holds, void_range};
 use super::{Mosaic, MosaicPart};
 use parse::{Vrt, VrtSource};
 
@@ -60,14 +60,18 @@ pub(crate) fn is_at(path: &Path) -> Result<bool> {
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let vrt = read(path, options, None)?;
-    let family = Family::new(vrt.band.sources.len(), options);
-    let nest = Nest { family, around: Vec::new() };
+    let family = MosaicFamily::new(vrt.band.sources.len(), options);
+    let nest = MosaicNesting { family, around: Vec::new() };
     nest.family.count_vrt_bytes(length(path)?)?;
     Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
 }
 
 /// As the registry's entry, within other mosaics.
-pub(super) fn open_within(path: &Path, options: &GridOpenOptions, nest: &Nest) -> Result<Mosaic> {
+pub(super) fn open_within(
+    path: &Path,
+    options: &GridOpenOptions,
+    nest: &MosaicNesting,
+) -> Result<Mosaic> {
     let vrt = read(path, options, Some(nest))?;
     mosaic(path, vrt, options, nest).map_err(|e| e.in_file(path))
 }
@@ -76,7 +80,7 @@ fn length(path: &Path) -> Result<u64> {
     Ok(RawFile::open(path)?.size())
 }
 
-fn read(path: &Path, options: &GridOpenOptions, nest: Option<&Nest>) -> Result<Vrt> {
+fn read(path: &Path, options: &GridOpenOptions, nest: Option<&MosaicNesting>) -> Result<Vrt> {
     let file = RawFile::open(path)?;
     let within = match nest {
         Some(nest) => nest.family.count_vrt_bytes(file.size()),
@@ -86,7 +90,12 @@ fn read(path: &Path, options: &GridOpenOptions, nest: Option<&Nest>) -> Result<V
     within.and_then(|()| parse::parse(text, options.band)).map_err(|e| e.in_file(path))
 }
 
-fn mosaic(path: &Path, vrt: Vrt, options: &GridOpenOptions, nest: &Nest) -> Result<Mosaic> {
+fn mosaic(
+    path: &Path,
+    vrt: Vrt,
+    options: &GridOpenOptions,
+    nest: &MosaicNesting,
+) -> Result<Mosaic> {
     let nest = deeper(path, nest)?;
     nest.family.count_members(vrt.band.sources.len() as u64)?;
     let mut info = describe(&vrt, options)?;
@@ -111,7 +120,7 @@ fn mosaic(path: &Path, vrt: Vrt, options: &GridOpenOptions, nest: &Nest) -> Resu
 }
 
 /// The nest with this VRT around what follows.
-fn deeper(path: &Path, nest: &Nest) -> Result<Nest> {
+fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
     let real = std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?;
     if nest.around.contains(&real) {
         return Err(Error::bad_input("refers to itself").in_file(path));
@@ -159,7 +168,7 @@ fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
 struct VrtCanvas<'a> {
     path: &'a Path,
     info: &'a GridInfo,
-    nest: &'a Nest,
+    nest: &'a MosaicNesting,
     /// Counts the sources with masks that are not used, where the VRT has none.
     masks: Option<&'a AtomicUsize>,
 }
@@ -179,8 +188,10 @@ impl VrtCanvas<'_> {
         }
         let source = match (found.source, nodata) {
             (samples, _) if is_same(found.info.nodata, nodata) => samples,
-            (Samples::File(file), _) => Samples::File(file.with_nodata(&self.nest.family, nodata)),
-            (Samples::Nested { .. }, _) => find(&name, source.band, nodata, self.nest)?.source,
+            (MosaicSource::File(file), _) => {
+                MosaicSource::File(file.with_nodata(&self.nest.family, nodata))
+            }
+            (MosaicSource::Nested { .. }, _) => find(&name, source.band, nodata, self.nest)?.source,
         };
         Ok(Some(MosaicPart { source, rect, from, transparent, recode }))
     }
@@ -231,7 +242,7 @@ impl VrtCanvas<'_> {
         file: &GridInfo,
         nodata: Option<f64>,
         name: &str,
-    ) -> Result<Option<Recode>> {
+    ) -> Result<Option<HeightRecoding>> {
         let band = self.info;
         let is_changed = source.is_changed();
         let is_plain = file.scale == 1.0 && file.offset == 0.0;
@@ -254,8 +265,9 @@ impl VrtCanvas<'_> {
         let in_heights = |v: f64| if is_plain { v } else { v * band.scale + band.offset };
         let void = void.map(|(low, high)| (in_heights(low), in_heights(high)));
         let void = void.map(|(low, high)| (low.min(high), low.max(high)));
-        let recode = Recode { ratio: source.ratio, shift: source.shift, kind, void, scale, offset };
-        Ok(Some(recode).filter(|recode| *recode != Recode::NONE))
+        let recode =
+            HeightRecoding { ratio: source.ratio, shift: source.shift, kind, void, scale, offset };
+        Ok(Some(recode).filter(|recode| *recode != HeightRecoding::NONE))
     }
 }
 

@@ -7,7 +7,7 @@ const LOAD: usize = 4;
 
 /// Positions by the cells of a uniform grid over all of them.
 #[derive(Debug)]
-pub(super) struct ArcBins {
+pub(super) struct PositionBins {
     low: Xy,
     /// Cells by unit of x and of y.
     scale: Xy,
@@ -19,7 +19,7 @@ pub(super) struct ArcBins {
     order: Vec<u32>,
 }
 
-impl ArcBins {
+impl PositionBins {
     /// Of fewer than 2^32 finite positions, with cells at least `side` wide and high. O(n).
     pub(super) fn new(points: &[Xy], side: f64) -> Self {
         let mut low = [f64::INFINITY; 2];
@@ -156,7 +156,7 @@ mod tests {
             reach in 0.5f64..6.0,
         ) {
             let points: Vec<Xy> = cells.iter().map(|(x, y)| [f64::from(*x), f64::from(*y)]).collect();
-            let bins = ArcBins::new(&points, reach);
+            let bins = PositionBins::new(&points, reach);
             let near = |p: Xy, q: Xy| p != q && (p[0] - q[0]).hypot(p[1] - q[1]) <= reach;
             let close: Vec<u32> = (0..points.len() as u32)
                 .filter(|v| points.iter().any(|q| near(points[*v as usize], *q)))
@@ -167,14 +167,14 @@ mod tests {
             prop_assert_eq!(all, (0..points.len() as u32).collect::<Vec<_>>());
             let first = |p: &Xy| points.iter().position(|q| q == p).unwrap() as u32;
             let lowest: Vec<u32> = points.iter().map(first).collect();
-            prop_assert_eq!(ArcBins::new(&points, 0.0).same(&points), lowest);
+            prop_assert_eq!(PositionBins::new(&points, 0.0).same(&points), lowest);
         }
     }
 
     #[test]
     fn cells_have_about_as_many_each() {
         let points: Vec<Xy> = (0..4096).map(|i| [f64::from(i % 64), f64::from(i / 64)]).collect();
-        let bins = ArcBins::new(&points, 0.0);
+        let bins = PositionBins::new(&points, 0.0);
         assert_eq!(bins.size, [32, 32]);
         let most = bins.starts.windows(2).map(|pair| pair[1] - pair[0]).max();
         assert!(most.is_some_and(|most| most <= 9), "{most:?}");

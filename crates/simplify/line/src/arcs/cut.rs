@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::bins::ArcBins;
+use super::bins::PositionBins;
 use crate::topology::Chains;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
@@ -15,9 +15,9 @@ const END: u32 = u32::MAX - 1;
 
 /// An arc as part of a ring or line: which, and in which direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Passage(u32);
+pub struct ArcPassage(u32);
 
-impl Passage {
+impl ArcPassage {
     fn new(arc: u32, backward: bool) -> Self {
         Self(arc << 1 | u32::from(backward))
     }
@@ -47,15 +47,15 @@ pub struct CoverageArcs {
     /// Which of these have no junction: they may begin anywhere.
     pub free: Vec<bool>,
     /// The arcs of each part, part by part, in the order in which it passes them.
-    pub passages: Vec<Passage>,
+    pub passages: Vec<ArcPassage>,
     /// Where each part's begin in `passages`, and at the end how many there are.
     pub parts: Vec<usize>,
 }
 
 /// The arcs of all parts.
 pub(super) fn cut(parts: &Chains<'_>) -> Result<CoverageArcs> {
-    let position = ArcBins::new(parts.points, 0.0).same(parts.points);
-    let mut cutter = Cutter::new(parts, &position);
+    let position = PositionBins::new(parts.points, 0.0).same(parts.points);
+    let mut cutter = ArcCutter::new(parts, &position);
     (0..parts.count()).for_each(|part| cutter.look(part));
     (0..parts.count()).try_for_each(|part| cutter.cut(part))?;
     Ok(cutter.finish())
@@ -63,7 +63,7 @@ pub(super) fn cut(parts: &Chains<'_>) -> Result<CoverageArcs> {
 
 /// Parts in the course of being cut. Positions are known by the lowest vertex there.
 #[derive(Debug)]
-struct Cutter<'a> {
+struct ArcCutter<'a> {
     parts: &'a Chains<'a>,
     /// The position of each vertex.
     position: &'a [u32],
@@ -78,7 +78,7 @@ struct Cutter<'a> {
     part: Vec<u32>,
 }
 
-impl<'a> Cutter<'a> {
+impl<'a> ArcCutter<'a> {
     fn new(parts: &'a Chains<'a>, position: &'a [u32]) -> Self {
         let n = parts.points.len();
         let mut arcs = CoverageArcs::default();
@@ -171,7 +171,7 @@ impl<'a> Cutter<'a> {
         let id = if known == NONE { self.add(arc)? } else { known };
         let there = &self.arcs.sources[self.arcs.starts[id as usize]..];
         let forward = there[0] == arc[0] && (arc.len() == 1 || there[1] == arc[1]);
-        self.arcs.passages.push(Passage::new(id, !forward));
+        self.arcs.passages.push(ArcPassage::new(id, !forward));
         Ok(())
     }
 

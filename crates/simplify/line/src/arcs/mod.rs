@@ -15,12 +15,12 @@ mod snap;
 #[cfg(test)]
 mod tests;
 
-pub use cut::{CoverageArcs, Passage};
+pub use cut::{ArcPassage, CoverageArcs};
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::Xy;
 
-use super::topology::{ChainVertices, Chains, open_at};
+use super::topology::{Chains, KeptChainVertices, open_at};
 use cut::cut;
 
 /// Parts put together again.
@@ -79,7 +79,7 @@ impl CoverageArcs {
     }
 
     /// The parts, of what is kept of the arcs. A ring begins with its first arc. O(output).
-    pub fn rebuild(&self, kept: &ChainVertices) -> JoinedParts {
+    pub fn rebuild(&self, kept: &KeptChainVertices) -> JoinedParts {
         let mut parts =
             JoinedParts { vertices: Vec::with_capacity(kept.vertices.len()), starts: vec![0] };
         for pair in self.parts.windows(2) {
@@ -106,14 +106,15 @@ impl CoverageArcs {
         part: usize,
         own: &[Xy],
         is_ring: bool,
-        kept: &ChainVertices,
+        kept: &KeptChainVertices,
         out: &mut Vec<u32>,
     ) {
         out.clear();
         let passages = &self.passages[self.parts[part]..self.parts[part + 1]];
         let [first, ..] = passages else { return };
         let way = without_repeats(own, is_ring);
-        let range = |passage: &Passage| self.starts[passage.arc()]..self.starts[passage.arc() + 1];
+        let range =
+            |passage: &ArcPassage| self.starts[passage.arc()]..self.starts[passage.arc() + 1];
         let begin = if first.is_backward() { range(first).end - 1 } else { range(first).start };
         let is_begin = |at: &u32| own[*at as usize] == self.points[begin];
         let mut steps = way.iter().position(is_begin).unwrap_or_default();

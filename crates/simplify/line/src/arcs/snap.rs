@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::bins::{ArcBins, within};
+use super::bins::{PositionBins, within};
 use terrane_base::geom::plane::Xy;
 
 /// Cells of anchors are so much wider than the distance, that rounding cannot put two positions within
@@ -17,7 +17,7 @@ const SLACK: f64 = 1.0 + 1.0 / 1_048_576.0;
 /// the order of the positions makes no difference.
 pub(super) fn snap(points: &mut [Xy], stayed: &[Xy], distance: f64) {
     let all = [stayed, points].concat();
-    let mut order = ArcBins::new(&all, distance * SLACK).close(&all, distance);
+    let mut order = PositionBins::new(&all, distance * SLACK).close(&all, distance);
     let is_free = |v: u32| v as usize >= stayed.len();
     order.sort_unstable_by(|&a, &b| {
         let [p, q] = [a, b].map(|v| all[v as usize].map(|c| c + 0.0));

@@ -49,7 +49,7 @@ fn cell(p: &Xy) -> Cell {
 }
 
 /// The parts that arcs make, of what is kept.
-fn rebuilt(arcs: &CoverageArcs, kept: &ChainVertices) -> Vec<Vec<Cell>> {
+fn rebuilt(arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<Cell>> {
     let parts = arcs.rebuild(kept);
     let of = |pair: &[usize]| {
         let vertices = &parts.vertices[pair[0]..pair[1]];
@@ -130,7 +130,7 @@ fn arcs_are_as_defined() {
         let parts = tangle(&mut Dice(seed));
         let flat = Flat::new(&parts);
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
-        let all = rebuilt(&arcs, &ChainVertices::all(&arcs.chains()));
+        let all = rebuilt(&arcs, &KeptChainVertices::all(&arcs.chains()));
         for (old, new) in parts.iter().zip(&all) {
             assert_eq!(canonical(old), canonical(new), "seed {seed}: {parts:?}");
             let goes_on = new.windows(2).all(|pair| pair[0] != pair[1]);
@@ -264,7 +264,7 @@ fn neighbours_keep_their_borders() {
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
         let tolerance = (1 << dice.below(11)) as f64;
         let chains = arcs.chains();
-        let mut kept = ChainVertices::new();
+        let mut kept = KeptChainVertices::new();
         for arc in 0..chains.count() {
             // Nothing but ends: all that is needed for the topology is added back.
             let range = chains.range(arc);
@@ -336,7 +336,7 @@ fn a_ring_that_goes_around_twice_has_its_arc_twice() {
 }
 
 /// What every part keeps of its own vertices, where `kept` is kept of the arcs.
-fn own(flat: &Flat, arcs: &CoverageArcs, kept: &ChainVertices) -> Vec<Vec<u32>> {
+fn own(flat: &Flat, arcs: &CoverageArcs, kept: &KeptChainVertices) -> Vec<Vec<u32>> {
     let of = |part: usize| {
         let mut own = Vec::new();
         let points = &flat.points[flat.starts[part]..flat.starts[part + 1]];
@@ -357,7 +357,7 @@ fn parts_know_what_is_kept_of_their_own_vertices() {
             let at = dice.below((arcs.starts[arc + 1] - arcs.starts[arc] - 1) as i64);
             arcs.open_at(arc, at as usize);
         }
-        let mut kept = ChainVertices::new();
+        let mut kept = KeptChainVertices::new();
         for range in arcs.starts.windows(2).map(|ends| ends[0]..ends[1]) {
             let is_kept =
                 |v: &usize| *v == range.start || *v + 1 == range.end || dice.below(2) == 0;
@@ -389,7 +389,7 @@ fn a_line_that_stays_where_it_is_keeps_its_first_and_last_vertex() {
         let mut flat = Flat::new(&[vec![[3, 4]; count]]);
         flat.closed = vec![false];
         let arcs = CoverageArcs::new(&flat.chains(), 0.0).unwrap();
-        let mut kept = ChainVertices::new();
+        let mut kept = KeptChainVertices::new();
         kept.vertices.push(0);
         kept.close();
         let expected = if count == 1 { vec![0] } else { vec![0, count as u32 - 1] };

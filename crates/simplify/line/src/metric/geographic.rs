@@ -1,6 +1,6 @@
 //! Metres on the ellipsoid, for longitudes and latitudes in degrees.
 
-use super::located::Located;
+use super::located::LocatedVertex;
 use super::range::{ClosedInterval, larger};
 use super::{DistanceMetric, cosine};
 use crate::wedge::EllipseWedge;
@@ -28,18 +28,18 @@ pub struct GeographicSegment {
 
 /// A box with the range of local scales in it.
 #[derive(Clone, Copy, Debug)]
-pub struct ScaledBox {
+pub struct GeographicBox {
     at: [ClosedInterval; 2],
     scale: [ClosedInterval; 2],
 }
 
-impl DistanceMetric<Located> for GeographicMetric {
+impl DistanceMetric<LocatedVertex> for GeographicMetric {
     type Segment = GeographicSegment;
-    type Region = ScaledBox;
+    type Region = GeographicBox;
     type Wedge = EllipseWedge;
 
     #[inline(always)]
-    fn segment(&self, a: &Located, b: &Located) -> GeographicSegment {
+    fn segment(&self, a: &LocatedVertex, b: &LocatedVertex) -> GeographicSegment {
         let along = [b.at[0] - a.at[0], b.at[1] - a.at[1]];
         match along == [0.0; 2] {
             true => GeographicSegment { from: a.at, along: [1.0, 1.0], length: 0.0 },
@@ -48,7 +48,7 @@ impl DistanceMetric<Located> for GeographicMetric {
     }
 
     #[inline(always)]
-    fn reach(course: &GeographicSegment, p: &Located) -> f64 {
+    fn reach(course: &GeographicSegment, p: &LocatedVertex) -> f64 {
         let [kx, ky] = p.scale;
         let q = [(p.at[0] - course.from[0]) * kx, (p.at[1] - course.from[1]) * ky];
         let d = [course.along[0] * kx, course.along[1] * ky];
@@ -74,20 +74,20 @@ impl DistanceMetric<Located> for GeographicMetric {
     }
 
     #[inline(always)]
-    fn region(p: &Located) -> ScaledBox {
-        ScaledBox { at: p.at.map(ClosedInterval::of), scale: p.scale.map(ClosedInterval::of) }
+    fn region(p: &LocatedVertex) -> GeographicBox {
+        GeographicBox { at: p.at.map(ClosedInterval::of), scale: p.scale.map(ClosedInterval::of) }
     }
 
     #[inline(always)]
-    fn join(a: &ScaledBox, b: &ScaledBox) -> ScaledBox {
-        ScaledBox {
+    fn join(a: &GeographicBox, b: &GeographicBox) -> GeographicBox {
+        GeographicBox {
             at: [a.at[0].join(b.at[0]), a.at[1].join(b.at[1])],
             scale: [a.scale[0].join(b.scale[0]), a.scale[1].join(b.scale[1])],
         }
     }
 
     #[inline(always)]
-    fn reach_most(course: &GeographicSegment, zone: &ScaledBox) -> f64 {
+    fn reach_most(course: &GeographicSegment, zone: &GeographicBox) -> f64 {
         let q = [0, 1].map(|i| zone.at[i].minus(course.from[i]).times_range(zone.scale[i]));
         let d = [0, 1].map(|i| zone.scale[i].times(course.along[i]));
         let least = |r: ClosedInterval| larger(larger(r.low, -r.high), 0.0);
@@ -106,17 +106,17 @@ impl DistanceMetric<Located> for GeographicMetric {
         (cross.most_squared() + over * over) / length
     }
 
-    fn area(&self, a: &Located, b: &Located, c: &Located) -> f64 {
+    fn area(&self, a: &LocatedVertex, b: &LocatedVertex, c: &LocatedVertex) -> f64 {
         let (u, v) = (b.to(a), b.to(c));
         (u[0] * v[1] - u[1] * v[0]).abs() * 0.5
     }
 
-    fn cosine(&self, a: &Located, b: &Located, c: &Located) -> f64 {
+    fn cosine(&self, a: &LocatedVertex, b: &LocatedVertex, c: &LocatedVertex) -> f64 {
         cosine(b.to(a), b.to(c))
     }
 
     #[inline(always)]
-    fn coordinates(p: &Located) -> [f64; 3] {
+    fn coordinates(p: &LocatedVertex) -> [f64; 3] {
         [p.at[0], p.at[1], 0.0]
     }
 }

@@ -4,7 +4,7 @@ use terrane_base::geom::plane::Xy;
 
 /// A vertex with its local scale.
 #[derive(Clone, Copy, Debug)]
-pub struct Located {
+pub struct LocatedVertex {
     /// Longitude and latitude, in degrees.
     pub at: Xy,
     /// Metres for a degree of longitude and of latitude.
@@ -17,7 +17,7 @@ const SEMI_MAJOR: f64 = 6_378_137.0;
 /// Squared eccentricity of WGS 84, f (2 - f) with f = 1 / 298.257223563.
 const ECCENTRICITY_SQUARED: f64 = 0.006_694_379_990_141_317;
 
-impl Located {
+impl LocatedVertex {
     /// A vertex at `at`: longitude, and latitude between -90 and 90, in degrees.
     pub fn new(at: Xy) -> Self {
         let (sin, cos) = at[1].to_radians().sin_cos();

@@ -30,7 +30,7 @@ mod turned;
 mod vertical;
 
 pub use geographic::GeographicMetric;
-pub use located::Located;
+pub use located::LocatedVertex;
 pub use space::SpaceMetric;
 pub use vertical::{VerticalMetric, is_monotone};
 

@@ -45,7 +45,7 @@ impl PlaneSegment {
         larger(axis(around.x, 0), axis(around.y, 1))
     }
 
-    /// The part of [`super::Metric::reach_most`] that is due to lying beyond an end.
+    /// The part of [`super::DistanceMetric::reach_most`] that is due to lying beyond an end.
     #[inline(always)]
     pub(crate) fn most_over(&self, around: &PlaneBox) -> f64 {
         let (x, y) = (around.x.minus(self.from[0]), around.y.minus(self.from[1]));

@@ -24,61 +24,61 @@ pub fn is_monotone(points: &[Xy]) -> bool {
 
 /// A segment of a profile.
 #[derive(Clone, Copy, Debug)]
-pub struct Chord {
+pub struct ProfileSegment {
     from: Xy,
     along: Xy,
 }
 
 /// A box around a part of a profile.
 #[derive(Clone, Copy, Debug)]
-pub struct ProfileExtent {
+pub struct ProfileBox {
     x: ClosedInterval,
     y: ClosedInterval,
 }
 
 impl DistanceMetric<Xy> for VerticalMetric {
-    type Segment = Chord;
-    type Region = ProfileExtent;
+    type Segment = ProfileSegment;
+    type Region = ProfileBox;
     type Wedge = SlopeWedge;
 
     #[inline(always)]
-    fn segment(&self, a: &Xy, b: &Xy) -> Chord {
+    fn segment(&self, a: &Xy, b: &Xy) -> ProfileSegment {
         let along = [b[0] - a[0], b[1] - a[1]];
         match along[0] == 0.0 {
-            true => Chord { from: *a, along: [1.0, 0.0] },
-            false => Chord { from: *a, along },
+            true => ProfileSegment { from: *a, along: [1.0, 0.0] },
+            false => ProfileSegment { from: *a, along },
         }
     }
 
     #[inline(always)]
-    fn reach(chord: &Chord, p: &Xy) -> f64 {
+    fn reach(chord: &ProfileSegment, p: &Xy) -> f64 {
         let (q, d) = ([p[0] - chord.from[0], p[1] - chord.from[1]], chord.along);
         let cross = q[0] * d[1] - q[1] * d[0];
         cross * cross
     }
 
     #[inline(always)]
-    fn squared(chord: &Chord, reach: f64) -> f64 {
+    fn squared(chord: &ProfileSegment, reach: f64) -> f64 {
         reach / (chord.along[0] * chord.along[0])
     }
 
     #[inline(always)]
-    fn within(chord: &Chord, tolerance2: f64) -> f64 {
+    fn within(chord: &ProfileSegment, tolerance2: f64) -> f64 {
         tolerance2 * (chord.along[0] * chord.along[0]) * SURELY
     }
 
     #[inline(always)]
-    fn region(p: &Xy) -> ProfileExtent {
-        ProfileExtent { x: ClosedInterval::of(p[0]), y: ClosedInterval::of(p[1]) }
+    fn region(p: &Xy) -> ProfileBox {
+        ProfileBox { x: ClosedInterval::of(p[0]), y: ClosedInterval::of(p[1]) }
     }
 
     #[inline(always)]
-    fn join(a: &ProfileExtent, b: &ProfileExtent) -> ProfileExtent {
-        ProfileExtent { x: a.x.join(b.x), y: a.y.join(b.y) }
+    fn join(a: &ProfileBox, b: &ProfileBox) -> ProfileBox {
+        ProfileBox { x: a.x.join(b.x), y: a.y.join(b.y) }
     }
 
     #[inline(always)]
-    fn reach_most(chord: &Chord, region: &ProfileExtent) -> f64 {
+    fn reach_most(chord: &ProfileSegment, region: &ProfileBox) -> f64 {
         let (x, y) = (region.x.minus(chord.from[0]), region.y.minus(chord.from[1]));
         x.times(chord.along[1]).minus_range(y.times(chord.along[0])).most_squared()
     }

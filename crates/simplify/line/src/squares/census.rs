@@ -114,9 +114,9 @@ impl VertexHistogram {
     }
 
     /// The counts, of which there have to be some, for sums over many cells: up to 8 MiB more.
-    pub(super) fn counts(&self) -> PrefixCounts {
+    pub(super) fn counts(&self) -> SummedVertexCounts {
         let range = self.bounds.map(|p| cell(p, self.level));
-        PrefixCounts::new(self.level, range, |at| self.counts[place(at)])
+        SummedVertexCounts::new(self.level, range, |at| self.counts[place(at)])
     }
 }
 
@@ -139,14 +139,14 @@ fn cells([low, high]: [[i64; 2]; 2]) -> impl Iterator<Item = [i64; 2]> {
 
 /// Counts by cells, as sums over all cells before one in x and y.
 #[derive(Clone, Debug)]
-pub(super) struct PrefixCounts {
+pub(super) struct SummedVertexCounts {
     pub(super) level: i32,
     low: [i64; 2],
     size: [i64; 2],
     sums: Vec<u64>,
 }
 
-impl PrefixCounts {
+impl SummedVertexCounts {
     /// Of the cells in a range, both ends included.
     pub(super) fn new(level: i32, range: [[i64; 2]; 2], count: impl Fn([i64; 2]) -> u64) -> Self {
         let low = range[0];

@@ -10,7 +10,7 @@
 //! region between them lie within the hull of one square. So a new segment can cross nothing but
 //! segments of its own square and segments that cross over, and a region can hold no vertices but
 //! those of its own square. Segments that cross over never change: for each square that one
-//! passes through it is an obstacle ([`VertexTiles::meeting`]), and two of them that meet have met in
+//! passes through it is an obstacle ([`VertexQuadtree::meeting`]), and two of them that meet have met in
 //! the input. What holds for [`super::topology`] in each square, obstacles among the chains, holds for
 //! all squares together.
 //!
@@ -26,7 +26,7 @@
 //! **The squares** are those of a quadtree over powers of two, whatever the extent, so a
 //! position's cell is exact: a multiplication by a power of two and a floor. Vertices are counted
 //! by the cells of a grid ([`VertexHistogram`]), and a square of the tree that has too many is divided, in
-//! cells that have too many by finer counts ([`Finer`]). The division depends on nothing but how many
+//! cells that have too many by finer counts ([`RefinedCounts`]). The division depends on nothing but how many
 //! vertices there are in which cell.
 
 mod census;
@@ -37,4 +37,4 @@ mod tree;
 
 pub use census::VertexHistogram;
 pub use runs::{TileRun, cross_overs, cut};
-pub use tree::{Finer, LastTile, VertexTiles};
+pub use tree::{LastTile, RefinedCounts, VertexQuadtree};

@@ -1,6 +1,6 @@
 //! Lines and rings cut where they go from one square to another.
 
-use super::tree::{LastTile, VertexTiles};
+use super::tree::{LastTile, VertexQuadtree};
 use terrane_base::geom::plane::Xy;
 
 /// Vertices of a line or ring that follow each other in one square.
@@ -22,7 +22,7 @@ pub struct TileRun {
 pub fn cut(
     part: &[Xy],
     is_ring: bool,
-    squares: &VertexTiles,
+    squares: &VertexQuadtree,
     place: &mut LastTile,
     runs: &mut Vec<TileRun>,
 ) {

@@ -13,21 +13,21 @@ fn positions() -> impl Strategy<Value = Vec<Xy>> {
     proptest::collection::vec(one, 1..300)
 }
 
-fn divided(points: &[Xy], most: u64) -> Result<VertexTiles, terrane_base::error::Error> {
+fn divided(points: &[Xy], most: u64) -> Result<VertexQuadtree, terrane_base::error::Error> {
     let mut census = VertexHistogram::default();
     // As features come, a few at a time.
     for some in points.chunks(7) {
         census.add(some).unwrap();
     }
-    let mut squares = VertexTiles::new(&census, most)?;
+    let mut squares = VertexQuadtree::new(&census, most)?;
     while let Some(mut finer) = squares.finer() {
         points.chunks(11).for_each(|some| finer.add(some));
-        squares = VertexTiles::refined(finer, &squares)?;
+        squares = VertexQuadtree::refined(finer, &squares)?;
     }
     Ok(squares)
 }
 
-fn all_of(points: &[Xy], squares: &VertexTiles) -> Vec<u32> {
+fn all_of(points: &[Xy], squares: &VertexQuadtree) -> Vec<u32> {
     let mut place = LastTile::default();
     points.iter().map(|p| squares.of(*p, &mut place).unwrap()).collect()
 }
@@ -281,7 +281,7 @@ fn counts_survive_growth() {
         assert_eq!((all.total(), one.total()), (40, 40));
         for most in [2, 10, 39] {
             let of = |census: &VertexHistogram| -> Vec<u64> {
-                let squares = VertexTiles::new(census, most).unwrap();
+                let squares = VertexQuadtree::new(census, most).unwrap();
                 (0..squares.count()).map(|square| squares.vertices(square)).collect()
             };
             assert_eq!(of(&all), of(&one));

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::census::{PrefixCounts, VertexHistogram, cell, power};
+use super::census::{SummedVertexCounts, VertexHistogram, cell, power};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::plane::{Xy, orient};
 
@@ -11,7 +11,7 @@ const FINER: i32 = 6;
 
 /// What a node of the tree is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum TileTreeKind {
+enum QuadtreeNodeState {
     /// Not known yet.
     Open,
     /// The square of this number.
@@ -23,14 +23,14 @@ enum TileTreeKind {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct TileTreeNode {
+struct QuadtreeNode {
     /// The cell of side 2^level that it is.
     cell: [i64; 2],
     level: i32,
-    kind: TileTreeKind,
+    kind: QuadtreeNodeState,
 }
 
-impl TileTreeNode {
+impl QuadtreeNode {
     /// Its lowest position. All corners and centres are exact.
     fn low(&self) -> Xy {
         self.cell.map(|c| c as f64 * power(self.level))
@@ -63,9 +63,9 @@ impl TileTreeNode {
 
 /// Squares with at most so many vertices each, known by number. Some have none: segments may meet there.
 #[derive(Clone, Debug)]
-pub struct VertexTiles {
+pub struct VertexQuadtree {
     /// Up to four roots, then children.
-    nodes: Vec<TileTreeNode>,
+    nodes: Vec<QuadtreeNode>,
     roots: usize,
     /// The cells that have too many vertices, and their levels.
     crowded: Vec<([i64; 2], i32)>,
@@ -85,7 +85,7 @@ pub struct LastTile {
     high: Xy,
 }
 
-impl VertexTiles {
+impl VertexQuadtree {
     /// Squares with up to `most` vertices each: one, if there are no more in all. Some may have
     /// more as long as there are [`finer`](Self::finer) counts to be made.
     ///
@@ -110,7 +110,7 @@ impl VertexTiles {
         let level = counts.level + up.unwrap_or_default();
         let [low, high] = [low, high].map(|at| at.map(|c| c >> (level - counts.level)));
         for (y, x) in (low[1]..=high[1]).flat_map(|y| (low[0]..=high[0]).map(move |x| (y, x))) {
-            all.nodes.push(TileTreeNode { cell: [x, y], level, kind: TileTreeKind::Open });
+            all.nodes.push(QuadtreeNode { cell: [x, y], level, kind: QuadtreeNodeState::Open });
         }
         all.roots = all.nodes.len();
         all.divide((0..all.roots).collect(), &counts)?;
@@ -118,21 +118,21 @@ impl VertexTiles {
     }
 
     /// What has to be counted before all squares are known, if anything.
-    pub fn finer(&self) -> Option<Finer<'_>> {
+    pub fn finer(&self) -> Option<RefinedCounts<'_>> {
         let levels = self.crowded.iter().map(|(_, level)| *level);
-        (!self.crowded.is_empty()).then(|| Finer::new(self, levels))
+        (!self.crowded.is_empty()).then(|| RefinedCounts::new(self, levels))
     }
 
     /// These squares with those divided that had too many vertices, as far as the counts tell.
     ///
     /// # Errors
     /// `Limit` where too many vertices are nearly in one place.
-    pub fn refined(finer: Finer<'_>, squares: &Self) -> Result<Self> {
+    pub fn refined(finer: RefinedCounts<'_>, squares: &Self) -> Result<Self> {
         let counts = finer.into_counts(&squares.crowded);
         let mut all = squares.clone();
         all.crowded.clear();
         for (at, node) in squares.nodes.iter().enumerate() {
-            if let TileTreeKind::Crowded(crowded) = node.kind {
+            if let QuadtreeNodeState::Crowded(crowded) = node.kind {
                 all.divide(vec![at], &counts[crowded as usize])?;
             }
         }
@@ -140,29 +140,29 @@ impl VertexTiles {
     }
 
     /// Divides nodes as far as counts tell.
-    fn divide(&mut self, mut open: Vec<usize>, counts: &PrefixCounts) -> Result<()> {
+    fn divide(&mut self, mut open: Vec<usize>, counts: &SummedVertexCounts) -> Result<()> {
         open.reverse();
         while let Some(at) = open.pop() {
-            let TileTreeNode { cell, level, .. } = self.nodes[at];
+            let QuadtreeNode { cell, level, .. } = self.nodes[at];
             let count = counts.of(cell, level);
             self.nodes[at].kind = if count <= self.most {
                 self.counts.push(count);
-                TileTreeKind::Square(self.counts.len() as u32 - 1)
+                QuadtreeNodeState::Square(self.counts.len() as u32 - 1)
             } else if level > counts.level {
                 let first = self.nodes.len();
                 for [x, y] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
                     let cell = [2 * cell[0] + x, 2 * cell[1] + y];
-                    self.nodes.push(TileTreeNode {
+                    self.nodes.push(QuadtreeNode {
                         cell,
                         level: level - 1,
-                        kind: TileTreeKind::Open,
+                        kind: QuadtreeNodeState::Open,
                     });
                 }
                 open.extend((first..first + 4).rev());
-                TileTreeKind::Divided(first as u32)
+                QuadtreeNodeState::Divided(first as u32)
             } else if level > self.lowest {
                 self.crowded.push((cell, level));
-                TileTreeKind::Crowded(self.crowded.len() as u32 - 1)
+                QuadtreeNodeState::Crowded(self.crowded.len() as u32 - 1)
             } else {
                 let at = self.nodes[at].low();
                 return Err(Error::limit("the number of vertices in one place", count, self.most)
@@ -184,9 +184,9 @@ impl VertexTiles {
     }
 
     /// The node without children that a position is in.
-    fn leaf(&self, p: Xy) -> Option<&TileTreeNode> {
+    fn leaf(&self, p: Xy) -> Option<&QuadtreeNode> {
         let mut node = self.nodes[..self.roots].iter().find(|node| node.holds(p))?;
-        while let TileTreeKind::Divided(first) = node.kind {
+        while let QuadtreeNodeState::Divided(first) = node.kind {
             // The low corner of the last child is the centre.
             let centre = self.nodes[first as usize + 3].low();
             let child = usize::from(p[0] >= centre[0]) + 2 * usize::from(p[1] >= centre[1]);
@@ -199,7 +199,7 @@ impl VertexTiles {
     fn crowded_at(&self, p: Xy) -> Option<(usize, i32)> {
         let node = self.leaf(p)?;
         match node.kind {
-            TileTreeKind::Crowded(crowded) => Some((crowded as usize, node.level)),
+            QuadtreeNodeState::Crowded(crowded) => Some((crowded as usize, node.level)),
             _ => None,
         }
     }
@@ -220,7 +220,7 @@ impl VertexTiles {
             return Some(0);
         }
         let node = self.leaf(p)?;
-        let TileTreeKind::Square(square) = node.kind else { return None };
+        let QuadtreeNodeState::Square(square) = node.kind else { return None };
         *place = LastTile { square, low: node.low(), high: node.high() };
         Some(square)
     }
@@ -228,7 +228,7 @@ impl VertexTiles {
     /// Fills `found` with the squares that a position within `reach` of `p` may be in, ascending.
     pub fn around(&self, p: Xy, reach: f64, found: &mut Vec<u32>) {
         found.clear();
-        let is_near = |node: &TileTreeNode| {
+        let is_near = |node: &QuadtreeNode| {
             let (low, high) = (node.low(), node.high());
             (0..2).all(|axis| low[axis] <= p[axis] + reach && p[axis] - reach < high[axis])
         };
@@ -243,15 +243,17 @@ impl VertexTiles {
     }
 
     /// Appends the squares for which, and for whose parents, something holds; ascending.
-    fn find_all(&self, holds: impl Fn(&TileTreeNode) -> bool, found: &mut Vec<u32>) {
+    fn find_all(&self, holds: impl Fn(&QuadtreeNode) -> bool, found: &mut Vec<u32>) {
         let mut open: Vec<usize> = (0..self.roots).collect();
         while let Some(at) = open.pop() {
             let node = &self.nodes[at];
             match node.kind {
-                TileTreeKind::Open | TileTreeKind::Crowded(_) => {}
+                QuadtreeNodeState::Open | QuadtreeNodeState::Crowded(_) => {}
                 _ if !holds(node) => {}
-                TileTreeKind::Square(square) => found.push(square),
-                TileTreeKind::Divided(first) => open.extend(first as usize..first as usize + 4),
+                QuadtreeNodeState::Square(square) => found.push(square),
+                QuadtreeNodeState::Divided(first) => {
+                    open.extend(first as usize..first as usize + 4)
+                }
             }
         }
         found.sort_unstable();
@@ -261,15 +263,15 @@ impl VertexTiles {
 /// Counts by finer cells, where squares would have too many vertices and cannot be divided by the
 /// counts that are known. 32 KiB for each.
 #[derive(Clone, Debug)]
-pub struct Finer<'a> {
-    squares: &'a VertexTiles,
+pub struct RefinedCounts<'a> {
+    squares: &'a VertexQuadtree,
     /// For each square that is to be divided: the level of its finer cells, and their counts.
     counts: Vec<(i32, Vec<u64>)>,
 }
 
-impl<'a> Finer<'a> {
+impl<'a> RefinedCounts<'a> {
     /// For the crowded cells of `squares`, of these levels.
-    fn new(squares: &'a VertexTiles, levels: impl Iterator<Item = i32>) -> Self {
+    fn new(squares: &'a VertexQuadtree, levels: impl Iterator<Item = i32>) -> Self {
         let room = |level: i32| {
             let finer = (level - FINER).max(squares.lowest);
             (finer, vec![0; 1 << (2 * (level - finer))])
@@ -290,14 +292,14 @@ impl<'a> Finer<'a> {
     }
 
     /// The counts of each crowded cell, given with its level.
-    fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<PrefixCounts> {
+    fn into_counts(self, cells: &[([i64; 2], i32)]) -> Vec<SummedVertexCounts> {
         let counts = self.counts.into_iter().zip(cells);
         let made = counts.map(|((finer, counts), (cell, level))| {
             let up = level - finer;
             let low = cell.map(|c| c << up);
             let high = low.map(|c| c + (1 << up) - 1);
             let count = |at: [i64; 2]| counts[(((at[1] - low[1]) << up) + at[0] - low[0]) as usize];
-            PrefixCounts::new(finer, [low, high], count)
+            SummedVertexCounts::new(finer, [low, high], count)
         });
         made.collect()
     }

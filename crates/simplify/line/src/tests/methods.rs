@@ -183,7 +183,7 @@ fn spaces_and_profiles_measure_their_own_distances() {
 
 #[test]
 fn degrees_are_metres() {
-    let place = |lon: f64, lat: f64| Located::new([lon, lat]);
+    let place = |lon: f64, lat: f64| LocatedVertex::new([lon, lat]);
     // Lengths of a degree on WGS 84, from tables: at the equator, and at 60 degrees north.
     let [east, north] = place(0.0, 0.0).scale;
     assert!((east - 111_319.49).abs() < 0.01 && (north - 110_574.28).abs() < 0.02);

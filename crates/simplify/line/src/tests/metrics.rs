@@ -30,8 +30,8 @@ impl Check for BoundsHold {
 }
 
 /// Distances of vertices that have a scale, by components.
-fn scaled_distance2(p: &Located, a: &Located, b: &Located) -> f64 {
-    let seen = |q: &Located| [0, 1].map(|i| (q.at[i] - p.at[i]) * p.scale[i]);
+fn scaled_distance2(p: &LocatedVertex, a: &LocatedVertex, b: &LocatedVertex) -> f64 {
+    let seen = |q: &LocatedVertex| [0, 1].map(|i| (q.at[i] - p.at[i]) * p.scale[i]);
     let (from, to) = (seen(a), seen(b));
     let along = [to[0] - from[0], to[1] - from[1]];
     let length = along[0] * along[0] + along[1] * along[1];
@@ -58,7 +58,7 @@ proptest! {
     fn bounds_hold_for_any_scale(line in beside_a_segment(), seed: u64) {
         let mut dice = Dice(seed);
         let mut scale = || [dice.below(3) as f64 * 0.7, 0.5 + dice.below(3) as f64];
-        let line: Vec<Located> = line.iter().map(|at| Located { at: *at, scale: scale() }).collect();
+        let line: Vec<LocatedVertex> = line.iter().map(|at| LocatedVertex { at: *at, scale: scale() }).collect();
         BoundsHold.check(&GeographicMetric, &line, 0.0);
         for p in &line[2..] {
             let [a, b] = [&line[0], &line[1]];
@@ -84,10 +84,10 @@ proptest! {
         prop_assert!(near(SpaceMetric.cosine(&p, &q, &r), cosine));
         prop_assert!(near(VerticalMetric.area(&a, &b, &c), area));
         prop_assert!(near(VerticalMetric.cosine(&a, &b, &c), cosine));
-        let located = |p: Xy, scale: Xy| Located { at: [p[0] / scale[0], p[1] / scale[1]], scale };
+        let located = |p: Xy, scale: Xy| LocatedVertex { at: [p[0] / scale[0], p[1] / scale[1]], scale };
         // The scale of the middle one is taken.
         let (p, r) = (located(a, [4.0, 0.5]), located(c, [4.0, 0.5]));
-        let [p, r] = [p, r].map(|vertex| Located { scale: [9.0, 9.0], ..vertex });
+        let [p, r] = [p, r].map(|vertex| LocatedVertex { scale: [9.0, 9.0], ..vertex });
         let q = located(b, [4.0, 0.5]);
         prop_assert!(near(GeographicMetric.area(&p, &q, &r), area));
         prop_assert!(near(GeographicMetric.cosine(&p, &q, &r), cosine));
@@ -107,7 +107,7 @@ fn coordinates_are_those_given() {
     assert_eq!(PlaneMetric::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
     assert_eq!(VerticalMetric::coordinates(&[1.0, 2.0]), [1.0, 2.0, 0.0]);
     assert_eq!(SpaceMetric::coordinates(&[1.0, 2.0, 3.0]), [1.0, 2.0, 3.0]);
-    assert_eq!(GeographicMetric::coordinates(&Located::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
+    assert_eq!(GeographicMetric::coordinates(&LocatedVertex::new([1.0, 2.0])), [1.0, 2.0, 0.0]);
 }
 
 /// Of vertices that were dropped the first of the farthest, and none of those kept.

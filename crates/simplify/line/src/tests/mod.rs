@@ -15,7 +15,7 @@ use proptest::prelude::*;
 
 use super::metric::{DistanceMetric, largest_distance2};
 use super::{
-    GeographicMetric, Located, PlaneMetric, SimplifyScratch, SpaceMetric, VerticalMetric, Xy,
+    GeographicMetric, LocatedVertex, PlaneMetric, SimplifyScratch, SpaceMetric, VerticalMetric, Xy,
 };
 
 /// A generator with a fixed seed (SplitMix64): whole numbers below `most`.
@@ -97,8 +97,8 @@ fn in_space(line: &[Xy]) -> Vec<[f64; 3]> {
 }
 
 /// The line on the ellipsoid, steps of about 100 m, from 60 degrees north on.
-fn on_ellipsoid(line: &[Xy]) -> Vec<Located> {
-    line.iter().map(|p| Located::new([p[0] * 1e-3, 60.0 + p[1] * 1e-3])).collect()
+fn on_ellipsoid(line: &[Xy]) -> Vec<LocatedVertex> {
+    line.iter().map(|p| LocatedVertex::new([p[0] * 1e-3, 60.0 + p[1] * 1e-3])).collect()
 }
 
 /// Runs a check on a line in each metric.

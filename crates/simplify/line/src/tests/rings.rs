@@ -5,7 +5,7 @@ use crate::cone::cone;
 use crate::imai_iri::imai_iri;
 use crate::rdp::rdp;
 use crate::ring::{RingFate, simplify, visvalingam};
-use crate::visvalingam::Weight;
+use crate::visvalingam::AreaWeight;
 
 /// The line, closed.
 fn closed(mut line: Vec<Xy>) -> Vec<Xy> {
@@ -121,7 +121,7 @@ fn triangles_on_rings() {
     let ring = closed(star(9, 30));
     let fate = |area: f64| {
         let mut kept = Vec::new();
-        let fate = visvalingam(&PlaneMetric, &ring, area, Weight::Plain, &mut kept);
+        let fate = visvalingam(&PlaneMetric, &ring, area, AreaWeight::Plain, &mut kept);
         (fate, kept.len())
     };
     assert_eq!(fate(1e9), (RingFate::Collapsed, 3));
@@ -139,7 +139,7 @@ fn a_triangle_is_kept_and_less_is_none() {
     }
     let dissolved = |ring: &[Xy], area: f64| {
         let mut kept = vec![9];
-        (visvalingam(&PlaneMetric, ring, area, Weight::Plain, &mut kept), kept)
+        (visvalingam(&PlaneMetric, ring, area, AreaWeight::Plain, &mut kept), kept)
     };
     // Its area is 5.5.
     assert_eq!(dissolved(&ring, 5.4), (RingFate::Kept, vec![9, 0, 1, 2]));

@@ -123,7 +123,7 @@ fn segments_end_no_nearer_than_what_they_pass() {
     let wedge = SpaceWedge::new(&[1.0, 1.0, 1.0], 5.0);
     assert!(near(wedge.least_span2(&[4.0, 5.0, 13.0])));
     // Metres differ from vertex to vertex, and in a profile nothing is beyond an end.
-    let place = |lon: f64| Located::new([lon, 60.0]);
+    let place = |lon: f64| LocatedVertex::new([lon, 60.0]);
     assert_eq!(EllipseWedge::new(&place(0.0), 5.0).least_span2(&place(1.0)), 0.0);
     assert_eq!(SlopeWedge::new(&[0.0; 2], 5.0).least_span2(&[99.0, 0.0]), 0.0);
 }
@@ -164,7 +164,7 @@ proptest! {
     fn a_wedge_on_the_ellipsoid_has_them_too(line in way(), tolerance in 0.05..4.0, seed: u64) {
         let mut dice = Dice(seed);
         let mut scale = || [0.5 + dice.below(100) as f64 * 0.01, 0.5 + dice.below(100) as f64 * 0.01];
-        let line: Vec<Located> = line.iter().map(|at| Located { at: *at, scale: scale() }).collect();
+        let line: Vec<LocatedVertex> = line.iter().map(|at| LocatedVertex { at: *at, scale: scale() }).collect();
         let mut wedge = EllipseWedge::new(&line[0], tolerance);
         let mut angles = Angles::default();
         for p in &line[1..] {

@@ -96,7 +96,7 @@ impl Chains<'_> {
 
 /// The vertices that are kept of each chain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ChainVertices {
+pub struct KeptChainVertices {
     /// Numbers of vertices, ascending, chain after chain: none of a chain, or at least its first
     /// and its last vertex.
     pub vertices: Vec<u32>,
@@ -104,8 +104,8 @@ pub struct ChainVertices {
     pub starts: Vec<usize>,
 }
 
-impl ChainVertices {
-    /// Of no chain yet, for [`ChainVertices::close`] to add to.
+impl KeptChainVertices {
+    /// Of no chain yet, for [`KeptChainVertices::close`] to add to.
     pub fn new() -> Self {
         Self { vertices: Vec::new(), starts: vec![0] }
     }

@@ -43,12 +43,12 @@ mod settle;
 mod tests;
 mod tree;
 
-pub use chains::{ChainVertices, Chains, Refine, open_at, refining};
+pub use chains::{Chains, KeptChainVertices, Refine, open_at, refining};
 pub use cross::conflict;
-pub use options::{Collapse, Strategy, UntangleOptions};
-pub use round::{Rounded, round};
+pub use options::{RingCollapse, Strategy, UntangleOptions};
+pub use round::{RoundedPositions, round};
 
-use scan::FixedPoints;
+use scan::SidePoints;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::Xy;
 
@@ -56,7 +56,7 @@ use terrane_base::geom::plane::Xy;
 #[derive(Clone, Debug, Default)]
 pub struct UntangledChains {
     /// What is kept.
-    pub kept: ChainVertices,
+    pub kept: KeptChainVertices,
     /// Pairs of original segments among the result that cross, touch or overlap off a common vertex,
     /// each known by its first vertex.
     pub crossings: Vec<[u32; 2]>,
@@ -82,7 +82,7 @@ pub struct UntangledChains {
 /// a point that is not finite; `Interrupted` where it is cancelled.
 pub fn untangle(
     chains: &Chains<'_>,
-    kept: &ChainVertices,
+    kept: &KeptChainVertices,
     points: &[Xy],
     options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
@@ -101,7 +101,7 @@ pub const PIECES: u64 = 2;
 /// `Resource` where there are more; besides those of [`untangle`].
 pub fn untangle_within(
     chains: &Chains<'_>,
-    kept: &ChainVertices,
+    kept: &KeptChainVertices,
     points: &[Xy],
     options: &UntangleOptions,
     most: usize,
@@ -109,13 +109,13 @@ pub fn untangle_within(
 ) -> Result<UntangledChains> {
     chains.check()?;
     kept.check(chains)?;
-    let points = FixedPoints::new(points)?;
+    let points = SidePoints::new(points)?;
     let (mut kept, mended) = rings::mend(chains, kept, options, refine);
     let mut refined = 0;
     if options.strategy == Strategy::Proactive {
         (kept, refined) = proactive::accept(chains, &kept, &points, options.cancel, refine)?;
     }
-    let mut settling = settle::ChainState::new(chains, &kept);
+    let mut settling = settle::UntangleState::new(chains, &kept);
     if refined > 0 {
         settling.unturned = 0;
     }

@@ -5,7 +5,7 @@ use terrane_options::Choice;
 
 /// What to do with rings that collapse: of which fewer than three vertices would be kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]
-pub enum Collapse {
+pub enum RingCollapse {
     /// The smallest ring that keeps to the tolerance
     ///
     /// It has three vertices, or as many more as the rules ask for.
@@ -41,7 +41,7 @@ pub struct UntangleOptions<'a> {
     /// When segments are tested.
     pub strategy: Strategy,
     /// What becomes of rings that collapse.
-    pub collapse: Collapse,
+    pub collapse: RingCollapse,
     /// Which chains are but loops of something longer, and are never dropped; none where it is shorter.
     pub loops: &'a [bool],
     /// What may stop the work.

@@ -1,9 +1,9 @@
 //! Segments tested before they are accepted.
 
-use super::chains::{ChainVertices, Chains, Refine};
+use super::chains::{Chains, KeptChainVertices, Refine};
 use super::region::farthest;
-use super::scan::{FixedPoints, any_held};
-use super::tree::{HilbertTree, PieceBox};
+use super::scan::{SidePoints, any_held};
+use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
@@ -19,19 +19,19 @@ const RUN: usize = 16;
 /// leave it through the chain, or through the shortcut a second time. So vertices are all that has
 /// to be looked at. (De Berg, van Kreveld & Schirra 1998, section 3.)
 #[derive(Debug)]
-pub(super) struct Living<'a> {
+pub(super) struct LivingChains<'a> {
     chains: Chains<'a>,
     there: BitSet,
     /// Boxes of runs of vertices, known by their first vertex.
-    tree: HilbertTree,
-    points: &'a FixedPoints<'a>,
+    tree: HilbertRTree,
+    points: &'a SidePoints<'a>,
     groups: Vec<usize>,
     near: Vec<Xy>,
 }
 
-impl<'a> Living<'a> {
+impl<'a> LivingChains<'a> {
     /// All vertices of the chains of which `kept` has any.
-    fn new(chains: &Chains<'a>, kept: &ChainVertices, points: &'a FixedPoints<'a>) -> Self {
+    fn new(chains: &Chains<'a>, kept: &KeptChainVertices, points: &'a SidePoints<'a>) -> Self {
         let mut there = BitSet::new(chains.points.len());
         let mut runs = Vec::new();
         for chain in (0..chains.count()).filter(|&chain| !kept.of(chain).is_empty()) {
@@ -41,17 +41,17 @@ impl<'a> Living<'a> {
                 for v in first..end {
                     there.insert(v);
                 }
-                runs.push((first as u32, PieceBox::of(&chains.points[first..end])));
+                runs.push((first as u32, ClosedBox::of(&chains.points[first..end])));
             }
         }
         let (groups, near) = (Vec::new(), Vec::new());
-        Self { chains: *chains, there, tree: HilbertTree::new(&runs), points, groups, near }
+        Self { chains: *chains, there, tree: HilbertRTree::new(&runs), points, groups, near }
     }
 
     /// Whether nothing that is there lies between a chain's part and the segment of its ends.
     fn is_free(&mut self, from: u32, to: u32) -> bool {
         let chain = self.chains.piece(from, to);
-        let bounds = PieceBox::of(chain);
+        let bounds = ClosedBox::of(chain);
         let ends = [chain[0], chain[chain.len() - 1]];
         self.near.clear();
         self.tree.groups_meeting(&bounds, 0, &mut self.groups);
@@ -88,13 +88,13 @@ impl<'a> Living<'a> {
 /// and how many pieces were split.
 pub(super) fn accept(
     chains: &Chains<'_>,
-    kept: &ChainVertices,
-    points: &FixedPoints<'_>,
+    kept: &KeptChainVertices,
+    points: &SidePoints<'_>,
     cancel: Option<&Cancel>,
     refine: &mut Refine<'_>,
-) -> Result<(ChainVertices, u64)> {
-    let mut living = Living::new(chains, kept, points);
-    let (mut accepted, mut refined) = (ChainVertices::new(), 0);
+) -> Result<(KeptChainVertices, u64)> {
+    let mut living = LivingChains::new(chains, kept, points);
+    let (mut accepted, mut refined) = (KeptChainVertices::new(), 0);
     let mut halves = Vec::new();
     for chain in 0..chains.count() {
         // Pieces to be tested are between neighbours on the stack; the next one is on its top.

@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use super::tree::PieceBox;
+use super::tree::ClosedBox;
 use terrane_base::geom::plane::{Xy, orient};
 
 /// Whether `v` lies between `chain` and the segment from its last vertex to its first: the closed
@@ -61,7 +61,7 @@ pub(super) struct EdgeBands {
 
 impl EdgeBands {
     /// Of a chain with box `bounds`.
-    pub(super) fn new(chain: &[Xy], bounds: &PieceBox) -> Self {
+    pub(super) fn new(chain: &[Xy], bounds: &ClosedBox) -> Self {
         let height = bounds.high[1] - bounds.low[1];
         let edges = || chain.iter().zip(chain[1..].iter().chain(&chain[..1]));
         let climb: f64 = edges().map(|(p, q)| (p[1] - q[1]).abs()).sum();
@@ -219,7 +219,7 @@ mod tests {
         ) {
             let at = |p: (i32, i32)| [f64::from(p.0), f64::from(p.1 - 4) / 16.0];
             let chain: Vec<Xy> = chain.into_iter().map(at).collect();
-            let bounds = PieceBox::of(&chain);
+            let bounds = ClosedBox::of(&chain);
             prop_assume!(bounds.holds(at(v)));
             let bands = EdgeBands::new(&chain, &bounds);
             prop_assert_eq!(bands.holds(&chain, at(v)), holds(&chain, at(v)));

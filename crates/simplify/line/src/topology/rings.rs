@@ -2,14 +2,14 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{ChainVertices, Chains, Refine};
-use super::options::{Collapse, UntangleOptions};
+use super::chains::{Chains, KeptChainVertices, Refine};
+use super::options::{RingCollapse, UntangleOptions};
 use super::region::farthest;
 use terrane_base::geom::plane::{Xy, area_sign, orient};
 
 /// What became of the rings.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Mended {
+pub(super) struct MendedRings {
     /// Rings that had collapsed.
     pub(super) collapsed: u64,
     /// Rings without area in the input.
@@ -22,21 +22,21 @@ pub(super) struct Mended {
 /// O(vertices) besides the calls of `refine`.
 pub(super) fn mend(
     chains: &Chains<'_>,
-    kept: &ChainVertices,
+    kept: &KeptChainVertices,
     options: &UntangleOptions<'_>,
     refine: &mut Refine<'_>,
-) -> (ChainVertices, Mended) {
-    let mut result = ChainVertices::new();
+) -> (KeptChainVertices, MendedRings) {
+    let mut result = KeptChainVertices::new();
     result.vertices.reserve(kept.vertices.len() + 2 * chains.count());
-    let mut mended = Mended::default();
+    let mut mended = MendedRings::default();
     for chain in 0..chains.count() {
         let old = kept.of(chain);
         match chains.closed[chain] && !old.is_empty() {
             true => {
-                let mut ring = Ring { chains, chain, refine, out: &mut result.vertices };
+                let mut ring = ChainRing { chains, chain, refine, out: &mut result.vertices };
                 let is_loop = options.loops.get(chain) == Some(&true);
                 let collapse = match options.collapse {
-                    Collapse::Drop if is_loop => Collapse::Minimal,
+                    RingCollapse::Drop if is_loop => RingCollapse::Minimal,
                     other => other,
                 };
                 ring.mend(old, collapse, &mut mended);
@@ -49,22 +49,22 @@ pub(super) fn mend(
 }
 
 /// One ring, and where its kept vertices go.
-struct Ring<'a, 'b> {
+struct ChainRing<'a, 'b> {
     chains: &'a Chains<'a>,
     chain: usize,
     refine: &'a mut Refine<'b>,
     out: &'a mut Vec<u32>,
 }
 
-impl Ring<'_, '_> {
-    fn mend(&mut self, kept: &[u32], collapse: Collapse, mended: &mut Mended) {
+impl ChainRing<'_, '_> {
+    fn mend(&mut self, kept: &[u32], collapse: RingCollapse, mended: &mut MendedRings) {
         let sign = area_sign(self.chains.points[self.chains.range(self.chain)].iter().copied());
         let (has_collapsed, is_flat) = (kept.len() < 4, sign == Ordering::Equal);
         match (has_collapsed, collapse) {
             (false, _) if is_flat => self.out.extend_from_slice(kept),
             (false, _) => self.turn(kept.to_vec(), sign),
-            (true, Collapse::Drop) => {}
-            (true, Collapse::Minimal) if !is_flat => self.least(kept, sign),
+            (true, RingCollapse::Drop) => {}
+            (true, RingCollapse::Minimal) if !is_flat => self.least(kept, sign),
             (true, _) => self.all(),
         }
         mended.collapsed += u64::from(has_collapsed);

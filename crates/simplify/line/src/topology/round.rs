@@ -14,9 +14,9 @@
 use std::cmp::Ordering;
 use std::collections::HashSet;
 
-use super::chains::{ChainVertices, Chains};
+use super::chains::{Chains, KeptChainVertices};
 use super::cross::{same_way, touch};
-use super::tree::{HilbertTree, PieceBox};
+use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
 use terrane_base::error::Result;
 use terrane_base::geom::plane::{Xy, key, orient};
@@ -29,13 +29,13 @@ const PASSES: usize = 8;
 
 /// Where kept positions are after rounding.
 #[derive(Clone, Debug, Default)]
-pub struct Rounded {
+pub struct RoundedPositions {
     /// Keys of the positions as they were, ascending.
     old: Vec<[u64; 2]>,
     now: Vec<Xy>,
 }
 
-impl Rounded {
+impl RoundedPositions {
     /// Where a kept position is now.
     pub fn of(&self, at: Xy) -> Xy {
         self.old.binary_search(&key(at)).map_or(at, |node| self.now[node])
@@ -51,15 +51,15 @@ impl Rounded {
 /// `Interrupted` where it is cancelled.
 pub fn round(
     chains: &Chains<'_>,
-    kept: &ChainVertices,
+    kept: &KeptChainVertices,
     points: &[Xy],
     place: impl Fn(Xy) -> Xy,
     cancel: Option<&Cancel>,
-) -> Result<Rounded> {
+) -> Result<RoundedPositions> {
     let mut still: Vec<_> = points.iter().map(|at| key(*at)).collect();
     still.sort_unstable();
     let place = |at: Xy| if still.binary_search(&key(at)).is_ok() { at } else { place(at) };
-    let mut net = Net::new(chains, kept, points, place);
+    let mut net = KeptSegments::new(chains, kept, points, place);
     let mut waiting: Vec<(f64, u32, Xy)> = (0..)
         .zip(&net.now)
         .map(|(node, at)| (node, *at, place(*at)))
@@ -88,17 +88,17 @@ pub fn round(
             break;
         }
     }
-    Ok(Rounded { old: net.old, now: net.now })
+    Ok(RoundedPositions { old: net.old, now: net.now })
 }
 
 /// Kept positions, and the segments between them.
-struct Net {
+struct KeptSegments {
     old: Vec<[u64; 2]>,
     now: Vec<Xy>,
     /// Pairs of different positions, and each position by itself that no segment ends at.
     segments: Vec<[u32; 2]>,
     /// Boxes around all places that a segment may come to.
-    tree: HilbertTree,
+    tree: HilbertRTree,
     /// The other ends of the segments of each position, one position after the other.
     ends: Vec<u32>,
     /// Where those of each position begin, and how many there are.
@@ -107,10 +107,10 @@ struct Net {
     junctions: HashSet<[u64; 2]>,
 }
 
-impl Net {
+impl KeptSegments {
     fn new(
         chains: &Chains<'_>,
-        kept: &ChainVertices,
+        kept: &KeptChainVertices,
         points: &[Xy],
         place: impl Fn(Xy) -> Xy,
     ) -> Self {
@@ -147,12 +147,12 @@ impl Net {
             .zip(&segments)
             .map(|(number, ends)| {
                 let [a, b] = ends.map(|end| now[end as usize]);
-                (number, PieceBox::of(&[a, b, place(a), place(b)]))
+                (number, ClosedBox::of(&[a, b, place(a), place(b)]))
             })
             .collect();
         let is_junction = |node: &usize| starts[*node + 1] - starts[*node] > 2;
         let junctions = (0..now.len()).filter(is_junction).map(|node| old[node]).collect();
-        Self { old, segments, tree: HilbertTree::new(&boxes), ends, starts, junctions, now }
+        Self { old, segments, tree: HilbertRTree::new(&boxes), ends, starts, junctions, now }
     }
 
     /// The other ends of the segments of a position.
@@ -179,7 +179,7 @@ impl Net {
         if joins && ends.len() > 2 && self.junctions.contains(&key(to)) {
             return false;
         }
-        let is_clear = |apex| self.is_clear(node, &Swept { apex, from, to, joins });
+        let is_clear = |apex| self.is_clear(node, &SweptTriangle { apex, from, to, joins });
         match ends {
             [] => is_clear(from),
             _ => ends.iter().all(|end| is_clear(self.at(*end))),
@@ -187,8 +187,8 @@ impl Net {
     }
 
     /// Whether nothing is in the triangle that a segment of the vertex sweeps.
-    fn is_clear(&self, node: u32, swept: &Swept) -> bool {
-        let around = PieceBox::of(&[swept.apex, swept.from, swept.to]);
+    fn is_clear(&self, node: u32, swept: &SweptTriangle) -> bool {
+        let around = ClosedBox::of(&[swept.apex, swept.from, swept.to]);
         let (mut groups, mut looks) = (Vec::new(), 0);
         self.tree.groups_meeting(&around, 0, &mut groups);
         for group in groups {
@@ -211,7 +211,7 @@ impl Net {
 }
 
 /// The triangle that a segment sweeps: one end stays at its apex, the other one goes.
-struct Swept {
+struct SweptTriangle {
     apex: Xy,
     from: Xy,
     to: Xy,
@@ -219,7 +219,7 @@ struct Swept {
     joins: bool,
 }
 
-impl Swept {
+impl SweptTriangle {
     /// Whether it may be touched here: where the segment ends, or shrinks to a point.
     fn is_open(&self, at: Xy) -> bool {
         at == self.apex || (self.joins && at == self.to)
@@ -283,7 +283,7 @@ mod tests {
         let closed = vec![false; lines.len()];
         let chains = Chains { points: &points, starts: &starts, closed: &closed };
         let place = |at: Xy| at.map(f64::round);
-        let rounded = round(&chains, &ChainVertices::all(&chains), &[], place, None).unwrap();
+        let rounded = round(&chains, &KeptChainVertices::all(&chains), &[], place, None).unwrap();
         lines.iter().map(|line| line.iter().map(|at| rounded.of(*at)).collect()).collect()
     }
 

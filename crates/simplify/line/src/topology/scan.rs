@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::chains::Chains;
 use super::cross::conflict;
 use super::region::{EdgeBands, holds};
-use super::tree::{HilbertTree, PieceBox};
+use super::tree::{ClosedBox, HilbertRTree};
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::Result;
@@ -33,17 +33,17 @@ const MOST_HELD: usize = 1 << 20;
 
 /// Given points, and who is near whom.
 #[derive(Debug)]
-pub(super) struct FixedPoints<'a> {
+pub(super) struct SidePoints<'a> {
     pub(super) at: &'a [Xy],
-    pub(super) tree: HilbertTree,
+    pub(super) tree: HilbertRTree,
 }
 
-impl<'a> FixedPoints<'a> {
+impl<'a> SidePoints<'a> {
     pub(super) fn new(at: &'a [Xy]) -> Result<Self> {
         let alone = Chains { points: at, starts: &[0, at.len()], closed: &[false] };
         alone.check().map_err(|e| e.at("points that keep their side"))?;
-        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| PieceBox { low: p, high: p })).collect();
-        Ok(Self { at, tree: HilbertTree::new(&boxes) })
+        let boxes: Vec<_> = (0..).zip(at.iter().map(|&p| ClosedBox { low: p, high: p })).collect();
+        Ok(Self { at, tree: HilbertRTree::new(&boxes) })
     }
 }
 
@@ -61,7 +61,7 @@ pub(super) struct ScanConflicts {
 /// Pieces of one round: boxes of their chains' parts, and beside them what else a test looks at.
 #[derive(Debug)]
 pub(super) struct PieceLayer {
-    pub(super) tree: HilbertTree,
+    pub(super) tree: HilbertRTree,
     /// In the order of the tree.
     spans: Vec<PieceSegment>,
 }
@@ -75,8 +75,8 @@ struct PieceSegment {
 
 impl PieceLayer {
     /// Of `(number, box)`.
-    pub(super) fn new(items: &[(u32, PieceBox)], pieces: &[ChainPiece], points: &[Xy]) -> Self {
-        let tree = HilbertTree::new(items);
+    pub(super) fn new(items: &[(u32, ClosedBox)], pieces: &[ChainPiece], points: &[Xy]) -> Self {
+        let tree = HilbertRTree::new(items);
         let span = |&id: &u32| {
             let piece = pieces[id as usize];
             PieceSegment { piece, ends: [piece.from, piece.to].map(|v| points[v as usize]) }
@@ -94,7 +94,7 @@ impl PieceLayer {
 #[derive(Clone, Copy, Debug)]
 struct LayerPiece<'a> {
     id: u32,
-    bounds: &'a PieceBox,
+    bounds: &'a ClosedBox,
     span: &'a PieceSegment,
 }
 
@@ -158,7 +158,7 @@ impl PieceView<'_> {
     pub(super) fn points(
         &self,
         fresh: &PieceLayer,
-        tree: &HilbertTree,
+        tree: &HilbertRTree,
         points: &[Xy],
         found: &mut ScanConflicts,
     ) -> Result<()> {
@@ -249,6 +249,6 @@ pub(super) fn any_held(chain: &[Xy], mut candidates: impl ExactSizeIterator<Item
     if candidates.len() < 4 {
         return candidates.any(|v| holds(chain, v));
     }
-    let bands = EdgeBands::new(chain, &PieceBox::of(chain));
+    let bands = EdgeBands::new(chain, &ClosedBox::of(chain));
     candidates.any(|v| bands.holds(chain, v))
 }

@@ -2,10 +2,10 @@
 
 use std::cmp::Ordering;
 
-use super::chains::{ChainVertices, Chains, Refine};
+use super::chains::{Chains, KeptChainVertices, Refine};
 use super::region::farthest;
-use super::scan::{ChainPiece, FixedPoints, PieceLayer, PieceView, ScanConflicts};
-use super::tree::PieceBox;
+use super::scan::{ChainPiece, PieceLayer, PieceView, ScanConflicts, SidePoints};
+use super::tree::ClosedBox;
 use terrane_base::Cancel;
 use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, ErrorKind, Result};
@@ -20,7 +20,7 @@ const MOST_LAYERS: usize = 6;
 
 /// The state of the chains between rounds.
 #[derive(Debug)]
-pub(super) struct ChainState<'a> {
+pub(super) struct UntangleState<'a> {
     chains: Chains<'a>,
     /// All kept vertices.
     kept: BitSet,
@@ -37,9 +37,9 @@ pub(super) struct ChainState<'a> {
     pub(super) rounds: u64,
 }
 
-impl<'a> ChainState<'a> {
+impl<'a> UntangleState<'a> {
     /// `kept` has rings of the sign they had.
-    pub(super) fn new(chains: &Chains<'a>, kept: &ChainVertices) -> Self {
+    pub(super) fn new(chains: &Chains<'a>, kept: &KeptChainVertices) -> Self {
         let n = chains.points.len();
         let mut settling = Self {
             chains: *chains,
@@ -79,7 +79,7 @@ impl<'a> ChainState<'a> {
     /// Goes on until nothing is wrong, or there are more than `most` pieces.
     pub(super) fn run(
         &mut self,
-        points: &FixedPoints<'_>,
+        points: &SidePoints<'_>,
         most: usize,
         cancel: Option<&Cancel>,
         refine: &mut Refine<'_>,
@@ -111,7 +111,7 @@ impl<'a> ChainState<'a> {
     }
 
     fn layer_from(&self, first: usize) -> PieceLayer {
-        let bounds = |piece: &ChainPiece| PieceBox::of(self.chains.piece(piece.from, piece.to));
+        let bounds = |piece: &ChainPiece| ClosedBox::of(self.chains.piece(piece.from, piece.to));
         let fresh = self.pieces[first..].iter().map(bounds);
         let items: Vec<_> = (first as u32..).zip(fresh).collect();
         PieceLayer::new(&items, &self.pieces, self.chains.points)
@@ -135,7 +135,7 @@ impl<'a> ChainState<'a> {
     fn scan(
         &self,
         fresh: &PieceLayer,
-        points: &FixedPoints<'_>,
+        points: &SidePoints<'_>,
         cancel: Option<&Cancel>,
     ) -> Result<ScanConflicts> {
         let view = PieceView {
@@ -224,8 +224,8 @@ impl<'a> ChainState<'a> {
     }
 
     /// All that is kept; `before` tells the chains of which nothing is.
-    pub(super) fn into_kept(self, before: &ChainVertices) -> ChainVertices {
-        let mut kept = ChainVertices::new();
+    pub(super) fn into_kept(self, before: &KeptChainVertices) -> KeptChainVertices {
+        let mut kept = KeptChainVertices::new();
         for chain in 0..self.chains.count() {
             if !before.of(chain).is_empty() {
                 let vertices = self.kept.within(self.chains.range(chain));
@@ -255,8 +255,8 @@ mod tests {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
         for (rounds, middle) in [(1, 3), (40, 3), (41, 5), (60, 5)] {
-            let kept = ChainVertices { vertices: vec![0, 2, 9], starts: vec![0, 3] };
-            let mut settling = ChainState::new(&chains, &kept);
+            let kept = KeptChainVertices { vertices: vec![0, 2, 9], starts: vec![0, 3] };
+            let mut settling = UntangleState::new(&chains, &kept);
             settling.rounds = rounds;
             settling.split(1, &mut nothing);
             let pieces: Vec<_> =
@@ -271,12 +271,12 @@ mod tests {
     fn as_many_pieces_as_allowed_are_made() {
         let line = line();
         let chains = Chains { points: &line, starts: &[0, 10], closed: &[false] };
-        let kept = ChainVertices { vertices: vec![0, 9], starts: vec![0, 2] };
+        let kept = KeptChainVertices { vertices: vec![0, 9], starts: vec![0, 2] };
         // Below the peak: the line is split there, which makes two pieces of one.
         let below = [[3.0, 1.0]];
-        let points = FixedPoints::new(&below).expect("finite");
+        let points = SidePoints::new(&below).expect("finite");
         for (most, is_enough) in [(0, false), (2, false), (3, true), (4, true)] {
-            let mut settling = ChainState::new(&chains, &kept);
+            let mut settling = UntangleState::new(&chains, &kept);
             let result = settling.run(&points, most, None, &mut nothing);
             match result {
                 Ok(()) => assert!(is_enough && settling.pieces.len() == 3, "{most}"),
@@ -291,11 +291,11 @@ mod tests {
     fn few_layers_are_kept_apart() {
         let line: Vec<Xy> = (0..=256).map(f64::from).map(|x| [x, x * (256.0 - x)]).collect();
         let chains = Chains { points: &line, starts: &[0, 257], closed: &[false] };
-        let kept = ChainVertices { vertices: vec![0, 256], starts: vec![0, 2] };
+        let kept = KeptChainVertices { vertices: vec![0, 256], starts: vec![0, 2] };
         // In the triangle of the first three vertices.
         let corner = [[0, 1].map(|axis| (line[0][axis] + line[1][axis] + line[2][axis]) / 3.0)];
-        let points = FixedPoints::new(&corner).expect("finite");
-        let mut settling = ChainState::new(&chains, &kept);
+        let points = SidePoints::new(&corner).expect("finite");
+        let mut settling = UntangleState::new(&chains, &kept);
         settling.run(&points, usize::MAX, None, &mut nothing).expect("any number of pieces");
         assert_eq!((settling.rounds, settling.refined, settling.layers.len()), (9, 8, 4));
         let known: usize = settling.layers.iter().map(|layer| layer.tree.ids.len()).sum();

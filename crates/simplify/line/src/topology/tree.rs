@@ -7,12 +7,12 @@ const FAN: usize = 16;
 
 /// A closed box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PieceBox {
+pub(super) struct ClosedBox {
     pub(super) low: Xy,
     pub(super) high: Xy,
 }
 
-impl PieceBox {
+impl ClosedBox {
     pub(super) const EMPTY: Self = Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] };
 
     pub(super) fn of(points: &[Xy]) -> Self {
@@ -63,17 +63,17 @@ fn least(a: f64, b: f64) -> f64 {
 ///
 /// 36 bytes a box and a fifteenth more. O(n log n) to make.
 #[derive(Debug, Default)]
-pub(super) struct HilbertTree {
+pub(super) struct HilbertRTree {
     /// What each box belongs to, in the order of the curve.
     pub(super) ids: Vec<u32>,
     /// The boxes, in that order; those of their groups; and so on up to one group.
-    levels: Vec<Vec<PieceBox>>,
+    levels: Vec<Vec<ClosedBox>>,
 }
 
-impl HilbertTree {
+impl HilbertRTree {
     /// The tree of `(id, box)`.
-    pub(super) fn new(items: &[(u32, PieceBox)]) -> Self {
-        let mut all = PieceBox::EMPTY;
+    pub(super) fn new(items: &[(u32, ClosedBox)]) -> Self {
+        let mut all = ClosedBox::EMPTY;
         for (_, bounds) in items {
             all.add(*bounds);
         }
@@ -92,7 +92,7 @@ impl HilbertTree {
         Self { ids, levels }
     }
 
-    /// Groups of boxes, for [`HilbertTree::group`] and [`HilbertTree::groups_meeting`].
+    /// Groups of boxes, for [`HilbertRTree::group`] and [`HilbertRTree::groups_meeting`].
     pub(super) fn groups(&self) -> usize {
         self.ids.len().div_ceil(FAN)
     }
@@ -105,12 +105,12 @@ impl HilbertTree {
 
     /// The box at a position.
     #[inline(always)]
-    pub(super) fn bounds(&self, at: usize) -> &PieceBox {
+    pub(super) fn bounds(&self, at: usize) -> &ClosedBox {
         &self.levels[0][at]
     }
 
     /// The box around a group.
-    pub(super) fn around(&self, group: usize) -> PieceBox {
+    pub(super) fn around(&self, group: usize) -> ClosedBox {
         match self.levels.get(1) {
             Some(around) => around[group],
             None => union(&self.levels[0]),
@@ -118,7 +118,7 @@ impl HilbertTree {
     }
 
     /// Fills `found` with the groups, from `first` on, some box of which may meet `bounds`.
-    pub(super) fn groups_meeting(&self, bounds: &PieceBox, first: usize, found: &mut Vec<usize>) {
+    pub(super) fn groups_meeting(&self, bounds: &ClosedBox, first: usize, found: &mut Vec<usize>) {
         found.clear();
         if self.levels.len() == 1 {
             if self.groups() > first {
@@ -147,8 +147,8 @@ impl HilbertTree {
     }
 }
 
-fn union(boxes: &[PieceBox]) -> PieceBox {
-    let mut all = PieceBox::EMPTY;
+fn union(boxes: &[ClosedBox]) -> ClosedBox {
+    let mut all = ClosedBox::EMPTY;
     for &b in boxes {
         all.add(b);
     }
@@ -156,7 +156,7 @@ fn union(boxes: &[PieceBox]) -> PieceBox {
 }
 
 /// Where a position lies on the Hilbert curve of 2^16 by 2^16 cells over `all`.
-fn curve(all: &PieceBox, p: Xy) -> u32 {
+fn curve(all: &ClosedBox, p: Xy) -> u32 {
     let [x, y] = [0, 1].map(|axis| {
         let part = (p[axis] - all.low[axis]) / (all.high[axis] - all.low[axis]);
         (part * 65_535.0) as u32
@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn the_curve_covers_the_box() {
-        let all = PieceBox { low: [-3.0, 10.0], high: [1.0, 18.0] };
+        let all = ClosedBox { low: [-3.0, 10.0], high: [1.0, 18.0] };
         let corner = |x: u32, y: u32| hilbert(x * 65_535, y * 65_535);
         assert_eq!(curve(&all, all.low), corner(0, 0));
         assert_eq!(curve(&all, [1.0, 10.0]), corner(1, 0));
@@ -213,9 +213,9 @@ mod tests {
     fn few_groups_meet_a_small_box() {
         let unit = |i: u32| {
             let low = [f64::from(i * 7 % 64), f64::from(i * 7 / 64 % 64)];
-            (i, PieceBox { low, high: low })
+            (i, ClosedBox { low, high: low })
         };
-        let tree = HilbertTree::new(&(0..4096).map(unit).collect::<Vec<_>>());
+        let tree = HilbertRTree::new(&(0..4096).map(unit).collect::<Vec<_>>());
         let (mut found, mut most) = (Vec::new(), 0);
         for at in 0..tree.ids.len() {
             tree.groups_meeting(tree.bounds(at), 0, &mut found);
@@ -227,7 +227,7 @@ mod tests {
 
     #[test]
     fn boxes_are_closed() {
-        let own = PieceBox { low: [1.0, 2.0], high: [4.0, 6.0] };
+        let own = ClosedBox { low: [1.0, 2.0], high: [4.0, 6.0] };
         for (p, is_in) in [
             ([1.0, 2.0], true),
             ([4.0, 6.0], true),
@@ -237,18 +237,18 @@ mod tests {
             ([2.0, 1.9], false),
             ([2.0, 6.1], false),
         ] {
-            let point = PieceBox { low: p, high: p };
+            let point = ClosedBox { low: p, high: p };
             assert_eq!(own.holds(p), is_in, "{p:?}");
             assert_eq!((own.meets(&point), point.meets(&own)), (is_in, is_in), "{p:?}");
         }
-        let (mut all, around) = (own, PieceBox { low: [0.0, 2.0], high: [4.0, 8.0] });
-        all.add(PieceBox { low: [0.0, 7.0], high: [2.0, 8.0] });
+        let (mut all, around) = (own, ClosedBox { low: [0.0, 2.0], high: [4.0, 8.0] });
+        all.add(ClosedBox { low: [0.0, 7.0], high: [2.0, 8.0] });
         assert_eq!((all, all.centre()), (around, [2.0, 5.0]));
-        assert_eq!(PieceBox::of(&[[4.0, 2.0], [0.0, 8.0]]), around);
+        assert_eq!(ClosedBox::of(&[[4.0, 2.0], [0.0, 8.0]]), around);
     }
 
-    fn boxes() -> impl Strategy<Value = Vec<(u32, PieceBox)>> {
-        let one = (-50i32..50, -50i32..50, 0i32..9, 0i32..9).prop_map(|(x, y, w, h)| PieceBox {
+    fn boxes() -> impl Strategy<Value = Vec<(u32, ClosedBox)>> {
+        let one = (-50i32..50, -50i32..50, 0i32..9, 0i32..9).prop_map(|(x, y, w, h)| ClosedBox {
             low: [x, y].map(f64::from),
             high: [x + w, y + h].map(f64::from),
         });
@@ -258,7 +258,7 @@ mod tests {
     proptest! {
         #[test]
         fn finds_every_box_that_meets_another(items in boxes()) {
-            let tree = HilbertTree::new(&items);
+            let tree = HilbertRTree::new(&items);
             let mut found = Vec::new();
             for (_, bounds) in &items {
                 tree.groups_meeting(bounds, 0, &mut found);

@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::report::{MeshRun, MeshStatus};
-use super::shelf::Shelf;
+use super::shelf::ObjectCache;
 use super::tasks::{StripTask, TileStrips};
 use crate::tin::cost::{nanoseconds, seconds};
 use crate::tin::estimate::MeshSize;
@@ -23,10 +23,10 @@ use terrane_base::error::Result;
 use terrane_base::limits;
 use terrane_engine::outputs::refuse_other_name;
 use terrane_engine::plan::{
-    self, CheckDepth, MadeArtifact, Numbered, Observer, OutputForm, OutputOrder, Plan, PlanKind,
-    PlanNeeds, PlanStep, PlannedGrid, PlannedWork, StatusReport, TaskSurvey,
+    self, CheckDepth, MadeArtifact, Numbered, OutputForm, OutputRequest, PlanKind, PlanManifest,
+    PlanNeeds, PlanStep, PlannedGrid, PlannedWork, RunControl, StatusReport, TaskSurvey,
 };
-use terrane_engine::transform::OutputTransform;
+use terrane_engine::transform::TargetCrs;
 use terrane_engine::{beside, memory};
 use terrane_mesh::{self as mesh, MeshFormat};
 use terrane_raster::GridSource;
@@ -38,13 +38,13 @@ const WRITING: f64 = 0.1;
 /// A mesh to make of a grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct PlannedMesh {
-    method: PlannedMethod,
+    method: PlannedTinJob,
     grid: PlannedGrid,
 }
 
 /// What is asked for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct PlannedMethod {
+struct PlannedTinJob {
     #[serde(flatten)]
     job: TinJob,
     strip_rows: u32,
@@ -60,15 +60,15 @@ impl PlannedMesh {
         let (format, input) = (Some(opened.format.name.to_owned()), beside::noted(&job.input));
         let job = TinJob { format, input, ..job.clone() };
         let mesh = Self {
-            method: PlannedMethod { job, strip_rows, height_origin: opened.height_origin },
+            method: PlannedTinJob { job, strip_rows, height_origin: opened.height_origin },
             grid,
         };
         mesh.check().map(|()| mesh)
     }
 
     /// The job that writes the mesh.
-    fn job(&self, order: OutputOrder) -> TinJob {
-        let OutputOrder { output, overwrite, form: OutputForm { split, solid_base }, resources } =
+    fn job(&self, order: OutputRequest) -> TinJob {
+        let OutputRequest { output, overwrite, form: OutputForm { split, solid_base }, resources } =
             order;
         let job = self.method.job.clone();
         TinJob { output, overwrite, split, solid_base, measure: true, resources, ..job }
@@ -100,7 +100,7 @@ impl PlannedMesh {
             job.refinement.worker_bytes(job.goal, strips.layout().side(), follows)
         };
         let thread_memory = worker + opened.kept.bytes();
-        let led = job.transform.as_ref().map_or(0, OutputTransform::least_memory);
+        let led = job.transform.as_ref().map_or(0, TargetCrs::least_memory);
         let kept = size.triangles * size_of::<TileTriangle>() as u64
             + size.vertices * (size_of::<TilePosition>() + size_of::<f64>()) as u64;
         let samples = self.grid.samples();
@@ -121,14 +121,14 @@ impl PlannedMesh {
 }
 
 /// The input and the job, opened.
-pub(super) struct OpenedPlan {
+pub(super) struct OpenedPlannedTin {
     tin: TinJob,
     opened: OpenedTinJob,
     tolerance: f64,
 }
 
-impl OpenedPlan {
-    fn maker<'a>(&'a self, at: Observer<'a>) -> TinMaker<'a> {
+impl OpenedPlannedTin {
+    fn maker<'a>(&'a self, at: RunControl<'a>) -> TinMaker<'a> {
         TinMaker { job: &self.tin, opened: &self.opened, progress: at.progress, cancel: at.cancel }
     }
 
@@ -149,7 +149,7 @@ impl PlannedWork for PlannedMesh {
     type Run = MeshRun;
     type Note = TinReport;
     type Status = MeshStatus;
-    type Opened = OpenedPlan;
+    type Opened = OpenedPlannedTin;
 
     fn check(&self) -> Result<()> {
         self.method.job.goal.check()?;
@@ -193,7 +193,7 @@ impl PlannedWork for PlannedMesh {
         Ok(Path::new("mesh").with_extension(ending))
     }
 
-    fn open(plan: &Plan<Self>, order: OutputOrder) -> Result<OpenedPlan> {
+    fn open(plan: &PlanManifest<Self>, order: OutputRequest) -> Result<OpenedPlannedTin> {
         let mut tin = plan.work.job(order);
         tin.input = tin.input.called(plan.label.clone());
         let mut opened = OpenedTinJob::new(&tin)?;
@@ -201,24 +201,24 @@ impl PlannedWork for PlannedMesh {
         let Self { method, grid } = &plan.work;
         let all = files(&method.job, &*opened.source);
         grid.check(plan, &*opened.source, all)?;
-        Ok(OpenedPlan { tin, opened, tolerance: plan.work.tolerance() })
+        Ok(OpenedPlannedTin { tin, opened, tolerance: plan.work.tolerance() })
     }
 
-    fn check_output(ready: &OpenedPlan, at: Observer<'_>) -> Result<()> {
+    fn check_output(ready: &OpenedPlannedTin, at: RunControl<'_>) -> Result<()> {
         ready.maker(at).check_output()
     }
 
     fn make(
-        ready: &OpenedPlan,
+        ready: &OpenedPlannedTin,
         (task, object): (StripTask, &Path),
         survey: &TaskSurvey<'_, Self>,
         run: &mut MeshRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<MadeArtifact<TinArtifactFacts>> {
         let (strips, maker) = (survey.folder.plan.work.strips()?, ready.maker(at));
         let work = strips.work(task);
         let of_strip = |strips: &TileStrips, row| StripTask::Strip(strips.strip_of(row));
-        let shelf = Shelf::new(survey, strips, of_strip);
+        let shelf = ObjectCache::new(survey, strips, of_strip);
         let stock = work.loads().then_some(&shelf as &dyn ContainerSource);
         let settings = maker.settings(maker.spec(ready.tolerance), ready.temp_dir());
         let object = ObjectWriter::create(object)?;
@@ -233,15 +233,16 @@ impl PlannedWork for PlannedMesh {
     }
 
     fn write(
-        ready: &OpenedPlan,
+        ready: &OpenedPlannedTin,
         survey: &TaskSurvey<'_, Self>,
         run: &mut MeshRun,
-        at: Observer<'_>,
+        at: RunControl<'_>,
     ) -> Result<TinReport> {
         let (started, maker) = (Instant::now(), ready.maker(at));
         let mut tally = SampleCounts::default();
         survey.done.values().for_each(|done| tally.add(done.facts.tally));
-        let shelf = Shelf::new(survey, survey.folder.plan.work.strips()?, TileStrips::last_of);
+        let shelf =
+            ObjectCache::new(survey, survey.folder.plan.work.strips()?, TileStrips::last_of);
         at.progress.begin("write", survey.folder.plan.work.grid.samples());
         let mut report = maker
             .complete(ready.tolerance, 0, |sink, spec| {
@@ -263,7 +264,7 @@ impl PlannedWork for PlannedMesh {
 /// The files that `job` reads: those behind its input, polygons, points and lines to keep.
 pub(super) fn files(job: &TinJob, source: &dyn GridSource) -> Vec<PathBuf> {
     let kept = job.refinement.files().into_iter().flatten().flat_map(beside::files);
-    let led = job.transform.iter().flat_map(OutputTransform::files).map(Path::to_path_buf);
+    let led = job.transform.iter().flat_map(TargetCrs::files).map(Path::to_path_buf);
     plan::grid_files(&job.input, &job.reading, source).into_iter().chain(kept).chain(led).collect()
 }
 
@@ -301,11 +302,11 @@ mod tests {
     }
 
     /// A plan after it was put into a folder and read again.
-    fn read(plan: Value) -> Result<Plan<PlannedMesh>> {
+    fn read(plan: Value) -> Result<PlanManifest<PlannedMesh>> {
         let folder = tempfile::tempdir().unwrap();
-        let plan: Plan<PlannedMesh> = serde_json::from_value(plan).unwrap();
+        let plan: PlanManifest<PlannedMesh> = serde_json::from_value(plan).unwrap();
         plan.put(folder.path()).unwrap();
-        Plan::read(folder.path()).map(|(back, _)| back)
+        PlanManifest::read(folder.path()).map(|(back, _)| back)
     }
 
     #[test]
@@ -314,7 +315,7 @@ mod tests {
         assert_eq!(serde_json::to_value(&back).unwrap(), plan(9000));
         let (output, resources) = (PathBuf::new(), Resources::default());
         let order =
-            OutputOrder { output, overwrite: false, form: OutputForm::default(), resources };
+            OutputRequest { output, overwrite: false, form: OutputForm::default(), resources };
         assert!(back.work.job(order).reading.nodata.is_some_and(f64::is_nan));
         for (name, other) in [("terrane", json!("0.0.0")), ("revision", json!(REVISION + 1))] {
             let mut plan = plan(9000);

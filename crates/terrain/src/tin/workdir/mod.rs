@@ -8,7 +8,7 @@ mod tasks;
 use std::path::Path;
 use std::time::Duration;
 
-use super::estimate::Estimator;
+use super::estimate::SizeEstimator;
 use super::goal::TinGoal;
 use super::job::TinJob;
 use super::make::{OpenedTinJob, TinMaker, in_input};
@@ -18,13 +18,13 @@ use super::report::TinReport;
 use mesh::PlannedMesh;
 use terrane_base::error::{Error, Result};
 use terrane_engine::operation::{Divisible, RunRequest};
-use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, Plan, RunJob};
+use terrane_engine::plan::{self, DiskCheck, OutputForm, PLAN, PlanManifest, RunJob};
 use terrane_engine::sift::Skipped;
-use terrane_engine::transform::OutputTransform;
+use terrane_engine::transform::TargetCrs;
 use terrane_engine::{Cancel, Progress};
 use terrane_files::refuse_held;
 use terrane_mesh::by_path;
-use terrane_tin::Spec;
+use terrane_tin::TinSpec;
 
 pub use report::{MeshRun, MeshStatus, PlanJob, RunReport, StatusReport};
 
@@ -70,7 +70,7 @@ fn plan_checked(
     let reading = job.job.reading.absolute()?;
     let constraints = job.job.refinement.constraints.absolute()?;
     let refinement = Refinement { constraints, ..job.job.refinement.clone() };
-    let transform = job.job.transform.as_ref().map(OutputTransform::absolute).transpose()?;
+    let transform = job.job.transform.as_ref().map(TargetCrs::absolute).transpose()?;
     let input = job.job.input.resolve()?;
     let tin = TinJob { input, reading, refinement, transform, ..job.job.clone() };
     let opened = OpenedTinJob::new(&tin)?;
@@ -81,17 +81,18 @@ fn plan_checked(
     let layout = maker.layout().map_err(in_input)?;
     let mesh = PlannedMesh::new(&tin, &opened, job.cut)?;
     let expect = || {
-        let spec = Spec { measure: false, ..maker.spec(tolerance) };
-        let size = Estimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
+        let spec = TinSpec { measure: false, ..maker.spec(tolerance) };
+        let size = SizeEstimator::thorough(&*opened.source, layout, opened.shares.threads, cancel)
             .and_then(|mut estimator| estimator.size_at_most(&spec))
             .map_err(in_input)?;
         let on_lines = opened.kept.lines().vertices_in(size.vertices, layout.samples());
         mesh.needs(size.with(opened.kept.count() + on_lines), &opened)
     };
-    let there = Plan::<PlannedMesh>::there(&job.folder);
+    let there = PlanManifest::<PlannedMesh>::there(&job.folder);
     let needs = there.map_or_else(expect, |plan| Ok(plan.needs))?;
     let files = mesh::files(&tin, &*opened.source);
-    Plan::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?.put(&job.folder)?;
+    PlanManifest::new(mesh, (tin.input.to_string(), files), needs, &job.skipped)?
+        .put(&job.folder)?;
     plan::status::<PlannedMesh>(&job.folder)
 }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::tin::job::TinJob;
 use crate::tin::report::{StageClock, StageReport, TinReport};
-use terrane_engine::plan::{self, PlanRunReport};
+use terrane_engine::plan::{self, DescribesRun};
 
 /// A mesh to plan.
 pub type PlanJob = plan::PlanJob<TinJob>;
@@ -32,7 +32,7 @@ pub struct MeshRun {
     pub mesh: Option<TinReport>,
 }
 
-impl PlanRunReport for MeshRun {
+impl DescribesRun for MeshRun {
     fn written(&self) -> Option<&str> {
         self.mesh.as_ref().map(|mesh| mesh.output.as_str())
     }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use super::tasks::{StripTask, TileStrips};
-use crate::tin::container::Container;
+use crate::tin::container::TileContainer;
 use crate::tin::layout::TileId;
-use crate::tin::object::{Object, TinArtifactFacts};
+use crate::tin::object::{ObjectFile, TinArtifactFacts};
 use crate::tin::worker::ContainerSource;
 use terrane_base::error::Result;
 use terrane_engine::plan::{PlannedWork, TaskSurvey};
@@ -16,16 +16,16 @@ use terrane_files::lock;
 const MOST_OPEN: usize = 4;
 
 /// Opens objects as the sweep over the tiles comes to them.
-pub(super) struct Shelf<'a, W: PlannedWork> {
+pub(super) struct ObjectCache<'a, W: PlannedWork> {
     survey: &'a TaskSurvey<'a, W>,
     strips: TileStrips,
     /// Whose object has the tiles of a row.
     task_of: fn(&TileStrips, u32) -> StripTask,
     /// By the number in their task's name, so that the first one was left behind first.
-    open: Mutex<BTreeMap<(u32, StripTask), Arc<Object>>>,
+    open: Mutex<BTreeMap<(u32, StripTask), Arc<ObjectFile>>>,
 }
 
-impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> Shelf<'a, W> {
+impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ObjectCache<'a, W> {
     /// Of the finished objects; `task_of` says whose tiles of a row are taken.
     pub(super) fn new(
         survey: &'a TaskSurvey<'a, W>,
@@ -35,7 +35,7 @@ impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> Shelf<'a, W
         Self { survey, strips, task_of, open: Mutex::default() }
     }
 
-    fn object(&self, task: StripTask) -> Result<Arc<Object>> {
+    fn object(&self, task: StripTask) -> Result<Arc<ObjectFile>> {
         let (StripTask::Strip(number) | StripTask::Seam(number)) = task;
         let mut open = lock(&self.open);
         if let Some(object) = open.get(&(number, task)) {
@@ -43,7 +43,7 @@ impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> Shelf<'a, W
         }
         let (path, done) = self.survey.object(task)?;
         let tiles = self.strips.work(task).tiles();
-        let object = Arc::new(Object::open(path, done.facts.index, tiles)?);
+        let object = Arc::new(ObjectFile::open(path, done.facts.index, tiles)?);
         if open.len() >= MOST_OPEN {
             open.pop_first();
         }
@@ -52,8 +52,10 @@ impl<'a, W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> Shelf<'a, W
     }
 }
 
-impl<W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ContainerSource for Shelf<'_, W> {
-    fn load(&self, tile: TileId) -> Result<Container> {
+impl<W: PlannedWork<Task = StripTask, Facts = TinArtifactFacts>> ContainerSource
+    for ObjectCache<'_, W>
+{
+    fn load(&self, tile: TileId) -> Result<TileContainer> {
         let task = (self.task_of)(&self.strips, tile.row);
         self.object(task)?.read(self.strips.position(task, tile))
     }

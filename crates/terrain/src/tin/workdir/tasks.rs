@@ -13,7 +13,7 @@
 use std::fmt;
 
 use crate::tin::layout::{TileId, TileLayout};
-use crate::tin::scope::{LayoutWork, Scope};
+use crate::tin::scope::{LayoutWork, RunScope};
 use terrane_engine::plan::Numbered;
 
 /// Samples that a strip has about.
@@ -94,9 +94,9 @@ impl TileStrips {
         let scope = match task {
             StripTask::Strip(strip) => {
                 let [first, end] = self.rows_of(strip);
-                Scope::Strip { first, end }
+                RunScope::Strip { first, end }
             }
-            StripTask::Seam(above) => Scope::Seam { above: self.rows_of(above)[1] - 1 },
+            StripTask::Seam(above) => RunScope::Seam { above: self.rows_of(above)[1] - 1 },
         };
         LayoutWork { layout: self.layout, scope }
     }

@@ -16,10 +16,10 @@ const ROUNDING: f64 = 1.5 * (1_u64 << 52) as f64;
 
 /// The heights of contour lines, numbered upwards.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ContourLevels(LevelSpacing);
+pub struct ContourLevels(LevelRule);
 
 #[derive(Clone, Debug, PartialEq)]
-enum LevelSpacing {
+enum LevelRule {
     /// Level k is at `(base + k * step) / scale`; `base` and `step` are whole where a scale of a
     /// power of ten makes them so, so that levels are decimal numbers rounded once.
     Every { base: f64, step: f64, scale: f64 },
@@ -51,9 +51,9 @@ impl ContourLevels {
         };
         let decimal = (0..9).map(|digits| 10_f64.powi(digits)).find_map(|scale| {
             let (base, step) = (whole(base, scale)?, whole(interval, scale)?);
-            Some(LevelSpacing::Every { base, step, scale })
+            Some(LevelRule::Every { base, step, scale })
         });
-        Ok(Self(decimal.unwrap_or(LevelSpacing::Every { base, step: interval, scale: 1.0 })))
+        Ok(Self(decimal.unwrap_or(LevelRule::Every { base, step: interval, scale: 1.0 })))
     }
 
     /// These levels, in any order.
@@ -67,15 +67,15 @@ impl ContourLevels {
         }
         levels.sort_by(f64::total_cmp);
         levels.dedup();
-        Ok(Self(LevelSpacing::List(levels)))
+        Ok(Self(LevelRule::List(levels)))
     }
 
     /// The height of a level.
     #[inline]
     pub fn height(&self, level: i32) -> f64 {
         match &self.0 {
-            LevelSpacing::Every { base, step, scale } => (base + f64::from(level) * step) / scale,
-            LevelSpacing::List(levels) => levels[level as usize - 1],
+            LevelRule::Every { base, step, scale } => (base + f64::from(level) * step) / scale,
+            LevelRule::List(levels) => levels[level as usize - 1],
         }
     }
 
@@ -97,13 +97,13 @@ impl ContourLevels {
     fn fill<H: Copy + Into<f64>>(&self, heights: &[H], ranks: &mut [i32]) -> bool {
         match &self.0 {
             // A division by 1 takes as long as any.
-            &LevelSpacing::Every { base, step, scale: 1.0 } => {
+            &LevelRule::Every { base, step, scale: 1.0 } => {
                 rank_by_step(base, step, |height| height, |z| z, heights, ranks)
             }
-            &LevelSpacing::Every { base, step, scale } => {
+            &LevelRule::Every { base, step, scale } => {
                 rank_by_step(base, step, |height| height / scale, |z| z * scale, heights, ranks)
             }
-            LevelSpacing::List(levels) => rank_by_list(levels, heights, ranks),
+            LevelRule::List(levels) => rank_by_list(levels, heights, ranks),
         }
     }
 }

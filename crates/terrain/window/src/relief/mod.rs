@@ -28,10 +28,10 @@ mod tests;
 pub use aspect::Aspect;
 pub use colours::{ColorInterpolation, ColorTable, ColorTableError, Colour, NAMES, Palette};
 pub use curvature::{Curvature, CurvatureKind};
-pub use position::PositionIndex;
+pub use position::TopographicPositionIndex;
 pub use roughness::Roughness;
 pub use ruggedness::{Ruggedness, RuggednessMeasure};
-pub use shade::{Hillshade, LightSource};
+pub use shade::{Hillshade, HillshadeMode};
 pub use slope::Slope;
 use terrane_options::Choice;
 

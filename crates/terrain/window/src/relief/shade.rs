@@ -6,7 +6,7 @@ use crate::relief::{Derivative, Gradient, Heights, Turn};
 
 /// Where light comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightSource {
+pub enum HillshadeMode {
     /// From one direction: the cosine of the angle between it and what is upright on the ground.
     #[default]
     One,
@@ -23,7 +23,7 @@ pub struct Hillshade {
     /// How the change of height is told.
     pub gradient: Gradient,
     /// Where light comes from.
-    pub light: LightSource,
+    pub light: HillshadeMode,
     /// Degrees clockwise from north, of one light.
     pub azimuth: f64,
     /// Degrees above the horizon.
@@ -35,7 +35,7 @@ pub struct Hillshade {
 impl Default for Hillshade {
     /// One light from the north-west, 45 degrees above the horizon.
     fn default() -> Self {
-        let (gradient, light) = (Gradient::Horn, LightSource::One);
+        let (gradient, light) = (Gradient::Horn, HillshadeMode::One);
         Self { gradient, light, azimuth: 315.0, altitude: 45.0, exaggeration: 1.0 }
     }
 }
@@ -51,7 +51,7 @@ impl Derivative for Hillshade {
 
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
         let lamps = self.lamps();
-        if self.light != LightSource::One {
+        if self.light != HillshadeMode::One {
             let bright = |heights: &_| self.bright(&lamps, self.gradient.of(heights, turn));
             return crate::relief::each(rows, out, f64::NAN, bright);
         }
@@ -83,14 +83,14 @@ fn tone(bright: f64) -> f64 {
 
 /// A light: the cosine and sine of its direction, and the sine and cosine of its height.
 #[derive(Clone, Copy)]
-struct Lamp {
+struct LightDirection {
     east: f64,
     north: f64,
     up: f64,
     along: f64,
 }
 
-impl Lamp {
+impl LightDirection {
     fn new(azimuth: f64, altitude: f64) -> Self {
         let (azimuth, altitude) = (azimuth.to_radians(), altitude.to_radians());
         let (east, north) = (azimuth.sin(), azimuth.cos());
@@ -107,33 +107,33 @@ impl Lamp {
 
 impl Hillshade {
     /// Four lights, of which the first is the one where there is one; the last is in the north.
-    fn lamps(&self) -> [Lamp; 4] {
+    fn lamps(&self) -> [LightDirection; 4] {
         let azimuths = match self.light {
-            LightSource::Four => [225.0, 270.0, 315.0, 360.0],
-            LightSource::One | LightSource::Combined => [self.azimuth; 4],
+            HillshadeMode::Four => [225.0, 270.0, 315.0, 360.0],
+            HillshadeMode::One | HillshadeMode::Combined => [self.azimuth; 4],
         };
-        azimuths.map(|azimuth| Lamp::new(azimuth, self.altitude))
+        azimuths.map(|azimuth| LightDirection::new(azimuth, self.altitude))
     }
 
     #[inline(always)]
-    fn bright(&self, lamps: &[Lamp; 4], slope: [f64; 2]) -> f64 {
+    fn bright(&self, lamps: &[LightDirection; 4], slope: [f64; 2]) -> f64 {
         let slope = slope.map(|by| by * self.exaggeration);
         let steep = slope[0] * slope[0] + slope[1] * slope[1];
         let bright = match self.light {
-            LightSource::One => lamps[0].lit(slope),
-            LightSource::Combined => {
+            HillshadeMode::One => lamps[0].lit(slope),
+            HillshadeMode::Combined => {
                 let angle = lamps[0].lit(slope).clamp(-1.0, 1.0).acos();
                 1.0 - angle * steep.sqrt().atan() / (FRAC_PI_2 * FRAC_PI_2)
             }
             // Level ground is lit alike by all.
-            LightSource::Four if steep == 0.0 => lamps[0].lit(slope),
-            LightSource::Four => {
+            HillshadeMode::Four if steep == 0.0 => lamps[0].lit(slope),
+            HillshadeMode::Four => {
                 // How much the ground falls towards a light or away from it: the square of the cosine between its
                 // direction and the aspect.
                 let [east, north] = slope;
                 let south_west = 0.5 * steep + east * north;
                 let weights = [south_west, east * east, steep - south_west, north * north];
-                let of = |(weight, lamp): (f64, &Lamp)| weight * lamp.lit(slope).max(0.0);
+                let of = |(weight, lamp): (f64, &LightDirection)| weight * lamp.lit(slope).max(0.0);
                 weights.into_iter().zip(lamps).map(of).sum::<f64>() / steep / 2.0
             }
         };

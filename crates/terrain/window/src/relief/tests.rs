@@ -58,7 +58,7 @@ proptest! {
             let length = (1.0 + x * x + y * y).sqrt();
             let lit = (light[2] - light[0] * x - light[1] * y) / length;
             prop_assert!((usual.at(&z, &turn) - (1.0 + 254.0 * lit.max(0.0))).abs() <= 0.5 + 1e-6);
-            let four = Hillshade { light: LightSource::Four, ..usual }.at(&z, &turn);
+            let four = Hillshade { light: HillshadeMode::Four, ..usual }.at(&z, &turn);
             // Each light counts by the square of the cosine between it and the aspect.
             let mixed: f64 = [225.0_f64, 270.0, 315.0, 360.0]
                 .map(|azimuth| {
@@ -90,7 +90,7 @@ proptest! {
         let rows = [row(0), row(1), row(2)];
         let turn = [[0.1, 0.0], [0.0, -0.1]];
         let kinds: [&dyn Derivative; 6] = [
-            &Roughness, &PositionIndex, &Ruggedness(RuggednessMeasure::Riley), &Ruggedness(RuggednessMeasure::Wilson),
+            &Roughness, &TopographicPositionIndex, &Ruggedness(RuggednessMeasure::Riley), &Ruggedness(RuggednessMeasure::Wilson),
             &Slope::default(), &Curvature(CurvatureKind::Plan),
         ];
         for (k, kind) in kinds.into_iter().enumerate() {
@@ -126,10 +126,10 @@ fn rows_of_shades_are_their_samples() {
         std::array::from_fn(|row| (0..203).map(|col| height(row * 203 + col)).collect());
     let turn = [[0.1, 0.02], [0.0, -0.1]];
     for (light, gradient) in [
-        (LightSource::One, Gradient::Horn),
-        (LightSource::One, Gradient::ZevenbergenThorne),
-        (LightSource::Combined, Gradient::Horn),
-        (LightSource::Four, Gradient::Horn),
+        (HillshadeMode::One, Gradient::Horn),
+        (HillshadeMode::One, Gradient::ZevenbergenThorne),
+        (HillshadeMode::Combined, Gradient::Horn),
+        (HillshadeMode::Four, Gradient::Horn),
     ] {
         let shade = Hillshade { light, gradient, exaggeration: 0.3, ..Hillshade::default() };
         let mut out = [0.0; 201];
@@ -151,11 +151,11 @@ fn level_ground_has_no_aspect_and_no_curvature() {
     for kind in [CurvatureKind::General, CurvatureKind::Profile, CurvatureKind::Plan] {
         assert_eq!(Curvature(kind).at(&z, &turn), 0.0);
     }
-    for light in [LightSource::One, LightSource::Four] {
+    for light in [HillshadeMode::One, HillshadeMode::Four] {
         assert_eq!(Hillshade { light, ..Hillshade::default() }.at(&z, &turn), 181.0);
     }
     assert_eq!(
-        Hillshade { light: LightSource::Combined, ..Hillshade::default() }.at(&z, &turn),
+        Hillshade { light: HillshadeMode::Combined, ..Hillshade::default() }.at(&z, &turn),
         255.0
     );
 }

@@ -37,7 +37,7 @@ pub(crate) fn heights<K: ResamplingKernel, const TAPS: usize>(
 }
 
 /// Samples that count, along both axes: the first, and their weights.
-struct Taps<'a> {
+struct ResamplingTaps<'a> {
     first: [i64; 2],
     weights: [&'a [f64]; 2],
 }
@@ -50,7 +50,8 @@ fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, plac
         let from = place[axis] - first[axis] as f64;
         std::array::from_fn(|tap| K::weight((tap as f64 - from).abs()))
     });
-    let found = whole(window, &Taps { first, weights: weights.each_ref().map(|own| &own[..]) });
+    let found =
+        whole(window, &ResamplingTaps { first, weights: weights.each_ref().map(|own| &own[..]) });
     // Some of them may have no weight.
     if found.is_nan() {
         far::<K>(window, place, Scale::ONE, TAPS / 2, &mut Default::default())
@@ -68,7 +69,8 @@ fn far<K: ResamplingKernel>(
     weights: &mut [Vec<f64>; 2],
 ) -> f64 {
     let first = weigh::<K>(place, scale, radius, weights);
-    let found = whole(window, &Taps { first, weights: weights.each_ref().map(|own| &own[..]) });
+    let found =
+        whole(window, &ResamplingTaps { first, weights: weights.each_ref().map(|own| &own[..]) });
     if found.is_nan() { partial(window, place, scale) } else { found }
 }
 
@@ -98,7 +100,7 @@ fn weigh<K: ResamplingKernel>(
 
 /// By all samples; not a number where one is void or beyond the window.
 #[inline(always)]
-fn whole(window: &SourceWindow<'_>, taps: &Taps<'_>) -> f64 {
+fn whole(window: &SourceWindow<'_>, taps: &ResamplingTaps<'_>) -> f64 {
     let [across, down] = taps.weights;
     let mut sum = 0.0;
     for (row, weight) in (taps.first[1]..).zip(down) {

@@ -1,8 +1,8 @@
 //! Charts of straight and of turned grids.
 
 use super::*;
-use crate::ground::{GroundSampler, Means, Patch};
-use crate::overview::{Lie, OverviewPlan};
+use crate::ground::{GroundSampler, HeightPatch, VoidFillSums};
+use crate::overview::{OverviewPlan, RectRelation};
 use crate::tiling::GlobeTileId;
 use proptest::prelude::*;
 use terrane_base::geom::Rect;
@@ -13,7 +13,7 @@ fn turned(
     step: f64,
     angle: f64,
     south: f64,
-) -> (Result<Chart>, impl Fn([f64; 2]) -> [f64; 2]) {
+) -> (Result<GridGeolocation>, impl Fn([f64; 2]) -> [f64; 2]) {
     let (sin, cos) = angle.sin_cos();
     let to = move |[col, row]: [f64; 2]| {
         let [x, y] = [(col * cos - row * sin) * step, (col * sin + row * cos) * step];
@@ -23,7 +23,7 @@ fn turned(
         let [x, y] = [(lon - 7.0) * lat.to_radians().cos() / step, (lat - south) / step];
         Ok([x * cos + y * sin, y * cos - x * sin])
     };
-    (Chart::bent(whole, move |at| Ok(to(at)), back), to)
+    (GridGeolocation::bent(whole, move |at| Ok(to(at)), back), to)
 }
 
 fn all([width, height]: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
@@ -54,7 +54,8 @@ fn places_between_nodes_are_where_they_should_be() {
     let (chart, _) = turned([100, 100], 0.5, 0.0, 60.0);
     assert!(chart.unwrap_err().to_string().contains("pole"));
     let wave = |[col, row]: [f64; 2]| Ok([col * 0.001 + (row * 1.3).sin() * 0.0001, row * 0.001]);
-    let chart = Chart::bent([9, 4000], wave, |[lon, lat]| Ok([lon * 1000.0, lat * 1000.0]));
+    let chart =
+        GridGeolocation::bent([9, 4000], wave, |[lon, lat]| Ok([lon * 1000.0, lat * 1000.0]));
     let told = chart.unwrap_err().to_string();
     assert!(told.contains("too large for its projection"), "{told}");
 }
@@ -83,13 +84,13 @@ proptest! {
         let noise = |i: u32| f64::from((i ^ seed).wrapping_mul(0x9e37_79b9) >> 16) / 65536.0;
         let height = |i: u32| if i % 31 == 7 { f64::NAN } else { noise(i) * 300.0 };
         let heights: Vec<f64> = (0..whole[0] * whole[1]).map(height).collect();
-        let mut means = Means::new(whole);
+        let mut means = VoidFillSums::new(whole);
         for (row, line) in (0..).zip(heights.chunks(70)) {
             means.add(0, row, line);
         }
         let fill = means.fill().unwrap();
         let rect = Rect::new(0, 0, 70, 45);
-        let asked = Patch::new(&heights, rect, &chart, &fill);
+        let asked = HeightPatch::new(&heights, rect, &chart, &fill);
         let kept = asked.clone().kept();
         let width = 40.0 * step;
         let level = (0..20).find(|level| crate::degrees(*level) < width).unwrap();
@@ -130,9 +131,9 @@ proptest! {
                 let is_listed = (cols[0]..cols[1]).contains(&at[0]) && (rows[0]..rows[1]).contains(&at[1]);
                 prop_assert!(is_listed || within == 0);
                 match overview.lie(at, &overview.corners(at), &bounds) {
-                    Lie::Beside => prop_assert_eq!(within, 0),
-                    Lie::Within => prop_assert_eq!(within, rect.len()),
-                    Lie::Across => (),
+                    RectRelation::Beside => prop_assert_eq!(within, 0),
+                    RectRelation::Within => prop_assert_eq!(within, rect.len()),
+                    RectRelation::Across => (),
                 }
             }
             // Along its borders, from afar as from near, and by halves.

@@ -15,14 +15,14 @@ pub struct SampleBlock {
     /// Height at its first sample, and what a column and a row add.
     pub(super) plane: [f64; 3],
     /// The samples that are furthest below the plane, and above it.
-    pub(super) ends: [Extreme; 2],
+    pub(super) ends: [BlockExtreme; 2],
     /// Metres between the heights of two of its samples beside each other, at the most.
     pub(super) jump: f64,
 }
 
 /// A sample of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Extreme {
+pub(super) struct BlockExtreme {
     /// Columns and rows from the first sample of the block.
     pub(super) at: [u16; 2],
     pub(super) height: f64,
@@ -91,14 +91,14 @@ impl SampleBlock {
         let mut block = Self {
             count: n as u32,
             plane: [base, slopes[0], slopes[1]],
-            ends: [Extreme::default(); 2],
+            ends: [BlockExtreme::default(); 2],
             jump: jump(heights, stride, [width, height]),
         };
         let found = valid().map(|(x, y, height)| {
             let at = [x as u16, y as u16];
-            Extreme { at, height, off: height - block.height([x, y]) }
+            BlockExtreme { at, height, off: height - block.height([x, y]) }
         });
-        let less = |a: &Extreme, b: &Extreme| a.off.total_cmp(&b.off);
+        let less = |a: &BlockExtreme, b: &BlockExtreme| a.off.total_cmp(&b.off);
         let low = found.clone().min_by(less).unwrap_or_default();
         let high = found.max_by(less).unwrap_or_default();
         block.ends = [low, high];

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::blocks::{Extreme, SampleBlock, SampleBlocks};
-use super::plan::{Glance, OverviewPlan};
-use crate::ground::Means;
+use super::blocks::{BlockExtreme, SampleBlock, SampleBlocks};
+use super::plan::{BlockSummary, OverviewPlan};
+use crate::ground::VoidFillSums;
 use terrane_base::geom::Rect;
 
-impl Glance {
+impl BlockSummary {
     /// Puts it at the end of `out`, to be read by [`OverviewPlan::read_glance`].
     pub fn write(&self, out: &mut Vec<u8>) {
         let Rect { col, row, width, height } = self.rect;
@@ -17,7 +17,7 @@ impl Glance {
         for block in &self.blocks {
             out.extend(block.count.to_le_bytes());
             put(out, &block.plane);
-            for Extreme { at, height, off } in block.ends {
+            for BlockExtreme { at, height, off } in block.ends {
                 at.into_iter().for_each(|at| out.extend(at.to_le_bytes()));
                 put(out, &[height, off]);
             }
@@ -54,12 +54,12 @@ impl OverviewPlan {
             self.within(axis, rect).map(|(_, part)| 4 + 8 * part.len() as u64).sum::<u64>()
         };
         let lines = lines(0) + lines(1);
-        let squares = Means::new(self.blocks.whole).squares_in(rect);
+        let squares = VoidFillSums::new(self.blocks.whole).squares_in(rect);
         4 * 4 + 2 * 8 + blocks * BLOCK + 2 * 4 + lines + 4 + squares * SUM
     }
 
     /// Reads a glance from the front of `from`; `None` where there is none of this grid.
-    pub fn read_glance(&self, from: &mut &[u8]) -> Option<Glance> {
+    pub fn read_glance(&self, from: &mut &[u8]) -> Option<BlockSummary> {
         let SampleBlocks { side, whole, .. } = self.blocks;
         let [col, row, width, height] = numbers(from)?.map(u32::from_le_bytes);
         let rect = Rect::new(col, row, width, height);
@@ -86,25 +86,25 @@ impl OverviewPlan {
                 lines.insert(at, part.map(|_| float(from)).collect::<Option<_>>()?);
             }
         }
-        let mut means = Means::new(whole);
+        let mut means = VoidFillSums::new(whole);
         for _ in 0..number(from)? {
             let square = number(from)?;
             let sum = i128::from_le_bytes(bytes(from)?);
             means.put(square, sum, u64::from_le_bytes(bytes(from)?))?;
         }
         let range = (low <= high).then_some([low, high]);
-        Some(Glance { rect, blocks, lines, means, range })
+        Some(BlockSummary { rect, blocks, lines, means, range })
     }
 }
 
 fn block(from: &mut &[u8]) -> Option<SampleBlock> {
     let count = number(from)?;
     let plane = numbers(from)?.map(f64::from_le_bytes);
-    let mut ends = [Extreme::default(); 2];
+    let mut ends = [BlockExtreme::default(); 2];
     for end in &mut ends {
         let at = numbers(from)?.map(u16::from_le_bytes);
         let [height, off] = numbers(from)?.map(f64::from_le_bytes);
-        *end = Extreme { at, height, off };
+        *end = BlockExtreme { at, height, off };
     }
     let jump = float(from)?;
     Some(SampleBlock { count, plane, ends, jump })

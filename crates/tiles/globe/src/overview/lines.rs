@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::chart::{Chart, HAIR};
+use crate::chart::{GridGeolocation, HAIR};
 use terrane_base::geom::Affine;
 
 /// Columns or rows by number, and which samples along them are kept: all of them, if it is not said.
@@ -17,7 +17,7 @@ pub(super) fn beside(map: &Affine, place: [f64; 2]) -> [f64; 2] {
 }
 
 /// Columns and rows on both sides of meridians and parallels.
-pub(super) fn whole(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
+pub(super) fn whole(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let whole = chart.whole();
     [0, 1].map(|axis: usize| {
         let most = f64::from(whole[axis] - 1);
@@ -41,7 +41,7 @@ pub(super) fn whole(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
 }
 
 /// The samples around meridians and parallels, by row.
-pub(super) fn spots(chart: &Chart, lines: [&[f64]; 2]) -> [Lines; 2] {
+pub(super) fn spots(chart: &GridGeolocation, lines: [&[f64]; 2]) -> [Lines; 2] {
     let mut found: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let most = chart.whole().map(|count| count - 1);
     for (axis, lines) in lines.into_iter().enumerate() {

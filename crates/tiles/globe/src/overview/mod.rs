@@ -10,13 +10,13 @@ mod relief;
 use std::collections::BTreeMap;
 
 use crate::chart::ChartSpot;
-use crate::ground::{Fill, GroundSampler, around, between, feet};
+use crate::ground::{GroundSampler, VoidFill, around, between, feet};
 use crate::run::{GroundSample, GroundSampleRun};
 use crate::tiling::GeodeticBounds;
-use blocks::Extreme;
+use blocks::BlockExtreme;
 pub use blocks::{SampleBlock, SampleBlocks};
 use lines::beside;
-pub use plan::{GatheredOverview, Glance, OverviewPlan};
+pub use plan::{BlockSummary, GatheredOverview, OverviewPlan};
 use terrane_base::geom::Rect;
 
 /// Metres of a degree along the equator, about.
@@ -24,7 +24,7 @@ const DEGREE: f64 = 111_000.0;
 
 /// How samples lie to a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lie {
+pub enum RectRelation {
     /// None is in it.
     Beside,
     /// All are.
@@ -35,31 +35,31 @@ pub enum Lie {
 
 /// A grid from afar.
 #[derive(Clone, Debug)]
-pub struct Overview {
+pub struct GridOverview {
     plan: OverviewPlan,
     blocks: Vec<SampleBlock>,
     lines: [BTreeMap<u32, Vec<f64>>; 2],
-    fill: Fill,
+    fill: VoidFill,
     /// Metres of the lowest and the highest sample.
     pub range: [f64; 2],
 }
 
 impl GatheredOverview {
     /// The grid from afar, once all was seen; `None` where all of it is void.
-    pub fn finish(self) -> Option<Overview> {
+    pub fn finish(self) -> Option<GridOverview> {
         let Self { plan, blocks, lines, means, range } = self;
-        Some(Overview { plan, blocks, lines, fill: means.fill()?, range: range? })
+        Some(GridOverview { plan, blocks, lines, fill: means.fill()?, range: range? })
     }
 }
 
-impl Overview {
+impl GridOverview {
     /// How the grid is divided.
     pub fn plan(&self) -> &SampleBlocks {
         &self.plan.blocks
     }
 
     /// What stands for voids.
-    pub fn voids(&self) -> &Fill {
+    pub fn voids(&self) -> &VoidFill {
         &self.fill
     }
 
@@ -94,11 +94,16 @@ impl Overview {
     }
 
     /// How the samples of a block, whose corners are given, lie to a rectangle.
-    pub fn lie(&self, at: [u32; 2], corners: &[GroundSample; 4], bounds: &GeodeticBounds) -> Lie {
+    pub fn lie(
+        &self,
+        at: [u32; 2],
+        corners: &[GroundSample; 4],
+        bounds: &GeodeticBounds,
+    ) -> RectRelation {
         let holds =
             |bounds: &GeodeticBounds| corners.iter().all(|corner| bounds.holds(corner.place));
         if !self.plan.chart.is_bent() {
-            return if holds(bounds) { Lie::Within } else { Lie::Across };
+            return if holds(bounds) { RectRelation::Within } else { RectRelation::Across };
         }
         // What bows out of a block is beyond its corners; meridians are the nearer to each other the further north.
         let furthest = corners.iter().fold(0.0_f64, |most, corner| most.max(corner.place[1].abs()));
@@ -110,9 +115,9 @@ impl Overview {
             || all(&|[_, lat]| lat < south)
             || all(&|[_, lat]| lat > north);
         match is_beside {
-            true => Lie::Beside,
-            false if holds(&bounds.grown(-slack)) => Lie::Within,
-            false => Lie::Across,
+            true => RectRelation::Beside,
+            false if holds(&bounds.grown(-slack)) => RectRelation::Within,
+            false => RectRelation::Across,
         }
     }
 
@@ -126,7 +131,7 @@ impl Overview {
     }
 }
 
-impl Overview {
+impl GridOverview {
     /// The height between samples that are kept; `Err` where they are not.
     fn kept(&self, [col, row]: [f64; 2]) -> Result<Option<f64>, ()> {
         match self.plan.chart.map() {
@@ -182,7 +187,7 @@ impl Overview {
     }
 }
 
-impl Overview {
+impl GridOverview {
     /// The height between samples, or on a block's plane.
     fn at(&self, ChartSpot { at: [col, row], .. }: ChartSpot) -> Option<f64> {
         if let Ok(found) = self.kept([col, row]) {
@@ -205,7 +210,7 @@ impl Overview {
     }
 }
 
-impl GroundSampler for Overview {
+impl GroundSampler for GridOverview {
     /// Exact along the lines that were kept; elsewhere that of the block's plane.
     fn height(&self, place: [f64; 2]) -> Option<f64> {
         let spot = self.plan.chart.within(place);
@@ -260,7 +265,7 @@ impl GroundSampler for Overview {
                 let block = self.block([col, row]);
                 let rect = self.plan.blocks.rect([col, row]);
                 let ends = &block.ends[..if block.count > 0 { 2 } else { 0 }];
-                for Extreme { at: [right, down], height, .. } in ends {
+                for BlockExtreme { at: [right, down], height, .. } in ends {
                     let at =
                         [rect.col + u32::from(*right), rect.row + u32::from(*down)].map(f64::from);
                     let sample = self.plan.chart.sample(at, *height);
@@ -276,7 +281,7 @@ impl GroundSampler for Overview {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::Chart;
+    use crate::chart::GridGeolocation;
     use proptest::prelude::*;
     use terrane_base::geom::Affine;
 
@@ -287,8 +292,8 @@ mod tests {
         heights: &[f64],
         lines: [&[f64]; 2],
         pieces: u32,
-    ) -> Option<Overview> {
-        let plan = OverviewPlan::new(Chart::straight(MAP, whole), lines);
+    ) -> Option<GridOverview> {
+        let plan = OverviewPlan::new(GridGeolocation::straight(MAP, whole), lines);
         let rows = plan.blocks.side * pieces;
         let look = |row: u32| {
             let rect = Rect::new(0, row, whole[0], rows.min(whole[1] - row));
@@ -346,7 +351,7 @@ mod tests {
 
     #[test]
     fn a_void_part_comes_back_void() {
-        let plan = OverviewPlan::new(Chart::straight(MAP, [20, 20]), [&[], &[]]);
+        let plan = OverviewPlan::new(GridGeolocation::straight(MAP, [20, 20]), [&[], &[]]);
         let glance = plan.look(Rect::new(0, 0, 20, 20), &[f64::NAN; 400]);
         let mut kept = Vec::new();
         glance.write(&mut kept);
@@ -363,8 +368,9 @@ mod tests {
             (0..5000_u32).map(|i| f64::from(i.wrapping_mul(7919) % 997)).collect();
         let lines: [&[f64]; 2] = [&[7.2345, 7.3, 12.0], &[45.7, 45.8123]];
         let found = overview([100, 50], &heights, lines, 1).unwrap();
-        let chart = Chart::straight(MAP, [100, 50]);
-        let patch = crate::Patch::new(&heights, Rect::new(0, 0, 100, 50), &chart, &found.fill);
+        let chart = GridGeolocation::straight(MAP, [100, 50]);
+        let patch =
+            crate::HeightPatch::new(&heights, Rect::new(0, 0, 100, 50), &chart, &found.fill);
         for ends in [
             [[7.2345, 45.6], [7.2345, 45.9]],
             [[7.1, 45.8123], [7.9, 45.8123]],

@@ -5,17 +5,17 @@ use std::ops::Range;
 
 use super::blocks::{SampleBlock, SampleBlocks};
 use super::lines::{Lines, spots, whole};
-use crate::chart::Chart;
-use crate::ground::Means;
+use crate::chart::GridGeolocation;
+use crate::ground::VoidFillSums;
 use terrane_base::geom::Rect;
 
 /// A part of what is looked at in a first pass, to be gathered with the others.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Glance {
+pub struct BlockSummary {
     pub(super) rect: Rect,
     pub(super) blocks: Vec<SampleBlock>,
     pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
-    pub(super) means: Means,
+    pub(super) means: VoidFillSums,
     pub(super) range: Option<[f64; 2]>,
 }
 
@@ -24,19 +24,19 @@ pub struct Glance {
 pub struct OverviewPlan {
     /// How it is divided.
     pub blocks: SampleBlocks,
-    pub(super) chart: Chart,
+    pub(super) chart: GridGeolocation,
     pub(super) lines: [Lines; 2],
 }
 
 impl OverviewPlan {
     /// Of a grid. Along the meridians and parallels of `lines` the samples on both sides are kept.
-    pub fn new(chart: Chart, lines: [&[f64]; 2]) -> Self {
+    pub fn new(chart: GridGeolocation, lines: [&[f64]; 2]) -> Self {
         let lines = if chart.map().is_some() { whole(&chart, lines) } else { spots(&chart, lines) };
         Self { blocks: SampleBlocks::of(chart.whole()), chart, lines }
     }
 
     /// Where the samples of the grid are.
-    pub fn chart(&self) -> &Chart {
+    pub fn chart(&self) -> &GridGeolocation {
         &self.chart
     }
 
@@ -63,9 +63,9 @@ impl OverviewPlan {
     }
 
     /// Looks at the samples of a rectangle whose sides are those of blocks, row by row.
-    pub fn look(&self, rect: Rect, heights: &[f64]) -> Glance {
+    pub fn look(&self, rect: Rect, heights: &[f64]) -> BlockSummary {
         let SampleBlocks { side, whole, .. } = self.blocks;
-        let mut means = Means::new(whole);
+        let mut means = VoidFillSums::new(whole);
         for (row, line) in (rect.row..).zip(heights.chunks(rect.width as usize)) {
             means.add(rect.col, row, line);
         }
@@ -97,7 +97,7 @@ impl OverviewPlan {
         };
         let lines =
             [0, 1].map(|axis| self.within(axis, rect).map(|found| line(axis, found)).collect());
-        Glance { rect, blocks, lines, means, range }
+        BlockSummary { rect, blocks, lines, means, range }
     }
 
     /// Bytes that what is seen of the whole grid takes.
@@ -111,7 +111,7 @@ impl OverviewPlan {
             };
             self.lines[axis].values().map(bytes).sum::<usize>() as u64
         };
-        blocks + line(0) + line(1) + Means::BYTES + self.chart.bytes()
+        blocks + line(0) + line(1) + VoidFillSums::BYTES + self.chart.bytes()
     }
 
     /// Nothing seen yet.
@@ -122,7 +122,7 @@ impl OverviewPlan {
             let empty = |(at, spots): (&u32, _)| (*at, vec![f64::NAN; self.len(axis, spots)]);
             self.lines[axis].iter().map(empty).collect()
         };
-        let (lines, means) = ([line(0), line(1)], Means::new(whole));
+        let (lines, means) = ([line(0), line(1)], VoidFillSums::new(whole));
         GatheredOverview { plan: self, blocks, lines, means, range: None }
     }
 }
@@ -133,7 +133,7 @@ pub struct GatheredOverview {
     pub(super) plan: OverviewPlan,
     pub(super) blocks: Vec<SampleBlock>,
     pub(super) lines: [BTreeMap<u32, Vec<f64>>; 2],
-    pub(super) means: Means,
+    pub(super) means: VoidFillSums,
     pub(super) range: Option<[f64; 2]>,
 }
 
@@ -144,7 +144,7 @@ impl GatheredOverview {
     }
 
     /// Adds what was seen in a rectangle.
-    pub fn add(&mut self, glance: Glance) {
+    pub fn add(&mut self, glance: BlockSummary) {
         let SampleBlocks { side, counts, .. } = self.plan.blocks;
         let Rect { col, row, width, .. } = glance.rect;
         let across = width.div_ceil(side) as usize;

@@ -1,11 +1,11 @@
 //! What levels have to hold of a ground, told from blocks before any tile is made: how far apart heights in a tile may
 //! be, and how rough the ground is where a tile would have too many vertices.
 
-use super::Overview;
+use super::GridOverview;
 use super::blocks::SampleBlock;
 use super::plan::both;
 use crate::globe::EQUATOR;
-use crate::level::Relief;
+use crate::level::LevelRelief;
 use crate::tiling::{degrees, level_error};
 
 /// Vertices of a tile, about, that are not exceeded for the error that clients assume.
@@ -14,7 +14,7 @@ const MOST_VERTICES: u64 = 1 << 18;
 /// The lowest and the highest of no heights.
 const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
 
-impl Overview {
+impl GridOverview {
     /// The lowest and the highest height that a tile may have.
     pub fn ends(&self) -> [f64; 2] {
         match self.plan.chart.slope() > 0.0 {
@@ -24,11 +24,11 @@ impl Overview {
     }
 
     /// What each level has to hold, down to the last. O(blocks), for each level that is far from the samples.
-    pub fn reliefs(&self, last: u8) -> Vec<Relief> {
+    pub fn reliefs(&self, last: u8) -> Vec<LevelRelief> {
         let ranges = self.ranges();
         let [low, high] = self.ends();
         let jump = self.jump();
-        let relief = |level: u8| Relief {
+        let relief = |level: u8| LevelRelief {
             reach: low.abs().max(high.abs()),
             range: self.range_of(level, &ranges).min(high - low),
             rough: self.roughness(level),

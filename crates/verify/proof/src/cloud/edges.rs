@@ -2,10 +2,10 @@
 
 use std::mem::size_of;
 
-use super::follow::Stops;
+use super::follow::TrackVertices;
 use super::part::{CloudProofPart, order, position};
 use super::strips::ProofStrips;
-use crate::edges::{Meeting, PartCorners, compare_vertices};
+use crate::edges::{EdgeMeeting, PartCorners, compare_vertices};
 use crate::exact::double_area;
 use crate::{ProofPosition, ProofTally, ProofTriangle, ProofVertex};
 use terrane_base::geom::Point;
@@ -25,7 +25,7 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
         }
     });
     count_kept(part, &is_kept, tally);
-    let mut stops = Stops::new(part.lines, &part.domain, &corners.positions);
+    let mut stops = TrackVertices::new(part.lines, &part.domain, &corners.positions);
     off.retain(|&(at, z)| z.is_none_or(|z| !stops.may_be_post(at, z)));
     off.into_iter().for_each(|(at, _)| tally.off_samples.add(at));
     compare_vertices(part.vertices.unwrap_or_default(), &corners.positions, tally);
@@ -36,7 +36,7 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
         if is_owned {
             tally.edge(ends, meeting);
         }
-        if let Meeting::Open(apex) = meeting {
+        if let EdgeMeeting::Open(apex) = meeting {
             if is_owned && !part.hull.has_edge(ends, apex) {
                 tally.cracks.add(ends[0]);
             }

@@ -8,11 +8,11 @@
 use super::hull::ProofHull;
 use super::strips::ProofStrips;
 use crate::follow::ProofBreakline;
-use crate::{Domain, ProofPosition, ProofTally};
+use crate::{GridDomain, ProofPosition, ProofTally};
 
 /// A line as far as it is over a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Track {
+pub struct CloudTrack {
     line: ProofBreakline,
     /// At start and end, in steps.
     heights: Option<[i32; 2]>,
@@ -24,7 +24,7 @@ pub struct Track {
 /// Steps by which a path and its straight line may be apart, and more.
 const ASIDE: f64 = 1.0;
 
-impl Track {
+impl CloudTrack {
     /// Between two positions of the lattice, the lower (by row, then column) first, with heights there; `None` where no
     /// step of it is over the hull. O(corners + steps within a step of the hull's outline).
     pub fn new(ends: [[u32; 2]; 2], heights: Option<[i32; 2]>, hull: &ProofHull) -> Option<Self> {
@@ -55,7 +55,7 @@ impl Track {
     /// The domains that it comes to: hands them on, one after the other, by a step in each.
     pub fn each_domain(
         &self,
-        owner: impl Fn(ProofPosition) -> Domain,
+        owner: impl Fn(ProofPosition) -> GridDomain,
         mut each: impl FnMut(ProofPosition),
     ) {
         let mut step = self.first;
@@ -67,11 +67,11 @@ impl Track {
     }
 
     /// True where it comes to a domain.
-    pub fn is_in(&self, domain: &Domain) -> bool {
+    pub fn is_in(&self, domain: &GridDomain) -> bool {
         !self.steps_in(domain).is_empty()
     }
 
-    fn steps_in(&self, domain: &Domain) -> std::ops::Range<i64> {
+    fn steps_in(&self, domain: &GridDomain) -> std::ops::Range<i64> {
         let steps = self.line.steps_in(domain);
         steps.start.max(self.first)..steps.end.min(self.last + 1)
     }
@@ -110,16 +110,20 @@ struct TrackStop {
 }
 
 /// The vertices of a domain on lines.
-pub(super) struct Stops<'a> {
-    lines: &'a [Track],
-    domain: &'a Domain,
+pub(super) struct TrackVertices<'a> {
+    lines: &'a [CloudTrack],
+    domain: &'a GridDomain,
     /// Sorted by position.
     all: Vec<TrackStop>,
 }
 
-impl<'a> Stops<'a> {
+impl<'a> TrackVertices<'a> {
     /// Those of these positions, which are sorted and may be more than the domain owns.
-    pub(super) fn new(lines: &'a [Track], domain: &'a Domain, positions: &[ProofPosition]) -> Self {
+    pub(super) fn new(
+        lines: &'a [CloudTrack],
+        domain: &'a GridDomain,
+        positions: &[ProofPosition],
+    ) -> Self {
         let mut all = Vec::new();
         if !lines.is_empty() {
             let mut own = positions.to_vec();

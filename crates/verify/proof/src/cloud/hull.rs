@@ -21,14 +21,14 @@ fn turn(a: Spot, b: Spot, c: Spot) -> i64 {
 /// Gathers the convex hull of positions as they come. Memory: in proportion to the hull. Any order
 /// and any grouping give the same hull.
 #[derive(Clone, Debug, Default)]
-pub struct Wrap {
+pub struct HullGatherer {
     pool: Vec<Spot>,
     /// A convex polygon, counter-clockwise; what is strictly inside is no corner of the hull.
     guard: Vec<Spot>,
     reduced: usize,
 }
 
-impl Wrap {
+impl HullGatherer {
     /// Adds a position, whose coordinates are from 0 to below 2^30.
     pub fn add(&mut self, at: [i32; 2]) {
         if self.is_inside(at) {
@@ -169,7 +169,7 @@ impl ProofHull {
         })
     }
 
-    /// Twice its area, in the unit of [`Tally::double_area`](crate::ProofTally::double_area).
+    /// Twice its area, in the unit of [`ProofTally::double_area`](crate::ProofTally::double_area).
     pub fn double_area(&self) -> i128 {
         let first = self.sides[0].from;
         self.sides.iter().map(|side| double_area(first, side.from, side.to)).sum()
@@ -213,7 +213,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn hull(spots: &[Spot]) -> Option<ProofHull> {
-        let mut wrap = Wrap::default();
+        let mut wrap = HullGatherer::default();
         spots.iter().for_each(|&at| wrap.add(at));
         wrap.finish()
     }
@@ -263,7 +263,7 @@ mod tests {
 
     #[test]
     fn a_large_stream_is_reduced_on_the_way() {
-        let mut wrap = Wrap::default();
+        let mut wrap = HullGatherer::default();
         for i in 0..200_000i64 {
             wrap.add([i * 7919 % 1_000_003, i * 104_729 % 999_983].map(|v| v as i32));
         }
@@ -276,7 +276,7 @@ mod tests {
             spots in prop::collection::vec([0..12i32, 0..12i32], 1..40), cut in 0..40usize
         ) {
             let cut = cut.min(spots.len());
-            let (mut one, mut two) = (Wrap::default(), Wrap::default());
+            let (mut one, mut two) = (HullGatherer::default(), HullGatherer::default());
             spots[..cut].iter().for_each(|&at| one.add(at));
             one.reduce();
             spots[cut..].iter().for_each(|&at| two.add(at));

@@ -19,11 +19,11 @@ mod strips;
 mod tests;
 
 pub use bound::VerticalBound;
-pub use follow::Track;
-pub use hull::{ProofHull, Wrap};
-pub use nearest::{ProofNearestPoints, Sought};
+pub use follow::CloudTrack;
+pub use hull::{HullGatherer, ProofHull};
+pub use nearest::{NearestQuery, ProofNearestPoints};
 pub use part::{CloudProofPart, order, position};
-pub use place::Placer;
+pub use place::LatticeSnapper;
 
 use std::mem::size_of;
 

@@ -4,7 +4,7 @@ use terrane_base::geom::Point;
 
 /// A position, and the nearest point seen so far.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Sought {
+pub struct NearestQuery {
     /// Column and row.
     pub at: [i32; 2],
     /// The square of its distance, and the point: of those at one distance the lowest (by x, y and z).
@@ -23,7 +23,7 @@ impl ProofNearestPoints {
     }
 
     /// Takes note of a point that is nearer than the one found: goes east and west until all others are further away.
-    pub fn improve(&self, sought: &mut Sought) {
+    pub fn improve(&self, sought: &mut NearestQuery) {
         let [x, y] = sought.at;
         let (west, east) = self.0.split_at(self.0.partition_point(|point| point.x < x));
         let mut see = |point: &Point| {
@@ -54,7 +54,7 @@ mod tests {
         ) {
             let points: Vec<Point> = points.iter().map(|&(x, y, z)| Point::new(x, y, z)).collect();
             let (a, b) = points.split_at(cut.min(points.len()));
-            let mut sought = Sought { at, found: None };
+            let mut sought = NearestQuery { at, found: None };
             [b, a].iter().for_each(|heap| ProofNearestPoints::of(heap.to_vec()).improve(&mut sought));
             let far = |p: &Point| i64::from((p.x - at[0]).pow(2) + (p.y - at[1]).pow(2));
             prop_assert_eq!(sought.found, points.iter().map(|p| (far(p), *p)).min());

@@ -1,16 +1,16 @@
 //! The unit of a proof: a rectangle of the lattice, with everything that touches it.
 
 use super::bound::VerticalBound;
-use super::follow::Track;
+use super::follow::CloudTrack;
 use super::hull::ProofHull;
-use crate::{Domain, ProofPosition, ProofTriangle};
+use crate::{GridDomain, ProofPosition, ProofTriangle};
 use terrane_base::geom::Point;
 
 /// One rectangle of the lattice to check, with all that touches it.
 #[derive(Debug)]
 pub struct CloudProofPart<'a> {
     /// The positions it owns.
-    pub domain: Domain,
+    pub domain: GridDomain,
     /// Every point that lies in the domain, x and y counted from the corner of the lattice, sorted
     /// by [`order`].
     pub points: &'a [Point],
@@ -26,7 +26,7 @@ pub struct CloudProofPart<'a> {
     /// Points that have to be vertices, those of the domain at least, sorted by [`order`].
     pub kept: &'a [Point],
     /// Lines that edges have to follow, those that come to the domain at least.
-    pub lines: &'a [Track],
+    pub lines: &'a [CloudTrack],
 }
 
 /// The order in which a [`CloudProofPart`] wants its points: by y, then x, then z.

@@ -12,13 +12,13 @@ const LARGEST_RADIUS: f64 = 0.5;
 
 /// Maps stored vertices to the lattice of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placer {
+pub struct LatticeSnapper {
     frame: PointFrame,
     low: [i32; 2],
     radius: [f64; 3],
 }
 
-impl Placer {
+impl LatticeSnapper {
     /// For a cloud within `bounds`, and vertices stored relative to `origin`, in f32 when
     /// `single_precision`.
     pub fn new(
@@ -60,7 +60,7 @@ impl Placer {
     }
 }
 
-impl Snap for Placer {
+impl Snap for LatticeSnapper {
     fn snap(&self, stored: Point3) -> SnapOutcome {
         let [x, y, z] = std::array::from_fn(|axis| self.settle(axis, stored[axis]));
         let (col, row) = (x.0 - f64::from(self.low[0]), y.0 - f64::from(self.low[1]));
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn doubles_come_back_to_their_points() {
-        let placer = Placer::new(FRAME, BOUNDS, [0.0; 3], false);
+        let placer = LatticeSnapper::new(FRAME, BOUNDS, [0.0; 3], false);
         assert!(placer.radius() < 1e-4, "{}", placer.radius());
         for point in points() {
             let world = FRAME.world(point);
@@ -120,7 +120,7 @@ mod tests {
     fn floats_with_an_origin_come_back_too() {
         let bounds = [Point::new(-(1 << 23), 5, -9), Point::new(1 << 23, 1 << 24, 9)];
         let origin = FRAME.world(Point::new(0, 1 << 23, 0));
-        let placer = Placer::new(FRAME, bounds, origin, true);
+        let placer = LatticeSnapper::new(FRAME, bounds, origin, true);
         for i in 0..5000 {
             let point = Point::new((1 << 23) - i * 3301, 5 + i * 3301, i % 19 - 9);
             let world = FRAME.world(point);
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn a_height_between_steps_leaves_the_position_whole() {
         let placer =
-            Placer::new(FRAME, [Point::new(0, 0, 0), Point::new(9, 9, 9)], [0.0; 3], false);
+            LatticeSnapper::new(FRAME, [Point::new(0, 0, 0), Point::new(9, 9, 9)], [0.0; 3], false);
         let [x, y, z] = FRAME.world(Point::new(3, 4, 5));
         let SnapOutcome::Free(vertex) = placer.snap([x, y, z + 0.0005]) else { panic!("not free") };
         assert_eq!(vertex.at, ProofPosition::sample(3, 4));

@@ -36,12 +36,12 @@ pub(super) fn check(part: &CloudProofPart<'_>, tally: &mut ProofTally) {
     tally.surface_samples += lowest.len() as u64;
     let strips = ProofStrips::new(lowest);
     let mut plumb =
-        Plumb { found: vec![NOTHING; strips.things().len()], strips, bound: part.bound };
+        VerticalDistance { found: vec![NOTHING; strips.things().len()], strips, bound: part.bound };
     part.triangles.iter().for_each(|triangle| plumb.add(triangle));
     plumb.finish(tally);
 }
 
-struct Plumb {
+struct VerticalDistance {
     strips: ProofStrips<Point>,
     found: Vec<PlumbFinding>,
     bound: Option<VerticalBound>,
@@ -57,7 +57,7 @@ impl PlumbFinding {
     }
 }
 
-impl Plumb {
+impl VerticalDistance {
     fn add(&mut self, triangle: &ProofTriangle) {
         match ProofFacet::new(triangle) {
             Some(plane) => self.add_plane(triangle, &plane),
@@ -179,7 +179,7 @@ mod tests {
             let plumb = || {
                 let found = vec![NOTHING; points.len()];
                 let bound = Some(VerticalBound::new(f64::from(halves), 2.0));
-                Plumb { strips: ProofStrips::new(points.clone()), found, bound }
+                VerticalDistance { strips: ProofStrips::new(points.clone()), found, bound }
             };
             let (mut whole, mut free) = (plumb(), plumb());
             whole.add(&triangle);
@@ -199,7 +199,7 @@ mod tests {
         let judge = |tolerance: f64| {
             let bound = Some(VerticalBound::new(tolerance, 1.0));
             let strips = ProofStrips::new(vec![Point::new(1, 1, 3)]);
-            let mut plumb = Plumb { strips, found: vec![NOTHING], bound };
+            let mut plumb = VerticalDistance { strips, found: vec![NOTHING], bound };
             plumb.add(&triangle);
             plumb.found[0]
         };

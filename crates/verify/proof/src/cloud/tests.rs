@@ -33,7 +33,7 @@ fn turn(a: ProofPosition, b: ProofPosition, c: ProofPosition) -> i128 {
 
 impl Case {
     fn hull(&self) -> Option<ProofHull> {
-        let mut wrap = Wrap::default();
+        let mut wrap = HullGatherer::default();
         self.points.iter().for_each(|p| wrap.add([p.x, p.y]));
         wrap.finish()
     }

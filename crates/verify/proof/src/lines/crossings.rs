@@ -2,7 +2,7 @@
 
 use super::exact::{Xy, by_ends, meet, upward};
 use super::pieces::{LineProofPieces, XRange};
-use super::report::Report;
+use super::report::LineCheckReport;
 
 /// Segments to a strip, at the mean.
 const TO_A_STRIP: usize = 256;
@@ -23,7 +23,7 @@ impl ProofSegment {
 
 /// Counts the pairs of segments that meet off a common end, before and after; segments at the same
 /// place are one. A pair counts in the band that has the lowest x the two share.
-pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut Report) {
+pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut LineCheckReport) {
     let of = |part| move |ends| ProofSegment { ends: upward(ends), part };
     let old = distinct(pieces.of(band).flat_map(|p| p.segments().map(of(p.part))), band);
     each_pair(&old, band, &mut |_, _| report.original_crossings += 1);

@@ -33,7 +33,7 @@ fn is_same(p: &[f64; 2], q: &[f64; 2]) -> bool {
 
 /// The vertices of a part.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Vertices<'a> {
+pub struct PartVertices<'a> {
     /// x, y and z; z is 0 where there is none.
     pub points: &'a [[f64; 3]],
     /// Heights and measures that have to be those of the original, NaN where there is none; empty where
@@ -43,7 +43,7 @@ pub struct Vertices<'a> {
     pub outer: &'a [[f64; 3]],
 }
 
-impl<'a> Vertices<'a> {
+impl<'a> PartVertices<'a> {
     /// Vertices whose heights and measures are not compared.
     pub fn of(points: &'a [[f64; 3]]) -> Self {
         Self { points, ..Self::default() }
@@ -54,7 +54,7 @@ impl<'a> Vertices<'a> {
 #[derive(Debug)]
 pub(super) struct ResultPart {
     pub(super) points: Vec<[f64; 3]>,
-    /// As in [`Vertices`].
+    /// As in [`PartVertices`].
     pub(super) extras: Vec<[f64; 2]>,
     /// Vertices are the same where their heights and measures are, too.
     pub(super) with_extras: bool,
@@ -68,7 +68,7 @@ impl ResultPart {
 }
 
 /// A part, and the one it was made from.
-pub(super) struct Matching<'a> {
+pub(super) struct PartMatching<'a> {
     distance: ProofDistance,
     /// Vertices of the original, a ring's last left out.
     old: &'a [[f64; 3]],
@@ -82,11 +82,11 @@ pub(super) struct Matching<'a> {
     places: Vec<(Key, u32)>,
 }
 
-impl<'a> Matching<'a> {
+impl<'a> PartMatching<'a> {
     /// O(n log n).
     pub(super) fn new(
         distance: ProofDistance,
-        before: Vertices<'a>,
+        before: PartVertices<'a>,
         own: ResultPart,
         is_ring: bool,
     ) -> Self {
@@ -195,7 +195,7 @@ impl<'a> Matching<'a> {
     }
 
     /// Where heights or measures are not those of the original.
-    pub(super) fn changed(&self, places: &[u32], before: Vertices<'_>) -> Vec<Xy> {
+    pub(super) fn changed(&self, places: &[u32], before: PartVertices<'_>) -> Vec<Xy> {
         let ResultPart { points, extras, .. } = &self.own;
         let count = if self.is_ring { points.len() - 1 } else { points.len() };
         let is_changed = |at: &usize| {

@@ -24,11 +24,11 @@ mod tests;
 use exact::Xy;
 use terrane_base::error::{Error, Result};
 
-pub use matching::Vertices;
+pub use matching::PartVertices;
 pub use measure::ProofDistance;
-pub use parts::{Drops, PartComparison};
+pub use parts::{DroppedParts, PartComparison};
 pub use pieces::{LineProofPieces, XRange};
-pub use report::{Defect, ProofFarthestVertex, Report};
+pub use report::{LineCheckReport, LineDefect, ProofFarthestVertex};
 
 /// Lines and rings, flat.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +81,7 @@ impl ProofLines<'_> {
 
 /// What is to be checked.
 #[derive(Clone, Copy, Debug)]
-pub struct Question<'a> {
+pub struct LineQuestion<'a> {
     /// The lines before.
     pub original: ProofLines<'a>,
     /// The lines after: as many parts, in the same order, without vertices where one was dropped.
@@ -102,27 +102,27 @@ pub struct Question<'a> {
 /// # Errors
 /// `Usage` when the two do not have the same number of parts, or rings in the same places; `BadInput`
 /// for coordinates that are not finite and rings that do not close.
-pub fn check(question: &Question<'_>) -> Result<Report> {
+pub fn check(question: &LineQuestion<'_>) -> Result<LineCheckReport> {
     check_by(question, BAND_VERTICES)
 }
 
 /// Vertices to a band, about: what a band takes in memory is some hundred times as many bytes.
 pub const BAND_VERTICES: usize = 1 << 17;
 
-fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
+fn check_by(question: &LineQuestion<'_>, band: usize) -> Result<LineCheckReport> {
     let (original, simplified) = (&question.original, &question.simplified);
     original.check("original")?;
     simplified.check("result")?;
     if original.closed != simplified.closed {
         return Err(Error::usage("the parts of the result are not those of the original"));
     }
-    let mut report = Report::default();
+    let mut report = LineCheckReport::default();
     let mut pieces = LineProofPieces::new(XRange::ALL);
-    let Question { distance, tolerance, .. } = *question;
-    let comparison = PartComparison { distance, tolerance, drops: Drops::Any };
+    let LineQuestion { distance, tolerance, .. } = *question;
+    let comparison = PartComparison { distance, tolerance, drops: DroppedParts::Any };
     for (part, &closed) in (0u32..).zip(original.closed) {
         let [before, after] =
-            [original, simplified].map(|lines| Vertices::of(lines.part(part as usize)));
+            [original, simplified].map(|lines| PartVertices::of(lines.part(part as usize)));
         comparison.part(part, before, after, closed, &mut report, &mut pieces);
     }
     for band in pieces.bands(band) {
@@ -133,8 +133,8 @@ fn check_by(question: &Question<'_>, band: usize) -> Result<Report> {
 
 /// Looks at all pieces in a band together, and at `points` that were to stay on their side. `pieces`
 /// are those of at least that band.
-pub fn judge(pieces: &LineProofPieces, points: &[Xy], band: XRange) -> Report {
-    let mut report = Report::default();
+pub fn judge(pieces: &LineProofPieces, points: &[Xy], band: XRange) -> LineCheckReport {
+    let mut report = LineCheckReport::default();
     crossings::count(pieces, band, &mut report);
     shared::count(pieces, band, &mut report);
     sides::moved(pieces, points, band, &mut report);

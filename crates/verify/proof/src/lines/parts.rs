@@ -2,10 +2,10 @@
 
 use super::exact::{Xy, area_sign};
 use super::gone::lies_along_a_segment;
-use super::matching::{Matching, ResultPart, Vertices};
+use super::matching::{PartMatching, PartVertices, ResultPart};
 use super::measure::ProofDistance;
 use super::pieces::{LineProofPieces, PieceKind};
-use super::report::{ProofFarthestVertex, Report};
+use super::report::{LineCheckReport, ProofFarthestVertex};
 
 /// How parts are compared with those they were made from.
 #[derive(Clone, Copy, Debug)]
@@ -15,12 +15,12 @@ pub struct PartComparison {
     /// Largest allowed distance, in its units; `None` to measure only.
     pub tolerance: Option<f64>,
     /// Which parts may be gone.
-    pub drops: Drops,
+    pub drops: DroppedParts,
 }
 
 /// Which parts may have been dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drops {
+pub enum DroppedParts {
     /// None.
     None,
     /// Rings with two vertices whose segment has all others within the tolerance, and with them their
@@ -37,10 +37,10 @@ impl PartComparison {
     pub fn part(
         &self,
         part: u32,
-        before: Vertices<'_>,
-        after: Vertices<'_>,
+        before: PartVertices<'_>,
+        after: PartVertices<'_>,
         is_ring: bool,
-        report: &mut Report,
+        report: &mut LineCheckReport,
         pieces: &mut LineProofPieces,
     ) {
         report.vertices[0] += before.points.len() as u64;
@@ -51,12 +51,12 @@ impl PartComparison {
             self.gone(part, before, is_ring, report);
             return pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
         };
-        let Some(matched) = Matched::best(self, before, after, is_ring) else {
+        let Some(matched) = MatchedPart::best(self, before, after, is_ring) else {
             report.foreign.add(part, flat(first));
             pieces.push(part, PieceKind::Gone, all(before.points).into_iter());
             return pieces.push(part, PieceKind::Stranger, all(after.points).into_iter());
         };
-        let Matched { matching, places, changed } = &matched;
+        let MatchedPart { matching, places, changed } = &matched;
         if is_ring {
             count_area(part, before.points, matching.new_points(), report);
         }
@@ -74,7 +74,13 @@ impl PartComparison {
     }
 
     /// Judges a part that is gone.
-    fn gone(&self, part: u32, before: Vertices<'_>, is_ring: bool, report: &mut Report) {
+    fn gone(
+        &self,
+        part: u32,
+        before: PartVertices<'_>,
+        is_ring: bool,
+        report: &mut LineCheckReport,
+    ) {
         let Some(&first) = before.points.first() else { return };
         report.dropped += 1;
         let along = |ring: &[[f64; 3]], others: &[[f64; 3]]| match self.tolerance {
@@ -82,8 +88,8 @@ impl PartComparison {
             None => None,
         };
         let could = match self.drops {
-            Drops::Any => Some(true),
-            Drops::Thin if is_ring => match along(before.points, &[]) {
+            DroppedParts::Any => Some(true),
+            DroppedParts::Thin if is_ring => match along(before.points, &[]) {
                 Some(false) if !before.outer.is_empty() => along(before.outer, before.points),
                 could => could,
             },
@@ -97,7 +103,14 @@ impl PartComparison {
     }
 
     /// Measures how far the vertices between two that were kept are off the segment between these.
-    fn measure(&self, part: u32, matching: &Matching<'_>, from: u32, to: u32, report: &mut Report) {
+    fn measure(
+        &self,
+        part: u32,
+        matching: &PartMatching<'_>,
+        from: u32,
+        to: u32,
+        report: &mut LineCheckReport,
+    ) {
         let (distance, vertex) = matching.farthest(from, to);
         let place = |v: u32| flat(matching.vertex(v));
         if to - from > 1 && report.farthest.is_none_or(|f| distance > f.distance) {
@@ -114,20 +127,20 @@ impl PartComparison {
 }
 
 /// A part, and which vertices of the one it was made from its own are.
-struct Matched<'a> {
-    matching: Matching<'a>,
+struct MatchedPart<'a> {
+    matching: PartMatching<'a>,
     places: Vec<u32>,
     /// Vertices whose height or measure is another one.
     changed: Vec<Xy>,
 }
 
-impl<'a> Matched<'a> {
+impl<'a> MatchedPart<'a> {
     /// The vertices with their heights and measures, or else by their positions alone; those of a ring
     /// forward or backward, whichever keeps the tolerance, and the sign of its area where both do.
     fn best(
         by: &PartComparison,
-        before: Vertices<'a>,
-        after: Vertices<'_>,
+        before: PartVertices<'a>,
+        after: PartVertices<'_>,
         is_ring: bool,
     ) -> Option<Self> {
         let has_extras = !before.extras.is_empty() && !after.extras.is_empty();
@@ -142,7 +155,7 @@ impl<'a> Matched<'a> {
                 }
                 let is_same = sign == 0 || area_sign(&points) == sign;
                 let own = ResultPart { points, extras, with_extras };
-                let matching = Matching::new(by.distance, before, own, is_ring);
+                let matching = PartMatching::new(by.distance, before, own, is_ring);
                 let Some((worst, places)) = matching.best(by.tolerance) else { continue };
                 let changed =
                     if has_extras { matching.changed(&places, before) } else { Vec::new() };
@@ -164,7 +177,7 @@ impl<'a> Matched<'a> {
 }
 
 /// Counts a ring without area that had some, or whose area has changed its sign. O(n).
-fn count_area(part: u32, before: &[[f64; 3]], after: &[[f64; 3]], report: &mut Report) {
+fn count_area(part: u32, before: &[[f64; 3]], after: &[[f64; 3]], report: &mut LineCheckReport) {
     let [before, sign] = [before, after].map(area_sign);
     if before != 0 && before != sign {
         let defect = if sign == 0 { &mut report.collapsed } else { &mut report.turned };

@@ -4,14 +4,14 @@ use super::exact::Xy;
 
 /// How often something was found, and where first: the part, and x and y in it, that are least.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Defect {
+pub struct LineDefect {
     /// How often.
     pub count: u64,
     /// The part and position of the first one.
     pub first: Option<(u32, Xy)>,
 }
 
-impl Defect {
+impl LineDefect {
     pub(super) fn add(&mut self, part: u32, at: Xy) {
         self.merge(Self { count: 1, first: Some((part, at)) });
     }
@@ -40,22 +40,22 @@ pub struct ProofFarthestVertex {
 
 /// What was found.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Report {
+pub struct LineCheckReport {
     /// Parts with vertices.
     pub parts: u64,
     /// Vertices before and after.
     pub vertices: [u64; 2],
     /// Parts with a vertex that the original part does not have, or not in that order, or without an
     /// end of the line. They take no part in what follows but crossings.
-    pub foreign: Defect,
+    pub foreign: LineDefect,
     /// The largest distance, if any vertex was left out.
     pub farthest: Option<ProofFarthestVertex>,
     /// Vertices beyond the tolerance.
-    pub beyond: Defect,
+    pub beyond: LineDefect,
     /// Vertices whose height or measure is another one.
-    pub changed: Defect,
+    pub changed: LineDefect,
     /// Parts without vertices that had some, and had to stay.
-    pub missing: Defect,
+    pub missing: LineDefect,
     /// Rings without vertices that are too large to tell whether they could go.
     pub unknown: u64,
     /// Pairs of segments that meet off a common end, in the original.
@@ -63,22 +63,22 @@ pub struct Report {
     /// And in the result.
     pub crossings: u64,
     /// Those of the result that are not pairs of segments of the original.
-    pub new_crossings: Defect,
+    pub new_crossings: LineDefect,
     /// Rings without area that had some.
-    pub collapsed: Defect,
+    pub collapsed: LineDefect,
     /// Parts without vertices that had some, those that had to stay among them.
     pub dropped: u64,
     /// Rings whose area has changed its sign.
-    pub turned: Defect,
+    pub turned: LineDefect,
     /// Vertices of the result, and given points, that are on another side of a part, once for each
     /// position and such part; the part named is the one they have moved across.
-    pub moved: Defect,
+    pub moved: LineDefect,
     /// Segments of the original that parts shared and different segments replace, and segments of the
     /// result that replace different stretches of it: borders torn apart, or run together.
-    pub torn: Defect,
+    pub torn: LineDefect,
 }
 
-impl Report {
+impl LineCheckReport {
     /// Whether nothing is wrong.
     pub fn is_sound(&self) -> bool {
         let defects = [

@@ -2,12 +2,12 @@
 
 use super::exact::{Xy, by_ends, upward};
 use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
-use super::report::Report;
+use super::report::LineCheckReport;
 
 /// Counts, in a band, segments of the original that several parts shared and that different segments
 /// have replaced (a border is torn apart), and segments of the result that replace different stretches
 /// (borders have run together). Each place counts once, in the band of its least x. O(n log n).
-pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut Report) {
+pub(super) fn count(pieces: &LineProofPieces, band: XRange, report: &mut LineCheckReport) {
     let all: Vec<LineProofPiece<'_>> =
         pieces.of(band).filter(|piece| piece.kind == PieceKind::Kept).collect();
     let numbered = || (0u32..).zip(&all);
@@ -27,7 +27,7 @@ fn torn(
     differ: impl Fn(u32, u32) -> bool,
     all: &[LineProofPiece<'_>],
     band: XRange,
-    report: &mut Report,
+    report: &mut LineCheckReport,
 ) {
     segments.retain(|(ends, _)| band.holds(ends[0][0]));
     segments.sort_unstable_by(|p, q| by_ends(&p.0, &q.0).then(p.1.cmp(&q.1)));

@@ -7,7 +7,7 @@
 
 use super::exact::{Xy, in_box, side};
 use super::pieces::{LineProofPiece, LineProofPieces, PieceKind, XRange};
-use super::report::Report;
+use super::report::LineCheckReport;
 
 /// Positions to a strip, at the mean.
 const TO_A_STRIP: usize = 64;
@@ -18,7 +18,12 @@ const TO_A_STRIP: usize = 64;
 ///
 /// Before and after together, a ray crosses a part as often as the closed curves of its pieces and the
 /// segments in their place; so each position is held against the pieces whose boxes it is in.
-pub(super) fn moved(pieces: &LineProofPieces, points: &[Xy], band: XRange, report: &mut Report) {
+pub(super) fn moved(
+    pieces: &LineProofPieces,
+    points: &[Xy],
+    band: XRange,
+    report: &mut LineCheckReport,
+) {
     let given = points.iter().copied().filter(|p| band.holds(p[0]));
     let all = PositionStrips::new(pieces.vertices(band).chain(given).collect());
     let mut odd = Vec::new();

@@ -33,7 +33,7 @@ impl DelaunayVerdict {
             return Self::Folded;
         }
         let offsets = [p, q, low].map(|c| [c.col - high.col, c.row - high.row]);
-        let Rough { det, doubt, slack } = Rough::of(offsets, rounding);
+        let RoughDeterminant { det, doubt, slack } = RoughDeterminant::of(offsets, rounding);
         let det = if det.abs() > slack + doubt { det } else { determinant(offsets) };
         match det * turn as f64 {
             inside if inside > slack => Self::NotDelaunay,
@@ -44,7 +44,7 @@ impl DelaunayVerdict {
 }
 
 /// The in-circle determinant of three offsets from the fourth corner, in floats.
-struct Rough {
+struct RoughDeterminant {
     det: f64,
     /// Bound on its error from the rounding of floats.
     doubt: f64,
@@ -52,7 +52,7 @@ struct Rough {
     slack: f64,
 }
 
-impl Rough {
+impl RoughDeterminant {
     fn of(offsets: [[i64; 2]; 3], [across, down]: [f64; 2]) -> Self {
         let o = offsets.map(|o| o.map(|v| v as f64));
         let lift = o.map(|[x, y]| x * x + y * y);
@@ -239,7 +239,7 @@ mod tests {
             }
             let [p, q, a, b] = points;
             let offsets = [p, q, a].map(|o| [o[0] - b[0], o[1] - b[1]]);
-            let slack = Rough::of(offsets, [across, down]).slack;
+            let slack = RoughDeterminant::of(offsets, [across, down]).slack;
             prop_assert!((slack - expected).abs() <= 1e-4 * expected, "{} {}", slack, expected);
         }
     }

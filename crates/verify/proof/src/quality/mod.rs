@@ -15,18 +15,18 @@ mod tests;
 pub use circle::DelaunayVerdict;
 pub use plan::QualityLattice;
 pub use shape::TriangleShape;
-pub use tally::{Angles, DelaunayCounts, Quality};
+pub use tally::{AcuteAngles, DelaunayCounts, Quality};
 
 use std::mem::size_of;
 
-use crate::edges::{BYTES_PER_TRIANGLE, Meeting, PartCorners};
-use crate::{Domain, ProofTriangle};
+use crate::edges::{BYTES_PER_TRIANGLE, EdgeMeeting, PartCorners};
+use crate::{GridDomain, ProofTriangle};
 
 /// One rectangle of the lattice to look at.
 #[derive(Debug)]
 pub struct QualityPart<'a> {
     /// The positions it owns.
-    pub domain: Domain,
+    pub domain: GridDomain,
     /// Every triangle with a corner in the domain, in any order; others do no harm.
     pub triangles: &'a [ProofTriangle],
     /// The lattice.
@@ -55,9 +55,9 @@ pub fn look(part: &QualityPart<'_>, quality: &mut Quality) {
         let [x, y] = ends[1].minus(ends[0]);
         quality.edge(x.hypot(y));
         match meeting {
-            Meeting::Open(_) => quality.border += 1,
-            Meeting::Tangled => quality.tangled += 1,
-            Meeting::Inner(apexes) => {
+            EdgeMeeting::Open(_) => quality.border += 1,
+            EdgeMeeting::Tangled => quality.tangled += 1,
+            EdgeMeeting::Inner(apexes) => {
                 quality.pair(DelaunayVerdict::of(ends, apexes, part.plan.rounding()))
             }
         }

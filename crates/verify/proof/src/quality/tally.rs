@@ -13,11 +13,11 @@ const BINS: usize = 6001;
 
 /// Angles of which none is over 60 degrees.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Angles {
+pub struct AcuteAngles {
     /// The least.
     pub least: Option<f64>,
-    /// How many are below each of [`Angles::LIMITS`].
-    pub below: [u64; Angles::LIMITS.len()],
+    /// How many are below each of [`AcuteAngles::LIMITS`].
+    pub below: [u64; AcuteAngles::LIMITS.len()],
     /// In steps of 5 degrees from 0 to 60.
     pub histogram: [u64; 12],
     count: u64,
@@ -25,14 +25,14 @@ pub struct Angles {
     bins: Vec<u64>,
 }
 
-impl Default for Angles {
+impl Default for AcuteAngles {
     fn default() -> Self {
         let (below, histogram, bins) = Default::default();
         Self { least: None, below, histogram, count: 0, bins }
     }
 }
 
-impl Angles {
+impl AcuteAngles {
     /// In degrees.
     pub const LIMITS: [f64; 5] = [1.0, 5.0, 10.0, 20.0, 30.0];
 
@@ -88,9 +88,9 @@ pub struct Quality {
     /// Those clockwise seen from above.
     pub inverted: u64,
     /// Smallest angles in plan.
-    pub plan: Angles,
+    pub plan: AcuteAngles,
     /// Smallest angles in space.
-    pub space: Angles,
+    pub space: AcuteAngles,
     /// The largest angle in plan.
     pub largest_angle: Option<f64>,
     /// Aspect ratios in plan: their sum,
@@ -239,8 +239,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn angles(all: &[f64]) -> Angles {
-        let mut angles = Angles::default();
+    fn angles(all: &[f64]) -> AcuteAngles {
+        let mut angles = AcuteAngles::default();
         all.iter().for_each(|&angle| angles.add(angle));
         angles
     }

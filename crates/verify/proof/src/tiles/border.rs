@@ -2,7 +2,7 @@
 
 use super::decode::DecodedTile;
 use super::ellipsoid::{ProofMeridian, ProofParallel, Vector, dot, minus};
-use super::fault::{Faults, TilesetFault};
+use super::fault::{TilesetFault, TilesetFaults};
 use super::structure::along;
 use super::tiling::{LAST, ProofTileId, ProofTileSide};
 
@@ -16,7 +16,7 @@ fn is_power_of_two(value: f64) -> bool {
 ///
 /// The tile's own step is 1/32767 of what lies between its two heights, and has to be `step` / 2^j; the lower of
 /// the two is a whole number of it.
-pub fn lattice(id: ProofTileId, tile: &DecodedTile, step: f64, faults: &mut Faults) {
+pub fn lattice(id: ProofTileId, tile: &DecodedTile, step: f64, faults: &mut TilesetFaults) {
     let [low, high] = tile.heights.map(f64::from);
     let own = (high - low) / f64::from(LAST);
     let is_level = own == 0.0;

@@ -8,7 +8,7 @@
 
 use super::decode::DecodedTile;
 use super::ellipsoid::{A, B, Vector, cross, dot, height, length, minus, plus};
-use super::fault::{Faults, TilesetFault};
+use super::fault::{TilesetFault, TilesetFaults};
 use super::tiling::ProofTileId;
 
 /// Metres by which a vertex may be outside of its sphere: rounding.
@@ -30,7 +30,7 @@ const ALWAYS: f64 = 1e6;
 
 /// What is said of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct About {
+pub struct StatedTileMetadata {
     /// Heights that nothing of it is below or above.
     pub heights: [f64; 2],
     /// Middle and radius of the bounding sphere.
@@ -41,7 +41,7 @@ pub struct About {
     pub error: f64,
 }
 
-impl About {
+impl StatedTileMetadata {
     /// Whether its sphere holds that of a tile below it, and its error is no smaller.
     pub fn holds(&self, part: &Self) -> bool {
         let ((middle, radius), (other, least)) = (self.sphere, part.sphere);
@@ -56,9 +56,9 @@ impl About {
 
 impl DecodedTile {
     /// What it says of itself, but its error.
-    pub fn about(&self) -> About {
+    pub fn about(&self) -> StatedTileMetadata {
         let heights = self.heights.map(f64::from);
-        About { heights, sphere: self.sphere, horizon: self.horizon, error: f64::NAN }
+        StatedTileMetadata { heights, sphere: self.sphere, horizon: self.horizon, error: f64::NAN }
     }
 }
 
@@ -67,10 +67,10 @@ impl DecodedTile {
 /// steps of the lattice of coordinates.
 pub fn between(
     id: ProofTileId,
-    (about, lattice): (&About, f64),
+    (about, lattice): (&StatedTileMetadata, f64),
     tile: &DecodedTile,
     positions: &[Vector],
-    faults: &mut Faults,
+    faults: &mut TilesetFaults,
 ) {
     let [low, high] = about.heights;
     let is_out = |[a, b, c]: &[Vector; 3]| {
@@ -106,7 +106,7 @@ fn reach(corners: [Vector; 3]) -> [f64; 2] {
 }
 
 /// Holds the lower of the two heights of a tile to be that of a vertex.
-pub fn lowest(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
+pub fn lowest(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
     let is_lower = tile.vertices.iter().all(|vertex| vertex[2] > 0);
     faults.add(TilesetFault::LooseHeights, u64::from(is_lower), id);
 }
@@ -115,10 +115,10 @@ pub fn lowest(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
 /// vertices, and the horizon occlusion point above that, no higher than it has to be. The radius that the sphere needs.
 pub fn tight(
     id: ProofTileId,
-    tile: &About,
+    tile: &StatedTileMetadata,
     centre: Option<Vector>,
     positions: &[Vector],
-    faults: &mut Faults,
+    faults: &mut TilesetFaults,
 ) -> f64 {
     let end = |axis: usize, choose: fn(f64, f64) -> f64| {
         positions.iter().map(|at| at[axis]).reduce(choose).unwrap_or_default()
@@ -150,10 +150,10 @@ pub fn tight(
 /// Looks at what is said of the places of the vertices of a tile, and where its centre is.
 pub fn contain(
     id: ProofTileId,
-    tile: &About,
+    tile: &StatedTileMetadata,
     centre: Option<Vector>,
     positions: &[Vector],
-    faults: &mut Faults,
+    faults: &mut TilesetFaults,
 ) {
     let (middle, radius) = tile.sphere;
     let most = radius + SLACK;
@@ -171,7 +171,7 @@ pub fn contain(
 }
 
 /// What clients shrink the axes by: the least height, where that is below zero.
-fn by_least(tile: &About) -> f64 {
+fn by_least(tile: &StatedTileMetadata) -> f64 {
     let low = tile.heights[0];
     if low < 0.0 && -low < B { low } else { 0.0 }
 }

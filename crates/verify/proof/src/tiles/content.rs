@@ -14,7 +14,7 @@ use super::fault::TilesetFault;
 use super::glb::{
     ProofAccessorNumbers, ProofGlbFile, ProofGltfAttributes, TileEdgeAccessors, bad, refuse,
 };
-use super::skirt::{Skirt, SkirtSplit};
+use super::skirt::{SkirtSplit, TileSkirt};
 use super::tiling::{LAST, ProofTileId, ProofTileSide};
 use terrane_base::error::Result;
 
@@ -230,7 +230,7 @@ fn without_skirt(tile: DecodedTile, apart: SkirtSplit) -> DecodedTile {
     let renumbered = |vertex: &u32| numbers[*vertex as usize];
     let of_skirt = |corners: &[u32; 3]| corners.map(|corner| tile.placed[corner as usize]);
     DecodedTile {
-        skirt: Skirt { triangles: apart.hanging.iter().map(of_skirt).collect() },
+        skirt: TileSkirt { triangles: apart.hanging.iter().map(of_skirt).collect() },
         vertices: kept.iter().map(|vertex| tile.vertices[*vertex]).collect(),
         placed: kept.iter().map(|vertex| tile.placed[*vertex]).collect(),
         triangles: apart.surface.iter().map(|corners| corners.each_ref().map(renumbered)).collect(),

@@ -2,7 +2,7 @@
 //! the byte where it is; whether what is read makes sense is for [`structure`](super::structure).
 
 use super::fault::TilesetFault;
-use super::skirt::Skirt;
+use super::skirt::TileSkirt;
 use super::tiling::{LAST, ProofTileId, ProofTileSide};
 use terrane_base::error::{Error, Result};
 
@@ -35,7 +35,7 @@ pub struct DecodedTile {
     /// Earth-centred vertices, where a tile holds such.
     pub placed: Vec<[f64; 3]>,
     /// What hangs from its sides.
-    pub skirt: Skirt,
+    pub skirt: TileSkirt,
     /// What was found wrong while it was read, and how often.
     pub faults: Vec<(TilesetFault, u64)>,
 }

@@ -26,7 +26,7 @@ use super::ellipsoid::{
     A, B, ProofMeridian, ProofParallel, Vector, cross, dot, latitude, length, minus, plus,
 };
 use super::tiling::ProofTileId;
-use sides::{Collapsed, poles, twins};
+use sides::{CollapsedSides, poles, twins};
 
 /// Cosine of a latitude below which it is a pole: rounding.
 const POLAR: f64 = 1e-12;
@@ -65,7 +65,7 @@ struct ProofTileFacet {
 
 /// The triangles of a tile, in space.
 #[derive(Clone, Debug)]
-pub struct Facets {
+pub struct TileFacets {
     facets: Vec<ProofTileFacet>,
     positions: Vec<Vector>,
     /// Triangles that may be turned over.
@@ -99,7 +99,7 @@ struct ProofParallelFacet {
     length: f64,
 }
 
-impl Facets {
+impl TileFacets {
     /// Those of a tile; `positions` are those of its vertices.
     pub fn new(tile: &DecodedTile, positions: &[Vector]) -> Self {
         let origin = positions.first().copied().unwrap_or_default();
@@ -109,7 +109,7 @@ impl Facets {
             // Broken tiles have triangles that name one vertex twice: these stay.
             a != b && (positions[a as usize] == positions[b as usize] || poles.iter().any(is_polar))
         };
-        let mut collapsed = Collapsed::of(&tile.triangles, coincide);
+        let mut collapsed = CollapsedSides::of(&tile.triangles, coincide);
         if collapsed.0.iter().all(Option::is_some) {
             // A tile without any area is still looked at, and is infinitely far from every sample.
             collapsed.0.fill(None);

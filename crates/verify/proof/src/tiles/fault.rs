@@ -4,7 +4,7 @@ use super::tiling::ProofTileId;
 
 /// What is proved of a set of tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Check {
+pub enum TilesetCheck {
     /// Each tile by itself.
     Structure,
     /// Samples against surfaces.
@@ -21,7 +21,7 @@ pub enum Check {
     Index,
 }
 
-impl Check {
+impl TilesetCheck {
     /// All of them with their names, in the order of reports.
     pub const ALL: [(Self, &'static str); 7] = [
         (Self::Structure, "structure"),
@@ -45,8 +45,8 @@ macro_rules! faults {
 
         impl TilesetFault {
             /// All of them, with what they belong to and what they are called.
-            pub const ALL: &'static [(Self, Check, &'static str)] =
-                &[$((Self::$name, Check::$check, $what),)*];
+            pub const ALL: &'static [(Self, TilesetCheck, &'static str)] =
+                &[$((Self::$name, TilesetCheck::$check, $what),)*];
         }
     };
 }
@@ -138,15 +138,15 @@ impl TilesetFaultCount {
 
 /// All that was found. The same whatever the order it was found in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Faults(Vec<TilesetFaultCount>);
+pub struct TilesetFaults(Vec<TilesetFaultCount>);
 
-impl Default for Faults {
+impl Default for TilesetFaults {
     fn default() -> Self {
         Self(vec![TilesetFaultCount::default(); TilesetFault::ALL.len()])
     }
 }
 
-impl Faults {
+impl TilesetFaults {
     /// Adds what was found `count` times in a tile.
     pub fn add(&mut self, fault: TilesetFault, count: u64, at: impl Into<Option<ProofTileId>>) {
         self.0[fault as usize].add(count, at.into());
@@ -167,7 +167,7 @@ impl Faults {
     /// All that was found of a check, with its name.
     pub fn found(
         &self,
-        check: Check,
+        check: TilesetCheck,
     ) -> impl Iterator<Item = (TilesetFault, &'static str, TilesetFaultCount)> + '_ {
         let all = TilesetFault::ALL.iter().zip(&self.0);
         all.filter(move |((_, own, _), count)| *own == check && count.count > 0)

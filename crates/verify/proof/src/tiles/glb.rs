@@ -25,7 +25,7 @@ const KNOWN: [&str; 2] = ["EXT_meshopt_compression", "KHR_mesh_quantization"];
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-pub(super) struct Gltf {
+pub(super) struct ProofGltf {
     asset: ProofGltfAsset,
     #[serde(default)]
     extensions_used: Vec<String>,
@@ -33,11 +33,11 @@ pub(super) struct Gltf {
     extensions_required: Vec<String>,
     #[serde(default)]
     scene: usize,
-    scenes: Vec<Scene>,
+    scenes: Vec<GltfScene>,
     nodes: Vec<ProofGltfNode>,
     meshes: Vec<ProofGltfMesh>,
     #[serde(default, rename = "materials")]
-    _materials: Vec<Material>,
+    _materials: Vec<GltfMaterial>,
     accessors: Vec<ProofGltfAccessor>,
     buffer_views: Vec<ProofBufferView>,
     buffers: Vec<ProofGltfBuffer>,
@@ -50,7 +50,7 @@ struct ProofGltfAsset {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Scene {
+struct GltfScene {
     nodes: Vec<usize>,
 }
 
@@ -91,14 +91,14 @@ pub(super) struct ProofGltfAttributes {
 /// How a tile is drawn: as it is, lit from outside, and with nothing behind it seen.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Material {
+struct GltfMaterial {
     #[serde(rename = "pbrMetallicRoughness")]
-    _surface: Option<Lit>,
+    _surface: Option<LitMaterial>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
-struct Lit {
+struct LitMaterial {
     #[serde(rename = "metallicFactor")]
     _metallic: Option<f64>,
     #[serde(rename = "roughnessFactor")]
@@ -185,12 +185,12 @@ struct ProofGltfBuffer {
 #[serde(deny_unknown_fields)]
 struct OfBuffer {
     #[serde(rename = "EXT_meshopt_compression")]
-    packed: Option<Fallback>,
+    packed: Option<GltfFallback>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Fallback {
+struct GltfFallback {
     fallback: bool,
 }
 
@@ -214,7 +214,7 @@ impl<const N: usize> ProofAccessorNumbers<N> {
 
 /// The two parts of a file, and what the first says of the second.
 pub(super) struct ProofGlbFile<'a> {
-    gltf: Gltf,
+    gltf: ProofGltf,
     bytes: &'a [u8],
 }
 
@@ -242,7 +242,7 @@ impl<'a> ProofGlbFile<'a> {
         if at + 8 + buffer.len() != bytes.len() || !text.len().is_multiple_of(4) {
             return Err(torn());
         }
-        let gltf: Gltf = serde_json::from_slice(text)
+        let gltf: ProofGltf = serde_json::from_slice(text)
             .map_err(|e| bad(format!("has a text that is not understood: {e}")))?;
         let file = Self { gltf, bytes: buffer };
         file.check()?;
@@ -274,7 +274,7 @@ impl<'a> ProofGlbFile<'a> {
 
     /// Clients go by the lists of extensions.
     fn check_extensions(&self) -> Result<()> {
-        let Gltf { extensions_used: used, extensions_required: required, .. } = &self.gltf;
+        let ProofGltf { extensions_used: used, extensions_required: required, .. } = &self.gltf;
         let is_packed = self.gltf.buffer_views.iter().any(|view| view.extensions.packed.is_some());
         let primitives = || self.gltf.meshes.iter().flat_map(|mesh| &mesh.primitives);
         let is_short = primitives().any(|primitive| {

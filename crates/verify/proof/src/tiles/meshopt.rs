@@ -131,9 +131,9 @@ fn steps(kind: u8, left: &mut ProofMeshoptBytes<'_>) -> Result<[u8; GROUP]> {
 }
 
 /// The 16 things that were met last.
-struct Recent<T>(Vec<T>);
+struct MeshoptRecent<T>(Vec<T>);
 
-impl<T: Copy> Recent<T> {
+impl<T: Copy> MeshoptRecent<T> {
     fn met(&mut self, thing: T) {
         self.0.push(thing);
     }
@@ -157,7 +157,7 @@ pub(super) fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>> {
     }
     let (codes, pairs) = (&bytes[1..=number], &bytes[body..]);
     let mut data = ProofMeshoptBytes(&bytes[number + 1..body]);
-    let (mut edges, mut vertices) = (Recent(Vec::new()), Recent(Vec::new()));
+    let (mut edges, mut vertices) = (MeshoptRecent(Vec::new()), MeshoptRecent(Vec::new()));
     let [mut next, mut last] = [0_u32; 2];
     let fresh = |next: &mut u32| {
         let found = *next;

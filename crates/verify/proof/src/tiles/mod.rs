@@ -4,7 +4,7 @@
 //! A viewer places a vertex by its u, v and height on the WGS 84 ellipsoid and draws flat triangles between
 //! such places. The distance of a sample is measured along the normal of the ellipsoid at the sample: the
 //! triangle that this line meets need not be the one that has the sample in (u, v), as chords bow, and its
-//! height there is lower by the sag of the chord. [`Facets`] find both exactly as far as `f64` goes.
+//! height there is lower by the sag of the chord. [`TileFacets`] find both exactly as far as `f64` goes.
 
 mod border;
 mod contain;
@@ -22,17 +22,17 @@ mod tiling;
 mod water;
 
 pub use border::{TileSideChain, gap, lattice};
-pub use contain::{About, between, contain, lowest, tight};
+pub use contain::{StatedTileMetadata, between, contain, lowest, tight};
 pub use content::{GlbTileContent, StatedTileLevel};
 pub use decode::DecodedTile;
 pub use ellipsoid::{ProofMeridian, ProofParallel, position};
-pub use facets::{BYTES_PER_VERTEX, Facets, SampleRunErrors};
-pub use fault::{Check, Faults, TilesetFault, TilesetFaultCount};
-pub use skirt::Skirt;
+pub use facets::{BYTES_PER_VERTEX, SampleRunErrors, TileFacets};
+pub use fault::{TilesetCheck, TilesetFault, TilesetFaultCount, TilesetFaults};
+pub use skirt::TileSkirt;
 pub use structure::structure;
 pub use subtree::{MOST_SUBTREE_LEVELS, MetadataSchema, Subtree};
 pub use tiling::{LAST, MOST_LEVEL, ProofTileId, ProofTileSide, columns, rows};
-pub use water::{Bank, Pixels, Shore, UNCLEAR};
+pub use water::{MaskPixels, UNCLEAR, WaterBank, WaterShore};
 
 /// What clients take for the error of level 0, in metres; each level has half of the one before.
 pub const ERROR_OF_ROOT: f64 = 77_067.34;

@@ -10,7 +10,7 @@ type Place = ([u16; 2], f64);
 
 /// What hangs from the sides of a tile.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Skirt {
+pub struct TileSkirt {
     /// Earth-centred corners of its triangles.
     pub triangles: Vec<[Vector; 3]>,
 }

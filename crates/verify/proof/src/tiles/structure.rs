@@ -6,11 +6,11 @@
 
 use super::decode::DecodedTile;
 use super::ellipsoid::{ProofMeridian, ProofParallel, dot};
-use super::fault::{Faults, TilesetFault};
+use super::fault::{TilesetFault, TilesetFaults};
 use super::tiling::{LAST, ProofTileId, ProofTileSide};
 
 /// Looks at a tile by itself. O(n log n).
-pub fn structure(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
+pub fn structure(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
     areas(id, tile, faults);
     let open = edges(id, tile, faults);
     sides(id, tile, &open, faults);
@@ -24,7 +24,7 @@ pub fn structure(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
     faults.add(TilesetFault::Normals, turned as u64, id);
 }
 
-fn areas(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
+fn areas(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
     let mut whole = 0;
     for triangle in &tile.triangles {
         let [a, b, c] = triangle.map(|corner| tile.vertices[corner as usize].map(i64::from));
@@ -43,7 +43,7 @@ fn directed(from: u32, to: u32) -> ([u32; 2], bool) {
 }
 
 /// The edges of one triangle alone.
-fn edges(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) -> Vec<[u32; 2]> {
+fn edges(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) -> Vec<[u32; 2]> {
     let around = |&[a, b, c]: &[u32; 3]| [directed(a, b), directed(b, c), directed(c, a)];
     let mut all: Vec<_> = tile.triangles.iter().flat_map(around).collect();
     all.sort_unstable();
@@ -64,7 +64,7 @@ pub(super) fn along(vertex: [u16; 3], side: ProofTileSide) -> u16 {
 }
 
 /// Holds open edges to be those from each vertex of a side to the next.
-fn sides(id: ProofTileId, tile: &DecodedTile, open: &[[u32; 2]], faults: &mut Faults) {
+fn sides(id: ProofTileId, tile: &DecodedTile, open: &[[u32; 2]], faults: &mut TilesetFaults) {
     let mut left = open.len();
     for side in ProofTileSide::ALL {
         let ends = |edge: &[u32; 2]| {
@@ -89,7 +89,7 @@ fn sides(id: ProofTileId, tile: &DecodedTile, open: &[[u32; 2]], faults: &mut Fa
     faults.add(TilesetFault::Cracks, left as u64, id);
 }
 
-fn vertices(id: ProofTileId, tile: &DecodedTile, faults: &mut Faults) {
+fn vertices(id: ProofTileId, tile: &DecodedTile, faults: &mut TilesetFaults) {
     let mut places: Vec<_> = tile.vertices.iter().map(|&[u, v, _]| [u, v]).collect();
     places.sort_unstable();
     let twice = places.windows(2).filter(|two| two[0] == two[1]).count();

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashSet};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::contain::About;
+use super::contain::StatedTileMetadata;
 use super::tiling::ProofTileId;
 use terrane_base::error::{Error, Result};
 
@@ -121,7 +121,7 @@ struct SubtreePropertyColumn {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Subtree {
     /// Tiles that there are, and what is told of each.
-    pub tiles: Vec<(ProofTileId, About)>,
+    pub tiles: Vec<(ProofTileId, StatedTileMetadata)>,
     /// The tiles at the tops of the subtrees below that there are.
     pub below: Vec<ProofTileId>,
 }
@@ -255,7 +255,7 @@ impl<'a> SubtreeFile<'a> {
         }
     }
 
-    fn table(&self, schema: &MetadataSchema, count: usize) -> Result<Vec<About>> {
+    fn table(&self, schema: &MetadataSchema, count: usize) -> Result<Vec<StatedTileMetadata>> {
         let tables = self.stored.property_tables.as_deref().unwrap_or_default();
         let table = self.stored.tile_metadata.and_then(|number| tables.get(number));
         let table = table.ok_or_else(|| bad("tells nothing of its tiles".to_owned()))?;
@@ -265,7 +265,7 @@ impl<'a> SubtreeFile<'a> {
         let columns = TOLD.map(|(semantic, numbers)| self.column(schema, table, semantic, numbers));
         let [low, high, sphere, horizon, error] = columns;
         let (low, high, sphere, horizon, error) = (low?, high?, sphere?, horizon?, error?);
-        let about = |i: usize| About {
+        let about = |i: usize| StatedTileMetadata {
             heights: [low[i], high[i]],
             sphere: (std::array::from_fn(|k| sphere[4 * i + k]), sphere[4 * i + 3]),
             horizon: std::array::from_fn(|k| horizon[3 * i + k]),

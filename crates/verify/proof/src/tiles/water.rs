@@ -16,13 +16,13 @@ const STRIPS: [f64; 2] = [65_536.0, 4.0];
 
 /// A side of a polygon, in longitudes and latitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bank {
+pub struct WaterBank {
     /// The western one first.
     ends: [[f64; 2]; 2],
     polygon: u32,
 }
 
-impl Bank {
+impl WaterBank {
     /// Bytes that one takes, with the strips it is in.
     pub const BYTES: u64 = (size_of::<Self>() + 2 * 6 * size_of::<u32>()) as u64;
 
@@ -40,8 +40,8 @@ impl Bank {
 
 /// All sides, by strips from west to east.
 #[derive(Clone, Debug)]
-pub struct Shore {
-    banks: Vec<Bank>,
+pub struct WaterShore {
+    banks: Vec<WaterBank>,
     west: f64,
     width: f64,
     strips: Vec<Vec<u32>>,
@@ -50,13 +50,13 @@ pub struct Shore {
 /// What was seen of the pixels of masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[allow(missing_docs)]
-pub struct Pixels {
+pub struct MaskPixels {
     pub judged: u64,
     pub unclear: u64,
     pub wrong: u64,
 }
 
-impl Pixels {
+impl MaskPixels {
     fn judge(&mut self, is_right: bool) {
         self.judged += 1;
         self.wrong += u64::from(!is_right);
@@ -70,9 +70,9 @@ impl Pixels {
     }
 }
 
-impl Shore {
+impl WaterShore {
     /// Of all sides of all polygons, each of whose rings is closed.
-    pub fn new(banks: Vec<Bank>) -> Self {
+    pub fn new(banks: Vec<WaterBank>) -> Self {
         let ends = banks.iter().flat_map(|bank| bank.ends.map(|end| end[0]));
         let [west, east] = ends
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
@@ -91,7 +91,7 @@ impl Shore {
 
     /// Bytes that they take.
     pub fn bytes(&self) -> u64 {
-        self.banks.len() as u64 * Bank::BYTES
+        self.banks.len() as u64 * WaterBank::BYTES
             + self.strips.len() as u64 * size_of::<Vec<u32>>() as u64
     }
 
@@ -101,10 +101,10 @@ impl Shore {
     }
 
     /// Looks at the mask of a tile: a byte for each pixel, row by row from the north, or one for all.
-    pub fn check(&self, id: ProofTileId, mask: &[u8]) -> Pixels {
+    pub fn check(&self, id: ProofTileId, mask: &[u8]) -> MaskPixels {
         let [west, _, east, north] = id.bounds();
         let step = (east - west) / SIDE as f64;
-        let (mut pixels, mut near) = (Pixels::default(), Vec::new());
+        let (mut pixels, mut near) = (MaskPixels::default(), Vec::new());
         for col in 0..SIDE {
             let x = west + (col as f64 + 0.5) * step;
             self.near([x - step * UNCLEAR, x + step * UNCLEAR], &mut near);
@@ -169,11 +169,11 @@ mod tests {
 
     const TILE: ProofTileId = ProofTileId { level: 9, y: 387, x: 532 };
 
-    fn banks(polygons: &[Vec<[f64; 2]>]) -> Vec<Bank> {
+    fn banks(polygons: &[Vec<[f64; 2]>]) -> Vec<WaterBank> {
         let around = |(number, ring): (u32, &Vec<[f64; 2]>)| {
             let nexts: Vec<_> = ring.iter().skip(1).chain(ring.first()).copied().collect();
             let sides = ring.iter().copied().zip(nexts);
-            sides.map(|(a, b)| Bank::new(a, b, number)).collect::<Vec<_>>()
+            sides.map(|(a, b)| WaterBank::new(a, b, number)).collect::<Vec<_>>()
         };
         (0..).zip(polygons).flat_map(around).collect()
     }
@@ -212,7 +212,7 @@ mod tests {
 
         #[test]
         fn pixels_are_what_each_is_by_itself(polygons in places()) {
-            let shore = Shore::new(banks(&polygons));
+            let shore = WaterShore::new(banks(&polygons));
             let [west, _, east, north] = TILE.bounds();
             let step = (east - west) / SIDE as f64;
             let of = |i: usize| {
@@ -234,10 +234,10 @@ mod tests {
 
     #[test]
     fn one_byte_stands_for_all_and_no_shore_is_land() {
-        let shore = Shore::new(Vec::new());
+        let shore = WaterShore::new(Vec::new());
         assert_eq!((shore.check(TILE, &[0]).wrong, shore.check(TILE, &[255]).wrong), (0, 65_536));
         let around = vec![[-10.0, -80.0], [170.0, -80.0], [170.0, 80.0], [-10.0, 80.0]];
-        let shore = Shore::new(banks(&[around]));
+        let shore = WaterShore::new(banks(&[around]));
         let seen = shore.check(TILE, &[255]);
         assert_eq!((seen.wrong, seen.unclear, seen.judged), (0, 0, 65_536));
     }

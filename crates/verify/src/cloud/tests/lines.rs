@@ -2,7 +2,7 @@
 
 use super::*;
 use terrane_base::geom::Crs;
-use terrane_engine::kept::ConstraintPoints;
+use terrane_engine::kept::ConstraintVertices;
 
 /// Vertices of lines, in steps from the lowest of the terrain; NaN for no height.
 const LINES: [&[[f64; 3]]; 4] = [
@@ -17,7 +17,7 @@ fn features() -> ConstraintFeatures {
         let all = || lines.iter().copied().flatten();
         let mut end = 0;
         let world = |&[x, y, _]: &[f64; 3]| [x * 0.01 + 500_000.0, y * 0.01 + 4_750_000.0];
-        ConstraintPoints {
+        ConstraintVertices {
             path: "lines.wkt".into(),
             crs: Crs::default(),
             at: all().map(world).collect(),
@@ -34,7 +34,7 @@ fn features() -> ConstraintFeatures {
     ConstraintFeatures::of(Some(of(&LINES[..3])), Some(of(&LINES)))
 }
 
-fn terrain_with_mesh(crowded: bool, folder: &Path) -> (Few, Memory) {
+fn terrain_with_mesh(crowded: bool, folder: &Path) -> (PointSample, Memory) {
     let cloud = terrain(6000, crowded);
     let mesh = made_with(features(), &cloud, tolerance(), folder, "l.ply");
     (cloud, Memory::of(&*mesh))

@@ -4,19 +4,19 @@ use super::*;
 use proptest::prelude::*;
 use std::collections::HashSet;
 use terrane_base::geom::{Crs, SampleSegment};
-use terrane_engine::kept::ConstraintPoints;
+use terrane_engine::kept::ConstraintVertices;
 
 /// Vertices of lines, in steps, each with a height or NaN.
 type Shapes = Vec<Vec<[f64; 3]>>;
 
-fn features(shapes: &Shapes) -> ConstraintPoints {
+fn features(shapes: &Shapes) -> ConstraintVertices {
     let all = || shapes.iter().flatten();
     let world = |&[x, y, _]: &[f64; 3]| [x * 0.01 + 1000.0, y * 0.01 + 2000.0];
     let ends = shapes.iter().scan(0, |end, shape| {
         *end += shape.len() as u32;
         Some(*end)
     });
-    ConstraintPoints {
+    ConstraintVertices {
         path: "lines.wkt".into(),
         crs: Crs::default(),
         at: all().map(world).collect(),
@@ -25,7 +25,7 @@ fn features(shapes: &Shapes) -> ConstraintPoints {
     }
 }
 
-fn kept(source: &Few, points: &Shapes, lines: &Shapes) -> OnCloud {
+fn kept(source: &PointSample, points: &Shapes, lines: &Shapes) -> OnCloud {
     let some = |shapes: &Shapes| (!shapes.is_empty()).then(|| features(shapes));
     let features = (some(points), some(lines));
     OnCloud::new(features, &source.info, source.info.bounds.unwrap()).unwrap()
@@ -37,7 +37,7 @@ struct Way {
     heights: Option<Vec<i32>>,
 }
 
-fn ways(kept: &OnCloud, source: &Few) -> Vec<Way> {
+fn ways(kept: &OnCloud, source: &PointSample) -> Vec<Way> {
     let [low, _] = source.info.bounds.unwrap();
     let hull = ConvexHull::of(source.points.clone());
     let way = |line: &terrane_engine::on_cloud::LatticeLine| {
@@ -69,7 +69,7 @@ fn ways(kept: &OnCloud, source: &Few) -> Vec<Way> {
 /// Fails unless the mesh follows all lines, has no other vertices than it may, and keeps points and the bound.
 fn judge(
     kept: &OnCloud,
-    source: &Few,
+    source: &PointSample,
     tolerance: f64,
     made: &(Vec<Point>, Vec<[u64; 3]>, CloudTinOutcome),
 ) {
@@ -80,7 +80,7 @@ fn judge(
     points.sort_unstable();
     points.dedup_by_key(|p| (p.x, p.y));
     assert!(
-        !Fit::new(&mut reference, &points, tolerance).is_open(),
+        !InsertUntilWithin::new(&mut reference, &points, tolerance).is_open(),
         "a point is beyond {tolerance}"
     );
     let at = |v: u64| [vertices[v as usize].x, vertices[v as usize].y];

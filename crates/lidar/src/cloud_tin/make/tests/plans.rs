@@ -13,7 +13,7 @@ const FEW: [u64; 2] = [300, 20_000];
 /// Vertices that each round of tasks and the last task add to a mesh, made by plan and compared with one run.
 fn added(cloud: &str, tolerance: f64, classes: Option<Vec<u8>>) -> [u64; 4] {
     let folder = tempfile::tempdir().unwrap();
-    let at = Observer { progress: &Silent, cancel: &Cancel::default() };
+    let at = RunControl { progress: &Silent, cancel: &Cancel::default() };
     let [whole, planned] = ["whole.ply", "planned.ply"].map(|name| folder.path().join(name));
     let resources = Resources { threads: 2, ..Resources::default() };
     let mut job = CloudTinJob::new(vec![cloud.to_owned()], whole.clone(), tolerance, resources);

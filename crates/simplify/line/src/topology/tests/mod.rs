@@ -35,13 +35,13 @@ fn solve(world: &World, tolerance: f64, options: UntangleOptions<'_>) -> Untangl
     let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
         rdp(chains.points, from, to, tolerance, out);
     };
-    let kept = ChainVertices::simplified(&chains, &mut refine);
+    let kept = KeptChainVertices::simplified(&chains, &mut refine);
     untangle(&chains, &kept, &world.fixed, &options, &mut refine).unwrap()
 }
 
 /// Both strategies, and each policy of collapse.
 fn ways<'a>() -> impl Iterator<Item = UntangleOptions<'a>> {
-    let policies = [Collapse::Minimal, Collapse::Drop, Collapse::Keep];
+    let policies = [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep];
     let strategies = [Strategy::Retroactive, Strategy::Proactive];
     policies.into_iter().flat_map(move |collapse| {
         strategies.map(|strategy| UntangleOptions {
@@ -58,7 +58,7 @@ fn check(world: &World, is_clean: bool, tolerance: f64, options: UntangleOptions
     let kept = &outcome.kept;
     let name = format!("{name}, tolerance {tolerance}, {options:?}");
     let is_loop = |chain| options.loops.get(chain) == Some(&true);
-    let may_drop = |chain| options.collapse == Collapse::Drop && !is_loop(chain);
+    let may_drop = |chain| options.collapse == RingCollapse::Drop && !is_loop(chain);
     twin::selection(world, kept, may_drop, &name);
     twin::within(world, kept, tolerance, &name);
     twin::areas(world, kept, &name);
@@ -82,7 +82,7 @@ fn check_kind(count: u64, make: impl Fn(&mut Dice) -> World, name: &str, clean_a
         let tolerance = f64::from(1 << dice.below(12));
         let loops: Vec<bool> = world.rings.iter().map(|_| dice.below(2) == 0).collect();
         let with_loops = ways().map(|options| UntangleOptions { loops: &loops, ..options });
-        let with_loops = with_loops.filter(|options| options.collapse == Collapse::Drop);
+        let with_loops = with_loops.filter(|options| options.collapse == RingCollapse::Drop);
         for options in ways().chain(with_loops) {
             check(&world, is_clean, tolerance, options, &format!("{name} {seed}"));
         }
@@ -128,9 +128,9 @@ fn segments_accepted_one_by_one_need_no_mending() {
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, tolerance, out);
         };
-        let kept = ChainVertices::simplified(&chains, &mut refine);
+        let kept = KeptChainVertices::simplified(&chains, &mut refine);
         let (kept, _) = rings::mend(&chains, &kept, &UntangleOptions::default(), &mut refine);
-        let points = FixedPoints::new(&world.fixed).unwrap();
+        let points = SidePoints::new(&world.fixed).unwrap();
         let (kept, _) = proactive::accept(&chains, &kept, &points, None, &mut refine).unwrap();
         assert!(twin::crossings(&world, &kept).is_empty(), "seed {seed}: crossings");
         twin::sides(&world, &kept, &format!("seed {seed}"));
@@ -200,7 +200,7 @@ fn work_that_is_cancelled_ends() {
         let mut refine = |_: usize, from: u32, to: u32, out: &mut Vec<u32>| {
             rdp(chains.points, from, to, 100.0, out);
         };
-        let kept = ChainVertices::simplified(&chains, &mut refine);
+        let kept = KeptChainVertices::simplified(&chains, &mut refine);
         let mut splits = |_: usize, _: u32, _: u32, _: &mut Vec<u32>| cancel.cancel();
         if at_once {
             cancel.cancel();
@@ -223,7 +223,7 @@ fn a_ring_that_has_not_turned_over_is_left() {
 #[test]
 fn a_triangle_has_not_collapsed() {
     let ring = vec![[0, 0], [40, 1], [80, 0], [40, 90], [0, 0]];
-    for collapse in [Collapse::Minimal, Collapse::Drop, Collapse::Keep] {
+    for collapse in [RingCollapse::Minimal, RingCollapse::Drop, RingCollapse::Keep] {
         let options = UntangleOptions { collapse, ..UntangleOptions::default() };
         let outcome = solve(&World::new(vec![ring.clone()], vec![]), 9.0, options);
         assert_eq!((outcome.kept.vertices, outcome.collapsed), (vec![0, 2, 3, 4], 0));
@@ -238,10 +238,10 @@ fn policies_of_collapse() {
         let options = UntangleOptions { collapse, ..UntangleOptions::default() };
         solve(&world, 1000.0, options)
     };
-    assert_eq!(with(Collapse::Minimal).kept.vertices.len(), 4);
-    assert_eq!((with(Collapse::Minimal).collapsed, with(Collapse::Minimal).rounds), (1, 1));
-    assert_eq!(with(Collapse::Keep).kept.vertices.len(), 7);
-    assert_eq!(with(Collapse::Drop).kept.vertices.len(), 0);
+    assert_eq!(with(RingCollapse::Minimal).kept.vertices.len(), 4);
+    assert_eq!((with(RingCollapse::Minimal).collapsed, with(RingCollapse::Minimal).rounds), (1, 1));
+    assert_eq!(with(RingCollapse::Keep).kept.vertices.len(), 7);
+    assert_eq!(with(RingCollapse::Drop).kept.vertices.len(), 0);
 }
 
 /// Asks for nothing more, and only where there is something between.
@@ -262,7 +262,7 @@ fn a_minimal_ring_has_the_largest_triangle() {
         let far = 1 + dice.below(i64::from(last) - 1) as u32;
         let world = World::new(vec![ring], vec![]);
         let chains = world.chains();
-        let kept = ChainVertices { vertices: vec![0, far, last], starts: vec![0, 3] };
+        let kept = KeptChainVertices { vertices: vec![0, far, last], starts: vec![0, 3] };
         let sign = area_sign(world.points.iter().copied());
         let (made, mended) =
             rings::mend(&chains, &kept, &UntangleOptions::default(), &mut keep_nothing);
@@ -299,7 +299,7 @@ fn a_ring_without_area_is_left_as_it_is() {
     let ring =
         [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0], [0, -2], [-2, -2], [-2, 0], [0, 0]].to_vec();
     let world = World::new(vec![ring], vec![]);
-    let kept = ChainVertices { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
+    let kept = KeptChainVertices { vertices: vec![0, 1, 2, 3, 4, 6, 7, 8], starts: vec![0, 8] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!((made, mended.collapsed, mended.flat), (kept.clone(), 0, 1));
@@ -311,7 +311,7 @@ fn a_ring_without_area_is_left_as_it_is() {
 fn a_ring_of_which_the_inside_is_kept_is_turned_back() {
     let hook = [[10, 2], [2, 2], [2, 8], [10, 8], [10, 10], [0, 10], [0, 0], [10, 0], [10, 2]];
     let world = World::new(vec![hook.to_vec()], vec![]);
-    let kept = ChainVertices { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
+    let kept = KeptChainVertices { vertices: vec![0, 1, 2, 3, 8], starts: vec![0, 5] };
     for options in ways() {
         let (made, mended) = rings::mend(&world.chains(), &kept, &options, &mut keep_nothing);
         assert_eq!(made.vertices, [0, 1, 2, 3, 4, 5, 6, 8], "{options:?}");
@@ -325,7 +325,7 @@ fn nothing_is_asked_of_neighbours() {
         let mut dice = Dice::new(seed);
         let world = worlds::lattice(&mut dice);
         let chains = world.chains();
-        let kept = ChainVertices::simplified(&chains, &mut |_, _, _, _| {});
+        let kept = KeptChainVertices::simplified(&chains, &mut |_, _, _, _| {});
         for options in ways() {
             let outcome = untangle(&chains, &kept, &world.fixed, &options, &mut keep_nothing);
             let name = format!("{options:?}, seed {seed}");
@@ -345,7 +345,7 @@ fn bad_arguments_are_turned_away() {
     let mut fails = |vertices: Vec<u32>, starts: Vec<usize>, fixed: &[Xy]| {
         untangle(
             &chains,
-            &ChainVertices { vertices, starts },
+            &KeptChainVertices { vertices, starts },
             fixed,
             &UntangleOptions::default(),
             &mut refine,

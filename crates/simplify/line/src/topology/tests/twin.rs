@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use super::worlds::{Cell, World};
-use super::{ChainVertices, Xy};
+use super::{KeptChainVertices, Xy};
 
 /// Distance of a position from a segment.
 pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
@@ -16,7 +16,7 @@ pub(super) fn distance(p: Xy, [a, b]: [Xy; 2]) -> f64 {
 /// Kept vertices are a selection with the ends of each chain; rings have four entries and more.
 pub(super) fn selection(
     world: &World,
-    kept: &ChainVertices,
+    kept: &KeptChainVertices,
     may_drop: impl Fn(usize) -> bool,
     name: &str,
 ) {
@@ -34,7 +34,7 @@ pub(super) fn selection(
 }
 
 /// No vertex is farther than the tolerance from the segment in its place.
-pub(super) fn within(world: &World, kept: &ChainVertices, tolerance: f64, name: &str) {
+pub(super) fn within(world: &World, kept: &KeptChainVertices, tolerance: f64, name: &str) {
     for chain in 0..world.rings.len() {
         for pair in kept.of(chain).windows(2) {
             let segment = [world.points[pair[0] as usize], world.points[pair[1] as usize]];
@@ -47,7 +47,7 @@ pub(super) fn within(world: &World, kept: &ChainVertices, tolerance: f64, name: 
 }
 
 /// Rings that are there have the sign of area they had, if they had an area.
-pub(super) fn areas(world: &World, kept: &ChainVertices, name: &str) {
+pub(super) fn areas(world: &World, kept: &KeptChainVertices, name: &str) {
     for chain in (0..world.rings.len()).filter(|&c| world.closed[c] && !kept.of(c).is_empty()) {
         let now: Vec<Cell> = kept.of(chain).iter().map(|&v| world.cells[v as usize]).collect();
         let [now, then] = [&now, &world.rings[chain]].map(|ring| area(ring).signum());
@@ -69,7 +69,7 @@ fn sub(p: Cell, q: Cell) -> Cell {
 }
 
 /// Pairs of kept segments (as pairs of vertices) that meet off a common end vertex.
-pub(super) fn crossings(world: &World, kept: &ChainVertices) -> Vec<[[u32; 2]; 2]> {
+pub(super) fn crossings(world: &World, kept: &KeptChainVertices) -> Vec<[[u32; 2]; 2]> {
     let mut all = Vec::new();
     for chain in 0..world.rings.len() {
         all.extend(kept.of(chain).windows(2).map(|w| [w[0], w[1]]));
@@ -106,7 +106,7 @@ pub(super) fn meet(s: [Cell; 2], t: [Cell; 2]) -> bool {
 /// Kept vertices and given points are inside the rings they were inside of, and no others; and on
 /// the side of each line they were on: the curve of the old line out and the new one back does not
 /// go around them an odd number of times.
-pub(super) fn sides(world: &World, kept: &ChainVertices, name: &str) {
+pub(super) fn sides(world: &World, kept: &KeptChainVertices, name: &str) {
     let vertices = kept.vertices.iter().map(|&v| world.cells[v as usize]);
     let positions: Vec<Cell> = vertices.chain(world.fixed_cells.iter().copied()).collect();
     for chain in (0..world.rings.len()).filter(|&c| !kept.of(c).is_empty()) {

@@ -1,7 +1,7 @@
 //! Small worlds from a seed, on whole coordinates.
 
 use super::twin;
-use super::{ChainVertices, Chains, Xy};
+use super::{Chains, KeptChainVertices, Xy};
 
 pub(super) type Cell = [i64; 2];
 
@@ -80,7 +80,9 @@ impl World {
         inner.sort_unstable();
         let apart = inner.windows(2).all(|w| w[0] != w[1]);
         let joined = ends.iter().any(|end| inner.binary_search(end).is_ok());
-        apart && !joined && twin::crossings(self, &ChainVertices::all(&self.chains())).is_empty()
+        apart
+            && !joined
+            && twin::crossings(self, &KeptChainVertices::all(&self.chains())).is_empty()
     }
 }
 

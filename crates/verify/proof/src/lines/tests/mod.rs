@@ -32,10 +32,10 @@ impl Flat {
     }
 }
 
-fn report(before: &[Part], after: &[Part], points: &[[f64; 2]], tolerance: f64) -> Report {
+fn report(before: &[Part], after: &[Part], points: &[[f64; 2]], tolerance: f64) -> LineCheckReport {
     let closed: Vec<bool> = before.iter().map(|p| p.len() > 1 && p[0] == p[p.len() - 1]).collect();
     let (before, after) = (Flat::new(before, &closed), Flat::new(after, &closed));
-    let question = Question {
+    let question = LineQuestion {
         original: before.lines(),
         simplified: after.lines(),
         points,
@@ -65,7 +65,7 @@ fn distances_and_where_they_are() {
     let found = report(from_ref(&line), &after, &[], 4.0);
     let farthest = found.farthest.unwrap();
     assert_eq!((farthest.distance, farthest.part, farthest.at), (5.0, 0, [20.0, 5.0]));
-    assert_eq!(found.beyond, Defect { count: 1, first: Some((0, [20.0, 5.0])) });
+    assert_eq!(found.beyond, LineDefect { count: 1, first: Some((0, [20.0, 5.0])) });
     assert!(report(&[line], &after, &[], 5.0).is_sound());
 }
 
@@ -180,7 +180,7 @@ fn islands_and_points_that_change_sides() {
     assert_eq!(found.moved.first.map(|m| m.0), Some(0));
     assert_eq!(found.moved.count, 4, "each vertex");
     let found = report(from_ref(&coast), from_ref(&flat), &[[50.0, 5.0], [50.0, 35.0]], 1e9);
-    assert_eq!(found.moved, Defect { count: 1, first: Some((0, [50.0, 5.0])) });
+    assert_eq!(found.moved, LineDefect { count: 1, first: Some((0, [50.0, 5.0])) });
     let found = report(&[coast], &[flat], &[[50.0, 0.0]], 1e9);
     assert_eq!(found.moved.count, 1, "it has come to lie on the coast");
 }
@@ -235,7 +235,7 @@ fn bad_questions_are_turned_away() {
     let (one, two) =
         (Flat::new(&[square(0, 0, 1)], &[true]), Flat::new(&[square(0, 0, 1)], &[false]));
     let ask = |original: &Flat, simplified: &Flat| {
-        let question = Question {
+        let question = LineQuestion {
             original: original.lines(),
             simplified: simplified.lines(),
             points: &[],

@@ -76,10 +76,10 @@ proptest! {
         let mut extras = [heights(&before), heights(&after)];
         let told = |extras: &[Vec<[f64; 2]>; 2]| {
             let [old, new] = [points(&before), points(&after)];
-            let old = Vertices { points: &old, extras: &extras[0], outer: &[] };
-            let new = Vertices { points: &new, extras: &extras[1], outer: &[] };
-            let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: Drops::None };
-            let (mut found, mut pieces) = (Report::default(), LineProofPieces::new(XRange::ALL));
+            let old = PartVertices { points: &old, extras: &extras[0], outer: &[] };
+            let new = PartVertices { points: &new, extras: &extras[1], outer: &[] };
+            let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: DroppedParts::None };
+            let (mut found, mut pieces) = (LineCheckReport::default(), LineProofPieces::new(XRange::ALL));
             comparison.part(0, old, new, true, &mut found, &mut pieces);
             (found.foreign.count, found.changed.count)
         };

@@ -115,12 +115,18 @@ fn world() -> impl Strategy<Value = (Vec<Part>, Vec<Part>)> {
     })
 }
 
-fn question_of(before: &[Part], after: &[Part], points: &[[f64; 2]], band: usize) -> Report {
+fn question_of(
+    before: &[Part],
+    after: &[Part],
+    points: &[[f64; 2]],
+    band: usize,
+) -> LineCheckReport {
     let closed: Vec<bool> = before.iter().map(|p| p.len() > 1 && p[0] == p[p.len() - 1]).collect();
     let (before, after) = (Flat::new(before, &closed), Flat::new(after, &closed));
     let (original, simplified) = (before.lines(), after.lines());
     let distance = ProofDistance::Plane;
-    check_by(&Question { original, simplified, points, distance, tolerance: None }, band).unwrap()
+    check_by(&LineQuestion { original, simplified, points, distance, tolerance: None }, band)
+        .unwrap()
 }
 
 proptest! {
@@ -147,17 +153,17 @@ proptest! {
     #[test]
     fn what_is_held_narrows_to_bands_that_tell_the_same((before, after) in world()) {
         let whole = question_of(&before, &after, &[], 1 << 17);
-        let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: Drops::Any };
-        let mut report = Report::default();
+        let comparison = PartComparison { distance: ProofDistance::Plane, tolerance: None, drops: DroppedParts::Any };
+        let mut report = LineCheckReport::default();
         let mut from = f64::NEG_INFINITY;
         for pass in 0.. {
             let mut pieces = LineProofPieces::new(XRange { from, to: f64::INFINITY });
-            let mut own = Report::default();
+            let mut own = LineCheckReport::default();
             for (part, (old, new)) in (0u32..).zip(before.iter().zip(&after)) {
                 let three = |part: &Part| part.iter().map(|p| [f64::from(p[0]), f64::from(p[1]), 0.0]).collect::<Vec<_>>();
                 let closed = old.len() > 1 && old[0] == old[old.len() - 1];
                 let (old, new) = (three(old), three(new));
-                let [old, new] = [&old, &new].map(|points| Vertices::of(points));
+                let [old, new] = [&old, &new].map(|points| PartVertices::of(points));
                 comparison.part(part, old, new, closed, &mut own, &mut pieces);
                 if pieces.bytes() > 300 {
                     pieces.halve();

@@ -28,9 +28,9 @@ pub(super) fn twins(triangles: &[[u32; 3]]) -> Vec<u32> {
 }
 
 /// The collapsed sides of degenerate triangles; `None` for all other triangles.
-pub(super) struct Collapsed(pub(super) Vec<Option<[bool; 3]>>);
+pub(super) struct CollapsedSides(pub(super) Vec<Option<[bool; 3]>>);
 
-impl Collapsed {
+impl CollapsedSides {
     pub(super) fn of(triangles: &[[u32; 3]], coincide: impl Fn(u32, u32) -> bool) -> Self {
         let sides = |&[a, b, c]: &[u32; 3]| {
             let sides = [coincide(a, b), coincide(b, c), coincide(c, a)];

@@ -7,7 +7,7 @@ use super::*;
 
 /// A lattice of vertices at these longitudes and latitudes, with a height for each place; equal ones are coinciding
 /// vertices. The bits of `diagonals` are the ways the cells are divided.
-fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> Facets {
+fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> TileFacets {
     let height = |lon: f64, lat: f64| (lon * 37e5 + lat * 91e5).rem_euclid(29.0) * 0.1;
     let place = |lat: f64, lon: f64| position(lon, lat, height(lon, lat));
     let placed = rows.iter().flat_map(|&lat| columns.iter().map(move |&lon| place(lat, lon)));
@@ -26,7 +26,7 @@ fn lattice(columns: &[f64], rows: &[f64], diagonals: u64) -> Facets {
         placed: placed.clone(),
         ..DecodedTile::default()
     };
-    Facets::new(&tile, &placed)
+    TileFacets::new(&tile, &placed)
 }
 
 /// Places a hundred thousandth of a degree apart, each as often as told.
