@@ -1,6 +1,6 @@
 //! Order in the house, as far as no compiler sees to it: a `//!` line on every file, no file too long,
-//! nothing left to do, `unsafe` only where it is listed, pure rooms without files, threads or clocks, and
-//! manifests that say what the table of ARCHITECTURE.md does.
+//! nothing left to do, no two types of one name, `unsafe` only where it is listed, pure rooms without
+//! files, threads or clocks, and manifests that say what the table of ARCHITECTURE.md does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -252,6 +252,53 @@ fn manifests_say_what_the_table_does() {
     for kernel in ["terrain", "tin", "lidar", "delaunay"] {
         assert!(!found["verify"].contains(kernel), "a proof does not name {kernel}");
     }
+}
+
+/// The types that a source text declares.
+fn types(code: &str) -> impl Iterator<Item = &str> {
+    code.lines().filter_map(|line| {
+        let is_before =
+            |word: &&str| word.starts_with("pub") || word.ends_with(')') || *word == "unsafe";
+        let mut words = line.split_whitespace().skip_while(is_before);
+        let is_type = matches!(words.next()?, "struct" | "enum" | "trait" | "union");
+        let name = words.next().filter(|_| is_type)?;
+        name.split(|c: char| !c.is_alphanumeric() && c != '_').next()
+    })
+}
+
+/// Types that share their name with another, each with the files of both.
+fn shared_names<'a>(files: &[(&'a str, &'a str)]) -> Vec<String> {
+    let mut found: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (path, code) in files {
+        types(code).for_each(|name| found.entry(name).or_default().push(path));
+    }
+    let shared = found.iter().filter(|(_, paths)| paths.len() > 1);
+    shared.map(|(name, paths)| format!("{name}: {}", paths.join(", "))).collect()
+}
+
+#[test]
+fn each_type_has_a_name_of_its_own() {
+    let mut files = Vec::new();
+    for folder in ["crates", "src"] {
+        rust_files(&root().join(folder), &mut files);
+    }
+    let is_test = |path: &Path| {
+        path.components().any(|part| part.as_os_str() == "tests")
+            || ["tests", "oracle"].map(Some).contains(&path.file_stem().and_then(|s| s.to_str()))
+    };
+    let texts: Vec<(String, String)> = files
+        .iter()
+        .filter(|path| !is_test(path.strip_prefix(root()).unwrap()))
+        .map(|path| (path.display().to_string(), code(&fs::read_to_string(path).unwrap())))
+        .collect();
+    let texts: Vec<_> = texts.iter().map(|(path, code)| (path.as_str(), code.as_str())).collect();
+    let count: usize = texts.iter().map(|(_, code)| types(code).count()).sum();
+    assert!(count > 2000, "only {count} types found");
+    let shared = shared_names(&texts);
+    assert!(shared.is_empty(), "\n{}", shared.join("\n"));
+    let two =
+        [("a.rs", "pub(in crate::b) struct Grid<T> {"), ("b.rs", "    enum Grid {\n    Cell,")];
+    assert_eq!(shared_names(&two), ["Grid: a.rs, b.rs"]);
 }
 
 /// Structs of options of whose fields there are setters, in a source text.
