@@ -35,7 +35,7 @@ const CUT: u32 = 128;
 /// Most tiles of a task.
 const MOST_CUT: u32 = 1 << 16;
 /// Nanoseconds of one thread for a sample, to make its tiles and to write them, as measured on one machine; see
-/// benches/RESULTS.md.
+/// benches/history/2026.md, 27.
 const SAMPLE: [f64; 2] = [650.0, 60.0];
 
 /// Tiles to make of a grid.

@@ -70,7 +70,7 @@ impl PlanNeeds {
     }
 }
 
-/// How much faster each further thread makes it, as measured on one machine; see benches/RESULTS.md.
+/// How much faster each further thread makes it, as measured on one machine; see benches/history/2026.md, 3 and 6.
 const SPEED_UP: f64 = 0.85;
 
 /// Seconds that so many threads take, about, for what takes one of them `seconds`.

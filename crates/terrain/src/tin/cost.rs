@@ -11,7 +11,7 @@ use terrane_tin::{TilePosition, TileTriangle};
 /// A mesh is coarse when it keeps this share of the samples, and fine when it keeps that.
 const KEPT: [f64; 2] = [0.002, 0.05];
 /// Nanoseconds of one thread for a sample of a coarse and of a fine mesh, as measured on one machine
-/// with terrains of several kinds; see benches/RESULTS.md.
+/// with terrains of several kinds; see benches/history/2026.md, 2.
 const RATES: [f64; 2] = [8.0, 100.0];
 /// Bytes of a vertex in a file of the usual format, PLY, with its two triangles.
 const FILE_BYTES: f64 = 50.0;

@@ -16,7 +16,7 @@ const TRIED: u32 = 96;
 /// Parts of one that places go on by along x and y, so that any number of them lie evenly (Roberts 2018).
 const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_2];
 /// Nanoseconds of one thread for a point in all tasks, and for a vertex that is written, as measured on one machine;
-/// see benches/RESULTS.md.
+/// see benches/history/2026.md, 7.
 const NANOSECONDS: [f64; 2] = [3300.0, 2000.0];
 /// What a few squares say less of all.
 const MARGIN: f64 = 1.15;

@@ -28,7 +28,7 @@ const MOST_POINTS: u64 = 1 << 22;
 /// Most tiles whose points are counted.
 const MOST_COUNTED: usize = 256;
 /// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
-/// triangulated, as measured on one machine; see benches/RESULTS.md. The second is for where nothing is
+/// triangulated, as measured on one machine; see benches/history/2026.md, 7. The second is for where nothing is
 /// tried: what statistics take depends on their radius and kind more than on the points.
 const POINT: [f64; 2] = [130.0, 400.0];
 /// The same where a method finds the ground, with its halos.

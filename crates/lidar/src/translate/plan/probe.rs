@@ -20,7 +20,8 @@ const ALONG: u32 = 3;
 /// Most points that may lie in what is read for one: where a cloud is in no order, each would read much of it.
 const MOST_POINTS: u64 = 1 << 22;
 /// Nanoseconds of one thread for a point that is read, put into its square and compressed; the same where something is
-/// told of the ground by its classes, and where a method finds it; as measured on one machine, see benches/RESULTS.md.
+/// told of the ground by its classes, and where a method finds it; as measured on one machine; see
+/// benches/history/2026.md, 28 and 29.
 const POINT: [f64; 3] = [500.0, 1500.0, 28_000.0];
 /// Nanoseconds for a byte that is copied at the end.
 const BYTE: f64 = 2.0;
