@@ -11,8 +11,13 @@ use std::path::{Path, PathBuf};
 use cli_support::Place;
 
 /// Documents that are no pages of the book.
-const BESIDE_THE_BOOK: [&str; 4] =
-    ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "benches/history/2026.md"];
+const BESIDE_THE_BOOK: [&str; 5] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "benches/RESULTS.md",
+    "benches/history/2026.md",
+];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
