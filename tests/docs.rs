@@ -11,10 +11,11 @@ use std::path::{Path, PathBuf};
 use cli_support::Place;
 
 /// Documents that are no pages of the book.
-const BESIDE_THE_BOOK: [&str; 5] = [
+const BESIDE_THE_BOOK: [&str; 6] = [
     "README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
+    "CONTRIBUTING.md",
     "benches/RESULTS.md",
     "benches/history/2026.md",
 ];
