@@ -6,6 +6,8 @@
 //! own, which say how right they are, or from a grid. A shift that is not known is an error, never none.
 //! Every position is taken back to where it came from: one that does not arrive there lies beyond what a
 //! projection reaches, and is an error, too.
+//!
+//! Apart from `terrane_base::geom::Crs`: every file has a system with a name, few jobs need an operation between two.
 
 mod area;
 mod geoid;

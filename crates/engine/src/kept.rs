@@ -1,4 +1,6 @@
 //! What a mesh has to keep of files of features: samples nearest to points, which are vertices, and breaklines.
+//!
+//! These vertices are there from the start, and no pass drops or moves them.
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -2,6 +2,10 @@
 //!
 //! The command line takes the options by name, Rust by setters of [`Job`], Python by keywords; all come to
 //! [`Operation::run`].
+//!
+//! Setters are traits, as a crate cannot add methods to a type of another: [`Job`] is of this crate, the structs of
+//! options are of the crates of their subjects. The list of all operations is in the package `terrane`, which alone
+//! knows all subjects.
 
 use std::fmt;
 use std::marker::PhantomData;

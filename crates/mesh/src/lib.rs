@@ -1,4 +1,7 @@
 //! Mesh files: one file per format (sink and reader side by side), and the registry that names them.
+//!
+//! CityJSON is not a format here: its vertices are whole numbers of steps, which readers take as 32 bits, and rounding
+//! to a step moves them off the bound.
 
 mod capacity;
 mod channels;

@@ -1,4 +1,7 @@
 //! What goes with what, and in which range: checked once, for all doors.
+//!
+//! A rule names terms: an option, a value of it (`bound=surface`), or any value but one (`method!=greedy`). So what
+//! only greedy insertion can do is a list of names beside the options of `tin`, not code.
 
 use serde_json::{Map, Value as Json};
 

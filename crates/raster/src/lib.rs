@@ -2,6 +2,9 @@
 //!
 //! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
 //! written by terrane are memory-mapped.
+//!
+//! Clipping and level water are here and not in `terrain`: like mosaics they are grids in front of grids, and every
+//! reader of grids opens them.
 
 #[macro_use]
 mod grid;

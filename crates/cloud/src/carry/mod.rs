@@ -1,5 +1,8 @@
 //! Points with all that is known of them, from the files of a cloud into one format: what an output is to be, and
 //! the records of each part.
+//!
+//! A record goes from format to format byte by byte. Where files share a lattice it keeps the whole numbers it is
+//! stored with. A value that has no place in the output is an error.
 
 mod seen;
 

@@ -2,6 +2,9 @@
 //!
 //! The note has the object's key, the digest of its file and what the object tells of itself. Its seal
 //! stands for all of that: it is a function of the plan, the same whoever made the object and when.
+//!
+//! The key is made of the digest of the plan, the name of the task and the seals of the objects it reads. So an object
+//! may be deleted, copied, or made by two machines at once.
 
 use std::path::{Path, PathBuf};
 

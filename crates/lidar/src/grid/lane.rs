@@ -1,4 +1,7 @@
 //! The way of the points of one subject into the blocks of a grid.
+//!
+//! Points of a subject come with its value in place of the height, so statistics know nothing of subjects. Values that
+//! are not steps of a lattice are kept one by one, in their order.
 
 use super::blocks::CellBlocks;
 use super::extent::GridExtent;

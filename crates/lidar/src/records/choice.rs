@@ -1,7 +1,8 @@
 //! Which of some points that belong together are kept: thinning by cells, points that are there twice, flight lines.
 //!
 //! All records pass twice: first a mark of each, by groups, tells which one is the best of its group; then those that
-//! are not are left out. So points keep their order, and of equally good ones the first is kept.
+//! are not are left out. So points keep their order, and of equally good ones the first is kept. A bit for each
+//! point is all that is held.
 
 use std::collections::HashMap;
 

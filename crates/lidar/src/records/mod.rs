@@ -1,4 +1,7 @@
 //! Records of points in numbered units, made by all threads and taken in the order of units.
+//!
+//! All threads read the units of one round while the units of the round before are taken in order. So the bytes depend
+//! on neither threads nor memory.
 
 pub(crate) mod choice;
 pub(crate) mod numbered;

@@ -7,6 +7,9 @@
 //!
 //! Whatever else is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
 //! threads nor memory. What needs to know of other points looks at all first (`choice`, `discs`).
+//!
+//! A copy of a LAZ file compresses its points anew, though most chunks could be copied: they are decoded all the same
+//! to find damage and to count points, and the bytes are a function of the points alone.
 
 mod above;
 mod assign;

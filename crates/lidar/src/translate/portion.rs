@@ -1,4 +1,7 @@
 //! Some of the squares of a cloud, made of what lies near them.
+//!
+//! Where ground is asked for, points are read as far around as the discs of the triangulation reach, and further if
+//! that was too little.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -41,7 +41,8 @@ use terrane_base::registry;
 use terrane_files::format::FileFormat;
 
 /// All formats that can be written. A new one is one file and one line here. Where several have an
-/// ending, the first is meant unless another is named.
+/// ending, the first is meant unless another is named: a `.tif` is a plain GeoTIFF, as users of GDAL expect. The store
+/// is for what terrane writes for itself.
 pub const FORMATS: &[GridFormat] = &[
     geotiff::FORMAT,
     cog::FORMAT,

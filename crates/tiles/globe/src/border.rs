@@ -1,4 +1,7 @@
 //! Borders of tiles: chosen from what lies on the border alone, so that the tiles on both sides choose alike.
+//!
+//! Borders of two levels do not nest, as a border is refined from its corners on. They differ by no more than the
+//! errors of both.
 
 use crate::globe::{EllipsoidNormal, Vector};
 use crate::ground::GroundSampler;

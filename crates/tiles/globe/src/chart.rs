@@ -2,6 +2,8 @@
 //!
 //! Rows and columns that are parallels and meridians are straight; those of any other system are bent: they are known
 //! at nodes, and in between by polynomials of the third degree, which follow a projection to less than a hair.
+//!
+//! So no sample costs a projection, and no triangle is torn. The proof computes each sample by the operation itself.
 
 #[cfg(test)]
 mod tests;

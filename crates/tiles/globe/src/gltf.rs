@@ -3,6 +3,10 @@
 //!
 //! Vertices lie on the lattice of the level ([`TileLevel::on_lattice`]), and so does the middle that they are counted
 //! from: single precision is exact, and what was measured is what clients decode.
+//!
+//! **Why compressed tiles have a coarser lattice.** Two bytes do not hold a coordinate on that lattice. On one 512
+//! times coarser they hold nearly all tiles exactly, and it is still a quarter of a step of heights. Compressed
+//! positions in single precision save 22 % of the bytes, in two bytes 61 % (a degree of SRTM, with gzip).
 
 use crate::border::TileSide;
 use crate::encode::{QuantizedHeights, in_order, normal};

@@ -1,5 +1,7 @@
 //! Skirts: from each side of a tile a wall hangs straight down, so that nothing is seen between tiles of different
 //! levels.
+//!
+//! A tile with a skirt is a tile with more vertices, so lattice, spheres and bytes are made as those of any tile.
 
 use std::collections::BTreeMap;
 

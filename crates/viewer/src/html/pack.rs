@@ -2,6 +2,8 @@
 //!
 //! An array of `u32` becomes: differences to the value before (if that is asked for) modulo 2^32, zigzag, four
 //! planes of bytes from the lowest to the highest, zlib, base64. A page undoes it with what browsers have.
+//!
+//! Codes stay below 2^24, which 32-bit floats hold: the graphics card gets what was written, and a lattice is exact.
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

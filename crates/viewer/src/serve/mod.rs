@@ -3,6 +3,9 @@
 //! Nobody beyond this machine can connect. A page of somebody else in the same browser can, so that what is sent
 //! names no other origin as a reader, and a request has to name this server (`request`). Files are found by names
 //! that cannot lead out of the folder (`folder`), and no client can keep others out (`clients`).
+//!
+//! On `std::net`, a thread for each client, and not by a library for HTTP: the server has little to do, and a library
+//! would have to be kept from doing more.
 
 mod clients;
 mod connection;
