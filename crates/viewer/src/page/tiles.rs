@@ -1,4 +1,7 @@
 //! The page of a folder of tiles. It holds none of them: from where it is served it asks for those that it shows.
+//!
+//! A section is the plane through both places and the middle of the earth. It cuts triangles in straight lines, and
+//! each end of a piece has its own place and height, so it does not matter that the plane leans a little.
 
 use std::path::Path;
 
