@@ -12,7 +12,7 @@ use serde_json::Value;
 const TERRAIN: &str = "synth:rough,width=250,height=700,seed=5";
 const CLOUD: &str = "synth:cloud,size=520,density=0.2,seed=5";
 
-const GROVE: &str = "synth:cloud,size=520,density=0.15,seed=8";
+const GROVE: &str = "synth:cloud,size=300,density=0.15,seed=8";
 
 /// A kind of plan.
 struct Kind {
@@ -50,7 +50,7 @@ const KINDS: [Kind; 6] = [
         name: "canopy",
         verb: "grid",
         input: GROVE,
-        how: &["--cell", "1", "--chm", "--ground", "csf:cloth=4"],
+        how: &["--cell", "0.5", "--chm", "--ground", "csf:cloth=4"],
         cut: ["--tile", "256"],
         ending: "tif",
         output: "grid.tif",
