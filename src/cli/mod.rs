@@ -119,6 +119,8 @@ fn parse(args: &[OsString], command: Command) -> Result<Job, clap::Error> {
 /// Runs the command line and returns the process exit code.
 pub(crate) fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     heap::give_back();
+    #[cfg(feature = "tracing")]
+    shared::trace::start();
     let args: Vec<OsString> = args.into_iter().collect();
     let job = match parse(&args, command_for(&args)) {
         Ok(job) => job,

@@ -27,6 +27,7 @@ pub mod proof;
 pub mod reading;
 mod resources;
 pub mod sift;
+mod trace;
 pub mod transform;
 pub mod water;
 pub mod workers;
@@ -34,6 +35,7 @@ pub mod workers;
 pub use progress::{FileAt, Progress, Silent};
 pub use resources::{Resources, ResourcesSetters, peak_memory};
 pub use terrane_base::Cancel;
+pub use trace::WorkSpan;
 
 /// Changed whenever the same job would write other bytes, or a plan has another form: plans of another
 /// revision are not gone on with. `tests/golden.rs` holds it to that.

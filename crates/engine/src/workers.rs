@@ -1,16 +1,18 @@
 //! Worker threads that take numbered units of work until none is left.
 
 use std::collections::BTreeMap;
+use std::panic::Location;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Scope, ScopedJoinHandle};
 
-use crate::Cancel;
+use crate::{Cancel, WorkSpan};
 use terrane_base::error::{Error, Result};
 use terrane_files::lock;
 
 /// Runs `work` on every unit below `units`, on `threads` threads, each with a state of its own
 /// that `start` makes and `finish` takes. Stops early at the first error, which is returned.
+#[track_caller]
 pub fn run<S>(
     threads: usize,
     units: u64,
@@ -19,6 +21,7 @@ pub fn run<S>(
     work: impl Fn(&mut S, u64) -> Result<()> + Sync,
     finish: impl Fn(S) -> Result<()> + Sync,
 ) -> Result<()> {
+    let caller = Location::caller();
     let next = AtomicU64::new(0);
     let failed = AtomicBool::new(false);
     let error: Mutex<Option<Error>> = Mutex::new(None);
@@ -30,6 +33,7 @@ pub fn run<S>(
                 return finish(state);
             }
             cancel.check()?;
+            let _span = WorkSpan::unit(caller, unit);
             work(&mut state, unit)?;
         }
     };
@@ -57,6 +61,7 @@ pub fn spawn<'scope, T: Send + 'scope>(
 }
 
 /// As [`run`]; what each unit gives is taken in the order of units, whoever is done first.
+#[track_caller]
 pub fn in_order<S, T: Send>(
     threads: usize,
     units: u64,

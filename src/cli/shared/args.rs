@@ -51,7 +51,10 @@ pub(crate) struct ReportDisplay {
 impl ReportDisplay {
     /// The progress display asked for.
     pub(crate) fn progress(&self) -> Box<dyn Progress> {
-        progress::display(if self.quiet { ProgressMode::None } else { self.progress })
+        let shown = progress::display(if self.quiet { ProgressMode::None } else { self.progress });
+        #[cfg(feature = "tracing")]
+        let shown: Box<dyn Progress> = Box::new(super::trace::TracedProgress(shown));
+        shown
     }
 
     /// The same, on stderr where stdout has the result itself.

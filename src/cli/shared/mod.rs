@@ -13,6 +13,8 @@ pub(crate) mod report;
 pub(crate) mod say;
 pub(crate) mod tabled;
 pub(crate) mod text;
+#[cfg(feature = "tracing")]
+pub(crate) mod trace;
 pub(crate) mod union;
 pub(crate) mod verb;
 

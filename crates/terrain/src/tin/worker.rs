@@ -25,6 +25,7 @@ use super::writer::{TilePart, TilePartSink};
 use super::zone::{PatchFrontier, PatchTriangles, rect_around};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Point3, Rect, SampleSegment};
+use terrane_engine::WorkSpan;
 use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 use terrane_raster::GridSource;
@@ -115,6 +116,7 @@ impl<'a> TinWorker<'a> {
 
     /// Carries out `task`; a panic becomes an error that names the tile.
     fn attempt(&mut self, task: TileTask) -> Result<()> {
+        let _span = WorkSpan::enter("tile", &task);
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             fault::point(FaultPoint::Panic).map_err(|e| Error::io(ErrorKind::Io, "work", e))?;
             self.perform(task)
