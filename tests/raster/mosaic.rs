@@ -466,7 +466,7 @@ fn damage_anywhere_in_a_vrt_or_a_sidecar_is_told() {
             assert_ne!(damaged, *sound, "{from}");
             let told = open(&damaged).unwrap_err().to_string();
             assert!(
-                ["XML", "middle", "entity"].iter().any(|said| told.contains(said)),
+                ["XML", "inside an element", "entity"].iter().any(|said| told.contains(said)),
                 "{to}: {told}"
             );
         }

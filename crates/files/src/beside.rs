@@ -14,7 +14,7 @@ pub fn prj(path: &Path) -> Result<String> {
         return Ok(String::new());
     };
     let file = RawFile::open(sidecar)?;
-    limits::check("bytes of a .prj file", file.size(), limits::MAX_HEADER_BYTES)
+    limits::check("size of the .prj file in bytes", file.size(), limits::MAX_HEADER_BYTES)
         .map_err(|e| e.in_file(sidecar))?;
     let bytes = file.head(limits::MAX_HEADER_BYTES)?;
     Ok(String::from_utf8_lossy(&bytes).trim().to_owned())

@@ -20,9 +20,9 @@ pub trait FileFormat: RegistryEntry {
 
     /// The error of a file of it whose name has another ending.
     fn wrong_ending(&self, path: &Path) -> Error {
-        Error::usage(format!("{} cannot have this ending", self.name()))
+        Error::usage(format!("file name extension does not match format {}", self.name()))
             .in_file(path)
-            .remedy(format!("end the name in {}", self.endings()))
+            .remedy(format!("use the extension {}", self.endings()))
     }
 
     /// Its endings in words.
@@ -50,8 +50,8 @@ pub fn by_path<F: FileFormat>(
     }
     by_extension(all, path).ok_or_else(|| {
         let endings = registry::offered(all, F::endings);
-        Error::usage(format!("the file name does not say which {} is meant", F::KIND))
+        Error::usage(format!("file name extension matches no {}", F::KIND))
             .in_file(path)
-            .remedy(format!("end the name in {endings}, or name a format"))
+            .remedy(format!("use the extension {endings}, or pass a format"))
     })
 }

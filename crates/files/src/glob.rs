@@ -55,7 +55,11 @@ pub(super) fn folders_below(folder: &Path) -> Result<Vec<PathBuf>> {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
             if is_folder && !entry.file_name().as_encoded_bytes().starts_with(b".") {
                 found.push(folder.join(entry.file_name()));
-                limits::check("folders of one input", found.len() as u64, limits::MAX_MEMBERS)?;
+                limits::check(
+                    "number of folders of one input",
+                    found.len() as u64,
+                    limits::MAX_MEMBERS,
+                )?;
             }
         }
         next += 1;
@@ -76,7 +80,7 @@ fn matches_in(folder: &Path, pattern: &str, found: &mut Vec<PathBuf>) -> Result<
         if matches(&pattern, &text) && (text.first() != Some(&'.') || pattern.first() == Some(&'.'))
         {
             found.push(folder.join(&name));
-            limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)?;
+            limits::check("number of files of one input", found.len() as u64, limits::MAX_MEMBERS)?;
         }
     }
     Ok(())

@@ -29,8 +29,8 @@ pub fn is_held(input: &str) -> bool {
 /// Usage.
 pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<()> {
     match inputs.into_iter().any(|input| is_held(input)) {
-        true => Err(Error::usage("what is in the memory of one process is in no other's")
-            .remedy("write it into a file, and plan with that")),
+        true => Err(Error::usage("datasets in memory cannot be passed to other processes")
+            .remedy("write the dataset to a file and plan with the file")),
         false => Ok(()),
     }
 }
@@ -66,7 +66,7 @@ impl<T> HeldRegister<T> {
     /// # Errors
     /// Usage: nothing is.
     pub fn get(&self, name: &str) -> Result<Arc<T>> {
-        let nothing = || Error::usage(format!("nothing of that kind is in memory as {name:?}"));
+        let nothing = || Error::usage(format!("no dataset {name:?} of this kind is in memory"));
         lock(&self.0).get(name).cloned().ok_or_else(nothing)
     }
 }

@@ -81,8 +81,8 @@ impl FileKind {
     /// As [`files`](Self::files), and inputs among which there is no folder.
     pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
         if !inputs.iter().any(|input| matches!(self.kind(input), InputPathKind::Folder)) {
-            return Err(Error::usage("‹recursive› is for folders, and no input is one")
-                .remedy("leave ‹recursive› out, or name a folder"));
+            return Err(Error::usage("‹recursive› requires a folder as input")
+                .remedy("omit ‹recursive›, or pass a folder"));
         }
         self.found(inputs, |folder| {
             let folders = glob::folders_below(folder)?;
@@ -110,7 +110,7 @@ impl FileKind {
                     files.extend(names(path, self.matching(path)?, "matches no file")?);
                 }
             }
-            limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
+            limits::check("number of files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
         }
         Ok(files)
     }
@@ -133,8 +133,12 @@ impl FileKind {
             let path = entry.map_err(fail)?.path();
             if (self.is_member)(&path) && path.is_file() {
                 found.push(path);
-                limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)
-                    .map_err(|e| e.in_file(folder))?;
+                limits::check(
+                    "number of files of one input",
+                    found.len() as u64,
+                    limits::MAX_MEMBERS,
+                )
+                .map_err(|e| e.in_file(folder))?;
             }
         }
         found.sort();
@@ -207,7 +211,7 @@ fn resolve(list: &Path, line: &str) -> PathBuf {
 fn listed(list: &Path) -> Result<Vec<String>> {
     let fail = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::InvalidData => {
-            Error::bad_input("is not a list of files: it is not text").in_file(list)
+            Error::bad_input("is not a list of files: not a text file").in_file(list)
         }
         _ => Error::read(list, e),
     };
@@ -221,19 +225,21 @@ fn listed(list: &Path) -> Result<Vec<String>> {
         let path = resolve(list, &line);
         if !path.is_file() {
             let line: String = shown(&line).chars().take(200).collect();
-            return Err(Error::bad_input(format!("names {line}, which is no file"))
-                .in_file(list)
-                .at(format_args!("line {number}"))
-                .remedy("names are taken from the list's folder, or else from the current one"));
+            return Err(Error::bad_input(format!(
+                "lists {line}, which does not exist or is not a file"
+            ))
+            .in_file(list)
+            .at(format_args!("line {number}"))
+            .remedy("use paths relative to the folder of the list or to the current folder"));
         }
         files.push(name_of(path)?);
-        limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)
+        limits::check("number of files of one input", files.len() as u64, limits::MAX_MEMBERS)
             .map_err(|e| e.in_file(list))?;
     }
     if files.is_empty() {
-        return Err(Error::bad_input("names no file")
+        return Err(Error::bad_input("lists no files")
             .in_file(list)
-            .remedy("name one on each line"));
+            .remedy("write one path per line"));
     }
     Ok(files)
 }

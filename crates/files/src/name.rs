@@ -40,7 +40,7 @@ pub fn name_of(path: PathBuf) -> Result<String> {
 #[cfg(not(unix))]
 pub fn name_of(path: PathBuf) -> Result<String> {
     path.into_os_string().into_string().map_err(|path| {
-        terrane_base::error::Error::bad_input("has a name that is not Unicode")
+        terrane_base::error::Error::bad_input("file name is not valid Unicode")
             .in_file(Path::new(&path))
             .remedy("rename it")
     })

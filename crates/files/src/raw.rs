@@ -69,8 +69,7 @@ impl RawFile {
         match offset.checked_add(bytes) {
             Some(end) if end <= self.len => Ok(()),
             _ => Err(Error::bad_input(format!(
-                "file is truncated or damaged: {bytes} bytes expected at offset {offset}, \
-                 but the file ends at {}",
+                "file is truncated or damaged: {bytes} bytes expected at offset {offset}, file ends at {}",
                 self.len
             ))
             .in_file(&self.path)),
@@ -132,7 +131,7 @@ impl RawFile {
 
     fn failed(&self, offset: u64, source: io::Error) -> Error {
         if source.kind() == io::ErrorKind::UnexpectedEof {
-            return Error::bad_input("file became shorter while it was read")
+            return Error::bad_input("file shrank while it was being read")
                 .at(format_args!("offset {offset}"))
                 .in_file(&self.path);
         }
@@ -175,8 +174,12 @@ fn rows_at_once(run: &RowRun) -> usize {
 
 /// `value` as a length in memory.
 pub fn to_usize(name: &str, value: u64) -> Result<usize> {
-    usize::try_from(value)
-        .map_err(|_| Error::new(ErrorKind::Resource, format!("{name} of {value} bytes")))
+    usize::try_from(value).map_err(|_| {
+        Error::new(
+            ErrorKind::Resource,
+            format!("{name} of {value} bytes exceeds the address space"),
+        )
+    })
 }
 
 #[cfg(test)]

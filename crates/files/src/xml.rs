@@ -67,7 +67,11 @@ impl XmlStartTag {
         let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
             found.push((text(attribute.name)?, attribute.resolved()?.into_owned()));
-            limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
+            limits::check(
+                "number of attributes of an element",
+                found.len() as u64,
+                MAX_ATTRIBUTES,
+            )?;
         }
         Ok(found)
     }
@@ -138,7 +142,7 @@ impl<R: BufRead> XmlReader<R> {
                         check_tag(&start)?;
                     }
                     self.depth += 1;
-                    limits::check("depth of XML", self.depth, MAX_DEPTH)?;
+                    limits::check("depth of XML elements", self.depth, MAX_DEPTH)?;
                     return Ok(XmlEvent::Start(XmlStartTag(start.into_owned())));
                 }
                 Event::End(_) => {
@@ -154,12 +158,12 @@ impl<R: BufRead> XmlReader<R> {
                 }
                 Event::DocType(_) => return Err(no_document_type()),
                 Event::Eof if self.depth > 0 => {
-                    return Err(Error::bad_input("ends in the middle of an element"));
+                    return Err(Error::bad_input("file ends inside an element"));
                 }
                 Event::Eof => return Ok(XmlEvent::Over),
                 Event::Decl(_) if is_begun => return Err(not_xml(&"a second declaration")),
                 Event::PI(pi) if !is_name(pi.target()) => {
-                    return Err(not_xml(&"an instruction without a name"));
+                    return Err(not_xml(&"processing instruction without a name"));
                 }
                 Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
             }
@@ -177,7 +181,7 @@ impl<R: BufRead> XmlReader<R> {
                 XmlEvent::Start(_) => open += 1,
                 XmlEvent::End => open -= 1,
                 XmlEvent::Text(_) => {}
-                XmlEvent::Over => return Err(Error::bad_input("ends in the middle of an element")),
+                XmlEvent::Over => return Err(Error::bad_input("file ends inside an element")),
             }
         }
         Ok(())
@@ -192,7 +196,7 @@ impl<R: BufRead> XmlReader<R> {
             match self.next()? {
                 XmlEvent::Over => return Ok(()),
                 XmlEvent::Text(text) if text.trim_ascii().is_empty() => {}
-                _ => return Err(Error::bad_input("goes on behind its outermost element")),
+                _ => return Err(Error::bad_input("content follows the root element")),
             }
         }
     }
@@ -325,7 +329,7 @@ impl<'a> XmlAttribute<'a> {
 }
 
 fn damaged_tag() -> Error {
-    not_xml(&"a tag is damaged")
+    not_xml(&"malformed tag")
 }
 
 /// Fails for characters that are not allowed in XML.
@@ -339,7 +343,7 @@ fn check_text(text: &str) -> Result<()> {
         c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
     };
     match text.contains(is_none) {
-        true => Err(not_xml(&"it holds control characters")),
+        true => Err(not_xml(&"control characters are not allowed")),
         false => Ok(()),
     }
 }
@@ -351,7 +355,8 @@ fn reference(c: Option<char>, name: &str) -> Result<String> {
     let known = KNOWN.iter().find(|(known, _)| *known == name).map(|(_, c)| *c);
     c.or(known).map(String::from).ok_or_else(|| {
         let name: String = name.chars().take(40).collect();
-        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
+        Error::unsupported(format!("entity &{name}; is not supported"))
+            .remedy("replace it by its text")
     })
 }
 
@@ -360,14 +365,15 @@ fn not_xml(error: &dyn std::fmt::Display) -> Error {
 }
 
 fn no_document_type() -> Error {
-    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the file")
+    Error::unsupported("document type declarations (DTD) are not supported")
+        .remedy("remove the declaration from the file")
 }
 
 /// The error of a part that is too long, not UTF-8, or not XML.
 fn failed(error: &quick_xml::Error) -> Error {
     match error {
         quick_xml::Error::Io(e) if e.kind() == io::ErrorKind::FileTooLarge => {
-            Error::limit("bytes of one part of XML", MAX_PART_BYTES + 1, MAX_PART_BYTES)
+            Error::limit("size of one XML token in bytes", MAX_PART_BYTES + 1, MAX_PART_BYTES)
         }
         quick_xml::Error::Encoding(_) => {
             Error::bad_input("is not UTF-8").remedy("convert the file to UTF-8")

@@ -158,7 +158,7 @@ impl<R: BufRead> RasterXmlReader<R> {
 }
 
 fn ends_early() -> Error {
-    Error::bad_input("ends in the middle of an element")
+    Error::bad_input("file ends inside an element")
 }
 
 #[cfg(test)]
@@ -205,7 +205,7 @@ mod tests {
         assert!(refused("<a>&x;</a>").contains("entity &x;"));
         assert!(refused("<a b='&x;'/>").contains("well-formed"));
         assert!(refused("<a><b></a>").contains("well-formed"));
-        assert!(refused("<a>").contains("middle") && refused("").contains("middle"));
+        assert!(refused("<a>").contains("inside") && refused("").contains("inside"));
         assert!(refused("<a \u{0}=").contains("well-formed"));
         assert!(refused(&"<a>".repeat(40)).contains("depth of XML"));
         assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(5000))).contains("elements in one"));

@@ -12,8 +12,7 @@ use crate::fault::{self, FaultPoint};
 use terrane_base::error::{Error, Result};
 
 /// Why a folder stays.
-const NOT_OURS: &str =
-    "exists and was not made by terrane, or holds other files too, so it is not replaced";
+const NOT_OURS: &str = "folder exists and was not created by terrane, or contains other files";
 
 /// A folder in the making. Dropping it removes all that was put into it.
 #[derive(Debug)]

@@ -101,7 +101,7 @@ impl Seek for AtomicFile {
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
     refuse_stdout(path)?;
     if !overwrite && path.symlink_metadata().is_ok() {
-        return Err(Error::new(ErrorKind::Usage, "output exists already")
+        return Err(Error::new(ErrorKind::Usage, "output already exists")
             .in_file(path)
             .remedy("choose another name or pass ‹overwrite›"));
     }
@@ -113,9 +113,9 @@ pub fn refuse_stdout(path: &Path) -> Result<()> {
     if !is_stdout(path) {
         return Ok(());
     }
-    Err(Error::usage("stdout is not written to here")
+    Err(Error::usage("this output cannot be written to stdout")
         .in_file(path)
-        .remedy("choose another name, or ./- if that is what you want"))
+        .remedy("choose another name (./- for a file named -)"))
 }
 
 /// Makes the folder `path` and those above it that are missing.
@@ -148,7 +148,7 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
             Err(_) => return Ok(target),
         }
     }
-    Err(Error::new(ErrorKind::CannotWrite, "is a link that leads nowhere")
+    Err(Error::new(ErrorKind::CannotWrite, "is a symbolic link in a loop")
         .in_file(path)
         .remedy("choose another name"))
 }

@@ -92,10 +92,10 @@ fn read(path: &Path) -> Option<String> {
 }
 
 fn foreign(path: &Path) -> Error {
-    let message = "belongs to an earlier file and would be read with the new one";
+    let message = "sidecar of an earlier file exists and would apply to the new one";
     Error::new(ErrorKind::Usage, message)
         .in_file(path)
-        .remedy("write to another name, or pass ‹overwrite› to have it removed")
+        .remedy("choose another output name, or pass ‹overwrite› to remove it")
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
     };
     Error::io(kind, &format!("{action} the temporary folder"), plain(source))
         .in_file(folder)
-        .remedy("choose a folder with room with ‹temp_dir›")
+        .remedy("pass a folder with enough free space as ‹temp_dir›")
 }
 
 /// Bytes of a file that is given back in a moment.
@@ -150,7 +150,7 @@ impl Drop for SpoolFile {
 
 /// What is put here is what memory had no room for.
 fn allow_memory(error: Error) -> Error {
-    error.remedy("choose a folder with room with ‹temp_dir›, or allow more ‹memory›")
+    error.remedy("pass a folder with enough free space as ‹temp_dir›, or raise ‹memory›")
 }
 
 /// Which bytes of the file are free.

@@ -241,7 +241,7 @@ mod tests {
         assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
         assert!(place.refused("@nowhere").contains("cannot read"));
         std::fs::write(place.0.path().join("raw"), [b'a', 0, 0xfe]).unwrap();
-        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not text"));
+        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not a text file"));
     }
 
     #[test]

@@ -263,7 +263,7 @@ mod tests {
             ("lat=\"46.5\"", "lat=\"x\"", "no lat or lon"),
             ("lat=\"46.5\"", "", "no lat or lon"),
             ("1000.5", "high", "an elevation is no number"),
-            ("</gpx>", "", "in the middle"),
+            ("</gpx>", "", "inside an element"),
             ("<gpx ", "<!DOCTYPE a><gpx ", "document type"),
             ("&amp;", "&x;", "entity &x;"),
             ("</trkseg>", "</trk>", "well-formed"),
