@@ -233,7 +233,7 @@ impl Geometry {
             | GeometryType::MultiPolygon => (0, 0),
         };
         if found > most {
-            let message = format!("a {} of {found} where there is one at most", kind.name());
+            let message = format!("{} has {found} parts, at most 1 allowed", kind.name());
             return Err(Error::bad_input(message));
         }
         let depth = u32::from(kind == GeometryType::Collection);
@@ -402,7 +402,7 @@ impl Geometry {
 
 fn not_finite(vertex: usize, what: &str) -> Error {
     Error::bad_input(format!("vertex {vertex}: {what} is not finite"))
-        .remedy("give it numbers, or take the vertex or the feature out")
+        .remedy("correct the vertex, or remove it or the feature")
 }
 
 /// Fails where lists do not fit together: a fault of the caller.
@@ -415,7 +415,7 @@ fn check(coordinates: &CoordinateSequence) -> Result<()> {
     if fits(z) && fits(m) && rises(ends, xy.len()) && rises(polygons, ends.len()) {
         return Ok(());
     }
-    Err(Error::usage("coordinates whose lists do not fit together"))
+    Err(Error::usage("lengths of the coordinate arrays are inconsistent"))
 }
 
 /// The geometries in a geometry that are no collections.

@@ -99,7 +99,10 @@ impl Geometry {
             KeptVertices::Nothing => {}
             KeptVertices::All => left.extend(from, start..from.ends[at]),
             KeptVertices::Vertices(indices) => {
-                assert!(indices.iter().all(|&i| (i as usize) < part.xy.len()), "beyond the part");
+                assert!(
+                    indices.iter().all(|&i| (i as usize) < part.xy.len()),
+                    "vertex index out of range"
+                );
                 let (open, again) = match part.is_ring() {
                     true => (opened(indices, part.xy), indices.first()),
                     false => (&indices[..], None),

@@ -80,7 +80,7 @@ pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureS
         return Ok(Box::new(synth::SyntheticFeatures::new(lines?)));
     }
     let format = identify(path)?.ok_or_else(|| {
-        Error::bad_input("not a file of features of a known format")
+        Error::bad_input("not a vector file of a known format")
             .in_file(path)
             .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
     })?;
@@ -99,9 +99,9 @@ pub fn create(
     options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     let create = format.create.ok_or_else(|| {
-        Error::usage(format!("{} is read, but not written", format.name))
+        Error::usage(format!("{} is read-only", format.name))
             .in_file(path)
-            .remedy(format!("written are {}", offered(FORMATS, |f| f.name.to_owned())))
+            .remedy(format!("writable formats are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;
     let inner = create(path, layer, options)?;
     Ok(match options.decimals {

@@ -46,7 +46,7 @@ impl PagedFile {
 
     fn read(&mut self, offset: u64, bytes: u64) -> Result<()> {
         self.file.check_range(offset, bytes)?;
-        limits::check("bytes of a feature", bytes, limits::MAX_FEATURE_BYTES)?;
+        limits::check("feature size in bytes", bytes, limits::MAX_FEATURE_BYTES)?;
         let end = self.base.saturating_add(self.buffer.len() as u64);
         let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
         let wanted = bytes.max(least).min(self.file.size() - offset);
@@ -66,7 +66,7 @@ impl<'a> RecordBytes<'a> {
     /// The next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8]> {
         let taken = self.0.split_at_checked(count);
-        let (taken, rest) = taken.ok_or_else(|| Error::bad_input("a record ends too early"))?;
+        let (taken, rest) = taken.ok_or_else(|| Error::bad_input("record is truncated"))?;
         self.0 = rest;
         Ok(taken)
     }

@@ -170,8 +170,8 @@ impl<'a> NestedRings<'a> {
         if self.looks <= MOST_LOOKS {
             return Ok(());
         }
-        Err(Error::bad_input("rings are too entangled to tell holes from islands")
-            .remedy("mend the geometry, or write it as GeoJSON"))
+        Err(Error::bad_input("rings are too complex to distinguish holes from islands")
+            .remedy("repair the geometry, or write GeoJSON"))
     }
 
     /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
@@ -389,7 +389,7 @@ mod tests {
         let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
         let mut all = CoordinateSequence::default();
         two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
-        assert!(group(all).unwrap_err().to_string().contains("entangled"));
+        assert!(group(all).unwrap_err().to_string().contains("too complex"));
     }
 
     proptest! {

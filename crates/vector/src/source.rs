@@ -79,7 +79,7 @@ impl FeatureSource for CheckedFeatures {
     fn notes(&self) -> Vec<String> {
         let mut notes = self.inner.notes();
         if self.single > 0 {
-            notes.push(format!("{} lines have one vertex only, and keep it", self.single));
+            notes.push(format!("{} lines have a single vertex and are kept", self.single));
         }
         notes
     }

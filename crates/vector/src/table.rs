@@ -108,7 +108,7 @@ impl FeatureTable {
             return Ok(at);
         }
         let at = self.columns.len();
-        limits::check("fields of a table", at as u64 + 1, limits::MAX_FIELDS)?;
+        limits::check("number of table fields", at as u64 + 1, limits::MAX_FIELDS)?;
         self.columns.push(FeatureColumn { name: name.clone(), kind: None, width: 0, decimals: 0 });
         self.index.insert(name.clone(), at);
         Ok(at)
@@ -124,7 +124,7 @@ impl FeatureTable {
         let mut starts = self.starts;
         starts.push(end);
         let lost = self.lost_ids;
-        let note = format!("{lost} ids are left out: a property is called \"{ID}\" as well");
+        let note = format!("{lost} ids omitted: property \"{ID}\" exists");
         let notes = (lost > 0).then_some(note).into_iter().collect();
         Ok(FeatureRows { columns: self.columns, pages, starts, notes })
     }
@@ -139,7 +139,7 @@ impl FeatureRows {
     /// A feature.
     pub(super) fn get(&mut self, row: usize) -> Result<FeatureRow> {
         let (start, end) = (self.starts[row], self.starts[row + 1]);
-        let lost = || Error::new(ErrorKind::Internal, "features kept for later are lost");
+        let lost = || Error::new(ErrorKind::Internal, "spooled features are lost");
         let pages = self.pages.as_mut().ok_or_else(lost)?;
         let mut bytes = RecordBytes(pages.get(start, end - start)?);
         let geometry = take_geometry(&mut bytes)?;
@@ -174,9 +174,9 @@ impl FeatureColumn {
         };
         if bytes > most {
             let message =
-                format!("the value of {:?} takes {bytes} bytes, {most} at most", self.name);
+                format!("value of {:?} is {bytes} bytes long, at most {most} allowed", self.name);
             return Err(Error::new(ErrorKind::CannotWrite, message)
-                .remedy("shorten it, or write FlatGeobuf or GeoJSON"));
+                .remedy("shorten the value, or write FlatGeobuf or GeoJSON"));
         }
         self.width = self.width.max(bytes);
         if let (PropertyValue::Real(_), Some(point)) = (value, text.iter().position(|&b| b == b'.'))

@@ -57,7 +57,7 @@ impl FileWindow {
             return Ok(false);
         }
         let unread = self.end - self.start;
-        limits::check("bytes of a feature", unread as u64, limits::MAX_FEATURE_BYTES)?;
+        limits::check("feature size in bytes", unread as u64, limits::MAX_FEATURE_BYTES)?;
         self.buffer.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, unread);
         // As much again as there is, so that long features are moved a few times only.

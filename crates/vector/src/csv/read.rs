@@ -17,7 +17,7 @@ use terrane_base::limits;
 const MOST_LINE: u64 = 1 << 20;
 
 /// How quotation marks are to be.
-const QUOTING: &str = "put all of a value in quotation marks, and double those in it";
+const QUOTING: &str = "quote the whole value and double the quotation marks inside it";
 
 /// Names of columns with a meaning, lower case.
 const X: &[&str] = &["x", "lon", "long", "lng", "longitude", "easting", "east"];
@@ -203,8 +203,11 @@ impl FeatureSource for CsvFeatureSource {
 
     fn notes(&self) -> Vec<String> {
         let told = [
-            (self.others, "rows have other values than the first row of their line, which count"),
-            (self.broken, "values go over several lines of the file"),
+            (
+                self.others,
+                "rows have property values that differ from the first row of their line; those of the first row are used",
+            ),
+            (self.broken, "quoted values contain line breaks"),
         ];
         let told = told.iter().filter(|(count, _)| *count > 0);
         let told = told.map(|(count, what)| format!("{count} {what}"));
@@ -217,7 +220,7 @@ impl CsvFeatureSource {
     fn header(&mut self) -> Result<()> {
         loop {
             let Some(line) = self.text()? else {
-                return Err(Error::bad_input("holds no rows"));
+                return Err(Error::bad_input("contains no rows"));
             };
             if line.is_empty() {
                 continue;
@@ -241,8 +244,8 @@ impl CsvFeatureSource {
 
     fn without_names(&mut self, count: usize) -> Result<()> {
         if !(2..=4).contains(&count) {
-            let message = format!("line {}: {count} columns without names", self.row_line);
-            return Err(Error::bad_input(message).remedy("begin it with a line such as x,y,z,id"));
+            let message = format!("line {}: {count} columns without a header", self.row_line);
+            return Err(Error::bad_input(message).remedy("add a header line such as x,y,z,id"));
         }
         let there = |at: usize| (at < count).then_some(at);
         self.columns = CsvColumns { x: 0, y: 1, z: there(2), m: there(3), ..CsvColumns::default() };
@@ -255,7 +258,8 @@ impl CsvFeatureSource {
         };
         let (Some(x), Some(y)) = (find(X), find(Y)) else {
             let found = names.join(", ").chars().take(200).collect::<String>();
-            let message = format!("line {}: no columns x and y among {found:?}", self.row_line);
+            let message =
+                format!("line {}: columns x and y are missing; found {found:?}", self.row_line);
             return Err(Error::bad_input(message).remedy("name them x and y, or lon and lat"));
         };
         let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
@@ -265,7 +269,8 @@ impl CsvFeatureSource {
         let properties = others.filter_map(original).collect();
         if names[x].starts_with("lon") && self.layer.crs.is_unknown() {
             self.layer.crs = crs::wgs84();
-            self.notes.push("longitude and latitude are taken to be in WGS 84".to_owned());
+            self.notes
+                .push("CRS is missing; WGS 84 is assumed for longitude and latitude".to_owned());
         }
         self.columns = CsvColumns { x, y, z, m, id, part, properties };
         Ok(())
@@ -282,7 +287,7 @@ impl CsvFeatureSource {
             let end = if is_open { &text[..] } else { text.trim_end_matches(['\r', ' ']) };
             let text = end.trim_start_matches(' ').to_owned();
             if !text.contains('"') && text.contains('\r') {
-                return Err(self.bad("has a carriage return within it").remedy("mend the line"));
+                return Err(self.bad("carriage return inside the line").remedy("correct the line"));
             }
             if !text.starts_with('#') {
                 return Ok(Some(text));
@@ -295,7 +300,7 @@ impl CsvFeatureSource {
         let Some(bytes) = self.window.line()? else { return Ok(None) };
         self.line += 1;
         let line = self.line;
-        limits::check("bytes of a line", bytes as u64, MOST_LINE)
+        limits::check("line length in bytes", bytes as u64, MOST_LINE)
             .map_err(|e| e.at(format!("line {line}")))?;
         let text = std::str::from_utf8(&self.window.text()[..bytes]).map(str::to_owned);
         let text = text.map_err(|_| {
@@ -332,8 +337,9 @@ impl CsvFeatureSource {
         }
         let found = self.row.len();
         if found > 0 && found != self.count {
-            let message = format!("has {found} columns, where the first line has {}", self.count);
-            return Err(self.bad(message).remedy("mend the line"));
+            let message =
+                format!("has {found} columns, expected {} as in the first line", self.count);
+            return Err(self.bad(message).remedy("correct the line"));
         }
         Ok(true)
     }
@@ -378,13 +384,13 @@ impl CsvFeatureSource {
                     (state, '\r') if is_end => state,
                     (_, '\r') => {
                         return Err(self
-                            .bad("has a carriage return within it")
-                            .remedy("mend the line"));
+                            .bad("carriage return inside the line")
+                            .remedy("correct the line"));
                     }
                     (CsvCellState::Closed, ' ') => CsvCellState::Closed,
                     (CsvCellState::Closed, _) => {
                         return Err(self
-                            .bad("something follows a quotation mark in its cell")
+                            .bad("text after the closing quotation mark of a value")
                             .remedy(QUOTING));
                     }
                     (CsvCellState::Plain, '"') if cell.trim().is_empty() => {
@@ -393,7 +399,7 @@ impl CsvFeatureSource {
                     }
                     (CsvCellState::Plain, '"') => {
                         return Err(self
-                            .bad("a quotation mark is within a cell that has none before")
+                            .bad("quotation mark inside an unquoted value")
                             .remedy(QUOTING));
                     }
                     (CsvCellState::Plain, c) => {
@@ -405,7 +411,7 @@ impl CsvFeatureSource {
             if state != CsvCellState::Open {
                 break;
             }
-            limits::check("bytes of a value", cell.len() as u64, MOST_LINE)
+            limits::check("value length in bytes", cell.len() as u64, MOST_LINE)
                 .map_err(|_| self.not_closed())?;
             self.broken += u64::from(!cell.contains('\n'));
             cell.push('\n');
@@ -422,7 +428,8 @@ impl CsvFeatureSource {
     }
 
     fn not_closed(&self) -> Error {
-        self.bad("a quotation mark is not closed").remedy("close it, or double one that is text")
+        self.bad("quotation mark is not closed")
+            .remedy("close the quotation, or double a literal quotation mark")
     }
 
     fn cell(&self, column: Option<usize>) -> Option<&str> {
@@ -457,12 +464,13 @@ impl CsvFeatureSource {
     fn number(&self, name: &str, at: usize) -> Result<f64> {
         let Some(cell) = self.row.get(at) else {
             let count = self.row.len();
-            return Err(self.bad(format!("has {count} columns, and {name} is column {}", at + 1)));
+            return Err(self.bad(format!("has {count} columns, but {name} is column {}", at + 1)));
         };
         let value = number::whole(cell.as_bytes()).filter(|value| value.is_finite());
         value.ok_or_else(|| {
             let cell: String = cell.trim().chars().take(40).collect();
-            self.bad(format!("{name} is no finite number: {cell:?}")).remedy("take the line out")
+            self.bad(format!("{name} is not a finite number: {cell:?}"))
+                .remedy("correct or remove the line")
         })
     }
 
@@ -521,19 +529,19 @@ mod tests {
     #[test]
     fn what_is_no_number_is_told_with_its_line() {
         for (text, told) in [
-            ("x,y\n1,2\nnan,3\n", "line 3: x is no finite number: \"nan\""),
-            ("x,y\n1,\n", "line 2: y is no"),
+            ("x,y\n1,2\nnan,3\n", "line 3: x is not a finite number: \"nan\""),
+            ("x,y\n1,\n", "line 2: y is not"),
             ("x,y\n1,1e999\n", "line 2"),
             ("x,y\n1\n", "line 2: has 1 columns"),
-            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, where the first line has 2"),
-            ("1 2 3\n1 2\n", "line 2: has 2 columns, where the first line has 3"),
-            ("x,y\n6\r1,2\n", "line 2: has a carriage return"),
-            ("x,y\n8\"9\",2\n", "line 2: a quotation mark is within a cell"),
-            ("x,y\n\"8\"9,2\n", "line 2: something follows a quotation mark"),
-            ("a,b\n1,2\n", "no columns x and y"),
-            ("1,2,3,4,5\n", "5 columns without names"),
-            ("x,y\n\"1,2\n", "line 2: a quotation mark"),
-            ("\n\n", "holds no rows"),
+            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, expected 2"),
+            ("1 2 3\n1 2\n", "line 2: has 2 columns, expected 3"),
+            ("x,y\n6\r1,2\n", "line 2: carriage return"),
+            ("x,y\n8\"9\",2\n", "line 2: quotation mark inside an unquoted value"),
+            ("x,y\n\"8\"9,2\n", "line 2: text after the closing quotation mark"),
+            ("a,b\n1,2\n", "columns x and y are missing"),
+            ("1,2,3,4,5\n", "5 columns without a header"),
+            ("x,y\n\"1,2\n", "line 2: quotation mark is not closed"),
+            ("\n\n", "contains no rows"),
         ] {
             let error = read(text).unwrap_err().to_string();
             assert!(error.contains(told), "{error}");

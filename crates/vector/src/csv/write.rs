@@ -54,10 +54,13 @@ impl FeatureSink for CsvFeatureSink {
                 | GeometryType::LineString
                 | GeometryType::MultiLineString
         ) {
-            return Err(Error::usage(format!("CSV holds points and lines, no {}", kind.name()))
-                .in_file(&self.path)
-                .at(place)
-                .remedy("write GeoJSON or FlatGeobuf"));
+            return Err(Error::usage(format!(
+                "CSV supports points and lines, not {}",
+                kind.name()
+            ))
+            .in_file(&self.path)
+            .at(place)
+            .remedy("write GeoJSON or FlatGeobuf"));
         }
         self.has_z |= feature.geometry.has_z();
         self.has_m |= feature.geometry.has_m();
@@ -76,7 +79,7 @@ impl FeatureSink for CsvFeatureSink {
         notes.append(&mut rows.notes);
         if numbers.is_none() {
             notes.push(format!(
-                "ids come more than once: features are numbered, and ids are in the column {}",
+                "ids are not unique: features are renumbered, original ids are in column {}",
                 own_name(&rows)
             ));
         }
@@ -93,14 +96,10 @@ impl FeatureSink for CsvFeatureSink {
             out.settle()?;
         }
         if empty > 0 {
-            notes.push(format!(
-                "{empty} features without a vertex are left out: CSV has a line for each vertex"
-            ));
+            notes.push(format!("{empty} empty features omitted: CSV stores one row per vertex"));
         }
         if single > 0 {
-            notes.push(format!(
-                "{single} lines of one vertex are read again as points: CSV has a row for each"
-            ));
+            notes.push(format!("{single} lines of one vertex will be read back as points"));
         }
         let (path, mut bytes) = out.commit()?;
         let mut files = vec![path];

@@ -61,13 +61,15 @@ impl TextEncoding {
                 let text = encoding.decode_without_bom_handling_and_without_replacement(bytes);
                 text.ok_or_else(|| {
                     let name = encoding.name();
-                    Error::bad_input(format!("a text is not {name}, as the .cpg has it"))
-                        .remedy("correct the .cpg: it may be ISO-8859-1")
+                    Error::bad_input(format!(
+                        "text is not valid {name}, the encoding declared in the .cpg"
+                    ))
+                    .remedy("correct the encoding in the .cpg, for example ISO-8859-1")
                 })
             }
             (Self::Other(name), _) => {
-                Err(Error::unsupported(format!("texts in {name:?} are not supported"))
-                    .remedy("write the file anew in UTF-8: ogr2ogr -lco ENCODING=UTF-8"))
+                Err(Error::unsupported(format!("text encoding {name:?} is not supported"))
+                    .remedy("convert the file to UTF-8: ogr2ogr -lco ENCODING=UTF-8"))
             }
         }
     }

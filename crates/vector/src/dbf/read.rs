@@ -56,10 +56,10 @@ impl DbfReader {
             columns.push((description[11].to_ascii_uppercase(), end));
             schema.push(field(description, &encoding)?);
         }
-        limits::check("fields of a table", schema.len() as u64, limits::MAX_FIELDS)?;
+        limits::check("number of table fields", schema.len() as u64, limits::MAX_FIELDS)?;
         if end as u64 > record_bytes {
             return Err(Error::bad_input(format!(
-                "its fields take {end} bytes and its records {record_bytes}"
+                "fields take {end} bytes, more than the record length of {record_bytes}"
             )));
         }
         let path = path.to_path_buf();
@@ -94,10 +94,10 @@ impl DbfReader {
     fn try_get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         if record >= self.records {
             return Err(Error::bad_input(format!(
-                "has {} records, and there are more shapes than that",
+                "has {} records, fewer than the .shp has shapes",
                 self.records
             ))
-            .remedy("mend the pair, or take the .dbf away: there are no properties then"));
+            .remedy("repair the files, or move the .dbf away to read geometries only"));
         }
         let offset = self.header_bytes + record * self.record_bytes;
         let bytes = self.pages.get(offset, self.record_bytes)?;
@@ -137,7 +137,7 @@ fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinit
         other => {
             let other = char::from(other);
             return Err(Error::unsupported(format!("fields of type {other:?} are not supported"))
-                .remedy("take the .dbf away: there are no properties then"));
+                .remedy("move the .dbf away to read geometries only"));
         }
     };
     Ok(FieldDefinition { name, kind, width: Some(width), decimals: Some(decimals) })
@@ -156,7 +156,7 @@ fn value(
     let plain = &bytes[bytes.iter().take_while(|byte| blank(byte)).count()..];
     let wrong = |what: &str| {
         let text: String = String::from_utf8_lossy(plain).chars().take(40).collect();
-        Error::bad_input(format!("{text:?} is no {what}"))
+        Error::bad_input(format!("{text:?} is not a {what}"))
     };
     match kind {
         b'C' if bytes.is_empty() => Ok(PropertyValue::Null),
@@ -170,7 +170,7 @@ fn value(
         b'D' => match plain {
             b"" | b"00000000" => Ok(PropertyValue::Null),
             _ => date(plain).map(PropertyValue::Date).ok_or_else(|| {
-                wrong("date of the calendar (YYYYMMDD)").remedy("correct it, or clear the field")
+                wrong("valid date (YYYYMMDD)").remedy("correct the date, or clear the field")
             }),
         },
         // Asterisks are what dBASE writes where a number does not fit.

@@ -47,12 +47,12 @@ impl DbfTablePlan {
             fields.push(plan(column, name)?);
         }
         if !renamed.is_empty() {
-            notes.push(format!("names of fields have ten bytes at most: {}", renamed.join(", ")));
+            notes.push(format!("field names truncated to 10 bytes: {}", renamed.join(", ")));
         }
         let record = 1 + fields.iter().map(|field| field.width).sum::<usize>();
         let header = HEADER_BYTES as usize * (fields.len() + 1) + 1;
         if record.max(header) > usize::from(u16::MAX) {
-            let message = format!("{} properties are too many or too wide for dBASE", fields.len());
+            let message = format!("{} properties exceed the record size of dBASE", fields.len());
             return Err(
                 Error::new(ErrorKind::CannotWrite, message).remedy("write FlatGeobuf or GeoJSON")
             );
@@ -72,7 +72,10 @@ fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
         (1..10_000).map(|n| format!("_{n}")).map(|tail| format!("{}{tail}", cut(10 - tail.len()))),
     );
     names.into_iter().find(|name| is_free(name) && !name.is_empty()).ok_or_else(|| {
-        Error::new(ErrorKind::CannotWrite, format!("no name of ten bytes is left for {name:?}"))
+        Error::new(
+            ErrorKind::CannotWrite,
+            format!("no unique field name of 10 bytes is available for {name:?}"),
+        )
     })
 }
 
@@ -121,7 +124,7 @@ pub(crate) fn write(
             field_text(field, &value, &mut text);
             if text.len() > field.width {
                 let (name, width) = (&field.name, field.width);
-                let message = format!("field {name:?}: a value takes more than {width} bytes");
+                let message = format!("field {name:?}: value exceeds {width} bytes");
                 return Err(Error::new(ErrorKind::CannotWrite, message)
                     .at(format!("feature {}", record + 1))
                     .remedy("write FlatGeobuf or GeoJSON"));

@@ -37,7 +37,7 @@ pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
         TEXT | BINARY => Ok(FieldKind::Text),
         JSON => Ok(FieldKind::Json),
         DATE_TIME => Ok(FieldKind::DateTime),
-        _ => Err(Error::unsupported(format!("columns of type {code} are not supported"))),
+        _ => Err(Error::unsupported(format!("column type {code} is not supported"))),
     }
 }
 
@@ -55,7 +55,10 @@ pub(super) fn properties(
     while !bytes.0.is_empty() {
         let column = usize::from(bytes.u16()?);
         let code = types.get(column).ok_or_else(|| {
-            Error::bad_input(format!("a property of column {column}, of {}", types.len()))
+            Error::bad_input(format!(
+                "property of column {column}, but the file has {} columns",
+                types.len()
+            ))
         })?;
         has_binary |= *code == BINARY;
         found.0[column].1 = value(*code, &mut bytes)?;
@@ -91,7 +94,7 @@ fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
                 return Ok(PropertyValue::Null);
             }
             let text = std::str::from_utf8(taken);
-            let text = text.map_err(|_| Error::bad_input("a text is not UTF-8"))?.to_owned();
+            let text = text.map_err(|_| Error::bad_input("text is not UTF-8"))?.to_owned();
             match code {
                 JSON => PropertyValue::Json(sound(text)?),
                 DATE_TIME if is_date(&text) => PropertyValue::Date(text),
@@ -106,7 +109,7 @@ fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
 fn sound(json: String) -> Result<String> {
     match serde_json::from_str::<serde::de::IgnoredAny>(&json) {
         Ok(_) => Ok(crate::json::compact(&json)),
-        Err(e) => Err(Error::bad_input(format!("a property is not JSON: {e}"))),
+        Err(e) => Err(Error::bad_input(format!("property is not JSON: {e}"))),
     }
 }
 

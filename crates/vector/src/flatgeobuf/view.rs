@@ -13,7 +13,7 @@ pub(super) struct FlatbufferTable<'a> {
 }
 
 fn damaged() -> Error {
-    Error::bad_input("a table points outside of itself").remedy("copy or make the file again")
+    Error::bad_input("offset outside its table").remedy("copy or recreate the file")
 }
 
 fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N]> {
@@ -80,7 +80,7 @@ impl<'a> FlatbufferTable<'a> {
             return Ok(None);
         }
         let text = std::str::from_utf8(self.list(slot, 1)?);
-        text.map(Some).map_err(|_| Error::bad_input("a text is not UTF-8"))
+        text.map(Some).map_err(|_| Error::bad_input("text is not UTF-8"))
     }
 
     pub(super) fn table(&self, slot: usize) -> Result<Option<FlatbufferTable<'a>>> {

@@ -62,10 +62,12 @@ impl FeatureSink for FlatGeobufSink {
         let too_large = |message: &str| {
             Error::new(ErrorKind::CannotWrite, message)
                 .in_file(&this.path)
-                .remedy("write GeoJSON, or divide it")
+                .remedy("write GeoJSON, or split the output")
         };
         if u32::try_from(rows.len()).is_err() || rows.columns.len() > usize::from(u16::MAX) {
-            return Err(too_large("more features or properties than a FlatGeobuf can hold"));
+            return Err(too_large(
+                "number of features or properties exceeds the limits of FlatGeobuf",
+            ));
         }
         let form = this.shape.form();
         rows.notes.extend(this.shape.notes());
@@ -84,7 +86,8 @@ impl FeatureSink for FlatGeobufSink {
             is_indexed,
             crs: &this.crs,
         };
-        let header = head.bytes().ok_or_else(|| too_large("its header is too long"))?;
+        let header =
+            head.bytes().ok_or_else(|| too_large("header exceeds the limits of FlatGeobuf"))?;
         let mut out = this.out;
         let kinds: Vec<FieldKind> =
             rows.columns.iter().map(|column| column.kind.unwrap_or(FieldKind::Text)).collect();
@@ -93,7 +96,7 @@ impl FeatureSink for FlatGeobufSink {
         let mut encode = |row: u32| -> Result<Vec<u8>> {
             let bytes = feature(&rows.get(row as usize)?, &kinds, form);
             bytes.ok_or_else(|| {
-                too_large("a feature takes more than 4 GiB").at(format!("feature {}", row + 1))
+                too_large("feature exceeds 4 GiB").at(format!("feature {}", row + 1))
             })
         };
         out.buffer.extend_from_slice(&MAGIC);
@@ -196,16 +199,14 @@ impl GeometryTally {
         {
             if there && with < self.placed {
                 let count = self.placed - with;
-                notes.push(format!(
-                    "{count} features without {what} have NaN for them, as others have some"
-                ));
+                notes.push(format!("{count} features without {what} are written with NaN"));
             }
         }
         let single = [GeometryType::Point, GeometryType::LineString, GeometryType::Polygon];
         for kind in single.into_iter().filter(|k| several(*k) == form.kind && self.count(*k) > 0) {
             let (count, name, more) = (self.count(kind), kind.name(), form.kind.name());
             notes.push(format!(
-                "{count} {name} features are {more} of one, as a layer with {has_more} has one type"
+                "{count} {name} features are written as {more}: a layer with {has_more} has one geometry type"
             ));
         }
         let kinds = self
@@ -215,8 +216,7 @@ impl GeometryTally {
             .filter(|(n, k)| **n > 0 && *k != GeometryType::Null);
         if form.kind == GeometryType::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
             notes.push(format!(
-                "several types of geometry in a layer with {has_more}: some programs do not open \
-                 that; write a file for each type"
+                "mixed geometry types in a layer with {has_more}: some programs cannot open it; write one file per type"
             ));
         }
         notes

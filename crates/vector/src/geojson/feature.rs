@@ -32,7 +32,7 @@ impl GeoJsonFeatureReader {
                     }
                     is_feature = kind == "Feature";
                     if !is_feature {
-                        return Err(cursor.bad(format!("type {:?} is no feature", short(&kind))));
+                        return Err(cursor.bad(format!("type {:?} is not Feature", short(&kind))));
                     }
                 }
                 "geometry" => feature.geometry = geometry(&mut cursor, 0)?,
@@ -41,7 +41,7 @@ impl GeoJsonFeatureReader {
                 _ => {
                     is_geometry |= matches!(&*name, "coordinates" | "geometries");
                     let count = feature.foreign.len() as u64;
-                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
+                    limits::check("number of members of a feature", count, limits::MAX_FIELDS)?;
                     feature.foreign.push(member(&name, &mut cursor)?);
                 }
             }
@@ -49,7 +49,7 @@ impl GeoJsonFeatureReader {
         match (is_feature, is_geometry) {
             (true, _) => Ok(feature),
             (false, true) => bare(text, base),
-            (false, false) => Err(cursor.bad("an object has no known type")),
+            (false, false) => Err(cursor.bad("object has no known type")),
         }
     }
 
@@ -59,7 +59,7 @@ impl GeoJsonFeatureReader {
         if cursor.peek() != Some(b'{') {
             return match cursor.value()? {
                 JsonToken::Null => Ok(properties),
-                _ => Err(cursor.bad("properties are no object")),
+                _ => Err(cursor.bad("properties are not an object")),
             };
         }
         cursor.expect(b'{')?;
@@ -67,7 +67,7 @@ impl GeoJsonFeatureReader {
         let mut is_first = true;
         while let Some(name) = cursor.member(&mut is_first)? {
             let at = properties.0.len();
-            limits::check("properties of a feature", at as u64, limits::MAX_FIELDS)?;
+            limits::check("number of properties of a feature", at as u64, limits::MAX_FIELDS)?;
             let known = self.names.get(at).filter(|known| ***known == *name);
             let name = known.cloned().unwrap_or_else(|| Arc::from(&*name));
             properties.0.push((name, value(cursor.value()?)));
@@ -100,7 +100,7 @@ pub(crate) fn id(cursor: &mut JsonCursor<'_>) -> Result<Option<Id>> {
         PropertyValue::Int(id) => Ok(Some(Id::Int(id))),
         PropertyValue::Real(id) => Ok(Some(Id::Real(id))),
         PropertyValue::Text(id) => Ok(Some(Id::Text(id))),
-        _ => Err(cursor.bad("an id is neither a number nor a text")),
+        _ => Err(cursor.bad("id is neither a number nor a string")),
     }
 }
 
@@ -134,7 +134,7 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
     if cursor.peek() != Some(b'{') {
         return match cursor.value()? {
             JsonToken::Null => Ok(Geometry::null()),
-            _ => Err(cursor.bad("a geometry is no object")),
+            _ => Err(cursor.bad("geometry is not an object")),
         };
     }
     cursor.expect(b'{')?;
@@ -146,7 +146,9 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
                 let name = cursor.string()?;
                 kind = GeometryType::by_name(&name);
                 if kind.is_none() {
-                    return Err(cursor.bad(format!("type {:?} is no geometry", short(&name))));
+                    return Err(
+                        cursor.bad(format!("type {:?} is not a geometry type", short(&name)))
+                    );
                 }
             }
             "coordinates" => coordinates = Some(cursor.coordinates()?),
@@ -154,7 +156,7 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
             _ => _ = cursor.value()?,
         }
     }
-    let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
+    let missing = |what: &str| cursor.bad(format!("geometry lacks {what}"));
     match (kind.ok_or_else(|| missing("type"))?, coordinates, members) {
         (GeometryType::Collection, _, members) => {
             Geometry::collection(members.ok_or_else(|| missing("geometries"))?)
@@ -172,7 +174,11 @@ fn geometries(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Vec<Geometry>> 
     let (mut is_first, mut members) = (true, Vec::new());
     while cursor.item(&mut is_first)? {
         let count = members.len() as u64;
-        limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+        limits::check(
+            "number of members of a geometry collection",
+            count,
+            limits::MAX_COLLECTION_MEMBERS,
+        )?;
         members.push(geometry(cursor, depth + 1)?);
     }
     Ok(members)
@@ -190,7 +196,7 @@ pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Resu
     if found == deep || found == 0 {
         return Ok(());
     }
-    Err(format!("positions are {found} lists deep, and {deep} in a {}", kind.name()))
+    Err(format!("coordinates are nested {found} deep, expected {deep} for {}", kind.name()))
 }
 
 /// Enough of a word to recognise it by.
@@ -200,5 +206,5 @@ pub(crate) fn short(text: &str) -> String {
 
 /// A feature that is no object.
 pub(super) fn no_object(place: u64) -> Error {
-    Error::bad_input(format!("byte {place}: a feature is missing, or a comma too many"))
+    Error::bad_input(format!("byte {place}: missing feature or extra comma"))
 }

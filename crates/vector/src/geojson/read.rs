@@ -25,7 +25,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     };
     source.go_on()?;
     if source.objects == 0 {
-        return Err(Error::bad_input("holds no JSON object"));
+        return Err(Error::bad_input("contains no JSON object"));
     }
     Ok(Box::new(source))
 }
@@ -136,7 +136,7 @@ impl GeoJsonSource {
             }
             Some(_) => {
                 let place = self.window.offset();
-                return Err(Error::bad_input(format!("byte {place}: is not a JSON object")));
+                return Err(Error::bad_input(format!("byte {place}: not a JSON object")));
             }
         }
         Ok(())
@@ -185,7 +185,7 @@ impl GeoJsonSource {
                 _ => {}
             }
             let end = self.value_end(value)?;
-            limits::check("bytes of a header", end as u64, limits::MAX_HEADER_BYTES)?;
+            limits::check("header size in bytes", end as u64, limits::MAX_HEADER_BYTES)?;
             let base = self.window.offset() + value as u64;
             let mut cursor = JsonCursor::new(&self.window.text()[value..end], base);
             foreign.push(feature::member(&name, &mut cursor)?);
@@ -214,7 +214,7 @@ impl GeoJsonSource {
         let found = crs::of_member(json);
         if self.objects == 1 && !is_behind {
             if found.epsg.is_none() {
-                let what = "the CRS is named in a way that is not known";
+                let what = "CRS name is not recognised";
                 self.notes.push(format!("{what}: {}", feature::short(json)));
             }
             self.layer.crs = found;
@@ -223,8 +223,8 @@ impl GeoJsonSource {
         if found.agrees(&self.layer.crs) {
             return Ok(());
         }
-        Err(Error::unsupported("the \"crs\" member stands behind features that it is to apply to")
-            .remedy("move it to the front of the collection"))
+        Err(Error::unsupported("\"crs\" member follows the features")
+            .remedy("move it before the features"))
     }
 
     /// True where a feature is next in the list; its end is passed over.
@@ -278,7 +278,7 @@ impl GeoJsonSource {
                 None => return Err(self.damaged(end)),
             }
             let bytes = (end - at) as u64;
-            limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+            limits::check("header size in bytes", bytes, limits::MAX_HEADER_BYTES)?;
         }
     }
 
@@ -305,7 +305,7 @@ impl GeoJsonSource {
                     }
                     end += 1;
                     let bytes = (end - at) as u64;
-                    limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+                    limits::check("header size in bytes", bytes, limits::MAX_HEADER_BYTES)?;
                 }
                 Ok(end)
             }
@@ -315,7 +315,7 @@ impl GeoJsonSource {
     fn damaged(&self, at: usize) -> Error {
         let place = self.window.offset() + at as u64;
         let is_end = self.window.text().len() <= at;
-        let what = if is_end { "the text ends too early" } else { "is not JSON" };
-        Error::bad_input(format!("byte {place}: {what}")).remedy("copy or make the file again")
+        let what = if is_end { "unexpected end of file" } else { "not valid JSON" };
+        Error::bad_input(format!("byte {place}: {what}")).remedy("copy or recreate the file")
     }
 }

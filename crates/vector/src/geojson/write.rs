@@ -59,18 +59,18 @@ impl GeoJsonSink {
         };
         let mut notes = Vec::new();
         if !layer.crs.is_named() {
-            let what = "programs will take coordinates for longitude and latitude on WGS 84";
-            notes.push(format!("the CRS is not known, and {what}"));
+            let what = "readers will assume longitude and latitude in WGS 84";
+            notes.push(format!("CRS is unknown: {what}"));
         }
         if !crs::is_wgs84(&layer.crs) {
             let is_beside = prj.as_ref().is_some_and(|prj| prj.place().is_some());
             let how = match (is_held, is_beside) {
-                (true, _) => "named in a \"crs\" member, as before RFC 7946",
-                (false, true) => "named in a .prj file beside it",
-                (false, false) => "not named in it",
+                (true, _) => "declared in a \"crs\" member (GeoJSON 2008)",
+                (false, true) => "declared in a .prj sidecar",
+                (false, false) => "not declared",
             };
             let label = layer.crs.label();
-            notes.push(format!("coordinates are in {label}, not in WGS 84; the CRS is {how}"));
+            notes.push(format!("coordinates are in {label}, not WGS 84; the CRS is {how}"));
         }
         Ok(Self { out, prj, is_collection, features: 0, measured: 0, notes })
     }
@@ -127,7 +127,7 @@ impl FeatureSink for GeoJsonSink {
         }
         if self.measured > 0 {
             let count = self.measured;
-            let what = "are left out: GeoJSON holds them behind heights only";
+            let what = "omitted: GeoJSON stores measures only after heights";
             self.notes.push(format!("measures (m) of {count} features {what}"));
         }
         let (path, mut bytes) = self.out.commit()?;

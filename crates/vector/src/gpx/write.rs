@@ -41,14 +41,18 @@ pub(super) fn create(
     options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     if !crs::is_wgs84(&layer.crs) && layer.crs.geographic != Some(true) {
-        let message = format!("GPX is in longitude and latitude, not in {}", layer.crs.label());
+        let message =
+            format!("GPX requires longitude and latitude, input is in {}", layer.crs.label());
         return Err(Error::usage(message)
             .in_file(path)
             .remedy("reproject the input first: ogr2ogr -t_srs EPSG:4326"));
     }
     let mut notes = Vec::new();
     if !crs::is_wgs84(&layer.crs) {
-        notes.push(format!("coordinates are in {}, and GPX means WGS 84", layer.crs.label()));
+        notes.push(format!(
+            "coordinates are in {}, but readers of GPX assume WGS 84",
+            layer.crs.label()
+        ));
     }
     let mut out = VectorOutputFile::create(path, options.overwrite)?;
     out.buffer.extend_from_slice(HEAD.as_bytes());
@@ -101,12 +105,12 @@ impl FeatureSink for GpxSink {
         let mut notes = self.notes;
         if self.measured > 0 {
             let count = self.measured;
-            notes.push(format!("measures (m) of {count} features are left out: they are no times"));
+            notes.push(format!("measures (m) of {count} features omitted: they are not times"));
         }
         if self.with_more > 0 {
             let count = self.with_more;
             notes.push(format!(
-                "ids and properties without a place in GPX are left out, of {count} features"
+                "ids and properties of {count} features that GPX cannot store omitted"
             ));
         }
         let (path, bytes) = self.out.commit()?;
@@ -154,7 +158,7 @@ impl GpxSink {
             }
             kind => {
                 return Err(Error::usage(format!(
-                    "GPX holds points and lines, no {}",
+                    "GPX supports points and lines, not {}",
                     kind.name()
                 ))
                 .remedy("write GeoJSON or FlatGeobuf"));
@@ -200,7 +204,8 @@ impl GpxElementWriter<'_> {
     fn begin(&mut self, part: &GeometryPart<'_>, at: usize, name: &str) -> Result<()> {
         let [lon, lat] = part.xy[at];
         if !(-90.0..=90.0).contains(&lat) || !(-180.0..=180.0).contains(&lon) {
-            let message = format!("vertex {at}: {lon}, {lat} is no longitude and latitude");
+            let message =
+                format!("vertex {at}: {lon}, {lat} is not a valid longitude and latitude");
             return Err(Error::usage(message).remedy("reproject the input to EPSG:4326 first"));
         }
         let text = &mut *self.text;

@@ -22,11 +22,11 @@ impl JsonCursor<'_> {
                     self.advance(1);
                     open += 1;
                     if open > MOST_DEPTH {
-                        return Err(self.bad("coordinates are nested too deep"));
+                        return Err(self.bad("coordinates are nested too deeply"));
                     }
                     if matches!(self.peek(), Some(b'-' | b'0'..=b'9')) {
                         if deep != 0 && deep != open {
-                            return Err(self.bad("positions are not at one depth"));
+                            return Err(self.bad("positions are nested at different depths"));
                         }
                         deep = open;
                         self.position(&mut found)?;
@@ -37,7 +37,7 @@ impl JsonCursor<'_> {
                         continue;
                     }
                 }
-                _ => return Err(self.bad("a list or number is missing in coordinates")),
+                _ => return Err(self.bad("array or number expected in coordinates")),
             }
             // After an item: lists that end here, and a comma before the next item.
             loop {
@@ -83,7 +83,7 @@ impl JsonCursor<'_> {
     fn coordinate(&mut self) -> Result<f64> {
         self.peek();
         let Some((value, bytes)) = number::leading(self.rest()) else {
-            return Err(self.bad("a number is missing in a position"));
+            return Err(self.bad("number expected in a position"));
         };
         self.advance(bytes);
         Ok(value)

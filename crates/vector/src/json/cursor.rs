@@ -105,14 +105,14 @@ impl<'a> JsonCursor<'a> {
     /// A string.
     pub(crate) fn string(&mut self) -> Result<Cow<'a, str>> {
         if self.peek() != Some(b'"') {
-            return Err(self.bad("a string is missing"));
+            return Err(self.bad("string expected"));
         }
         let rest = self.rest();
         let end = rest[1..].iter().position(|&b| b == b'"' || b == b'\\').map(|end| end + 1);
         match end {
             Some(end) if rest[end] == b'"' => {
                 let text = std::str::from_utf8(&rest[1..end]);
-                let text = text.map_err(|_| self.bad("a string is not UTF-8"))?;
+                let text = text.map_err(|_| self.bad("string is not UTF-8"))?;
                 self.at += end + 1;
                 Ok(Cow::Borrowed(text))
             }
@@ -132,10 +132,10 @@ impl<'a> JsonCursor<'a> {
             }
         }
         if end >= rest.len() {
-            return Err(self.bad("a string does not end"));
+            return Err(self.bad("unterminated string"));
         }
         let text: String = serde_json::from_slice(&rest[..=end])
-            .map_err(|e| self.bad(format!("a string is not JSON: {e}")))?;
+            .map_err(|e| self.bad(format!("string is not valid JSON: {e}")))?;
         self.at += end + 1;
         Ok(Cow::Owned(text))
     }
@@ -162,7 +162,7 @@ impl<'a> JsonCursor<'a> {
             Ok(IgnoredAny) => Ok(json),
             Err(e) => {
                 self.at = start;
-                Err(self.bad(format!("is not JSON: {e}")))
+                Err(self.bad(format!("not valid JSON: {e}")))
             }
         }
     }
@@ -170,10 +170,10 @@ impl<'a> JsonCursor<'a> {
     /// The text of an object or list, which is not looked into.
     pub(crate) fn skip_nested(&mut self) -> Result<&'a str> {
         let open = self.peek().filter(|byte| matches!(byte, b'{' | b'['));
-        let open = open.ok_or_else(|| self.bad("an object or list is missing"))?;
+        let open = open.ok_or_else(|| self.bad("object or array expected"))?;
         let rest = self.rest();
         let end = JsonEndSearch::new(open).end(rest);
-        let end = end.ok_or_else(|| self.bad("an object or list does not end"))?;
+        let end = end.ok_or_else(|| self.bad("unterminated object or array"))?;
         let json = std::str::from_utf8(&rest[..end]);
         let json = json.map_err(|_| self.bad("text is not UTF-8"))?;
         self.at += end;
@@ -182,7 +182,7 @@ impl<'a> JsonCursor<'a> {
 
     fn literal(&mut self, word: &str, token: JsonToken<'a>) -> Result<JsonToken<'a>> {
         if !self.rest().starts_with(word.as_bytes()) {
-            return Err(self.bad("is not JSON: a value is missing"));
+            return Err(self.bad("not valid JSON: value expected"));
         }
         self.at += word.len();
         Ok(token)
@@ -199,7 +199,7 @@ impl<'a> JsonCursor<'a> {
                 self.at += end;
                 Ok(JsonToken::Number(number))
             }
-            _ => Err(self.bad("is not JSON: a value is missing")),
+            _ => Err(self.bad("not valid JSON: value expected")),
         }
     }
 

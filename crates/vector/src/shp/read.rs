@@ -29,7 +29,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     let table = sibling(path, "dbf").map(|path| dbf::DbfReader::open(&path)).transpose()?;
     let mut notes = Vec::new();
     if table.is_none() {
-        notes.push("has no .dbf file: there are no properties".to_owned());
+        notes.push(".dbf file is missing: features have no properties".to_owned());
     }
     let layer = LayerHeader {
         name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
@@ -54,7 +54,7 @@ fn sibling(path: &Path, extension: &str) -> Option<PathBuf> {
 fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     let header = shapes.get(0, HEADER_BYTES)?;
     if header[..4] != MAGIC {
-        return Err(Error::bad_input("is not a shapefile: it does not begin with the code 9994"));
+        return Err(Error::bad_input("is not a shapefile: file code is not 9994"));
     }
     let mut bytes = crate::pages::RecordBytes(&header[32..]);
     shape::ShapefileType::of_code(bytes.u32()?)?;
@@ -80,7 +80,7 @@ impl ShxIndex {
         if header[..4] != MAGIC {
             return Err(Error::bad_input("is not the index of a shapefile")
                 .in_file(path)
-                .remedy("delete it: the .shp is then read in its own order"));
+                .remedy("delete the .shx to read the .shp sequentially"));
         }
         let count = (pages.len() - HEADER_BYTES) / 8;
         Ok(Self { pages, count, path: path.to_path_buf() })
@@ -130,7 +130,7 @@ impl FeatureSource for ShapefileSource {
 
     fn notes(&self) -> Vec<String> {
         let deleted = self.table.as_ref().map_or(0, dbf::DbfReader::deleted);
-        let note = format!("{deleted} records are marked as deleted and left out");
+        let note = format!("{deleted} records marked as deleted omitted");
         self.notes.iter().cloned().chain((deleted > 0).then_some(note)).collect()
     }
 }
@@ -146,11 +146,10 @@ impl ShapefileSource {
         }
         let offset = places.get(self.record)?;
         if offset < HEADER_BYTES || offset.saturating_add(12) > self.shapes.len() {
-            let message =
-                format!("places record {} at byte {offset}, outside the .shp", self.record);
+            let message = format!("offset {offset} of record {} is outside the .shp", self.record);
             return Err(Error::bad_input(message)
                 .in_file(&places.path)
-                .remedy("delete it: the .shp is then read in its own order"));
+                .remedy("delete the .shx to read the .shp sequentially"));
         }
         Ok(Some(offset))
     }

@@ -67,7 +67,7 @@ impl ShapefileType {
             GeometryType::LineString | GeometryType::MultiLineString => Ok(Some(ShapeType::Line)),
             GeometryType::Polygon | GeometryType::MultiPolygon => Ok(Some(ShapeType::Polygon)),
             GeometryType::Collection => {
-                Err(Error::usage("a Shapefile holds no geometry collections")
+                Err(Error::usage("Shapefile does not support geometry collections")
                     .remedy("write GeoJSON or FlatGeobuf"))
             }
         }
@@ -146,8 +146,8 @@ fn positions(
 fn check_heights(z: &[f64]) -> Result<()> {
     match z.iter().position(|z| !z.is_finite()) {
         None => Ok(()),
-        Some(at) => Err(Error::bad_input(format!("vertex {at}: its height is not finite"))
-            .remedy("give it numbers, or take the vertex or the feature out")),
+        Some(at) => Err(Error::bad_input(format!("vertex {at}: height is not finite"))
+            .remedy("correct the vertex, or remove it or the feature")),
     }
 }
 
@@ -164,8 +164,8 @@ fn ends(starts: &[u8], count: usize) -> Result<Vec<usize>> {
     let mut ends: Vec<usize> = starts.skip(1).chain(first.map(|_| count)).collect();
     let rises = ends.iter().try_fold(0, |last, &end| (last <= end && end <= count).then_some(end));
     if rises.is_none() || first.unwrap_or(0) != 0 || (first.is_none() && count > 0) {
-        let message = format!("its parts do not divide its {count} vertices");
-        return Err(Error::bad_input(message).remedy("mend the file, or take the feature out"));
+        let message = format!("part offsets do not match the {count} vertices");
+        return Err(Error::bad_input(message).remedy("repair the file, or remove the feature"));
     }
     ends.dedup();
     if ends.first() == Some(&0) {
@@ -183,7 +183,7 @@ pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>
         return Ok(());
     }
     if !coordinates.z.is_empty() && coordinates.z.iter().any(|z| z.is_nan()) {
-        let message = "some of its vertices have a height and some have none";
+        let message = "some vertices lack a height";
         return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
     }
     let turned = turned(geometry);
@@ -218,7 +218,7 @@ pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>
 pub(super) fn too_large() -> Error {
     Error::new(
         terrane_base::error::ErrorKind::CannotWrite,
-        "more than a Shapefile can hold (4 GiB)",
+        "output exceeds the 4 GiB limit of Shapefile",
     )
     .remedy("write FlatGeobuf or GeoJSON")
 }

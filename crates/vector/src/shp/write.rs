@@ -68,9 +68,7 @@ impl FeatureSink for ShapefileSink {
         notes.append(&mut rows.notes);
         if self.has_z && self.without_z > 0 {
             let count = self.without_z;
-            notes.push(format!(
-                "{count} features without heights have height 0, as others have some"
-            ));
+            notes.push(format!("{count} features without heights are written with height 0"));
         }
         let records = u32::try_from(rows.len()).map_err(|_| too_large())?;
         let path = self.path.clone();
@@ -105,7 +103,7 @@ impl ShapefileSink {
         let known = *self.base.get_or_insert(base);
         if known != base {
             let (found, kind) = (base.plural(), known.plural());
-            let message = format!("a Shapefile holds {kind} or {found}, not both");
+            let message = format!("Shapefile supports one geometry type, found {kind} and {found}");
             return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
         }
         self.has_z |= geometry.has_z();

@@ -30,7 +30,7 @@ impl TopoJsonArcs {
             // Empty arcs count too, so each is read by itself.
             let (deep, arc) = cursor.coordinates()?;
             if deep != 2 && deep != 0 {
-                return Err(cursor.bad("an arc is no list of positions"));
+                return Err(cursor.bad("arc is not an array of positions"));
             }
             let mut at = [0.0; 2];
             for [x, y] in arc.xy {

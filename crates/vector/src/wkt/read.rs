@@ -67,8 +67,8 @@ impl FeatureSource for WktSource {
         if let Some(code) = self.srid()?
             && self.srid != Some(code)
         {
-            let message = format!("SRID {code} is not that of the first geometry");
-            return Err(Error::unsupported(message).remedy("keep geometries of one CRS in a file"));
+            let message = format!("SRID {code} differs from the first geometry");
+            return Err(Error::unsupported(message).remedy("use one CRS per file"));
         }
         let geometry = self.geometry()?;
         if self.peek()? == Some(b';') {
@@ -125,18 +125,18 @@ impl WktSource {
         }
         self.window.advance(4);
         if !self.take(b'=')? {
-            return Err(self.bad("\"=\" is missing behind SRID"));
+            return Err(self.bad("\"=\" expected after SRID"));
         }
         self.peek()?;
         self.window.ensure(16)?;
         let digits = self.window.text().iter().take(16).take_while(|b| b.is_ascii_digit()).count();
         let code = std::str::from_utf8(&self.window.text()[..digits]).ok();
         let Some(code) = code.and_then(|code| code.parse().ok()) else {
-            return Err(self.bad("an SRID is no number"));
+            return Err(self.bad("SRID is not a number"));
         };
         self.window.advance(digits);
         if !self.take(b';')? {
-            return Err(self.bad("\";\" is missing behind SRID"));
+            return Err(self.bad("\";\" expected after SRID"));
         }
         // Zero stands for unknown.
         Ok(Some(code).filter(|code| *code != 0))
@@ -171,12 +171,16 @@ impl WktSource {
             while let Some(geometry) = done.take() {
                 let Some(members) = open.last_mut() else { return Ok(geometry) };
                 let count = members.len() as u64;
-                limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+                limits::check(
+                    "number of members of a geometry collection",
+                    count,
+                    limits::MAX_COLLECTION_MEMBERS,
+                )?;
                 members.push(geometry);
                 if self.take(b')')? {
                     done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
                 } else if !self.take(b',')? {
-                    return Err(self.bad("\",\" or \")\" is missing"));
+                    return Err(self.bad("\",\" or \")\" expected"));
                 }
             }
         }
@@ -187,8 +191,8 @@ impl WktSource {
         let word = self.word()?;
         let Some((kind, dimensions)) = keyword(&word) else {
             return Err(match word.as_str() {
-                "" => self.bad("a geometry is missing"),
-                word => self.bad(format!("{word:?} is no geometry that is known")),
+                "" => self.bad("geometry expected"),
+                word => self.bad(format!("unknown geometry type {word:?}")),
             });
         };
         self.window.advance(word.len());
@@ -230,14 +234,14 @@ impl WktSource {
                 Some(b'e' | b'E') if open > 0 && self.word()?.eq_ignore_ascii_case("EMPTY") => {
                     self.window.advance("EMPTY".len());
                 }
-                _ => return Err(self.bad("a position or \"(\" is missing")),
+                _ => return Err(self.bad("position or \"(\" expected")),
             }
             loop {
                 if self.take(b',')? {
                     break;
                 }
                 if !self.take(b')')? {
-                    return Err(self.bad("\",\" or \")\" is missing"));
+                    return Err(self.bad("\",\" or \")\" expected"));
                 }
                 if open == deep && !kind.is_points() {
                     found.end_part();
@@ -262,10 +266,10 @@ impl WktSource {
         loop {
             self.window.ensure(number::MOST_BYTES)?;
             let next = number::leading(self.window.text());
-            let (value, bytes) = next.ok_or_else(|| self.bad("a number is missing"))?;
+            let (value, bytes) = next.ok_or_else(|| self.bad("number expected"))?;
             self.window.advance(bytes);
             if count == numbers.len() {
-                return Err(self.bad("a position has more than four numbers"));
+                return Err(self.bad("position has more than four numbers"));
             }
             numbers[count] = value;
             count += 1;
@@ -277,7 +281,7 @@ impl WktSource {
         let dimensions = known.unwrap_or(WktDimensions { has_z: count > 2, has_m: count > 3 });
         let wanted = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
         if count != wanted || count < 2 {
-            return Err(self.bad(format!("a position has {count} numbers, not {wanted}")));
+            return Err(self.bad(format!("position has {count} numbers, expected {wanted}")));
         }
         let m = if dimensions.has_z { fourth } else { third };
         found.push([x, y], dimensions.has_z.then_some(third), dimensions.has_m.then_some(m));
