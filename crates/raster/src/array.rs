@@ -86,8 +86,8 @@ impl<'a> ArrayGrid<'a> {
         limits::check("number of columns", u64::from(width), limits::MAX_SIDE)?;
         limits::check("number of rows", u64::from(height), limits::MAX_SIDE)?;
         if count == 0 || count as u64 != u64::from(width) * u64::from(height) {
-            let message = format!("{count} samples are no {width} x {height}");
-            return Err(Error::usage(message).remedy("give as many as there are, row by row"));
+            let message = format!("{count} samples do not match a grid of {width} x {height}");
+            return Err(Error::usage(message).remedy("pass width x height samples, row by row"));
         }
         Ok(GridInfo::plain("array", width, height, S::TYPE))
     }

@@ -75,7 +75,9 @@ impl DtedHeader {
         let label = DtedText(&label);
         let dsi = DtedText(&dsi);
         if dsi.at(0, 3) != "DSI" {
-            return Err(Error::bad_input("there is no data set identification after the label"));
+            return Err(Error::bad_input(
+                "data set identification (DSI) is missing after the label",
+            ));
         }
         let (width, height) =
             (label.side("longitude lines", 47)?, label.side("latitude points", 51)?);
@@ -129,7 +131,7 @@ fn label_start(file: &RawFile) -> Result<u64> {
             break;
         }
     }
-    Err(Error::bad_input("is not DTED: there is no user header label (UHL) at its start"))
+    Err(Error::bad_input("is not DTED: user header label (UHL) is missing"))
 }
 
 /// Fields of fixed width.
@@ -145,7 +147,7 @@ impl DtedText<'_> {
     fn side(&self, name: &str, offset: usize) -> Result<u32> {
         match self.at(offset, 4).trim().parse() {
             Ok(count) if count >= 2 => Ok(count),
-            _ => Err(Error::bad_input(format!("{name} is not a number of at least 2"))),
+            _ => Err(Error::bad_input(format!("{name} is not an integer of 2 or more"))),
         }
     }
 
@@ -170,7 +172,7 @@ impl DtedText<'_> {
 }
 
 fn transform(label: &DtedText<'_>, width: u32, height: u32) -> Result<Affine> {
-    let bad = |what: &str| Error::bad_input(format!("its {what} is not readable"));
+    let bad = |what: &str| Error::bad_input(format!("invalid {what}"));
     let west = label.degrees(4).ok_or_else(|| bad("origin's longitude"))?;
     let south = label.degrees(12).ok_or_else(|| bad("origin's latitude"))?;
     // Where intervals are left out, a cell is one degree.
@@ -235,7 +237,7 @@ impl DtedColumns<'_> {
         limits::check("columns", count, limits::MAX_SIDE)?;
         match room - count * bytes {
             0 => Ok(count),
-            more => Err(Error::bad_input(format!("{more} bytes follow its last column"))
+            more => Err(Error::bad_input(format!("{more} extra bytes after the last column"))
                 .remedy("copy the file again")),
         }
     }
@@ -243,7 +245,7 @@ impl DtedColumns<'_> {
     fn truncated(&self) -> Error {
         let expected = self.header.data + self.record_bytes() * u64::from(self.header.width);
         Error::bad_input(format!(
-            "file is truncated: {} columns need {expected} bytes and it has {}",
+            "file is truncated: {} columns need {expected} bytes, found {}",
             self.header.width,
             self.file.size()
         ))
@@ -254,21 +256,19 @@ impl DtedColumns<'_> {
         let place = format!("column {}", i + 1);
         let (body, sum) = record.split_at(record.len() - CHECKSUM_BYTES);
         if body.first() != Some(&SENTINEL) {
-            return Err(Error::bad_input("it does not begin with the sentinel 0xAA").at(place));
+            return Err(Error::bad_input("sentinel 0xAA is missing").at(place));
         }
         let stored = sum.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
         let found = body.iter().fold(0, |sum: u32, byte| sum.wrapping_add(u32::from(*byte)));
         if stored != found {
-            return Err(Error::bad_input(format!(
-                "its checksum is {found}, not {stored} as stored"
-            ))
-            .at(place)
-            .remedy("copy the file again"));
+            return Err(Error::bad_input(format!("checksum is {found}, expected {stored}"))
+                .at(place)
+                .remedy("copy the file again"));
         }
         let column = u32::from(body[4]) << 8 | u32::from(body[5]);
         if column < least || column >= self.header.width {
             let message = format!(
-                "its longitude count is {column}, not one of {least} to {}",
+                "longitude count is {column}, expected {least} to {}",
                 self.header.width - 1
             );
             return Err(Error::bad_input(message).at(place));

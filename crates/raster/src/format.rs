@@ -92,8 +92,8 @@ pub(crate) fn some_band(band: u32, bands: u32) -> Result<()> {
         return Ok(());
     }
     let (noun, remedy) = match bands {
-        1 => ("band", "leave out ‹band›".to_owned()),
-        _ => ("bands", format!("give ‹band› 1 to {bands}")),
+        1 => ("band", "omit ‹band›".to_owned()),
+        _ => ("bands", format!("pass ‹band› 1 to {bands}")),
     };
     Err(Error::usage(format!("band {band} is out of range: the file has {bands} {noun}"))
         .remedy(remedy))

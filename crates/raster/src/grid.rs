@@ -180,10 +180,9 @@ impl GridInfo {
         }
         let [width, height] = [a.hypot(d), b.hypot(e)];
         Err(Error::unsupported(format!(
-            "cells of {width:e} x {height:e} are too small for positions near {x0}, {y0}: doubles do not tell \
-             them apart"
+            "cells of {width:e} x {height:e} near {x0}, {y0} are below the precision of double coordinates"
         ))
-        .remedy("place the grid nearer to 0: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
+        .remedy("move the grid closer to the origin: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
     }
 
     /// True when every height this grid can hold is exactly an `f32`, so that

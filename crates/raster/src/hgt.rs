@@ -123,7 +123,7 @@ fn shape(bytes: u64) -> Result<(u32, u32)> {
         let known = SHAPES.iter().map(|s| format!("{} ({} x {})", of(s), s.0, s.1));
         let known: Vec<String> = known.collect();
         Error::bad_input(format!(
-            "{bytes} bytes is not the length of an SRTM tile, which is one of {}",
+            "file size of {bytes} bytes does not match an SRTM tile; expected one of {}",
             known.join(", ")
         ))
     })

@@ -26,7 +26,7 @@ pub fn looks_like_nodata(lowest: f64, info: &GridInfo) -> Option<f64> {
 pub fn undeclared_nodata(samples: u64, stored: f64) -> String {
     let value = if stored < ABSURD { format!("{stored:e}") } else { stored.to_string() };
     let subject = if samples == 1 { "1 sample is" } else { &format!("{samples} samples are") };
-    format!("{subject} {value}, which looks like an undeclared nodata value; use ‹nodata› {value}")
+    format!("{subject} {value}, which looks like an undeclared nodata value; pass ‹nodata› {value}")
 }
 
 #[cfg(test)]

@@ -123,12 +123,12 @@ pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String
     }
     let packed = info.details.iter().find(|(name, _)| name == "heights");
     let remedy = match packed.map(|(_, packing)| packing.as_str()) {
-        Some("terrain-RGB") => "if the picture is terrarium, name it as terrarium:FILE",
-        Some("terrarium") => "if the picture is terrain-RGB, name it as terrain-rgb:FILE",
-        _ => "check the unit of heights, scale and offset, and ‹nodata›",
+        Some("terrain-RGB") => "for a terrarium image, pass terrarium:FILE",
+        Some("terrarium") => "for a terrain-RGB image, pass terrain-rgb:FILE",
+        _ => "check the height unit, scale, offset and ‹nodata›",
     };
     Some(format!(
-        "heights reach from {lowest} to {highest}, beyond those of terrain on Earth ({least} to {most}); {remedy}"
+        "heights range from {lowest} to {highest}, outside terrain on Earth ({least} to {most}); {remedy}"
     ))
 }
 
@@ -138,18 +138,18 @@ fn voids(samples: u64, valid: u64) -> Option<String> {
         return Some("all samples are void: there is no surface".to_owned());
     }
     let share = 100.0 * void as f64 / samples as f64;
-    (void > 0).then(|| format!("{void} samples are void, {share:.2} %: holes in the surface"))
+    (void > 0).then(|| format!("{void} samples are void ({share:.2} %): the surface has holes"))
 }
 
 fn unplaced(info: &GridInfo) -> Option<String> {
-    let text = "the file does not say where it lies: columns and rows stand in for x and y";
+    let text = "georeference is missing: columns and rows are used as x and y";
     (!info.georeferenced).then(|| text.to_owned())
 }
 
 fn no_crs(info: &GridInfo) -> Option<String> {
     let Crs { epsg, citation, wkt, geographic, .. } = &info.crs;
     let nameless = epsg.is_none() && citation.is_none() && wkt.is_none() && geographic.is_none();
-    let text = "the file does not name its coordinate system; neither will a mesh of it";
+    let text = "CRS is missing; outputs will have no CRS";
     (info.georeferenced && nameless).then(|| text.to_owned())
 }
 
@@ -168,7 +168,7 @@ fn mixed_units(info: &GridInfo) -> Option<String> {
 }
 
 fn vertical_unit_unknown(info: &GridInfo) -> Option<String> {
-    let text = "the file does not name the unit of its heights; the vertical error is in that unit";
+    let text = "height unit is missing; the vertical error is in the unit of the heights";
     info.crs.heights_unit().is_none().then(|| text.to_owned())
 }
 
@@ -198,19 +198,19 @@ fn cells_not_square(info: &GridInfo) -> Option<String> {
     let unit = info.crs.horizontal_unit();
     // Cell sizes are often rounded to six digits or so.
     ((ratio - 1.0).abs() > 1e-4)
-        .then(|| format!("cells are {width} x {height} {unit}: {ratio:.4} times as wide as high"))
+        .then(|| format!("cells are not square: {width} x {height} {unit} (ratio {ratio:.4})"))
 }
 
 fn rotated(info: &GridInfo) -> Option<String> {
     let map = &info.transform;
     let [row, column] = [map.d.atan2(map.a), map.e.atan2(map.b)].map(f64::to_degrees);
-    CellShape::of(info)
-        .is_turned()
-        .then(|| format!("rows run at {row:.4} degrees from the x axis and columns at {column:.4}"))
+    CellShape::of(info).is_turned().then(|| {
+        format!("grid is rotated: rows at {row:.4} degrees from the x axis, columns at {column:.4}")
+    })
 }
 
 fn south_up(info: &GridInfo) -> Option<String> {
-    let text = "the first row is the southernmost";
+    let text = "rows run from south to north";
     (info.transform.e > 0.0 && !CellShape::of(info).is_turned()).then(|| text.to_owned())
 }
 
@@ -220,7 +220,7 @@ fn mirrored(info: &GridInfo) -> Option<String> {
 }
 
 fn points(info: &GridInfo) -> Option<String> {
-    let text = "samples are points (PixelIsPoint): the bounds reach half a cell beyond them";
+    let text = "samples are points (PixelIsPoint): bounds extend half a cell beyond them";
     info.pixel_is_point.then(|| text.to_owned())
 }
 
@@ -232,14 +232,14 @@ fn several_bands(info: &GridInfo) -> Option<String> {
 fn scaled(info: &GridInfo) -> Option<String> {
     let (scale, offset, kind) = (info.scale, info.offset, info.sample_type.name());
     ((scale, offset) != (1.0, 0.0)).then(|| {
-        format!("heights are the stored {kind} x {scale} + {offset}; ‹nodata› is a stored value")
+        format!("heights are stored {kind} x {scale} + {offset}; ‹nodata› refers to stored values")
     })
 }
 
 fn impossible_nodata(info: &GridInfo) -> Option<String> {
     let (nodata, kind) = (info.nodata?, info.sample_type);
     (!can_hold(kind, nodata)).then(|| {
-        format!("the declared nodata value {nodata} is no {}: it makes no sample void", kind.name())
+        format!("declared nodata value {nodata} is not a valid {} and has no effect", kind.name())
     })
 }
 
@@ -259,8 +259,7 @@ fn can_hold(kind: SampleType, value: f64) -> bool {
 
 fn nodata_values_differ(info: &GridInfo) -> Option<String> {
     let (_, values) = info.details.iter().find(|(name, _)| name == NODATA_VALUES)?;
-    let text =
-        "files declare different nodata values, each of which makes samples of its own file void";
+    let text = "files declare different nodata values, each applied to its own file";
     Some(format!("{text}: {values}"))
 }
 
@@ -273,13 +272,12 @@ fn masks(info: &GridInfo) -> Option<String> {
     let (own, unused) = (named(MASK), named(UNUSED_MASKS));
     if let [count, ..] = unused[..] {
         return Some(format!(
-            "sources with masks that the VRT does not use: {count}; their masked samples are void, and GDAL reads \
-             heights there"
+            "sources with masks that the VRT does not use: {count}; masked samples are void, GDAL reads heights there"
         ));
     }
     (info.nodata.is_some() && !own.is_empty()).then(|| {
         format!(
-            "samples are void by the nodata value or by a mask ({}): GDAL goes by one of them",
+            "nodata value and mask ({}) both make samples void; GDAL applies only one of them",
             own.join(", ")
         )
     })
@@ -287,7 +285,7 @@ fn masks(info: &GridInfo) -> Option<String> {
 
 fn cells_too_small(info: &GridInfo) -> Option<String> {
     let text =
-        "cells are too small for positions in doubles at their place: no mesh or line can be made";
+        "cells are below the precision of double coordinates: meshes and lines are not supported";
     info.check_cells().is_err().then(|| text.to_owned())
 }
 
@@ -303,8 +301,7 @@ fn thin_strips(info: &GridInfo) -> Option<String> {
     (is_long && info.details.iter().any(packed)).then(|| {
         let lines = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
         format!(
-            "compressed strips of {lines} across {width} columns: any part decodes whole rows; to \
-             use it often, copy it with ‹terrane convert› and ‹format=store› first"
+            "compressed strips of {lines} across {width} columns: any window decodes whole rows; for repeated use, convert with ‹terrane convert› and ‹format=store› first"
         )
     })
 }

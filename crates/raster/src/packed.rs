@@ -25,7 +25,7 @@ use terrane_files::{self as file, RawFile};
 pub(super) const GZIP: RasterFormat = RasterFormat {
     name: "gzip",
     extensions: &["gz"],
-    about: "any of the formats above, packed: dem.asc.gz",
+    about: "any format above, compressed: dem.asc.gz",
     sniff: |head| head.starts_with(b"\x1f\x8b\x08"),
     open: |path, options| open(path, "gzip", unpack_gzip, options),
 };
@@ -34,7 +34,7 @@ pub(super) const GZIP: RasterFormat = RasterFormat {
 pub(super) const ZIP: RasterFormat = RasterFormat {
     name: "zip",
     extensions: &["zip"],
-    about: "one grid of any of the formats above, with the files beside it: dem.flt.zip",
+    about: "one grid of any format above, with its sidecars: dem.flt.zip",
     sniff: |head| head.starts_with(b"PK\x03\x04"),
     open: |path, options| open(path, "zip", unpack_zip, options),
 };
@@ -59,10 +59,10 @@ fn open(
     let folder = folder.map_err(cannot_unpack)?;
     let inner = unpack(&file, folder.path()).map_err(|e| e.in_file(path))?;
     if is_packed(&inner)? {
-        return Err(Error::unsupported("is packed twice").in_file(path));
+        return Err(Error::unsupported("is compressed twice").in_file(path));
     }
     if vrt::is_at(&inner)? {
-        return Err(Error::unsupported("holds a VRT, which names files beside it")
+        return Err(Error::unsupported("contains a VRT, whose source files are not in reach")
             .in_file(path)
             .remedy("unpack it"));
     }
@@ -144,7 +144,7 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
     for ending in SIDECARS {
         let Some(sidecar) = beside::sidecar(&unpacked, &[ending]) else { continue };
         let file = RawFile::open(&sidecar)?;
-        limits::check("bytes of a sidecar", file.size(), limits::MAX_HEADER_BYTES)
+        limits::check("sidecar size in bytes", file.size(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(&sidecar))?;
         let bytes = file.head(limits::MAX_HEADER_BYTES)?;
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
@@ -162,14 +162,14 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
 
 fn copy_file(from: &Path, to: &Path) -> Result<()> {
     let file = RawFile::open(from)?;
-    limits::check("bytes of a sidecar", file.size(), limits::MAX_UNPACKED_BYTES)
+    limits::check("sidecar size in bytes", file.size(), limits::MAX_UNPACKED_BYTES)
         .map_err(|e| e.in_file(from))?;
     copy(&mut file.reader(), file.size(), to, "sidecar").map(drop)
 }
 
 fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged_zip)?;
-    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
     let names = archive.file_names().map(|name| name.map(Cow::into_owned));
     let names = names.collect::<std::result::Result<Vec<String>, _>>().map_err(damaged_zip)?;
     let grid = the_grid(&names)?;
@@ -193,11 +193,11 @@ type Archive<'a> = ZipArchive<BufReader<file::RawFileReader<'a>>>;
 fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {
     let mut entry = archive.by_name(name).map_err(damaged_zip)?;
     let declared = entry.size();
-    limits::check(&format!("unpacked bytes of {name}"), declared, most)?;
+    limits::check(&format!("unpacked size of {name} in bytes"), declared, most)?;
     let copied = copy(&mut entry, declared + 1, target, "zip archive")?;
     if copied != declared {
         return Err(Error::bad_input(format!(
-            "damaged zip archive: {name} should unpack to {declared} bytes and does not"
+            "damaged zip archive: unpacked size of {name} is not {declared} bytes"
         )));
     }
     Ok(())
@@ -221,13 +221,13 @@ fn the_grid(names: &[String]) -> Result<&String> {
     }
     match grids.as_slice() {
         [grid] => Ok(grid),
-        [] => Err(Error::unsupported("zip archive without a grid of a known ending in it")
-            .remedy("such as .hgt, .asc, .tif or .flt with its .hdr")),
+        [] => Err(Error::unsupported("zip archive contains no grid of a known format")
+            .remedy("add a grid such as .hgt, .asc, .tif or .flt with its .hdr")),
         [first, second, ..] => Err(Error::unsupported(format!(
-            "zip archive with {} grids ({first}, {second}, ...)",
+            "zip archive contains {} grids ({first}, {second}, ...)",
             grids.len()
         ))
-        .remedy("unzip it and name one of them")),
+        .remedy("unzip it and pass one of them")),
     }
 }
 

@@ -128,10 +128,10 @@ pub(super) fn refuse_old(path: &Path) -> Result<()> {
     if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == PamMetadata::default()) {
         return Ok(());
     }
-    let message = "belongs to an earlier file and would be read with the new one";
+    let message = "sidecar of an earlier file exists and would apply to the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
         .in_file(&sidecar)
-        .remedy("remove it, or write to another name"))
+        .remedy("remove it, or choose another output name"))
 }
 
 fn is_plain(info: &GridInfo) -> bool {
@@ -140,10 +140,10 @@ fn is_plain(info: &GridInfo) -> bool {
 
 fn read(sidecar: &Path, band: u32) -> Result<PamMetadata> {
     let file = RawFile::open(sidecar)?;
-    limits::check("bytes of an .aux.xml file", file.size(), limits::MAX_VRT_BYTES)?;
+    limits::check("size of the .aux.xml file in bytes", file.size(), limits::MAX_VRT_BYTES)?;
     let mut xml = RasterXmlReader::new(BufReader::with_capacity(1 << 16, file.reader()));
     let said = PamMetadata::read(&mut xml, band);
-    said.map_err(|e| e.at(xml.place()).remedy("mend it, or move it away"))
+    said.map_err(|e| e.at(xml.place()).remedy("correct the file, or move it away"))
 }
 
 impl PamMetadata {
@@ -207,10 +207,10 @@ impl PamMetadata {
         info.offset = self.offset.unwrap_or(own.offset);
         if !is_plain(own) && (info.scale, info.offset) != (own.scale, own.offset) {
             return Err(Error::unsupported(format!(
-                "says that heights are stored x {} + {}, and the file says x {} + {}",
+                "scale {} and offset {} differ from {} and {} of the grid",
                 info.scale, info.offset, own.scale, own.offset
             ))
-            .remedy("move it away, or take out its scale and offset"));
+            .remedy("move the sidecar away, or remove its scale and offset"));
         }
         let name = sidecar.file_name().unwrap_or_default().to_string_lossy().into_owned();
         info.details.push(("sidecar".to_owned(), name));
@@ -226,7 +226,7 @@ fn place(node: &RasterXmlElement) -> Result<Affine> {
     let map = Affine::from_gdal(xml::geotransform(&node.text)?);
     match map.is_valid() {
         true => Ok(map),
-        false => Err(Error::bad_input("GeoTransform is not finite or has no area")),
+        false => Err(Error::bad_input("GeoTransform is not finite or singular")),
     }
 }
 

@@ -77,11 +77,12 @@ fn window(info: &GridInfo, [x0, y0, x1, y1]: [f64; 4]) -> Result<Rect> {
     let (row, height) = span(corners.map(|c| c[1]), info.height);
     let ordered = x0 <= x1 && y0 <= y1;
     if !ordered || width == 0 || height == 0 {
-        let message = format!("no cell lies inside the box {x0},{y0},{x1},{y1}");
+        let message = format!("box {x0},{y0},{x1},{y1} contains no cell");
         let [a, b] = extent(info);
         let extent = format!("{},{},{},{}", a[0], a[1], b[0], b[1]);
-        return Err(Error::usage(message)
-            .remedy(format!("give x min,y min,x max,y max; the grid covers {extent}")));
+        return Err(
+            Error::usage(message).remedy(format!("pass x min,y min,x max,y max within {extent}"))
+        );
     }
     Ok(Rect::new(col, row, width, height))
 }

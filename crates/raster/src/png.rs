@@ -20,7 +20,7 @@ use terrane_files::{self as file, RawFile};
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "8 and 16-bit gray; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
+    about: "8 and 16-bit grayscale; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
     sniff: |head| head.starts_with(b"\x89PNG\r\n\x1a\n"),
     open: |path, options| open(path, None, options),
 };
@@ -139,7 +139,9 @@ impl PngSampleLayout {
         let wide = info.bit_depth == BitDepth::Sixteen;
         if !wide && info.bit_depth != BitDepth::Eight {
             let bits = info.bit_depth as u8;
-            return Err(Error::unsupported(format!("PNG samples of {bits} bits are no heights")));
+            return Err(Error::unsupported(format!(
+                "PNG with {bits} bits per sample is not supported"
+            )));
         }
         let color = info.color_type;
         let is_colour = matches!(color, ColorType::Rgb | ColorType::Rgba);
@@ -150,15 +152,15 @@ impl PngSampleLayout {
         let packing = match color {
             ColorType::Grayscale | ColorType::GrayscaleAlpha => None,
             ColorType::Indexed => {
-                return Err(Error::unsupported("a PNG with a palette holds colours, not heights"));
+                return Err(Error::unsupported("PNG with a palette contains colours, not heights"));
             }
-            _ if wide => return Err(Error::unsupported("16-bit RGB PNGs are not supported")),
+            _ if wide => return Err(Error::unsupported("16-bit RGB PNG is not supported")),
             _ => Some(
                 stated.or_else(|| RgbHeightEncoding::named(path)).ok_or_else(|| ambiguous(path))?,
             ),
         };
         if let (Some(stated), None) = (stated, packing) {
-            return Err(Error::usage(format!("a gray PNG is not {}", stated.name)));
+            return Err(Error::usage(format!("grayscale PNG is not {}", stated.name)));
         }
         // A gray picture can name one transparent value.
         let key = info.trns.as_deref().filter(|_| color == ColorType::Grayscale);
@@ -217,10 +219,9 @@ impl PngSampleLayout {
 
 fn ambiguous(path: &Path) -> Error {
     let name = path.display();
-    Error::bad_input("an RGB PNG can hold heights in several ways, and its name does not tell")
+    Error::bad_input("height encoding of the RGB PNG is unknown")
         .remedy(format!(
-            "give it as terrarium:{name} or terrain-rgb:{name}; of a photograph, ‹terrane tin› with ‹bands› 1,2,3 \
-             makes a mesh"
+            "pass terrarium:{name} or terrain-rgb:{name}; for a photograph, pass ‹bands› 1,2,3 to ‹terrane tin›"
         ))
 }
 
@@ -231,13 +232,12 @@ fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     let bytes = row.saturating_mul(u64::from(info.height));
     limits::check("bytes unpacked", bytes, limits::MAX_UNPACKED_BYTES)?;
     if info.interlaced {
-        limits::check("bytes of an interlaced PNG", bytes, MOST_MEMORY)?;
+        limits::check("size of the interlaced PNG in bytes", bytes, MOST_MEMORY)?;
     }
-    limits::check("bytes of a row", row, MOST_MEMORY)?;
+    limits::check("row size in bytes", row, MOST_MEMORY)?;
     if bytes / MOST_RATIO > file_bytes {
         return Err(Error::bad_input(format!(
-            "file is truncated, or its header is wrong: {bytes} bytes of samples cannot be packed \
-             into {file_bytes}"
+            "file is truncated or its header is wrong: {file_bytes} bytes cannot contain {bytes} bytes of samples"
         )));
     }
     Ok(())
@@ -271,9 +271,11 @@ fn spool_rows(
 
 fn damaged(error: DecodingError) -> Error {
     match error {
-        DecodingError::LimitsExceeded => Error::limit("bytes to decode", "more", MOST_MEMORY),
+        DecodingError::LimitsExceeded => {
+            Error::limit("number of bytes to decode", "more", MOST_MEMORY)
+        }
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
-            Error::bad_input("file is truncated: the picture ends early")
+            Error::bad_input("file is truncated: image data are incomplete")
         }
         other => Error::bad_input(format!("damaged PNG: {other}")),
     }

@@ -79,9 +79,9 @@ fn open_as(
 fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
     match beside::mask(path) {
         Some(mask) if format.name != geotiff::FORMAT.name => {
-            let message = format!("a mask beside a file of {} is not supported", format.name);
+            let message = format!("mask sidecar is not supported for {}", format.name);
             Err(Error::unsupported(message).in_file(&mask).remedy(
-                "put both into a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
+                "convert both to a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
             ))
         }
         _ => Ok(()),

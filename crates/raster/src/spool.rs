@@ -58,7 +58,7 @@ impl SampleSpool {
 
 /// Not all that reads grids has an option for the folder.
 fn or_tmpdir(error: Error) -> Error {
-    error.remedy("choose a folder with room with ‹temp_dir›, or set TMPDIR")
+    error.remedy("pass a folder with enough free space as ‹temp_dir›, or set TMPDIR")
 }
 
 /// Failure to keep unpacked files.

@@ -55,11 +55,11 @@ pub(super) fn check_exact(file: &RawFile, lengths: Option<&[u64]>) -> Result<()>
     match end.filter(|_| lengths.is_none_or(|lengths| !lengths.contains(&file.size()))) {
         None => Ok(()),
         Some(end) => Err(Error::bad_input(format!(
-            "{} bytes follow its last sample, so its header speaks of another file",
+            "{} extra bytes after the last sample: the header does not match the file",
             file.size() - end
         ))
         .in_file(file.path())
-        .remedy(format!("mend the header, or cut the file to {end} bytes"))),
+        .remedy(format!("correct the header, or truncate the file to {end} bytes"))),
     }
 }
 
@@ -71,8 +71,7 @@ fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
         _ => {
             let expected = expected.map_or("more than 2^64".to_owned(), |bytes| bytes.to_string());
             Err(Error::bad_input(format!(
-                "file is truncated, or its header is wrong: {expected} bytes expected and {found} \
-                 found"
+                "file is truncated or its header is wrong: {found} bytes, expected {expected}"
             ))
             .in_file(file.path()))
         }

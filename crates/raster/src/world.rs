@@ -20,15 +20,19 @@ const MOST_ZOOM: u32 = 30;
 /// A world file that is not six numbers, or whose map cannot be inverted.
 pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
     let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
-    let text = beside::small_text(&world, "bytes of a world file", MOST_BYTES)?;
+    let text = beside::small_text(&world, "size of the world file in bytes", MOST_BYTES)?;
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
     let map = match numbers.as_deref() {
         Some(&[a, d, b, e, x0, y0]) => Affine { x0, a, b, y0, d, e },
-        _ => return Err(Error::bad_input("a world file is six numbers").in_file(&world)),
+        _ => {
+            return Err(Error::bad_input("world file does not contain six numbers").in_file(&world));
+        }
     };
     if !map.is_valid() {
-        return Err(Error::bad_input("its numbers do not place the grid").in_file(&world));
+        return Err(
+            Error::bad_input("world file does not define a valid transform").in_file(&world)
+        );
     }
     Ok(Some(map))
 }

@@ -100,7 +100,7 @@ impl<R: BufRead> RasterXmlReader<R> {
             XmlEvent::Start(tag) => RasterXmlTag::of(&tag),
             XmlEvent::Text(text) if text.trim().is_empty() => self.root(),
             XmlEvent::Over => Err(ends_early()),
-            _ => Err(Error::bad_input("has no element").at(self.place())),
+            _ => Err(Error::bad_input("root element is missing").at(self.place())),
         }
     }
 
@@ -123,7 +123,7 @@ impl<R: BufRead> RasterXmlReader<R> {
 
     fn branch(&mut self, tag: RasterXmlTag, nodes: &mut u64) -> Result<RasterXmlElement> {
         *nodes += 1;
-        limits::check("elements in one of XML", *nodes, MOST_NODES)?;
+        limits::check("number of elements inside one XML element", *nodes, MOST_NODES)?;
         let mut node = RasterXmlElement { tag, ..RasterXmlElement::default() };
         loop {
             match self.0.next()? {
@@ -135,7 +135,7 @@ impl<R: BufRead> RasterXmlReader<R> {
                 XmlEvent::Over => return Err(ends_early()),
             }
             let bytes = node.text.len() as u64;
-            limits::check("bytes of a text in XML", bytes, limits::MAX_HEADER_BYTES)?;
+            limits::check("size of an XML text in bytes", bytes, limits::MAX_HEADER_BYTES)?;
         }
         node.text = node.text.trim().to_owned();
         Ok(node)

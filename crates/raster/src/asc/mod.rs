@@ -24,7 +24,7 @@ use tokens::AscTokens;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "ESRI ASCII",
     extensions: &["asc"],
-    about: "text grids with ncols/nrows header; a .prj beside it gives the CRS",
+    about: "text grids with ncols/nrows header; CRS from a .prj sidecar",
     sniff: header::is_header,
     open,
 };
@@ -55,7 +55,7 @@ impl AscGrid {
         check_length(&header, &file)?;
         let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
         let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
-        limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
+        limits::check("row size in bytes", block_bytes, limits::MAX_BLOCK_BYTES)?;
         let scan = AscScan::run(&file, &header, rows)?;
         let samples = u64::from(header.width) * rows;
         check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
@@ -159,7 +159,7 @@ fn check_length(header: &AscHeader, file: &RawFile) -> Result<()> {
         return Ok(());
     }
     Err(Error::bad_input(format!(
-        "file is truncated: {values} values are declared and at most {room} fit in it"
+        "file is truncated: {values} values declared, at most {room} fit"
     )))
 }
 
@@ -167,9 +167,8 @@ fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
     if block_bytes <= cache_bytes as u64 {
         return Ok(());
     }
-    let message = format!(
-        "rows of {block_bytes} bytes do not fit in the {cache_bytes} bytes for cached blocks"
-    );
+    let message =
+        format!("row of {block_bytes} bytes exceeds the block cache of {cache_bytes} bytes");
     Err(too_large_for_cache(message, block_bytes))
 }
 
@@ -228,7 +227,7 @@ impl AscScan {
             }
         }
         if tokens.next()?.is_some() {
-            let message = format!("there are more values than the {values} declared");
+            let message = format!("more values than the {values} declared");
             return Err(Error::bad_input(message).at(tokens.place()));
         }
         Ok(Self { starts, sample_type: range.sample_type() })
@@ -273,12 +272,12 @@ impl AscLineCheck {
 }
 
 fn uneven(width: u32, how: &str) -> Error {
-    Error::bad_input(format!("a line has {how} than the {width} values of the first one"))
-        .remedy("mend the line")
+    Error::bad_input(format!("line has {how} values than the first line ({width})"))
+        .remedy("correct the line")
 }
 
 fn truncated(i: u64, values: u64) -> Error {
-    Error::bad_input(format!("file is truncated: it ends after {i} of {values} values"))
+    Error::bad_input(format!("file is truncated: found {i} of {values} values"))
 }
 
 fn describe(

@@ -75,7 +75,7 @@ impl<'a> AscTokens<'a> {
             }
         }
         if bytes > MOST_WORD {
-            return Err(Error::bad_input("a word is too long to be a number").at(self.place()));
+            return Err(Error::bad_input("word is too long for a number").at(self.place()));
         }
         let (offset, start) = (self.offset(), self.next);
         self.next += bytes;

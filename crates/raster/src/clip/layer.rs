@@ -37,10 +37,10 @@ pub(crate) fn clipped(
     let grid = Clipped { info, inner, clip: clip.clone() };
     match grid.holds_any(grid.info.bounds()) {
         true => Ok(Box::new(grid)),
-        false => Err(Error::bad_input("no sample of the grid lies in a polygon of this file")
+        false => Err(Error::bad_input("polygons contain no sample of the grid")
             .in_file(&clip.path)
             .remedy(
-                "choose polygons that overlap the grid (terrane info tells the bounds of both)",
+                "choose polygons that overlap the grid (terrane info prints the bounds of both)",
             )),
     }
 }
@@ -53,7 +53,7 @@ pub(crate) fn cache_beside(
 ) -> Result<usize> {
     let too_large = || {
         let mib = held.div_ceil(1 << 20);
-        let message = format!("its {what} take {mib} MiB, more than is left for what is read");
+        let message = format!("{what} take {mib} MiB, more than the memory available");
         too_large_for_cache(message, held).or("simplify them with ‹terrane simplify›").in_file(path)
     };
     let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;

@@ -58,14 +58,12 @@ impl ClipRings {
     /// edges in all.
     pub fn push(&mut self, ring: &[Xy]) -> Result<()> {
         if let Some(at) = ring.iter().find(|at| !at.iter().all(|c| is_exact(*c))) {
-            return Err(Error::bad_input(format!(
-                "position {at:?} is not finite, or out of reach"
-            ))
-            .remedy(format!(
-                "coordinates are 0, or from {:e} to {:e}",
-                plane::LEAST,
-                plane::MOST
-            )));
+            return Err(Error::bad_input(format!("position {at:?} is not finite or out of range"))
+                .remedy(format!(
+                    "use coordinates of 0 or of magnitude {:e} to {:e}",
+                    plane::LEAST,
+                    plane::MOST
+                )));
         }
         if u32::try_from(self.edges.len() + ring.len()).is_err() {
             return Err(Error::limit("number of edges of polygons", "above 2^32", u32::MAX)

@@ -84,7 +84,7 @@ impl GeoTiffBlocks {
             return Err(about(offsets_tag, "is missing"));
         };
         if offsets.count < blocks {
-            let message = format!("has {} values for {blocks} blocks", offsets.count);
+            let message = format!("has {} values, expected {blocks}", offsets.count);
             return Err(about(offsets_tag, message));
         }
         let counts = directory.int_array(counts_tag)?.filter(|counts| counts.count >= blocks);
@@ -140,11 +140,11 @@ impl GeoTiffBlocks {
             return Ok(None);
         }
         if offset < HEADER_BYTES {
-            let message = format!("has {bytes} bytes at offset {offset}, in the file's header");
+            let message = format!("{bytes} bytes at offset {offset} overlap the file header");
             return Err(Error::bad_input(message).remedy("copy the file again"));
         }
         if raw && bytes < needed {
-            return Err(Error::bad_input(format!("has {bytes} of the {needed} bytes expected")));
+            return Err(Error::bad_input(format!("has {bytes} bytes, expected {needed}")));
         }
         let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
@@ -211,7 +211,7 @@ impl GeoTiffBlocks {
             return decoders.lerc(packing, packed, shape, out).map_err(|fault| match fault {
                 DecompressionFault::Corrupt(message) => Error::bad_input(message),
                 DecompressionFault::TooLong => {
-                    Error::bad_input("LERC data is longer than its samples allow")
+                    Error::bad_input("LERC data exceed the size of the samples")
                 }
             });
         }
@@ -219,7 +219,7 @@ impl GeoTiffBlocks {
         match decoders.run(self.layout.compression, packed, out) {
             Ok(bytes) if bytes as u64 >= needed => Ok(()),
             Ok(bytes) => {
-                Err(Error::bad_input(format!("decodes to {bytes} of the {needed} bytes expected")))
+                Err(Error::bad_input(format!("decodes to {bytes} bytes, expected {needed}")))
             }
             Err(DecompressionFault::Corrupt(message)) => Err(Error::bad_input(message)),
             Err(DecompressionFault::TooLong) => self.unpack_padded(decoders, packed, out),

@@ -68,8 +68,10 @@ impl LercPacking {
             0 => Ok(Self::None),
             1 => Ok(Self::Deflate),
             2 => Ok(Self::Zstd),
-            _ => Err(Error::unsupported(format!("LERC with packing {code} is not supported"))
-                .remedy(REWRITE)),
+            _ => Err(Error::unsupported(format!(
+                "LERC with additional compression {code} is not supported"
+            ))
+            .remedy(REWRITE)),
         }
     }
 }

@@ -27,7 +27,7 @@ pub(super) fn nodata(directory: &GeoTiffDirectory<'_>) -> Result<Option<f64>> {
     }
     text.parse().map(Some).map_err(|_| {
         Error::bad_input(format!("nodata value is not a number: {:?}", shortened(text)))
-            .remedy("give the value with ‹nodata›")
+            .remedy("pass the value as ‹nodata›")
     })
 }
 

@@ -35,7 +35,7 @@ pub(super) fn read(directory: &GeoTiffDirectory<'_>, is_point: bool) -> Result<G
         _ => return Ok(Georeference::None),
     };
     if !map.is_valid() {
-        return Err(Error::bad_input("georeference is not finite or has no area"));
+        return Err(Error::bad_input("georeference is not finite or singular"));
     }
     Ok(Georeference::Affine(map))
 }

@@ -129,10 +129,8 @@ impl<'a> GeoTiffDirectory<'a> {
             return Ok(None);
         }
         Self::read_at(self.file, self.order, self.big, self.next).map(Some).map_err(|e| {
-            e.at(format_args!("directory at offset {}", self.next)).remedy(
-                "what follows the first image is damaged, a mask perhaps; copy the file again, or \
-                 keep the first image alone: gdal_translate IN OUT",
-            )
+            e.at(format_args!("directory at offset {}", self.next))
+                .remedy("copy the file again, or keep only the first image: gdal_translate IN OUT")
         })
     }
 
@@ -141,7 +139,7 @@ impl<'a> GeoTiffDirectory<'a> {
         let count = self.order.uint(&self.file.read_vec(at, widths.count as u64)?);
         limits::check("number of directory entries", count, limits::MAX_IFD_ENTRIES)?;
         if count == 0 {
-            return Err(Error::bad_input("the directory is empty"));
+            return Err(Error::bad_input("directory is empty"));
         }
         // `at` has been read, so these sums are far from overflow.
         let first = at + widths.count as u64;
@@ -180,7 +178,7 @@ impl<'a> GeoTiffDirectory<'a> {
     pub(super) fn int(&self, tag: u16) -> Result<Option<u64>> {
         let Some(values) = self.int_array(tag)? else { return Ok(None) };
         if values.count != 1 {
-            let message = format!("has {} values where 1 is expected", values.count);
+            let message = format!("has {} values, expected 1", values.count);
             return Err(about(tag, message));
         }
         values.get(self.file, 0).map(Some)
@@ -232,7 +230,7 @@ impl<'a> GeoTiffDirectory<'a> {
 
     fn value_bytes(&self, entry: &GeoTiffEntry) -> Result<Vec<u8>> {
         let bytes = self.check_values(entry)?;
-        limits::check("bytes of one tag", bytes, limits::MAX_HEADER_BYTES)
+        limits::check("tag size in bytes", bytes, limits::MAX_HEADER_BYTES)
             .map_err(|e| e.at(tags::name(entry.tag)))?;
         self.file.read_vec(entry.offset, bytes)
     }
@@ -298,7 +296,7 @@ impl IntArray {
     /// All values, within the header limit.
     pub(super) fn all(&self, file: &RawFile) -> Result<Vec<u64>> {
         let bytes = self.count * self.size;
-        limits::check("bytes of one tag", bytes, limits::MAX_HEADER_BYTES)
+        limits::check("tag size in bytes", bytes, limits::MAX_HEADER_BYTES)
             .map_err(|e| e.at(tags::name(self.tag)))?;
         let raw = file.read_vec(self.offset, bytes)?;
         raw.chunks_exact(self.size as usize).map(|raw| self.value(raw)).collect()

@@ -110,9 +110,8 @@ pub(super) fn check_cache(layout: &GeoTiffLayout, cache_bytes: usize) -> Result<
     if layout.is_read_by_rows() || bytes <= cache_bytes as u64 {
         return Ok(());
     }
-    let message = format!(
-        "one block takes {bytes} bytes decoded, more than the {cache_bytes} bytes for cached blocks"
-    );
+    let message =
+        format!("decoded block of {bytes} bytes exceeds the block cache of {cache_bytes} bytes");
     let otherwise = "rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT";
     Err(too_large_for_cache(message, bytes).or(otherwise))
 }

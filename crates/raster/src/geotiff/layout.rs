@@ -82,7 +82,7 @@ impl GeoTiffLayout {
         limits::check("number of blocks", blocks, limits::MAX_BLOCKS)?;
         if !self.is_read_by_rows() {
             let bytes = self.decoded_bytes();
-            limits::check("bytes of one decoded block", bytes, limits::MAX_BLOCK_BYTES)?;
+            limits::check("decoded block size in bytes", bytes, limits::MAX_BLOCK_BYTES)?;
         }
         let float = matches!(self.sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64);
         if self.effective_predictor() == Predictor::Float && !float {
@@ -99,7 +99,7 @@ impl GeoTiffLayout {
         if float && self.compression.is_lerc() && self.order != ByteOrder::NATIVE {
             let order = self.order.name();
             return Err(Error::unsupported(format!("LERC of {order} floats is not supported"))
-                .remedy("write the file again from its source with -co ENDIANNESS=LITTLE"));
+                .remedy("recreate the file from its source with -co ENDIANNESS=LITTLE"));
         }
         Ok(())
     }
@@ -234,7 +234,9 @@ fn is_separate(directory: &GeoTiffDirectory<'_>) -> Result<bool> {
     match directory.int(tags::PLANAR_CONFIGURATION)?.unwrap_or(1) {
         1 => Ok(false),
         2 => Ok(true),
-        other => Err(about(tags::PLANAR_CONFIGURATION, format_args!("is {other}, not 1 or 2"))),
+        other => {
+            Err(about(tags::PLANAR_CONFIGURATION, format_args!("is {other}, expected 1 or 2")))
+        }
     }
 }
 
@@ -287,8 +289,10 @@ fn mask_sample_type(directory: &GeoTiffDirectory<'_>) -> Result<(SampleType, boo
     match common(directory, tags::BITS_PER_SAMPLE, 1)? {
         1 => Ok((SampleType::U8, true)),
         8 => Ok((SampleType::U8, false)),
-        bits => Err(Error::unsupported(format!("a mask of {bits} bits a sample is not supported"))
-            .remedy("rewrite the mask with 1 or 8 bits a sample: gdal_translate -mask")),
+        bits => {
+            Err(Error::unsupported(format!("mask with {bits} bits per sample is not supported"))
+                .remedy("rewrite the mask with 1 or 8 bits per sample: gdal_translate -mask"))
+        }
     }
 }
 
@@ -303,8 +307,7 @@ fn unsupported_samples(format: u64, bits: u64) -> Error {
     };
     let target = if bits > 32 { "Float64" } else { "Float32" };
     Error::unsupported(format!("{bits}-bit {kind} samples are not supported")).remedy(format!(
-        "terrane reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats; convert the file: \
-         gdal_translate -ot {target} IN OUT"
+        "convert to 8, 16 or 32-bit integers or 16, 32 or 64-bit floats: gdal_translate -ot {target} IN OUT"
     ))
 }
 
@@ -316,8 +319,8 @@ fn common(directory: &GeoTiffDirectory<'_>, tag: u16, missing: u64) -> Result<u6
         Some((first, rest)) if rest.iter().all(|v| v == first) => Ok(*first),
         Some(_) => {
             let name = tags::name(tag);
-            Err(Error::unsupported(format!("bands that differ in {name} are not supported"))
-                .remedy("take one band out: gdal_translate -b 1 IN OUT"))
+            Err(Error::unsupported(format!("bands with different {name} are not supported"))
+                .remedy("extract one band: gdal_translate -b 1 IN OUT"))
         }
     }
 }

@@ -136,7 +136,7 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
     }
     let has = if bands == 1 { "1 band".to_owned() } else { format!("{bands} bands") };
     Err(Error::usage(format!("band {band} is out of range: the file has {has}"))
-        .remedy(format!("give ‹band› from 1 to {bands}")))
+        .remedy(format!("pass ‹band› 1 to {bands}")))
 }
 
 /// Everything the directory says of the grid.

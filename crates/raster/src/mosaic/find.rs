@@ -92,13 +92,13 @@ impl MosaicFamily {
     /// Counts files in, all mosaics together.
     pub(super) fn count_members(&self, more: u64) -> Result<()> {
         let members = self.members.fetch_add(more, Ordering::Relaxed) + more;
-        limits::check("files of a mosaic", members, limits::MAX_MEMBERS)
+        limits::check("number of files of a mosaic", members, limits::MAX_MEMBERS)
     }
 
     /// Counts bytes of VRTs in, all mosaics together.
     pub(super) fn count_vrt_bytes(&self, more: u64) -> Result<()> {
         let bytes = self.vrt_bytes.fetch_add(more, Ordering::Relaxed).saturating_add(more);
-        limits::check("bytes of a VRT", bytes, limits::MAX_VRT_BYTES)
+        limits::check("size of the VRT in bytes", bytes, limits::MAX_VRT_BYTES)
     }
 
     /// The open file.
@@ -189,9 +189,9 @@ fn open_file(
 
 /// The answer to a file that became another one while the mosaic was open.
 fn changed(name: &str) -> Error {
-    Error::bad_input("changed its size or type while it was in use")
+    Error::bad_input("file size or type changed while in use")
         .in_file(&path_of(name))
-        .remedy("run again when nothing writes to it")
+        .remedy("retry when no other program writes to the file")
 }
 
 /// Bytes of all decoded blocks of a file.

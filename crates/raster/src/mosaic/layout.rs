@@ -62,8 +62,8 @@ pub(super) fn lay_out(
         (ends.max().unwrap_or(0) - low[axis]) as u64
     };
     let (width, height) = (side(0, |s| s.width), side(1, |s| s.height));
-    limits::check("columns of the mosaic", width, limits::MAX_SIDE)?;
-    limits::check("rows of the mosaic", height, limits::MAX_SIDE)?;
+    limits::check("number of columns of the mosaic", width, limits::MAX_SIDE)?;
+    limits::check("number of rows of the mosaic", height, limits::MAX_SIDE)?;
     Ok(Ok(MosaicLayout {
         transform: origin(shapes, &places, low),
         width: width as u32,
@@ -183,7 +183,7 @@ mod tests {
     fn a_mosaic_beyond_the_limit_is_refused() {
         let far = f64::from(u32::MAX);
         let error = lay_out(&[shape(0.0, 0.0, 1.0, 2, 2), shape(far, 0.0, 1.0, 2, 2)]);
-        assert!(error.unwrap_err().to_string().contains("columns of the mosaic"));
+        assert!(error.unwrap_err().to_string().contains("number of columns of the mosaic"));
     }
 
     proptest! {

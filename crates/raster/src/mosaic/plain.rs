@@ -55,7 +55,7 @@ pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<d
 }
 
 fn nothing() -> Error {
-    Error::usage("no input is given").remedy("name a grid file")
+    Error::usage("no input").remedy("pass a grid file")
 }
 
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {

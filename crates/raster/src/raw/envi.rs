@@ -92,7 +92,7 @@ fn check_plain(values: &EnviHeaderValues) -> Result<()> {
     }
     match values.whole("byte order")? {
         Some(0 | 1) | None => Ok(()),
-        Some(order) => Err(Error::bad_input(format!("byte order is {order}, not 0 or 1"))),
+        Some(order) => Err(Error::bad_input(format!("byte order is {order}, expected 0 or 1"))),
     }
 }
 
@@ -136,7 +136,7 @@ impl MapInfo {
         let north = place(y)? + (row - 1.0) * dy;
         let transform = Affine::from_gdal([west, dx, 0.0, north, 0.0, -dy]);
         if dx <= 0.0 || dy <= 0.0 || !transform.is_valid() {
-            return Err(Error::bad_input("cell size or position in map info is not usable"));
+            return Err(Error::bad_input("invalid cell size or position in map info"));
         }
         check_rotation(rest)?;
         Ok(Self { transform, crs: crs(projection, rest) })

@@ -75,7 +75,7 @@ fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<
     match fitting.pop().filter(|_| fitting.is_empty()) {
         Some(header) => Ok(header),
         None => Err(Error::bad_input(format!(
-            "header lacks NBITS, and the {bytes} bytes of the data do not tell it"
+            "header lacks NBITS, and the data size of {bytes} bytes is ambiguous"
         ))
         .remedy("add a line such as NBITS 16, or copy the data again")),
     }
@@ -129,10 +129,10 @@ fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<
     let Some((_, order)) = values.get(&["byteorder"]) else {
         return match sample_type.bytes() {
             1 => Ok(false),
-            _ => {
-                Err(Error::bad_input("header lacks BYTEORDER, and programs disagree on what then")
-                    .remedy("add a line BYTEORDER I (little-endian, usual) or BYTEORDER M"))
-            }
+            _ => Err(Error::bad_input(
+                "header lacks BYTEORDER, and defaults differ between programs",
+            )
+            .remedy("add a line BYTEORDER I (little-endian, usual) or BYTEORDER M")),
         };
     };
     match order.to_ascii_uppercase().as_str() {
@@ -200,7 +200,7 @@ fn transform(values: &EsriHeaderValues<'_>, height: u32) -> Result<Option<Affine
     };
     let map = Affine { x0, a: dx, b: 0.0, y0, d: 0.0, e: -dy };
     if dx <= 0.0 || dy <= 0.0 || !map.is_valid() {
-        return Err(Error::bad_input("cell size or position in the header is not usable"));
+        return Err(Error::bad_input("invalid cell size or position in the header"));
     }
     Ok(Some(map))
 }

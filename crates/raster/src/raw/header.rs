@@ -136,13 +136,13 @@ pub(super) fn count(key: &str, value: &str, most: u64) -> Result<u32> {
     limits::check(key, number, most)?;
     match u32::try_from(number) {
         Ok(number) if number > 0 => Ok(number),
-        _ => Err(Error::bad_input(format!("{key} is {value}, not a whole number above 0"))),
+        _ => Err(Error::bad_input(format!("{key} is {value}, expected a positive integer"))),
     }
 }
 
 /// A whole number from a header, also one written as a decimal ("20.0").
 pub(super) fn whole(key: &str, value: &str) -> Result<u64> {
-    let bad = || Error::bad_input(format!("{key} is {value:?}, not a whole number"));
+    let bad = || Error::bad_input(format!("{key} is {value:?}, expected an integer"));
     value.parse().or_else(|_| {
         let number: f64 = value.parse().map_err(|_| bad())?;
         let is_whole = number >= 0.0 && number.fract() == 0.0 && number < 1e15;
@@ -159,8 +159,8 @@ pub(super) fn once<V: PartialEq>(
         match values.entry(key) {
             Entry::Occupied(known) if *known.get() != value => {
                 let key = known.key();
-                return Err(Error::bad_input(format!("header says two things of {key}"))
-                    .remedy("take out the wrong line"));
+                return Err(Error::bad_input(format!("conflicting values of {key} in the header"))
+                    .remedy("remove the wrong line"));
             }
             Entry::Occupied(_) => {}
             Entry::Vacant(new) => drop(new.insert(value)),
@@ -171,5 +171,5 @@ pub(super) fn once<V: PartialEq>(
 
 /// A number from a header.
 pub(super) fn number(key: &str, value: &str) -> Result<f64> {
-    value.parse().map_err(|_| Error::bad_input(format!("{key} is {value:?}, not a number")))
+    value.parse().map_err(|_| Error::bad_input(format!("{key} is {value:?}, expected a number")))
 }

@@ -20,7 +20,7 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "raw with header",
     extensions: &["flt", "bil", "bip", "bsq", "hdr"],
-    about: "binary grids, of any ending, with an ESRI or ENVI .hdr beside them",
+    about: "binary grids of any extension with an ESRI or ENVI .hdr sidecar",
     sniff: |_| false,
     open,
 };
@@ -68,10 +68,10 @@ pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn Gri
     }
     let Some(header_path) = header_beside(path) else {
         let name = path.with_extension("hdr");
-        return Err(Error::bad_input("raw binary data without a header beside it")
+        return Err(Error::bad_input("raw binary data without a header file")
             .in_file(path)
             .remedy(format!(
-                "put its header beside it as {}",
+                "add the header file {}",
                 name.file_name().unwrap_or_default().display()
             )));
     };
@@ -80,7 +80,7 @@ pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn Gri
     some_band(options.band, header.bands).map_err(|e| e.in_file(path))?;
     check_exact(&file, header.lengths().as_ref().map(<[u64; 3]>::as_slice))?;
     let Some(layout) = header.layout(options.band) else {
-        return Err(Error::bad_input("its rows are beyond counting").in_file(&header_path));
+        return Err(Error::bad_input("row size exceeds the supported range").in_file(&header_path));
     };
     let info = header.info(path, options)?;
     Ok(Box::new(StridedGrid::new(file, info, layout)?))
@@ -105,13 +105,13 @@ fn is_header(path: &Path) -> Error {
     let mut names = endings.flat_map(upper).map(|e| stem.with_extension(e)).chain([stem.clone()]);
     let remedy = match names.find(|data| data.is_file()) {
         Some(data) => format!("open {}", data.display()),
-        None => format!("open the data file beside it ({}.bil, .flt, ...)", stem.display()),
+        None => format!("open the data file ({}.bil, .flt, ...)", stem.display()),
     };
     Error::usage("is the header of a grid, not its data").in_file(path).remedy(remedy)
 }
 
 fn read_header(data: &RawFile, path: &Path) -> Result<RawRasterHeader> {
-    let text = beside::small_text(path, "bytes of a header", MOST_HEADER)?;
+    let text = beside::small_text(path, "header size in bytes", MOST_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {
         envi::read(text)?

@@ -173,7 +173,7 @@ fn check_place(info: &GridInfo) -> Result<()> {
     if info.transform.is_valid() {
         return Ok(());
     }
-    Err(Error::bad_input("the grid's transform cannot be inverted"))
+    Err(Error::bad_input("transform of the grid is not invertible"))
 }
 
 /// BitsPerSample and SampleFormat.

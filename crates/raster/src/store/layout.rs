@@ -28,11 +28,11 @@ impl StoreLayout {
     /// The layout with tiles of `side`, narrower where the grid itself is.
     pub(super) fn new(width: u32, height: u32, side: u32, sample_type: SampleType) -> Result<Self> {
         if !TILE_SIDES.contains(&side) {
-            return Err(Error::usage(format!("a store cannot have tiles of {side} samples"))
+            return Err(Error::usage(format!("tile size {side} is not supported"))
                 .remedy(format!("choose one of {TILE_SIDES:?}")));
         }
         if width == 0 || height == 0 {
-            return Err(Error::usage("a grid without samples cannot be stored"));
+            return Err(Error::usage("grid has no samples"));
         }
         let fit = |length: u32| side.min(length.next_multiple_of(SIDE_STEP));
         let (tile_width, tile_height) = (fit(width.min(side)), fit(height.min(side)));
@@ -49,7 +49,7 @@ impl StoreLayout {
         let sound = |side: u32| (1..=largest).contains(&side) && side.is_multiple_of(SIDE_STEP);
         let empty = self.width == 0 || self.height == 0;
         if empty || !sound(self.tile_width) || !sound(self.tile_height) {
-            return Err(Error::new(ErrorKind::BadInput, "not the layout of a store"));
+            return Err(Error::new(ErrorKind::BadInput, "invalid layout of a store"));
         }
         limits::check("number of tiles", self.tiles(), limits::MAX_BLOCKS)
     }

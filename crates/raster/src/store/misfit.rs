@@ -17,9 +17,8 @@ pub(crate) enum SampleMisfit {
 }
 
 const CHOOSE_FOR_VOIDS: &str =
-    "pass a value with ‹nodata› or ‹out_nodata› that the type holds and no sample has";
-const CHOOSE_NODATA: &str =
-    "pass another value for voids with ‹out_nodata› (‹nodata› of ‹terrane grid›)";
+    "pass an unused value in the range of the type as ‹nodata› or ‹out_nodata›";
+const CHOOSE_NODATA: &str = "pass another value as ‹out_nodata› (‹nodata› of ‹terrane grid›)";
 const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
@@ -35,20 +34,20 @@ impl SampleMisfit {
         let (at, message, remedy) = match (self, nodata) {
             (Self::Void(at), Some(value)) => {
                 let message =
-                    format!("a void, but the nodata value {value} cannot be stored as {name}");
+                    format!("sample is void, but nodata value {value} cannot be stored as {name}");
                 (at, message, CHOOSE_FOR_VOIDS)
             }
             (Self::Void(at), None) => {
-                (at, "a void, but no nodata value is declared".to_owned(), CHOOSE_FOR_VOIDS)
+                (at, "sample is void, but no nodata value is declared".to_owned(), CHOOSE_FOR_VOIDS)
             }
             (Self::Beyond(at, height), _) => {
-                (at, format!("the height {height} is beyond what {name} holds"), CHOOSE_TYPE)
+                (at, format!("height {height} is outside the range of {name}"), CHOOSE_TYPE)
             }
             (Self::Between(at, height), _) => {
-                (at, format!("{name} does not hold the height {height} exactly"), ROUND)
+                (at, format!("height {height} cannot be stored exactly as {name}"), ROUND)
             }
             (Self::Nodata(at, height), _) => {
-                (at, format!("the height {height} would be read as nodata"), CHOOSE_NODATA)
+                (at, format!("height {height} would be read as nodata"), CHOOSE_NODATA)
             }
         };
         Error::bad_input(message)

@@ -30,9 +30,9 @@ pub fn try_open(path: &Path, options: &GridOpenOptions) -> Result<Option<Box<dyn
     let found = recognise(&mut file, facts.len()).map_err(|e| Error::read(path, e))?;
     let Some((header, front, mut info)) = found else { return Ok(None) };
     if options.band != 1 {
-        return Err(Error::usage(format!("there is no band {}", options.band))
+        return Err(Error::usage(format!("band {} does not exist", options.band))
             .in_file(path)
-            .remedy("the file has one band: leave ‹band› out"));
+            .remedy("omit ‹band›: the file has one band"));
     }
     info.nodata = options.nodata.or(info.nodata);
     let map = MappedFile::new(&file).map_err(|e| Error::read(path, e))?;

@@ -145,10 +145,10 @@ impl StoreWriter {
 pub(crate) fn refuse_old_sidecars(path: &Path) -> Result<()> {
     pam::refuse_old(path)?;
     let Some(mask) = beside::mask(path) else { return Ok(()) };
-    let message = "is the mask of an earlier file and would void samples of the new one";
+    let message = "mask of an earlier file exists and would apply to the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
         .in_file(&mask)
-        .remedy("remove it, or write to another name"))
+        .remedy("remove it, or choose another output name"))
 }
 
 /// Bytes in the file, and how many rows of a tile go there.
@@ -169,6 +169,6 @@ pub(crate) fn check_room(path: &Path, file: &File, bytes: u64) -> Result<()> {
 
 fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
     let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
-    let error = Error::write(path, error).at(format!("making room for {length} bytes"));
-    if full { error.remedy("free some space, or write to another disk") } else { error }
+    let error = Error::write(path, error).at(format!("allocating {length} bytes"));
+    if full { error.remedy("free disk space, or write to another disk") } else { error }
 }

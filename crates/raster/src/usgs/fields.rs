@@ -31,7 +31,7 @@ impl<'a> UsgsDemFieldReader<'a> {
         let at = start + (self.offset() - start).div_ceil(record) * record;
         self.skip_blanks(at)?;
         if self.offset() < at.min(self.file.size()) {
-            return Err(Error::bad_input("more follows its last height"));
+            return Err(Error::bad_input("data after the last height"));
         }
         Ok(())
     }
@@ -42,7 +42,7 @@ impl<'a> UsgsDemFieldReader<'a> {
         self.skip_blanks(self.file.size())?;
         match self.file.size() - self.offset() {
             left if left <= most => Ok(()),
-            left => Err(Error::bad_input(format!("{left} bytes follow its last profile"))
+            left => Err(Error::bad_input(format!("{left} extra bytes after the last profile"))
                 .remedy("copy the file again")),
         }
     }
@@ -96,7 +96,7 @@ impl<'a> UsgsDemFieldReader<'a> {
         // A number that ends with the file must fill its field, or digits may be missing.
         if word.is_empty() || !FIELDS.contains(&(before + word.len())) {
             let found = self.file.size();
-            let message = format!("file is truncated: more is expected and it has {found} bytes");
+            let message = format!("file is truncated: it ends at byte {found}");
             return Err(Error::bad_input(message));
         }
         Ok(word)

@@ -39,7 +39,7 @@ impl UsgsDemHeader {
         let record = UsgsDemRecord(file.head(RECORD)?);
         if record.0.len() < 864 {
             return Err(Error::bad_input(format!(
-                "file is truncated: its first record has 1024 bytes and the file {}",
+                "file is truncated: {} bytes, expected a first record of 1024 bytes",
                 file.size()
             )));
         }
@@ -53,7 +53,7 @@ impl UsgsDemHeader {
             1 => "foot",
             2 => "metre",
             other => {
-                return Err(Error::unsupported(format!("unit {other} of heights is not known")));
+                return Err(Error::unsupported(format!("height unit {other} is not supported")));
             }
         };
         Ok(Self {
@@ -123,7 +123,7 @@ impl UsgsDemGrid {
         let rows = ((north - south) / dy + 1.5).floor();
         let profiles = record.integer("number of profiles", 858, 6)?;
         if !transform.is_valid() || profiles < 1 || rows.is_nan() || rows < 1.0 {
-            return Err(Error::bad_input("corners and spacing in the header make no grid"));
+            return Err(Error::bad_input("corners and spacing in the header do not define a grid"));
         }
         limits::check("rows", rows as u64, limits::MAX_SIDE)?;
         limits::check("profiles", profiles as u64, limits::MAX_SIDE)?;
@@ -138,10 +138,10 @@ fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
     let least = profiles * 144;
     if least > bytes {
         return Err(Error::bad_input(format!(
-            "file is truncated: {profiles} profiles need {least} bytes and it has {bytes}"
+            "file is truncated: {profiles} profiles need {least} bytes, found {bytes}"
         )));
     }
-    limits::check("samples for each byte of the file", profiles * rows / bytes, 1000)
+    limits::check("number of samples per byte of the file", profiles * rows / bytes, 1000)
 }
 
 /// The x of the first profile.
@@ -170,7 +170,7 @@ fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
     if starts_at(OLD_START) {
         return Ok((OLD_START, None));
     }
-    Err(Error::bad_input("is not a USGS model: its first profile is not found at byte 1024 or 893"))
+    Err(Error::bad_input("is not a USGS DEM: no profile at byte 1024 or 893"))
 }
 
 /// EPSG code and name of the system.
@@ -210,13 +210,14 @@ impl UsgsDemRecord {
 
     fn decimal(&self, what: &str, offset: usize, bytes: usize) -> Result<f64> {
         let text = self.text(offset, bytes);
-        decimal(text.as_bytes())
-            .ok_or_else(|| Error::bad_input(format!("{what} is {:?}, not a number", text.trim())))
+        decimal(text.as_bytes()).ok_or_else(|| {
+            Error::bad_input(format!("{what} is {:?}, expected a number", text.trim()))
+        })
     }
 
     fn integer(&self, what: &str, offset: usize, bytes: usize) -> Result<i64> {
         let text = self.text(offset, bytes).trim();
         text.parse()
-            .map_err(|_| Error::bad_input(format!("{what} is {text:?}, not a whole number")))
+            .map_err(|_| Error::bad_input(format!("{what} is {text:?}, expected an integer")))
     }
 }

@@ -119,12 +119,12 @@ fn profile(
 ) -> Result<Vec<f64>> {
     let (_, number) = (fields.integer()?, fields.integer()?);
     if number != i64::from(i) + 1 {
-        return Err(Error::bad_input(format!("it says to be number {number}")));
+        return Err(Error::bad_input(format!("profile number is {number}")));
     }
     let (rows, columns) = (fields.integer()?, fields.integer()?);
     if columns != 1 || !(0..=i64::from(header.height)).contains(&rows) {
         return Err(Error::bad_input(format!(
-            "it claims {rows} x {columns} heights, where the grid has {} rows",
+            "{rows} x {columns} heights declared, the grid has {} rows",
             header.height
         )));
     }
@@ -134,13 +134,13 @@ fn profile(
     let [col, bottom] = header.transform.invert(x, y);
     if (col - f64::from(i)).abs() > SLACK {
         let [expected, _] = header.transform.apply(f64::from(i), 0.0);
-        let message = format!("it lies at x {x}, where the header says {expected}");
+        let message = format!("x is {x}, expected {expected}");
         return Err(Error::bad_input(message));
     }
     let first = bottom.round();
     if !(first < f64::from(header.height) && first - rows as f64 >= -1.0) {
         return Err(Error::bad_input(format!(
-            "its {rows} heights from y {y} upwards do not lie in the grid of {} rows",
+            "{rows} heights from y {y} upwards exceed the grid of {} rows",
             header.height
         )));
     }

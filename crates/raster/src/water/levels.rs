@@ -94,9 +94,9 @@ impl WaterLevels {
         let is_left = |bodies: &&Vec<u32>| !bodies.iter().any(|&body| self.is_known(water, body));
         let Some(bodies) = self.found.valid.iter().find(is_left) else { return Ok(()) };
         let area = water.body_of.iter().position(|of| *of == bodies[0]).unwrap_or_default();
-        Err(Error::bad_input("water without a bank: no valid sample is beside it")
+        Err(Error::bad_input("water body without a bank: no valid sample is adjacent")
             .at(format_args!("polygon {}", area + 1))
-            .remedy("take a grid with its bank, or leave the polygon out"))
+            .remedy("pass a grid that covers the bank, or remove the polygon"))
     }
 
     /// The level of a body at a position, infinite where nothing tells of one; of a river with what was nearest
@@ -387,9 +387,9 @@ impl RiverNetwork {
         match (0..self.lines.len()).find(|&line| ending[self.lines[line].0[1]] > 0) {
             None => Ok(order),
             Some(line) => {
-                Err(Error::bad_input("the line is part of a circle, or downstream of one")
+                Err(Error::bad_input("centre line is part of a cycle or downstream of one")
                     .at(format_args!("line {}", line + 1))
-                    .remedy("draw centre lines downstream, each from one end to another"))
+                    .remedy("draw centre lines downstream and without cycles"))
             }
         }
     }

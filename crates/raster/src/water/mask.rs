@@ -56,8 +56,8 @@ impl WaterMask {
         }
         if bodies.iter().all(|body| body.bounds.is_none()) {
             return Err(of_file(
-                Error::bad_input("no water of this file lies on the grid")
-                    .remedy("choose polygons on the grid (terrane info tells the bounds of both)"),
+                Error::bad_input("water polygons do not overlap the grid")
+                    .remedy("choose polygons that overlap the grid (terrane info prints the bounds of both)"),
             ));
         }
         for (body, sides) in bodies.iter_mut().zip(sides) {

@@ -76,7 +76,7 @@ impl WaterFeatures {
     /// # Errors
     /// As [`ClipRings::push`]; no polygon was begun.
     pub fn push_ring(&mut self, ring: &[Xy]) -> Result<()> {
-        let none = || Error::usage("a ring of no polygon");
+        let none = || Error::usage("ring without a polygon");
         let area = self.areas.checked_sub(1).ok_or_else(none)?;
         self.rings.push(ring)?;
         self.at[0].extend_from_slice(ring);
@@ -157,7 +157,9 @@ impl WaterReport {
     pub fn notes(&self) -> Vec<String> {
         let told = |number: &u64| {
             let file = &self.file;
-            format!("line {number} of {file}: its banks rise, is it drawn upstream?")
+            format!(
+                "line {number} of {file}: bank heights rise along the line; check that it is drawn downstream"
+            )
         };
         self.rising.iter().map(told).collect()
     }

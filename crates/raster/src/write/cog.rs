@@ -48,12 +48,12 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "OVERVIEW_RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "mean of the valid of four samples, or the upper left one [AVERAGE]",
+            about: "mean of the valid samples among four, or the upper left sample [AVERAGE]",
         },
         CreationOption {
             key: "RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "the same, where OVERVIEW_RESAMPLING is not given",
+            about: "synonym of OVERVIEW_RESAMPLING, which takes precedence",
         },
         tiff::BIGTIFF,
     ],

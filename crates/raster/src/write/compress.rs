@@ -27,7 +27,7 @@ impl TiffCompression {
         let level = creation.number("LEVEL");
         let levels = if name == "DEFLATE" { MOST_DEFLATE_LEVEL } else { u32::MAX };
         if let Some(level) = level.filter(|level| *level > levels) {
-            return Err(Error::usage(format!("LEVEL={level} is no level of {name}"))
+            return Err(Error::usage(format!("LEVEL={level} is out of range for {name}"))
                 .remedy(format!("choose 1 to {levels}")));
         }
         let level_or = |default: i32| level.map_or(default, |level| level as i32);
@@ -38,7 +38,7 @@ impl TiffCompression {
             "PACKBITS" => Self::PackBits,
             _ => Self::None,
         };
-        creation.refuse("LEVEL", &format!("on COMPRESS={name}"))?;
+        creation.refuse("LEVEL", &format!("with COMPRESS={name}"))?;
         Ok(compression)
     }
 
@@ -77,7 +77,7 @@ impl TiffCompression {
 }
 
 fn deflate(plain: &[u8], level: i32, out: &mut Vec<u8>) -> Result<()> {
-    let level = CompressionLvl::new(level).map_err(|_| fault("no such level"))?;
+    let level = CompressionLvl::new(level).map_err(|_| fault("invalid compression level"))?;
     let mut compressor = Compressor::new(level);
     out.resize(compressor.zlib_compress_bound(plain.len()), 0);
     let written = compressor.zlib_compress(plain, out).map_err(fault)?;
@@ -87,7 +87,7 @@ fn deflate(plain: &[u8], level: i32, out: &mut Vec<u8>) -> Result<()> {
 
 /// Compressors fail only when their output has no room, and it has.
 fn fault(error: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Internal, format!("a block could not be compressed: {error}"))
+    Error::new(ErrorKind::Internal, format!("cannot compress a block: {error}"))
 }
 
 /// Longest run or literal.

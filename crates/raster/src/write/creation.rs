@@ -102,8 +102,8 @@ impl CreationOptions {
     /// Fails when `key` was given, which cannot act because `why`.
     pub(super) fn refuse(&self, key: &str, why: &str) -> Result<()> {
         match self.word(key) {
-            Some(value) => Err(Error::usage(format!("{key}={value} cannot act {why}"))
-                .remedy(format!("leave {key} out"))),
+            Some(value) => Err(Error::usage(format!("{key}={value} is not supported {why}"))
+                .remedy(format!("omit {key}"))),
             None => Ok(()),
         }
     }
@@ -112,11 +112,11 @@ impl CreationOptions {
 fn unknown(format: &str, key: &str, options: &[CreationOption]) -> Error {
     let error = Error::usage(format!("{format} has no creation option {key}"));
     if options.is_empty() {
-        return error.remedy("leave ‹co› out: the format has no options");
+        return error.remedy("omit ‹co›: the format has no creation options");
     }
     let known: Vec<String> =
         options.iter().map(|o| format!("{}={}", o.key, o.accepts.text())).collect();
-    error.remedy(format!("valid are {}", known.join(", ")))
+    error.remedy(format!("valid options are {}", known.join(", ")))
 }
 
 #[cfg(test)]

@@ -40,8 +40,8 @@ struct FltSink {
 impl FltSink {
     fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         if let Some(other) = order.options.sample_type.filter(|t| *t != SampleType::F32) {
-            let message = format!("{} holds float32, not {}", FORMAT.name, other.name());
-            return Err(Error::usage(message).remedy("leave ‹type› out"));
+            let message = format!("{} supports float32, not {}", FORMAT.name, other.name());
+            return Err(Error::usage(message).remedy("omit ‹type›"));
         }
         let info = order.heights(SampleType::F32)?;
         check_north_up(&info.transform, FORMAT.name)?;

@@ -135,8 +135,8 @@ impl GridFormat {
         if self.names_voids {
             return Ok(());
         }
-        Err(Error::usage(format!("{option} cannot act: {} has no value for voids", self.name))
-            .remedy(format!("leave {option} out")))
+        Err(Error::usage(format!("{option} is not supported: {} has no nodata value", self.name))
+            .remedy(format!("omit {option}")))
     }
 }
 

@@ -106,12 +106,12 @@ fn image(order: &GridWriteRequest<'_>, info: &GridInfo) -> Result<TiffImage> {
     let rows = creation.number("BLOCKYSIZE");
     let block = if tiled {
         if let Some(rows) = rows.filter(|rows| !rows.is_multiple_of(16)) {
-            return Err(Error::usage(format!("BLOCKYSIZE={rows} is no height of a tile"))
+            return Err(Error::usage(format!("BLOCKYSIZE={rows} is not a valid tile height"))
                 .remedy("choose a multiple of 16"));
         }
         (creation.number("BLOCKXSIZE").unwrap_or(TILE), rows.unwrap_or(TILE))
     } else {
-        creation.refuse("BLOCKXSIZE", "on strips: add ‹co› TILED=YES")?;
+        creation.refuse("BLOCKXSIZE", "for strips: add ‹co› TILED=YES")?;
         let row_bytes = u64::from(width) * sample_type.bytes() as u64;
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))

@@ -23,7 +23,7 @@ pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));
     match (order.creation.word("ENCODING"), asked) {
         (Some("GRAY"), Some(other)) if !is_held => {
-            let message = format!("ENCODING=GRAY holds uint8 and uint16, not {}", other.name());
+            let message = format!("ENCODING=GRAY supports uint8 and uint16, not {}", other.name());
             Err(Error::usage(message).remedy("choose ‹type› uint8 or uint16"))
         }
         (Some(word), _) => Ok(word == "GRAY"),
@@ -40,7 +40,7 @@ pub(super) struct GraySink {
 
 impl GraySink {
     pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
-        order.creation.refuse("ALPHA", "on gray, where one value stands for voids")?;
+        order.creation.refuse("ALPHA", "for grayscale, where one value marks voids")?;
         let wide = order.info.sample_type != SampleType::U8;
         let own = if wide { SampleType::U16 } else { SampleType::U8 };
         let sample_type = order.options.sample_type.unwrap_or(own);

@@ -95,7 +95,7 @@ impl GridFormat {
         }
         let formats = FORMATS.iter().filter(|format| format.holds_colours);
         let names: Vec<_> = formats.map(|format| format.name).collect();
-        Err(Error::usage(format!("{} cannot hold colours", self.name))
+        Err(Error::usage(format!("{} does not support colours", self.name))
             .remedy(format!("write {}", names.join(" or "))))
     }
 
@@ -109,7 +109,7 @@ impl GridFormat {
         if options.band_count() == 1 {
             return Ok(());
         }
-        let message = format!("{} cannot hold several bands", self.name);
+        let message = format!("{} does not support several bands", self.name);
         Err(Error::usage(message).remedy(format!("write {}, or one band", several_bands())))
     }
 }

@@ -28,7 +28,7 @@ impl PackedBlocks {
     /// Appends a block (of less than 4 GiB, as `limits` has it).
     pub(super) fn append(&mut self, block: &[u8]) -> Result<()> {
         let size = u32::try_from(block.len()).map_err(|_| {
-            Error::limit("bytes of one block", block.len(), u32::MAX).in_file(self.out.path())
+            Error::limit("block size in bytes", block.len(), u32::MAX).in_file(self.out.path())
         })?;
         self.sizes.push(size);
         self.bytes += u64::from(size);

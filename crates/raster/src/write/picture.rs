@@ -29,11 +29,11 @@ pub(super) struct PictureSink {
 impl PictureSink {
     pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         for key in ["ENCODING", "ALPHA"] {
-            order.creation.refuse(key, "on colours, which are no heights")?;
+            order.creation.refuse(key, "for colours, which are not heights")?;
         }
         let bands = order.options.band_count();
         if order.info.sample_type != SampleType::U8 || !(3..=4).contains(&bands) {
-            return Err(Error::usage("a picture is of three or four bands of bytes"));
+            return Err(Error::usage("colour images require three or four bands of uint8"));
         }
         let info = GridInfo { nodata: None, ..order.info.clone() };
         let colours = if bands == 4 { ColorType::Rgba } else { ColorType::Rgb };

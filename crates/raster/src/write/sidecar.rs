@@ -54,10 +54,10 @@ impl Sidecars {
         let path = self.grid.with_extension(ending);
         if path.canonicalize().is_ok_and(|path| self.read.contains(&path)) {
             return Err(Error::usage(
-                "is read with the input, and the output has a file of this name",
+                "sidecar of the input would be overwritten by that of the output",
             )
             .in_file(&path)
-            .remedy("choose another name for the output"));
+            .remedy("choose another output name"));
         }
         self.files.push(Sidecar::new(path, text, says_so, self.overwrite)?);
         Ok(())
@@ -74,7 +74,7 @@ pub(super) fn lost(info: &GridInfo) -> Vec<String> {
     let crs = &info.crs;
     let mut lost: Vec<String> = crs.lost_in_wkt().into_iter().collect();
     if let Some(unit) = crs.vertical_unit.as_ref().filter(|_| !crs.wkt_has_heights()) {
-        lost.push(format!("the format does not say that heights are in {unit}"));
+        lost.push(format!("the format cannot store the height unit ({unit})"));
     }
     lost
 }
@@ -84,7 +84,7 @@ pub(super) fn check_north_up(map: &Affine, format: &str) -> Result<()> {
     if (map.b, map.d) == (0.0, 0.0) && map.a > 0.0 && map.e < 0.0 && map.is_valid() {
         return Ok(());
     }
-    let message = format!("the grid is rotated or not north-up, which {format} cannot say");
+    let message = format!("the grid is rotated or not north-up, which {format} does not support");
     Err(Error::new(ErrorKind::CannotWrite, message).remedy("write GTiff, or gdalwarp it first"))
 }
 

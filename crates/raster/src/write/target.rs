@@ -39,8 +39,8 @@ impl GridWriteRequest<'_> {
             Some(stored) => Ok(GridInfo { nodata: Some(stored), ..info }),
             None => {
                 let name = info.sample_type.name();
-                Err(Error::usage(format!("the nodata value {value} cannot be stored as {name}"))
-                    .remedy("pass one with ‹out_nodata› that the type holds"))
+                Err(Error::usage(format!("nodata value {value} cannot be stored as {name}"))
+                    .remedy("pass a value in the range of the type as ‹out_nodata›"))
             }
         }
     }

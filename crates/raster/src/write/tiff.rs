@@ -21,12 +21,12 @@ pub(super) const COMPRESS: CreationOption = CreationOption {
 pub(super) const LEVEL: CreationOption = CreationOption {
     key: "LEVEL",
     accepts: Whole { least: 1, most: 22, step: 1 },
-    about: "of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
+    about: "compression level of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
 };
 pub(super) const PREDICTOR: CreationOption = CreationOption {
     key: "PREDICTOR",
     accepts: Words(&["NO", "YES", "STANDARD", "FLOATING_POINT", "1", "2", "3"]),
-    about: "2 is STANDARD, 3 FLOATING_POINT, YES the one of the sample type [YES]",
+    about: "2 is STANDARD, 3 is FLOATING_POINT, YES chooses by sample type [YES]",
 };
 pub(super) const BIGTIFF: CreationOption = CreationOption {
     key: "BIGTIFF",
@@ -79,7 +79,7 @@ impl SampleCoding {
             _ => 2,
         };
         if predictor == 3 && !is_float(sample_type) {
-            let message = format!("PREDICTOR=3 is for floats, and samples are {sample_type:?}");
+            let message = format!("PREDICTOR=3 requires float samples, found {sample_type:?}");
             return Err(Error::usage(message).remedy("choose PREDICTOR=2"));
         }
         Ok(Self { compression, predictor })
@@ -111,7 +111,7 @@ impl TiffImage {
     pub(super) fn check(&self) -> Result<()> {
         limits::check("number of blocks", self.blocks(), limits::MAX_BLOCKS)?;
         let bytes = self.row_bytes() as u64 * u64::from(self.block.1);
-        limits::check("bytes of one block", bytes, limits::MAX_BLOCK_BYTES)
+        limits::check("block size in bytes", bytes, limits::MAX_BLOCK_BYTES)
     }
 
     /// Number of blocks, of all bands.
@@ -239,8 +239,7 @@ pub(super) fn form(
 
 /// The file does not fit into a classic TIFF.
 pub(super) fn too_large() -> Error {
-    Error::usage("the file is larger than the 4 GiB of a classic TIFF")
-        .remedy("leave out ‹co› BIGTIFF=NO")
+    Error::usage("file exceeds the 4 GiB limit of classic TIFF").remedy("omit ‹co› BIGTIFF=NO")
 }
 
 #[cfg(test)]

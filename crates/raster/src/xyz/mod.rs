@@ -22,7 +22,7 @@ use points::XyzPointReader;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "XYZ",
     extensions: &["xyz", "csv", "txt"],
-    about: "points of a regular grid, one to a line; missing ones are void; .prj gives the CRS",
+    about: "points of a regular grid, one per line; missing points are void; CRS from a .prj sidecar",
     sniff: |_| false,
     open,
 };
@@ -156,7 +156,7 @@ impl XyzSurvey {
         let (inner, outer) = if self.by_column { (1, 0) } else { (0, 1) };
         if step[outer] == 0.0 {
             if step[inner] == 0.0 {
-                return Err(Error::bad_input("it is at the place of the point before"));
+                return Err(Error::bad_input("duplicate of the previous point"));
             }
             self.steps[inner].add(step[inner]);
         } else {
@@ -175,7 +175,7 @@ impl XyzSurvey {
         let samples = u64::from(x.count) * u64::from(y.count);
         if samples / MOST_SPARSE > self.points {
             return Err(irregular(format!(
-                "its {} points of {file_bytes} bytes would be spread over {} x {} samples",
+                "{} points in {file_bytes} bytes are too sparse for a grid of {} x {} samples",
                 self.points, x.count, y.count
             )));
         }
@@ -191,7 +191,7 @@ impl XyzSurvey {
 
 /// The answer to points that make no grid.
 fn irregular(message: impl Into<String>) -> Error {
-    Error::unsupported(message).remedy("terrane reads points of a regular grid, row by row")
+    Error::unsupported(message).remedy("sort points of a regular grid row by row")
 }
 
 /// Positions along x or y.
@@ -205,14 +205,18 @@ struct XyzAxis {
 impl XyzAxis {
     fn of(name: &str, span: XyzRange, steps: AxisSteps) -> Result<Self> {
         if steps.count == 0 {
-            return Err(irregular(format!("no two neighbours tell the spacing of {name}")));
+            return Err(irregular(format!("spacing of {name} cannot be determined")));
         }
         let range = span.high - span.low;
         let cells = (range / (steps.sum / steps.count as f64)).round();
         if !(cells >= 1.0 && range.is_finite()) {
-            return Err(irregular(format!("the spacing of {name} is not usable")));
+            return Err(irregular(format!("invalid spacing of {name}")));
         }
-        limits::check(&format!("samples along {name}"), cells as u64, limits::MAX_SIDE - 1)?;
+        limits::check(
+            &format!("number of samples along {name}"),
+            cells as u64,
+            limits::MAX_SIDE - 1,
+        )?;
         Ok(Self { low: span.low, step: range / cells, count: cells as u32 + 1 })
     }
 
@@ -291,12 +295,12 @@ struct XyzLines {
 impl XyzLines {
     fn put(&mut self, line: u32, at: usize, height: f64) -> Result<()> {
         if line < self.number {
-            return Err(irregular("it goes back to an earlier row or column"));
+            return Err(irregular("point returns to an earlier row or column"));
         }
         self.advance(line)?;
         self.line.resize(self.length, None);
         if self.line[at].replace(height).is_some() {
-            return Err(Error::bad_input("there was a point at this place before"));
+            return Err(Error::bad_input("duplicate point"));
         }
         Ok(())
     }

@@ -98,13 +98,13 @@ impl<'a> XyzPointReader<'a> {
             match read.map_err(|e| Error::read(self.file.path(), e))? as u64 {
                 0 => return Ok(None),
                 MOST_LINE if !self.text.ends_with(b"\n") => {
-                    let message = format!("the line is longer than {MOST_LINE} bytes");
+                    let message = format!("line exceeds {MOST_LINE} bytes");
                     return Err(Error::bad_input(message).at(self.place()));
                 }
                 _ => {}
             }
             if std::str::from_utf8(&self.text).is_err() {
-                return Err(Error::bad_input("the line is not text").at(self.place()));
+                return Err(Error::bad_input("line is not text").at(self.place()));
             }
             let text = self.line_text();
             if !text.is_empty() && !text.starts_with('#') {
@@ -185,10 +185,10 @@ fn unquoted(word: &str) -> &str {
 /// Fails where a line has other columns than those before.
 fn even(found: usize, before: Option<usize>) -> Result<()> {
     match before {
-        Some(before) if before != found => {
-            Err(Error::bad_input(format!("{found} values, where the lines before have {before}"))
-                .remedy("mend the line"))
-        }
+        Some(before) if before != found => Err(Error::bad_input(format!(
+            "{found} values, expected {before} as in the lines before"
+        ))
+        .remedy("correct the line")),
         _ => Ok(()),
     }
 }
@@ -234,8 +234,8 @@ fn columns(heading: &str) -> Result<[usize; 3]> {
         [None, None, None] if names.len() >= 3 => Ok([0, 1, 2]),
         _ => {
             let heading: String = heading.chars().take(80).collect();
-            let message = format!("the heading {heading:?} does not name x, y and z");
-            Err(Error::bad_input(message).remedy("a line is a point: its x, its y and its height"))
+            let message = format!("header {heading:?} lacks x, y or z");
+            Err(Error::bad_input(message).remedy("write one point per line: x, y and height"))
         }
     }
 }
@@ -244,11 +244,11 @@ fn point(words: &[&str], separator: XyzSeparator, columns: [usize; 3]) -> Result
     let mut point = [0.0; 3];
     for (value, column) in point.iter_mut().zip(columns) {
         let word = words.get(column).ok_or_else(|| {
-            Error::bad_input(format!("{} values where x, y and z are expected", words.len()))
+            Error::bad_input(format!("{} values, expected x, y and z", words.len()))
         })?;
         *value = separator.number(word).ok_or_else(|| {
             let word: String = word.chars().take(40).collect();
-            Error::bad_input(format!("{word:?} is not a number that can be held"))
+            Error::bad_input(format!("{word:?} is not a valid number"))
         })?;
     }
     if !(point[0].is_finite() && point[1].is_finite()) {

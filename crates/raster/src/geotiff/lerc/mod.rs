@@ -61,7 +61,7 @@ fn decode_as<T: Sample + Pod>(
     let found = lerc::decode_into_with_nodata(data, samples, void).map_err(told)?;
     let valid = found.valid_masks.first().map(lerc::bitmask::BitMask::count_valid);
     if valid != Some(info.valid_pixels as usize) {
-        return Err("invalid LERC data: its mask has another number of samples".to_owned());
+        return Err("invalid LERC data: mask size differs from the block size".to_owned());
     }
     if in_place {
         return Ok(());
@@ -91,13 +91,13 @@ fn check(info: &LercInfo, shape: LercBlockShape) -> Result<(), Fault> {
         return Ok(());
     }
     Err(format!(
-        "LERC data of {width} x {height} pixels of {samples} samples where {} x {} of {} are expected",
+        "LERC data of {width} x {height} pixels with {samples} samples, expected {} x {} with {}",
         shape.width, shape.height, shape.depth
     ))
 }
 
 fn other_type(shape: LercBlockShape) -> Fault {
-    format!("LERC data of another type than {}", shape.kind.name())
+    format!("LERC data type differs from {}", shape.kind.name())
 }
 
 fn told(error: LercError) -> Fault {

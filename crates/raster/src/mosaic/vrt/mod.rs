@@ -35,7 +35,7 @@ use parse::{Vrt, VrtSource};
 pub(crate) const FORMAT: RasterFormat = RasterFormat {
     name: "VRT",
     extensions: &["vrt"],
-    about: "GDAL virtual rasters of simple and complex sources, files below their folder",
+    about: "GDAL virtual rasters with simple and complex sources in files below the folder of the VRT",
     sniff: is_vrt,
     open,
 };
@@ -84,7 +84,7 @@ fn read(path: &Path, options: &GridOpenOptions, nest: Option<&MosaicNesting>) ->
     let file = RawFile::open(path)?;
     let within = match nest {
         Some(nest) => nest.family.count_vrt_bytes(file.size()),
-        None => limits::check("bytes of a VRT", file.size(), limits::MAX_VRT_BYTES),
+        None => limits::check("size of the VRT in bytes", file.size(), limits::MAX_VRT_BYTES),
     };
     let text = BufReader::with_capacity(1 << 16, file.reader());
     within.and_then(|()| parse::parse(text, options.band)).map_err(|e| e.in_file(path))
@@ -126,7 +126,7 @@ fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
         return Err(Error::bad_input("refers to itself").in_file(path));
     }
     let depth = nest.around.len() as u64 + 1;
-    limits::check("depth of VRTs in VRTs", depth, MOST_DEPTH as u64)?;
+    limits::check("depth of nested VRTs", depth, MOST_DEPTH as u64)?;
     let mut deeper = nest.clone();
     deeper.around.push(real);
     Ok(deeper)
@@ -136,7 +136,7 @@ fn describe(vrt: &Vrt, options: &GridOpenOptions) -> Result<GridInfo> {
     let Vrt { width, height, band, .. } = vrt;
     let transform = vrt.transform.map(Affine::from_gdal);
     if transform.is_some_and(|map| !map.is_valid()) {
-        return Err(Error::bad_input("GeoTransform is not finite or has no area"));
+        return Err(Error::bad_input("GeoTransform is not finite or singular"));
     }
     let unit = band.unit.as_deref().map(unit_and_text);
     let (vertical_unit, vertical_unit_text) = unit.map_or((None, None), |(u, t)| (Some(u), t));
@@ -249,7 +249,7 @@ impl VrtCanvas<'_> {
         let is_alike = (file.scale, file.offset) == (band.scale, band.offset);
         if !is_plain && (is_changed || !is_alike || !holds(band.sample_type, file.sample_type)) {
             return Err(Error::unsupported(format!(
-                "its heights are stored x {} + {}, which the VRT changes to x {} + {}",
+                "scale {} and offset {} differ from {} and {} of the VRT",
                 file.scale, file.offset, band.scale, band.offset
             ))
             .in_file(&path_of(name))

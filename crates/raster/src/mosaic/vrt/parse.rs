@@ -110,7 +110,7 @@ fn vrt<R: BufRead>(xml: &mut RasterXmlReader<R>, band: u32) -> Result<Vrt> {
     let root = xml.root()?;
     if !root.is("VRTDataset") {
         return Err(Error::bad_input(format!(
-            "begins with <{}>, not <VRTDataset>",
+            "root element is <{}>, expected <VRTDataset>",
             short(&root.name)
         )));
     }
@@ -205,7 +205,7 @@ impl VrtBand {
                     let (place, node) = (xml.place(), xml.node(tag)?);
                     band.sources.push(VrtSource::read(&node, place)?);
                     let sources = band.sources.len() as u64;
-                    limits::check("sources of a VRT", sources, limits::MAX_MEMBERS)?;
+                    limits::check("number of sources of a VRT", sources, limits::MAX_MEMBERS)?;
                 }
                 "nodatavalue" => band.nodata = Some(xml.node(tag)?.number()?),
                 "hidenodatavalue" => hides_nodata = is_true(&xml.node(tag)?.text),
@@ -244,7 +244,7 @@ impl VrtSource {
         };
         let file = node.child("SourceFilename");
         let Some(file) = file.filter(|file| !file.text.is_empty()) else {
-            return Err(Error::bad_input("a source names no file"));
+            return Err(Error::bad_input("source without SourceFilename"));
         };
         let band = node.child("SourceBand").map_or("1", |band| &band.text);
         let (from, to) = (rectangle(node, "SrcRect")?, rectangle(node, "DstRect")?);
@@ -274,7 +274,7 @@ fn check_rectangles(from: Option<[f64; 4]>, to: Option<[f64; 4]>) -> Result<()> 
     match (from, to) {
         (Some(from), Some(to)) if apart(from[2], to[2]) || apart(from[3], to[3]) => {
             Err(Error::unsupported(format!(
-                "a source is resampled from {} x {} to {} x {} samples",
+                "resampling of a source from {} x {} to {} x {} samples is not supported",
                 from[2], from[3], to[2], to[3]
             ))
             .remedy("resample it first: gdalwarp -tr X Y IN OUT"))
@@ -301,13 +301,13 @@ fn rectangle(node: &RasterXmlElement, name: &str) -> Result<Option<[f64; 4]>> {
 fn whole(numbers: [f64; 4]) -> Result<[i64; 4]> {
     if let Some(part) = numbers.iter().find(|n| (*n - n.round()).abs() > SLACK) {
         return Err(Error::unsupported(format!(
-            "a source lies off the grid of samples, at {part}: it would have to be resampled"
+            "source is not aligned with the samples of the VRT ({part})"
         ))
         .remedy("align it first: gdalwarp -tr X Y -te XMIN YMIN XMAX YMAX IN OUT"));
     }
     let whole = numbers.map(|n| n.round() as i64);
     if whole[2] < 1 || whole[3] < 1 {
-        return Err(Error::bad_input("a source has no size"));
+        return Err(Error::bad_input("source rectangle is empty"));
     }
     Ok(whole)
 }
@@ -316,7 +316,7 @@ fn side(root: &RasterXmlTag, name: &str) -> Result<u32> {
     let text = root.attribute(name).unwrap_or_default();
     let size = text.trim().parse::<u64>().ok().filter(|size| *size > 0);
     let size = size.ok_or_else(|| {
-        Error::bad_input(format!("{name} is not a number of samples: {:?}", short(text)))
+        Error::bad_input(format!("{name} is not a positive integer: {:?}", short(text)))
     })?;
     limits::check(name, size, limits::MAX_SIDE)?;
     Ok(size as u32)
@@ -342,8 +342,8 @@ fn is_true(text: &str) -> bool {
 }
 
 fn refused(what: &str) -> Error {
-    Error::unsupported(format!("a VRT with {what} is not supported"))
-        .remedy("make it a file: gdal_translate IN.vrt OUT.tif")
+    Error::unsupported(format!("VRT with {what} is not supported"))
+        .remedy("convert it to a GeoTIFF: gdal_translate IN.vrt OUT.tif")
 }
 
 #[cfg(test)]

@@ -17,17 +17,14 @@ pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<Strin
 
 fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Result<String> {
     if name.to_ascii_lowercase().starts_with("/vsi") {
-        return Err(Error::unsupported(format!(
-            "a source is {}, a virtual file of GDAL",
-            short(name)
-        ))
-        .remedy("copy it to a plain file beside the VRT"));
+        return Err(Error::unsupported(format!("source {} is a GDAL virtual file", short(name)))
+            .remedy("copy it to a file in the folder of the VRT"));
     }
     let folder = vrt.parent().unwrap_or(Path::new(""));
     let path = if is_relative { folder.join(name) } else { PathBuf::from(name) };
     if !allowed && !is_inside(folder, &path) {
         return Err(Error::bad_input(format!(
-            "a source is {}, outside the VRT's folder",
+            "source {} is outside the folder of the VRT",
             short(name)
         ))
         .remedy(format!("set {ALLOW}=1 if you trust this VRT")));
