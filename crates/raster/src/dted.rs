@@ -173,8 +173,8 @@ impl DtedText<'_> {
 
 fn transform(label: &DtedText<'_>, width: u32, height: u32) -> Result<Affine> {
     let bad = |what: &str| Error::bad_input(format!("invalid {what}"));
-    let west = label.degrees(4).ok_or_else(|| bad("origin's longitude"))?;
-    let south = label.degrees(12).ok_or_else(|| bad("origin's latitude"))?;
+    let west = label.degrees(4).ok_or_else(|| bad("origin longitude"))?;
+    let south = label.degrees(12).ok_or_else(|| bad("origin latitude"))?;
     // Where intervals are left out, a cell is one degree.
     let dx = label.interval(20).unwrap_or(1.0 / f64::from(width - 1));
     let dy = label.interval(24).unwrap_or(1.0 / f64::from(height - 1));

@@ -354,21 +354,29 @@ mod tests {
         let degrees = |crs: &mut Crs| (crs.epsg, crs.geographic) = (Some(4326), Some(true));
         vec![
             ("unplaced", unplaced, "columns and rows"),
-            ("no CRS", with_crs(|crs| *crs = Crs::default()), "coordinate system"),
+            ("no CRS", with_crs(|crs| *crs = Crs::default()), "CRS is missing"),
             ("degrees", with_crs(degrees), "(‹max_error›) is in metre"),
             ("mixed units", with_crs(|crs| crs.vertical_unit = Some("foot".into())), "is in foot"),
-            ("vertical unit unknown", with_crs(|crs| crs.vertical_unit = None), "the unit of its"),
-            ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre: 1.5000 times"),
+            (
+                "vertical unit unknown",
+                with_crs(|crs| crs.vertical_unit = None),
+                "height unit is missing",
+            ),
+            ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre (ratio 1.5000)"),
             ("rotated", turned([30.0, 5.0, 5.0, -30.0]), "9.4623 degrees"),
             ("south-up", turned([30.0, 0.0, 0.0, 30.0]), "southernmost"),
             ("mirrored", turned([-30.0, 0.0, 0.0, -30.0]), "east to west"),
             ("points", GridInfo { pixel_is_point: true, ..plain() }, "half a cell"),
             ("several bands", GridInfo { bands: 3, band: 2, ..plain() }, "3 bands; band 2 is"),
             ("scaled", scaled, "int16 x 0.001 + 5;"),
-            ("impossible nodata", GridInfo { nodata: Some(-99_999.0), ..plain() }, "no int16"),
-            ("nodata values differ", differing, "void: 0, -1"),
-            ("masks", masked, "nodata value or by a mask (internal)"),
-            ("cells too small", turned([1e-9, 0.0, 0.0, -1e-9]), "too small"),
+            (
+                "impossible nodata",
+                GridInfo { nodata: Some(-99_999.0), ..plain() },
+                "not a valid int16",
+            ),
+            ("nodata values differ", differing, "own file: 0, -1"),
+            ("masks", masked, "nodata value and mask (internal)"),
+            ("cells too small", turned([1e-9, 0.0, 0.0, -1e-9]), "precision of double"),
             ("thin strips", with_block((20_000, 1), "LZW"), "strips of 1 row across 20000"),
         ]
     }
@@ -414,7 +422,7 @@ mod tests {
         let kinds: Vec<_> = both.iter().map(|note| note.kind).collect();
         assert_eq!(kinds, [UNDECLARED, VOIDS]);
         assert!(both[0].text.starts_with("7 samples are -32767,"));
-        assert!(both[1].text.starts_with("50 samples are void, 25.00 %"), "{both:?}");
+        assert!(both[1].text.starts_with("50 samples are void (25.00 %)"), "{both:?}");
         assert!(told((9, 0), None)[0].text.contains("no surface"));
         assert_eq!(NOTE_KINDS.len(), CHECKS.len() + 3);
         assert!(NOTE_KINDS.contains(&VOIDS) && NOTE_KINDS.contains(&"thin strips"));
@@ -432,7 +440,7 @@ mod tests {
         };
         for (info, range, word) in [
             (plain(), [-10_994.0, 8849.0], None),
-            (plain(), [0.0, 9001.0], Some("check the unit")),
+            (plain(), [0.0, 9001.0], Some("check the height unit")),
             (plain(), [-12_001.0, 5.0], Some("-12001")),
             (in_unit("foot"), [0.0, 29_035.0], None),
             (in_unit("foot"), [0.0, 39_000.0], Some("39000")),

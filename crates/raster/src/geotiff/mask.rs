@@ -105,7 +105,7 @@ impl MaskedGrid<'_> {
             return Ok(());
         }
         let message = format!(
-            "mask of {} x {} samples and {} bands does not match the grid of {} x {} and {}",
+            "mask of {} x {} samples and {} bands for a grid of {} x {} and {} is not supported",
             mask.width, mask.height, mask.bands, grid.width, grid.height, grid.bands
         );
         Err(Error::unsupported(message)

@@ -181,8 +181,8 @@ mod tests {
         assert!(check(named, named).is_ok());
         assert_eq!(
             refusal(|b| b.crs.epsg = Some(4326)),
-            "d/b.tif: its coordinate reference system is EPSG:4326, that of a.tif is EPSG:32631; \
-             gdalwarp -t_srs EPSG:32631 d/b.tif d/b-warped.tif"
+            "d/b.tif: CRS is EPSG:4326, that of a.tif is EPSG:32631; \
+             reproject it: gdalwarp -t_srs EPSG:32631 d/b.tif d/b-warped.tif"
         );
         assert!(
             refusal(|b| b.crs = Crs::default()).contains("gdal_edit.py -a_srs EPSG:32631 d/b.tif")
@@ -216,7 +216,10 @@ mod tests {
         let other = GridShape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
         let error = misplaced(("a", &first), ("b.tif", &other), LatticeMisfit::Offset([0.3, 0.0]));
         let text = error.to_string();
-        assert!(text.contains("lie 0.300000 x 0.000000 cells off those of a"), "{text}");
+        assert!(
+            text.contains("samples are 0.300000 x 0.000000 cells off the lattice of a"),
+            "{text}"
+        );
         assert!(text.contains("-tr 10 10 -te 100 -100 210 0 b.tif b-aligned.tif"), "{text}");
     }
 }

@@ -238,7 +238,7 @@ mod tests {
         assert_eq!(place.files(&[&format!("@{}", place.at("odd"))]), ["a.tif"]);
         place.write("list.txt", "a.tif\nnone.tif\n");
         let told = place.refused(&place.at("list.txt"));
-        assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
+        assert!(told.contains("line 2: lists none.tif, which does not exist"), "{told}");
         assert!(place.refused("@nowhere").contains("cannot read"));
         std::fs::write(place.0.path().join("raw"), [b'a', 0, 0xfe]).unwrap();
         assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not a text file"));

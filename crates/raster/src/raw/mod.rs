@@ -105,7 +105,7 @@ fn is_header(path: &Path) -> Error {
     let mut names = endings.flat_map(upper).map(|e| stem.with_extension(e)).chain([stem.clone()]);
     let remedy = match names.find(|data| data.is_file()) {
         Some(data) => format!("open {}", data.display()),
-        None => format!("open the data file ({}.bil, .flt, ...)", stem.display()),
+        None => format!("open the data file beside it ({}.bil, .flt, ...)", stem.display()),
     };
     Error::usage("is the header of a grid, not its data").in_file(path).remedy(remedy)
 }

@@ -170,5 +170,5 @@ pub(crate) fn check_room(path: &Path, file: &File, bytes: u64) -> Result<()> {
 fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
     let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
     let error = Error::write(path, error).at(format!("allocating {length} bytes"));
-    if full { error.remedy("free disk space, or write to another disk") } else { error }
+    if full { error.remedy("free some space, or write to another disk") } else { error }
 }

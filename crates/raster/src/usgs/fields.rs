@@ -146,12 +146,14 @@ mod tests {
         assert_eq!(fields.integer().unwrap(), 8);
         fields.align(0, 1000).unwrap();
         let error = fields.integer().unwrap_err().to_string();
-        assert!(error.contains("it has 46 bytes"), "{error}");
+        assert!(error.contains("it ends at byte 46"), "{error}");
         assert!(UsgsDemFieldReader::new(&file, 32).integer().is_err());
         let mut fields = UsgsDemFieldReader::new(&file, 0);
         fields.integer().unwrap();
-        assert!(fields.align(0, 40).unwrap_err().to_string().contains("more follows"));
-        assert!(fields.finish(41).unwrap_err().to_string().contains("42 bytes follow"));
+        assert!(
+            fields.align(0, 40).unwrap_err().to_string().contains("data after the last height")
+        );
+        assert!(fields.finish(41).unwrap_err().to_string().contains("42 extra bytes"));
         assert!(fields.finish(42).is_ok());
     }
 }

@@ -218,7 +218,7 @@ fn what_cannot_be_told_is_refused() {
     let info = land().info;
     let failed = |lake: Arc<Water>| levelled_heights(land(), &lake, 64).unwrap_err().to_string();
     let far = water(&info, &[box_of([20.0, 2.0], [30.0, 6.0])], &[]);
-    assert!(failed(far).contains("no water of this file"));
+    assert!(failed(far).contains("water polygons do not overlap the grid"));
     let all = water(&info, &[box_of([-5.0, -5.0], [30.0, 30.0])], &[]);
     let error = failed(all);
     assert!(error.contains("polygon 1") && error.contains("without a bank"), "{error}");

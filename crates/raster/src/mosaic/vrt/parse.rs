@@ -419,8 +419,8 @@ mod tests {
             ("<NODATA>", "<LUT>0:1</LUT><NODATA>", "LUT"),
             ("<NODATA>", "<Exponent>2</Exponent><NODATA>", "Exponent"),
             ("<NODATA>", "<OpenOptions/><NODATA>", "OpenOptions"),
-            ("xSize=\"20\" ySize=\"10\"/", "xSize=\"40\" ySize=\"10\"/", "resampled from 40 x 10"),
-            ("5.0000001", "5.4", "off the grid of samples, at 5.4"),
+            ("xSize=\"20\" ySize=\"10\"/", "xSize=\"40\" ySize=\"10\"/", "source from 40 x 10"),
+            ("5.0000001", "5.4", "not aligned with the samples of the VRT (5.4)"),
             ("<SourceBand>2", "<SourceBand>mask,2", "SourceBand mask,2"),
             ("<Metadata>", "<GCPList/><Metadata>", "GCPList"),
             (
@@ -456,10 +456,10 @@ mod tests {
             ("<NoDataValue>-32768", "<NoDataValue>none", "NoDataValue is not a number"),
             ("<Scale>0.5", "<Scale>0", "scale is 0"),
             ("<Offset>2", "<Offset>inf", "not finite"),
-            ("d/a&amp;b.tif", "", "names no file"),
-            ("xSize=\"20\"", "xSize=\"0\"", "no size"),
+            ("d/a&amp;b.tif", "", "source without SourceFilename"),
+            ("xSize=\"20\"", "xSize=\"0\"", "source rectangle is empty"),
             ("xOff=\"0\"", "xOff=\"zero\"", "xOff of SrcRect"),
-            ("VRTDataset", "Dataset", "begins with <Dataset>"),
+            ("VRTDataset", "Dataset", "root element is <Dataset>"),
         ] {
             let told = refusal(&good.replace(from, to));
             assert!(told.contains(said), "{from} {to}: {told}");

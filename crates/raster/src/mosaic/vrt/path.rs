@@ -82,6 +82,6 @@ mod tests {
         }
         assert!(told("a.tif", false, false).contains("outside"), "the current folder is another");
         assert_eq!(told("../a.tif", true, true), "/d/e/../a.tif");
-        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("virtual file of GDAL"));
+        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("GDAL virtual file"));
     }
 }
