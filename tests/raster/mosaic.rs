@@ -417,7 +417,7 @@ fn virtual_rasters_that_are_refused() {
     let mut zipped = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     std::io::Write::write_all(&mut zipped, &std::fs::read(place.at("m.vrt")).unwrap()).unwrap();
     let packed = place.write("p.vrt.gz", zipped.finish().unwrap());
-    assert!(refused(&[packed]).contains("holds a VRT"));
+    assert!(refused(&[packed]).contains("contains a VRT"));
 }
 
 #[test]
