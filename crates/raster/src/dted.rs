@@ -234,7 +234,7 @@ impl DtedColumns<'_> {
         if count == 0 || (count < width && !room.is_multiple_of(bytes)) {
             return Err(self.truncated());
         }
-        limits::check("columns", count, limits::MAX_SIDE)?;
+        limits::check("number of columns", count, limits::MAX_SIDE)?;
         match room - count * bytes {
             0 => Ok(count),
             more => Err(Error::bad_input(format!("{more} extra bytes after the last column"))

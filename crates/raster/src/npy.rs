@@ -160,7 +160,7 @@ fn shape(text: &str) -> Result<(u32, u32)> {
     if height == 0 || width == 0 {
         return Err(Error::bad_input(format!("array is empty: {height} x {width}")));
     }
-    limits::check("rows", height, limits::MAX_SIDE)?;
-    limits::check("columns", width, limits::MAX_SIDE)?;
+    limits::check("number of rows", height, limits::MAX_SIDE)?;
+    limits::check("number of columns", width, limits::MAX_SIDE)?;
     Ok((height as u32, width as u32))
 }

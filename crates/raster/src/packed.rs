@@ -133,7 +133,7 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let target = folder.join(stem);
     let most = limits::MAX_UNPACKED_BYTES;
     let bytes = copy(&mut decoder, most.saturating_add(1), &target, "gzip file")?;
-    limits::check("bytes unpacked", bytes, most)?;
+    limits::check("unpacked size in bytes", bytes, most)?;
     copy_sidecars(file.path(), &target)?;
     Ok(target)
 }

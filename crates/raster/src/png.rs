@@ -230,7 +230,7 @@ fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     let info = picture.info();
     let row = info.raw_row_length_from_width(info.width) as u64;
     let bytes = row.saturating_mul(u64::from(info.height));
-    limits::check("bytes unpacked", bytes, limits::MAX_UNPACKED_BYTES)?;
+    limits::check("unpacked size in bytes", bytes, limits::MAX_UNPACKED_BYTES)?;
     if info.interlaced {
         limits::check("size of the interlaced PNG in bytes", bytes, MOST_MEMORY)?;
     }

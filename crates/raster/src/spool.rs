@@ -28,7 +28,7 @@ impl SampleSpool {
     /// Appends `bytes`.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let all = self.out.bytes() + bytes.len() as u64;
-        limits::check("bytes unpacked", all, limits::MAX_UNPACKED_BYTES)?;
+        limits::check("unpacked size in bytes", all, limits::MAX_UNPACKED_BYTES)?;
         self.out.write(bytes).map_err(or_tmpdir)
     }
 

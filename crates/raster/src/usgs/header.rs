@@ -125,8 +125,8 @@ impl UsgsDemGrid {
         if !transform.is_valid() || profiles < 1 || rows.is_nan() || rows < 1.0 {
             return Err(Error::bad_input("corners and spacing in the header do not define a grid"));
         }
-        limits::check("rows", rows as u64, limits::MAX_SIDE)?;
-        limits::check("profiles", profiles as u64, limits::MAX_SIDE)?;
+        limits::check("number of rows", rows as u64, limits::MAX_SIDE)?;
+        limits::check("number of profiles", profiles as u64, limits::MAX_SIDE)?;
         check_room(profiles as u64, rows as u64, file.size())?;
         let (width, height) = (profiles as u32, rows as u32);
         Ok(Self { system, width, height, transform, divisor, resolution })

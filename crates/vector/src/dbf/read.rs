@@ -165,7 +165,7 @@ fn value(
             b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(PropertyValue::Bool(true)),
             b"F" | b"f" | b"N" | b"n" | b"0" => Ok(PropertyValue::Bool(false)),
             b"" | b"?" => Ok(PropertyValue::Null),
-            _ => Err(wrong("truth value")),
+            _ => Err(wrong("logical value")),
         },
         b'D' => match plain {
             b"" | b"00000000" => Ok(PropertyValue::Null),

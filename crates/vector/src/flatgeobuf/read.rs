@@ -82,7 +82,7 @@ impl FlatGeobufHeader {
             ));
         }
         let most = u64::MAX / NODE_BYTES / 4;
-        limits::check("features", self.count, most)?;
+        limits::check("number of features", self.count, most)?;
         Ok(levels(self.count, self.node).iter().sum::<u64>() * NODE_BYTES)
     }
 }

@@ -140,7 +140,7 @@ impl Vrt {
         match tag.name.to_ascii_lowercase().as_str() {
             "vrtrasterband" => {
                 self.bands += 1;
-                limits::check("bands", self.bands.into(), limits::MAX_BANDS)?;
+                limits::check("number of bands", self.bands.into(), limits::MAX_BANDS)?;
                 match self.bands == band {
                     true => self.band = VrtBand::read(xml, &tag)?,
                     false => xml.skip()?,
