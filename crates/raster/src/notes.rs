@@ -301,7 +301,8 @@ fn thin_strips(info: &GridInfo) -> Option<String> {
     (is_long && info.details.iter().any(packed)).then(|| {
         let lines = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
         format!(
-            "compressed strips of {lines} across {width} columns: any window decodes whole rows; for repeated use, convert with ‹terrane convert› and ‹format=store› first"
+            "compressed strips of {lines} across {width} columns: any window decodes whole rows; \
+             for repeated use, convert with ‹terrane convert› and ‹format=store› first"
         )
     })
 }
