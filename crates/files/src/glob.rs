@@ -1,5 +1,5 @@
-//! Names with wildcards: `*`, `?` and `[a-z]` in any part of a path, never across a separator, and `**`
-//! as a part of its own for any folders, or none.
+//! Wildcards in paths: `*`, `?` and `[a-z]` within a path component, and `**` as a component for any number
+//! of folders.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -11,8 +11,7 @@ pub(super) fn is_pattern(text: &str) -> bool {
     text.contains(['*', '?', '['])
 }
 
-/// All paths that `pattern` matches, in sorted order. Hidden names match only a pattern that begins
-/// with a dot.
+/// All paths that match `pattern`, sorted. Hidden names match only patterns that begin with a dot.
 ///
 /// # Errors
 /// A folder that cannot be read, or more paths than [`limits::MAX_MEMBERS`].
@@ -41,8 +40,8 @@ pub(super) fn expand(pattern: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// A folder and all folders below it, each before those in it; none whose name begins with a dot, and no
-/// links, which may lead round in a circle.
+/// A folder and all its subfolders, parents first. Hidden folders and symbolic links, which may form cycles,
+/// are skipped.
 ///
 /// # Errors
 /// A folder that cannot be read, or more folders than [`limits::MAX_MEMBERS`].
@@ -107,7 +106,7 @@ fn matches(pattern: &[char], text: &[char]) -> bool {
     pattern[p..].iter().all(|c| *c == '*')
 }
 
-/// Characters of `pattern` that match `c`; `None` when its first item does not.
+/// Number of characters of `pattern` that match `c`; `None` if its first item does not match.
 fn one(pattern: &[char], c: char) -> Option<usize> {
     match pattern.first()? {
         '?' => Some(1),

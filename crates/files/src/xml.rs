@@ -1,6 +1,5 @@
-//! XML read as a stream: start tags, texts, ends. No document type, no entity but the five of XML itself, and limits on
-//! depth and on the bytes of a part. Skipped elements must be well-formed, too: a document damaged anywhere may be damaged in the
-//! elements that are used.
+//! Streaming XML reader: start tags, texts, end tags. Document types and entities other than the five of XML
+//! are rejected, and depth and token size are limited. Skipped elements must be well-formed as well.
 
 use std::borrow::Cow;
 use std::io::{self, BufRead, Read};
@@ -26,13 +25,13 @@ const MAX_PART_BYTES: u64 = limits::MAX_HEADER_BYTES;
 pub struct XmlReader<R> {
     reader: Reader<PartSizeGuard<R>>,
     buffer: Vec<u8>,
-    /// Elements that have begun and not ended, as far as they are known.
+    /// Open elements.
     depth: u64,
-    /// Where reading began, in bytes.
+    /// Byte offset at which reading began.
     base: u64,
 }
 
-/// What comes next.
+/// An XML event.
 pub enum XmlEvent {
     /// An element begins.
     Start(XmlStartTag),
@@ -84,7 +83,7 @@ impl XmlStartTag {
         Ok(self.value(name)?.map(Cow::into_owned))
     }
 
-    /// The value of the attribute of that name, borrowed where it holds no reference.
+    /// The value of the attribute `name`, borrowed if it contains no reference.
     ///
     /// # Errors
     /// Those of [`attributes`](Self::attributes).
@@ -100,13 +99,13 @@ impl XmlStartTag {
 }
 
 impl<R: BufRead> XmlReader<R> {
-    /// A document from its start.
+    /// A document read from its start.
     pub fn new(from: R) -> Self {
         Self::within(from, 0)
     }
 
-    /// A document that was read from its start before, from byte `base` on, where an element begins: what was found to be
-    /// well-formed is not looked at again.
+    /// A document whose beginning was read before: starts at an element at byte `base`. The earlier part is
+    /// not checked again.
     pub fn within(from: R, base: u64) -> Self {
         let mut reader = Reader::from_reader(PartSizeGuard { inner: from, left: MAX_PART_BYTES });
         let config = reader.config_mut();
@@ -117,7 +116,7 @@ impl<R: BufRead> XmlReader<R> {
         Self { reader, buffer: Vec::new(), depth: 0, base }
     }
 
-    /// Where the next part begins, in bytes.
+    /// Byte offset of the next event.
     pub fn offset(&self) -> u64 {
         self.base + self.reader.buffer_position()
     }
@@ -170,7 +169,7 @@ impl<R: BufRead> XmlReader<R> {
         }
     }
 
-    /// Passes over the rest of the element at hand.
+    /// Skips the rest of the current element.
     ///
     /// # Errors
     /// Those of [`next`](Self::next); the end of the document.
@@ -187,7 +186,7 @@ impl<R: BufRead> XmlReader<R> {
         Ok(())
     }
 
-    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    /// Checks that only comments and white space follow the root element.
     ///
     /// # Errors
     /// Those of [`next`](Self::next); anything else.
@@ -202,7 +201,7 @@ impl<R: BufRead> XmlReader<R> {
     }
 }
 
-/// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
+/// Checks a start tag: a name, then quoted attributes, each preceded by a space and unique.
 fn check_tag(start: &str) -> Result<()> {
     let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
     let mut all = XmlAttributes { bytes: start.as_bytes(), at: end };
@@ -223,14 +222,14 @@ fn check_tag(start: &str) -> Result<()> {
     if is_sound { Ok(()) } else { Err(damaged_tag()) }
 }
 
-/// An attribute, with its value as it is written.
+/// An attribute with its raw value.
 struct XmlAttribute<'a> {
     name: &'a [u8],
     value: &'a [u8],
     has_reference: bool,
 }
 
-/// The attributes of a start tag, one by one.
+/// Iterator over the attributes of a start tag.
 struct XmlAttributes<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -273,8 +272,8 @@ impl<'a> XmlAttributes<'a> {
     }
 }
 
-/// Classes of bytes: white space; the first byte of a name; any byte of a name; bytes of a value that never end it and need
-/// no second look.
+/// Character classes of bytes: white space; first byte of a name; any byte of a name; bytes of a value that
+/// need no further check.
 const SPACE: u8 = 1;
 const NAME_START: u8 = 2;
 const NAME: u8 = 4;
@@ -316,7 +315,7 @@ fn is_name(name: &str) -> bool {
 }
 
 impl<'a> XmlAttribute<'a> {
-    /// The value as it is meant: references resolved, and a space for each space of another kind.
+    /// The value with references resolved and white space normalised to spaces.
     fn resolved(&self) -> Result<Cow<'a, str>> {
         let value = text(self.value)?;
         if !self.has_reference && !value.bytes().any(|c| c < b' ') {
@@ -369,7 +368,7 @@ fn no_document_type() -> Error {
         .remedy("remove the declaration from the file")
 }
 
-/// The error of a part that is too long, not UTF-8, or not XML.
+/// Error of a token that is too long, not UTF-8, or not XML.
 fn failed(error: &quick_xml::Error) -> Error {
     match error {
         quick_xml::Error::Io(e) if e.kind() == io::ErrorKind::FileTooLarge => {
@@ -382,7 +381,7 @@ fn failed(error: &quick_xml::Error) -> Error {
     }
 }
 
-/// A text as it stands in an attribute.
+/// `text` escaped for use in an attribute.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -399,7 +398,7 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Fails when one part takes more than [`MAX_PART_BYTES`].
+/// Reader that fails when one token exceeds [`MAX_PART_BYTES`].
 struct PartSizeGuard<R> {
     inner: R,
     left: u64,
