@@ -1,6 +1,5 @@
-//! Files of features (points, lines, polygons with properties): one file or folder per format, and
-//! the registry that names them. Features are read and written one by one; files may be larger than
-//! memory.
+//! Vector files (points, lines, polygons with properties): one module per format, and the registry of
+//! formats. Features are read and written one by one; files may be larger than memory.
 
 mod crs;
 mod csv;

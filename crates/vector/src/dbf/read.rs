@@ -1,4 +1,4 @@
-//! Reading of tables.
+//! Reader of dBASE tables.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,11 @@ use crate::pages::PagedFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Bytes of a table's header, and of each field's description behind it.
+/// Size in bytes of the table header, and of each field descriptor after it.
 pub(super) const HEADER_BYTES: u64 = 32;
-/// The end of the descriptions.
+/// Terminator of the field descriptors.
 pub(super) const HEADER_END: u8 = 0x0d;
-/// The mark of a record that is deleted.
+/// Flag of a deleted record.
 const DELETED: u8 = b'*';
 
 /// A table being read.
@@ -21,7 +21,7 @@ pub(crate) struct DbfReader {
     pages: PagedFile,
     path: PathBuf,
     schema: Vec<FieldDefinition>,
-    /// What each field is and where in a record it ends.
+    /// Type of each field, and the offset of its end in a record.
     columns: Vec<(u8, usize)>,
     encoding: TextEncoding,
     header_bytes: u64,
@@ -81,12 +81,12 @@ impl DbfReader {
         &self.schema
     }
 
-    /// Records passed over because they are marked as deleted.
+    /// Number of deleted records skipped.
     pub(crate) fn deleted(&self) -> u64 {
         self.deleted
     }
 
-    /// The values of a record; `None` where it is marked as deleted.
+    /// The values of a record; `None` if it is deleted.
     pub(crate) fn get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         self.try_get(record).map_err(|e| e.in_file(&self.path))
     }
@@ -123,7 +123,7 @@ impl DbfReader {
     }
 }
 
-/// A field from its description.
+/// The field of a descriptor.
 fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinition> {
     let name = description[..11].split(|&byte| byte == 0).next().unwrap_or_default();
     let name = encoding.text(name)?.trim().into();
@@ -179,14 +179,14 @@ fn value(
     }
 }
 
-/// A day, from the eight digits that it is written as.
+/// A date from its eight digits.
 fn date(digits: &[u8]) -> Option<String> {
     let digits = std::str::from_utf8(digits).ok().filter(|digits| digits.len() == 8)?;
     let day = format!("{}-{}-{}", digits.get(..4)?, digits.get(4..6)?, digits.get(6..)?);
     is_date(&day).then_some(day)
 }
 
-/// A whole number, where it is written like one in a field of such.
+/// A number of a numeric field; an integer if it is written as one in an integer field.
 fn number(text: &[u8], kind: FieldKind) -> Option<PropertyValue> {
     let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
     match whole {

@@ -1,4 +1,4 @@
-//! Writing of tables whose columns are known.
+//! Writer of dBASE tables with known columns.
 
 use super::read::{HEADER_BYTES, HEADER_END};
 use crate::feature::{FieldKind, PropertyValue};
@@ -6,12 +6,12 @@ use crate::out::VectorOutputFile;
 use crate::table::{FeatureColumn, push_text};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// How columns become fields.
+/// Mapping of columns to fields.
 pub(crate) struct DbfTablePlan {
     fields: Vec<FieldPlan>,
-    /// Bytes of a record.
+    /// Record length in bytes.
     record: usize,
-    /// True where there is no column, and records are numbered: a table needs a field.
+    /// True if there are no columns: the table gets a numbered field, since it needs one.
     is_numbered: bool,
 }
 
@@ -24,10 +24,10 @@ struct FieldPlan {
 }
 
 impl DbfTablePlan {
-    /// Most bytes of a value as text.
+    /// Maximum length of a value as text, in bytes.
     pub(crate) const MOST: usize = 254;
 
-    /// For the columns; the notes tell of names that had to change.
+    /// Plans the fields for `columns`; notes list renamed fields.
     pub(crate) fn new(columns: &[FeatureColumn], notes: &mut Vec<String>) -> Result<Self> {
         let number = FeatureColumn {
             name: "FID".into(),
@@ -61,7 +61,7 @@ impl DbfTablePlan {
     }
 }
 
-/// A name of at most ten bytes that no field has yet.
+/// A unique field name of at most ten bytes.
 fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
     let is_free = |name: &str| !fields.iter().any(|field| field.name.eq_ignore_ascii_case(name));
     let cut = |most: usize| {
@@ -96,7 +96,7 @@ fn plan(column: &FeatureColumn, name: String) -> Result<FieldPlan> {
     Ok(FieldPlan { name, letter, width: width.min(255), decimals, kind })
 }
 
-/// Writes the table of `records` records, whose values are asked for one record after the other.
+/// Writes a table of `records` records; values are requested record by record.
 pub(crate) fn write(
     out: &mut VectorOutputFile,
     plan: &DbfTablePlan,

@@ -1,17 +1,17 @@
-//! Lists of positions: the hot loop of reading GeoJSON and TopoJSON.
+//! Coordinate arrays: the hot loop of reading GeoJSON and TopoJSON.
 
 use super::JsonCursor;
 use crate::geometry::CoordinateSequence;
 use crate::number;
 use terrane_base::error::Result;
 
-/// Deepest nesting: that of a MultiPolygon.
+/// Deepest nesting, of a MultiPolygon.
 const MOST_DEPTH: usize = 4;
 
 impl JsonCursor<'_> {
-    /// Positions in lists of lists: how deep the numbers are (0 where there are none) and the
-    /// positions, cut where lists of positions end (parts) and lists of those (polygons). A fourth
-    /// number is a measure, more are passed over. O(text).
+    /// Parses a coordinate array. Returns the nesting depth of positions (0 if there are none) and the
+    /// positions, cut into parts and polygons at the ends of arrays. A fourth number is a measure, further
+    /// numbers are ignored. O(text).
     pub(crate) fn coordinates(&mut self) -> Result<(usize, CoordinateSequence)> {
         let mut found = CoordinateSequence::default();
         // Lists begun and not ended, and where numbers are, once one was seen.
@@ -58,7 +58,7 @@ impl JsonCursor<'_> {
         }
     }
 
-    /// The numbers of one position, and the end of its list.
+    /// The numbers of one position, up to the end of its array.
     #[inline]
     fn position(&mut self, found: &mut CoordinateSequence) -> Result<()> {
         let x = self.coordinate()?;
