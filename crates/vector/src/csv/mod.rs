@@ -1,4 +1,4 @@
-//! Tables of x, y, as text: a vertex on each line of the file.
+//! CSV tables with one vertex per row.
 
 mod read;
 mod write;

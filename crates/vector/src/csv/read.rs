@@ -1,5 +1,5 @@
-//! Reading, line by line. Consecutive rows of one id are a feature, of one part a line of it; without
-//! ids an empty line ends a feature.
+//! Reader, line by line. Consecutive rows with one id form a feature, and those with one part form a line of
+//! it; without ids, an empty line ends a feature.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Most bytes of a line.
+/// Maximum line length in bytes.
 const MOST_LINE: u64 = 1 << 20;
 
-/// How quotation marks are to be.
+/// Remedy for quoting errors.
 const QUOTING: &str = "quote the whole value and double the quotation marks inside it";
 
-/// Names of columns with a meaning, lower case.
+/// Recognised column names, lower case.
 const X: &[&str] = &["x", "lon", "long", "lng", "longitude", "easting", "east"];
 const Y: &[&str] = &["y", "lat", "latitude", "northing", "north"];
 const Z: &[&str] = &["z", "ele", "elevation", "height", "altitude", "alt"];
@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     Ok(Box::new(source))
 }
 
-/// Which column is what.
+/// Roles of columns.
 #[derive(Default)]
 struct CsvColumns {
     x: usize,
@@ -61,15 +61,15 @@ struct CsvColumns {
     m: Option<usize>,
     id: Option<usize>,
     part: Option<usize>,
-    /// All others.
+    /// All other columns.
     properties: Vec<(usize, Arc<str>)>,
 }
 
-/// The cells of a row of the file, one behind the other.
+/// The cells of a row, concatenated.
 #[derive(Default)]
 struct CsvRow {
     text: String,
-    /// Where in the text each cell ends, and whether it was in quotation marks.
+    /// End offset of each cell in the text, and whether it was quoted.
     ends: Vec<(usize, bool)>,
 }
 
@@ -89,7 +89,7 @@ impl CsvRow {
         Some(&self.text[start..end])
     }
 
-    /// A cell as a value: white space around it counts between quotation marks only.
+    /// Value of a cell, trimmed unless quoted.
     fn value(&self, at: usize) -> &str {
         let is_quoted = self.ends.get(at).is_some_and(|(_, is_quoted)| *is_quoted);
         let cell = self.get(at).unwrap_or_default();
@@ -107,39 +107,39 @@ impl CsvRow {
     }
 }
 
-/// How far a cell is.
+/// State of the parser within a cell.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum CsvCellState {
-    /// Without quotation marks.
+    /// Unquoted.
     Plain,
-    /// Behind one.
+    /// Inside quotes.
     Open,
-    /// Behind two.
+    /// After the closing quote.
     Closed,
 }
 
 struct CsvFeatureSource {
     window: FileWindow,
-    /// A space stands for any white space.
+    /// Delimiter; a space stands for any white space.
     delimiter: u8,
     columns: CsvColumns,
     layer: LayerHeader,
-    /// Lines read.
+    /// Number of lines read.
     line: u64,
-    /// The line that the row at hand begins on.
+    /// Number of the line where the current row begins.
     row_line: u64,
-    /// Where the last feature began.
+    /// Number of the line where the last feature began.
     first_line: u64,
     row: CsvRow,
-    /// The first row of the feature at hand.
+    /// First row of the current feature.
     first: CsvRow,
-    /// Rows with other values than the first one of their feature.
+    /// Number of rows that differ from the first row of their feature.
     others: u64,
-    /// Values that go over several lines.
+    /// Number of values with line breaks.
     broken: u64,
-    /// Cells of the first line, and so of all.
+    /// Number of columns of the first line, required in all lines.
     count: usize,
-    /// True where `row` is the first of the feature to come.
+    /// True if `row` is the first row of the next feature.
     has_row: bool,
     is_over: bool,
     notes: Vec<String>,
@@ -216,7 +216,7 @@ impl FeatureSource for CsvFeatureSource {
 }
 
 impl CsvFeatureSource {
-    /// Finds the delimiter, and what columns are; a first line of numbers is a row.
+    /// Detects the delimiter and the columns; a first line of numbers is data.
     fn header(&mut self) -> Result<()> {
         loop {
             let Some(line) = self.text()? else {
@@ -276,7 +276,7 @@ impl CsvFeatureSource {
         Ok(())
     }
 
-    /// The next line without white space around it; comments (#) are passed over.
+    /// The next line, trimmed; comments (#) are skipped.
     fn text(&mut self) -> Result<Option<String>> {
         loop {
             let Some(text) = self.line()? else { return Ok(None) };
@@ -295,7 +295,7 @@ impl CsvFeatureSource {
         }
     }
 
-    /// The next line as it is.
+    /// The next line, unchanged.
     fn line(&mut self) -> Result<Option<String>> {
         let Some(bytes) = self.window.line()? else { return Ok(None) };
         self.line += 1;
@@ -312,7 +312,7 @@ impl CsvFeatureSource {
         Ok(Some(text))
     }
 
-    /// Goes to the first row of a feature.
+    /// Advances to the first row of a feature.
     fn first_row(&mut self) -> Result<bool> {
         while self.next_row()? {
             if !self.row.is_empty() {
@@ -322,7 +322,7 @@ impl CsvFeatureSource {
         Ok(false)
     }
 
-    /// Goes to the next row; an empty line has no cells.
+    /// Advances to the next row; an empty line gives a row without cells.
     fn next_row(&mut self) -> Result<bool> {
         if self.is_over {
             return Ok(false);
@@ -344,7 +344,7 @@ impl CsvFeatureSource {
         Ok(true)
     }
 
-    /// Takes a line apart.
+    /// Splits a line into cells.
     fn split(&mut self, line: &str) -> Result<()> {
         self.row.clear();
         if self.delimiter == b' ' {
@@ -357,7 +357,7 @@ impl CsvFeatureSource {
         Ok(())
     }
 
-    /// Takes a line with quotation marks apart, and those after it that a value goes on in.
+    /// Splits a line with quotes into cells, reading further lines for values with line breaks.
     fn split_quoted(&mut self, line: &str) -> Result<()> {
         let delimiter = char::from(self.delimiter);
         let (mut cell, mut state) = (String::new(), CsvCellState::Plain);
@@ -436,7 +436,7 @@ impl CsvFeatureSource {
         column.and_then(|at| self.row.get(at)).map(str::trim)
     }
 
-    /// Those of the first row of a feature.
+    /// Properties of the first row of a feature.
     fn properties(&self) -> FeatureProperties {
         let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
             _ if text.is_empty() => PropertyValue::Null,

@@ -1,4 +1,4 @@
-//! Reading: the header, then features in the order of the file; the index is passed over.
+//! Reader: the header, then features in file order; the spatial index is skipped.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
 use terrane_base::limits;
 
-/// Bytes of a node of the index.
+/// Size of an index node in bytes.
 const NODE_BYTES: u64 = 40;
 
 /// Opens a file.
@@ -110,7 +110,7 @@ fn crs(view: FlatbufferTable<'_>) -> Result<Crs> {
     })
 }
 
-/// The kind of a number; `None` for 0.
+/// Geometry type of a code; `None` for 0.
 fn kind_of(code: u8) -> Result<Option<GeometryType>> {
     match KINDS.iter().find(|(known, _)| *known == code) {
         Some((_, kind)) => Ok(Some(*kind)),
@@ -124,9 +124,9 @@ fn kind_of(code: u8) -> Result<Option<GeometryType>> {
 struct FlatGeobufSource {
     pages: PagedFile,
     header: FlatGeobufHeader,
-    /// Where the next feature begins.
+    /// Offset of the next feature.
     offset: u64,
-    /// Where the last one began.
+    /// Offset of the last feature.
     at: u64,
     count: u64,
     has_binary: bool,
@@ -187,9 +187,9 @@ impl FeatureSource for FlatGeobufSource {
     }
 }
 
-/// A geometry within `depth` collections, no deeper than these may be nested. Tables may be shared, so
-/// a small feature could stand for a huge one: `budget` is what bytes of the feature are left, each
-/// of which counts once.
+/// A geometry inside `depth` nested collections, limited to the allowed depth. Tables may be shared, so a
+/// small feature could expand to a huge one: `budget` is the number of bytes of the feature left, each of
+/// which may be used once.
 fn geometry(
     view: FlatbufferTable<'_>,
     known: Option<GeometryType>,
@@ -279,7 +279,7 @@ fn spend(budget: &mut usize, bytes: usize) -> Result<()> {
     Ok(())
 }
 
-/// The polygons as one geometry.
+/// Polygons joined into one geometry.
 fn joined(parts: &[Geometry]) -> Result<Geometry> {
     let has_z = parts.iter().any(Geometry::has_z);
     let has_m = parts.iter().any(Geometry::has_m);

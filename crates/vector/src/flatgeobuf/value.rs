@@ -1,4 +1,4 @@
-//! Values of properties: the number of a column, and bytes after its type.
+//! Property values: column index, and bytes of the column's type.
 
 use crate::feature::FieldDefinition;
 use crate::feature::{FeatureProperties, FieldKind, PropertyValue, is_date};
@@ -6,17 +6,17 @@ use crate::pages::RecordBytes;
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 
-/// Numbers of the types of columns that are written.
+/// Codes of the column types that are written.
 const BOOL: u8 = 2;
 const LONG: u8 = 7;
 const DOUBLE: u8 = 10;
 const TEXT: u8 = 11;
 const JSON: u8 = 12;
 const DATE_TIME: u8 = 13;
-/// Bytes of any form, which are passed over.
+/// Binary data, skipped.
 pub(super) const BINARY: u8 = 14;
 
-/// The type that holds a kind. Days have no type of their own.
+/// The column type for a field type. Dates have no type of their own.
 pub(super) fn type_of(kind: FieldKind) -> u8 {
     match kind {
         FieldKind::Bool => BOOL,
@@ -28,7 +28,7 @@ pub(super) fn type_of(kind: FieldKind) -> u8 {
     }
 }
 
-/// What the values of a column of a type are.
+/// Field type of a column type.
 pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
     match code {
         BOOL => Ok(FieldKind::Bool),
@@ -41,8 +41,8 @@ pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
     }
 }
 
-/// The properties in `bytes`, one for each column; those that are not there are null. The last result
-/// is true where bytes of any form were passed over.
+/// The properties in `bytes`, one per column; missing ones are null. The last result is true if binary values
+/// were skipped.
 pub(super) fn properties(
     bytes: &[u8],
     fields: &[FieldDefinition],
@@ -105,7 +105,7 @@ fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
     })
 }
 
-/// JSON on one line.
+/// Validated JSON on one line.
 fn sound(json: String) -> Result<String> {
     match serde_json::from_str::<serde::de::IgnoredAny>(&json) {
         Ok(_) => Ok(crate::json::compact(&json)),

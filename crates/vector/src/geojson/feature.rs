@@ -1,4 +1,4 @@
-//! The text of one feature or geometry.
+//! Parser of a feature or geometry.
 
 use std::sync::Arc;
 
@@ -9,15 +9,15 @@ use crate::number;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Reads features; names of properties that come again and again are kept once.
+/// Feature parser; repeated property names share their memory.
 #[derive(Default)]
 pub(crate) struct GeoJsonFeatureReader {
-    /// Those of the feature before.
+    /// Property names of the previous feature.
     names: Vec<Arc<str>>,
 }
 
 impl GeoJsonFeatureReader {
-    /// A feature, or a geometry alone, from the text of an object.
+    /// A feature, or a bare geometry, from the text of an object.
     pub(super) fn feature(&mut self, text: &[u8], base: u64) -> Result<Feature> {
         let mut cursor = JsonCursor::new(text, base);
         let mut feature = Feature::default();
@@ -53,7 +53,7 @@ impl GeoJsonFeatureReader {
         }
     }
 
-    /// An object of properties, or null.
+    /// A properties object, or null.
     pub(crate) fn properties(&mut self, cursor: &mut JsonCursor<'_>) -> Result<FeatureProperties> {
         let mut properties = FeatureProperties::default();
         if cursor.peek() != Some(b'{') {
@@ -81,7 +81,7 @@ impl GeoJsonFeatureReader {
     }
 }
 
-/// A member that is passed on.
+/// A foreign member.
 pub(crate) fn member(name: &str, cursor: &mut JsonCursor<'_>) -> Result<JsonMember> {
     let json = match cursor.value()? {
         JsonToken::Null => "null".to_owned(),
@@ -121,14 +121,14 @@ fn value(token: JsonToken<'_>) -> PropertyValue {
     }
 }
 
-/// A geometry that is no part of a feature.
+/// A geometry outside a feature.
 fn bare(text: &[u8], base: u64) -> Result<Feature> {
     let geometry = geometry(&mut JsonCursor::new(text, base), 0)?;
     Ok(Feature { geometry, ..Feature::default() })
 }
 
-/// A geometry object, or null, within `depth` collections: it calls itself no deeper than collections
-/// may be nested.
+/// A geometry object, or null, inside `depth` collections; recursion is limited to the allowed depth of
+/// collections.
 fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     if cursor.peek() != Some(b'{') {
@@ -184,7 +184,7 @@ fn geometries(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Vec<Geometry>> 
     Ok(members)
 }
 
-/// Fails unless positions are as deep as in a `kind`; 0 is that of no positions.
+/// Fails unless positions are nested as deeply as `kind` requires; 0 means no positions.
 pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Result<(), String> {
     let deep = match kind {
         GeometryType::Point => 1,
@@ -199,12 +199,12 @@ pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Resu
     Err(format!("coordinates are nested {found} deep, expected {deep} for {}", kind.name()))
 }
 
-/// Enough of a word to recognise it by.
+/// A prefix of `text` for error messages.
 pub(crate) fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// A feature that is no object.
+/// Error of a feature that is not an object.
 pub(super) fn no_object(place: u64) -> Error {
     Error::bad_input(format!("byte {place}: missing feature or extra comma"))
 }

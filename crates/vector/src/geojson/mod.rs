@@ -1,5 +1,5 @@
-//! GeoJSON (RFC 7946), as one collection or as one feature after the other (RFC 8142, or a line
-//! each). Both are read alike: any sequence of collections, features and geometries.
+//! GeoJSON (RFC 7946), as one collection, as a text sequence (RFC 8142), or newline-delimited. All are read
+//! alike: as a sequence of collections, features and geometries.
 
 mod feature;
 mod read;

@@ -1,4 +1,4 @@
-//! Reading: a stream of elements; one waypoint, route or track is held.
+//! Streaming reader; one waypoint, route or track is in memory at a time.
 
 use std::io::{self, BufRead, Read};
 use std::path::Path;
@@ -28,7 +28,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     }
 }
 
-/// A window as a stream of bytes.
+/// A window as a byte stream.
 struct WindowStream(FileWindow);
 
 impl Read for WindowStream {
@@ -57,9 +57,9 @@ impl BufRead for WindowStream {
 struct GpxSource {
     xml: XmlReader<WindowStream>,
     layer: LayerHeader,
-    /// Where the last feature began.
+    /// Offset of the last feature.
     at: u64,
-    /// Times that are not understood.
+    /// Number of invalid times.
     left_out: u64,
     is_over: bool,
 }
@@ -105,7 +105,7 @@ impl GpxSource {
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
-    /// A route or track, whose parts are segments.
+    /// A route or track; its parts are segments.
     fn line(&mut self, kind: GeometryType) -> Result<Feature> {
         let mut found = CoordinateSequence::default();
         let mut properties = FeatureProperties::default();
@@ -132,7 +132,7 @@ impl GpxSource {
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
-    /// The rest of a point, whose texts are properties where they are wanted.
+    /// The content of a point element; child texts become properties if `properties` is given.
     fn point(
         &mut self,
         tag: &XmlStartTag,
@@ -170,7 +170,7 @@ impl GpxSource {
         Ok(())
     }
 
-    /// The element of `tag` as a property, if it is nothing but text.
+    /// The element `tag` as a property, if it contains only text.
     fn property(&mut self, tag: &XmlStartTag, properties: &mut FeatureProperties) -> Result<()> {
         if let Some(text) =
             self.text()?.filter(|text| !text.is_empty() && !tag.name().contains(':'))
@@ -182,7 +182,7 @@ impl GpxSource {
         Ok(())
     }
 
-    /// The text of the element at hand; `None` where there are elements in it.
+    /// The text of the current element; `None` if it has child elements.
     fn text(&mut self) -> Result<Option<String>> {
         let (mut text, mut is_plain) = (String::new(), true);
         loop {

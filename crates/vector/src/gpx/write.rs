@@ -1,4 +1,4 @@
-//! Writing. Waypoints come first, then routes, then tracks, so the latter wait.
+//! Writer. Waypoints precede routes, and routes precede tracks, so routes and tracks are buffered.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, folder_for};
 
-/// Elements of text that a waypoint may have, in the order of the schema.
+/// Text elements of a waypoint, in the order of the schema.
 pub(super) const POINT_TEXTS: &[&str] = &[
     "magvar",
     "geoidheight",
@@ -31,7 +31,7 @@ pub(super) const POINT_TEXTS: &[&str] = &[
     "ageofdgpsdata",
     "dgpsid",
 ];
-/// Those of a route or track.
+/// Text elements of a route or track.
 pub(super) const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number", "type"];
 
 /// Starts a file.
@@ -83,9 +83,9 @@ struct GpxSink {
     tracks: files::AppendWriter,
     m_is_time: bool,
     features: u64,
-    /// Features with measures that are no times.
+    /// Number of features with measures that are not times.
     measured: u64,
-    /// Features with an id, or a property that has no place.
+    /// Number of features with an id or properties that GPX cannot store.
     with_more: u64,
     notes: Vec<String>,
     path: PathBuf,
@@ -179,7 +179,7 @@ impl GpxSink {
     }
 }
 
-/// Where a feature goes.
+/// Section of the file for a feature.
 enum GpxSection {
     Out,
     Routes,
@@ -200,7 +200,7 @@ impl GpxElementWriter<'_> {
         Ok(())
     }
 
-    /// The start of a point, its elevation and its time.
+    /// Start of a point element with elevation and time.
     fn begin(&mut self, part: &GeometryPart<'_>, at: usize, name: &str) -> Result<()> {
         let [lon, lat] = part.xy[at];
         if !(-90.0..=90.0).contains(&lat) || !(-180.0..=180.0).contains(&lon) {

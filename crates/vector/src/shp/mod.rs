@@ -1,5 +1,5 @@
-//! ESRI shapefiles (the technical description of July 1998): `.shp` with shapes, `.shx` with their
-//! places, `.dbf` with their properties, `.prj` with the CRS, `.cpg` with the encoding of texts.
+//! ESRI shapefiles (technical description of July 1998): `.shp` with shapes, `.shx` with their offsets,
+//! `.dbf` with their properties, `.prj` with the CRS, `.cpg` with the text encoding.
 
 mod read;
 mod shape;

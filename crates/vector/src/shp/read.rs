@@ -1,4 +1,4 @@
-//! Reading: shapes one by one, in the order of the `.shx` where there is one.
+//! Reader of shapes one by one, in the order of the `.shx` if there is one.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 pub(super) const MAGIC: [u8; 4] = 9994_u32.to_be_bytes();
 /// Version 1000.
 pub(super) const VERSION: [u8; 4] = 1000_u32.to_le_bytes();
-/// Bytes of the header of a `.shp` and a `.shx`.
+/// Size in bytes of the header of a `.shp` and a `.shx`.
 pub(super) const HEADER_BYTES: u64 = 100;
 
 /// Opens the files of a shapefile.
@@ -44,13 +44,13 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     Ok(Box::new(source))
 }
 
-/// The file beside `path` that ends in `extension`, in either case.
+/// The sidecar of `path` with `extension`, in lower or upper case.
 fn sibling(path: &Path, extension: &str) -> Option<PathBuf> {
     let names = [extension.to_owned(), extension.to_uppercase()];
     names.iter().map(|name| path.with_extension(name)).find(|path| path.is_file())
 }
 
-/// Checks the header; the rectangle it claims, if that is one.
+/// Checks the header; returns the bounding box it declares, if valid.
 fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     let header = shapes.get(0, HEADER_BYTES)?;
     if header[..4] != MAGIC {
@@ -66,7 +66,7 @@ fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     Ok(is_one.then_some(bounds))
 }
 
-/// The `.shx`: where each record begins.
+/// The `.shx`: offsets of the records.
 struct ShxIndex {
     pages: PagedFile,
     count: u64,
@@ -100,7 +100,7 @@ struct ShapefileSource {
     layer: LayerHeader,
     /// Records read.
     record: u64,
-    /// Where the next record begins, without a `.shx`.
+    /// Offset of the next record, if there is no `.shx`.
     offset: u64,
     notes: Vec<String>,
 }
@@ -136,7 +136,7 @@ impl FeatureSource for ShapefileSource {
 }
 
 impl ShapefileSource {
-    /// Where the next record begins; `None` at the end.
+    /// Offset of the next record; `None` at the end.
     fn offset(&mut self) -> Result<Option<u64>> {
         let Some(places) = &mut self.places else {
             return Ok((self.offset < self.shapes.len()).then_some(self.offset));
@@ -154,7 +154,7 @@ impl ShapefileSource {
         Ok(Some(offset))
     }
 
-    /// Bytes of the record at `offset`, behind its header.
+    /// Content of the record at `offset`, without its header.
     fn bytes(&mut self, offset: u64) -> Result<u64> {
         let header = self.shapes.get(offset, 8)?;
         let words = u32::from_be_bytes([header[4], header[5], header[6], header[7]]);
@@ -172,7 +172,7 @@ impl ShapefileSource {
         shape::decode(self.shapes.get(offset + 8, bytes)?)
     }
 
-    /// The properties of a record; `None` where it is marked as deleted.
+    /// The properties of a record; `None` if it is deleted.
     fn properties(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         match &mut self.table {
             None => Ok(Some(FeatureProperties::default())),

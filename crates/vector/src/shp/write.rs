@@ -1,4 +1,4 @@
-//! Writing: features wait until the type of all shapes and the widths of all fields are known.
+//! Writer: features are buffered until the shape type and the field widths are known.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::Sidecar;
 
-/// Starts the files of a shapefile.
+/// Creates the files of a shapefile.
 pub(super) fn create(
     path: &Path,
     layer: &LayerHeader,
@@ -48,7 +48,7 @@ struct ShapefileSink {
     base: Option<ShapeType>,
     has_z: bool,
     has_m: bool,
-    /// Features with vertices and without heights.
+    /// Number of non-empty features without heights.
     without_z: u64,
     path: PathBuf,
 }
@@ -178,7 +178,7 @@ fn joined(a: Range, b: Range) -> Range {
     }
 }
 
-/// Bytes as a number of 16-bit words, which files hold in 31 bits.
+/// Length in 16-bit words, which must fit into 31 bits.
 fn words(bytes: u64) -> Result<u32> {
     i32::try_from(bytes / 2).map(i32::cast_unsigned).map_err(|_| too_large())
 }

@@ -1,5 +1,4 @@
-//! TopoJSON (specification 1.0): arcs that geometries share, read only. Arcs are decoded once, so
-//! vertices that geometries share have the same bits.
+//! TopoJSON (specification 1.0), read-only. Arcs are decoded once, so shared vertices are bit-identical.
 
 mod arcs;
 mod read;

@@ -1,4 +1,4 @@
-//! Reading: the file is held, its arcs are decoded, and geometries are put together one by one.
+//! Reader: the file is kept in memory, its arcs are decoded, and geometries are assembled one by one.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use terrane_base::geom::Crs;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Where something begins and ends in the text.
+/// Byte range in the text.
 type Range = (usize, usize);
 
 /// Opens a file.
@@ -45,10 +45,10 @@ pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn F
     Ok(Box::new(TopoJsonSource { text, arcs, layer, features, next: 0, reader, notes }))
 }
 
-/// What a topology holds, its geometries apart.
+/// A topology without its geometries.
 struct TopoJsonTopology {
     arcs: TopoJsonArcs,
-    /// Names of objects and where each is in the text.
+    /// Names and byte ranges of the objects.
     objects: Vec<(String, Range)>,
     crs: Crs,
 }
@@ -100,7 +100,7 @@ impl TopoJsonTopology {
     }
 }
 
-/// Where the object or list at hand is; it is passed over.
+/// Byte range of the current object or array, which is skipped.
 fn range(cursor: &mut JsonCursor<'_>) -> Result<Range> {
     cursor.peek();
     let start = cursor.offset() as usize;
@@ -121,7 +121,7 @@ fn read_transform(cursor: &mut JsonCursor<'_>) -> Result<TopoJsonTransform> {
     }
 }
 
-/// Where the features of an object are: the members of a collection, or itself.
+/// Byte ranges of the features of an object: the members of a collection, or the object itself.
 fn features(text: &[u8], (start, end): Range) -> Result<Vec<Range>> {
     let mut cursor = JsonCursor::new(&text[start..end], start as u64);
     let (mut members, mut is_first) = (None, true);
@@ -146,7 +146,7 @@ struct TopoJsonSource {
     arcs: TopoJsonArcs,
     layer: LayerHeader,
     features: Vec<Range>,
-    /// The feature to be read next.
+    /// Index of the next feature.
     next: usize,
     reader: GeoJsonFeatureReader,
     notes: Vec<String>,
@@ -177,17 +177,17 @@ impl FeatureSource for TopoJsonSource {
     }
 }
 
-/// Puts geometries together.
+/// Assembles geometries from arcs.
 struct TopoJsonAssembler<'a> {
     arcs: &'a TopoJsonArcs,
     reader: &'a mut GeoJsonFeatureReader,
-    /// Vertices that the feature at hand may still have.
+    /// Number of vertices that the current feature may still have.
     budget: usize,
 }
 
 impl TopoJsonAssembler<'_> {
-    /// A geometry with its id and properties, within `depth` collections: it calls itself no deeper
-    /// than collections may be nested.
+    /// A geometry with its id and properties, inside `depth` collections; recursion is limited to the allowed
+    /// depth of collections.
     fn feature(&mut self, cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Feature> {
         limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
         let mut feature = Feature::default();
@@ -255,7 +255,7 @@ impl TopoJsonAssembler<'_> {
         Ok(members)
     }
 
-    /// Lines or rings from lists of arcs.
+    /// Lines or rings from arrays of arc indices.
     fn lines(&mut self, kind: GeometryType, mut cursor: JsonCursor<'_>) -> Result<Geometry> {
         let deep = match kind {
             GeometryType::LineString => 1,
@@ -297,7 +297,7 @@ impl TopoJsonAssembler<'_> {
         }
     }
 
-    /// Appends the arc whose number is next.
+    /// Appends the arc of the next index.
     fn arc(&mut self, cursor: &mut JsonCursor<'_>, to: &mut CoordinateSequence) -> Result<()> {
         let index = match cursor.value()? {
             JsonToken::Number(text) => text.parse().ok(),
@@ -322,8 +322,8 @@ impl TopoJsonAssembler<'_> {
     }
 }
 
-/// Repeats the first vertex of the part at hand until it has `least`, as the reference implementation
-/// does: small rings may have collapsed onto one place when they were quantised.
+/// Repeats the first vertex of the current part until it has `least` vertices, as the reference
+/// implementation does: quantisation may collapse small rings.
 fn fill_up(least: usize, part: &mut CoordinateSequence) {
     let start = part.ends.last().copied().unwrap_or(0);
     if let Some(&first) = part.xy.get(start) {

@@ -1,5 +1,5 @@
-//! Well-known text of geometries (OGC 06-103r4), with the SRID that PostGIS puts before it. One
-//! geometry after the other; white space between them does not matter.
+//! Well-known text of geometries (OGC 06-103r4) with the optional SRID prefix of PostGIS. Geometries are
+//! separated by any white space.
 
 mod read;
 mod write;

@@ -1,4 +1,4 @@
-//! Reading: a stream of words, numbers and brackets; a geometry may be longer than the buffer.
+//! Streaming tokenizer and parser; a geometry may be longer than the buffer.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::wkt;
 use terrane_base::limits;
 
-/// Most bytes of a word.
+/// Maximum length of a word in bytes.
 const MOST_WORD: usize = 64;
 
 /// Opens a file.
@@ -29,13 +29,12 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
 struct WktSource {
     window: FileWindow,
     layer: LayerHeader,
-    /// Where the last geometry began.
+    /// Offset of the last geometry.
     at: u64,
     srid: Option<u32>,
 }
 
-/// The kind that a word begins, whether it has heights, and whether it has measures ("POINTZM").
-/// A ring is read as a line.
+/// Geometry type of a keyword, and its Z and M suffixes ("POINTZM"). LINEARRING is read as a line.
 pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>)> {
     let upper = word.to_ascii_uppercase();
     let known = |word: &str| match word {
@@ -52,7 +51,7 @@ pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>
     })
 }
 
-/// What numbers follow x and y.
+/// Dimensions after x and y.
 #[derive(Clone, Copy)]
 pub(super) struct WktDimensions {
     has_z: bool,
@@ -87,7 +86,7 @@ impl FeatureSource for WktSource {
 }
 
 impl WktSource {
-    /// The next byte that is no white space.
+    /// The next byte that is not white space.
     #[inline]
     fn peek(&mut self) -> Result<Option<u8>> {
         loop {
@@ -101,14 +100,14 @@ impl WktSource {
         }
     }
 
-    /// Passes over `byte` if it is next.
+    /// Consumes `byte` if it is next.
     fn take(&mut self, byte: u8) -> Result<bool> {
         let is_next = self.peek()? == Some(byte);
         self.window.advance(usize::from(is_next));
         Ok(is_next)
     }
 
-    /// A word, not passed over.
+    /// The next word, without consuming it.
     fn word(&mut self) -> Result<String> {
         self.peek()?;
         self.window.ensure(MOST_WORD)?;
@@ -118,7 +117,7 @@ impl WktSource {
         Ok(String::from_utf8_lossy(&text[..letters]).into_owned())
     }
 
-    /// "SRID=4326;", if it is next.
+    /// Parses "SRID=4326;" if it is next.
     fn srid(&mut self) -> Result<Option<u32>> {
         if !self.word()?.eq_ignore_ascii_case("SRID") {
             return Ok(None);
@@ -142,7 +141,7 @@ impl WktSource {
         Ok(Some(code).filter(|code| *code != 0))
     }
 
-    /// The next geometry. Collections wait in a list, so depth costs no stack.
+    /// The next geometry. Collections are kept on an explicit stack.
     fn geometry(&mut self) -> Result<Geometry> {
         let mut open: Vec<Vec<Geometry>> = Vec::new();
         loop {
@@ -186,7 +185,7 @@ impl WktSource {
         }
     }
 
-    /// The words that a geometry begins with.
+    /// Parses the keywords of a geometry.
     fn kind(&mut self) -> Result<(GeometryType, Option<WktDimensions>)> {
         let word = self.word()?;
         let Some((kind, dimensions)) = keyword(&word) else {
@@ -207,7 +206,7 @@ impl WktSource {
         Ok((kind, dimensions))
     }
 
-    /// Positions in brackets, cut where brackets close.
+    /// Parses nested lists of positions.
     fn coordinates(
         &mut self,
         kind: GeometryType,

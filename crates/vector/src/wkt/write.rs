@@ -1,4 +1,4 @@
-//! Writing, a geometry on each line.
+//! Writer with one geometry per line.
 
 use std::path::Path;
 
@@ -28,9 +28,9 @@ struct WktSink {
     prj: Sidecar,
     notes: Vec<String>,
     features: u64,
-    /// Features that had properties or an id.
+    /// Number of features with properties or an id.
     with_properties: u64,
-    /// Features without a geometry.
+    /// Number of features with a null geometry.
     nulls: u64,
 }
 
