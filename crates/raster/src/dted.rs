@@ -1,6 +1,6 @@
-//! DTED levels 0 to 2 (MIL-PRF-89020B): one degree of heights in columns from west to east, each
-//! from south to north with a checksum. Every checksum is verified at opening, and the heights are
-//! kept in a temporary file.
+//! DTED levels 0 to 2 (MIL-PRF-89020B): one degree of heights in columns from west to east, each from south
+//! to north with a checksum. All checksums are verified at opening, and the heights are kept in a temporary
+//! file.
 
 use std::path::Path;
 
@@ -23,16 +23,16 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 const LABEL_BYTES: u64 = 80;
-/// Tape labels that may precede the user header label.
+/// Maximum number of tape labels before the user header label.
 const MOST_LABELS: u64 = 8;
 const DSI_BYTES: u64 = 648;
 const ACC_BYTES: u64 = 2700;
-/// Before the heights of a column: sentinel, block count, longitude and latitude counts.
+/// Header of a column: sentinel, block count, longitude and latitude counts.
 const COLUMN_HEAD: usize = 8;
 const CHECKSUM_BYTES: usize = 4;
 const SENTINEL: u8 = 0xaa;
 const VOID: i16 = -32767;
-/// No height is lower; such a value was written in two's complement, against the standard.
+/// Lowest valid height; values below were written in two's complement, against the standard.
 const LOWEST: i16 = -16000;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -51,16 +51,16 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(spool, info, layout)
 }
 
-/// What the header records say.
+/// Content of the header records.
 struct DtedHeader {
     width: u32,
     height: u32,
     transform: Affine,
-    /// EPSG code of the datum's geographic system, and its name.
+    /// EPSG code and name of the geographic CRS.
     datum: (Option<u32>, String),
     vertical_datum: String,
     level: String,
-    /// True when the data set says that it covers part of its cell.
+    /// True if the data set is declared as a partial cell.
     is_partial: bool,
     /// Offset of the first column.
     data: u64,
@@ -120,7 +120,7 @@ impl DtedHeader {
     }
 }
 
-/// Offset of the user header label, behind any tape labels.
+/// Offset of the user header label, after any tape labels.
 fn label_start(file: &RawFile) -> Result<u64> {
     for i in 0..MOST_LABELS {
         let label = file.read_vec(i * LABEL_BYTES, LABEL_BYTES)?;
@@ -138,7 +138,7 @@ fn label_start(file: &RawFile) -> Result<u64> {
 struct DtedText<'a>(&'a [u8]);
 
 impl DtedText<'_> {
-    /// The field of `bytes` bytes at `offset`; empty when it is not there or not ASCII.
+    /// The field of `bytes` bytes at `offset`; empty if it is missing or not ASCII.
     fn at(&self, offset: usize, bytes: usize) -> &str {
         let field = self.0.get(offset..offset + bytes).unwrap_or_default();
         std::str::from_utf8(field).ok().filter(|text| text.is_ascii()).unwrap_or_default()
@@ -151,7 +151,7 @@ impl DtedText<'_> {
         }
     }
 
-    /// Degrees of a corner, written DDDMMSSH.
+    /// A coordinate in degrees, stored as DDDMMSSH.
     fn degrees(&self, offset: usize) -> Option<f64> {
         let text = self.at(offset, 8);
         let part = |from: usize, to: usize| text.get(from..to)?.trim().parse::<u32>().ok();
@@ -164,7 +164,7 @@ impl DtedText<'_> {
         }
     }
 
-    /// Degrees between samples, stored in tenths of a second.
+    /// Sample interval in degrees, stored in tenths of an arc second.
     fn interval(&self, offset: usize) -> Option<f64> {
         let tenths: u32 = self.at(offset, 4).trim().parse().ok()?;
         (tenths > 0).then(|| f64::from(tenths) / 36_000.0)
@@ -191,14 +191,14 @@ fn datum(name: &str) -> (Option<u32>, String) {
     }
 }
 
-/// The records of the columns.
+/// Column records.
 struct DtedColumns<'a> {
     file: &'a RawFile,
     header: &'a DtedHeader,
 }
 
 impl DtedColumns<'_> {
-    /// Verifies and decodes all columns, missing ones as voids, into columns from north to south.
+    /// Verifies and decodes all columns into columns from north to south; missing ones are void.
     fn spool(&self, mut spool: SampleSpool) -> Result<RawFile> {
         let count = self.count()?;
         let bytes = self.record_bytes();
@@ -226,7 +226,7 @@ impl DtedColumns<'_> {
         (COLUMN_HEAD + CHECKSUM_BYTES) as u64 + 2 * u64::from(self.header.height)
     }
 
-    /// Whole records in the file, as many as columns at most.
+    /// Number of complete records in the file, at most the number of columns.
     fn count(&self) -> Result<u64> {
         let (bytes, width) = (self.record_bytes(), u64::from(self.header.width));
         let room = self.file.size().saturating_sub(self.header.data);
@@ -251,7 +251,7 @@ impl DtedColumns<'_> {
         ))
     }
 
-    /// The number of the column in `record`, which is at least `least`.
+    /// The column number of `record`, which is at least `least`.
     fn check(&self, record: &[u8], i: u64, least: u32) -> Result<u32> {
         let place = format!("column {}", i + 1);
         let (body, sum) = record.split_at(record.len() - CHECKSUM_BYTES);
@@ -283,7 +283,7 @@ fn decode(record: &[u8]) -> Vec<u8> {
     heights.as_chunks::<2>().0.iter().rev().flat_map(|h| height(*h).to_ne_bytes()).collect()
 }
 
-/// Heights have a sign bit, not two's complement.
+/// Heights are stored in sign-magnitude form, not two's complement.
 fn height(stored: [u8; 2]) -> i16 {
     let bits = u16::from_be_bytes(stored);
     let size = (bits & 0x7fff) as i16;

@@ -1,5 +1,5 @@
-//! Grids in gzip files and zip archives: unpacked, with the small files beside them, into a
-//! temporary folder that is gone once the grid is open.
+//! Grids in gzip files and zip archives: decompressed, with their sidecars, into a temporary folder that is
+//! removed once the grid is open.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -39,12 +39,12 @@ pub(super) const ZIP: RasterFormat = RasterFormat {
     open: |path, options| open(path, "zip", unpack_zip, options),
 };
 
-/// Files beside a grid that tell more of it.
+/// Extensions of sidecars.
 const SIDECARS: [&str; 8] = ["hdr", "prj", "wld", "pgw", "pngw", "npyw", "blw", "tfw"];
-/// Most files of an archive that are looked at.
+/// Maximum number of archive entries that are examined.
 const MOST_ENTRIES: u64 = 65_535;
 
-/// Unpacks a file into a folder and returns the grid's path in it.
+/// Decompresses a file into a folder and returns the path of the grid in it.
 type Unpack = fn(&RawFile, &Path) -> Result<PathBuf>;
 
 fn open(
@@ -73,7 +73,7 @@ fn open(
     Ok(Box::new(ExtractedGrid { grid, info, path: path.to_path_buf() }))
 }
 
-/// Opens `inner`, under the name of the packed file `outer` where only that tells its place.
+/// Opens `inner`, under the name of the compressed file `outer` if only that gives its position.
 fn open_placed(
     inner: &Path,
     outer: &Path,
@@ -90,7 +90,7 @@ fn open_placed(
     open_path(&renamed, options)
 }
 
-/// A grid that came out of a packed file, whose name its errors bear.
+/// A grid from a compressed file, which its errors name.
 struct ExtractedGrid {
     grid: Box<dyn GridSource>,
     info: GridInfo,
@@ -138,7 +138,7 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     Ok(target)
 }
 
-/// Copies the small files that lie beside the packed one.
+/// Copies the sidecars of the compressed file.
 fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
     let unpacked = packed.with_extension("");
     for ending in SIDECARS {
@@ -189,7 +189,7 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
 
 type Archive<'a> = ZipArchive<BufReader<file::RawFileReader<'a>>>;
 
-/// Unpacks the file `name` as `target`; it must be as long as it is said to be.
+/// Decompresses the entry `name` to `target`, and checks its declared size.
 fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {
     let mut entry = archive.by_name(name).map_err(damaged_zip)?;
     let declared = entry.size();
@@ -203,7 +203,7 @@ fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> R
     Ok(())
 }
 
-/// The one file of an archive that is a grid by its ending.
+/// The only grid of an archive, by extension.
 fn the_grid(names: &[String]) -> Result<&String> {
     let is_grid = |name: &&String| {
         let path = Path::new(name.as_str());
@@ -240,12 +240,12 @@ fn is_sidecar(name: &str, stem: &str) -> bool {
         && (self::stem(name) == stem || self::stem(self::stem(name)) == stem)
 }
 
-/// The name without folders.
+/// File name without folders.
 fn base(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// The name without its ending.
+/// File name without its extension.
 fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |pair| pair.0)
 }
@@ -254,7 +254,7 @@ fn ending(name: &str) -> String {
     base(name).rsplit_once('.').map(|pair| pair.1.to_lowercase()).unwrap_or_default()
 }
 
-/// Copies up to `most` bytes into a new file, and returns how many there were.
+/// Copies up to `most` bytes into a new file; returns the number of bytes.
 fn copy(from: &mut dyn Read, most: u64, target: &Path, what: &str) -> Result<u64> {
     let mut out = File::create(target).map_err(cannot_unpack)?;
     io::copy(&mut from.take(most), &mut out).map_err(|e| {

@@ -1,5 +1,5 @@
-//! PNG heights: grayscale samples, or heights packed into red, green and blue (terrain-RGB and
-//! terrarium), or the bands of a photograph, where colours are asked for. Decoded once at opening, row by row, into a temporary file.
+//! PNG heights: grayscale samples, heights encoded in red, green and blue (terrain-RGB and terrarium), or the
+//! bands of a photograph if colours are requested. Decoded row by row into a temporary file at opening.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -25,19 +25,19 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open: |path, options| open(path, None, options),
 };
 
-/// Most bytes the decoder may hold: a row and its buffers, or all of an interlaced picture.
+/// Memory limit of the decoder in bytes: a row and its buffers, or a whole interlaced image.
 const MOST_MEMORY: u64 = 256 << 20;
-/// Most bytes that deflate makes of one.
+/// Maximum compression ratio of deflate.
 const MOST_RATIO: u64 = 1032;
-/// Stored where a picture with an alpha channel is transparent; no packed height reaches it.
+/// Value of transparent pixels of an image with an alpha channel, above any encoded height.
 const TRANSPARENT: u32 = u32::MAX;
 const WEB_MERCATOR: u32 = 3857;
 
-/// How red, green and blue tell a height: `(R * 65536 + G * 256 + B) * scale + offset`.
+/// Height encoding in red, green and blue: `(R * 65536 + G * 256 + B) * scale + offset`.
 #[derive(Debug, PartialEq)]
 pub(super) struct RgbHeightEncoding {
     name: &'static str,
-    /// What names and input prefixes say, in lower case.
+    /// Marks of the encoding in file names and input prefixes, in lower case.
     marks: &'static [&'static str],
     pub(super) scale: f64,
     pub(super) offset: f64,
@@ -59,19 +59,19 @@ pub(super) static PACKINGS: [RgbHeightEncoding; 2] = [
 ];
 
 impl RgbHeightEncoding {
-    /// Its name for people.
+    /// Display name.
     pub(super) fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The packing that an input such as `terrarium:tile.png` states, and the file's name.
+    /// The encoding that an input such as `terrarium:tile.png` declares, and the file name.
     pub(super) fn stated(input: &str) -> Option<(&'static Self, &str)> {
         let (mark, path) = input.split_once(':')?;
         let stated = PACKINGS.iter().find(|p| p.marks.contains(&mark))?;
         Some((stated, path))
     }
 
-    /// The packing that the name of the file, or else of a folder above it, tells.
+    /// The encoding implied by the name of the file, or else of a parent folder.
     pub(super) fn named(path: &Path) -> Option<&'static Self> {
         let parts = path.iter().rev().map(|part| part.to_string_lossy().to_lowercase());
         let tells =
@@ -80,7 +80,7 @@ impl RgbHeightEncoding {
     }
 }
 
-/// Opens the picture at `path`; `packing` is what the user stated.
+/// Opens the image at `path`; `packing` is the encoding given by the user.
 pub(super) fn open(
     path: &Path,
     packing: Option<&'static RgbHeightEncoding>,
@@ -90,14 +90,14 @@ pub(super) fn open(
     Ok(Box::new(grid))
 }
 
-/// What a picture holds and how its samples are kept.
+/// Content of an image and layout of its stored samples.
 struct PngSampleLayout {
     packing: Option<&'static RgbHeightEncoding>,
-    /// Bytes of a stored sample, and of those one for alpha (two in 16 bits).
+    /// Bytes of a stored sample; with alpha one more (two for 16 bits).
     color: ColorType,
     wide: bool,
     nodata: Option<f64>,
-    /// Which of red, green, blue and alpha is the band, where colours are bands.
+    /// Index of the band among red, green, blue and alpha, if colours are bands.
     channel: Option<usize>,
 }
 
@@ -177,7 +177,7 @@ impl PngSampleLayout {
         self.channel.is_none() && matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
     }
 
-    /// Samples that are packed or may be transparent need more room than they take in the picture.
+    /// Type of stored samples, wider than in the image for encoded heights and transparency.
     fn sample_type(&self) -> SampleType {
         match (self.packing.is_some() || self.has_alpha(), self.wide) {
             (true, _) => SampleType::U32,
@@ -186,7 +186,7 @@ impl PngSampleLayout {
         }
     }
 
-    /// Appends a row of the picture to `out` as samples of [`sample_type`](Self::sample_type).
+    /// Appends a row of the image to `out` as samples of [`sample_type`](Self::sample_type).
     fn convert(&self, row: &[u8], out: &mut Vec<u8>) {
         if let Some(channel) = self.channel {
             out.extend(row.chunks_exact(self.color.samples()).filter_map(|c| c.get(channel)));
@@ -206,7 +206,7 @@ impl PngSampleLayout {
         }
     }
 
-    /// The value of the bytes of one sample, its alpha last.
+    /// Integer value of the bytes of one pixel, alpha last.
     fn pack(&self, sample: &[u8]) -> u32 {
         let alpha = if !self.has_alpha() { 0 } else { 1 + usize::from(self.wide) };
         let (value, alpha) = sample.split_at(sample.len() - alpha);
@@ -225,7 +225,7 @@ fn ambiguous(path: &Path) -> Error {
         ))
 }
 
-/// Fails when the file is too short for the picture, or the picture too large.
+/// Fails if the file is too short for the image, or the image too large.
 fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     let info = picture.info();
     let row = info.raw_row_length_from_width(info.width) as u64;
@@ -312,7 +312,7 @@ fn describe(
     })
 }
 
-/// From a world file, else from a z/x/y address.
+/// Transform from a world file, or else from a z/x/y tile address.
 fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Crs)> {
     if let Some(map) = world::beside(path, &["pgw", "pngw", "wld"])? {
         return Ok((Some(map), prj::beside(path)?));

@@ -7,7 +7,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_synth::Terrain;
 
-/// What comes before the terrain's name.
+/// Prefix of names of synthetic terrains.
 pub(crate) const PREFIX: &str = "synth:";
 /// World position of sample (0, 0): on the central meridian of UTM zone 31, in the Pyrenees.
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];

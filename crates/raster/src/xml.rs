@@ -1,4 +1,4 @@
-//! XML of VRTs and sidecars: elements one by one, or a branch of them at once.
+//! XML of VRTs and PAM sidecars: streamed elements, or one element as a tree.
 
 use std::io::BufRead;
 
@@ -6,24 +6,24 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::xml::{self, XmlEvent};
 
-/// Most elements kept of one branch.
+/// Maximum number of elements of a tree.
 const MOST_NODES: u64 = 4096;
 
 /// A document being read.
 pub(super) struct RasterXmlReader<R>(xml::XmlReader<R>);
 
-/// The start of an element.
+/// Start tag of an element.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RasterXmlTag {
     pub(super) name: String,
     attributes: Vec<(String, String)>,
 }
 
-/// An element read whole.
+/// An element with its content.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RasterXmlElement {
     pub(super) tag: RasterXmlTag,
-    /// Its text, without white space around it.
+    /// Its text, trimmed.
     pub(super) text: String,
     pub(super) children: Vec<RasterXmlElement>,
 }
@@ -53,7 +53,7 @@ impl RasterXmlElement {
         self.children.iter().find(|child| child.tag.is(name))
     }
 
-    /// Its text as a number, which may be NaN.
+    /// Its text as a number, possibly NaN.
     pub(super) fn number(&self) -> Result<f64> {
         parsed(&self.text).ok_or_else(|| {
             let (name, text) = (&self.tag.name, short(&self.text));
@@ -61,7 +61,7 @@ impl RasterXmlElement {
         })
     }
 
-    /// Its text as a number that is neither NaN nor infinite.
+    /// Its text as a finite number.
     pub(super) fn finite(&self) -> Result<f64> {
         let number = self.number()?;
         if number.is_finite() {
@@ -71,7 +71,7 @@ impl RasterXmlElement {
     }
 }
 
-/// GDAL's six coefficients, separated by commas.
+/// The six coefficients of a GDAL geotransform, separated by commas.
 pub(super) fn geotransform(text: &str) -> Result<[f64; 6]> {
     let numbers: Option<Vec<f64>> = text.split(',').map(parsed).collect();
     let numbers = numbers.and_then(|numbers| <[f64; 6]>::try_from(numbers).ok());
@@ -84,7 +84,7 @@ pub(super) fn parsed(text: &str) -> Option<f64> {
     text.trim().parse().ok()
 }
 
-/// Enough of a hostile text to recognise it by.
+/// A prefix of untrusted text for error messages.
 pub(super) fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }
@@ -94,7 +94,7 @@ impl<R: BufRead> RasterXmlReader<R> {
         Self(xml::XmlReader::new(from))
     }
 
-    /// The outermost element.
+    /// The root element.
     pub(super) fn root(&mut self) -> Result<RasterXmlTag> {
         match self.0.next()? {
             XmlEvent::Start(tag) => RasterXmlTag::of(&tag),
@@ -104,7 +104,7 @@ impl<R: BufRead> RasterXmlReader<R> {
         }
     }
 
-    /// The next child of the element at hand; `None` once that has ended.
+    /// The next child of the current element; `None` at its end.
     pub(super) fn child(&mut self) -> Result<Option<RasterXmlTag>> {
         loop {
             match self.0.next()? {
@@ -116,7 +116,7 @@ impl<R: BufRead> RasterXmlReader<R> {
         }
     }
 
-    /// The rest of the element that began with `tag`.
+    /// The rest of the element begun by `tag`.
     pub(super) fn node(&mut self, tag: RasterXmlTag) -> Result<RasterXmlElement> {
         self.branch(tag, &mut 0)
     }
@@ -141,17 +141,17 @@ impl<R: BufRead> RasterXmlReader<R> {
         Ok(node)
     }
 
-    /// Passes over the rest of the element at hand.
+    /// Skips the rest of the current element.
     pub(super) fn skip(&mut self) -> Result<()> {
         self.0.skip()
     }
 
-    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    /// Checks that only comments and white space follow the root element.
     pub(super) fn finish(&mut self) -> Result<()> {
         self.0.finish().map_err(|e| e.at(self.place()))
     }
 
-    /// Where the reader is.
+    /// Position of the reader.
     pub(super) fn place(&self) -> String {
         format!("byte {}", self.0.offset())
     }

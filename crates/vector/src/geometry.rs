@@ -139,7 +139,7 @@ impl CoordinateSequence {
         *self = closed;
     }
 
-    /// Appends a range of the positions of `from`.
+    /// Appends the positions of `from` with the given indices.
     pub(super) fn extend(&mut self, from: &Self, which: impl Iterator<Item = usize> + Clone) {
         self.xy.extend(which.clone().map(|i| from.xy[i]));
         if !from.z.is_empty() {

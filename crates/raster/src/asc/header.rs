@@ -19,20 +19,20 @@ const KEYS: [&str; 10] = [
     "nodata_value",
 ];
 
-/// What the header says.
+/// Content of the header.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AscHeader {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) transform: Affine,
-    /// True when the lower left position is that of a sample, not of a corner.
+    /// True if the lower left position is that of a sample centre, not of a corner.
     pub(super) is_centre: bool,
     pub(super) nodata: Option<f64>,
-    /// Where the values start: offset and line.
+    /// Offset and line number of the first value.
     pub(super) data: (u64, u64),
 }
 
-/// True when a file's first bytes are those of such a header.
+/// True if `head`, the first bytes of a file, is such a header.
 pub(super) fn is_header(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head).to_lowercase();
     let text = text.trim_start_matches('\u{feff}').trim_start();
@@ -119,7 +119,7 @@ fn side(values: &AscHeaderValues, key: &str) -> Result<u32> {
     Ok(value as u32)
 }
 
-/// The lower left coordinate, and the part of a cell from it to the sample.
+/// The lower left coordinate, and its offset from the sample in cells.
 fn lower_left(values: &AscHeaderValues, corner: &str, centre: &str) -> Result<(f64, f64)> {
     match values.get(centre) {
         Some(position) => Ok((position, 0.0)),

@@ -1,5 +1,5 @@
-//! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
-//! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
+//! ESRI ASCII grids. One streaming pass at opening checks every value and records the offset of each block of
+//! rows; windows are read by parsing the blocks they overlap. Rows need not be lines.
 
 mod header;
 mod tokens;
@@ -29,7 +29,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Samples of one block, about; at least one row.
+/// Approximate number of samples of a block; at least one row.
 const BLOCK_SAMPLES: u64 = 1 << 16;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -41,7 +41,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
 struct AscGrid {
     file: RawFile,
     info: GridInfo,
-    /// Offset of each block's first value.
+    /// Offset of the first value of each block.
     starts: Vec<u64>,
     to_height: ToHeight,
     cache: BlockCache,
@@ -110,7 +110,7 @@ impl AscGrid {
         }
     }
 
-    /// The opening pass has seen a number for each sample.
+    /// Error of a value that the opening pass accepted: the file has changed.
     fn changed(&self, rect: Rect) -> Error {
         let error = Error::bad_input("file changed while it was open");
         error.at(format_args!("rows from {}", rect.row)).in_file(self.file.path())
@@ -124,7 +124,7 @@ impl GridSource for AscGrid {
         self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
     }
 
-    /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
+    /// Drops the blocks whose rows are all in `rect`, if it is as wide as the grid.
     fn release(&self, rect: Rect) {
         let rows = self.info.block.1;
         let last = rect.end_row().min(self.info.height) / rows;
@@ -134,7 +134,7 @@ impl GridSource for AscGrid {
     }
 }
 
-/// Fills `out` with samples that `stored` makes of the next words; false when there are too few.
+/// Fills `out` with samples made by `stored` from the next words; false if there are too few.
 fn fill<const N: usize>(
     tokens: &mut AscTokens<'_>,
     out: &mut [u8],
@@ -151,7 +151,7 @@ fn fill<const N: usize>(
     Ok(found == count)
 }
 
-/// Each value takes a byte and a separator, so a file can be too short for its header.
+/// Each value takes at least two bytes, so a file can be too short for its header.
 fn check_length(header: &AscHeader, file: &RawFile) -> Result<()> {
     let values = u64::from(header.width) * u64::from(header.height);
     let room = (file.size() - header.data.0).div_ceil(2);
@@ -172,13 +172,13 @@ fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
     Err(too_large_for_cache(message, block_bytes))
 }
 
-/// What the pass over all values found.
+/// Result of the opening pass.
 struct AscScan {
     starts: Vec<u64>,
     sample_type: SampleType,
 }
 
-/// Range of the values seen, as far as they are whole numbers.
+/// Range of the values, and whether they are integers.
 struct AscValueRange {
     whole: bool,
     low: f64,
@@ -195,8 +195,8 @@ impl AscValueRange {
         }
     }
 
-    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does, unless one is
-    /// beyond its range.
+    /// The narrowest type that holds all values; decimals are read as `float32`, as in GDAL, unless out of
+    /// range.
     fn sample_type(&self) -> SampleType {
         let within = |low: f64, high: f64| low <= self.low && self.high <= high;
         match self.whole {
@@ -209,7 +209,7 @@ impl AscValueRange {
 }
 
 impl AscScan {
-    /// Parses every value once, remembering only where each block of `rows` rows starts.
+    /// Parses every value once, and records the offset of each block of `rows` rows.
     fn run(file: &RawFile, header: &AscHeader, rows: u64) -> Result<Self> {
         let values = u64::from(header.width) * u64::from(header.height);
         let mut tokens = AscTokens::new(file, header.data.0, header.data.1);
@@ -234,18 +234,18 @@ impl AscScan {
     }
 }
 
-/// Whether rows are lines. They need not be, but where the first one is a line, a value too many or too
-/// few in another would move all that follow.
+/// Whether rows are lines. They need not be, but if the first row is a line, an extra or missing value in
+/// another line would shift all that follow.
 #[derive(Default)]
 struct AscLineCheck {
     rows: u64,
     are_rows: bool,
-    /// Ends of lines before the last value.
+    /// Number of line ends before the last value.
     end: u64,
 }
 
 impl AscLineCheck {
-    /// Hands a row of values to `each`; returns how many there were if the file ends before.
+    /// Passes a row of values to `each`; returns the number of values if the file ends before.
     fn row(
         &mut self,
         tokens: &mut AscTokens<'_>,

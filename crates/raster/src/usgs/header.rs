@@ -1,4 +1,4 @@
-//! The first record of a USGS model: fields at fixed columns.
+//! The first record (type A) of a USGS DEM: fields at fixed columns.
 
 use super::fields::{UsgsDemFieldReader, decimal};
 use crate::grid::SampleType;
@@ -7,30 +7,30 @@ use terrane_base::geom::Affine;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Bytes of a record, without a newline.
+/// Record length without a newline, in bytes.
 const RECORD: u64 = 1024;
-/// Where the profiles of the old form begin, whose records are not padded.
+/// Offset of the profiles in the old form, whose records are not padded.
 const OLD_START: u64 = 893;
 const ARC_SECONDS: f64 = 3600.0;
 
-/// What the record says.
+/// Content of the header record.
 pub(super) struct UsgsDemHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) transform: Affine,
-    /// Positions in the file are divided by this: 3600 for arc seconds.
+    /// Divisor of positions in the file: 3600 for arc seconds.
     pub(super) divisor: f64,
     pub(super) geographic: bool,
     pub(super) epsg: Option<u32>,
-    /// The name of the system.
+    /// Name of the CRS.
     pub(super) system: String,
     pub(super) vertical_unit: &'static str,
-    /// Height of one stored unit.
+    /// Height of one stored unit (vertical resolution).
     pub(super) resolution: f64,
     /// Offset of the first profile.
     pub(super) data: u64,
-    /// Bytes of a record with its newline, where profiles begin with a record.
+    /// Record length with its newline, if profiles are aligned to records.
     pub(super) record_bytes: Option<u64>,
 }
 
@@ -72,14 +72,14 @@ impl UsgsDemHeader {
         })
     }
 
-    /// Whole metres are `int16`, all else `float32`, as GDAL reads them.
+    /// `int16` for whole metres, else `float32`, as in GDAL.
     pub(super) fn sample_type(&self) -> SampleType {
         let whole = self.vertical_unit == "metre" && self.resolution >= 1.0;
         if whole { SampleType::I16 } else { SampleType::F32 }
     }
 }
 
-/// Size and place.
+/// Size and georeference.
 struct UsgsDemGrid {
     /// 0 geographic, 1 UTM, 2 state plane.
     system: i64,
@@ -133,7 +133,8 @@ impl UsgsDemGrid {
     }
 }
 
-/// A profile takes at least its head of 144 bytes, and a grid of voids is no grid.
+/// Checks the size of the file: a profile takes at least its 144-byte header, and a grid that is nearly all
+/// void is rejected.
 fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
     let least = profiles * 144;
     if least > bytes {
@@ -144,7 +145,7 @@ fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
     limits::check("number of samples per byte of the file", profiles * rows / bytes, 1000)
 }
 
-/// The x of the first profile.
+/// x of the first profile.
 fn first_x(file: &RawFile, data: u64) -> Result<f64> {
     let mut fields = UsgsDemFieldReader::new(file, data);
     for _ in 0..4 {
@@ -153,7 +154,7 @@ fn first_x(file: &RawFile, data: u64) -> Result<f64> {
     fields.decimal().map_err(|e| e.at("profile 1"))
 }
 
-/// Offset of the first profile, and the bytes of a record unless the file has the old form.
+/// Offset of the first profile, and the record length unless the file has the old form.
 fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
     let starts_at = |offset: u64| {
         if offset >= file.size() {
@@ -173,7 +174,7 @@ fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
     Err(Error::bad_input("is not a USGS DEM: no profile at byte 1024 or 893"))
 }
 
-/// EPSG code and name of the system.
+/// EPSG code and name of the CRS.
 fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
     // Geographic code, then what the UTM codes of north and south begin with.
     let (name, geographic, north, south) = match datum.trim() {
@@ -199,7 +200,7 @@ fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
     }
 }
 
-/// The record's bytes.
+/// Bytes of the record.
 struct UsgsDemRecord(Vec<u8>);
 
 impl UsgsDemRecord {

@@ -1,5 +1,5 @@
-//! USGS ASCII elevation models (.dem): profiles of heights from south to north, which need not
-//! start on the same row. Decoded once at opening into a temporary file.
+//! USGS ASCII DEM (.dem): profiles of heights from south to north, which may start at different rows. Decoded
+//! into a temporary file at opening.
 
 mod fields;
 mod header;
@@ -27,11 +27,11 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// What a sample without a height holds.
+/// Value of void samples.
 const VOID: f64 = -32767.0;
-/// Most bytes of a record, with its newline.
+/// Maximum record length with its newline, in bytes.
 const MOST_RECORD: u64 = 1024 + 2;
-/// Part of a cell that a profile may lie off its place.
+/// Maximum offset of a profile from its position, in cells.
 const SLACK: f64 = 0.05;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -43,7 +43,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(grid))
 }
 
-/// True when the file begins as text does.
+/// True if the file begins with text.
 fn is_text(path: &Path) -> Result<bool> {
     let head = RawFile::open(path)?.head(144)?;
     Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
@@ -86,7 +86,7 @@ fn info(header: &UsgsDemHeader, options: &GridOpenOptions) -> GridInfo {
     }
 }
 
-/// Decodes every profile into a column from north to south.
+/// Decodes each profile into a column from north to south.
 fn unpack(file: &RawFile, header: &UsgsDemHeader, mut spool: SampleSpool) -> Result<RawFile> {
     let mut fields = UsgsDemFieldReader::new(file, header.data);
     let mut column = Vec::new();
@@ -111,7 +111,7 @@ fn push(out: &mut Vec<u8>, height: f64, kind: SampleType) {
     }
 }
 
-/// The heights of profile `i` from north to south, void where it has none.
+/// Heights of profile `i` from north to south; void where the profile has none.
 fn profile(
     fields: &mut UsgsDemFieldReader<'_>,
     header: &UsgsDemHeader,
