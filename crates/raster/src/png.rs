@@ -93,7 +93,7 @@ pub(super) fn open(
 /// Content of an image and layout of its stored samples.
 struct PngSampleLayout {
     packing: Option<&'static RgbHeightEncoding>,
-    /// Bytes of a stored sample; with alpha one more (two for 16 bits).
+    /// Colour type of the image.
     color: ColorType,
     wide: bool,
     nodata: Option<f64>,

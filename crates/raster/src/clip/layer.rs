@@ -1,4 +1,4 @@
-//! A grid in front of another: what lies outside the polygons is void.
+//! Adapter that clips a grid to polygons: samples outside are void.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ struct Clipped {
     clip: Arc<Clip>,
 }
 
-/// What `open` opens, clipped to `clip`, whose bytes are taken off those of the cache.
+/// The grid of `open`, clipped to `clip`, whose memory counts towards the cache.
 ///
 /// # Errors
 /// Those of `open`; polygons that leave no room for anything else, that are in another reference system,
@@ -45,7 +45,7 @@ pub(crate) fn clipped(
     }
 }
 
-/// The bytes that are left for decoded blocks beside `held` ones of `what`, of a file.
+/// Bytes left for the block cache besides `held` bytes of `what`, of a file.
 pub(crate) fn cache_beside(
     held: u64,
     options: &GridOpenOptions,
@@ -65,7 +65,7 @@ impl Clipped {
         PolygonScan::new(&self.clip.areas, self.info.transform, rect)
     }
 
-    /// True when a sample of `rect` stays.
+    /// True if a sample of `rect` is inside.
     fn holds_any(&self, rect: Rect) -> bool {
         let see = |_, inside: &[Labelled]| match inside {
             [] => ControlFlow::Continue(()),

@@ -20,7 +20,7 @@ impl<'a> EsriHeaderValues<'a> {
         once(text.lines().filter_map(pair)).map(Self)
     }
 
-    /// The value of the first of `keys` that is there, with the key.
+    /// The value of the first of `keys` that is present, with the key.
     fn get(&self, keys: &[&'static str]) -> Option<(&'static str, &'a str)> {
         keys.iter().find_map(|key| Some((*key, *self.0.get(*key)?)))
     }
@@ -40,11 +40,11 @@ impl<'a> EsriHeaderValues<'a> {
     }
 }
 
-/// Bits of a sample where NBITS may be left out.
+/// Sample sizes in bits to try if NBITS is missing.
 const BITS: [u64; 4] = [8, 16, 32, 64];
 
-/// Reads a header; `ending` is that of the data file, which tells floats from integers where the
-/// header does not, and `bytes` its length, which tells how wide samples are.
+/// Parses a header; `ending` is the extension of the data file, which decides between floats and integers if
+/// the header does not, and `bytes` its length, from which the sample size is inferred.
 pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let values = EsriHeaderValues::of(text)?;
     let header = match values.whole("nbits")? {
@@ -54,7 +54,7 @@ pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHead
     Ok(RawRasterHeader { big_endian: big_endian(&values, header.sample_type)?, ..header })
 }
 
-/// The header of the samples that are as wide as the length of the data says.
+/// The header with the sample size that matches the length of the data.
 fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let mut fitting = Vec::new();
     for bits in BITS {
@@ -81,7 +81,7 @@ fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<
     }
 }
 
-/// The header of samples of this type, but for their byte order.
+/// The header for samples of this type, before the byte order is known.
 fn with(
     values: &EsriHeaderValues<'_>,
     ending: &str,
@@ -124,7 +124,7 @@ fn interleave(values: &EsriHeaderValues<'_>, ending: &str) -> Result<Interleave>
     }
 }
 
-/// Esri's programs take the order of their machine where none is stated, GDAL takes big-endian.
+/// Without BYTEORDER, ESRI's programs use the native order and GDAL big-endian.
 fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<bool> {
     let Some((_, order)) = values.get(&["byteorder"]) else {
         return match sample_type.bytes() {
@@ -142,7 +142,7 @@ fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<
     }
 }
 
-/// What kind of number PIXELTYPE says.
+/// Number type of PIXELTYPE.
 #[derive(PartialEq)]
 enum EsriPixelType {
     Signed,
@@ -181,7 +181,7 @@ fn sample_type(values: &EsriHeaderValues<'_>, ending: &str, bits: u64) -> Result
     }
 }
 
-/// From the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
+/// Transform from the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
 fn transform(values: &EsriHeaderValues<'_>, height: u32) -> Result<Option<Affine>> {
     let size = values.number(&["cellsize"])?;
     let dx = values.number(&["xdim"])?.or(size);

@@ -1,5 +1,4 @@
-//! Raw binary grids with a text header beside them: ESRI (.hdr of .bil, .bip, .bsq and GridFloat
-//! .flt) and ENVI.
+//! Raw binary grids with a header sidecar: ESRI (.hdr of .bil, .bip, .bsq and GridFloat .flt) and ENVI.
 
 mod envi;
 mod esri;
@@ -25,7 +24,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Most bytes of a header.
+/// Maximum header size in bytes.
 const MOST_HEADER: u64 = 1 << 20;
 
 impl RawRasterHeader {
@@ -56,12 +55,12 @@ impl RawRasterHeader {
     }
 }
 
-/// True for the name of a header.
+/// True for the file name of a header.
 pub(super) fn is_header_name(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr"))
 }
 
-/// Opens the data file `path` by the header beside it.
+/// Opens the data file `path` with its header sidecar.
 pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_header_name(path) {
         return Err(is_header(path));
@@ -97,7 +96,7 @@ pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
     candidates.into_iter().find(|header| header.is_file() && header != path)
 }
 
-/// The answer to a user who opens the header.
+/// Error of opening the header instead of the data.
 fn is_header(path: &Path) -> Error {
     let stem = path.with_extension("");
     let endings = ["bil", "flt", "bip", "bsq", "dat", "img", "raw", "bin", "dem"].iter();

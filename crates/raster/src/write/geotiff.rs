@@ -1,5 +1,5 @@
-//! Plain GeoTIFF, in tiles or strips: room for the directory first, then the blocks as they come, and
-//! the directory at the end of the work.
+//! Plain GeoTIFF in tiles or strips: space for the directory, then the blocks as they come; the directory is
+//! written last.
 
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::sync::Mutex;
@@ -56,10 +56,10 @@ pub(super) const FORMAT: GridFormat = GridFormat {
 };
 
 const TILE: u32 = 256;
-/// About the bytes of a strip.
+/// Approximate size of a strip in bytes.
 const STRIP_BYTES: u64 = 64 << 10;
 
-/// A GeoTIFF in the making.
+/// A GeoTIFF under construction.
 struct GeoTiffSink {
     target: AtomicFile,
     info: GridInfo,
@@ -92,7 +92,7 @@ impl GeoTiffSink {
     }
 }
 
-/// Bytes before the first block.
+/// Offset of the first block.
 fn front(directory: &TiffDirectoryBuilder, form: TiffVariant) -> u64 {
     form.start() + directory.bytes(form)
 }

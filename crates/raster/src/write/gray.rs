@@ -1,5 +1,5 @@
-//! PNG of gray: whole heights of 8 or 16 bits, with a world file and .prj beside it. The value that stands for voids
-//! is transparent.
+//! Grayscale PNG: integer heights of 8 or 16 bits, with a world file and a .prj sidecar. The nodata value is
+//! transparent.
 
 use std::fmt::Display;
 
@@ -14,7 +14,7 @@ use crate::store::sample::{SampleCodec, StoreHeight, stored_nodata};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Whether heights are to be gray: by ENCODING, or else by the type that is asked for.
+/// Whether to write grayscale: by ENCODING, or else by the requested type.
 ///
 /// # Errors
 /// Usage: gray of a type that it does not hold.
@@ -31,7 +31,7 @@ pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     }
 }
 
-/// A picture in the making.
+/// A PNG under construction.
 pub(super) struct GraySink {
     canvas: PngCanvas,
     info: GridInfo,

@@ -1,4 +1,4 @@
-//! PNG of colours: three or four bands of bytes become red, green, blue and opacity of pixels.
+//! Colour PNG: three or four bands of uint8 as red, green, blue and alpha.
 
 use std::sync::Mutex;
 
@@ -13,16 +13,16 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 
-/// Pixels of a block, about; at least one row.
+/// Approximate number of pixels of a block; at least one row.
 const BLOCK_PIXELS: u32 = 1 << 16;
 
-/// A picture in the making.
+/// A PNG under construction.
 pub(super) struct PictureSink {
     canvas: PngCanvas,
     info: GridInfo,
     codec: SampleCodec,
     bands: usize,
-    /// Bands of the next block that are there.
+    /// Bands of the next block that are complete.
     ready: Mutex<Vec<Vec<u8>>>,
 }
 

@@ -1,5 +1,5 @@
-//! PNG: heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
-//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent.
+//! PNG with heights encoded in red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
+//! (steps of 1/256 from -32768), with a world file and a .prj sidecar. Voids are transparent.
 
 use std::fmt::Display;
 
@@ -48,12 +48,12 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     },
 };
 
-/// Greatest packed value.
+/// Maximum encoded value.
 const MOST: f64 = 16_777_215.0;
-/// Heights this near to a step, in steps, are that step.
+/// Tolerance, in steps, within which a height counts as a multiple of the step.
 const HAIR: f64 = 1e-3;
 
-/// A picture in the making.
+/// A PNG under construction.
 struct PngSink {
     info: GridInfo,
     packing: &'static RgbHeightEncoding,
@@ -101,7 +101,7 @@ impl PngSink {
             .remedy("pass ‹co› ALPHA=YES"))
     }
 
-    /// Red, green, blue and full opacity.
+    /// Encodes a height as red, green, blue and full opacity.
     fn pack<H: StoreHeight>(&self, height: H) -> Result<[u8; 4]> {
         let height = height.to_f64();
         let wanted = (height - self.packing.offset) / self.packing.scale;
@@ -123,7 +123,8 @@ impl PngSink {
     }
 }
 
-/// By ENCODING, or else by the name, which readers go by too: the two must not contradict.
+/// The encoding given by ENCODING, or else by the file name; they must not conflict, because readers rely on
+/// the name.
 fn packing(order: &GridWriteRequest<'_>) -> Result<&'static RgbHeightEncoding> {
     let named = RgbHeightEncoding::named(order.path);
     let asked = order.creation.word("ENCODING");
