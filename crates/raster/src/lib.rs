@@ -58,8 +58,9 @@ use terrane_base::error::Result;
 pub use upright::NorthUpGrid;
 pub use water::{Water, WaterFeatures, WaterReport};
 
-/// Opens `inputs` as one grid: a file or terrain as [`open`] does, and else all files that they stand
-/// for ([`files`]) on the lattice of the first one, later ones on top wherever they are valid.
+/// Opens `inputs` as one grid: a single file or synthetic terrain as [`open`] does, or else a mosaic of all
+/// files of the inputs ([`files`]) on the lattice of the first file, with later files on top where they are
+/// valid.
 ///
 /// # Errors
 /// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to

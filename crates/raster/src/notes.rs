@@ -1,4 +1,4 @@
-//! What is odd about a grid, or easily overlooked, told before work starts.
+//! Notes on unusual properties of a grid, reported before work starts.
 
 use serde::Serialize;
 
@@ -6,19 +6,19 @@ use crate::grid::{GridInfo, SampleType};
 use crate::nodata::undeclared_nodata;
 use terrane_base::geom::{Crs, VerticalReference};
 
-/// Something to know about a grid.
+/// A note on a grid.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct GridNote {
-    /// What it is about, in words that stay the same: one of [`NOTE_KINDS`].
+    /// Stable identifier of the note: one of [`NOTE_KINDS`].
     pub kind: &'static str,
-    /// One line for people.
+    /// One line of text.
     pub text: String,
 }
 
-/// A question about a grid; the answer is the line to tell, if there is something to tell.
+/// A check of the metadata; returns the text of a note.
 type Check = fn(&GridInfo) -> Option<String>;
 
-/// What is asked of what a file says of itself.
+/// Checks of the metadata.
 const CHECKS: &[(&str, Check)] = &[
     ("unplaced", unplaced),
     ("no CRS", no_crs),
@@ -38,22 +38,21 @@ const CHECKS: &[(&str, Check)] = &[
     ("cells too small", cells_too_small),
     ("thin strips", thin_strips),
 ];
-/// Those of them that tell of samples whose heights others see otherwise.
+/// Kinds of notes on samples that other programs interpret differently.
 const CAUTIONS: [&str; 3] = ["impossible nodata", "nodata values differ", "masks"];
 
-/// Facts of a grid: a mask that makes samples void, and how many sources of a virtual raster have one that
-/// it does not use.
+/// Keys of details: a mask that makes samples void, and the number of VRT sources whose masks are not used.
 pub(crate) const MASK: &str = "mask";
-/// The nodata values of the files of a mosaic, where they differ.
+/// Key of the different nodata values of the files of a mosaic.
 pub(crate) const NODATA_VALUES: &str = "nodata of the files";
 pub(crate) const UNUSED_MASKS: &str = "sources with masks";
 
-/// What heights tell, once they are read.
+/// Kinds of notes that need the heights.
 const UNDECLARED: &str = "undeclared nodata";
 const VOIDS: &str = "voids";
 const NO_TERRAIN: &str = "no terrain";
 
-/// All kinds of notes there are.
+/// All kinds of notes.
 pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
     let mut kinds = [UNDECLARED; CHECKS.len() + 3];
     let mut i = 0;
@@ -66,21 +65,20 @@ pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
     kinds
 };
 
-/// Notes on what a file says of itself; no sample is read.
+/// Notes on the metadata; no samples are read.
 pub fn notes(info: &GridInfo) -> Vec<GridNote> {
     let answers = CHECKS.iter().map(|(kind, check)| (*kind, check(info)));
     answers.filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
-/// The notes on samples whose heights others see otherwise, for reports of what is made of them.
+/// Notes on samples that other programs interpret differently, for reports of derived products.
 pub fn cautions(info: &GridInfo) -> Vec<String> {
     let told = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
     told.map(|note| note.text).collect()
 }
 
-/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and lie within a
-/// range. `suspects` is a stored value that looks like nodata and is not declared, and how many samples
-/// have it.
+/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and have the given
+/// range. `suspects` is a stored value that looks like undeclared nodata, and the number of samples with it.
 pub fn notes_on_heights(
     info: &GridInfo,
     (samples, valid): (u64, u64),
@@ -93,11 +91,11 @@ pub fn notes_on_heights(
     answers.into_iter().filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
-/// Heights of terrain on Earth in metres, with some room: from the deepest trench to the highest summit.
+/// Range of terrain on Earth in metres with a margin, from the deepest trench to the highest summit.
 const TERRAIN: [f64; 2] = [-12_000.0, 9_000.0];
 
-/// The lowest and highest height that terrain may have, in the unit of the grid; all where that is not
-/// known, or where the grid is of another body than the Earth.
+/// Range of terrain heights in the unit of the grid; unbounded if the unit is unknown, or for other bodies
+/// than the Earth.
 pub fn terrain(info: &GridInfo) -> [f64; 2] {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let is_elsewhere =
@@ -115,7 +113,7 @@ pub fn terrain(info: &GridInfo) -> [f64; 2] {
     }
 }
 
-/// What is to be said of a grid with heights in this range, some of which no terrain has.
+/// Note on heights outside the range of terrain.
 pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String> {
     let [least, most] = terrain(info);
     if lowest >= least && highest <= most {
@@ -172,7 +170,7 @@ fn vertical_unit_unknown(info: &GridInfo) -> Option<String> {
     info.crs.heights_unit().is_none().then(|| text.to_owned())
 }
 
-/// Width and height of a cell, and how far its sides are from those of the axes, at most 1.
+/// Width and height of a cell, and its largest rotation or shear, at most 1.
 struct CellShape {
     width: f64,
     height: f64,
@@ -186,7 +184,7 @@ impl CellShape {
         Self { width, height, turn: (map.d / width).abs().max((map.b / height).abs()) }
     }
 
-    /// Beyond what rounding of the coefficients does.
+    /// True if the rotation exceeds rounding errors of the coefficients.
     fn is_turned(&self) -> bool {
         self.turn > 1e-6
     }
@@ -263,7 +261,7 @@ fn nodata_values_differ(info: &GridInfo) -> Option<String> {
     Some(format!("{text}: {values}"))
 }
 
-/// A mask of the file, and the nodata value beside it; masks of files that a virtual raster does not use.
+/// Note on a mask beside the nodata value, or on unused masks of VRT sources.
 fn masks(info: &GridInfo) -> Option<String> {
     let named = |kind: &str| {
         let own = info.details.iter().filter(|(name, _)| name == kind);
@@ -289,11 +287,11 @@ fn cells_too_small(info: &GridInfo) -> Option<String> {
     info.check_cells().is_err().then(|| text.to_owned())
 }
 
-/// Columns from which strips are long, and rows below which they are thin.
+/// Minimum number of columns of long strips, and maximum number of rows of thin ones.
 const LONG_STRIP: u32 = 8192;
 const THIN_STRIP: u32 = 64;
 
-/// Uncompressed rows are read in parts.
+/// Uncompressed strips are not affected: they are read in parts.
 fn thin_strips(info: &GridInfo) -> Option<String> {
     let (width, rows) = info.block;
     let packed = |(name, value): &(String, String)| name == "compression" && value != "none";

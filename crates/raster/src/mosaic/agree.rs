@@ -1,4 +1,4 @@
-//! What the files of a mosaic must agree in, and the one line that says how two of them differ.
+//! Consistency checks of the files of a mosaic, with an error for each kind of difference.
 
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
@@ -7,14 +7,14 @@ use terrane_files::path_of;
 
 use super::layout::{GridShape, LatticeMisfit, SLACK};
 
-/// A file by its name, and what is known of it.
+/// A file name with its metadata.
 #[derive(Clone, Copy)]
 pub(super) struct NamedGrid<'a> {
     pub(super) name: &'a str,
     pub(super) info: &'a GridInfo,
 }
 
-/// Fails unless the heights and the coordinates of `other` mean what those of `first` do.
+/// Fails unless heights and coordinates of `other` have the same meaning as those of `first`.
 pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if !other.info.georeferenced {
         return Err(nowhere(other.name));
@@ -35,7 +35,7 @@ pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Fails where two files state different units of height.
+/// Fails if two files declare different height units.
 pub(super) fn check_units(first: (&str, &str), other: (&str, &str)) -> Result<()> {
     if first.1 == other.1 {
         return Ok(());
@@ -45,7 +45,7 @@ pub(super) fn check_units(first: (&str, &str), other: (&str, &str)) -> Result<()
     ))
 }
 
-/// The answer to a file whose place is not known.
+/// Error of a file without georeference.
 pub(super) fn nowhere(name: &str) -> Error {
     Error::bad_input("georeference is missing, which a mosaic requires")
         .in_file(&path_of(name))
@@ -81,7 +81,7 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     Err(differ(other.name, "CRS", &theirs, &ours, first.name).remedy(remedy))
 }
 
-/// The answer to a file that does not lie on the lattice of the first one.
+/// Error of a file off the lattice of the first one.
 pub(super) fn misplaced(
     (first, first_shape): (&str, &GridShape),
     (other, shape): (&str, &GridShape),
@@ -117,7 +117,7 @@ pub(super) fn misplaced(
     })
 }
 
-/// The call that brings `shape` onto the lattice of `target`.
+/// The gdalwarp command that aligns `shape` with the lattice of `target`.
 fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
     let out = renamed(name, "aligned");
     if target.b != 0.0 || target.d != 0.0 {

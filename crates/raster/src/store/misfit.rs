@@ -1,18 +1,18 @@
-//! Heights that a sample type does not hold: why, where, and what the user can do.
+//! Errors of heights that the sample type cannot store, with position and remedy.
 
 use crate::grid::SampleType;
 use terrane_base::error::Error;
 
-/// Why a height cannot be stored, and which one of the run it is.
+/// Reason why a height cannot be stored, and its index in the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum SampleMisfit {
-    /// A void, but no value is declared to stand for voids.
+    /// A void without a nodata value.
     Void(usize),
     /// A height beyond the range of the sample type.
     Beyond(usize, f64),
     /// A height between two values of the sample type.
     Between(usize, f64),
-    /// A height that would be taken for the value for voids.
+    /// A height equal to the nodata value.
     Nodata(usize, f64),
 }
 
@@ -23,7 +23,7 @@ const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
 impl SampleMisfit {
-    /// The error, for a run that begins at (`col`, `row`) of a grid of such samples.
+    /// The error, for a run that begins at (`col`, `row`).
     pub(super) fn error(
         self,
         sample_type: SampleType,

@@ -55,8 +55,8 @@ const ALIGNMENT: u64 = 8;
 const LONG: u16 = 4;
 const LONG8: u16 = 16;
 
-/// Directory of one image. Blocks are stored pixel-interleaved by block: those of all bands at a position,
-/// then the next position; the tables list them band by band.
+/// Directory of one image. The file stores the blocks by position, with those of all bands at a
+/// position together; the tables list them band by band.
 #[derive(Debug)]
 pub(super) struct TiffDirectoryBuilder {
     fields: Vec<(u16, TiffFieldContent)>,

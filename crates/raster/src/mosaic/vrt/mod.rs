@@ -1,4 +1,4 @@
-//! GDAL virtual rasters (.vrt): rectangles of files, painted in order.
+//! GDAL virtual rasters (.vrt): source rectangles, painted in order.
 //!
 //! A simple source covers what lies below it, its nodata included; a complex source with a nodata
 //! value lets through what lies below. Where nothing was painted, and where the band's nodata value
@@ -40,19 +40,19 @@ pub(crate) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Deepest nesting of VRTs in VRTs.
+/// Maximum depth of nested VRTs.
 const MOST_DEPTH: usize = 8;
-/// Samples along a block where the VRT does not say: that is GDAL's.
+/// Default block size, as in GDAL.
 const BLOCK: u32 = 128;
 
-/// True for the start of a VRT, with or without an XML declaration.
+/// True if `head` is the start of a VRT, with or without an XML declaration.
 fn is_vrt(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head);
     let text = text.trim_start_matches('\u{feff}').trim_start();
     text.starts_with("<VRTDataset") || (text.starts_with("<?xml") && text.contains("<VRTDataset"))
 }
 
-/// Whether a file is a VRT.
+/// Whether the file is a VRT.
 pub(crate) fn is_at(path: &Path) -> Result<bool> {
     let head = head_of(path)?;
     Ok(format_of(path, &head).is_some_and(|format| format.name == FORMAT.name))
@@ -66,7 +66,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
 }
 
-/// As the registry's entry, within other mosaics.
+/// Opens a VRT inside other mosaics.
 pub(super) fn open_within(
     path: &Path,
     options: &GridOpenOptions,
@@ -119,7 +119,7 @@ fn mosaic(
     Ok(Mosaic::new(info, parts, nest.family))
 }
 
-/// The nest with this VRT around what follows.
+/// The nesting of the sources of this VRT.
 fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
     let real = std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?;
     if nest.around.contains(&real) {
@@ -164,17 +164,17 @@ fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
     a == b || a.zip(b).is_some_and(|(a, b)| recode::is_same(a, b))
 }
 
-/// What sources are painted on.
+/// Target of the sources.
 struct VrtCanvas<'a> {
     path: &'a Path,
     info: &'a GridInfo,
     nest: &'a MosaicNesting,
-    /// Counts the sources with masks that are not used, where the VRT has none.
+    /// Counts sources with unused masks, if the VRT has none.
     masks: Option<&'a AtomicUsize>,
 }
 
 impl VrtCanvas<'_> {
-    /// The part that `source` paints; `None` when that is none of the canvas.
+    /// The part that `source` paints; `None` if it is outside the canvas.
     fn part(&self, source: &VrtSource) -> Result<Option<MosaicPart>> {
         let name = path::resolve(self.path, &source.file, source.is_relative)?;
         let found = find(&name, source.band, None, self.nest)?;
@@ -210,8 +210,7 @@ impl VrtCanvas<'_> {
         }
     }
 
-    /// Where the source goes, and the first sample of it in the file: what lies outside of either
-    /// is left out.
+    /// Target rectangle of the source, and its first sample in the file, clipped to both.
     fn place(&self, source: &VrtSource, file: &GridInfo) -> Option<(Rect, [u32; 2])> {
         let size = [i64::from(file.width), i64::from(file.height)];
         let to = source.to.unwrap_or([0, 0, size[0], size[1]]);
@@ -235,7 +234,7 @@ impl VrtCanvas<'_> {
         Some((Rect::new(col, row, count[0] as u32, count[1] as u32), at(from)))
     }
 
-    /// What happens to the file's heights; `None` when nothing does.
+    /// Conversion of the heights of the file; `None` if they are unchanged.
     fn recode(
         &self,
         source: &VrtSource,

@@ -1,5 +1,5 @@
-//! The text of a GDAL VRT: size, place and the sources of one band. What it says that would change
-//! samples in a way not known here is refused by name; what does not touch samples is passed over.
+//! Parser of GDAL VRTs: size, georeference and the sources of one band. Unsupported elements that would
+//! change samples are rejected by name; elements that do not affect samples are ignored.
 
 use std::io::BufRead;
 
@@ -21,11 +21,11 @@ pub(super) struct Vrt {
     pub(super) is_point: bool,
     pub(super) bands: u32,
     pub(super) band: VrtBand,
-    /// True where the masks of the sources are its own.
+    /// True if the VRT has a mask band made of the masks of its sources.
     pub(super) has_mask: bool,
 }
 
-/// The chosen band.
+/// The selected band.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VrtBand {
     pub(super) kind: SampleType,
@@ -51,31 +51,30 @@ impl Default for VrtBand {
     }
 }
 
-/// A rectangle of a file, and where it goes.
+/// A rectangle of a file and its target.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VrtSource {
-    /// Where in the VRT it stands.
+    /// Position in the VRT file.
     pub(super) place: String,
     pub(super) file: String,
     pub(super) is_relative: bool,
     pub(super) band: u32,
-    /// Column, row, width, height in the file; all of it when `None`.
+    /// Column, row, width, height in the file; `None` for all of it.
     pub(super) from: Option<[i64; 4]>,
     /// Column, row, width, height in the VRT.
     pub(super) to: Option<[i64; 4]>,
-    /// Value that lets through what lies below.
+    /// Value that is transparent.
     pub(super) nodata: Option<f64>,
     pub(super) ratio: f64,
     pub(super) shift: f64,
-    /// True when voids of the file let through what lies below.
+    /// True if voids of the file are transparent.
     pub(super) use_mask: bool,
 }
 
-/// How far numbers of pixels may be from whole ones: gdalbuildvrt writes offsets with the errors of
-/// its own arithmetic.
+/// Maximum distance of pixel offsets from integers: gdalbuildvrt writes offsets with rounding errors.
 const SLACK: f64 = 1e-3;
 
-/// Sources that are refused, and why.
+/// Unsupported sources, with the reason.
 const OTHER_SOURCES: [(&str, &str); 5] = [
     ("KernelFilteredSource", "a filter"),
     ("AveragedSource", "averages"),
@@ -83,7 +82,7 @@ const OTHER_SOURCES: [(&str, &str); 5] = [
     ("NoDataFromMaskSource", "nodata from a mask"),
     ("FuncSource", "a function"),
 ];
-/// Elements of a complex source that are refused.
+/// Unsupported elements of a complex source.
 const OTHER_CHANGES: [&str; 9] = [
     "LUT",
     "Exponent",
@@ -96,7 +95,7 @@ const OTHER_CHANGES: [&str; 9] = [
     "OpenOptions",
 ];
 
-/// Reads a VRT and the sources of its band `band` (from 1).
+/// Parses a VRT and the sources of band `band` (from 1).
 ///
 /// # Errors
 /// XML that is broken or beyond a limit, a feature that is not supported, no such band.
@@ -165,7 +164,7 @@ impl Vrt {
     }
 }
 
-/// A mask made of the masks of the same files is what their voids are; any other is refused.
+/// A mask made of the masks of the same files equals their voids; other masks are rejected.
 fn mask_band<R: BufRead>(xml: &mut RasterXmlReader<R>) -> Result<()> {
     let mut bands = Vec::new();
     while let Some(tag) = xml.child()? {
@@ -224,7 +223,7 @@ impl VrtBand {
 }
 
 impl VrtSource {
-    /// True when samples are scaled or shifted on their way.
+    /// True if samples are scaled or shifted.
     pub(super) fn is_changed(&self) -> bool {
         self.ratio != 1.0 || self.shift != 0.0
     }
@@ -268,7 +267,7 @@ impl VrtSource {
     }
 }
 
-/// Both or none, and of one size: anything else would have to be resampled.
+/// Requires both or neither, of equal size: anything else needs resampling.
 fn check_rectangles(from: Option<[f64; 4]>, to: Option<[f64; 4]>) -> Result<()> {
     let apart = |a: f64, b: f64| (a - b).abs() > SLACK;
     match (from, to) {
@@ -297,7 +296,7 @@ fn rectangle(node: &RasterXmlElement, name: &str) -> Result<Option<[f64; 4]>> {
     Ok(Some(numbers))
 }
 
-/// Whole numbers of samples, with a size.
+/// Rectangle of integers with a positive size.
 fn whole(numbers: [f64; 4]) -> Result<[i64; 4]> {
     if let Some(part) = numbers.iter().find(|n| (*n - n.round()).abs() > SLACK) {
         return Err(Error::unsupported(format!(
