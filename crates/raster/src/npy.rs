@@ -21,7 +21,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// Most bytes of a header; those of plain arrays take 118.
+/// Maximum header size in bytes; headers of plain arrays take 118.
 const MOST_HEADER: u64 = 64 << 10;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -60,7 +60,7 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(file, info, layout)
 }
 
-/// Offset and bytes of the text that describes the array.
+/// Offset and length of the header text.
 fn header_range(file: &RawFile) -> Result<(u64, u64)> {
     let head = file.head(12)?;
     if !head.starts_with(MAGIC) {
@@ -76,7 +76,7 @@ fn header_range(file: &RawFile) -> Result<(u64, u64)> {
     }
 }
 
-/// What the text says.
+/// Content of the header.
 #[derive(Debug, PartialEq)]
 struct NpyHeader {
     descr: String,

@@ -1,4 +1,4 @@
-//! A grid in front of another: a rectangle of its samples.
+//! Adapter for a window of a grid.
 
 use std::path::PathBuf;
 
@@ -9,20 +9,20 @@ use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Less of a cell than this is rounding, not overlap.
+/// Overlaps below this fraction of a cell are rounding errors.
 const HAIR: f64 = 1e-6;
 
-/// A part of a grid.
+/// A window of a grid.
 struct WindowedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
-    /// In the whole grid.
+    /// Window in the whole grid.
     window: Rect,
 }
 
-/// The cells of what `open` opens that a box (x min, y min, x max, y max) overlaps. The cell of a sample is the
-/// square around it, whether samples are points or areas, so the box is widened to whole cells; what
-/// lies outside the grid is left out. On a rotated grid: the upright lattice rectangle around the box.
+/// The cells of the grid of `open` that overlap a box (x min, y min, x max, y max). The cell of a sample is
+/// the square around it, for points and areas, so the box is extended to whole cells and clipped to the grid.
+/// On a rotated grid the window is the bounding rectangle of the box in columns and rows.
 ///
 /// # Errors
 /// Those of `open`; a box without a cell.
@@ -87,7 +87,7 @@ fn window(info: &GridInfo, [x0, y0, x1, y1]: [f64; 4]) -> Result<Rect> {
     Ok(Rect::new(col, row, width, height))
 }
 
-/// First and number of the cells that four lattice positions span.
+/// First cell and number of cells covered by four lattice positions.
 fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
     let least = positions.into_iter().fold(f64::INFINITY, f64::min) + 0.5;
     let most = positions.into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.5;
@@ -98,7 +98,7 @@ fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
     (first, end.saturating_sub(first))
 }
 
-/// Least and greatest world position of the grid's cells.
+/// Bounding box of the cells of the grid in world coordinates.
 fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
     let (right, down) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
     let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, down], [right, down]];

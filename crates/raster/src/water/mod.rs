@@ -1,4 +1,4 @@
-//! Grids whose water is level, as surveys deliver bare-earth models (hydro-flattening).
+//! Hydro-flattening: grids with level water, as in bare-earth models of surveys.
 //!
 //! Polygons are water: a lake, which is level, or a river, where a centre line of the same file runs within it.
 //! A river is level from bank to bank and falls, or stays, along its lines, which are drawn downstream. Followed is

@@ -1,6 +1,6 @@
-//! Grids as text, one "x y z" point per line (.xyz, .csv, .txt): by row or by column, with points
-//! left out where there is no height. Two passes at opening find the spacing and keep the heights
-//! in a temporary file.
+//! Grids as text with one "x y z" point per line (.xyz, .csv, .txt), in row or column order; points without a
+//! height may be missing. Two passes at opening determine the spacing and store the heights in a temporary
+//! file.
 
 mod points;
 
@@ -27,11 +27,11 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Most samples of the grid for each point: more are sparse points rather than a grid.
+/// Maximum number of grid samples per point: sparser points are not a grid.
 const MOST_SPARSE: u64 = 100;
-/// Part of a cell that a point may lie off its place.
+/// Maximum offset of a point from its position, in cells.
 const SLACK: f64 = 0.1;
-/// Whole numbers up to here are exact in `f32`.
+/// Largest integer up to which all integers are exact in `f32`.
 const EXACT_IN_F32: f64 = 16_777_216.0;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -66,8 +66,8 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(spool, info, layout)
 }
 
-/// Steps between neighbouring points along one axis. The mean of the smallest ones tells the
-/// spacing better than any one of them where coordinates are rounded.
+/// Steps between neighbouring points along an axis. The mean of the smallest steps is a better estimate of
+/// the spacing than a single one, since coordinates may be rounded.
 #[derive(Clone, Copy, Default)]
 struct AxisSteps {
     least: f64,
@@ -88,7 +88,7 @@ impl AxisSteps {
     }
 }
 
-/// Lowest and highest.
+/// Minimum and maximum.
 #[derive(Clone, Copy)]
 struct XyzRange {
     low: f64,
@@ -104,11 +104,11 @@ impl XyzRange {
     }
 }
 
-/// What the first pass finds.
+/// Result of the first pass.
 struct XyzSurvey {
     points: u64,
     by_column: bool,
-    /// True when the first change of row was to the north.
+    /// True if the first change of row is to the north.
     northward: bool,
     spans: [XyzRange; 2],
     steps: [AxisSteps; 2],
@@ -189,7 +189,7 @@ impl XyzSurvey {
     }
 }
 
-/// The answer to points that make no grid.
+/// Error of points that do not form a grid.
 fn irregular(message: impl Into<String>) -> Error {
     Error::unsupported(message).remedy("sort points of a regular grid row by row")
 }
@@ -220,7 +220,7 @@ impl XyzAxis {
         Ok(Self { low: span.low, step: range / cells, count: cells as u32 + 1 })
     }
 
-    /// The index of `position`; `None` when it lies off the grid.
+    /// The index of `position`; `None` if it is off the grid.
     fn index(&self, position: f64) -> Option<u32> {
         let at = (position - self.low) / self.step;
         // At most half a cell below the lowest, so rounded by dropping what is behind the point.
@@ -229,7 +229,7 @@ impl XyzAxis {
     }
 }
 
-/// The grid that the points make.
+/// The grid of the points.
 struct XyzGrid {
     x: XyzAxis,
     y: XyzAxis,
@@ -255,7 +255,7 @@ impl XyzGrid {
         Ok((col, if self.northward { up } else { self.y.count - 1 - up }))
     }
 
-    /// The second pass: lines of heights, void where there is no point.
+    /// The second pass: lines of heights, void where points are missing.
     fn spool(&self, file: &RawFile, spool: SampleSpool) -> Result<RawFile> {
         let mut points = XyzPointReader::new(file)?;
         let (inner, outer) = if self.by_column {
@@ -281,13 +281,13 @@ impl XyzGrid {
     }
 }
 
-/// Lines of the grid on their way to the spool.
+/// Buffered lines of the grid.
 struct XyzLines {
     spool: SampleSpool,
-    /// Heights of the line at hand; empty before its first.
+    /// Heights of the current line; empty before the first.
     line: Vec<Option<f64>>,
     length: usize,
-    /// Of the line at hand.
+    /// Number of the current line.
     number: u32,
     kind: SampleType,
 }

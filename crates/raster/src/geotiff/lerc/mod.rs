@@ -1,26 +1,26 @@
-//! LERC in blocks of TIFF files, which the crate `lerc` decodes; what a blob says of itself is held
-//! against the block before anything is decoded.
+//! LERC blocks of TIFF files, decoded by the crate `lerc`; the header of a blob is checked against the block
+//! before decoding.
 
 use bytemuck::Pod;
 use lerc::{LercError, LercInfo, Sample};
 
 use crate::grid::SampleType;
 
-/// What a block has to hold.
+/// Expected content of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LercBlockShape {
     pub(super) kind: SampleType,
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Samples of a pixel.
+    /// Samples per pixel.
     pub(super) depth: usize,
 }
 
-/// What is wrong with a blob, for people.
+/// Error message about a blob.
 type Fault = String;
 
-/// Decodes `data` into `out`: samples in native order, pixel by pixel. Samples outside the mask are
-/// NaN, or 0 in integers. There is one blob, or for pixels of several samples one for each of them.
+/// Decodes `data` into `out`: samples in native byte order, pixel by pixel. Samples outside the mask are NaN,
+/// or 0 for integers. Pixels of several samples may have one blob for each.
 pub(super) fn decode(data: &[u8], shape: LercBlockShape, out: &mut [u8]) -> Result<(), Fault> {
     match shape.kind {
         SampleType::I8 => decode_as::<i8>(data, shape, 0, out),
@@ -81,7 +81,7 @@ fn decode_as<T: Sample + Pod>(
     Ok(())
 }
 
-/// Fails where the blobs are not of this block.
+/// Fails if the blobs do not match the block.
 fn check(info: &LercInfo, shape: LercBlockShape) -> Result<(), Fault> {
     let (width, height) = (info.width as usize, info.height as usize);
     let samples = u64::from(info.depth) * u64::from(info.bands);
