@@ -1,10 +1,10 @@
 //! Grid sources and sinks: one file per format, and the registry that names them.
 //!
-//! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
-//! written by terrane are memory-mapped.
+//! All grids are read by window, out of core. Input files are read with `pread`; only stores written by terrane are
+//! memory-mapped.
 //!
-//! Clipping and level water are here and not in `terrain`: like mosaics they are grids in front of grids, and every
-//! reader of grids opens them.
+//! Clipping and hydro-flattening are adapters of grids like mosaics, so they are in this crate and not in `terrain`:
+//! every reader of grids opens them.
 
 #[macro_use]
 mod grid;

@@ -52,8 +52,7 @@ pub use sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 pub use source::{FeatureSource, VectorOpenOptions};
 pub use synth::synthetic;
 
-/// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
-/// order.
+/// All formats, in the order of detection; a new one is a file in this folder and a line here.
 pub const FORMATS: &[VectorFormat] = &[
     topojson::FORMAT,
     geojson::LINES,
@@ -65,12 +64,11 @@ pub const FORMATS: &[VectorFormat] = &[
     csv::FORMAT,
 ];
 
-/// Formats that are read and written from front to back, as pipes are; what they are read through and
-/// gathered in is a file all the same.
+/// Formats that can be read from and written to pipes; their data are buffered in a file.
 pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
 
-/// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic
-/// lines by theirs, such as `synth:koch,vertices=1000000`.
+/// Opens a vector file, identified by its first bytes or else by its name, or synthetic lines such as
+/// `synth:koch,vertices=1000000`.
 ///
 /// # Errors
 /// A file that cannot be read, is of no known format, or damaged in its header.
@@ -114,11 +112,10 @@ pub fn create(
     })
 }
 
-/// Bytes of a file that [`VectorFormat::sniff`] gets to see.
+/// Number of leading bytes that [`VectorFormat::sniff`] examines.
 const SNIFF_BYTES: u64 = 4096;
 
-/// The format of an existing file: by its first bytes, or else by its name; `None` when it is none
-/// of these.
+/// The format of an existing file, by its first bytes, or else by its name; `None` if unknown.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -127,8 +124,7 @@ pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
     Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(FORMATS, path)))
 }
 
-/// The format called `name`, or else the one that the ending of `path` stands for (letter case does
-/// not matter).
+/// The format called `name`, or else the one with the extension of `path`, in any case.
 ///
 /// # Errors
 /// An unknown name or ending; the error lists the known ones.

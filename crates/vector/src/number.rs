@@ -8,7 +8,7 @@ pub(super) const MOST_BYTES: usize = 1100;
 /// The number at the start of `text` (sign, digits with an optional point, exponent) and its length; `None`
 /// if there is none, or if it is too long. Rounded to the nearest `f64`; infinite if out of range.
 ///
-/// Digits without their point that are exact in `f64` are divided by an exact power of ten, which
+/// The digits without the point that are exact in `f64` are divided by an exact power of ten, which
 /// rounds once (Clinger 1990, "How to read floating point numbers accurately"). Up to 19 digits are
 /// divided in whole numbers, with all bits of the quotient that rounding needs and the remainder as
 /// the last. The rest is left to the standard library.

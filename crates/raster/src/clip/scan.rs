@@ -1,8 +1,8 @@
 //! Scanline test of which samples of a window are inside polygons.
 //!
-//! Where rows of samples have one y, they are taken by rising y. An edge that crosses a row is found among
-//! its columns by a guess that is set right exactly; from there on samples are inside or outside, feature
-//! by feature. In other grids each sample is decided by itself.
+//! If the samples of a row have one y, rows are processed by ascending y. The column of an edge crossing is
+//! estimated and then corrected exactly; samples after it are inside or outside, feature by feature. In other grids
+//! each sample is tested separately.
 
 use std::cmp::Ordering;
 use std::ops::{ControlFlow, Range};

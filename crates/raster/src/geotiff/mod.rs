@@ -1,7 +1,7 @@
 //! GeoTIFF and BigTIFF: directory parser and decoder for reading by window, out of core.
 //!
-//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed ones
-//! are read row by row straight from the file, whatever their size.
+//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed blocks of any size are
+//! read row by row from the file.
 
 mod blocks;
 mod codec;

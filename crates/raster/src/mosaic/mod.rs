@@ -1,17 +1,16 @@
 //! Mosaics: many files as one grid on one lattice, with later files on top where they are valid, read by
 //! window. Files are opened on demand and closed again, so their number is not limited.
 //!
-//! `members` makes files of the inputs, `find` looks at them in parallel, `agree` demands that they fit
-//! together, `layout` (pure) places them on the lattice of the first, `index` (a packed tree of
-//! rectangles) finds those under a window, and the window is painted from bottom to top. A part that
-//! fills a window by itself is read straight into it. A VRT is the same thing with parts placed by its
-//! text; both kinds may hold others.
+//! `members` expands the inputs to files, `find` reads their metadata in parallel, `agree` checks that they are
+//! consistent, `layout` aligns them on the lattice of the first, `index` (a packed R-tree) finds the files of a
+//! window, and the window is painted from bottom to top. A part that fills a window alone is read directly into
+//! it. A VRT is a mosaic whose parts are placed by its XML. Mosaics can be nested.
 //!
-//! Nothing grows with the samples, and only names and rectangles with the number of files. Open files and
-//! their decoded blocks are in one pool for a mosaic and all mosaics within it: at most 256 files (a
-//! quarter of the process's limit if that is less) whose blocks take the bytes the source was opened
-//! with. A file gets an eighth of those bytes (all of them, if it cannot be read otherwise). A file found
-//! to have another size or type when it is opened again is an error.
+//! Memory is independent of the number of samples; only names and rectangles grow with the number of files. Open
+//! files and their decoded blocks are in one pool of a mosaic and all nested mosaics: at most 256 files (a quarter
+//! of the process limit if that is less), whose blocks fit into the cache size of the source. A file gets an
+//! eighth of that size, or all of it if necessary. A file whose size or type changed before it is reopened is an
+//! error.
 
 mod agree;
 mod cache;

@@ -1,11 +1,10 @@
 //! System calls of the store, and its only unsafe code: mapping a file, releasing mapped pages, and querying
 //! free disk space.
 //!
-//! What remains at risk: a mapped file that someone truncates or rewrites in place. Reading a page
-//! beyond the new end kills the process with SIGBUS, and rewritten samples show through. Only files
-//! that carry our mark and match their directory to the last byte are mapped; we never change a
-//! store in place (writers rename a complete file over it, which leaves an existing map intact), so
-//! only another program could. Copy stores elsewhere before truncating them by hand.
+//! Remaining risk: another program truncates or rewrites a mapped file in place. Reading a page beyond the new
+//! end kills the process with SIGBUS, and rewritten samples become visible. Only files that carry the mark of a
+//! store and match their directory in every byte are mapped, and terrane never changes a store in place:
+//! writers rename a complete file over it, which leaves existing mappings intact.
 #![allow(unsafe_code)]
 
 use std::fs::File;

@@ -1,8 +1,8 @@
 //! Grid output: one module per format, the format registry, and the sink trait.
 //!
-//! A sink is fed block by block. Blocks are encoded by any thread in any order; the encoded bytes are
-//! appended one by one in row-major order, so that the file is the same whatever the threads. No sink
-//! holds the grid, and each file appears under its name whole or not at all.
+//! A sink receives blocks. Blocks are encoded by any thread in any order; the encoded bytes are appended in
+//! row-major order, so that the file does not depend on the threads. No sink holds the grid, and each file is
+//! created atomically.
 
 mod asc;
 mod canvas;

@@ -12,7 +12,7 @@ use crate::geometry::GeometryType;
 
 pub(super) use feature::{GeoJsonFeatureReader, check_depth, id, member, short};
 
-/// What both hold.
+/// Capabilities of both variants.
 const HOLDS: VectorCapabilities = VectorCapabilities {
     kinds: &GeometryType::ALL,
     mixed: true,
@@ -24,7 +24,7 @@ const HOLDS: VectorCapabilities = VectorCapabilities {
     ordered: true,
 };
 
-/// The registry's entry.
+/// Registry entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "GeoJSON",
     extensions: &["geojson", "json"],
@@ -35,7 +35,7 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
     sniff,
 };
 
-/// The registry's entry for one feature after the other.
+/// Registry entry of newline-delimited GeoJSON.
 pub(super) const LINES: VectorFormat = VectorFormat {
     name: "GeoJSONSeq",
     extensions: &["geojsonl", "geojsons", "ndjson", "jsonl"],

@@ -1,12 +1,11 @@
 //! GDAL virtual rasters (.vrt): source rectangles, painted in order.
 //!
-//! A simple source covers what lies below it, its nodata included; a complex source with a nodata
-//! value lets through what lies below. Where nothing was painted, and where the band's nodata value
-//! was, there is a void.
+//! A simple source covers the sources below it, including its nodata samples; a complex source with a nodata value
+//! is transparent where it has that value. Samples without a source and samples of the band's nodata value are void.
 //!
-//! A VRT is text from a stranger: it is read as a stream with limits on depth, text, sources and bytes,
-//! without document types or entities; files outside its folder are refused unless the user allows them;
-//! nesting ends at eight, and bytes and sources are counted over all VRTs within it.
+//! VRTs are untrusted input: they are parsed as a stream with limits on depth, text, sources and bytes, without
+//! document types or entities. Files outside the folder of the VRT are rejected unless the user allows them.
+//! Nesting is limited to eight levels, and bytes and sources are counted over all nested VRTs.
 
 mod parse;
 mod path;
