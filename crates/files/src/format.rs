@@ -39,7 +39,7 @@ pub fn by_extension<F: FileFormat>(all: &'static [F], path: &Path) -> Option<&'s
 /// The format called `name`, or else the first with the extension of `path`.
 ///
 /// # Errors
-/// Usage: an unknown name or ending; the known ones are listed.
+/// Usage: unknown name or extension; the message lists the known ones.
 pub fn by_path<F: FileFormat>(
     all: &'static [F],
     path: &Path,

@@ -26,7 +26,7 @@ pub fn is_held(input: &str) -> bool {
 /// Fails if one of `inputs` is held in memory, for jobs whose inputs are read by other processes.
 ///
 /// # Errors
-/// Usage.
+/// Usage: an input is in memory.
 pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<()> {
     match inputs.into_iter().any(|input| is_held(input)) {
         true => Err(Error::usage("datasets in memory cannot be passed to other processes")
@@ -64,7 +64,7 @@ impl<T> HeldRegister<T> {
     /// The dataset called `name`.
     ///
     /// # Errors
-    /// Usage: nothing is.
+    /// Usage: no such dataset.
     pub fn get(&self, name: &str) -> Result<Arc<T>> {
         let nothing = || Error::usage(format!("no dataset {name:?} of this kind is in memory"));
         lock(&self.0).get(name).cloned().ok_or_else(nothing)

@@ -67,8 +67,7 @@ impl FileKind {
     /// The files that `inputs` stand for, in order; the files of a folder or pattern are sorted by name.
     ///
     /// # Errors
-    /// A folder, list or pattern that yields no file or cannot be read; more than
-    /// [`limits::MAX_MEMBERS`] files.
+    /// Unreadable folders, lists or patterns, or ones without files; more than [`limits::MAX_MEMBERS`] files.
     pub fn files(&self, inputs: &[String]) -> Result<Vec<String>> {
         self.found(inputs, |folder| self.folder(folder))
     }
@@ -76,7 +75,7 @@ impl FileKind {
     /// As [`files`](Self::files), including subfolders; hidden names and links to folders are skipped.
     ///
     /// # Errors
-    /// As [`files`](Self::files), and inputs among which there is no folder.
+    /// As [`files`](Self::files); inputs without a folder.
     pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
         if !inputs.iter().any(|input| matches!(self.kind(input), InputPathKind::Folder)) {
             return Err(Error::usage("‹recursive› requires a folder as input")

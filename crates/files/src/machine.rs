@@ -28,7 +28,7 @@ pub fn proc_bytes(file: &str, key: &str) -> Option<u64> {
 /// Runs `work` on a pool of `threads` threads; inside another pool (a mosaic in a mosaic) on that one.
 ///
 /// # Errors
-/// Those of `work`; threads that cannot be started.
+/// Errors of `work`; failure to start threads.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if rayon::current_thread_index().is_some() {
         return work();

@@ -17,7 +17,7 @@ const FIRST: u32 = 0x10_FE00;
 /// The text of a path.
 ///
 /// # Errors
-/// Where paths are no bytes: one that is not Unicode.
+/// On platforms whose paths are not bytes: a name that is not Unicode.
 #[cfg(unix)]
 pub fn name_of(path: PathBuf) -> Result<String> {
     use std::os::unix::ffi::OsStrExt;

@@ -78,7 +78,7 @@ impl XmlStartTag {
     /// The value of the attribute of that name, owned.
     ///
     /// # Errors
-    /// Those of [`attributes`](Self::attributes).
+    /// As [`attributes`](Self::attributes).
     pub fn attribute(&self, name: &str) -> Result<Option<String>> {
         Ok(self.value(name)?.map(Cow::into_owned))
     }
@@ -86,7 +86,7 @@ impl XmlStartTag {
     /// The value of the attribute `name`, borrowed if it contains no reference.
     ///
     /// # Errors
-    /// Those of [`attributes`](Self::attributes).
+    /// As [`attributes`](Self::attributes).
     pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
         let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
@@ -124,7 +124,7 @@ impl<R: BufRead> XmlReader<R> {
     /// The next part.
     ///
     /// # Errors
-    /// Text that is not well-formed XML; a document type, an unknown entity; a limit exceeded.
+    /// Malformed XML; a document type or an unknown entity; an exceeded limit.
     #[expect(clippy::should_implement_trait, reason = "an iterator has no errors of its own")]
     pub fn next(&mut self) -> Result<XmlEvent> {
         loop {
@@ -172,7 +172,7 @@ impl<R: BufRead> XmlReader<R> {
     /// Skips the rest of the current element.
     ///
     /// # Errors
-    /// Those of [`next`](Self::next); the end of the document.
+    /// As [`next`](Self::next); the end of the document.
     pub fn skip(&mut self) -> Result<()> {
         let mut open = 1;
         while open > 0 {
@@ -189,7 +189,7 @@ impl<R: BufRead> XmlReader<R> {
     /// Checks that only comments and white space follow the root element.
     ///
     /// # Errors
-    /// Those of [`next`](Self::next); anything else.
+    /// As [`next`](Self::next); other content.
     pub fn finish(&mut self) -> Result<()> {
         loop {
             match self.next()? {

@@ -76,7 +76,7 @@ impl<'a> ArrayGrid<'a> {
     /// y is the negated row, so that north is up.
     ///
     /// # Errors
-    /// Usage: another number of samples, none, or a side of more than [`limits::MAX_SIDE`].
+    /// Usage: wrong number of samples, no samples, or a side above [`limits::MAX_SIDE`].
     pub fn new<S: ArraySample>(samples: &'a [S], width: u32, height: u32) -> Result<Self> {
         let info = Self::plain::<S>(samples.len(), width, height)?;
         Ok(Self { info, samples: SampleStorage::Borrowed(bytemuck::cast_slice(samples)) })

@@ -171,7 +171,7 @@ impl GridInfo {
     /// Fails if cells are too small for the precision of double coordinates.
     ///
     /// # Errors
-    /// Unsupported: positions would be off their samples by more than a thousandth of a cell.
+    /// Unsupported: rounding would move samples by more than a thousandth of a cell.
     pub fn check_cells(&self) -> Result<()> {
         let Affine { x0, a, b, y0, d, e } = self.transform;
         if self.transform.resolves(self.width, self.height) {

@@ -63,8 +63,8 @@ pub use water::{Water, WaterFeatures, WaterReport};
 /// valid.
 ///
 /// # Errors
-/// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to
-/// clip to that are in another reference system, hold no sample, or take all of the cache; a box without a cell.
+/// Errors of [`open`]; inconsistent files; clip polygons with another CRS, without a sample, or larger than
+/// the cache; a box without a cell.
 pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let open = |options: &GridOpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),

@@ -95,7 +95,7 @@ struct PamMetadata {
 /// Opens `path` by `open` and applies the sidecar of a file of `format`.
 ///
 /// # Errors
-/// Whatever `open` finds; a sidecar that cannot be read, or that contradicts the scale of the file.
+/// Errors of `open`; a sidecar that cannot be read, or that contradicts the scale of the file.
 pub(super) fn open(
     path: &Path,
     format: &RasterFormat,

@@ -25,7 +25,7 @@ struct WindowedGrid {
 /// On a rotated grid the window is the bounding rectangle of the box in columns and rows.
 ///
 /// # Errors
-/// Those of `open`; a box without a cell.
+/// Errors of `open`; a box without a cell.
 pub(crate) fn part(
     bbox: [f64; 4],
     options: &GridOpenOptions,

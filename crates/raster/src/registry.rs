@@ -37,7 +37,7 @@ const HEAD_BYTES: u64 = 64;
 /// of a PNG.
 ///
 /// # Errors
-/// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
+/// A missing file, a folder, an unknown format, or errors of the format.
 pub fn open(input: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_held(input) {
         return held::open(input, options);

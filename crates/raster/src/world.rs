@@ -17,7 +17,7 @@ const MOST_ZOOM: u32 = 30;
 /// centre.
 ///
 /// # Errors
-/// A world file that is not six numbers, or whose map cannot be inverted.
+/// A world file without six numbers, or with a singular transform.
 pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
     let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
     let text = beside::small_text(&world, "size of the world file in bytes", MOST_BYTES)?;

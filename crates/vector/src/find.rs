@@ -16,7 +16,7 @@ const FEATURES: FileKind = FileKind { what: "vector file", is_member, file_name:
 /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
 ///
 /// # Errors
-/// A folder, list or pattern that yields no file or cannot be read; more than
+/// Unreadable folders, lists or patterns, or ones without files; more than
 /// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     FEATURES.files(inputs)

@@ -209,8 +209,8 @@ impl Geometry {
     /// form one polygon; open rings are closed.
     ///
     /// # Errors
-    /// More positions in a Point, lines in a LineString or polygons in a Polygon than one; lists
-    /// that do not fit together.
+    /// More than one position in a Point, line in a LineString or polygon in a Polygon; inconsistent array
+    /// lengths.
     pub fn new(kind: GeometryType, mut coordinates: CoordinateSequence) -> Result<Self> {
         check(&coordinates)?;
         if kind.is_points() || matches!(kind, GeometryType::Null | GeometryType::Collection) {

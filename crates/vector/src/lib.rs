@@ -71,7 +71,7 @@ pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
 /// `synth:koch,vertices=1000000`.
 ///
 /// # Errors
-/// A file that cannot be read, is of no known format, or damaged in its header.
+/// An unreadable file, an unknown format, or a damaged header.
 pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     if let Some(lines) = synthetic(path) {
         return Ok(Box::new(synth::SyntheticFeatures::new(lines?)));
@@ -88,7 +88,7 @@ pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureS
 /// Starts a file of `format`, see [`by_path`]. It appears under its name when it is finished.
 ///
 /// # Errors
-/// A format that is only read, a file that exists already or cannot be made.
+/// A read-only format; a file that exists or cannot be created.
 pub fn create(
     path: &Path,
     format: &VectorFormat,
@@ -127,7 +127,7 @@ pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
 /// The format called `name`, or else the one with the extension of `path`, in any case.
 ///
 /// # Errors
-/// An unknown name or ending; the error lists the known ones.
+/// Unknown name or extension; the message lists the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static VectorFormat> {
     terrane_files::format::by_path(FORMATS, path, name)
 }

@@ -19,7 +19,7 @@ const LARGE: usize = 64;
 /// disjoint rings.
 ///
 /// # Errors
-/// Rings so entangled that telling takes too long.
+/// Rings too complex to group within the limit.
 pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
     if coordinates.ends.len() <= 1 {
         return Geometry::new(GeometryType::Polygon, coordinates);

@@ -50,13 +50,13 @@ pub trait FeatureSink: Send {
     /// Appends a feature.
     ///
     /// # Errors
-    /// What the format cannot hold, and failures to write.
+    /// Content that the format cannot store, and write errors.
     fn write(&mut self, feature: &Feature) -> Result<()>;
 
     /// Completes the file and gives it its name. `foreign` are foreign members found after the features (see
     /// [`LayerHeader::foreign`](super::LayerHeader::foreign)), for formats that store them.
     ///
     /// # Errors
-    /// What the format cannot hold, and failures to write.
+    /// Content that the format cannot store, and write errors.
     fn finish(self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures>;
 }

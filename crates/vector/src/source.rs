@@ -17,7 +17,7 @@ pub trait FeatureSource: Send {
     /// The next feature; `None` at the end. Must not be called again after an error.
     ///
     /// # Errors
-    /// What is damaged or not supported, with its place.
+    /// Damaged or unsupported content, with its position.
     fn next(&mut self) -> Result<Option<Feature>>;
 
     /// Header of the layer.

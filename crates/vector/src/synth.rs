@@ -16,7 +16,7 @@ const PREFIX: &str = "synth:";
 /// The synthetic lines called `path`; `None` if it is another name.
 ///
 /// # Errors
-/// Parameters that make no sense.
+/// Invalid parameters.
 pub fn synthetic(path: &Path) -> Option<Result<SyntheticLines>> {
     let name = path.to_str()?.strip_prefix(PREFIX)?;
     SyntheticLines::is_named(name).then(|| SyntheticLines::parse(name))

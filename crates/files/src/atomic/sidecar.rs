@@ -34,7 +34,7 @@ impl Sidecar {
     /// same name. Nothing is written before [`commit`](Self::commit).
     ///
     /// # Errors
-    /// `Usage` where something else is there and `overwrite` is false.
+    /// `Usage` if a different file exists and `overwrite` is false.
     pub fn new(
         path: PathBuf,
         text: Option<String>,

@@ -22,8 +22,7 @@ struct Clipped {
 /// The grid of `open`, clipped to `clip`, whose memory counts towards the cache.
 ///
 /// # Errors
-/// Those of `open`; polygons that leave no room for anything else, that are in another reference system,
-/// or hold no sample.
+/// Errors of `open`; polygons that exceed the memory, have another CRS, or contain no sample.
 pub(crate) fn clipped(
     clip: &Arc<Clip>,
     options: &GridOpenOptions,

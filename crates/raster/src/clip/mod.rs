@@ -44,7 +44,7 @@ impl ClipRings {
     /// Begins another feature.
     ///
     /// # Errors
-    /// More than 2^32 of them.
+    /// More than 2^32 features.
     pub fn begin_feature(&mut self) -> Result<()> {
         let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
         self.features = self.features.checked_add(1).ok_or_else(too_many)?;
@@ -54,8 +54,8 @@ impl ClipRings {
     /// Adds a ring to the current feature, with or without the closing position.
     ///
     /// # Errors
-    /// A coordinate that is not finite, or of a magnitude that signs are not exact for; more than 2^32
-    /// edges in all.
+    /// A coordinate that is not finite or outside the range of exact predicates; more than 2^32 edges in
+    /// total.
     pub fn push(&mut self, ring: &[Xy]) -> Result<()> {
         if let Some(at) = ring.iter().find(|at| !at.iter().all(|c| is_exact(*c))) {
             return Err(Error::bad_input(format!("position {at:?} is not finite or out of range"))

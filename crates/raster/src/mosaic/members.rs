@@ -37,7 +37,7 @@ impl Inputs {
     /// The files of the inputs with absolute paths; display names are unchanged.
     ///
     /// # Errors
-    /// As [`files`], and paths that cannot be made absolute.
+    /// As [`files`]; paths that cannot be made absolute.
     pub fn resolve(&self) -> Result<Self> {
         let names = files(&self.names)?.iter().map(|name| absolute(name)).collect::<Result<_>>()?;
         Ok(Self::labelled(names, self.to_string()))
@@ -136,7 +136,7 @@ pub fn is_collection(input: &str) -> bool {
 /// The files that `inputs` stand for, in order; the files of a folder or pattern are sorted by name.
 ///
 /// # Errors
-/// A folder, list or pattern that yields no file or cannot be read; more than
+/// Unreadable folders, lists or patterns, or ones without files; more than
 /// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     GRIDS.files(inputs)

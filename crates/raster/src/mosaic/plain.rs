@@ -44,7 +44,7 @@ impl MosaicMember {
 /// valid.
 ///
 /// # Errors
-/// Inputs that yield no file, a file that cannot be opened, two files that do not fit together.
+/// Inputs without files; files that cannot be opened; inconsistent files.
 pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let names = members::files(inputs)?;
     match names.as_slice() {

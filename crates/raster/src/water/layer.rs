@@ -21,8 +21,7 @@ struct LeveledGrid {
 /// The grid of `open` with the water of `water`, whose memory counts towards the cache.
 ///
 /// # Errors
-/// Those of `open`; water that leaves no room for anything else, or is in another reference system, or not on the
-/// grid.
+/// Errors of `open`; water that exceeds the memory, has another CRS, or does not overlap the grid.
 pub(crate) fn levelled(
     water: &Arc<Water>,
     options: &GridOpenOptions,

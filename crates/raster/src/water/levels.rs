@@ -58,7 +58,7 @@ impl WaterLevels {
     /// Levels of `water` on `grid`. Reads all samples near water once.
     ///
     /// # Errors
-    /// As [`WaterMask::new`]; lines that run in a circle; water without a bank; what reading fails with.
+    /// As [`WaterMask::new`]; cyclic centre lines; water without a bank; read errors.
     pub(super) fn new(water: &Water, grid: &dyn GridSource) -> Result<Self> {
         let info = grid.info();
         let mask = WaterMask::new(water, info)?;

@@ -34,7 +34,7 @@ impl WaterMask {
     /// The water of a file on a grid. O(n log n) for n edges.
     ///
     /// # Errors
-    /// Another reference system; no polygon on the grid; coordinates that signs are not exact for.
+    /// Another CRS; no polygon on the grid; coordinates outside the range of exact predicates.
     pub(super) fn new(water: &Water, grid: &GridInfo) -> Result<Self> {
         let of_file = |e: Error| e.in_file(&water.path);
         grid.crs.check_same(&water.crs, "water").map_err(of_file)?;

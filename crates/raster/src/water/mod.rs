@@ -62,7 +62,7 @@ impl WaterFeatures {
     /// Begins another polygon.
     ///
     /// # Errors
-    /// More than 2^32 of them.
+    /// More than 2^32 polygons.
     pub fn begin_area(&mut self) -> Result<()> {
         self.rings.begin_feature()?;
         self.areas += 1;
@@ -72,7 +72,7 @@ impl WaterFeatures {
     /// Adds a ring, with its closing position, to the current polygon.
     ///
     /// # Errors
-    /// As [`ClipRings::push`]; no polygon was begun.
+    /// As [`ClipRings::push`]; no current polygon.
     pub fn push_ring(&mut self, ring: &[Xy]) -> Result<()> {
         let none = || Error::usage("ring without a polygon");
         let area = self.areas.checked_sub(1).ok_or_else(none)?;
@@ -208,7 +208,7 @@ impl Water {
     /// Edges of all polygons on a grid, from sample to sample, for breaklines of a mesh.
     ///
     /// # Errors
-    /// Another reference system; no polygon on the grid.
+    /// Another CRS; no polygon on the grid.
     pub fn banks(&self, grid: &GridInfo) -> Result<Vec<Ends>> {
         Ok(WaterMask::new(self, grid)?.into_sides())
     }

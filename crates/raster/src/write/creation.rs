@@ -60,7 +60,7 @@ impl CreationOptions {
     /// Validates `given` against the options of `format`.
     ///
     /// # Errors
-    /// Usage: an unknown key or value (the valid ones are listed), or a key given twice.
+    /// Usage: unknown key or value (the message lists the valid ones), or duplicate key.
     pub fn new(
         format: &str,
         options: &'static [CreationOption],

@@ -93,7 +93,7 @@ pub trait GridSink: Send + Sync {
     /// first). May be called from any thread and in any order, once per block and band.
     ///
     /// # Errors
-    /// A height that the format cannot hold, with its column and row.
+    /// A height that the format cannot store, with its column and row.
     fn encode(
         &self,
         band: u32,
@@ -130,7 +130,7 @@ impl GridFormat {
     /// Fails if `option`, a nodata value, is not supported by the format.
     ///
     /// # Errors
-    /// Usage: voids of the format have no value.
+    /// Usage: the format has no nodata value.
     pub fn check_voids(&self, option: &str) -> Result<()> {
         if self.names_voids {
             return Ok(());

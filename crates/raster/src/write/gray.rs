@@ -17,7 +17,7 @@ use terrane_base::geom::Rect;
 /// Whether to write grayscale: by ENCODING, or else by the requested type.
 ///
 /// # Errors
-/// Usage: gray of a type that it does not hold.
+/// Usage: a type that grayscale does not support.
 pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     let asked = order.options.sample_type;
     let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));

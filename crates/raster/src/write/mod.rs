@@ -66,8 +66,8 @@ impl GridFormat {
     /// Starts a file at `path` for the grid described by `info`.
     ///
     /// # Errors
-    /// Options the format does not take, a grid it cannot hold, or a file that cannot be made. A mask
-    /// of an earlier file beside `path` is refused: it would void samples of the new one.
+    /// Invalid creation options, a grid that the format cannot store, or a file that cannot be created. A
+    /// mask of an earlier file is rejected, because it would void samples of the new one.
     pub fn create(
         &self,
         path: &Path,
@@ -87,7 +87,7 @@ impl GridFormat {
     /// Fails unless the format supports colours.
     ///
     /// # Errors
-    /// Usage: the format holds heights alone.
+    /// Usage: the format stores heights only.
     pub fn check_colours(&self) -> Result<()> {
         if self.holds_colours {
             return Ok(());
@@ -116,8 +116,7 @@ impl GridFormat {
 /// The format called `name`, or else the first with the extension of `path`.
 ///
 /// # Errors
-/// Usage: an unknown name or ending (the known ones are listed), or a name whose format does not have
-/// the ending.
+/// Usage: unknown name or extension (the message lists the known ones), or an extension of another format.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     let format = terrane_files::format::by_path(FORMATS, path, name)?;
     if format.has_extension_of(path) {
@@ -129,7 +128,7 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
 /// As [`by_path`]; without a name, formats with colours are preferred.
 ///
 /// # Errors
-/// Those of [`by_path`], and a format without colours.
+/// As [`by_path`]; a format without colours.
 pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     let with = |format: &&GridFormat| format.holds_colours && format.has_extension_of(path);
     let name = name.or_else(|| FORMATS.iter().find(with).map(|format| format.name));
@@ -141,7 +140,7 @@ pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat
 /// The format called `name`.
 ///
 /// # Errors
-/// Usage: an unknown name (the known ones are listed).
+/// Usage: unknown name (the message lists the known ones).
 pub fn by_name(name: &str) -> Result<&'static GridFormat> {
     registry::named(FORMATS, name)
 }

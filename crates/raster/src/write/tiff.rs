@@ -220,7 +220,7 @@ const SAFE_BYTES: u64 = 2 << 30;
 /// `plain` uncompressed bytes.
 ///
 /// # Errors
-/// Usage: BIGTIFF=NO, and the file is known to be too large.
+/// Usage: BIGTIFF=NO for a file known to be too large.
 pub(super) fn form(
     creation: &CreationOptions,
     exact: Option<u64>,

@@ -98,7 +98,7 @@ const OTHER_CHANGES: [&str; 9] = [
 /// Parses a VRT and the sources of band `band` (from 1).
 ///
 /// # Errors
-/// XML that is broken or beyond a limit, a feature that is not supported, no such band.
+/// Malformed XML, an exceeded limit, an unsupported feature, or a missing band.
 pub(super) fn parse(from: impl BufRead, band: u32) -> Result<Vrt> {
     let mut xml = RasterXmlReader::new(from);
     let found = vrt(&mut xml, band);
