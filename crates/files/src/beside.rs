@@ -47,7 +47,7 @@ pub fn companions(path: &Path) -> Vec<PathBuf> {
     let mut all = beside_grid(path);
     all.extend(with_endings(path, &["prj"]));
     all.extend(with_endings(path, &BESIDE_FEATURES));
-    // Coarser copies of a grid, as other programs keep them.
+    // Overviews of other programs.
     all.push(behind(path, ".ovr"));
     all
 }

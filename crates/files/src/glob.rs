@@ -88,7 +88,7 @@ fn matches_in(folder: &Path, pattern: &str, found: &mut Vec<PathBuf>) -> Result<
 /// Whether all of `text` matches, in time O(pattern x text).
 fn matches(pattern: &[char], text: &[char]) -> bool {
     let (mut p, mut t) = (0, 0);
-    // Where to go on when a match fails: behind the last star, with one character more for it.
+    // Backtracking: after the last star, which matches one more character.
     let mut retry = None;
     while t < text.len() {
         if pattern.get(p) == Some(&'*') {

@@ -49,7 +49,7 @@ impl FileKind {
             return if is_list(&path) { InputPathKind::List(path) } else { InputPathKind::File };
         }
         match input.strip_prefix(LIST_PREFIX) {
-            // Question marks of addresses are no pattern.
+            // Question marks in URLs are not wildcards.
             _ if is_address(&path) => InputPathKind::File,
             Some(list) => InputPathKind::List(path_of(list)),
             None if glob::is_pattern(input) => InputPathKind::Pattern,

@@ -107,7 +107,7 @@ impl AppendWriter {
     pub fn replace(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let replaced = write_all_at(&self.file, bytes, offset);
-        // Where a place can only be written to by going there, the cursor has moved.
+        // Without positioned writes the cursor has moved.
         let back = replaced.and_then(|()| self.file.seek(SeekFrom::End(0)));
         back.map(drop).map_err(|e| (self.fail)(&self.path, e))
     }

@@ -106,7 +106,7 @@ impl RawFile {
         let step = rows_at_once(&run);
         for first in (0..run.rows).step_by(step) {
             let rows = step.min(run.rows - first);
-            // With one row at a time the pitch is not used, so it may be beyond usize.
+            // With one row at a time the pitch is unused, so it may exceed usize.
             let pitch = if rows == 1 { 0 } else { run.pitch as usize };
             let bytes = pitch * (rows - 1) + run.bytes;
             scratch.resize(scratch.len().max(bytes), 0);

@@ -111,7 +111,7 @@ impl<R: BufRead> XmlReader<R> {
         let config = reader.config_mut();
         config.expand_empty_elements = true;
         config.check_comments = true;
-        // What began before is not known to have begun.
+        // Elements opened before `base` are unknown.
         config.allow_unmatched_ends = base > 0;
         Self { reader, buffer: Vec::new(), depth: 0, base }
     }
@@ -206,7 +206,7 @@ fn check_tag(start: &str) -> Result<()> {
     let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
     let mut all = XmlAttributes { bytes: start.as_bytes(), at: end };
     let mut is_sound = is_name(&start[..end]);
-    // Most tags have few attributes: their names are compared each with each.
+    // Most tags have few attributes, so names are compared pairwise.
     let (mut few, mut count, mut more) = ([&[][..]; 8], 0, Vec::new());
     while let Some(XmlAttribute { name, value, has_reference }) = all.next()? {
         is_sound &= !few.iter().any(|other| other.first() == name.first() && *other == name);
@@ -333,7 +333,8 @@ fn damaged_tag() -> Error {
 
 /// Fails for characters that are not allowed in XML.
 fn check_text(text: &str) -> Result<()> {
-    // All bytes without a branch, which is many at a time; 0xef begins the two that are not control characters.
+    // Branch-free, so that the loop is vectorised; 0xef is the first byte of the two other forbidden
+    // characters.
     let is_odd = |c: u8| (c < b' ' && !matches!(c, b'\t' | b'\n' | b'\r')) | (c == 0xef);
     if !text.bytes().fold(false, |odd, c| odd | is_odd(c)) {
         return Ok(());
@@ -390,7 +391,7 @@ pub fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '&' => out.push_str("&amp;"),
             '"' => out.push_str("&quot;"),
-            // XML 1.0 has no way to write them.
+            // XML 1.0 cannot represent them.
             c if c.is_control() => out.push('?'),
             c => out.push(c),
         }

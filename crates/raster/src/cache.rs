@@ -49,7 +49,7 @@ impl BlockCache {
         if let Some(block) = self.find_or_claim(key) {
             return Ok(block);
         }
-        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        // Dropped on failure and on panic, so that waiting threads retry.
         let claim = BlockDecodeClaim { cache: self, key };
         let block = Arc::new(decode()?);
         claim.fulfil(&block);

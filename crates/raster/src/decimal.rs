@@ -16,7 +16,7 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     if !is_plain || end == text.len() {
         return None;
     }
-    // Below 2^63, where the conversion from signed numbers is the faster one.
+    // Below 2^63, where the faster conversion from signed integers applies.
     let whole = mantissa as i64 as f64;
     let value = if decimals == 0 { whole } else { whole / POWERS[decimals] };
     Some((if negative { -value } else { value }, end))

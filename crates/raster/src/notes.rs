@@ -250,7 +250,7 @@ fn can_hold(kind: SampleType, value: f64) -> bool {
         SampleType::U16 => whole(0.0, u16::MAX.into()),
         SampleType::I32 => whole(i32::MIN.into(), i32::MAX.into()),
         SampleType::U32 => whole(0.0, u32::MAX.into()),
-        // The nearest float is meant: text of the lowest one is often beyond it.
+        // The nearest float is intended: text of the lowest float is often out of range.
         SampleType::F16 | SampleType::F32 | SampleType::F64 => true,
     }
 }

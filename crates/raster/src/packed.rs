@@ -66,7 +66,7 @@ fn open(
             .in_file(path)
             .remedy("unpack it"));
     }
-    // The grid keeps its file open, so the folder and its names can go at once.
+    // The grid keeps its file open, so the folder can be removed at once.
     let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
     let mut info = grid.info().clone();
     info.details.push(("packed".to_owned(), packing.to_owned()));
@@ -124,7 +124,7 @@ fn is_packed(path: &Path) -> Result<bool> {
 
 fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut decoder = MultiGzDecoder::new(BufReader::new(file.reader()));
-    // Browsers and servers leave out the second ending: the file's own is then that of its grid.
+    // Browsers and servers drop the second extension; the remaining one is that of the grid.
     let name = file.path().file_name().unwrap_or_default().to_string_lossy();
     let stem = match name.rsplit_once('.') {
         Some((stem, ending)) if ending.eq_ignore_ascii_case("gz") => stem,
@@ -149,7 +149,7 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
         let bytes = file.head(limits::MAX_HEADER_BYTES)?;
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
     }
-    // By the name of the packed file, which GDAL goes by, or by that of the grid in it.
+    // By the name of the compressed file, as in GDAL, or by that of the grid in it.
     let named = [beside::pam(packed), beside::pam(&unpacked)];
     if let Some(sidecar) = named.iter().find(|sidecar| sidecar.is_file()) {
         copy_file(sidecar, &beside::pam(target))?;
@@ -213,7 +213,7 @@ fn the_grid(names: &[String]) -> Result<&String> {
         let mut formats = FORMATS.iter().filter(is_own);
         !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))
     };
-    // Licences and notes are .txt too, so a grid of another ending comes first.
+    // Licences and notes are .txt too, so grids with another extension come first.
     let is_text = |name: &&String| ending(name) == "txt" || ending(name) == "csv";
     let mut grids: Vec<&String> = names.iter().filter(is_grid).collect();
     if grids.iter().any(|name| !is_text(name)) {
@@ -258,7 +258,7 @@ fn ending(name: &str) -> String {
 fn copy(from: &mut dyn Read, most: u64, target: &Path, what: &str) -> Result<u64> {
     let mut out = File::create(target).map_err(cannot_unpack)?;
     io::copy(&mut from.take(most), &mut out).map_err(|e| {
-        // A full disk has an error number of the system; the decoder's complaints have none.
+        // A full disk has a system error code; errors of the decoder have none.
         if e.raw_os_error().is_some() {
             cannot_unpack(e)
         } else {

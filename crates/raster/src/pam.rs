@@ -110,7 +110,7 @@ pub(super) fn open(
         open(&GridOpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
     };
     let mut grid = with(rules.nodata.pick(said.nodata, false))?;
-    // Heights packed into colours are no stored values that a sidecar of the picture speaks of.
+    // Scale and offset of the sidecar refer to stored values, not to heights encoded in colours.
     let is_packed = format.name == png::FORMAT.name && !is_plain(grid.info());
     let missed = rules.nodata.pick(said.nodata, true).filter(|_| !is_packed);
     if grid.info().nodata.is_none() && missed.is_some() {

@@ -162,7 +162,7 @@ impl PngSampleLayout {
         if let (Some(stated), None) = (stated, packing) {
             return Err(Error::usage(format!("grayscale PNG is not {}", stated.name)));
         }
-        // A gray picture can name one transparent value.
+        // A grayscale image can declare one transparent value.
         let key = info.trns.as_deref().filter(|_| color == ColorType::Grayscale);
         let key = key.map(|bytes| bytes.iter().fold(0.0, |v, b| v * 256.0 + f64::from(*b)));
         Ok(Self { packing, color, wide, nodata: options.nodata.or(key), channel: None })
@@ -173,7 +173,7 @@ impl PngSampleLayout {
     }
 
     fn has_alpha(&self) -> bool {
-        // As a band of its own it makes nothing void.
+        // Alpha read as a band makes no sample void.
         self.channel.is_none() && matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
     }
 
@@ -264,7 +264,7 @@ fn spool_rows(
             spool.write(&samples)?;
         }
     }
-    // The checksum of the last chunk is read with the end of the picture.
+    // The checksum of the last chunk is verified at the end of the image.
     picture.finish().map_err(damaged)?;
     spool.finish()
 }

@@ -337,14 +337,14 @@ impl Geometry {
         if !self.kind.is_points() {
             self.coordinates.xy.iter_mut().zip(&mut *positions).for_each(|(own, new)| *own = new);
         }
-        // The depth of collections is limited where they are made.
+        // The depth of collections is limited by their constructor.
         self.members.iter_mut().for_each(|member| member.place_parts(positions));
     }
 
     /// Calls `each` with the coordinates of this geometry or of all members.
     pub fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut CoordinateSequence)) {
         each(&mut self.coordinates);
-        // The depth of collections is limited where they are made.
+        // The depth of collections is limited by their constructor.
         self.members.iter_mut().for_each(|member| member.for_each_leaf(each));
     }
 
@@ -384,7 +384,7 @@ impl Geometry {
         let mut first = 0;
         for leaf in self.leaves() {
             let CoordinateSequence { xy, z, m, .. } = &leaf.coordinates;
-            // Without a branch, so that many are looked at together.
+            // Branch-free, so that the loop is vectorised.
             let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
             if !all {
                 let at = xy.iter().position(|p| !p.iter().all(|c| c.is_finite()));

@@ -23,7 +23,7 @@ impl Geometry {
     /// everything is an empty geometry of the same type; empty members of a collection are dropped.
     ///
     /// # Panics
-    /// Where an index is beyond the part.
+    /// If an index is out of range.
     #[must_use]
     pub fn keep(
         &self,
@@ -32,7 +32,7 @@ impl Geometry {
         self.keep_from(&mut 0, &mut choose)
     }
 
-    // The depth of collections is limited where they are made.
+    // The depth of collections is limited by their constructor.
     fn keep_from(
         &self,
         index: &mut usize,

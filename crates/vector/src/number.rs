@@ -24,7 +24,7 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
         return by_library(text, end);
     }
     let value = if mantissa <= MOST_EXACT {
-        // Below 2^63, where the conversion from signed numbers is the faster one.
+        // Below 2^63, where the faster conversion from signed integers applies.
         mantissa as i64 as f64 / POWERS[decimals]
     } else {
         divided(mantissa, decimals)
@@ -36,8 +36,8 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
 /// even.
 fn divided(mantissa: u64, decimals: usize) -> f64 {
     let Some(power) = 10_u64.checked_pow(decimals as u32) else { return f64::NAN };
-    // Both with their highest bit set, so that the quotient has 64 or 65 bits; the result is below
-    // 2^64 and above 2^-11, so it is no subnormal.
+    // Both operands are normalised, so that the quotient has 64 or 65 bits; the result is below 2^64 and
+    // above 2^-11, so it is not subnormal.
     let (up, down) = (mantissa.leading_zeros(), power.leading_zeros());
     let numerator = u128::from(mantissa << up) << 63;
     let divisor = u128::from(power << down);

@@ -50,7 +50,7 @@ impl PagedFile {
         let end = self.base.saturating_add(self.buffer.len() as u64);
         let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
         let wanted = bytes.max(least).min(self.file.size() - offset);
-        // Nothing counts as read until it is.
+        // The buffer is valid only after a complete read.
         self.base = u64::MAX;
         self.buffer.resize(wanted as usize, 0);
         self.file.read_at(offset, &mut self.buffer)?;

@@ -116,7 +116,7 @@ impl<'a> NestedRings<'a> {
             let (count, smallest) = self.around(at, |_| true)?;
             owners.push(smallest.filter(|_| count % 2 == 1).unwrap_or(at));
         }
-        // The smallest ring around a hole may itself be none that is outer, where rings cross.
+        // The smallest ring around a hole may not be an outer ring, if rings cross.
         let is_outer: Vec<bool> = owners.iter().enumerate().map(|(at, &own)| own == at).collect();
         let settled = owners.iter().enumerate();
         Ok(settled.map(|(at, &owner)| if is_outer[owner] { owner } else { at }).collect())
@@ -188,7 +188,7 @@ impl<'a> NestedRings<'a> {
         if !is_twin {
             return Ok(true);
         }
-        // What fills a hole is inside; of two that go the same way it is the first.
+        // A ring that fills a hole is inside it; of two with equal orientation, it is the first.
         let [fills, filled] = [inner, outer].map(|at| self.areas[at] <= 0.0);
         Ok(if fills == filled { inner < outer } else { fills })
     }
@@ -261,7 +261,7 @@ fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2])
         if cross == 0.0 && ax.min(bx) <= x && x <= ax.max(bx) {
             return None;
         }
-        // An edge holds its lower end and not its upper one.
+        // An edge includes its lower end and excludes its upper end.
         if (ay > y) != (by > y) && (cross > 0.0) == (by > ay) {
             is_inside = !is_inside;
         }

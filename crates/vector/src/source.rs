@@ -54,7 +54,7 @@ impl FeatureSource for CheckedFeatures {
             feature.as_ref().map_or(Ok(()), |feature| feature.geometry.check_finite())?;
             Ok(feature)
         });
-        // One that cannot be read counts too: the error is about it.
+        // A feature that cannot be read counts, too: the error refers to it.
         self.count += u64::from(!matches!(next, Ok(None)));
         if let Ok(Some(feature)) = &next {
             let parts = feature.geometry.parts();

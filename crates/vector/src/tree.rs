@@ -104,7 +104,7 @@ impl PackedRTree {
 pub(super) fn hilbert_order(items: &[Bounds], extent: &Bounds) -> Vec<u32> {
     let scale = |low: f64, high: f64, from: f64, to: f64| {
         let part = ((low + high) / 2.0 - from) / (to - from) * 65535.0;
-        // NaN, of an extent without width, becomes 0.
+        // NaN of an extent of zero width becomes 0.
         part as u16
     };
     let key = |b: &Bounds| {

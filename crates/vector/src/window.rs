@@ -60,7 +60,7 @@ impl FileWindow {
         limits::check("feature size in bytes", unread as u64, limits::MAX_FEATURE_BYTES)?;
         self.buffer.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, unread);
-        // As much again as there is, so that long features are moved a few times only.
+        // Doubles the buffer, so that long features are moved only a few times.
         let wanted = (unread.max(CHUNK_BYTES) as u64).min(left) as usize;
         if self.buffer.len() < unread + wanted {
             self.buffer.resize(unread + wanted, 0);

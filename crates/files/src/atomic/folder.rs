@@ -53,7 +53,7 @@ impl AtomicFolder {
         sync_folder(temp.path());
         fault::point(FaultPoint::Rename).map_err(fail)?;
         if exchange(temp.path(), &target) {
-            // The old one goes with the temporary name it has now.
+            // The old folder now has the temporary name and is removed with it.
             sync_folder(parent(&target));
             return Ok(());
         }
@@ -95,7 +95,7 @@ fn temporary(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
         let temp = builder.tempdir_in(folder)?;
         let lock = File::open(temp.path()).ok();
         let is_taken = |file: &File| matches!(file.try_lock(), Err(TryLockError::WouldBlock));
-        // Another run may have taken the folder for a leftover before it was locked.
+        // Another run may have removed the folder as a leftover before it was locked.
         if !lock.as_ref().is_some_and(is_taken) && temp.path().exists() {
             return Ok((temp, lock));
         }

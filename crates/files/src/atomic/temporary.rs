@@ -41,7 +41,7 @@ impl TemporaryFile {
         match self {
             Self::Nameless(file) if !overwrite => link(&file, target),
             Self::Nameless(file) => {
-                // A link replaces nothing, a rename does.
+                // A link does not replace an existing file, a rename does.
                 let name = spare(parent(target))?;
                 link(&file, &name)?;
                 name.persist(target).map_err(|e| e.error)
@@ -117,9 +117,9 @@ fn named(folder: &Path) -> io::Result<NamedTempFile> {
     builder.permissions(anyone);
     loop {
         let temp = builder.tempfile_in(folder)?;
-        // A file system without locks has no leftovers removed either.
+        // On a file system without locks, leftovers are not removed either.
         let is_taken = matches!(temp.as_file().try_lock(), Err(TryLockError::WouldBlock));
-        // Another run may have taken the file for a leftover before it was locked.
+        // Another run may have removed the file as a leftover before it was locked.
         if !is_taken && temp.path().exists() {
             return Ok(temp);
         }
@@ -139,7 +139,7 @@ pub(super) fn remove_leftovers(folder: &Path) {
         if !name.to_str().is_some_and(is_temporary) {
             continue;
         }
-        // Locked until it is gone: its maker may be about to lock it.
+        // Locked until removed: its creator may be about to lock it.
         let Ok(file) = File::open(entry.path()) else { continue };
         if file.try_lock().is_ok() {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());

@@ -162,7 +162,7 @@ impl<T: Pod> Buckets<T> {
     pub fn push(&self, bucket: usize, run: &[T]) -> Result<()> {
         let mut own = lock(&self.buckets[bucket]);
         let taken = own.push(run);
-        // Counted before another thread can spill the bucket and count it out.
+        // Counted before another thread can spill the bucket and subtract it.
         let held = self.held.fetch_add(taken, Ordering::Relaxed) + taken;
         drop(own);
         if taken > 0 && held > self.budget {

@@ -143,7 +143,7 @@ impl Drop for SpoolFile {
     fn drop(&mut self) {
         let written = lock(&self.space).written;
         if let Some(file) = self.file.take().filter(|_| written > LARGE) {
-            // Where there is no thread to be had the file is closed here.
+            // If no thread can be started, the file is closed here.
             let _ = std::thread::Builder::new().spawn(|| drop(file));
         }
     }

@@ -96,7 +96,7 @@ impl AscGrid {
         let rect = self.block_rect(block);
         let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
         let mut tokens = AscTokens::new(&self.file, self.starts[block as usize], 1);
-        // The scan has made sure that whole numbers fit.
+        // The opening pass has checked that integers fit.
         let found = match self.info.sample_type {
             SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
             SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
@@ -187,7 +187,7 @@ struct AscValueRange {
 
 impl AscValueRange {
     fn add(&mut self, value: f64) {
-        // Whole numbers beyond 32 bits are read as decimals are.
+        // Integers beyond 32 bits are read like decimals.
         self.whole &= f64::from(value as i32) == value;
         if value.is_finite() {
             self.low = self.low.min(value);

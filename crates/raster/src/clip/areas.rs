@@ -49,7 +49,7 @@ impl PolygonEdgeIndex {
     /// as crossings are counted from the west.
     #[must_use]
     pub fn within(&self, [west, south, east, north]: [f64; 4]) -> Self {
-        // Further than rounding, whatever the size; what is beyond the box is not asked for.
+        // A margin above rounding errors at any scale; samples outside the box are not queried.
         let [beside, above] = [west - west.abs().max(1.0), north + north.abs().max(1.0)];
         let (mut edges, mut ends, mut next) = (Vec::new(), Vec::new(), 0);
         while let Some(at) = self.reaching(next, south).filter(|at| self.edges[*at].low[1] <= north)
@@ -58,7 +58,7 @@ impl PolygonEdgeIndex {
             next = at + 1;
             match [edge.low[0], edge.high[0]] {
                 [a, b] if a.max(b) < west => {
-                    // Crossings count from the lower end on, without the upper one.
+                    // An edge includes its lower end and excludes its upper end.
                     let within = |y: f64| if y > north { above } else { y.max(south) };
                     ends.extend([edge.low, edge.high].map(|end| (edge.feature, within(end[1]))));
                 }

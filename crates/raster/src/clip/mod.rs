@@ -75,7 +75,7 @@ impl ClipRings {
             true => PolygonEdge { low: *a, high: *b, feature },
             false => PolygonEdge { low: *b, high: *a, feature },
         };
-        // One from a position to itself is a border that small.
+        // A degenerate edge is a border of one position.
         self.edges.extend(ring.iter().zip(nexts).map(edge));
         Ok(())
     }

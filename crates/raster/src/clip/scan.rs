@@ -96,7 +96,7 @@ impl<'a> PolygonScan<'a> {
         let border = if low[1] == high[1] {
             self.columns((low[0], high[0]), row)
         } else if high[1] == y {
-            // The end of one is the beginning of another; at a peak it is that of none.
+            // The end of an edge is the start of the next one; at a peak it belongs to none.
             self.columns((high[0], high[0]), row)
         } else {
             let (before, after) = self.crossing((low, high), (row, y));
@@ -112,7 +112,7 @@ impl<'a> PolygonScan<'a> {
     /// The first column of a row that is not before a crossing edge, and the first one after it.
     fn crossing(&self, (low, high): (Xy, Xy), (row, y): (u32, f64)) -> (u32, u32) {
         let x = low[0] + (y - low[1]) / (high[1] - low[1]) * (high[0] - low[0]);
-        // An edge upwards has what is west of it on its left.
+        // Positions west of an upward edge are on its left.
         let before = if self.map.a > 0.0 { Ordering::Greater } else { Ordering::Less };
         let side = |col| plane::orient(low, high, self.position(col, row));
         let first = self.seek(x, |col| side(col) == before);
@@ -132,7 +132,7 @@ impl<'a> PolygonScan<'a> {
     fn seek(&self, x: f64, before: impl Fn(u32) -> bool) -> u32 {
         let width = self.rect.width;
         let near = (x - self.map.x0) / self.map.a - f64::from(self.rect.col);
-        // A float that is beyond the columns becomes the last of them, or the first.
+        // Casting saturates to the first or last column.
         let guess = near as u32;
         let (mut low, mut high) =
             (guess.saturating_sub(1).min(width), guess.saturating_add(2).min(width));

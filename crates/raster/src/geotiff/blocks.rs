@@ -134,7 +134,7 @@ impl GeoTiffBlocks {
             None if raw => needed,
             None => most_packed(plain).min(file.size().saturating_sub(offset)),
         };
-        // GDAL leaves offsets where it takes bytes away.
+        // GDAL keeps the offset when it clears the byte count.
         if bytes == 0 || (offset == 0 && self.byte_counts.is_none()) {
             return Ok(None);
         }

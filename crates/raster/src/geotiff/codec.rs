@@ -174,7 +174,7 @@ impl BlockDecoders {
         shape: lerc::LercBlockShape,
         out: &mut [u8],
     ) -> std::result::Result<(), DecompressionFault> {
-        // Blocks of noise grow a little, and the mask comes on top.
+        // Noisy blocks grow a little, and the mask is added.
         let most = out.len() + out.len() / 2 + 4096;
         let unpacked = match packing {
             LercPacking::None => None,
@@ -209,7 +209,7 @@ impl BlockDecoders {
             none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
         };
         decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
-            // The binding turns zstd's error code into its name.
+            // The binding replaces zstd's error code by its name.
             "Destination buffer is too small" => DecompressionFault::TooLong,
             _ => corrupt(e),
         })

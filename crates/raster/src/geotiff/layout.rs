@@ -93,8 +93,8 @@ impl GeoTiffLayout {
         if self.one_bit && self.compression.is_lerc() {
             return Err(Error::bad_input("LERC on samples of one bit"));
         }
-        // The one library that writes LERC in TIFFs swaps the bytes of samples first. Whole numbers
-        // come back; floats were judged, rounded and masked by what their swapped bytes mean.
+        // The only library that writes LERC in TIFF swaps the bytes of samples first. Integers are restored;
+        // floats were quantised and masked by their swapped values.
         if float && self.compression.is_lerc() && self.order != ByteOrder::NATIVE {
             let order = self.order.name();
             return Err(Error::unsupported(format!("LERC of {order} floats is not supported"))

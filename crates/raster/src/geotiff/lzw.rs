@@ -26,7 +26,7 @@ pub(super) fn decode(
     out: &mut [u8],
     table: &mut LzwTable,
 ) -> Result<usize, InvalidCode> {
-    // Both kinds begin with a clear code.
+    // Both variants begin with a clear code.
     if matches!(packed, [0, second, ..] if second & 1 == 1) {
         run::<true>(packed, out, table)
     } else {
@@ -82,11 +82,11 @@ fn strings<const OLD: bool>(
             CLEAR => return Ok(LzwStop::Clear(at)),
             END => break,
             _ if code < free => table[code],
-            // The very code that it defines: its first byte is that of the string before.
+            // The code being defined: its first byte is that of the previous string.
             _ if code == free => last.then(last.first(), last_at, at),
             _ => return Err(InvalidCode),
         };
-        // With all codes taken this goes to the one that none reaches.
+        // If all codes are used, this writes to the entry that no code reaches.
         table[free] = last.then(text.first(), last_at, at);
         free += 1;
         if free >= codes.limit {
@@ -166,7 +166,7 @@ impl LzwTable {
 #[derive(Clone, Copy)]
 struct LzwString(u64);
 
-// A place has four bytes.
+// Offsets have four bytes.
 const _: () = assert!(MAX_BLOCK_BYTES <= u32::MAX as u64);
 
 impl LzwString {
@@ -227,7 +227,7 @@ impl LzwString {
             let from = start + done;
             out.copy_within(from..from + Self::STEP, at + done);
         }
-        // The string of a code that defines itself ends with the first byte of this very copy.
+        // The string of a code that defines itself ends with the first byte of this copy.
         if start + length > at {
             out[end - 1] = self.first();
         }

@@ -98,7 +98,7 @@ impl MosaicFilePool {
         if let Some(grid) = self.find_or_claim(key) {
             return Ok(grid);
         }
-        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        // Dropped on failure and on panic, so that waiting threads retry.
         let _claim = MosaicOpenClaim { pool: self, key };
         lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
         let opened = open()?;

@@ -79,7 +79,7 @@ fn place(first: &Affine, shape: &GridShape) -> std::result::Result<[i64; 2], Lat
     check_steps(first, shape)?;
     let at = first.invert(map.x0, map.y0);
     let nearest = at.map(f64::round);
-    // Adding 0 makes -0 of it 0.
+    // Adding 0 turns -0 into 0.
     let off = [0, 1].map(|axis| at[axis] - nearest[axis] + 0.0);
     if !nearest.iter().all(|n| n.abs() < FAR) {
         return Err(LatticeMisfit::Far);
@@ -172,7 +172,7 @@ mod tests {
         assert!(matches!(misfit(&with(|t| t.b = 1.0)), (1, LatticeMisfit::Rotation([1.0, _], _))));
         assert!(matches!(misfit(&with(|t| t.x0 = 4.0)), (1, LatticeMisfit::Offset([0.4, 0.0]))));
         assert!(matches!(misfit(&with(|t| t.x0 = 1e18)), (1, LatticeMisfit::Far)));
-        // A cell size of fewer digits passes as long as its far edge lies on the lattice.
+        // A cell size with fewer digits is accepted while the far edge is on the lattice.
         assert!(lay_out(&with(|t| t.a += 0.9e-4)).unwrap().is_ok());
         assert!(matches!(misfit(&with(|t| t.a += 1.1e-4)), (1, LatticeMisfit::Cell(..))));
         assert!(lay_out(&with(|t| t.x0 = 0.009)).unwrap().is_ok());

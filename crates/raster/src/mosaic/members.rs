@@ -91,7 +91,7 @@ impl From<&String> for Inputs {
 
 impl From<&Path> for Inputs {
     fn from(path: &Path) -> Self {
-        // A name that is no text where names have to be is none of a file.
+        // A name that must be text and is not names no file.
         let lossy = |_| path.to_string_lossy().into_owned();
         Self::from(name_of(path.to_owned()).unwrap_or_else(lossy))
     }

@@ -108,7 +108,7 @@ impl Mosaic {
         for row in (whole.row..whole.end_row()).step_by(rows as usize) {
             let strip = Rect { row, height: rows, ..whole }.intersect(&whole);
             match &part.recode {
-                // Scaling and rounding start from the exact value.
+                // Scaling and rounding use the exact value.
                 Some(recode) => self.paint_strip(part, window, strip, |height: f64| {
                     H::of_f64(recode.height(height))
                 })?,

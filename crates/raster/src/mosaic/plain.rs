@@ -185,7 +185,7 @@ fn last_resort(kind: SampleType) -> f64 {
 fn recode(own: Option<f64>, info: &GridInfo) -> Option<HeightRecoding> {
     let nodata = info.nodata.filter(|value| own.is_none() && is_no_height(*value))?;
     let (low, high) = void_range(info.sample_type, nodata)?;
-    // Heights of all files are scaled alike, and just as here.
+    // Heights of all files have the same scale.
     let height = |stored: f64| stored * info.scale + info.offset;
     let (low, high) = (height(low), height(high));
     Some(HeightRecoding { void: Some((low.min(high), low.max(high))), ..HeightRecoding::NONE })

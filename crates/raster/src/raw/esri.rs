@@ -58,7 +58,7 @@ pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHead
 fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let mut fitting = Vec::new();
     for bits in BITS {
-        // Wide samples of an unknown kind are floats, as GDAL has it.
+        // Wide samples of unknown kind are floats, as in GDAL.
         let kind = match values.get(&["pixeltype"]) {
             None if bits == 32 => Ok(SampleType::F32),
             _ => sample_type(values, ending, bits),
@@ -162,7 +162,7 @@ fn sample_type(values: &EsriHeaderValues<'_>, ending: &str, bits: u64) -> Result
     };
     let by_ending = stated.is_none() && ending == "flt" && bits == 32;
     let is_float = stated == Some(EsriPixelType::Float) || by_ending;
-    // Old global grids say nodata -9999 and no pixel type: a negative nodata has a sign.
+    // Old global grids have nodata -9999 and no pixel type: a negative nodata value implies signed samples.
     let signed = stated == Some(EsriPixelType::Signed)
         || (stated.is_none() && ending != "flt" && nodata(values)?.is_some_and(|v| v < 0.0));
     match (bits, is_float, signed) {

@@ -341,7 +341,7 @@ macro_rules! stored_integer {
 
             #[inline(always)]
             fn nearest(value: f64) -> (Self, bool) {
-                // 1.5 * 2^52: adding and taking it away rounds to a whole number.
+                // 1.5 * 2^52: adding and subtracting it rounds to an integer.
                 const ROUND: f64 = 6_755_399_441_055_744.0;
                 let whole = (value + ROUND) - ROUND;
                 (whole as $t, f64::from(whole as $t) == whole)

@@ -85,7 +85,7 @@ impl StoreWriter {
         let row_bytes = self.layout.row_bytes() as usize;
         scratch.clear();
         scratch.resize(place.rows as usize * row_bytes, 0);
-        // Rows beyond the grid's last one are encoded from no heights: all padding.
+        // Rows beyond the last row of the grid are padding.
         let lines = heights.chunks_exact(rect.width as usize).chain(std::iter::repeat(&[][..]));
         for ((row, line), bytes) in (rect.row..).zip(lines).zip(scratch.chunks_exact_mut(row_bytes))
         {

@@ -176,7 +176,7 @@ fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
 
 /// EPSG code and name of the CRS.
 fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
-    // Geographic code, then what the UTM codes of north and south begin with.
+    // Code of the geographic CRS, then the first digits of the codes of northern and southern UTM zones.
     let (name, geographic, north, south) = match datum.trim() {
         "2" => ("WGS 72", 4322, 32200, 32300),
         "3" => ("WGS 84", 4326, 32600, 32700),

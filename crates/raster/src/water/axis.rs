@@ -51,7 +51,7 @@ impl RiverAxis {
         let mut best = *last;
         let (mut share, mut least) = self.segments[best].nearest(at);
         for (group, bounds) in self.groups.iter().enumerate() {
-            // What rounding may hide is far less.
+            // Rounding errors are far smaller.
             let slack = 1e-9 * (distance(bounds[0], bounds[1]) + least);
             if beyond(at, bounds) > least + slack {
                 continue;

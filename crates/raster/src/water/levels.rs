@@ -206,7 +206,7 @@ impl BankLevels {
         }
         heights.resize(rect.len(), 0.0);
         grid.read_f64(rect, heights)?;
-        // All that was touched: a column of samples is as many pages as a tile has.
+        // Releases all pages read: a column of samples touches as many pages as a tile has.
         grid.release(rect);
         let width = rect.width as usize;
         let mut is_water = BitSet::new(rect.len());
@@ -322,9 +322,9 @@ impl RiverNetwork {
     ) -> Result<(Vec<f64>, Vec<RiverProfile>)> {
         let order = self.downstream()?;
         let mut levels = vec![f64::INFINITY; self.nodes];
-        // Rivers' own numbers are no nodes that a line has.
+        // Nodes of rivers have no lines.
         levels[..self.bodies].copy_from_slice(lowest);
-        // A line from a lake into the same lake is as high as that.
+        // A line from a lake to itself has the level of the lake.
         let of_lake = |&line: &usize| self.is_of_lake(line);
         let side_lines: Vec<_> = (0..self.lines.len()).filter(of_lake).collect();
         for &line in &side_lines {
@@ -337,7 +337,7 @@ impl RiverNetwork {
             profiles[line] = RiverProfile::new(levels[from], &stations[line]);
             levels[to] = levels[to].min(profiles[line].at(length));
         }
-        // Where nothing upstream tells of a level, what is downstream does.
+        // If no level is known upstream, the level downstream applies.
         let is_open: Vec<_> = levels.iter().map(|level| level.is_infinite()).collect();
         for &line in order.iter().rev() {
             let ([from, to], _) = self.lines[line];
@@ -425,7 +425,7 @@ impl LevelRounding {
             Self::Whole { scale, offset } => {
                 let stored = (height - offset) / scale;
                 let whole = if scale < 0.0 { stored.ceil() } else { stored.floor() };
-                // What is a whole number already may have become a little less.
+                // Rounding may have decreased an integer slightly.
                 let near = stored.round();
                 let is_near = (stored - near).abs() < 1e-6;
                 (if is_near { near } else { whole }) * scale + offset

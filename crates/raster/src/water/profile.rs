@@ -25,7 +25,7 @@ impl RiverProfile {
                 knots.push((f64::from(station), lowest));
             }
         }
-        // The banks of the first station tell more than what is above.
+        // Banks of the first station take precedence over the level upstream.
         if knots.len() > 1 && knots[1].0 == 0.0 {
             knots.remove(0);
         }

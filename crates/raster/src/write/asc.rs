@@ -75,7 +75,7 @@ impl AscSink {
             Some(codec) => write!(out, "{}", codec.fit(height.to_f64())?),
             None => write!(out, "{height}"),
         };
-        // What is written counts, as it may be rounded, and what readers make of it.
+        // Checks the written value, which may be rounded, as readers parse it.
         let (height, nodata) = (height.to_f64(), self.nodata);
         let is_alike = self.is_single && height as f32 == nodata as f32;
         let is_nodata = is_alike || height == nodata || out[first..] == self.nodata_text;

@@ -44,7 +44,7 @@ impl GraySink {
         let wide = order.info.sample_type != SampleType::U8;
         let own = if wide { SampleType::U16 } else { SampleType::U8 };
         let sample_type = order.options.sample_type.unwrap_or(own);
-        // A value that gray does not hold stands for no sample.
+        // A nodata value that grayscale cannot store matches no sample.
         let heights = order.heights(sample_type)?;
         let nodata = heights.nodata.and_then(|value| stored_nodata(sample_type, value));
         let info = GridInfo { nodata, ..heights };
@@ -52,7 +52,7 @@ impl GraySink {
             SampleType::U8 => BitDepth::Eight,
             _ => BitDepth::Sixteen,
         };
-        // Whole, and within the type.
+        // An integer within the range of the type.
         let transparent = nodata.map(|value| value as u16);
         let canvas = PngCanvas::new(order, (ColorType::Grayscale, depth), transparent)?;
         Ok(Self { canvas, codec: order.codec(&info), info })
@@ -79,7 +79,7 @@ impl RowSink for GraySink {
                 self.codec.refusal(misfit, rect.col, row).in_file(self.canvas.path())
             })?;
         }
-        // The codec has the least significant byte first, a picture the most significant.
+        // The codec is little-endian, PNG big-endian.
         out.chunks_exact_mut(size).for_each(<[u8]>::reverse);
         Ok(())
     }

@@ -113,7 +113,7 @@ fn mean<H: StoreHeight>(upper: &[H], lower: &[H]) -> f64 {
         sum += height.to_f64();
         count += 1.0;
     }
-    // Without a valid one: 0 / 0, which is void.
+    // 0 / 0 without a valid sample, which is void.
     sum / count
 }
 

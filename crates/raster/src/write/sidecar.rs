@@ -36,7 +36,7 @@ impl Sidecars {
         let text = crs.to_wkt().map(|text| text + "\n");
         let is_said = text.is_some();
         self.push("prj", text, |found| crs.is_said_by(found))?;
-        // Readers that find no .prj look for this one.
+        // Readers that find no .prj read this file.
         if is_said { Ok(()) } else { self.push("PRJ", None, |found| crs.is_said_by(found)) }
     }
 

@@ -14,7 +14,7 @@ impl GridWriteRequest<'_> {
     pub(super) fn stored(&self) -> Result<GridInfo> {
         let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
         let kept = |value| {
-            // A value that the type of the input lacks stands for no sample, and is kept as it is.
+            // A nodata value outside the type of the input matches no sample, and is kept unchanged.
             let as_is = (sample_type == self.info.sample_type).then_some(value);
             stored_nodata(sample_type, value).or(as_is)
         };

@@ -160,7 +160,7 @@ impl XyzSurvey {
             }
             self.steps[inner].add(step[inner]);
         } else {
-            // Columns make a grid from north to south, whichever way they go; rows keep theirs.
+            // Columns always give a grid from north to south; rows keep their order.
             if self.steps[outer].count == 0 {
                 self.northward = !self.by_column && step[1] > 0.0;
             }
@@ -179,7 +179,7 @@ impl XyzSurvey {
                 self.points, x.count, y.count
             )));
         }
-        // Of no height at all both are infinite.
+        // Without any height both are infinite.
         let heights = Some(self.heights).filter(|heights| heights.low <= heights.high);
         let largest = heights.map_or(0.0, |heights| heights.low.abs().max(heights.high.abs()));
         let most = if self.whole { EXACT_IN_F32 } else { f32::MAX.into() };
@@ -223,7 +223,7 @@ impl XyzAxis {
     /// The index of `position`; `None` if it is off the grid.
     fn index(&self, position: f64) -> Option<u32> {
         let at = (position - self.low) / self.step;
-        // At most half a cell below the lowest, so rounded by dropping what is behind the point.
+        // At most half a cell below the lowest position, so truncation rounds.
         let index = (at + 0.5) as u32;
         ((at - f64::from(index)).abs() <= SLACK).then_some(index.min(self.count - 1))
     }

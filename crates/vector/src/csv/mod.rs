@@ -23,6 +23,6 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
     },
     open: read::open,
     create: Some(write::create),
-    // Any text could be a table: only names tell.
+    // Any text could be a table, so detection is by name only.
     sniff: |_| false,
 };

@@ -225,7 +225,7 @@ impl CsvFeatureSource {
             if line.is_empty() {
                 continue;
             }
-            // What is between quotation marks divides nothing.
+            // Delimiters inside quotes do not count.
             let bare: String = line.split('"').step_by(2).collect();
             let found = [b'\t', b';', b','].into_iter().find(|d| bare.as_bytes().contains(d));
             self.delimiter = found.unwrap_or(b' ');
@@ -281,9 +281,9 @@ impl CsvFeatureSource {
         loop {
             let Some(text) = self.line()? else { return Ok(None) };
             self.row_line = self.line;
-            // The end of a line within quotation marks belongs to the value.
+            // A line end inside quotes belongs to the value.
             let is_open = text.bytes().filter(|byte| *byte == b'"').count() % 2 == 1;
-            // White space may be what divides columns.
+            // White space may be the delimiter.
             let end = if is_open { &text[..] } else { text.trim_end_matches(['\r', ' ']) };
             let text = end.trim_start_matches(' ').to_owned();
             if !text.contains('"') && text.contains('\r') {
@@ -380,7 +380,7 @@ impl CsvFeatureSource {
                         self.end_cell(&mut cell, state);
                         CsvCellState::Plain
                     }
-                    // The end of the line.
+                    // CR of the line end.
                     (state, '\r') if is_end => state,
                     (_, '\r') => {
                         return Err(self

@@ -132,7 +132,7 @@ impl CsvFeatureIds {
         if text.is_empty() {
             return;
         }
-        // 03 is read as 3.
+        // 03 is read back as 3.
         let text = whole.as_ref().map_or_else(|_| text.to_owned(), i64::to_string);
         let mut hasher = DefaultHasher::new();
         text.hash(&mut hasher);

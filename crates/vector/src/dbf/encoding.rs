@@ -43,7 +43,7 @@ impl TextEncoding {
             "ldid87" | "ldid3" => return Self::Known(WINDOWS_1252),
             _ => {}
         }
-        // Programs write the number of a code page alone, or behind a word of their own.
+        // Programs write the code page number alone, or after a prefix.
         let number = plain.trim_start_matches(|c: char| c.is_ascii_alphabetic());
         let labels = [name, &plain, &format!("cp{number}"), &format!("iso{number}")]
             .map(|label| encoding_rs::Encoding::for_label(label.as_bytes()));

@@ -151,7 +151,7 @@ fn value(
 ) -> Result<PropertyValue> {
     let blank = |byte: &u8| matches!(byte, b' ' | 0);
     let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);
-    // Numbers are written to the right, texts to the left.
+    // Numbers are right-aligned, text left-aligned.
     let bytes = &bytes[..end];
     let plain = &bytes[bytes.iter().take_while(|byte| blank(byte)).count()..];
     let wrong = |what: &str| {
@@ -173,7 +173,7 @@ fn value(
                 wrong("valid date (YYYYMMDD)").remedy("correct the date, or clear the field")
             }),
         },
-        // Asterisks are what dBASE writes where a number does not fit.
+        // dBASE writes asterisks for numbers that do not fit.
         _ if plain.iter().all(|&byte| byte == b'*') => Ok(PropertyValue::Null),
         _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
     }

@@ -129,13 +129,13 @@ pub(crate) fn write(
                     .at(format!("feature {}", record + 1))
                     .remedy("write FlatGeobuf or GeoJSON"));
             }
-            // Numbers stand to the right.
+            // Numbers are right-aligned.
             let indent = if field.letter == b'N' { field.width - text.len() } else { 0 };
             out.buffer[offset + indent..][..text.len()].copy_from_slice(&text);
         }
         out.settle()?;
     }
-    // The end of the file.
+    // End-of-file marker.
     out.buffer.push(0x1a);
     out.settle()
 }
@@ -155,7 +155,7 @@ fn field_text(field: &FieldPlan, value: &PropertyValue, text: &mut Vec<u8>) {
 
 fn head(out: &mut Vec<u8>, plan: &DbfTablePlan, records: u32) {
     let header = HEADER_BYTES as usize * (plan.fields.len() + 1) + 1;
-    // The day of the last change would make bytes depend on the clock: 1 January 2000.
+    // A fixed date of last update (1 January 2000) makes output reproducible.
     out.extend_from_slice(&[3, 100, 1, 1]);
     out.extend_from_slice(&records.to_le_bytes());
     out.extend_from_slice(&(header as u16).to_le_bytes());

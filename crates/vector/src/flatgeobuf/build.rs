@@ -32,7 +32,7 @@ impl FlatbufferField {
 impl FlatbufferBuilder {
     /// An empty buffer whose root is the table that is appended next.
     pub(super) fn new() -> Self {
-        // The size, and the place of the root.
+        // Size prefix, and offset of the root.
         Self { bytes: vec![0; 8] }
     }
 
@@ -49,8 +49,8 @@ impl FlatbufferBuilder {
 
     /// Appends a table and returns the offset of each field, for [`link`](Self::link).
     pub(super) fn table(&mut self, slots: &[FlatbufferField]) -> (usize, Vec<usize>) {
-        // Large fields first, so that each is aligned without gaps; the table's own place is aligned
-        // so that what stands behind its first four bytes is.
+        // Large fields first, so that fields are aligned without gaps; the table is aligned so that the
+        // content after its first four bytes is.
         let list = 4 + 2 * slots.len();
         self.align(8);
         while !(self.bytes.len() + list + 4).is_multiple_of(8) {

@@ -155,7 +155,7 @@ impl FeatureSource for FlatGeobufSource {
         let layer = &self.header.layer;
         let (mut fields, mut types) =
             (layer.schema.as_deref().unwrap_or_default(), &self.header.types);
-        // A feature may have columns of its own.
+        // A feature may have its own columns.
         let mut own = (Vec::new(), Vec::new());
         for column in view.tables(schema::FEATURE_COLUMNS)? {
             let (field, code) = column_of(column?)?;
@@ -199,7 +199,7 @@ fn geometry(
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     let own = kind_of(view.u8(schema::GEOMETRY_KIND)?)?;
     let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
-    // A single polygon of several may do without a table of its own.
+    // A MultiPolygon with one polygon may store it without a table of parts.
     let is_flat = kind == GeometryType::MultiPolygon
         && !view.list(schema::GEOMETRY_XY, 8)?.is_empty()
         && view.tables(schema::GEOMETRY_PARTS)?.next().is_none();
@@ -257,7 +257,7 @@ fn geometry(
             return Err(wrong());
         }
     }
-    // A layer with heights has a number for each vertex, which is none where there is no height.
+    // In a layer with heights every vertex has a value, NaN if there is no height.
     for values in [&mut found.z, &mut found.m] {
         if values.iter().all(|value| value.is_nan()) {
             values.clear();

@@ -132,7 +132,7 @@ pub(super) fn put(column: u16, kind: FieldKind, value: &PropertyValue, out: &mut
             let at = out.len();
             out.extend_from_slice(&[0; 4]);
             push_text(value, out);
-            // A text beyond 4 GiB is refused with its feature, which is longer still.
+            // A text beyond 4 GiB fails with its feature, which is even longer.
             let length = (out.len() - at - 4) as u32;
             out[at..at + 4].copy_from_slice(&length.to_le_bytes());
         }

@@ -91,8 +91,8 @@ impl FeatureSink for FlatGeobufSink {
         let mut out = this.out;
         let kinds: Vec<FieldKind> =
             rows.columns.iter().map(|column| column.kind.unwrap_or(FieldKind::Text)).collect();
-        // Places of features come before the features: their lengths are found by making each twice,
-        // which takes less than keeping them.
+        // Feature offsets precede the features: each feature is encoded twice to get its length, which needs
+        // less memory than keeping them all.
         let mut encode = |row: u32| -> Result<Vec<u8>> {
             let bytes = feature(&rows.get(row as usize)?, &kinds, form);
             bytes.ok_or_else(|| {
@@ -291,7 +291,7 @@ impl FlatGeobufHead<'_> {
         let text = self.crs.to_wkt();
         let link =
             |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
-        // Readers that find a code ask for no text, and a code says nothing of heights.
+        // Readers that find a code ignore the WKT, and a code has no vertical CRS.
         let code = self.crs.epsg.filter(|_| self.crs.vertical_epsg.is_none() || text.is_none());
         let code = code.and_then(|code| i32::try_from(code).ok());
         let (table, places) = build.table(&[
@@ -413,7 +413,7 @@ fn put_leaf(
         ends.last().copied().unwrap_or(if from.ends.is_empty() { from.xy.len() } else { start });
     let link =
         |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
-    // Of one ring the end needs no word; of one line of several some readers want it.
+    // The ends of a single ring are optional; some readers require those of a single line.
     let has_ends = ends.len() > 1 || form.kind == GeometryType::MultiLineString;
     let (table, places) = build.table(&[
         link(has_ends),

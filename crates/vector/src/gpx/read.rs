@@ -109,7 +109,7 @@ impl GpxSource {
     fn line(&mut self, kind: GeometryType) -> Result<Feature> {
         let mut found = CoordinateSequence::default();
         let mut properties = FeatureProperties::default();
-        // Elements begun and not ended: the line, and a segment in it.
+        // Open elements: the line, and a segment in it.
         let mut open = 1;
         while open > 0 {
             match self.xml.next()? {

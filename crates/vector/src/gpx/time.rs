@@ -9,7 +9,7 @@ pub(super) fn seconds(text: &str) -> Option<f64> {
         .or_else(|_| DateTime::parse_from_rfc3339(&format!("{text}Z")))
         .ok()?
         .to_utc();
-    // Of a leap second there are more than 10^9.
+    // A leap second has a nanosecond part above 10^9.
     let nanoseconds = u64::from(moment.second()) * 1_000_000_000 + u64::from(moment.nanosecond());
     let minutes = moment.timestamp().div_euclid(60) * 60;
     Some(minutes as f64 + nanoseconds as f64 / 1e9)

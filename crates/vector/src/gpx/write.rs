@@ -249,7 +249,7 @@ fn put_element(name: &str, value: &[u8], text: &mut Vec<u8>) {
             b'<' => text.extend_from_slice(b"&lt;"),
             b'>' => text.extend_from_slice(b"&gt;"),
             b'&' => text.extend_from_slice(b"&amp;"),
-            // Other control characters cannot be in XML at all.
+            // XML cannot contain other control characters.
             0..=8 | 11 | 12 | 14..=31 => text.push(b' '),
             byte => text.push(byte),
         }

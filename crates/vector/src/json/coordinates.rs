@@ -14,7 +14,7 @@ impl JsonCursor<'_> {
     /// numbers are ignored. O(text).
     pub(crate) fn coordinates(&mut self) -> Result<(usize, CoordinateSequence)> {
         let mut found = CoordinateSequence::default();
-        // Lists begun and not ended, and where numbers are, once one was seen.
+        // Open arrays, and the depth of positions once known.
         let (mut open, mut deep) = (0, 0);
         loop {
             match self.peek() {
@@ -39,7 +39,7 @@ impl JsonCursor<'_> {
                 }
                 _ => return Err(self.bad("array or number expected in coordinates")),
             }
-            // After an item: lists that end here, and a comma before the next item.
+            // After an item: ends of arrays, then a comma before the next item.
             loop {
                 if open == 0 {
                     return Ok((deep, found));

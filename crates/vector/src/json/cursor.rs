@@ -192,7 +192,7 @@ impl<'a> JsonCursor<'a> {
         let rest = self.rest();
         let is_part = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
         let end = rest.iter().take_while(is_part).count();
-        // The grammar is that of the JSON library.
+        // The number grammar is checked by the JSON library.
         let sound = serde_json::from_slice::<IgnoredAny>(&rest[..end]).is_ok();
         match std::str::from_utf8(&rest[..end]) {
             Ok(number) if sound => {

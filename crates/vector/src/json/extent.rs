@@ -34,7 +34,7 @@ impl JsonEndSearch {
                 if rest[found] == b'"' {
                     self.is_quoted = false;
                 } else if found + 1 == rest.len() {
-                    // What is escaped has not come yet.
+                    // The escaped character is not buffered yet.
                     self.seen += found;
                     break;
                 }

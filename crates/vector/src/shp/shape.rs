@@ -39,7 +39,7 @@ impl ShapefileType {
         };
         match code / 10 {
             0 => Ok(Some(Self { base, has_z: false, has_m: false })),
-            // Shapes with heights may have measures too: what is left of the record tells.
+            // Shapes with heights may have measures, depending on the record length.
             1 => Ok(Some(Self { base, has_z: true, has_m: true })),
             2 => Ok(Some(Self { base, has_z: false, has_m: true })),
             _ => Err(unknown(code)),
@@ -101,7 +101,7 @@ pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
                     Geometry::new(GeometryType::LineString, coordinates)
                 }
                 ShapeType::Line => Geometry::new(GeometryType::MultiLineString, coordinates),
-                // Rings are closed before they are told apart.
+                // Rings are closed before they are compared.
                 _ => rings::group(
                     Geometry::new(GeometryType::Polygon, coordinates)?.into_coordinates(),
                 ),
@@ -134,7 +134,7 @@ fn positions(
         found.z = bytes.numbers(count)?;
         check_heights(&found.z)?;
     }
-    // Measures may be left out.
+    // Measures are optional.
     if kind.has_m && !bytes.0.is_empty() {
         bytes.take(16)?;
         found.m = measures(bytes.numbers(count)?);

@@ -86,7 +86,7 @@ impl FeatureSink for ShapefileSink {
         };
         self.prj.commit()?;
         self.prj.place().into_iter().for_each(&mut add);
-        // The .shp comes last: where it is, the others are.
+        // The .shp is committed last: if it exists, so do the others.
         for out in [self.encoding, self.table, self.places, self.shapes] {
             add(out.commit()?);
         }

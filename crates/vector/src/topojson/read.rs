@@ -157,7 +157,7 @@ impl FeatureSource for TopoJsonSource {
         let Some(&(start, end)) = self.features.get(self.next) else { return Ok(None) };
         self.next += 1;
         let mut cursor = JsonCursor::new(&self.text[start..end], start as u64);
-        // What a feature uses an arc for more than twice is damage, or an attack.
+        // A feature that uses arcs more than twice is damaged or malicious.
         let budget = self.arcs.vertices().saturating_mul(4).saturating_add(1 << 16);
         let mut maker = TopoJsonAssembler { arcs: &self.arcs, reader: &mut self.reader, budget };
         maker.feature(&mut cursor, 0).map(Some)
@@ -191,7 +191,7 @@ impl TopoJsonAssembler<'_> {
     fn feature(&mut self, cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Feature> {
         limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
         let mut feature = Feature::default();
-        // Lists of arcs wait until the type is known.
+        // Arc arrays are parsed once the type is known.
         let (mut kind, mut lists, mut coordinates, mut members) = (None, None, None, None);
         let mut is_first = true;
         cursor.expect(b'{')?;
@@ -312,7 +312,7 @@ impl TopoJsonAssembler<'_> {
             .budget
             .checked_sub(arc.len())
             .ok_or_else(|| cursor.bad("geometry repeats the same arcs too often"))?;
-        // The first vertex of all arcs of a line but the first is the last of the one before.
+        // Consecutive arcs of a line share a vertex.
         let skip = usize::from(before > to.ends.last().copied().unwrap_or(0));
         match index < 0 {
             true => to.xy.extend(arc.iter().rev().skip(skip)),

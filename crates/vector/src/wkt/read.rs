@@ -62,7 +62,7 @@ impl FeatureSource for WktSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         let Some(_) = self.peek()? else { return Ok(None) };
         self.at = self.window.offset();
-        // The SRID of the first geometry is that of the file.
+        // The SRID of the first geometry is the CRS of the file.
         if let Some(code) = self.srid()?
             && self.srid != Some(code)
         {
@@ -137,7 +137,7 @@ impl WktSource {
         if !self.take(b';')? {
             return Err(self.bad("\";\" expected after SRID"));
         }
-        // Zero stands for unknown.
+        // SRID 0 means unknown.
         Ok(Some(code).filter(|code| *code != 0))
     }
 
@@ -166,7 +166,7 @@ impl WktSource {
                     done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
                 }
             }
-            // What is complete goes into the collection around it, which may be complete with it.
+            // A complete geometry is added to its collection, which may then be complete as well.
             while let Some(geometry) = done.take() {
                 let Some(members) = open.last_mut() else { return Ok(geometry) };
                 let count = members.len() as u64;
@@ -226,7 +226,7 @@ impl WktSource {
                     open += 1;
                     continue;
                 }
-                // Each point of a MultiPoint may be in brackets of its own.
+                // Points of a MultiPoint may be in parentheses.
                 Some(b'-' | b'+' | b'.' | b'0'..=b'9') if open >= deep => {
                     self.position(dimensions, &mut found)?;
                 }

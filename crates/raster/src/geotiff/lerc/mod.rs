@@ -47,7 +47,7 @@ fn decode_as<T: Sample + Pod>(
         return Err(other_type(shape));
     }
     let bands = info.bands as usize;
-    // One blob is in the order of the block, and decoded where it belongs if that is aligned.
+    // A single blob has the sample order of the block, and is decoded in place if aligned.
     let mut room = Vec::new();
     let own = (bands == 1).then(|| bytemuck::try_cast_slice_mut(out).ok()).flatten();
     let in_place = own.is_some();
@@ -85,7 +85,7 @@ fn decode_as<T: Sample + Pod>(
 fn check(info: &LercInfo, shape: LercBlockShape) -> Result<(), Fault> {
     let (width, height) = (info.width as usize, info.height as usize);
     let samples = u64::from(info.depth) * u64::from(info.bands);
-    // Samples of a pixel are in one blob, or in one each.
+    // The samples of a pixel are in one blob, or in one blob each.
     let is_one = info.depth == 1 || info.bands == 1;
     if (width, height, samples) == (shape.width, shape.height, shape.depth as u64) && is_one {
         return Ok(());

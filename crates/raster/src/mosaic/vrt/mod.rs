@@ -103,7 +103,7 @@ fn mosaic(
     let canvas = VrtCanvas { path, info: &info, nest: &nest, masks };
     let part = |source: &VrtSource| {
         canvas.part(source).map_err(|e| match e.path() {
-            // About the file, which only the VRT has named.
+            // Name the source file, since only the VRT refers to it.
             Some(_) => e.named_by(path),
             None => e.at(&source.place),
         })
@@ -199,9 +199,9 @@ impl VrtCanvas<'_> {
     fn nodata(&self, source: &VrtSource, own: Option<f64>) -> Option<f64> {
         match (source.nodata, source.use_mask) {
             (Some(nodata), _) => Some(nodata),
-            // What the file says itself.
+            // The declared value of the file.
             (None, true) => own,
-            // Nothing but the VRT's own value, which is one of changed samples.
+            // Only the VRT's own value, which refers to converted samples.
             (None, false) => {
                 let kept = self.info.nodata.filter(|_| !source.is_changed());
                 own.map(|_| kept.unwrap_or(f64::NAN))
@@ -218,7 +218,7 @@ impl VrtCanvas<'_> {
         let mut first = [0; 2];
         let mut count = [0; 2];
         for axis in 0..2 {
-            // Samples skipped at the start so that both sides are at 0 or beyond.
+            // Number of samples to skip so that both offsets are 0 or more.
             let skip = (-to[axis]).max(-from[axis]).max(0);
             let room = (end[axis] - to[axis]).min(size[axis] - from[axis]).min(to[axis + 2]);
             first[axis] = skip;
@@ -227,7 +227,7 @@ impl VrtCanvas<'_> {
         if count[0] <= 0 || count[1] <= 0 {
             return None;
         }
-        // Between 0 and the sides of the file and the VRT.
+        // Between 0 and the size of the file and of the VRT.
         let at = |from: [i64; 4]| [0, 1].map(|axis| (from[axis] + first[axis]) as u32);
         let [col, row] = at(to);
         Some((Rect::new(col, row, count[0] as u32, count[1] as u32), at(from)))
@@ -255,7 +255,7 @@ impl VrtCanvas<'_> {
         }
         let kind =
             (is_changed || !holds(band.sample_type, file.sample_type)).then_some(band.sample_type);
-        // Read with this very value, it is void already.
+        // Samples of this value are void already.
         let is_void = kind.is_none() && is_same(nodata, band.nodata);
         let void = band.nodata.filter(|_| !is_void);
         let void = void.and_then(|nodata| void_range(band.sample_type, nodata));
