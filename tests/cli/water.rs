@@ -209,7 +209,7 @@ fn what_cannot_be_made_level_is_refused() {
     let river = [[10.0, 10.0], [90.0, 10.0], [90.0, 20.0], [10.0, 20.0]];
     let circle = [[20.0, 15.0], [50.0, 12.0], [80.0, 15.0], [50.0, 18.0], [20.0, 15.0]];
     place.write("ring.geojson", collection(&[polygon(&river), line(&circle)]));
-    convert("ring.geojson", 65, &["line 1", "circle"]);
+    convert("ring.geojson", 65, &["line 1", "cycle"]);
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "5"][..], &WATER].concat();
     place.fails(&[&job[..], &["--fit"]].concat(), 2, &["--water", "--fit"]);
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);

@@ -163,7 +163,7 @@ fn levels_go_on_from_line_to_line_and_through_lakes() {
     assert_eq!(found[4 * 60 + 30], 50.0);
     let circle = [lines[0].clone(), vec![[20.0, 4.0], [30.0, 8.0], [10.0, 4.0]]];
     let error = levelled_heights(land(), &water(&info, &areas[..1], &circle), 64).unwrap_err();
-    assert!(error.to_string().contains("circle"), "{error}");
+    assert!(error.to_string().contains("cycle"), "{error}");
 }
 
 #[test]
