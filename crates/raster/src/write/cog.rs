@@ -43,7 +43,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "OVERVIEWS",
             accepts: Words(&["AUTO", "NONE"]),
-            about: "levels of half the size each until one tile holds all [AUTO]",
+            about: "overviews, each half the size, down to a single tile [AUTO]",
         },
         CreationOption {
             key: "OVERVIEW_RESAMPLING",
