@@ -277,7 +277,7 @@ fn what_a_shapefile_cannot_hold_is_named() {
     let point =
         Geometry::new(GeometryType::Point, CoordinateSequence::of(vec![[1.0, 2.0]])).unwrap();
     let error = refused(Feature { geometry: point.clone(), ..Feature::default() });
-    assert!(error.contains("feature 2") && error.contains("lines or points"), "{error}");
+    assert!(error.contains("feature 2") && error.contains("lines and points"), "{error}");
     let collection = Geometry::collection(vec![point]).unwrap();
     let error = refused(Feature { geometry: collection, ..Feature::default() });
     assert!(error.contains("feature 2") && error.contains("collections"), "{error}");
