@@ -274,7 +274,7 @@ fn no_file_takes_the_place_of_one_that_is_read_with_the_input() {
         let place = Place::new();
         place.write("a.hdr", header).write(input, [1, 2, 3, 4]);
         std::fs::create_dir(place.path("b")).unwrap();
-        let taken = ["a.hdr", "read with the input", "choose another name"];
+        let taken = ["a.hdr", "sidecar of the input", "choose another output name"];
         place.fails(&["convert", input, "a.flt", "--overwrite"], 2, &taken);
         place.fails(&["convert", input, "b/../a.flt", "--overwrite"], 2, &taken);
         place.ok(&["convert", input, "b/a.flt", "--overwrite"]);
@@ -472,10 +472,14 @@ fn cells_that_doubles_do_not_tell_apart_are_refused_by_all_that_write_positions(
             &["plan", "tin", "a.asc", "-o", "w", "--max-error", "1"],
         ] {
             match is_held {
-                false => place.fails(args, 65, &["too small", "gdal_edit.py"]),
+                false => place.fails(args, 65, &["below the precision", "gdal_edit.py"]),
                 true => {
                     let ran = place.run(args);
-                    assert!(!ran.err.contains("too small"), "{cell} {args:?}: {}", ran.err);
+                    assert!(
+                        !ran.err.contains("below the precision"),
+                        "{cell} {args:?}: {}",
+                        ran.err
+                    );
                 }
             }
             for made in ["o.ply", "o.obj", "o.wkt", "o.csv"] {
@@ -484,6 +488,6 @@ fn cells_that_doubles_do_not_tell_apart_are_refused_by_all_that_write_positions(
             let _ = std::fs::remove_dir_all(place.path("w"));
         }
         let told = place.ok(&["info", "a.asc"]).out;
-        assert_eq!(told.contains("cells are too small"), !is_held, "{cell}: {told}");
+        assert_eq!(told.contains("cells are below the precision"), !is_held, "{cell}: {told}");
     }
 }

@@ -67,7 +67,7 @@ fn what_cannot_act_is_refused() {
     with(&["--round"], &["--round cannot act"]);
     with(&["--align", "1,1", "--compat", "pdal"], &["PDAL's grids begin"]);
     with(&["--co", "TILE=YES"], &["GTiff has no creation option TILE"]);
-    place.fails(&["grid", "a.xyz", "a.xyz", "--cell", "1"], 2, &["does not say which grid format"]);
+    place.fails(&["grid", "a.xyz", "a.xyz", "--cell", "1"], 2, &["matches no grid format"]);
     place.fails(
         &["grid", "a.xyz", "a.asc", "--cell", "1", "--stat", "min,max"],
         2,

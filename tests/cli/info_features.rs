@@ -116,7 +116,7 @@ fn objects_of_a_topology_are_told_one_by_one() {
     );
     let found = facts(&place, &["t.json"]);
     assert_eq!((&found["layer"], &found["vertices"]), (&json!("a"), &json!(2)));
-    assert!(found["notes"].to_string().contains("not read: b"), "{found}");
+    assert!(found["notes"].to_string().contains("ignored: b"), "{found}");
     assert_eq!(facts(&place, &["t.json", "--layer", "b"])["vertices"], 3);
     place.fails(&["info", "t.json", "--layer", "c"], 2, &["a, b"]);
 }

@@ -137,7 +137,7 @@ fn what_is_odd_and_what_a_tin_takes_is_told_as_text_and_json() {
     let rows: Vec<_> = text.lines().filter_map(|line| line.trim().split_once("  ")).collect();
     let told = |name: &str| rows.iter().filter(|row| row.0 == name).count();
     assert_eq!(["note", "tin memory", "tin time", "tin disk"].map(told), [3, 1, 1, 1], "{text}");
-    assert!(text.contains("10 x 20 unit: 0.5000 times as wide as high"), "{text}");
+    assert!(text.contains("10 x 20 unit (ratio 0.5000)"), "{text}");
 }
 
 #[test]

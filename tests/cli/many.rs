@@ -134,7 +134,7 @@ fn folders_recurse_when_asked() {
         let made = std::fs::read_dir(place.path(folder)).unwrap().count();
         assert_eq!(made, 3, "{folder}");
     }
-    place.fails(&["info", "g/a.asc", "--recursive"], 2, &["--recursive is for folders"]);
+    place.fails(&["info", "g/a.asc", "--recursive"], 2, &["--recursive requires a folder"]);
 }
 
 #[test]

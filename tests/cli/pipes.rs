@@ -314,7 +314,7 @@ fn what_cannot_go_through_a_pipe_is_refused_by_name() {
         (&["view", "g/a.asc", "-o", "-"][..], "-: "),
         (&["contour", "g/a.asc", "-o", "-", "-f", "FlatGeobuf", "-i", "2"], "FlatGeobuf cannot"),
         (&["line", "f/a.geojson", "-", "-f", "Shapefile", "--tolerance", "1"], "Shapefile cannot"),
-        (&["line", "f/a.geojson", "-", "--tolerance", "1"], "does not say which"),
+        (&["line", "f/a.geojson", "-", "--tolerance", "1"], "extension matches no"),
         (&["line", "-", "-", "f/a.geojson", "--tolerance", "1"], "only once"),
         (
             &["line", "f/a.geojson", "a.wkt", "--tolerance", "1", "--input-format", "WKT"],

@@ -56,7 +56,7 @@ fn a_plan_is_told_run_and_finished() {
     place.fails(&["finish", "work", "x.tif"], 69, &["tile-0 is not done"]);
     place.ok(&["run", "work", "-o", "x.tif", "-q"]);
     assert!(std::fs::read(place.path("x.tif")).unwrap() == expected);
-    place.fails(&["finish", "work", "whole.tif"], 2, &["whole.tif", "exists already"]);
+    place.fails(&["finish", "work", "whole.tif"], 2, &["whole.tif", "already exists"]);
     place.ok(&["finish", "work", "whole.tif", "--overwrite", "--threads", "1", "-q"]);
     assert!(std::fs::read(place.path("whole.tif")).unwrap() == expected);
     place.fails(&["plan", "grid", CLOUD, "-o", "work", "--cell", "2"], 2, &["another plan"]);

@@ -431,7 +431,7 @@ fn a_moved_folder_an_altered_output_and_a_missing_one_are_told_apart() {
         assert!(is_right() && fault().is_empty(), "made again");
 
         let whole = format!("whole.{}", kind.ending);
-        work.place.fails(&["run", "moved", "-o", &whole], 2, &[&whole, "exists already"]);
+        work.place.fails(&["run", "moved", "-o", &whole], 2, &[&whole, "already exists"]);
     }
 }
 

@@ -151,7 +151,7 @@ fn a_folder_that_is_read_or_of_others_is_not_replaced() {
     place.fails(
         &["points", "a.laz", "squares", "--tile", "50", "--overwrite"],
         2,
-        &["not made by terrane"],
+        &["not created by terrane"],
     );
 }
 

@@ -331,7 +331,7 @@ fn scaled_and_missing_values_are_names_of_files() {
     // Only folders of such files are replaced.
     // A folder of the values of another attribute is not this one's to replace.
     let other = ["points", "p.las", "parts", "--split", "class", "--overwrite"];
-    place.fails(&other, 2, &["parts", "not replaced"]);
+    place.fails(&other, 2, &["parts", "contains other files"]);
     std::fs::remove_dir_all(place.path("parts")).unwrap();
     place.ok(&other);
     place.ok(&other);
@@ -339,7 +339,7 @@ fn scaled_and_missing_values_are_names_of_files() {
     place.fails(
         &["points", "p.las", "parts", "--split", "class", "--overwrite"],
         2,
-        &["holds other files too"],
+        &["contains other files"],
     );
 }
 

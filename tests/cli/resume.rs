@@ -176,8 +176,8 @@ fn the_same_command_goes_on_whatever_failed() {
         std::fs::remove_file(place.path("out.ply")).unwrap();
     }
     place.write("out.ply", "mine");
-    place.fails(&args, 2, &["out.ply", "exists already"]);
-    place.fails(&args, 2, &["out.ply", "exists already"]);
+    place.fails(&args, 2, &["out.ply", "already exists"]);
+    place.fails(&args, 2, &["out.ply", "already exists"]);
     assert_eq!(std::fs::read(place.path("out.ply")).unwrap(), b"mine");
 }
 

@@ -102,7 +102,7 @@ fn what_cannot_be_placed_on_the_globe_is_refused_by_name() {
     place.fails(&["tiles", "dem.asc", "t"], 2, &["exists"]);
     place.ok(&["tiles", "dem.asc", "t", "--overwrite", "-q"]);
     place.write("t/mine.txt", "mine");
-    place.fails(&["tiles", "dem.asc", "t", "--overwrite"], 2, &["holds other files too"]);
+    place.fails(&["tiles", "dem.asc", "t", "--overwrite"], 2, &["contains other files"]);
 }
 
 /// A grid of so many columns and rows, of one height or what `height` makes of column and row.

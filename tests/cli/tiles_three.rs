@@ -78,7 +78,7 @@ fn every_level_is_proved_and_the_bytes_are_the_same() {
     place.ok(&[&["tiles", "dem.asc", "one"], &both[..], &plain[..]].concat());
     place.write("one/3dtiles/west/0/mine.txt", "mine");
     let again = ["tiles", "dem.asc", "one", "--overwrite"];
-    place.fails(&again, 2, &["holds other files too"]);
+    place.fails(&again, 2, &["contains other files"]);
     place.fails(&["tiles", "dem.asc", "x", "--tile-edges"], 2, &["3dtiles"]);
     place.fails(&["tiles", "dem.asc", "x", "-f", "3dtiles", "-f", "3dtiles"], 2, &["twice"]);
     place.fails(&["tiles", "dem.asc", "x", "-f", "b3dm"], 2, &["quantized-mesh, 3dtiles"]);

@@ -242,5 +242,5 @@ fn masks_without_water_or_of_other_formats_are_refused() {
     place.fails(&three, 2, &["--format quantized-mesh", "leave --water-mask out"]);
     let far = ["tiles", "dem.asc", "t", "--water-mask", "--water", "far.wkt"];
     place.write("far.wkt", wkt(&LAKES[3..], |at| at)).write("far.prj", "EPSG:4326");
-    place.fails(&far, 65, &["far.wkt", "no water of this file lies on the grid"]);
+    place.fails(&far, 65, &["far.wkt", "water polygons do not overlap the grid"]);
 }

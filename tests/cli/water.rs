@@ -175,7 +175,9 @@ fn a_line_that_seems_to_be_drawn_upstream_is_told_of() {
         place.write("w.wkt", format!("{area}\nLINESTRING ({at})"));
         let out = format!("{name}.asc");
         let told = place.ok(&["convert", "a.asc", &out, "--water", "w.wkt"]).out;
-        let is_told = told.contains("line 1 of w.wkt: its banks rise, is it drawn upstream?");
+        let is_told = told.contains(
+            "line 1 of w.wkt: bank heights rise along the line; check that it is drawn downstream",
+        );
         assert_eq!(is_told, name == "up", "{told}");
         assert!(told.contains("water"), "{told}");
     }
@@ -198,7 +200,7 @@ fn what_cannot_be_made_level_is_refused() {
     place.write("peak.wkt", "POINT (500010 4749990)").write("peak.prj", "EPSG:32631");
     convert("peak.wkt", 65, &["a point is no water"]);
     place.write("far.geojson", collection(&[polygon(&[[-9.0, -9.0], [-5.0, -9.0], [-5.0, -5.0]])]));
-    convert("far.geojson", 65, &["no water of this file lies on the grid"]);
+    convert("far.geojson", 65, &["water polygons do not overlap the grid"]);
     let all = [[-9.0, -9.0], [400.0, -9.0], [400.0, 400.0], [-9.0, 400.0]];
     place.write("all.geojson", collection(&[polygon(&all)]));
     convert("all.geojson", 65, &["polygon 1", "without a bank"]);
@@ -207,7 +209,7 @@ fn what_cannot_be_made_level_is_refused() {
     let river = [[10.0, 10.0], [90.0, 10.0], [90.0, 20.0], [10.0, 20.0]];
     let circle = [[20.0, 15.0], [50.0, 12.0], [80.0, 15.0], [50.0, 18.0], [20.0, 15.0]];
     place.write("ring.geojson", collection(&[polygon(&river), line(&circle)]));
-    convert("ring.geojson", 65, &["line 1", "circle"]);
+    convert("ring.geojson", 65, &["line 1", "cycle"]);
     let job = [&["tin", TERRAIN, "a.ply", "--max-error", "5"][..], &WATER].concat();
     place.fails(&[&job[..], &["--fit"]].concat(), 2, &["--water", "--fit"]);
     place.fails(&[&job[..], &["--min-angle", "20"]].concat(), 2, &["--water", "--min-angle"]);

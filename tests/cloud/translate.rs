@@ -391,7 +391,7 @@ fn squares_hold_their_points_and_those_of_their_buffers_marked() {
             assert!(found.records == records, "{x} {y}");
         }
         std::fs::write(output.join("notes.txt"), "mine").unwrap();
-        assert!(run(&job).unwrap_err().to_string().contains("not made by terrane"));
+        assert!(run(&job).unwrap_err().to_string().contains("not created by terrane"));
         std::fs::remove_dir_all(&output).unwrap();
     }
 }

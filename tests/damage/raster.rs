@@ -62,7 +62,7 @@ fn things_that_are_no_rasters() {
     check("note.md", Some(b"hello"), "terrane reads GeoTIFF (.tif, ");
     check("note.tif", Some(b"hello"), "is not a TIFF");
     check("short.tif", Some(b"II*\0"), "header is not complete");
-    check("odd.hgt", Some(b"hello"), "5 bytes is not the length of an SRTM tile");
+    check("odd.hgt", Some(b"hello"), "5 bytes does not match an SRTM tile");
     check("odd.hgt.zip", Some(b"PK\x03\x04nonsense"), "damaged zip archive");
     check(
         "note.asc",

@@ -390,7 +390,7 @@ fn what_cannot_be_is_refused_with_its_remedy() {
         assert!(told.contains(part), "{told}");
         assert!(!job.output.exists());
     };
-    fails(&job(&path("a.asc"), "mean,max", 1.0), "AAIGrid cannot hold several bands");
+    fails(&job(&path("a.asc"), "mean,max", 1.0), "AAIGrid does not support several bands");
     let little = Resources { threads: 1, memory: 8 << 20, temp_dir: None };
     fails(
         &GridJob { resources: little, ..job(&path("a.tif"), "mean", 1.0) },

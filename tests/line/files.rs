@@ -72,10 +72,10 @@ fn damaged_shapefiles_are_refused_by_name_or_read_right() {
     // What is said, or else features and vertices.
     let known = [
         ("bigoffset", Ok((1, 10))),
-        ("buggymultiline", Err("feature 1 (record 1): a record ends too early")),
-        ("buggymultipoly", Err("feature 1 (record 1): a record ends too early")),
-        ("buggymultipoly2", Err("parts do not divide its 15 vertices")),
-        ("emptymultipoly", Err("parts do not divide its 15 vertices")),
+        ("buggymultiline", Err("feature 1 (record 1): record is truncated")),
+        ("buggymultipoly", Err("feature 1 (record 1): record is truncated")),
+        ("buggymultipoly2", Err("part offsets do not match the 15 vertices")),
+        ("emptymultipoly", Err("part offsets do not match the 15 vertices")),
         ("extentnan", Ok((0, 0))),
         ("issue_14385", Ok((3, 395))),
         ("multipolygon_as_invalid_polygon", Ok((2, 16))),

@@ -106,7 +106,7 @@ fn another_or_a_damaged_folder_is_not_taken_for_the_finished_one() {
     place.ok(&["plan", "tin", TERRAIN, "-o", "work", "--max-error", "2", "--tile", "32", "-q"]);
     let args = |split| ["run", "work", "-o", "out", "-q", "--split", split];
     place.ok(&args("3"));
-    place.fails(&args("4"), 2, &["out", "exists already"]);
+    place.fails(&args("4"), 2, &["out", "already exists"]);
     place.ok(&[&args("4")[..], &["--overwrite"]].concat());
     assert!(read(&place, "out") == read(&place, "four"));
     std::fs::remove_file(place.path("out/block-0000-0001.ply")).unwrap();
@@ -176,7 +176,7 @@ fn folders_of_others_are_never_replaced() {
     place.write("out/precious", "x");
     let args = ["tin", TERRAIN, "out", "--max-error", "2", "--split", "2"];
     place.fails(&args, 2, &["out"]);
-    place.fails(&[&args[..], &["--overwrite"]].concat(), 2, &["not made by terrane"]);
+    place.fails(&[&args[..], &["--overwrite"]].concat(), 2, &["not created by terrane"]);
     std::fs::remove_file(place.path("out/precious")).unwrap();
     std::fs::remove_dir(place.path("out")).unwrap();
     tin(&place, "out", &["--split", "2"]);

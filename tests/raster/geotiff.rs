@@ -75,7 +75,7 @@ fn a_block_that_cannot_lie_where_it_is_said_to_is_refused() {
         [(1, None, false), (8, None, false), (1, Some((16, 16)), false), (8, Some((16, 16)), true)]
     {
         for (offset, told) in
-            [(0, "at offset 0, in the file's header"), (5, "at offset 5, in the file's header")]
+            [(0, "at offset 0 overlap the file header"), (5, "at offset 5 overlap the file header")]
         {
             let mut spec = Spec::new(40, 20, 2, 16);
             (spec.compression, spec.tile, spec.big_tiff) = (compression, tile, big_tiff);
@@ -203,7 +203,7 @@ fn unsupported_features_are_refused_by_name_with_the_call_that_mends_them() {
     }
     refused(&with(266, 2), "FillOrder 2", "gdal_translate");
     let mixed = Spec { bands: 2, extra: vec![(258, Value::Short(vec![16, 8]))], ..plain.clone() };
-    refused(&mixed, "bands that differ in BitsPerSample", "gdal_translate -b 1");
+    refused(&mixed, "bands with different BitsPerSample", "gdal_translate -b 1");
 }
 
 #[test]
@@ -297,7 +297,7 @@ fn a_block_larger_than_the_cache_asks_for_memory() {
     let error =
         refusal(&path, &GridOpenOptions { cache_bytes: 16_383, ..GridOpenOptions::default() });
     assert_eq!(error.kind(), ErrorKind::Resource);
-    assert!(error.to_string().contains("16384 bytes decoded"), "{error}");
+    assert!(error.to_string().contains("decoded block of 16384 bytes"), "{error}");
     let enough = GridOpenOptions { cache_bytes: 16_384, ..GridOpenOptions::default() };
     assert!(open(path.to_str().unwrap(), &enough).is_ok());
 }

@@ -66,11 +66,11 @@ fn an_unnamed_tile_has_no_place() {
 fn zip_bombs_and_wrong_archives_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let bomb = zipped("N00E000.hgt", &vec![0; 40 << 20]);
-    assert!(refusal(&write(folder.path(), "a.hgt.zip", &bomb)).contains("is not the length"));
-    let other = zipped("readme.txt", b"hello");
     assert!(
-        refusal(&write(folder.path(), "b.hgt.zip", &other)).contains("does not name x, y and z")
+        refusal(&write(folder.path(), "a.hgt.zip", &bomb)).contains("does not match an SRTM tile")
     );
+    let other = zipped("readme.txt", b"hello");
+    assert!(refusal(&write(folder.path(), "b.hgt.zip", &other)).contains("lacks x, y or z"));
     // A directory that claims the length of a tile for an entry that is longer.
     let mut liar = zipped("N00E000.hgt", &vec![0; 4 << 20]);
     let claimed = (2 * SIDE as u32 * SIDE as u32).to_le_bytes();
@@ -126,19 +126,22 @@ fn damaged_text_grids_name_the_line() {
         assert!(error.contains(expected), "{error}");
     };
     check(format!("{header}1 2\n3 x4\n"), "line 7: \"x4\" is not a number");
-    check(format!("{header}10 20\n30\n"), "line 8: file is truncated: it ends after 3 of 4 values");
-    check(format!("{header}1 2\n3 4\n5\n"), "line 8: there are more values than the 4 declared");
+    check(format!("{header}10 20\n30\n"), "line 8: file is truncated: found 3 of 4 values");
+    check(format!("{header}1 2\n3 4\n5\n"), "line 8: more values than the 4 declared");
     check(header.replace("nrows 2", "nrows 1000000000") + "1", "file is truncated");
     check(header.replace("nrows 2", "nrows 2000000000") + "1", "more than the limit");
-    check(header.replace("nrows 2", "nrows 1.5") + "1", "not a whole number");
+    check(header.replace("nrows 2", "nrows 1.5") + "1", "expected a positive integer");
     check(header.replace("nrows 2", "") + "1", "header lacks nrows");
-    check(header.replace("cellsize 4", "cellsize 0") + "1", "not usable");
+    check(header.replace("cellsize 4", "cellsize 0") + "1", "invalid cell size");
     check(header.replace("cellsize 4", "cellsize"), "line 6: cellsize is not followed by a number");
-    check(header.to_owned(), "ends within its header");
+    check(header.to_owned(), "ends inside the header");
     check(format!("{header}{}", "1".repeat(400)), "too long");
     check(format!("{header}1 2\n3 6e999\n"), "line 7: \"6e999\" is not a number");
     check(format!("{header}1 2\n3 \"4\n"), "line 7: \"\\\"4\" is not a number");
-    check(header.replace("nrows 2", "ncols 3\nnrows 2") + "1 2\n3 4\n", "two things of ncols");
+    check(
+        header.replace("nrows 2", "ncols 3\nnrows 2") + "1 2\n3 4\n",
+        "conflicting values of ncols",
+    );
 }
 
 #[test]
@@ -153,7 +156,7 @@ fn rows_that_are_lines_are_so_all_along() {
         ("1 2 3\n4 5 6\n7 8\r9\n10 11 12\n", "line 8"),
     ] {
         let told = refusal(&write(lines));
-        assert!(told.contains(place) && told.contains("of the first one"), "{told}");
+        assert!(told.contains(place) && told.contains("than the first line"), "{told}");
     }
     let count: Vec<f64> = (1..13).map(f64::from).collect();
     for lines in [

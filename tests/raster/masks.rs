@@ -123,7 +123,7 @@ fn masks_beside_the_file_make_voids_even_beside_a_store() {
     });
     let error = convert::run(&again, &Silent, &Cancel::default()).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::CannotWrite);
-    assert!(error.to_string().contains("c.tif.msk: is the mask of an earlier file"), "{error}");
+    assert!(error.to_string().contains("c.tif.msk: mask of an earlier file"), "{error}");
     put(folder.path(), "b.tif.msk", b"hello");
     let error = open_band(&path, 1).err().unwrap().to_string();
     assert!(error.contains("b.tif.msk: is not a TIFF"), "{error}");

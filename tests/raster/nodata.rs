@@ -19,7 +19,7 @@ fn info_warns_of_undeclared_nodata() {
     let mut spec = Spec::new(30, 20, 2, 16);
     place.write("a.tif", spec.build(pits));
     let line = "7 samples are -32767, which looks like an undeclared nodata value; \
-                use --nodata -32767";
+                pass --nodata -32767";
     let told = place.ok(&["info", "a.tif", "--stats"]).out;
     assert!(told.contains(line), "{told}");
     let told = place.ok(&["info", "a.tif", "--stats", "--json"]).out;

@@ -198,7 +198,7 @@ fn damaged_and_contradicting_sidecars_are_told_by_name() {
     let scaled = put(folder.path(), "b.tif", &tiff(vec![(42112, Value::Text(xml.to_owned()))]));
     put(folder.path(), "b.tif.aux.xml", PAM.as_bytes());
     let told = refusal(&scaled);
-    assert!(told.contains("stored x 0.5 + 100, and the file says x 2 + 0"), "{told}");
+    assert!(told.contains("scale 0.5 and offset 100 differ from 2 and 0"), "{told}");
 }
 
 #[test]

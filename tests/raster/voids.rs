@@ -335,7 +335,7 @@ fn overlaps_and_gaps_keep_to_each_files_own_nodata() {
     assert_eq!([found[8], found[10]], [0.0, 9.0]);
     let copy = ["convert", "a.tif", "b.tif", "c.tif", "o.tif", "--out-nodata", "-2", "--json"];
     let told = json(&place.ok(&copy).out)["notes"].to_string();
-    assert!(told.contains("its own file void: 0, -1"), "{told}");
+    assert!(told.contains("applied to its own file: 0, -1"), "{told}");
 }
 
 #[test]
@@ -365,7 +365,7 @@ fn masks_beside_a_nodata_value_and_masks_that_a_vrt_does_not_use_are_told() {
     place.write("band.vrt", vrt("mask.tif", "SimpleSource", "", band));
     place.write("none.vrt", vrt("plain.tif", "SimpleSource", "", ""));
     for (name, words) in [
-        ("both.tif", Some("by the nodata value or by a mask (internal)")),
+        ("both.tif", Some("nodata value and mask (internal)")),
         ("mask.tif", None),
         ("plain.tif", None),
         ("unused.vrt", Some("masks that the VRT does not use: 1")),
@@ -420,7 +420,7 @@ fn gray_pictures_hold_whole_heights_and_packed_ones_are_a_name_or_an_option_away
     place.fails(
         &["convert", "in.asc", "n.png", "--type", "uint16"],
         65,
-        &["a void", "--out-nodata"],
+        &["is void", "--out-nodata"],
     );
     place.fails(
         &["convert", "in.asc", "n.png", "--type", "float32"],
@@ -428,6 +428,6 @@ fn gray_pictures_hold_whole_heights_and_packed_ones_are_a_name_or_an_option_away
         &["not float32", "--type"],
     );
     let packed = ["convert", "in.asc", "n.png", "--type", "uint16", "--co", "ENCODING=TERRARIUM"];
-    place.fails(&packed, 2, &["packed heights, not uint16"]);
+    place.fails(&packed, 2, &["RGB-encoded heights, not uint16"]);
     assert!(write::FORMATS.iter().any(|format| format.is_picture()));
 }

@@ -384,7 +384,7 @@ fn what_does_not_fit_is_refused_with_its_place_and_nothing_is_left() {
     grid.stored[69 * 70 + 33] = 0.26;
     refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "‹round›"]);
     grid.stored[69 * 70 + 33] = -10_001.0;
-    refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "beyond"]);
+    refused(&grid, &job(&at("a.png"), "PNG"), ErrorKind::BadInput, &[place, "outside the range"]);
     (grid.stored[69 * 70 + 33], grid.info.sample_type) = (0.1, SampleType::F64);
     refused(&grid, &job(&at("a.flt"), "GridFloat"), ErrorKind::BadInput, &[place, "‹round›"]);
     grid.info.transform.e = 5.0;
@@ -483,7 +483,7 @@ fn options_that_cannot_act_are_refused() {
         ("GTiff LEVEL=5", "LEVEL"),
         ("GTiff COMPRESS=DEFLATE LEVEL=13", "1 to 12"),
         ("GTiff PREDICTOR=2", "PREDICTOR"),
-        ("COG PREDICTOR=3", "floats"),
+        ("COG PREDICTOR=3", "float samples"),
         ("COG OVERVIEWS=NONE RESAMPLING=NEAREST", "overviews"),
         ("COG BLOCKSIZE=100", "steps of 16"),
         ("store COMPRESS=ZSTD", "BLOCKSIZE=256|512|1024"),
@@ -513,7 +513,7 @@ fn a_full_disk_is_found_before_the_work() {
             &Cancel::default(),
         );
         let told = error.unwrap_err().to_string();
-        assert!(told.contains("making room for") && told.contains("free some space"), "{told}");
+        assert!(told.contains("allocating") && told.contains("free some space"), "{told}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{asked}");
     }
 }

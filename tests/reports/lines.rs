@@ -341,9 +341,9 @@ fn c8_quotation_marks_and_line_breaks_of_csv() {
     }
     let named = "id,x,y,name\n1,1,2,a\n2,3,4,b\n";
     for (row, told) in [
-        ("1,2,3,5\" pipe\n", "within a cell"),
+        ("1,2,3,5\" pipe\n", "inside an unquoted value"),
         ("1,2,3,\"open\n4,5,6,c\n", "not closed"),
-        ("1,2,3,\"open\n4,5,6,\"c\"\n", "follows a quotation mark"),
+        ("1,2,3,\"open\n4,5,6,\"c\"\n", "text after the closing quotation mark"),
     ] {
         place.write("b.csv", format!("{named}{row}"));
         place.fails(&["line", "b.csv", "c.csv", "--keep-ratio", "1"], 65, &["line 4", told]);

@@ -1,32 +1,32 @@
-//! Faults on demand, to see what a failure at any place leaves behind: `TERRANE_FAULT=write:7` lets the
-//! seventh write fail as on a full disk. Release builds know nothing of it.
+//! Fault injection for tests: `TERRANE_FAULT=write:7` makes the seventh write fail as on a full disk. Not
+//! part of release builds.
 
 use std::io;
 
-/// A place where the outside world may fail.
+/// A point at which a fault can be injected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultPoint {
     /// A new file.
     Create,
     /// A write to a file.
     Write,
-    /// Bringing a file to the disk.
+    /// Syncing a file to disk.
     Sync,
-    /// A file takes its final name.
+    /// Renaming a file to its final name.
     Rename,
     /// Reading back what was written.
     Read,
-    /// Not the outside world: a fault of the program, which panics here.
+    /// A panic of the program.
     Panic,
 }
 
-/// Fails where the environment asks for it; panics at [`FaultPoint::Panic`].
+/// Fails if the environment requests it; panics at [`FaultPoint::Panic`].
 #[cfg(debug_assertions)]
 pub fn point(point: FaultPoint) -> io::Result<()> {
     use std::sync::OnceLock;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    /// Which point, and how many times it must be come to yet.
+    /// The requested point, and the number of passes left before it fails.
     static ORDER: OnceLock<Option<(String, AtomicU64)>> = OnceLock::new();
     let read = || {
         let order = std::env::var("TERRANE_FAULT").ok()?;

@@ -1,16 +1,16 @@
-//! Formats of files, found by name or by the endings of files.
+//! File formats, found by name or by file name extension.
 
 use std::path::Path;
 
 use terrane_base::error::{Error, Result};
 use terrane_base::registry::{self, RegistryEntry};
 
-/// A format of files.
+/// A file format.
 pub trait FileFormat: RegistryEntry {
-    /// Endings of its files, in lower case and without the dot; the usual one first.
+    /// File name extensions, in lower case and without the dot; the usual one first.
     fn extensions(&self) -> &'static [&'static str];
 
-    /// True when the name of `path` ends in one of them, in any case.
+    /// True if `path` has one of the extensions, in any case.
     fn has_extension_of(&self, path: &Path) -> bool {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let is_it =
@@ -18,28 +18,28 @@ pub trait FileFormat: RegistryEntry {
         self.extensions().iter().any(is_it)
     }
 
-    /// The error of a file of it whose name has another ending.
+    /// Error of a file name with another extension.
     fn wrong_ending(&self, path: &Path) -> Error {
-        Error::usage(format!("{} cannot have this ending", self.name()))
+        Error::usage(format!("file name extension does not match format {}", self.name()))
             .in_file(path)
-            .remedy(format!("end the name in {}", self.endings()))
+            .remedy(format!("use the extension {}", self.endings()))
     }
 
-    /// Its endings in words.
+    /// The extensions as text.
     fn endings(&self) -> String {
         self.extensions().iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ")
     }
 }
 
-/// The first format that the ending of `path` stands for.
+/// The first format with the extension of `path`.
 pub fn by_extension<F: FileFormat>(all: &'static [F], path: &Path) -> Option<&'static F> {
     all.iter().find(|format| format.has_extension_of(path))
 }
 
-/// The format called `name`, or else the first that the ending of `path` stands for.
+/// The format called `name`, or else the first with the extension of `path`.
 ///
 /// # Errors
-/// Usage: an unknown name or ending; the known ones are listed.
+/// Usage: unknown name or extension; the message lists the known ones.
 pub fn by_path<F: FileFormat>(
     all: &'static [F],
     path: &Path,
@@ -50,8 +50,8 @@ pub fn by_path<F: FileFormat>(
     }
     by_extension(all, path).ok_or_else(|| {
         let endings = registry::offered(all, F::endings);
-        Error::usage(format!("the file name does not say which {} is meant", F::KIND))
+        Error::usage(format!("file name extension matches no {}", F::KIND))
             .in_file(path)
-            .remedy(format!("end the name in {endings}, or name a format"))
+            .remedy(format!("use the extension {endings}, or pass a format"))
     })
 }

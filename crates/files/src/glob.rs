@@ -1,5 +1,5 @@
-//! Names with wildcards: `*`, `?` and `[a-z]` in any part of a path, never across a separator, and `**`
-//! as a part of its own for any folders, or none.
+//! Wildcards in paths: `*`, `?` and `[a-z]` within a path component, and `**` as a component for any number
+//! of folders.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -11,8 +11,7 @@ pub(super) fn is_pattern(text: &str) -> bool {
     text.contains(['*', '?', '['])
 }
 
-/// All paths that `pattern` matches, in sorted order. Hidden names match only a pattern that begins
-/// with a dot.
+/// All paths that match `pattern`, sorted. Hidden names match only patterns that begin with a dot.
 ///
 /// # Errors
 /// A folder that cannot be read, or more paths than [`limits::MAX_MEMBERS`].
@@ -41,8 +40,8 @@ pub(super) fn expand(pattern: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// A folder and all folders below it, each before those in it; none whose name begins with a dot, and no
-/// links, which may lead round in a circle.
+/// A folder and all its subfolders, parents first. Hidden folders and symbolic links, which may form cycles,
+/// are skipped.
 ///
 /// # Errors
 /// A folder that cannot be read, or more folders than [`limits::MAX_MEMBERS`].
@@ -55,7 +54,11 @@ pub(super) fn folders_below(folder: &Path) -> Result<Vec<PathBuf>> {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
             if is_folder && !entry.file_name().as_encoded_bytes().starts_with(b".") {
                 found.push(folder.join(entry.file_name()));
-                limits::check("folders of one input", found.len() as u64, limits::MAX_MEMBERS)?;
+                limits::check(
+                    "number of folders of one input",
+                    found.len() as u64,
+                    limits::MAX_MEMBERS,
+                )?;
             }
         }
         next += 1;
@@ -76,7 +79,7 @@ fn matches_in(folder: &Path, pattern: &str, found: &mut Vec<PathBuf>) -> Result<
         if matches(&pattern, &text) && (text.first() != Some(&'.') || pattern.first() == Some(&'.'))
         {
             found.push(folder.join(&name));
-            limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)?;
+            limits::check("number of files of one input", found.len() as u64, limits::MAX_MEMBERS)?;
         }
     }
     Ok(())
@@ -85,7 +88,7 @@ fn matches_in(folder: &Path, pattern: &str, found: &mut Vec<PathBuf>) -> Result<
 /// Whether all of `text` matches, in time O(pattern x text).
 fn matches(pattern: &[char], text: &[char]) -> bool {
     let (mut p, mut t) = (0, 0);
-    // Where to go on when a match fails: behind the last star, with one character more for it.
+    // Backtracking: after the last star, which matches one more character.
     let mut retry = None;
     while t < text.len() {
         if pattern.get(p) == Some(&'*') {
@@ -103,7 +106,7 @@ fn matches(pattern: &[char], text: &[char]) -> bool {
     pattern[p..].iter().all(|c| *c == '*')
 }
 
-/// Characters of `pattern` that match `c`; `None` when its first item does not.
+/// Number of characters of `pattern` that match `c`; `None` if its first item does not match.
 fn one(pattern: &[char], c: char) -> Option<usize> {
     match pattern.first()? {
         '?' => Some(1),

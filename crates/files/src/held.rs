@@ -1,4 +1,4 @@
-//! Things in memory by a name, in place of a file: `memory:7`, for as long as they are held.
+//! Datasets held in memory under a name such as `memory:7`, used in place of a file name.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,71 +8,71 @@ use terrane_base::error::{Error, Result};
 
 use super::lock::lock;
 
-/// What the name of something in memory starts with.
+/// Prefix of names of datasets in memory.
 const HELD_PREFIX: &str = "memory:";
-/// What the name of something that is made by a rule starts with.
+/// Prefix of names of synthetic datasets.
 const RULE_PREFIX: &str = "synth:";
 
-/// True for names of what is no file: made by a rule, or held in memory.
+/// True for names that are not files: synthetic datasets and datasets in memory.
 pub fn is_made(input: &str) -> bool {
     input.starts_with(RULE_PREFIX) || is_held(input)
 }
 
-/// True for names of what is held in memory, which no other process knows.
+/// True for names of datasets in memory, which other processes cannot read.
 pub fn is_held(input: &str) -> bool {
     input.starts_with(HELD_PREFIX)
 }
 
-/// Fails when one of `inputs` is held in memory, where another process has to read it.
+/// Fails if one of `inputs` is held in memory, for jobs whose inputs are read by other processes.
 ///
 /// # Errors
-/// Usage.
+/// Usage: an input is in memory.
 pub fn refuse_held<'a>(inputs: impl IntoIterator<Item = &'a String>) -> Result<()> {
     match inputs.into_iter().any(|input| is_held(input)) {
-        true => Err(Error::usage("what is in the memory of one process is in no other's")
-            .remedy("write it into a file, and plan with that")),
+        true => Err(Error::usage("datasets in memory cannot be passed to other processes")
+            .remedy("write the dataset to a file and plan with the file")),
         false => Ok(()),
     }
 }
 
-/// What is held of one kind, by its name.
+/// The datasets of one type, by name.
 pub struct HeldRegister<T>(Mutex<BTreeMap<String, Arc<T>>>);
 
-/// Something that is held; dropping it gives it up, but for those that have it open.
+/// Handle of a dataset in memory. Dropping it removes the name; open readers keep the data.
 pub struct HeldResource<T: 'static> {
     register: &'static HeldRegister<T>,
     name: String,
 }
 
-/// Names are of one thing each, of whatever kind.
+/// Names are unique across all types.
 static NEXT: AtomicU64 = AtomicU64::new(1);
 
 impl<T> HeldRegister<T> {
-    /// Nothing is held yet.
+    /// An empty register.
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
         Self(Mutex::new(BTreeMap::new()))
     }
 
-    /// Holds `thing` by a name of its own.
+    /// Registers `thing` under a new name.
     pub fn hold(&'static self, thing: T) -> HeldResource<T> {
         let name = format!("{HELD_PREFIX}{}", NEXT.fetch_add(1, Ordering::Relaxed));
         lock(&self.0).insert(name.clone(), Arc::new(thing));
         HeldResource { register: self, name }
     }
 
-    /// What is held by this name.
+    /// The dataset called `name`.
     ///
     /// # Errors
-    /// Usage: nothing is.
+    /// Usage: no such dataset.
     pub fn get(&self, name: &str) -> Result<Arc<T>> {
-        let nothing = || Error::usage(format!("nothing of that kind is in memory as {name:?}"));
+        let nothing = || Error::usage(format!("no dataset {name:?} of this kind is in memory"));
         lock(&self.0).get(name).cloned().ok_or_else(nothing)
     }
 }
 
 impl<T> HeldResource<T> {
-    /// The name that stands for it.
+    /// The name of the dataset.
     pub fn name(&self) -> &str {
         &self.name
     }

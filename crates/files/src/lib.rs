@@ -1,5 +1,5 @@
-//! Files of others: read by position, and found by name, in folders, lists and patterns. Files of our
-//! own: written from front to back, appearing whole or not at all, or without a name while they last.
+//! Input files: read by position, and found by name, in folders, lists and patterns. Output files: written
+//! sequentially and atomically, or as unnamed temporary files.
 
 pub mod atomic;
 mod beside;

@@ -1,5 +1,4 @@
-//! Inputs to files: a folder, a text list, a pattern with wildcards, or several of these and of
-//! files.
+//! Expands inputs to files: folders, text lists, wildcard patterns and file names.
 
 use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Read};
@@ -12,24 +11,24 @@ use super::glob;
 use super::held::is_made;
 use super::name::{name_of, path_of, shown};
 
-/// What names a text list of files, before its path.
+/// Prefix of the path of a text list.
 const LIST_PREFIX: char = '@';
-/// Endings that a text list may have without a prefix; points as text have them too.
+/// Extensions of text lists without the prefix; point clouds as text have them, too.
 const LIST_ENDINGS: [&str; 2] = ["txt", "csv"];
-/// Most bytes of a line of a list.
+/// Maximum line length of a list in bytes.
 const MOST_LINE: u64 = 4096;
 
-/// What kind of files is looked for.
+/// A kind of input files.
 pub struct FileKind {
-    /// What is missing where there is none: "grid".
+    /// Noun for error messages: "grid".
     pub what: &'static str,
-    /// True for names in a folder that are wanted.
+    /// True for names in a folder that belong to the kind.
     pub is_member: fn(&Path) -> bool,
-    /// The path in an input, where more than that may be said.
+    /// The path in an input that has more parts.
     pub file_name: fn(&str) -> &str,
 }
 
-/// What an input stands for.
+/// Kinds of input paths.
 enum InputPathKind<'a> {
     File,
     Folder,
@@ -50,7 +49,7 @@ impl FileKind {
             return if is_list(&path) { InputPathKind::List(path) } else { InputPathKind::File };
         }
         match input.strip_prefix(LIST_PREFIX) {
-            // Question marks of addresses are no pattern.
+            // Question marks in URLs are not wildcards.
             _ if is_address(&path) => InputPathKind::File,
             Some(list) => InputPathKind::List(path_of(list)),
             None if glob::is_pattern(input) => InputPathKind::Pattern,
@@ -58,31 +57,29 @@ impl FileKind {
         }
     }
 
-    /// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
-    /// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
-    /// file that is there, and else stands for itself; `@` before its name makes any file a list.
+    /// True if `input` stands for other files: a folder, a list of files, or a pattern. A `.txt` or `.csv`
+    /// file is a list if its first line (except empty lines and comments) names an existing file; the prefix
+    /// `@` makes any file a list.
     pub fn is_collection(&self, input: &str) -> bool {
         !matches!(self.kind(input), InputPathKind::File)
     }
 
-    /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+    /// The files that `inputs` stand for, in order; the files of a folder or pattern are sorted by name.
     ///
     /// # Errors
-    /// A folder, list or pattern that yields no file or cannot be read; more than
-    /// [`limits::MAX_MEMBERS`] files.
+    /// Unreadable folders, lists or patterns, or ones without files; more than [`limits::MAX_MEMBERS`] files.
     pub fn files(&self, inputs: &[String]) -> Result<Vec<String>> {
         self.found(inputs, |folder| self.folder(folder))
     }
 
-    /// As [`files`](Self::files), with those in folders below the folders among `inputs`; names that
-    /// begin with a dot, and links to folders, are passed over.
+    /// As [`files`](Self::files), including subfolders; hidden names and links to folders are skipped.
     ///
     /// # Errors
-    /// As [`files`](Self::files), and inputs among which there is no folder.
+    /// As [`files`](Self::files); inputs without a folder.
     pub fn files_below(&self, inputs: &[String]) -> Result<Vec<String>> {
         if !inputs.iter().any(|input| matches!(self.kind(input), InputPathKind::Folder)) {
-            return Err(Error::usage("‹recursive› is for folders, and no input is one")
-                .remedy("leave ‹recursive› out, or name a folder"));
+            return Err(Error::usage("‹recursive› requires a folder as input")
+                .remedy("omit ‹recursive›, or pass a folder"));
         }
         self.found(inputs, |folder| {
             let folders = glob::folders_below(folder)?;
@@ -110,12 +107,13 @@ impl FileKind {
                     files.extend(names(path, self.matching(path)?, "matches no file")?);
                 }
             }
-            limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
+            limits::check("number of files of one input", files.len() as u64, limits::MAX_MEMBERS)?;
         }
         Ok(files)
     }
 
-    /// The files that a pattern matches; of one that ends in `**`, which only folders match, their files.
+    /// The files that match a pattern. A pattern that ends in `**` matches folders only, and gives their
+    /// files.
     fn matching(&self, pattern: &Path) -> Result<Vec<PathBuf>> {
         let found = glob::expand(pattern)?;
         if !pattern.ends_with("**") {
@@ -125,7 +123,7 @@ impl FileKind {
         Ok(found.collect::<Result<Vec<_>>>()?.concat())
     }
 
-    /// The files of a folder (not of those below it) that are wanted, sorted by name.
+    /// The matching files of a folder (not of its subfolders), sorted by name.
     fn folder(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let fail = |e| Error::read(folder, e);
         let mut found = Vec::new();
@@ -133,8 +131,12 @@ impl FileKind {
             let path = entry.map_err(fail)?.path();
             if (self.is_member)(&path) && path.is_file() {
                 found.push(path);
-                limits::check("files of one input", found.len() as u64, limits::MAX_MEMBERS)
-                    .map_err(|e| e.in_file(folder))?;
+                limits::check(
+                    "number of files of one input",
+                    found.len() as u64,
+                    limits::MAX_MEMBERS,
+                )
+                .map_err(|e| e.in_file(folder))?;
             }
         }
         found.sort();
@@ -142,7 +144,7 @@ impl FileKind {
     }
 }
 
-/// The names of what was found at `place`; none is an error that says `nothing`.
+/// The names of the files found at `place`; an error with the message `nothing` if there are none.
 fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>> {
     if found.is_empty() {
         let error =
@@ -152,7 +154,7 @@ fn names(place: &Path, found: Vec<PathBuf>, nothing: &str) -> Result<Vec<String>
     found.into_iter().map(name_of).collect()
 }
 
-/// Whether a text file is a list: its first line names a file.
+/// True if the first line of a text file names a file.
 fn is_list(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     LIST_ENDINGS.contains(&ending.as_str())
@@ -169,7 +171,7 @@ fn first_line(list: &Path) -> Option<String> {
     }
 }
 
-/// The next line without white space around it; `None` after the last.
+/// The next line, trimmed; `None` after the last.
 fn next_line(from: &mut impl BufRead) -> std::io::Result<Option<String>> {
     let mut line = Vec::new();
     let bytes = from.take(MOST_LINE).read_until(b'\n', &mut line)?;
@@ -196,18 +198,18 @@ fn is_entry(line: &str) -> bool {
     !line.is_empty() && !line.starts_with('#')
 }
 
-/// The file that a line of a list names: in the list's folder, or else in the current one.
+/// The file named in a line of a list, relative to the folder of the list or else to the current folder.
 fn resolve(list: &Path, line: &str) -> PathBuf {
     let line = path_of(line);
     let beside = list.parent().unwrap_or(Path::new("")).join(&line);
     if beside.exists() { beside } else { line.into_owned() }
 }
 
-/// The files of a text list, one to a line.
+/// The files of a text list, one per line.
 fn listed(list: &Path) -> Result<Vec<String>> {
     let fail = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::InvalidData => {
-            Error::bad_input("is not a list of files: it is not text").in_file(list)
+            Error::bad_input("is not a list of files: not a text file").in_file(list)
         }
         _ => Error::read(list, e),
     };
@@ -221,19 +223,21 @@ fn listed(list: &Path) -> Result<Vec<String>> {
         let path = resolve(list, &line);
         if !path.is_file() {
             let line: String = shown(&line).chars().take(200).collect();
-            return Err(Error::bad_input(format!("names {line}, which is no file"))
-                .in_file(list)
-                .at(format_args!("line {number}"))
-                .remedy("names are taken from the list's folder, or else from the current one"));
+            return Err(Error::bad_input(format!(
+                "lists {line}, which does not exist or is not a file"
+            ))
+            .in_file(list)
+            .at(format_args!("line {number}"))
+            .remedy("use paths relative to the folder of the list or to the current folder"));
         }
         files.push(name_of(path)?);
-        limits::check("files of one input", files.len() as u64, limits::MAX_MEMBERS)
+        limits::check("number of files of one input", files.len() as u64, limits::MAX_MEMBERS)
             .map_err(|e| e.in_file(list))?;
     }
     if files.is_empty() {
-        return Err(Error::bad_input("names no file")
+        return Err(Error::bad_input("lists no files")
             .in_file(list)
-            .remedy("name one on each line"));
+            .remedy("write one path per line"));
     }
     Ok(files)
 }

@@ -1,23 +1,23 @@
-//! What this machine has. To ask the system takes as long as a small mesh, so it is asked once.
+//! Properties of the machine. Querying the system takes as long as a small mesh, so results are cached.
 
 use std::num::NonZero;
 use std::sync::OnceLock;
 
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Cores that the process may use.
+/// Number of cores available to the process.
 pub fn cores() -> usize {
     static CORES: OnceLock<usize> = OnceLock::new();
     *CORES.get_or_init(|| std::thread::available_parallelism().map_or(1, NonZero::get))
 }
 
-/// Bytes of memory, where the system tells.
+/// Physical memory in bytes, if the system reports it.
 pub fn physical_memory() -> Option<u64> {
     static MEMORY: OnceLock<Option<u64>> = OnceLock::new();
     *MEMORY.get_or_init(|| proc_bytes("/proc/meminfo", "MemTotal:"))
 }
 
-/// The bytes that a line of a file of the system tells in KiB.
+/// Value in bytes of a line of a `/proc` file that is given in KiB.
 pub fn proc_bytes(file: &str, key: &str) -> Option<u64> {
     let text = std::fs::read_to_string(file).ok()?;
     let line = text.lines().find(|line| line.starts_with(key))?;
@@ -25,10 +25,10 @@ pub fn proc_bytes(file: &str, key: &str) -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// Does `work` on a pool of so many threads; within another pool, as for a mosaic in a mosaic, on that one.
+/// Runs `work` on a pool of `threads` threads; inside another pool (a mosaic in a mosaic) on that one.
 ///
 /// # Errors
-/// Those of `work`; threads that cannot be started.
+/// Errors of `work`; failure to start threads.
 pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if rayon::current_thread_index().is_some() {
         return work();

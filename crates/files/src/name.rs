@@ -1,9 +1,9 @@
-//! Names of files as text that loses nothing.
+//! Lossless conversion of file names to text.
 //!
-//! Inputs are texts: a name may carry a prefix, stands in plans and lists, and is told in reports. On
-//! Unix a name is any bytes. Those that are no UTF-8 are carried as characters of a private plane, one
-//! for each byte, and so is each byte of such a character, should a name have one: every name is one
-//! text, and the text gives the name back (as Python does it, PEP 383, which has surrogates for it).
+//! Inputs are strings: a name may carry a prefix, and is stored in plans, lists and reports. Unix file
+//! names are arbitrary bytes. Bytes that are not UTF-8 are mapped to characters of a private plane, one
+//! for each byte, and so are the bytes of such characters in a name. The mapping is reversible, like
+//! Python's surrogate escapes (PEP 383).
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ const FIRST: u32 = 0x10_FE00;
 /// The text of a path.
 ///
 /// # Errors
-/// Where paths are no bytes: one that is not Unicode.
+/// On platforms whose paths are not bytes: a name that is not Unicode.
 #[cfg(unix)]
 pub fn name_of(path: PathBuf) -> Result<String> {
     use std::os::unix::ffi::OsStrExt;
@@ -40,7 +40,7 @@ pub fn name_of(path: PathBuf) -> Result<String> {
 #[cfg(not(unix))]
 pub fn name_of(path: PathBuf) -> Result<String> {
     path.into_os_string().into_string().map_err(|path| {
-        terrane_base::error::Error::bad_input("has a name that is not Unicode")
+        terrane_base::error::Error::bad_input("file name is not valid Unicode")
             .in_file(Path::new(&path))
             .remedy("rename it")
     })
@@ -68,12 +68,12 @@ pub fn path_of(name: &str) -> Cow<'_, Path> {
     Cow::Borrowed(Path::new(name))
 }
 
-/// A name for people: what is no text in it is a question mark in a diamond.
+/// A name for display; bytes that are not text are shown as the replacement character.
 pub fn shown(name: &str) -> String {
     path_of(name).display().to_string()
 }
 
-/// Names for people, with commas between them.
+/// Names for display, separated by commas.
 pub fn shown_all(names: &[String]) -> String {
     names.iter().map(|name| shown(name)).collect::<Vec<_>>().join(", ")
 }

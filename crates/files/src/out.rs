@@ -1,5 +1,5 @@
-//! Bytes written from front to back through a buffer: to a file that stays, or to a nameless one, in
-//! which a part of an output waits for those before it.
+//! Sequential buffered output: to a permanent file, or to an unnamed one that holds part of an output until
+//! the parts before it are complete.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -10,19 +10,19 @@ use crate::fault::{self, FaultPoint};
 use crate::{RawFile, nameless, spool, write_all_at};
 use terrane_base::error::{Error, Result};
 
-/// Bytes gathered before they go to the file: enough to make the cost of a call vanish.
+/// Buffer size in bytes, large enough that the cost of a system call is negligible.
 const BUFFER_BYTES: usize = 256 << 10;
 
-/// The end of a file that grows.
+/// Appends to a growing file.
 #[derive(Debug)]
 pub struct AppendWriter {
     file: File,
-    /// What errors name.
+    /// Path named in errors.
     path: PathBuf,
     fail: fn(&Path, io::Error) -> Error,
-    /// What is to be written next. Whoever appends to it calls [`settle`](Self::settle) then.
+    /// Pending bytes. Call [`settle`](Self::settle) after appending.
     pub buffer: Vec<u8>,
-    /// Bytes that have left the buffer.
+    /// Bytes flushed from the buffer.
     written: u64,
 }
 
@@ -33,7 +33,7 @@ impl AppendWriter {
         Self { file, path, fail: Error::write, buffer: Vec::new(), written: 0 }
     }
 
-    /// Writes to `target` from `start` on. The file is complete, for its name, after a [`flush`](Self::flush).
+    /// Writes to `target` from `start` on. The file is complete after a [`flush`](Self::flush).
     pub fn of(target: &AtomicFile, start: u64) -> Result<Self> {
         let fail = |e| Error::write(target.path(), e);
         let mut file = target.file().try_clone().map_err(fail)?;
@@ -41,18 +41,18 @@ impl AppendWriter {
         Ok(Self::new(file, target.path()))
     }
 
-    /// Writes to a nameless file in `folder`, which errors name.
+    /// Writes to an unnamed file in `folder`, which errors name.
     pub fn spool(folder: &Path) -> Result<Self> {
         let fail = |folder: &Path, e| spool::failure(folder, "write to", e);
         Ok(Self { fail, ..Self::new(nameless(folder)?, folder) })
     }
 
-    /// What errors name.
+    /// Path named in errors.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Bytes written so far, those in the buffer included.
+    /// Bytes written so far, including the buffer.
     pub fn bytes(&self) -> u64 {
         self.written + self.buffer.len() as u64
     }
@@ -94,7 +94,7 @@ impl AppendWriter {
         Ok(())
     }
 
-    /// Appends everything written to `spool`; within the kernel where it can.
+    /// Appends the content of `spool`, within the kernel if possible.
     pub fn append(&mut self, spool: AppendWriter) -> Result<()> {
         self.flush()?;
         let mut source = spool.into_file()?;
@@ -103,21 +103,21 @@ impl AppendWriter {
         Ok(())
     }
 
-    /// Writes over what is at `offset`.
+    /// Overwrites the bytes at `offset`.
     pub fn replace(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.flush()?;
         let replaced = write_all_at(&self.file, bytes, offset);
-        // Where a place can only be written to by going there, the cursor has moved.
+        // Without positioned writes the cursor has moved.
         let back = replaced.and_then(|()| self.file.seek(SeekFrom::End(0)));
         back.map(drop).map_err(|e| (self.fail)(&self.path, e))
     }
 
-    /// Empties the buffer if it has grown large.
+    /// Flushes the buffer if it has grown large.
     pub fn settle(&mut self) -> Result<()> {
         if self.buffer.len() < BUFFER_BYTES { Ok(()) } else { self.flush() }
     }
 
-    /// Empties the buffer.
+    /// Flushes the buffer.
     pub fn flush(&mut self) -> Result<()> {
         let mut gathered = std::mem::take(&mut self.buffer);
         let written = self.pass_on(&gathered);
@@ -133,14 +133,14 @@ impl AppendWriter {
         Ok(())
     }
 
-    /// The file, complete, to be read from its start.
+    /// The complete file, positioned at its start.
     pub fn into_file(mut self) -> Result<File> {
         self.flush()?;
         self.file.seek(SeekFrom::Start(0)).map_err(|e| (self.fail)(&self.path, e))?;
         Ok(self.file)
     }
 
-    /// The file, complete and not empty, to be read by position.
+    /// The complete, non-empty file, for reading by position.
     pub fn into_raw(mut self) -> Result<RawFile> {
         self.flush()?;
         RawFile::of(self.file, &self.path)

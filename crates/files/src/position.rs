@@ -1,4 +1,4 @@
-//! Bytes read and written at a place of a file, whatever its cursor.
+//! Positioned reads and writes, independent of the file cursor.
 
 use std::fs::File;
 use std::io;

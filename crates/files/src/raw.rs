@@ -1,5 +1,5 @@
-//! Files of others, read by position (`pread`), never mapped: a file that shrinks is an error, not
-//! a signal. Every range is checked against the file's length before anything is allocated.
+//! Input files read by position (`pread`), never mapped: a shrinking file is an error, not a signal. Every
+//! range is checked against the file length before memory is allocated.
 
 use std::fs::File;
 use std::io;
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::position::read_exact_at;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Most bytes read at once where rows lie close together.
+/// Maximum number of bytes read at once for adjacent rows.
 const RUN_BYTES: usize = 1 << 20;
 
 /// An open input file of known length.
@@ -19,14 +19,14 @@ pub struct RawFile {
     path: PathBuf,
 }
 
-/// Rows of bytes at equal distances in a file.
+/// Equally spaced rows of bytes in a file.
 #[derive(Clone, Copy, Debug)]
 pub struct RowRun {
     /// Offset of the first byte of the first row.
     pub offset: u64,
-    /// Bytes from one row's start to the next.
+    /// Bytes from the start of one row to that of the next.
     pub pitch: u64,
-    /// Bytes wanted of each row.
+    /// Bytes to read of each row.
     pub bytes: usize,
     /// Number of rows.
     pub rows: usize,
@@ -45,7 +45,7 @@ impl RawFile {
         Self::of(File::open(path).map_err(|e| Error::read(path, e))?, path)
     }
 
-    /// Takes over an open file; `path` is what errors call it.
+    /// Takes over an open file; errors name it `path`.
     pub fn of(file: File, path: &Path) -> Result<Self> {
         let len = file.metadata().map_err(|e| Error::read(path, e))?.len();
         if len == 0 {
@@ -54,12 +54,12 @@ impl RawFile {
         Ok(Self { file, len, path: path.to_path_buf() })
     }
 
-    /// Length in bytes when it was opened.
+    /// Length in bytes at the time of opening.
     pub fn size(&self) -> u64 {
         self.len
     }
 
-    /// Its name in messages.
+    /// Path named in errors.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -69,15 +69,14 @@ impl RawFile {
         match offset.checked_add(bytes) {
             Some(end) if end <= self.len => Ok(()),
             _ => Err(Error::bad_input(format!(
-                "file is truncated or damaged: {bytes} bytes expected at offset {offset}, \
-                 but the file ends at {}",
+                "file is truncated or damaged: {bytes} bytes expected at offset {offset}, file ends at {}",
                 self.len
             ))
             .in_file(&self.path)),
         }
     }
 
-    /// Fills `out` from `offset`.
+    /// Fills `out` from the bytes at `offset`.
     pub fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
         self.check_range(offset, out.len() as u64)?;
         read_exact_at(&self.file, out, offset).map_err(|e| self.failed(offset, e))
@@ -96,8 +95,8 @@ impl RawFile {
         self.read_vec(0, self.len.min(most))
     }
 
-    /// Hands each row of `run` to `each(row, bytes)`, reading many at a time where they lie close
-    /// together. `scratch` is reused between calls.
+    /// Passes each row of `run` to `each(row, bytes)`; adjacent rows are read together. `scratch` is reused
+    /// between calls.
     pub fn each_row(
         &self,
         run: RowRun,
@@ -107,7 +106,7 @@ impl RawFile {
         let step = rows_at_once(&run);
         for first in (0..run.rows).step_by(step) {
             let rows = step.min(run.rows - first);
-            // With one row at a time the pitch is not used, so it may be beyond usize.
+            // With one row at a time the pitch is unused, so it may exceed usize.
             let pitch = if rows == 1 { 0 } else { run.pitch as usize };
             let bytes = pitch * (rows - 1) + run.bytes;
             scratch.resize(scratch.len().max(bytes), 0);
@@ -120,19 +119,19 @@ impl RawFile {
         Ok(())
     }
 
-    /// Reads from the start on, byte after byte.
+    /// A sequential reader from the start.
     pub fn reader(&self) -> RawFileReader<'_> {
         self.reader_at(0)
     }
 
-    /// Reads from `offset` on, byte after byte.
+    /// A sequential reader from `offset` on.
     pub fn reader_at(&self, offset: u64) -> RawFileReader<'_> {
         RawFileReader { file: self, at: offset }
     }
 
     fn failed(&self, offset: u64, source: io::Error) -> Error {
         if source.kind() == io::ErrorKind::UnexpectedEof {
-            return Error::bad_input("file became shorter while it was read")
+            return Error::bad_input("file shrank while it was being read")
                 .at(format_args!("offset {offset}"))
                 .in_file(&self.path);
         }
@@ -140,7 +139,7 @@ impl RawFile {
     }
 }
 
-/// A position in a [`RawFile`], for decoders that read streams.
+/// Sequential reader of a [`RawFile`], for stream decoders.
 pub struct RawFileReader<'a> {
     file: &'a RawFile,
     at: u64,
@@ -167,7 +166,7 @@ impl io::Seek for RawFileReader<'_> {
     }
 }
 
-/// Rows to read in one call: several when at least half of the bytes passed over are wanted.
+/// Number of rows to read in one call: several if at least half of the bytes read are used.
 fn rows_at_once(run: &RowRun) -> usize {
     let dense = run.pitch <= 2 * run.bytes as u64;
     if dense && run.pitch > 0 { (RUN_BYTES / run.pitch as usize).max(1) } else { 1 }
@@ -175,8 +174,12 @@ fn rows_at_once(run: &RowRun) -> usize {
 
 /// `value` as a length in memory.
 pub fn to_usize(name: &str, value: u64) -> Result<usize> {
-    usize::try_from(value)
-        .map_err(|_| Error::new(ErrorKind::Resource, format!("{name} of {value} bytes")))
+    usize::try_from(value).map_err(|_| {
+        Error::new(
+            ErrorKind::Resource,
+            format!("{name} of {value} bytes exceeds the address space"),
+        )
+    })
 }
 
 #[cfg(test)]

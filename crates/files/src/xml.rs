@@ -1,6 +1,5 @@
-//! XML read as a stream: start tags, texts, ends. No document type, no entity but the five of XML itself, and limits on
-//! depth and on the bytes of a part. Skipped elements must be well-formed, too: a document damaged anywhere may be damaged in the
-//! elements that are used.
+//! Streaming XML reader: start tags, texts, end tags. Document types and entities other than the five of XML
+//! are rejected, and depth and token size are limited. Skipped elements must be well-formed as well.
 
 use std::borrow::Cow;
 use std::io::{self, BufRead, Read};
@@ -26,13 +25,13 @@ const MAX_PART_BYTES: u64 = limits::MAX_HEADER_BYTES;
 pub struct XmlReader<R> {
     reader: Reader<PartSizeGuard<R>>,
     buffer: Vec<u8>,
-    /// Elements that have begun and not ended, as far as they are known.
+    /// Open elements.
     depth: u64,
-    /// Where reading began, in bytes.
+    /// Byte offset at which reading began.
     base: u64,
 }
 
-/// What comes next.
+/// An XML event.
 pub enum XmlEvent {
     /// An element begins.
     Start(XmlStartTag),
@@ -67,7 +66,11 @@ impl XmlStartTag {
         let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
             found.push((text(attribute.name)?, attribute.resolved()?.into_owned()));
-            limits::check("attributes of an element", found.len() as u64, MAX_ATTRIBUTES)?;
+            limits::check(
+                "number of attributes of an element",
+                found.len() as u64,
+                MAX_ATTRIBUTES,
+            )?;
         }
         Ok(found)
     }
@@ -75,15 +78,15 @@ impl XmlStartTag {
     /// The value of the attribute of that name, owned.
     ///
     /// # Errors
-    /// Those of [`attributes`](Self::attributes).
+    /// As [`attributes`](Self::attributes).
     pub fn attribute(&self, name: &str) -> Result<Option<String>> {
         Ok(self.value(name)?.map(Cow::into_owned))
     }
 
-    /// The value of the attribute of that name, borrowed where it holds no reference.
+    /// The value of the attribute `name`, borrowed if it contains no reference.
     ///
     /// # Errors
-    /// Those of [`attributes`](Self::attributes).
+    /// As [`attributes`](Self::attributes).
     pub fn value(&self, name: &str) -> Result<Option<Cow<'_, str>>> {
         let mut all = XmlAttributes { bytes: self.0.as_bytes(), at: self.name().len() };
         while let Some(attribute) = all.next()? {
@@ -96,24 +99,24 @@ impl XmlStartTag {
 }
 
 impl<R: BufRead> XmlReader<R> {
-    /// A document from its start.
+    /// A document read from its start.
     pub fn new(from: R) -> Self {
         Self::within(from, 0)
     }
 
-    /// A document that was read from its start before, from byte `base` on, where an element begins: what was found to be
-    /// well-formed is not looked at again.
+    /// A document whose beginning was read before: starts at an element at byte `base`. The earlier part is
+    /// not checked again.
     pub fn within(from: R, base: u64) -> Self {
         let mut reader = Reader::from_reader(PartSizeGuard { inner: from, left: MAX_PART_BYTES });
         let config = reader.config_mut();
         config.expand_empty_elements = true;
         config.check_comments = true;
-        // What began before is not known to have begun.
+        // Elements opened before `base` are unknown.
         config.allow_unmatched_ends = base > 0;
         Self { reader, buffer: Vec::new(), depth: 0, base }
     }
 
-    /// Where the next part begins, in bytes.
+    /// Byte offset of the next event.
     pub fn offset(&self) -> u64 {
         self.base + self.reader.buffer_position()
     }
@@ -121,7 +124,7 @@ impl<R: BufRead> XmlReader<R> {
     /// The next part.
     ///
     /// # Errors
-    /// Text that is not well-formed XML; a document type, an unknown entity; a limit exceeded.
+    /// Malformed XML; a document type or an unknown entity; an exceeded limit.
     #[expect(clippy::should_implement_trait, reason = "an iterator has no errors of its own")]
     pub fn next(&mut self) -> Result<XmlEvent> {
         loop {
@@ -138,7 +141,7 @@ impl<R: BufRead> XmlReader<R> {
                         check_tag(&start)?;
                     }
                     self.depth += 1;
-                    limits::check("depth of XML", self.depth, MAX_DEPTH)?;
+                    limits::check("depth of XML elements", self.depth, MAX_DEPTH)?;
                     return Ok(XmlEvent::Start(XmlStartTag(start.into_owned())));
                 }
                 Event::End(_) => {
@@ -154,22 +157,22 @@ impl<R: BufRead> XmlReader<R> {
                 }
                 Event::DocType(_) => return Err(no_document_type()),
                 Event::Eof if self.depth > 0 => {
-                    return Err(Error::bad_input("ends in the middle of an element"));
+                    return Err(Error::bad_input("file ends inside an element"));
                 }
                 Event::Eof => return Ok(XmlEvent::Over),
                 Event::Decl(_) if is_begun => return Err(not_xml(&"a second declaration")),
                 Event::PI(pi) if !is_name(pi.target()) => {
-                    return Err(not_xml(&"an instruction without a name"));
+                    return Err(not_xml(&"processing instruction without a name"));
                 }
                 Event::Empty(_) | Event::Comment(_) | Event::Decl(_) | Event::PI(_) => {}
             }
         }
     }
 
-    /// Passes over the rest of the element at hand.
+    /// Skips the rest of the current element.
     ///
     /// # Errors
-    /// Those of [`next`](Self::next); the end of the document.
+    /// As [`next`](Self::next); the end of the document.
     pub fn skip(&mut self) -> Result<()> {
         let mut open = 1;
         while open > 0 {
@@ -177,33 +180,33 @@ impl<R: BufRead> XmlReader<R> {
                 XmlEvent::Start(_) => open += 1,
                 XmlEvent::End => open -= 1,
                 XmlEvent::Text(_) => {}
-                XmlEvent::Over => return Err(Error::bad_input("ends in the middle of an element")),
+                XmlEvent::Over => return Err(Error::bad_input("file ends inside an element")),
             }
         }
         Ok(())
     }
 
-    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    /// Checks that only comments and white space follow the root element.
     ///
     /// # Errors
-    /// Those of [`next`](Self::next); anything else.
+    /// As [`next`](Self::next); other content.
     pub fn finish(&mut self) -> Result<()> {
         loop {
             match self.next()? {
                 XmlEvent::Over => return Ok(()),
                 XmlEvent::Text(text) if text.trim_ascii().is_empty() => {}
-                _ => return Err(Error::bad_input("goes on behind its outermost element")),
+                _ => return Err(Error::bad_input("content follows the root element")),
             }
         }
     }
 }
 
-/// Fails unless a start tag is a name and attributes with a space before each, quoted, and each there once.
+/// Checks a start tag: a name, then quoted attributes, each preceded by a space and unique.
 fn check_tag(start: &str) -> Result<()> {
     let end = start.bytes().position(|c| has(c, SPACE)).unwrap_or(start.len());
     let mut all = XmlAttributes { bytes: start.as_bytes(), at: end };
     let mut is_sound = is_name(&start[..end]);
-    // Most tags have few attributes: their names are compared each with each.
+    // Most tags have few attributes, so names are compared pairwise.
     let (mut few, mut count, mut more) = ([&[][..]; 8], 0, Vec::new());
     while let Some(XmlAttribute { name, value, has_reference }) = all.next()? {
         is_sound &= !few.iter().any(|other| other.first() == name.first() && *other == name);
@@ -219,14 +222,14 @@ fn check_tag(start: &str) -> Result<()> {
     if is_sound { Ok(()) } else { Err(damaged_tag()) }
 }
 
-/// An attribute, with its value as it is written.
+/// An attribute with its raw value.
 struct XmlAttribute<'a> {
     name: &'a [u8],
     value: &'a [u8],
     has_reference: bool,
 }
 
-/// The attributes of a start tag, one by one.
+/// Iterator over the attributes of a start tag.
 struct XmlAttributes<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -269,8 +272,8 @@ impl<'a> XmlAttributes<'a> {
     }
 }
 
-/// Classes of bytes: white space; the first byte of a name; any byte of a name; bytes of a value that never end it and need
-/// no second look.
+/// Character classes of bytes: white space; first byte of a name; any byte of a name; bytes of a value that
+/// need no further check.
 const SPACE: u8 = 1;
 const NAME_START: u8 = 2;
 const NAME: u8 = 4;
@@ -312,7 +315,7 @@ fn is_name(name: &str) -> bool {
 }
 
 impl<'a> XmlAttribute<'a> {
-    /// The value as it is meant: references resolved, and a space for each space of another kind.
+    /// The value with references resolved and white space normalised to spaces.
     fn resolved(&self) -> Result<Cow<'a, str>> {
         let value = text(self.value)?;
         if !self.has_reference && !value.bytes().any(|c| c < b' ') {
@@ -325,12 +328,13 @@ impl<'a> XmlAttribute<'a> {
 }
 
 fn damaged_tag() -> Error {
-    not_xml(&"a tag is damaged")
+    not_xml(&"malformed tag")
 }
 
 /// Fails for characters that are not allowed in XML.
 fn check_text(text: &str) -> Result<()> {
-    // All bytes without a branch, which is many at a time; 0xef begins the two that are not control characters.
+    // Branch-free, so that the loop is vectorised; 0xef is the first byte of the two other forbidden
+    // characters.
     let is_odd = |c: u8| (c < b' ' && !matches!(c, b'\t' | b'\n' | b'\r')) | (c == 0xef);
     if !text.bytes().fold(false, |odd, c| odd | is_odd(c)) {
         return Ok(());
@@ -339,7 +343,7 @@ fn check_text(text: &str) -> Result<()> {
         c < ' ' && !matches!(c, '\t' | '\n' | '\r') || matches!(c, '\u{fffe}' | '\u{ffff}')
     };
     match text.contains(is_none) {
-        true => Err(not_xml(&"it holds control characters")),
+        true => Err(not_xml(&"control characters are not allowed")),
         false => Ok(()),
     }
 }
@@ -351,7 +355,8 @@ fn reference(c: Option<char>, name: &str) -> Result<String> {
     let known = KNOWN.iter().find(|(known, _)| *known == name).map(|(_, c)| *c);
     c.or(known).map(String::from).ok_or_else(|| {
         let name: String = name.chars().take(40).collect();
-        Error::unsupported(format!("entity &{name}; is not supported")).remedy("write it out")
+        Error::unsupported(format!("entity &{name}; is not supported"))
+            .remedy("replace it by its text")
     })
 }
 
@@ -360,14 +365,15 @@ fn not_xml(error: &dyn std::fmt::Display) -> Error {
 }
 
 fn no_document_type() -> Error {
-    Error::unsupported("a document type (DTD) is not supported").remedy("take it out of the file")
+    Error::unsupported("document type declarations (DTD) are not supported")
+        .remedy("remove the declaration from the file")
 }
 
-/// The error of a part that is too long, not UTF-8, or not XML.
+/// Error of a token that is too long, not UTF-8, or not XML.
 fn failed(error: &quick_xml::Error) -> Error {
     match error {
         quick_xml::Error::Io(e) if e.kind() == io::ErrorKind::FileTooLarge => {
-            Error::limit("bytes of one part of XML", MAX_PART_BYTES + 1, MAX_PART_BYTES)
+            Error::limit("size of one XML token in bytes", MAX_PART_BYTES + 1, MAX_PART_BYTES)
         }
         quick_xml::Error::Encoding(_) => {
             Error::bad_input("is not UTF-8").remedy("convert the file to UTF-8")
@@ -376,7 +382,7 @@ fn failed(error: &quick_xml::Error) -> Error {
     }
 }
 
-/// A text as it stands in an attribute.
+/// `text` escaped for use in an attribute.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -385,7 +391,7 @@ pub fn escaped(text: &str) -> String {
             '>' => out.push_str("&gt;"),
             '&' => out.push_str("&amp;"),
             '"' => out.push_str("&quot;"),
-            // XML 1.0 has no way to write them.
+            // XML 1.0 cannot represent them.
             c if c.is_control() => out.push('?'),
             c => out.push(c),
         }
@@ -393,7 +399,7 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// Fails when one part takes more than [`MAX_PART_BYTES`].
+/// Reader that fails when one token exceeds [`MAX_PART_BYTES`].
 struct PartSizeGuard<R> {
     inner: R,
     left: u64,

@@ -1,4 +1,4 @@
-//! Heights in memory as a grid.
+//! Grids of samples in memory.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -13,9 +13,9 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_base::limits;
 
-/// A type of samples in memory.
+/// A sample type of arrays in memory.
 pub trait ArraySample: Pod {
-    /// How grids call it.
+    /// Sample type of the grid.
     const TYPE: SampleType;
 }
 
@@ -29,14 +29,14 @@ macro_rules! array_samples {
 
 array_samples! { i8, I8; u8, U8; i16, I16; u16, U16; i32, I32; u32, U32; f32, F32; f64, F64; }
 
-/// Samples in memory, row by row. NaN and infinities are voids, and so is the nodata value.
+/// Samples in memory, row by row. NaN, infinities and the nodata value are void.
 #[derive(Clone, Debug)]
 pub struct ArrayGrid<'a> {
     info: GridInfo,
     samples: SampleStorage<'a>,
 }
 
-/// Where samples are, as bytes.
+/// Storage of the samples as bytes.
 #[derive(Clone)]
 enum SampleStorage<'a> {
     Borrowed(&'a [u8]),
@@ -47,7 +47,7 @@ trait SampleBuffer {
     fn bytes(&self) -> &[u8];
 }
 
-/// Something that holds samples of one type.
+/// Owner of samples of one type.
 struct SampleHolder<T, S>(T, PhantomData<fn() -> S>);
 
 impl<T: AsRef<[S]>, S: ArraySample> SampleBuffer for SampleHolder<T, S> {
@@ -72,11 +72,11 @@ impl fmt::Debug for SampleStorage<'_> {
 }
 
 impl<'a> ArrayGrid<'a> {
-    /// `height` rows of `width` samples each, on the lattice itself ([`Affine::LATTICE`]):
-    /// x is the column, and y the row with its sign changed, so that north is up.
+    /// `height` rows of `width` samples each, without georeference ([`Affine::LATTICE`]): x is the column and
+    /// y is the negated row, so that north is up.
     ///
     /// # Errors
-    /// Usage: another number of samples, none, or a side of more than [`limits::MAX_SIDE`].
+    /// Usage: wrong number of samples, no samples, or a side above [`limits::MAX_SIDE`].
     pub fn new<S: ArraySample>(samples: &'a [S], width: u32, height: u32) -> Result<Self> {
         let info = Self::plain::<S>(samples.len(), width, height)?;
         Ok(Self { info, samples: SampleStorage::Borrowed(bytemuck::cast_slice(samples)) })
@@ -86,19 +86,19 @@ impl<'a> ArrayGrid<'a> {
         limits::check("number of columns", u64::from(width), limits::MAX_SIDE)?;
         limits::check("number of rows", u64::from(height), limits::MAX_SIDE)?;
         if count == 0 || count as u64 != u64::from(width) * u64::from(height) {
-            let message = format!("{count} samples are no {width} x {height}");
-            return Err(Error::usage(message).remedy("give as many as there are, row by row"));
+            let message = format!("{count} samples do not match a grid of {width} x {height}");
+            return Err(Error::usage(message).remedy("pass width x height samples, row by row"));
         }
         Ok(GridInfo::plain("array", width, height, S::TYPE))
     }
 
-    /// The same where samples lie elsewhere, in a reference system.
+    /// The grid with a georeference.
     pub fn placed(mut self, transform: Affine, crs: Crs) -> Self {
         self.info = GridInfo { transform, crs, georeferenced: true, ..self.info };
         self
     }
 
-    /// The same with a value that stands for no height.
+    /// The grid with a nodata value.
     pub fn with_nodata(mut self, nodata: Option<f64>) -> Self {
         self.info.nodata = nodata;
         self
@@ -118,7 +118,7 @@ impl<'a> ArrayGrid<'a> {
 }
 
 impl ArrayGrid<'static> {
-    /// The same of samples that are held together with the grid.
+    /// As [`new`](Self::new), sharing ownership of the samples.
     ///
     /// # Errors
     /// As [`new`](Self::new).

@@ -1,5 +1,5 @@
-//! Decoded blocks kept within a fixed number of bytes, shared by threads. Blocks are decoded
-//! outside the lock, each by one thread; least recently used blocks go first.
+//! LRU cache of decoded blocks with a size limit, shared by threads. Blocks are decoded outside the lock,
+//! each by one thread.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Condvar, Mutex};
@@ -22,7 +22,7 @@ pub(crate) struct BlockCache {
 #[derive(Debug, Default)]
 struct BlockCacheState {
     slots: HashMap<u64, BlockCacheSlot>,
-    /// Stamp of last use to key; the first entry is the next to go.
+    /// Keys by time of last use; the first entry is evicted next.
     order: BTreeMap<u64, u64>,
     clock: u64,
     bytes: usize,
@@ -30,7 +30,7 @@ struct BlockCacheState {
 
 #[derive(Debug)]
 enum BlockCacheSlot {
-    /// Some thread is at it.
+    /// A thread is decoding the block.
     Decoding,
     Ready {
         block: Block,
@@ -44,24 +44,24 @@ impl BlockCache {
         Self { most, state: Mutex::default(), changed: Condvar::new() }
     }
 
-    /// The block `key`, decoded by `decode` unless it is here already.
+    /// The block `key`, decoded by `decode` unless cached.
     pub(crate) fn get(&self, key: u64, decode: impl FnOnce() -> Result<Vec<u8>>) -> Result<Block> {
         if let Some(block) = self.find_or_claim(key) {
             return Ok(block);
         }
-        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        // Dropped on failure and on panic, so that waiting threads retry.
         let claim = BlockDecodeClaim { cache: self, key };
         let block = Arc::new(decode()?);
         claim.fulfil(&block);
         Ok(block)
     }
 
-    /// Drops the block `key` if it is here.
+    /// Drops the block `key` from the cache.
     pub(crate) fn forget(&self, key: u64) {
         lock(&self.state).remove_ready(key);
     }
 
-    /// The ready block, or `None` after marking it as being decoded by this thread.
+    /// The cached block, or `None` after claiming it for this thread.
     fn find_or_claim(&self, key: u64) -> Option<Block> {
         let mut state = lock(&self.state);
         loop {
@@ -116,7 +116,7 @@ impl BlockCacheState {
     }
 }
 
-/// The right and duty of one thread to decode one block.
+/// Claim of one thread to decode one block.
 struct BlockDecodeClaim<'a> {
     cache: &'a BlockCache,
     key: u64,
@@ -141,8 +141,7 @@ impl Drop for BlockDecodeClaim<'_> {
     }
 }
 
-/// The error of so many bytes that do not fit in what is left for blocks: of all memory a quarter at the least, beside
-/// the program.
+/// Error of a block of `bytes` that exceeds the block cache, which is at least a quarter of the memory limit.
 pub(crate) fn too_large_for_cache(message: String, bytes: u64) -> Error {
     let remedy = format!("pass ‹memory› {}M or more", 4 * bytes.div_ceil(1 << 20) + 64);
     Error::new(ErrorKind::Resource, message).remedy(remedy)

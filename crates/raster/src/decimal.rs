@@ -1,10 +1,9 @@
-//! Plain decimal numbers, fast: those that one exact step converts, as nearly all of a text grid do.
+//! Fast parser of plain decimal numbers that convert in one exact step, as nearly all of a text grid do.
 
 use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS};
 
-/// The number that `text` begins with, and its length, when `text` goes on behind it, it has no
-/// exponent and few enough digits; `None` for all else, numbers or not. Whether it ends there is for
-/// the caller to see.
+/// The number at the start of `text` and its length, if more text follows, and it has no exponent and few
+/// enough digits; `None` otherwise. The caller checks what follows.
 ///
 /// The digits without their point are a whole number that is exact in `f64`, and so is the power of
 /// ten it is divided by; the division rounds once, so the result is the nearest `f64` (Clinger
@@ -17,14 +16,13 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     if !is_plain || end == text.len() {
         return None;
     }
-    // Below 2^63, where the conversion from signed numbers is the faster one.
+    // Below 2^63, where the faster conversion from signed integers applies.
     let whole = mantissa as i64 as f64;
     let value = if decimals == 0 { whole } else { whole / POWERS[decimals] };
     Some((if negative { -value } else { value }, end))
 }
 
-/// The number that all of `text` is, as programs write it; `None` when it is none, or when digits say
-/// more than `f64` holds, which is not what they mean who write "inf".
+/// The number in all of `text`; `None` if it is not a number, or if its digits overflow `f64`.
 pub(super) fn whole(text: &str) -> Option<f64> {
     let is_said = |value: &f64| value.is_finite() || !text.contains(|c: char| c.is_ascii_digit());
     text.parse().ok().filter(is_said)

@@ -1,6 +1,6 @@
-//! DTED levels 0 to 2 (MIL-PRF-89020B): one degree of heights in columns from west to east, each
-//! from south to north with a checksum. Every checksum is verified at opening, and the heights are
-//! kept in a temporary file.
+//! DTED levels 0 to 2 (MIL-PRF-89020B): one degree of heights in columns from west to east, each from south
+//! to north with a checksum. All checksums are verified at opening, and the heights are kept in a temporary
+//! file.
 
 use std::path::Path;
 
@@ -23,16 +23,16 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
 };
 
 const LABEL_BYTES: u64 = 80;
-/// Tape labels that may precede the user header label.
+/// Maximum number of tape labels before the user header label.
 const MOST_LABELS: u64 = 8;
 const DSI_BYTES: u64 = 648;
 const ACC_BYTES: u64 = 2700;
-/// Before the heights of a column: sentinel, block count, longitude and latitude counts.
+/// Header of a column: sentinel, block count, longitude and latitude counts.
 const COLUMN_HEAD: usize = 8;
 const CHECKSUM_BYTES: usize = 4;
 const SENTINEL: u8 = 0xaa;
 const VOID: i16 = -32767;
-/// No height is lower; such a value was written in two's complement, against the standard.
+/// Lowest valid height; values below were written in two's complement, against the standard.
 const LOWEST: i16 = -16000;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -51,16 +51,16 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(spool, info, layout)
 }
 
-/// What the header records say.
+/// Content of the header records.
 struct DtedHeader {
     width: u32,
     height: u32,
     transform: Affine,
-    /// EPSG code of the datum's geographic system, and its name.
+    /// EPSG code and name of the geographic CRS.
     datum: (Option<u32>, String),
     vertical_datum: String,
     level: String,
-    /// True when the data set says that it covers part of its cell.
+    /// True if the data set is declared as a partial cell.
     is_partial: bool,
     /// Offset of the first column.
     data: u64,
@@ -75,7 +75,9 @@ impl DtedHeader {
         let label = DtedText(&label);
         let dsi = DtedText(&dsi);
         if dsi.at(0, 3) != "DSI" {
-            return Err(Error::bad_input("there is no data set identification after the label"));
+            return Err(Error::bad_input(
+                "data set identification (DSI) is missing after the label",
+            ));
         }
         let (width, height) =
             (label.side("longitude lines", 47)?, label.side("latitude points", 51)?);
@@ -118,7 +120,7 @@ impl DtedHeader {
     }
 }
 
-/// Offset of the user header label, behind any tape labels.
+/// Offset of the user header label, after any tape labels.
 fn label_start(file: &RawFile) -> Result<u64> {
     for i in 0..MOST_LABELS {
         let label = file.read_vec(i * LABEL_BYTES, LABEL_BYTES)?;
@@ -129,14 +131,14 @@ fn label_start(file: &RawFile) -> Result<u64> {
             break;
         }
     }
-    Err(Error::bad_input("is not DTED: there is no user header label (UHL) at its start"))
+    Err(Error::bad_input("is not DTED: user header label (UHL) is missing"))
 }
 
 /// Fields of fixed width.
 struct DtedText<'a>(&'a [u8]);
 
 impl DtedText<'_> {
-    /// The field of `bytes` bytes at `offset`; empty when it is not there or not ASCII.
+    /// The field of `bytes` bytes at `offset`; empty if it is missing or not ASCII.
     fn at(&self, offset: usize, bytes: usize) -> &str {
         let field = self.0.get(offset..offset + bytes).unwrap_or_default();
         std::str::from_utf8(field).ok().filter(|text| text.is_ascii()).unwrap_or_default()
@@ -145,11 +147,11 @@ impl DtedText<'_> {
     fn side(&self, name: &str, offset: usize) -> Result<u32> {
         match self.at(offset, 4).trim().parse() {
             Ok(count) if count >= 2 => Ok(count),
-            _ => Err(Error::bad_input(format!("{name} is not a number of at least 2"))),
+            _ => Err(Error::bad_input(format!("{name} is not an integer of 2 or more"))),
         }
     }
 
-    /// Degrees of a corner, written DDDMMSSH.
+    /// A coordinate in degrees, stored as DDDMMSSH.
     fn degrees(&self, offset: usize) -> Option<f64> {
         let text = self.at(offset, 8);
         let part = |from: usize, to: usize| text.get(from..to)?.trim().parse::<u32>().ok();
@@ -162,7 +164,7 @@ impl DtedText<'_> {
         }
     }
 
-    /// Degrees between samples, stored in tenths of a second.
+    /// Sample interval in degrees, stored in tenths of an arc second.
     fn interval(&self, offset: usize) -> Option<f64> {
         let tenths: u32 = self.at(offset, 4).trim().parse().ok()?;
         (tenths > 0).then(|| f64::from(tenths) / 36_000.0)
@@ -170,9 +172,9 @@ impl DtedText<'_> {
 }
 
 fn transform(label: &DtedText<'_>, width: u32, height: u32) -> Result<Affine> {
-    let bad = |what: &str| Error::bad_input(format!("its {what} is not readable"));
-    let west = label.degrees(4).ok_or_else(|| bad("origin's longitude"))?;
-    let south = label.degrees(12).ok_or_else(|| bad("origin's latitude"))?;
+    let bad = |what: &str| Error::bad_input(format!("invalid {what}"));
+    let west = label.degrees(4).ok_or_else(|| bad("origin longitude"))?;
+    let south = label.degrees(12).ok_or_else(|| bad("origin latitude"))?;
     // Where intervals are left out, a cell is one degree.
     let dx = label.interval(20).unwrap_or(1.0 / f64::from(width - 1));
     let dy = label.interval(24).unwrap_or(1.0 / f64::from(height - 1));
@@ -189,14 +191,14 @@ fn datum(name: &str) -> (Option<u32>, String) {
     }
 }
 
-/// The records of the columns.
+/// Column records.
 struct DtedColumns<'a> {
     file: &'a RawFile,
     header: &'a DtedHeader,
 }
 
 impl DtedColumns<'_> {
-    /// Verifies and decodes all columns, missing ones as voids, into columns from north to south.
+    /// Verifies and decodes all columns into columns from north to south; missing ones are void.
     fn spool(&self, mut spool: SampleSpool) -> Result<RawFile> {
         let count = self.count()?;
         let bytes = self.record_bytes();
@@ -224,7 +226,7 @@ impl DtedColumns<'_> {
         (COLUMN_HEAD + CHECKSUM_BYTES) as u64 + 2 * u64::from(self.header.height)
     }
 
-    /// Whole records in the file, as many as columns at most.
+    /// Number of complete records in the file, at most the number of columns.
     fn count(&self) -> Result<u64> {
         let (bytes, width) = (self.record_bytes(), u64::from(self.header.width));
         let room = self.file.size().saturating_sub(self.header.data);
@@ -232,10 +234,10 @@ impl DtedColumns<'_> {
         if count == 0 || (count < width && !room.is_multiple_of(bytes)) {
             return Err(self.truncated());
         }
-        limits::check("columns", count, limits::MAX_SIDE)?;
+        limits::check("number of columns", count, limits::MAX_SIDE)?;
         match room - count * bytes {
             0 => Ok(count),
-            more => Err(Error::bad_input(format!("{more} bytes follow its last column"))
+            more => Err(Error::bad_input(format!("{more} extra bytes after the last column"))
                 .remedy("copy the file again")),
         }
     }
@@ -243,32 +245,30 @@ impl DtedColumns<'_> {
     fn truncated(&self) -> Error {
         let expected = self.header.data + self.record_bytes() * u64::from(self.header.width);
         Error::bad_input(format!(
-            "file is truncated: {} columns need {expected} bytes and it has {}",
+            "file is truncated: {} columns need {expected} bytes, found {}",
             self.header.width,
             self.file.size()
         ))
     }
 
-    /// The number of the column in `record`, which is at least `least`.
+    /// The column number of `record`, which is at least `least`.
     fn check(&self, record: &[u8], i: u64, least: u32) -> Result<u32> {
         let place = format!("column {}", i + 1);
         let (body, sum) = record.split_at(record.len() - CHECKSUM_BYTES);
         if body.first() != Some(&SENTINEL) {
-            return Err(Error::bad_input("it does not begin with the sentinel 0xAA").at(place));
+            return Err(Error::bad_input("sentinel 0xAA is missing").at(place));
         }
         let stored = sum.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
         let found = body.iter().fold(0, |sum: u32, byte| sum.wrapping_add(u32::from(*byte)));
         if stored != found {
-            return Err(Error::bad_input(format!(
-                "its checksum is {found}, not {stored} as stored"
-            ))
-            .at(place)
-            .remedy("copy the file again"));
+            return Err(Error::bad_input(format!("checksum is {found}, expected {stored}"))
+                .at(place)
+                .remedy("copy the file again"));
         }
         let column = u32::from(body[4]) << 8 | u32::from(body[5]);
         if column < least || column >= self.header.width {
             let message = format!(
-                "its longitude count is {column}, not one of {least} to {}",
+                "longitude count is {column}, expected {least} to {}",
                 self.header.width - 1
             );
             return Err(Error::bad_input(message).at(place));
@@ -283,7 +283,7 @@ fn decode(record: &[u8]) -> Vec<u8> {
     heights.as_chunks::<2>().0.iter().rev().flat_map(|h| height(*h).to_ne_bytes()).collect()
 }
 
-/// Heights have a sign bit, not two's complement.
+/// Heights are stored in sign-magnitude form, not two's complement.
 fn height(stored: [u8; 2]) -> i16 {
     let bits = u16::from_be_bytes(stored);
     let size = (bits & 0x7fff) as i16;

@@ -1,4 +1,4 @@
-//! A grid format for reading: an entry of the registry; options of opening.
+//! Grid formats for reading: registry entries and open options.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,28 +10,29 @@ use terrane_base::error::{Error, Result};
 use terrane_base::registry::RegistryEntry;
 use terrane_files::format::FileFormat;
 
-/// How to open a grid.
+/// Options for opening a grid.
 #[derive(Clone, Debug)]
 pub struct GridOpenOptions {
     /// Band to read, from 1.
     pub band: u32,
     /// Replaces the file's nodata value.
     pub nodata: Option<f64>,
-    /// Bytes the decoded-block cache may hold.
+    /// Size limit of the block cache in bytes.
     pub cache_bytes: usize,
-    /// Threads that open the files of a mosaic; within a pool of rayon's it is that pool's.
+    /// Number of threads for opening the files of a mosaic; ignored inside a rayon pool.
     pub threads: usize,
-    /// Folder for what has to be unpacked first; the system's when `None`.
+    /// Folder for decompressed files; the system's temporary folder if `None`.
     pub temp_dir: Option<PathBuf>,
-    /// The box (x min, y min, x max, y max) whose cells are all there is of what [`open_all`](crate::open_all) opens, once water is
-    /// level and the grid is clipped.
+    /// Bounding box (x min, y min, x max, y max) of the cells that [`open_all`](crate::open_all) returns,
+    /// applied after water and clipping.
     pub bbox: Option<[f64; 4]>,
-    /// What [`open_all`](crate::open_all) clips the grid to: all samples outside are voids. Its bytes are taken off
-    /// `cache_bytes`.
+    /// Polygons to which [`open_all`](crate::open_all) clips the grid: samples outside are void. Their memory
+    /// counts towards `cache_bytes`.
     pub clip: Option<Arc<Clip>>,
-    /// Water that [`open_all`](crate::open_all) makes level, before it clips. Its bytes are taken off `cache_bytes`, too.
+    /// Water that [`open_all`](crate::open_all) flattens before clipping. Its memory counts towards
+    /// `cache_bytes`, too.
     pub water: Option<Arc<Water>>,
-    /// The colours of a PNG are bands: it is not asked how they tell heights.
+    /// Read the colours of a PNG as bands rather than as encoded heights.
     pub colours: bool,
 }
 
@@ -55,13 +56,13 @@ impl Default for GridOpenOptions {
 
 /// One raster format: an entry of [`FORMATS`](crate::FORMATS).
 pub struct RasterFormat {
-    /// Short name shown to users, unique.
+    /// Unique display name.
     pub name: &'static str,
-    /// File name endings in lower case, without the leading dot ("tif", "hgt.zip").
+    /// File name extensions in lower case, without the leading dot ("tif", "hgt.zip").
     pub extensions: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
-    /// True when the first bytes (up to 64) of a file are this format's.
+    /// True if `head`, the first bytes (up to 64) of a file, identifies the format.
     pub sniff: fn(&[u8]) -> bool,
     /// Opens a file of this format.
     pub open: fn(&Path, &GridOpenOptions) -> Result<Box<dyn GridSource>>,
@@ -92,8 +93,8 @@ pub(crate) fn some_band(band: u32, bands: u32) -> Result<()> {
         return Ok(());
     }
     let (noun, remedy) = match bands {
-        1 => ("band", "leave out ‹band›".to_owned()),
-        _ => ("bands", format!("give ‹band› 1 to {bands}")),
+        1 => ("band", "omit ‹band›".to_owned()),
+        _ => ("bands", format!("pass ‹band› 1 to {bands}")),
     };
     Err(Error::usage(format!("band {band} is out of range: the file has {bands} {noun}"))
         .remedy(remedy))

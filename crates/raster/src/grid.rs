@@ -1,4 +1,4 @@
-//! A grid source: its samples, its georeference, and the reading of its heights.
+//! Grid sources: metadata, georeference, and reading of heights.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 
-/// What of [`GridSource`] another grid behind a field is told in its place.
+/// Forwards the hints of [`GridSource`] to an inner grid.
 macro_rules! hints_go_to {
     ($inner:ident) => {
         fn release(&self, rect: terrane_base::geom::Rect) {
@@ -20,8 +20,7 @@ macro_rules! hints_go_to {
     };
 }
 
-/// What of [`GridSource`] is the same for all that have an `info` and read heights of either width by one
-/// generic `read`.
+/// Implements [`GridSource`] for types with an `info` field and a generic `read` for both float widths.
 macro_rules! reads_alike {
     () => {
         fn info(&self) -> &$crate::GridInfo {
@@ -46,7 +45,7 @@ macro_rules! reads_alike {
     };
 }
 
-/// How samples are stored in the file.
+/// Storage type of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum SampleType {
@@ -62,7 +61,7 @@ pub enum SampleType {
 }
 
 impl SampleType {
-    /// All of them, the narrowest first.
+    /// All types, the narrowest first.
     pub const ALL: [Self; 9] = [
         Self::I8,
         Self::U8,
@@ -75,13 +74,13 @@ impl SampleType {
         Self::F64,
     ];
 
-    /// The type of this name, in any case ("Int16"); "byte" is `uint8`, as GDAL has it.
+    /// The type called `name`, in any case ("Int16"); "byte" is `uint8`, as in GDAL.
     pub fn by_name(name: &str) -> Option<Self> {
         let name = if name.eq_ignore_ascii_case("byte") { "uint8" } else { name };
         Self::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(name))
     }
 
-    /// Bytes of one sample.
+    /// Size of a sample in bytes.
     pub fn bytes(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -91,7 +90,7 @@ impl SampleType {
         }
     }
 
-    /// Name as GDAL and numpy users know it: "int16", "float32", ...
+    /// Name as in GDAL and NumPy: "int16", "float32", ...
     pub fn name(self) -> &'static str {
         match self {
             Self::I8 => "int8",
@@ -107,7 +106,7 @@ impl SampleType {
     }
 }
 
-/// What a grid is, before any sample is read.
+/// Metadata of a grid, known before samples are read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridInfo {
     /// Columns.
@@ -116,11 +115,11 @@ pub struct GridInfo {
     pub height: u32,
     /// World position of samples (see [`Affine`]).
     pub transform: Affine,
-    /// True when the file said where it lies; false when `transform` is [`Affine::LATTICE`].
+    /// True if the file has a georeference; false if `transform` is [`Affine::LATTICE`].
     pub georeferenced: bool,
-    /// True when the file said PixelIsPoint (the transform already accounts for it).
+    /// True for PixelIsPoint (already applied to the transform).
     pub pixel_is_point: bool,
-    /// The coordinate reference system, as far as known.
+    /// The CRS, as far as known.
     pub crs: Crs,
     /// Storage type of the chosen band.
     pub sample_type: SampleType,
@@ -132,18 +131,18 @@ pub struct GridInfo {
     pub offset: f64,
     /// Natural block size (width, height) for reading.
     pub block: (u32, u32),
-    /// Bands in the file.
+    /// Number of bands in the file.
     pub bands: u32,
     /// The chosen band, from 1.
     pub band: u32,
     /// Short format name of the registry ("GeoTIFF", "SRTM HGT", ...).
     pub format: &'static str,
-    /// Free facts for `terrane info`: (name, value), such as ("compression", "deflate").
+    /// Further metadata for `terrane info`: (name, value), such as ("compression", "deflate").
     pub details: Vec<(String, String)>,
 }
 
 impl GridInfo {
-    /// One band of `width` x `height` samples without a place, system or nodata, read row by row.
+    /// One band of `width` x `height` samples without georeference, CRS or nodata, read row by row.
     pub fn plain(format: &'static str, width: u32, height: u32, sample_type: SampleType) -> Self {
         Self {
             width,
@@ -169,10 +168,10 @@ impl GridInfo {
         Rect::new(0, 0, self.width, self.height)
     }
 
-    /// Fails where cells are so small that doubles do not hold the positions of samples.
+    /// Fails if cells are too small for the precision of double coordinates.
     ///
     /// # Errors
-    /// Unsupported: positions would be off their samples by more than a thousandth of a cell.
+    /// Unsupported: rounding would move samples by more than a thousandth of a cell.
     pub fn check_cells(&self) -> Result<()> {
         let Affine { x0, a, b, y0, d, e } = self.transform;
         if self.transform.resolves(self.width, self.height) {
@@ -180,14 +179,12 @@ impl GridInfo {
         }
         let [width, height] = [a.hypot(d), b.hypot(e)];
         Err(Error::unsupported(format!(
-            "cells of {width:e} x {height:e} are too small for positions near {x0}, {y0}: doubles do not tell \
-             them apart"
+            "cells of {width:e} x {height:e} near {x0}, {y0} are below the precision of double coordinates"
         ))
-        .remedy("place the grid nearer to 0: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
+        .remedy("move the grid closer to the origin: gdal_edit.py -a_ullr WEST NORTH EAST SOUTH FILE"))
     }
 
-    /// True when every height this grid can hold is exactly an `f32`, so that
-    /// [`GridSource::read_f32`] loses nothing.
+    /// True if every height is exact in `f32`, so that [`GridSource::read_f32`] is lossless.
     pub fn exact_in_f32(&self) -> bool {
         use SampleType::{F16, F32, I8, I16, U8, U16};
         let narrow = matches!(self.sample_type, I8 | U8 | I16 | U16 | F16 | F32);
@@ -195,10 +192,10 @@ impl GridInfo {
     }
 }
 
-/// A grid that hands out windows of heights. Implementations are cheap to share between threads,
-/// never hold the whole grid, and keep any cache within the bytes they were opened with.
+/// A grid that is read by window. Implementations are shared between threads, never hold the whole grid, and
+/// keep caches within the size given at opening.
 pub trait GridSource: Send + Sync {
-    /// What the grid is.
+    /// Metadata of the grid.
     fn info(&self) -> &GridInfo;
 
     /// Reads the heights of `rect` (inside the grid) row by row into `out`
@@ -209,33 +206,33 @@ pub trait GridSource: Send + Sync {
     /// As [`read_f32`](Self::read_f32), in `f64`, exact for every sample type.
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()>;
 
-    /// Bytes of the largest block that is decoded whole: [`GridOpenOptions::cache_bytes`](crate::GridOpenOptions::cache_bytes) must hold as
-    /// many. 0 where samples are read straight from the file.
+    /// Size in bytes of the largest block that is decoded as a whole, which
+    /// [`GridOpenOptions::cache_bytes`](crate::GridOpenOptions::cache_bytes) must allow; 0 if samples are
+    /// read directly from the file.
     fn block_bytes(&self) -> u64 {
         0
     }
 
-    /// The files it is made of, where these are not the ones it was opened by: those that a virtual
-    /// raster names.
+    /// The files of the grid if they differ from its inputs, as for virtual rasters.
     fn members(&self) -> Vec<PathBuf> {
         Vec::new()
     }
 
-    /// A hint that `rect` will not be read again soon: mapped pages or cached blocks may go.
+    /// Hint that `rect` will not be read again soon: mapped pages or cached blocks may be dropped.
     fn release(&self, _rect: Rect) {}
 
-    /// A hint that all of `rect` has been read: mapped pages may go, as they cost little to have again.
+    /// Hint that all of `rect` has been read: mapped pages may be dropped, since reading them again is cheap.
     fn copied(&self, _rect: Rect) {}
 }
 
-/// The common name of a unit of height, and its spelling where that is another.
+/// The common name of a height unit, and its original spelling if different.
 pub(crate) fn unit_and_text(text: &str) -> (String, Option<String>) {
     let unit = normal_unit(text);
     let text = (unit != text).then(|| text.to_owned());
     (unit, text)
 }
 
-/// One spelling for each common unit of height.
+/// The common spelling of a height unit.
 fn normal_unit(unit: &str) -> String {
     match unit.trim().to_lowercase().as_str() {
         "m" | "metre" | "metres" | "meter" | "meters" => "metre".to_owned(),

@@ -1,4 +1,4 @@
-//! Grids in memory by name, in place of a file.
+//! Grids in memory under a name, used in place of a file name.
 
 use super::array::ArrayGrid;
 use crate::format::{GridOpenOptions, only_band};
@@ -8,11 +8,11 @@ use terrane_files::{HeldRegister, HeldResource};
 
 static GRIDS: HeldRegister<ArrayGrid<'static>> = HeldRegister::new();
 
-/// A grid in memory that has a name; it is given up with this.
+/// A named grid in memory. Dropping it removes the name.
 pub struct InMemoryGrid(HeldResource<ArrayGrid<'static>>);
 
 impl InMemoryGrid {
-    /// Gives `grid` a name, by which [`open`](super::open) opens it.
+    /// Registers `grid` under a name for [`open`](super::open).
     pub fn new(grid: ArrayGrid<'static>) -> Self {
         Self(GRIDS.hold(grid))
     }
@@ -23,7 +23,7 @@ impl InMemoryGrid {
     }
 }
 
-/// Opens what is held as `name`.
+/// Opens the grid in memory called `name`.
 pub(crate) fn open(name: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     only_band(options.band)?;
     let grid = (*GRIDS.get(name)?).clone();

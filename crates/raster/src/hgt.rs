@@ -20,7 +20,7 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Columns and rows in use: 3, 1, 1/2 and 1/3 arc seconds, and the half-width tiles of the north.
+/// Supported columns and rows: 3, 1, 1/2 and 1/3 arc seconds, and the half-width tiles of high latitudes.
 const SHAPES: [(u32, u32); 7] = [
     (1201, 1201),
     (601, 1201),
@@ -116,14 +116,14 @@ fn describe(bytes: u64, name: &str, options: &GridOpenOptions) -> Result<GridInf
     })
 }
 
-/// Columns and rows of a tile of `bytes` bytes.
+/// Columns and rows of a tile with a file size of `bytes`.
 fn shape(bytes: u64) -> Result<(u32, u32)> {
     let of = |(w, h): &(u32, u32)| u64::from(*w) * u64::from(*h) * SAMPLE_BYTES;
     SHAPES.iter().find(|shape| of(shape) == bytes).copied().ok_or_else(|| {
         let known = SHAPES.iter().map(|s| format!("{} ({} x {})", of(s), s.0, s.1));
         let known: Vec<String> = known.collect();
         Error::bad_input(format!(
-            "{bytes} bytes is not the length of an SRTM tile, which is one of {}",
+            "file size of {bytes} bytes does not match an SRTM tile; expected one of {}",
             known.join(", ")
         ))
     })

@@ -1,10 +1,10 @@
 //! Grid sources and sinks: one file per format, and the registry that names them.
 //!
-//! Everything reads by window, out of core. Inputs of others are read with `pread`; only stores
-//! written by terrane are memory-mapped.
+//! All grids are read by window, out of core. Input files are read with `pread`; only stores written by terrane are
+//! memory-mapped.
 //!
-//! Clipping and level water are here and not in `terrain`: like mosaics they are grids in front of grids, and every
-//! reader of grids opens them.
+//! Clipping and hydro-flattening are adapters of grids like mosaics, so they are in this crate and not in `terrain`:
+//! every reader of grids opens them.
 
 #[macro_use]
 mod grid;
@@ -58,12 +58,13 @@ use terrane_base::error::Result;
 pub use upright::NorthUpGrid;
 pub use water::{Water, WaterFeatures, WaterReport};
 
-/// Opens `inputs` as one grid: a file or terrain as [`open`] does, and else all files that they stand
-/// for ([`files`]) on the lattice of the first one, later ones on top wherever they are valid.
+/// Opens `inputs` as one grid: a single file or synthetic terrain as [`open`] does, or else a mosaic of all
+/// files of the inputs ([`files`]) on the lattice of the first file, with later files on top where they are
+/// valid.
 ///
 /// # Errors
-/// Whatever [`open`] finds in a file, and two files that differ in what they must agree in; polygons to
-/// clip to that are in another reference system, hold no sample, or take all of the cache; a box without a cell.
+/// Errors of [`open`]; inconsistent files; clip polygons with another CRS, without a sample, or larger than
+/// the cache; a box without a cell.
 pub fn open_all(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let open = |options: &GridOpenOptions| match inputs {
         [one] if !is_collection(one) => open(one, options),

@@ -1,32 +1,31 @@
-//! Nodata values that a file does not declare: heights no terrain has, which mean "nothing here".
+//! Detection of undeclared nodata values: heights that no terrain has.
 
 use crate::grid::GridInfo;
 
-/// Stored values in use for nodata, below any land and any sea floor but the deepest.
+/// Common nodata values, below any land and any sea floor but the deepest.
 const USUAL: [f64; 5] = [-9999.0, -32_767.0, -32_768.0, -99_999.0, -999_999.0];
-/// Floats below this are the lowest of their type, or meant to be.
+/// Floats below this are the lowest of their type, or intended to be.
 const ABSURD: f64 = -1e30;
 
-/// True for a stored value that can be no height of a sample: such a value is taken for a void in files that
-/// declare none, where others of a mosaic declare it.
+/// True for a stored value that cannot be a height: in files without a declared value it is void if other
+/// files of the mosaic declare it.
 pub(crate) fn is_no_height(stored: f64) -> bool {
     !stored.is_finite() || stored.abs() > -ABSURD || USUAL.contains(&stored)
 }
 
-/// The stored value to pass as `--nodata` when `lowest`, the lowest valid height of a grid or of a
-/// part of it, looks like a nodata value that the file does not declare. Exact for grids with scale
-/// and offset too, as long as the scale is positive.
+/// The stored value to pass as `--nodata` if `lowest`, the lowest valid height of a grid or window, looks
+/// like an undeclared nodata value. Exact for grids with scale and offset, if the scale is positive.
 pub fn looks_like_nodata(lowest: f64, info: &GridInfo) -> Option<f64> {
     let height = |stored: f64| stored * info.scale + info.offset;
     let absurd = (lowest < ABSURD && lowest.is_finite()).then_some(lowest);
     USUAL.into_iter().find(|stored| height(*stored) == lowest).or(absurd)
 }
 
-/// One line that tells the user of `samples` such samples.
+/// Note on `samples` such samples.
 pub fn undeclared_nodata(samples: u64, stored: f64) -> String {
     let value = if stored < ABSURD { format!("{stored:e}") } else { stored.to_string() };
     let subject = if samples == 1 { "1 sample is" } else { &format!("{samples} samples are") };
-    format!("{subject} {value}, which looks like an undeclared nodata value; use ‹nodata› {value}")
+    format!("{subject} {value}, which looks like an undeclared nodata value; pass ‹nodata› {value}")
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What is odd about a grid, or easily overlooked, told before work starts.
+//! Notes on unusual properties of a grid, reported before work starts.
 
 use serde::Serialize;
 
@@ -6,19 +6,19 @@ use crate::grid::{GridInfo, SampleType};
 use crate::nodata::undeclared_nodata;
 use terrane_base::geom::{Crs, VerticalReference};
 
-/// Something to know about a grid.
+/// A note on a grid.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct GridNote {
-    /// What it is about, in words that stay the same: one of [`NOTE_KINDS`].
+    /// Stable identifier of the note: one of [`NOTE_KINDS`].
     pub kind: &'static str,
-    /// One line for people.
+    /// One line of text.
     pub text: String,
 }
 
-/// A question about a grid; the answer is the line to tell, if there is something to tell.
+/// A check of the metadata; returns the text of a note.
 type Check = fn(&GridInfo) -> Option<String>;
 
-/// What is asked of what a file says of itself.
+/// Checks of the metadata.
 const CHECKS: &[(&str, Check)] = &[
     ("unplaced", unplaced),
     ("no CRS", no_crs),
@@ -38,22 +38,21 @@ const CHECKS: &[(&str, Check)] = &[
     ("cells too small", cells_too_small),
     ("thin strips", thin_strips),
 ];
-/// Those of them that tell of samples whose heights others see otherwise.
+/// Kinds of notes on samples that other programs interpret differently.
 const CAUTIONS: [&str; 3] = ["impossible nodata", "nodata values differ", "masks"];
 
-/// Facts of a grid: a mask that makes samples void, and how many sources of a virtual raster have one that
-/// it does not use.
+/// Keys of details: a mask that makes samples void, and the number of VRT sources whose masks are not used.
 pub(crate) const MASK: &str = "mask";
-/// The nodata values of the files of a mosaic, where they differ.
+/// Key of the different nodata values of the files of a mosaic.
 pub(crate) const NODATA_VALUES: &str = "nodata of the files";
 pub(crate) const UNUSED_MASKS: &str = "sources with masks";
 
-/// What heights tell, once they are read.
+/// Kinds of notes that need the heights.
 const UNDECLARED: &str = "undeclared nodata";
 const VOIDS: &str = "voids";
 const NO_TERRAIN: &str = "no terrain";
 
-/// All kinds of notes there are.
+/// All kinds of notes.
 pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
     let mut kinds = [UNDECLARED; CHECKS.len() + 3];
     let mut i = 0;
@@ -66,21 +65,20 @@ pub const NOTE_KINDS: [&str; CHECKS.len() + 3] = {
     kinds
 };
 
-/// Notes on what a file says of itself; no sample is read.
+/// Notes on the metadata; no samples are read.
 pub fn notes(info: &GridInfo) -> Vec<GridNote> {
     let answers = CHECKS.iter().map(|(kind, check)| (*kind, check(info)));
     answers.filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
-/// The notes on samples whose heights others see otherwise, for reports of what is made of them.
+/// Notes on samples that other programs interpret differently, for reports of derived products.
 pub fn cautions(info: &GridInfo) -> Vec<String> {
     let told = notes(info).into_iter().filter(|note| CAUTIONS.contains(&note.kind));
     told.map(|note| note.text).collect()
 }
 
-/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and lie within a
-/// range. `suspects` is a stored value that looks like nodata and is not declared, and how many samples
-/// have it.
+/// Notes on the heights of a grid of `samples` samples, `valid` of which are not void and have the given
+/// range. `suspects` is a stored value that looks like undeclared nodata, and the number of samples with it.
 pub fn notes_on_heights(
     info: &GridInfo,
     (samples, valid): (u64, u64),
@@ -93,11 +91,11 @@ pub fn notes_on_heights(
     answers.into_iter().filter_map(|(kind, text)| Some(GridNote { kind, text: text? })).collect()
 }
 
-/// Heights of terrain on Earth in metres, with some room: from the deepest trench to the highest summit.
+/// Range of terrain on Earth in metres with a margin, from the deepest trench to the highest summit.
 const TERRAIN: [f64; 2] = [-12_000.0, 9_000.0];
 
-/// The lowest and highest height that terrain may have, in the unit of the grid; all where that is not
-/// known, or where the grid is of another body than the Earth.
+/// Range of terrain heights in the unit of the grid; unbounded if the unit is unknown, or for other bodies
+/// than the Earth.
 pub fn terrain(info: &GridInfo) -> [f64; 2] {
     const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let is_elsewhere =
@@ -115,7 +113,7 @@ pub fn terrain(info: &GridInfo) -> [f64; 2] {
     }
 }
 
-/// What is to be said of a grid with heights in this range, some of which no terrain has.
+/// Note on heights outside the range of terrain.
 pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String> {
     let [least, most] = terrain(info);
     if lowest >= least && highest <= most {
@@ -123,12 +121,12 @@ pub fn no_terrain(info: &GridInfo, [lowest, highest]: [f64; 2]) -> Option<String
     }
     let packed = info.details.iter().find(|(name, _)| name == "heights");
     let remedy = match packed.map(|(_, packing)| packing.as_str()) {
-        Some("terrain-RGB") => "if the picture is terrarium, name it as terrarium:FILE",
-        Some("terrarium") => "if the picture is terrain-RGB, name it as terrain-rgb:FILE",
-        _ => "check the unit of heights, scale and offset, and ‹nodata›",
+        Some("terrain-RGB") => "for a terrarium image, pass terrarium:FILE",
+        Some("terrarium") => "for a terrain-RGB image, pass terrain-rgb:FILE",
+        _ => "check the height unit, scale, offset and ‹nodata›",
     };
     Some(format!(
-        "heights reach from {lowest} to {highest}, beyond those of terrain on Earth ({least} to {most}); {remedy}"
+        "heights range from {lowest} to {highest}, outside terrain on Earth ({least} to {most}); {remedy}"
     ))
 }
 
@@ -138,18 +136,18 @@ fn voids(samples: u64, valid: u64) -> Option<String> {
         return Some("all samples are void: there is no surface".to_owned());
     }
     let share = 100.0 * void as f64 / samples as f64;
-    (void > 0).then(|| format!("{void} samples are void, {share:.2} %: holes in the surface"))
+    (void > 0).then(|| format!("{void} samples are void ({share:.2} %): the surface has holes"))
 }
 
 fn unplaced(info: &GridInfo) -> Option<String> {
-    let text = "the file does not say where it lies: columns and rows stand in for x and y";
+    let text = "georeference is missing: columns and rows are used as x and y";
     (!info.georeferenced).then(|| text.to_owned())
 }
 
 fn no_crs(info: &GridInfo) -> Option<String> {
     let Crs { epsg, citation, wkt, geographic, .. } = &info.crs;
     let nameless = epsg.is_none() && citation.is_none() && wkt.is_none() && geographic.is_none();
-    let text = "the file does not name its coordinate system; neither will a mesh of it";
+    let text = "CRS is missing; outputs will have no CRS";
     (info.georeferenced && nameless).then(|| text.to_owned())
 }
 
@@ -168,11 +166,11 @@ fn mixed_units(info: &GridInfo) -> Option<String> {
 }
 
 fn vertical_unit_unknown(info: &GridInfo) -> Option<String> {
-    let text = "the file does not name the unit of its heights; the vertical error is in that unit";
+    let text = "height unit is missing; the vertical error is in the unit of the heights";
     info.crs.heights_unit().is_none().then(|| text.to_owned())
 }
 
-/// Width and height of a cell, and how far its sides are from those of the axes, at most 1.
+/// Width and height of a cell, and its largest rotation or shear, at most 1.
 struct CellShape {
     width: f64,
     height: f64,
@@ -186,7 +184,7 @@ impl CellShape {
         Self { width, height, turn: (map.d / width).abs().max((map.b / height).abs()) }
     }
 
-    /// Beyond what rounding of the coefficients does.
+    /// True if the rotation exceeds rounding errors of the coefficients.
     fn is_turned(&self) -> bool {
         self.turn > 1e-6
     }
@@ -198,19 +196,19 @@ fn cells_not_square(info: &GridInfo) -> Option<String> {
     let unit = info.crs.horizontal_unit();
     // Cell sizes are often rounded to six digits or so.
     ((ratio - 1.0).abs() > 1e-4)
-        .then(|| format!("cells are {width} x {height} {unit}: {ratio:.4} times as wide as high"))
+        .then(|| format!("cells are not square: {width} x {height} {unit} (ratio {ratio:.4})"))
 }
 
 fn rotated(info: &GridInfo) -> Option<String> {
     let map = &info.transform;
     let [row, column] = [map.d.atan2(map.a), map.e.atan2(map.b)].map(f64::to_degrees);
-    CellShape::of(info)
-        .is_turned()
-        .then(|| format!("rows run at {row:.4} degrees from the x axis and columns at {column:.4}"))
+    CellShape::of(info).is_turned().then(|| {
+        format!("grid is rotated: rows at {row:.4} degrees from the x axis, columns at {column:.4}")
+    })
 }
 
 fn south_up(info: &GridInfo) -> Option<String> {
-    let text = "the first row is the southernmost";
+    let text = "rows run from south to north";
     (info.transform.e > 0.0 && !CellShape::of(info).is_turned()).then(|| text.to_owned())
 }
 
@@ -220,7 +218,7 @@ fn mirrored(info: &GridInfo) -> Option<String> {
 }
 
 fn points(info: &GridInfo) -> Option<String> {
-    let text = "samples are points (PixelIsPoint): the bounds reach half a cell beyond them";
+    let text = "samples are points (PixelIsPoint): bounds extend half a cell beyond them";
     info.pixel_is_point.then(|| text.to_owned())
 }
 
@@ -232,14 +230,14 @@ fn several_bands(info: &GridInfo) -> Option<String> {
 fn scaled(info: &GridInfo) -> Option<String> {
     let (scale, offset, kind) = (info.scale, info.offset, info.sample_type.name());
     ((scale, offset) != (1.0, 0.0)).then(|| {
-        format!("heights are the stored {kind} x {scale} + {offset}; ‹nodata› is a stored value")
+        format!("heights are stored {kind} x {scale} + {offset}; ‹nodata› refers to stored values")
     })
 }
 
 fn impossible_nodata(info: &GridInfo) -> Option<String> {
     let (nodata, kind) = (info.nodata?, info.sample_type);
     (!can_hold(kind, nodata)).then(|| {
-        format!("the declared nodata value {nodata} is no {}: it makes no sample void", kind.name())
+        format!("declared nodata value {nodata} is not a valid {} and has no effect", kind.name())
     })
 }
 
@@ -252,19 +250,18 @@ fn can_hold(kind: SampleType, value: f64) -> bool {
         SampleType::U16 => whole(0.0, u16::MAX.into()),
         SampleType::I32 => whole(i32::MIN.into(), i32::MAX.into()),
         SampleType::U32 => whole(0.0, u32::MAX.into()),
-        // The nearest float is meant: text of the lowest one is often beyond it.
+        // The nearest float is intended: text of the lowest float is often out of range.
         SampleType::F16 | SampleType::F32 | SampleType::F64 => true,
     }
 }
 
 fn nodata_values_differ(info: &GridInfo) -> Option<String> {
     let (_, values) = info.details.iter().find(|(name, _)| name == NODATA_VALUES)?;
-    let text =
-        "files declare different nodata values, each of which makes samples of its own file void";
+    let text = "files declare different nodata values, each applied to its own file";
     Some(format!("{text}: {values}"))
 }
 
-/// A mask of the file, and the nodata value beside it; masks of files that a virtual raster does not use.
+/// Note on a mask beside the nodata value, or on unused masks of VRT sources.
 fn masks(info: &GridInfo) -> Option<String> {
     let named = |kind: &str| {
         let own = info.details.iter().filter(|(name, _)| name == kind);
@@ -273,13 +270,12 @@ fn masks(info: &GridInfo) -> Option<String> {
     let (own, unused) = (named(MASK), named(UNUSED_MASKS));
     if let [count, ..] = unused[..] {
         return Some(format!(
-            "sources with masks that the VRT does not use: {count}; their masked samples are void, and GDAL reads \
-             heights there"
+            "sources with masks that the VRT does not use: {count}; masked samples are void, GDAL reads heights there"
         ));
     }
     (info.nodata.is_some() && !own.is_empty()).then(|| {
         format!(
-            "samples are void by the nodata value or by a mask ({}): GDAL goes by one of them",
+            "nodata value and mask ({}) both make samples void; GDAL applies only one of them",
             own.join(", ")
         )
     })
@@ -287,15 +283,15 @@ fn masks(info: &GridInfo) -> Option<String> {
 
 fn cells_too_small(info: &GridInfo) -> Option<String> {
     let text =
-        "cells are too small for positions in doubles at their place: no mesh or line can be made";
+        "cells are below the precision of double coordinates: meshes and lines are not supported";
     info.check_cells().is_err().then(|| text.to_owned())
 }
 
-/// Columns from which strips are long, and rows below which they are thin.
+/// Minimum number of columns of long strips, and maximum number of rows of thin ones.
 const LONG_STRIP: u32 = 8192;
 const THIN_STRIP: u32 = 64;
 
-/// Uncompressed rows are read in parts.
+/// Uncompressed strips are not affected: they are read in parts.
 fn thin_strips(info: &GridInfo) -> Option<String> {
     let (width, rows) = info.block;
     let packed = |(name, value): &(String, String)| name == "compression" && value != "none";
@@ -303,8 +299,8 @@ fn thin_strips(info: &GridInfo) -> Option<String> {
     (is_long && info.details.iter().any(packed)).then(|| {
         let lines = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
         format!(
-            "compressed strips of {lines} across {width} columns: any part decodes whole rows; to \
-             use it often, copy it with ‹terrane convert› and ‹format=store› first"
+            "compressed strips of {lines} across {width} columns: any window decodes whole rows; \
+             for repeated use, convert with ‹terrane convert› and ‹format=store› first"
         )
     })
 }
@@ -357,21 +353,29 @@ mod tests {
         let degrees = |crs: &mut Crs| (crs.epsg, crs.geographic) = (Some(4326), Some(true));
         vec![
             ("unplaced", unplaced, "columns and rows"),
-            ("no CRS", with_crs(|crs| *crs = Crs::default()), "coordinate system"),
+            ("no CRS", with_crs(|crs| *crs = Crs::default()), "CRS is missing"),
             ("degrees", with_crs(degrees), "(‹max_error›) is in metre"),
             ("mixed units", with_crs(|crs| crs.vertical_unit = Some("foot".into())), "is in foot"),
-            ("vertical unit unknown", with_crs(|crs| crs.vertical_unit = None), "the unit of its"),
-            ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre: 1.5000 times"),
+            (
+                "vertical unit unknown",
+                with_crs(|crs| crs.vertical_unit = None),
+                "height unit is missing",
+            ),
+            ("cells not square", turned([30.0, 0.0, 0.0, -20.0]), "30 x 20 metre (ratio 1.5000)"),
             ("rotated", turned([30.0, 5.0, 5.0, -30.0]), "9.4623 degrees"),
             ("south-up", turned([30.0, 0.0, 0.0, 30.0]), "southernmost"),
             ("mirrored", turned([-30.0, 0.0, 0.0, -30.0]), "east to west"),
             ("points", GridInfo { pixel_is_point: true, ..plain() }, "half a cell"),
             ("several bands", GridInfo { bands: 3, band: 2, ..plain() }, "3 bands; band 2 is"),
             ("scaled", scaled, "int16 x 0.001 + 5;"),
-            ("impossible nodata", GridInfo { nodata: Some(-99_999.0), ..plain() }, "no int16"),
-            ("nodata values differ", differing, "void: 0, -1"),
-            ("masks", masked, "nodata value or by a mask (internal)"),
-            ("cells too small", turned([1e-9, 0.0, 0.0, -1e-9]), "too small"),
+            (
+                "impossible nodata",
+                GridInfo { nodata: Some(-99_999.0), ..plain() },
+                "not a valid int16",
+            ),
+            ("nodata values differ", differing, "own file: 0, -1"),
+            ("masks", masked, "nodata value and mask (internal)"),
+            ("cells too small", turned([1e-9, 0.0, 0.0, -1e-9]), "precision of double"),
             ("thin strips", with_block((20_000, 1), "LZW"), "strips of 1 row across 20000"),
         ]
     }
@@ -417,7 +421,7 @@ mod tests {
         let kinds: Vec<_> = both.iter().map(|note| note.kind).collect();
         assert_eq!(kinds, [UNDECLARED, VOIDS]);
         assert!(both[0].text.starts_with("7 samples are -32767,"));
-        assert!(both[1].text.starts_with("50 samples are void, 25.00 %"), "{both:?}");
+        assert!(both[1].text.starts_with("50 samples are void (25.00 %)"), "{both:?}");
         assert!(told((9, 0), None)[0].text.contains("no surface"));
         assert_eq!(NOTE_KINDS.len(), CHECKS.len() + 3);
         assert!(NOTE_KINDS.contains(&VOIDS) && NOTE_KINDS.contains(&"thin strips"));
@@ -435,7 +439,7 @@ mod tests {
         };
         for (info, range, word) in [
             (plain(), [-10_994.0, 8849.0], None),
-            (plain(), [0.0, 9001.0], Some("check the unit")),
+            (plain(), [0.0, 9001.0], Some("check the height unit")),
             (plain(), [-12_001.0, 5.0], Some("-12001")),
             (in_unit("foot"), [0.0, 29_035.0], None),
             (in_unit("foot"), [0.0, 39_000.0], Some("39000")),

@@ -15,13 +15,13 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "NumPy",
     extensions: &["npy"],
-    about: "two-dimensional arrays; a .wld and .prj beside it place them",
+    about: "two-dimensional arrays; georeference from .wld and .prj sidecars",
     sniff: |head| head.starts_with(MAGIC),
     open,
 };
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// Most bytes of a header; those of plain arrays take 118.
+/// Maximum header size in bytes; headers of plain arrays take 118.
 const MOST_HEADER: u64 = 64 << 10;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -33,7 +33,7 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     only_band(options.band)?;
     let file = RawFile::open(path)?;
     let (start, bytes) = header_range(&file)?;
-    limits::check("bytes of the header", bytes, MOST_HEADER)?;
+    limits::check("header size in bytes", bytes, MOST_HEADER)?;
     let header = file.read_vec(start, bytes)?;
     let header = NpyHeader::read(&String::from_utf8_lossy(&header))?;
     let map = world::beside(path, &["npyw", "wld"])?;
@@ -60,11 +60,11 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(file, info, layout)
 }
 
-/// Offset and bytes of the text that describes the array.
+/// Offset and length of the header text.
 fn header_range(file: &RawFile) -> Result<(u64, u64)> {
     let head = file.head(12)?;
     if !head.starts_with(MAGIC) {
-        return Err(Error::bad_input("is not a NumPy file: it does not begin with \\x93NUMPY"));
+        return Err(Error::bad_input("is not a NumPy file: magic \\x93NUMPY is missing"));
     }
     match head[MAGIC.len()..] {
         [1, _, a, b, ..] => Ok((10, u64::from(u16::from_le_bytes([a, b])))),
@@ -76,7 +76,7 @@ fn header_range(file: &RawFile) -> Result<(u64, u64)> {
     }
 }
 
-/// What the text says.
+/// Content of the header.
 #[derive(Debug, PartialEq)]
 struct NpyHeader {
     descr: String,
@@ -92,7 +92,7 @@ impl NpyHeader {
     fn read(text: &str) -> Result<Self> {
         let descr = after_key(text, "descr")?;
         if descr.starts_with('[') {
-            return Err(Error::unsupported("arrays of records are not supported"));
+            return Err(Error::unsupported("structured arrays are not supported"));
         }
         let mut quoted = descr.split(['\'', '"']);
         let (Some(""), Some(descr)) = (quoted.next(), quoted.next()) else {
@@ -134,7 +134,7 @@ fn sample_type(descr: &str) -> Result<(SampleType, bool)> {
         "f2" => SampleType::F16,
         "f4" => SampleType::F32,
         "f8" => SampleType::F64,
-        "b1" => return Err(Error::unsupported("booleans are no heights")),
+        "b1" => return Err(Error::unsupported("boolean arrays are not supported")),
         other => {
             return Err(Error::unsupported(format!("arrays of type {other} are not supported"))
                 .remedy("save them as float32 or float64"));
@@ -153,14 +153,14 @@ fn shape(text: &str) -> Result<(u32, u32)> {
     let sides: Vec<u64> = sides.collect::<Result<_>>()?;
     let &[height, width] = sides.as_slice() else {
         return Err(Error::unsupported(format!(
-            "arrays of {} dimensions are no grids",
+            "arrays of {} dimensions are not supported",
             sides.len()
         )));
     };
     if height == 0 || width == 0 {
-        return Err(Error::bad_input(format!("the array is empty: {height} x {width}")));
+        return Err(Error::bad_input(format!("array is empty: {height} x {width}")));
     }
-    limits::check("rows", height, limits::MAX_SIDE)?;
-    limits::check("columns", width, limits::MAX_SIDE)?;
+    limits::check("number of rows", height, limits::MAX_SIDE)?;
+    limits::check("number of columns", width, limits::MAX_SIDE)?;
     Ok((height as u32, width as u32))
 }

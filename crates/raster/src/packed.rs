@@ -1,5 +1,5 @@
-//! Grids in gzip files and zip archives: unpacked, with the small files beside them, into a
-//! temporary folder that is gone once the grid is open.
+//! Grids in gzip files and zip archives: decompressed, with their sidecars, into a temporary folder that is
+//! removed once the grid is open.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -25,7 +25,7 @@ use terrane_files::{self as file, RawFile};
 pub(super) const GZIP: RasterFormat = RasterFormat {
     name: "gzip",
     extensions: &["gz"],
-    about: "any of the formats above, packed: dem.asc.gz",
+    about: "any format above, compressed: dem.asc.gz",
     sniff: |head| head.starts_with(b"\x1f\x8b\x08"),
     open: |path, options| open(path, "gzip", unpack_gzip, options),
 };
@@ -34,17 +34,17 @@ pub(super) const GZIP: RasterFormat = RasterFormat {
 pub(super) const ZIP: RasterFormat = RasterFormat {
     name: "zip",
     extensions: &["zip"],
-    about: "one grid of any of the formats above, with the files beside it: dem.flt.zip",
+    about: "one grid of any format above, with its sidecars: dem.flt.zip",
     sniff: |head| head.starts_with(b"PK\x03\x04"),
     open: |path, options| open(path, "zip", unpack_zip, options),
 };
 
-/// Files beside a grid that tell more of it.
+/// Extensions of sidecars.
 const SIDECARS: [&str; 8] = ["hdr", "prj", "wld", "pgw", "pngw", "npyw", "blw", "tfw"];
-/// Most files of an archive that are looked at.
+/// Maximum number of archive entries that are examined.
 const MOST_ENTRIES: u64 = 65_535;
 
-/// Unpacks a file into a folder and returns the grid's path in it.
+/// Decompresses a file into a folder and returns the path of the grid in it.
 type Unpack = fn(&RawFile, &Path) -> Result<PathBuf>;
 
 fn open(
@@ -59,21 +59,21 @@ fn open(
     let folder = folder.map_err(cannot_unpack)?;
     let inner = unpack(&file, folder.path()).map_err(|e| e.in_file(path))?;
     if is_packed(&inner)? {
-        return Err(Error::unsupported("is packed twice").in_file(path));
+        return Err(Error::unsupported("is compressed twice").in_file(path));
     }
     if vrt::is_at(&inner)? {
-        return Err(Error::unsupported("holds a VRT, which names files beside it")
+        return Err(Error::unsupported("contains a VRT, whose source files are not in reach")
             .in_file(path)
             .remedy("unpack it"));
     }
-    // The grid keeps its file open, so the folder and its names can go at once.
+    // The grid keeps its file open, so the folder can be removed at once.
     let grid = open_placed(&inner, path, options).map_err(|e| e.renamed(path))?;
     let mut info = grid.info().clone();
     info.details.push(("packed".to_owned(), packing.to_owned()));
     Ok(Box::new(ExtractedGrid { grid, info, path: path.to_path_buf() }))
 }
 
-/// Opens `inner`, under the name of the packed file `outer` where only that tells its place.
+/// Opens `inner`, under the name of the compressed file `outer` if only that gives its position.
 fn open_placed(
     inner: &Path,
     outer: &Path,
@@ -90,7 +90,7 @@ fn open_placed(
     open_path(&renamed, options)
 }
 
-/// A grid that came out of a packed file, whose name its errors bear.
+/// A grid from a compressed file, which its errors name.
 struct ExtractedGrid {
     grid: Box<dyn GridSource>,
     info: GridInfo,
@@ -124,7 +124,7 @@ fn is_packed(path: &Path) -> Result<bool> {
 
 fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut decoder = MultiGzDecoder::new(BufReader::new(file.reader()));
-    // Browsers and servers leave out the second ending: the file's own is then that of its grid.
+    // Browsers and servers drop the second extension; the remaining one is that of the grid.
     let name = file.path().file_name().unwrap_or_default().to_string_lossy();
     let stem = match name.rsplit_once('.') {
         Some((stem, ending)) if ending.eq_ignore_ascii_case("gz") => stem,
@@ -133,23 +133,23 @@ fn unpack_gzip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let target = folder.join(stem);
     let most = limits::MAX_UNPACKED_BYTES;
     let bytes = copy(&mut decoder, most.saturating_add(1), &target, "gzip file")?;
-    limits::check("bytes unpacked", bytes, most)?;
+    limits::check("unpacked size in bytes", bytes, most)?;
     copy_sidecars(file.path(), &target)?;
     Ok(target)
 }
 
-/// Copies the small files that lie beside the packed one.
+/// Copies the sidecars of the compressed file.
 fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
     let unpacked = packed.with_extension("");
     for ending in SIDECARS {
         let Some(sidecar) = beside::sidecar(&unpacked, &[ending]) else { continue };
         let file = RawFile::open(&sidecar)?;
-        limits::check("bytes of a sidecar", file.size(), limits::MAX_HEADER_BYTES)
+        limits::check("sidecar size in bytes", file.size(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(&sidecar))?;
         let bytes = file.head(limits::MAX_HEADER_BYTES)?;
         std::fs::write(target.with_extension(ending), bytes).map_err(cannot_unpack)?;
     }
-    // By the name of the packed file, which GDAL goes by, or by that of the grid in it.
+    // By the name of the compressed file, as in GDAL, or by that of the grid in it.
     let named = [beside::pam(packed), beside::pam(&unpacked)];
     if let Some(sidecar) = named.iter().find(|sidecar| sidecar.is_file()) {
         copy_file(sidecar, &beside::pam(target))?;
@@ -162,14 +162,14 @@ fn copy_sidecars(packed: &Path, target: &Path) -> Result<()> {
 
 fn copy_file(from: &Path, to: &Path) -> Result<()> {
     let file = RawFile::open(from)?;
-    limits::check("bytes of a sidecar", file.size(), limits::MAX_UNPACKED_BYTES)
+    limits::check("sidecar size in bytes", file.size(), limits::MAX_UNPACKED_BYTES)
         .map_err(|e| e.in_file(from))?;
     copy(&mut file.reader(), file.size(), to, "sidecar").map(drop)
 }
 
 fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
     let mut archive = ZipArchive::new(BufReader::new(file.reader())).map_err(damaged_zip)?;
-    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
     let names = archive.file_names().map(|name| name.map(Cow::into_owned));
     let names = names.collect::<std::result::Result<Vec<String>, _>>().map_err(damaged_zip)?;
     let grid = the_grid(&names)?;
@@ -189,21 +189,21 @@ fn unpack_zip(file: &RawFile, folder: &Path) -> Result<PathBuf> {
 
 type Archive<'a> = ZipArchive<BufReader<file::RawFileReader<'a>>>;
 
-/// Unpacks the file `name` as `target`; it must be as long as it is said to be.
+/// Decompresses the entry `name` to `target`, and checks its declared size.
 fn extract(archive: &mut Archive<'_>, name: &str, most: u64, target: &Path) -> Result<()> {
     let mut entry = archive.by_name(name).map_err(damaged_zip)?;
     let declared = entry.size();
-    limits::check(&format!("unpacked bytes of {name}"), declared, most)?;
+    limits::check(&format!("unpacked size of {name} in bytes"), declared, most)?;
     let copied = copy(&mut entry, declared + 1, target, "zip archive")?;
     if copied != declared {
         return Err(Error::bad_input(format!(
-            "damaged zip archive: {name} should unpack to {declared} bytes and does not"
+            "damaged zip archive: unpacked size of {name} is not {declared} bytes"
         )));
     }
     Ok(())
 }
 
-/// The one file of an archive that is a grid by its ending.
+/// The only grid of an archive, by extension.
 fn the_grid(names: &[String]) -> Result<&String> {
     let is_grid = |name: &&String| {
         let path = Path::new(name.as_str());
@@ -213,7 +213,7 @@ fn the_grid(names: &[String]) -> Result<&String> {
         let mut formats = FORMATS.iter().filter(is_own);
         !is_hidden && !is_header(name) && formats.any(|format| format.has_extension_of(path))
     };
-    // Licences and notes are .txt too, so a grid of another ending comes first.
+    // Licences and notes are .txt too, so grids with another extension come first.
     let is_text = |name: &&String| ending(name) == "txt" || ending(name) == "csv";
     let mut grids: Vec<&String> = names.iter().filter(is_grid).collect();
     if grids.iter().any(|name| !is_text(name)) {
@@ -221,13 +221,13 @@ fn the_grid(names: &[String]) -> Result<&String> {
     }
     match grids.as_slice() {
         [grid] => Ok(grid),
-        [] => Err(Error::unsupported("zip archive without a grid of a known ending in it")
-            .remedy("such as .hgt, .asc, .tif or .flt with its .hdr")),
+        [] => Err(Error::unsupported("zip archive contains no grid of a known format")
+            .remedy("add a grid such as .hgt, .asc, .tif or .flt with its .hdr")),
         [first, second, ..] => Err(Error::unsupported(format!(
-            "zip archive with {} grids ({first}, {second}, ...)",
+            "zip archive contains {} grids ({first}, {second}, ...)",
             grids.len()
         ))
-        .remedy("unzip it and name one of them")),
+        .remedy("unzip it and pass one of them")),
     }
 }
 
@@ -240,12 +240,12 @@ fn is_sidecar(name: &str, stem: &str) -> bool {
         && (self::stem(name) == stem || self::stem(self::stem(name)) == stem)
 }
 
-/// The name without folders.
+/// File name without folders.
 fn base(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// The name without its ending.
+/// File name without its extension.
 fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |pair| pair.0)
 }
@@ -254,11 +254,11 @@ fn ending(name: &str) -> String {
     base(name).rsplit_once('.').map(|pair| pair.1.to_lowercase()).unwrap_or_default()
 }
 
-/// Copies up to `most` bytes into a new file, and returns how many there were.
+/// Copies up to `most` bytes into a new file; returns the number of bytes.
 fn copy(from: &mut dyn Read, most: u64, target: &Path, what: &str) -> Result<u64> {
     let mut out = File::create(target).map_err(cannot_unpack)?;
     io::copy(&mut from.take(most), &mut out).map_err(|e| {
-        // A full disk has an error number of the system; the decoder's complaints have none.
+        // A full disk has a system error code; errors of the decoder have none.
         if e.raw_os_error().is_some() {
             cannot_unpack(e)
         } else {

@@ -1,7 +1,6 @@
-//! What GDAL keeps beside a grid in `FILE.aux.xml`, its "persistent auxiliary metadata": a place, a
-//! reference system, and nodata, scale, offset and unit of each band, for files that have no room for
-//! them or must not be changed. Which of the two is believed differs from format to format, as in
-//! GDAL (found by asking it, format by format).
+//! GDAL's persistent auxiliary metadata (PAM) in `FILE.aux.xml`: georeference, CRS, and nodata, scale, offset
+//! and unit of each band, for formats that cannot store them and for read-only files. Precedence between file
+//! and sidecar differs by format as in GDAL (determined by testing each format).
 
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -17,21 +16,21 @@ use terrane_base::geom::{Affine, Crs, Rect, wkt};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Most heights that are read apart before they are scaled.
+/// Maximum number of heights that are scaled at a time.
 const SCRATCH_SAMPLES: u32 = 1 << 16;
 
-/// Whom to believe where both the file and its sidecar say something.
+/// Precedence if both the file and its sidecar have a value.
 #[derive(Clone, Copy, PartialEq)]
 enum MetadataPrecedence {
-    /// The file, also where it is silent.
+    /// The file, even if it has no value.
     File,
-    /// The sidecar where the file is silent.
+    /// The file, else the sidecar.
     FileFirst,
     /// The sidecar.
     Sidecar,
 }
 
-/// Whom to believe in what. Scale and offset are always the sidecar's.
+/// Precedence by kind of metadata. Scale and offset always come from the sidecar.
 struct PamPrecedence {
     place: MetadataPrecedence,
     crs: MetadataPrecedence,
@@ -39,7 +38,7 @@ struct PamPrecedence {
     unit: MetadataPrecedence,
 }
 
-/// Formats beside which a sidecar is read.
+/// Formats whose sidecars are read.
 const RULES: &[(&str, PamPrecedence)] = {
     use MetadataPrecedence::{File, FileFirst, Sidecar};
     &[
@@ -66,7 +65,7 @@ const RULES: &[(&str, PamPrecedence)] = {
     ]
 };
 
-/// GDAL gives ENVI grids without a place the identity, and so never looks further.
+/// GDAL assigns ENVI grids without georeference the identity, and so ignores the sidecar.
 const ENVI: PamPrecedence = PamPrecedence {
     place: MetadataPrecedence::File,
     crs: MetadataPrecedence::File,
@@ -75,13 +74,13 @@ const ENVI: PamPrecedence = PamPrecedence {
 };
 
 impl MetadataPrecedence {
-    /// `said` by the sidecar, unless the file is believed.
+    /// The sidecar's value `said`, unless the file takes precedence.
     fn pick<T>(self, said: Option<T>, file_is_silent: bool) -> Option<T> {
         said.filter(|_| self == Self::Sidecar || (self == Self::FileFirst && file_is_silent))
     }
 }
 
-/// What a sidecar says of a grid and one band of it.
+/// Content of a sidecar for a grid and one band.
 #[derive(Debug, Default, PartialEq)]
 struct PamMetadata {
     transform: Option<Affine>,
@@ -93,10 +92,10 @@ struct PamMetadata {
     unit: Option<String>,
 }
 
-/// Opens `path` by `open`, with what a sidecar says beside a file of `format`.
+/// Opens `path` by `open` and applies the sidecar of a file of `format`.
 ///
 /// # Errors
-/// Whatever `open` finds; a sidecar that cannot be read, or that contradicts the scale of the file.
+/// Errors of `open`; a sidecar that cannot be read, or that contradicts the scale of the file.
 pub(super) fn open(
     path: &Path,
     format: &RasterFormat,
@@ -111,7 +110,7 @@ pub(super) fn open(
         open(&GridOpenOptions { nodata: options.nodata.or(nodata), ..options.clone() })
     };
     let mut grid = with(rules.nodata.pick(said.nodata, false))?;
-    // Heights packed into colours are no stored values that a sidecar of the picture speaks of.
+    // Scale and offset of the sidecar refer to stored values, not to heights encoded in colours.
     let is_packed = format.name == png::FORMAT.name && !is_plain(grid.info());
     let missed = rules.nodata.pick(said.nodata, true).filter(|_| !is_packed);
     if grid.info().nodata.is_none() && missed.is_some() {
@@ -122,16 +121,16 @@ pub(super) fn open(
     Ok(Box::new(GridWithSidecar { grid, info }))
 }
 
-/// Fails when a sidecar of an earlier file at `path` would change what is read of a new one there.
+/// Fails if a sidecar of an earlier file at `path` would apply to a new one.
 pub(super) fn refuse_old(path: &Path) -> Result<()> {
     let sidecar = beside::pam(path);
     if !sidecar.is_file() || read(&sidecar, 1).is_ok_and(|said| said == PamMetadata::default()) {
         return Ok(());
     }
-    let message = "belongs to an earlier file and would be read with the new one";
+    let message = "sidecar of an earlier file exists and would apply to the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
         .in_file(&sidecar)
-        .remedy("remove it, or write to another name"))
+        .remedy("remove it, or choose another output name"))
 }
 
 fn is_plain(info: &GridInfo) -> bool {
@@ -140,14 +139,14 @@ fn is_plain(info: &GridInfo) -> bool {
 
 fn read(sidecar: &Path, band: u32) -> Result<PamMetadata> {
     let file = RawFile::open(sidecar)?;
-    limits::check("bytes of an .aux.xml file", file.size(), limits::MAX_VRT_BYTES)?;
+    limits::check("size of the .aux.xml file in bytes", file.size(), limits::MAX_VRT_BYTES)?;
     let mut xml = RasterXmlReader::new(BufReader::with_capacity(1 << 16, file.reader()));
     let said = PamMetadata::read(&mut xml, band);
-    said.map_err(|e| e.at(xml.place()).remedy("mend it, or move it away"))
+    said.map_err(|e| e.at(xml.place()).remedy("correct the file, or move it away"))
 }
 
 impl PamMetadata {
-    /// What the sidecar says of band `band` (from 1); nothing if it is about something else.
+    /// Metadata of band `band` (from 1); empty if the file is not PAM.
     fn read<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>, band: u32) -> Result<Self> {
         let mut said = Self::default();
         if !xml.root()?.is("PAMDataset") {
@@ -184,7 +183,7 @@ impl PamMetadata {
         Ok(())
     }
 
-    /// What the grid that says `own` of itself is with the sidecar.
+    /// The metadata `own` of a grid with the sidecar applied.
     fn amend(self, rules: &PamPrecedence, own: &GridInfo, sidecar: &Path) -> Result<GridInfo> {
         let mut info = own.clone();
         let is_envi = own.details.iter().any(|(name, kind)| name == "header" && kind == "ENVI");
@@ -207,10 +206,10 @@ impl PamMetadata {
         info.offset = self.offset.unwrap_or(own.offset);
         if !is_plain(own) && (info.scale, info.offset) != (own.scale, own.offset) {
             return Err(Error::unsupported(format!(
-                "says that heights are stored x {} + {}, and the file says x {} + {}",
+                "scale {} and offset {} differ from {} and {} of the grid",
                 info.scale, info.offset, own.scale, own.offset
             ))
-            .remedy("move it away, or take out its scale and offset"));
+            .remedy("move the sidecar away, or remove its scale and offset"));
         }
         let name = sidecar.file_name().unwrap_or_default().to_string_lossy().into_owned();
         info.details.push(("sidecar".to_owned(), name));
@@ -226,7 +225,7 @@ fn place(node: &RasterXmlElement) -> Result<Affine> {
     let map = Affine::from_gdal(xml::geotransform(&node.text)?);
     match map.is_valid() {
         true => Ok(map),
-        false => Err(Error::bad_input("GeoTransform is not finite or has no area")),
+        false => Err(Error::bad_input("GeoTransform is not finite or singular")),
     }
 }
 
@@ -239,7 +238,7 @@ fn says_point<R: std::io::BufRead>(xml: &mut RasterXmlReader<R>) -> Result<bool>
     Ok(found)
 }
 
-/// The value, by its bits where they are given; `None` where there is no text.
+/// The nodata value, from its bit pattern if given; `None` if the text is empty.
 fn nodata(node: &RasterXmlElement) -> Result<Option<f64>> {
     let bits = node.tag.attribute("le_hex_endian").filter(|hex| hex.len() == 16);
     let bits = bits.and_then(|hex| u64::from_str_radix(hex, 16).ok());
@@ -250,7 +249,7 @@ fn nodata(node: &RasterXmlElement) -> Result<Option<f64>> {
     }
 }
 
-/// A grid with what its sidecar says of it.
+/// A grid with its sidecar applied.
 struct GridWithSidecar {
     grid: Box<dyn GridSource>,
     info: GridInfo,
@@ -274,7 +273,7 @@ impl GridWithSidecar {
         Ok(())
     }
 
-    /// True when heights are those of the grid itself.
+    /// True if heights are those of the inner grid.
     fn is_as_stored(&self) -> bool {
         let own = self.grid.info();
         (self.info.scale, self.info.offset) == (own.scale, own.offset)

@@ -1,4 +1,4 @@
-//! A grid in front of another: a rectangle of its samples.
+//! Adapter for a window of a grid.
 
 use std::path::PathBuf;
 
@@ -9,23 +9,23 @@ use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Less of a cell than this is rounding, not overlap.
+/// Overlaps below this fraction of a cell are rounding errors.
 const HAIR: f64 = 1e-6;
 
-/// A part of a grid.
+/// A window of a grid.
 struct WindowedGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
-    /// In the whole grid.
+    /// Window in the whole grid.
     window: Rect,
 }
 
-/// The cells of what `open` opens that a box (x min, y min, x max, y max) overlaps. The cell of a sample is the
-/// square around it, whether samples are points or areas, so the box is widened to whole cells; what
-/// lies outside the grid is left out. On a rotated grid: the upright lattice rectangle around the box.
+/// The cells of the grid of `open` that overlap a box (x min, y min, x max, y max). The cell of a sample is
+/// the square around it, for points and areas, so the box is extended to whole cells and clipped to the grid.
+/// On a rotated grid the window is the bounding rectangle of the box in columns and rows.
 ///
 /// # Errors
-/// Those of `open`; a box without a cell.
+/// Errors of `open`; a box without a cell.
 pub(crate) fn part(
     bbox: [f64; 4],
     options: &GridOpenOptions,
@@ -77,16 +77,17 @@ fn window(info: &GridInfo, [x0, y0, x1, y1]: [f64; 4]) -> Result<Rect> {
     let (row, height) = span(corners.map(|c| c[1]), info.height);
     let ordered = x0 <= x1 && y0 <= y1;
     if !ordered || width == 0 || height == 0 {
-        let message = format!("no cell lies inside the box {x0},{y0},{x1},{y1}");
+        let message = format!("box {x0},{y0},{x1},{y1} contains no cell");
         let [a, b] = extent(info);
         let extent = format!("{},{},{},{}", a[0], a[1], b[0], b[1]);
-        return Err(Error::usage(message)
-            .remedy(format!("give x min,y min,x max,y max; the grid covers {extent}")));
+        return Err(
+            Error::usage(message).remedy(format!("pass x min,y min,x max,y max within {extent}"))
+        );
     }
     Ok(Rect::new(col, row, width, height))
 }
 
-/// First and number of the cells that four lattice positions span.
+/// First cell and number of cells covered by four lattice positions.
 fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
     let least = positions.into_iter().fold(f64::INFINITY, f64::min) + 0.5;
     let most = positions.into_iter().fold(f64::NEG_INFINITY, f64::max) + 0.5;
@@ -97,7 +98,7 @@ fn span(positions: [f64; 4], side: u32) -> (u32, u32) {
     (first, end.saturating_sub(first))
 }
 
-/// Least and greatest world position of the grid's cells.
+/// Bounding box of the cells of the grid in world coordinates.
 fn extent(info: &GridInfo) -> [[f64; 2]; 2] {
     let (right, down) = (f64::from(info.width) - 0.5, f64::from(info.height) - 0.5);
     let corners = [[-0.5, -0.5], [right, -0.5], [-0.5, down], [right, down]];
@@ -148,9 +149,6 @@ mod tests {
         let none =
             GridOpenOptions { bbox: Some([0.0, 0.0, 1.0, 1.0]), ..GridOpenOptions::default() };
         let told = whole(&none).err().unwrap().to_string();
-        assert!(
-            told.contains("no cell lies inside the box") && told.contains("the grid covers"),
-            "{told}"
-        );
+        assert!(told.contains("contains no cell") && told.contains("max y within"), "{told}");
     }
 }

@@ -1,5 +1,5 @@
-//! PNG heights: grayscale samples, or heights packed into red, green and blue (terrain-RGB and
-//! terrarium), or the bands of a photograph, where colours are asked for. Decoded once at opening, row by row, into a temporary file.
+//! PNG heights: grayscale samples, heights encoded in red, green and blue (terrain-RGB and terrarium), or the
+//! bands of a photograph if colours are requested. Decoded row by row into a temporary file at opening.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -20,24 +20,24 @@ use terrane_files::{self as file, RawFile};
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "8 and 16-bit gray; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
+    about: "8 and 16-bit grayscale; terrain-RGB and terrarium by name or as terrarium:FILE; colours as bands",
     sniff: |head| head.starts_with(b"\x89PNG\r\n\x1a\n"),
     open: |path, options| open(path, None, options),
 };
 
-/// Most bytes the decoder may hold: a row and its buffers, or all of an interlaced picture.
+/// Memory limit of the decoder in bytes: a row and its buffers, or a whole interlaced image.
 const MOST_MEMORY: u64 = 256 << 20;
-/// Most bytes that deflate makes of one.
+/// Maximum compression ratio of deflate.
 const MOST_RATIO: u64 = 1032;
-/// Stored where a picture with an alpha channel is transparent; no packed height reaches it.
+/// Value of transparent pixels of an image with an alpha channel, above any encoded height.
 const TRANSPARENT: u32 = u32::MAX;
 const WEB_MERCATOR: u32 = 3857;
 
-/// How red, green and blue tell a height: `(R * 65536 + G * 256 + B) * scale + offset`.
+/// Height encoding in red, green and blue: `(R * 65536 + G * 256 + B) * scale + offset`.
 #[derive(Debug, PartialEq)]
 pub(super) struct RgbHeightEncoding {
     name: &'static str,
-    /// What names and input prefixes say, in lower case.
+    /// Marks of the encoding in file names and input prefixes, in lower case.
     marks: &'static [&'static str],
     pub(super) scale: f64,
     pub(super) offset: f64,
@@ -59,19 +59,19 @@ pub(super) static PACKINGS: [RgbHeightEncoding; 2] = [
 ];
 
 impl RgbHeightEncoding {
-    /// Its name for people.
+    /// Display name.
     pub(super) fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The packing that an input such as `terrarium:tile.png` states, and the file's name.
+    /// The encoding that an input such as `terrarium:tile.png` declares, and the file name.
     pub(super) fn stated(input: &str) -> Option<(&'static Self, &str)> {
         let (mark, path) = input.split_once(':')?;
         let stated = PACKINGS.iter().find(|p| p.marks.contains(&mark))?;
         Some((stated, path))
     }
 
-    /// The packing that the name of the file, or else of a folder above it, tells.
+    /// The encoding implied by the name of the file, or else of a parent folder.
     pub(super) fn named(path: &Path) -> Option<&'static Self> {
         let parts = path.iter().rev().map(|part| part.to_string_lossy().to_lowercase());
         let tells =
@@ -80,7 +80,7 @@ impl RgbHeightEncoding {
     }
 }
 
-/// Opens the picture at `path`; `packing` is what the user stated.
+/// Opens the image at `path`; `packing` is the encoding given by the user.
 pub(super) fn open(
     path: &Path,
     packing: Option<&'static RgbHeightEncoding>,
@@ -90,14 +90,14 @@ pub(super) fn open(
     Ok(Box::new(grid))
 }
 
-/// What a picture holds and how its samples are kept.
+/// Content of an image and layout of its stored samples.
 struct PngSampleLayout {
     packing: Option<&'static RgbHeightEncoding>,
-    /// Bytes of a stored sample, and of those one for alpha (two in 16 bits).
+    /// Colour type of the image.
     color: ColorType,
     wide: bool,
     nodata: Option<f64>,
-    /// Which of red, green, blue and alpha is the band, where colours are bands.
+    /// Index of the band among red, green, blue and alpha, if colours are bands.
     channel: Option<usize>,
 }
 
@@ -139,7 +139,9 @@ impl PngSampleLayout {
         let wide = info.bit_depth == BitDepth::Sixteen;
         if !wide && info.bit_depth != BitDepth::Eight {
             let bits = info.bit_depth as u8;
-            return Err(Error::unsupported(format!("PNG samples of {bits} bits are no heights")));
+            return Err(Error::unsupported(format!(
+                "PNG with {bits} bits per sample is not supported"
+            )));
         }
         let color = info.color_type;
         let is_colour = matches!(color, ColorType::Rgb | ColorType::Rgba);
@@ -150,17 +152,17 @@ impl PngSampleLayout {
         let packing = match color {
             ColorType::Grayscale | ColorType::GrayscaleAlpha => None,
             ColorType::Indexed => {
-                return Err(Error::unsupported("a PNG with a palette holds colours, not heights"));
+                return Err(Error::unsupported("PNG with a palette contains colours, not heights"));
             }
-            _ if wide => return Err(Error::unsupported("16-bit RGB PNGs are not supported")),
+            _ if wide => return Err(Error::unsupported("16-bit RGB PNG is not supported")),
             _ => Some(
                 stated.or_else(|| RgbHeightEncoding::named(path)).ok_or_else(|| ambiguous(path))?,
             ),
         };
         if let (Some(stated), None) = (stated, packing) {
-            return Err(Error::usage(format!("a gray PNG is not {}", stated.name)));
+            return Err(Error::usage(format!("grayscale PNG is not {}", stated.name)));
         }
-        // A gray picture can name one transparent value.
+        // A grayscale image can declare one transparent value.
         let key = info.trns.as_deref().filter(|_| color == ColorType::Grayscale);
         let key = key.map(|bytes| bytes.iter().fold(0.0, |v, b| v * 256.0 + f64::from(*b)));
         Ok(Self { packing, color, wide, nodata: options.nodata.or(key), channel: None })
@@ -171,11 +173,11 @@ impl PngSampleLayout {
     }
 
     fn has_alpha(&self) -> bool {
-        // As a band of its own it makes nothing void.
+        // Alpha read as a band makes no sample void.
         self.channel.is_none() && matches!(self.color, ColorType::GrayscaleAlpha | ColorType::Rgba)
     }
 
-    /// Samples that are packed or may be transparent need more room than they take in the picture.
+    /// Type of stored samples, wider than in the image for encoded heights and transparency.
     fn sample_type(&self) -> SampleType {
         match (self.packing.is_some() || self.has_alpha(), self.wide) {
             (true, _) => SampleType::U32,
@@ -184,7 +186,7 @@ impl PngSampleLayout {
         }
     }
 
-    /// Appends a row of the picture to `out` as samples of [`sample_type`](Self::sample_type).
+    /// Appends a row of the image to `out` as samples of [`sample_type`](Self::sample_type).
     fn convert(&self, row: &[u8], out: &mut Vec<u8>) {
         if let Some(channel) = self.channel {
             out.extend(row.chunks_exact(self.color.samples()).filter_map(|c| c.get(channel)));
@@ -204,7 +206,7 @@ impl PngSampleLayout {
         }
     }
 
-    /// The value of the bytes of one sample, its alpha last.
+    /// Integer value of the bytes of one pixel, alpha last.
     fn pack(&self, sample: &[u8]) -> u32 {
         let alpha = if !self.has_alpha() { 0 } else { 1 + usize::from(self.wide) };
         let (value, alpha) = sample.split_at(sample.len() - alpha);
@@ -217,27 +219,25 @@ impl PngSampleLayout {
 
 fn ambiguous(path: &Path) -> Error {
     let name = path.display();
-    Error::bad_input("an RGB PNG can hold heights in several ways, and its name does not tell")
+    Error::bad_input("height encoding of the RGB PNG is unknown")
         .remedy(format!(
-            "give it as terrarium:{name} or terrain-rgb:{name}; of a photograph, ‹terrane tin› with ‹bands› 1,2,3 \
-             makes a mesh"
+            "pass terrarium:{name} or terrain-rgb:{name}; for a photograph, pass ‹bands› 1,2,3 to ‹terrane tin›"
         ))
 }
 
-/// Fails when the file is too short for the picture, or the picture too large.
+/// Fails if the file is too short for the image, or the image too large.
 fn check_size(picture: &Picture<'_>, file_bytes: u64) -> Result<()> {
     let info = picture.info();
     let row = info.raw_row_length_from_width(info.width) as u64;
     let bytes = row.saturating_mul(u64::from(info.height));
-    limits::check("bytes unpacked", bytes, limits::MAX_UNPACKED_BYTES)?;
+    limits::check("unpacked size in bytes", bytes, limits::MAX_UNPACKED_BYTES)?;
     if info.interlaced {
-        limits::check("bytes of an interlaced PNG", bytes, MOST_MEMORY)?;
+        limits::check("size of the interlaced PNG in bytes", bytes, MOST_MEMORY)?;
     }
-    limits::check("bytes of a row", row, MOST_MEMORY)?;
+    limits::check("row size in bytes", row, MOST_MEMORY)?;
     if bytes / MOST_RATIO > file_bytes {
         return Err(Error::bad_input(format!(
-            "file is truncated, or its header is wrong: {bytes} bytes of samples cannot be packed \
-             into {file_bytes}"
+            "file is truncated or its header is wrong: {file_bytes} bytes cannot contain {bytes} bytes of samples"
         )));
     }
     Ok(())
@@ -264,16 +264,18 @@ fn spool_rows(
             spool.write(&samples)?;
         }
     }
-    // The checksum of the last chunk is read with the end of the picture.
+    // The checksum of the last chunk is verified at the end of the image.
     picture.finish().map_err(damaged)?;
     spool.finish()
 }
 
 fn damaged(error: DecodingError) -> Error {
     match error {
-        DecodingError::LimitsExceeded => Error::limit("bytes to decode", "more", MOST_MEMORY),
+        DecodingError::LimitsExceeded => {
+            Error::limit("number of bytes to decode", "more", MOST_MEMORY)
+        }
         DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
-            Error::bad_input("file is truncated: the picture ends early")
+            Error::bad_input("file is truncated: image data are incomplete")
         }
         other => Error::bad_input(format!("damaged PNG: {other}")),
     }
@@ -310,7 +312,7 @@ fn describe(
     })
 }
 
-/// From a world file, else from a z/x/y address.
+/// Transform from a world file, or else from a z/x/y tile address.
 fn place(path: &Path, (width, height): (u32, u32)) -> Result<(Option<Affine>, Crs)> {
     if let Some(map) = world::beside(path, &["pgw", "pngw", "wld"])? {
         return Ok((Some(map), prj::beside(path)?));

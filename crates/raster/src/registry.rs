@@ -1,4 +1,4 @@
-//! The registry of grid formats for reading, and the search for the format of a file.
+//! Registry of grid formats for reading, and format detection.
 
 use std::fs::File;
 use std::io::Read;
@@ -29,15 +29,15 @@ pub const FORMATS: &[RasterFormat] = &[
     mosaic::vrt::FORMAT,
 ];
 
-/// Bytes of a file's start that [`RasterFormat::sniff`] gets to see.
+/// Number of leading bytes that [`RasterFormat::sniff`] examines.
 const HEAD_BYTES: u64 = 64;
 
-/// Opens a grid: a file by its content, else by its extension, or a synthetic terrain by its name
-/// (`synth:rough,size=4097,seed=7`). `terrarium:` or `terrain-rgb:` before the name of a PNG tells
-/// how it holds heights.
+/// Opens a grid: a file, identified by its content or else by its extension, or a synthetic terrain
+/// (`synth:rough,size=4097,seed=7`). The prefix `terrarium:` or `terrain-rgb:` declares the height encoding
+/// of a PNG.
 ///
 /// # Errors
-/// A missing file, a folder, a file of no known format, or whatever the format's opener finds.
+/// A missing file, a folder, an unknown format, or errors of the format.
 pub fn open(input: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_held(input) {
         return held::open(input, options);
@@ -52,7 +52,7 @@ pub fn open(input: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource
     open_path(&path_of(input), options)
 }
 
-/// The name of the file that `input` stands for: without `terrarium:` and the like before it.
+/// The file name in `input`, without prefixes such as `terrarium:`.
 pub fn file_name(input: &str) -> &str {
     png::RgbHeightEncoding::stated(input).map_or(input, |(_, path)| path)
 }
@@ -64,7 +64,7 @@ pub(crate) fn open_path(path: &Path, options: &GridOpenOptions) -> Result<Box<dy
     open_as(path, format, options, |options| (format.open)(path, options))
 }
 
-/// Opens a file of `format` by `open`, with what lies beside it.
+/// Opens a file of `format` by `open`, with its sidecars.
 fn open_as(
     path: &Path,
     format: &RasterFormat,
@@ -75,21 +75,21 @@ fn open_as(
     pam::open(path, format, options, open)
 }
 
-/// A mask beside a file may void any of its samples; it is honoured for GeoTIFFs.
+/// Rejects mask sidecars except for GeoTIFF, because a mask may void any sample.
 fn refuse_mask(path: &Path, format: &RasterFormat) -> Result<()> {
     match beside::mask(path) {
         Some(mask) if format.name != geotiff::FORMAT.name => {
-            let message = format!("a mask beside a file of {} is not supported", format.name);
+            let message = format!("mask sidecar is not supported for {}", format.name);
             Err(Error::unsupported(message).in_file(&mask).remedy(
-                "put both into a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
+                "convert both to a GeoTIFF: gdal_translate IN OUT.tif, or move the mask away",
             ))
         }
         _ => Ok(()),
     }
 }
 
-/// The format of a file: by its first bytes, else by its name. The header of a raw grid goes by
-/// its name, for it begins as a text grid does.
+/// The format of a file: by its first bytes, else by its name. A raw header is recognised by name, because it
+/// looks like an ESRI ASCII grid.
 pub(crate) fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterFormat> {
     let is_header = raw::is_header_name(path);
     let by_content = FORMATS.iter().find(|format| !is_header && (format.sniff)(head));
@@ -97,8 +97,8 @@ pub(crate) fn format_of(path: &Path, head: &[u8]) -> Option<&'static RasterForma
     by_content.or_else(by_name).or_else(|| has_header(path).then_some(&raw::FORMAT))
 }
 
-/// True when an ESRI or ENVI header lies beside `path`, so that it is a raw grid whatever its
-/// ending, unless that is another format's.
+/// True if `path` has an ESRI or ENVI header sidecar and is therefore a raw grid, unless its extension
+/// belongs to another format.
 pub fn has_header(path: &Path) -> bool {
     raw::header_beside(path).is_some()
 }

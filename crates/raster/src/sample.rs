@@ -1,10 +1,10 @@
-//! Stored samples to heights: nodata to NaN, scale and offset, one loop per sample type.
+//! Conversion of stored samples to heights: nodata to NaN, scale and offset, one loop per sample type.
 
 use half::f16;
 
 use crate::grid::{GridInfo, SampleType};
 
-/// Turns stored samples (native byte order) of one grid into heights.
+/// Converts stored samples (native byte order) of a grid to heights.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ToHeight {
     kind: SampleType,
@@ -14,12 +14,12 @@ pub(crate) struct ToHeight {
 }
 
 impl ToHeight {
-    /// For the samples of the grid that `info` describes.
+    /// For the samples of the grid described by `info`.
     pub(crate) fn of(info: &GridInfo) -> Self {
         Self { kind: info.sample_type, nodata: info.nodata, scale: info.scale, offset: info.offset }
     }
 
-    /// Converts `bytes` (samples one after the other) into `out`.
+    /// Converts the contiguous samples `bytes` into `out`.
     pub(crate) fn convert<H: HeightSample>(&self, bytes: &[u8], out: &mut [H]) {
         match self.kind {
             SampleType::I8 => self.run::<i8, H, 1>(bytes, out),
@@ -69,7 +69,7 @@ pub(crate) trait HeightSample: Copy {
     const VOID: Self;
     /// From a finite stored sample.
     fn of<S: StoredSample<N>, const N: usize>(sample: S) -> Self;
-    /// From a scaled height; not finite becomes void.
+    /// From a scaled height; NaN and infinities become void.
     fn of_f64(height: f64) -> Self;
 }
 
@@ -101,15 +101,15 @@ impl HeightSample for f64 {
     }
 }
 
-/// To the nearest finite `f32`, so that a sample is void in `f32` only if it is void in `f64`.
+/// The nearest finite `f32`, so that a sample is void in `f32` only if it is void in `f64`.
 #[inline(always)]
 fn narrow(height: f64) -> f32 {
     (height as f32).clamp(f32::MIN, f32::MAX)
 }
 
-/// A sample type as stored, `N` bytes in native order.
+/// A stored sample type of `N` bytes in native byte order.
 pub(crate) trait StoredSample<const N: usize>: Copy + PartialOrd {
-    /// A range that holds nothing.
+    /// An empty range.
     const EMPTY: (Self, Self);
     /// From its bytes.
     fn read(bytes: [u8; N]) -> Self;
@@ -119,7 +119,7 @@ pub(crate) trait StoredSample<const N: usize>: Copy + PartialOrd {
     fn f32(self) -> f32;
     /// False for NaN and infinities.
     fn finite(self) -> bool;
-    /// The samples that count as `nodata`, lowest and highest; `None` when this type cannot hold it.
+    /// Range of the samples that count as `nodata`; `None` if this type cannot store it.
     fn nodata_range(nodata: f64) -> Option<(Self, Self)>;
 }
 
@@ -187,8 +187,7 @@ impl StoredSample<2> for f16 {
     }
 }
 
-/// GDAL takes floats within two units of rounding (of the sum) for nodata, because the tag holds
-/// decimal text: |a - b| < 2 epsilon |a + b|.
+/// Tolerance of nodata for floats as in GDAL, because the tag is decimal text: |a - b| < 2 epsilon |a + b|.
 const NODATA_SLACK: f64 = 4.0;
 
 impl StoredSample<4> for f32 {

@@ -11,15 +11,15 @@ use terrane_files::{AppendWriter, atomic};
 /// Bytes written at a time when filling.
 const FILL_BYTES: usize = 64 << 10;
 
-/// Samples of a file of others, of which there are not too many.
+/// Samples of an input file, up to a size limit.
 pub(super) struct SampleSpool {
     out: AppendWriter,
-    /// The input they are of.
+    /// Path of the input.
     path: PathBuf,
 }
 
 impl SampleSpool {
-    /// None yet, in `folder` or else in the system's for temporary files; `path` is the input.
+    /// An empty spool in `folder`, or else in the system's temporary folder; `path` is the input.
     pub(super) fn new(path: &Path, folder: Option<&Path>) -> Result<Self> {
         let folder = folder.map_or_else(std::env::temp_dir, Path::to_path_buf);
         Ok(Self { out: AppendWriter::spool(&folder).map_err(or_tmpdir)?, path: path.to_path_buf() })
@@ -28,7 +28,7 @@ impl SampleSpool {
     /// Appends `bytes`.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let all = self.out.bytes() + bytes.len() as u64;
-        limits::check("bytes unpacked", all, limits::MAX_UNPACKED_BYTES)?;
+        limits::check("unpacked size in bytes", all, limits::MAX_UNPACKED_BYTES)?;
         self.out.write(bytes).map_err(or_tmpdir)
     }
 
@@ -45,23 +45,23 @@ impl SampleSpool {
         Ok(())
     }
 
-    /// Replaces what was written at `offset`.
+    /// Overwrites the bytes at `offset`.
     pub(super) fn replace(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
         self.out.replace(offset, bytes).map_err(or_tmpdir)
     }
 
-    /// Everything written, to be read.
+    /// The complete file for reading.
     pub(super) fn finish(self) -> Result<RawFile> {
         RawFile::of(self.out.into_file().map_err(or_tmpdir)?, &self.path)
     }
 }
 
-/// Not all that reads grids has an option for the folder.
+/// Adds a remedy that names TMPDIR, because not all readers of grids have an option for the folder.
 fn or_tmpdir(error: Error) -> Error {
-    error.remedy("choose a folder with room with ‹temp_dir›, or set TMPDIR")
+    error.remedy("pass a folder with enough free space as ‹temp_dir›, or set TMPDIR")
 }
 
-/// Failure to keep unpacked files.
+/// Error of writing decompressed files.
 pub(super) fn cannot_unpack(source: io::Error) -> Error {
     let action = "unpack into the temporary folder";
     or_tmpdir(Error::io(ErrorKind::Io, action, atomic::plain(source)))

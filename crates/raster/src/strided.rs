@@ -1,5 +1,5 @@
-//! Grids of raw samples at equal distances in a file, read by window with `pread`: by row or by
-//! column, with other bands, padding or gaps between them.
+//! Grids of equally spaced raw samples in a file, read by window with `pread`: row-major or column-major,
+//! with other bands, padding or gaps in between.
 
 use crate::grid::{GridInfo, GridSource};
 use crate::sample::{HeightSample, ToHeight};
@@ -8,38 +8,37 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::{RawFile, RowRun};
 
-/// About the most bytes gathered at once.
+/// Approximate maximum number of bytes gathered at once.
 const PART_BYTES: u64 = 1 << 20;
 
-/// Where the samples lie: sample (column, row) starts at
-/// `offset + column * col_pitch + row * row_pitch`.
+/// Layout of samples: sample (column, row) is at `offset + column * col_pitch + row * row_pitch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct StridedLayout {
-    /// Of sample (0, 0).
+    /// Offset of sample (0, 0).
     pub(super) offset: u64,
     /// Bytes from one column to the next.
     pub(super) col_pitch: u64,
     /// Bytes from one row to the next.
     pub(super) row_pitch: u64,
-    /// True when the first byte of a sample is the most significant.
+    /// True for big-endian samples.
     pub(super) big_endian: bool,
 }
 
 impl StridedLayout {
-    /// Rows of `width` samples of `bytes` bytes, one after the other, in the machine's byte order.
+    /// Contiguous rows of `width` samples of `bytes` bytes, in native byte order.
     pub(super) fn rows(width: u32, bytes: usize) -> Self {
         let col_pitch = bytes as u64;
         let big_endian = cfg!(target_endian = "big");
         Self { offset: 0, col_pitch, row_pitch: u64::from(width) * col_pitch, big_endian }
     }
 
-    /// Columns of `height` samples of `bytes` bytes, otherwise as [`rows`](Self::rows).
+    /// Contiguous columns of `height` samples of `bytes` bytes, otherwise as [`rows`](Self::rows).
     pub(super) fn columns(height: u32, bytes: usize) -> Self {
         let rows = Self::rows(height, bytes);
         Self { col_pitch: rows.row_pitch, row_pitch: rows.col_pitch, ..rows }
     }
 
-    /// One past the last byte of a grid of `width` x `height` samples; `None` beyond `u64`.
+    /// End offset of a grid of `width` x `height` samples; `None` beyond `u64`.
     pub(super) fn end(&self, width: u32, height: u32, bytes: usize) -> Option<u64> {
         let across = self.col_pitch.checked_mul(u64::from(width.checked_sub(1)?))?;
         let down = self.row_pitch.checked_mul(u64::from(height.checked_sub(1)?))?;
@@ -47,23 +46,23 @@ impl StridedLayout {
     }
 }
 
-/// Fails unless the file has one of the `lengths` that what its header says can have, the first of
-/// which ends with the last sample (`None`: more than can be counted).
+/// Fails unless the file has one of the valid `lengths`, the first of which ends with the last sample
+/// (`None`: overflow).
 pub(super) fn check_exact(file: &RawFile, lengths: Option<&[u64]>) -> Result<()> {
     let end = lengths.and_then(|lengths| lengths.first().copied());
     check_length(file, end)?;
     match end.filter(|_| lengths.is_none_or(|lengths| !lengths.contains(&file.size()))) {
         None => Ok(()),
         Some(end) => Err(Error::bad_input(format!(
-            "{} bytes follow its last sample, so its header speaks of another file",
+            "{} extra bytes after the last sample: the header does not match the file",
             file.size() - end
         ))
         .in_file(file.path())
-        .remedy(format!("mend the header, or cut the file to {end} bytes"))),
+        .remedy(format!("correct the header, or truncate the file to {end} bytes"))),
     }
 }
 
-/// Fails unless `expected` bytes (`None`: more than can be counted) are in the file.
+/// Fails unless the file has at least `expected` bytes (`None`: overflow).
 fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
     let found = file.size();
     match expected {
@@ -71,8 +70,7 @@ fn check_length(file: &RawFile, expected: Option<u64>) -> Result<()> {
         _ => {
             let expected = expected.map_or("more than 2^64".to_owned(), |bytes| bytes.to_string());
             Err(Error::bad_input(format!(
-                "file is truncated, or its header is wrong: {expected} bytes expected and {found} \
-                 found"
+                "file is truncated or its header is wrong: {found} bytes, expected {expected}"
             ))
             .in_file(file.path()))
         }
@@ -87,14 +85,14 @@ pub(super) struct StridedGrid {
     to_height: ToHeight,
 }
 
-/// One direction through a rectangle.
+/// One axis of a rectangle.
 #[derive(Clone, Copy)]
 struct StridedAxis {
     count: usize,
     pitch: u64,
 }
 
-/// Buffers reused from part to part.
+/// Buffers reused between parts.
 #[derive(Default)]
 struct StridedBuffers {
     file: Vec<u8>,
@@ -102,7 +100,7 @@ struct StridedBuffers {
 }
 
 impl StridedGrid {
-    /// Fails when the file is too short for what `info` and `layout` say.
+    /// Fails if the file is too short for `info` and `layout`.
     pub(super) fn new(file: RawFile, info: GridInfo, layout: StridedLayout) -> Result<Self> {
         check_length(&file, layout.end(info.width, info.height, info.sample_type.bytes()))?;
         Ok(Self { to_height: ToHeight::of(&info), file, info, layout })
@@ -130,7 +128,7 @@ impl StridedGrid {
         self.layout.col_pitch <= self.layout.row_pitch
     }
 
-    /// Columns and rows of the parts that `rect` is read in.
+    /// Columns and rows of the parts in which `rect` is read.
     fn part_size(&self, rect: Rect) -> (u32, u32) {
         let of = |pitch: u64, most: u32| {
             (PART_BYTES / pitch.max(1)).clamp(1, u64::from(most.max(1))) as u32
@@ -145,7 +143,7 @@ impl StridedGrid {
         }
     }
 
-    /// Reads `part` into `scratch.samples`, row by row, in the machine's byte order.
+    /// Reads `part` into `scratch.samples`, row by row, in native byte order.
     fn gather(&self, part: Rect, scratch: &mut StridedBuffers) -> Result<()> {
         let layout = &self.layout;
         let size = self.info.sample_type.bytes();
@@ -229,7 +227,7 @@ mod tests {
             };
             prop_assert!((0..rect.len()).all(|i| out[i] == naive(i)));
             let short = grid(&bytes[..bytes.len() - 1], width, height, layout).err().map(|e| e.to_string());
-            prop_assert!(short.is_none_or(|e| e.contains("bytes expected") || e.contains("empty")));
+            prop_assert!(short.is_none_or(|e| e.contains("bytes, expected") || e.contains("empty")));
         }
     }
 
@@ -242,7 +240,7 @@ mod tests {
             big_endian: false,
         };
         let error = grid(&[0; 8], 9, 9, layout).err().unwrap().to_string();
-        assert!(error.contains("more than 2^64 bytes expected and 8 found"), "{error}");
+        assert!(error.contains("8 bytes, expected more than 2^64"), "{error}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs, Rect};
 use terrane_synth::Terrain;
 
-/// What comes before the terrain's name.
+/// Prefix of names of synthetic terrains.
 pub(crate) const PREFIX: &str = "synth:";
 /// World position of sample (0, 0): on the central meridian of UTM zone 31, in the Pyrenees.
 const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
@@ -15,8 +15,8 @@ const ORIGIN: [f64; 2] = [500_000.0, 4_750_000.0];
 /// Opens the terrain `name`, with or without `synth:` before it.
 pub(crate) fn open(name: &str, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if options.band != 1 || options.nodata.is_some() {
-        let message = format!("{name:?} is made by rule: it has one band, and voids of its own");
-        return Err(Error::usage(message).remedy("name no band and no nodata value"));
+        let message = format!("synthetic grid {name:?} has one band and no nodata value");
+        return Err(Error::usage(message).remedy("omit ‹band› and ‹nodata›"));
     }
     let terrain = Terrain::parse(name.strip_prefix(PREFIX).unwrap_or(name))?;
     Ok(Box::new(SyntheticGrid { info: info(&terrain), terrain }))

@@ -1,5 +1,5 @@
-//! A grid in front of another: the same samples with rows from north to south and columns from west to east,
-//! so that what is made of a surface does not depend on the corner at which its file begins.
+//! Adapter that flips a grid north-up: the same samples with rows from north to south and columns from west
+//! to east, so that results do not depend on the corner where the file begins.
 
 use std::ops::Deref;
 use std::path::PathBuf;
@@ -10,17 +10,16 @@ use crate::window::{GridHeight, SampleWindow};
 use terrane_base::error::Result;
 use terrane_base::geom::{Affine, Rect};
 
-/// A grid with north up and west on the left. Grids that are turned by less than 45 degrees are turned by as much
-/// still; beyond that columns and rows stay what they are.
+/// A north-up grid. Rotations below 45 degrees are kept; beyond that columns and rows keep their roles.
 pub struct NorthUpGrid<S> {
     info: GridInfo,
     inner: S,
-    /// Whether columns and rows are in the opposite order.
+    /// Whether columns and rows are reversed.
     flips: [bool; 2],
 }
 
 impl<'a, S: Deref<Target = dyn GridSource + 'a>> NorthUpGrid<S> {
-    /// Of any grid.
+    /// Wraps any grid.
     pub fn new(inner: S) -> Self {
         let info = inner.info().clone();
         let Affine { a, b, d, e, .. } = info.transform;
@@ -35,7 +34,7 @@ impl<'a, S: Deref<Target = dyn GridSource + 'a>> NorthUpGrid<S> {
 }
 
 impl<S> NorthUpGrid<S> {
-    /// Where a rectangle lies in the grid behind.
+    /// The rectangle in the inner grid.
     fn behind(&self, rect: Rect) -> Rect {
         let [col, row] = self.flips;
         Rect {

@@ -1,18 +1,18 @@
-//! The window a caller wants filled: checked once, then handed out row by row.
+//! A validated window of samples and its buffer.
 
 use crate::grid::{GridInfo, GridSource};
 use crate::sample::HeightSample;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// A rectangle of samples and the memory it is read into.
+/// A rectangle of samples and the buffer for them.
 pub(crate) struct SampleWindow<'a, H> {
     rect: Rect,
     out: &'a mut [H],
 }
 
 impl<'a, H> SampleWindow<'a, H> {
-    /// Checks that `rect` lies inside the grid and that `out` has its size.
+    /// Checks that `rect` is inside the grid and that `out` has its size.
     pub(crate) fn new(info: &GridInfo, rect: Rect, out: &'a mut [H]) -> Result<Self> {
         let ends_inside =
             |first: u32, count: u32, of: u32| first.checked_add(count).is_some_and(|end| end <= of);
@@ -34,7 +34,7 @@ impl<'a, H> SampleWindow<'a, H> {
         Ok(Self { rect, out })
     }
 
-    /// The memory of row `row` of `part`, which lies inside the window.
+    /// The buffer of row `row` of `part`, which is inside the window.
     pub(crate) fn row(&mut self, part: Rect, row: u32) -> &mut [H] {
         let down = (part.row - self.rect.row + row) as usize;
         let start = down * self.rect.width as usize + (part.col - self.rect.col) as usize;
@@ -42,7 +42,7 @@ impl<'a, H> SampleWindow<'a, H> {
     }
 }
 
-/// Heights that a grid can be asked for.
+/// Height types that grids can be read in.
 pub(crate) trait GridHeight: HeightSample {
     fn read(grid: &dyn GridSource, rect: Rect, out: &mut [Self]) -> Result<()>;
     fn is_void(self) -> bool;

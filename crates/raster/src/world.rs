@@ -1,4 +1,4 @@
-//! Where a picture lies, told by a file or by its name: world files, and z/x/y tile addresses.
+//! Georeference from world files and from z/x/y tile addresses.
 
 use std::path::Path;
 
@@ -6,46 +6,50 @@ use crate::beside;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
-/// Most bytes of a world file: six numbers.
+/// Size limit of a world file in bytes.
 const MOST_BYTES: u64 = 4096;
-/// Half the side of the world in web mercator (EPSG:3857), in metres.
+/// Half the width of Web Mercator (EPSG:3857), in metres.
 const HALF_WORLD: f64 = 20_037_508.342_789_244;
-/// Deepest zoom level of a tile address.
+/// Maximum zoom level of a tile address.
 const MOST_ZOOM: u32 = 30;
 
-/// Reads the world file beside `path`, if there is one: six numbers that place the centre of the
-/// first sample.
+/// Reads the world file of `path`, if there is one: six numbers with the position of the first sample's
+/// centre.
 ///
 /// # Errors
-/// A world file that is not six numbers, or whose map cannot be inverted.
+/// A world file without six numbers, or with a singular transform.
 pub(super) fn beside(path: &Path, endings: &[&str]) -> Result<Option<Affine>> {
     let Some(world) = beside::sidecar(path, endings) else { return Ok(None) };
-    let text = beside::small_text(&world, "bytes of a world file", MOST_BYTES)?;
+    let text = beside::small_text(&world, "size of the world file in bytes", MOST_BYTES)?;
     let numbers: Option<Vec<f64>> =
         text.split_whitespace().map(|word| word.replace(',', ".").parse().ok()).collect();
     let map = match numbers.as_deref() {
         Some(&[a, d, b, e, x0, y0]) => Affine { x0, a, b, y0, d, e },
-        _ => return Err(Error::bad_input("a world file is six numbers").in_file(&world)),
+        _ => {
+            return Err(Error::bad_input("world file does not contain six numbers").in_file(&world));
+        }
     };
     if !map.is_valid() {
-        return Err(Error::bad_input("its numbers do not place the grid").in_file(&world));
+        return Err(
+            Error::bad_input("world file does not define a valid transform").in_file(&world)
+        );
     }
     Ok(Some(map))
 }
 
-/// A square of the web mercator pyramid.
+/// A tile of the Web Mercator pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct WebMercatorTile {
     /// Zoom level: the world is 2^zoom tiles wide.
     pub(super) zoom: u32,
-    /// From the west.
+    /// Column from the west.
     pub(super) x: u32,
-    /// From the north.
+    /// Row from the north.
     pub(super) y: u32,
 }
 
 impl WebMercatorTile {
-    /// From a path that ends in zoom/x/y.ending (also y@2x.ending).
+    /// Parses a path that ends in zoom/x/y.ext (also y@2x.ext).
     pub(super) fn of_path(path: &Path) -> Option<Self> {
         let mut parts = path.iter().rev();
         let file = Path::new(parts.next()?).file_stem()?.to_str()?;
@@ -56,7 +60,7 @@ impl WebMercatorTile {
         inside.then_some(Self { zoom, x, y })
     }
 
-    /// Of a grid of `width` x `height` samples that fills the tile.
+    /// The transform of a grid of `width` x `height` samples that fills the tile.
     pub(super) fn transform(&self, width: u32, height: u32) -> Affine {
         let side = 2.0 * HALF_WORLD / f64::from(1_u32 << self.zoom);
         let west = f64::from(self.x) * side - HALF_WORLD;

@@ -1,4 +1,4 @@
-//! XML of VRTs and sidecars: elements one by one, or a branch of them at once.
+//! XML of VRTs and PAM sidecars: streamed elements, or one element as a tree.
 
 use std::io::BufRead;
 
@@ -6,24 +6,24 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::xml::{self, XmlEvent};
 
-/// Most elements kept of one branch.
+/// Maximum number of elements of a tree.
 const MOST_NODES: u64 = 4096;
 
 /// A document being read.
 pub(super) struct RasterXmlReader<R>(xml::XmlReader<R>);
 
-/// The start of an element.
+/// Start tag of an element.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RasterXmlTag {
     pub(super) name: String,
     attributes: Vec<(String, String)>,
 }
 
-/// An element read whole.
+/// An element with its content.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RasterXmlElement {
     pub(super) tag: RasterXmlTag,
-    /// Its text, without white space around it.
+    /// Its text, trimmed.
     pub(super) text: String,
     pub(super) children: Vec<RasterXmlElement>,
 }
@@ -53,7 +53,7 @@ impl RasterXmlElement {
         self.children.iter().find(|child| child.tag.is(name))
     }
 
-    /// Its text as a number, which may be NaN.
+    /// Its text as a number, possibly NaN.
     pub(super) fn number(&self) -> Result<f64> {
         parsed(&self.text).ok_or_else(|| {
             let (name, text) = (&self.tag.name, short(&self.text));
@@ -61,7 +61,7 @@ impl RasterXmlElement {
         })
     }
 
-    /// Its text as a number that is neither NaN nor infinite.
+    /// Its text as a finite number.
     pub(super) fn finite(&self) -> Result<f64> {
         let number = self.number()?;
         if number.is_finite() {
@@ -71,7 +71,7 @@ impl RasterXmlElement {
     }
 }
 
-/// GDAL's six coefficients, separated by commas.
+/// The six coefficients of a GDAL geotransform, separated by commas.
 pub(super) fn geotransform(text: &str) -> Result<[f64; 6]> {
     let numbers: Option<Vec<f64>> = text.split(',').map(parsed).collect();
     let numbers = numbers.and_then(|numbers| <[f64; 6]>::try_from(numbers).ok());
@@ -84,7 +84,7 @@ pub(super) fn parsed(text: &str) -> Option<f64> {
     text.trim().parse().ok()
 }
 
-/// Enough of a hostile text to recognise it by.
+/// A prefix of untrusted text for error messages.
 pub(super) fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }
@@ -94,17 +94,17 @@ impl<R: BufRead> RasterXmlReader<R> {
         Self(xml::XmlReader::new(from))
     }
 
-    /// The outermost element.
+    /// The root element.
     pub(super) fn root(&mut self) -> Result<RasterXmlTag> {
         match self.0.next()? {
             XmlEvent::Start(tag) => RasterXmlTag::of(&tag),
             XmlEvent::Text(text) if text.trim().is_empty() => self.root(),
             XmlEvent::Over => Err(ends_early()),
-            _ => Err(Error::bad_input("has no element").at(self.place())),
+            _ => Err(Error::bad_input("root element is missing").at(self.place())),
         }
     }
 
-    /// The next child of the element at hand; `None` once that has ended.
+    /// The next child of the current element; `None` at its end.
     pub(super) fn child(&mut self) -> Result<Option<RasterXmlTag>> {
         loop {
             match self.0.next()? {
@@ -116,14 +116,14 @@ impl<R: BufRead> RasterXmlReader<R> {
         }
     }
 
-    /// The rest of the element that began with `tag`.
+    /// The rest of the element begun by `tag`.
     pub(super) fn node(&mut self, tag: RasterXmlTag) -> Result<RasterXmlElement> {
         self.branch(tag, &mut 0)
     }
 
     fn branch(&mut self, tag: RasterXmlTag, nodes: &mut u64) -> Result<RasterXmlElement> {
         *nodes += 1;
-        limits::check("elements in one of XML", *nodes, MOST_NODES)?;
+        limits::check("number of elements inside one XML element", *nodes, MOST_NODES)?;
         let mut node = RasterXmlElement { tag, ..RasterXmlElement::default() };
         loop {
             match self.0.next()? {
@@ -135,30 +135,30 @@ impl<R: BufRead> RasterXmlReader<R> {
                 XmlEvent::Over => return Err(ends_early()),
             }
             let bytes = node.text.len() as u64;
-            limits::check("bytes of a text in XML", bytes, limits::MAX_HEADER_BYTES)?;
+            limits::check("size of an XML text in bytes", bytes, limits::MAX_HEADER_BYTES)?;
         }
         node.text = node.text.trim().to_owned();
         Ok(node)
     }
 
-    /// Passes over the rest of the element at hand.
+    /// Skips the rest of the current element.
     pub(super) fn skip(&mut self) -> Result<()> {
         self.0.skip()
     }
 
-    /// Makes sure that nothing but comments and space follow the outermost element, which has ended.
+    /// Checks that only comments and white space follow the root element.
     pub(super) fn finish(&mut self) -> Result<()> {
         self.0.finish().map_err(|e| e.at(self.place()))
     }
 
-    /// Where the reader is.
+    /// Position of the reader.
     pub(super) fn place(&self) -> String {
         format!("byte {}", self.0.offset())
     }
 }
 
 fn ends_early() -> Error {
-    Error::bad_input("ends in the middle of an element")
+    Error::bad_input("file ends inside an element")
 }
 
 #[cfg(test)]
@@ -205,10 +205,10 @@ mod tests {
         assert!(refused("<a>&x;</a>").contains("entity &x;"));
         assert!(refused("<a b='&x;'/>").contains("well-formed"));
         assert!(refused("<a><b></a>").contains("well-formed"));
-        assert!(refused("<a>").contains("middle") && refused("").contains("middle"));
+        assert!(refused("<a>").contains("inside") && refused("").contains("inside"));
         assert!(refused("<a \u{0}=").contains("well-formed"));
         assert!(refused(&"<a>".repeat(40)).contains("depth of XML"));
-        assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(5000))).contains("elements in one"));
+        assert!(refused(&format!("<a>{}</a>", "<b/>".repeat(5000))).contains("number of elements"));
         assert!(refused("x").contains("element"));
         assert!(refused("</a>").contains("well-formed"));
     }

@@ -1,4 +1,4 @@
-//! Coordinate reference systems of files of features: `.prj` files, and what GeoJSON says.
+//! CRS of vector files: `.prj` sidecars and the "crs" member of GeoJSON.
 
 use std::path::Path;
 
@@ -6,35 +6,35 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, wkt};
 use terrane_files::atomic::Sidecar;
 
-/// Longitude and latitude on WGS 84: what GeoJSON and GPX are in.
+/// WGS 84 longitude and latitude, the CRS of GeoJSON and GPX.
 pub(super) fn wgs84() -> Crs {
     wkt::of_srs("EPSG:4326")
 }
 
-/// True where coordinates need no word in a format that is longitude and latitude on WGS 84.
+/// True if `crs` need not be declared in a format that implies WGS 84 longitude and latitude.
 pub(super) fn is_wgs84(crs: &Crs) -> bool {
     (crs.epsg, crs.vertical_epsg) == (Some(4326), None) || !crs.is_named()
 }
 
-/// The system that the `.prj` file beside `path` names; unknown where there is none.
+/// The CRS of the `.prj` sidecar of `path`; unknown if there is none.
 pub(super) fn beside(path: &Path) -> Result<Crs> {
     Ok(wkt::of_srs(&terrane_files::prj(path)?))
 }
 
-/// The `.prj` file of the file at `path`: written, replaced or, where nothing is known of `crs`,
-/// removed together with it.
+/// The pending `.prj` sidecar of the file at `path`: written, replaced, or removed if `crs` is unknown, when
+/// the file is committed.
 pub(super) fn prj(path: &Path, crs: &Crs, overwrite: bool) -> Result<Sidecar> {
     let text = crs.to_wkt().map(|text| text + "\n");
     let path = path.with_extension("prj");
     Sidecar::new(path, text, |found| crs.is_said_by(found), overwrite)
 }
 
-/// What a file beside which a `.prj` lies does not say of `crs`.
+/// Notes on parts of `crs` that a `.prj` sidecar cannot store.
 pub(super) fn notes(crs: &Crs) -> Vec<String> {
     crs.lost_in_wkt().into_iter().collect()
 }
 
-/// The system of a GeoJSON "crs" member (of 2008, before RFC 7946): by name, as a URN or a code.
+/// The CRS of a GeoJSON "crs" member (GeoJSON 2008, before RFC 7946): by name, as a URN or a code.
 pub(super) fn of_member(json: &str) -> Crs {
     let member: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
     let properties = &member["properties"];
@@ -57,8 +57,8 @@ pub(super) fn of_member(json: &str) -> Crs {
     }
 }
 
-/// The "crs" member for a system other than WGS 84, as GDAL writes it: by code, or as well-known text,
-/// which GDAL reads there, too. `None` where neither is known.
+/// The "crs" member for a CRS other than WGS 84, as GDAL writes it: by code, or as WKT, which GDAL reads as
+/// well. `None` if neither is known.
 pub(super) fn member(crs: &Crs) -> Option<String> {
     if is_wgs84(crs) {
         return None;

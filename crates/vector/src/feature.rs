@@ -7,28 +7,28 @@ use super::geometry::Geometry;
 /// A feature as read, and as written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Feature {
-    /// Its id, in formats that have ids apart from properties.
+    /// Its id, in formats that store ids apart from properties.
     pub id: Option<Id>,
     /// Its properties, in order.
     pub properties: FeatureProperties,
-    /// Where it is.
+    /// Its geometry.
     pub geometry: Geometry,
-    /// Members of a GeoJSON feature beside those of the standard ("bbox" is one of them).
+    /// Foreign members of a GeoJSON feature (RFC 7946, section 6.1); "bbox" counts as one.
     pub foreign: Vec<JsonMember>,
 }
 
 /// The id of a feature.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Id {
-    /// A whole number.
+    /// An integer.
     Int(i64),
     /// Any other number.
     Real(f64),
-    /// A text.
+    /// A string.
     Text(String),
 }
 
-/// A member of a JSON object that is passed on as it is.
+/// A foreign member of a JSON object, copied unchanged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JsonMember {
     /// Its name.
@@ -66,21 +66,21 @@ pub enum PropertyValue {
     Null,
     /// True or false.
     Bool(bool),
-    /// A whole number.
+    /// An integer.
     Int(i64),
-    /// A number, which is finite.
+    /// A finite number.
     Real(f64),
-    /// A text.
+    /// A string.
     Text(String),
-    /// A day, as "2026-01-31".
+    /// A date, as "2026-01-31".
     Date(String),
-    /// A moment, after ISO 8601.
+    /// A date and time, as in ISO 8601.
     DateTime(String),
-    /// An object, a list, or a number beyond the others: JSON text.
+    /// An object, an array, or a number out of range: JSON text.
     Json(String),
 }
 
-/// Whether a text is a day of the calendar as [`PropertyValue::Date`] holds it.
+/// Whether `text` is a valid date, as in [`PropertyValue::Date`].
 pub(super) fn is_date(text: &str) -> bool {
     let is_digit = |(at, byte): (usize, u8)| matches!(at, 4 | 7) || byte.is_ascii_digit();
     text.len() == 10
@@ -88,7 +88,7 @@ pub(super) fn is_date(text: &str) -> bool {
         && chrono::NaiveDate::parse_from_str(text, "%Y-%m-%d").is_ok()
 }
 
-/// What the values of a field are.
+/// Type of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldKind {
     /// [`PropertyValue::Bool`].
@@ -108,7 +108,7 @@ pub enum FieldKind {
 }
 
 impl PropertyValue {
-    /// What kind of field holds it; null fits any.
+    /// The field type of the value; null fits any.
     pub fn kind(&self) -> Option<FieldKind> {
         match self {
             Self::Null => None,
@@ -124,7 +124,7 @@ impl PropertyValue {
 }
 
 impl FieldKind {
-    /// The kind that holds the values of both: numbers are reals, all else text.
+    /// The common type of two fields: Real for numbers, else Text.
     #[must_use]
     pub fn with(self, other: Self) -> Self {
         match (self, other) {
@@ -135,35 +135,35 @@ impl FieldKind {
     }
 }
 
-/// A column of a table of features.
+/// Definition of a field of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldDefinition {
     /// Its name.
     pub name: Arc<str>,
-    /// What its values are.
+    /// Type of its values.
     pub kind: FieldKind,
-    /// Most bytes of a value as text, where the format limits them.
+    /// Maximum length of a value as text in bytes, if the format limits it.
     pub width: Option<u32>,
-    /// Digits behind the point, where the format fixes them.
+    /// Number of decimals, if the format fixes it.
     pub decimals: Option<u32>,
 }
 
-/// What a file says of itself, carried from input to output.
+/// Header of a layer, copied from input to output.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LayerHeader {
     /// Its name.
     pub name: Option<String>,
     /// Coordinate reference system.
     pub crs: terrane_base::geom::Crs,
-    /// The fields, in formats that have the same for all features.
+    /// The fields, in formats with one schema for all features.
     pub schema: Option<Vec<FieldDefinition>>,
-    /// x low, y low, x high, y high as the header has them: a claim.
+    /// x min, y min, x max, y max as declared in the header; not verified.
     pub extent: Option<[f64; 4]>,
-    /// Features as the header has them: a claim.
+    /// Number of features as declared in the header; not verified.
     pub features: Option<u64>,
-    /// True where measures are moments: seconds since the start of 1970 (UTC).
+    /// True if measures are times: seconds since 1970-01-01 (UTC).
     pub m_is_time: bool,
-    /// Members of a GeoJSON collection beside those of the standard. Those that stand after the
-    /// features are known once all have been read.
+    /// Foreign members of a GeoJSON collection. Those after the features are known once all features have
+    /// been read.
     pub foreign: Vec<JsonMember>,
 }

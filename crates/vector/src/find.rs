@@ -1,4 +1,4 @@
-//! The files of features that inputs stand for.
+//! Expands inputs to vector files.
 
 use std::path::Path;
 
@@ -7,28 +7,27 @@ use terrane_base::error::Result;
 use terrane_files::FileKind;
 use terrane_files::format::by_extension;
 
-/// Endings that also lie beside files of features without being one: lists, tables, notes.
+/// Extensions that files other than vector files have, too: lists, tables, notes.
 const AMBIGUOUS_ENDINGS: [&str; 4] = ["txt", "csv", "tsv", "json"];
 
-/// What is looked for.
-const FEATURES: FileKind =
-    FileKind { what: "file of features", is_member, file_name: |input| input };
+/// Vector files as inputs.
+const FEATURES: FileKind = FileKind { what: "vector file", is_member, file_name: |input| input };
 
 /// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
 ///
 /// # Errors
-/// A folder, list or pattern that yields no file or cannot be read; more than
+/// Unreadable folders, lists or patterns, or ones without files; more than
 /// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     FEATURES.files(inputs)
 }
 
-/// True when `input` names files other than itself: a folder, a list of files, or a pattern.
+/// True if `input` stands for other files: a folder, a list of files, or a pattern.
 pub fn is_collection(input: &str) -> bool {
     FEATURES.is_collection(input)
 }
 
-/// As [`files`], with those in folders below the folders among `inputs`.
+/// As [`files`], including subfolders.
 ///
 /// # Errors
 /// As [`files`].

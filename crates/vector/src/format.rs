@@ -15,29 +15,29 @@ use terrane_files::format::FileFormat;
 pub struct VectorFormat {
     /// Short name for `--format` and messages ("GeoJSON").
     pub name: &'static str,
-    /// File name endings, lower case, without the dot.
+    /// File name extensions, lower case, without the dot.
     pub extensions: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
-    /// What a file of it can hold.
+    /// Capabilities of the format.
     pub holds: VectorCapabilities,
     /// Opens a file for reading.
     pub open: fn(&Path, &VectorOpenOptions) -> Result<Box<dyn FeatureSource>>,
-    /// Starts a file; `None` for formats that are only read.
+    /// Creates a file; `None` for read-only formats.
     pub create: Option<Create>,
-    /// True when the first bytes of a file (up to 4096) are this format's.
+    /// True if `head`, the first bytes of a file (up to 4096), identifies the format.
     pub sniff: fn(&[u8]) -> bool,
 }
 
-/// Starts a file of a format.
+/// Function that creates a file.
 pub type Create = fn(&Path, &LayerHeader, &VectorWriteOptions) -> Result<Box<dyn FeatureSink>>;
 
-/// What a format can hold.
+/// Capabilities of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VectorCapabilities {
-    /// Kinds of geometries that come back as they were.
+    /// Geometry types that are preserved.
     pub kinds: &'static [GeometryType],
-    /// True when one file can hold geometries of several kinds.
+    /// True if a file can contain several geometry types.
     pub mixed: bool,
     /// Heights.
     pub z: bool,
@@ -45,29 +45,29 @@ pub struct VectorCapabilities {
     pub m: bool,
     /// Properties of any type.
     pub properties: bool,
-    /// How values of properties are held.
+    /// How property values are stored.
     pub values: PropertySupport,
     /// Ids apart from properties.
     pub ids: bool,
-    /// True where features come back in the order they were written.
+    /// True if features keep their order.
     pub ordered: bool,
 }
 
-/// How a format holds values of properties.
+/// How a format stores property values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PropertySupport {
     /// Not at all.
     None,
-    /// Each with a type of its own.
+    /// Each value has its own type.
     Typed,
-    /// In columns that have a type: a column of several kinds of values holds texts.
+    /// Typed columns: a column with values of several types stores text.
     Columns,
-    /// As [`Columns`](Self::Columns) of a dBASE table: with names of ten bytes, digits behind the point
-    /// as the column says, and no difference between no text and none at all.
+    /// As [`Columns`](Self::Columns) of a dBASE table: field names of ten bytes, decimals per column, and no
+    /// distinction between empty text and null.
     Dbase,
-    /// As text, without a type.
+    /// As untyped text.
     Cells,
-    /// As text, under names that the format knows: those of points, and of lines.
+    /// As text, in predefined elements of points and of lines.
     Named([&'static [&'static str]; 2]),
 }
 

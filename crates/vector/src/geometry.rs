@@ -1,32 +1,32 @@
-//! Geometries with flat coordinates: a line or ring is a plain slice of x, y.
+//! Geometries with flat coordinate arrays: a line or ring is a slice of x, y.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// What a geometry is.
+/// Geometry type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum GeometryType {
-    /// A feature without a place.
+    /// Null geometry of a feature.
     #[default]
     Null,
-    /// One position, or none.
+    /// One position, or empty.
     Point,
     /// Any number of positions.
     MultiPoint,
-    /// One line, or none.
+    /// One line, or empty.
     LineString,
     /// Any number of lines.
     MultiLineString,
-    /// One outer ring with its holes, or none.
+    /// One outer ring with its holes, or empty.
     Polygon,
     /// Any number of polygons.
     MultiPolygon,
-    /// Geometries of any kind.
+    /// Geometries of any type.
     Collection,
 }
 
 impl GeometryType {
-    /// Every kind.
+    /// All types.
     pub const ALL: [Self; 8] = [
         Self::Null,
         Self::Point,
@@ -38,7 +38,7 @@ impl GeometryType {
         Self::Collection,
     ];
 
-    /// The name in GeoJSON and well-known text.
+    /// The name in GeoJSON and WKT.
     pub fn name(self) -> &'static str {
         match self {
             Self::Null => "null",
@@ -52,7 +52,7 @@ impl GeometryType {
         }
     }
 
-    /// The kind of a name, in any letter case.
+    /// The type called `name`, in any case.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(name))
     }
@@ -62,29 +62,29 @@ impl GeometryType {
         matches!(self, Self::Point | Self::MultiPoint)
     }
 
-    /// True where the parts are rings.
+    /// True if the parts are rings.
     pub fn is_polygons(self) -> bool {
         matches!(self, Self::Polygon | Self::MultiPolygon)
     }
 }
 
-/// Positions, cut into parts (lines or rings), and parts into polygons.
+/// Positions, grouped into parts (lines or rings), and parts grouped into polygons.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CoordinateSequence {
     /// x and y in units of the CRS.
     pub xy: Vec<[f64; 2]>,
-    /// Heights: none, or one for each position; NaN where a position has none though others do.
+    /// Heights: empty, or one per position; NaN where missing.
     pub z: Vec<f64>,
-    /// Measures: none, or one for each position; NaN where a position has none.
+    /// Measures: empty, or one per position; NaN where missing.
     pub m: Vec<f64>,
-    /// One past the last position of each part.
+    /// End index of the positions of each part.
     pub ends: Vec<usize>,
-    /// One past the last part of each polygon.
+    /// End index of the parts of each polygon.
     pub polygons: Vec<usize>,
 }
 
 impl CoordinateSequence {
-    /// Positions without heights, not yet cut.
+    /// Positions without heights and parts.
     pub fn of(xy: Vec<[f64; 2]>) -> Self {
         Self { xy, ..Self::default() }
     }
@@ -98,33 +98,33 @@ impl CoordinateSequence {
         self.xy.push(xy);
     }
 
-    /// Ends the part at hand; one without positions is none.
+    /// Ends the current part, unless it is empty.
     pub fn end_part(&mut self) {
         if self.ends.last().copied().unwrap_or(0) < self.xy.len() {
             self.ends.push(self.xy.len());
         }
     }
 
-    /// Ends the polygon at hand; one without rings is none.
+    /// Ends the current polygon, unless it is empty.
     pub fn end_polygon(&mut self) {
         if self.polygons.last().copied().unwrap_or(0) < self.ends.len() {
             self.polygons.push(self.ends.len());
         }
     }
 
-    /// The positions of part `part`.
+    /// Index range of the positions of part `part`.
     fn range(&self, part: usize) -> std::ops::Range<usize> {
         let start = if part == 0 { 0 } else { self.ends[part - 1] };
         start..self.ends[part]
     }
 
-    /// True when part `part` ends where it began.
+    /// True if the first and last position of part `part` are equal.
     fn is_closed(&self, part: usize) -> bool {
         let part = &self.xy[self.range(part)];
         part.first() == part.last()
     }
 
-    /// Closes every part that is open.
+    /// Closes all open parts.
     fn close(&mut self) {
         if (0..self.ends.len()).all(|part| self.is_closed(part)) {
             return;
@@ -139,7 +139,7 @@ impl CoordinateSequence {
         *self = closed;
     }
 
-    /// Appends positions of `from`.
+    /// Appends the positions of `from` with the given indices.
     pub(super) fn extend(&mut self, from: &Self, which: impl Iterator<Item = usize> + Clone) {
         self.xy.extend(which.clone().map(|i| from.xy[i]));
         if !from.z.is_empty() {
@@ -151,7 +151,8 @@ impl CoordinateSequence {
     }
 }
 
-/// Appends to values of which there is none yet unless a position before had one.
+/// Appends an optional value, filling earlier missing ones with NaN. The list stays empty until there is a
+/// value.
 #[inline]
 fn push_value(values: &mut Vec<f64>, before: usize, value: Option<f64>) {
     if let Some(value) = value {
@@ -162,37 +163,37 @@ fn push_value(values: &mut Vec<f64>, before: usize, value: Option<f64>) {
     }
 }
 
-/// A geometry. Rings are closed: the last position is the first again.
+/// A geometry. Rings are closed: the first position is repeated at the end.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Geometry {
     kind: GeometryType,
     coordinates: CoordinateSequence,
     members: Vec<Geometry>,
-    /// Collections within one another, itself included.
+    /// Depth of nested collections, itself included.
     depth: u32,
 }
 
-/// What a part is.
+/// Role of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PartRole {
-    /// An open line (which may end where it began).
+    /// An open line (possibly with equal ends).
     Line,
     /// The outer ring of a polygon.
     Outer,
-    /// A hole of the polygon whose outer ring came before.
+    /// A hole of the polygon of the preceding outer ring.
     Hole,
 }
 
 /// A line or ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GeometryPart<'a> {
-    /// x and y of each vertex; of a ring the last is the first again.
+    /// x and y of each vertex; the first vertex of a ring is repeated at the end.
     pub xy: &'a [[f64; 2]],
-    /// Heights, empty where there are none.
+    /// Heights; empty if there are none.
     pub z: &'a [f64],
-    /// Measures, empty where there are none.
+    /// Measures; empty if there are none.
     pub m: &'a [f64],
-    /// What it is.
+    /// Role of the part.
     pub role: PartRole,
 }
 
@@ -204,12 +205,12 @@ impl GeometryPart<'_> {
 }
 
 impl Geometry {
-    /// A geometry of any kind but a collection. Positions that are in no part yet are one, parts
-    /// that are in no polygon yet are one; open rings are closed.
+    /// A geometry of any type but a collection. Positions outside parts form one part, parts outside polygons
+    /// form one polygon; open rings are closed.
     ///
     /// # Errors
-    /// More positions in a Point, lines in a LineString or polygons in a Polygon than one; lists
-    /// that do not fit together.
+    /// More than one position in a Point, line in a LineString or polygon in a Polygon; inconsistent array
+    /// lengths.
     pub fn new(kind: GeometryType, mut coordinates: CoordinateSequence) -> Result<Self> {
         check(&coordinates)?;
         if kind.is_points() || matches!(kind, GeometryType::Null | GeometryType::Collection) {
@@ -233,14 +234,14 @@ impl Geometry {
             | GeometryType::MultiPolygon => (0, 0),
         };
         if found > most {
-            let message = format!("a {} of {found} where there is one at most", kind.name());
+            let message = format!("{} has {found} parts, at most 1 allowed", kind.name());
             return Err(Error::bad_input(message));
         }
         let depth = u32::from(kind == GeometryType::Collection);
         Ok(Self { kind, coordinates, members: Vec::new(), depth })
     }
 
-    /// No place at all.
+    /// A null geometry.
     pub fn null() -> Self {
         Self::default()
     }
@@ -252,7 +253,7 @@ impl Geometry {
         Self { kind: GeometryType::LineString, coordinates, ..Self::default() }
     }
 
-    /// A collection, which may hold others.
+    /// A collection, which may contain collections.
     ///
     /// # Errors
     /// Collections nested deeper than [`limits::MAX_COLLECTION_DEPTH`].
@@ -263,28 +264,28 @@ impl Geometry {
         Ok(collection)
     }
 
-    /// Of coordinates that are known to fit the kind.
+    /// A geometry of coordinates known to match the type.
     pub(super) fn of_kind(kind: GeometryType, coordinates: CoordinateSequence) -> Self {
         Self { kind, coordinates, members: Vec::new(), depth: 0 }
     }
 
-    /// A collection of as many levels as are known to be few enough.
+    /// A collection whose depth is known to be within the limit.
     pub(super) fn with_members(members: Vec<Geometry>) -> Self {
         let depth = 1 + members.iter().map(|member| member.depth).max().unwrap_or(0);
         Self { kind: GeometryType::Collection, members, depth, ..Self::default() }
     }
 
-    /// What it is.
+    /// Geometry type.
     pub fn kind(&self) -> GeometryType {
         self.kind
     }
 
-    /// Its own positions; a collection has none.
+    /// Coordinates of this geometry; empty for a collection.
     pub fn coordinates(&self) -> &CoordinateSequence {
         &self.coordinates
     }
 
-    /// Its own positions, for another geometry.
+    /// Coordinates of this geometry, for reuse.
     pub(super) fn into_coordinates(self) -> CoordinateSequence {
         CoordinateSequence { polygons: Vec::new(), ..self.coordinates }
     }
@@ -294,17 +295,17 @@ impl Geometry {
         &self.members
     }
 
-    /// Itself, or what is in it if it is a collection, collections within resolved, in order.
+    /// This geometry, or the members of a collection, recursively and in order.
     pub fn leaves(&self) -> impl Iterator<Item = &Geometry> {
         LeafGeometries { next: Some(self), stack: Vec::new() }
     }
 
-    /// The lines and rings in order, those of members included. Points have no parts.
+    /// The lines and rings in order, including those of members. Points have no parts.
     pub fn parts(&self) -> impl Iterator<Item = GeometryPart<'_>> {
         self.leaves().flat_map(Self::own_parts)
     }
 
-    /// The lines and rings of a geometry that is no collection.
+    /// The lines and rings of a geometry other than a collection.
     pub(super) fn own_parts(&self) -> impl Iterator<Item = GeometryPart<'_>> {
         (0..self.coordinates.ends.len()).map(|part| self.part(part))
     }
@@ -330,44 +331,44 @@ impl Geometry {
         GeometryPart { xy: &xy[range.clone()], z: &z[of(z)], m: &m[of(m)], role }
     }
 
-    /// Gives the vertices of its lines and rings, in the order of [`parts`](Self::parts), the next of
-    /// these positions; points stay.
+    /// Replaces the vertices of lines and rings by `positions`, in the order of [`parts`](Self::parts);
+    /// points are unchanged.
     pub fn place_parts(&mut self, positions: &mut impl Iterator<Item = [f64; 2]>) {
         if !self.kind.is_points() {
             self.coordinates.xy.iter_mut().zip(&mut *positions).for_each(|(own, new)| *own = new);
         }
-        // The depth of collections is limited where they are made.
+        // The depth of collections is limited by their constructor.
         self.members.iter_mut().for_each(|member| member.place_parts(positions));
     }
 
-    /// The numbers of all positions, of members too.
+    /// Calls `each` with the coordinates of this geometry or of all members.
     pub fn for_each_leaf(&mut self, each: &mut impl FnMut(&mut CoordinateSequence)) {
         each(&mut self.coordinates);
-        // The depth of collections is limited where they are made.
+        // The depth of collections is limited by their constructor.
         self.members.iter_mut().for_each(|member| member.for_each_leaf(each));
     }
 
-    /// Positions, those of members included.
+    /// Number of positions, including those of members.
     pub fn vertices(&self) -> usize {
         self.leaves().map(|leaf| leaf.coordinates.xy.len()).sum()
     }
 
-    /// True where there is no position at all.
+    /// True if there are no positions.
     pub fn is_empty(&self) -> bool {
         self.leaves().all(|leaf| leaf.coordinates.xy.is_empty())
     }
 
-    /// True where a position has a height.
+    /// True if any position has a height.
     pub fn has_z(&self) -> bool {
         self.leaves().any(|leaf| !leaf.coordinates.z.is_empty())
     }
 
-    /// True where a position has a measure.
+    /// True if any position has a measure.
     pub fn has_m(&self) -> bool {
         self.leaves().any(|leaf| !leaf.coordinates.m.is_empty())
     }
 
-    /// x low, y low, x high, y high; `None` where there is no position.
+    /// x min, y min, x max, y max; `None` if empty.
     pub fn bounds(&self) -> Option<[f64; 4]> {
         let mut bounds = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         for [x, y] in self.leaves().flat_map(|leaf| &leaf.coordinates.xy) {
@@ -377,13 +378,13 @@ impl Geometry {
         (bounds[0] <= bounds[2]).then_some(bounds)
     }
 
-    /// Fails where a coordinate is NaN or infinite, or a height or measure is infinite; the error
-    /// names the vertex, counted from 0 over all members.
+    /// Fails if a coordinate is NaN or infinite, or a height or measure is infinite; the error gives the
+    /// vertex index over all members.
     pub(super) fn check_finite(&self) -> Result<()> {
         let mut first = 0;
         for leaf in self.leaves() {
             let CoordinateSequence { xy, z, m, .. } = &leaf.coordinates;
-            // Without a branch, so that many are looked at together.
+            // Branch-free, so that the loop is vectorised.
             let all = xy.as_flattened().iter().fold(true, |all, c| all & c.is_finite());
             if !all {
                 let at = xy.iter().position(|p| !p.iter().all(|c| c.is_finite()));
@@ -402,10 +403,10 @@ impl Geometry {
 
 fn not_finite(vertex: usize, what: &str) -> Error {
     Error::bad_input(format!("vertex {vertex}: {what} is not finite"))
-        .remedy("give it numbers, or take the vertex or the feature out")
+        .remedy("correct the vertex, or remove it or the feature")
 }
 
-/// Fails where lists do not fit together: a fault of the caller.
+/// Fails if the array lengths are inconsistent, which is a programming error of the caller.
 fn check(coordinates: &CoordinateSequence) -> Result<()> {
     let CoordinateSequence { xy, z, m, ends, polygons } = coordinates;
     let fits = |values: &[f64]| values.is_empty() || values.len() == xy.len();
@@ -415,10 +416,10 @@ fn check(coordinates: &CoordinateSequence) -> Result<()> {
     if fits(z) && fits(m) && rises(ends, xy.len()) && rises(polygons, ends.len()) {
         return Ok(());
     }
-    Err(Error::usage("coordinates whose lists do not fit together"))
+    Err(Error::usage("lengths of the coordinate arrays are inconsistent"))
 }
 
-/// The geometries in a geometry that are no collections.
+/// Iterator over the members of nested collections.
 struct LeafGeometries<'a> {
     next: Option<&'a Geometry>,
     stack: Vec<std::slice::Iter<'a, Geometry>>,

@@ -1,30 +1,29 @@
-//! A geometry with fewer vertices: parts that collapse go, and their polygons with them.
+//! Simplified geometries: a subset of the vertices, without collapsed parts.
 
 use super::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType};
 
-/// What is to stay of a part.
+/// The vertices of a part to keep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum KeptVertices {
-    /// All of it, as it is.
+    /// The whole part, unchanged.
     All,
-    /// Nothing of it.
+    /// No vertex.
     Nothing,
-    /// The vertices with these indices, which rise. A ring is closed by its first kept vertex, heights
-    /// and measures included; others in that place at its end go. What is left of a line with less
-    /// than two vertices (unless it had one only, its first and its last), or of a ring with less than
-    /// four (the first again included), is nothing.
+    /// Vertices by ascending index. A ring is closed with its first kept vertex, with height and measure;
+    /// further vertices at that position at its end are dropped. Lines with less than two vertices (unless
+    /// the input has only one) and rings with less than four (the closing vertex included) collapse and are
+    /// dropped.
     Vertices(Vec<u32>),
 }
 
 impl Geometry {
-    /// The same geometry with what `choose` keeps of each part. It is called with the index of the
-    /// part in [`parts`](Geometry::parts) and the part, in order; points are not asked about and
-    /// stay. A polygon whose outer ring is gone goes with its holes (about which `choose` is asked
-    /// all the same). What is left of nothing is an empty geometry of the same kind; members of a
-    /// collection that have become empty go.
+    /// The same geometry with the vertices that `choose` keeps of each part. `choose` is called in order with
+    /// the index of the part in [`parts`](Geometry::parts); points are always kept. A polygon without its
+    /// outer ring is dropped with its holes (`choose` is still called for them). The result of dropping
+    /// everything is an empty geometry of the same type; empty members of a collection are dropped.
     ///
     /// # Panics
-    /// Where an index is beyond the part.
+    /// If an index is out of range.
     #[must_use]
     pub fn keep(
         &self,
@@ -33,7 +32,7 @@ impl Geometry {
         self.keep_from(&mut 0, &mut choose)
     }
 
-    // The depth of collections is limited where they are made.
+    // The depth of collections is limited by their constructor.
     fn keep_from(
         &self,
         index: &mut usize,
@@ -85,7 +84,7 @@ impl Geometry {
         left
     }
 
-    /// Appends what is kept of this geometry's own part `at`.
+    /// Appends the kept vertices of part `at` of this geometry.
     fn keep_part(
         &self,
         at: usize,
@@ -99,7 +98,10 @@ impl Geometry {
             KeptVertices::Nothing => {}
             KeptVertices::All => left.extend(from, start..from.ends[at]),
             KeptVertices::Vertices(indices) => {
-                assert!(indices.iter().all(|&i| (i as usize) < part.xy.len()), "beyond the part");
+                assert!(
+                    indices.iter().all(|&i| (i as usize) < part.xy.len()),
+                    "vertex index out of range"
+                );
                 let (open, again) = match part.is_ring() {
                     true => (opened(indices, part.xy), indices.first()),
                     false => (&indices[..], None),
@@ -116,7 +118,7 @@ impl Geometry {
     }
 }
 
-/// What is kept of a ring, up to where it is back at its first vertex for good.
+/// Kept vertices of a ring without the repeated closing vertices.
 fn opened<'a>(indices: &'a [u32], xy: &[[f64; 2]]) -> &'a [u32] {
     let mut open = indices;
     while let [first, .., last] = open

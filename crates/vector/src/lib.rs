@@ -1,6 +1,5 @@
-//! Files of features (points, lines, polygons with properties): one file or folder per format, and
-//! the registry that names them. Features are read and written one by one; files may be larger than
-//! memory.
+//! Vector files (points, lines, polygons with properties): one module per format, and the registry of
+//! formats. Features are read and written one by one; files may be larger than memory.
 
 mod crs;
 mod csv;
@@ -53,8 +52,7 @@ pub use sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 pub use source::{FeatureSource, VectorOpenOptions};
 pub use synth::synthetic;
 
-/// Every format. A new one is a file in this folder and a line here. Contents are looked at in this
-/// order.
+/// All formats, in the order of detection; a new one is a file in this folder and a line here.
 pub const FORMATS: &[VectorFormat] = &[
     topojson::FORMAT,
     geojson::LINES,
@@ -66,21 +64,20 @@ pub const FORMATS: &[VectorFormat] = &[
     csv::FORMAT,
 ];
 
-/// Formats that are read and written from front to back, as pipes are; what they are read through and
-/// gathered in is a file all the same.
+/// Formats that can be read from and written to pipes; their data are buffered in a file.
 pub const STREAMED: [&str; 4] = ["GeoJSON", "GeoJSONSeq", "WKT", "CSV"];
 
-/// Opens a file of features: its format is known by its first bytes, or else by its name; or synthetic
-/// lines by theirs, such as `synth:koch,vertices=1000000`.
+/// Opens a vector file, identified by its first bytes or else by its name, or synthetic lines such as
+/// `synth:koch,vertices=1000000`.
 ///
 /// # Errors
-/// A file that cannot be read, is of no known format, or damaged in its header.
+/// An unreadable file, an unknown format, or a damaged header.
 pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     if let Some(lines) = synthetic(path) {
         return Ok(Box::new(synth::SyntheticFeatures::new(lines?)));
     }
     let format = identify(path)?.ok_or_else(|| {
-        Error::bad_input("not a file of features of a known format")
+        Error::bad_input("not a vector file of a known format")
             .in_file(path)
             .remedy(format!("known formats are {}", known(|f| f.name.to_owned())))
     })?;
@@ -91,7 +88,7 @@ pub fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureS
 /// Starts a file of `format`, see [`by_path`]. It appears under its name when it is finished.
 ///
 /// # Errors
-/// A format that is only read, a file that exists already or cannot be made.
+/// A read-only format; a file that exists or cannot be created.
 pub fn create(
     path: &Path,
     format: &VectorFormat,
@@ -99,9 +96,9 @@ pub fn create(
     options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     let create = format.create.ok_or_else(|| {
-        Error::usage(format!("{} is read, but not written", format.name))
+        Error::usage(format!("{} is read-only", format.name))
             .in_file(path)
-            .remedy(format!("written are {}", offered(FORMATS, |f| f.name.to_owned())))
+            .remedy(format!("writable formats are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;
     let inner = create(path, layer, options)?;
     Ok(match options.decimals {
@@ -115,11 +112,10 @@ pub fn create(
     })
 }
 
-/// Bytes of a file that [`VectorFormat::sniff`] gets to see.
+/// Number of leading bytes that [`VectorFormat::sniff`] examines.
 const SNIFF_BYTES: u64 = 4096;
 
-/// The format of an existing file: by its first bytes, or else by its name; `None` when it is none
-/// of these.
+/// The format of an existing file, by its first bytes, or else by its name; `None` if unknown.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -128,11 +124,10 @@ pub fn identify(path: &Path) -> Result<Option<&'static VectorFormat>> {
     Ok(FORMATS.iter().find(|format| (format.sniff)(&head)).or_else(|| by_extension(FORMATS, path)))
 }
 
-/// The format called `name`, or else the one that the ending of `path` stands for (letter case does
-/// not matter).
+/// The format called `name`, or else the one with the extension of `path`, in any case.
 ///
 /// # Errors
-/// An unknown name or ending; the error lists the known ones.
+/// Unknown name or extension; the message lists the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static VectorFormat> {
     terrane_files::format::by_path(FORMATS, path, name)
 }

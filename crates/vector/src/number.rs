@@ -1,15 +1,14 @@
-//! Numbers as text, both ways, exactly.
+//! Exact conversion between numbers and text.
 
 use terrane_base::digits::{Digits, MOST_DIGITS, MOST_EXACT, POWERS, take_digits};
 
-/// Most bytes of a number.
+/// Maximum length of a number in bytes.
 pub(super) const MOST_BYTES: usize = 1100;
 
-/// The number that `text` begins with (sign, digits with or without a point, exponent), and its
-/// length; `None` where there is none, or one of absurd length. Rounded to the nearest `f64`; beyond
-/// its range it is infinite.
+/// The number at the start of `text` (sign, digits with an optional point, exponent) and its length; `None`
+/// if there is none, or if it is too long. Rounded to the nearest `f64`; infinite if out of range.
 ///
-/// Digits without their point that are exact in `f64` are divided by an exact power of ten, which
+/// The digits without the point that are exact in `f64` are divided by an exact power of ten, which
 /// rounds once (Clinger 1990, "How to read floating point numbers accurately"). Up to 19 digits are
 /// divided in whole numbers, with all bits of the quotient that rounding needs and the remainder as
 /// the last. The rest is left to the standard library.
@@ -25,7 +24,7 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
         return by_library(text, end);
     }
     let value = if mantissa <= MOST_EXACT {
-        // Below 2^63, where the conversion from signed numbers is the faster one.
+        // Below 2^63, where the faster conversion from signed integers applies.
         mantissa as i64 as f64 / POWERS[decimals]
     } else {
         divided(mantissa, decimals)
@@ -33,12 +32,12 @@ pub(super) fn leading(text: &[u8]) -> Option<(f64, usize)> {
     Some((if negative { -value } else { value }, end))
 }
 
-/// `mantissa` (not 0) over ten to the power of `decimals` (at most 19), rounded to nearest, ties to
+/// `mantissa` (not 0) divided by ten to the power of `decimals` (at most 19), rounded to nearest, ties to
 /// even.
 fn divided(mantissa: u64, decimals: usize) -> f64 {
     let Some(power) = 10_u64.checked_pow(decimals as u32) else { return f64::NAN };
-    // Both with their highest bit set, so that the quotient has 64 or 65 bits; the result is below
-    // 2^64 and above 2^-11, so it is no subnormal.
+    // Both operands are normalised, so that the quotient has 64 or 65 bits; the result is below 2^64 and
+    // above 2^-11, so it is not subnormal.
     let (up, down) = (mantissa.leading_zeros(), power.leading_zeros());
     let numerator = u128::from(mantissa << up) << 63;
     let divisor = u128::from(power << down);
@@ -54,7 +53,7 @@ fn divided(mantissa: u64, decimals: usize) -> f64 {
     rounded * f64::from_bits(((1023 + exponent) as u64) << 52)
 }
 
-/// The number whose digits end at `end` or go on with an exponent, by the standard library.
+/// The number whose digits end at `end`, with an optional exponent, parsed by the standard library.
 #[cold]
 fn by_library(text: &[u8], mut end: usize) -> Option<(f64, usize)> {
     if matches!(text.get(end), Some(b'e' | b'E')) {
@@ -71,7 +70,7 @@ fn by_library(text: &[u8], mut end: usize) -> Option<(f64, usize)> {
     Some((number, end))
 }
 
-/// The number that all of `text` is, white space around it aside.
+/// The number in `text`, which may only have white space around it.
 pub(super) fn whole(text: &[u8]) -> Option<f64> {
     let text = text.trim_ascii();
     leading(text).filter(|(_, end)| *end == text.len()).map(|(value, _)| value)

@@ -1,4 +1,4 @@
-//! Records of files of others, read at any place through a buffer.
+//! Random access to records of input files through a buffer.
 
 use std::path::Path;
 
@@ -6,12 +6,12 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Bytes read at a time where one record follows the other.
+/// Bytes read at a time for adjacent records.
 const CHUNK_BYTES: u64 = 1 << 18;
-/// Bytes read at least where records lie anywhere.
+/// Minimum number of bytes read for scattered records.
 const PAGE_BYTES: u64 = 1 << 12;
 
-/// A file, and the part of it that is in memory.
+/// A file and its buffered part.
 pub(super) struct PagedFile {
     file: RawFile,
     buffer: Vec<u8>,
@@ -27,12 +27,12 @@ impl PagedFile {
         Self { file, buffer: Vec::new(), base: 0 }
     }
 
-    /// Bytes of the file.
+    /// Length of the file in bytes.
     pub(super) fn len(&self) -> u64 {
         self.file.size()
     }
 
-    /// `bytes` bytes at `offset`; an error where the file ends before.
+    /// `bytes` bytes at `offset`; an error if the file ends before.
     #[inline]
     pub(super) fn get(&mut self, offset: u64, bytes: u64) -> Result<&[u8]> {
         let is_in = offset >= self.base
@@ -46,11 +46,11 @@ impl PagedFile {
 
     fn read(&mut self, offset: u64, bytes: u64) -> Result<()> {
         self.file.check_range(offset, bytes)?;
-        limits::check("bytes of a feature", bytes, limits::MAX_FEATURE_BYTES)?;
+        limits::check("feature size in bytes", bytes, limits::MAX_FEATURE_BYTES)?;
         let end = self.base.saturating_add(self.buffer.len() as u64);
         let least = if (self.base..=end).contains(&offset) { CHUNK_BYTES } else { PAGE_BYTES };
         let wanted = bytes.max(least).min(self.file.size() - offset);
-        // Nothing counts as read until it is.
+        // The buffer is valid only after a complete read.
         self.base = u64::MAX;
         self.buffer.resize(wanted as usize, 0);
         self.file.read_at(offset, &mut self.buffer)?;
@@ -59,14 +59,14 @@ impl PagedFile {
     }
 }
 
-/// Takes a record apart from its front; every value is checked against the end.
+/// Sequential parser of a record; every read is bounds-checked.
 pub(super) struct RecordBytes<'a>(pub(super) &'a [u8]);
 
 impl<'a> RecordBytes<'a> {
     /// The next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8]> {
         let taken = self.0.split_at_checked(count);
-        let (taken, rest) = taken.ok_or_else(|| Error::bad_input("a record ends too early"))?;
+        let (taken, rest) = taken.ok_or_else(|| Error::bad_input("record is truncated"))?;
         self.0 = rest;
         Ok(taken)
     }
@@ -110,12 +110,12 @@ impl<'a> RecordBytes<'a> {
     }
 }
 
-/// Numbers out of bytes, lowest first.
+/// Little-endian numbers.
 pub(super) fn numbers(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks().0.iter().map(|eight| f64::from_le_bytes(*eight)).collect()
 }
 
-/// Pairs of numbers out of bytes, lowest first.
+/// Little-endian pairs of numbers.
 pub(super) fn pairs(bytes: &[u8]) -> Vec<[f64; 2]> {
     let pair = |sixteen: &[u8; 16]| {
         let both = u128::from_le_bytes(*sixteen);

@@ -1,25 +1,25 @@
-//! Rings without an order, grouped into polygons: which is a hole of which.
+//! Groups unordered rings into polygons with holes.
 
 use super::geometry::{CoordinateSequence, Geometry, GeometryType};
 use super::tree::{Bounds, NOTHING, PackedRTree, around, hilbert_order};
 use terrane_base::error::{Error, Result};
 
-/// Most edges and rectangles that are looked at to tell which ring is in which: some seconds.
+/// Limit of edges and rectangles examined to find the nesting of rings: some seconds.
 const MOST_LOOKS: u64 = 1 << 30;
-/// Part by which the areas of rings with one outline differ at the most, as they begin elsewhere.
+/// Largest relative difference of the areas of identical rings with different start vertices.
 const ROUNDING: f64 = 1e-9;
-/// Edges from which on a ring gets a tree of its own: a place is then held against the few edges at
-/// its height.
+/// Number of edges from which a ring gets its own tree, so that a point is tested only against edges at its
+/// height.
 const LARGE: usize = 64;
 
-/// The polygons that rings are, clockwise ones outer rings and the others holes of the smallest outer
-/// ring around them. Where an outer ring is within another one, and no hole is between, it is a hole that
-/// goes the wrong way round. Where a hole is in no outer ring, orientation is no guide: then a ring is a
-/// hole where an odd number of rings is around it. A single polygon is a Polygon, several are a
-/// MultiPolygon. O(n log n) for rings that are apart.
+/// Groups rings into polygons: clockwise rings are outer rings, the others are holes of the smallest outer
+/// ring around them. A clockwise ring directly inside another outer ring, without a hole between them, is a
+/// hole with reversed orientation. If a hole is in no outer ring, orientation is ignored, and a ring inside
+/// an odd number of rings is a hole. One polygon gives a Polygon, several give a MultiPolygon. O(n log n) for
+/// disjoint rings.
 ///
 /// # Errors
-/// Rings so entangled that telling takes too long.
+/// Rings too complex to group within the limit.
 pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
     if coordinates.ends.len() <= 1 {
         return Geometry::new(GeometryType::Polygon, coordinates);
@@ -33,18 +33,18 @@ pub(super) fn group(coordinates: CoordinateSequence) -> Result<Geometry> {
     Ok(arranged(&coordinates, &owners))
 }
 
-/// Rings with what is needed to compare them.
+/// Rings with their search structures.
 struct NestedRings<'a> {
     coordinates: &'a CoordinateSequence,
     /// Twice the area, negative where the ring is clockwise.
     areas: Vec<f64>,
     bounds: Vec<Bounds>,
-    /// Of all rings in the order of a curve, so that those near each other are near each other in it.
+    /// Tree of all rings in the order of a space-filling curve.
     tree: PackedRTree,
     order: Vec<u32>,
-    /// Trees of the edges of large rings, by height; made when they are first asked for.
+    /// Trees of the edges of large rings, by height; built on first use.
     edges: Vec<Option<PackedRTree>>,
-    /// Scratch: edges at the height of a place.
+    /// Scratch: edges at the height of a point.
     found: Vec<u32>,
     looks: u64,
 }
@@ -63,7 +63,7 @@ impl<'a> NestedRings<'a> {
         Self { coordinates, areas, bounds, tree, order, edges, found: Vec::new(), looks: 0 }
     }
 
-    /// Which rings are outer ones: those that go clockwise, but for holes that go the wrong way round.
+    /// Which rings are outer rings: clockwise ones except holes with reversed orientation.
     fn outer(&mut self) -> Result<Vec<bool>> {
         let mut is_outer: Vec<bool> = self.areas.iter().map(|&area| area <= 0.0).collect();
         let mut outers: Vec<usize> = (0..is_outer.len()).filter(|&at| is_outer[at]).collect();
@@ -80,7 +80,7 @@ impl<'a> NestedRings<'a> {
         Ok(is_outer)
     }
 
-    /// Whether no vertex of ring `inner` is outside of ring `outer`, which is larger.
+    /// True if no vertex of ring `inner` is outside ring `outer`, which is larger.
     fn is_wholly_inside(&mut self, inner: usize, outer: usize) -> Result<bool> {
         if self.is_twin(inner, outer) {
             return Ok(false);
@@ -93,8 +93,7 @@ impl<'a> NestedRings<'a> {
         Ok(true)
     }
 
-    /// For each ring the outer ring it belongs to (itself, where it is one); `None` where a hole is in
-    /// none.
+    /// The outer ring of each ring (its own index for outer rings); `None` for a hole in no outer ring.
     fn owners(&mut self, is_outer: &[bool]) -> Result<Option<Vec<usize>>> {
         let mut owners: Vec<usize> = (0..is_outer.len()).collect();
         let outers = is_outer.iter().filter(|outer| **outer).count();
@@ -110,20 +109,20 @@ impl<'a> NestedRings<'a> {
         Ok(Some(owners))
     }
 
-    /// As [`owners`](Self::owners), by the number of rings around each.
+    /// As [`owners`](Self::owners), by nesting depth.
     fn by_nesting(&mut self) -> Result<Vec<usize>> {
         let mut owners = Vec::with_capacity(self.areas.len());
         for at in 0..self.areas.len() {
             let (count, smallest) = self.around(at, |_| true)?;
             owners.push(smallest.filter(|_| count % 2 == 1).unwrap_or(at));
         }
-        // The smallest ring around a hole may itself be none that is outer, where rings cross.
+        // The smallest ring around a hole may not be an outer ring, if rings cross.
         let is_outer: Vec<bool> = owners.iter().enumerate().map(|(at, &own)| own == at).collect();
         let settled = owners.iter().enumerate();
         Ok(settled.map(|(at, &owner)| if is_outer[owner] { owner } else { at }).collect())
     }
 
-    /// How many of the rings that `counts` names are around ring `inner`, and the smallest of them.
+    /// Number of rings among those in `counts` that contain ring `inner`, and the smallest of them.
     fn around(
         &mut self,
         inner: usize,
@@ -148,8 +147,8 @@ impl<'a> NestedRings<'a> {
         Ok((count, smallest))
     }
 
-    /// Whether a place is inside a ring; `None` where it is on it. O(log n + edges at its height) for
-    /// large rings.
+    /// Whether a ring contains a point; `None` on its boundary. O(log n + edges at the height of the point)
+    /// for large rings.
     fn contains(&mut self, at: usize, place: &[f64; 2]) -> Result<Option<bool>> {
         let ring = ring(self.coordinates, at);
         if ring.len() < LARGE {
@@ -164,18 +163,18 @@ impl<'a> NestedRings<'a> {
         Ok(is_inside)
     }
 
-    /// Counts looks at edges or rectangles.
+    /// Counts examined edges or rectangles against the limit.
     fn look(&mut self, times: usize) -> Result<()> {
         self.looks += times as u64;
         if self.looks <= MOST_LOOKS {
             return Ok(());
         }
-        Err(Error::bad_input("rings are too entangled to tell holes from islands")
-            .remedy("mend the geometry, or write it as GeoJSON"))
+        Err(Error::bad_input("rings are too complex to distinguish holes from islands")
+            .remedy("repair the geometry, or write GeoJSON"))
     }
 
-    /// Whether ring `inner` is inside ring `outer`: as the first of its vertices that is not on it.
-    /// Of rings with one outline see [`is_twin`](Self::is_twin).
+    /// Whether ring `inner` is inside ring `outer`, decided by its first vertex that is not on the boundary.
+    /// For identical rings see [`is_twin`](Self::is_twin).
     fn is_inside(&mut self, inner: usize, outer: usize) -> Result<bool> {
         let is_twin = self.is_twin(inner, outer);
         if self.areas[inner].abs() > self.areas[outer].abs() && !is_twin {
@@ -189,12 +188,12 @@ impl<'a> NestedRings<'a> {
         if !is_twin {
             return Ok(true);
         }
-        // What fills a hole is inside; of two that go the same way it is the first.
+        // A ring that fills a hole is inside it; of two with equal orientation, it is the first.
         let [fills, filled] = [inner, outer].map(|at| self.areas[at] <= 0.0);
         Ok(if fills == filled { inner < outer } else { fills })
     }
 
-    /// Whether two rings have one outline, wherever they begin.
+    /// Whether two rings are identical except for their start vertex.
     fn is_twin(&self, one: usize, other: usize) -> bool {
         let [a, b] = [one, other].map(|at| self.areas[at].abs());
         (a - b).abs() <= ROUNDING * a.max(b) && self.bounds[one] == self.bounds[other]
@@ -226,8 +225,8 @@ fn ring(coordinates: &CoordinateSequence, at: usize) -> &[[f64; 2]] {
     &coordinates.xy[start..coordinates.ends[at]]
 }
 
-/// Twice the area, negative where the ring is clockwise (y up). Positions are taken from the first
-/// one, so that distance from the origin costs no digits.
+/// Twice the signed area, negative for clockwise rings (y up). Coordinates are relative to the first vertex
+/// for precision.
 pub(super) fn area(ring: &[[f64; 2]]) -> f64 {
     let Some(&[x, y]) = ring.first() else { return 0.0 };
     let cross = |pair: &[[f64; 2]]| {
@@ -240,7 +239,7 @@ fn bounds(ring: &[[f64; 2]]) -> Bounds {
     ring.iter().fold(NOTHING, |all, &[x, y]| around(&all, &[x, y, x, y]))
 }
 
-/// A tree of the edges of a ring in which only heights count.
+/// A tree of the edges of a ring by height.
 fn heights(ring: &[[f64; 2]]) -> PackedRTree {
     let height = |pair: &[[f64; 2]]| {
         let [[_, a], [_, b]] = [pair[0], pair[1]];
@@ -249,8 +248,8 @@ fn heights(ring: &[[f64; 2]]) -> PackedRTree {
     PackedRTree::new(&ring.windows(2).map(height).collect::<Vec<Bounds>>())
 }
 
-/// Whether a place is inside a closed ring, from the edges at its height (and any others); `None` where
-/// it is on one.
+/// Whether a closed ring contains a point, from the edges at its height (and any others); `None` on the
+/// boundary.
 fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2]) -> Option<bool> {
     let mut is_inside = false;
     for pair in edges {
@@ -262,7 +261,7 @@ fn contains<'a>(edges: impl Iterator<Item = &'a [[f64; 2]]>, &[x, y]: &[f64; 2])
         if cross == 0.0 && ax.min(bx) <= x && x <= ax.max(bx) {
             return None;
         }
-        // An edge holds its lower end and not its upper one.
+        // An edge includes its lower end and excludes its upper end.
         if (ay > y) != (by > y) && (cross > 0.0) == (by > ay) {
             is_inside = !is_inside;
         }
@@ -389,7 +388,7 @@ mod tests {
         let nested = (1..80_000).map(|i| ([0.0, 0.0], f64::from(i), false));
         let mut all = CoordinateSequence::default();
         two.into_iter().chain(nested).for_each(|(at, size, way)| square(&mut all, at, size, way));
-        assert!(group(all).unwrap_err().to_string().contains("entangled"));
+        assert!(group(all).unwrap_err().to_string().contains("too complex"));
     }
 
     proptest! {

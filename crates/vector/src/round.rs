@@ -1,11 +1,11 @@
-//! Coordinates with no more than so many digits behind the point.
+//! Rounding of coordinates to a number of decimals.
 
 use super::feature::{Feature, JsonMember};
 use super::geometry::CoordinateSequence;
 use super::sink::{FeatureSink, WrittenFeatures};
 use terrane_base::error::Result;
 
-/// The number that `value` is in a text of so many digits behind the point (at most 17).
+/// `value` as it is read back from text with `decimals` digits after the point (at most 17).
 pub fn rounded(value: f64, decimals: u8) -> f64 {
     const EXACT: f64 = (1_u64 << 53) as f64;
     // Powers of ten up to 10^22 are exact, so the quotient is what a reader of the text gets.
@@ -18,13 +18,13 @@ pub fn rounded(value: f64, decimals: u8) -> f64 {
     text.parse().unwrap_or(value)
 }
 
-/// Rounds positions before they are written.
+/// A sink that rounds coordinates before they are written.
 pub(super) struct RoundingSink {
     pub(super) inner: Box<dyn FeatureSink>,
     pub(super) decimals: u8,
-    /// Positions of lines and rings, too: they may be rounded already.
+    /// True if positions of lines and rings are rounded, too (they may be rounded already).
     pub(super) lines: bool,
-    /// Measures, too: times are none.
+    /// True if measures are rounded; times are not.
     pub(super) measures: bool,
 }
 

@@ -1,22 +1,22 @@
-//! Writing, feature by feature; files appear whole or not at all.
+//! Writing of features one by one; files are created atomically.
 
 use std::path::PathBuf;
 
 use super::feature::{Feature, JsonMember};
 use terrane_base::error::Result;
 
-/// Options of writing.
+/// Options for writing a vector file.
 #[derive(Clone, Debug)]
 pub struct VectorWriteOptions {
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Digits behind the point that coordinates are rounded to, in any format; `None` to leave them.
+    /// Number of decimals to round coordinates to; `None` keeps them.
     pub decimals: Option<u8>,
-    /// Positions of lines and rings are rounded already, as far as they can be.
+    /// True if positions of lines and rings are rounded already, as far as possible.
     pub lines_are_rounded: bool,
-    /// Sort features into a spatial index, in formats that have one (FlatGeobuf).
+    /// Build a spatial index, in formats that have one (FlatGeobuf).
     pub index: bool,
-    /// Folder for what has to wait until all features are known; the output's own when `None`.
+    /// Folder for temporary files; the folder of the output if `None`.
     pub temp_dir: Option<PathBuf>,
 }
 
@@ -32,32 +32,31 @@ impl Default for VectorWriteOptions {
     }
 }
 
-/// What was written.
+/// Result of writing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct WrittenFeatures {
     /// Features.
     pub features: u64,
     /// Bytes of all files.
     pub bytes: u64,
-    /// The files, the one that was asked for first.
+    /// The files, the requested one first.
     pub files: Vec<PathBuf>,
-    /// What the user should know: what the format could not hold, and where it differs from what
-    /// programs may expect.
+    /// Notes for the user: content that the format cannot store, and deviations from common practice.
     pub notes: Vec<String>,
 }
 
-/// Takes features one by one. Dropping it before [`finish`](FeatureSink::finish) leaves nothing.
+/// Sequential writer of features. Dropping it before [`finish`](FeatureSink::finish) leaves no file.
 pub trait FeatureSink: Send {
     /// Appends a feature.
     ///
     /// # Errors
-    /// What the format cannot hold, and failures to write.
+    /// Content that the format cannot store, and write errors.
     fn write(&mut self, feature: &Feature) -> Result<()>;
 
-    /// Completes the file and gives it its name. `foreign` are members that were found after the
-    /// features (see [`LayerHeader::foreign`](super::LayerHeader::foreign)), for formats that hold any.
+    /// Completes the file and gives it its name. `foreign` are foreign members found after the features (see
+    /// [`LayerHeader::foreign`](super::LayerHeader::foreign)), for formats that store them.
     ///
     /// # Errors
-    /// What the format cannot hold, and failures to write.
+    /// Content that the format cannot store, and write errors.
     fn finish(self: Box<Self>, foreign: &[JsonMember]) -> Result<WrittenFeatures>;
 }

@@ -1,44 +1,44 @@
-//! Reading, feature by feature.
+//! Reading of features one by one.
 
 use std::path::{Path, PathBuf};
 
 use super::feature::{Feature, LayerHeader};
 use terrane_base::error::Result;
 
-/// Options of opening.
+/// Options for opening a vector file.
 #[derive(Clone, Debug, Default)]
 pub struct VectorOpenOptions {
     /// The object of a TopoJSON file to read; the first one when `None`.
     pub layer: Option<String>,
 }
 
-/// Features from a file, one after the other; only one is held at a time.
+/// Sequential reader of features; one is in memory at a time.
 pub trait FeatureSource: Send {
-    /// The next feature; `None` at the end. After an error nothing more may be asked for.
+    /// The next feature; `None` at the end. Must not be called again after an error.
     ///
     /// # Errors
-    /// What is damaged or not supported, with its place.
+    /// Damaged or unsupported content, with its position.
     fn next(&mut self) -> Result<Option<Feature>>;
 
-    /// What the file says of itself.
+    /// Header of the layer.
     fn layer(&self) -> &LayerHeader;
 
-    /// Where in the file the feature read last is ("line 7", "record 12").
+    /// Position in the file of the feature read last ("line 7", "record 12").
     fn place(&self) -> String;
 
-    /// What the user should know about what was read so far.
+    /// Notes on the features read so far.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// What every format has in common: places of errors, finite coordinates, and lines that are points.
+/// Checks common to all formats: positions of errors, finite coordinates, and lines with one vertex.
 pub(super) struct CheckedFeatures {
     inner: Box<dyn FeatureSource>,
     path: PathBuf,
     /// Features read.
     count: u64,
-    /// Lines of one vertex read.
+    /// Number of lines with one vertex.
     single: u64,
 }
 
@@ -54,7 +54,7 @@ impl FeatureSource for CheckedFeatures {
             feature.as_ref().map_or(Ok(()), |feature| feature.geometry.check_finite())?;
             Ok(feature)
         });
-        // One that cannot be read counts too: the error is about it.
+        // A feature that cannot be read counts, too: the error refers to it.
         self.count += u64::from(!matches!(next, Ok(None)));
         if let Ok(Some(feature)) = &next {
             let parts = feature.geometry.parts();
@@ -79,7 +79,7 @@ impl FeatureSource for CheckedFeatures {
     fn notes(&self) -> Vec<String> {
         let mut notes = self.inner.notes();
         if self.single > 0 {
-            notes.push(format!("{} lines have one vertex only, and keep it", self.single));
+            notes.push(format!("{} lines have a single vertex and are kept", self.single));
         }
         notes
     }

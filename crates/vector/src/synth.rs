@@ -10,19 +10,19 @@ use super::source::FeatureSource;
 use terrane_base::error::Result;
 use terrane_synth::lines::SyntheticLines;
 
-/// What comes before the name of the lines.
+/// Prefix of names of synthetic lines.
 const PREFIX: &str = "synth:";
 
-/// The lines of this name; `None` for the name of anything else.
+/// The synthetic lines called `path`; `None` if it is another name.
 ///
 /// # Errors
-/// Parameters that make no sense.
+/// Invalid parameters.
 pub fn synthetic(path: &Path) -> Option<Result<SyntheticLines>> {
     let name = path.to_str()?.strip_prefix(PREFIX)?;
     SyntheticLines::is_named(name).then(|| SyntheticLines::parse(name))
 }
 
-/// Lines as a source of features, each with its number from 1 as "id".
+/// Synthetic lines as features, numbered from 1 as "id".
 pub(super) struct SyntheticFeatures {
     lines: SyntheticLines,
     layer: LayerHeader,

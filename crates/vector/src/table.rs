@@ -1,5 +1,5 @@
-//! Features that wait in a temporary file until all columns are known, for formats whose header comes
-//! before the features and says what the columns are.
+//! Features buffered in a temporary file until all columns are known, for formats whose header precedes the
+//! features and lists the columns.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -13,35 +13,35 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::limits;
 use terrane_files::{AppendWriter, folder_for};
 
-/// Name of the column that ids are kept in, where the format has no other place for them.
+/// Name of the column for ids in formats that do not store ids separately.
 const ID: &str = "id";
 
-/// One column of the table of all features.
+/// One column of the table.
 #[derive(Clone, Debug)]
 pub(super) struct FeatureColumn {
     pub(super) name: Arc<str>,
-    /// What holds all its values; `None` while all are null.
+    /// Common type of its values; `None` while all are null.
     pub(super) kind: Option<FieldKind>,
-    /// Most bytes of a value as text.
+    /// Maximum length of a value as text in bytes.
     pub(super) width: usize,
-    /// Most digits behind the point of a value as text.
+    /// Maximum number of decimals of a value as text.
     pub(super) decimals: usize,
 }
 
 /// Features in a temporary file.
 pub(super) struct FeatureTable {
     columns: Vec<FeatureColumn>,
-    /// Only looked up, so its order does not matter.
+    /// Column index by name; only looked up, so its order does not matter.
     index: HashMap<Arc<str>, usize>,
     spool: AppendWriter,
-    /// Where each feature begins.
+    /// Offset of each feature.
     starts: Vec<u64>,
-    /// Ids that are not kept because a property has their name.
+    /// Number of ids dropped because a property has the name of the id column.
     lost_ids: u64,
     scratch: Vec<u8>,
 }
 
-/// A table that is complete.
+/// A complete table.
 pub(super) struct FeatureRows {
     pub(super) columns: Vec<FeatureColumn>,
     pages: Option<PagedFile>,
@@ -49,14 +49,14 @@ pub(super) struct FeatureRows {
     pub(super) notes: Vec<String>,
 }
 
-/// A feature of a table: its geometry, and values by column.
+/// A feature of a table: geometry, and values by column.
 pub(super) struct FeatureRow {
     pub(super) geometry: Geometry,
     pub(super) values: Vec<(usize, PropertyValue)>,
 }
 
 impl FeatureTable {
-    /// An empty one, with the columns that `layer` has, for the file at `path`.
+    /// An empty table with the columns of `layer`, for the output at `path`.
     pub(super) fn new(path: &Path, layer: &LayerHeader, folder: Option<&Path>) -> Result<Self> {
         let mut table = Self {
             columns: Vec::new(),
@@ -73,12 +73,12 @@ impl FeatureTable {
         Ok(table)
     }
 
-    /// Features so far.
+    /// Number of features so far.
     pub(super) fn len(&self) -> u64 {
         self.starts.len() as u64
     }
 
-    /// Appends a feature. `most` is the most bytes a value may take as text.
+    /// Appends a feature. `most` is the maximum length of a value as text in bytes.
     pub(super) fn push(&mut self, feature: &Feature, most: usize) -> Result<()> {
         self.starts.push(self.spool.bytes());
         let id = feature.id.as_ref().map(value_of);
@@ -108,13 +108,13 @@ impl FeatureTable {
             return Ok(at);
         }
         let at = self.columns.len();
-        limits::check("fields of a table", at as u64 + 1, limits::MAX_FIELDS)?;
+        limits::check("number of table fields", at as u64 + 1, limits::MAX_FIELDS)?;
         self.columns.push(FeatureColumn { name: name.clone(), kind: None, width: 0, decimals: 0 });
         self.index.insert(name.clone(), at);
         Ok(at)
     }
 
-    /// All of it, to be read.
+    /// Completes the table for reading.
     pub(super) fn finish(self) -> Result<FeatureRows> {
         let end = self.spool.bytes();
         let pages = match end {
@@ -124,7 +124,7 @@ impl FeatureTable {
         let mut starts = self.starts;
         starts.push(end);
         let lost = self.lost_ids;
-        let note = format!("{lost} ids are left out: a property is called \"{ID}\" as well");
+        let note = format!("{lost} ids omitted: property \"{ID}\" exists");
         let notes = (lost > 0).then_some(note).into_iter().collect();
         Ok(FeatureRows { columns: self.columns, pages, starts, notes })
     }
@@ -139,7 +139,7 @@ impl FeatureRows {
     /// A feature.
     pub(super) fn get(&mut self, row: usize) -> Result<FeatureRow> {
         let (start, end) = (self.starts[row], self.starts[row + 1]);
-        let lost = || Error::new(ErrorKind::Internal, "features kept for later are lost");
+        let lost = || Error::new(ErrorKind::Internal, "spooled features are lost");
         let pages = self.pages.as_mut().ok_or_else(lost)?;
         let mut bytes = RecordBytes(pages.get(start, end - start)?);
         let geometry = take_geometry(&mut bytes)?;
@@ -153,14 +153,14 @@ impl FeatureRows {
 }
 
 impl FeatureColumn {
-    /// Makes room for what a field of another file can hold.
+    /// Widens the column for the values of a field of another file.
     fn widen_by(&mut self, field: &FieldDefinition) {
         self.kind = Some(self.kind.map_or(field.kind, |kind| kind.with(field.kind)));
         self.width = self.width.max(field.width.unwrap_or(0) as usize);
         self.decimals = self.decimals.max(field.decimals.unwrap_or(0) as usize);
     }
 
-    /// Makes room for a value of at most `most` bytes.
+    /// Widens the column for a value of at most `most` bytes.
     fn widen(&mut self, value: &PropertyValue, most: usize) -> Result<()> {
         let Some(kind) = value.kind() else { return Ok(()) };
         self.kind = Some(self.kind.map_or(kind, |found| found.with(kind)));
@@ -174,9 +174,9 @@ impl FeatureColumn {
         };
         if bytes > most {
             let message =
-                format!("the value of {:?} takes {bytes} bytes, {most} at most", self.name);
+                format!("value of {:?} is {bytes} bytes long, at most {most} allowed", self.name);
             return Err(Error::new(ErrorKind::CannotWrite, message)
-                .remedy("shorten it, or write FlatGeobuf or GeoJSON"));
+                .remedy("shorten the value, or write FlatGeobuf or GeoJSON"));
         }
         self.width = self.width.max(bytes);
         if let (PropertyValue::Real(_), Some(point)) = (value, text.iter().position(|&b| b == b'.'))
@@ -188,7 +188,7 @@ impl FeatureColumn {
     }
 }
 
-/// What the column of ids has for a feature: a property of its name goes before the id.
+/// Value of the id column of a feature: a property of that name takes precedence over the id.
 pub(super) fn id_of(feature: &Feature) -> Option<PropertyValue> {
     feature.properties.get(ID).cloned().or_else(|| feature.id.as_ref().map(value_of))
 }

@@ -277,7 +277,7 @@ fn what_a_shapefile_cannot_hold_is_named() {
     let point =
         Geometry::new(GeometryType::Point, CoordinateSequence::of(vec![[1.0, 2.0]])).unwrap();
     let error = refused(Feature { geometry: point.clone(), ..Feature::default() });
-    assert!(error.contains("feature 2") && error.contains("lines or points"), "{error}");
+    assert!(error.contains("feature 2") && error.contains("lines and points"), "{error}");
     let collection = Geometry::collection(vec![point]).unwrap();
     let error = refused(Feature { geometry: collection, ..Feature::default() });
     assert!(error.contains("feature 2") && error.contains("collections"), "{error}");
@@ -304,7 +304,7 @@ fn an_index_of_a_shapefile_that_points_astray_is_named() {
         damaged[100..104].copy_from_slice(&offset.to_be_bytes());
         std::fs::write(&index, &damaged).unwrap();
         let error = read_all(&path).unwrap_err().to_string();
-        assert!(error.contains("a.shx") && error.contains("delete it"), "{error}");
+        assert!(error.contains("a.shx") && error.contains("delete the .shx"), "{error}");
     }
     std::fs::remove_file(&index).unwrap();
     assert_eq!(read_all(&path).unwrap().len(), 1);

@@ -1,22 +1,22 @@
-//! A packed tree of rectangles in the layout of FlatGeobuf: the root first, the leaves last, nodes of
-//! sixteen. And the order along a Hilbert curve, which makes such a tree a good one.
+//! Packed R-tree in the layout of FlatGeobuf: root first, leaves last, nodes of sixteen; and Hilbert order,
+//! which makes the tree efficient.
 
-/// Rectangles under a node.
+/// Number of children of a node.
 pub(super) const NODE: usize = 16;
 
-/// x low, y low, x high, y high.
+/// x min, y min, x max, y max.
 pub(super) type Bounds = [f64; 4];
 
-/// What no rectangle has widened yet.
+/// Empty bounding box.
 pub(super) const NOTHING: Bounds =
     [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
 
-/// The rectangle around both.
+/// Union of two bounding boxes.
 pub(super) fn around(a: &Bounds, b: &Bounds) -> Bounds {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
-/// Nodes of each level from the root to the leaves, of a tree of `items` (at least one).
+/// Number of nodes of each level from the root to the leaves, for `items` (at least one).
 pub(super) fn levels(items: u64, node: u64) -> Vec<u64> {
     let mut levels = vec![items];
     let mut left = items;
@@ -32,14 +32,14 @@ pub(super) fn levels(items: u64, node: u64) -> Vec<u64> {
 
 /// A tree in memory.
 pub(super) struct PackedRTree {
-    /// The rectangles of all nodes, level by level from the root.
+    /// Bounding boxes of all nodes, level by level from the root.
     nodes: Vec<Bounds>,
-    /// Where each level begins, and where the last one ends.
+    /// Index of the first node of each level, and of the end.
     starts: Vec<usize>,
 }
 
 impl PackedRTree {
-    /// Over `items` (at least one) in their order. O(n).
+    /// A tree over `items` (at least one) in their order. O(n).
     pub(super) fn new(items: &[Bounds]) -> Self {
         let counts = levels(items.len() as u64, NODE as u64);
         let mut starts = vec![0];
@@ -59,7 +59,7 @@ impl PackedRTree {
         Self { nodes, starts }
     }
 
-    /// Every node with the index of its first child, or of the item where it is a leaf, level by level.
+    /// Each node with the index of its first child, or of the item of a leaf, level by level.
     pub(super) fn nodes(&self) -> impl Iterator<Item = (&Bounds, usize, bool)> {
         let leaves = self.starts[self.starts.len() - 2];
         (0..self.starts.len() - 1).flat_map(move |level| {
@@ -73,7 +73,7 @@ impl PackedRTree {
         })
     }
 
-    /// The items whose rectangle contains `wanted`, in order; returns how many nodes were looked at.
+    /// The items whose bounding box contains `wanted`, in order; returns the number of nodes visited.
     pub(super) fn containing(&self, wanted: &Bounds, found: &mut Vec<u32>) -> usize {
         found.clear();
         let mut looks = 0;
@@ -99,12 +99,12 @@ impl PackedRTree {
     }
 }
 
-/// The items in the order of their middles along a Hilbert curve over 2^16 x 2^16 squares of
-/// `extent`; ties stay in order. O(n log n).
+/// The items sorted by their centres along a Hilbert curve over a grid of 2^16 x 2^16 cells of `extent`; ties
+/// keep their order. O(n log n).
 pub(super) fn hilbert_order(items: &[Bounds], extent: &Bounds) -> Vec<u32> {
     let scale = |low: f64, high: f64, from: f64, to: f64| {
         let part = ((low + high) / 2.0 - from) / (to - from) * 65535.0;
-        // NaN, of an extent without width, becomes 0.
+        // NaN of an extent of zero width becomes 0.
         part as u16
     };
     let key = |b: &Bounds| {
@@ -115,7 +115,7 @@ pub(super) fn hilbert_order(items: &[Bounds], extent: &Bounds) -> Vec<u32> {
     order.into_iter().map(|(_, item)| item).collect()
 }
 
-/// The place of a square along the curve (Hilbert 1891), quadrant by quadrant.
+/// Index of a cell along the Hilbert curve (Hilbert 1891), quadrant by quadrant.
 fn hilbert(x: u16, y: u16) -> u32 {
     let (mut x, mut y, mut place) = (u32::from(x), u32::from(y), 0);
     for bit in (0..16).rev() {

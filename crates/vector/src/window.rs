@@ -1,4 +1,4 @@
-//! Files of others, read from the front to the back through a buffer.
+//! Sequential reading of input files through a buffer.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use terrane_files::RawFile;
 /// Bytes read at a time.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// The unread part of a file, as much of it as is buffered.
+/// The buffered, unread part of a file.
 pub(super) struct FileWindow {
     file: RawFile,
     buffer: Vec<u8>,
@@ -17,12 +17,12 @@ pub(super) struct FileWindow {
     start: usize,
     /// One past the last byte read into the buffer.
     end: usize,
-    /// Where in the file the buffer ends.
+    /// File offset of the end of the buffer.
     read: u64,
 }
 
 impl FileWindow {
-    /// Opens a file; a byte order mark of UTF-8 is passed over.
+    /// Opens a file and skips the UTF-8 byte order mark.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let file = RawFile::open(path)?;
         let mut window = Self { file, buffer: Vec::new(), start: 0, end: 0, read: 0 };
@@ -33,34 +33,34 @@ impl FileWindow {
         Ok(window)
     }
 
-    /// What is buffered and unread.
+    /// The buffered, unread text.
     #[inline]
     pub(super) fn text(&self) -> &[u8] {
         &self.buffer[self.start..self.end]
     }
 
-    /// Where in the file the unread part begins.
+    /// File offset of the unread text.
     pub(super) fn offset(&self) -> u64 {
         self.read - (self.end - self.start) as u64
     }
 
-    /// Passes over `bytes` of the text.
+    /// Consumes `bytes` of the text.
     #[inline]
     pub(super) fn advance(&mut self, bytes: usize) {
         self.start = (self.start + bytes).min(self.end);
     }
 
-    /// Appends to the text; false at the end of the file.
+    /// Reads more text; false at the end of the file.
     pub(super) fn more(&mut self) -> Result<bool> {
         let left = self.file.size() - self.read;
         if left == 0 {
             return Ok(false);
         }
         let unread = self.end - self.start;
-        limits::check("bytes of a feature", unread as u64, limits::MAX_FEATURE_BYTES)?;
+        limits::check("feature size in bytes", unread as u64, limits::MAX_FEATURE_BYTES)?;
         self.buffer.copy_within(self.start..self.end, 0);
         (self.start, self.end) = (0, unread);
-        // As much again as there is, so that long features are moved a few times only.
+        // Doubles the buffer, so that long features are moved only a few times.
         let wanted = (unread.max(CHUNK_BYTES) as u64).min(left) as usize;
         if self.buffer.len() < unread + wanted {
             self.buffer.resize(unread + wanted, 0);
@@ -71,21 +71,21 @@ impl FileWindow {
         Ok(true)
     }
 
-    /// Makes `bytes` or what is left of the file available.
+    /// Buffers `bytes`, or the rest of the file if it is shorter.
     #[inline]
     pub(super) fn ensure(&mut self, bytes: usize) -> Result<()> {
         while self.end - self.start < bytes && self.more()? {}
         Ok(())
     }
 
-    /// The byte at `at` of the text, read if need be.
+    /// The byte at `at` of the text, read if necessary.
     #[inline]
     pub(super) fn byte(&mut self, at: usize) -> Result<Option<u8>> {
         self.ensure(at + 1)?;
         Ok(self.text().get(at).copied())
     }
 
-    /// Bytes of the line at hand, its end excluded, which may be that of the file; `None` at the end.
+    /// Length of the current line without its terminator; `None` at the end of the file.
     pub(super) fn line(&mut self) -> Result<Option<usize>> {
         let mut seen = 0;
         loop {

@@ -141,7 +141,7 @@ fn d7_heights_that_no_terrain_has_are_told() {
             &["contour", name, "o.geojson", "--interval", interval],
         ] {
             let told = facts(&place, &[make, &["--overwrite"]].concat())["notes"].to_string();
-            let is_told = told.contains("beyond those of terrain on Earth");
+            let is_told = told.contains("outside terrain on Earth");
             assert_eq!(is_told, words.is_some(), "{name}: {told}");
             assert!(
                 words.is_none_or(|words| told.contains(words) && info.contains(words)),

@@ -1,4 +1,4 @@
-//! Folders that appear whole or not at all.
+//! Atomic creation of folders.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -11,24 +11,23 @@ use super::{plain, refuse_existing, resolve, sync_folder};
 use crate::fault::{self, FaultPoint};
 use terrane_base::error::{Error, Result};
 
-/// Why a folder stays.
-const NOT_OURS: &str =
-    "exists and was not made by terrane, or holds other files too, so it is not replaced";
+/// Error message for a folder that cannot be replaced.
+const NOT_OURS: &str = "folder exists and was not created by terrane, or contains other files";
 
-/// A folder in the making. Dropping it removes all that was put into it.
+/// A folder under construction. Dropping it removes its content.
 #[derive(Debug)]
 pub struct AtomicFolder {
     temp: TempDir,
     path: PathBuf,
-    /// Where `path` leads.
+    /// `path` with symbolic links resolved.
     target: PathBuf,
-    /// Held so that no other run takes the folder for a leftover.
+    /// Lock that marks the temporary folder as in use.
     _lock: Option<File>,
 }
 
 impl AtomicFolder {
-    /// Starts a folder that will appear at `path`. Fails at once when something is there, unless
-    /// `overwrite` is true and `is_ours` knows it, and when it cannot be made.
+    /// Starts a folder that will appear at `path`. Fails at once if it cannot be created, or if something
+    /// exists there, unless `overwrite` is true and `is_ours` accepts the existing folder.
     pub fn create(path: &Path, overwrite: bool, is_ours: impl Fn(&Path) -> bool) -> Result<Self> {
         refuse_existing(path, overwrite)?;
         if path.symlink_metadata().is_ok() && !is_ours(path) {
@@ -42,19 +41,19 @@ impl AtomicFolder {
         Ok(Self { temp, path: path.to_path_buf(), target, _lock: lock })
     }
 
-    /// Where files are to be put.
+    /// Path of the temporary folder to write files to.
     pub fn inside(&self) -> &Path {
         self.temp.path()
     }
 
-    /// Gives the folder its final name, in place of one that is there.
+    /// Renames the folder to its final name and replaces an existing one.
     pub fn commit(self) -> Result<()> {
         let Self { temp, path, target, _lock } = self;
         let fail = |e| Error::write(&path, e);
         sync_folder(temp.path());
         fault::point(FaultPoint::Rename).map_err(fail)?;
         if exchange(temp.path(), &target) {
-            // The old one goes with the temporary name it has now.
+            // The old folder now has the temporary name and is removed with it.
             sync_folder(parent(&target));
             return Ok(());
         }
@@ -73,8 +72,8 @@ impl AtomicFolder {
     }
 }
 
-/// Lets two names change places at one moment, where the system can; false where it cannot, or where
-/// one of them is not there.
+/// Atomically exchanges two names if the system supports it; false if it does not, or if one of them is
+/// missing.
 #[cfg(target_os = "linux")]
 fn exchange(a: &Path, b: &Path) -> bool {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -86,7 +85,7 @@ fn exchange(_a: &Path, _b: &Path) -> bool {
     false
 }
 
-/// A temporary folder in `folder`, locked where folders can be.
+/// A temporary folder in `folder`, locked if the file system supports it.
 fn temporary(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
@@ -96,7 +95,7 @@ fn temporary(folder: &Path) -> io::Result<(TempDir, Option<File>)> {
         let temp = builder.tempdir_in(folder)?;
         let lock = File::open(temp.path()).ok();
         let is_taken = |file: &File| matches!(file.try_lock(), Err(TryLockError::WouldBlock));
-        // Another run may have taken the folder for a leftover before it was locked.
+        // Another run may have removed the folder as a leftover before it was locked.
         if !lock.as_ref().is_some_and(is_taken) && temp.path().exists() {
             return Ok((temp, lock));
         }

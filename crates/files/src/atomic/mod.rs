@@ -1,6 +1,6 @@
-//! Files that appear whole or not at all: a temporary file in the same folder, synced, renamed. Where
-//! the system has files without a name, it has none until then, so a run that is killed leaves nothing.
-//! A link is written through: its target is replaced, the link stays.
+//! Atomic output files: a temporary file in the same folder, synced and renamed. On systems with unnamed
+//! files (`O_TMPFILE`) the file has no name until then, so a killed run leaves nothing. Symbolic links are
+//! followed: the target is replaced, the link stays.
 
 mod folder;
 mod sidecar;
@@ -18,27 +18,27 @@ pub use sidecar::Sidecar;
 pub use temporary::is_temporary;
 use temporary::{TemporaryFile, parent, remove_leftovers};
 
-/// What stands for stdout where a file is named. No file or folder is ever called so.
+/// The name of stdout as an output. Files and folders of this name are rejected.
 pub const STDOUT: &str = "-";
 
-/// True for what stands for stdout.
+/// True if `path` is the name of stdout.
 pub fn is_stdout(path: &Path) -> bool {
     path == Path::new(STDOUT)
 }
 
-/// An output file in the making. Dropping it removes the temporary file.
+/// An output file under construction. Dropping it removes the temporary file.
 #[derive(Debug)]
 pub struct AtomicFile {
     temp: TemporaryFile,
     path: PathBuf,
-    /// Where `path` leads.
+    /// `path` with symbolic links resolved.
     target: PathBuf,
     overwrite: bool,
 }
 
 impl AtomicFile {
-    /// Starts a file that will appear at `path`. Fails at once when `path` exists and `overwrite`
-    /// is false, or when its folder is missing or not writable.
+    /// Starts a file that will appear at `path`. Fails at once if `path` exists and `overwrite` is false, or
+    /// if its folder is missing or not writable.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self> {
         refuse_existing(path, overwrite)?;
         refuse_special(path)?;
@@ -97,34 +97,34 @@ impl Seek for AtomicFile {
     }
 }
 
-/// Fails when `path` stands for stdout, and when something exists there and `overwrite` is false.
+/// Fails if `path` is stdout, or if something exists there and `overwrite` is false.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
     refuse_stdout(path)?;
     if !overwrite && path.symlink_metadata().is_ok() {
-        return Err(Error::new(ErrorKind::Usage, "output exists already")
+        return Err(Error::new(ErrorKind::Usage, "output already exists")
             .in_file(path)
             .remedy("choose another name or pass ‹overwrite›"));
     }
     Ok(())
 }
 
-/// Fails when a file or folder would get the name that stands for stdout.
+/// Fails if `path` is the name of stdout.
 pub fn refuse_stdout(path: &Path) -> Result<()> {
     if !is_stdout(path) {
         return Ok(());
     }
-    Err(Error::usage("stdout is not written to here")
+    Err(Error::usage("this output cannot be written to stdout")
         .in_file(path)
-        .remedy("choose another name, or ./- if that is what you want"))
+        .remedy("choose another name (./- for a file named -)"))
 }
 
-/// Makes the folder `path` and those above it that are missing.
+/// Creates the folder `path` and its missing parents.
 pub fn create_folders(path: &Path) -> Result<()> {
     refuse_stdout(path)?;
     std::fs::create_dir_all(path).map_err(|e| Error::write(path, e))
 }
 
-/// Fails when `path` is a folder or a device: a rename would replace it, or fail only at the end.
+/// Fails if `path` is a folder or a device: a rename would replace it, or fail only at the end.
 fn refuse_special(path: &Path) -> Result<()> {
     match std::fs::metadata(path) {
         Ok(meta) if !meta.is_file() => {
@@ -136,10 +136,10 @@ fn refuse_special(path: &Path) -> Result<()> {
     }
 }
 
-/// Most links that are followed one after the other, as on Linux.
+/// Limit of symbolic links to follow, as on Linux.
 const MOST_LINKS: usize = 40;
 
-/// The file that `path` leads to through any links; it need not exist.
+/// `path` with symbolic links resolved; the target need not exist.
 pub fn resolve(path: &Path) -> Result<PathBuf> {
     let mut target = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -148,12 +148,12 @@ pub fn resolve(path: &Path) -> Result<PathBuf> {
             Err(_) => return Ok(target),
         }
     }
-    Err(Error::new(ErrorKind::CannotWrite, "is a link that leads nowhere")
+    Err(Error::new(ErrorKind::CannotWrite, "is a symbolic link in a loop")
         .in_file(path)
         .remedy("choose another name"))
 }
 
-/// The system's own error, without the name of a temporary file that `tempfile` puts after it.
+/// The underlying error of the system, without the name of the temporary file that `tempfile` appends.
 pub fn plain(error: io::Error) -> io::Error {
     match error.to_string().split_once(" at path ") {
         Some((own, _)) => io::Error::new(error.kind(), own),

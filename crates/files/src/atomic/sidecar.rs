@@ -1,6 +1,6 @@
-//! Small text files beside an output that readers read along with it. One that an earlier output left
-//! there would speak for the new one: it is replaced, or removed where there is nothing to say, but
-//! never unasked.
+//! Small text sidecars of an output, such as `.prj`. A stale sidecar of an earlier output would apply to the
+//! new one, so it is replaced, or removed if there is nothing to write, but only with permission to
+//! overwrite.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use super::{AtomicFile, refuse_existing, refuse_special};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Most bytes of a file that is looked at for what it says.
+/// Size limit, in bytes, of an existing sidecar that is compared with the new one.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// A file beside an output, in the making.
+/// A pending sidecar of an output.
 #[derive(Debug)]
 pub struct Sidecar {
     path: PathBuf,
@@ -19,22 +19,22 @@ pub struct Sidecar {
     change: SidecarChange,
 }
 
-/// What is to be done.
+/// Change of the file at commit.
 #[derive(Debug, PartialEq)]
 enum SidecarChange {
-    /// What is there says the same already, or nothing is there and nothing is to be said.
+    /// The existing file has the same content, or there is neither a file nor content.
     Nothing,
     Write(String),
     Remove,
 }
 
 impl Sidecar {
-    /// The file at `path`, which is to say `text`, or not to be there at all. A file that is there
-    /// stays if `says_so` is true of it: it may be the input's, or another output's of the same name.
-    /// Nothing is touched before [`commit`](Self::commit).
+    /// Plans the file at `path` with the content `text`, or its removal if `text` is `None`. An existing file
+    /// is kept if `says_so` holds for its content; it may belong to the input or to another output of the
+    /// same name. Nothing is written before [`commit`](Self::commit).
     ///
     /// # Errors
-    /// `Usage` where something else is there and `overwrite` is false.
+    /// `Usage` if a different file exists and `overwrite` is false.
     pub fn new(
         path: PathBuf,
         text: Option<String>,
@@ -57,7 +57,7 @@ impl Sidecar {
         Ok(Self { path, overwrite, change })
     }
 
-    /// Where it is, if it is to be there: its path and its size.
+    /// Path and size of the sidecar, if there will be one.
     pub fn place(&self) -> Option<(PathBuf, u64)> {
         let bytes = match &self.change {
             SidecarChange::Write(text) => text.len() as u64,
@@ -67,7 +67,7 @@ impl Sidecar {
         Some((self.path.clone(), bytes))
     }
 
-    /// Puts it into place, whole or not at all, or takes it away.
+    /// Writes the file atomically, or removes it.
     pub fn commit(&self) -> Result<()> {
         let fail = |e| Error::write(&self.path, e);
         match &self.change {
@@ -92,10 +92,10 @@ fn read(path: &Path) -> Option<String> {
 }
 
 fn foreign(path: &Path) -> Error {
-    let message = "belongs to an earlier file and would be read with the new one";
+    let message = "sidecar of an earlier file exists and would apply to the new one";
     Error::new(ErrorKind::Usage, message)
         .in_file(path)
-        .remedy("write to another name, or pass ‹overwrite› to have it removed")
+        .remedy("choose another output name, or pass ‹overwrite› to remove it")
 }
 
 #[cfg(test)]

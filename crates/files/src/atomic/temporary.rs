@@ -1,5 +1,4 @@
-//! A file in the making, without a name where the system can, else under a temporary one; and those that killed
-//! runs left.
+//! Temporary files, unnamed if the system supports it, and removal of leftovers of killed runs.
 
 use std::fs::{File, TryLockError};
 use std::io;
@@ -7,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, TempPath};
 
-/// Prefix of temporary names, so that leftovers of a killed run can be told and removed.
+/// Prefix of temporary names, by which leftovers of a killed run are recognised.
 pub(super) const TEMP_PREFIX: &str = ".terrane-";
 pub(super) const TEMP_SUFFIX: &str = ".tmp";
 
-/// A file that has not got its name yet. Dropping it removes it.
+/// A file without its final name. Dropping it removes it.
 #[derive(Debug)]
 pub(super) enum TemporaryFile {
-    /// The kernel removes it with the process, however that ends.
+    /// Unnamed file: the kernel removes it when the process ends.
     Nameless(File),
-    /// Locked as long as it is open, so that what nobody has locked is left by a killed run.
+    /// Named file, locked while open: an unlocked one is a leftover of a killed run.
     Named(NamedTempFile),
 }
 
@@ -37,12 +36,12 @@ impl TemporaryFile {
         }
     }
 
-    /// Gives it its name; what has it already is replaced, or an error.
+    /// Gives the file its name. An existing file is replaced or an error, depending on `overwrite`.
     pub(super) fn persist(self, target: &Path, overwrite: bool) -> io::Result<()> {
         match self {
             Self::Nameless(file) if !overwrite => link(&file, target),
             Self::Nameless(file) => {
-                // A link replaces nothing, a rename does.
+                // A link does not replace an existing file, a rename does.
                 let name = spare(parent(target))?;
                 link(&file, &name)?;
                 name.persist(target).map_err(|e| e.error)
@@ -67,7 +66,7 @@ fn builder<'a>() -> tempfile::Builder<'a, 'a> {
     builder
 }
 
-/// A temporary name that nothing has, removed when it is dropped.
+/// An unused temporary name, removed on drop.
 fn spare(folder: &Path) -> io::Result<TempPath> {
     let name = builder().make_in(folder, |path| match path.symlink_metadata() {
         Ok(_) => Err(io::ErrorKind::AlreadyExists.into()),
@@ -76,11 +75,11 @@ fn spare(folder: &Path) -> io::Result<TempPath> {
     Ok(name.into_temp_path())
 }
 
-/// Where the kernel has links to open files.
+/// Folder in which the kernel lists open files as links.
 #[cfg(target_os = "linux")]
 const OPEN_FILES: &str = "/proc/self/fd";
 
-/// A file without a name; `None` where the file system has none, or where it could not get one later.
+/// An unnamed file; `None` if the file system supports none, or none that can be linked later.
 #[cfg(target_os = "linux")]
 fn nameless(folder: &Path) -> Option<File> {
     use rustix::fs::{CWD, Mode, OFlags, openat};
@@ -90,7 +89,7 @@ fn nameless(folder: &Path) -> Option<File> {
     can_be_named.then(open).flatten()
 }
 
-/// Gives an open file a name that nothing has.
+/// Links an open file to an unused name.
 #[cfg(target_os = "linux")]
 fn link(file: &File, name: &Path) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
@@ -118,18 +117,18 @@ fn named(folder: &Path) -> io::Result<NamedTempFile> {
     builder.permissions(anyone);
     loop {
         let temp = builder.tempfile_in(folder)?;
-        // A file system without locks has no leftovers removed either.
+        // On a file system without locks, leftovers are not removed either.
         let is_taken = matches!(temp.as_file().try_lock(), Err(TryLockError::WouldBlock));
-        // Another run may have taken the file for a leftover before it was locked.
+        // Another run may have removed the file as a leftover before it was locked.
         if !is_taken && temp.path().exists() {
             return Ok(temp);
         }
     }
 }
 
-/// Removes temporary files and folders that nobody has locked any more: their run was killed. Best effort:
-/// failures are not the user's problem. A folder in the making has no leftovers, and may have so many
-/// files that to look at all of them for each new one would take ever longer.
+/// Removes unlocked temporary files and folders: their run was killed. Best effort: failures are ignored. A
+/// folder under construction is not searched: it has no leftovers, and scanning its many files for each new
+/// one would take quadratic time.
 pub(super) fn remove_leftovers(folder: &Path) {
     if folder.file_name().and_then(|name| name.to_str()).is_some_and(is_temporary) {
         return;
@@ -140,7 +139,7 @@ pub(super) fn remove_leftovers(folder: &Path) {
         if !name.to_str().is_some_and(is_temporary) {
             continue;
         }
-        // Locked until it is gone: its maker may be about to lock it.
+        // Locked until removed: its creator may be about to lock it.
         let Ok(file) = File::open(entry.path()) else { continue };
         if file.try_lock().is_ok() {
             let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
@@ -150,7 +149,7 @@ pub(super) fn remove_leftovers(folder: &Path) {
     }
 }
 
-/// True for the name of a temporary file or folder of ours.
+/// True for names of temporary files and folders of this program.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
 }

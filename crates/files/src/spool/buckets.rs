@@ -1,4 +1,4 @@
-//! Records in numbered buckets: in memory while their budget lasts, beyond it in a [`SpoolFile`].
+//! Records in numbered buckets, kept in memory up to a budget and then spilled to a [`SpoolFile`].
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -10,29 +10,29 @@ use super::{SpoolExtent, SpoolFile};
 use crate::lock;
 use terrane_base::error::Result;
 
-/// Most records of a chunk in memory.
+/// Maximum number of records of a chunk in memory.
 const CHUNK: usize = 4096;
-/// Records of a bucket's first chunk; the next ones are twice as large each.
+/// Records of the first chunk of a bucket; each following chunk is twice as large.
 const FIRST_CHUNK: usize = 16;
 /// Bytes read from the file at a time.
 const READ_BYTES: usize = 64 << 10;
-/// Bytes after which a bucket that leaves memory lets others go on: a few hundredths of a second.
+/// Bytes after which a spilling bucket yields to other threads: a few hundredths of a second.
 const SPILLED: u64 = if cfg!(test) { 1 << 10 } else { 16 << 20 };
-/// Records that a [`BucketWriter`] gathers.
+/// Records that a [`BucketWriter`] buffers.
 const GATHERED: usize = 128;
 
-/// Records of one bucket in the file.
+/// A run of records of one bucket in the file.
 #[derive(Clone, Copy, Debug)]
 struct BucketRun {
     offset: u64,
-    /// Records of the bucket before the end of this run.
+    /// Number of the bucket's records up to the end of this run.
     end: u64,
 }
 
-/// Records of one bucket in memory.
+/// A run of records of one bucket in memory.
 #[derive(Debug)]
 struct BucketChunk<T> {
-    /// Records of the bucket before them.
+    /// Number of the bucket's records before this run.
     first: u64,
     records: Vec<T>,
 }
@@ -43,7 +43,7 @@ impl<T> BucketChunk<T> {
     }
 }
 
-/// The records of a bucket, in the order in which they came.
+/// The records of a bucket in order of insertion.
 #[derive(Debug)]
 struct Bucket<T> {
     runs: Vec<BucketRun>,
@@ -57,7 +57,7 @@ impl<T> Default for Bucket<T> {
 }
 
 impl<T: Pod> Bucket<T> {
-    /// Adds records; returns the bytes of memory taken for them.
+    /// Adds records; returns the bytes of memory allocated.
     fn push(&mut self, mut run: &[T]) -> u64 {
         let mut taken = 0;
         while !run.is_empty() {
@@ -74,7 +74,7 @@ impl<T: Pod> Bucket<T> {
         taken
     }
 
-    /// Adds an empty chunk for `wanted` records, or some of them; returns its bytes.
+    /// Adds an empty chunk for up to `wanted` records; returns its bytes.
     fn grow(&mut self, wanted: usize) -> u64 {
         let twice = self.chunks.last().map_or(FIRST_CHUNK, |chunk| 2 * chunk.records.len());
         let records = Vec::with_capacity(twice.max(wanted).min(CHUNK));
@@ -91,7 +91,7 @@ impl<T: Pod> Bucket<T> {
         }
     }
 
-    /// How many of the records are in the file: the first ones.
+    /// Number of records in the file; they precede those in memory.
     fn filed(&self) -> u64 {
         self.runs.last().map_or(0, |run| run.end)
     }
@@ -132,22 +132,22 @@ fn extent<T>(offset: u64, records: u64) -> SpoolExtent {
     SpoolExtent { offset, len: records * size_of::<T>() as u64 }
 }
 
-/// Buckets of records that any thread adds to and any thread reads. What one thread adds to a bucket
-/// stays in its order; between what several add there is none.
+/// Buckets of records for concurrent writing and reading. Records that one thread adds to a bucket keep their
+/// order; records of several threads interleave in any order.
 #[derive(Debug)]
 pub struct Buckets<T> {
     spool: SpoolFile,
-    /// Bytes of records that may be in memory.
+    /// Memory budget of records in bytes.
     budget: u64,
     held: AtomicU64,
     buckets: Vec<Mutex<Bucket<T>>>,
-    /// The bucket that leaves memory next.
+    /// The bucket to spill next.
     next: AtomicUsize,
 }
 
 impl<T: Pod> Buckets<T> {
-    /// Empty buckets `0 .. count`, which hold about `budget` bytes in memory and the rest in a
-    /// nameless file in `folder`.
+    /// Empty buckets `0 .. count` with about `budget` bytes in memory and the rest in an unnamed file in
+    /// `folder`.
     pub fn new(folder: &Path, count: usize, budget: u64) -> Self {
         Self {
             spool: SpoolFile::new(folder),
@@ -162,7 +162,7 @@ impl<T: Pod> Buckets<T> {
     pub fn push(&self, bucket: usize, run: &[T]) -> Result<()> {
         let mut own = lock(&self.buckets[bucket]);
         let taken = own.push(run);
-        // Counted before another thread can spill the bucket and count it out.
+        // Counted before another thread can spill the bucket and subtract it.
         let held = self.held.fetch_add(taken, Ordering::Relaxed) + taken;
         drop(own);
         if taken > 0 && held > self.budget {
@@ -171,17 +171,17 @@ impl<T: Pod> Buckets<T> {
         Ok(())
     }
 
-    /// Adds records one by one, for one thread.
+    /// A writer for one thread that adds records one by one.
     pub fn writer(&self) -> BucketWriter<'_, T> {
         BucketWriter { buckets: self, gathered: Vec::with_capacity(GATHERED), run: Vec::new() }
     }
 
-    /// Writes all that is in memory to the file.
+    /// Spills all records to the file.
     pub fn settle(&self) -> Result<()> {
         self.relieve(0)
     }
 
-    /// Writes buckets to the file, one after the other, until no more than `most` bytes are in memory.
+    /// Spills buckets in turn until at most `most` bytes are in memory.
     fn relieve(&self, most: u64) -> Result<()> {
         for _ in 0..self.buckets.len() {
             if self.held() <= most {
@@ -193,7 +193,7 @@ impl<T: Pod> Buckets<T> {
         Ok(())
     }
 
-    /// Writes the first chunks of a bucket, about [`SPILLED`] bytes; false where it has none.
+    /// Spills the first chunks of a bucket, about [`SPILLED`] bytes; false if it has none.
     fn spill(&self, bucket: &mut Bucket<T>) -> Result<bool> {
         let Some(first) = bucket.chunks.first() else { return Ok(false) };
         let until = first.first + SPILLED / size_of::<T>() as u64;
@@ -214,7 +214,7 @@ impl<T: Pod> Buckets<T> {
         lock(&self.buckets[bucket]).len()
     }
 
-    /// Hands on all records of a bucket, some at a time.
+    /// Passes all records of a bucket to `each`, in runs.
     pub fn read(&self, bucket: usize, mut each: impl FnMut(&[T])) -> Result<()> {
         self.try_read(bucket, |records| {
             each(records);
@@ -222,7 +222,7 @@ impl<T: Pod> Buckets<T> {
         })
     }
 
-    /// As [`read`](Self::read), until `each` fails.
+    /// As [`read`](Self::read), stopping at the first error of `each`.
     pub fn try_read(&self, bucket: usize, mut each: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
         let bucket = lock(&self.buckets[bucket]);
         let (mut first, filed, most) = (0, bucket.filed(), (READ_BYTES / size_of::<T>()) as u64);
@@ -263,7 +263,7 @@ impl<T: Pod> Buckets<T> {
     }
 }
 
-/// Gathers a few records, to add those of a bucket together. Call [`finish`](BucketWriter::finish) at the end.
+/// Buffers records and adds those of one bucket together. Call [`finish`](BucketWriter::finish) at the end.
 #[derive(Debug)]
 pub struct BucketWriter<'a, T> {
     buckets: &'a Buckets<T>,
@@ -278,7 +278,7 @@ impl<T: Pod> BucketWriter<'_, T> {
         if self.gathered.len() < GATHERED { Ok(()) } else { self.flush() }
     }
 
-    /// Adds what is left.
+    /// Flushes the buffered records.
     pub fn finish(mut self) -> Result<()> {
         self.flush()
     }

@@ -1,6 +1,7 @@
-//! Bytes that find no room in memory: extents of one file without a name, in the folder for temporary
-//! files. The file is made when the first extent is put, and the system removes it whatever becomes of
-//! the process. [`Buckets`] keeps records in extents, and in memory while that lasts.
+//! Temporary storage outside memory: extents of one unnamed file in the temporary folder. The file is created
+//! with the first extent and removed by the system when the process ends. [`Buckets`] keeps records in memory
+//! up to a budget and then in extents. For data written sequentially and read once see
+//! [`AppendWriter`](crate::AppendWriter).
 //!
 //! What is written from front to back and then read once, without a share of memory, is no spool: see
 //! [`AppendWriter`](crate::AppendWriter).
@@ -20,18 +21,18 @@ use terrane_base::error::{Error, ErrorKind, Result};
 
 pub use buckets::{BucketWriter, Buckets};
 
-/// The folder for temporary files on the way to the output at `path`: `asked` for, or the output's.
+/// Folder for temporary files of the output at `path`: `asked` if given, else the folder of the output.
 pub fn folder_for<'a>(path: &'a Path, asked: Option<&'a Path>) -> &'a Path {
     let beside = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     asked.or(beside).unwrap_or(Path::new("."))
 }
 
-/// A file without a name in `folder`, which goes with its last handle.
+/// An unnamed file in `folder`, removed with its last handle.
 pub fn nameless(folder: &Path) -> Result<File> {
     tempfile::tempfile_in(folder).map_err(|e| failure(folder, "write to", e))
 }
 
-/// Failure of a nameless file in `folder`.
+/// Error of an unnamed file in `folder`.
 pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
     use io::ErrorKind::{NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem};
     let kind = match source.kind() {
@@ -40,20 +41,20 @@ pub(crate) fn failure(folder: &Path, action: &str, source: io::Error) -> Error {
     };
     Error::io(kind, &format!("{action} the temporary folder"), plain(source))
         .in_file(folder)
-        .remedy("choose a folder with room with ‹temp_dir›")
+        .remedy("pass a folder with enough free space as ‹temp_dir›")
 }
 
-/// Bytes of a file that is given back in a moment.
+/// Size in bytes up to which a file is closed quickly.
 const LARGE: u64 = 64 << 20;
 
-/// Where bytes lie in a [`SpoolFile`].
+/// Location of bytes in a [`SpoolFile`].
 #[derive(Debug)]
 pub struct SpoolExtent {
     offset: u64,
     len: u64,
 }
 
-/// Extents in one nameless file, put and read by any thread. The room of those taken out is used again.
+/// Extents in one unnamed file, written and read by any thread. Freed space is reused.
 #[derive(Debug)]
 pub struct SpoolFile {
     folder: PathBuf,
@@ -62,12 +63,12 @@ pub struct SpoolFile {
 }
 
 impl SpoolFile {
-    /// One whose file will be in `folder`.
+    /// A spool whose file will be in `folder`.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_path_buf(), file: OnceLock::new(), space: Mutex::default() }
     }
 
-    /// Puts `parts`, one after the other.
+    /// Stores `parts` one after the other.
     pub fn put(&self, parts: &[&[u8]]) -> Result<SpoolExtent> {
         let len = parts.iter().map(|part| part.len() as u64).sum();
         let (file, offset) = self.room(len)?;
@@ -88,7 +89,7 @@ impl SpoolFile {
         }
     }
 
-    /// The file, and the offset of `len` free bytes in it.
+    /// The file and the offset of `len` free bytes in it.
     fn room(&self, len: u64) -> Result<(&File, u64)> {
         let mut space = lock(&self.space);
         let file = match self.file.get() {
@@ -102,7 +103,7 @@ impl SpoolFile {
         Ok((file, space.take(len)))
     }
 
-    /// Fills `parts`, one after the other, with the bytes of `extent` from number `from` on.
+    /// Fills `parts` one after the other with the bytes of `extent` from offset `from` on.
     pub fn get(&self, extent: &SpoolExtent, from: u64, parts: &mut [&mut [u8]]) -> Result<()> {
         let mut at = extent.offset + from;
         let read = parts.iter_mut().try_for_each(|part| {
@@ -115,14 +116,14 @@ impl SpoolFile {
         read.map_err(|e| self.failure("read back from", e))
     }
 
-    /// Fills `parts` with the bytes of `extent`, of which there are as many, and frees it.
+    /// Fills `parts`, of the same total length, with the bytes of `extent`, and frees it.
     pub fn take(&self, extent: SpoolExtent, parts: &mut [&mut [u8]]) -> Result<()> {
         let got = self.get(&extent, 0, parts);
         self.free(extent);
         got
     }
 
-    /// Gives the room of `extent` back.
+    /// Frees the space of `extent`.
     pub fn free(&self, extent: SpoolExtent) {
         lock(&self.space).put_back(extent);
     }
@@ -138,22 +139,22 @@ impl SpoolFile {
 }
 
 impl Drop for SpoolFile {
-    /// The system takes a while to give back a large file (0.1 s for 2 GB); nobody waits for that.
+    /// Closing a large file takes a while (0.1 s for 2 GB), so it happens in the background.
     fn drop(&mut self) {
         let written = lock(&self.space).written;
         if let Some(file) = self.file.take().filter(|_| written > LARGE) {
-            // Where there is no thread to be had the file is closed here.
+            // If no thread can be started, the file is closed here.
             let _ = std::thread::Builder::new().spawn(|| drop(file));
         }
     }
 }
 
-/// What is put here is what memory had no room for.
+/// Adds the remedy for spools, which store data that exceeds the memory budget.
 fn allow_memory(error: Error) -> Error {
-    error.remedy("choose a folder with room with ‹temp_dir›, or allow more ‹memory›")
+    error.remedy("pass a folder with enough free space as ‹temp_dir›, or raise ‹memory›")
 }
 
-/// Which bytes of the file are free.
+/// Free space in the file.
 #[derive(Debug, Default)]
 struct SpoolFreeSpace {
     end: u64,

@@ -19,20 +19,20 @@ const KEYS: [&str; 10] = [
     "nodata_value",
 ];
 
-/// What the header says.
+/// Content of the header.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AscHeader {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) transform: Affine,
-    /// True when the lower left position is that of a sample, not of a corner.
+    /// True if the lower left position is that of a sample centre, not of a corner.
     pub(super) is_centre: bool,
     pub(super) nodata: Option<f64>,
-    /// Where the values start: offset and line.
+    /// Offset and line number of the first value.
     pub(super) data: (u64, u64),
 }
 
-/// True when a file's first bytes are those of such a header.
+/// True if `head`, the first bytes of a file, is such a header.
 pub(super) fn is_header(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head).to_lowercase();
     let text = text.trim_start_matches('\u{feff}').trim_start();
@@ -59,7 +59,7 @@ pub(super) fn read(tokens: &mut AscTokens<'_>) -> Result<AscHeader> {
     let mut values = AscHeaderValues::default();
     loop {
         let Some((offset, word)) = tokens.next()? else {
-            return Err(Error::bad_input("file ends within its header"));
+            return Err(Error::bad_input("file ends inside the header"));
         };
         let Some(key) = key_of(word) else {
             if number(word).is_none() {
@@ -69,7 +69,7 @@ pub(super) fn read(tokens: &mut AscTokens<'_>) -> Result<AscHeader> {
         };
         let value = value_of(tokens, KEYS[key])?;
         if values.0[key].replace(value).is_some_and(|before| before != value) {
-            let message = format!("header says two things of {}", KEYS[key]);
+            let message = format!("conflicting values of {} in the header", KEYS[key]);
             return Err(Error::bad_input(message).at(tokens.place()));
         }
     }
@@ -104,7 +104,7 @@ fn finish(values: &AscHeaderValues, data: (u64, u64)) -> Result<AscHeader> {
     let up = f64::from(height - 1) + half_y;
     let transform = Affine { x0: x + half_x * dx, a: dx, b: 0.0, y0: y + up * dy, d: 0.0, e: -dy };
     if dx <= 0.0 || dy <= 0.0 || !transform.is_valid() {
-        return Err(Error::bad_input("cell size or position in the header is not usable"));
+        return Err(Error::bad_input("invalid cell size or position in the header"));
     }
     let nodata = values.get("nodata_value");
     Ok(AscHeader { width, height, transform, is_centre: half_x == 0.0, nodata, data })
@@ -113,13 +113,13 @@ fn finish(values: &AscHeaderValues, data: (u64, u64)) -> Result<AscHeader> {
 fn side(values: &AscHeaderValues, key: &str) -> Result<u32> {
     let value = values.need(key)?;
     if value < 1.0 || value.fract() != 0.0 || value.is_nan() {
-        return Err(Error::bad_input(format!("{key} is {value}, not a whole number above 0")));
+        return Err(Error::bad_input(format!("{key} is {value}, expected a positive integer")));
     }
     limits::check(key, value as u64, limits::MAX_SIDE)?;
     Ok(value as u32)
 }
 
-/// The lower left coordinate, and the part of a cell from it to the sample.
+/// The lower left coordinate, and its offset from the sample in cells.
 fn lower_left(values: &AscHeaderValues, corner: &str, centre: &str) -> Result<(f64, f64)> {
     match values.get(centre) {
         Some(position) => Ok((position, 0.0)),

@@ -1,5 +1,5 @@
-//! ESRI ASCII grids. One streaming pass at opening checks every value and notes where each block of
-//! rows starts; windows are then read by parsing the blocks they touch. Rows need not be lines.
+//! ESRI ASCII grids. One streaming pass at opening checks every value and records the offset of each block of
+//! rows; windows are read by parsing the blocks they overlap. Rows need not be lines.
 
 mod header;
 mod tokens;
@@ -24,12 +24,12 @@ use tokens::AscTokens;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "ESRI ASCII",
     extensions: &["asc"],
-    about: "text grids with ncols/nrows header; a .prj beside it gives the CRS",
+    about: "text grids with ncols/nrows header; CRS from a .prj sidecar",
     sniff: header::is_header,
     open,
 };
 
-/// Samples of one block, about; at least one row.
+/// Approximate number of samples of a block; at least one row.
 const BLOCK_SAMPLES: u64 = 1 << 16;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -41,7 +41,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
 struct AscGrid {
     file: RawFile,
     info: GridInfo,
-    /// Offset of each block's first value.
+    /// Offset of the first value of each block.
     starts: Vec<u64>,
     to_height: ToHeight,
     cache: BlockCache,
@@ -55,7 +55,7 @@ impl AscGrid {
         check_length(&header, &file)?;
         let rows = (BLOCK_SAMPLES / u64::from(header.width)).clamp(1, u64::from(header.height));
         let block_bytes = u64::from(header.width) * rows * SampleType::F32.bytes() as u64;
-        limits::check("bytes of one row", block_bytes, limits::MAX_BLOCK_BYTES)?;
+        limits::check("row size in bytes", block_bytes, limits::MAX_BLOCK_BYTES)?;
         let scan = AscScan::run(&file, &header, rows)?;
         let samples = u64::from(header.width) * rows;
         check_cache(samples * scan.sample_type.bytes() as u64, options.cache_bytes)?;
@@ -96,7 +96,7 @@ impl AscGrid {
         let rect = self.block_rect(block);
         let mut out = vec![0; rect.len() * self.info.sample_type.bytes()];
         let mut tokens = AscTokens::new(&self.file, self.starts[block as usize], 1);
-        // The scan has made sure that whole numbers fit.
+        // The opening pass has checked that integers fit.
         let found = match self.info.sample_type {
             SampleType::I16 => fill(&mut tokens, &mut out, |value| (value as i16).to_ne_bytes()),
             SampleType::I32 => fill(&mut tokens, &mut out, |value| (value as i32).to_ne_bytes()),
@@ -110,7 +110,7 @@ impl AscGrid {
         }
     }
 
-    /// The opening pass has seen a number for each sample.
+    /// Error of a value that the opening pass accepted: the file has changed.
     fn changed(&self, rect: Rect) -> Error {
         let error = Error::bad_input("file changed while it was open");
         error.at(format_args!("rows from {}", rect.row)).in_file(self.file.path())
@@ -124,7 +124,7 @@ impl GridSource for AscGrid {
         self.block_rect(0).len() as u64 * self.info.sample_type.bytes() as u64
     }
 
-    /// Forgets the blocks whose rows all lie in `rect`, where it is as wide as the grid.
+    /// Drops the blocks whose rows are all in `rect`, if it is as wide as the grid.
     fn release(&self, rect: Rect) {
         let rows = self.info.block.1;
         let last = rect.end_row().min(self.info.height) / rows;
@@ -134,7 +134,7 @@ impl GridSource for AscGrid {
     }
 }
 
-/// Fills `out` with samples that `stored` makes of the next words; false when there are too few.
+/// Fills `out` with samples made by `stored` from the next words; false if there are too few.
 fn fill<const N: usize>(
     tokens: &mut AscTokens<'_>,
     out: &mut [u8],
@@ -151,7 +151,7 @@ fn fill<const N: usize>(
     Ok(found == count)
 }
 
-/// Each value takes a byte and a separator, so a file can be too short for its header.
+/// Each value takes at least two bytes, so a file can be too short for its header.
 fn check_length(header: &AscHeader, file: &RawFile) -> Result<()> {
     let values = u64::from(header.width) * u64::from(header.height);
     let room = (file.size() - header.data.0).div_ceil(2);
@@ -159,7 +159,7 @@ fn check_length(header: &AscHeader, file: &RawFile) -> Result<()> {
         return Ok(());
     }
     Err(Error::bad_input(format!(
-        "file is truncated: {values} values are declared and at most {room} fit in it"
+        "file is truncated: {values} values declared, at most {room} fit"
     )))
 }
 
@@ -167,19 +167,18 @@ fn check_cache(block_bytes: u64, cache_bytes: usize) -> Result<()> {
     if block_bytes <= cache_bytes as u64 {
         return Ok(());
     }
-    let message = format!(
-        "rows of {block_bytes} bytes do not fit in the {cache_bytes} bytes for cached blocks"
-    );
+    let message =
+        format!("row of {block_bytes} bytes exceeds the block cache of {cache_bytes} bytes");
     Err(too_large_for_cache(message, block_bytes))
 }
 
-/// What the pass over all values found.
+/// Result of the opening pass.
 struct AscScan {
     starts: Vec<u64>,
     sample_type: SampleType,
 }
 
-/// Range of the values seen, as far as they are whole numbers.
+/// Range of the values, and whether they are integers.
 struct AscValueRange {
     whole: bool,
     low: f64,
@@ -188,7 +187,7 @@ struct AscValueRange {
 
 impl AscValueRange {
     fn add(&mut self, value: f64) {
-        // Whole numbers beyond 32 bits are read as decimals are.
+        // Integers beyond 32 bits are read like decimals.
         self.whole &= f64::from(value as i32) == value;
         if value.is_finite() {
             self.low = self.low.min(value);
@@ -196,8 +195,8 @@ impl AscValueRange {
         }
     }
 
-    /// The narrowest type that holds all; decimals are read as `float32`, as GDAL does, unless one is
-    /// beyond its range.
+    /// The narrowest type that holds all values; decimals are read as `float32`, as in GDAL, unless out of
+    /// range.
     fn sample_type(&self) -> SampleType {
         let within = |low: f64, high: f64| low <= self.low && self.high <= high;
         match self.whole {
@@ -210,7 +209,7 @@ impl AscValueRange {
 }
 
 impl AscScan {
-    /// Parses every value once, remembering only where each block of `rows` rows starts.
+    /// Parses every value once, and records the offset of each block of `rows` rows.
     fn run(file: &RawFile, header: &AscHeader, rows: u64) -> Result<Self> {
         let values = u64::from(header.width) * u64::from(header.height);
         let mut tokens = AscTokens::new(file, header.data.0, header.data.1);
@@ -228,25 +227,25 @@ impl AscScan {
             }
         }
         if tokens.next()?.is_some() {
-            let message = format!("there are more values than the {values} declared");
+            let message = format!("more values than the {values} declared");
             return Err(Error::bad_input(message).at(tokens.place()));
         }
         Ok(Self { starts, sample_type: range.sample_type() })
     }
 }
 
-/// Whether rows are lines. They need not be, but where the first one is a line, a value too many or too
-/// few in another would move all that follow.
+/// Whether rows are lines. They need not be, but if the first row is a line, an extra or missing value in
+/// another line would shift all that follow.
 #[derive(Default)]
 struct AscLineCheck {
     rows: u64,
     are_rows: bool,
-    /// Ends of lines before the last value.
+    /// Number of line ends before the last value.
     end: u64,
 }
 
 impl AscLineCheck {
-    /// Hands a row of values to `each`; returns how many there were if the file ends before.
+    /// Passes a row of values to `each`; returns the number of values if the file ends before.
     fn row(
         &mut self,
         tokens: &mut AscTokens<'_>,
@@ -273,12 +272,12 @@ impl AscLineCheck {
 }
 
 fn uneven(width: u32, how: &str) -> Error {
-    Error::bad_input(format!("a line has {how} than the {width} values of the first one"))
-        .remedy("mend the line")
+    Error::bad_input(format!("line has {how} values than the first line ({width})"))
+        .remedy("correct the line")
 }
 
 fn truncated(i: u64, values: u64) -> Error {
-    Error::bad_input(format!("file is truncated: it ends after {i} of {values} values"))
+    Error::bad_input(format!("file is truncated: found {i} of {values} values"))
 }
 
 fn describe(

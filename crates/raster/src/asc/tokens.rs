@@ -1,4 +1,4 @@
-//! Words of a text file, one after the other, in bounded memory, each with its place.
+//! Tokenizer of a text file in bounded memory; words carry their position.
 
 use crate::decimal;
 use terrane_base::error::{Error, Result};
@@ -6,35 +6,35 @@ use terrane_files::RawFile;
 
 /// Bytes read at a time.
 const CHUNK: usize = 64 << 10;
-/// No number is longer.
+/// Maximum length of a number.
 const MOST_WORD: usize = 256;
 
 /// A reader of whitespace-separated words.
 pub(super) struct AscTokens<'a> {
     file: &'a RawFile,
     buffer: Vec<u8>,
-    /// Next byte in `buffer`.
+    /// Index of the next byte in `buffer`.
     next: usize,
-    /// Offset in the file of the end of `buffer`.
+    /// File offset of the end of `buffer`.
     end: u64,
-    /// Where it started: offset and line.
+    /// Offset and line number of the start.
     start: (u64, u64),
-    /// Ends of lines passed over before the last word.
+    /// Number of line ends skipped before the last word.
     breaks: u64,
 }
 
-/// True for a byte that ends a line, alone or with another.
+/// True for a line end byte, alone or as part of CR LF.
 fn is_break(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
 }
 
 impl<'a> AscTokens<'a> {
-    /// Words from `offset` on; `line` is the number of the line it lies in.
+    /// Words from `offset` on, which is in line `line`.
     pub(super) fn new(file: &'a RawFile, offset: u64, line: u64) -> Self {
         Self { file, buffer: Vec::new(), next: 0, end: offset, start: (offset, line), breaks: 0 }
     }
 
-    /// A number that grows from one word to the next where a line ends between them, and only there.
+    /// A counter that increases exactly when a line ends between two words.
     pub(super) fn breaks(&self) -> u64 {
         self.breaks
     }
@@ -44,8 +44,8 @@ impl<'a> AscTokens<'a> {
         self.line_of(self.offset())
     }
 
-    /// Number of the line of the word that ends at `offset`. Reads what came before once more: lines
-    /// are asked for rarely, and not counting them makes the words come faster.
+    /// Line number, from 1, of the word that ends at `offset`. Rescans the file, because line numbers are
+    /// rarely needed and counting them would slow down parsing.
     pub(super) fn line_of(&self, offset: u64) -> u64 {
         let (mut at, mut line) = self.start;
         while at < offset {
@@ -75,15 +75,15 @@ impl<'a> AscTokens<'a> {
             }
         }
         if bytes > MOST_WORD {
-            return Err(Error::bad_input("a word is too long to be a number").at(self.place()));
+            return Err(Error::bad_input("word is too long for a number").at(self.place()));
         }
         let (offset, start) = (self.offset(), self.next);
         self.next += bytes;
         Ok(Some((offset, &self.buffer[start..start + bytes])))
     }
 
-    /// Hands the next `count` words as numbers to `each`; returns how many there were if the file
-    /// ends before.
+    /// Passes the next `count` words as numbers to `each`; returns the number of words if the file ends
+    /// before.
     pub(super) fn values(&mut self, count: u64, mut each: impl FnMut(f64)) -> Result<u64> {
         let mut done = 0;
         loop {
@@ -97,7 +97,8 @@ impl<'a> AscTokens<'a> {
         }
     }
 
-    /// The same up to the first word that is no plain decimal or may go on behind the buffer.
+    /// As [`values`](Self::values), up to the first word that is not a plain decimal or may continue after
+    /// the buffer.
     #[inline(always)]
     fn plain_values(&mut self, count: u64, each: &mut impl FnMut(f64)) -> u64 {
         let (text, mut at, mut breaks) = (self.buffer.as_slice(), self.next, 0);
@@ -129,7 +130,7 @@ impl<'a> AscTokens<'a> {
         value.map(Some).map_err(|e| e.at(self.place()))
     }
 
-    /// Where in the file the reader is: behind the last word.
+    /// File offset after the last word.
     pub(super) fn offset(&self) -> u64 {
         self.end - (self.buffer.len() - self.next) as u64
     }
@@ -139,7 +140,7 @@ impl<'a> AscTokens<'a> {
         format!("line {}", self.line())
     }
 
-    /// Moves to the next word; false at the end of the file.
+    /// Skips to the next word; false at the end of the file.
     fn skip_space(&mut self) -> Result<bool> {
         loop {
             while let Some(byte) = self.buffer.get(self.next) {
@@ -155,7 +156,7 @@ impl<'a> AscTokens<'a> {
         }
     }
 
-    /// Drops what has been read and appends a chunk; false at the end of the file.
+    /// Drops consumed bytes and appends a chunk; false at the end of the file.
     fn refill(&mut self) -> Result<bool> {
         self.buffer.drain(..self.next);
         self.next = 0;
@@ -173,8 +174,8 @@ fn no_number(word: &[u8]) -> Error {
     Error::bad_input(format!("{word:?} is not a number"))
 }
 
-/// A number as people and programs write it: decimal comma, `nan`, and Microsoft's `1.#QNAN`.
-/// `None` when it is none, or one beyond all that `f64` holds.
+/// Parses a number, accepting a decimal comma, `nan`, and Microsoft's `1.#QNAN`. `None` if it is not a
+/// number, or out of the range of `f64`.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     if let Some(value) = decimal::whole(text) {

@@ -1,4 +1,4 @@
-//! Areas of polygons, by edges: which of them a row of places needs to look at.
+//! Spatial index of polygon edges by height, for scanlines.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -8,25 +8,25 @@ use super::scan::{Labelled, PolygonScan};
 use super::{ClipRings, PolygonEdge};
 use terrane_base::geom::{Affine, Rect};
 
-/// Polygons, by edges.
+/// Polygon edges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PolygonEdgeIndex {
-    /// By their lower ends.
+    /// Edges by lower end.
     pub(super) edges: Vec<PolygonEdge>,
-    /// The highest upper end of each block of edges, and of each block of those, up to one.
+    /// Highest upper end of each block of edges, and of each block of blocks, up to one.
     tops: Vec<Vec<f64>>,
-    /// Most edges at one height.
+    /// Maximum number of edges at one height.
     pub(super) most_at_once: usize,
 }
 
-/// Edges of a block, and blocks of the one above it.
+/// Number of edges of a block, and of blocks of the next level.
 const BLOCK: usize = 16;
-/// Bytes that a thread takes for each edge at the height of the row at hand: its number, two columns and
-/// a feature, and half as many columns again; and lists that grow take up to twice as much.
+/// Memory of a thread in bytes per edge on a scanline: its index, two columns and a feature, and half as many
+/// columns again; growing lists take up to twice as much.
 const AT_HAND: u64 = 48;
 
 impl PolygonEdgeIndex {
-    /// Those of rings. Takes O(n log n) time for n edges.
+    /// Index of `rings`. O(n log n) for n edges.
     pub fn new(rings: ClipRings) -> Self {
         Self::of_edges(rings.edges)
     }
@@ -38,17 +38,18 @@ impl PolygonEdgeIndex {
         Self { edges, tops, most_at_once }
     }
 
-    /// True where there is no edge.
+    /// True if there are no edges.
     pub fn is_empty(&self) -> bool {
         self.edges.is_empty()
     }
 
-    /// What of them tells about places in a box, its borders included (x and y low, x and y high): edges that come
-    /// near it, and for all that lie west of it as few upright ones as count crossings alike. So that many boxes in
-    /// a box cost what is in that, take parts of parts. Rows have to run to the east: crossings are counted from the west.
+    /// The edges that decide about positions in a box, including its border (x and y min, x and y max): edges
+    /// near the box, and, for all edges west of it, the fewest vertical ones with the same crossing counts.
+    /// Clip hierarchically to keep the cost of many boxes proportional to their content. Rows must run east,
+    /// as crossings are counted from the west.
     #[must_use]
     pub fn within(&self, [west, south, east, north]: [f64; 4]) -> Self {
-        // Further than rounding, whatever the size; what is beyond the box is not asked for.
+        // A margin above rounding errors at any scale; samples outside the box are not queried.
         let [beside, above] = [west - west.abs().max(1.0), north + north.abs().max(1.0)];
         let (mut edges, mut ends, mut next) = (Vec::new(), Vec::new(), 0);
         while let Some(at) = self.reaching(next, south).filter(|at| self.edges[*at].low[1] <= north)
@@ -57,7 +58,7 @@ impl PolygonEdgeIndex {
             next = at + 1;
             match [edge.low[0], edge.high[0]] {
                 [a, b] if a.max(b) < west => {
-                    // Crossings count from the lower end on, without the upper one.
+                    // An edge includes its lower end and excludes its upper end.
                     let within = |y: f64| if y > north { above } else { y.max(south) };
                     ends.extend([edge.low, edge.high].map(|end| (edge.feature, within(end[1]))));
                 }
@@ -76,9 +77,9 @@ impl PolygonEdgeIndex {
         Self::of_edges(edges)
     }
 
-    /// Shows for each row of a lattice of so many columns and rows, by its number, the columns that lie in a polygon
-    /// or on its border, in order and apart. `map` takes columns and rows to places; rows come in an order of their
-    /// own.
+    /// Calls `see` for each row of a lattice of the given size with its number and the columns inside a
+    /// polygon or on its border, as sorted disjoint ranges. `map` transforms columns and rows to positions;
+    /// rows come in no fixed order.
     pub fn rows(
         &self,
         map: Affine,
@@ -96,12 +97,12 @@ impl PolygonEdgeIndex {
         );
     }
 
-    /// Bytes of their edges alone.
+    /// Memory of the edges in bytes.
     pub fn bytes(&self) -> u64 {
         self.edges.len() as u64 * ClipRings::EDGE_BYTES
     }
 
-    /// Bytes that they take while so many threads look at them.
+    /// Memory in bytes while `threads` threads use the index.
     pub fn held(&self, threads: usize) -> u64 {
         let edges = self.edges.len() as u64;
         let tops = edges / (BLOCK as u64 - 1) * size_of::<f64>() as u64;
@@ -109,7 +110,7 @@ impl PolygonEdgeIndex {
         self.bytes() + tops + at_hand
     }
 
-    /// The first edge from number `from` on whose upper end is at `y` or above.
+    /// The first edge from index `from` on whose upper end is at `y` or above.
     pub(super) fn reaching(&self, mut from: usize, y: f64) -> Option<usize> {
         while from < self.edges.len() {
             let skipped = self.blocks_at(from).take_while(|(_, top)| *top < y).last();
@@ -122,7 +123,7 @@ impl PolygonEdgeIndex {
         None
     }
 
-    /// The blocks that begin at number `from`, the smallest first: how many edges, and the highest end.
+    /// The blocks that begin at index `from`, smallest first: number of edges, and highest end.
     fn blocks_at(&self, from: usize) -> impl Iterator<Item = (usize, f64)> {
         let mut size = 1;
         self.tops.iter().map_while(move |tops| {
@@ -143,7 +144,7 @@ fn tops(edges: &[PolygonEdge]) -> Vec<Vec<f64>> {
     levels
 }
 
-/// Most edges that have one height in common, of `edges` by their lower ends.
+/// Maximum number of `edges`, sorted by lower end, that overlap at one height.
 fn most_at_once(edges: &[PolygonEdge]) -> usize {
     let mut ends: BinaryHeap<Reverse<i64>> = BinaryHeap::new();
     let mut most = 0;
@@ -157,7 +158,7 @@ fn most_at_once(edges: &[PolygonEdge]) -> usize {
     most
 }
 
-/// A whole number for each float, in the same order, and one for both zeros.
+/// An integer with the order of the float; both zeros are equal.
 fn rank(value: f64) -> i64 {
     let bits = (value + 0.0).to_bits().cast_signed();
     if bits < 0 { i64::MIN - bits } else { bits }

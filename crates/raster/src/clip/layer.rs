@@ -1,4 +1,4 @@
-//! A grid in front of another: what lies outside the polygons is void.
+//! Adapter that clips a grid to polygons: samples outside are void.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -19,11 +19,10 @@ struct Clipped {
     clip: Arc<Clip>,
 }
 
-/// What `open` opens, clipped to `clip`, whose bytes are taken off those of the cache.
+/// The grid of `open`, clipped to `clip`, whose memory counts towards the cache.
 ///
 /// # Errors
-/// Those of `open`; polygons that leave no room for anything else, that are in another reference system,
-/// or hold no sample.
+/// Errors of `open`; polygons that exceed the memory, have another CRS, or contain no sample.
 pub(crate) fn clipped(
     clip: &Arc<Clip>,
     options: &GridOpenOptions,
@@ -37,15 +36,15 @@ pub(crate) fn clipped(
     let grid = Clipped { info, inner, clip: clip.clone() };
     match grid.holds_any(grid.info.bounds()) {
         true => Ok(Box::new(grid)),
-        false => Err(Error::bad_input("no sample of the grid lies in a polygon of this file")
+        false => Err(Error::bad_input("polygons contain no sample of the grid")
             .in_file(&clip.path)
             .remedy(
-                "choose polygons that overlap the grid (terrane info tells the bounds of both)",
+                "choose polygons that overlap the grid (terrane info prints the bounds of both)",
             )),
     }
 }
 
-/// The bytes that are left for decoded blocks beside `held` ones of `what`, of a file.
+/// Bytes left for the block cache besides `held` bytes of `what`, of a file.
 pub(crate) fn cache_beside(
     held: u64,
     options: &GridOpenOptions,
@@ -53,7 +52,7 @@ pub(crate) fn cache_beside(
 ) -> Result<usize> {
     let too_large = || {
         let mib = held.div_ceil(1 << 20);
-        let message = format!("its {what} take {mib} MiB, more than is left for what is read");
+        let message = format!("{what} take {mib} MiB, more than the memory available");
         too_large_for_cache(message, held).or("simplify them with ‹terrane simplify›").in_file(path)
     };
     let room = (options.cache_bytes as u64).checked_sub(held).ok_or_else(too_large)?;
@@ -65,7 +64,7 @@ impl Clipped {
         PolygonScan::new(&self.clip.areas, self.info.transform, rect)
     }
 
-    /// True when a sample of `rect` stays.
+    /// True if a sample of `rect` is inside.
     fn holds_any(&self, rect: Rect) -> bool {
         let see = |_, inside: &[Labelled]| match inside {
             [] => ControlFlow::Continue(()),

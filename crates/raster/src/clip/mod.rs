@@ -1,9 +1,9 @@
 //! Grids clipped to polygons: samples inside a polygon or on its border stay, all others are voids.
 //!
-//! A sample is where `Affine::apply` puts it, in floats, and every decision about it is exact
-//! ([`plane`]). What lies within a feature is told by crossings (even-odd, so that rings within rings are
-//! holes), and features are united. Edges are kept by their lower ends, with the upper ends of blocks of
-//! them above one another, so that a window costs what the edges at its height cost.
+//! Samples are at the positions of `Affine::apply` in floats, and every predicate on them is exact ([`plane`]). A
+//! position is inside a feature by the even-odd rule, so that nested rings are holes; features are united. Edges are
+//! sorted by their lower ends, with a hierarchy of the upper ends of blocks of edges, so that the cost of a window
+//! depends only on the edges at its height.
 
 mod areas;
 mod layer;
@@ -22,7 +22,7 @@ use terrane_base::geom::{Crs, plane};
 /// A position (x, y).
 type Xy = [f64; 2];
 
-/// An edge of a ring, its lower end first.
+/// An edge of a ring, lower end first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PolygonEdge {
     low: Xy,
@@ -30,7 +30,7 @@ struct PolygonEdge {
     feature: u32,
 }
 
-/// Polygons that are being gathered: feature by feature, ring by ring.
+/// Builder of clip polygons: feature by feature, ring by ring.
 #[derive(Debug, Default)]
 pub struct ClipRings {
     edges: Vec<PolygonEdge>,
@@ -38,34 +38,32 @@ pub struct ClipRings {
 }
 
 impl ClipRings {
-    /// Bytes that an edge takes, without those of threads that look at it.
+    /// Memory of an edge in bytes, without that of threads using the index.
     pub const EDGE_BYTES: u64 = size_of::<PolygonEdge>() as u64;
 
     /// Begins another feature.
     ///
     /// # Errors
-    /// More than 2^32 of them.
+    /// More than 2^32 features.
     pub fn begin_feature(&mut self) -> Result<()> {
         let too_many = || Error::limit("number of polygons", "above 2^32", u32::MAX);
         self.features = self.features.checked_add(1).ok_or_else(too_many)?;
         Ok(())
     }
 
-    /// Adds a ring to the feature begun last, its first position again at the end or not.
+    /// Adds a ring to the current feature, with or without the closing position.
     ///
     /// # Errors
-    /// A coordinate that is not finite, or of a magnitude that signs are not exact for; more than 2^32
-    /// edges in all.
+    /// A coordinate that is not finite or outside the range of exact predicates; more than 2^32 edges in
+    /// total.
     pub fn push(&mut self, ring: &[Xy]) -> Result<()> {
         if let Some(at) = ring.iter().find(|at| !at.iter().all(|c| is_exact(*c))) {
-            return Err(Error::bad_input(format!(
-                "position {at:?} is not finite, or out of reach"
-            ))
-            .remedy(format!(
-                "coordinates are 0, or from {:e} to {:e}",
-                plane::LEAST,
-                plane::MOST
-            )));
+            return Err(Error::bad_input(format!("position {at:?} is not finite or out of range"))
+                .remedy(format!(
+                    "use coordinates of 0 or of magnitude {:e} to {:e}",
+                    plane::LEAST,
+                    plane::MOST
+                )));
         }
         if u32::try_from(self.edges.len() + ring.len()).is_err() {
             return Err(Error::limit("number of edges of polygons", "above 2^32", u32::MAX)
@@ -77,7 +75,7 @@ impl ClipRings {
             true => PolygonEdge { low: *a, high: *b, feature },
             false => PolygonEdge { low: *b, high: *a, feature },
         };
-        // One from a position to itself is a border that small.
+        // A degenerate edge is a border of one position.
         self.edges.extend(ring.iter().zip(nexts).map(edge));
         Ok(())
     }
@@ -91,7 +89,7 @@ fn is_lower(a: &Xy, b: &Xy) -> bool {
     (a[1], a[0]) <= (b[1], b[0])
 }
 
-/// What a grid is clipped to. Takes [`held`](Self::held) bytes, whatever the grid.
+/// Clip polygons. Takes [`held`](Self::held) bytes, independent of the grid.
 #[derive(Debug)]
 pub struct Clip {
     path: PathBuf,
@@ -100,17 +98,17 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// The polygons of the file `path`, in the system `crs`. Takes O(n log n) time for n edges.
+    /// The polygons of the file `path`, with the CRS `crs`. O(n log n) for n edges.
     pub fn new(rings: ClipRings, path: &Path, crs: Crs) -> Self {
         Self { path: path.to_path_buf(), crs, areas: PolygonEdgeIndex::new(rings) }
     }
 
-    /// The file that they are from.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Bytes that they take while so many threads read a clipped grid.
+    /// Memory in bytes while `threads` threads read a clipped grid.
     pub fn held(&self, threads: usize) -> u64 {
         self.areas.held(threads)
     }

@@ -1,8 +1,8 @@
-//! Which samples of a window lie in polygons: row by row.
+//! Scanline test of which samples of a window are inside polygons.
 //!
-//! Where rows of samples have one y, they are taken by rising y. An edge that crosses a row is found among
-//! its columns by a guess that is set right exactly; from there on samples are inside or outside, feature
-//! by feature. In other grids each sample is decided by itself.
+//! If the samples of a row have one y, rows are processed by ascending y. The column of an edge crossing is
+//! estimated and then corrected exactly; samples after it are inside or outside, feature by feature. In other grids
+//! each sample is tested separately.
 
 use std::cmp::Ordering;
 use std::ops::{ControlFlow, Range};
@@ -10,38 +10,38 @@ use std::ops::{ControlFlow, Range};
 use super::{PolygonEdge, PolygonEdgeIndex, Xy};
 use terrane_base::geom::{Affine, Rect, plane};
 
-/// A window of samples that is looked at, and the lists for a row of it.
+/// A window of samples, and scratch lists for a row.
 pub(crate) struct PolygonScan<'a> {
     areas: &'a PolygonEdgeIndex,
-    /// What features are told apart by; `None` where they are not.
+    /// Label of each feature; `None` if features are not distinguished.
     labels: Option<&'a [u32]>,
     map: Affine,
     rect: Rect,
-    /// The edges at the height of the row.
+    /// Edges at the height of the row.
     active: Vec<u32>,
-    /// Where samples of a feature are from then on inside, or outside again.
+    /// Columns at which samples switch between inside and outside of a feature.
     turns: Vec<(u32, u32)>,
-    /// Labels and columns inside, those on borders by themselves; at last in order and apart.
+    /// Labels and column ranges inside, with borders as separate ranges; sorted and disjoint at the end.
     inside: Vec<Labelled>,
 }
 
-/// Columns of a row inside of features with a label.
+/// Column range inside features with a label.
 pub(crate) type Labelled = (u32, Range<u32>);
 
 impl<'a> PolygonScan<'a> {
-    /// All features together, with the label 0.
+    /// Scans all features together, with label 0.
     pub(crate) fn new(areas: &'a PolygonEdgeIndex, map: Affine, rect: Rect) -> Self {
         let (active, turns, inside) = (Vec::new(), Vec::new(), Vec::new());
         Self { areas, labels: None, map, rect, active, turns, inside }
     }
 
-    /// Those of each label by themselves; features have one each, in the order in which they were begun.
+    /// Scans features by label; labels are given per feature in order of insertion.
     pub(crate) fn labelled(self, labels: &'a [u32]) -> Self {
         Self { labels: Some(labels), ..self }
     }
 
-    /// Shows for each row, by its number in the window, the columns of the window that are inside, in order
-    /// and apart for each label, until `see` breaks it off. Rows come in an order of their own.
+    /// Calls `see` for each row with its number in the window and the columns inside, sorted and disjoint per
+    /// label, until it breaks. Rows come in no fixed order.
     pub(crate) fn rows<B>(
         mut self,
         mut see: impl FnMut(u32, &[Labelled]) -> ControlFlow<B>,
@@ -65,8 +65,8 @@ impl<'a> PolygonScan<'a> {
         self.map.apply(f64::from(self.rect.col + col), f64::from(self.rect.row + row))
     }
 
-    /// A row whose samples have one y, which is that of the row before or higher; `next` is the first edge
-    /// that no row before came up to.
+    /// A row whose samples have one y, not lower than that of the previous row; `next` is the first edge that
+    /// no earlier row reached.
     fn look_at_row(&mut self, row: u32, next: &mut usize) {
         let edges = &self.areas.edges;
         let y = self.position(0, row)[1];
@@ -90,13 +90,13 @@ impl<'a> PolygonScan<'a> {
         join(&mut self.inside);
     }
 
-    /// Notes what an edge at the height `y` of a row has to say about its samples.
+    /// Records the crossing of an edge with a row at height `y`.
     fn look_at_edge(&mut self, edge: &PolygonEdge, (row, y): (u32, f64)) {
         let PolygonEdge { low, high, feature } = *edge;
         let border = if low[1] == high[1] {
             self.columns((low[0], high[0]), row)
         } else if high[1] == y {
-            // The end of one is the beginning of another; at a peak it is that of none.
+            // The end of an edge is the start of the next one; at a peak it belongs to none.
             self.columns((high[0], high[0]), row)
         } else {
             let (before, after) = self.crossing((low, high), (row, y));
@@ -109,10 +109,10 @@ impl<'a> PolygonScan<'a> {
         self.inside.extend((!border.is_empty()).then_some((label, border)));
     }
 
-    /// The first column of a row that is not before an edge that crosses it, and the first one after it.
+    /// The first column of a row that is not before a crossing edge, and the first one after it.
     fn crossing(&self, (low, high): (Xy, Xy), (row, y): (u32, f64)) -> (u32, u32) {
         let x = low[0] + (y - low[1]) / (high[1] - low[1]) * (high[0] - low[0]);
-        // An edge upwards has what is west of it on its left.
+        // Positions west of an upward edge are on its left.
         let before = if self.map.a > 0.0 { Ordering::Greater } else { Ordering::Less };
         let side = |col| plane::orient(low, high, self.position(col, row));
         let first = self.seek(x, |col| side(col) == before);
@@ -128,11 +128,11 @@ impl<'a> PolygonScan<'a> {
         }
     }
 
-    /// The first column that does not come `before`, as all do up to somewhere near `x`.
+    /// The first column that is not `before`, near `x`; `before` is monotonic.
     fn seek(&self, x: f64, before: impl Fn(u32) -> bool) -> u32 {
         let width = self.rect.width;
         let near = (x - self.map.x0) / self.map.a - f64::from(self.rect.col);
-        // A float that is beyond the columns becomes the last of them, or the first.
+        // Casting saturates to the first or last column.
         let guess = near as u32;
         let (mut low, mut high) =
             (guess.saturating_sub(1).min(width), guess.saturating_add(2).min(width));
@@ -149,7 +149,7 @@ impl<'a> PolygonScan<'a> {
         low
     }
 
-    /// A row of samples that are decided by themselves.
+    /// A row of samples tested one by one.
     fn look_at_each(&mut self, row: u32) {
         let mut features = Vec::new();
         for col in 0..self.rect.width {
@@ -167,7 +167,7 @@ fn label(labels: Option<&[u32]>, feature: u32) -> u32 {
 }
 
 impl PolygonEdgeIndex {
-    /// Appends the features that hold a position, or have it on their border: some more than once.
+    /// Appends the features that contain a position or have it on their border; duplicates are possible.
     pub(crate) fn features_at(&self, at: Xy, turns: &mut Vec<(u32, u32)>, out: &mut Vec<u32>) {
         turns.clear();
         let mut next = 0;
@@ -189,7 +189,7 @@ impl PolygonEdgeIndex {
     }
 }
 
-/// Puts ranges in order and joins those of a label that meet.
+/// Sorts ranges and merges adjacent ones of a label.
 pub(crate) fn join(ranges: &mut Vec<Labelled>) {
     ranges.sort_unstable_by_key(|(label, range)| (*label, range.start));
     ranges.dedup_by(|next, last| {

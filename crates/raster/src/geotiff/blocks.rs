@@ -1,4 +1,4 @@
-//! Blocks: where each lies in the file, and how it becomes samples of one band in native order.
+//! Blocks: their offsets in the file, and decoding to samples of one band in native byte order.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
@@ -13,23 +13,22 @@ use super::lerc;
 use super::predictor::{self, Predictor};
 use super::tags;
 
-/// Up to this many blocks have their offsets held in memory (16 bytes each); those of larger files
-/// are read from the file one by one.
+/// Maximum number of blocks whose offsets are held in memory (16 bytes each); those of larger files are read
+/// on demand.
 const MOST_HELD: u64 = 1 << 18;
 
-/// Bytes that every file begins with, and no block lies in.
+/// Size of the file header, which blocks must not overlap.
 const HEADER_BYTES: u64 = 8;
 
-/// Bytes beyond a full block that a deflate or zstd stream may carry.
+/// Maximum excess of a deflate or zstd stream over a full block, in bytes.
 const PADDING: usize = 64 << 10;
 
-/// Bytes of compressed data worth reading for a block of so many bytes: no sound encoder makes
-/// data grow more.
+/// Maximum compressed size of a block of `bytes` bytes that is worth reading.
 fn most_packed(plain: u64) -> u64 {
     2 * plain + 4096
 }
 
-/// Where one block lies in the file.
+/// Extent of a block in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct GeoTiffBlockExtent {
     pub(super) offset: u64,
@@ -59,19 +58,19 @@ impl GeoTiffBlockTable {
     }
 }
 
-/// The blocks of the chosen band.
+/// The blocks of the selected band.
 #[derive(Debug)]
 pub(super) struct GeoTiffBlocks {
     pub(super) layout: GeoTiffLayout,
     offsets: GeoTiffBlockTable,
-    /// `None` when the file does not say, or says too little.
+    /// `None` if the file lacks byte counts, or has too few.
     byte_counts: Option<GeoTiffBlockTable>,
     /// From 0.
     band: u32,
 }
 
 impl GeoTiffBlocks {
-    /// Finds the arrays in `directory` and checks every block of the band against the file.
+    /// Reads the block tables of `directory` and checks every block of the band against the file.
     pub(super) fn read(
         directory: &GeoTiffDirectory<'_>,
         layout: GeoTiffLayout,
@@ -84,7 +83,7 @@ impl GeoTiffBlocks {
             return Err(about(offsets_tag, "is missing"));
         };
         if offsets.count < blocks {
-            let message = format!("has {} values for {blocks} blocks", offsets.count);
+            let message = format!("has {} values, expected {blocks}", offsets.count);
             return Err(about(offsets_tag, message));
         }
         let counts = directory.int_array(counts_tag)?.filter(|counts| counts.count >= blocks);
@@ -95,7 +94,7 @@ impl GeoTiffBlocks {
         Ok(blocks)
     }
 
-    /// Finds truncated files at once, where the arrays are in memory anyway.
+    /// Detects truncated files early, if the tables are in memory.
     fn check_places(&self, file: &RawFile) -> Result<()> {
         if matches!(self.offsets, GeoTiffBlockTable::OnDisk(_)) {
             return Ok(());
@@ -108,13 +107,13 @@ impl GeoTiffBlocks {
         Ok(())
     }
 
-    /// Number of block (`bx`, `by`) of the chosen band, in the file's arrays.
+    /// Index of block (`bx`, `by`) of the selected band in the tables.
     pub(super) fn number(&self, bx: u32, by: u32) -> u64 {
         let plane = if self.layout.separate { u64::from(self.band) } else { 0 };
         self.layout.block_index(plane, bx, by)
     }
 
-    /// Where block (`bx`, `by`) lies, inside the file; `None` when it is sparse.
+    /// Extent of block (`bx`, `by`), inside the file; `None` if it is sparse.
     pub(super) fn place(
         &self,
         bx: u32,
@@ -135,16 +134,16 @@ impl GeoTiffBlocks {
             None if raw => needed,
             None => most_packed(plain).min(file.size().saturating_sub(offset)),
         };
-        // GDAL leaves offsets where it takes bytes away.
+        // GDAL keeps the offset when it clears the byte count.
         if bytes == 0 || (offset == 0 && self.byte_counts.is_none()) {
             return Ok(None);
         }
         if offset < HEADER_BYTES {
-            let message = format!("has {bytes} bytes at offset {offset}, in the file's header");
+            let message = format!("{bytes} bytes at offset {offset} overlap the file header");
             return Err(Error::bad_input(message).remedy("copy the file again"));
         }
         if raw && bytes < needed {
-            return Err(Error::bad_input(format!("has {bytes} of the {needed} bytes expected")));
+            return Err(Error::bad_input(format!("has {bytes} bytes, expected {needed}")));
         }
         let bytes = if raw { needed } else { bytes };
         file.check_range(offset, bytes)?;
@@ -157,8 +156,8 @@ impl GeoTiffBlocks {
         error.at(format_args!("block {number} (from column {col}, row {row})"))
     }
 
-    /// Decodes block (`bx`, `by`) at `place`: `stored_rows` rows of `block_width` samples of the
-    /// chosen band, in native order.
+    /// Decodes block (`bx`, `by`) at `place`: `stored_rows` rows of `block_width` samples of the selected
+    /// band, in native byte order.
     pub(super) fn decode(
         &self,
         bx: u32,
@@ -198,7 +197,7 @@ impl GeoTiffBlocks {
         Ok(out)
     }
 
-    /// Fills `out` from `packed`; rows of a tile below the image may be missing.
+    /// Decompresses `packed` into `out`; rows of a tile below the image may be missing.
     fn unpack(
         &self,
         decoders: &mut BlockDecoders,
@@ -211,7 +210,7 @@ impl GeoTiffBlocks {
             return decoders.lerc(packing, packed, shape, out).map_err(|fault| match fault {
                 DecompressionFault::Corrupt(message) => Error::bad_input(message),
                 DecompressionFault::TooLong => {
-                    Error::bad_input("LERC data is longer than its samples allow")
+                    Error::bad_input("LERC data exceed the size of the samples")
                 }
             });
         }
@@ -219,7 +218,7 @@ impl GeoTiffBlocks {
         match decoders.run(self.layout.compression, packed, out) {
             Ok(bytes) if bytes as u64 >= needed => Ok(()),
             Ok(bytes) => {
-                Err(Error::bad_input(format!("decodes to {bytes} of the {needed} bytes expected")))
+                Err(Error::bad_input(format!("decodes to {bytes} bytes, expected {needed}")))
             }
             Err(DecompressionFault::Corrupt(message)) => Err(Error::bad_input(message)),
             Err(DecompressionFault::TooLong) => self.unpack_padded(decoders, packed, out),
@@ -236,7 +235,7 @@ impl GeoTiffBlocks {
         }
     }
 
-    /// Some writers pad the last strip to its full height, or blocks by a little more.
+    /// Some writers pad the last strip to its full height, or blocks by a few bytes.
     fn unpack_padded(
         &self,
         decoders: &mut BlockDecoders,
@@ -254,7 +253,7 @@ impl GeoTiffBlocks {
         }
     }
 
-    /// Takes the chosen band out of rows of bits, high bits first: each becomes a byte, 0 or 1.
+    /// Extracts the selected band from rows of bits, most significant bit first: one byte, 0 or 1, per bit.
     fn take_bits(&self, bits: &[u8], out: &mut [u8]) {
         let (stride, band) = (self.layout.stride(), self.band_in_pixel());
         let rows = bits.chunks_exact(self.layout.row_bytes() as usize);
@@ -264,7 +263,7 @@ impl GeoTiffBlocks {
         }
     }
 
-    /// Byte order and horizontal predictor of a block of one band.
+    /// Undoes byte order and horizontal predictor of a block of one band.
     fn undo_in_place(&self, samples: &mut [u8]) {
         let layout = &self.layout;
         let size = layout.sample_type.bytes();
@@ -275,7 +274,7 @@ impl GeoTiffBlocks {
         }
     }
 
-    /// Undoes the predictor of `plain` (overwriting it) and takes out the chosen band.
+    /// Undoes the predictor of `plain` (overwriting it) and extracts the selected band.
     fn undo_into(&self, plain: &mut [u8], out: &mut [u8]) {
         let layout = &self.layout;
         let (size, stride) = (layout.sample_type.bytes(), layout.stride());
@@ -297,14 +296,14 @@ impl GeoTiffBlocks {
         }
     }
 
-    /// Position of the chosen band among the samples of a pixel.
+    /// Index of the selected band among the samples of a pixel.
     fn band_in_pixel(&self) -> usize {
         if self.layout.separate { 0 } else { self.band as usize }
     }
 
-    /// Reads the samples of `part` (inside block (`bx`, `by`), uncompressed at `place`) straight
-    /// from the file, row by row and never the whole block; `each(row, samples)` gets them in native
-    /// order, rows counted from the part's first.
+    /// Reads the samples of `part` (inside the uncompressed block (`bx`, `by`) at `place`) directly from the
+    /// file, row by row; `each(row, samples)` gets them in native byte order, rows counted from the first of
+    /// `part`.
     pub(super) fn read_raw(
         &self,
         (bx, by): (u32, u32),
@@ -342,7 +341,7 @@ impl GeoTiffBlocks {
     }
 }
 
-/// Tags of the offsets and the byte counts. Some writers mix up the two pairs.
+/// Tags of offsets and byte counts. Some writers swap those of strips and tiles.
 fn array_tags(directory: &GeoTiffDirectory<'_>, tiled: bool) -> (u16, u16) {
     let tiles = (tags::TILE_OFFSETS, tags::TILE_BYTE_COUNTS);
     let strips = (tags::STRIP_OFFSETS, tags::STRIP_BYTE_COUNTS);
@@ -351,7 +350,7 @@ fn array_tags(directory: &GeoTiffDirectory<'_>, tiled: bool) -> (u16, u16) {
     (pick(own.0, other.0), pick(own.1, other.1))
 }
 
-/// The first `bytes` bytes of `buffer`, grown where it is shorter.
+/// The first `bytes` bytes of `buffer`, which grows if necessary.
 fn grown(buffer: &mut Vec<u8>, bytes: usize) -> &mut [u8] {
     if buffer.len() < bytes {
         buffer.resize(bytes, 0);

@@ -1,4 +1,4 @@
-//! Decompression of blocks: LZW (both kinds), deflate, packbits, zstd, LERC; all else by name.
+//! Decompression of blocks: LZW (both variants), deflate, PackBits, zstd, LERC; others are rejected by name.
 
 use std::cell::RefCell;
 
@@ -7,10 +7,10 @@ use libdeflater::{DecompressionError, Decompressor};
 use super::{lerc, lzw};
 use terrane_base::error::{Error, Result};
 
-/// Scratch buffers larger than this are given back after use.
+/// Maximum size of scratch buffers that are kept, in bytes.
 const KEPT_SCRATCH: usize = 16 << 20;
 
-/// A compression that can be read.
+/// A supported compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GeoTiffCompression {
     None,
@@ -21,7 +21,7 @@ pub(super) enum GeoTiffCompression {
     Lerc(LercPacking),
 }
 
-/// How LERC data is packed once more.
+/// Additional compression of LERC data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LercPacking {
     None,
@@ -30,7 +30,7 @@ pub(super) enum LercPacking {
 }
 
 impl GeoTiffCompression {
-    /// From the value of the Compression tag and the second of LercParameters; others are refused by
+    /// From the Compression tag and the second value of LercParameters; unsupported ones are rejected by
     /// name.
     pub(super) fn from_code(code: u64, lerc_packing: u64) -> Result<Self> {
         match code {
@@ -68,13 +68,15 @@ impl LercPacking {
             0 => Ok(Self::None),
             1 => Ok(Self::Deflate),
             2 => Ok(Self::Zstd),
-            _ => Err(Error::unsupported(format!("LERC with packing {code} is not supported"))
-                .remedy(REWRITE)),
+            _ => Err(Error::unsupported(format!(
+                "LERC with additional compression {code} is not supported"
+            ))
+            .remedy(REWRITE)),
         }
     }
 }
 
-/// What mends a file that cannot be decoded here.
+/// Remedy for unsupported compressions.
 const REWRITE: &str = "rewrite the file: gdal_translate -co COMPRESS=DEFLATE IN OUT";
 
 fn unsupported(code: u64) -> Error {
@@ -98,20 +100,20 @@ fn unsupported(code: u64) -> Error {
     Error::unsupported(format!("compression {name} (code {code}) is not supported")).remedy(REWRITE)
 }
 
-/// Why a block could not be decompressed.
+/// Decompression error.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum DecompressionFault {
-    /// There is more data than the output holds.
+    /// The data exceed the output.
     TooLong,
-    /// The data is damaged: what the decoder said of it.
+    /// The data are damaged: message of the decoder.
     Corrupt(String),
 }
 
-/// Buffers and decoders of one thread, reused from block to block.
+/// Buffers and decoders of one thread, reused between blocks.
 pub(super) struct GeoTiffScratch {
     /// Compressed bytes.
     pub(super) packed: Vec<u8>,
-    /// Decompressed bytes that still need sorting.
+    /// Decompressed bytes before reordering.
     pub(super) plain: Vec<u8>,
     /// Decoders.
     pub(super) decoders: BlockDecoders,
@@ -125,7 +127,7 @@ thread_local! {
     });
 }
 
-/// Runs `work` with this thread's scratch.
+/// Runs `work` with the scratch of this thread.
 pub(super) fn with_scratch<T>(work: impl FnOnce(&mut GeoTiffScratch) -> T) -> T {
     SCRATCH.with_borrow_mut(|scratch| {
         let result = work(scratch);
@@ -138,7 +140,7 @@ pub(super) fn with_scratch<T>(work: impl FnOnce(&mut GeoTiffScratch) -> T) -> T 
     })
 }
 
-/// The decoders that are costly to set up.
+/// Decoders that are expensive to set up.
 pub(super) struct BlockDecoders {
     deflate: Decompressor,
     zstd: Option<zstd::bulk::Decompressor<'static>>,
@@ -146,8 +148,8 @@ pub(super) struct BlockDecoders {
 }
 
 impl BlockDecoders {
-    /// Decompresses `packed` into the start of `out` and returns the bytes written. LZW and
-    /// packbits stop when `out` is full; deflate and zstd report [`DecompressionFault::TooLong`].
+    /// Decompresses `packed` into the start of `out` and returns the number of bytes written. LZW and
+    /// PackBits stop when `out` is full; deflate and zstd return [`DecompressionFault::TooLong`].
     pub(super) fn run(
         &mut self,
         compression: GeoTiffCompression,
@@ -164,7 +166,7 @@ impl BlockDecoders {
         }
     }
 
-    /// Decodes LERC data, packed once more or not, that fills `out`.
+    /// Decodes LERC data, with or without additional compression, that fill `out`.
     pub(super) fn lerc(
         &mut self,
         packing: LercPacking,
@@ -172,7 +174,7 @@ impl BlockDecoders {
         shape: lerc::LercBlockShape,
         out: &mut [u8],
     ) -> std::result::Result<(), DecompressionFault> {
-        // Blocks of noise grow a little, and the mask comes on top.
+        // Noisy blocks grow a little, and the mask is added.
         let most = out.len() + out.len() / 2 + 4096;
         let unpacked = match packing {
             LercPacking::None => None,
@@ -207,7 +209,7 @@ impl BlockDecoders {
             none => none.insert(zstd::bulk::Decompressor::new().map_err(corrupt)?),
         };
         decoder.decompress_to_buffer(packed, out).map_err(|e| match e.to_string().as_str() {
-            // The binding turns zstd's error code into its name.
+            // The binding replaces zstd's error code by its name.
             "Destination buffer is too small" => DecompressionFault::TooLong,
             _ => corrupt(e),
         })
@@ -223,7 +225,7 @@ impl BlockDecoders {
     }
 }
 
-/// Up to `most` bytes that `unpack` makes.
+/// Up to `most` bytes of the output of `unpack`.
 fn unpacked(
     most: usize,
     unpack: impl FnOnce(&mut [u8]) -> std::result::Result<usize, DecompressionFault>,

@@ -1,5 +1,4 @@
-//! What GDAL writes into TIFFs beyond GeoTIFF: the nodata tag, and band items (scale, offset, unit)
-//! in a small XML text.
+//! GDAL's TIFF extensions: the nodata tag, and band metadata (scale, offset, unit) as XML.
 
 use crate::xml::{RasterXmlElement, RasterXmlReader};
 use terrane_base::error::{Error, Result};
@@ -7,14 +6,14 @@ use terrane_base::error::{Error, Result};
 use super::ifd::GeoTiffDirectory;
 use super::tags;
 
-/// Facts of a band, and what kind of grid it is of.
+/// Metadata of a band, and the kind of grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct BandItems {
     pub(super) scale: f64,
     pub(super) offset: f64,
     pub(super) unit: Option<String>,
     pub(super) description: Option<String>,
-    /// As geodetic grids state it: `VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL`, for one.
+    /// TYPE of geodetic grids, such as `VERTICAL_OFFSET_GEOGRAPHIC_TO_VERTICAL`.
     pub(super) kind: Option<String>,
 }
 
@@ -27,16 +26,16 @@ pub(super) fn nodata(directory: &GeoTiffDirectory<'_>) -> Result<Option<f64>> {
     }
     text.parse().map(Some).map_err(|_| {
         Error::bad_input(format!("nodata value is not a number: {:?}", shortened(text)))
-            .remedy("give the value with ‹nodata›")
+            .remedy("pass the value as ‹nodata›")
     })
 }
 
-/// Enough of a hostile text to recognise it by.
+/// A prefix of untrusted text for error messages.
 fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// The items of band `band` (from 1).
+/// The metadata of band `band` (from 1).
 pub(super) fn band_items(directory: &GeoTiffDirectory<'_>, band: u32) -> Result<BandItems> {
     let xml = directory.text(tags::GDAL_METADATA)?.unwrap_or_default();
     items_of(&xml, band)
@@ -66,7 +65,7 @@ fn items_of(text: &str, band: u32) -> Result<BandItems> {
     Ok(found)
 }
 
-/// All elements within the outermost one.
+/// All elements inside the root element.
 fn items(text: &str) -> Result<Vec<RasterXmlElement>> {
     let (mut xml, mut items) = (RasterXmlReader::new(text.as_bytes()), Vec::new());
     if text.trim().is_empty() {

@@ -6,8 +6,7 @@ use terrane_base::geom::GeoKeys;
 use super::ifd::GeoTiffDirectory;
 use super::tags;
 
-/// Reads the three tags; absent ones are empty. Damaged keys are skipped one by one, because they
-/// never change a height.
+/// Reads the three tags; absent ones are empty. Invalid keys are skipped, since they do not affect heights.
 pub(super) fn read(directory: &GeoTiffDirectory<'_>) -> Result<GeoKeys> {
     let raw = directory.ints(tags::GEO_KEY_DIRECTORY)?.unwrap_or_default();
     Ok(GeoKeys::new(

@@ -1,5 +1,5 @@
-//! Where the grid lies: tiepoint and scale, or a matrix, with GDAL's half-pixel rule. GeoTIFF 1.1
-//! (OGC 19-008r4) section 7.
+//! Georeference: tiepoint and scale, or a matrix, with GDAL's half-pixel rule. GeoTIFF 1.1 (OGC 19-008r4)
+//! section 7.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
@@ -7,18 +7,18 @@ use terrane_base::geom::Affine;
 use super::ifd::GeoTiffDirectory;
 use super::tags;
 
-/// How the file says where it lies.
+/// Georeference of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Georeference {
-    /// An affine map.
+    /// Affine transform.
     Affine(Affine),
-    /// Control points only, which no affine map can stand for.
+    /// Ground control points, which no affine transform represents.
     ControlPoints,
-    /// Nothing.
+    /// None.
     None,
 }
 
-/// Reads the georeference; `is_point` when raster positions mean samples, not cell corners.
+/// Reads the georeference; `is_point` for PixelIsPoint.
 pub(super) fn read(directory: &GeoTiffDirectory<'_>, is_point: bool) -> Result<Georeference> {
     let scale = directory.doubles(tags::MODEL_PIXEL_SCALE)?.unwrap_or_default();
     let tiepoints = directory.doubles(tags::MODEL_TIEPOINT)?.unwrap_or_default();
@@ -35,7 +35,7 @@ pub(super) fn read(directory: &GeoTiffDirectory<'_>, is_point: bool) -> Result<G
         _ => return Ok(Georeference::None),
     };
     if !map.is_valid() {
-        return Err(Error::bad_input("georeference is not finite or has no area"));
+        return Err(Error::bad_input("georeference is not finite or singular"));
     }
     Ok(Georeference::Affine(map))
 }

@@ -1,5 +1,5 @@
-//! Directories of a TIFF or BigTIFF: entries as (type, count, where), values read on
-//! demand, every count checked against the file before anything is allocated.
+//! TIFF and BigTIFF directories: entries as (type, count, offset), values read on demand, every count checked
+//! against the file before memory is allocated.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -15,7 +15,7 @@ pub(super) enum ByteOrder {
 }
 
 impl ByteOrder {
-    /// The order of this machine.
+    /// Native byte order.
     pub(super) const NATIVE: ByteOrder =
         if cfg!(target_endian = "big") { ByteOrder::Big } else { ByteOrder::Little };
 
@@ -43,11 +43,11 @@ enum GeoTiffFieldType {
     Signed,
     Float,
     Text,
-    /// Rationals and types of the future: no tag we read has them.
+    /// Rationals and unknown types, which no used tag has.
     Other,
 }
 
-/// One entry of the directory. Its values lie in the file from `offset` on.
+/// An entry of the directory, with values at `offset` in the file.
 #[derive(Clone, Copy, Debug)]
 struct GeoTiffEntry {
     tag: u16,
@@ -57,7 +57,7 @@ struct GeoTiffEntry {
     offset: u64,
 }
 
-/// The values of one entry, still in the file.
+/// Integer values of an entry, not yet read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IntArray {
     /// Number of values.
@@ -78,11 +78,11 @@ pub(super) struct GeoTiffDirectory<'a> {
     /// True for BigTIFF.
     pub(super) big: bool,
     entries: Vec<GeoTiffEntry>,
-    /// Where the next directory lies; 0 after the last.
+    /// Offset of the next directory; 0 after the last.
     pub(super) next: u64,
 }
 
-/// Field widths that differ between TIFF and BigTIFF.
+/// Field widths of TIFF and BigTIFF.
 struct TiffFieldWidths {
     count: usize,
     offset: usize,
@@ -98,7 +98,7 @@ impl TiffFieldWidths {
     }
 }
 
-/// True when `head` starts like a TIFF or BigTIFF file.
+/// True if `head` begins like a TIFF or BigTIFF file.
 pub(super) fn is_tiff(head: &[u8]) -> bool {
     matches!(head.get(..4), Some(b"II*\0" | b"MM\0*" | b"II+\0" | b"MM\0+"))
 }
@@ -129,10 +129,8 @@ impl<'a> GeoTiffDirectory<'a> {
             return Ok(None);
         }
         Self::read_at(self.file, self.order, self.big, self.next).map(Some).map_err(|e| {
-            e.at(format_args!("directory at offset {}", self.next)).remedy(
-                "what follows the first image is damaged, a mask perhaps; copy the file again, or \
-                 keep the first image alone: gdal_translate IN OUT",
-            )
+            e.at(format_args!("directory at offset {}", self.next))
+                .remedy("copy the file again, or keep only the first image: gdal_translate IN OUT")
         })
     }
 
@@ -141,7 +139,7 @@ impl<'a> GeoTiffDirectory<'a> {
         let count = self.order.uint(&self.file.read_vec(at, widths.count as u64)?);
         limits::check("number of directory entries", count, limits::MAX_IFD_ENTRIES)?;
         if count == 0 {
-            return Err(Error::bad_input("the directory is empty"));
+            return Err(Error::bad_input("directory is empty"));
         }
         // `at` has been read, so these sums are far from overflow.
         let first = at + widths.count as u64;
@@ -157,7 +155,7 @@ impl<'a> GeoTiffDirectory<'a> {
         Ok(())
     }
 
-    /// Decodes one raw entry whose value field lies at `field`.
+    /// Decodes the raw entry with its value field at file offset `field`.
     fn entry(&self, raw: &[u8], field: u64, width: usize) -> GeoTiffEntry {
         let (kind, size) = kind_and_size(self.order.uint(&raw[2..4]));
         let count = self.order.uint(&raw[4..4 + width]);
@@ -166,12 +164,12 @@ impl<'a> GeoTiffDirectory<'a> {
         GeoTiffEntry { tag: self.order.uint(&raw[..2]) as u16, kind, size, count, offset }
     }
 
-    /// The entry of `tag`; the first one when a damaged directory has several.
+    /// The entry of `tag`; the first one if a damaged directory has several.
     fn find(&self, tag: u16) -> Option<&GeoTiffEntry> {
         self.entries.iter().find(|e| e.tag == tag)
     }
 
-    /// True when the directory has `tag`.
+    /// True if the directory has `tag`.
     pub(super) fn has(&self, tag: u16) -> bool {
         self.find(tag).is_some()
     }
@@ -180,7 +178,7 @@ impl<'a> GeoTiffDirectory<'a> {
     pub(super) fn int(&self, tag: u16) -> Result<Option<u64>> {
         let Some(values) = self.int_array(tag)? else { return Ok(None) };
         if values.count != 1 {
-            let message = format!("has {} values where 1 is expected", values.count);
+            let message = format!("has {} values, expected 1", values.count);
             return Err(about(tag, message));
         }
         values.get(self.file, 0).map(Some)
@@ -191,7 +189,7 @@ impl<'a> GeoTiffDirectory<'a> {
         self.int_array(tag)?.map(|values| values.all(self.file)).transpose()
     }
 
-    /// The unsigned values of `tag`, not yet read but known to lie inside the file.
+    /// The unsigned values of `tag`, not yet read but checked to be inside the file.
     pub(super) fn int_array(&self, tag: u16) -> Result<Option<IntArray>> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         if !matches!(entry.kind, GeoTiffFieldType::Unsigned | GeoTiffFieldType::Signed) {
@@ -219,7 +217,7 @@ impl<'a> GeoTiffDirectory<'a> {
         if raw.len() == 4 { f64::from(f32::from_bits(bits as u32)) } else { f64::from_bits(bits) }
     }
 
-    /// The text of `tag`, up to its first NUL, bytes that are not UTF-8 replaced.
+    /// The text of `tag`, up to its first NUL; invalid UTF-8 is replaced.
     pub(super) fn text(&self, tag: u16) -> Result<Option<String>> {
         let Some(entry) = self.find(tag) else { return Ok(None) };
         if entry.size != 1 {
@@ -232,12 +230,12 @@ impl<'a> GeoTiffDirectory<'a> {
 
     fn value_bytes(&self, entry: &GeoTiffEntry) -> Result<Vec<u8>> {
         let bytes = self.check_values(entry)?;
-        limits::check("bytes of one tag", bytes, limits::MAX_HEADER_BYTES)
+        limits::check("tag size in bytes", bytes, limits::MAX_HEADER_BYTES)
             .map_err(|e| e.at(tags::name(entry.tag)))?;
         self.file.read_vec(entry.offset, bytes)
     }
 
-    /// Bytes of the entry's values, which lie inside the file.
+    /// Size of the entry's values, which are inside the file.
     fn check_values(&self, entry: &GeoTiffEntry) -> Result<u64> {
         let bytes = entry.count.saturating_mul(entry.size);
         self.file
@@ -260,12 +258,12 @@ fn first_directory(head: &[u8], order: ByteOrder, big: bool) -> Result<u64> {
     Ok(order.uint(field))
 }
 
-/// An error about one tag.
+/// An error about a tag.
 pub(super) fn about(tag: u16, message: impl std::fmt::Display) -> Error {
     Error::bad_input(format!("tag {} {message}", tags::name(tag)))
 }
 
-/// Meaning and bytes of a TIFF field type.
+/// Meaning and size of a TIFF field type.
 fn kind_and_size(code: u64) -> (GeoTiffFieldType, u64) {
     match code {
         1 | 7 => (GeoTiffFieldType::Unsigned, 1),
@@ -295,10 +293,10 @@ impl IntArray {
         self.value(raw)
     }
 
-    /// All values, within the header limit.
+    /// All values, within the header size limit.
     pub(super) fn all(&self, file: &RawFile) -> Result<Vec<u64>> {
         let bytes = self.count * self.size;
-        limits::check("bytes of one tag", bytes, limits::MAX_HEADER_BYTES)
+        limits::check("tag size in bytes", bytes, limits::MAX_HEADER_BYTES)
             .map_err(|e| e.at(tags::name(self.tag)))?;
         let raw = file.read_vec(self.offset, bytes)?;
         raw.chunks_exact(self.size as usize).map(|raw| self.value(raw)).collect()

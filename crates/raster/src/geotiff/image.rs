@@ -1,4 +1,4 @@
-//! One image of a TIFF, the grid or a mask of it, as rows of stored samples of one band.
+//! An image of a TIFF, either the grid or a mask, as rows of stored samples of one band.
 
 use std::sync::Arc;
 
@@ -11,19 +11,19 @@ use super::blocks::{GeoTiffBlockExtent, GeoTiffBlocks};
 use super::ifd::GeoTiffDirectory;
 use super::layout::GeoTiffLayout;
 
-/// An image that shares its cache with others of the same grid.
+/// An image that shares the block cache of its grid.
 pub(super) struct GeoTiffImage {
     pub(super) file: Arc<RawFile>,
     pub(super) blocks: GeoTiffBlocks,
-    /// Which of the images of the cache this is; its blocks' keys begin with it.
+    /// Index of the image in the cache, which prefixes the keys of its blocks.
     slot: u64,
 }
 
-/// Bits of a cache key that number a block: far more than [`terrane_base::limits::MAX_BLOCKS`].
+/// Bits of a cache key for the block number, enough for [`terrane_base::limits::MAX_BLOCKS`].
 const BLOCK_BITS: u32 = 40;
 
 impl GeoTiffImage {
-    /// The band `band` (from 0) of the image that `directory` and `layout` describe.
+    /// Band `band` (from 0) of the image described by `directory` and `layout`.
     pub(super) fn new(
         file: &Arc<RawFile>,
         directory: &GeoTiffDirectory<'_>,
@@ -35,8 +35,8 @@ impl GeoTiffImage {
         Ok(Self { file: file.clone(), blocks, slot: slot as u64 })
     }
 
-    /// Hands each row of `rect` (inside the image), block by block, to `each(part, row, samples)`:
-    /// row `row` of `part`, in native order, or `None` for a block that was never written.
+    /// Calls `each(part, row, samples)` for each row of `rect` (inside the image), block by block: row `row`
+    /// of `part` in native byte order, or `None` for a sparse block.
     pub(super) fn each_row(
         &self,
         rect: Rect,
@@ -83,7 +83,7 @@ impl GeoTiffImage {
         self.slot << BLOCK_BITS | self.blocks.number(bx, by)
     }
 
-    /// Forgets the cached blocks that lie wholly inside `rect`.
+    /// Drops the cached blocks that are inside `rect`.
     pub(super) fn forget(&self, rect: Rect, cache: &BlockCache) {
         let layout = &self.blocks.layout;
         for (bx, by) in blocks_touching(layout, rect) {
@@ -95,7 +95,7 @@ impl GeoTiffImage {
     }
 }
 
-/// Blocks with samples in `rect` (inside the grid), row by row.
+/// Blocks that overlap `rect` (inside the grid), in row-major order.
 fn blocks_touching(layout: &GeoTiffLayout, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
     let (width, height) = (layout.block_width, layout.block_height);
     let columns = rect.col / width..rect.end_col().div_ceil(width);
@@ -104,15 +104,14 @@ fn blocks_touching(layout: &GeoTiffLayout, rect: Rect) -> impl Iterator<Item = (
     rows.flat_map(move |by| columns.clone().map(move |bx| (bx, by)))
 }
 
-/// A block that is decoded whole has to fit.
+/// Checks that a block that is decoded as a whole fits into the cache.
 pub(super) fn check_cache(layout: &GeoTiffLayout, cache_bytes: usize) -> Result<()> {
     let bytes = layout.decoded_bytes();
     if layout.is_read_by_rows() || bytes <= cache_bytes as u64 {
         return Ok(());
     }
-    let message = format!(
-        "one block takes {bytes} bytes decoded, more than the {cache_bytes} bytes for cached blocks"
-    );
+    let message =
+        format!("decoded block of {bytes} bytes exceeds the block cache of {cache_bytes} bytes");
     let otherwise = "rewrite the file in tiles: gdal_translate -co TILED=YES IN OUT";
     Err(too_large_for_cache(message, bytes).or(otherwise))
 }

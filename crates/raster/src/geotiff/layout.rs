@@ -1,5 +1,4 @@
-//! How the image lies in the file: sizes, blocks, sample type, compression; validated once, so that
-//! everything after can trust it.
+//! Image layout: size, blocks, sample type and compression, validated once.
 
 use crate::grid::SampleType;
 use terrane_base::error::{Error, Result};
@@ -11,7 +10,7 @@ use super::ifd::{ByteOrder, GeoTiffDirectory, about};
 use super::predictor::Predictor;
 use super::tags;
 
-/// The image of a file.
+/// Layout of an image.
 #[derive(Clone, Debug)]
 pub(super) struct GeoTiffLayout {
     pub(super) width: u32,
@@ -21,10 +20,10 @@ pub(super) struct GeoTiffLayout {
     pub(super) block_height: u32,
     pub(super) tiled: bool,
     pub(super) bands: u32,
-    /// True when each band has blocks of its own.
+    /// True if each band has its own blocks (PlanarConfiguration 2).
     pub(super) separate: bool,
     pub(super) sample_type: SampleType,
-    /// True when each sample is one bit; it is unpacked to `sample_type`, a byte.
+    /// True for one-bit samples, which are unpacked to bytes (`sample_type`).
     pub(super) one_bit: bool,
     pub(super) compression: GeoTiffCompression,
     pub(super) predictor: Predictor,
@@ -37,7 +36,7 @@ impl GeoTiffLayout {
         Self::of(directory, |directory| Ok((sample_type(directory)?, false)))
     }
 
-    /// Reads and checks the layout of the mask in `directory`, whose samples are bits or bytes.
+    /// Reads and checks the layout of the mask in `directory`, with samples of 1 or 8 bits.
     pub(super) fn read_mask(directory: &GeoTiffDirectory<'_>) -> Result<Self> {
         Self::of(directory, mask_sample_type)
     }
@@ -82,7 +81,7 @@ impl GeoTiffLayout {
         limits::check("number of blocks", blocks, limits::MAX_BLOCKS)?;
         if !self.is_read_by_rows() {
             let bytes = self.decoded_bytes();
-            limits::check("bytes of one decoded block", bytes, limits::MAX_BLOCK_BYTES)?;
+            limits::check("decoded block size in bytes", bytes, limits::MAX_BLOCK_BYTES)?;
         }
         let float = matches!(self.sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64);
         if self.effective_predictor() == Predictor::Float && !float {
@@ -94,30 +93,29 @@ impl GeoTiffLayout {
         if self.one_bit && self.compression.is_lerc() {
             return Err(Error::bad_input("LERC on samples of one bit"));
         }
-        // The one library that writes LERC in TIFFs swaps the bytes of samples first. Whole numbers
-        // come back; floats were judged, rounded and masked by what their swapped bytes mean.
+        // The only library that writes LERC in TIFF swaps the bytes of samples first. Integers are restored;
+        // floats were quantised and masked by their swapped values.
         if float && self.compression.is_lerc() && self.order != ByteOrder::NATIVE {
             let order = self.order.name();
             return Err(Error::unsupported(format!("LERC of {order} floats is not supported"))
-                .remedy("write the file again from its source with -co ENDIANNESS=LITTLE"));
+                .remedy("recreate the file from its source with -co ENDIANNESS=LITTLE"));
         }
         Ok(())
     }
 
-    /// True when windows are read row by row straight from the file, false when blocks are decoded
-    /// whole.
+    /// True if windows are read row by row from the file, false if blocks are decoded as a whole.
     pub(super) fn is_read_by_rows(&self) -> bool {
         self.compression == GeoTiffCompression::None && !self.one_bit
     }
 
-    /// Bytes of a full block of all its bands, each sample in its type. Saturates.
+    /// Decoded size in bytes of a full block of all its bands. Saturates.
     pub(super) fn decoded_bytes(&self) -> u64 {
         let row = u64::from(self.block_width) * self.stride() as u64;
         let samples = row.saturating_mul(u64::from(self.block_height));
         samples.saturating_mul(self.sample_type.bytes() as u64)
     }
 
-    /// The predictor that was really applied: uncompressed data has none, whatever the tag says.
+    /// The predictor in effect: uncompressed data have none, whatever the tag says.
     pub(super) fn effective_predictor(&self) -> Predictor {
         match self.compression {
             GeoTiffCompression::None
@@ -127,45 +125,45 @@ impl GeoTiffLayout {
         }
     }
 
-    /// Blocks side by side.
+    /// Number of blocks across.
     pub(super) fn blocks_across(&self) -> u64 {
         u64::from(self.width.div_ceil(self.block_width))
     }
 
-    /// Blocks one below the other.
+    /// Number of blocks down.
     pub(super) fn blocks_down(&self) -> u64 {
         u64::from(self.height.div_ceil(self.block_height))
     }
 
-    /// Sets of blocks: one per band when bands are separate.
+    /// Number of planes: one per band if bands are separate.
     pub(super) fn planes(&self) -> u64 {
         if self.separate { u64::from(self.bands) } else { 1 }
     }
 
-    /// Samples of one pixel that lie side by side in a block.
+    /// Samples per pixel in a block.
     pub(super) fn stride(&self) -> usize {
         if self.separate { 1 } else { self.bands as usize }
     }
 
-    /// Bytes of one row of a block as stored, all its bands.
+    /// Stored bytes of one row of a block, all its bands.
     pub(super) fn row_bytes(&self) -> u64 {
         let samples = u64::from(self.block_width) * self.stride() as u64;
         if self.one_bit { samples.div_ceil(8) } else { samples * self.sample_type.bytes() as u64 }
     }
 
-    /// Bytes of `rows` rows of a block as stored. Saturates.
+    /// Stored bytes of `rows` rows of a block. Saturates.
     pub(super) fn block_bytes(&self, rows: u32) -> u64 {
         self.row_bytes().saturating_mul(u64::from(rows))
     }
 
-    /// Rows stored in the blocks of block row `by`: the last strip ends with the image, tiles are
+    /// Number of rows stored in the blocks of block row `by`: the last strip ends with the image, tiles are
     /// always full.
     pub(super) fn stored_rows(&self, by: u32) -> u32 {
         let first = by * self.block_height;
         if self.tiled { self.block_height } else { self.block_height.min(self.height - first) }
     }
 
-    /// The samples of the image in block (`bx`, `by`).
+    /// The samples in block (`bx`, `by`).
     pub(super) fn block_rect(&self, bx: u32, by: u32) -> Rect {
         let (col, row) = (bx * self.block_width, by * self.block_height);
         let width = self.block_width.min(self.width - col);
@@ -173,12 +171,12 @@ impl GeoTiffLayout {
         Rect::new(col, row, width, height)
     }
 
-    /// Index of block (`bx`, `by`) of plane `plane` in the arrays of offsets and byte counts.
+    /// Index of block (`bx`, `by`) of plane `plane` in the block tables.
     pub(super) fn block_index(&self, plane: u64, bx: u32, by: u32) -> u64 {
         (plane * self.blocks_down() + u64::from(by)) * self.blocks_across() + u64::from(bx)
     }
 
-    /// Facts for `terrane info`.
+    /// Details for `terrane info`.
     pub(super) fn details(&self) -> Vec<(String, String)> {
         let kind = if self.tiled { "tiles" } else { "strips" };
         let mut details = vec![
@@ -195,7 +193,7 @@ impl GeoTiffLayout {
     }
 }
 
-/// A required side of the image: 1 to [`limits::MAX_SIDE`].
+/// A mandatory side of the image: 1 to [`limits::MAX_SIDE`].
 fn side(directory: &GeoTiffDirectory<'_>, tag: u16) -> Result<u32> {
     let Some(value) = directory.int(tag)? else {
         return Err(about(tag, "is missing"));
@@ -223,7 +221,7 @@ fn block_size(
     Ok((width, rows.min(u64::from(height)) as u32))
 }
 
-/// LERC data may be packed once more, which its own tag tells.
+/// The compression; LERC has an additional compression in its own tag.
 fn compression(directory: &GeoTiffDirectory<'_>) -> Result<GeoTiffCompression> {
     let code = directory.int(tags::COMPRESSION)?.unwrap_or(1);
     let parameters = directory.ints(tags::LERC_PARAMETERS)?.unwrap_or_default();
@@ -234,11 +232,13 @@ fn is_separate(directory: &GeoTiffDirectory<'_>) -> Result<bool> {
     match directory.int(tags::PLANAR_CONFIGURATION)?.unwrap_or(1) {
         1 => Ok(false),
         2 => Ok(true),
-        other => Err(about(tags::PLANAR_CONFIGURATION, format_args!("is {other}, not 1 or 2"))),
+        other => {
+            Err(about(tags::PLANAR_CONFIGURATION, format_args!("is {other}, expected 1 or 2")))
+        }
     }
 }
 
-/// Colours that are not the samples themselves, and reversed bits, are no elevation data.
+/// Rejects indirect colours and reversed bits, which are not elevation data.
 fn refuse_odd_pixels(directory: &GeoTiffDirectory<'_>) -> Result<()> {
     let colours = match directory.int(tags::PHOTOMETRIC)? {
         Some(3) => Some("palette"),
@@ -282,13 +282,15 @@ fn sample_type(directory: &GeoTiffDirectory<'_>) -> Result<SampleType> {
     })
 }
 
-/// Masks have one bit a sample, or a byte.
+/// Sample type of a mask of 1 or 8 bits per sample.
 fn mask_sample_type(directory: &GeoTiffDirectory<'_>) -> Result<(SampleType, bool)> {
     match common(directory, tags::BITS_PER_SAMPLE, 1)? {
         1 => Ok((SampleType::U8, true)),
         8 => Ok((SampleType::U8, false)),
-        bits => Err(Error::unsupported(format!("a mask of {bits} bits a sample is not supported"))
-            .remedy("rewrite the mask with 1 or 8 bits a sample: gdal_translate -mask")),
+        bits => {
+            Err(Error::unsupported(format!("mask with {bits} bits per sample is not supported"))
+                .remedy("rewrite the mask with 1 or 8 bits per sample: gdal_translate -mask"))
+        }
     }
 }
 
@@ -303,12 +305,11 @@ fn unsupported_samples(format: u64, bits: u64) -> Error {
     };
     let target = if bits > 32 { "Float64" } else { "Float32" };
     Error::unsupported(format!("{bits}-bit {kind} samples are not supported")).remedy(format!(
-        "terrane reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats; convert the file: \
-         gdal_translate -ot {target} IN OUT"
+        "convert to 8, 16 or 32-bit integers or 16, 32 or 64-bit floats: gdal_translate -ot {target} IN OUT"
     ))
 }
 
-/// The value all bands share, or `missing` when the tag is absent.
+/// The common value of all bands, or `missing` if the tag is absent.
 fn common(directory: &GeoTiffDirectory<'_>, tag: u16, missing: u64) -> Result<u64> {
     let Some(values) = directory.ints(tag)? else { return Ok(missing) };
     match values.split_first() {
@@ -316,8 +317,8 @@ fn common(directory: &GeoTiffDirectory<'_>, tag: u16, missing: u64) -> Result<u6
         Some((first, rest)) if rest.iter().all(|v| v == first) => Ok(*first),
         Some(_) => {
             let name = tags::name(tag);
-            Err(Error::unsupported(format!("bands that differ in {name} are not supported"))
-                .remedy("take one band out: gdal_translate -b 1 IN OUT"))
+            Err(Error::unsupported(format!("bands with different {name} are not supported"))
+                .remedy("extract one band: gdal_translate -b 1 IN OUT"))
         }
     }
 }

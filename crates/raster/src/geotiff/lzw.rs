@@ -1,32 +1,32 @@
-//! LZW as TIFF has it: codes of 9 to 12 bits, first bit first, each as wide as the codes known
-//! before it need (TIFF 6.0 section 13). Also the kind of TIFF 5 and before, last bit first.
+//! LZW of TIFF: codes of 9 to 12 bits, most significant bit first, whose width grows with the table (TIFF 6.0
+//! section 13). Also the variant of TIFF 5 and before, least significant bit first.
 
 use terrane_base::limits::MAX_BLOCK_BYTES;
 
-/// Empties the table.
+/// Clear code.
 const CLEAR: usize = 256;
-/// Ends the stream.
+/// End code.
 const END: usize = 257;
-/// The first code that the stream defines.
+/// First code of the table that the stream defines.
 const FIRST: usize = 258;
-/// Codes there can be.
+/// Maximum number of codes.
 const CODES: usize = 1 << WIDEST;
 const NARROWEST: u32 = 9;
 const WIDEST: u32 = 12;
 
-/// The stream has a code that stands for nothing yet.
+/// The stream uses an undefined code.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct InvalidCode;
 
-/// Decodes `packed` into the start of `out` and returns the bytes written; it stops when `out` is
-/// full, at the end code, or where `packed` ends. What lies in `out` behind them is unspecified.
-/// Linear in `out`, which is at most [`MAX_BLOCK_BYTES`] long.
+/// Decodes `packed` into the start of `out` and returns the number of bytes written; stops when `out` is
+/// full, at the end code, or at the end of `packed`. The rest of `out` is unspecified. Linear in `out`, which
+/// is at most [`MAX_BLOCK_BYTES`] long.
 pub(super) fn decode(
     packed: &[u8],
     out: &mut [u8],
     table: &mut LzwTable,
 ) -> Result<usize, InvalidCode> {
-    // Both kinds begin with a clear code.
+    // Both variants begin with a clear code.
     if matches!(packed, [0, second, ..] if second & 1 == 1) {
         run::<true>(packed, out, table)
     } else {
@@ -59,14 +59,14 @@ fn run<const OLD: bool>(
     Ok(at)
 }
 
-/// Where the output ends, and whether more may follow.
+/// End of the output, and whether more may follow.
 enum LzwStop {
     Clear(usize),
     End(usize),
 }
 
-/// Decodes up to the next clear code, or to the end, what follows the string `last` of one byte at
-/// `last_at`. Every code defines the next free one: the string before it and its own first byte.
+/// Decodes up to the next clear code or the end. `last` is the preceding one-byte string at `last_at`. Every
+/// code defines the next free one: the previous string and the first byte of its own.
 fn strings<const OLD: bool>(
     codes: &mut LzwCodes<'_, OLD>,
     mut last: LzwString,
@@ -82,11 +82,11 @@ fn strings<const OLD: bool>(
             CLEAR => return Ok(LzwStop::Clear(at)),
             END => break,
             _ if code < free => table[code],
-            // The very code that it defines: its first byte is that of the string before.
+            // The code being defined: its first byte is that of the previous string.
             _ if code == free => last.then(last.first(), last_at, at),
             _ => return Err(InvalidCode),
         };
-        // With all codes taken this goes to the one that none reaches.
+        // If all codes are used, this writes to the entry that no code reaches.
         table[free] = last.then(text.first(), last_at, at);
         free += 1;
         if free >= codes.limit {
@@ -99,13 +99,13 @@ fn strings<const OLD: bool>(
     Ok(LzwStop::End(at))
 }
 
-/// The codes of a stream.
+/// Bit reader of codes.
 struct LzwCodes<'a, const OLD: bool> {
     packed: &'a [u8],
-    /// Where the next one starts.
+    /// Bit position of the next code.
     bit: usize,
     width: u32,
-    /// The free code at which the width changes.
+    /// Free code at which the width grows.
     limit: usize,
 }
 
@@ -114,7 +114,7 @@ impl<'a, const OLD: bool> LzwCodes<'a, OLD> {
         Self { packed, bit: 0, width: 0, limit: 0 }
     }
 
-    /// The limit is one code earlier than would be needed, but for the old kind.
+    /// The width grows one code early, except in the old variant.
     fn set_width(&mut self, width: u32) {
         self.width = width;
         self.limit = match width {
@@ -141,7 +141,7 @@ impl<'a, const OLD: bool> LzwCodes<'a, OLD> {
     }
 }
 
-/// The bytes from bit `bit` on, where fewer than four are left, if a code of `width` bits is there.
+/// The bytes from bit `bit` on if fewer than four are left, provided they contain a code of `width` bits.
 #[cold]
 fn last_bytes(packed: &[u8], bit: usize, width: u32) -> Option<[u8; 4]> {
     let rest = &packed[bit / 8..];
@@ -154,19 +154,19 @@ fn last_bytes(packed: &[u8], bit: usize, width: u32) -> Option<[u8; 4]> {
 pub(super) struct LzwTable([LzwString; CODES + 1]);
 
 impl LzwTable {
-    /// The strings of one byte; a stream sets each of the others before it uses it.
+    /// A table of one-byte strings; further strings are set before use.
     pub(super) fn new() -> Box<Self> {
         Box::new(Self(std::array::from_fn(|code| LzwString::of(code as u8))))
     }
 }
 
-/// A string. The highest byte is its length, the others are its bytes from the lowest on. Of a
-/// string too long for them there is the first byte, the place in the output where it was written
-/// (4 bytes) and the length (2 bytes), with [`LzwString::LONG`] on top.
+/// A string. The highest byte is the length, the others are the bytes from the lowest on. A longer string has
+/// its first byte, its offset in the output (4 bytes) and its length (2 bytes), marked by
+/// [`LzwString::LONG`].
 #[derive(Clone, Copy)]
 struct LzwString(u64);
 
-// A place has four bytes.
+// Offsets have four bytes.
 const _: () = assert!(MAX_BLOCK_BYTES <= u32::MAX as u64);
 
 impl LzwString {
@@ -183,7 +183,7 @@ impl LzwString {
         self.0 as u8
     }
 
-    /// This string, which was written to `start..end`, with `byte` behind it.
+    /// This string, written to `start..end`, with `byte` appended.
     #[inline(always)]
     fn then(self, byte: u8, start: usize, end: usize) -> Self {
         let length = self.0 >> 56;
@@ -194,8 +194,8 @@ impl LzwString {
         Self(self.0 & 0xFF | (start as u64) << 8 | longer << 40 | Self::LONG << 56)
     }
 
-    /// Writes the string, or as much as there is room for, to `at` and returns where it ends.
-    /// Bytes behind its end change too.
+    /// Writes the string, or as much as fits, to `at` and returns its end. Bytes after the end may be
+    /// overwritten.
     #[inline(always)]
     fn write(self, out: &mut [u8], at: usize) -> usize {
         let length = (self.0 >> 56) as usize;
@@ -214,7 +214,7 @@ impl LzwString {
         at + length
     }
 
-    /// Copies a long string from where it was written before.
+    /// Copies a long string from its earlier position in the output.
     #[inline(always)]
     fn repeat(self, out: &mut [u8], at: usize) -> usize {
         let start = (self.0 >> 8) as u32 as usize;
@@ -227,7 +227,7 @@ impl LzwString {
             let from = start + done;
             out.copy_within(from..from + Self::STEP, at + done);
         }
-        // The string of a code that defines itself ends with the first byte of this very copy.
+        // The string of a code that defines itself ends with the first byte of this copy.
         if start + length > at {
             out[end - 1] = self.first();
         }
@@ -235,7 +235,7 @@ impl LzwString {
     }
 }
 
-/// The same byte by byte, near the end of the output.
+/// Copies byte by byte, near the end of the output.
 #[cold]
 fn repeat_last(out: &mut [u8], start: usize, at: usize, length: usize) -> usize {
     let end = out.len().min(at + length);

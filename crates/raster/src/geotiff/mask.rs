@@ -1,5 +1,5 @@
-//! What makes samples void beside nodata: an internal mask (TIFF 6.0, NewSubfileType bit 2), a mask
-//! in a `.msk` file beside the grid, and an alpha band. A sample is void where any of them is 0.
+//! Masks in addition to nodata: an internal mask (TIFF 6.0, NewSubfileType bit 2), a `.msk` sidecar, and an
+//! alpha band. A sample is void if any of them is 0.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -22,23 +22,23 @@ use super::tags;
 /// Bits of NewSubfileType.
 const REDUCED: u64 = 1;
 const MASK: u64 = 4;
-/// Values of ExtraSamples that mean alpha, multiplied into the colours or not.
+/// Values of ExtraSamples for associated and unassociated alpha.
 const ALPHA: [u64; 2] = [1, 2];
 
-/// One source of voids.
+/// A mask.
 pub(super) struct GeoTiffMask {
     pub(super) image: GeoTiffImage,
-    /// What it is, for `terrane info`.
+    /// Name for `terrane info`.
     pub(super) name: String,
 }
 
-/// The grid whose masks are sought.
+/// The grid whose masks are searched.
 #[derive(Clone, Copy)]
 pub(super) struct MaskedGrid<'a> {
     pub(super) file: &'a Arc<RawFile>,
     pub(super) directory: &'a GeoTiffDirectory<'a>,
     pub(super) layout: &'a GeoTiffLayout,
-    /// The chosen band, from 0.
+    /// The selected band, from 0.
     pub(super) band: u32,
     pub(super) cache_bytes: usize,
 }
@@ -57,7 +57,7 @@ pub(super) fn find(grid: MaskedGrid<'_>) -> Result<Vec<GeoTiffMask>> {
     Ok(masks)
 }
 
-/// The first directory of a mask in full size.
+/// The directory of the full-resolution mask.
 fn internal<'a>(first: &GeoTiffDirectory<'a>) -> Result<Option<GeoTiffDirectory<'a>>> {
     let mut seen = HashSet::from([first.next]);
     let mut next = first.following()?;
@@ -97,7 +97,7 @@ impl MaskedGrid<'_> {
         Ok(GeoTiffMask { image: GeoTiffImage::new(file, directory, layout, band, slot)?, name })
     }
 
-    /// A mask has the size of the grid, and one band for all or one for each.
+    /// A mask has the size of the grid, and one band for all or one per band.
     fn check_shape(&self, mask: &GeoTiffLayout) -> Result<()> {
         let grid = self.layout;
         let same_size = (mask.width, mask.height) == (grid.width, grid.height);
@@ -105,14 +105,14 @@ impl MaskedGrid<'_> {
             return Ok(());
         }
         let message = format!(
-            "a mask of {} x {} samples and {} bands for a grid of {} x {} and {} is not supported",
+            "mask of {} x {} samples and {} bands for a grid of {} x {} and {} is not supported",
             mask.width, mask.height, mask.bands, grid.width, grid.height, grid.bands
         );
         Err(Error::unsupported(message)
             .remedy("write the grid without its mask: gdal_translate -mask none IN OUT"))
     }
 
-    /// The last band, where it is declared to be alpha and is not the one that is read.
+    /// The last band, if it is declared as alpha and is not the selected band.
     fn alpha(&self) -> Result<Option<GeoTiffMask>> {
         let last = self.layout.bands - 1;
         let extra = self.directory.ints(tags::EXTRA_SAMPLES)?.unwrap_or_default();
@@ -125,7 +125,7 @@ impl MaskedGrid<'_> {
 }
 
 impl GeoTiffMask {
-    /// Voids the heights of `window`, which is `rect`, where the mask is 0 or was never written.
+    /// Voids the heights of `window` (samples `rect`) where the mask is 0 or sparse.
     pub(super) fn apply<H: HeightSample>(
         &self,
         rect: Rect,
@@ -143,7 +143,7 @@ impl GeoTiffMask {
     }
 }
 
-/// Voids the heights whose sample of `size` bytes is 0.
+/// Voids the heights whose mask sample of `size` bytes is 0.
 fn void_zeros<H: HeightSample>(samples: &[u8], size: usize, heights: &mut [H]) {
     for (height, sample) in heights.iter_mut().zip(samples.chunks_exact(size)) {
         if sample.iter().all(|byte| *byte == 0) {

@@ -1,7 +1,7 @@
-//! GeoTIFF and BigTIFF: our own directory parser and decode path, by window and out of core.
+//! GeoTIFF and BigTIFF: directory parser and decoder for reading by window, out of core.
 //!
-//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed ones
-//! are read row by row straight from the file, whatever their size.
+//! Compressed blocks are decoded outside any lock and kept in a bounded cache; uncompressed blocks of any size are
+//! read row by row from the file.
 
 mod blocks;
 mod codec;
@@ -46,11 +46,10 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// Endings of the world file that places a TIFF which does not say where it lies itself.
+/// Extensions of world files, used for a TIFF without georeference.
 const WORLD_ENDINGS: [&str; 4] = ["tfw", "tifw", "tiffw", "wld"];
 
-/// Opens a GeoTIFF; a store written by terrane is recognised first and mapped, unless a mask lies
-/// beside it.
+/// Opens a GeoTIFF; a store written by terrane is recognised and mapped, unless it has a mask sidecar.
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let masked = beside::mask(path).is_some();
     if let (false, Some(store)) = (masked, store::try_open(path, options)?) {
@@ -100,7 +99,7 @@ impl GeoTiff {
         self.masks.iter().try_for_each(|mask| mask.apply(rect, &self.cache, &mut window))
     }
 
-    /// Blocks that were never written are nodata; without a declared nodata they are zeros.
+    /// Sparse blocks are nodata; without a declared nodata value they are zero.
     fn sparse<H: HeightSample>(&self) -> H {
         match self.info.nodata {
             Some(_) => H::VOID,
@@ -122,7 +121,7 @@ impl GridSource for GeoTiff {
             .unwrap_or(0)
     }
 
-    /// Forgets the blocks that lie wholly inside `rect`.
+    /// Drops the cached blocks that are inside `rect`.
     fn release(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
         let images = self.masks.iter().map(|mask| &mask.image).chain([&self.image]);
@@ -136,10 +135,10 @@ fn check_band(band: u32, bands: u32) -> Result<()> {
     }
     let has = if bands == 1 { "1 band".to_owned() } else { format!("{bands} bands") };
     Err(Error::usage(format!("band {band} is out of range: the file has {has}"))
-        .remedy(format!("give ‹band› from 1 to {bands}")))
+        .remedy(format!("pass ‹band› 1 to {bands}")))
 }
 
-/// Everything the directory says of the grid.
+/// Metadata of the directory.
 fn describe(
     path: &Path,
     directory: &GeoTiffDirectory<'_>,
@@ -177,7 +176,7 @@ fn describe(
     })
 }
 
-/// The band's own unit is preferred to that of the vertical system.
+/// The unit of the band takes precedence over that of the vertical CRS.
 fn crs(keys: GeoKeys, items: &gdal::BandItems) -> Crs {
     let mut crs = keys.into_crs();
     if let Some(unit) = &items.unit {

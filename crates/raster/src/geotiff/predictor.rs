@@ -1,17 +1,17 @@
-//! Predictors: differences back to samples. TIFF 6.0 section 14 (horizontal) and Adobe's TIFF
-//! Technical Note 3 (floating point).
+//! TIFF predictors, decoding: TIFF 6.0 section 14 (horizontal) and Adobe's TIFF Technical Note 3 (floating
+//! point).
 
 use terrane_base::error::{Error, Result};
 
 use super::ifd::ByteOrder;
 
-/// What was done to the samples before compression.
+/// Predictor applied before compression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Predictor {
     None,
-    /// Each sample less its left neighbour, as integers of its width.
+    /// Differences of neighbouring samples as integers.
     Horizontal,
-    /// Bytes of a row sorted by significance, then each byte less its left neighbour.
+    /// Bytes of a row ordered by significance, then differences of neighbouring bytes.
     Float,
 }
 
@@ -37,7 +37,7 @@ impl Predictor {
     }
 }
 
-/// Turns samples of `size` bytes in `order` into native order, in place.
+/// Converts samples of `size` bytes in `order` to native byte order, in place.
 pub(super) fn to_native(bytes: &mut [u8], size: usize, order: ByteOrder) {
     if order == ByteOrder::NATIVE {
         return;
@@ -54,8 +54,8 @@ fn reverse_each<const N: usize>(bytes: &mut [u8]) {
     bytes.as_chunks_mut::<N>().0.iter_mut().for_each(|sample| sample.reverse());
 }
 
-/// Undoes the horizontal predictor in one row of native samples of `size` bytes, `stride` samples
-/// to a pixel.
+/// Undoes the horizontal predictor in one row of native samples of `size` bytes, with `stride` samples per
+/// pixel.
 pub(super) fn undo_horizontal(row: &mut [u8], size: usize, stride: usize) {
     match size {
         1 => add_left(
@@ -111,8 +111,8 @@ fn add_left<T: Copy, const N: usize>(
     }
 }
 
-/// Undoes the floating point predictor in one row: `coded` holds `stride` interleaved bands of
-/// samples of `size` bytes, `out` receives band `band` in native order. `coded` is overwritten.
+/// Undoes the floating point predictor in one row: `coded` contains `stride` interleaved bands of samples of
+/// `size` bytes, `out` receives band `band` in native byte order. `coded` is overwritten.
 pub(super) fn undo_float(
     coded: &mut [u8],
     out: &mut [u8],
@@ -133,8 +133,8 @@ pub(super) fn undo_float(
     }
 }
 
-/// One band: the running sum of the whole row is split into one chain per plane of bytes, which
-/// run side by side; each starts from the total of the planes before it.
+/// One band: the running sum over the row is split into one chain per byte plane, computed in parallel; each
+/// starts from the total of the preceding planes.
 fn planes_to_samples<const N: usize>(coded: &[u8], out: &mut [u8]) {
     let width = coded.len() / N;
     let planes: [&[u8]; N] = std::array::from_fn(|k| &coded[k * width..(k + 1) * width]);
@@ -160,7 +160,7 @@ fn gather_planes(planes: &[u8], out: &mut [u8], size: usize, stride: usize, band
     }
 }
 
-/// Most significant byte first to native order.
+/// Big-endian to native byte order.
 #[inline(always)]
 fn big_to_native<const N: usize>(mut sample: [u8; N]) -> [u8; N] {
     if cfg!(target_endian = "little") {
@@ -169,7 +169,7 @@ fn big_to_native<const N: usize>(mut sample: [u8; N]) -> [u8; N] {
     sample
 }
 
-/// Copies band `band` out of `row`, `stride` interleaved bands of samples of `size` bytes.
+/// Copies band `band` out of `row`, with `stride` interleaved bands of samples of `size` bytes.
 pub(super) fn gather_band(row: &[u8], out: &mut [u8], size: usize, stride: usize, band: usize) {
     let pixels = row.chunks_exact(size * stride);
     for (sample, pixel) in out.chunks_exact_mut(size).zip(pixels) {

@@ -1,4 +1,4 @@
-//! What the files of a mosaic must agree in, and the one line that says how two of them differ.
+//! Consistency checks of the files of a mosaic, with an error for each kind of difference.
 
 use crate::grid::GridInfo;
 use terrane_base::error::{Error, Result};
@@ -7,14 +7,14 @@ use terrane_files::path_of;
 
 use super::layout::{GridShape, LatticeMisfit, SLACK};
 
-/// A file by its name, and what is known of it.
+/// A file name with its metadata.
 #[derive(Clone, Copy)]
 pub(super) struct NamedGrid<'a> {
     pub(super) name: &'a str,
     pub(super) info: &'a GridInfo,
 }
 
-/// Fails unless the heights and the coordinates of `other` mean what those of `first` do.
+/// Fails unless heights and coordinates of `other` have the same meaning as those of `first`.
 pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     if !other.info.georeferenced {
         return Err(nowhere(other.name));
@@ -35,23 +35,22 @@ pub(super) fn check(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Fails where two files state different units of height.
+/// Fails if two files declare different height units.
 pub(super) fn check_units(first: (&str, &str), other: (&str, &str)) -> Result<()> {
     if first.1 == other.1 {
         return Ok(());
     }
-    Err(differ(other.0, "unit of height", other.1, first.1, first.0).remedy(
-        "convert the heights of one of them, for example gdal_calc.py -A IN --calc=A*0.3048 \
-         --outfile=OUT for feet to metres",
+    Err(differ(other.0, "height unit", other.1, first.1, first.0).remedy(
+        "convert the heights of one file, for example feet to metres: gdal_calc.py -A IN --calc=A*0.3048 --outfile=OUT",
     ))
 }
 
-/// The answer to a file whose place is not known.
+/// Error of a file without georeference.
 pub(super) fn nowhere(name: &str) -> Error {
-    Error::bad_input("does not say where it lies, so it cannot be part of a mosaic")
+    Error::bad_input("georeference is missing, which a mosaic requires")
         .in_file(&path_of(name))
         .remedy(format!(
-            "place it: gdal_translate -a_srs EPSG:CODE -a_ullr WEST NORTH EAST SOUTH {name} {}",
+            "add one: gdal_translate -a_srs EPSG:CODE -a_ullr WEST NORTH EAST SOUTH {name} {}",
             renamed(name, "placed")
         ))
 }
@@ -67,19 +66,22 @@ fn check_crs(first: NamedGrid<'_>, other: NamedGrid<'_>) -> Result<()> {
     };
     let remedy = match (target(a), !b.is_named()) {
         (Some(code), true) => {
-            format!("if it is the same one, say so: gdal_edit.py -a_srs {code} {}", other.name)
+            format!("declare the CRS if it is the same: gdal_edit.py -a_srs {code} {}", other.name)
         }
         (Some(code), false) => {
-            format!("gdalwarp -t_srs {code} {} {}", other.name, renamed(other.name, "warped"))
+            format!(
+                "reproject it: gdalwarp -t_srs {code} {} {}",
+                other.name,
+                renamed(other.name, "warped")
+            )
         }
-        (None, _) => "bring both into one: gdalwarp -t_srs EPSG:CODE IN OUT".to_owned(),
+        (None, _) => "reproject both to one CRS: gdalwarp -t_srs EPSG:CODE IN OUT".to_owned(),
     };
     let [ours, theirs] = a.told_apart(b);
-    Err(differ(other.name, "coordinate reference system", &theirs, &ours, first.name)
-        .remedy(remedy))
+    Err(differ(other.name, "CRS", &theirs, &ours, first.name).remedy(remedy))
 }
 
-/// The answer to a file that does not lie on the lattice of the first one.
+/// Error of a file off the lattice of the first one.
 pub(super) fn misplaced(
     (first, first_shape): (&str, &GridShape),
     (other, shape): (&str, &GridShape),
@@ -87,40 +89,40 @@ pub(super) fn misplaced(
 ) -> Error {
     let pair = |[x, y]: [f64; 2]| format!("{x} x {y}");
     let error = match misfit {
-        LatticeMisfit::Cell(theirs, ours) => differ(other, "cell size", &pair(theirs), &pair(ours), first),
+        LatticeMisfit::Cell(theirs, ours) => {
+            differ(other, "cell size", &pair(theirs), &pair(ours), first)
+        }
         LatticeMisfit::Rotation(theirs, ours) => {
             differ(other, "rotation of the transform", &pair(theirs), &pair(ours), first)
         }
         LatticeMisfit::Offset([x, y]) => {
             let origin = |shape: &GridShape| pair([shape.transform.x0, shape.transform.y0]);
             Error::bad_input(format!(
-                "its samples lie {x:.6} x {y:.6} cells off those of {first}, more than {SLACK}: the \
-                 first sample is at {}, that of the other file at {}",
+                "samples are {x:.6} x {y:.6} cells off the lattice of {first} (tolerance {SLACK}): first sample at {}, that of {first} at {}",
                 origin(shape),
                 origin(first_shape)
             ))
             .in_file(&path_of(other))
         }
         LatticeMisfit::Far => Error::bad_input(format!(
-            "lies too far from {first} for one mosaic: the first sample is at {}, that of the other \
-             file at {}",
+            "too far from {first} for one mosaic: first sample at {}, that of {first} at {}",
             pair([shape.transform.x0, shape.transform.y0]),
             pair([first_shape.transform.x0, first_shape.transform.y0])
         ))
         .in_file(&path_of(other)),
     };
     error.remedy(match misfit {
-        LatticeMisfit::Far => "leave one of them out".to_owned(),
+        LatticeMisfit::Far => "omit one of the files".to_owned(),
         _ => warp(&first_shape.transform, other, shape),
     })
 }
 
-/// The call that brings `shape` onto the lattice of `target`.
+/// The gdalwarp command that aligns `shape` with the lattice of `target`.
 fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
     let out = renamed(name, "aligned");
     if target.b != 0.0 || target.d != 0.0 {
         return format!(
-            "bring all files to one upright lattice: gdalwarp -tap -tr X Y {name} {out}"
+            "align all files to one north-up lattice: gdalwarp -tap -tr X Y {name} {out}"
         );
     }
     let (right, bottom) = (f64::from(shape.width) - 0.5, f64::from(shape.height) - 0.5);
@@ -144,7 +146,7 @@ fn warp(target: &Affine, name: &str, shape: &GridShape) -> String {
 }
 
 fn differ(name: &str, what: &str, theirs: &str, ours: &str, first: &str) -> Error {
-    Error::bad_input(format!("its {what} is {theirs}, that of {first} is {ours}"))
+    Error::bad_input(format!("{what} is {theirs}, that of {first} is {ours}"))
         .in_file(&path_of(name))
 }
 
@@ -179,8 +181,8 @@ mod tests {
         assert!(check(named, named).is_ok());
         assert_eq!(
             refusal(|b| b.crs.epsg = Some(4326)),
-            "d/b.tif: its coordinate reference system is EPSG:4326, that of a.tif is EPSG:32631; \
-             gdalwarp -t_srs EPSG:32631 d/b.tif d/b-warped.tif"
+            "d/b.tif: CRS is EPSG:4326, that of a.tif is EPSG:32631; \
+             reproject it: gdalwarp -t_srs EPSG:32631 d/b.tif d/b-warped.tif"
         );
         assert!(
             refusal(|b| b.crs = Crs::default()).contains("gdal_edit.py -a_srs EPSG:32631 d/b.tif")
@@ -214,7 +216,10 @@ mod tests {
         let other = GridShape { transform: map(108.0, -5.0, 10.0), width: 10, height: 10 };
         let error = misplaced(("a", &first), ("b.tif", &other), LatticeMisfit::Offset([0.3, 0.0]));
         let text = error.to_string();
-        assert!(text.contains("lie 0.300000 x 0.000000 cells off those of a"), "{text}");
+        assert!(
+            text.contains("samples are 0.300000 x 0.000000 cells off the lattice of a"),
+            "{text}"
+        );
         assert!(text.contains("-tr 10 10 -te 100 -100 210 0 b.tif b-aligned.tif"), "{text}");
     }
 }

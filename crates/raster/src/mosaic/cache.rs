@@ -1,6 +1,5 @@
-//! The files of a mosaic that are open: a bounded number, within a bounded number of bytes of
-//! decoded blocks, least recently used ones closed first. Opened outside the lock, each by one
-//! thread.
+//! LRU pool of the open files of a mosaic, limited in number and in bytes of decoded blocks. Files are opened
+//! outside the lock, each by one thread.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,24 +9,24 @@ use crate::grid::GridSource;
 use terrane_base::error::Result;
 use terrane_files::{lock, wait};
 
-/// Most files open at once.
+/// Maximum number of open files.
 const MOST_FILES: usize = 256;
-/// Of the files that a process may have open, the share for a mosaic: a file may need a second one
-/// (a mask, a temporary file), and the job has files of its own.
+/// Fraction of the process limit of open files for a mosaic: a file may need a second handle (a mask, a
+/// temporary file), and the job has its own files.
 const FILE_SHARE: u64 = 4;
-/// Files that the memory for blocks is enough for at least.
+/// Minimum number of files that share the block memory.
 const SHARES: usize = 8;
 
 /// An open file.
 pub(super) type Grid = Arc<dyn GridSource>;
 
-/// An open file and the most bytes that its blocks can take.
+/// An open file and the maximum size of its blocks in bytes.
 pub(super) struct OpenMosaicFile {
     pub(super) grid: Grid,
     pub(super) bytes: usize,
 }
 
-/// The open files of a mosaic and of all mosaics within it.
+/// The open files of a mosaic and of all nested mosaics.
 pub(super) struct MosaicFilePool {
     most_files: usize,
     most_bytes: usize,
@@ -41,14 +40,14 @@ pub(super) struct MosaicFilePool {
 #[derive(Default)]
 struct MosaicPoolState {
     slots: HashMap<u64, MosaicPoolSlot>,
-    /// Stamp of last use to key; the first entry is the next to go.
+    /// Keys by time of last use; the first entry is closed next.
     order: BTreeMap<u64, u64>,
     clock: u64,
     bytes: usize,
 }
 
 enum MosaicPoolSlot {
-    /// Some thread is at it.
+    /// A thread is opening the file.
     Opening,
     Ready {
         grid: Grid,
@@ -58,7 +57,7 @@ enum MosaicPoolSlot {
 }
 
 impl MosaicFilePool {
-    /// For a mosaic of `files` files whose blocks may take `most_bytes` bytes together.
+    /// A pool for a mosaic of `files` files whose blocks take at most `most_bytes` bytes in total.
     pub(super) fn new(files: usize, most_bytes: usize) -> Self {
         Self::with(open_files_allowed(), files, most_bytes)
     }
@@ -74,23 +73,23 @@ impl MosaicFilePool {
         }
     }
 
-    /// Bytes of blocks that one file should keep to.
+    /// Default block memory of one file in bytes.
     pub(super) fn share(&self) -> usize {
         self.share
     }
 
-    /// Bytes of blocks that one file may take when it cannot be read with less.
+    /// Maximum block memory of one file that cannot be read with less.
     pub(super) fn most_bytes(&self) -> usize {
         self.most_bytes
     }
 
-    /// A key that no other file has.
+    /// An unused key.
     pub(super) fn new_key(&self) -> u64 {
         self.keys.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// The file `key`, opened by `open` unless it is open. `open` must not wait for other threads
-    /// that may want the same file.
+    /// The file `key`, opened by `open` unless it is open. `open` must not wait for threads that may need the
+    /// same file.
     pub(super) fn get(
         &self,
         key: u64,
@@ -99,7 +98,7 @@ impl MosaicFilePool {
         if let Some(grid) = self.find_or_claim(key) {
             return Ok(grid);
         }
-        // Dropped on failure and on panic alike, so that waiting threads try for themselves.
+        // Dropped on failure and on panic, so that waiting threads retry.
         let _claim = MosaicOpenClaim { pool: self, key };
         lock(&self.state).make_room(1, 0, self.most_files, self.most_bytes);
         let opened = open()?;
@@ -110,7 +109,7 @@ impl MosaicFilePool {
         Ok(grid)
     }
 
-    /// Keeps a file that happens to be open, if there is room for it.
+    /// Keeps an open file if there is space for it.
     pub(super) fn offer(&self, key: u64, opened: OpenMosaicFile) {
         let mut state = lock(&self.state);
         let room = self.most_bytes.saturating_sub(state.bytes);
@@ -119,7 +118,7 @@ impl MosaicFilePool {
         }
     }
 
-    /// The file `key` if it is open; it counts as no use of it.
+    /// The file `key` if it is open; does not count as use.
     pub(super) fn peek(&self, key: u64) -> Option<Grid> {
         match lock(&self.state).slots.get(&key) {
             Some(MosaicPoolSlot::Ready { grid, .. }) => Some(grid.clone()),
@@ -127,7 +126,7 @@ impl MosaicFilePool {
         }
     }
 
-    /// The open file, or `None` after marking it as being opened by this thread.
+    /// The open file, or `None` after claiming it for this thread.
     fn find_or_claim(&self, key: u64) -> Option<Grid> {
         let mut state = lock(&self.state);
         loop {
@@ -178,7 +177,7 @@ impl MosaicPoolState {
     }
 }
 
-/// The right and duty of one thread to open one file.
+/// Claim of one thread to open one file.
 struct MosaicOpenClaim<'a> {
     pool: &'a MosaicFilePool,
     key: u64,
@@ -195,13 +194,13 @@ impl Drop for MosaicOpenClaim<'_> {
     }
 }
 
-/// Files that a mosaic may have open.
+/// Number of files that a mosaic may have open.
 fn open_files_allowed() -> usize {
     let share = open_files_limit().unwrap_or(u64::MAX) / FILE_SHARE;
     (share as usize).clamp(1, MOST_FILES)
 }
 
-/// The limit of the process; `None` where there is none.
+/// Process limit of open files; `None` if there is none.
 #[cfg(unix)]
 fn open_files_limit() -> Option<u64> {
     rustix::process::getrlimit(rustix::process::Resource::Nofile).current

@@ -1,20 +1,19 @@
-//! Which rectangles touch a window: a packed tree of bounding boxes, built once. Memory grows with
-//! the number of rectangles alone, whatever they cover; a look-up takes O(log n + found) where they
-//! overlap little.
+//! Static packed R-tree of the rectangles of a mosaic. Memory is proportional to the number of rectangles; a
+//! query takes O(log n + found) if rectangles overlap little.
 
 use terrane_base::geom::Rect;
 
 /// Children of a node.
 const FANOUT: usize = 16;
 
-/// The tree. Level 0 has a box for each rectangle, the last level a single one.
+/// The tree. Level 0 has a box per rectangle, the last level a single box.
 pub(super) struct MosaicRTree {
     levels: Vec<Vec<MosaicTreeBox>>,
-    /// The rectangle that each box of level 0 belongs to.
+    /// Rectangle of each box of level 0.
     ids: Vec<u32>,
 }
 
-/// First and one past the last column and row.
+/// Half-open ranges of columns and rows.
 #[derive(Clone, Copy)]
 struct MosaicTreeBox {
     low: [u32; 2],
@@ -36,15 +35,15 @@ impl MosaicTreeBox {
         (0..2).all(|i| self.low[i] < other.high[i] && other.low[i] < self.high[i])
     }
 
-    /// Twice the middle along an axis.
+    /// Twice the centre along an axis.
     fn middle(&self, axis: usize) -> u64 {
         u64::from(self.low[axis]) + u64::from(self.high[axis])
     }
 }
 
 impl MosaicRTree {
-    /// Of at most 2^32 rectangles, in bands of rows and by column within a band (Leutenegger, Lopez
-    /// & Edgington 1997).
+    /// A tree of at most 2^32 rectangles, sorted into bands of rows and by column within a band
+    /// (sort-tile-recursive; Leutenegger, Lopez & Edgington 1997).
     pub(super) fn new(rects: &[Rect]) -> Self {
         let bounds: Vec<MosaicTreeBox> = rects.iter().map(MosaicTreeBox::of).collect();
         let mut ids: Vec<u32> = (0..rects.len() as u32).collect();
@@ -60,7 +59,7 @@ impl MosaicRTree {
         Self { levels, ids }
     }
 
-    /// The rectangles that share a sample with `rect`, in ascending order.
+    /// The rectangles that overlap `rect`, in ascending order.
     pub(super) fn find(&self, rect: &Rect) -> Vec<u32> {
         let mut found = Vec::new();
         if rect.is_empty() {

@@ -1,16 +1,16 @@
-//! Placing of grids on one lattice: pure arithmetic on their maps and sizes.
+//! Alignment of grids on one lattice: arithmetic on transforms and sizes.
 
 use terrane_base::error::Result;
 use terrane_base::geom::Affine;
 use terrane_base::limits;
 
-/// Part of a cell that a sample of one grid may lie off the lattice of another. Headers give
-/// origins and cell sizes in nine to twelve digits, which adds up over a wide mosaic.
+/// Alignment tolerance in cells. Headers give origins and cell sizes with nine to twelve digits, and the
+/// error accumulates over a wide mosaic.
 pub(super) const SLACK: f64 = 1e-3;
-/// Columns and rows beyond this from the first grid are beyond any mosaic.
+/// Maximum distance from the first grid in columns and rows.
 const FAR: f64 = (1_u64 << 40) as f64;
 
-/// Where a grid lies, and its size.
+/// Transform and size of a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GridShape {
     pub(super) transform: Affine,
@@ -24,24 +24,24 @@ pub(super) struct MosaicLayout {
     pub(super) transform: Affine,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Column and row of each grid's sample (0, 0).
+    /// Column and row of sample (0, 0) of each grid.
     pub(super) places: Vec<[u32; 2]>,
 }
 
-/// How a grid fails to lie on the lattice of the first one.
+/// Reason why a grid does not fit the lattice of the first one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum LatticeMisfit {
-    /// Cells of another size; theirs and those of the first, x and y.
+    /// Different cell size: this grid's and the first grid's, x and y.
     Cell([f64; 2], [f64; 2]),
-    /// Turned or sheared against it; theirs and the first's change of x by row and y by column.
+    /// Different rotation or shear: change of x by row and of y by column, of this grid and of the first.
     Rotation([f64; 2], [f64; 2]),
-    /// Off by these parts of a cell.
+    /// Offset in fractions of a cell.
     Offset([f64; 2]),
-    /// Further away than any mosaic reaches.
+    /// Too far away for a mosaic.
     Far,
 }
 
-/// Lays out `shapes`. The inner result is the first grid that does not fit, and why.
+/// Aligns `shapes`. The inner error is the first grid that does not fit, and the reason.
 ///
 /// # Errors
 /// More columns or rows than [`limits::MAX_SIDE`].
@@ -62,8 +62,8 @@ pub(super) fn lay_out(
         (ends.max().unwrap_or(0) - low[axis]) as u64
     };
     let (width, height) = (side(0, |s| s.width), side(1, |s| s.height));
-    limits::check("columns of the mosaic", width, limits::MAX_SIDE)?;
-    limits::check("rows of the mosaic", height, limits::MAX_SIDE)?;
+    limits::check("number of columns of the mosaic", width, limits::MAX_SIDE)?;
+    limits::check("number of rows of the mosaic", height, limits::MAX_SIDE)?;
     Ok(Ok(MosaicLayout {
         transform: origin(shapes, &places, low),
         width: width as u32,
@@ -73,13 +73,13 @@ pub(super) fn lay_out(
     }))
 }
 
-/// Column and row of the grid's first sample on the lattice of `first`.
+/// Column and row of the first sample of the grid on the lattice of `first`.
 fn place(first: &Affine, shape: &GridShape) -> std::result::Result<[i64; 2], LatticeMisfit> {
     let map = &shape.transform;
     check_steps(first, shape)?;
     let at = first.invert(map.x0, map.y0);
     let nearest = at.map(f64::round);
-    // Adding 0 makes -0 of it 0.
+    // Adding 0 turns -0 into 0.
     let off = [0, 1].map(|axis| at[axis] - nearest[axis] + 0.0);
     if !nearest.iter().all(|n| n.abs() < FAR) {
         return Err(LatticeMisfit::Far);
@@ -90,7 +90,7 @@ fn place(first: &Affine, shape: &GridShape) -> std::result::Result<[i64; 2], Lat
     Ok(nearest.map(|n| n as i64))
 }
 
-/// Fails when the grid's far corners drift off the lattice of `first`.
+/// Fails if the far corners of the grid drift off the lattice of `first`.
 fn check_steps(first: &Affine, shape: &GridShape) -> std::result::Result<(), LatticeMisfit> {
     let map = &shape.transform;
     let (right, down) = (step_of(first, map.a, map.d), step_of(first, map.b, map.e));
@@ -111,8 +111,8 @@ fn step_of(map: &Affine, dx: f64, dy: f64) -> [f64; 2] {
     [(map.e * dx - map.b * dy) / det, (map.a * dy - map.d * dx) / det]
 }
 
-/// The map of the whole: on an upright lattice, the origin comes from the grids at its first column
-/// and row, whose headers say it exactly.
+/// Transform of the mosaic: on a north-up lattice, the origin is that of the grids in its first column and
+/// row, whose headers are exact.
 fn origin(shapes: &[GridShape], places: &[[i64; 2]], low: [i64; 2]) -> Affine {
     let first = shapes[0].transform;
     let shifted = first.shifted(low[0] as f64, low[1] as f64);
@@ -172,7 +172,7 @@ mod tests {
         assert!(matches!(misfit(&with(|t| t.b = 1.0)), (1, LatticeMisfit::Rotation([1.0, _], _))));
         assert!(matches!(misfit(&with(|t| t.x0 = 4.0)), (1, LatticeMisfit::Offset([0.4, 0.0]))));
         assert!(matches!(misfit(&with(|t| t.x0 = 1e18)), (1, LatticeMisfit::Far)));
-        // A cell size of fewer digits passes as long as its far edge lies on the lattice.
+        // A cell size with fewer digits is accepted while the far edge is on the lattice.
         assert!(lay_out(&with(|t| t.a += 0.9e-4)).unwrap().is_ok());
         assert!(matches!(misfit(&with(|t| t.a += 1.1e-4)), (1, LatticeMisfit::Cell(..))));
         assert!(lay_out(&with(|t| t.x0 = 0.009)).unwrap().is_ok());
@@ -183,7 +183,7 @@ mod tests {
     fn a_mosaic_beyond_the_limit_is_refused() {
         let far = f64::from(u32::MAX);
         let error = lay_out(&[shape(0.0, 0.0, 1.0, 2, 2), shape(far, 0.0, 1.0, 2, 2)]);
-        assert!(error.unwrap_err().to_string().contains("columns of the mosaic"));
+        assert!(error.unwrap_err().to_string().contains("number of columns of the mosaic"));
     }
 
     proptest! {

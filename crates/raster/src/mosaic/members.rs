@@ -1,4 +1,4 @@
-//! The files of a grid: one, or those of a mosaic in the order in which later ones lie on top.
+//! Input files of a grid: one file, or the files of a mosaic from bottom to top.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -11,14 +11,12 @@ use terrane_base::error::{Error, Result};
 use terrane_files::format::by_extension;
 use terrane_files::{FileKind, is_made, name_of, path_of, shown};
 
-/// Formats of one file in another.
+/// Extensions of compressed files.
 const PACKED_ENDINGS: [&str; 2] = ["gz", "zip"];
-/// Endings of formats that also lie beside grids without being one: lists, tables, mosaics of the
-/// folder's files.
+/// Extensions that files other than grids have, too: lists, tables, mosaics of the files of a folder.
 const AMBIGUOUS_ENDINGS: [&str; 3] = ["txt", "csv", "vrt"];
 
-/// The names of one grid, as the user gave them: usually one file, else several that are one
-/// mosaic.
+/// Input names of one grid, as given by the user; several names form one mosaic.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
     names: Vec<String>,
@@ -31,32 +29,32 @@ impl Inputs {
         &self.names
     }
 
-    /// What people are shown instead of the names.
+    /// Display label instead of the names.
     pub fn label(&self) -> Option<&str> {
         self.label.as_deref()
     }
 
-    /// The files that the names stand for, by absolute paths, still called what the user called them.
+    /// The files of the inputs with absolute paths; display names are unchanged.
     ///
     /// # Errors
-    /// As [`files`], and paths that cannot be made absolute.
+    /// As [`files`]; paths that cannot be made absolute.
     pub fn resolve(&self) -> Result<Self> {
         let names = files(&self.names)?.iter().map(|name| absolute(name)).collect::<Result<_>>()?;
         Ok(Self::labelled(names, self.to_string()))
     }
 
-    /// The same names, which are shown to people as `label`.
+    /// The same names with the display label `label`.
     pub fn called(&self, label: String) -> Self {
         Self::labelled(self.names.clone(), label)
     }
 
-    /// Names that are shown to people as `label`.
+    /// Names with the display label `label`.
     pub fn labelled(names: Vec<String>, label: String) -> Self {
         Self { names, label: Some(label) }
     }
 }
 
-/// `input` with an absolute path in it, where it is a file.
+/// `input` with an absolute path, if it is a file.
 fn absolute(input: &str) -> Result<String> {
     if is_made(input) {
         return Ok(input.to_owned());
@@ -93,7 +91,7 @@ impl From<&String> for Inputs {
 
 impl From<&Path> for Inputs {
     fn from(path: &Path) -> Self {
-        // A name that is no text where names have to be is none of a file.
+        // A name that must be text and is not names no file.
         let lossy = |_| path.to_string_lossy().into_owned();
         Self::from(name_of(path.to_owned()).unwrap_or_else(lossy))
     }
@@ -111,7 +109,7 @@ impl From<PathBuf> for Inputs {
     }
 }
 
-/// The first name, and how many follow: "a.tif and 2 more".
+/// The first name and the number of others: "a.tif and 2 more".
 impl fmt::Display for Inputs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(label) = &self.label {
@@ -125,26 +123,26 @@ impl fmt::Display for Inputs {
     }
 }
 
-/// What is looked for.
+/// Grids as inputs.
 const GRIDS: FileKind = FileKind { what: "grid", is_member: is_grid_name, file_name };
 
-/// True when `input` names files other than itself: a folder, a list of files, or a pattern. A
-/// `.txt` or `.csv` file is a list when its first line (but for empty ones and comments) names a
-/// file that is there, and else a grid of points; `@` before its name makes any file a list.
+/// True if `input` stands for other files: a folder, a list of files, or a pattern. A `.txt` or `.csv` file
+/// is a list if its first line (except empty lines and comments) names an existing file, and else a grid of
+/// points; the prefix `@` makes any file a list.
 pub fn is_collection(input: &str) -> bool {
     GRIDS.is_collection(input)
 }
 
-/// The files that `inputs` stand for, in order: those of a folder or pattern sorted by name.
+/// The files that `inputs` stand for, in order; the files of a folder or pattern are sorted by name.
 ///
 /// # Errors
-/// A folder, list or pattern that yields no file or cannot be read; more than
+/// Unreadable folders, lists or patterns, or ones without files; more than
 /// [`limits::MAX_MEMBERS`](terrane_base::limits::MAX_MEMBERS) files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     GRIDS.files(inputs)
 }
 
-/// As [`files`], with those in folders below the folders among `inputs`.
+/// As [`files`], including subfolders.
 ///
 /// # Errors
 /// As [`files`].
@@ -152,8 +150,7 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
     GRIDS.files_below(inputs)
 }
 
-/// True for names that only grids have: not those of lists, of packed files of who knows what, of
-/// headers beside a grid, or hidden ones.
+/// True for names that only grids have: not lists, archives of unknown content, raw headers or hidden files.
 fn is_grid_name(path: &Path) -> bool {
     let ending = |path: &Path| {
         path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
@@ -238,10 +235,10 @@ mod tests {
         assert_eq!(place.files(&[&format!("@{}", place.at("odd"))]), ["a.tif"]);
         place.write("list.txt", "a.tif\nnone.tif\n");
         let told = place.refused(&place.at("list.txt"));
-        assert!(told.contains("line 2: names none.tif, which is no file"), "{told}");
+        assert!(told.contains("line 2: lists none.tif, which does not exist"), "{told}");
         assert!(place.refused("@nowhere").contains("cannot read"));
         std::fs::write(place.0.path().join("raw"), [b'a', 0, 0xfe]).unwrap();
-        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not text"));
+        assert!(place.refused(&format!("@{}", place.at("raw"))).contains("not a text file"));
     }
 
     #[test]

@@ -1,18 +1,16 @@
-//! Many files that are one grid: placed on one lattice, later ones on top where they are valid, read
-//! by window. Files are opened when they are read and closed again, so that any number of them will
-//! do.
+//! Mosaics: many files as one grid on one lattice, with later files on top where they are valid, read by
+//! window. Files are opened on demand and closed again, so their number is not limited.
 //!
-//! `members` makes files of the inputs, `find` looks at them in parallel, `agree` demands that they fit
-//! together, `layout` (pure) places them on the lattice of the first, `index` (a packed tree of
-//! rectangles) finds those under a window, and the window is painted from bottom to top. A part that
-//! fills a window by itself is read straight into it. A VRT is the same thing with parts placed by its
-//! text; both kinds may hold others.
+//! `members` expands the inputs to files, `find` reads their metadata in parallel, `agree` checks that they are
+//! consistent, `layout` aligns them on the lattice of the first, `index` (a packed R-tree) finds the files of a
+//! window, and the window is painted from bottom to top. A part that fills a window alone is read directly into
+//! it. A VRT is a mosaic whose parts are placed by its XML. Mosaics can be nested.
 //!
-//! Nothing grows with the samples, and only names and rectangles with the number of files. Open files and
-//! their decoded blocks are in one pool for a mosaic and all mosaics within it: at most 256 files (a
-//! quarter of the process's limit if that is less) whose blocks take the bytes the source was opened
-//! with. A file gets an eighth of those bytes (all of them, if it cannot be read otherwise). A file found
-//! to have another size or type when it is opened again is an error.
+//! Memory is independent of the number of samples; only names and rectangles grow with the number of files. Open
+//! files and their decoded blocks are in one pool of a mosaic and all nested mosaics: at most 256 files (a quarter
+//! of the process limit if that is less), whose blocks fit into the cache size of the source. A file gets an
+//! eighth of that size, or all of it if necessary. A file whose size or type changed before it is reopened is an
+//! error.
 
 mod agree;
 mod cache;
@@ -39,26 +37,26 @@ pub use members::{Inputs, files, files_below, is_collection};
 pub(super) use plain::open;
 use recode::HeightRecoding;
 
-/// Most samples that are read apart before they are painted.
+/// Maximum number of samples buffered for painting.
 const SCRATCH_SAMPLES: u32 = 1 << 19;
 
 /// A mosaic.
 struct Mosaic {
     info: GridInfo,
-    /// Bottom to top.
+    /// Parts from bottom to top.
     parts: Vec<MosaicPart>,
     index: MosaicRTree,
     family: Arc<MosaicFamily>,
 }
 
-/// A rectangle of a file and where it goes.
+/// A rectangle of a file and its position in the mosaic.
 struct MosaicPart {
     source: MosaicSource,
-    /// In the mosaic; not empty.
+    /// Rectangle in the mosaic; not empty.
     rect: Rect,
-    /// Column and row in the file of the rectangle's first sample.
+    /// Column and row of its first sample in the file.
     from: [u32; 2],
-    /// True when voids let through what lies below.
+    /// True if voids are transparent.
     transparent: bool,
     recode: Option<HeightRecoding>,
 }
@@ -69,7 +67,7 @@ impl Mosaic {
         Self { info, parts, index, family }
     }
 
-    /// Tells all grids that are open what `rect` is of them.
+    /// Passes a hint about `rect` to all open grids.
     fn tell(&self, rect: Rect, hint: impl Fn(&dyn GridSource, Rect)) {
         for i in self.index.find(&rect) {
             let part = &self.parts[i as usize];
@@ -98,7 +96,7 @@ impl Mosaic {
         parts.into_iter().try_for_each(|part| self.paint(part, &mut window, rect))
     }
 
-    /// Puts what `part` has of `rect` into the window.
+    /// Paints the samples of `part` in `rect` into the window.
     fn paint<H: GridHeight>(
         &self,
         part: &MosaicPart,
@@ -110,7 +108,7 @@ impl Mosaic {
         for row in (whole.row..whole.end_row()).step_by(rows as usize) {
             let strip = Rect { row, height: rows, ..whole }.intersect(&whole);
             match &part.recode {
-                // Scaling and rounding start from the exact value.
+                // Scaling and rounding use the exact value.
                 Some(recode) => self.paint_strip(part, window, strip, |height: f64| {
                     H::of_f64(recode.height(height))
                 })?,
@@ -141,7 +139,7 @@ impl Mosaic {
         Ok(())
     }
 
-    /// Reads `rect` (of the mosaic, inside the part) from the part's file.
+    /// Reads `rect` (of the mosaic, inside the part) from the file.
     fn read_from<H: GridHeight>(&self, part: &MosaicPart, rect: Rect, out: &mut [H]) -> Result<()> {
         let there = part.in_source(rect);
         match &part.source {
@@ -152,7 +150,7 @@ impl Mosaic {
 }
 
 impl MosaicPart {
-    /// `rect` of the mosaic, inside the part, in the part's file.
+    /// `rect` of the mosaic, inside the part, in columns and rows of the file.
     fn in_source(&self, rect: Rect) -> Rect {
         let col = self.from[0] + (rect.col - self.rect.col);
         let row = self.from[1] + (rect.row - self.rect.row);

@@ -1,4 +1,4 @@
-//! Files that make a mosaic by where they say they lie: all on the lattice of the first one.
+//! Mosaics of georeferenced files on the lattice of the first one.
 
 use rayon::prelude::*;
 
@@ -17,17 +17,17 @@ use super::layout::{GridShape, MosaicLayout, lay_out};
 use super::recode::{HeightRecoding, is_same, void_range, wider};
 use super::{Mosaic, MosaicPart, members};
 
-/// Most nodata values that are told.
+/// Maximum number of nodata values in details.
 const MOST_TOLD: usize = 8;
 
-/// What a mosaic needs to remember of each file.
+/// Metadata of a file in a mosaic.
 struct MosaicMember {
     source: MosaicSource,
     shape: GridShape,
     sample_type: SampleType,
     nodata: Option<f64>,
     unit: Option<String>,
-    /// Its mask, where it has one beside a nodata value.
+    /// Its mask, if it has one besides a nodata value.
     mask: Option<(String, String)>,
 }
 
@@ -40,11 +40,11 @@ impl MosaicMember {
     }
 }
 
-/// Opens `inputs` (files, folders, lists, patterns) as one grid, later files on top where they are
+/// Opens `inputs` (files, folders, lists, patterns) as one grid, with later files on top where they are
 /// valid.
 ///
 /// # Errors
-/// Inputs that yield no file, a file that cannot be opened, two files that do not fit together.
+/// Inputs without files; files that cannot be opened; inconsistent files.
 pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     let names = members::files(inputs)?;
     match names.as_slice() {
@@ -55,7 +55,7 @@ pub(crate) fn open(inputs: &[String], options: &GridOpenOptions) -> Result<Box<d
 }
 
 fn nothing() -> Error {
-    Error::usage("no input is given").remedy("name a grid file")
+    Error::usage("no input").remedy("pass a grid file")
 }
 
 fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
@@ -88,7 +88,7 @@ fn mosaic(names: &[String], options: &GridOpenOptions) -> Result<Mosaic> {
     Ok(Mosaic::new(info, parts, nest.family))
 }
 
-/// The one unit of height that files state; those that state none are taken to agree.
+/// The common height unit of the files; files without a unit agree with any.
 fn unit(names: &[String], members: &[MosaicMember]) -> Result<Option<String>> {
     let stated =
         names.iter().zip(members).filter_map(|(n, m)| Some((n.as_str(), m.unit.as_deref()?)));
@@ -105,8 +105,8 @@ fn laid_out(names: &[String], members: &[MosaicMember]) -> Result<MosaicLayout> 
     })
 }
 
-/// The mosaic as a grid: what the first file says, on the common lattice, in a type that holds all
-/// samples, with a nodata value that no file has for a height.
+/// Metadata of the mosaic: that of the first file, on the common lattice, with a type that holds all samples
+/// and a nodata value that is not a height in any file.
 fn describe(
     first: GridInfo,
     members: &[MosaicMember],
@@ -144,9 +144,9 @@ fn parts(members: Vec<MosaicMember>, layout: &MosaicLayout, info: &GridInfo) -> 
     placed.map(part).collect()
 }
 
-/// The value that stands for voids of the mosaic: the one that all files declare, or else the first that no
-/// terrain has for a height, or the last resort of the type. A height that is this value all the same
-/// cannot be written, and is told by name then.
+/// The nodata value of the mosaic: the common declared one, or else the first candidate that is not a terrain
+/// height, or the last resort of the type. A height equal to it cannot be written and is reported as an
+/// error.
 fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
     match &declared(members)[..] {
         [] => None,
@@ -158,7 +158,7 @@ fn nodata(members: &[MosaicMember], kind: SampleType) -> Option<f64> {
     }
 }
 
-/// The different nodata values that files declare, in order.
+/// The distinct declared nodata values, in order.
 fn declared(members: &[MosaicMember]) -> Vec<f64> {
     let mut all: Vec<f64> = Vec::new();
     for value in members.iter().filter_map(|member| member.nodata) {
@@ -181,17 +181,17 @@ fn last_resort(kind: SampleType) -> f64 {
     }
 }
 
-/// In a file that declares no nodata value, samples at the mosaic's are void where that can be no height.
+/// In a file without a nodata value, samples equal to the mosaic's are void if they cannot be heights.
 fn recode(own: Option<f64>, info: &GridInfo) -> Option<HeightRecoding> {
     let nodata = info.nodata.filter(|value| own.is_none() && is_no_height(*value))?;
     let (low, high) = void_range(info.sample_type, nodata)?;
-    // Heights of all files are scaled alike, and just as here.
+    // Heights of all files have the same scale.
     let height = |stored: f64| stored * info.scale + info.offset;
     let (low, high) = (height(low), height(high));
     Some(HeightRecoding { void: Some((low.min(high), low.max(high))), ..HeightRecoding::NONE })
 }
 
-/// How many files there are, what the first is, and where they differ in nodata.
+/// Details: number of files, metadata of the first, and differing nodata values.
 fn facts(members: &[MosaicMember], first: &GridInfo) -> Vec<(String, String)> {
     let compression = first.details.iter().find(|(name, _)| name == "compression").cloned();
     let mut facts = vec![

@@ -1,17 +1,17 @@
-//! Samples of a file as a mosaic stores them: scaled, rounded into the mosaic's type, and void where
-//! they are the mosaic's nodata value.
+//! Conversion of file samples to those of the mosaic: scaled, rounded to the mosaic's type, and void if equal
+//! to the mosaic's nodata value.
 
 use crate::grid::SampleType;
 use crate::sample::StoredSample;
 
-/// What is done to each valid height of a file.
+/// Conversion of the valid heights of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct HeightRecoding {
-    /// Stored by the mosaic = read * ratio + shift, rounded into `kind` where that is given.
+    /// Stored value of the mosaic = read * ratio + shift, rounded to `kind` if given.
     pub(super) ratio: f64,
     pub(super) shift: f64,
     pub(super) kind: Option<SampleType>,
-    /// Stored values that are void, lowest and highest.
+    /// Range of stored values that are void.
     pub(super) void: Option<(f64, f64)>,
     /// Height = stored * scale + offset.
     pub(super) scale: f64,
@@ -19,11 +19,11 @@ pub(super) struct HeightRecoding {
 }
 
 impl HeightRecoding {
-    /// Heights as they are.
+    /// No conversion.
     pub(super) const NONE: Self =
         Self { ratio: 1.0, shift: 0.0, kind: None, void: None, scale: 1.0, offset: 0.0 };
 
-    /// The mosaic's height of the valid height `read`; NaN where void.
+    /// The mosaic's height of the valid height `read`; NaN if void.
     #[inline]
     pub(super) fn height(&self, read: f64) -> f64 {
         let scaled = read * self.ratio + self.shift;
@@ -35,7 +35,7 @@ impl HeightRecoding {
     }
 }
 
-/// The nearest value that `kind` holds, halves away from zero.
+/// The nearest value of `kind`, halves away from zero.
 fn fitted(value: f64, kind: SampleType) -> f64 {
     let integer = |low: f64, high: f64| value.round().clamp(low, high);
     match kind {
@@ -51,12 +51,12 @@ fn fitted(value: f64, kind: SampleType) -> f64 {
     }
 }
 
-/// Whether two nodata values are one.
+/// Whether two nodata values are equal.
 pub(super) fn is_same(a: f64, b: f64) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
-/// The values of `kind` that count as `nodata`, lowest and highest.
+/// Range of the values of `kind` that count as `nodata`.
 pub(super) fn void_range(kind: SampleType, nodata: f64) -> Option<(f64, f64)> {
     fn of<S: StoredSample<N>, const N: usize>(nodata: f64) -> Option<(f64, f64)> {
         S::nodata_range(nodata).map(|(low, high)| (low.f64(), high.f64()))
@@ -74,7 +74,7 @@ pub(super) fn void_range(kind: SampleType, nodata: f64) -> Option<(f64, f64)> {
     }
 }
 
-/// The narrowest type that holds every value of both.
+/// The narrowest type that contains all values of both.
 pub(super) fn wider(a: SampleType, b: SampleType) -> SampleType {
     use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
     const ALL: [SampleType; 9] = [U8, I8, U16, I16, F16, U32, I32, F32, F64];
@@ -84,7 +84,7 @@ pub(super) fn wider(a: SampleType, b: SampleType) -> SampleType {
     ALL.into_iter().find(|wide| holds(*wide, a) && holds(*wide, b)).unwrap_or(F64)
 }
 
-/// True when every value of `narrow` is one of `wide`.
+/// True if all values of `narrow` are values of `wide`.
 pub(super) fn holds(wide: SampleType, narrow: SampleType) -> bool {
     use SampleType::{F16, F32, F64, I8, I16, I32, U8, U16, U32};
     match wide {

@@ -1,4 +1,4 @@
-//! ENVI headers: `key = value`, with lists in braces that may go over lines.
+//! ENVI headers: `key = value`, with lists in braces that may span lines.
 
 use std::collections::HashMap;
 
@@ -43,7 +43,7 @@ impl EnviHeaderValues {
         self.get(key).map(|value| whole(key, value)).transpose()
     }
 
-    /// A list of numbers; empty when it is not there.
+    /// A list of numbers; empty if missing.
     fn list(&self, key: &str) -> Result<Vec<f64>> {
         let items = self.get(key).into_iter().flat_map(|value| value.split(','));
         items.map(|item| number(key, item.trim())).collect()
@@ -80,7 +80,7 @@ pub(super) fn read(text: &str) -> Result<RawRasterHeader> {
     })
 }
 
-/// Refuses what changes where or how the samples lie and is rare.
+/// Rejects rare features that change the layout of samples.
 fn check_plain(values: &EnviHeaderValues) -> Result<()> {
     if values.get("file compression").is_some_and(|v| v != "0") {
         return Err(Error::unsupported("compressed ENVI files are not supported"));
@@ -92,7 +92,7 @@ fn check_plain(values: &EnviHeaderValues) -> Result<()> {
     }
     match values.whole("byte order")? {
         Some(0 | 1) | None => Ok(()),
-        Some(order) => Err(Error::bad_input(format!("byte order is {order}, not 0 or 1"))),
+        Some(order) => Err(Error::bad_input(format!("byte order is {order}, expected 0 or 1"))),
     }
 }
 
@@ -117,7 +117,7 @@ fn sample_type(values: &EnviHeaderValues) -> Result<SampleType> {
     }
 }
 
-/// The `map info` list: projection, reference pixel, its place, cell size, and more.
+/// The `map info` list: projection, reference pixel, its position, cell size, and more.
 struct MapInfo {
     transform: Affine,
     crs: Crs,
@@ -136,7 +136,7 @@ impl MapInfo {
         let north = place(y)? + (row - 1.0) * dy;
         let transform = Affine::from_gdal([west, dx, 0.0, north, 0.0, -dy]);
         if dx <= 0.0 || dy <= 0.0 || !transform.is_valid() {
-            return Err(Error::bad_input("cell size or position in map info is not usable"));
+            return Err(Error::bad_input("invalid cell size or position in map info"));
         }
         check_rotation(rest)?;
         Ok(Self { transform, crs: crs(projection, rest) })
@@ -150,7 +150,7 @@ fn check_rotation(items: &[&str]) -> Result<()> {
     if rotated { Err(Error::unsupported("rotated ENVI map info is not supported")) } else { Ok(()) }
 }
 
-/// The systems that `map info` can name without more text.
+/// CRS named by `map info` alone.
 fn crs(projection: &str, rest: &[&str]) -> Crs {
     let datum = |name: &&&str| !name.contains('=') && name.parse::<f64>().is_err();
     let named = |datum: Option<&&str>| match datum.map(|d| d.to_ascii_lowercase()).as_deref() {

@@ -20,7 +20,7 @@ impl<'a> EsriHeaderValues<'a> {
         once(text.lines().filter_map(pair)).map(Self)
     }
 
-    /// The value of the first of `keys` that is there, with the key.
+    /// The value of the first of `keys` that is present, with the key.
     fn get(&self, keys: &[&'static str]) -> Option<(&'static str, &'a str)> {
         keys.iter().find_map(|key| Some((*key, *self.0.get(*key)?)))
     }
@@ -40,11 +40,11 @@ impl<'a> EsriHeaderValues<'a> {
     }
 }
 
-/// Bits of a sample where NBITS may be left out.
+/// Sample sizes in bits to try if NBITS is missing.
 const BITS: [u64; 4] = [8, 16, 32, 64];
 
-/// Reads a header; `ending` is that of the data file, which tells floats from integers where the
-/// header does not, and `bytes` its length, which tells how wide samples are.
+/// Parses a header; `ending` is the extension of the data file, which decides between floats and integers if
+/// the header does not, and `bytes` its length, from which the sample size is inferred.
 pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let values = EsriHeaderValues::of(text)?;
     let header = match values.whole("nbits")? {
@@ -54,11 +54,11 @@ pub(super) fn read(text: &str, ending: &str, bytes: u64) -> Result<RawRasterHead
     Ok(RawRasterHeader { big_endian: big_endian(&values, header.sample_type)?, ..header })
 }
 
-/// The header of the samples that are as wide as the length of the data says.
+/// The header with the sample size that matches the length of the data.
 fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<RawRasterHeader> {
     let mut fitting = Vec::new();
     for bits in BITS {
-        // Wide samples of an unknown kind are floats, as GDAL has it.
+        // Wide samples of unknown kind are floats, as in GDAL.
         let kind = match values.get(&["pixeltype"]) {
             None if bits == 32 => Ok(SampleType::F32),
             _ => sample_type(values, ending, bits),
@@ -75,13 +75,13 @@ fn by_length(values: &EsriHeaderValues<'_>, ending: &str, bytes: u64) -> Result<
     match fitting.pop().filter(|_| fitting.is_empty()) {
         Some(header) => Ok(header),
         None => Err(Error::bad_input(format!(
-            "header lacks NBITS, and the {bytes} bytes of the data do not tell it"
+            "header lacks NBITS, and the data size of {bytes} bytes is ambiguous"
         ))
         .remedy("add a line such as NBITS 16, or copy the data again")),
     }
 }
 
-/// The header of samples of this type, but for their byte order.
+/// The header for samples of this type, before the byte order is known.
 fn with(
     values: &EsriHeaderValues<'_>,
     ending: &str,
@@ -124,15 +124,15 @@ fn interleave(values: &EsriHeaderValues<'_>, ending: &str) -> Result<Interleave>
     }
 }
 
-/// Esri's programs take the order of their machine where none is stated, GDAL takes big-endian.
+/// Without BYTEORDER, ESRI's programs use the native order and GDAL big-endian.
 fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<bool> {
     let Some((_, order)) = values.get(&["byteorder"]) else {
         return match sample_type.bytes() {
             1 => Ok(false),
-            _ => {
-                Err(Error::bad_input("header lacks BYTEORDER, and programs disagree on what then")
-                    .remedy("add a line BYTEORDER I (little-endian, usual) or BYTEORDER M"))
-            }
+            _ => Err(Error::bad_input(
+                "header lacks BYTEORDER, and defaults differ between programs",
+            )
+            .remedy("add a line BYTEORDER I (little-endian, usual) or BYTEORDER M")),
         };
     };
     match order.to_ascii_uppercase().as_str() {
@@ -142,7 +142,7 @@ fn big_endian(values: &EsriHeaderValues<'_>, sample_type: SampleType) -> Result<
     }
 }
 
-/// What kind of number PIXELTYPE says.
+/// Number type of PIXELTYPE.
 #[derive(PartialEq)]
 enum EsriPixelType {
     Signed,
@@ -162,7 +162,7 @@ fn sample_type(values: &EsriHeaderValues<'_>, ending: &str, bits: u64) -> Result
     };
     let by_ending = stated.is_none() && ending == "flt" && bits == 32;
     let is_float = stated == Some(EsriPixelType::Float) || by_ending;
-    // Old global grids say nodata -9999 and no pixel type: a negative nodata has a sign.
+    // Old global grids have nodata -9999 and no pixel type: a negative nodata value implies signed samples.
     let signed = stated == Some(EsriPixelType::Signed)
         || (stated.is_none() && ending != "flt" && nodata(values)?.is_some_and(|v| v < 0.0));
     match (bits, is_float, signed) {
@@ -181,7 +181,7 @@ fn sample_type(values: &EsriHeaderValues<'_>, ending: &str, bits: u64) -> Result
     }
 }
 
-/// From the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
+/// Transform from the upper left sample (ULXMAP), or from the lower left corner or sample (GridFloat).
 fn transform(values: &EsriHeaderValues<'_>, height: u32) -> Result<Option<Affine>> {
     let size = values.number(&["cellsize"])?;
     let dx = values.number(&["xdim"])?.or(size);
@@ -200,7 +200,7 @@ fn transform(values: &EsriHeaderValues<'_>, height: u32) -> Result<Option<Affine
     };
     let map = Affine { x0, a: dx, b: 0.0, y0, d: 0.0, e: -dy };
     if dx <= 0.0 || dy <= 0.0 || !map.is_valid() {
-        return Err(Error::bad_input("cell size or position in the header is not usable"));
+        return Err(Error::bad_input("invalid cell size or position in the header"));
     }
     Ok(Some(map))
 }

@@ -1,4 +1,4 @@
-//! Headers of raw grids of either kind, and the values in them.
+//! Common content of ESRI and ENVI headers, and their values.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -9,14 +9,14 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_base::limits;
 
-/// How the bands lie.
+/// Band interleaving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Interleave {
-    /// By line.
+    /// Band interleaved by line.
     Bil,
-    /// By pixel.
+    /// Band interleaved by pixel.
     Bip,
-    /// One band after the other.
+    /// Band sequential.
     Bsq,
 }
 
@@ -39,7 +39,7 @@ impl Interleave {
     }
 }
 
-/// What a header of either kind says.
+/// Content of a header.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RawRasterHeader {
     pub(super) kind: &'static str,
@@ -51,11 +51,11 @@ pub(super) struct RawRasterHeader {
     pub(super) interleave: Interleave,
     /// Bytes before the first sample.
     pub(super) skip: u64,
-    /// Bytes of a row of one band, with padding, where stated.
+    /// Bytes of a row of one band, with padding, if declared.
     pub(super) band_row_bytes: Option<u64>,
-    /// Bytes of a row of all bands, with padding, where stated.
+    /// Bytes of a row of all bands, with padding, if declared.
     pub(super) total_row_bytes: Option<u64>,
-    /// Bytes between bands that follow each other.
+    /// Gap between consecutive bands in bytes.
     pub(super) band_gap_bytes: u64,
     pub(super) transform: Option<Affine>,
     pub(super) nodata: Option<f64>,
@@ -66,7 +66,7 @@ pub(super) struct RawRasterHeader {
 }
 
 impl RawRasterHeader {
-    /// Where the samples of band `band` (from 1) lie; `None` when that is beyond counting.
+    /// Layout of the samples of band `band` (from 1); `None` on overflow.
     pub(super) fn layout(&self, band: u32) -> Option<StridedLayout> {
         let size = self.sample_type.bytes() as u64;
         let (width, bands) = (u64::from(self.width), u64::from(self.bands));
@@ -92,8 +92,8 @@ impl RawRasterHeader {
         Some(StridedLayout { offset, col_pitch, row_pitch, big_endian: self.big_endian })
     }
 
-    /// The lengths that a file of this can have: it ends with the last sample, or with what fills up
-    /// the last row, or with the gap behind its band. `None` when that is beyond counting.
+    /// Possible file lengths: up to the last sample, with the padding of the last row, or with the gap after
+    /// its band. `None` on overflow.
     pub(super) fn lengths(&self) -> Option<[u64; 3]> {
         let last = self.layout(self.bands)?;
         let end = last.end(self.width, self.height, self.sample_type.bytes())?;
@@ -103,14 +103,14 @@ impl RawRasterHeader {
         Some([end, full, full.checked_add(self.band_gap_bytes)?])
     }
 
-    /// True when nothing fills up the rows.
+    /// True if rows have no padding.
     pub(super) fn is_dense(&self) -> bool {
         let row = u64::from(self.width) * self.sample_type.bytes() as u64;
         self.band_row_bytes.is_none_or(|bytes| bytes == row)
             && self.total_row_bytes.is_none_or(|bytes| bytes == row * u64::from(self.bands))
     }
 
-    /// Fails when stated row lengths are shorter than a row.
+    /// Fails if declared row lengths are shorter than a row.
     pub(super) fn check_rows(&self) -> Result<()> {
         let row = u64::from(self.width) * self.sample_type.bytes() as u64;
         let all = row * u64::from(self.bands);
@@ -136,13 +136,13 @@ pub(super) fn count(key: &str, value: &str, most: u64) -> Result<u32> {
     limits::check(key, number, most)?;
     match u32::try_from(number) {
         Ok(number) if number > 0 => Ok(number),
-        _ => Err(Error::bad_input(format!("{key} is {value}, not a whole number above 0"))),
+        _ => Err(Error::bad_input(format!("{key} is {value}, expected a positive integer"))),
     }
 }
 
-/// A whole number from a header, also one written as a decimal ("20.0").
+/// An integer of a header, also in decimal notation ("20.0").
 pub(super) fn whole(key: &str, value: &str) -> Result<u64> {
-    let bad = || Error::bad_input(format!("{key} is {value:?}, not a whole number"));
+    let bad = || Error::bad_input(format!("{key} is {value:?}, expected an integer"));
     value.parse().or_else(|_| {
         let number: f64 = value.parse().map_err(|_| bad())?;
         let is_whole = number >= 0.0 && number.fract() == 0.0 && number < 1e15;
@@ -150,7 +150,7 @@ pub(super) fn whole(key: &str, value: &str) -> Result<u64> {
     })
 }
 
-/// Values by key; a key that has two is refused, as programs disagree on which counts.
+/// Values by key; conflicting duplicates are rejected, because programs disagree on which one applies.
 pub(super) fn once<V: PartialEq>(
     pairs: impl Iterator<Item = (String, V)>,
 ) -> Result<HashMap<String, V>> {
@@ -159,8 +159,8 @@ pub(super) fn once<V: PartialEq>(
         match values.entry(key) {
             Entry::Occupied(known) if *known.get() != value => {
                 let key = known.key();
-                return Err(Error::bad_input(format!("header says two things of {key}"))
-                    .remedy("take out the wrong line"));
+                return Err(Error::bad_input(format!("conflicting values of {key} in the header"))
+                    .remedy("remove the wrong line"));
             }
             Entry::Occupied(_) => {}
             Entry::Vacant(new) => drop(new.insert(value)),
@@ -171,5 +171,5 @@ pub(super) fn once<V: PartialEq>(
 
 /// A number from a header.
 pub(super) fn number(key: &str, value: &str) -> Result<f64> {
-    value.parse().map_err(|_| Error::bad_input(format!("{key} is {value:?}, not a number")))
+    value.parse().map_err(|_| Error::bad_input(format!("{key} is {value:?}, expected a number")))
 }

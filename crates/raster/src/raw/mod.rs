@@ -1,5 +1,4 @@
-//! Raw binary grids with a text header beside them: ESRI (.hdr of .bil, .bip, .bsq and GridFloat
-//! .flt) and ENVI.
+//! Raw binary grids with a header sidecar: ESRI (.hdr of .bil, .bip, .bsq and GridFloat .flt) and ENVI.
 
 mod envi;
 mod esri;
@@ -20,12 +19,12 @@ use terrane_files::RawFile;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "raw with header",
     extensions: &["flt", "bil", "bip", "bsq", "hdr"],
-    about: "binary grids, of any ending, with an ESRI or ENVI .hdr beside them",
+    about: "binary grids of any extension with an ESRI or ENVI .hdr sidecar",
     sniff: |_| false,
     open,
 };
 
-/// Most bytes of a header.
+/// Maximum header size in bytes.
 const MOST_HEADER: u64 = 1 << 20;
 
 impl RawRasterHeader {
@@ -56,22 +55,22 @@ impl RawRasterHeader {
     }
 }
 
-/// True for the name of a header.
+/// True for the file name of a header.
 pub(super) fn is_header_name(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr"))
 }
 
-/// Opens the data file `path` by the header beside it.
+/// Opens the data file `path` with its header sidecar.
 pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     if is_header_name(path) {
         return Err(is_header(path));
     }
     let Some(header_path) = header_beside(path) else {
         let name = path.with_extension("hdr");
-        return Err(Error::bad_input("raw binary data without a header beside it")
+        return Err(Error::bad_input("raw binary data without a header file")
             .in_file(path)
             .remedy(format!(
-                "put its header beside it as {}",
+                "add the header file {}",
                 name.file_name().unwrap_or_default().display()
             )));
     };
@@ -80,7 +79,7 @@ pub(super) fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn Gri
     some_band(options.band, header.bands).map_err(|e| e.in_file(path))?;
     check_exact(&file, header.lengths().as_ref().map(<[u64; 3]>::as_slice))?;
     let Some(layout) = header.layout(options.band) else {
-        return Err(Error::bad_input("its rows are beyond counting").in_file(&header_path));
+        return Err(Error::bad_input("row size exceeds the supported range").in_file(&header_path));
     };
     let info = header.info(path, options)?;
     Ok(Box::new(StridedGrid::new(file, info, layout)?))
@@ -97,7 +96,7 @@ pub(super) fn header_beside(path: &Path) -> Option<PathBuf> {
     candidates.into_iter().find(|header| header.is_file() && header != path)
 }
 
-/// The answer to a user who opens the header.
+/// Error of opening the header instead of the data.
 fn is_header(path: &Path) -> Error {
     let stem = path.with_extension("");
     let endings = ["bil", "flt", "bip", "bsq", "dat", "img", "raw", "bin", "dem"].iter();
@@ -111,7 +110,7 @@ fn is_header(path: &Path) -> Error {
 }
 
 fn read_header(data: &RawFile, path: &Path) -> Result<RawRasterHeader> {
-    let text = beside::small_text(path, "bytes of a header", MOST_HEADER)?;
+    let text = beside::small_text(path, "header size in bytes", MOST_HEADER)?;
     let text = text.trim_start_matches('\u{feff}');
     let header = if text.trim_start().starts_with("ENVI") {
         envi::read(text)?

@@ -1,4 +1,4 @@
-//! GeoKeys of a store: those of the source, or made from what is known of its CRS.
+//! GeoKeys of a store: copied from the source, or generated from its CRS.
 
 use super::tags::{TiffTagValues, tag};
 use terrane_base::geom::{Crs, is_geographic};
@@ -18,7 +18,7 @@ mod key {
     pub(super) const USER_DEFINED: u16 = 32_767;
 }
 
-/// The three GeoKey tags; all empty when nothing is known.
+/// The three GeoKey tags; all empty if the CRS is unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct GeoKeyTags {
     pub(crate) directory: Vec<u16>,
@@ -27,7 +27,7 @@ pub(crate) struct GeoKeyTags {
 }
 
 impl GeoKeyTags {
-    /// The keys for `crs`, saying PixelIsPoint or PixelIsArea.
+    /// The keys of `crs`, with PixelIsPoint or PixelIsArea.
     pub(crate) fn of(crs: &Crs, point: bool) -> Self {
         let raster_type = if point { key::PIXEL_IS_POINT } else { key::PIXEL_IS_AREA };
         if crs.geo_keys.len() >= 4 {
@@ -38,7 +38,7 @@ impl GeoKeyTags {
         Self::made(crs, raster_type)
     }
 
-    /// True when raster positions mean samples.
+    /// True for PixelIsPoint.
     pub(super) fn is_point(&self) -> bool {
         self.directory
             .chunks_exact(4)
@@ -56,7 +56,7 @@ impl GeoKeyTags {
         }
     }
 
-    /// Nothing but what raster positions mean.
+    /// Only the raster type.
     fn by_type(raster_type: u16) -> Self {
         let directory = directory(&[[key::RASTER_TYPE, 0, 1, raster_type]]);
         Self { directory, ..Self::default() }
@@ -78,8 +78,8 @@ impl GeoKeyTags {
         Self { directory: directory(&entries), ..Self::default() }
     }
 
-    /// Well-known text without a code goes where Esri puts it; GDAL reads it from there when the
-    /// model is user-defined.
+    /// WKT without a code is stored in the citation in ESRI's form, where GDAL reads it if the model is
+    /// user-defined.
     fn by_text(wkt: &str, raster_type: u16) -> Self {
         let ascii = format!("ESRI PE String = {}|", wkt.replace('\0', " "));
         let Ok(length) = u16::try_from(ascii.len()) else { return Self::default() };
@@ -108,13 +108,13 @@ impl GeoKeyTags {
     }
 }
 
-/// Fills in the GeoKeys of a CRS known by its code only.
+/// Adds GeoKeys to a CRS that is known by its code only.
 pub fn complete(crs: Crs) -> Crs {
     let GeoKeyTags { directory, doubles, ascii } = GeoKeyTags::of(&crs, false);
     Crs { geo_keys: directory, geo_doubles: doubles, geo_ascii: ascii, ..crs }
 }
 
-/// The keys of a source with its raster type as given. Sources that say nothing mean areas.
+/// The keys of a source with the given raster type. Sources without one are PixelIsArea.
 fn saying(raster_type: u16, keys: &[u16]) -> Vec<u16> {
     let mut keys = keys.to_vec();
     let mut entries = keys.chunks_exact_mut(4).skip(1);
@@ -132,7 +132,7 @@ fn saying(raster_type: u16, keys: &[u16]) -> Vec<u16> {
     keys
 }
 
-/// Of the revision of 2019 where a vertical system is told: in older ones GDAL overlooks it.
+/// Key directory, of revision 1.1 (2019) if there is a vertical CRS: GDAL ignores it in older ones.
 fn directory(entries: &[[u16; 4]]) -> Vec<u16> {
     let is_high = entries.iter().any(|entry| entry[0] == key::VERTICAL_CRS);
     let mut directory = vec![1, 1, is_high.into(), entries.len() as u16];
@@ -140,7 +140,7 @@ fn directory(entries: &[[u16; 4]]) -> Vec<u16> {
     directory
 }
 
-/// Codes from 4000 to 4999 are geographic where nothing better is known.
+/// Codes from 4000 to 4999 are assumed to be geographic.
 fn may_be_geographic(code: u16) -> bool {
     is_geographic(code.into()).unwrap_or((4000..5000).contains(&code))
 }

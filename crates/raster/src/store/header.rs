@@ -1,4 +1,4 @@
-//! The facts a store's directory is made of: from a grid, to a grid, and to TIFF tags.
+//! Metadata of a store: from a grid, to a grid, and to TIFF tags.
 
 use super::crs::GeoKeyTags;
 use super::layout::StoreLayout;
@@ -8,37 +8,37 @@ use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Affine;
 
-/// Tag 305 of every store: what it is and the version of its layout.
+/// Software tag (305) of every store, with the version of its layout.
 pub(super) const MARK: &str = "terrane store 1";
 /// Name of the format in [`GridInfo::format`].
 const FORMAT: &str = "terrane store";
 
-/// How a store says where it lies.
+/// Georeference of a store.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum StoreGeoreference {
     Nowhere,
-    /// Cell size in x and y, and the world position of sample (0, 0), the centre of its cell.
+    /// Cell size in x and y, and the world position of the centre of sample (0, 0).
     North {
         scale: [f64; 2],
         origin: [f64; 2],
     },
-    /// The 4 x 4 matrix to world: from cell corners, or from samples where these are points.
+    /// The 4 x 4 matrix to world coordinates, from cell corners, or from samples if samples are points.
     Matrix(Vec<f64>),
 }
 
-/// The facts. `StorePreamble` is made of nothing else.
+/// Metadata from which the whole `StorePreamble` is generated.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct StoreHeader {
     pub(super) layout: StoreLayout,
     pub(super) position: StoreGeoreference,
     pub(super) keys: GeoKeyTags,
     pub(super) metadata: GdalMetadata,
-    /// As text, so that it is kept to the letter.
+    /// As text, so that it is kept exactly.
     pub(super) nodata: Option<String>,
 }
 
 impl StoreHeader {
-    /// The facts of a grid, with tiles of `side`.
+    /// Metadata of a grid, with tiles of `side`.
     pub(super) fn new(info: &GridInfo, side: u32) -> Result<Self> {
         let layout = StoreLayout::new(info.width, info.height, side, info.sample_type)?;
         check_place(info)?;
@@ -48,7 +48,7 @@ impl StoreHeader {
         Ok(Self { layout, position, keys, metadata, nodata: info.nodata.map(number) })
     }
 
-    /// The grid these facts describe; `None` when they contradict each other.
+    /// The described grid; `None` if the metadata are inconsistent.
     pub(super) fn info(&self) -> Option<GridInfo> {
         let StoreLayout { width, height, tile_width, tile_height, sample_type } = self.layout;
         let transform = self.transform()?;
@@ -155,8 +155,7 @@ impl StoreGeoreference {
     }
 }
 
-/// What any GeoTIFF says of a grid beyond its samples: place, CRS, scale, offset, unit, nodata, and
-/// what its bands are called.
+/// Tags of any GeoTIFF besides samples: georeference, CRS, scale, offset, unit, nodata, and band names.
 pub(crate) fn facts(info: &GridInfo, bands: &[BandName]) -> Result<Vec<(u16, TiffTagValues)>> {
     check_place(info)?;
     let keys = GeoKeyTags::of(&info.crs, info.pixel_is_point);
@@ -173,7 +172,7 @@ fn check_place(info: &GridInfo) -> Result<()> {
     if info.transform.is_valid() {
         return Ok(());
     }
-    Err(Error::bad_input("the grid's transform cannot be inverted"))
+    Err(Error::bad_input("transform of the grid is not invertible"))
 }
 
 /// BitsPerSample and SampleFormat.

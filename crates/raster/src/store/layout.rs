@@ -1,20 +1,20 @@
-//! Where every sample of a store lies: tile sizes, counts and byte offsets.
+//! Layout of a store: tile sizes, tile counts and byte offsets.
 
 use crate::grid::SampleType;
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 
-/// Tile sides that can be asked for.
+/// Valid tile sides.
 pub const TILE_SIDES: &[u32] = &[256, 512, 1024];
-/// Tile side unless told otherwise.
+/// Default tile side.
 pub const DEFAULT_TILE: u32 = 512;
-/// Tiles start at multiples of this many bytes.
+/// Alignment of tiles in bytes.
 pub(super) const PAGE: u64 = 4096;
-/// Tile sides are multiples of this, so that every tile is a whole number of pages.
+/// Tile sides are multiples of this, so that a tile is a whole number of pages.
 const SIDE_STEP: u32 = 64;
 
-/// The shape of a store.
+/// Size and tiling of a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct StoreLayout {
     pub(super) width: u32,
@@ -25,14 +25,14 @@ pub(super) struct StoreLayout {
 }
 
 impl StoreLayout {
-    /// The layout with tiles of `side`, narrower where the grid itself is.
+    /// The layout with tiles of `side`, smaller where the grid is.
     pub(super) fn new(width: u32, height: u32, side: u32, sample_type: SampleType) -> Result<Self> {
         if !TILE_SIDES.contains(&side) {
-            return Err(Error::usage(format!("a store cannot have tiles of {side} samples"))
+            return Err(Error::usage(format!("tile size {side} is not supported"))
                 .remedy(format!("choose one of {TILE_SIDES:?}")));
         }
         if width == 0 || height == 0 {
-            return Err(Error::usage("a grid without samples cannot be stored"));
+            return Err(Error::usage("grid has no samples"));
         }
         let fit = |length: u32| side.min(length.next_multiple_of(SIDE_STEP));
         let (tile_width, tile_height) = (fit(width.min(side)), fit(height.min(side)));
@@ -41,7 +41,7 @@ impl StoreLayout {
         Ok(layout)
     }
 
-    /// Turns away what this version does not write, before anything is computed from it.
+    /// Rejects layouts that this version does not write, before anything is computed from them.
     pub(super) fn check(&self) -> Result<()> {
         limits::check("width", u64::from(self.width), limits::MAX_SIDE)?;
         limits::check("height", u64::from(self.height), limits::MAX_SIDE)?;
@@ -49,22 +49,22 @@ impl StoreLayout {
         let sound = |side: u32| (1..=largest).contains(&side) && side.is_multiple_of(SIDE_STEP);
         let empty = self.width == 0 || self.height == 0;
         if empty || !sound(self.tile_width) || !sound(self.tile_height) {
-            return Err(Error::new(ErrorKind::BadInput, "not the layout of a store"));
+            return Err(Error::new(ErrorKind::BadInput, "invalid layout of a store"));
         }
         limits::check("number of tiles", self.tiles(), limits::MAX_BLOCKS)
     }
 
-    /// Tiles along a row.
+    /// Number of tiles across.
     pub(super) fn across(&self) -> u32 {
         self.width.div_ceil(self.tile_width)
     }
 
-    /// Tiles along a column.
+    /// Number of tiles down.
     pub(super) fn down(&self) -> u32 {
         self.height.div_ceil(self.tile_height)
     }
 
-    /// All tiles.
+    /// Number of tiles.
     pub(super) fn tiles(&self) -> u64 {
         u64::from(self.across()) * u64::from(self.down())
     }

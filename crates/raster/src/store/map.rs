@@ -1,11 +1,10 @@
-//! The store's system calls, and its only unsafe code: mapping a file, letting mapped pages go, and
-//! asking the disk how much room it has.
+//! System calls of the store, and its only unsafe code: mapping a file, releasing mapped pages, and querying
+//! free disk space.
 //!
-//! What remains at risk: a mapped file that someone truncates or rewrites in place. Reading a page
-//! beyond the new end kills the process with SIGBUS, and rewritten samples show through. Only files
-//! that carry our mark and match their directory to the last byte are mapped; we never change a
-//! store in place (writers rename a complete file over it, which leaves an existing map intact), so
-//! only another program could. Copy stores elsewhere before truncating them by hand.
+//! Remaining risk: another program truncates or rewrites a mapped file in place. Reading a page beyond the new
+//! end kills the process with SIGBUS, and rewritten samples become visible. Only files that carry the mark of a
+//! store and match their directory in every byte are mapped, and terrane never changes a store in place:
+//! writers rename a complete file over it, which leaves existing mappings intact.
 #![allow(unsafe_code)]
 
 use std::fs::File;
@@ -19,7 +18,7 @@ use memmap2::Mmap;
 pub(super) struct MappedFile(Mmap);
 
 impl MappedFile {
-    /// Maps `file`, which must be a store whose length has been checked against its directory.
+    /// Maps `file`, a store whose length was checked against its directory.
     pub(super) fn new(file: &File) -> io::Result<Self> {
         // SAFETY: the map is private to this module, read-only, and handed out as plain bytes only.
         // That the file does not shrink or change while it lives rests on the rule above.
@@ -27,7 +26,7 @@ impl MappedFile {
         Ok(Self(map))
     }
 
-    /// Lets the pages of `range` (inside the map) go; they are read again when touched.
+    /// Releases the pages of `range` (inside the mapping); they are read again on access.
     pub(super) fn release(&self, range: Range<usize>) {
         #[cfg(unix)]
         if range.end <= self.0.len() && range.start < range.end {
@@ -41,7 +40,7 @@ impl MappedFile {
         }
     }
 
-    /// Asks for the pages of `range` ahead of their use. A hint: failure costs time only.
+    /// Prefetches the pages of `range`. A hint: failure costs time only.
     pub(super) fn want(&self, range: Range<usize>) {
         #[cfg(unix)]
         if range.end <= self.0.len() {
@@ -58,16 +57,15 @@ impl Deref for MappedFile {
     }
 }
 
-/// Gives `file` its length, after making sure that the disk has room for it, so that a full disk is
-/// found before the work and not at its end. The room is not reserved: writing into reserved extents
-/// takes about twice as long (measured on ext4), and a disk that others fill meanwhile is an error
-/// of the write that meets it.
+/// Sets the length of `file` after a check of the disk space, so that a full disk is detected before the
+/// work. The space is not reserved: writing into reserved extents takes about twice as long (measured on
+/// ext4), and if others fill the disk meanwhile, the write fails.
 pub(super) fn set_length(file: &File, length: u64) -> io::Result<()> {
     check_room(file, length)?;
     file.set_len(length)
 }
 
-/// Fails when the disk that `file` is on is known to have no room for `bytes` more.
+/// Fails if the disk of `file` is known to have less than `bytes` free.
 #[cfg(target_os = "linux")]
 pub(super) fn check_room(file: &File, bytes: u64) -> io::Result<()> {
     match free_space(file)? {
@@ -76,13 +74,13 @@ pub(super) fn check_room(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
-/// Where the system is not asked, the write that meets a full disk tells.
+/// On other systems a full disk is detected by the write.
 #[cfg(not(target_os = "linux"))]
 pub(super) fn check_room(_file: &File, _bytes: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// Bytes that may still be written to the disk that `file` is on.
+/// Free space of the disk of `file` in bytes.
 #[cfg(target_os = "linux")]
 fn free_space(file: &File) -> io::Result<u64> {
     let mut facts = std::mem::MaybeUninit::<libc::statvfs>::uninit();

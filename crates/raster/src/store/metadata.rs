@@ -1,31 +1,31 @@
-//! The GDAL_METADATA tag of a store: scale, offset, vertical unit, and what is known of the CRS
-//! beyond the GeoKeys.
+//! The GDAL_METADATA tag of a store: scale, offset, vertical unit, and parts of the CRS that GeoKeys cannot
+//! store.
 
 use super::crs::GeoKeyTags;
 use crate::grid::{GridInfo, unit_and_text};
 use terrane_base::geom::Crs;
 
-/// What a band is called.
+/// Name of a band.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BandName {
-    /// Its description, as GDAL has it.
+    /// Band description, as in GDAL.
     pub name: String,
     /// Whether its values are in the vertical unit of the grid.
     pub in_vertical_unit: bool,
-    /// Whether 0 stands for no value.
+    /// Whether 0 means no value.
     pub counts: bool,
 }
 
-/// Items in the order they are written.
+/// Metadata items in order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct GdalMetadata(Vec<GdalMetadataItem>);
 
-/// One item: its name, its role for GDAL where it has one, and its value.
+/// A metadata item: name, optional role, and value.
 #[derive(Clone, Debug, PartialEq)]
 struct GdalMetadataItem {
     name: String,
     role: Option<String>,
-    /// The band that one with a role is of, from 0.
+    /// Band of an item with a role, from 0.
     sample: u32,
     value: String,
 }
@@ -34,7 +34,7 @@ const OPEN: &str = "<GDALMetadata>\n";
 const CLOSE: &str = "</GDALMetadata>\n";
 
 impl GdalMetadata {
-    /// What GDAL knows of a band too: offset, scale and vertical unit.
+    /// Band items that GDAL knows: offset, scale and vertical unit.
     pub(super) fn of_band(info: &GridInfo) -> Self {
         let crs = &info.crs;
         let mut items = Self::default();
@@ -47,7 +47,7 @@ impl GdalMetadata {
         items
     }
 
-    /// The same of each of several bands, with what it is called.
+    /// As [`of_band`](Self::of_band) for several bands, with their names.
     pub(super) fn of_bands(info: &GridInfo, bands: &[BandName]) -> Self {
         let mut items = Self::default();
         for (sample, band) in (0..).zip(bands) {
@@ -61,7 +61,7 @@ impl GdalMetadata {
         if bands.is_empty() { Self::of_band(info) } else { items }
     }
 
-    /// The items of a store; the exact position of sample (0, 0) among them when asked.
+    /// The items of a store; on request with the exact position of sample (0, 0).
     pub(super) fn new(info: &GridInfo, with_origin: bool) -> Self {
         let crs = &info.crs;
         let mut items = Self::of_band(info);
@@ -86,7 +86,7 @@ impl GdalMetadata {
         self.0.iter().find(|item| item.name == name).map(|item| item.value.as_str())
     }
 
-    /// The value of an item, `default` when there is none, `None` when it is not a `T`.
+    /// The value of an item, `default` if missing, `None` if it is not a `T`.
     fn parse<T: std::str::FromStr>(&self, name: &str, default: T) -> Option<T> {
         self.get(name).map_or(Some(default), |text| text.parse().ok())
     }
@@ -104,7 +104,7 @@ impl GdalMetadata {
         Some([x.parse().ok()?, y.parse().ok()?])
     }
 
-    /// The CRS, with the given GeoKeys; `None` when an item is not what it should be.
+    /// The CRS, with the given GeoKeys; `None` if an item is invalid.
     pub(super) fn crs(&self, keys: &GeoKeyTags) -> Option<Crs> {
         let text = |name| self.get(name).map(str::to_owned);
         let (vertical_unit, vertical_unit_text) = self.get("UNITTYPE").map(unit_and_text).unzip();
@@ -126,13 +126,13 @@ impl GdalMetadata {
         self.get(name).map(|text| text.parse().ok()).map_or(Some(None), |value| value.map(Some))
     }
 
-    /// The tag's text; `None` when there is nothing to say.
+    /// The XML text of the tag; `None` if there are no items.
     pub(super) fn xml(&self) -> Option<String> {
         let lines: String = self.0.iter().map(GdalMetadataItem::line).collect();
         (!self.0.is_empty()).then(|| format!("{OPEN}{lines}{CLOSE}"))
     }
 
-    /// The items of a text that [`xml`](Self::xml) wrote.
+    /// Parses the output of [`xml`](Self::xml).
     pub(super) fn from_xml(xml: &str) -> Option<Self> {
         let body = xml.strip_prefix(OPEN)?.strip_suffix(CLOSE)?;
         body.lines().map(GdalMetadataItem::parse).collect::<Option<Vec<_>>>().map(Self)
@@ -157,7 +157,7 @@ impl GdalMetadataItem {
     }
 }
 
-/// Characters that XML text cannot hold as they are. The ampersand is first.
+/// Characters that must be escaped in XML text. The ampersand is first.
 const ESCAPES: &[(char, &str)] = &[
     ('&', "&amp;"),
     ('<', "&lt;"),
@@ -176,7 +176,7 @@ fn unescape(text: &str) -> String {
     ESCAPES.iter().rev().fold(text.to_owned(), back)
 }
 
-/// The shortest text that reads back as the same number, in the manner of GDAL ("-9999", "nan").
+/// The shortest text that round-trips, in GDAL's notation ("-9999", "nan").
 pub(crate) fn number(value: f64) -> String {
     if value.is_nan() {
         return "nan".to_owned();

@@ -1,30 +1,29 @@
-//! Heights that a sample type does not hold: why, where, and what the user can do.
+//! Errors of heights that the sample type cannot store, with position and remedy.
 
 use crate::grid::SampleType;
 use terrane_base::error::Error;
 
-/// Why a height cannot be stored, and which one of the run it is.
+/// Reason why a height cannot be stored, and its index in the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum SampleMisfit {
-    /// A void, but no value is declared to stand for voids.
+    /// A void without a nodata value.
     Void(usize),
     /// A height beyond the range of the sample type.
     Beyond(usize, f64),
     /// A height between two values of the sample type.
     Between(usize, f64),
-    /// A height that would be taken for the value for voids.
+    /// A height equal to the nodata value.
     Nodata(usize, f64),
 }
 
 const CHOOSE_FOR_VOIDS: &str =
-    "pass a value with ‹nodata› or ‹out_nodata› that the type holds and no sample has";
-const CHOOSE_NODATA: &str =
-    "pass another value for voids with ‹out_nodata› (‹nodata› of ‹terrane grid›)";
+    "pass an unused value in the range of the type as ‹nodata› or ‹out_nodata›";
+const CHOOSE_NODATA: &str = "pass another value as ‹out_nodata› (‹nodata› of ‹terrane grid›)";
 const CHOOSE_TYPE: &str = "choose a wider type with ‹type›";
 const ROUND: &str = "pass ‹round› to store the nearest value, or choose another type with ‹type›";
 
 impl SampleMisfit {
-    /// The error, for a run that begins at (`col`, `row`) of a grid of such samples.
+    /// The error, for a run that begins at (`col`, `row`).
     pub(super) fn error(
         self,
         sample_type: SampleType,
@@ -35,20 +34,20 @@ impl SampleMisfit {
         let (at, message, remedy) = match (self, nodata) {
             (Self::Void(at), Some(value)) => {
                 let message =
-                    format!("a void, but the nodata value {value} cannot be stored as {name}");
+                    format!("sample is void, but nodata value {value} cannot be stored as {name}");
                 (at, message, CHOOSE_FOR_VOIDS)
             }
             (Self::Void(at), None) => {
-                (at, "a void, but no nodata value is declared".to_owned(), CHOOSE_FOR_VOIDS)
+                (at, "sample is void, but no nodata value is declared".to_owned(), CHOOSE_FOR_VOIDS)
             }
             (Self::Beyond(at, height), _) => {
-                (at, format!("the height {height} is beyond what {name} holds"), CHOOSE_TYPE)
+                (at, format!("height {height} is outside the range of {name}"), CHOOSE_TYPE)
             }
             (Self::Between(at, height), _) => {
-                (at, format!("{name} does not hold the height {height} exactly"), ROUND)
+                (at, format!("height {height} cannot be stored exactly as {name}"), ROUND)
             }
             (Self::Nodata(at, height), _) => {
-                (at, format!("the height {height} would be read as nodata"), CHOOSE_NODATA)
+                (at, format!("height {height} would be read as nodata"), CHOOSE_NODATA)
             }
         };
         Error::bad_input(message)

@@ -1,16 +1,16 @@
-//! terrane's own store: an uncompressed tiled BigTIFF whose tiles are aligned to the page, so that
-//! it can be mapped into memory as it lies on disk while any GIS opens it as a GeoTIFF.
+//! The terrane store: an uncompressed tiled BigTIFF with page-aligned tiles, which can be memory-mapped and
+//! which any GIS opens as a GeoTIFF.
 //!
-//! A file is one directory, then one contiguous run of equally large tiles:
+//! A file consists of a directory and contiguous tiles of equal size:
 //!
 //! ```text
 //! BigTIFF header | directory and small values | tile offsets | tile byte counts | 0... | tile 0 | tile 1 | ...
 //! 0              16                                                                   a multiple of 4096
 //! ```
 //!
-//! Everything before the tiles follows from a few facts (`StoreHeader`), so opening a store means:
-//! read the facts, encode them again, and demand that every byte and the file's length agree. Any
-//! other file, one edited by another program included, is left to the general GeoTIFF reader.
+//! Everything before the tiles is generated from a few values (`StoreHeader`). Opening a store reads these
+//! values, encodes them again, and compares every byte and the file length. Other files, including stores
+//! edited by other programs, are opened by the general GeoTIFF reader.
 
 mod crs;
 pub(super) mod header;

@@ -1,4 +1,4 @@
-//! Opening a store: recognised, checked to the last byte of its directory, and mapped.
+//! Reader of stores: recognised, validated byte by byte up to the tiles, and memory-mapped.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -18,9 +18,8 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_base::limits;
 
-/// Opens `path` when it is a store written by this version, every byte outside the tiles as this
-/// version writes it; `None` when it is anything else. Fails when the file cannot be read, or has
-/// no band as asked.
+/// Opens `path` if it is a store of this version, with every byte outside the tiles as this version writes
+/// it; `None` otherwise. Fails if the file cannot be read, or lacks the requested band.
 pub fn try_open(path: &Path, options: &GridOpenOptions) -> Result<Option<Box<dyn GridSource>>> {
     let mut file = File::open(path).map_err(|e| Error::read(path, e))?;
     let facts = file.metadata().map_err(|e| Error::read(path, e))?;
@@ -30,9 +29,9 @@ pub fn try_open(path: &Path, options: &GridOpenOptions) -> Result<Option<Box<dyn
     let found = recognise(&mut file, facts.len()).map_err(|e| Error::read(path, e))?;
     let Some((header, front, mut info)) = found else { return Ok(None) };
     if options.band != 1 {
-        return Err(Error::usage(format!("there is no band {}", options.band))
+        return Err(Error::usage(format!("band {} does not exist", options.band))
             .in_file(path)
-            .remedy("the file has one band: leave ‹band› out"));
+            .remedy("omit ‹band›: the file has one band"));
     }
     info.nodata = options.nodata.or(info.nodata);
     let map = MappedFile::new(&file).map_err(|e| Error::read(path, e))?;
@@ -40,7 +39,7 @@ pub fn try_open(path: &Path, options: &GridOpenOptions) -> Result<Option<Box<dyn
     Ok(Some(Box::new(MappedStore { info, layout: header.layout, codec, map, data })))
 }
 
-/// The facts of a file that is a store to the last byte; `None` for any other.
+/// The metadata of a valid store; `None` for any other file.
 fn recognise(
     file: &mut File,
     length: u64,
@@ -68,8 +67,8 @@ fn next_bytes_are(file: &mut File, expected: &[u8]) -> io::Result<bool> {
     Ok(found == expected)
 }
 
-/// The directory of a file that begins as a store does. Nothing is read or allocated beyond the
-/// file's end or the limit for header values.
+/// The directory of a file that begins like a store. Reads and allocations are limited to the file size and
+/// to the limit of header values.
 fn read_tags(file: &mut File, length: u64) -> io::Result<Option<Vec<(u16, TiffTagValues)>>> {
     let mut start = [0; START + 8];
     if length < start.len() as u64 {
@@ -88,7 +87,7 @@ fn read_tags(file: &mut File, length: u64) -> io::Result<Option<Vec<(u16, TiffTa
     entries.chunks_exact(ENTRY).map(|entry| read_tag(file, length, entry)).collect()
 }
 
-/// One tag; `None` when it is not one of a store. Of tables of tiles only the count is read.
+/// One tag; `None` if it is not one of a store. Of tile tables only the count is read.
 fn read_tag(
     file: &mut File,
     length: u64,
@@ -114,7 +113,7 @@ fn read_tag(
     Ok(TiffTagValues::decode(kind, &bytes).map(|values| (tag, values)))
 }
 
-/// Fills `bytes` from `place`, unless they end beyond the file.
+/// Fills `bytes` from `place`, unless they extend beyond the file.
 fn read_inside(file: &mut File, place: u64, length: u64, bytes: &mut [u8]) -> io::Result<bool> {
     if place.checked_add(bytes.len() as u64).is_none_or(|end| end > length) {
         return Ok(false);
@@ -124,7 +123,7 @@ fn read_inside(file: &mut File, place: u64, length: u64, bytes: &mut [u8]) -> io
     Ok(true)
 }
 
-/// The facts in a store's tags; `None` when one is missing or strange.
+/// The metadata in the tags of a store; `None` if one is missing or invalid.
 fn parse(tags: &[(u16, TiffTagValues)]) -> Option<StoreHeader> {
     let get = |tag| tags.iter().find(|(found, _)| *found == tag).map(|(_, values)| values);
     let long = |tag| match get(tag) {
@@ -187,7 +186,7 @@ struct MappedStore {
     layout: StoreLayout,
     codec: SampleCodec,
     map: MappedFile,
-    /// Byte at which tile 0 starts.
+    /// Offset of tile 0.
     data: usize,
 }
 
@@ -212,7 +211,7 @@ impl MappedStore {
         Err(Error::usage(format!("{rect:?} with {values} values is not a window of the store")))
     }
 
-    /// The tiles that `rect` touches.
+    /// The tiles that overlap `rect`.
     fn tiles(&self, rect: Rect) -> impl Iterator<Item = (u32, u32)> + use<> {
         let StoreLayout { tile_width, tile_height, .. } = self.layout;
         let across = rect.col / tile_width..rect.end_col().div_ceil(tile_width);
@@ -221,7 +220,7 @@ impl MappedStore {
         down.flat_map(move |down| across.clone().map(move |across| (across, down)))
     }
 
-    /// Bytes of the map that hold a tile.
+    /// Bytes of a tile in the mapping.
     fn tile_bytes(&self, across: u32, down: u32) -> Range<usize> {
         let bytes = self.layout.tile_bytes() as usize;
         let start = self.data + self.layout.tile(across, down) as usize * bytes;
@@ -249,13 +248,13 @@ impl MappedStore {
 impl GridSource for MappedStore {
     reads_alike!();
 
-    /// The same as [`copied`](Self::copied): a page that is read again is in the system's cache.
+    /// As [`copied`](Self::copied): a page that is read again is in the system's cache.
     fn release(&self, rect: Rect) {
         self.copied(rect);
     }
 
-    /// Lets the pages of all tiles that `rect` touches go: whoever reads by other pieces than tiles would
-    /// have all of them in the end.
+    /// Releases the pages of all tiles that overlap `rect`; otherwise a reader by other pieces than tiles
+    /// would keep all pages.
     fn copied(&self, rect: Rect) {
         let rect = rect.intersect(&self.info.bounds());
         for (across, down) in self.tiles(rect) {

@@ -1,4 +1,4 @@
-//! From stored bytes to heights and back, for every sample type.
+//! Conversion between stored bytes and heights, for every sample type.
 
 use half::f16;
 
@@ -6,7 +6,7 @@ use super::misfit::SampleMisfit;
 use crate::grid::{GridInfo, SampleType};
 use terrane_base::error::Error;
 
-/// What stored samples mean: height = stored * scale + offset, one value stands for voids.
+/// Meaning of stored samples: height = stored * scale + offset, and the nodata value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SampleCodec {
     sample_type: SampleType,
@@ -16,23 +16,22 @@ pub(crate) struct SampleCodec {
     rounding: SampleRounding,
 }
 
-/// What becomes of heights that the sample type does not hold as they are.
+/// Handling of heights that the sample type cannot store exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum SampleRounding {
-    /// They are refused.
+    /// Fail.
     #[default]
     Exact,
-    /// The nearest value stands for them.
+    /// Round to the nearest value.
     Nearest,
-    /// The same, and one that happens to be the value for voids moves aside: for means, which no
-    /// file of the user holds.
+    /// Round to the nearest value, but away from the nodata value; for means, which are not user data.
     Aside,
 }
 
-/// Heights that are stored together where they are whole.
+/// Number of heights that are stored together if they are integers.
 const RUN: usize = 256;
 
-/// Calls a generic method for the type of the samples.
+/// Calls a generic method for the sample type.
 macro_rules! by_type {
     ($codec:expr, $method:ident, $($argument:expr),*) => {
         match $codec.sample_type {
@@ -55,12 +54,12 @@ impl SampleCodec {
         Self { sample_type, nodata, scale, offset, rounding: SampleRounding::Exact }
     }
 
-    /// The same with another way of rounding.
+    /// The codec with another rounding.
     pub(crate) fn rounding(self, rounding: SampleRounding) -> Self {
         Self { rounding, ..self }
     }
 
-    /// Heights of stored bytes (as many as `out` holds); voids become NaN.
+    /// Decodes stored bytes into `out`; voids become NaN.
     pub(super) fn decode<H: StoreHeight>(&self, stored: &[u8], out: &mut [H]) {
         by_type!(self, decode_as, stored, out);
     }
@@ -81,8 +80,7 @@ impl SampleCodec {
         self.scale == 1.0 && self.offset == 0.0
     }
 
-    /// Stored bytes of heights. `bytes` may be longer: the rest is padded with voids (zeros where
-    /// no value is declared for them).
+    /// Encodes heights. `bytes` may be longer: the rest is padded with voids (zeros without a nodata value).
     pub(crate) fn encode<H: StoreHeight>(
         &self,
         heights: &[H],
@@ -115,7 +113,7 @@ impl SampleCodec {
         if sound { Ok(()) } else { Err(self.misfit(heights, fill)) }
     }
 
-    /// What a reader will get of `height`, for formats that write numbers their own way.
+    /// The height that a reader will get for `height`, for formats with their own number encoding.
     pub(crate) fn fit(&self, height: f64) -> Result<f64, SampleMisfit> {
         let (mut bytes, mut out) = ([0; 8], [0.0]);
         let bytes = &mut bytes[..self.sample_type.bytes()];
@@ -139,26 +137,26 @@ impl SampleCodec {
         }
     }
 
-    /// The value that is stored for a void; `None` where the type has none.
+    /// The stored value of a void; `None` if the type has none.
     fn void_as<T: StoreSample, H: StoreHeight>(&self, void: H) -> Option<f64> {
         let (value, is_held) = self.store::<T, H>(void, T::exactly(self.nodata).or(T::HOLE));
         is_held.then(|| value.to_f64())
     }
 
-    /// What would have to be stored for `height`.
+    /// The exact stored value of `height`, before rounding.
     #[inline(always)]
     fn wanted<T: StoreSample>(&self, height: f64) -> f64 {
         if self.is_plain() { height } else { T::unscale(height, self.scale, self.offset) }
     }
 
-    /// True when `value` is `wanted`, but for what scale and offset have rounded.
+    /// True if `value` equals `wanted` up to rounding by scale and offset.
     #[inline(always)]
     fn is_close<T: StoreSample>(&self, value: T, wanted: f64) -> bool {
         let apart = (value.to_f64() - wanted).abs();
         apart <= if self.is_plain() { 0.0 } else { T::slack(wanted, self.offset / self.scale) }
     }
 
-    /// Finds what [`encode`](Self::encode) stumbled over.
+    /// The first height that [`encode`](Self::encode) could not store.
     fn misfit<T: StoreSample, H: StoreHeight>(
         &self,
         heights: &[H],
@@ -178,14 +176,14 @@ impl SampleCodec {
         }
     }
 
-    /// The error of a misfit in a run that begins at (`col`, `row`): what, where and what to do.
+    /// The error of a misfit in a run that begins at (`col`, `row`).
     pub(crate) fn refusal(&self, misfit: SampleMisfit, col: u32, row: u32) -> Error {
         misfit.error(self.sample_type, self.nodata, (col, row))
     }
 }
 
-/// The value that samples of this type store for voids where `nodata` is declared: the nearest one of
-/// floats, and NaN for infinities. `None` where integers lack it.
+/// The stored value of voids for the declared `nodata`: the nearest float, NaN for infinities. `None` if the
+/// integer type lacks it.
 pub(crate) fn stored_nodata(sample_type: SampleType, nodata: f64) -> Option<f64> {
     let info = GridInfo::plain("", 1, 1, sample_type);
     let codec = SampleCodec::new(&GridInfo { nodata: Some(nodata), ..info });
@@ -205,7 +203,7 @@ fn decode_run<T: StoreSample, H: StoreHeight>(
     }
 }
 
-/// A float that heights are handed out in.
+/// A float type of heights.
 pub(crate) trait StoreHeight: Copy {
     const VOID: Self;
     fn of<T: StoreSample>(value: T) -> Self;
@@ -266,7 +264,7 @@ impl StoreHeight for f64 {
 pub(crate) trait StoreSample: Copy + PartialEq {
     const BYTES: usize;
     const ZERO: Self;
-    /// A value that is void by itself (NaN).
+    /// A value that is always void (NaN).
     const HOLE: Option<Self>;
     fn read(bytes: &[u8]) -> Self;
     fn write(self, bytes: &mut [u8]);
@@ -277,32 +275,32 @@ pub(crate) trait StoreSample: Copy + PartialEq {
     /// The nearest value of this type, and whether `value` is within its range.
     fn nearest(value: f64) -> (Self, bool);
 
-    /// Writes heights that are whole numbers of this type. False where one is not, or stands for voids; what is written
-    /// is of no use then.
+    /// Stores heights that are integers of this type. False if one is not, or equals the nodata value; the
+    /// output is undefined then.
     fn write_whole<H: StoreHeight>(_heights: &[H], _bytes: &mut [u8], _fill: Option<Self>) -> bool {
         false
     }
 
-    /// The value that a declared nodata value is stored as: itself, where the type has it, and of floats
-    /// the nearest finite one, as text of the lowest float is often beyond it. `None` where there is none.
+    /// The stored value of a declared nodata value: equal to it, or for floats the nearest finite one,
+    /// because text of the lowest float is often out of range. `None` if there is none.
     fn exactly(value: Option<f64>) -> Option<Self>;
 
-    /// The stored value with `value * scale + offset == height`, about.
+    /// Approximately the stored value with `value * scale + offset == height`.
     fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
         (height - offset) / scale
     }
 
-    /// How far scale and offset (in stored units) may have moved a value of this type.
+    /// Maximum rounding error of a value by scale and offset, in stored units.
     fn slack(wanted: f64, offset: f64) -> f64;
 
-    /// True when readers take this value for `nodata`.
+    /// True if readers treat this value as `nodata`.
     fn meets(self, nodata: Self) -> bool;
 
-    /// A value near this one that does not meet it.
+    /// A nearby value that readers do not treat as nodata.
     fn aside(self) -> Self;
 }
 
-/// The little-endian bytes of a value, to and fro.
+/// Little-endian conversion of a value.
 macro_rules! bytes_of {
     ($t:ty) => {
         const BYTES: usize = size_of::<$t>();
@@ -343,7 +341,7 @@ macro_rules! stored_integer {
 
             #[inline(always)]
             fn nearest(value: f64) -> (Self, bool) {
-                // 1.5 * 2^52: adding and taking it away rounds to a whole number.
+                // 1.5 * 2^52: adding and subtracting it rounds to an integer.
                 const ROUND: f64 = 6_755_399_441_055_744.0;
                 let whole = (value + ROUND) - ROUND;
                 (whole as $t, f64::from(whole as $t) == whole)
@@ -383,8 +381,8 @@ macro_rules! stored_integer {
 
 stored_integer!(i8, u8, i16, u16, i32, u32);
 
-/// What floats have in common: how near nodata readers (GDAL and our own) take them for it, and a
-/// step that leaves that range towards zero.
+/// Common rules of floats: tolerance of nodata in readers (GDAL and terrane), and a step towards zero that
+/// leaves it.
 macro_rules! float_rules {
     ($epsilon:expr, $step:literal) => {
         #[inline(always)]
@@ -499,7 +497,7 @@ impl StoreSample for f64 {
         value.filter(|v| v.is_finite())
     }
 
-    /// Division may miss the value by its last bit: the neighbours are tried as well.
+    /// Division may be off by one unit in the last place, so the neighbours are tried as well.
     fn unscale(height: f64, scale: f64, offset: f64) -> f64 {
         let near = (height - offset) / scale;
         let tries = [near, near.next_down(), near.next_up()];

@@ -1,8 +1,8 @@
-//! TIFF directory entries: written from values, and read back from our own files.
+//! TIFF directory entries of stores: encoding and decoding.
 
 use super::layout::PAGE;
 
-/// Numbers of the tags a store has.
+/// Tags of a store.
 pub(crate) mod tag {
     pub(crate) const WIDTH: u16 = 256;
     pub(crate) const HEIGHT: u16 = 257;
@@ -27,13 +27,13 @@ pub(crate) mod tag {
     pub(crate) const GDAL_NODATA: u16 = 42_113;
 }
 
-/// Bytes before the directory: the BigTIFF header.
+/// Size of the BigTIFF header before the directory in bytes.
 pub(super) const START: usize = 16;
-/// Bytes of the BigTIFF header, with the directory right behind it.
+/// The BigTIFF header, directly followed by the directory.
 pub(super) const MAGIC: [u8; START] = [b'I', b'I', 43, 0, 8, 0, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0];
 /// Bytes of one entry.
 pub(super) const ENTRY: usize = 20;
-/// Bytes an entry can hold in itself.
+/// Bytes of values stored inside an entry.
 const INLINE: usize = 8;
 
 /// The values of one tag.
@@ -43,7 +43,7 @@ pub(crate) enum TiffTagValues {
     Long(Vec<u32>),
     Double(Vec<f64>),
     Ascii(String),
-    /// One `u64` for each of so many tiles: first value, and the step to the next.
+    /// One `u64` per tile: first value, and constant step.
     Table {
         count: u64,
         first: u64,
@@ -72,7 +72,7 @@ impl TiffTagValues {
         }
     }
 
-    /// The bytes of everything but long tables, which are never held whole.
+    /// The bytes of all values except long tables, which are never held in memory.
     pub(crate) fn bytes(&self) -> Vec<u8> {
         match self {
             Self::Short(values) => values.iter().flat_map(|v| v.to_le_bytes()).collect(),
@@ -84,7 +84,7 @@ impl TiffTagValues {
         }
     }
 
-    /// Values of the given type, as found in a file; `None` for a type we never write.
+    /// Values of the given type in a file; `None` for types that stores do not use.
     pub(super) fn decode(kind: u16, bytes: &[u8]) -> Option<Self> {
         Some(match kind {
             2 => Self::Ascii(String::from_utf8(bytes.strip_suffix(&[0])?.to_vec()).ok()?),
@@ -100,7 +100,7 @@ fn words<const N: usize>(bytes: &[u8]) -> impl Iterator<Item = [u8; N]> {
     bytes.chunks_exact(N).filter_map(|word| word.try_into().ok())
 }
 
-/// Bytes of one value of a TIFF type that we write.
+/// Size of a value of a TIFF type that stores use.
 pub(super) fn value_bytes(kind: u16) -> Option<u64> {
     match kind {
         2 => Some(1),
@@ -118,13 +118,13 @@ pub(super) struct StorePreamble {
     pub(super) head: Vec<u8>,
     /// Tables that follow the head, one after the other: (count, first value, step).
     pub(super) tables: Vec<(u64, u64, u64)>,
-    /// Byte at which tile 0 starts.
+    /// Offset of tile 0.
     pub(super) data: u64,
 }
 
 impl StorePreamble {
-    /// Lays out the directory. `tags` must be in ascending order; it is called with the byte at
-    /// which tile 0 starts, and must give the same types and counts whatever that is.
+    /// Lays out the directory. `tags` must be in ascending order; it is called with the offset of tile 0, and
+    /// must give the same types and counts for any offset.
     pub(super) fn new(tags: impl Fn(u64) -> Vec<(u16, TiffTagValues)>) -> Self {
         let draft = Self::place(&tags(0));
         let end = draft.head.len() as u64 + draft.tables.iter().map(|t| 8 * t.0).sum::<u64>();
@@ -161,7 +161,7 @@ impl StorePreamble {
         Self { head, tables, data: 0 }
     }
 
-    /// Everything before the tiles, piece by piece, so that long tables are never held whole.
+    /// Everything before the tiles in pieces, so that long tables are never held in memory.
     pub(super) fn pieces(&self) -> impl Iterator<Item = Vec<u8>> {
         const AT_ONCE: u64 = 1 << 16;
         let end = self.head.len() as u64 + self.tables.iter().map(|t| 8 * t.0).sum::<u64>();

@@ -1,4 +1,4 @@
-//! Writing a store: tiles in any order, from any thread, and the same bytes whatever the order.
+//! Writer of stores: tiles in any order, from any thread, with deterministic output.
 
 use std::fs::File;
 use std::io;
@@ -27,23 +27,23 @@ pub enum HeightSlice<'a> {
     F64(&'a [f64]),
 }
 
-/// A store in the making. It appears under its name in [`finish`](Self::finish), whole; dropping
-/// the writer before that leaves nothing.
+/// A store under construction. It appears in [`finish`](Self::finish); dropping the writer before leaves no
+/// file.
 #[derive(Debug)]
 pub struct StoreWriter {
     file: AtomicFile,
     layout: StoreLayout,
     front: StorePreamble,
     codec: SampleCodec,
-    /// Samples written so far.
+    /// Number of samples written so far.
     written: AtomicU64,
 }
 
 impl StoreWriter {
-    /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one
-    /// of [`TILE_SIDES`](super::TILE_SIDES)), after making sure that the disk has room for it. Size, transform,
-    /// CRS, sample type, nodata, scale and offset are taken from `info`. Fails where a mask or an
-    /// .aux.xml of an earlier file lies beside `path`: it would change what is read of the store.
+    /// Starts a store of the grid described by `info` at `path`, with tiles of `side` samples (one of
+    /// [`TILE_SIDES`](super::TILE_SIDES)), after a check of the disk space. Size, transform, CRS, sample
+    /// type, nodata, scale and offset are taken from `info`. Fails if `path` has a mask or an .aux.xml of an
+    /// earlier file, which would apply to the store.
     pub fn create(path: &Path, info: &GridInfo, side: u32, overwrite: bool) -> Result<Self> {
         refuse_old_sidecars(path)?;
         let header = StoreHeader::new(info, side).map_err(|e| e.in_file(path))?;
@@ -56,7 +56,7 @@ impl StoreWriter {
         Ok(Self { file, layout, front, codec: SampleCodec::new(info), written: AtomicU64::new(0) })
     }
 
-    /// The writer with its heights rounded to what the sample type holds.
+    /// The writer with heights rounded by `rounding`.
     pub(crate) fn rounding(self, rounding: SampleRounding) -> Self {
         Self { codec: self.codec.rounding(rounding), ..self }
     }
@@ -66,9 +66,8 @@ impl StoreWriter {
         (self.layout.tile_width, self.layout.tile_height)
     }
 
-    /// Writes the heights of `rect`: some rows of one tile, in the whole width that the tile has
-    /// inside the grid. May be called from several threads, in any order, once for each sample.
-    /// `scratch` is a buffer to be used again.
+    /// Writes the heights of `rect`: rows of one tile, in its full width inside the grid. May be called from
+    /// several threads and in any order, once per sample. `scratch` is a reusable buffer.
     pub fn write(&self, rect: Rect, heights: HeightSlice<'_>, scratch: &mut Vec<u8>) -> Result<()> {
         match heights {
             HeightSlice::F32(heights) => self.write_heights(rect, heights, scratch),
@@ -86,7 +85,7 @@ impl StoreWriter {
         let row_bytes = self.layout.row_bytes() as usize;
         scratch.clear();
         scratch.resize(place.rows as usize * row_bytes, 0);
-        // Rows beyond the grid's last one are encoded from no heights: all padding.
+        // Rows beyond the last row of the grid are padding.
         let lines = heights.chunks_exact(rect.width as usize).chain(std::iter::repeat(&[][..]));
         for ((row, line), bytes) in (rect.row..).zip(lines).zip(scratch.chunks_exact_mut(row_bytes))
         {
@@ -99,7 +98,7 @@ impl StoreWriter {
         Ok(())
     }
 
-    /// Where the rows of `rect` go.
+    /// Offset and number of rows of `rect` in the file.
     fn place(&self, rect: Rect, values: usize) -> Result<StoreTileOffset> {
         let StoreLayout { tile_width, tile_height, .. } = self.layout;
         let (across, down) = (rect.col / tile_width, rect.row / tile_height);
@@ -122,8 +121,7 @@ impl StoreWriter {
         self.codec.refusal(misfit, col, row).in_file(self.file.path())
     }
 
-    /// Completes the store, puts it under its name, and returns its size in bytes. Fails when
-    /// samples are missing.
+    /// Completes the store, commits it, and returns its size in bytes. Fails if samples are missing.
     pub fn finish(self) -> Result<u64> {
         let StoreLayout { width, height, .. } = self.layout;
         let (all, written) = (u64::from(width) * u64::from(height), self.written.into_inner());
@@ -141,34 +139,34 @@ impl StoreWriter {
     }
 }
 
-/// Fails when a file beside `path` would be read with a new one there.
+/// Fails if a sidecar of an earlier file would apply to a new file at `path`.
 pub(crate) fn refuse_old_sidecars(path: &Path) -> Result<()> {
     pam::refuse_old(path)?;
     let Some(mask) = beside::mask(path) else { return Ok(()) };
-    let message = "is the mask of an earlier file and would void samples of the new one";
+    let message = "mask of an earlier file exists and would apply to the new one";
     Err(Error::new(ErrorKind::CannotWrite, message)
         .in_file(&mask)
-        .remedy("remove it, or write to another name"))
+        .remedy("remove it, or choose another output name"))
 }
 
-/// Bytes in the file, and how many rows of a tile go there.
+/// Offset in the file, and number of rows of a tile to write there.
 struct StoreTileOffset {
     byte: u64,
     rows: u32,
 }
 
-/// Gives `file`, which `path` is told for, its length, if the disk has room for it.
+/// Sets the length of `file` after a check of the disk space; errors name `path`.
 pub(crate) fn set_length(path: &Path, file: &File, length: u64) -> Result<()> {
     map::set_length(file, length).map_err(|e| no_room(path, length, e))
 }
 
-/// Fails when the disk that `file`, which `path` is told for, is on has no room for `bytes` more.
+/// Fails if the disk of `file` has no space for `bytes` more; errors name `path`.
 pub(crate) fn check_room(path: &Path, file: &File, bytes: u64) -> Result<()> {
     map::check_room(file, bytes).map_err(|e| no_room(path, bytes, e))
 }
 
 fn no_room(path: &Path, length: u64, error: io::Error) -> Error {
     let full = matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::FileTooLarge);
-    let error = Error::write(path, error).at(format!("making room for {length} bytes"));
+    let error = Error::write(path, error).at(format!("allocating {length} bytes"));
     if full { error.remedy("free some space, or write to another disk") } else { error }
 }

@@ -1,53 +1,52 @@
-//! Numbers of a USGS model, which may touch where one fills its field ("  100-32767").
+//! Number fields of a USGS DEM, which may be adjacent without a space ("  100-32767").
 
 use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 
 /// Bytes read at a time.
 const CHUNK: u64 = 64 << 10;
-/// Bytes of the field of a height, alone and with the padding of the record before it.
+/// Field width of a height, alone and with the padding of the preceding record.
 const FIELDS: [usize; 2] = [6, 10];
-/// No number is longer.
+/// Maximum length of a number.
 const MOST_WORD: usize = 64;
 
-/// A reader of numbers, one after the other.
+/// Sequential reader of numbers.
 pub(super) struct UsgsDemFieldReader<'a> {
     file: &'a RawFile,
     buffer: Vec<u8>,
-    /// Next byte in `buffer`.
+    /// Index of the next byte in `buffer`.
     next: usize,
-    /// Offset in the file of the end of `buffer`.
+    /// File offset of the end of `buffer`.
     end: u64,
 }
 
 impl<'a> UsgsDemFieldReader<'a> {
-    /// From `offset` on.
+    /// A reader from `offset` on.
     pub(super) fn new(file: &'a RawFile, offset: u64) -> Self {
         Self { file, buffer: Vec::new(), next: 0, end: offset }
     }
 
-    /// Moves to the next multiple of `record` bytes after `start`, past blanks.
+    /// Skips blanks up to the next multiple of `record` bytes after `start`.
     pub(super) fn align(&mut self, start: u64, record: u64) -> Result<()> {
         let at = start + (self.offset() - start).div_ceil(record) * record;
         self.skip_blanks(at)?;
         if self.offset() < at.min(self.file.size()) {
-            return Err(Error::bad_input("more follows its last height"));
+            return Err(Error::bad_input("data after the last height"));
         }
         Ok(())
     }
 
-    /// Fails where more is left than blanks and a record of at most `most` bytes, which tells of
-    /// accuracy.
+    /// Fails if more than blanks and a record of at most `most` bytes (the accuracy record) is left.
     pub(super) fn finish(&mut self, most: u64) -> Result<()> {
         self.skip_blanks(self.file.size())?;
         match self.file.size() - self.offset() {
             left if left <= most => Ok(()),
-            left => Err(Error::bad_input(format!("{left} bytes follow its last profile"))
+            left => Err(Error::bad_input(format!("{left} extra bytes after the last profile"))
                 .remedy("copy the file again")),
         }
     }
 
-    /// Moves to the first byte that is no blank, `end` at most.
+    /// Skips blanks, up to `end` at most.
     fn skip_blanks(&mut self, end: u64) -> Result<()> {
         while self.offset() < end && self.peek()?.is_some_and(|byte| byte.is_ascii_whitespace()) {
             self.next += 1;
@@ -55,14 +54,14 @@ impl<'a> UsgsDemFieldReader<'a> {
         Ok(())
     }
 
-    /// A whole number.
+    /// An integer.
     pub(super) fn integer(&mut self) -> Result<i64> {
         let word = self.word()?;
         let text = std::str::from_utf8(&word).ok();
         text.and_then(|t| t.parse().ok()).ok_or_else(|| not_a("whole number", &word))
     }
 
-    /// A number as Fortran writes it: "0.557945011821133D+06".
+    /// A Fortran real: "0.557945011821133D+06".
     pub(super) fn decimal(&mut self) -> Result<f64> {
         let word = self.word()?;
         decimal(&word).ok_or_else(|| not_a("number", &word))
@@ -96,7 +95,7 @@ impl<'a> UsgsDemFieldReader<'a> {
         // A number that ends with the file must fill its field, or digits may be missing.
         if word.is_empty() || !FIELDS.contains(&(before + word.len())) {
             let found = self.file.size();
-            let message = format!("file is truncated: more is expected and it has {found} bytes");
+            let message = format!("file is truncated: it ends at byte {found}");
             return Err(Error::bad_input(message));
         }
         Ok(word)
@@ -146,12 +145,14 @@ mod tests {
         assert_eq!(fields.integer().unwrap(), 8);
         fields.align(0, 1000).unwrap();
         let error = fields.integer().unwrap_err().to_string();
-        assert!(error.contains("it has 46 bytes"), "{error}");
+        assert!(error.contains("it ends at byte 46"), "{error}");
         assert!(UsgsDemFieldReader::new(&file, 32).integer().is_err());
         let mut fields = UsgsDemFieldReader::new(&file, 0);
         fields.integer().unwrap();
-        assert!(fields.align(0, 40).unwrap_err().to_string().contains("more follows"));
-        assert!(fields.finish(41).unwrap_err().to_string().contains("42 bytes follow"));
+        assert!(
+            fields.align(0, 40).unwrap_err().to_string().contains("data after the last height")
+        );
+        assert!(fields.finish(41).unwrap_err().to_string().contains("42 extra bytes"));
         assert!(fields.finish(42).is_ok());
     }
 }

@@ -1,4 +1,4 @@
-//! The first record of a USGS model: fields at fixed columns.
+//! The first record (type A) of a USGS DEM: fields at fixed columns.
 
 use super::fields::{UsgsDemFieldReader, decimal};
 use crate::grid::SampleType;
@@ -7,30 +7,30 @@ use terrane_base::geom::Affine;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Bytes of a record, without a newline.
+/// Record length without a newline, in bytes.
 const RECORD: u64 = 1024;
-/// Where the profiles of the old form begin, whose records are not padded.
+/// Offset of the profiles in the old form, whose records are not padded.
 const OLD_START: u64 = 893;
 const ARC_SECONDS: f64 = 3600.0;
 
-/// What the record says.
+/// Content of the header record.
 pub(super) struct UsgsDemHeader {
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) transform: Affine,
-    /// Positions in the file are divided by this: 3600 for arc seconds.
+    /// Divisor of positions in the file: 3600 for arc seconds.
     pub(super) divisor: f64,
     pub(super) geographic: bool,
     pub(super) epsg: Option<u32>,
-    /// The name of the system.
+    /// Name of the CRS.
     pub(super) system: String,
     pub(super) vertical_unit: &'static str,
-    /// Height of one stored unit.
+    /// Height of one stored unit (vertical resolution).
     pub(super) resolution: f64,
     /// Offset of the first profile.
     pub(super) data: u64,
-    /// Bytes of a record with its newline, where profiles begin with a record.
+    /// Record length with its newline, if profiles are aligned to records.
     pub(super) record_bytes: Option<u64>,
 }
 
@@ -39,7 +39,7 @@ impl UsgsDemHeader {
         let record = UsgsDemRecord(file.head(RECORD)?);
         if record.0.len() < 864 {
             return Err(Error::bad_input(format!(
-                "file is truncated: its first record has 1024 bytes and the file {}",
+                "file is truncated: {} bytes, expected a first record of 1024 bytes",
                 file.size()
             )));
         }
@@ -53,7 +53,7 @@ impl UsgsDemHeader {
             1 => "foot",
             2 => "metre",
             other => {
-                return Err(Error::unsupported(format!("unit {other} of heights is not known")));
+                return Err(Error::unsupported(format!("height unit {other} is not supported")));
             }
         };
         Ok(Self {
@@ -72,14 +72,14 @@ impl UsgsDemHeader {
         })
     }
 
-    /// Whole metres are `int16`, all else `float32`, as GDAL reads them.
+    /// `int16` for whole metres, else `float32`, as in GDAL.
     pub(super) fn sample_type(&self) -> SampleType {
         let whole = self.vertical_unit == "metre" && self.resolution >= 1.0;
         if whole { SampleType::I16 } else { SampleType::F32 }
     }
 }
 
-/// Size and place.
+/// Size and georeference.
 struct UsgsDemGrid {
     /// 0 geographic, 1 UTM, 2 state plane.
     system: i64,
@@ -123,28 +123,29 @@ impl UsgsDemGrid {
         let rows = ((north - south) / dy + 1.5).floor();
         let profiles = record.integer("number of profiles", 858, 6)?;
         if !transform.is_valid() || profiles < 1 || rows.is_nan() || rows < 1.0 {
-            return Err(Error::bad_input("corners and spacing in the header make no grid"));
+            return Err(Error::bad_input("corners and spacing in the header do not define a grid"));
         }
-        limits::check("rows", rows as u64, limits::MAX_SIDE)?;
-        limits::check("profiles", profiles as u64, limits::MAX_SIDE)?;
+        limits::check("number of rows", rows as u64, limits::MAX_SIDE)?;
+        limits::check("number of profiles", profiles as u64, limits::MAX_SIDE)?;
         check_room(profiles as u64, rows as u64, file.size())?;
         let (width, height) = (profiles as u32, rows as u32);
         Ok(Self { system, width, height, transform, divisor, resolution })
     }
 }
 
-/// A profile takes at least its head of 144 bytes, and a grid of voids is no grid.
+/// Checks the size of the file: a profile takes at least its 144-byte header, and a grid that is nearly all
+/// void is rejected.
 fn check_room(profiles: u64, rows: u64, bytes: u64) -> Result<()> {
     let least = profiles * 144;
     if least > bytes {
         return Err(Error::bad_input(format!(
-            "file is truncated: {profiles} profiles need {least} bytes and it has {bytes}"
+            "file is truncated: {profiles} profiles need {least} bytes, found {bytes}"
         )));
     }
-    limits::check("samples for each byte of the file", profiles * rows / bytes, 1000)
+    limits::check("number of samples per byte of the file", profiles * rows / bytes, 1000)
 }
 
-/// The x of the first profile.
+/// x of the first profile.
 fn first_x(file: &RawFile, data: u64) -> Result<f64> {
     let mut fields = UsgsDemFieldReader::new(file, data);
     for _ in 0..4 {
@@ -153,7 +154,7 @@ fn first_x(file: &RawFile, data: u64) -> Result<f64> {
     fields.decimal().map_err(|e| e.at("profile 1"))
 }
 
-/// Offset of the first profile, and the bytes of a record unless the file has the old form.
+/// Offset of the first profile, and the record length unless the file has the old form.
 fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
     let starts_at = |offset: u64| {
         if offset >= file.size() {
@@ -170,12 +171,12 @@ fn data_start(file: &RawFile) -> Result<(u64, Option<u64>)> {
     if starts_at(OLD_START) {
         return Ok((OLD_START, None));
     }
-    Err(Error::bad_input("is not a USGS model: its first profile is not found at byte 1024 or 893"))
+    Err(Error::bad_input("is not a USGS DEM: no profile at byte 1024 or 893"))
 }
 
-/// EPSG code and name of the system.
+/// EPSG code and name of the CRS.
 fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
-    // Geographic code, then what the UTM codes of north and south begin with.
+    // Code of the geographic CRS, then the first digits of the codes of northern and southern UTM zones.
     let (name, geographic, north, south) = match datum.trim() {
         "2" => ("WGS 72", 4322, 32200, 32300),
         "3" => ("WGS 84", 4326, 32600, 32700),
@@ -199,7 +200,7 @@ fn system(system: i64, zone: i64, datum: &str) -> (Option<u32>, String) {
     }
 }
 
-/// The record's bytes.
+/// Bytes of the record.
 struct UsgsDemRecord(Vec<u8>);
 
 impl UsgsDemRecord {
@@ -210,13 +211,14 @@ impl UsgsDemRecord {
 
     fn decimal(&self, what: &str, offset: usize, bytes: usize) -> Result<f64> {
         let text = self.text(offset, bytes);
-        decimal(text.as_bytes())
-            .ok_or_else(|| Error::bad_input(format!("{what} is {:?}, not a number", text.trim())))
+        decimal(text.as_bytes()).ok_or_else(|| {
+            Error::bad_input(format!("{what} is {:?}, expected a number", text.trim()))
+        })
     }
 
     fn integer(&self, what: &str, offset: usize, bytes: usize) -> Result<i64> {
         let text = self.text(offset, bytes).trim();
         text.parse()
-            .map_err(|_| Error::bad_input(format!("{what} is {text:?}, not a whole number")))
+            .map_err(|_| Error::bad_input(format!("{what} is {text:?}, expected an integer")))
     }
 }

@@ -1,5 +1,5 @@
-//! USGS ASCII elevation models (.dem): profiles of heights from south to north, which need not
-//! start on the same row. Decoded once at opening into a temporary file.
+//! USGS ASCII DEM (.dem): profiles of heights from south to north, which may start at different rows. Decoded
+//! into a temporary file at opening.
 
 mod fields;
 mod header;
@@ -27,11 +27,11 @@ pub(super) const FORMAT: RasterFormat = RasterFormat {
     open,
 };
 
-/// What a sample without a height holds.
+/// Value of void samples.
 const VOID: f64 = -32767.0;
-/// Most bytes of a record, with its newline.
+/// Maximum record length with its newline, in bytes.
 const MOST_RECORD: u64 = 1024 + 2;
-/// Part of a cell that a profile may lie off its place.
+/// Maximum offset of a profile from its position, in cells.
 const SLACK: f64 = 0.05;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -43,7 +43,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(grid))
 }
 
-/// True when the file begins as text does.
+/// True if the file begins with text.
 fn is_text(path: &Path) -> Result<bool> {
     let head = RawFile::open(path)?.head(144)?;
     Ok(head.iter().all(|byte| matches!(byte, b' '..=b'~' | b'\r' | b'\n' | b'\t')))
@@ -86,7 +86,7 @@ fn info(header: &UsgsDemHeader, options: &GridOpenOptions) -> GridInfo {
     }
 }
 
-/// Decodes every profile into a column from north to south.
+/// Decodes each profile into a column from north to south.
 fn unpack(file: &RawFile, header: &UsgsDemHeader, mut spool: SampleSpool) -> Result<RawFile> {
     let mut fields = UsgsDemFieldReader::new(file, header.data);
     let mut column = Vec::new();
@@ -111,7 +111,7 @@ fn push(out: &mut Vec<u8>, height: f64, kind: SampleType) {
     }
 }
 
-/// The heights of profile `i` from north to south, void where it has none.
+/// Heights of profile `i` from north to south; void where the profile has none.
 fn profile(
     fields: &mut UsgsDemFieldReader<'_>,
     header: &UsgsDemHeader,
@@ -119,12 +119,12 @@ fn profile(
 ) -> Result<Vec<f64>> {
     let (_, number) = (fields.integer()?, fields.integer()?);
     if number != i64::from(i) + 1 {
-        return Err(Error::bad_input(format!("it says to be number {number}")));
+        return Err(Error::bad_input(format!("profile number is {number}")));
     }
     let (rows, columns) = (fields.integer()?, fields.integer()?);
     if columns != 1 || !(0..=i64::from(header.height)).contains(&rows) {
         return Err(Error::bad_input(format!(
-            "it claims {rows} x {columns} heights, where the grid has {} rows",
+            "{rows} x {columns} heights declared, the grid has {} rows",
             header.height
         )));
     }
@@ -134,13 +134,13 @@ fn profile(
     let [col, bottom] = header.transform.invert(x, y);
     if (col - f64::from(i)).abs() > SLACK {
         let [expected, _] = header.transform.apply(f64::from(i), 0.0);
-        let message = format!("it lies at x {x}, where the header says {expected}");
+        let message = format!("x is {x}, expected {expected}");
         return Err(Error::bad_input(message));
     }
     let first = bottom.round();
     if !(first < f64::from(header.height) && first - rows as f64 >= -1.0) {
         return Err(Error::bad_input(format!(
-            "its {rows} heights from y {y} upwards do not lie in the grid of {} rows",
+            "{rows} heights from y {y} upwards exceed the grid of {} rows",
             header.height
         )));
     }

@@ -1,37 +1,37 @@
-//! Places along the centre lines of a river.
+//! Stations along the centre lines of a river.
 
 use super::Xy;
 
-/// The lines of a river, segment by segment.
+/// The segments of a river's centre lines.
 #[derive(Debug)]
 pub(super) struct RiverAxis {
     segments: Vec<RiverReach>,
-    /// Bounds of each [`Self::GROUP`] of them.
+    /// Bounds of each group of [`Self::GROUP`] segments.
     groups: Vec<[Xy; 2]>,
 }
 
-/// A segment of a line.
+/// A segment of a centre line.
 #[derive(Clone, Copy, Debug)]
 struct RiverReach {
     ends: [Xy; 2],
     line: u32,
-    /// Where it begins, and how long it is, in stations.
+    /// Start and length of the segment in stations.
     start: f64,
     length: f64,
 }
 
-/// Where a line is nearest to a position.
+/// Nearest position on a centre line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RiverStation {
     pub(super) line: u32,
-    /// Stations from its beginning on.
+    /// Distance from the start of the line in stations.
     pub(super) along: f64,
 }
 
 impl RiverAxis {
     const GROUP: usize = 16;
 
-    /// Of lines and their numbers; of which some have a length.
+    /// From lines and their numbers; at least one has a positive length.
     pub(super) fn new<'a>(lines: impl Iterator<Item = (u32, &'a [Xy])>, station: f64) -> Self {
         let mut segments = Vec::new();
         for (line, at) in lines {
@@ -46,13 +46,12 @@ impl RiverAxis {
         Self { segments, groups }
     }
 
-    /// The place nearest to `at`, the first of several. What was found last, if it is not far, makes it quick; it
-    /// changes nothing.
+    /// The position nearest to `at`, the first of several. `last` is a hint that only affects speed.
     pub(super) fn nearest(&self, at: Xy, last: &mut usize) -> RiverStation {
         let mut best = *last;
         let (mut share, mut least) = self.segments[best].nearest(at);
         for (group, bounds) in self.groups.iter().enumerate() {
-            // What rounding may hide is far less.
+            // Rounding errors are far smaller.
             let slack = 1e-9 * (distance(bounds[0], bounds[1]) + least);
             if beyond(at, bounds) > least + slack {
                 continue;
@@ -73,7 +72,7 @@ impl RiverAxis {
 }
 
 impl RiverReach {
-    /// The share of it that lies before what is nearest to `at`, and how far that is.
+    /// Fraction of the segment before the point nearest to `at`, and its distance.
     fn nearest(&self, at: Xy) -> (f64, f64) {
         let [a, b] = self.ends.map(|end| [end[0] - at[0], end[1] - at[1]]);
         let on = [b[0] - a[0], b[1] - a[1]];
@@ -86,7 +85,7 @@ impl RiverReach {
     }
 }
 
-/// Stations of a line from end to end.
+/// Length of a line in stations.
 pub(super) fn length(line: &[Xy], station: f64) -> f64 {
     line.windows(2).map(|pair| distance(pair[0], pair[1]) / station).sum()
 }
@@ -102,7 +101,7 @@ fn bounds(segments: &[RiverReach]) -> [Xy; 2] {
     [[least(0), least(1)], [most(0), most(1)]]
 }
 
-/// How far a position lies from bounds.
+/// Distance of a position from a bounding box.
 fn beyond(at: Xy, [low, high]: &[Xy; 2]) -> f64 {
     let off = |axis: usize| (low[axis] - at[axis]).max(at[axis] - high[axis]).max(0.0);
     off(0).hypot(off(1))

@@ -1,4 +1,4 @@
-//! A grid in front of another: what is water is level.
+//! Adapter that flattens the water of a grid.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,18 +11,17 @@ use crate::{GridInfo, GridOpenOptions, GridSource};
 use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 
-/// A grid with level water.
+/// A grid with flattened water.
 struct LeveledGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     water: Arc<Water>,
 }
 
-/// What `open` opens, with the water of `water`, whose bytes are taken off those of the cache.
+/// The grid of `open` with the water of `water`, whose memory counts towards the cache.
 ///
 /// # Errors
-/// Those of `open`; water that leaves no room for anything else, or is in another reference system, or not on the
-/// grid.
+/// Errors of `open`; water that exceeds the memory, has another CRS, or does not overlap the grid.
 pub(crate) fn levelled(
     water: &Arc<Water>,
     options: &GridOpenOptions,
@@ -37,7 +36,7 @@ pub(crate) fn levelled(
 }
 
 impl LeveledGrid {
-    /// Those found before, or now.
+    /// The levels, computed on first use.
     fn levels(&self) -> Result<Arc<WaterLevels>> {
         let mut known = self.water.lock();
         if let Some(levels) = &*known {

@@ -1,4 +1,5 @@
-//! How high water is: banks are looked at once, then levels go down along lines and lakes.
+//! Water levels: bank heights are collected once, then levels are propagated downstream through lines and
+//! lakes.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -11,12 +12,12 @@ use terrane_base::bits::BitSet;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Samples along the side of a window in which banks are looked at.
+/// Side in samples of the windows in which banks are collected.
 const SIDE: u32 = 256;
-/// Stations of all lines together: where cells would make more, stations are longer.
+/// Maximum number of stations of all lines; stations are longer than cells if necessary.
 const STATIONS: u64 = 1 << 14;
 
-/// Most bytes that stations, and a window, take.
+/// Maximum memory for stations and a window, in bytes.
 pub(super) fn held(line_vertices: usize) -> u64 {
     let window = u64::from(SIDE + 2).pow(2) * (size_of::<f64>() as u64 + 1);
     most_stations(line_vertices) * 64 + 2 * window
@@ -26,38 +27,38 @@ fn most_stations(line_vertices: usize) -> u64 {
     STATIONS + 4 * line_vertices as u64
 }
 
-/// The level of all water of a grid.
+/// Levels of all water bodies of a grid.
 #[derive(Debug)]
 pub(super) struct WaterLevels {
     pub(super) mask: WaterMask,
     rounding: LevelRounding,
     lakes: Vec<f64>,
-    /// Of each body that is a river.
+    /// Centre lines of each body that is a river.
     axes: Vec<Option<RiverAxis>>,
     profiles: Vec<RiverProfile>,
     found: BankLevels,
 }
 
-/// What banks tell.
+/// Collected bank heights.
 #[derive(Debug)]
 struct BankLevels {
-    /// The lowest bank of each body.
+    /// Lowest bank of each body.
     lowest: Vec<f64>,
-    /// True for bodies with a sample.
+    /// True for bodies with at least one sample.
     is_there: Vec<bool>,
-    /// The bodies that a sample with a height is of, each such list once.
+    /// Sets of bodies that share a sample with a valid height.
     valid: BTreeSet<Vec<u32>>,
-    /// The lowest banks along each line.
+    /// Lowest banks along each line.
     stations: Vec<Stations>,
-    /// From where to where along each line there is water.
+    /// Range of stations with water along each line.
     reaches: Vec<Option<[f64; 2]>>,
 }
 
 impl WaterLevels {
-    /// Those of `water` on `grid`. Reads all samples near water once.
+    /// Levels of `water` on `grid`. Reads all samples near water once.
     ///
     /// # Errors
-    /// As [`WaterMask::new`]; lines that run in a circle; water without a bank; what reading fails with.
+    /// As [`WaterMask::new`]; cyclic centre lines; water without a bank; read errors.
     pub(super) fn new(water: &Water, grid: &dyn GridSource) -> Result<Self> {
         let info = grid.info();
         let mask = WaterMask::new(water, info)?;
@@ -78,7 +79,7 @@ impl WaterLevels {
         Ok(levels)
     }
 
-    /// True where something tells of the level of a body.
+    /// True if the level of a body is known.
     fn is_known(&self, water: &Water, body: u32) -> bool {
         match water.bodies[body as usize][..] {
             [] => self.lakes[body as usize].is_finite(),
@@ -89,18 +90,17 @@ impl WaterLevels {
         }
     }
 
-    /// Fails where nothing tells of the level of water whose samples have heights.
+    /// Fails if water samples with heights belong to bodies of unknown level.
     fn check(&self, water: &Water) -> Result<()> {
         let is_left = |bodies: &&Vec<u32>| !bodies.iter().any(|&body| self.is_known(water, body));
         let Some(bodies) = self.found.valid.iter().find(is_left) else { return Ok(()) };
         let area = water.body_of.iter().position(|of| *of == bodies[0]).unwrap_or_default();
-        Err(Error::bad_input("water without a bank: no valid sample is beside it")
+        Err(Error::bad_input("water body without a bank: no valid sample is adjacent")
             .at(format_args!("polygon {}", area + 1))
-            .remedy("take a grid with its bank, or leave the polygon out"))
+            .remedy("pass a grid that covers the bank, or remove the polygon"))
     }
 
-    /// The level of a body at a position, infinite where nothing tells of one; of a river with what was nearest
-    /// last.
+    /// The level of a body at a position, infinite if unknown; `last` is a hint for rivers.
     pub(super) fn at(&self, body: u32, at: Xy, last: &mut usize) -> f64 {
         let level = match &self.axes[body as usize] {
             None => self.lakes[body as usize],
@@ -112,12 +112,12 @@ impl WaterLevels {
         self.rounding.down(level)
     }
 
-    /// True where a body has one level.
+    /// True for a body with one level.
     pub(super) fn is_level(&self, body: u32) -> bool {
         self.axes[body as usize].is_none()
     }
 
-    /// What became of the water.
+    /// Summary of the flattening.
     pub(super) fn report(&self, water: &Water) -> WaterReport {
         let BankLevels { is_there, stations, reaches, .. } = &self.found;
         let there = |body: &u32| is_there[*body as usize];
@@ -152,7 +152,7 @@ impl WaterLevels {
     }
 }
 
-/// How long stations are: as cells are wide, or longer where they would be too many.
+/// Length of a station: the cell width, or more if there would be too many stations.
 fn station(info: &GridInfo, lines: &[&[Xy]]) -> f64 {
     let vertices = lines.iter().map(|line| line.len()).sum();
     let cell = info.transform.determinant().abs().sqrt();
@@ -188,7 +188,7 @@ impl BankLevels {
         Ok(found)
     }
 
-    /// Looks at the water in `core`, and what is around it.
+    /// Collects the banks of the water in `core` from the samples in and around it.
     fn look_at(
         &mut self,
         (grid, mask, axes): (&dyn GridSource, &WaterMask, &[Option<RiverAxis>]),
@@ -206,7 +206,7 @@ impl BankLevels {
         }
         heights.resize(rect.len(), 0.0);
         grid.read_f64(rect, heights)?;
-        // All that was touched: a column of samples is as many pages as a tile has.
+        // Releases all pages read: a column of samples touches as many pages as a tile has.
         grid.release(rect);
         let width = rect.width as usize;
         let mut is_water = BitSet::new(rect.len());
@@ -254,7 +254,7 @@ impl BankLevels {
         Ok(())
     }
 
-    /// Notes a sample of a body, and its lowest bank.
+    /// Records a sample of a body, and its lowest bank.
     fn note(
         &mut self,
         (body, axis): (u32, Option<&RiverAxis>),
@@ -277,11 +277,11 @@ impl BankLevels {
     }
 }
 
-/// Lines from node to node: a lake, or where lines begin and end.
+/// Graph of centre lines: nodes are lakes and line ends.
 struct RiverNetwork {
-    /// From where, to where, and how long, in stations.
+    /// Start node, end node, and length in stations.
     lines: Vec<([usize; 2], f64)>,
-    /// Nodes: first one for each body.
+    /// Number of nodes, the bodies first.
     nodes: usize,
     bodies: usize,
 }
@@ -314,7 +314,7 @@ impl RiverNetwork {
         Self { lines, nodes: bodies + numbers.len(), bodies }
     }
 
-    /// The level of each lake, and along each line, infinite where nothing tells of one.
+    /// The level of each lake and profile of each line; infinite if unknown.
     fn solve(
         &self,
         lowest: &[f64],
@@ -322,9 +322,9 @@ impl RiverNetwork {
     ) -> Result<(Vec<f64>, Vec<RiverProfile>)> {
         let order = self.downstream()?;
         let mut levels = vec![f64::INFINITY; self.nodes];
-        // Rivers' own numbers are no nodes that a line has.
+        // Nodes of rivers have no lines.
         levels[..self.bodies].copy_from_slice(lowest);
-        // A line from a lake into the same lake is as high as that.
+        // A line from a lake to itself has the level of the lake.
         let of_lake = |&line: &usize| self.is_of_lake(line);
         let side_lines: Vec<_> = (0..self.lines.len()).filter(of_lake).collect();
         for &line in &side_lines {
@@ -337,7 +337,7 @@ impl RiverNetwork {
             profiles[line] = RiverProfile::new(levels[from], &stations[line]);
             levels[to] = levels[to].min(profiles[line].at(length));
         }
-        // Where nothing upstream tells of a level, what is downstream does.
+        // If no level is known upstream, the level downstream applies.
         let is_open: Vec<_> = levels.iter().map(|level| level.is_infinite()).collect();
         for &line in order.iter().rev() {
             let ([from, to], _) = self.lines[line];
@@ -361,7 +361,7 @@ impl RiverNetwork {
         from == to && from < self.bodies
     }
 
-    /// The lines, each after all that end where it begins (Kahn 1962), but those of one lake.
+    /// Topological order of the lines (Kahn 1962), ignoring lines with both ends in one lake.
     fn downstream(&self) -> Result<Vec<usize>> {
         let mut ending = vec![0_usize; self.nodes];
         let mut beginning: Vec<Vec<usize>> = vec![Vec::new(); self.nodes];
@@ -387,22 +387,22 @@ impl RiverNetwork {
         match (0..self.lines.len()).find(|&line| ending[self.lines[line].0[1]] > 0) {
             None => Ok(order),
             Some(line) => {
-                Err(Error::bad_input("the line is part of a circle, or downstream of one")
+                Err(Error::bad_input("centre line is part of a cycle or downstream of one")
                     .at(format_args!("line {}", line + 1))
-                    .remedy("draw centre lines downstream, each from one end to another"))
+                    .remedy("draw centre lines downstream and without cycles"))
             }
         }
     }
 }
 
-/// What the samples of a grid can be.
+/// Values that samples of a grid can have.
 #[derive(Clone, Copy, Debug)]
 enum LevelRounding {
-    /// Any `f64`,
+    /// Any `f64`.
     None,
-    /// any `f32`, or
+    /// Any `f32`.
     Single,
-    /// whole numbers, of which a height is so many times more, and that much higher.
+    /// Integers, with height = stored * scale + offset.
     Whole { scale: f64, offset: f64 },
 }
 
@@ -417,7 +417,7 @@ impl LevelRounding {
         }
     }
 
-    /// What a sample can be that is nearest to a height, or for whole numbers is not above it.
+    /// The nearest possible sample value; for integers the nearest one that is not above.
     fn down(self, height: f64) -> f64 {
         match self {
             Self::None => height,
@@ -425,7 +425,7 @@ impl LevelRounding {
             Self::Whole { scale, offset } => {
                 let stored = (height - offset) / scale;
                 let whole = if scale < 0.0 { stored.ceil() } else { stored.floor() };
-                // What is a whole number already may have become a little less.
+                // Rounding may have decreased an integer slightly.
                 let near = stored.round();
                 let is_near = (stored - near).abs() < 1e-6;
                 (if is_near { near } else { whole }) * scale + offset

@@ -1,4 +1,4 @@
-//! Which samples are water, and of which bodies.
+//! Samples of each water body.
 
 use std::ops::ControlFlow;
 
@@ -8,33 +8,33 @@ use crate::clip::{ClipRings, Labelled, PolygonEdgeIndex, PolygonScan, join};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Affine, Ends, Paths, Rect, cut};
 
-/// Columns are x, rows are y.
+/// Sample coordinates: x is the column, y is the row.
 const SAMPLES: Affine = Affine { x0: 0.0, a: 1.0, b: 0.0, y0: 0.0, d: 0.0, e: 1.0 };
 
-/// The water of a grid.
+/// Water on a grid.
 #[derive(Debug)]
 pub(super) struct WaterMask {
     size: [u32; 2],
-    /// Polygons whose corners are samples.
+    /// Polygons with their corners snapped to samples.
     inside: PolygonEdgeIndex,
-    /// The body of each of them.
+    /// Body of each polygon.
     body_of: Vec<u32>,
     bodies: Vec<WaterBody>,
 }
 
-/// A body of water on the grid.
+/// A water body on the grid.
 #[derive(Clone, Debug, Default)]
 struct WaterBody {
     sides: Paths,
-    /// What it lies within: least and largest column and row.
+    /// Minimum and maximum column and row.
     bounds: Option<Ends>,
 }
 
 impl WaterMask {
-    /// Where the water of a file is on a grid. Takes O(n log n) time for n sides.
+    /// The water of a file on a grid. O(n log n) for n edges.
     ///
     /// # Errors
-    /// Another reference system; no polygon on the grid; coordinates that signs are not exact for.
+    /// Another CRS; no polygon on the grid; coordinates outside the range of exact predicates.
     pub(super) fn new(water: &Water, grid: &GridInfo) -> Result<Self> {
         let of_file = |e: Error| e.in_file(&water.path);
         grid.crs.check_same(&water.crs, "water").map_err(of_file)?;
@@ -56,8 +56,8 @@ impl WaterMask {
         }
         if bodies.iter().all(|body| body.bounds.is_none()) {
             return Err(of_file(
-                Error::bad_input("no water of this file lies on the grid")
-                    .remedy("choose polygons on the grid (terrane info tells the bounds of both)"),
+                Error::bad_input("water polygons do not overlap the grid")
+                    .remedy("choose polygons that overlap the grid (terrane info prints the bounds of both)"),
             ));
         }
         for (body, sides) in bodies.iter_mut().zip(sides) {
@@ -71,18 +71,19 @@ impl WaterMask {
         })
     }
 
-    /// The sides of all bodies.
+    /// Edges of all bodies.
     pub(super) fn into_sides(self) -> Vec<Ends> {
         let all = Rect::new(0, 0, self.size[0], self.size[1]);
         self.bodies.iter().flat_map(|body| body.sides.ends_near(all)).collect()
     }
 
-    /// True when there may be water in a rectangle.
+    /// True if there may be water in a rectangle.
     pub(super) fn may_be_in(&self, rect: Rect) -> bool {
         self.bodies.iter().any(|body| body.may_be_in(rect))
     }
 
-    /// The water of each row of a rectangle, by column from its first: bodies in order, those of each apart.
+    /// Water of each row of a rectangle as column ranges from its first column: sorted by body, disjoint per
+    /// body.
     pub(super) fn rows(&self, rect: Rect) -> Vec<Vec<Labelled>> {
         let mut rows = vec![Vec::new(); rect.height as usize];
         if !self.may_be_in(rect) {
@@ -143,8 +144,8 @@ impl WaterBody {
     }
 }
 
-/// The corners that a ring has where the ends of its sides are samples, for what of it lies on the grid; appends
-/// these sides. What lies beyond the grid stays beyond it.
+/// Corners of a ring with its edge ends snapped to samples, clipped to the neighbourhood of the grid; appends
+/// the edges. Parts outside the grid stay outside.
 fn corners(ring: &[Xy], size: [u32; 2], sides: &mut Vec<Ends>) -> Vec<Xy> {
     let mut corners = Vec::with_capacity(ring.len());
     for pair in ring.windows(2) {
@@ -168,7 +169,7 @@ fn is_beyond(at: Xy, size: [u32; 2]) -> bool {
     (0..2).any(|axis| !(-0.5..=f64::from(size[axis]) - 0.5).contains(&at[axis]))
 }
 
-/// A position as a whole one, on no sample if it was on none.
+/// A position rounded to integers that stays outside the grid if it was outside.
 fn outwards(at: Xy, size: [u32; 2]) -> Xy {
     [0, 1].map(|axis| match at[axis] {
         c if c < -0.5 => c.floor(),

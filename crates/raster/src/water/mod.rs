@@ -1,23 +1,21 @@
-//! Grids whose water is level, as surveys deliver bare-earth models (hydro-flattening).
+//! Hydro-flattening: grids with level water, as in bare-earth models of surveys.
 //!
-//! Polygons are water: a lake, which is level, or a river, where a centre line of the same file runs within it.
-//! A river is level from bank to bank and falls, or stays, along its lines, which are drawn downstream. Followed is
-//! what the Lidar Base Specification of the U.S. Geological Survey asks of surfaces: water is level, or falls
-//! monotonically, and is never above the ground beside it. Not followed is what it says of areas and widths from
-//! which on water counts: what is in the file is water.
+//! A polygon is a lake, which is level, or a river if a centre line of the same file runs inside it. A river is
+//! level from bank to bank and never rises along its lines, which are drawn downstream. Surfaces follow the Lidar
+//! Base Specification of the U.S. Geological Survey: water is level or falls monotonically, and is never above the
+//! adjacent ground. The minimum areas and widths of the specification are not applied: every polygon is water.
 //!
-//! - **Water** are the samples within the polygon whose corners are the samples nearest to those of a ring, and
-//!   those on the [path](terrane_base::geom::SampleSegment) along its sides ([`mask`]), so that edges of a mesh can follow
-//!   its bank exactly. Voids become water, too.
-//! - **Levels** come from banks: the valid samples beside water (of the eight around a sample) that are none.
-//!   A lake is as high as the lowest of them. A river goes down by straight lines from each place where its banks
-//!   are lower than anywhere upstream to the next one ([`profile`]). So no sample of water is above a bank sample
-//!   beside it: nothing floats.
-//! - **Networks**: lines that share an end go on from one another, a lake is not above a line that ends in it,
-//!   and a line that begins in one is not above it ([`levels`]).
-//! - Water in voids without a valid sample beside it stays void; with heights of its own it is refused.
-//! - Where bodies of water overlap, the lowest level holds. Polygons of one kind that share a side are one body.
-//! - Heights that the file may have are not looked at.
+//! - **Water samples** are those inside the polygon with its corners snapped to samples, and those on the
+//!   [path](terrane_base::geom::SampleSegment) along its edges ([`mask`]), so that edges of a mesh can follow the bank
+//!   exactly. Voids become water, too.
+//! - **Levels** come from banks: the valid samples adjacent (8-neighbourhood) to water. A lake has the height of its
+//!   lowest bank. A river falls linearly between the places where its banks are lower than anywhere upstream
+//!   ([`profile`]). So no water sample is above an adjacent bank sample.
+//! - **Networks**: lines continue at common ends, a lake is not above a line that ends in it, and a line that begins
+//!   in a lake is not above the lake ([`levels`]).
+//! - Water in voids without an adjacent valid sample stays void; if it has heights, it is an error.
+//! - Where bodies overlap, the lowest level applies. Polygons of one kind with a common edge form one body.
+//! - Heights in the water file are ignored.
 
 mod axis;
 mod layer;
@@ -44,39 +42,39 @@ use terrane_base::geom::{Crs, Ends};
 /// A position (x, y).
 type Xy = [f64; 2];
 
-/// Polygons and centre lines that are being gathered.
+/// Builder of water polygons and centre lines.
 #[derive(Debug, Default)]
 pub struct WaterFeatures {
     rings: ClipRings,
     areas: u32,
     /// Positions of all rings, and of all lines.
     at: [Vec<Xy>; 2],
-    /// The area of each ring, and where it ends.
+    /// Polygon of each ring, and the end of its positions.
     ends: Vec<(u32, usize)>,
     line_ends: Vec<usize>,
 }
 
 impl WaterFeatures {
-    /// Bytes that a vertex takes at the most (measured): where it is in the world and on the grid, with the indexes of
-    /// sides, which are made one after the other.
+    /// Maximum memory of a vertex in bytes (measured): its positions in the world and on the grid, and the
+    /// edge indexes, which are built one after the other.
     pub const VERTEX_BYTES: u64 = 320;
 
     /// Begins another polygon.
     ///
     /// # Errors
-    /// More than 2^32 of them.
+    /// More than 2^32 polygons.
     pub fn begin_area(&mut self) -> Result<()> {
         self.rings.begin_feature()?;
         self.areas += 1;
         Ok(())
     }
 
-    /// Adds a ring to the polygon begun last, its first position again at the end.
+    /// Adds a ring, with its closing position, to the current polygon.
     ///
     /// # Errors
-    /// As [`ClipRings::push`]; no polygon was begun.
+    /// As [`ClipRings::push`]; no current polygon.
     pub fn push_ring(&mut self, ring: &[Xy]) -> Result<()> {
-        let none = || Error::usage("a ring of no polygon");
+        let none = || Error::usage("ring without a polygon");
         let area = self.areas.checked_sub(1).ok_or_else(none)?;
         self.rings.push(ring)?;
         self.at[0].extend_from_slice(ring);
@@ -84,7 +82,7 @@ impl WaterFeatures {
         Ok(())
     }
 
-    /// Adds a centre line, drawn downstream; one without a length is none.
+    /// Adds a centre line, drawn downstream; lines of zero length are ignored.
     ///
     /// # Errors
     /// A coordinate that is not finite.
@@ -104,7 +102,7 @@ impl WaterFeatures {
         self.areas
     }
 
-    /// Each ring with its area.
+    /// Each ring with its polygon.
     fn rings(&self) -> impl Iterator<Item = (u32, &[Xy])> {
         let starts = std::iter::once(0).chain(self.ends.iter().map(|(_, end)| *end));
         starts.zip(&self.ends).map(|(start, &(area, end))| (area, &self.at[0][start..end]))
@@ -117,55 +115,57 @@ impl WaterFeatures {
     }
 }
 
-/// Water of a file. Levels are found by the first read of the one grid it is for.
+/// Water of a file. Levels are computed by the first read, and hold for one grid.
 #[derive(Debug)]
 pub struct Water {
     path: PathBuf,
     crs: Crs,
     features: WaterFeatures,
-    /// The body of each polygon.
+    /// Body of each polygon.
     body_of: Vec<u32>,
-    /// The lines of each body; none of a lake.
+    /// Centre lines of each body; empty for a lake.
     bodies: Vec<Vec<u32>>,
     levels: Mutex<Option<Arc<WaterLevels>>>,
 }
 
-/// What became of water.
+/// Summary of hydro-flattening.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct WaterReport {
-    /// The file it is in.
+    /// Name of the water file.
     pub file: String,
-    /// Bodies of it that are level, and
+    /// Number of lakes.
     pub lakes: u64,
-    /// those along which a centre line runs.
+    /// Number of rivers, bodies with a centre line.
     pub rivers: u64,
-    /// Bodies without a sample on the grid.
+    /// Number of bodies without a sample on the grid.
     pub outside: u64,
-    /// Bodies in voids, without a valid sample beside them: they stay void.
+    /// Number of bodies in voids without an adjacent valid sample, which stay void.
     pub without_bank: u64,
-    /// Level of the lowest and of the highest sample of water.
+    /// Lowest and highest level of water samples.
     pub levels: Option<[f64; 2]>,
-    /// The most that a river lies below all of its banks at some place: they were lower further upstream.
+    /// Maximum height of all banks above the river at one place, where banks are lower further upstream.
     pub dug: f64,
-    /// Numbers of lines along which the banks of a river rise, counted from 1: they seem to be drawn upstream.
+    /// Numbers of lines, from 1, along which banks rise; they are probably drawn upstream.
     pub rising: Vec<u64>,
 }
 
 impl WaterReport {
-    /// What is odd about it, in words.
+    /// Notes on unusual results.
     pub fn notes(&self) -> Vec<String> {
         let told = |number: &u64| {
             let file = &self.file;
-            format!("line {number} of {file}: its banks rise, is it drawn upstream?")
+            format!(
+                "line {number} of {file}: bank heights rise along the line; check that it is drawn downstream"
+            )
         };
         self.rising.iter().map(told).collect()
     }
 }
 
 impl Water {
-    /// The water of the file `path`, in the system `crs`. Takes O((n + m) log n) time for n sides and m vertices
-    /// of lines, where few sides are at a height.
+    /// The water of the file `path`, with the CRS `crs`. O((n + m) log n) for n edges and m vertices of
+    /// lines, if few edges overlap in height.
     pub fn new(mut features: WaterFeatures, path: &Path, crs: Crs) -> Self {
         let world = PolygonEdgeIndex::new(std::mem::take(&mut features.rings));
         let lines_of = lines_of(&features, &world);
@@ -184,36 +184,36 @@ impl Water {
         Self { path: path.to_path_buf(), crs, features, body_of, bodies, levels }
     }
 
-    /// Each ring with the number of its polygon, from 0 on; the rings of one come after each other.
+    /// Each ring with the number of its polygon, from 0; rings of a polygon are adjacent.
     pub fn rings(&self) -> impl Iterator<Item = (u32, &[Xy])> {
         self.features.rings()
     }
 
-    /// The file that it is from.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Vertices of its polygons.
+    /// Number of vertices of its polygons.
     pub fn vertices(&self) -> usize {
         self.features.at[0].len()
     }
 
-    /// Bytes that it takes.
+    /// Memory in bytes.
     pub fn held(&self) -> u64 {
         let [of_rings, of_lines] = [0, 1].map(|kind| self.features.at[kind].len());
         (of_rings + of_lines) as u64 * WaterFeatures::VERTEX_BYTES + levels::held(of_lines)
     }
 
-    /// The sides of all polygons on a grid, from sample to sample: what edges of a mesh follow.
+    /// Edges of all polygons on a grid, from sample to sample, for breaklines of a mesh.
     ///
     /// # Errors
-    /// Another reference system; no polygon on the grid.
+    /// Another CRS; no polygon on the grid.
     pub fn banks(&self, grid: &GridInfo) -> Result<Vec<Ends>> {
         Ok(WaterMask::new(self, grid)?.into_sides())
     }
 
-    /// What became of it; `None` before anything was read.
+    /// The summary; `None` before the first read.
     pub fn report(&self) -> Option<WaterReport> {
         self.lock().as_ref().map(|levels| levels.report(self))
     }
@@ -227,7 +227,7 @@ impl Water {
     }
 }
 
-/// The lines that run within each area: with a vertex that is no end, or the middle of a segment.
+/// The lines inside each polygon: with an inner vertex, or the midpoint of a segment, in it.
 fn lines_of(features: &WaterFeatures, world: &PolygonEdgeIndex) -> Vec<Vec<u32>> {
     let mut lines_of = vec![Vec::new(); features.areas as usize];
     let (mut turns, mut found) = (Vec::new(), Vec::new());
@@ -248,7 +248,7 @@ fn lines_of(features: &WaterFeatures, world: &PolygonEdgeIndex) -> Vec<Vec<u32>>
     lines_of
 }
 
-/// The number of the body that each area belongs to: areas of one kind with a side in common are one.
+/// The body of each polygon: polygons of one kind with a common edge form a body.
 fn bodies(features: &WaterFeatures, is_river: impl Fn(u32) -> bool) -> Vec<u32> {
     let mut with: Vec<u32> = (0..features.areas).collect();
     let mut sides: HashMap<_, u32> = HashMap::new();
@@ -273,7 +273,7 @@ fn bodies(features: &WaterFeatures, is_river: impl Fn(u32) -> bool) -> Vec<u32> 
     (0..features.areas).map(number).collect()
 }
 
-/// The first area of the body that an area belongs to so far.
+/// The first polygon of the body that a polygon belongs to so far.
 fn first_of(with: &mut [u32], mut area: u32) -> u32 {
     while with[area as usize] != area {
         let up = with[area as usize];

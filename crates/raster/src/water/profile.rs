@@ -1,20 +1,20 @@
-//! Levels along a line: down only, and nowhere above a bank.
+//! Longitudinal profile of a river: monotonic downwards, never above a bank.
 
 use std::collections::BTreeMap;
 
-/// The lowest bank at each station that has any.
+/// Lowest bank height by station, for stations with banks.
 pub(super) type Stations = BTreeMap<u32, f64>;
 
-/// The level along a line: straight between knots, constant before the first and after the last.
+/// Levels along a line: linear between knots, constant before the first and after the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RiverProfile {
-    /// Stations and levels: the ones rise, the others fall.
+    /// Stations (ascending) and levels (descending).
     knots: Vec<(f64, f64)>,
 }
 
 impl RiverProfile {
-    /// Down from `above` (infinite where it is not known), with a knot wherever banks are lower than any before.
-    /// A knot is where its station begins, so that all of the station is as low.
+    /// Profile downwards from `above` (infinite if unknown), with a knot at each station with banks lower
+    /// than all before. A knot is at the start of its station, so that the whole station is below the bank.
     pub(super) fn new(above: f64, stations: &Stations) -> Self {
         let mut knots = Vec::new();
         if above.is_finite() {
@@ -25,19 +25,19 @@ impl RiverProfile {
                 knots.push((f64::from(station), lowest));
             }
         }
-        // The banks of the first station tell more than what is above.
+        // Banks of the first station take precedence over the level upstream.
         if knots.len() > 1 && knots[1].0 == 0.0 {
             knots.remove(0);
         }
         Self { knots }
     }
 
-    /// True when nothing tells of a level.
+    /// True if the level is unknown.
     pub(super) fn is_unknown(&self) -> bool {
         self.knots.is_empty()
     }
 
-    /// The level `along` stations from the beginning on, infinite where nothing tells of one.
+    /// The level at `along` stations from the start; infinite if unknown.
     pub(super) fn at(&self, along: f64) -> f64 {
         let next = self.knots.partition_point(|&(station, _)| station <= along);
         let before = next.checked_sub(1).map(|last| self.knots[last]);
@@ -52,8 +52,8 @@ impl RiverProfile {
     }
 }
 
-/// True where banks rise along a line: those of the last third are all above the middle one of the first third.
-/// Of less than nine stations nothing is said.
+/// True if banks rise along a line: all banks of the last third are above the median of the first third.
+/// False for less than nine stations.
 pub(super) fn rises(stations: &Stations) -> bool {
     let third = stations.len() / 3;
     if third < 3 {

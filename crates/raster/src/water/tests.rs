@@ -163,7 +163,7 @@ fn levels_go_on_from_line_to_line_and_through_lakes() {
     assert_eq!(found[4 * 60 + 30], 50.0);
     let circle = [lines[0].clone(), vec![[20.0, 4.0], [30.0, 8.0], [10.0, 4.0]]];
     let error = levelled_heights(land(), &water(&info, &areas[..1], &circle), 64).unwrap_err();
-    assert!(error.to_string().contains("circle"), "{error}");
+    assert!(error.to_string().contains("cycle"), "{error}");
 }
 
 #[test]
@@ -218,7 +218,7 @@ fn what_cannot_be_told_is_refused() {
     let info = land().info;
     let failed = |lake: Arc<Water>| levelled_heights(land(), &lake, 64).unwrap_err().to_string();
     let far = water(&info, &[box_of([20.0, 2.0], [30.0, 6.0])], &[]);
-    assert!(failed(far).contains("no water of this file"));
+    assert!(failed(far).contains("water polygons do not overlap the grid"));
     let all = water(&info, &[box_of([-5.0, -5.0], [30.0, 30.0])], &[]);
     let error = failed(all);
     assert!(error.contains("polygon 1") && error.contains("without a bank"), "{error}");

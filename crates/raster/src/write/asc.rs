@@ -1,4 +1,4 @@
-//! ESRI ASCII grids: heights as text, each with the fewest digits that tell it from its neighbours.
+//! ESRI ASCII grids: heights as text with the shortest round-trip representation.
 
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
@@ -29,15 +29,15 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     create: |order| Ok(Box::new(AscSink::new(order)?)),
 };
 
-/// A text grid in the making.
+/// A text grid under construction.
 struct AscSink {
     target: AtomicFile,
     info: GridInfo,
     nodata: f64,
     nodata_text: String,
-    /// Whether readers have heights in single precision.
+    /// Whether readers parse heights in single precision.
     is_single: bool,
-    /// Where a type was asked for: what its values may be.
+    /// Codec of the requested type, if any.
     codec: Option<SampleCodec>,
     sidecars: Sidecars,
     text: Mutex<AppendWriter>,
@@ -62,7 +62,7 @@ impl AscSink {
         Ok(Self { target, info, nodata, nodata_text, is_single, codec, sidecars, text })
     }
 
-    /// One sample and a space.
+    /// Appends a sample and a space.
     fn write_sample<H: StoreHeight + Display>(
         &self,
         height: H,
@@ -75,7 +75,7 @@ impl AscSink {
             Some(codec) => write!(out, "{}", codec.fit(height.to_f64())?),
             None => write!(out, "{height}"),
         };
-        // What is written counts, as it may be rounded, and what readers make of it.
+        // Checks the written value, which may be rounded, as readers parse it.
         let (height, nodata) = (height.to_f64(), self.nodata);
         let is_alike = self.is_single && height as f32 == nodata as f32;
         let is_nodata = is_alike || height == nodata || out[first..] == self.nodata_text;

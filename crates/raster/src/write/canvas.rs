@@ -1,4 +1,4 @@
-//! A PNG in the making, of any kind of picture, with a world file and a .prj beside it.
+//! Sequential PNG writer for any pixel type, with a world file and a .prj sidecar.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -15,17 +15,17 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{lock, unlocked};
 
-/// A picture that is written from above, with what lies beside it.
+/// A PNG written from top to bottom, with its sidecars.
 pub(super) struct PngCanvas {
     target: AtomicFile,
     sidecars: Sidecars,
     picture: Mutex<StreamWriter<'static, PngOutputFile>>,
-    /// Why the file could not be written, once that is so.
+    /// First write error, if any.
     cause: Cause,
 }
 
 impl PngCanvas {
-    /// Of such pixels; `transparent` is the gray that is.
+    /// A PNG of the given pixel type; `transparent` is the gray value of transparent pixels.
     pub(super) fn new(
         order: &GridWriteRequest<'_>,
         pixels: (ColorType, BitDepth),
@@ -42,13 +42,13 @@ impl PngCanvas {
         self.target.path()
     }
 
-    /// Puts the next pixels in their place.
+    /// Appends pixels.
     pub(super) fn append(&self, bytes: &[u8]) -> Result<()> {
         let written = lock(&self.picture).write_all(bytes);
         written.map_err(|e| failed(self.target.path(), &self.cause, e))
     }
 
-    /// Completes the file and what lies beside it, and tells its size in bytes.
+    /// Completes the file and its sidecars; returns the size in bytes.
     pub(super) fn finish(self) -> Result<u64> {
         let Self { mut target, sidecars, picture, cause } = self;
         unlocked(picture).finish().map_err(|e| failed(target.path(), &cause, e))?;
@@ -90,10 +90,10 @@ fn start(
     started.map_err(|e| failed(path, cause, e))
 }
 
-/// The first error of a file.
+/// First error of a file.
 type Cause = Arc<Mutex<Option<io::Error>>>;
 
-/// A file that remembers why it could not be written: of that the encoder keeps the words alone.
+/// A file that keeps its I/O error, of which the encoder only keeps the message.
 struct PngOutputFile {
     file: File,
     cause: Cause,
@@ -130,11 +130,10 @@ fn failed(path: &Path, cause: &Cause, error: impl Into<EncodingError>) -> Error 
     }
 }
 
-/// The last chunk of every PNG: its length, name and checksum.
+/// IEND chunk: length, name and checksum.
 const LAST: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xAE, 0x42, 0x60, 0x82];
 
-/// Fails when the file does not end in the last chunk: whether that was written, the encoder does not
-/// say.
+/// Fails if the file does not end with IEND, because the encoder does not report that.
 fn check_end(target: &mut AtomicFile) -> io::Result<()> {
     let mut last = [0; LAST.len()];
     target.seek(SeekFrom::End(-(LAST.len() as i64)))?;

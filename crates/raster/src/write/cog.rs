@@ -1,6 +1,6 @@
-//! Cloud-optimised GeoTIFF: all directories first, then the overviews from the smallest, then the
-//! image. Blocks are coded as they come and wait in unnamed files, because overviews and the sizes of
-//! all blocks come before them in the file.
+//! Cloud-optimised GeoTIFF: all directories, then the overviews from the smallest, then the full resolution.
+//! Encoded blocks are buffered in unnamed files, because overviews and block tables precede the image in the
+//! file.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -43,17 +43,17 @@ pub(super) const FORMAT: GridFormat = GridFormat {
         CreationOption {
             key: "OVERVIEWS",
             accepts: Words(&["AUTO", "NONE"]),
-            about: "levels of half the size each until one tile holds all [AUTO]",
+            about: "overviews, each half the size, down to a single tile [AUTO]",
         },
         CreationOption {
             key: "OVERVIEW_RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "mean of the valid of four samples, or the upper left one [AVERAGE]",
+            about: "mean of the valid samples among four, or the upper left sample [AVERAGE]",
         },
         CreationOption {
             key: "RESAMPLING",
             accepts: Words(&["AVERAGE", "NEAREST"]),
-            about: "the same, where OVERVIEW_RESAMPLING is not given",
+            about: "synonym of OVERVIEW_RESAMPLING, which takes precedence",
         },
         tiff::BIGTIFF,
     ],
@@ -67,26 +67,26 @@ pub(super) const FORMAT: GridFormat = GridFormat {
 
 const TILE: u32 = 512;
 
-/// A COG in the making.
+/// A COG under construction.
 struct CogSink {
     target: AtomicFile,
     info: GridInfo,
     bands: Vec<BandName>,
     creation: CreationOptions,
-    /// From the full resolution down.
+    /// Levels from full resolution down.
     layers: Vec<CogLevel>,
-    /// The layer that is being fed.
+    /// Index of the level being written.
     current: usize,
     codec: SampleCodec,
     how: OverviewResampling,
 }
 
-/// One resolution.
+/// A resolution level.
 struct CogLevel {
     image: TiffImage,
     blocks: Mutex<PackedBlocks>,
-    /// The heights it is made from, band by band, until it is the current one; those of the first come
-    /// from outside.
+    /// Source heights by band until the level is current; those of the first level are passed in by the
+    /// caller.
     heights: Vec<OverviewLevel>,
 }
 
@@ -142,7 +142,7 @@ impl CogSink {
         }
     }
 
-    /// Each layer's directory; overviews say nothing of the grid but nodata.
+    /// Directory of each level; overviews only have the nodata tag.
     fn directories(&self) -> Result<Vec<TiffDirectoryBuilder>> {
         let nodata = self.info.nodata.map(number);
         let nodata = nodata.map(|text| (tag::GDAL_NODATA, TiffTagValues::Ascii(text)));
@@ -153,9 +153,9 @@ impl CogSink {
     }
 }
 
-/// Bytes that are known to be needed beside the output, whatever compression makes of its blocks:
-/// uncompressed ones are there twice in the end, the second time as the spool, which may be
-/// `elsewhere`. The heights of overviews find their room by themselves.
+/// Disk space that is certainly needed besides the output, however well blocks compress: uncompressed blocks
+/// exist twice at the end, in the output and in the spool, which may be `elsewhere`. Heights of overviews
+/// check their space themselves.
 fn room(image: &TiffImage, below: &[TiffImage], elsewhere: bool) -> u64 {
     if image.coding.compression != TiffCompression::None {
         return 0;
@@ -239,13 +239,13 @@ impl GridSink for CogSink {
     }
 }
 
-/// Bytes before the first block.
+/// Offset of the first block.
 fn front(directories: &[TiffDirectoryBuilder], form: TiffVariant) -> u64 {
     form.start() + directories.iter().map(|directory| directory.bytes(form)).sum::<u64>()
 }
 
-/// Writes what comes before the blocks: directories from the full resolution down, of blocks with these
-/// sizes, which follow from the smallest resolution up.
+/// Writes the directories from full resolution down; blocks of the given sizes follow from the smallest level
+/// up.
 fn write_directories(
     file: &File,
     form: TiffVariant,

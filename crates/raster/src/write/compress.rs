@@ -1,4 +1,4 @@
-//! Compression of TIFF blocks: deflate, zstd, LZW, packbits. The same bytes for the same input.
+//! Compression of TIFF blocks: deflate, zstd, LZW, PackBits. Output is deterministic.
 
 use libdeflater::{CompressionLvl, Compressor};
 use weezl::BitOrder;
@@ -6,7 +6,7 @@ use weezl::BitOrder;
 use super::creation::CreationOptions;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// A compression with its level.
+/// A compression and its level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TiffCompression {
     None,
@@ -21,13 +21,13 @@ const MOST_DEFLATE_LEVEL: u32 = 12;
 const ZSTD_LEVEL: i32 = 9;
 
 impl TiffCompression {
-    /// By COMPRESS and LEVEL; `default` is the value of COMPRESS when it is not given.
+    /// From COMPRESS and LEVEL; `default` is the default of COMPRESS.
     pub(super) fn of(creation: &CreationOptions, default: &str) -> Result<Self> {
         let name = creation.word("COMPRESS").unwrap_or(default);
         let level = creation.number("LEVEL");
         let levels = if name == "DEFLATE" { MOST_DEFLATE_LEVEL } else { u32::MAX };
         if let Some(level) = level.filter(|level| *level > levels) {
-            return Err(Error::usage(format!("LEVEL={level} is no level of {name}"))
+            return Err(Error::usage(format!("LEVEL={level} is out of range for {name}"))
                 .remedy(format!("choose 1 to {levels}")));
         }
         let level_or = |default: i32| level.map_or(default, |level| level as i32);
@@ -38,7 +38,7 @@ impl TiffCompression {
             "PACKBITS" => Self::PackBits,
             _ => Self::None,
         };
-        creation.refuse("LEVEL", &format!("on COMPRESS={name}"))?;
+        creation.refuse("LEVEL", &format!("with COMPRESS={name}"))?;
         Ok(compression)
     }
 
@@ -53,7 +53,7 @@ impl TiffCompression {
         }
     }
 
-    /// True when predictors are used with it.
+    /// True if the compression supports predictors.
     pub(super) fn predicts(self) -> bool {
         !matches!(self, Self::None | Self::PackBits)
     }
@@ -77,7 +77,7 @@ impl TiffCompression {
 }
 
 fn deflate(plain: &[u8], level: i32, out: &mut Vec<u8>) -> Result<()> {
-    let level = CompressionLvl::new(level).map_err(|_| fault("no such level"))?;
+    let level = CompressionLvl::new(level).map_err(|_| fault("invalid compression level"))?;
     let mut compressor = Compressor::new(level);
     out.resize(compressor.zlib_compress_bound(plain.len()), 0);
     let written = compressor.zlib_compress(plain, out).map_err(fault)?;
@@ -85,15 +85,15 @@ fn deflate(plain: &[u8], level: i32, out: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Compressors fail only when their output has no room, and it has.
+/// Compressors fail only if the output buffer is too small, which it is not.
 fn fault(error: impl std::fmt::Display) -> Error {
-    Error::new(ErrorKind::Internal, format!("a block could not be compressed: {error}"))
+    Error::new(ErrorKind::Internal, format!("cannot compress a block: {error}"))
 }
 
-/// Longest run or literal.
+/// Maximum length of a run or literal.
 const MOST_PACKED: usize = 128;
 
-/// TIFF 6.0 section 9: runs of three bytes and more, and what lies between them.
+/// PackBits (TIFF 6.0 section 9) with runs of three bytes or more.
 fn packbits(row: &[u8], out: &mut Vec<u8>) {
     let (mut at, mut literal) = (0, 0);
     while at < row.len() {

@@ -1,31 +1,31 @@
-//! Creation options, `KEY=VAL` with the names GDAL gives them: tables say what each format takes, and
-//! anything else is refused with the list of what is valid.
+//! Creation options, `KEY=VAL` with GDAL's names. Tables list the options of each format; unknown options are
+//! rejected with the list of valid ones.
 
 use terrane_base::error::{Error, Result};
 
-/// One option of a format.
+/// A creation option of a format.
 #[derive(Debug)]
 pub struct CreationOption {
     /// Its name, in capitals.
     pub key: &'static str,
-    /// What may follow it.
+    /// Valid values.
     pub accepts: Accepts,
     /// One line for the documentation, with the default.
     pub about: &'static str,
 }
 
-/// Values of an option.
+/// Valid values of an option.
 #[derive(Debug)]
 pub enum Accepts {
     /// One of these words, in any case.
     Words(&'static [&'static str]),
-    /// A whole number within a range, and a multiple of a step.
+    /// An integer within a range, and a multiple of a step.
     Whole {
-        /// Least value.
+        /// Minimum.
         least: u32,
-        /// Greatest value.
+        /// Maximum.
         most: u32,
-        /// The value is a multiple of this.
+        /// Step.
         step: u32,
     },
 }
@@ -52,15 +52,15 @@ impl Accepts {
     }
 }
 
-/// Options as given, found valid for one format.
+/// Creation options, validated for one format.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CreationOptions(Vec<(&'static str, String)>);
 
 impl CreationOptions {
-    /// Checks `given` against what the format called `format` takes.
+    /// Validates `given` against the options of `format`.
     ///
     /// # Errors
-    /// Usage: an unknown key or value (the valid ones are listed), or a key given twice.
+    /// Usage: unknown key or value (the message lists the valid ones), or duplicate key.
     pub fn new(
         format: &str,
         options: &'static [CreationOption],
@@ -84,26 +84,26 @@ impl CreationOptions {
         Ok(found)
     }
 
-    /// The value of `key` in capitals, where given.
+    /// The value of `key` in capitals, if given.
     pub(super) fn word(&self, key: &str) -> Option<&str> {
         self.0.iter().find(|(k, _)| *k == key).map(|(_, value)| value.as_str())
     }
 
-    /// The value of `key` as a number, where given.
+    /// The value of `key` as a number, if given.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         self.word(key)?.parse().ok()
     }
 
-    /// True when `key` was given.
+    /// True if `key` was given.
     pub(super) fn has(&self, key: &str) -> bool {
         self.word(key).is_some()
     }
 
-    /// Fails when `key` was given, which cannot act because `why`.
+    /// Fails if `key` was given but is not supported, with the reason `why`.
     pub(super) fn refuse(&self, key: &str, why: &str) -> Result<()> {
         match self.word(key) {
-            Some(value) => Err(Error::usage(format!("{key}={value} cannot act {why}"))
-                .remedy(format!("leave {key} out"))),
+            Some(value) => Err(Error::usage(format!("{key}={value} is not supported {why}"))
+                .remedy(format!("omit {key}"))),
             None => Ok(()),
         }
     }
@@ -112,11 +112,11 @@ impl CreationOptions {
 fn unknown(format: &str, key: &str, options: &[CreationOption]) -> Error {
     let error = Error::usage(format!("{format} has no creation option {key}"));
     if options.is_empty() {
-        return error.remedy("leave ‹co› out: the format has no options");
+        return error.remedy("omit ‹co›: the format has no creation options");
     }
     let known: Vec<String> =
         options.iter().map(|o| format!("{}={}", o.key, o.accepts.text())).collect();
-    error.remedy(format!("valid are {}", known.join(", ")))
+    error.remedy(format!("valid options are {}", known.join(", ")))
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Tables: a line for each cell that has a value, with its centre and a column for each band.
+//! CSV tables: one row per valid cell, with its centre and one column per band.
 
 use std::fmt::{Display, Write};
 use std::sync::Mutex;
@@ -17,7 +17,7 @@ use terrane_files::{AppendWriter, lock, unlocked};
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "CSV",
     extensions: &["csv"],
-    about: "a table with .prj: x and y of each cell's centre, and a column for each band",
+    about: "table with .prj: x and y of each cell centre, one column per band",
     options: &[],
     several_bands: true,
     holds_colours: false,
@@ -27,28 +27,28 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     create: |order| Ok(Box::new(CsvSink::new(order)?)),
 };
 
-/// Cells of a block, about; at least one row.
+/// Approximate number of cells of a block; at least one row.
 const BLOCK_CELLS: u32 = 1 << 13;
-/// Places behind the point of a coordinate: to a millionth of a cell, at most so many.
+/// Maximum number of decimals of coordinates, which resolve a millionth of a cell.
 const MOST_DECIMALS: f64 = 15.0;
 
-/// A table in the making.
+/// A table under construction.
 struct CsvSink {
     target: AtomicFile,
     info: GridInfo,
-    /// Whether 0 stands for no value, by band.
+    /// Whether 0 means no value, by band.
     counts: Vec<bool>,
-    /// For values of types of whole numbers.
+    /// Codec of integer values.
     codec: Option<SampleCodec>,
     decimals: usize,
     sidecars: Sidecars,
     rows: Mutex<GridCsvRows>,
 }
 
-/// Lines on their way into the file.
+/// Buffered rows.
 struct GridCsvRows {
     text: AppendWriter,
-    /// The columns of the bands of a block so far.
+    /// Columns of the bands of the current block.
     columns: Vec<Vec<u8>>,
 }
 
@@ -74,7 +74,7 @@ impl CsvSink {
         Ok(Self { target, info, counts, codec, decimals, sidecars, rows })
     }
 
-    /// The values of a band, a line for each; behind the places of the cells for the first band. A void is empty.
+    /// Values of a band, one per line; for the first band after the coordinates. Voids are empty.
     fn column<H: StoreHeight + Display>(
         &self,
         band: u32,
@@ -107,7 +107,7 @@ impl CsvSink {
         Ok(text.into_bytes())
     }
 
-    /// A coordinate and a comma.
+    /// Appends a coordinate and a comma.
     fn coordinate(&self, value: f64, text: &mut String) {
         let from = text.len();
         put(text, format_args!("{value:.*}", self.decimals));
@@ -118,7 +118,7 @@ impl CsvSink {
         text.push(',');
     }
 
-    /// The lines of a block whose columns are all there.
+    /// Rows of a block whose columns are complete.
     fn lines(&self, columns: &[Vec<u8>]) -> Vec<u8> {
         let mut out = Vec::with_capacity(columns.iter().map(Vec::len).sum());
         let mut columns: Vec<_> =
@@ -142,7 +142,7 @@ impl CsvSink {
     }
 }
 
-/// Names of columns, in quotes where they need them.
+/// Header row, quoted where necessary.
 fn heading(options: &GridWriteOptions) -> String {
     let quoted = |name: &str| match name.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", name.replace('"', "\"\"")),
@@ -156,7 +156,7 @@ fn heading(options: &GridWriteOptions) -> String {
     names.join(",") + "\n"
 }
 
-/// Places behind the point that tell cells apart by far.
+/// Number of decimals that resolves cells.
 fn decimals(transform: &Affine) -> usize {
     let Affine { a, b, d, e, .. } = *transform;
     let cell = a.hypot(d).min(b.hypot(e));

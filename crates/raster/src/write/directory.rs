@@ -1,25 +1,25 @@
-//! TIFF directories, classic and BigTIFF: tags, and the tables of blocks that lie one after the other.
+//! TIFF directories, classic and BigTIFF: tags, and tables of contiguous blocks.
 
 use std::io::{self, Write};
 
 use crate::store::tags::TiffTagValues;
 
-/// Which of the two kinds of TIFF a file is.
+/// TIFF variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TiffVariant {
-    /// Offsets of 32 bits.
+    /// 32-bit offsets.
     Classic,
-    /// Offsets of 64 bits.
+    /// 64-bit offsets.
     Big,
 }
 
 impl TiffVariant {
-    /// Bytes of the file header, and the place of the first directory.
+    /// Size of the file header and of the offset of the first directory in bytes.
     pub(super) fn start(self) -> u64 {
         if self == Self::Classic { 8 } else { 16 }
     }
 
-    /// Most bytes of a file.
+    /// Maximum file size in bytes.
     pub(super) fn most(self) -> u64 {
         if self == Self::Classic { u64::from(u32::MAX) } else { i64::MAX as u64 }
     }
@@ -35,7 +35,7 @@ impl TiffVariant {
         header
     }
 
-    /// Bytes of an offset, of a count, and of the values that fit into an entry.
+    /// Size of an offset, of a count, and of values stored inside an entry.
     fn word_bytes(self) -> u64 {
         if self == Self::Classic { 4 } else { 8 }
     }
@@ -44,19 +44,19 @@ impl TiffVariant {
         out.extend_from_slice(&value.to_le_bytes()[..self.word_bytes() as usize]);
     }
 
-    /// Bytes of the number of entries, and of one entry.
+    /// Size of the entry count, and of an entry.
     fn counts(self) -> (u64, u64) {
         if self == Self::Classic { (2, 12) } else { (8, 20) }
     }
 }
 
-/// Values lie at multiples of this.
+/// Alignment of values.
 const ALIGNMENT: u64 = 8;
 const LONG: u16 = 4;
 const LONG8: u16 = 16;
 
-/// One image: its tags, and its blocks in the order in which they lie in the file: those of all bands
-/// at a place, then those at the next. The tables tell them band by band.
+/// Directory of one image. The file stores the blocks by position, with those of all bands at a
+/// position together; the tables list them band by band.
 #[derive(Debug)]
 pub(super) struct TiffDirectoryBuilder {
     fields: Vec<(u16, TiffFieldContent)>,
@@ -71,20 +71,19 @@ enum TiffFieldContent {
     Sizes,
 }
 
-/// Where things of one image lie.
+/// Offsets of the parts of one image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TiffOffsets {
-    /// The directory itself, a multiple of 8.
+    /// Offset of the directory, a multiple of 8.
     pub(super) at: u64,
-    /// The next directory, 0 after the last.
+    /// Offset of the next directory, 0 after the last.
     pub(super) next: u64,
-    /// The first block.
+    /// Offset of the first block.
     pub(super) data: u64,
 }
 
 impl TiffDirectoryBuilder {
-    /// A directory of `tags` in any order, whose `blocks` of so many bands are told by the tags
-    /// numbered `offsets` and `sizes`.
+    /// A directory of `tags` in any order, with block tables in the tags `offsets` and `sizes`.
     pub(super) fn new(
         tags: Vec<(u16, TiffTagValues)>,
         [offsets, sizes]: [u16; 2],
@@ -98,7 +97,7 @@ impl TiffDirectoryBuilder {
         Self { fields, blocks, bands }
     }
 
-    /// Bytes of the directory with all its values, a multiple of 8.
+    /// Size of the directory with all its values, a multiple of 8.
     pub(super) fn bytes(&self, form: TiffVariant) -> u64 {
         let large = self.fields.iter().map(|(_, content)| self.content_bytes(content, form));
         let large = large.filter(|bytes| *bytes > form.word_bytes());
@@ -119,7 +118,7 @@ impl TiffDirectoryBuilder {
         }
     }
 
-    /// Kind and number of values.
+    /// Field type and number of values.
     fn kind(&self, content: &TiffFieldContent, form: TiffVariant) -> (u16, u64) {
         match content {
             TiffFieldContent::Values(values) => (values.kind(), values.count()),
@@ -128,7 +127,7 @@ impl TiffDirectoryBuilder {
         }
     }
 
-    /// Writes everything, [`bytes`](Self::bytes) in all; `sizes` are those of the blocks.
+    /// Writes the directory of [`bytes`](Self::bytes) bytes; `sizes` are the block sizes.
     pub(super) fn write(
         &self,
         out: &mut impl Write,
@@ -148,7 +147,7 @@ impl TiffDirectoryBuilder {
         Ok(())
     }
 
-    /// The entries; values that do not fit into one lie behind them all.
+    /// The entries; values that do not fit into an entry follow all entries.
     fn head(&self, form: TiffVariant, places: TiffOffsets, sizes: &[u32]) -> io::Result<Vec<u8>> {
         let (count_bytes, entry_bytes) = form.counts();
         let mut head = (self.fields.len() as u64).to_le_bytes()[..count_bytes as usize].to_vec();
@@ -200,7 +199,7 @@ impl TiffDirectoryBuilder {
         }
     }
 
-    /// What is told of blocks in the order of the file, band by band.
+    /// Values of blocks in file order, reordered band by band.
     fn by_band<'a, T>(&self, blocks: &'a [T]) -> impl Iterator<Item = &'a T> {
         let bands = self.bands as usize;
         (0..bands).flat_map(move |band| blocks.iter().skip(band).step_by(bands))

@@ -1,4 +1,4 @@
-//! ESRI GridFloat: heights as little-endian `f32` by row, with a text header and .prj beside them.
+//! ESRI GridFloat: heights as little-endian `f32` by row, with a text header and a .prj sidecar.
 
 use std::fmt::Display;
 use std::sync::Mutex;
@@ -28,7 +28,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     create: |order| Ok(Box::new(FltSink::new(order)?)),
 };
 
-/// A raw grid in the making.
+/// A raw grid under construction.
 struct FltSink {
     target: AtomicFile,
     info: GridInfo,
@@ -40,8 +40,8 @@ struct FltSink {
 impl FltSink {
     fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         if let Some(other) = order.options.sample_type.filter(|t| *t != SampleType::F32) {
-            let message = format!("{} holds float32, not {}", FORMAT.name, other.name());
-            return Err(Error::usage(message).remedy("leave ‹type› out"));
+            let message = format!("{} supports float32, not {}", FORMAT.name, other.name());
+            return Err(Error::usage(message).remedy("omit ‹type›"));
         }
         let info = order.heights(SampleType::F32)?;
         check_north_up(&info.transform, FORMAT.name)?;
@@ -59,7 +59,7 @@ impl FltSink {
     }
 }
 
-/// GridFloat's own keys for square cells, else those of a raw grid that has two cell sizes.
+/// GridFloat keys for square cells, else the keys of a raw grid with two cell sizes.
 fn header(info: &GridInfo) -> String {
     let (width, height) = (info.width, info.height);
     let map = info.transform;

@@ -1,4 +1,4 @@
-//! A grid format for writing: an entry of the registry; the sink behind it.
+//! Grid formats for writing: registry entries and the sink trait.
 
 use std::path::{Path, PathBuf};
 
@@ -14,59 +14,59 @@ use terrane_files::format::FileFormat;
 /// One format of grids: an entry of [`FORMATS`](super::FORMATS).
 #[derive(Debug)]
 pub struct GridFormat {
-    /// Short name for `--format` and messages, unique.
+    /// Unique short name for `--format` and messages.
     pub name: &'static str,
-    /// File name endings, lower case, without the dot.
+    /// File name extensions, lower case, without the dot.
     pub extensions: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
-    /// What `--co` may say.
+    /// Creation options.
     pub options: &'static [CreationOption],
-    /// Whether a file may hold several bands.
+    /// Whether a file can have several bands.
     pub several_bands: bool,
-    /// Whether a file may be a picture: its bands red, green, blue and opacity.
+    /// Whether a file can be a colour image: red, green, blue and alpha.
     pub holds_colours: bool,
-    /// Whether samples are held as the type that is asked for; else as the format has them.
+    /// Whether the sample type can be chosen.
     pub holds_types: bool,
-    /// Whether voids may be written as a value that is asked for.
+    /// Whether the nodata value can be chosen.
     pub names_voids: bool,
-    /// Bytes that a thread holds for each sample of a block, heights included, at most.
+    /// Maximum memory of a thread per sample of a block in bytes, including heights.
     pub bytes_per_sample: u64,
-    /// Starts a file.
+    /// Creates a file.
     pub(super) create: fn(&GridWriteRequest<'_>) -> Result<Box<dyn GridSink>>,
 }
 
-/// How a grid is to be written.
+/// Options for writing a grid.
 #[derive(Clone, Debug, Default)]
 pub struct GridWriteOptions {
     /// Replace existing files.
     pub overwrite: bool,
     /// Creation options as given.
     pub creation: Vec<(String, String)>,
-    /// Type of the samples; that of the grid, or what the format holds, when `None`.
+    /// Sample type; by default that of the grid or of the format.
     pub sample_type: Option<SampleType>,
-    /// Stored value for voids; that of the grid, where the type holds it, when `None`.
+    /// Stored nodata value; by default that of the grid, if the type can store it.
     pub nodata: Option<f64>,
-    /// Store the nearest value where the type does not hold a height exactly, instead of failing.
+    /// Round heights to the nearest stored value instead of failing if the type cannot store them exactly.
     pub round: bool,
-    /// Folder for temporary files; the output's when `None`.
+    /// Folder for temporary files; by default that of the output.
     pub temp_dir: Option<PathBuf>,
-    /// What the bands are called; one band without a name when empty.
+    /// Names of the bands; empty for one band without a name.
     pub bands: Vec<BandName>,
-    /// Whether the bands, three or four of bytes, are red, green, blue and opacity.
+    /// Whether the bands, three or four of uint8, are red, green, blue and alpha.
     pub are_colours: bool,
-    /// Files that are read with the grid: nothing takes their place.
+    /// Input files, which must not be overwritten.
     pub read: Vec<PathBuf>,
 }
 
 impl GridWriteOptions {
-    /// Bands to write.
+    /// Number of bands to write.
     pub fn band_count(&self) -> u32 {
         u32::try_from(self.bands.len()).unwrap_or(u32::MAX).max(1)
     }
 }
 
-/// What a format is asked to write.
+/// A request to write a grid.
 pub(super) struct GridWriteRequest<'a> {
     pub(super) path: &'a Path,
     pub(super) info: &'a GridInfo,
@@ -74,26 +74,26 @@ pub(super) struct GridWriteRequest<'a> {
     pub(super) creation: CreationOptions,
 }
 
-/// Receives a grid block by block and writes it whole or not at all: the file appears under its name
-/// in [`finish`](Self::finish); dropping the sink before that leaves nothing.
+/// Writes a grid block by block and atomically: the file appears in [`finish`](Self::finish); dropping the
+/// sink before leaves no file.
 pub trait GridSink: Send + Sync {
-    /// What is written: sample type, nodata, scale and offset may differ from the source's.
+    /// Metadata of the output; sample type, nodata, scale and offset may differ from the source.
     fn info(&self) -> &GridInfo;
 
     /// Columns and rows of a block of the current level.
     fn block(&self) -> (u32, u32);
 
-    /// True when blocks must be appended in order and whole; otherwise pieces (rows of a block) may
-    /// come in any order, and there is nothing to append.
+    /// True if whole blocks must be appended in order; otherwise pieces (rows of a block) may be written in
+    /// any order, and nothing is appended.
     fn in_order(&self) -> bool {
         true
     }
 
-    /// Encodes the heights of `rect`, a block of a band (from 0) cut to the grid, into `out` (emptied
-    /// first). Any thread, any order, once for each block and band.
+    /// Encodes the heights of `rect`, a block of a band (from 0) clipped to the grid, into `out` (cleared
+    /// first). May be called from any thread and in any order, once per block and band.
     ///
     /// # Errors
-    /// A height that the format cannot hold, with its column and row.
+    /// A height that the format cannot store, with its column and row.
     fn encode(
         &self,
         band: u32,
@@ -102,41 +102,41 @@ pub trait GridSink: Send + Sync {
         out: &mut Vec<u8>,
     ) -> Result<()>;
 
-    /// Appends what [`encode`](Self::encode) made, blocks by row from the first, one at a time; those of
-    /// all bands one after the other before the next block.
+    /// Appends the output of [`encode`](Self::encode), one block at a time in row-major order; all bands of a
+    /// block precede the next block.
     fn append(&self, bytes: &[u8]) -> Result<()>;
 
-    /// Ends the current level. When the file has another one, it becomes the current one, and its
-    /// grid is returned, one for each band, to be fed like the first.
+    /// Ends the current level. If the file has another one, it becomes current, and its grids (one per band)
+    /// are returned and must be written in the same way.
     fn next_level(&mut self) -> Result<Option<Vec<Box<dyn GridSource>>>> {
         Ok(None)
     }
 
-    /// What of the grid the format cannot say, for the user.
+    /// Notes on metadata that the format cannot store.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Completes the file, puts it under its name, and returns its size in bytes.
+    /// Completes the file, commits it, and returns its size in bytes.
     fn finish(self: Box<Self>) -> Result<u64>;
 }
 
 impl GridFormat {
-    /// Fails unless the options are the format's, with values it takes.
+    /// Fails unless the creation options are valid for the format.
     pub fn check(&self, creation: &[(String, String)]) -> Result<()> {
         CreationOptions::new(self.name, self.options, creation).map(drop)
     }
 
-    /// Fails where the option that names a value for voids cannot act.
+    /// Fails if `option`, a nodata value, is not supported by the format.
     ///
     /// # Errors
-    /// Usage: voids of the format have no value.
+    /// Usage: the format has no nodata value.
     pub fn check_voids(&self, option: &str) -> Result<()> {
         if self.names_voids {
             return Ok(());
         }
-        Err(Error::usage(format!("{option} cannot act: {} has no value for voids", self.name))
-            .remedy(format!("leave {option} out")))
+        Err(Error::usage(format!("{option} is not supported: {} has no nodata value", self.name))
+            .remedy(format!("omit {option}")))
     }
 }
 

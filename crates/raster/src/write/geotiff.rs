@@ -1,5 +1,5 @@
-//! Plain GeoTIFF, in tiles or strips: room for the directory first, then the blocks as they come, and
-//! the directory at the end of the work.
+//! Plain GeoTIFF in tiles or strips: space for the directory, then the blocks as they come; the directory is
+//! written last.
 
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::sync::Mutex;
@@ -56,10 +56,10 @@ pub(super) const FORMAT: GridFormat = GridFormat {
 };
 
 const TILE: u32 = 256;
-/// About the bytes of a strip.
+/// Approximate size of a strip in bytes.
 const STRIP_BYTES: u64 = 64 << 10;
 
-/// A GeoTIFF in the making.
+/// A GeoTIFF under construction.
 struct GeoTiffSink {
     target: AtomicFile,
     info: GridInfo,
@@ -92,7 +92,7 @@ impl GeoTiffSink {
     }
 }
 
-/// Bytes before the first block.
+/// Offset of the first block.
 fn front(directory: &TiffDirectoryBuilder, form: TiffVariant) -> u64 {
     form.start() + directory.bytes(form)
 }
@@ -106,12 +106,12 @@ fn image(order: &GridWriteRequest<'_>, info: &GridInfo) -> Result<TiffImage> {
     let rows = creation.number("BLOCKYSIZE");
     let block = if tiled {
         if let Some(rows) = rows.filter(|rows| !rows.is_multiple_of(16)) {
-            return Err(Error::usage(format!("BLOCKYSIZE={rows} is no height of a tile"))
+            return Err(Error::usage(format!("BLOCKYSIZE={rows} is not a valid tile height"))
                 .remedy("choose a multiple of 16"));
         }
         (creation.number("BLOCKXSIZE").unwrap_or(TILE), rows.unwrap_or(TILE))
     } else {
-        creation.refuse("BLOCKXSIZE", "on strips: add ‹co› TILED=YES")?;
+        creation.refuse("BLOCKXSIZE", "for strips: add ‹co› TILED=YES")?;
         let row_bytes = u64::from(width) * sample_type.bytes() as u64;
         let usual = (STRIP_BYTES / row_bytes).clamp(1, u64::from(u32::MAX)) as u32;
         (width, rows.unwrap_or(usual).min(height))

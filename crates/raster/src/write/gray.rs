@@ -1,5 +1,5 @@
-//! PNG of gray: whole heights of 8 or 16 bits, with a world file and .prj beside it. The value that stands for voids
-//! is transparent.
+//! Grayscale PNG: integer heights of 8 or 16 bits, with a world file and a .prj sidecar. The nodata value is
+//! transparent.
 
 use std::fmt::Display;
 
@@ -14,16 +14,16 @@ use crate::store::sample::{SampleCodec, StoreHeight, stored_nodata};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Whether heights are to be gray: by ENCODING, or else by the type that is asked for.
+/// Whether to write grayscale: by ENCODING, or else by the requested type.
 ///
 /// # Errors
-/// Usage: gray of a type that it does not hold.
+/// Usage: a type that grayscale does not support.
 pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     let asked = order.options.sample_type;
     let is_held = matches!(asked, Some(SampleType::U8 | SampleType::U16));
     match (order.creation.word("ENCODING"), asked) {
         (Some("GRAY"), Some(other)) if !is_held => {
-            let message = format!("ENCODING=GRAY holds uint8 and uint16, not {}", other.name());
+            let message = format!("ENCODING=GRAY supports uint8 and uint16, not {}", other.name());
             Err(Error::usage(message).remedy("choose ‹type› uint8 or uint16"))
         }
         (Some(word), _) => Ok(word == "GRAY"),
@@ -31,7 +31,7 @@ pub(super) fn is_asked(order: &GridWriteRequest<'_>) -> Result<bool> {
     }
 }
 
-/// A picture in the making.
+/// A PNG under construction.
 pub(super) struct GraySink {
     canvas: PngCanvas,
     info: GridInfo,
@@ -40,11 +40,11 @@ pub(super) struct GraySink {
 
 impl GraySink {
     pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
-        order.creation.refuse("ALPHA", "on gray, where one value stands for voids")?;
+        order.creation.refuse("ALPHA", "for grayscale, where one value marks voids")?;
         let wide = order.info.sample_type != SampleType::U8;
         let own = if wide { SampleType::U16 } else { SampleType::U8 };
         let sample_type = order.options.sample_type.unwrap_or(own);
-        // A value that gray does not hold stands for no sample.
+        // A nodata value that grayscale cannot store matches no sample.
         let heights = order.heights(sample_type)?;
         let nodata = heights.nodata.and_then(|value| stored_nodata(sample_type, value));
         let info = GridInfo { nodata, ..heights };
@@ -52,7 +52,7 @@ impl GraySink {
             SampleType::U8 => BitDepth::Eight,
             _ => BitDepth::Sixteen,
         };
-        // Whole, and within the type.
+        // An integer within the range of the type.
         let transparent = nodata.map(|value| value as u16);
         let canvas = PngCanvas::new(order, (ColorType::Grayscale, depth), transparent)?;
         Ok(Self { canvas, codec: order.codec(&info), info })
@@ -79,7 +79,7 @@ impl RowSink for GraySink {
                 self.codec.refusal(misfit, rect.col, row).in_file(self.canvas.path())
             })?;
         }
-        // The codec has the least significant byte first, a picture the most significant.
+        // The codec is little-endian, PNG big-endian.
         out.chunks_exact_mut(size).for_each(<[u8]>::reverse);
         Ok(())
     }

@@ -1,5 +1,4 @@
-//! Overviews: the heights of a level at half the resolution, kept in an unnamed file until it is
-//! their turn.
+//! Overviews: heights of a level at half the resolution, buffered in an unnamed file.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -14,16 +13,16 @@ use terrane_base::geom::Rect;
 use terrane_files::RawFile;
 use terrane_files::{nameless, write_all_at};
 
-/// How four samples become one.
+/// Overview resampling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OverviewResampling {
-    /// The mean of those that are valid; void where none is.
+    /// Mean of the valid samples; void if none is valid.
     Average,
-    /// The upper left one.
+    /// The upper left sample.
     Nearest,
 }
 
-/// Columns and rows of each level below a grid, halved (rounded up) until both fit into `block`.
+/// Sizes of the levels below a grid, halved (rounded up) until both sides fit into `block`.
 pub(super) fn sizes(width: u32, height: u32, block: u32) -> Vec<(u32, u32)> {
     let halves = std::iter::successors(Some((width, height)), |&(width, height)| {
         (width.max(height) > block).then(|| (width.div_ceil(2), height.div_ceil(2)))
@@ -31,7 +30,7 @@ pub(super) fn sizes(width: u32, height: u32, block: u32) -> Vec<(u32, u32)> {
     halves.skip(1).collect()
 }
 
-/// The heights of one level.
+/// Heights of one level.
 pub(super) struct OverviewLevel {
     file: File,
     info: GridInfo,
@@ -39,8 +38,8 @@ pub(super) struct OverviewLevel {
 }
 
 impl OverviewLevel {
-    /// An empty level of `width` x `height` heights in `f32` or `f64`, in `folder` or else beside the
-    /// output at `path`, after making sure that there is room for it.
+    /// An empty level of `width` x `height` heights in `f32` or `f64`, in `folder` or else in the folder of
+    /// the output at `path`, after a check of the disk space.
     pub(super) fn new(
         path: &Path,
         folder: Option<&Path>,
@@ -56,8 +55,8 @@ impl OverviewLevel {
         Ok(Self { file, info, path: folder })
     }
 
-    /// Puts the halved heights of `rect`, a block of the level above that begins at an even column
-    /// and row. Any thread, any order.
+    /// Stores the downsampled heights of `rect`, a block of the level above that begins at an even column and
+    /// row. May be called from any thread and in any order.
     pub(super) fn put<H: StoreHeight>(
         &self,
         rect: Rect,
@@ -83,7 +82,7 @@ impl OverviewLevel {
         }
     }
 
-    /// The heights as a grid, once all were put.
+    /// The complete level as a grid.
     pub(super) fn into_source(self) -> Result<Box<dyn GridSource>> {
         let layout = StridedLayout::rows(self.info.width, self.info.sample_type.bytes());
         let file = RawFile::of(self.file, &self.path)?;
@@ -91,7 +90,7 @@ impl OverviewLevel {
     }
 }
 
-/// Rows of `width` heights at half the resolution; a last odd column or row stands for itself.
+/// Rows of `width` heights downsampled by two; a last odd column or row is used alone.
 fn halve<H: StoreHeight>(heights: &[H], width: usize, how: OverviewResampling) -> Vec<f64> {
     let mut halved = Vec::with_capacity(heights.len() / 4 + width);
     for rows in heights.chunks(2 * width) {
@@ -114,7 +113,7 @@ fn mean<H: StoreHeight>(upper: &[H], lower: &[H]) -> f64 {
         sum += height.to_f64();
         count += 1.0;
     }
-    // Without a valid one: 0 / 0, which is void.
+    // 0 / 0 without a valid sample, which is void.
     sum / count
 }
 

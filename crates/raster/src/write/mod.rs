@@ -1,8 +1,8 @@
-//! Grids written: one file per format, the registry that names them, and the trait behind each.
+//! Grid output: one module per format, the format registry, and the sink trait.
 //!
-//! A sink is fed block by block. Blocks are encoded by any thread in any order; the encoded bytes are
-//! appended one by one in row-major order, so that the file is the same whatever the threads. No sink
-//! holds the grid, and each file appears under its name whole or not at all.
+//! A sink receives blocks. Blocks are encoded by any thread in any order; the encoded bytes are appended in
+//! row-major order, so that the file does not depend on the threads. No sink holds the grid, and each file is
+//! created atomically.
 
 mod asc;
 mod canvas;
@@ -40,9 +40,8 @@ use terrane_base::limits;
 use terrane_base::registry;
 use terrane_files::format::FileFormat;
 
-/// All formats that can be written. A new one is one file and one line here. Where several have an
-/// ending, the first is meant unless another is named: a `.tif` is a plain GeoTIFF, as users of GDAL expect. The store
-/// is for what terrane writes for itself.
+/// All formats that can be written, one line each. If several have the extension, the first is the default:
+/// `.tif` is a plain GeoTIFF as in GDAL. The store is terrane's internal format.
 pub const FORMATS: &[GridFormat] = &[
     geotiff::FORMAT,
     cog::FORMAT,
@@ -54,21 +53,21 @@ pub const FORMATS: &[GridFormat] = &[
 ];
 
 impl GridFormat {
-    /// Whether a file holds coarser copies of the grid, too, a third of it in all.
+    /// Whether a file has overviews, a third of its size in total.
     pub fn has_overviews(&self) -> bool {
         self.name == cog::FORMAT.name
     }
 
-    /// Whether a file is a picture to those who open it.
+    /// Whether a file is opened as an image by other programs.
     pub fn is_picture(&self) -> bool {
         self.name == png::FORMAT.name
     }
 
-    /// Starts a file at `path` for the grid that `info` describes.
+    /// Starts a file at `path` for the grid described by `info`.
     ///
     /// # Errors
-    /// Options the format does not take, a grid it cannot hold, or a file that cannot be made. A mask
-    /// of an earlier file beside `path` is refused: it would void samples of the new one.
+    /// Invalid creation options, a grid that the format cannot store, or a file that cannot be created. A
+    /// mask of an earlier file is rejected, because it would void samples of the new one.
     pub fn create(
         &self,
         path: &Path,
@@ -85,17 +84,17 @@ impl GridFormat {
             .map_err(|e| e.in_file(path))
     }
 
-    /// Fails unless a file may be a picture.
+    /// Fails unless the format supports colours.
     ///
     /// # Errors
-    /// Usage: the format holds heights alone.
+    /// Usage: the format stores heights only.
     pub fn check_colours(&self) -> Result<()> {
         if self.holds_colours {
             return Ok(());
         }
         let formats = FORMATS.iter().filter(|format| format.holds_colours);
         let names: Vec<_> = formats.map(|format| format.name).collect();
-        Err(Error::usage(format!("{} cannot hold colours", self.name))
+        Err(Error::usage(format!("{} does not support colours", self.name))
             .remedy(format!("write {}", names.join(" or "))))
     }
 
@@ -109,16 +108,15 @@ impl GridFormat {
         if options.band_count() == 1 {
             return Ok(());
         }
-        let message = format!("{} cannot hold several bands", self.name);
+        let message = format!("{} does not support several bands", self.name);
         Err(Error::usage(message).remedy(format!("write {}, or one band", several_bands())))
     }
 }
 
-/// The format called `name`, or else the first that `path`'s ending stands for.
+/// The format called `name`, or else the first with the extension of `path`.
 ///
 /// # Errors
-/// Usage: an unknown name or ending (the known ones are listed), or a name whose format does not have
-/// the ending.
+/// Usage: unknown name or extension (the message lists the known ones), or an extension of another format.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     let format = terrane_files::format::by_path(FORMATS, path, name)?;
     if format.has_extension_of(path) {
@@ -127,10 +125,10 @@ pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     Err(format.wrong_ending(path))
 }
 
-/// As [`by_path`], of formats that hold colours if no name is given and one of them has the ending.
+/// As [`by_path`]; without a name, formats with colours are preferred.
 ///
 /// # Errors
-/// Those of [`by_path`], and a format without colours.
+/// As [`by_path`]; a format without colours.
 pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat> {
     let with = |format: &&GridFormat| format.holds_colours && format.has_extension_of(path);
     let name = name.or_else(|| FORMATS.iter().find(with).map(|format| format.name));
@@ -142,12 +140,12 @@ pub fn of_colours(path: &Path, name: Option<&str>) -> Result<&'static GridFormat
 /// The format called `name`.
 ///
 /// # Errors
-/// Usage: an unknown name (the known ones are listed).
+/// Usage: unknown name (the message lists the known ones).
 pub fn by_name(name: &str) -> Result<&'static GridFormat> {
     registry::named(FORMATS, name)
 }
 
-/// The formats that hold several bands.
+/// Names of the formats with several bands.
 fn several_bands() -> String {
     let formats = FORMATS.iter().filter(|format| format.several_bands);
     formats.map(|format| format.name).collect::<Vec<_>>().join(" or ")

@@ -1,4 +1,4 @@
-//! PNG of colours: three or four bands of bytes become red, green, blue and opacity of pixels.
+//! Colour PNG: three or four bands of uint8 as red, green, blue and alpha.
 
 use std::sync::Mutex;
 
@@ -13,27 +13,27 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 use terrane_files::lock;
 
-/// Pixels of a block, about; at least one row.
+/// Approximate number of pixels of a block; at least one row.
 const BLOCK_PIXELS: u32 = 1 << 16;
 
-/// A picture in the making.
+/// A PNG under construction.
 pub(super) struct PictureSink {
     canvas: PngCanvas,
     info: GridInfo,
     codec: SampleCodec,
     bands: usize,
-    /// Bands of the next block that are there.
+    /// Bands of the next block that are complete.
     ready: Mutex<Vec<Vec<u8>>>,
 }
 
 impl PictureSink {
     pub(super) fn new(order: &GridWriteRequest<'_>) -> Result<Self> {
         for key in ["ENCODING", "ALPHA"] {
-            order.creation.refuse(key, "on colours, which are no heights")?;
+            order.creation.refuse(key, "for colours, which are not heights")?;
         }
         let bands = order.options.band_count();
         if order.info.sample_type != SampleType::U8 || !(3..=4).contains(&bands) {
-            return Err(Error::usage("a picture is of three or four bands of bytes"));
+            return Err(Error::usage("colour images require three or four bands of uint8"));
         }
         let info = GridInfo { nodata: None, ..order.info.clone() };
         let colours = if bands == 4 { ColorType::Rgba } else { ColorType::Rgb };

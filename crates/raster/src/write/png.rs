@@ -1,5 +1,5 @@
-//! PNG: heights packed into red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
-//! (steps of 1/256 from -32768), with a world file and .prj beside it. Voids are transparent.
+//! PNG with heights encoded in red, green and blue: terrain-RGB (steps of 0.1 from -10000) or terrarium
+//! (steps of 1/256 from -32768), with a world file and a .prj sidecar. Voids are transparent.
 
 use std::fmt::Display;
 
@@ -23,19 +23,17 @@ use terrane_base::geom::Rect;
 pub(super) const FORMAT: GridFormat = GridFormat {
     name: "PNG",
     extensions: &["png"],
-    about: "terrain-RGB, terrarium, or gray of 8 or 16 bits (‹type› uint8, uint16), with .pgw and .prj; scale and offset \
-            are applied",
+    about: "terrain-RGB, terrarium, or 8 or 16-bit grayscale (‹type› uint8, uint16), with .pgw and .prj; scale and offset are applied",
     options: &[
         CreationOption {
             key: "ENCODING",
             accepts: Words(&["TERRAIN-RGB", "TERRARIUM", "GRAY"]),
-            about: "how heights are held [GRAY where ‹type› is uint8 or uint16 and of reliefs, else by the name of the \
-                    file, else TERRAIN-RGB]",
+            about: "height encoding [GRAY for ‹type› uint8 or uint16 and for reliefs, else by file name, else TERRAIN-RGB]",
         },
         CreationOption {
             key: "ALPHA",
             accepts: Words(&["YES", "NO"]),
-            about: "transparent voids of packed heights [YES where the grid declares nodata]",
+            about: "transparent voids of RGB-encoded heights [YES if the grid declares nodata]",
         },
     ],
     several_bands: false,
@@ -50,12 +48,12 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     },
 };
 
-/// Greatest packed value.
+/// Maximum encoded value.
 const MOST: f64 = 16_777_215.0;
-/// Heights this near to a step, in steps, are that step.
+/// Tolerance, in steps, within which a height counts as a multiple of the step.
 const HAIR: f64 = 1e-3;
 
-/// A picture in the making.
+/// A PNG under construction.
 struct PngSink {
     info: GridInfo,
     packing: &'static RgbHeightEncoding,
@@ -70,16 +68,16 @@ impl PngSink {
         let options = order.options;
         if let Some(other) = options.sample_type {
             let message = format!(
-                "PNG holds gray of uint8 or uint16, or packed heights, not {}",
+                "PNG supports grayscale of uint8 or uint16 and RGB-encoded heights, not {}",
                 other.name()
             );
-            return Err(
-                Error::usage(message).remedy("leave ‹type› and ENCODING out, or ‹type› alone")
-            );
+            return Err(Error::usage(message).remedy("omit ‹type›, or both ‹type› and ENCODING"));
         }
         if options.nodata.is_some() {
-            return Err(Error::usage("voids of a PNG are transparent, and have no value")
-                .remedy("leave ‹out_nodata› out"));
+            return Err(Error::usage(
+                "PNG stores voids as transparent pixels, not as a nodata value",
+            )
+            .remedy("omit ‹out_nodata›"));
         }
         let packing = packing(order)?;
         let alpha = match order.creation.word("ALPHA") {
@@ -99,32 +97,34 @@ impl PngSink {
         if self.alpha {
             return Ok([0; 4]);
         }
-        Err(Error::bad_input("a void, but the picture has no transparency")
+        Err(Error::bad_input("sample is void, but the image has no transparency")
             .remedy("pass ‹co› ALPHA=YES"))
     }
 
-    /// Red, green, blue and full opacity.
+    /// Encodes a height as red, green, blue and full opacity.
     fn pack<H: StoreHeight>(&self, height: H) -> Result<[u8; 4]> {
         let height = height.to_f64();
         let wanted = (height - self.packing.offset) / self.packing.scale;
         let step = wanted.round();
         let (name, scale) = (self.packing.name(), self.packing.scale);
         if !(0.0..=MOST).contains(&step) {
-            let message = format!("the height {height} is beyond what {name} holds");
+            let message = format!("height {height} is outside the range of {name}");
             return Err(Error::bad_input(message).remedy("write another format"));
         }
         let again = step * scale + self.packing.offset;
         let same = (step - wanted).abs() < HAIR || again as f32 == height as f32;
         if !same && !self.round {
-            let message = format!("{name} holds steps of {scale}, and the height is {height}");
-            return Err(Error::bad_input(message).remedy("pass ‹round› to store the nearest"));
+            let message =
+                format!("height {height} is not a multiple of {scale}, the step of {name}");
+            return Err(Error::bad_input(message).remedy("pass ‹round› to store the nearest value"));
         }
         let [_, red, green, blue] = (step as u32).to_be_bytes();
         Ok([red, green, blue, u8::MAX])
     }
 }
 
-/// By ENCODING, or else by the name, which readers go by too: the two must not contradict.
+/// The encoding given by ENCODING, or else by the file name; they must not conflict, because readers rely on
+/// the name.
 fn packing(order: &GridWriteRequest<'_>) -> Result<&'static RgbHeightEncoding> {
     let named = RgbHeightEncoding::named(order.path);
     let asked = order.creation.word("ENCODING");
@@ -132,7 +132,7 @@ fn packing(order: &GridWriteRequest<'_>) -> Result<&'static RgbHeightEncoding> {
         asked.and_then(|word| PACKINGS.iter().find(|p| word.eq_ignore_ascii_case(p.name())));
     match (asked, named) {
         (Some(asked), Some(named)) if asked != named => {
-            let message = format!("the name says {}, and readers go by it", named.name());
+            let message = format!("file name implies {}, which readers will assume", named.name());
             Err(Error::usage(message).remedy("choose another name or ENCODING"))
         }
         (asked, named) => Ok(asked.or(named).unwrap_or(&PACKINGS[0])),
@@ -143,7 +143,7 @@ fn notes(order: &GridWriteRequest<'_>, packing: &RgbHeightEncoding) -> Vec<Strin
     let mut notes = sidecar::lost(order.info);
     if RgbHeightEncoding::named(order.path).is_none() {
         let (name, path) = (packing.name().to_lowercase(), order.path.display());
-        notes.push(format!("the name does not tell the encoding: read it as {name}:{path}"));
+        notes.push(format!("file name does not imply the encoding: read it as {name}:{path}"));
     }
     notes
 }

@@ -1,7 +1,7 @@
-//! Predictors, forward: what TIFF does to rows of samples before they are compressed. TIFF 6.0
-//! section 14 (horizontal) and Adobe's TIFF Technical Note 3 (floating point).
+//! TIFF predictors, encoding: TIFF 6.0 section 14 (horizontal) and Adobe's TIFF Technical Note 3 (floating
+//! point).
 
-/// Replaces each little-endian sample of `size` bytes in `row` by its difference from the one before.
+/// Replaces each little-endian sample of `size` bytes in `row` by the difference from its predecessor.
 pub(super) fn horizontal(row: &mut [u8], size: usize) {
     match size {
         1 => differences(row, |b: [u8; 1]| u8::from_le_bytes(b), u8::wrapping_sub, u8::to_le_bytes),
@@ -27,8 +27,8 @@ fn differences<T: Copy, const N: usize>(
     }
 }
 
-/// Sorts the bytes of the little-endian samples in `row` by significance, the highest first, and
-/// replaces each byte by its difference from the one before. `scratch` is a buffer to be used again.
+/// Reorders the bytes of the little-endian samples in `row` by significance, highest first, and replaces each
+/// byte by the difference from its predecessor. `scratch` is a reusable buffer.
 pub(super) fn float(row: &mut [u8], size: usize, scratch: &mut Vec<u8>) {
     let width = row.len() / size;
     scratch.clear();

@@ -1,4 +1,4 @@
-//! Sinks that write whole rows, one below the other, and keep nothing of them.
+//! Sinks that write whole rows in order without buffering them.
 
 use std::fmt::Display;
 
@@ -11,12 +11,12 @@ use terrane_base::geom::Rect;
 
 /// A sink of whole rows.
 pub(super) trait RowSink: Send + Sync {
-    /// Samples of a block, about; at least one row.
+    /// Approximate number of samples of a block; at least one row.
     const BLOCK_SAMPLES: u32 = 1 << 18;
 
     fn info(&self) -> &GridInfo;
 
-    /// Puts the rows of `rect` into `out`, which is empty.
+    /// Encodes the rows of `rect` into `out`, which is empty.
     fn encode_rows<H: StoreHeight + Display>(
         &self,
         rect: Rect,

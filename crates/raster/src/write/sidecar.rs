@@ -1,5 +1,5 @@
-//! Small text files beside a grid (.prj, .hdr, .pgw), put into place together with it, and the corner
-//! that text headers want.
+//! Sidecars of a grid (.prj, .hdr, .pgw), committed together with it, and the lower left corner for text
+//! headers.
 
 use std::path::{Path, PathBuf};
 
@@ -9,38 +9,38 @@ use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Affine, Crs};
 use terrane_files::atomic::Sidecar;
 
-/// Files beside the grid at a path, in the making.
+/// Pending sidecars of a grid.
 pub(super) struct Sidecars {
     grid: PathBuf,
     overwrite: bool,
-    /// Where those really are that nothing takes the place of.
+    /// Real paths of the input files, which are not overwritten.
     read: Vec<PathBuf>,
     files: Vec<Sidecar>,
 }
 
 impl Sidecars {
-    /// None yet.
+    /// No sidecars yet.
     pub(super) fn new(grid: &Path, options: &GridWriteOptions) -> Self {
         let read = options.read.iter().filter_map(|path| path.canonicalize().ok()).collect();
         Self { grid: grid.to_path_buf(), overwrite: options.overwrite, read, files: Vec::new() }
     }
 
-    /// Adds the file with `ending` in place of the grid's; one that says the same already stays.
+    /// Adds the sidecar with extension `ending`; an equivalent existing one is kept.
     pub(super) fn add(&mut self, ending: &str, text: &str) -> Result<()> {
         let says_so = |found: &str| found.trim() == text.trim();
         self.push(ending, Some(text.to_owned()), says_so)
     }
 
-    /// Adds the CRS as a .prj.
+    /// Adds the CRS as a .prj sidecar.
     pub(super) fn add_prj(&mut self, crs: &Crs) -> Result<()> {
         let text = crs.to_wkt().map(|text| text + "\n");
         let is_said = text.is_some();
         self.push("prj", text, |found| crs.is_said_by(found))?;
-        // Readers that find no .prj look for this one.
+        // Readers that find no .prj read this file.
         if is_said { Ok(()) } else { self.push("PRJ", None, |found| crs.is_said_by(found)) }
     }
 
-    /// Takes away files with one of `endings`, which readers would take for the new grid's.
+    /// Removes stale sidecars with one of `endings`, which would apply to the new grid.
     pub(super) fn remove(&mut self, endings: &[&str]) -> Result<()> {
         endings.iter().try_for_each(|ending| self.push(ending, None, |_| false))
     }
@@ -54,42 +54,42 @@ impl Sidecars {
         let path = self.grid.with_extension(ending);
         if path.canonicalize().is_ok_and(|path| self.read.contains(&path)) {
             return Err(Error::usage(
-                "is read with the input, and the output has a file of this name",
+                "sidecar of the input would be overwritten by that of the output",
             )
             .in_file(&path)
-            .remedy("choose another name for the output"));
+            .remedy("choose another output name"));
         }
         self.files.push(Sidecar::new(path, text, says_so, self.overwrite)?);
         Ok(())
     }
 
-    /// Puts all files under their names.
+    /// Commits all sidecars.
     pub(super) fn commit(self) -> Result<()> {
         self.files.into_iter().try_for_each(|file| file.commit())
     }
 }
 
-/// What a grid of heights with a .prj beside it cannot say.
+/// Notes on metadata that a grid with a .prj sidecar cannot store.
 pub(super) fn lost(info: &GridInfo) -> Vec<String> {
     let crs = &info.crs;
     let mut lost: Vec<String> = crs.lost_in_wkt().into_iter().collect();
     if let Some(unit) = crs.vertical_unit.as_ref().filter(|_| !crs.wkt_has_heights()) {
-        lost.push(format!("the format does not say that heights are in {unit}"));
+        lost.push(format!("the format cannot store the height unit ({unit})"));
     }
     lost
 }
 
-/// Fails unless the grid is north-up, as formats with a corner and a cell size are.
+/// Fails unless the grid is north-up, for formats with a corner and a cell size.
 pub(super) fn check_north_up(map: &Affine, format: &str) -> Result<()> {
     if (map.b, map.d) == (0.0, 0.0) && map.a > 0.0 && map.e < 0.0 && map.is_valid() {
         return Ok(());
     }
-    let message = format!("the grid is rotated or not north-up, which {format} cannot say");
+    let message = format!("the grid is rotated or not north-up, which {format} does not support");
     Err(Error::new(ErrorKind::CannotWrite, message).remedy("write GTiff, or gdalwarp it first"))
 }
 
-/// World position to write for the lower left corner (`half` 0.5) or sample (`half` 0) of a north-up
-/// grid, chosen so that readers come back to sample (0, 0), to the last bit where a number does.
+/// Lower left corner (`half` 0.5) or sample (`half` 0) of a north-up grid, chosen so that readers reconstruct
+/// the position of sample (0, 0), exactly if possible.
 pub(super) fn lower_left(info: &GridInfo, half: f64) -> [f64; 2] {
     let Affine { x0, a, y0, e, .. } = info.transform;
     let up = f64::from(info.height - 1) + half;
@@ -98,7 +98,7 @@ pub(super) fn lower_left(info: &GridInfo, half: f64) -> [f64; 2] {
     [x, y]
 }
 
-/// A number near `guess` that `read` turns into `wanted`, or else `guess`.
+/// A number near `guess` that `read` maps to `wanted`, or else `guess`.
 fn solve(wanted: f64, guess: f64, read: impl Fn(f64) -> f64) -> f64 {
     let near = [guess, guess.next_down(), guess.next_up()];
     near.into_iter().find(|number| read(*number) == wanted).unwrap_or(guess)

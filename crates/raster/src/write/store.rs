@@ -1,4 +1,4 @@
-//! terrane's own store as one of the formats: its tiles may be written in any order.
+//! The terrane store as an output format: tiles are written in any order.
 
 use super::creation::Accepts::Words;
 use super::creation::CreationOption;
@@ -26,7 +26,7 @@ pub(super) const FORMAT: GridFormat = GridFormat {
     create: |order| Ok(Box::new(StoreSink::new(order)?)),
 };
 
-/// A store in the making.
+/// A store under construction.
 struct StoreSink {
     info: GridInfo,
     writer: StoreWriter,
@@ -54,7 +54,7 @@ impl GridSink for StoreSink {
         false
     }
 
-    /// Writes the piece to its place; `out` is a buffer.
+    /// Writes the piece at its offset; `out` is a buffer.
     fn encode(
         &self,
         _band: u32,

@@ -1,20 +1,20 @@
-//! What a file will hold of a grid: sample type, nodata, scale and offset, by the options and by what
-//! the format knows. The declared nodata value is the very one that voids are stored as.
+//! Sample type, nodata, scale and offset of the output, from the options and the capabilities of the format.
+//! The declared nodata value is exactly the stored value of voids.
 
 use super::format::GridWriteRequest;
 use crate::grid::{GridInfo, SampleType};
 use crate::store::sample::{SampleCodec, SampleRounding, stored_nodata};
 use terrane_base::error::{Error, Result};
 
-/// Stands for voids where a format has to name a value and the grid names none.
+/// Default nodata value for formats that require one.
 const USUAL_NODATA: f64 = -9999.0;
 
 impl GridWriteRequest<'_> {
-    /// For formats that hold stored values: scale and offset stay.
+    /// For formats that store stored values: scale and offset are kept.
     pub(super) fn stored(&self) -> Result<GridInfo> {
         let sample_type = self.options.sample_type.unwrap_or(self.info.sample_type);
         let kept = |value| {
-            // A value that the type of the input lacks stands for no sample, and is kept as it is.
+            // A nodata value outside the type of the input matches no sample, and is kept unchanged.
             let as_is = (sample_type == self.info.sample_type).then_some(value);
             stored_nodata(sample_type, value).or(as_is)
         };
@@ -23,8 +23,8 @@ impl GridWriteRequest<'_> {
         self.with_nodata(info)
     }
 
-    /// For formats that hold heights: scale and offset are applied, and a value for voids is always
-    /// named, `-9999` where nothing else is. `sample_type` is what the format holds.
+    /// For formats that store heights: scale and offset are applied, and a nodata value is always declared,
+    /// `-9999` by default. `sample_type` is the type of the format.
     pub(super) fn heights(&self, sample_type: SampleType) -> Result<GridInfo> {
         let is_plain = (self.info.scale, self.info.offset) == (1.0, 0.0);
         let own = self.info.nodata.filter(|value| is_plain && value.is_finite());
@@ -39,13 +39,13 @@ impl GridWriteRequest<'_> {
             Some(stored) => Ok(GridInfo { nodata: Some(stored), ..info }),
             None => {
                 let name = info.sample_type.name();
-                Err(Error::usage(format!("the nodata value {value} cannot be stored as {name}"))
-                    .remedy("pass one with ‹out_nodata› that the type holds"))
+                Err(Error::usage(format!("nodata value {value} cannot be stored as {name}"))
+                    .remedy("pass a value in the range of the type as ‹out_nodata›"))
             }
         }
     }
 
-    /// What heights become stored values by.
+    /// Codec from heights to stored values.
     pub(super) fn codec(&self, info: &GridInfo) -> SampleCodec {
         SampleCodec::new(info).rounding(self.rounding())
     }

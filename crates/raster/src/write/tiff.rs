@@ -1,4 +1,4 @@
-//! What GeoTIFF and COG share: how an image is cut into blocks, how a block is coded, and its tags.
+//! Common parts of GeoTIFF and COG: block layout, block encoding, and tags.
 
 use super::compress::TiffCompression;
 use super::creation::Accepts::{Whole, Words};
@@ -21,12 +21,12 @@ pub(super) const COMPRESS: CreationOption = CreationOption {
 pub(super) const LEVEL: CreationOption = CreationOption {
     key: "LEVEL",
     accepts: Whole { least: 1, most: 22, step: 1 },
-    about: "of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
+    about: "compression level of DEFLATE, 1 to 12 [6], or of ZSTD [9]",
 };
 pub(super) const PREDICTOR: CreationOption = CreationOption {
     key: "PREDICTOR",
     accepts: Words(&["NO", "YES", "STANDARD", "FLOATING_POINT", "1", "2", "3"]),
-    about: "2 is STANDARD, 3 FLOATING_POINT, YES the one of the sample type [YES]",
+    about: "2 is STANDARD, 3 is FLOATING_POINT, YES chooses by sample type [YES]",
 };
 pub(super) const BIGTIFF: CreationOption = CreationOption {
     key: "BIGTIFF",
@@ -40,17 +40,17 @@ const ROWS_PER_STRIP: u16 = 278;
 const STRIP_BYTES: u16 = 279;
 const PREDICTOR_TAG: u16 = 317;
 const EXTRA_SAMPLES: u16 = 338;
-/// Bands that are neither colours nor opacity; opacity that colours are not multiplied by.
+/// ExtraSamples: unspecified; unassociated alpha.
 const UNSPECIFIED: u16 = 0;
 const OPACITY: u16 = 2;
-/// PhotometricInterpretation: the lowest value is black; red, green and blue.
+/// PhotometricInterpretation: BlackIsZero; RGB.
 const GRAY: u16 = 1;
 const RGB: u16 = 2;
-/// Bands side by side in one block, or in blocks of their own.
+/// PlanarConfiguration: chunky; planar.
 const CHUNKY: u16 = 1;
 const PLANAR: u16 = 2;
 
-/// How samples are coded, by COMPRESS, LEVEL and PREDICTOR.
+/// Sample encoding by COMPRESS, LEVEL and PREDICTOR.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SampleCoding {
     pub(super) compression: TiffCompression,
@@ -59,7 +59,7 @@ pub(super) struct SampleCoding {
 }
 
 impl SampleCoding {
-    /// By the options; `default` is the compression when none is given.
+    /// From the options; `default` is the default compression.
     pub(super) fn of(
         creation: &CreationOptions,
         sample_type: SampleType,
@@ -79,7 +79,7 @@ impl SampleCoding {
             _ => 2,
         };
         if predictor == 3 && !is_float(sample_type) {
-            let message = format!("PREDICTOR=3 is for floats, and samples are {sample_type:?}");
+            let message = format!("PREDICTOR=3 requires float samples, found {sample_type:?}");
             return Err(Error::usage(message).remedy("choose PREDICTOR=2"));
         }
         Ok(Self { compression, predictor })
@@ -90,7 +90,7 @@ fn is_float(sample_type: SampleType) -> bool {
     matches!(sample_type, SampleType::F16 | SampleType::F32 | SampleType::F64)
 }
 
-/// One image: its size, its blocks, and how they are coded.
+/// An image: size, blocks and encoding.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TiffImage {
     pub(super) width: u32,
@@ -100,27 +100,27 @@ pub(super) struct TiffImage {
     pub(super) tiled: bool,
     pub(super) sample_type: SampleType,
     pub(super) coding: SampleCoding,
-    /// Bands, each with blocks of its own.
+    /// Number of bands, each with its own blocks.
     pub(super) bands: u32,
-    /// They are red, green, blue and, if there are four, opacity.
+    /// True if the bands are red, green, blue and optionally alpha.
     pub(super) are_colours: bool,
 }
 
 impl TiffImage {
-    /// Fails when there are more blocks, or larger ones, than the limits allow.
+    /// Fails if number or size of blocks exceeds the limits.
     pub(super) fn check(&self) -> Result<()> {
         limits::check("number of blocks", self.blocks(), limits::MAX_BLOCKS)?;
         let bytes = self.row_bytes() as u64 * u64::from(self.block.1);
-        limits::check("bytes of one block", bytes, limits::MAX_BLOCK_BYTES)
+        limits::check("block size in bytes", bytes, limits::MAX_BLOCK_BYTES)
     }
 
-    /// Number of blocks, of all bands.
+    /// Number of blocks of all bands.
     pub(super) fn blocks(&self) -> u64 {
         let across = u64::from(self.width.div_ceil(self.block.0));
         across * u64::from(self.height.div_ceil(self.block.1)) * u64::from(self.bands)
     }
 
-    /// Bytes of all blocks without compression; the last strip ends with the image.
+    /// Uncompressed size of all blocks in bytes; the last strip ends with the image.
     pub(super) fn plain_bytes(&self) -> u64 {
         let rows = match self.tiled {
             true => self.blocks() * u64::from(self.block.1),
@@ -129,12 +129,12 @@ impl TiffImage {
         rows.saturating_mul(self.row_bytes() as u64)
     }
 
-    /// Bytes of one row of a block.
+    /// Size of a row of a block in bytes.
     fn row_bytes(&self) -> usize {
         self.block.0 as usize * self.sample_type.bytes()
     }
 
-    /// The directory, with `facts` about the grid.
+    /// The directory, with additional tags `facts`.
     pub(super) fn directory(
         &self,
         facts: Vec<(u16, TiffTagValues)>,
@@ -179,7 +179,7 @@ impl TiffImage {
         TiffDirectoryBuilder::new(tags, tables, self.blocks(), self.bands)
     }
 
-    /// Codes the block of the heights of `rect` into `out`; tiles are filled up with voids.
+    /// Encodes the block of the heights of `rect` into `out`; tiles are padded with voids.
     pub(super) fn encode<H: StoreHeight>(
         &self,
         codec: &SampleCodec,
@@ -212,15 +212,15 @@ impl TiffImage {
     }
 }
 
-/// From this many bytes of samples on, compressed files are written with 64-bit offsets when nobody
-/// can know how large they will be: no compression makes twice as many bytes.
+/// Uncompressed size in bytes from which compressed files of unknown size use 64-bit offsets: no compression
+/// doubles the size.
 const SAFE_BYTES: u64 = 2 << 30;
 
-/// Chooses the kind of TIFF by BIGTIFF: for a file of `exact` bytes in the classic form where that is
-/// known, or else of about `plain` bytes before compression.
+/// The TIFF variant by BIGTIFF, for a file of `exact` bytes in the classic form if known, else of about
+/// `plain` uncompressed bytes.
 ///
 /// # Errors
-/// Usage: BIGTIFF=NO, and the file is known to be too large.
+/// Usage: BIGTIFF=NO for a file known to be too large.
 pub(super) fn form(
     creation: &CreationOptions,
     exact: Option<u64>,
@@ -237,10 +237,9 @@ pub(super) fn form(
     }
 }
 
-/// The file does not fit into a classic TIFF.
+/// Error of a file that exceeds the limit of classic TIFF.
 pub(super) fn too_large() -> Error {
-    Error::usage("the file is larger than the 4 GiB of a classic TIFF")
-        .remedy("leave out ‹co› BIGTIFF=NO")
+    Error::usage("file exceeds the 4 GiB limit of classic TIFF").remedy("omit ‹co› BIGTIFF=NO")
 }
 
 #[cfg(test)]

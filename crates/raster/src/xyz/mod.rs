@@ -1,6 +1,6 @@
-//! Grids as text, one "x y z" point per line (.xyz, .csv, .txt): by row or by column, with points
-//! left out where there is no height. Two passes at opening find the spacing and keep the heights
-//! in a temporary file.
+//! Grids as text with one "x y z" point per line (.xyz, .csv, .txt), in row or column order; points without a
+//! height may be missing. Two passes at opening determine the spacing and store the heights in a temporary
+//! file.
 
 mod points;
 
@@ -22,16 +22,16 @@ use points::XyzPointReader;
 pub(super) const FORMAT: RasterFormat = RasterFormat {
     name: "XYZ",
     extensions: &["xyz", "csv", "txt"],
-    about: "points of a regular grid, one to a line; missing ones are void; .prj gives the CRS",
+    about: "points of a regular grid, one per line; missing points are void; CRS from a .prj sidecar",
     sniff: |_| false,
     open,
 };
 
-/// Most samples of the grid for each point: more are sparse points rather than a grid.
+/// Maximum number of grid samples per point: sparser points are not a grid.
 const MOST_SPARSE: u64 = 100;
-/// Part of a cell that a point may lie off its place.
+/// Maximum offset of a point from its position, in cells.
 const SLACK: f64 = 0.1;
-/// Whole numbers up to here are exact in `f32`.
+/// Largest integer up to which all integers are exact in `f32`.
 const EXACT_IN_F32: f64 = 16_777_216.0;
 
 fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
@@ -66,8 +66,8 @@ fn read(path: &Path, options: &GridOpenOptions) -> Result<StridedGrid> {
     StridedGrid::new(spool, info, layout)
 }
 
-/// Steps between neighbouring points along one axis. The mean of the smallest ones tells the
-/// spacing better than any one of them where coordinates are rounded.
+/// Steps between neighbouring points along an axis. The mean of the smallest steps is a better estimate of
+/// the spacing than a single one, since coordinates may be rounded.
 #[derive(Clone, Copy, Default)]
 struct AxisSteps {
     least: f64,
@@ -88,7 +88,7 @@ impl AxisSteps {
     }
 }
 
-/// Lowest and highest.
+/// Minimum and maximum.
 #[derive(Clone, Copy)]
 struct XyzRange {
     low: f64,
@@ -104,11 +104,11 @@ impl XyzRange {
     }
 }
 
-/// What the first pass finds.
+/// Result of the first pass.
 struct XyzSurvey {
     points: u64,
     by_column: bool,
-    /// True when the first change of row was to the north.
+    /// True if the first change of row is to the north.
     northward: bool,
     spans: [XyzRange; 2],
     steps: [AxisSteps; 2],
@@ -156,11 +156,11 @@ impl XyzSurvey {
         let (inner, outer) = if self.by_column { (1, 0) } else { (0, 1) };
         if step[outer] == 0.0 {
             if step[inner] == 0.0 {
-                return Err(Error::bad_input("it is at the place of the point before"));
+                return Err(Error::bad_input("duplicate of the previous point"));
             }
             self.steps[inner].add(step[inner]);
         } else {
-            // Columns make a grid from north to south, whichever way they go; rows keep theirs.
+            // Columns always give a grid from north to south; rows keep their order.
             if self.steps[outer].count == 0 {
                 self.northward = !self.by_column && step[1] > 0.0;
             }
@@ -175,11 +175,11 @@ impl XyzSurvey {
         let samples = u64::from(x.count) * u64::from(y.count);
         if samples / MOST_SPARSE > self.points {
             return Err(irregular(format!(
-                "its {} points of {file_bytes} bytes would be spread over {} x {} samples",
+                "{} points in {file_bytes} bytes are too sparse for a grid of {} x {} samples",
                 self.points, x.count, y.count
             )));
         }
-        // Of no height at all both are infinite.
+        // Without any height both are infinite.
         let heights = Some(self.heights).filter(|heights| heights.low <= heights.high);
         let largest = heights.map_or(0.0, |heights| heights.low.abs().max(heights.high.abs()));
         let most = if self.whole { EXACT_IN_F32 } else { f32::MAX.into() };
@@ -189,9 +189,9 @@ impl XyzSurvey {
     }
 }
 
-/// The answer to points that make no grid.
+/// Error of points that do not form a grid.
 fn irregular(message: impl Into<String>) -> Error {
-    Error::unsupported(message).remedy("terrane reads points of a regular grid, row by row")
+    Error::unsupported(message).remedy("sort points of a regular grid row by row")
 }
 
 /// Positions along x or y.
@@ -205,27 +205,31 @@ struct XyzAxis {
 impl XyzAxis {
     fn of(name: &str, span: XyzRange, steps: AxisSteps) -> Result<Self> {
         if steps.count == 0 {
-            return Err(irregular(format!("no two neighbours tell the spacing of {name}")));
+            return Err(irregular(format!("spacing of {name} cannot be determined")));
         }
         let range = span.high - span.low;
         let cells = (range / (steps.sum / steps.count as f64)).round();
         if !(cells >= 1.0 && range.is_finite()) {
-            return Err(irregular(format!("the spacing of {name} is not usable")));
+            return Err(irregular(format!("invalid spacing of {name}")));
         }
-        limits::check(&format!("samples along {name}"), cells as u64, limits::MAX_SIDE - 1)?;
+        limits::check(
+            &format!("number of samples along {name}"),
+            cells as u64,
+            limits::MAX_SIDE - 1,
+        )?;
         Ok(Self { low: span.low, step: range / cells, count: cells as u32 + 1 })
     }
 
-    /// The index of `position`; `None` when it lies off the grid.
+    /// The index of `position`; `None` if it is off the grid.
     fn index(&self, position: f64) -> Option<u32> {
         let at = (position - self.low) / self.step;
-        // At most half a cell below the lowest, so rounded by dropping what is behind the point.
+        // At most half a cell below the lowest position, so truncation rounds.
         let index = (at + 0.5) as u32;
         ((at - f64::from(index)).abs() <= SLACK).then_some(index.min(self.count - 1))
     }
 }
 
-/// The grid that the points make.
+/// The grid of the points.
 struct XyzGrid {
     x: XyzAxis,
     y: XyzAxis,
@@ -251,7 +255,7 @@ impl XyzGrid {
         Ok((col, if self.northward { up } else { self.y.count - 1 - up }))
     }
 
-    /// The second pass: lines of heights, void where there is no point.
+    /// The second pass: lines of heights, void where points are missing.
     fn spool(&self, file: &RawFile, spool: SampleSpool) -> Result<RawFile> {
         let mut points = XyzPointReader::new(file)?;
         let (inner, outer) = if self.by_column {
@@ -277,13 +281,13 @@ impl XyzGrid {
     }
 }
 
-/// Lines of the grid on their way to the spool.
+/// Buffered lines of the grid.
 struct XyzLines {
     spool: SampleSpool,
-    /// Heights of the line at hand; empty before its first.
+    /// Heights of the current line; empty before the first.
     line: Vec<Option<f64>>,
     length: usize,
-    /// Of the line at hand.
+    /// Number of the current line.
     number: u32,
     kind: SampleType,
 }
@@ -291,12 +295,12 @@ struct XyzLines {
 impl XyzLines {
     fn put(&mut self, line: u32, at: usize, height: f64) -> Result<()> {
         if line < self.number {
-            return Err(irregular("it goes back to an earlier row or column"));
+            return Err(irregular("point returns to an earlier row or column"));
         }
         self.advance(line)?;
         self.line.resize(self.length, None);
         if self.line[at].replace(height).is_some() {
-            return Err(Error::bad_input("there was a point at this place before"));
+            return Err(Error::bad_input("duplicate point"));
         }
         Ok(())
     }

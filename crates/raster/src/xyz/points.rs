@@ -1,4 +1,4 @@
-//! Points of a text file, one to a line, with any common separator and an optional heading.
+//! Reader of points in a text file, one per line, with any common separator and an optional header.
 
 use std::io::{BufRead, BufReader, Read};
 
@@ -6,33 +6,33 @@ use crate::decimal;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as file, RawFile};
 
-/// Most bytes of a line.
+/// Maximum line length in bytes.
 const MOST_LINE: u64 = 4096;
-/// Most spaces in a row of a plain line.
+/// Maximum number of consecutive spaces of a plain line.
 const MOST_SPACES: usize = 64;
 
-/// Names of the columns x, y and z in headings, in lower case.
+/// Names of the columns x, y and z in headers, in lower case.
 const NAMES: [&[&str]; 3] = [
     &["x", "lon", "long", "longitude", "east", "easting"],
     &["y", "lat", "latitude", "north", "northing"],
     &["z", "alt", "altitude", "elev", "elevation", "height", "h"],
 ];
 
-/// The points of a file, one after the other.
+/// Sequential reader of points.
 pub(super) struct XyzPointReader<'a> {
     file: &'a RawFile,
     lines: BufReader<file::RawFileReader<'a>>,
     text: Vec<u8>,
     line: u64,
     separator: Option<XyzSeparator>,
-    /// Which words are x, y and z.
+    /// Columns of x, y and z.
     columns: [usize; 3],
-    /// Words of the first line, and so of all.
+    /// Number of words of the first line, required in all lines.
     words: Option<usize>,
 }
 
 impl<'a> XyzPointReader<'a> {
-    /// At the first point: a heading is read.
+    /// A reader at the first point, after the header.
     pub(super) fn new(file: &'a RawFile) -> Result<Self> {
         let mut points = Self {
             file,
@@ -73,7 +73,7 @@ impl<'a> XyzPointReader<'a> {
         Ok(Some(point))
     }
 
-    /// The next point if its line is plain and wholly in the buffer, as nearly all are.
+    /// The next point if its line is plain and entirely in the buffer, which is the common case.
     fn next_plain(&mut self) -> Option<[f64; 3]> {
         let is_plain = self.columns == [0, 1, 2] && self.words == Some(3);
         let separator = self.separator.filter(|_| is_plain)?;
@@ -98,13 +98,13 @@ impl<'a> XyzPointReader<'a> {
             match read.map_err(|e| Error::read(self.file.path(), e))? as u64 {
                 0 => return Ok(None),
                 MOST_LINE if !self.text.ends_with(b"\n") => {
-                    let message = format!("the line is longer than {MOST_LINE} bytes");
+                    let message = format!("line exceeds {MOST_LINE} bytes");
                     return Err(Error::bad_input(message).at(self.place()));
                 }
                 _ => {}
             }
             if std::str::from_utf8(&self.text).is_err() {
-                return Err(Error::bad_input("the line is not text").at(self.place()));
+                return Err(Error::bad_input("line is not text").at(self.place()));
             }
             let text = self.line_text();
             if !text.is_empty() && !text.starts_with('#') {
@@ -114,14 +114,14 @@ impl<'a> XyzPointReader<'a> {
         Ok(Some(self.line_text()))
     }
 
-    /// The line at hand, which is checked to be text.
+    /// The current line as text.
     fn line_text(&self) -> &str {
         let text = std::str::from_utf8(&self.text).unwrap_or_default();
         trimmed(text.trim_start_matches('\u{feff}').trim_end_matches(['\r', '\n']))
     }
 }
 
-/// Without spaces around it. No other white space is looked for: what is within a line is damage.
+/// `text` without surrounding spaces. Other white space is not removed: inside a line it is an error.
 fn trimmed(text: &str) -> &str {
     text.trim_matches([' ', '\t'])
 }
@@ -157,7 +157,7 @@ impl XyzSeparator {
         words.map(|word| unquoted(trimmed(word)))
     }
 
-    /// Its length where `text` begins with it, with spaces behind.
+    /// Length of the separator at the start of `text`, with the spaces after it.
     fn leading(self, text: &[u8]) -> Option<usize> {
         let own = match self {
             Self::Space => return Some(spaces(text)).filter(|bytes| *bytes > 0),
@@ -168,7 +168,7 @@ impl XyzSeparator {
         (*first == own).then(|| 1 + spaces(rest))
     }
 
-    /// A number; where the comma is no separator it may be the decimal point.
+    /// Parses a number; the comma may be the decimal point if it is not the separator.
     fn number(self, word: &str) -> Option<f64> {
         decimal::whole(word).or_else(|| {
             let comma = self != Self::Comma && word.matches(',').count() == 1;
@@ -177,29 +177,29 @@ impl XyzSeparator {
     }
 }
 
-/// Without the quotes around it, if there are two.
+/// `word` without a pair of quotes.
 fn unquoted(word: &str) -> &str {
     word.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(word)
 }
 
-/// Fails where a line has other columns than those before.
+/// Fails if a line has another number of columns than the lines before.
 fn even(found: usize, before: Option<usize>) -> Result<()> {
     match before {
-        Some(before) if before != found => {
-            Err(Error::bad_input(format!("{found} values, where the lines before have {before}"))
-                .remedy("mend the line"))
-        }
+        Some(before) if before != found => Err(Error::bad_input(format!(
+            "{found} values, expected {before} as in the lines before"
+        ))
+        .remedy("correct the line")),
         _ => Ok(()),
     }
 }
 
-/// Spaces in front.
+/// Number of leading spaces.
 fn spaces(text: &[u8]) -> usize {
     text.iter().take(MOST_SPACES).take_while(|byte| matches!(byte, b' ' | b'\t')).count()
 }
 
-/// The point of the line that `text` begins with and the line's bytes, when it is three plain
-/// decimals and all there; `None` for all else, points or not.
+/// The point of the first line of `text` and the length of the line, if it is three plain decimals and
+/// complete; `None` otherwise.
 fn plain_point(text: &[u8], separator: XyzSeparator) -> Option<([f64; 3], usize)> {
     let mut point = [0.0; 3];
     let mut at = spaces(text);
@@ -224,7 +224,7 @@ fn is_heading(line: &str) -> bool {
     separator.words(line).take(3).all(is_name)
 }
 
-/// Which columns a heading calls x, y and z; the first three when it calls them otherwise.
+/// Columns of x, y and z in a header; the first three if the names are unknown.
 fn columns(heading: &str) -> Result<[usize; 3]> {
     let names: Vec<String> =
         XyzSeparator::of(heading).words(heading).map(str::to_lowercase).collect();
@@ -234,8 +234,8 @@ fn columns(heading: &str) -> Result<[usize; 3]> {
         [None, None, None] if names.len() >= 3 => Ok([0, 1, 2]),
         _ => {
             let heading: String = heading.chars().take(80).collect();
-            let message = format!("the heading {heading:?} does not name x, y and z");
-            Err(Error::bad_input(message).remedy("a line is a point: its x, its y and its height"))
+            let message = format!("header {heading:?} lacks x, y or z");
+            Err(Error::bad_input(message).remedy("write one point per line: x, y and height"))
         }
     }
 }
@@ -244,11 +244,11 @@ fn point(words: &[&str], separator: XyzSeparator, columns: [usize; 3]) -> Result
     let mut point = [0.0; 3];
     for (value, column) in point.iter_mut().zip(columns) {
         let word = words.get(column).ok_or_else(|| {
-            Error::bad_input(format!("{} values where x, y and z are expected", words.len()))
+            Error::bad_input(format!("{} values, expected x, y and z", words.len()))
         })?;
         *value = separator.number(word).ok_or_else(|| {
             let word: String = word.chars().take(40).collect();
-            Error::bad_input(format!("{word:?} is not a number that can be held"))
+            Error::bad_input(format!("{word:?} is not a valid number"))
         })?;
     }
     if !(point[0].is_finite() && point[1].is_finite()) {

@@ -1,4 +1,4 @@
-//! Tables of x, y, as text: a vertex on each line of the file.
+//! CSV tables with one vertex per row.
 
 mod read;
 mod write;
@@ -10,7 +10,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "CSV",
     extensions: &["csv", "tsv", "txt", "xy"],
-    about: "a vertex on each line: x, y and perhaps z, m, id and part; the CRS is in a .prj beside it",
+    about: "one vertex per line: x, y and optionally z, m, id and part; CRS in a .prj sidecar",
     holds: VectorCapabilities {
         kinds: &[GeometryType::Point, GeometryType::LineString, GeometryType::MultiLineString],
         mixed: true,
@@ -23,6 +23,6 @@ pub(super) const FORMAT: VectorFormat = VectorFormat {
     },
     open: read::open,
     create: Some(write::create),
-    // Any text could be a table: only names tell.
+    // Any text could be a table, so detection is by name only.
     sniff: |_| false,
 };

@@ -1,5 +1,5 @@
-//! Reading, line by line. Consecutive rows of one id are a feature, of one part a line of it; without
-//! ids an empty line ends a feature.
+//! Reader, line by line. Consecutive rows with one id form a feature, and those with one part form a line of
+//! it; without ids, an empty line ends a feature.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use crate::window::FileWindow;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Most bytes of a line.
+/// Maximum line length in bytes.
 const MOST_LINE: u64 = 1 << 20;
 
-/// How quotation marks are to be.
-const QUOTING: &str = "put all of a value in quotation marks, and double those in it";
+/// Remedy for quoting errors.
+const QUOTING: &str = "quote the whole value and double the quotation marks inside it";
 
-/// Names of columns with a meaning, lower case.
+/// Recognised column names, lower case.
 const X: &[&str] = &["x", "lon", "long", "lng", "longitude", "easting", "east"];
 const Y: &[&str] = &["y", "lat", "latitude", "northing", "north"];
 const Z: &[&str] = &["z", "ele", "elevation", "height", "altitude", "alt"];
@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     Ok(Box::new(source))
 }
 
-/// Which column is what.
+/// Roles of columns.
 #[derive(Default)]
 struct CsvColumns {
     x: usize,
@@ -61,15 +61,15 @@ struct CsvColumns {
     m: Option<usize>,
     id: Option<usize>,
     part: Option<usize>,
-    /// All others.
+    /// All other columns.
     properties: Vec<(usize, Arc<str>)>,
 }
 
-/// The cells of a row of the file, one behind the other.
+/// The cells of a row, concatenated.
 #[derive(Default)]
 struct CsvRow {
     text: String,
-    /// Where in the text each cell ends, and whether it was in quotation marks.
+    /// End offset of each cell in the text, and whether it was quoted.
     ends: Vec<(usize, bool)>,
 }
 
@@ -89,7 +89,7 @@ impl CsvRow {
         Some(&self.text[start..end])
     }
 
-    /// A cell as a value: white space around it counts between quotation marks only.
+    /// Value of a cell, trimmed unless quoted.
     fn value(&self, at: usize) -> &str {
         let is_quoted = self.ends.get(at).is_some_and(|(_, is_quoted)| *is_quoted);
         let cell = self.get(at).unwrap_or_default();
@@ -107,39 +107,39 @@ impl CsvRow {
     }
 }
 
-/// How far a cell is.
+/// State of the parser within a cell.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum CsvCellState {
-    /// Without quotation marks.
+    /// Unquoted.
     Plain,
-    /// Behind one.
+    /// Inside quotes.
     Open,
-    /// Behind two.
+    /// After the closing quote.
     Closed,
 }
 
 struct CsvFeatureSource {
     window: FileWindow,
-    /// A space stands for any white space.
+    /// Delimiter; a space stands for any white space.
     delimiter: u8,
     columns: CsvColumns,
     layer: LayerHeader,
-    /// Lines read.
+    /// Number of lines read.
     line: u64,
-    /// The line that the row at hand begins on.
+    /// Number of the line where the current row begins.
     row_line: u64,
-    /// Where the last feature began.
+    /// Number of the line where the last feature began.
     first_line: u64,
     row: CsvRow,
-    /// The first row of the feature at hand.
+    /// First row of the current feature.
     first: CsvRow,
-    /// Rows with other values than the first one of their feature.
+    /// Number of rows that differ from the first row of their feature.
     others: u64,
-    /// Values that go over several lines.
+    /// Number of values with line breaks.
     broken: u64,
-    /// Cells of the first line, and so of all.
+    /// Number of columns of the first line, required in all lines.
     count: usize,
-    /// True where `row` is the first of the feature to come.
+    /// True if `row` is the first row of the next feature.
     has_row: bool,
     is_over: bool,
     notes: Vec<String>,
@@ -203,8 +203,11 @@ impl FeatureSource for CsvFeatureSource {
 
     fn notes(&self) -> Vec<String> {
         let told = [
-            (self.others, "rows have other values than the first row of their line, which count"),
-            (self.broken, "values go over several lines of the file"),
+            (
+                self.others,
+                "rows have property values that differ from the first row of their line; those of the first row are used",
+            ),
+            (self.broken, "quoted values contain line breaks"),
         ];
         let told = told.iter().filter(|(count, _)| *count > 0);
         let told = told.map(|(count, what)| format!("{count} {what}"));
@@ -213,16 +216,16 @@ impl FeatureSource for CsvFeatureSource {
 }
 
 impl CsvFeatureSource {
-    /// Finds the delimiter, and what columns are; a first line of numbers is a row.
+    /// Detects the delimiter and the columns; a first line of numbers is data.
     fn header(&mut self) -> Result<()> {
         loop {
             let Some(line) = self.text()? else {
-                return Err(Error::bad_input("holds no rows"));
+                return Err(Error::bad_input("contains no rows"));
             };
             if line.is_empty() {
                 continue;
             }
-            // What is between quotation marks divides nothing.
+            // Delimiters inside quotes do not count.
             let bare: String = line.split('"').step_by(2).collect();
             let found = [b'\t', b';', b','].into_iter().find(|d| bare.as_bytes().contains(d));
             self.delimiter = found.unwrap_or(b' ');
@@ -241,8 +244,8 @@ impl CsvFeatureSource {
 
     fn without_names(&mut self, count: usize) -> Result<()> {
         if !(2..=4).contains(&count) {
-            let message = format!("line {}: {count} columns without names", self.row_line);
-            return Err(Error::bad_input(message).remedy("begin it with a line such as x,y,z,id"));
+            let message = format!("line {}: {count} columns without a header", self.row_line);
+            return Err(Error::bad_input(message).remedy("add a header line such as x,y,z,id"));
         }
         let there = |at: usize| (at < count).then_some(at);
         self.columns = CsvColumns { x: 0, y: 1, z: there(2), m: there(3), ..CsvColumns::default() };
@@ -255,7 +258,8 @@ impl CsvFeatureSource {
         };
         let (Some(x), Some(y)) = (find(X), find(Y)) else {
             let found = names.join(", ").chars().take(200).collect::<String>();
-            let message = format!("line {}: no columns x and y among {found:?}", self.row_line);
+            let message =
+                format!("line {}: columns x and y are missing; found {found:?}", self.row_line);
             return Err(Error::bad_input(message).remedy("name them x and y, or lon and lat"));
         };
         let (z, m, id, part) = (find(Z), find(M), find(ID), find(PART));
@@ -265,24 +269,25 @@ impl CsvFeatureSource {
         let properties = others.filter_map(original).collect();
         if names[x].starts_with("lon") && self.layer.crs.is_unknown() {
             self.layer.crs = crs::wgs84();
-            self.notes.push("longitude and latitude are taken to be in WGS 84".to_owned());
+            self.notes
+                .push("CRS is missing; WGS 84 is assumed for longitude and latitude".to_owned());
         }
         self.columns = CsvColumns { x, y, z, m, id, part, properties };
         Ok(())
     }
 
-    /// The next line without white space around it; comments (#) are passed over.
+    /// The next line, trimmed; comments (#) are skipped.
     fn text(&mut self) -> Result<Option<String>> {
         loop {
             let Some(text) = self.line()? else { return Ok(None) };
             self.row_line = self.line;
-            // The end of a line within quotation marks belongs to the value.
+            // A line end inside quotes belongs to the value.
             let is_open = text.bytes().filter(|byte| *byte == b'"').count() % 2 == 1;
-            // White space may be what divides columns.
+            // White space may be the delimiter.
             let end = if is_open { &text[..] } else { text.trim_end_matches(['\r', ' ']) };
             let text = end.trim_start_matches(' ').to_owned();
             if !text.contains('"') && text.contains('\r') {
-                return Err(self.bad("has a carriage return within it").remedy("mend the line"));
+                return Err(self.bad("carriage return inside the line").remedy("correct the line"));
             }
             if !text.starts_with('#') {
                 return Ok(Some(text));
@@ -290,12 +295,12 @@ impl CsvFeatureSource {
         }
     }
 
-    /// The next line as it is.
+    /// The next line, unchanged.
     fn line(&mut self) -> Result<Option<String>> {
         let Some(bytes) = self.window.line()? else { return Ok(None) };
         self.line += 1;
         let line = self.line;
-        limits::check("bytes of a line", bytes as u64, MOST_LINE)
+        limits::check("line length in bytes", bytes as u64, MOST_LINE)
             .map_err(|e| e.at(format!("line {line}")))?;
         let text = std::str::from_utf8(&self.window.text()[..bytes]).map(str::to_owned);
         let text = text.map_err(|_| {
@@ -307,7 +312,7 @@ impl CsvFeatureSource {
         Ok(Some(text))
     }
 
-    /// Goes to the first row of a feature.
+    /// Advances to the first row of a feature.
     fn first_row(&mut self) -> Result<bool> {
         while self.next_row()? {
             if !self.row.is_empty() {
@@ -317,7 +322,7 @@ impl CsvFeatureSource {
         Ok(false)
     }
 
-    /// Goes to the next row; an empty line has no cells.
+    /// Advances to the next row; an empty line gives a row without cells.
     fn next_row(&mut self) -> Result<bool> {
         if self.is_over {
             return Ok(false);
@@ -332,13 +337,14 @@ impl CsvFeatureSource {
         }
         let found = self.row.len();
         if found > 0 && found != self.count {
-            let message = format!("has {found} columns, where the first line has {}", self.count);
-            return Err(self.bad(message).remedy("mend the line"));
+            let message =
+                format!("has {found} columns, expected {} as in the first line", self.count);
+            return Err(self.bad(message).remedy("correct the line"));
         }
         Ok(true)
     }
 
-    /// Takes a line apart.
+    /// Splits a line into cells.
     fn split(&mut self, line: &str) -> Result<()> {
         self.row.clear();
         if self.delimiter == b' ' {
@@ -351,7 +357,7 @@ impl CsvFeatureSource {
         Ok(())
     }
 
-    /// Takes a line with quotation marks apart, and those after it that a value goes on in.
+    /// Splits a line with quotes into cells, reading further lines for values with line breaks.
     fn split_quoted(&mut self, line: &str) -> Result<()> {
         let delimiter = char::from(self.delimiter);
         let (mut cell, mut state) = (String::new(), CsvCellState::Plain);
@@ -374,17 +380,17 @@ impl CsvFeatureSource {
                         self.end_cell(&mut cell, state);
                         CsvCellState::Plain
                     }
-                    // The end of the line.
+                    // CR of the line end.
                     (state, '\r') if is_end => state,
                     (_, '\r') => {
                         return Err(self
-                            .bad("has a carriage return within it")
-                            .remedy("mend the line"));
+                            .bad("carriage return inside the line")
+                            .remedy("correct the line"));
                     }
                     (CsvCellState::Closed, ' ') => CsvCellState::Closed,
                     (CsvCellState::Closed, _) => {
                         return Err(self
-                            .bad("something follows a quotation mark in its cell")
+                            .bad("text after the closing quotation mark of a value")
                             .remedy(QUOTING));
                     }
                     (CsvCellState::Plain, '"') if cell.trim().is_empty() => {
@@ -393,7 +399,7 @@ impl CsvFeatureSource {
                     }
                     (CsvCellState::Plain, '"') => {
                         return Err(self
-                            .bad("a quotation mark is within a cell that has none before")
+                            .bad("quotation mark inside an unquoted value")
                             .remedy(QUOTING));
                     }
                     (CsvCellState::Plain, c) => {
@@ -405,7 +411,7 @@ impl CsvFeatureSource {
             if state != CsvCellState::Open {
                 break;
             }
-            limits::check("bytes of a value", cell.len() as u64, MOST_LINE)
+            limits::check("value length in bytes", cell.len() as u64, MOST_LINE)
                 .map_err(|_| self.not_closed())?;
             self.broken += u64::from(!cell.contains('\n'));
             cell.push('\n');
@@ -422,14 +428,15 @@ impl CsvFeatureSource {
     }
 
     fn not_closed(&self) -> Error {
-        self.bad("a quotation mark is not closed").remedy("close it, or double one that is text")
+        self.bad("quotation mark is not closed")
+            .remedy("close the quotation, or double a literal quotation mark")
     }
 
     fn cell(&self, column: Option<usize>) -> Option<&str> {
         column.and_then(|at| self.row.get(at)).map(str::trim)
     }
 
-    /// Those of the first row of a feature.
+    /// Properties of the first row of a feature.
     fn properties(&self) -> FeatureProperties {
         let value = |text: &str| match (text.parse(), number::whole(text.as_bytes())) {
             _ if text.is_empty() => PropertyValue::Null,
@@ -457,12 +464,13 @@ impl CsvFeatureSource {
     fn number(&self, name: &str, at: usize) -> Result<f64> {
         let Some(cell) = self.row.get(at) else {
             let count = self.row.len();
-            return Err(self.bad(format!("has {count} columns, and {name} is column {}", at + 1)));
+            return Err(self.bad(format!("has {count} columns, but {name} is column {}", at + 1)));
         };
         let value = number::whole(cell.as_bytes()).filter(|value| value.is_finite());
         value.ok_or_else(|| {
             let cell: String = cell.trim().chars().take(40).collect();
-            self.bad(format!("{name} is no finite number: {cell:?}")).remedy("take the line out")
+            self.bad(format!("{name} is not a finite number: {cell:?}"))
+                .remedy("correct or remove the line")
         })
     }
 
@@ -521,19 +529,19 @@ mod tests {
     #[test]
     fn what_is_no_number_is_told_with_its_line() {
         for (text, told) in [
-            ("x,y\n1,2\nnan,3\n", "line 3: x is no finite number: \"nan\""),
-            ("x,y\n1,\n", "line 2: y is no"),
+            ("x,y\n1,2\nnan,3\n", "line 3: x is not a finite number: \"nan\""),
+            ("x,y\n1,\n", "line 2: y is not"),
             ("x,y\n1,1e999\n", "line 2"),
             ("x,y\n1\n", "line 2: has 1 columns"),
-            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, where the first line has 2"),
-            ("1 2 3\n1 2\n", "line 2: has 2 columns, where the first line has 3"),
-            ("x,y\n6\r1,2\n", "line 2: has a carriage return"),
-            ("x,y\n8\"9\",2\n", "line 2: a quotation mark is within a cell"),
-            ("x,y\n\"8\"9,2\n", "line 2: something follows a quotation mark"),
-            ("a,b\n1,2\n", "no columns x and y"),
-            ("1,2,3,4,5\n", "5 columns without names"),
-            ("x,y\n\"1,2\n", "line 2: a quotation mark"),
-            ("\n\n", "holds no rows"),
+            ("x,y\n1,2\n1,2,3\n", "line 3: has 3 columns, expected 2"),
+            ("1 2 3\n1 2\n", "line 2: has 2 columns, expected 3"),
+            ("x,y\n6\r1,2\n", "line 2: carriage return"),
+            ("x,y\n8\"9\",2\n", "line 2: quotation mark inside an unquoted value"),
+            ("x,y\n\"8\"9,2\n", "line 2: text after the closing quotation mark"),
+            ("a,b\n1,2\n", "columns x and y are missing"),
+            ("1,2,3,4,5\n", "5 columns without a header"),
+            ("x,y\n\"1,2\n", "line 2: quotation mark is not closed"),
+            ("\n\n", "contains no rows"),
         ] {
             let error = read(text).unwrap_err().to_string();
             assert!(error.contains(told), "{error}");

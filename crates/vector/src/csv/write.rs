@@ -1,4 +1,4 @@
-//! Writing: features wait until all columns are known.
+//! Writer: features are buffered until all columns are known.
 
 use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -54,10 +54,13 @@ impl FeatureSink for CsvFeatureSink {
                 | GeometryType::LineString
                 | GeometryType::MultiLineString
         ) {
-            return Err(Error::usage(format!("CSV holds points and lines, no {}", kind.name()))
-                .in_file(&self.path)
-                .at(place)
-                .remedy("write GeoJSON or FlatGeobuf"));
+            return Err(Error::usage(format!(
+                "CSV supports points and lines, not {}",
+                kind.name()
+            ))
+            .in_file(&self.path)
+            .at(place)
+            .remedy("write GeoJSON or FlatGeobuf"));
         }
         self.has_z |= feature.geometry.has_z();
         self.has_m |= feature.geometry.has_m();
@@ -76,7 +79,7 @@ impl FeatureSink for CsvFeatureSink {
         notes.append(&mut rows.notes);
         if numbers.is_none() {
             notes.push(format!(
-                "ids come more than once: features are numbered, and ids are in the column {}",
+                "ids are not unique: features are renumbered, original ids are in column {}",
                 own_name(&rows)
             ));
         }
@@ -93,14 +96,10 @@ impl FeatureSink for CsvFeatureSink {
             out.settle()?;
         }
         if empty > 0 {
-            notes.push(format!(
-                "{empty} features without a vertex are left out: CSV has a line for each vertex"
-            ));
+            notes.push(format!("{empty} empty features omitted: CSV stores one row per vertex"));
         }
         if single > 0 {
-            notes.push(format!(
-                "{single} lines of one vertex are read again as points: CSV has a row for each"
-            ));
+            notes.push(format!("{single} lines of one vertex will be read back as points"));
         }
         let (path, mut bytes) = out.commit()?;
         let mut files = vec![path];
@@ -113,13 +112,13 @@ impl FeatureSink for CsvFeatureSink {
     }
 }
 
-/// Which ids features have: rows of one id are one feature.
+/// Uniqueness of ids: rows with one id form one feature.
 #[derive(Default)]
 struct CsvFeatureIds {
-    /// Digests of all ids; where two ids share one, features are numbered without need.
+    /// Hashes of all ids; a collision only causes unneeded renumbering.
     seen: HashSet<u64>,
     repeat: bool,
-    /// The largest whole number.
+    /// The largest integer id.
     largest: i64,
 }
 
@@ -133,7 +132,7 @@ impl CsvFeatureIds {
         if text.is_empty() {
             return;
         }
-        // 03 is read as 3.
+        // 03 is read back as 3.
         let text = whole.as_ref().map_or_else(|_| text.to_owned(), i64::to_string);
         let mut hasher = DefaultHasher::new();
         text.hash(&mut hasher);
@@ -141,15 +140,15 @@ impl CsvFeatureIds {
         self.largest = self.largest.max(whole.unwrap_or(0));
     }
 
-    /// What the numbers of features without an id follow, so that they are nobody's id; `None` where ids
-    /// do not tell features apart, so that all are numbered.
+    /// Offset of the numbers given to features without an id, so that they are unique; `None` if ids are not
+    /// unique and all features are renumbered.
     fn numbers(&self, features: usize) -> Option<i64> {
         let has_room = self.largest.checked_add(features as i64).is_some();
         (!self.repeat && has_room).then_some(self.largest)
     }
 }
 
-/// The column that ids are in where features are numbered.
+/// Name of the column with the original ids of renumbered features.
 fn own_name(rows: &FeatureRows) -> String {
     let mut name = ORIGINAL_ID.to_owned();
     while rows.columns.iter().any(|column| column.name.eq_ignore_ascii_case(&name)) {
@@ -158,19 +157,19 @@ fn own_name(rows: &FeatureRows) -> String {
     name
 }
 
-/// Name of the column that ids are in where features are numbered; underscores follow where a property
-/// has it.
+/// Name of the column with the original ids of renumbered features; underscores are appended if a property
+/// has the name.
 const ORIGINAL_ID: &str = "original_id";
 
 struct CsvRowWriter {
-    /// The column of ids.
+    /// The column with ids.
     id: Option<usize>,
-    /// What the numbers of features without an id follow; `None` where all are numbered.
+    /// Offset of the numbers given to features without an id; `None` if all are renumbered.
     numbers: Option<i64>,
     columns: usize,
     has_z: bool,
     has_m: bool,
-    /// The cells behind a feature's vertices.
+    /// The cells after the coordinates of a vertex.
     tail: Vec<u8>,
 }
 
@@ -181,7 +180,7 @@ impl CsvRowWriter {
         Self { id, numbers, columns, has_z: false, has_m: false, tail: Vec::new() }
     }
 
-    /// Whether a column comes behind the vertices.
+    /// True if a column follows the coordinates.
     fn is_behind(&self, column: usize) -> bool {
         self.numbers.is_none() || Some(column) != self.id
     }
@@ -250,8 +249,7 @@ impl CsvRowWriter {
     }
 }
 
-/// Appends a cell, in quotation marks where it must be (RFC 4180): a line that begins with # is a comment,
-/// and white space around a cell does not count.
+/// Appends a cell, quoted if necessary (RFC 4180; also a leading # and surrounding white space).
 fn push_cell(cell: &[u8], text: &mut Vec<u8>) {
     let is_special = |byte| matches!(byte, b',' | b'"' | b'\n' | b'\r' | b';' | b'\t');
     let is_trimmed = String::from_utf8_lossy(cell).trim().len() == cell.len();

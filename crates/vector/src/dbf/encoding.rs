@@ -1,4 +1,4 @@
-//! Encodings of texts.
+//! Text encodings.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -6,20 +6,20 @@ use std::path::Path;
 use encoding_rs::{UTF_8, WINDOWS_1252};
 use terrane_base::error::{Error, Result};
 
-/// How bytes are text.
+/// Encoding of the text of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum TextEncoding {
-    /// Said. ISO 8859-1 is Windows-1252, which has printable characters where that has none.
+    /// Declared. ISO 8859-1 is read as Windows-1252, a superset of its printable characters.
     Known(&'static encoding_rs::Encoding),
-    /// Not said: UTF-8 where it is sound, or else as ISO 8859-1.
+    /// Not declared: UTF-8 if valid, else ISO 8859-1.
     Unknown,
-    /// Said, and not known: only ASCII can be read.
+    /// Declared, but unknown: only ASCII can be read.
     Other(String),
 }
 
 impl TextEncoding {
-    /// That which the `.cpg` beside the table at `path` names, or else the language driver in the
-    /// table's header.
+    /// The encoding declared in the `.cpg` sidecar of the table at `path`, or else by the language driver id
+    /// of the table header.
     pub(super) fn find(path: &Path, driver: u8) -> Self {
         let names = ["cpg", "CPG", "cst"].map(|ending| path.with_extension(ending));
         let is_small = |path: &Path| std::fs::metadata(path).is_ok_and(|m| m.len() <= 256);
@@ -43,7 +43,7 @@ impl TextEncoding {
             "ldid87" | "ldid3" => return Self::Known(WINDOWS_1252),
             _ => {}
         }
-        // Programs write the number of a code page alone, or behind a word of their own.
+        // Programs write the code page number alone, or after a prefix.
         let number = plain.trim_start_matches(|c: char| c.is_ascii_alphabetic());
         let labels = [name, &plain, &format!("cp{number}"), &format!("iso{number}")]
             .map(|label| encoding_rs::Encoding::for_label(label.as_bytes()));
@@ -51,7 +51,7 @@ impl TextEncoding {
         labels.into_iter().flatten().next().map_or_else(other, Self::Known)
     }
 
-    /// The text of bytes.
+    /// Decodes bytes.
     pub(super) fn text<'a>(&self, bytes: &'a [u8]) -> Result<Cow<'a, str>> {
         match (self, std::str::from_utf8(bytes)) {
             (Self::Unknown, Ok(text)) => Ok(Cow::Borrowed(text)),
@@ -61,13 +61,15 @@ impl TextEncoding {
                 let text = encoding.decode_without_bom_handling_and_without_replacement(bytes);
                 text.ok_or_else(|| {
                     let name = encoding.name();
-                    Error::bad_input(format!("a text is not {name}, as the .cpg has it"))
-                        .remedy("correct the .cpg: it may be ISO-8859-1")
+                    Error::bad_input(format!(
+                        "text is not valid {name}, the encoding declared in the .cpg"
+                    ))
+                    .remedy("correct the encoding in the .cpg, for example ISO-8859-1")
                 })
             }
             (Self::Other(name), _) => {
-                Err(Error::unsupported(format!("texts in {name:?} are not supported"))
-                    .remedy("write the file anew in UTF-8: ogr2ogr -lco ENCODING=UTF-8"))
+                Err(Error::unsupported(format!("text encoding {name:?} is not supported"))
+                    .remedy("convert the file to UTF-8: ogr2ogr -lco ENCODING=UTF-8"))
             }
         }
     }

@@ -1,4 +1,4 @@
-//! dBASE tables as shapefiles have them (level III): properties as text of fixed width.
+//! dBASE III tables, the attribute tables of shapefiles: properties as text of fixed width.
 
 mod encoding;
 mod read;

@@ -1,4 +1,4 @@
-//! Reading of tables.
+//! Reader of dBASE tables.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,11 @@ use crate::pages::PagedFile;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Bytes of a table's header, and of each field's description behind it.
+/// Size in bytes of the table header, and of each field descriptor after it.
 pub(super) const HEADER_BYTES: u64 = 32;
-/// The end of the descriptions.
+/// Terminator of the field descriptors.
 pub(super) const HEADER_END: u8 = 0x0d;
-/// The mark of a record that is deleted.
+/// Flag of a deleted record.
 const DELETED: u8 = b'*';
 
 /// A table being read.
@@ -21,7 +21,7 @@ pub(crate) struct DbfReader {
     pages: PagedFile,
     path: PathBuf,
     schema: Vec<FieldDefinition>,
-    /// What each field is and where in a record it ends.
+    /// Type of each field, and the offset of its end in a record.
     columns: Vec<(u8, usize)>,
     encoding: TextEncoding,
     header_bytes: u64,
@@ -56,10 +56,10 @@ impl DbfReader {
             columns.push((description[11].to_ascii_uppercase(), end));
             schema.push(field(description, &encoding)?);
         }
-        limits::check("fields of a table", schema.len() as u64, limits::MAX_FIELDS)?;
+        limits::check("number of table fields", schema.len() as u64, limits::MAX_FIELDS)?;
         if end as u64 > record_bytes {
             return Err(Error::bad_input(format!(
-                "its fields take {end} bytes and its records {record_bytes}"
+                "fields take {end} bytes, more than the record length of {record_bytes}"
             )));
         }
         let path = path.to_path_buf();
@@ -81,12 +81,12 @@ impl DbfReader {
         &self.schema
     }
 
-    /// Records passed over because they are marked as deleted.
+    /// Number of deleted records skipped.
     pub(crate) fn deleted(&self) -> u64 {
         self.deleted
     }
 
-    /// The values of a record; `None` where it is marked as deleted.
+    /// The values of a record; `None` if it is deleted.
     pub(crate) fn get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         self.try_get(record).map_err(|e| e.in_file(&self.path))
     }
@@ -94,10 +94,10 @@ impl DbfReader {
     fn try_get(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         if record >= self.records {
             return Err(Error::bad_input(format!(
-                "has {} records, and there are more shapes than that",
+                "has {} records, fewer than the .shp has shapes",
                 self.records
             ))
-            .remedy("mend the pair, or take the .dbf away: there are no properties then"));
+            .remedy("repair the files, or move the .dbf away to read geometries only"));
         }
         let offset = self.header_bytes + record * self.record_bytes;
         let bytes = self.pages.get(offset, self.record_bytes)?;
@@ -123,7 +123,7 @@ impl DbfReader {
     }
 }
 
-/// A field from its description.
+/// The field of a descriptor.
 fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinition> {
     let name = description[..11].split(|&byte| byte == 0).next().unwrap_or_default();
     let name = encoding.text(name)?.trim().into();
@@ -137,7 +137,7 @@ fn field(description: &[u8; 32], encoding: &TextEncoding) -> Result<FieldDefinit
         other => {
             let other = char::from(other);
             return Err(Error::unsupported(format!("fields of type {other:?} are not supported"))
-                .remedy("take the .dbf away: there are no properties then"));
+                .remedy("move the .dbf away to read geometries only"));
         }
     };
     Ok(FieldDefinition { name, kind, width: Some(width), decimals: Some(decimals) })
@@ -151,12 +151,12 @@ fn value(
 ) -> Result<PropertyValue> {
     let blank = |byte: &u8| matches!(byte, b' ' | 0);
     let end = bytes.iter().rposition(|byte| !blank(byte)).map_or(0, |last| last + 1);
-    // Numbers are written to the right, texts to the left.
+    // Numbers are right-aligned, text left-aligned.
     let bytes = &bytes[..end];
     let plain = &bytes[bytes.iter().take_while(|byte| blank(byte)).count()..];
     let wrong = |what: &str| {
         let text: String = String::from_utf8_lossy(plain).chars().take(40).collect();
-        Error::bad_input(format!("{text:?} is no {what}"))
+        Error::bad_input(format!("{text:?} is not a {what}"))
     };
     match kind {
         b'C' if bytes.is_empty() => Ok(PropertyValue::Null),
@@ -165,28 +165,28 @@ fn value(
             b"T" | b"t" | b"Y" | b"y" | b"1" => Ok(PropertyValue::Bool(true)),
             b"F" | b"f" | b"N" | b"n" | b"0" => Ok(PropertyValue::Bool(false)),
             b"" | b"?" => Ok(PropertyValue::Null),
-            _ => Err(wrong("truth value")),
+            _ => Err(wrong("logical value")),
         },
         b'D' => match plain {
             b"" | b"00000000" => Ok(PropertyValue::Null),
             _ => date(plain).map(PropertyValue::Date).ok_or_else(|| {
-                wrong("date of the calendar (YYYYMMDD)").remedy("correct it, or clear the field")
+                wrong("valid date (YYYYMMDD)").remedy("correct the date, or clear the field")
             }),
         },
-        // Asterisks are what dBASE writes where a number does not fit.
+        // dBASE writes asterisks for numbers that do not fit.
         _ if plain.iter().all(|&byte| byte == b'*') => Ok(PropertyValue::Null),
         _ => number(plain, field.kind).ok_or_else(|| wrong("number")),
     }
 }
 
-/// A day, from the eight digits that it is written as.
+/// A date from its eight digits.
 fn date(digits: &[u8]) -> Option<String> {
     let digits = std::str::from_utf8(digits).ok().filter(|digits| digits.len() == 8)?;
     let day = format!("{}-{}-{}", digits.get(..4)?, digits.get(4..6)?, digits.get(6..)?);
     is_date(&day).then_some(day)
 }
 
-/// A whole number, where it is written like one in a field of such.
+/// A number of a numeric field; an integer if it is written as one in an integer field.
 fn number(text: &[u8], kind: FieldKind) -> Option<PropertyValue> {
     let whole = std::str::from_utf8(text).ok().and_then(|text| text.parse().ok());
     match whole {

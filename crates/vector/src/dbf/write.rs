@@ -1,4 +1,4 @@
-//! Writing of tables whose columns are known.
+//! Writer of dBASE tables with known columns.
 
 use super::read::{HEADER_BYTES, HEADER_END};
 use crate::feature::{FieldKind, PropertyValue};
@@ -6,12 +6,12 @@ use crate::out::VectorOutputFile;
 use crate::table::{FeatureColumn, push_text};
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// How columns become fields.
+/// Mapping of columns to fields.
 pub(crate) struct DbfTablePlan {
     fields: Vec<FieldPlan>,
-    /// Bytes of a record.
+    /// Record length in bytes.
     record: usize,
-    /// True where there is no column, and records are numbered: a table needs a field.
+    /// True if there are no columns: the table gets a numbered field, since it needs one.
     is_numbered: bool,
 }
 
@@ -24,10 +24,10 @@ struct FieldPlan {
 }
 
 impl DbfTablePlan {
-    /// Most bytes of a value as text.
+    /// Maximum length of a value as text, in bytes.
     pub(crate) const MOST: usize = 254;
 
-    /// For the columns; the notes tell of names that had to change.
+    /// Plans the fields for `columns`; notes list renamed fields.
     pub(crate) fn new(columns: &[FeatureColumn], notes: &mut Vec<String>) -> Result<Self> {
         let number = FeatureColumn {
             name: "FID".into(),
@@ -47,12 +47,12 @@ impl DbfTablePlan {
             fields.push(plan(column, name)?);
         }
         if !renamed.is_empty() {
-            notes.push(format!("names of fields have ten bytes at most: {}", renamed.join(", ")));
+            notes.push(format!("field names truncated to 10 bytes: {}", renamed.join(", ")));
         }
         let record = 1 + fields.iter().map(|field| field.width).sum::<usize>();
         let header = HEADER_BYTES as usize * (fields.len() + 1) + 1;
         if record.max(header) > usize::from(u16::MAX) {
-            let message = format!("{} properties are too many or too wide for dBASE", fields.len());
+            let message = format!("{} properties exceed the record size of dBASE", fields.len());
             return Err(
                 Error::new(ErrorKind::CannotWrite, message).remedy("write FlatGeobuf or GeoJSON")
             );
@@ -61,7 +61,7 @@ impl DbfTablePlan {
     }
 }
 
-/// A name of at most ten bytes that no field has yet.
+/// A unique field name of at most ten bytes.
 fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
     let is_free = |name: &str| !fields.iter().any(|field| field.name.eq_ignore_ascii_case(name));
     let cut = |most: usize| {
@@ -72,7 +72,10 @@ fn unique(name: &str, fields: &[FieldPlan]) -> Result<String> {
         (1..10_000).map(|n| format!("_{n}")).map(|tail| format!("{}{tail}", cut(10 - tail.len()))),
     );
     names.into_iter().find(|name| is_free(name) && !name.is_empty()).ok_or_else(|| {
-        Error::new(ErrorKind::CannotWrite, format!("no name of ten bytes is left for {name:?}"))
+        Error::new(
+            ErrorKind::CannotWrite,
+            format!("no unique field name of 10 bytes is available for {name:?}"),
+        )
     })
 }
 
@@ -93,7 +96,7 @@ fn plan(column: &FeatureColumn, name: String) -> Result<FieldPlan> {
     Ok(FieldPlan { name, letter, width: width.min(255), decimals, kind })
 }
 
-/// Writes the table of `records` records, whose values are asked for one record after the other.
+/// Writes a table of `records` records; values are requested record by record.
 pub(crate) fn write(
     out: &mut VectorOutputFile,
     plan: &DbfTablePlan,
@@ -121,18 +124,18 @@ pub(crate) fn write(
             field_text(field, &value, &mut text);
             if text.len() > field.width {
                 let (name, width) = (&field.name, field.width);
-                let message = format!("field {name:?}: a value takes more than {width} bytes");
+                let message = format!("field {name:?}: value exceeds {width} bytes");
                 return Err(Error::new(ErrorKind::CannotWrite, message)
                     .at(format!("feature {}", record + 1))
                     .remedy("write FlatGeobuf or GeoJSON"));
             }
-            // Numbers stand to the right.
+            // Numbers are right-aligned.
             let indent = if field.letter == b'N' { field.width - text.len() } else { 0 };
             out.buffer[offset + indent..][..text.len()].copy_from_slice(&text);
         }
         out.settle()?;
     }
-    // The end of the file.
+    // End-of-file marker.
     out.buffer.push(0x1a);
     out.settle()
 }
@@ -152,7 +155,7 @@ fn field_text(field: &FieldPlan, value: &PropertyValue, text: &mut Vec<u8>) {
 
 fn head(out: &mut Vec<u8>, plan: &DbfTablePlan, records: u32) {
     let header = HEADER_BYTES as usize * (plan.fields.len() + 1) + 1;
-    // The day of the last change would make bytes depend on the clock: 1 January 2000.
+    // A fixed date of last update (1 January 2000) makes output reproducible.
     out.extend_from_slice(&[3, 100, 1, 1]);
     out.extend_from_slice(&records.to_le_bytes());
     out.extend_from_slice(&(header as u16).to_le_bytes());

@@ -1,19 +1,19 @@
-//! FlatBuffers tables into bytes, from the front to the back: a table first, then what it points to.
+//! FlatBuffers builder that writes front to back: a table first, then its targets.
 
-/// A buffer behind its size; places are counted from the size on, as the alignment of FlatBuffers is.
+/// A size-prefixed buffer; offsets and alignment are relative to the size prefix.
 pub(super) struct FlatbufferBuilder {
     pub(super) bytes: Vec<u8>,
 }
 
 /// A field of a table.
 pub(super) enum FlatbufferField {
-    /// Not there.
+    /// Absent.
     None,
     U8(u8),
     U16(u16),
     I32(i32),
     U64(u64),
-    /// An offset that is set later.
+    /// An offset to be set later.
     Link,
 }
 
@@ -32,11 +32,11 @@ impl FlatbufferField {
 impl FlatbufferBuilder {
     /// An empty buffer whose root is the table that is appended next.
     pub(super) fn new() -> Self {
-        // The size, and the place of the root.
+        // Size prefix, and offset of the root.
         Self { bytes: vec![0; 8] }
     }
 
-    /// The buffer with its size.
+    /// The buffer with its size prefix.
     pub(super) fn finish(mut self) -> Option<Vec<u8>> {
         let size = u32::try_from(self.bytes.len() - 4).ok()?;
         self.bytes[..4].copy_from_slice(&size.to_le_bytes());
@@ -47,10 +47,10 @@ impl FlatbufferBuilder {
         self.bytes.resize(self.bytes.len().next_multiple_of(to), 0);
     }
 
-    /// Appends a table and gives the place of each field, for [`link`](Self::link).
+    /// Appends a table and returns the offset of each field, for [`link`](Self::link).
     pub(super) fn table(&mut self, slots: &[FlatbufferField]) -> (usize, Vec<usize>) {
-        // Large fields first, so that each is aligned without gaps; the table's own place is aligned
-        // so that what stands behind its first four bytes is.
+        // Large fields first, so that fields are aligned without gaps; the table is aligned so that the
+        // content after its first four bytes is.
         let list = 4 + 2 * slots.len();
         self.align(8);
         while !(self.bytes.len() + list + 4).is_multiple_of(8) {
@@ -88,18 +88,18 @@ impl FlatbufferBuilder {
         self.bytes[at..at + bytes.len()].copy_from_slice(bytes);
     }
 
-    /// Makes the field at `place` point to `target`, behind it. Buffers too long for that are refused
-    /// when they are finished.
+    /// Sets the offset field at `place` to `target`, which follows it. Offsets out of range are detected in
+    /// `finish`.
     pub(super) fn link(&mut self, place: usize, target: usize) {
         self.set(place, &((target - place) as u32).to_le_bytes());
     }
 
-    /// Makes a table the root.
+    /// Sets the root table.
     pub(super) fn set_root(&mut self, table: usize) {
         self.link(4, table);
     }
 
-    /// Appends a list of `count` items of `size` bytes, to which `place` points from now on.
+    /// Appends a vector of `count` items of `size` bytes and links `place` to it.
     pub(super) fn list(
         &mut self,
         place: usize,
@@ -115,19 +115,19 @@ impl FlatbufferBuilder {
         self.bytes.extend(items);
     }
 
-    /// Appends a list of numbers.
+    /// Appends a vector of numbers.
     pub(super) fn numbers(&mut self, place: usize, numbers: &[f64]) {
         let bytes = numbers.iter().flat_map(|number| number.to_le_bytes());
         self.list(place, numbers.len(), 8, bytes);
     }
 
-    /// Appends a text, with the zero behind it that FlatBuffers want.
+    /// Appends a zero-terminated string.
     pub(super) fn text(&mut self, place: usize, text: &str) {
         self.list(place, text.len(), 1, text.bytes());
         self.bytes.push(0);
     }
 
-    /// Appends a list of `count` places of tables, and gives each.
+    /// Appends a vector of `count` table offsets and returns their positions.
     pub(super) fn links(&mut self, place: usize, count: usize) -> Vec<usize> {
         self.list(place, count, 4, std::iter::repeat_n(0, count * 4));
         let first = self.bytes.len() - count * 4;

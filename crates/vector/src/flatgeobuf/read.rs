@@ -1,4 +1,4 @@
-//! Reading: the header, then features in the order of the file; the index is passed over.
+//! Reader: the header, then features in file order; the spatial index is skipped.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, wkt};
 use terrane_base::limits;
 
-/// Bytes of a node of the index.
+/// Size of an index node in bytes.
 const NODE_BYTES: u64 = 40;
 
 /// Opens a file.
@@ -22,15 +22,15 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     let mut pages = PagedFile::open(path)?;
     let head = pages.get(0, 12)?;
     if head[..4] != MAGIC[..4] {
-        let message = "is not a FlatGeobuf of version 3";
-        return Err(Error::unsupported(message).remedy("write it anew with GDAL 3.1 or later"));
+        let message = "is not a FlatGeobuf file of version 3";
+        return Err(Error::unsupported(message).remedy("rewrite the file with GDAL 3.1 or later"));
     }
     let bytes = u64::from(u32::from_le_bytes([head[8], head[9], head[10], head[11]]));
-    limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+    limits::check("header size in bytes", bytes, limits::MAX_HEADER_BYTES)?;
     let header = FlatGeobufHeader::read(FlatbufferTable::root(pages.get(12, bytes)?)?)?;
     let offset = 12 + bytes + header.index_bytes()?;
     if offset > pages.len() {
-        return Err(Error::bad_input("file is truncated: it ends in its index"));
+        return Err(Error::bad_input("file is truncated: it ends inside the spatial index"));
     }
     Ok(Box::new(FlatGeobufSource { pages, header, offset, at: 0, count: 0, has_binary: false }))
 }
@@ -51,7 +51,7 @@ impl FlatGeobufHeader {
             let (field, code) = column_of(column?)?;
             fields.push(field);
             types.push(code);
-            limits::check("fields of a table", fields.len() as u64, limits::MAX_FIELDS)?;
+            limits::check("number of table fields", fields.len() as u64, limits::MAX_FIELDS)?;
         }
         let envelope = numbers(view.list(schema::HEADER_ENVELOPE, 8)?);
         let extent = envelope.first_chunk().copied();
@@ -77,17 +77,19 @@ impl FlatGeobufHeader {
             return Ok(0);
         }
         if self.node == 1 {
-            return Err(Error::bad_input("nodes of its index hold one rectangle each"));
+            return Err(Error::bad_input(
+                "node size of the spatial index is 1, expected 2 or more",
+            ));
         }
         let most = u64::MAX / NODE_BYTES / 4;
-        limits::check("features", self.count, most)?;
+        limits::check("number of features", self.count, most)?;
         Ok(levels(self.count, self.node).iter().sum::<u64>() * NODE_BYTES)
     }
 }
 
 fn column_of(view: FlatbufferTable<'_>) -> Result<(FieldDefinition, u8)> {
     let name = view.text(schema::COLUMN_NAME)?;
-    let name = name.ok_or_else(|| Error::bad_input("a column has no name"))?;
+    let name = name.ok_or_else(|| Error::bad_input("column without a name"))?;
     let code = view.u8(schema::COLUMN_TYPE)?;
     let number = |slot: usize| -> Result<Option<u32>> {
         Ok(view.number(slot)?.map(i32::from_le_bytes).and_then(|n| u32::try_from(n).ok()))
@@ -108,22 +110,23 @@ fn crs(view: FlatbufferTable<'_>) -> Result<Crs> {
     })
 }
 
-/// The kind of a number; `None` for 0.
+/// Geometry type of a code; `None` for 0.
 fn kind_of(code: u8) -> Result<Option<GeometryType>> {
     match KINDS.iter().find(|(known, _)| *known == code) {
         Some((_, kind)) => Ok(Some(*kind)),
         None if code == 0 => Ok(None),
-        None => Err(Error::unsupported(format!("geometries of type {code} are not supported"))
-            .remedy("turn curves and surfaces into lines and polygons")),
+        None => Err(Error::unsupported(format!("geometry type {code} is not supported")).remedy(
+            "convert curves and surfaces to lines and polygons: ogr2ogr -nlt CONVERT_TO_LINEAR",
+        )),
     }
 }
 
 struct FlatGeobufSource {
     pages: PagedFile,
     header: FlatGeobufHeader,
-    /// Where the next feature begins.
+    /// Offset of the next feature.
     offset: u64,
-    /// Where the last one began.
+    /// Offset of the last feature.
     at: u64,
     count: u64,
     has_binary: bool,
@@ -152,7 +155,7 @@ impl FeatureSource for FlatGeobufSource {
         let layer = &self.header.layer;
         let (mut fields, mut types) =
             (layer.schema.as_deref().unwrap_or_default(), &self.header.types);
-        // A feature may have columns of its own.
+        // A feature may have its own columns.
         let mut own = (Vec::new(), Vec::new());
         for column in view.tables(schema::FEATURE_COLUMNS)? {
             let (field, code) = column_of(column?)?;
@@ -179,14 +182,14 @@ impl FeatureSource for FlatGeobufSource {
     }
 
     fn notes(&self) -> Vec<String> {
-        let note = "values of bytes without a form (type Binary) are left out".to_owned();
+        let note = "values of type Binary omitted".to_owned();
         self.has_binary.then_some(note).into_iter().collect()
     }
 }
 
-/// A geometry within `depth` collections, no deeper than these may be nested. Tables may be shared, so
-/// a small feature could stand for a huge one: `budget` is what bytes of the feature are left, each
-/// of which counts once.
+/// A geometry inside `depth` nested collections, limited to the allowed depth. Tables may be shared, so a
+/// small feature could expand to a huge one: `budget` is the number of bytes of the feature left, each of
+/// which may be used once.
 fn geometry(
     view: FlatbufferTable<'_>,
     known: Option<GeometryType>,
@@ -196,7 +199,7 @@ fn geometry(
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     let own = kind_of(view.u8(schema::GEOMETRY_KIND)?)?;
     let Some(kind) = own.or(known) else { return Ok(Geometry::null()) };
-    // A single polygon of several may do without a table of its own.
+    // A MultiPolygon with one polygon may store it without a table of parts.
     let is_flat = kind == GeometryType::MultiPolygon
         && !view.list(schema::GEOMETRY_XY, 8)?.is_empty()
         && view.tables(schema::GEOMETRY_PARTS)?.next().is_none();
@@ -206,7 +209,11 @@ fn geometry(
         for table in view.tables(schema::GEOMETRY_PARTS)? {
             spend(budget, 8)?;
             let count = parts.len() as u64;
-            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+            limits::check(
+                "number of members of a geometry collection",
+                count,
+                limits::MAX_COLLECTION_MEMBERS,
+            )?;
             parts.push(geometry(table?, part, depth + 1, budget)?);
         }
         return match kind {
@@ -218,7 +225,8 @@ fn geometry(
     let (z, m) = (view.list(schema::GEOMETRY_Z, 8)?, view.list(schema::GEOMETRY_M, 8)?);
     let ends = view.list(schema::GEOMETRY_ENDS, 4)?;
     spend(budget, xy.len() + z.len() + m.len() + ends.len())?;
-    let wrong = || Error::bad_input("the lists of a geometry do not fit together");
+    let wrong =
+        || Error::bad_input("lengths of the coordinate arrays of a geometry are inconsistent");
     let mut found = CoordinateSequence {
         xy: pairs(xy),
         z: numbers(z),
@@ -249,7 +257,7 @@ fn geometry(
             return Err(wrong());
         }
     }
-    // A layer with heights has a number for each vertex, which is none where there is no height.
+    // In a layer with heights every vertex has a value, NaN if there is no height.
     for values in [&mut found.z, &mut found.m] {
         if values.iter().all(|value| value.is_nan()) {
             values.clear();
@@ -266,19 +274,19 @@ fn geometry(
 
 fn spend(budget: &mut usize, bytes: usize) -> Result<()> {
     *budget = budget.checked_sub(bytes).ok_or_else(|| {
-        Error::bad_input("parts of a geometry share their coordinates, which is not supported")
+        Error::bad_input("geometry parts with shared coordinates are not supported")
     })?;
     Ok(())
 }
 
-/// The polygons as one geometry.
+/// Polygons joined into one geometry.
 fn joined(parts: &[Geometry]) -> Result<Geometry> {
     let has_z = parts.iter().any(Geometry::has_z);
     let has_m = parts.iter().any(Geometry::has_m);
     let mut found = CoordinateSequence::default();
     for part in parts {
         if part.kind() != GeometryType::Polygon {
-            return Err(Error::bad_input("a part of a MultiPolygon is no polygon"));
+            return Err(Error::bad_input("part of a MultiPolygon is not a Polygon"));
         }
         let from = part.coordinates();
         let first = found.xy.len();

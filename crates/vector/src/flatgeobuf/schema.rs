@@ -1,11 +1,11 @@
-//! Numbers of the FlatGeobuf schema: kinds of geometry, and slots of the fields of tables.
+//! Codes of the FlatGeobuf schema: geometry types, and field slots of tables.
 
 use crate::geometry::GeometryType;
 
-/// The first bytes; the last one is the patch level.
+/// Magic bytes; the last one is the patch level.
 pub(super) const MAGIC: [u8; 8] = *b"fgb\x03fgb\x00";
 
-/// Numbers of the kinds; 0 stands for any or none.
+/// Codes of the geometry types; 0 means unknown.
 pub(super) const KINDS: [(u8, GeometryType); 7] = [
     (1, GeometryType::Point),
     (2, GeometryType::LineString),

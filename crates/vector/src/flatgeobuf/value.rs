@@ -1,4 +1,4 @@
-//! Values of properties: the number of a column, and bytes after its type.
+//! Property values: column index, and bytes of the column's type.
 
 use crate::feature::FieldDefinition;
 use crate::feature::{FeatureProperties, FieldKind, PropertyValue, is_date};
@@ -6,17 +6,17 @@ use crate::pages::RecordBytes;
 use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 
-/// Numbers of the types of columns that are written.
+/// Codes of the column types that are written.
 const BOOL: u8 = 2;
 const LONG: u8 = 7;
 const DOUBLE: u8 = 10;
 const TEXT: u8 = 11;
 const JSON: u8 = 12;
 const DATE_TIME: u8 = 13;
-/// Bytes of any form, which are passed over.
+/// Binary data, skipped.
 pub(super) const BINARY: u8 = 14;
 
-/// The type that holds a kind. Days have no type of their own.
+/// The column type for a field type. Dates have no type of their own.
 pub(super) fn type_of(kind: FieldKind) -> u8 {
     match kind {
         FieldKind::Bool => BOOL,
@@ -28,7 +28,7 @@ pub(super) fn type_of(kind: FieldKind) -> u8 {
     }
 }
 
-/// What the values of a column of a type are.
+/// Field type of a column type.
 pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
     match code {
         BOOL => Ok(FieldKind::Bool),
@@ -37,12 +37,12 @@ pub(super) fn kind_of(code: u8) -> Result<FieldKind> {
         TEXT | BINARY => Ok(FieldKind::Text),
         JSON => Ok(FieldKind::Json),
         DATE_TIME => Ok(FieldKind::DateTime),
-        _ => Err(Error::unsupported(format!("columns of type {code} are not supported"))),
+        _ => Err(Error::unsupported(format!("column type {code} is not supported"))),
     }
 }
 
-/// The properties in `bytes`, one for each column; those that are not there are null. The last result
-/// is true where bytes of any form were passed over.
+/// The properties in `bytes`, one per column; missing ones are null. The last result is true if binary values
+/// were skipped.
 pub(super) fn properties(
     bytes: &[u8],
     fields: &[FieldDefinition],
@@ -55,7 +55,10 @@ pub(super) fn properties(
     while !bytes.0.is_empty() {
         let column = usize::from(bytes.u16()?);
         let code = types.get(column).ok_or_else(|| {
-            Error::bad_input(format!("a property of column {column}, of {}", types.len()))
+            Error::bad_input(format!(
+                "property of column {column}, but the file has {} columns",
+                types.len()
+            ))
         })?;
         has_binary |= *code == BINARY;
         found.0[column].1 = value(*code, &mut bytes)?;
@@ -91,7 +94,7 @@ fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
                 return Ok(PropertyValue::Null);
             }
             let text = std::str::from_utf8(taken);
-            let text = text.map_err(|_| Error::bad_input("a text is not UTF-8"))?.to_owned();
+            let text = text.map_err(|_| Error::bad_input("text is not UTF-8"))?.to_owned();
             match code {
                 JSON => PropertyValue::Json(sound(text)?),
                 DATE_TIME if is_date(&text) => PropertyValue::Date(text),
@@ -102,11 +105,11 @@ fn value(code: u8, bytes: &mut RecordBytes<'_>) -> Result<PropertyValue> {
     })
 }
 
-/// JSON on one line.
+/// Validated JSON on one line.
 fn sound(json: String) -> Result<String> {
     match serde_json::from_str::<serde::de::IgnoredAny>(&json) {
         Ok(_) => Ok(crate::json::compact(&json)),
-        Err(e) => Err(Error::bad_input(format!("a property is not JSON: {e}"))),
+        Err(e) => Err(Error::bad_input(format!("property is not JSON: {e}"))),
     }
 }
 
@@ -129,7 +132,7 @@ pub(super) fn put(column: u16, kind: FieldKind, value: &PropertyValue, out: &mut
             let at = out.len();
             out.extend_from_slice(&[0; 4]);
             push_text(value, out);
-            // A text beyond 4 GiB is refused with its feature, which is longer still.
+            // A text beyond 4 GiB fails with its feature, which is even longer.
             let length = (out.len() - at - 4) as u32;
             out[at..at + 4].copy_from_slice(&length.to_le_bytes());
         }

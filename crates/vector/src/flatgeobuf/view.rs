@@ -1,4 +1,4 @@
-//! FlatBuffers tables in bytes of others: every offset and length is checked.
+//! FlatBuffers tables in untrusted bytes: every offset and length is checked.
 
 use terrane_base::error::{Error, Result};
 
@@ -6,14 +6,14 @@ use terrane_base::error::{Error, Result};
 #[derive(Clone, Copy)]
 pub(super) struct FlatbufferTable<'a> {
     bytes: &'a [u8],
-    /// Where it begins.
+    /// Offset of the table.
     at: usize,
-    /// Its list of places of fields: where it begins, and its length.
+    /// Offset and length of the vtable.
     fields: (usize, usize),
 }
 
 fn damaged() -> Error {
-    Error::bad_input("a table points outside of itself").remedy("copy or make the file again")
+    Error::bad_input("offset outside its table").remedy("copy or recreate the file")
 }
 
 fn bytes_at<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N]> {
@@ -26,7 +26,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Result<usize> {
 }
 
 impl<'a> FlatbufferTable<'a> {
-    /// The table that a buffer is.
+    /// The root table of a buffer.
     pub(super) fn root(bytes: &'a [u8]) -> Result<Self> {
         Self::at(bytes, u32_at(bytes, 0)?)
     }
@@ -41,7 +41,7 @@ impl<'a> FlatbufferTable<'a> {
         Ok(Self { bytes, at, fields: (list, length) })
     }
 
-    /// Where a field is; `None` where the table does not have it.
+    /// Offset of a field; `None` if the table lacks it.
     fn field(&self, slot: usize) -> Result<Option<usize>> {
         let (list, length) = self.fields;
         let entry = 4 + 2 * slot;
@@ -61,13 +61,13 @@ impl<'a> FlatbufferTable<'a> {
         Ok(self.number(slot)?.map_or(0, u8::from_le_bytes))
     }
 
-    /// What a field points to.
+    /// Offset that a field points to.
     fn target(&self, slot: usize) -> Result<Option<usize>> {
         let Some(at) = self.field(slot)? else { return Ok(None) };
         Ok(Some(at + u32_at(self.bytes, at)?))
     }
 
-    /// A list of items of `size` bytes, as bytes; empty where there is none.
+    /// A vector of items of `size` bytes, as bytes; empty if missing.
     pub(super) fn list(&self, slot: usize, size: usize) -> Result<&'a [u8]> {
         let Some(at) = self.target(slot)? else { return Ok(&[]) };
         let bytes = u32_at(self.bytes, at)?.saturating_mul(size);
@@ -80,14 +80,14 @@ impl<'a> FlatbufferTable<'a> {
             return Ok(None);
         }
         let text = std::str::from_utf8(self.list(slot, 1)?);
-        text.map(Some).map_err(|_| Error::bad_input("a text is not UTF-8"))
+        text.map(Some).map_err(|_| Error::bad_input("text is not UTF-8"))
     }
 
     pub(super) fn table(&self, slot: usize) -> Result<Option<FlatbufferTable<'a>>> {
         self.target(slot)?.map(|at| Self::at(self.bytes, at)).transpose()
     }
 
-    /// The tables of a list.
+    /// The tables of a vector.
     pub(super) fn tables(
         &self,
         slot: usize,

@@ -1,5 +1,5 @@
-//! Writing: features wait until all columns and rectangles are known, then the header, the index and
-//! the features are written, in the order of the index.
+//! Writer: features are buffered until all columns and bounding boxes are known; then the header, the index
+//! and the features are written in index order.
 
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,7 @@ struct FlatGeobufSink {
     table: FeatureTable,
     name: String,
     crs: Crs,
-    /// Of each feature.
+    /// Bounding box of each feature.
     bounds: Vec<Bounds>,
     shape: GeometryTally,
     is_indexed: bool,
@@ -62,10 +62,12 @@ impl FeatureSink for FlatGeobufSink {
         let too_large = |message: &str| {
             Error::new(ErrorKind::CannotWrite, message)
                 .in_file(&this.path)
-                .remedy("write GeoJSON, or divide it")
+                .remedy("write GeoJSON, or split the output")
         };
         if u32::try_from(rows.len()).is_err() || rows.columns.len() > usize::from(u16::MAX) {
-            return Err(too_large("more features or properties than a FlatGeobuf can hold"));
+            return Err(too_large(
+                "number of features or properties exceeds the limits of FlatGeobuf",
+            ));
         }
         let form = this.shape.form();
         rows.notes.extend(this.shape.notes());
@@ -84,16 +86,17 @@ impl FeatureSink for FlatGeobufSink {
             is_indexed,
             crs: &this.crs,
         };
-        let header = head.bytes().ok_or_else(|| too_large("its header is too long"))?;
+        let header =
+            head.bytes().ok_or_else(|| too_large("header exceeds the limits of FlatGeobuf"))?;
         let mut out = this.out;
         let kinds: Vec<FieldKind> =
             rows.columns.iter().map(|column| column.kind.unwrap_or(FieldKind::Text)).collect();
-        // Places of features come before the features: their lengths are found by making each twice,
-        // which takes less than keeping them.
+        // Feature offsets precede the features: each feature is encoded twice to get its length, which needs
+        // less memory than keeping them all.
         let mut encode = |row: u32| -> Result<Vec<u8>> {
             let bytes = feature(&rows.get(row as usize)?, &kinds, form);
             bytes.ok_or_else(|| {
-                too_large("a feature takes more than 4 GiB").at(format!("feature {}", row + 1))
+                too_large("feature exceeds 4 GiB").at(format!("feature {}", row + 1))
             })
         };
         out.buffer.extend_from_slice(&MAGIC);
@@ -125,26 +128,27 @@ impl FeatureSink for FlatGeobufSink {
     }
 }
 
-/// The name of a file without its ending.
+/// File name without its extension.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// What all geometries of a layer are: programs go by the header, not by each feature.
+/// Common geometry type of a layer, as declared in the header; programs rely on the header rather than on
+/// each feature.
 #[derive(Clone, Copy)]
 struct FlatGeobufGeometryType {
-    /// Null where there are several.
+    /// Null if there are several types.
     kind: GeometryType,
     has_z: bool,
     has_m: bool,
 }
 
-/// What was seen of the geometries of a layer.
+/// Statistics of the geometries of a layer.
 #[derive(Default)]
 struct GeometryTally {
-    /// Features of each kind, by its place in [`GeometryType::ALL`].
+    /// Number of features by geometry type, in the order of [`GeometryType::ALL`].
     kinds: [u64; GeometryType::ALL.len()],
-    /// Features with vertices, of these with heights, and with measures.
+    /// Number of features with vertices, of those with heights, and of those with measures.
     placed: u64,
     with_z: u64,
     with_m: u64,
@@ -167,8 +171,9 @@ impl GeometryTally {
             .map_or(0, |(_, n)| n)
     }
 
-    /// A feature without a place is one of any kind. With heights or measures, what is there once or
-    /// several times is told as several: a layer of any kind with heights is one that few programs open.
+    /// The geometry type to declare. Null geometries match any type. With heights or measures, mixed single
+    /// and multi geometries are declared as multi, because few programs open layers of unknown type with
+    /// heights.
     fn form(&self) -> FlatGeobufGeometryType {
         let (has_z, has_m) = (self.with_z > 0, self.with_m > 0);
         let found = || {
@@ -186,7 +191,7 @@ impl GeometryTally {
         }
     }
 
-    /// What a user should know of geometries that are not as they were.
+    /// Notes on geometries that are changed.
     fn notes(&self) -> Vec<String> {
         let form = self.form();
         let mut notes = Vec::new();
@@ -196,16 +201,14 @@ impl GeometryTally {
         {
             if there && with < self.placed {
                 let count = self.placed - with;
-                notes.push(format!(
-                    "{count} features without {what} have NaN for them, as others have some"
-                ));
+                notes.push(format!("{count} features without {what} are written with NaN"));
             }
         }
         let single = [GeometryType::Point, GeometryType::LineString, GeometryType::Polygon];
         for kind in single.into_iter().filter(|k| several(*k) == form.kind && self.count(*k) > 0) {
             let (count, name, more) = (self.count(kind), kind.name(), form.kind.name());
             notes.push(format!(
-                "{count} {name} features are {more} of one, as a layer with {has_more} has one type"
+                "{count} {name} features are written as {more}: a layer with {has_more} has one geometry type"
             ));
         }
         let kinds = self
@@ -215,15 +218,14 @@ impl GeometryTally {
             .filter(|(n, k)| **n > 0 && *k != GeometryType::Null);
         if form.kind == GeometryType::Null && (form.has_z || form.has_m) && kinds.count() > 1 {
             notes.push(format!(
-                "several types of geometry in a layer with {has_more}: some programs do not open \
-                 that; write a file for each type"
+                "mixed geometry types in a layer with {has_more}: some programs cannot open it; write one file per type"
             ));
         }
         notes
     }
 }
 
-/// The kind that holds several of a kind: itself, where it does.
+/// The multi type of a single type; other types are returned unchanged.
 fn several(kind: GeometryType) -> GeometryType {
     match kind {
         GeometryType::Point => GeometryType::MultiPoint,
@@ -237,7 +239,7 @@ fn code_of(kind: GeometryType) -> u8 {
     KINDS.iter().find(|(_, known)| *known == kind).map_or(0, |(code, _)| *code)
 }
 
-/// What the header says.
+/// Content of the header.
 struct FlatGeobufHead<'a> {
     name: &'a str,
     extent: Option<Bounds>,
@@ -289,7 +291,7 @@ impl FlatGeobufHead<'_> {
         let text = self.crs.to_wkt();
         let link =
             |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
-        // Readers that find a code ask for no text, and a code says nothing of heights.
+        // Readers that find a code ignore the WKT, and a code has no vertical CRS.
         let code = self.crs.epsg.filter(|_| self.crs.vertical_epsg.is_none() || text.is_none());
         let code = code.and_then(|code| i32::try_from(code).ok());
         let (table, places) = build.table(&[
@@ -312,7 +314,7 @@ impl FlatGeobufHead<'_> {
     }
 }
 
-/// A feature with its size; `None` beyond 4 GiB.
+/// A size-prefixed feature; `None` beyond 4 GiB.
 fn feature(row: &FeatureRow, kinds: &[FieldKind], form: FlatGeobufGeometryType) -> Option<Vec<u8>> {
     let mut properties = Vec::new();
     for (column, value) in &row.values {
@@ -337,8 +339,7 @@ fn feature(row: &FeatureRow, kinds: &[FieldKind], form: FlatGeobufGeometryType) 
     build.finish()
 }
 
-/// Appends a geometry as one of the form's kind. Collections are nested no deeper than their
-/// constructor allows.
+/// Appends a geometry as the type of the layer. The depth of collections is limited by their constructor.
 fn put_geometry(
     build: &mut FlatbufferBuilder,
     place: usize,
@@ -382,7 +383,7 @@ fn put_geometry(
     }
 }
 
-/// A geometry of `count` others; gives the place of each.
+/// Appends a geometry with `count` parts; returns the position of each.
 fn parts(
     build: &mut FlatbufferBuilder,
     place: usize,
@@ -397,8 +398,8 @@ fn parts(
     build.links(places[schema::GEOMETRY_PARTS], count)
 }
 
-/// A geometry of some parts of `from`, or of all its positions where it has no parts. In a layer with
-/// heights or measures each position has one: readers of it count on that.
+/// Appends a geometry of some parts of `from`, or of all positions if it has no parts. In a layer with
+/// heights or measures every position has a value, as readers require.
 fn put_leaf(
     build: &mut FlatbufferBuilder,
     place: usize,
@@ -412,7 +413,7 @@ fn put_leaf(
         ends.last().copied().unwrap_or(if from.ends.is_empty() { from.xy.len() } else { start });
     let link =
         |is_there: bool| if is_there { FlatbufferField::Link } else { FlatbufferField::None };
-    // Of one ring the end needs no word; of one line of several some readers want it.
+    // The ends of a single ring are optional; some readers require those of a single line.
     let has_ends = ends.len() > 1 || form.kind == GeometryType::MultiLineString;
     let (table, places) = build.table(&[
         link(has_ends),

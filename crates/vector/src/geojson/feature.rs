@@ -1,4 +1,4 @@
-//! The text of one feature or geometry.
+//! Parser of a feature or geometry.
 
 use std::sync::Arc;
 
@@ -9,15 +9,15 @@ use crate::number;
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Reads features; names of properties that come again and again are kept once.
+/// Feature parser; repeated property names share their memory.
 #[derive(Default)]
 pub(crate) struct GeoJsonFeatureReader {
-    /// Those of the feature before.
+    /// Property names of the previous feature.
     names: Vec<Arc<str>>,
 }
 
 impl GeoJsonFeatureReader {
-    /// A feature, or a geometry alone, from the text of an object.
+    /// A feature, or a bare geometry, from the text of an object.
     pub(super) fn feature(&mut self, text: &[u8], base: u64) -> Result<Feature> {
         let mut cursor = JsonCursor::new(text, base);
         let mut feature = Feature::default();
@@ -32,7 +32,7 @@ impl GeoJsonFeatureReader {
                     }
                     is_feature = kind == "Feature";
                     if !is_feature {
-                        return Err(cursor.bad(format!("type {:?} is no feature", short(&kind))));
+                        return Err(cursor.bad(format!("type {:?} is not Feature", short(&kind))));
                     }
                 }
                 "geometry" => feature.geometry = geometry(&mut cursor, 0)?,
@@ -41,7 +41,7 @@ impl GeoJsonFeatureReader {
                 _ => {
                     is_geometry |= matches!(&*name, "coordinates" | "geometries");
                     let count = feature.foreign.len() as u64;
-                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
+                    limits::check("number of members of a feature", count, limits::MAX_FIELDS)?;
                     feature.foreign.push(member(&name, &mut cursor)?);
                 }
             }
@@ -49,17 +49,17 @@ impl GeoJsonFeatureReader {
         match (is_feature, is_geometry) {
             (true, _) => Ok(feature),
             (false, true) => bare(text, base),
-            (false, false) => Err(cursor.bad("an object has no known type")),
+            (false, false) => Err(cursor.bad("object has no known type")),
         }
     }
 
-    /// An object of properties, or null.
+    /// A properties object, or null.
     pub(crate) fn properties(&mut self, cursor: &mut JsonCursor<'_>) -> Result<FeatureProperties> {
         let mut properties = FeatureProperties::default();
         if cursor.peek() != Some(b'{') {
             return match cursor.value()? {
                 JsonToken::Null => Ok(properties),
-                _ => Err(cursor.bad("properties are no object")),
+                _ => Err(cursor.bad("properties are not an object")),
             };
         }
         cursor.expect(b'{')?;
@@ -67,7 +67,7 @@ impl GeoJsonFeatureReader {
         let mut is_first = true;
         while let Some(name) = cursor.member(&mut is_first)? {
             let at = properties.0.len();
-            limits::check("properties of a feature", at as u64, limits::MAX_FIELDS)?;
+            limits::check("number of properties of a feature", at as u64, limits::MAX_FIELDS)?;
             let known = self.names.get(at).filter(|known| ***known == *name);
             let name = known.cloned().unwrap_or_else(|| Arc::from(&*name));
             properties.0.push((name, value(cursor.value()?)));
@@ -81,7 +81,7 @@ impl GeoJsonFeatureReader {
     }
 }
 
-/// A member that is passed on.
+/// A foreign member.
 pub(crate) fn member(name: &str, cursor: &mut JsonCursor<'_>) -> Result<JsonMember> {
     let json = match cursor.value()? {
         JsonToken::Null => "null".to_owned(),
@@ -100,7 +100,7 @@ pub(crate) fn id(cursor: &mut JsonCursor<'_>) -> Result<Option<Id>> {
         PropertyValue::Int(id) => Ok(Some(Id::Int(id))),
         PropertyValue::Real(id) => Ok(Some(Id::Real(id))),
         PropertyValue::Text(id) => Ok(Some(Id::Text(id))),
-        _ => Err(cursor.bad("an id is neither a number nor a text")),
+        _ => Err(cursor.bad("id is neither a number nor a string")),
     }
 }
 
@@ -121,20 +121,20 @@ fn value(token: JsonToken<'_>) -> PropertyValue {
     }
 }
 
-/// A geometry that is no part of a feature.
+/// A geometry outside a feature.
 fn bare(text: &[u8], base: u64) -> Result<Feature> {
     let geometry = geometry(&mut JsonCursor::new(text, base), 0)?;
     Ok(Feature { geometry, ..Feature::default() })
 }
 
-/// A geometry object, or null, within `depth` collections: it calls itself no deeper than collections
-/// may be nested.
+/// A geometry object, or null, inside `depth` collections; recursion is limited to the allowed depth of
+/// collections.
 fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
     limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
     if cursor.peek() != Some(b'{') {
         return match cursor.value()? {
             JsonToken::Null => Ok(Geometry::null()),
-            _ => Err(cursor.bad("a geometry is no object")),
+            _ => Err(cursor.bad("geometry is not an object")),
         };
     }
     cursor.expect(b'{')?;
@@ -146,7 +146,9 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
                 let name = cursor.string()?;
                 kind = GeometryType::by_name(&name);
                 if kind.is_none() {
-                    return Err(cursor.bad(format!("type {:?} is no geometry", short(&name))));
+                    return Err(
+                        cursor.bad(format!("type {:?} is not a geometry type", short(&name)))
+                    );
                 }
             }
             "coordinates" => coordinates = Some(cursor.coordinates()?),
@@ -154,7 +156,7 @@ fn geometry(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Geometry> {
             _ => _ = cursor.value()?,
         }
     }
-    let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
+    let missing = |what: &str| cursor.bad(format!("geometry lacks {what}"));
     match (kind.ok_or_else(|| missing("type"))?, coordinates, members) {
         (GeometryType::Collection, _, members) => {
             Geometry::collection(members.ok_or_else(|| missing("geometries"))?)
@@ -172,13 +174,17 @@ fn geometries(cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Vec<Geometry>> 
     let (mut is_first, mut members) = (true, Vec::new());
     while cursor.item(&mut is_first)? {
         let count = members.len() as u64;
-        limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+        limits::check(
+            "number of members of a geometry collection",
+            count,
+            limits::MAX_COLLECTION_MEMBERS,
+        )?;
         members.push(geometry(cursor, depth + 1)?);
     }
     Ok(members)
 }
 
-/// Fails unless positions are as deep as in a `kind`; 0 is that of no positions.
+/// Fails unless positions are nested as deeply as `kind` requires; 0 means no positions.
 pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Result<(), String> {
     let deep = match kind {
         GeometryType::Point => 1,
@@ -190,15 +196,15 @@ pub(crate) fn check_depth(kind: GeometryType, found: usize) -> std::result::Resu
     if found == deep || found == 0 {
         return Ok(());
     }
-    Err(format!("positions are {found} lists deep, and {deep} in a {}", kind.name()))
+    Err(format!("coordinates are nested {found} deep, expected {deep} for {}", kind.name()))
 }
 
-/// Enough of a word to recognise it by.
+/// A prefix of `text` for error messages.
 pub(crate) fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-/// A feature that is no object.
+/// Error of a feature that is not an object.
 pub(super) fn no_object(place: u64) -> Error {
-    Error::bad_input(format!("byte {place}: a feature is missing, or a comma too many"))
+    Error::bad_input(format!("byte {place}: missing feature or extra comma"))
 }

@@ -1,5 +1,5 @@
-//! GeoJSON (RFC 7946), as one collection or as one feature after the other (RFC 8142, or a line
-//! each). Both are read alike: any sequence of collections, features and geometries.
+//! GeoJSON (RFC 7946), as one collection, as a text sequence (RFC 8142), or newline-delimited. All are read
+//! alike: as a sequence of collections, features and geometries.
 
 mod feature;
 mod read;
@@ -12,7 +12,7 @@ use crate::geometry::GeometryType;
 
 pub(super) use feature::{GeoJsonFeatureReader, check_depth, id, member, short};
 
-/// What both hold.
+/// Capabilities of both variants.
 const HOLDS: VectorCapabilities = VectorCapabilities {
     kinds: &GeometryType::ALL,
     mixed: true,
@@ -24,22 +24,22 @@ const HOLDS: VectorCapabilities = VectorCapabilities {
     ordered: true,
 };
 
-/// The registry's entry.
+/// Registry entry.
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "GeoJSON",
     extensions: &["geojson", "json"],
-    about: "a collection of features in one JSON text; longitude and latitude unless it says else",
+    about: "FeatureCollection as one JSON text; WGS 84 unless a CRS is declared",
     holds: HOLDS,
     open: read::open,
     create: Some(write::create),
     sniff,
 };
 
-/// The registry's entry for one feature after the other.
+/// Registry entry of newline-delimited GeoJSON.
 pub(super) const LINES: VectorFormat = VectorFormat {
     name: "GeoJSONSeq",
     extensions: &["geojsonl", "geojsons", "ndjson", "jsonl"],
-    about: "a GeoJSON feature on each line",
+    about: "one GeoJSON feature per line",
     holds: HOLDS,
     open: read::open,
     create: Some(write::create_lines),

@@ -1,4 +1,4 @@
-//! Reading: the text of each feature is found, and taken apart by itself.
+//! Reader: finds the text of each feature and parses it separately.
 
 use std::path::Path;
 
@@ -25,21 +25,21 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     };
     source.go_on()?;
     if source.objects == 0 {
-        return Err(Error::bad_input("holds no JSON object"));
+        return Err(Error::bad_input("contains no JSON object"));
     }
     Ok(Box::new(source))
 }
 
-/// Where the reader is.
+/// State of the reader.
 #[derive(Clone, Copy, PartialEq)]
 enum GeoJsonReadState {
-    /// Between two objects at the outermost level.
+    /// Between two top-level objects.
     Between,
-    /// At the start of an object that is one feature or geometry.
+    /// At the start of an object that is a single feature or geometry.
     Single,
-    /// In the list of features of a collection.
+    /// In the features array of a collection.
     Features,
-    /// Among the members of a collection, behind its features.
+    /// Among the members of a collection after its features.
     Behind,
     /// At the end.
     End,
@@ -52,9 +52,9 @@ struct GeoJsonSource {
     state: GeoJsonReadState,
     /// True before the first feature of a collection.
     is_first: bool,
-    /// Objects at the outermost level that were begun.
+    /// Number of top-level objects begun.
     objects: u64,
-    /// Where the last feature began.
+    /// Offset of the last feature.
     at: u64,
     notes: Vec<String>,
 }
@@ -94,7 +94,7 @@ impl FeatureSource for GeoJsonSource {
 }
 
 impl GeoJsonSource {
-    /// Passes over what is between features.
+    /// Skips to the next feature.
     fn go_on(&mut self) -> Result<()> {
         match self.state {
             GeoJsonReadState::Between => self.begin(),
@@ -107,7 +107,7 @@ impl GeoJsonSource {
         }
     }
 
-    /// The next byte that is neither white space nor the mark before a text of a sequence.
+    /// The next byte that is neither white space nor a record separator.
     fn peek(&mut self) -> Result<Option<u8>> {
         loop {
             let text = self.window.text();
@@ -122,7 +122,7 @@ impl GeoJsonSource {
         }
     }
 
-    /// Begins the next object at the outermost level.
+    /// Begins the next top-level object.
     fn begin(&mut self) -> Result<()> {
         match self.peek()? {
             None => self.state = GeoJsonReadState::End,
@@ -136,15 +136,15 @@ impl GeoJsonSource {
             }
             Some(_) => {
                 let place = self.window.offset();
-                return Err(Error::bad_input(format!("byte {place}: is not a JSON object")));
+                return Err(Error::bad_input(format!("byte {place}: not a JSON object")));
             }
         }
         Ok(())
     }
 
-    /// Reads the members of the object at hand. Ahead of the features it stops at their
-    /// list, passes over it all and gives true; or at what only a single feature or geometry has,
-    /// passes over nothing and gives false. Behind the features it reads to the end of the object.
+    /// Reads the members of the current object. Before the features: true with the cursor inside the features
+    /// array, or false with nothing consumed if the object is a single feature or geometry. After the
+    /// features: reads to the end of the object.
     fn members(&mut self, is_behind: bool) -> Result<bool> {
         let mut at = usize::from(!is_behind);
         let mut foreign = Vec::new();
@@ -185,7 +185,7 @@ impl GeoJsonSource {
                 _ => {}
             }
             let end = self.value_end(value)?;
-            limits::check("bytes of a header", end as u64, limits::MAX_HEADER_BYTES)?;
+            limits::check("header size in bytes", end as u64, limits::MAX_HEADER_BYTES)?;
             let base = self.window.offset() + value as u64;
             let mut cursor = JsonCursor::new(&self.window.text()[value..end], base);
             foreign.push(feature::member(&name, &mut cursor)?);
@@ -193,7 +193,7 @@ impl GeoJsonSource {
         }
     }
 
-    /// Takes what a collection says of itself.
+    /// Applies the members of a collection to the layer header.
     fn take_members(&mut self, members: Vec<JsonMember>, is_behind: bool) -> Result<()> {
         let is_only = self.objects == 1;
         for member in members {
@@ -214,7 +214,7 @@ impl GeoJsonSource {
         let found = crs::of_member(json);
         if self.objects == 1 && !is_behind {
             if found.epsg.is_none() {
-                let what = "the CRS is named in a way that is not known";
+                let what = "CRS name is not recognised";
                 self.notes.push(format!("{what}: {}", feature::short(json)));
             }
             self.layer.crs = found;
@@ -223,11 +223,11 @@ impl GeoJsonSource {
         if found.agrees(&self.layer.crs) {
             return Ok(());
         }
-        Err(Error::unsupported("the \"crs\" member stands behind features that it is to apply to")
-            .remedy("move it to the front of the collection"))
+        Err(Error::unsupported("\"crs\" member follows the features")
+            .remedy("move it before the features"))
     }
 
-    /// True where a feature is next in the list; its end is passed over.
+    /// True if another feature follows in the array; otherwise consumes the end of the array.
     fn is_at_feature(&mut self) -> Result<bool> {
         let next = self.peek()?;
         if next == Some(b']') {
@@ -247,7 +247,7 @@ impl GeoJsonSource {
         }
     }
 
-    /// The object at hand, as a feature.
+    /// The current object, as a feature.
     fn feature(&mut self) -> Result<Feature> {
         self.at = self.window.offset();
         let end = self.value_end(0)?;
@@ -256,7 +256,7 @@ impl GeoJsonSource {
         Ok(feature)
     }
 
-    /// The first place from `at` on that is no white space.
+    /// Index of the first byte from `at` on that is not white space.
     fn blank(&mut self, mut at: usize) -> Result<usize> {
         while matches!(self.window.byte(at)?, Some(b' ' | b'\n' | b'\r' | b'\t')) {
             at += 1;
@@ -264,7 +264,7 @@ impl GeoJsonSource {
         Ok(at)
     }
 
-    /// Behind the string that begins at `at`.
+    /// Index after the string that begins at `at`.
     fn string_end(&mut self, at: usize) -> Result<usize> {
         if self.window.byte(at)? != Some(b'"') {
             return Err(self.damaged(at));
@@ -278,11 +278,11 @@ impl GeoJsonSource {
                 None => return Err(self.damaged(end)),
             }
             let bytes = (end - at) as u64;
-            limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+            limits::check("header size in bytes", bytes, limits::MAX_HEADER_BYTES)?;
         }
     }
 
-    /// Behind the value that begins at `at`.
+    /// Index after the value that begins at `at`.
     fn value_end(&mut self, at: usize) -> Result<usize> {
         match self.window.byte(at)? {
             Some(b'"') => self.string_end(at),
@@ -305,7 +305,7 @@ impl GeoJsonSource {
                     }
                     end += 1;
                     let bytes = (end - at) as u64;
-                    limits::check("bytes of a header", bytes, limits::MAX_HEADER_BYTES)?;
+                    limits::check("header size in bytes", bytes, limits::MAX_HEADER_BYTES)?;
                 }
                 Ok(end)
             }
@@ -315,7 +315,7 @@ impl GeoJsonSource {
     fn damaged(&self, at: usize) -> Error {
         let place = self.window.offset() + at as u64;
         let is_end = self.window.text().len() <= at;
-        let what = if is_end { "the text ends too early" } else { "is not JSON" };
-        Error::bad_input(format!("byte {place}: {what}")).remedy("copy or make the file again")
+        let what = if is_end { "unexpected end of file" } else { "not valid JSON" };
+        Error::bad_input(format!("byte {place}: {what}")).remedy("copy or recreate the file")
     }
 }

@@ -1,4 +1,4 @@
-//! Writing of collections, and of one feature after the other.
+//! Writer of feature collections and of newline-delimited features.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::sink::{FeatureSink, VectorWriteOptions, WrittenFeatures};
 use terrane_base::error::Result;
 use terrane_files::atomic::Sidecar;
 
-/// Starts a collection.
+/// Creates a file with one FeatureCollection.
 pub(super) fn create(
     path: &Path,
     layer: &LayerHeader,
@@ -23,7 +23,7 @@ pub(super) fn create(
     Ok(Box::new(sink))
 }
 
-/// Starts a file with a feature on each line.
+/// Creates a file with one feature per line.
 pub(super) fn create_lines(
     path: &Path,
     layer: &LayerHeader,
@@ -34,11 +34,11 @@ pub(super) fn create_lines(
 
 struct GeoJsonSink {
     out: VectorOutputFile,
-    /// Where the system has no place in the file.
+    /// `.prj` sidecar, if the CRS cannot be stored in the file.
     prj: Option<Sidecar>,
     is_collection: bool,
     features: u64,
-    /// Features with measures and without heights: a measure has no place without a height.
+    /// Number of features with measures and without heights, whose measures cannot be stored.
     measured: u64,
     notes: Vec<String>,
 }
@@ -59,23 +59,23 @@ impl GeoJsonSink {
         };
         let mut notes = Vec::new();
         if !layer.crs.is_named() {
-            let what = "programs will take coordinates for longitude and latitude on WGS 84";
-            notes.push(format!("the CRS is not known, and {what}"));
+            let what = "readers will assume longitude and latitude in WGS 84";
+            notes.push(format!("CRS is unknown: {what}"));
         }
         if !crs::is_wgs84(&layer.crs) {
             let is_beside = prj.as_ref().is_some_and(|prj| prj.place().is_some());
             let how = match (is_held, is_beside) {
-                (true, _) => "named in a \"crs\" member, as before RFC 7946",
-                (false, true) => "named in a .prj file beside it",
-                (false, false) => "not named in it",
+                (true, _) => "declared in a \"crs\" member (GeoJSON 2008)",
+                (false, true) => "declared in a .prj sidecar",
+                (false, false) => "not declared",
             };
             let label = layer.crs.label();
-            notes.push(format!("coordinates are in {label}, not in WGS 84; the CRS is {how}"));
+            notes.push(format!("coordinates are in {label}, not WGS 84; the CRS is {how}"));
         }
         Ok(Self { out, prj, is_collection, features: 0, measured: 0, notes })
     }
 
-    /// What comes before the features.
+    /// Writes the text before the features.
     fn head(&mut self, layer: &LayerHeader) {
         let text = &mut self.out.buffer;
         text.extend_from_slice(b"{\n\"type\":\"FeatureCollection\",\n");
@@ -127,7 +127,7 @@ impl FeatureSink for GeoJsonSink {
         }
         if self.measured > 0 {
             let count = self.measured;
-            let what = "are left out: GeoJSON holds them behind heights only";
+            let what = "omitted: GeoJSON stores measures only after heights";
             self.notes.push(format!("measures (m) of {count} features {what}"));
         }
         let (path, mut bytes) = self.out.commit()?;
@@ -178,7 +178,7 @@ fn push_feature(feature: &Feature, text: &mut Vec<u8>) {
     text.push(b'}');
 }
 
-/// A number that stays one with a point or an exponent.
+/// Appends a number with a decimal point or an exponent, so that it is read back as a real.
 fn push_real(value: f64, text: &mut Vec<u8>) {
     // Writing into a vector cannot fail.
     let _ = serde_json::to_writer(text, &value);
@@ -237,7 +237,7 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) {
     text.push(b'}');
 }
 
-/// Writes lists of positions.
+/// Writer of coordinate arrays.
 struct GeoJsonPositionWriter<'a> {
     coordinates: &'a CoordinateSequence,
     text: &'a mut Vec<u8>,

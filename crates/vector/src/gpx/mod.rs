@@ -1,5 +1,5 @@
-//! GPX 1.0 and 1.1: waypoints are points, routes lines, tracks lines of several parts, as GDAL has
-//! them. Elevations are heights, times are measures: seconds since the start of 1970.
+//! GPX 1.0 and 1.1: waypoints are Points, routes LineStrings, tracks MultiLineStrings, as in GDAL. Elevations
+//! are heights, times are measures: seconds since 1970-01-01.
 
 mod read;
 mod time;

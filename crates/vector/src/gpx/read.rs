@@ -1,4 +1,4 @@
-//! Reading: a stream of elements; one waypoint, route or track is held.
+//! Streaming reader; one waypoint, route or track is in memory at a time.
 
 use std::io::{self, BufRead, Read};
 use std::path::Path;
@@ -23,12 +23,12 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
         match source.xml.next()? {
             XmlEvent::Start(tag) if tag.name() == "gpx" => return Ok(Box::new(source)),
             XmlEvent::Text(text) if text.trim().is_empty() => {}
-            _ => return Err(Error::bad_input("is not GPX: its first element is no gpx")),
+            _ => return Err(Error::bad_input("is not GPX: the root element is not gpx")),
         }
     }
 }
 
-/// A window as a stream of bytes.
+/// A window as a byte stream.
 struct WindowStream(FileWindow);
 
 impl Read for WindowStream {
@@ -57,9 +57,9 @@ impl BufRead for WindowStream {
 struct GpxSource {
     xml: XmlReader<WindowStream>,
     layer: LayerHeader,
-    /// Where the last feature began.
+    /// Offset of the last feature.
     at: u64,
-    /// Times that are not understood.
+    /// Number of invalid times.
     left_out: u64,
     is_over: bool,
 }
@@ -91,7 +91,7 @@ impl FeatureSource for GpxSource {
     }
 
     fn notes(&self) -> Vec<String> {
-        let note = format!("{} times are not understood and left out", self.left_out);
+        let note = format!("{} invalid times omitted", self.left_out);
         (self.left_out > 0).then_some(note).into_iter().collect()
     }
 }
@@ -105,11 +105,11 @@ impl GpxSource {
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
-    /// A route or track, whose parts are segments.
+    /// A route or track; its parts are segments.
     fn line(&mut self, kind: GeometryType) -> Result<Feature> {
         let mut found = CoordinateSequence::default();
         let mut properties = FeatureProperties::default();
-        // Elements begun and not ended: the line, and a segment in it.
+        // Open elements: the line, and a segment in it.
         let mut open = 1;
         while open > 0 {
             match self.xml.next()? {
@@ -126,13 +126,13 @@ impl GpxSource {
             }
         }
         if kind == GeometryType::LineString && found.ends.len() > 1 {
-            return Err(self.bad("a route has segments"));
+            return Err(self.bad("route with segments"));
         }
         let geometry = Geometry::new(kind, found)?;
         Ok(Feature { properties, geometry, ..Feature::default() })
     }
 
-    /// The rest of a point, whose texts are properties where they are wanted.
+    /// The content of a point element; child texts become properties if `properties` is given.
     fn point(
         &mut self,
         tag: &XmlStartTag,
@@ -142,7 +142,7 @@ impl GpxSource {
         let degrees = |name: &str| -> Result<f64> {
             let value = tag.value(name)?.and_then(|text| number::whole(text.as_bytes()));
             let value = value.filter(|value| value.is_finite());
-            value.ok_or_else(|| self.bad("a point has no lat or lon that is a number"))
+            value.ok_or_else(|| self.bad("point without numeric lat and lon"))
         };
         let at = [degrees("lon")?, degrees("lat")?];
         let (mut height, mut moment) = (None, None);
@@ -154,7 +154,7 @@ impl GpxSource {
                     ("ele", _) => {
                         let text = self.text()?.unwrap_or_default();
                         let value = number::whole(text.as_bytes());
-                        height = Some(value.ok_or_else(|| self.bad("an elevation is no number"))?);
+                        height = Some(value.ok_or_else(|| self.bad("elevation is not a number"))?);
                     }
                     ("time", _) => {
                         let text = self.text()?.unwrap_or_default();
@@ -170,19 +170,19 @@ impl GpxSource {
         Ok(())
     }
 
-    /// The element of `tag` as a property, if it is nothing but text.
+    /// The element `tag` as a property, if it contains only text.
     fn property(&mut self, tag: &XmlStartTag, properties: &mut FeatureProperties) -> Result<()> {
         if let Some(text) =
             self.text()?.filter(|text| !text.is_empty() && !tag.name().contains(':'))
         {
             let count = properties.0.len() as u64;
-            limits::check("properties of a feature", count, limits::MAX_FIELDS)?;
+            limits::check("number of properties of a feature", count, limits::MAX_FIELDS)?;
             properties.push(tag.name(), PropertyValue::Text(text));
         }
         Ok(())
     }
 
-    /// The text of the element at hand; `None` where there are elements in it.
+    /// The text of the current element; `None` if it has child elements.
     fn text(&mut self) -> Result<Option<String>> {
         let (mut text, mut is_plain) = (String::new(), true);
         loop {
@@ -196,7 +196,7 @@ impl GpxSource {
                     self.xml.skip()?;
                 }
             }
-            limits::check("bytes of a text", text.len() as u64, limits::MAX_HEADER_BYTES)?;
+            limits::check("text length in bytes", text.len() as u64, limits::MAX_HEADER_BYTES)?;
         }
     }
 
@@ -260,10 +260,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.gpx");
         for (from, to, told) in [
-            ("lat=\"46.5\"", "lat=\"x\"", "no lat or lon"),
-            ("lat=\"46.5\"", "", "no lat or lon"),
-            ("1000.5", "high", "an elevation is no number"),
-            ("</gpx>", "", "in the middle"),
+            ("lat=\"46.5\"", "lat=\"x\"", "without numeric lat and lon"),
+            ("lat=\"46.5\"", "", "without numeric lat and lon"),
+            ("1000.5", "high", "elevation is not a number"),
+            ("</gpx>", "", "inside an element"),
             ("<gpx ", "<!DOCTYPE a><gpx ", "document type"),
             ("&amp;", "&x;", "entity &x;"),
             ("</trkseg>", "</trk>", "well-formed"),

@@ -1,21 +1,21 @@
-//! Moments: text after ISO 8601, and seconds since the start of 1970.
+//! Times: ISO 8601 text, and seconds since 1970-01-01.
 
 use chrono::{DateTime, Datelike, SecondsFormat, Timelike};
 
-/// Seconds of "2026-01-31T12:00:00.5Z", also with an offset, or without (UTC is meant).
+/// Seconds since 1970-01-01 of "2026-01-31T12:00:00.5Z", with an optional UTC offset (default UTC).
 pub(super) fn seconds(text: &str) -> Option<f64> {
     let text = text.trim();
     let moment = DateTime::parse_from_rfc3339(text)
         .or_else(|_| DateTime::parse_from_rfc3339(&format!("{text}Z")))
         .ok()?
         .to_utc();
-    // Of a leap second there are more than 10^9.
+    // A leap second has a nanosecond part above 10^9.
     let nanoseconds = u64::from(moment.second()) * 1_000_000_000 + u64::from(moment.nanosecond());
     let minutes = moment.timestamp().div_euclid(60) * 60;
     Some(minutes as f64 + nanoseconds as f64 / 1e9)
 }
 
-/// The text of a moment, to the millisecond; `None` outside of the years 0 to 9999.
+/// ISO 8601 text with milliseconds; `None` outside the years 0 to 9999.
 pub(super) fn text(seconds: f64) -> Option<String> {
     let moment = DateTime::from_timestamp_millis((seconds * 1000.0).round() as i64)?;
     let is_in = (0..=9999).contains(&moment.year());

@@ -1,4 +1,4 @@
-//! Writing. Waypoints come first, then routes, then tracks, so the latter wait.
+//! Writer. Waypoints precede routes, and routes precede tracks, so routes and tracks are buffered.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::table::push_text;
 use terrane_base::error::{Error, Result};
 use terrane_files::{self as files, folder_for};
 
-/// Elements of text that a waypoint may have, in the order of the schema.
+/// Text elements of a waypoint, in the order of the schema.
 pub(super) const POINT_TEXTS: &[&str] = &[
     "magvar",
     "geoidheight",
@@ -31,7 +31,7 @@ pub(super) const POINT_TEXTS: &[&str] = &[
     "ageofdgpsdata",
     "dgpsid",
 ];
-/// Those of a route or track.
+/// Text elements of a route or track.
 pub(super) const LINE_TEXTS: &[&str] = &["name", "cmt", "desc", "src", "number", "type"];
 
 /// Starts a file.
@@ -41,14 +41,18 @@ pub(super) fn create(
     options: &VectorWriteOptions,
 ) -> Result<Box<dyn FeatureSink>> {
     if !crs::is_wgs84(&layer.crs) && layer.crs.geographic != Some(true) {
-        let message = format!("GPX is in longitude and latitude, not in {}", layer.crs.label());
+        let message =
+            format!("GPX requires longitude and latitude, input is in {}", layer.crs.label());
         return Err(Error::usage(message)
             .in_file(path)
             .remedy("reproject the input first: ogr2ogr -t_srs EPSG:4326"));
     }
     let mut notes = Vec::new();
     if !crs::is_wgs84(&layer.crs) {
-        notes.push(format!("coordinates are in {}, and GPX means WGS 84", layer.crs.label()));
+        notes.push(format!(
+            "coordinates are in {}, but readers of GPX assume WGS 84",
+            layer.crs.label()
+        ));
     }
     let mut out = VectorOutputFile::create(path, options.overwrite)?;
     out.buffer.extend_from_slice(HEAD.as_bytes());
@@ -79,9 +83,9 @@ struct GpxSink {
     tracks: files::AppendWriter,
     m_is_time: bool,
     features: u64,
-    /// Features with measures that are no times.
+    /// Number of features with measures that are not times.
     measured: u64,
-    /// Features with an id, or a property that has no place.
+    /// Number of features with an id or properties that GPX cannot store.
     with_more: u64,
     notes: Vec<String>,
     path: PathBuf,
@@ -101,12 +105,12 @@ impl FeatureSink for GpxSink {
         let mut notes = self.notes;
         if self.measured > 0 {
             let count = self.measured;
-            notes.push(format!("measures (m) of {count} features are left out: they are no times"));
+            notes.push(format!("measures (m) of {count} features omitted: they are not times"));
         }
         if self.with_more > 0 {
             let count = self.with_more;
             notes.push(format!(
-                "ids and properties without a place in GPX are left out, of {count} features"
+                "ids and properties of {count} features that GPX cannot store omitted"
             ));
         }
         let (path, bytes) = self.out.commit()?;
@@ -154,7 +158,7 @@ impl GpxSink {
             }
             kind => {
                 return Err(Error::usage(format!(
-                    "GPX holds points and lines, no {}",
+                    "GPX supports points and lines, not {}",
                     kind.name()
                 ))
                 .remedy("write GeoJSON or FlatGeobuf"));
@@ -175,7 +179,7 @@ impl GpxSink {
     }
 }
 
-/// Where a feature goes.
+/// Section of the file for a feature.
 enum GpxSection {
     Out,
     Routes,
@@ -196,11 +200,12 @@ impl GpxElementWriter<'_> {
         Ok(())
     }
 
-    /// The start of a point, its elevation and its time.
+    /// Start of a point element with elevation and time.
     fn begin(&mut self, part: &GeometryPart<'_>, at: usize, name: &str) -> Result<()> {
         let [lon, lat] = part.xy[at];
         if !(-90.0..=90.0).contains(&lat) || !(-180.0..=180.0).contains(&lon) {
-            let message = format!("vertex {at}: {lon}, {lat} is no longitude and latitude");
+            let message =
+                format!("vertex {at}: {lon}, {lat} is not a valid longitude and latitude");
             return Err(Error::usage(message).remedy("reproject the input to EPSG:4326 first"));
         }
         let text = &mut *self.text;
@@ -244,7 +249,7 @@ fn put_element(name: &str, value: &[u8], text: &mut Vec<u8>) {
             b'<' => text.extend_from_slice(b"&lt;"),
             b'>' => text.extend_from_slice(b"&gt;"),
             b'&' => text.extend_from_slice(b"&amp;"),
-            // Other control characters cannot be in XML at all.
+            // XML cannot contain other control characters.
             0..=8 | 11 | 12 | 14..=31 => text.push(b' '),
             byte => text.push(byte),
         }

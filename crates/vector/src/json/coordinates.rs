@@ -1,20 +1,20 @@
-//! Lists of positions: the hot loop of reading GeoJSON and TopoJSON.
+//! Coordinate arrays: the hot loop of reading GeoJSON and TopoJSON.
 
 use super::JsonCursor;
 use crate::geometry::CoordinateSequence;
 use crate::number;
 use terrane_base::error::Result;
 
-/// Deepest nesting: that of a MultiPolygon.
+/// Deepest nesting, of a MultiPolygon.
 const MOST_DEPTH: usize = 4;
 
 impl JsonCursor<'_> {
-    /// Positions in lists of lists: how deep the numbers are (0 where there are none) and the
-    /// positions, cut where lists of positions end (parts) and lists of those (polygons). A fourth
-    /// number is a measure, more are passed over. O(text).
+    /// Parses a coordinate array. Returns the nesting depth of positions (0 if there are none) and the
+    /// positions, cut into parts and polygons at the ends of arrays. A fourth number is a measure, further
+    /// numbers are ignored. O(text).
     pub(crate) fn coordinates(&mut self) -> Result<(usize, CoordinateSequence)> {
         let mut found = CoordinateSequence::default();
-        // Lists begun and not ended, and where numbers are, once one was seen.
+        // Open arrays, and the depth of positions once known.
         let (mut open, mut deep) = (0, 0);
         loop {
             match self.peek() {
@@ -22,11 +22,11 @@ impl JsonCursor<'_> {
                     self.advance(1);
                     open += 1;
                     if open > MOST_DEPTH {
-                        return Err(self.bad("coordinates are nested too deep"));
+                        return Err(self.bad("coordinates are nested too deeply"));
                     }
                     if matches!(self.peek(), Some(b'-' | b'0'..=b'9')) {
                         if deep != 0 && deep != open {
-                            return Err(self.bad("positions are not at one depth"));
+                            return Err(self.bad("positions are nested at different depths"));
                         }
                         deep = open;
                         self.position(&mut found)?;
@@ -37,9 +37,9 @@ impl JsonCursor<'_> {
                         continue;
                     }
                 }
-                _ => return Err(self.bad("a list or number is missing in coordinates")),
+                _ => return Err(self.bad("array or number expected in coordinates")),
             }
-            // After an item: lists that end here, and a comma before the next item.
+            // After an item: ends of arrays, then a comma before the next item.
             loop {
                 if open == 0 {
                     return Ok((deep, found));
@@ -58,7 +58,7 @@ impl JsonCursor<'_> {
         }
     }
 
-    /// The numbers of one position, and the end of its list.
+    /// The numbers of one position, up to the end of its array.
     #[inline]
     fn position(&mut self, found: &mut CoordinateSequence) -> Result<()> {
         let x = self.coordinate()?;
@@ -83,7 +83,7 @@ impl JsonCursor<'_> {
     fn coordinate(&mut self) -> Result<f64> {
         self.peek();
         let Some((value, bytes)) = number::leading(self.rest()) else {
-            return Err(self.bad("a number is missing in a position"));
+            return Err(self.bad("number expected in a position"));
         };
         self.advance(bytes);
         Ok(value)

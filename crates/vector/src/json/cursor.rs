@@ -1,4 +1,4 @@
-//! A place in JSON text.
+//! Cursor over JSON text.
 
 use std::borrow::Cow;
 
@@ -7,15 +7,15 @@ use serde::de::IgnoredAny;
 use super::JsonEndSearch;
 use terrane_base::error::{Error, Result};
 
-/// A place in the text of one value.
+/// A cursor over the text of one value.
 pub(crate) struct JsonCursor<'a> {
     text: &'a [u8],
     at: usize,
-    /// Where in the file the text begins.
+    /// File offset of the text.
     base: u64,
 }
 
-/// A value: a scalar, or the text of an object or list.
+/// A value: a scalar, or the text of an object or array.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum JsonToken<'a> {
     Null,
@@ -23,7 +23,7 @@ pub(crate) enum JsonToken<'a> {
     /// A number's text.
     Number(&'a str),
     Text(Cow<'a, str>),
-    /// An object or list, sound JSON.
+    /// An object or array, as valid JSON.
     Nested(&'a str),
 }
 
@@ -32,12 +32,12 @@ impl<'a> JsonCursor<'a> {
         Self { text, at: 0, base }
     }
 
-    /// Where in the file it is.
+    /// Offset of the cursor in the file.
     pub(crate) fn offset(&self) -> u64 {
         self.base + self.at as u64
     }
 
-    /// What is left of the text.
+    /// The remaining text.
     pub(super) fn rest(&self) -> &'a [u8] {
         &self.text[self.at..]
     }
@@ -46,7 +46,7 @@ impl<'a> JsonCursor<'a> {
         self.at += bytes;
     }
 
-    /// The next byte that is no white space, not passed over.
+    /// The next byte that is not white space, without consuming it.
     #[inline]
     pub(crate) fn peek(&mut self) -> Option<u8> {
         while let Some(&byte) = self.text.get(self.at) {
@@ -61,7 +61,7 @@ impl<'a> JsonCursor<'a> {
         None
     }
 
-    /// Passes over `byte` if it is next.
+    /// Consumes `byte` if it is next.
     #[inline]
     pub(crate) fn take(&mut self, byte: u8) -> bool {
         let is_next = self.peek() == Some(byte);
@@ -69,7 +69,7 @@ impl<'a> JsonCursor<'a> {
         is_next
     }
 
-    /// Passes over `byte`, which must be next.
+    /// Consumes `byte`, which must be next.
     pub(crate) fn expect(&mut self, byte: u8) -> Result<()> {
         if self.take(byte) {
             return Ok(());
@@ -77,8 +77,8 @@ impl<'a> JsonCursor<'a> {
         Err(self.bad(format!("{:?} is missing", char::from(byte))))
     }
 
-    /// The name of the next member of an object, with its colon; `None` where the object ends.
-    /// `is_first` is true before the first member and turned by the call.
+    /// The name of the next member of an object, with its colon; `None` at the end of the object. `is_first`
+    /// is true before the first member and cleared by the call.
     pub(crate) fn member(&mut self, is_first: &mut bool) -> Result<Option<Cow<'a, str>>> {
         if self.take(b'}') {
             return Ok(None);
@@ -91,7 +91,7 @@ impl<'a> JsonCursor<'a> {
         Ok(Some(name))
     }
 
-    /// True where another item of a list comes; the end of the list is passed over.
+    /// True if another item of an array follows; consumes the end of the array.
     pub(crate) fn item(&mut self, is_first: &mut bool) -> Result<bool> {
         if self.take(b']') {
             return Ok(false);
@@ -105,14 +105,14 @@ impl<'a> JsonCursor<'a> {
     /// A string.
     pub(crate) fn string(&mut self) -> Result<Cow<'a, str>> {
         if self.peek() != Some(b'"') {
-            return Err(self.bad("a string is missing"));
+            return Err(self.bad("string expected"));
         }
         let rest = self.rest();
         let end = rest[1..].iter().position(|&b| b == b'"' || b == b'\\').map(|end| end + 1);
         match end {
             Some(end) if rest[end] == b'"' => {
                 let text = std::str::from_utf8(&rest[1..end]);
-                let text = text.map_err(|_| self.bad("a string is not UTF-8"))?;
+                let text = text.map_err(|_| self.bad("string is not UTF-8"))?;
                 self.at += end + 1;
                 Ok(Cow::Borrowed(text))
             }
@@ -132,15 +132,15 @@ impl<'a> JsonCursor<'a> {
             }
         }
         if end >= rest.len() {
-            return Err(self.bad("a string does not end"));
+            return Err(self.bad("unterminated string"));
         }
         let text: String = serde_json::from_slice(&rest[..=end])
-            .map_err(|e| self.bad(format!("a string is not JSON: {e}")))?;
+            .map_err(|e| self.bad(format!("string is not valid JSON: {e}")))?;
         self.at += end + 1;
         Ok(Cow::Owned(text))
     }
 
-    /// Any value; objects and lists are passed over, and checked.
+    /// Any value; objects and arrays are validated and skipped.
     pub(crate) fn value(&mut self) -> Result<JsonToken<'a>> {
         match self.peek() {
             Some(b'"') => self.string().map(JsonToken::Text),
@@ -152,7 +152,7 @@ impl<'a> JsonCursor<'a> {
         }
     }
 
-    /// The text of an object or list, sound JSON.
+    /// The text of an object or array, validated.
     fn nested(&mut self) -> Result<&'a str> {
         let start = self.at;
         let json = self.skip_nested()?;
@@ -162,18 +162,18 @@ impl<'a> JsonCursor<'a> {
             Ok(IgnoredAny) => Ok(json),
             Err(e) => {
                 self.at = start;
-                Err(self.bad(format!("is not JSON: {e}")))
+                Err(self.bad(format!("not valid JSON: {e}")))
             }
         }
     }
 
-    /// The text of an object or list, which is not looked into.
+    /// The text of an object or array, not validated.
     pub(crate) fn skip_nested(&mut self) -> Result<&'a str> {
         let open = self.peek().filter(|byte| matches!(byte, b'{' | b'['));
-        let open = open.ok_or_else(|| self.bad("an object or list is missing"))?;
+        let open = open.ok_or_else(|| self.bad("object or array expected"))?;
         let rest = self.rest();
         let end = JsonEndSearch::new(open).end(rest);
-        let end = end.ok_or_else(|| self.bad("an object or list does not end"))?;
+        let end = end.ok_or_else(|| self.bad("unterminated object or array"))?;
         let json = std::str::from_utf8(&rest[..end]);
         let json = json.map_err(|_| self.bad("text is not UTF-8"))?;
         self.at += end;
@@ -182,7 +182,7 @@ impl<'a> JsonCursor<'a> {
 
     fn literal(&mut self, word: &str, token: JsonToken<'a>) -> Result<JsonToken<'a>> {
         if !self.rest().starts_with(word.as_bytes()) {
-            return Err(self.bad("is not JSON: a value is missing"));
+            return Err(self.bad("not valid JSON: value expected"));
         }
         self.at += word.len();
         Ok(token)
@@ -192,18 +192,18 @@ impl<'a> JsonCursor<'a> {
         let rest = self.rest();
         let is_part = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
         let end = rest.iter().take_while(is_part).count();
-        // The grammar is that of the JSON library.
+        // The number grammar is checked by the JSON library.
         let sound = serde_json::from_slice::<IgnoredAny>(&rest[..end]).is_ok();
         match std::str::from_utf8(&rest[..end]) {
             Ok(number) if sound => {
                 self.at += end;
                 Ok(JsonToken::Number(number))
             }
-            _ => Err(self.bad("is not JSON: a value is missing")),
+            _ => Err(self.bad("not valid JSON: value expected")),
         }
     }
 
-    /// A complaint about what is here.
+    /// An error at the cursor.
     pub(crate) fn bad(&self, message: impl std::fmt::Display) -> Error {
         Error::bad_input(format!("byte {}: {message}", self.offset()))
     }

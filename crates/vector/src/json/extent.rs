@@ -1,28 +1,28 @@
-//! Where an object or list ends, found without looking into it.
+//! Finds the end of an object or array without parsing it.
 
-/// Bytes looked at together.
+/// Bytes compared at a time.
 const LANES: usize = 32;
 
-/// The search for the end of an object or list, which may go on as more text comes.
+/// Search for the end of an object or array, resumable when more text arrives.
 pub(crate) struct JsonEndSearch {
     open: u8,
     close: u8,
-    /// Objects (or lists) begun and not ended.
+    /// Open objects (or arrays).
     depth: u64,
     is_quoted: bool,
-    /// Bytes seen.
+    /// Bytes searched.
     seen: usize,
 }
 
 impl JsonEndSearch {
-    /// Of the value that begins with `open`, a brace or a bracket.
+    /// A search for the end of the value that begins with `open`, a brace or a bracket.
     pub(crate) fn new(open: u8) -> Self {
         let close = if open == b'{' { b'}' } else { b']' };
         Self { open, close, depth: 0, is_quoted: false, seen: 0 }
     }
 
-    /// Bytes to the end of the value, if `text` holds it: the text of the calls before, and more.
-    /// Brackets within braces are not looked at, nor the other way round. O(new text).
+    /// Length of the value if it ends within `text`, which extends the text of the earlier calls. Only
+    /// brackets of the kind of `open` are counted. O(new text).
     pub(crate) fn end(&mut self, text: &[u8]) -> Option<usize> {
         while self.seen < text.len() {
             let rest = &text[self.seen..];
@@ -34,7 +34,7 @@ impl JsonEndSearch {
                 if rest[found] == b'"' {
                     self.is_quoted = false;
                 } else if found + 1 == rest.len() {
-                    // What is escaped has not come yet.
+                    // The escaped character is not buffered yet.
                     self.seen += found;
                     break;
                 }
@@ -62,7 +62,7 @@ impl JsonEndSearch {
     }
 }
 
-/// The first byte that is looked for; many at a time, as nearly all are digits.
+/// The first byte that satisfies `is_it`; vectorised, as nearly all bytes are digits.
 #[inline(always)]
 fn find(text: &[u8], is_it: impl Fn(u8) -> bool) -> Option<usize> {
     let (lanes, rest) = text.as_chunks::<LANES>();

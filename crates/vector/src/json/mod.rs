@@ -1,5 +1,5 @@
-//! JSON as features need it: the end of a value without looking into it, and a cursor that takes a
-//! value apart. Nothing here recurses.
+//! JSON for features: finding the end of a value without parsing it, and a cursor that parses a value.
+//! Nothing here recurses.
 
 mod coordinates;
 mod cursor;
@@ -14,7 +14,7 @@ pub(super) fn push_text(text: &str, out: &mut Vec<u8>) {
     let _ = serde_json::to_writer(out, text);
 }
 
-/// The value in `json` without white space between its parts, so that it stays on one line.
+/// `json` without white space between tokens, on one line.
 pub(super) fn compact(json: &str) -> String {
     let (mut quoted, mut escaped) = (false, false);
     let keep = |&c: &char| {

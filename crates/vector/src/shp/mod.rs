@@ -1,5 +1,5 @@
-//! ESRI shapefiles (the technical description of July 1998): `.shp` with shapes, `.shx` with their
-//! places, `.dbf` with their properties, `.prj` with the CRS, `.cpg` with the encoding of texts.
+//! ESRI shapefiles (technical description of July 1998): `.shp` with shapes, `.shx` with their offsets,
+//! `.dbf` with their properties, `.prj` with the CRS, `.cpg` with the text encoding.
 
 mod read;
 mod shape;
@@ -13,7 +13,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "Shapefile",
     extensions: &["shp"],
-    about: "an ESRI shapefile: .shp, .shx, .dbf, .prj and .cpg; one kind of geometry in a file",
+    about: "ESRI Shapefile: .shp, .shx, .dbf, .prj and .cpg; one geometry type per file",
     holds: VectorCapabilities {
         kinds: &[
             GeometryType::Null,

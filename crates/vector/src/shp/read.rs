@@ -1,4 +1,4 @@
-//! Reading: shapes one by one, in the order of the `.shx` where there is one.
+//! Reader of shapes one by one, in the order of the `.shx` if there is one.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use terrane_base::error::{Error, Result};
 pub(super) const MAGIC: [u8; 4] = 9994_u32.to_be_bytes();
 /// Version 1000.
 pub(super) const VERSION: [u8; 4] = 1000_u32.to_le_bytes();
-/// Bytes of the header of a `.shp` and a `.shx`.
+/// Size in bytes of the header of a `.shp` and a `.shx`.
 pub(super) const HEADER_BYTES: u64 = 100;
 
 /// Opens the files of a shapefile.
@@ -29,7 +29,7 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     let table = sibling(path, "dbf").map(|path| dbf::DbfReader::open(&path)).transpose()?;
     let mut notes = Vec::new();
     if table.is_none() {
-        notes.push("has no .dbf file: there are no properties".to_owned());
+        notes.push(".dbf file is missing: features have no properties".to_owned());
     }
     let layer = LayerHeader {
         name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()),
@@ -44,17 +44,17 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
     Ok(Box::new(source))
 }
 
-/// The file beside `path` that ends in `extension`, in either case.
+/// The sidecar of `path` with `extension`, in lower or upper case.
 fn sibling(path: &Path, extension: &str) -> Option<PathBuf> {
     let names = [extension.to_owned(), extension.to_uppercase()];
     names.iter().map(|name| path.with_extension(name)).find(|path| path.is_file())
 }
 
-/// Checks the header; the rectangle it claims, if that is one.
+/// Checks the header; returns the bounding box it declares, if valid.
 fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     let header = shapes.get(0, HEADER_BYTES)?;
     if header[..4] != MAGIC {
-        return Err(Error::bad_input("is not a shapefile: it does not begin with the code 9994"));
+        return Err(Error::bad_input("is not a shapefile: file code is not 9994"));
     }
     let mut bytes = crate::pages::RecordBytes(&header[32..]);
     shape::ShapefileType::of_code(bytes.u32()?)?;
@@ -66,7 +66,7 @@ fn extent(shapes: &mut PagedFile) -> Result<Option<Bounds>> {
     Ok(is_one.then_some(bounds))
 }
 
-/// The `.shx`: where each record begins.
+/// The `.shx`: offsets of the records.
 struct ShxIndex {
     pages: PagedFile,
     count: u64,
@@ -80,7 +80,7 @@ impl ShxIndex {
         if header[..4] != MAGIC {
             return Err(Error::bad_input("is not the index of a shapefile")
                 .in_file(path)
-                .remedy("delete it: the .shp is then read in its own order"));
+                .remedy("delete the .shx to read the .shp sequentially"));
         }
         let count = (pages.len() - HEADER_BYTES) / 8;
         Ok(Self { pages, count, path: path.to_path_buf() })
@@ -100,7 +100,7 @@ struct ShapefileSource {
     layer: LayerHeader,
     /// Records read.
     record: u64,
-    /// Where the next record begins, without a `.shx`.
+    /// Offset of the next record, if there is no `.shx`.
     offset: u64,
     notes: Vec<String>,
 }
@@ -130,13 +130,13 @@ impl FeatureSource for ShapefileSource {
 
     fn notes(&self) -> Vec<String> {
         let deleted = self.table.as_ref().map_or(0, dbf::DbfReader::deleted);
-        let note = format!("{deleted} records are marked as deleted and left out");
+        let note = format!("{deleted} records marked as deleted omitted");
         self.notes.iter().cloned().chain((deleted > 0).then_some(note)).collect()
     }
 }
 
 impl ShapefileSource {
-    /// Where the next record begins; `None` at the end.
+    /// Offset of the next record; `None` at the end.
     fn offset(&mut self) -> Result<Option<u64>> {
         let Some(places) = &mut self.places else {
             return Ok((self.offset < self.shapes.len()).then_some(self.offset));
@@ -146,16 +146,15 @@ impl ShapefileSource {
         }
         let offset = places.get(self.record)?;
         if offset < HEADER_BYTES || offset.saturating_add(12) > self.shapes.len() {
-            let message =
-                format!("places record {} at byte {offset}, outside the .shp", self.record);
+            let message = format!("offset {offset} of record {} is outside the .shp", self.record);
             return Err(Error::bad_input(message)
                 .in_file(&places.path)
-                .remedy("delete it: the .shp is then read in its own order"));
+                .remedy("delete the .shx to read the .shp sequentially"));
         }
         Ok(Some(offset))
     }
 
-    /// Bytes of the record at `offset`, behind its header.
+    /// Content of the record at `offset`, without its header.
     fn bytes(&mut self, offset: u64) -> Result<u64> {
         let header = self.shapes.get(offset, 8)?;
         let words = u32::from_be_bytes([header[4], header[5], header[6], header[7]]);
@@ -173,7 +172,7 @@ impl ShapefileSource {
         shape::decode(self.shapes.get(offset + 8, bytes)?)
     }
 
-    /// The properties of a record; `None` where it is marked as deleted.
+    /// The properties of a record; `None` if it is deleted.
     fn properties(&mut self, record: u64) -> Result<Option<FeatureProperties>> {
         match &mut self.table {
             None => Ok(Some(FeatureProperties::default())),

@@ -1,4 +1,4 @@
-//! One record: a shape from its bytes and to its bytes.
+//! Decoding and encoding of shape records.
 
 use crate::geometry::{CoordinateSequence, Geometry, GeometryPart, GeometryType, PartRole};
 use crate::pages::RecordBytes;
@@ -6,10 +6,10 @@ use crate::rings;
 use crate::tree::{Bounds, NOTHING};
 use terrane_base::error::{Error, Result};
 
-/// Measures below this stand for none.
+/// Measures below this value mean "no data".
 pub(super) const NO_MEASURE: f64 = -1e38;
 
-/// What shapes are, heights and measures aside; the numbers are those of files.
+/// Shape types without Z and M variants, by their codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ShapeType {
     Point = 1,
@@ -27,7 +27,7 @@ pub(super) struct ShapefileType {
 }
 
 impl ShapefileType {
-    /// Of a number in a file; `None` for the null shape.
+    /// The type of a code; `None` for the null shape.
     pub(super) fn of_code(code: u32) -> Result<Option<Self>> {
         let base = match code % 10 {
             0 if code == 0 => return Ok(None),
@@ -39,14 +39,14 @@ impl ShapefileType {
         };
         match code / 10 {
             0 => Ok(Some(Self { base, has_z: false, has_m: false })),
-            // Shapes with heights may have measures too: what is left of the record tells.
+            // Shapes with heights may have measures, depending on the record length.
             1 => Ok(Some(Self { base, has_z: true, has_m: true })),
             2 => Ok(Some(Self { base, has_z: false, has_m: true })),
             _ => Err(unknown(code)),
         }
     }
 
-    /// Its number in files.
+    /// The code of the type.
     pub(super) fn code(self) -> u32 {
         let level = if self.has_z {
             10
@@ -58,7 +58,7 @@ impl ShapefileType {
         self.base as u32 + level
     }
 
-    /// The base that holds a kind; `None` for a null, an error for a collection.
+    /// The shape type for a geometry type; `None` for null, an error for collections.
     pub(super) fn base_of(kind: GeometryType) -> Result<Option<ShapeType>> {
         match kind {
             GeometryType::Null => Ok(None),
@@ -67,7 +67,7 @@ impl ShapefileType {
             GeometryType::LineString | GeometryType::MultiLineString => Ok(Some(ShapeType::Line)),
             GeometryType::Polygon | GeometryType::MultiPolygon => Ok(Some(ShapeType::Polygon)),
             GeometryType::Collection => {
-                Err(Error::usage("a Shapefile holds no geometry collections")
+                Err(Error::usage("Shapefile does not support geometry collections")
                     .remedy("write GeoJSON or FlatGeobuf"))
             }
         }
@@ -79,8 +79,7 @@ fn unknown(code: u32) -> Error {
     Error::unsupported(format!("shape type {code}{what} is not supported"))
 }
 
-/// The shape of a record's bytes, behind its header. O(bytes), but for polygons of many rings, see
-/// [`rings::group`].
+/// Decodes the content of a record. O(bytes), except for polygons of many rings, see [`rings::group`].
 pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
     let mut bytes = RecordBytes(record);
     let Some(kind) = ShapefileType::of_code(bytes.u32()?)? else { return Ok(Geometry::null()) };
@@ -102,7 +101,7 @@ pub(super) fn decode(record: &[u8]) -> Result<Geometry> {
                     Geometry::new(GeometryType::LineString, coordinates)
                 }
                 ShapeType::Line => Geometry::new(GeometryType::MultiLineString, coordinates),
-                // Rings are closed before they are told apart.
+                // Rings are closed before they are compared.
                 _ => rings::group(
                     Geometry::new(GeometryType::Polygon, coordinates)?.into_coordinates(),
                 ),
@@ -123,7 +122,7 @@ fn point(kind: ShapefileType, mut bytes: RecordBytes<'_>) -> Result<Geometry> {
     Geometry::new(GeometryType::Point, found)
 }
 
-/// `count` positions with what else the type has, which follows all of them.
+/// `count` positions with their heights and measures, which follow the positions.
 fn positions(
     kind: ShapefileType,
     bytes: &mut RecordBytes<'_>,
@@ -135,7 +134,7 @@ fn positions(
         found.z = bytes.numbers(count)?;
         check_heights(&found.z)?;
     }
-    // Measures may be left out.
+    // Measures are optional.
     if kind.has_m && !bytes.0.is_empty() {
         bytes.take(16)?;
         found.m = measures(bytes.numbers(count)?);
@@ -146,26 +145,26 @@ fn positions(
 fn check_heights(z: &[f64]) -> Result<()> {
     match z.iter().position(|z| !z.is_finite()) {
         None => Ok(()),
-        Some(at) => Err(Error::bad_input(format!("vertex {at}: its height is not finite"))
-            .remedy("give it numbers, or take the vertex or the feature out")),
+        Some(at) => Err(Error::bad_input(format!("vertex {at}: height is not finite"))
+            .remedy("correct the vertex, or remove it or the feature")),
     }
 }
 
-/// NaN where there is none; nothing where there is none at all.
+/// Measures with NaN for missing ones; empty if all are missing.
 fn measures(mut m: Vec<f64>) -> Vec<f64> {
     m.iter_mut().filter(|m| **m < NO_MEASURE).for_each(|m| *m = f64::NAN);
     if m.iter().all(|m| m.is_nan()) { Vec::new() } else { m }
 }
 
-/// Ends of parts from their starts; parts without positions are none.
+/// Ends of parts from their starts; empty parts are dropped.
 fn ends(starts: &[u8], count: usize) -> Result<Vec<usize>> {
     let starts = starts.as_chunks().0.iter().map(|four| u32::from_le_bytes(*four) as usize);
     let first = starts.clone().next();
     let mut ends: Vec<usize> = starts.skip(1).chain(first.map(|_| count)).collect();
     let rises = ends.iter().try_fold(0, |last, &end| (last <= end && end <= count).then_some(end));
     if rises.is_none() || first.unwrap_or(0) != 0 || (first.is_none() && count > 0) {
-        let message = format!("its parts do not divide its {count} vertices");
-        return Err(Error::bad_input(message).remedy("mend the file, or take the feature out"));
+        let message = format!("part offsets do not match the {count} vertices");
+        return Err(Error::bad_input(message).remedy("repair the file, or remove the feature"));
     }
     ends.dedup();
     if ends.first() == Some(&0) {
@@ -174,8 +173,8 @@ fn ends(starts: &[u8], count: usize) -> Result<Vec<usize>> {
     Ok(ends)
 }
 
-/// Appends a shape of the type, which fits the geometry. Outer rings are written clockwise, holes the
-/// other way. What has no position is a null shape.
+/// Appends `geometry` as a shape of type `kind`. Outer rings are written clockwise, holes counterclockwise.
+/// An empty geometry is a null shape.
 pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>) -> Result<()> {
     let coordinates = geometry.coordinates();
     if coordinates.xy.is_empty() {
@@ -183,7 +182,7 @@ pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>
         return Ok(());
     }
     if !coordinates.z.is_empty() && coordinates.z.iter().any(|z| z.is_nan()) {
-        let message = "some of its vertices have a height and some have none";
+        let message = "some vertices lack a height";
         return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
     }
     let turned = turned(geometry);
@@ -218,7 +217,7 @@ pub(super) fn encode(geometry: &Geometry, kind: ShapefileType, out: &mut Vec<u8>
 pub(super) fn too_large() -> Error {
     Error::new(
         terrane_base::error::ErrorKind::CannotWrite,
-        "more than a Shapefile can hold (4 GiB)",
+        "output exceeds the 4 GiB limit of Shapefile",
     )
     .remedy("write FlatGeobuf or GeoJSON")
 }
@@ -227,7 +226,7 @@ fn put(values: &[f64], out: &mut Vec<u8>) {
     out.extend(values.iter().flat_map(|value| value.to_le_bytes()));
 }
 
-/// Values behind their range; `none` stands for those that are not there.
+/// Appends the range of `values` and the values; `none` replaces missing ones.
 fn put_values(values: &[f64], count: usize, none: f64, with_range: bool, out: &mut Vec<u8>) {
     if with_range {
         let (low, high) = range(values).unwrap_or((none, none));
@@ -248,7 +247,7 @@ pub(super) fn range(values: &[f64]) -> Option<(f64, f64)> {
     })
 }
 
-/// The coordinates with rings the way round that shapefiles want; `None` where they are already.
+/// The coordinates with rings oriented as shapefiles require; `None` if they already are.
 fn turned(geometry: &Geometry) -> Option<CoordinateSequence> {
     let is_wrong = |part: &GeometryPart<'_>| match part.role {
         PartRole::Line => false,
@@ -273,7 +272,7 @@ fn turned(geometry: &Geometry) -> Option<CoordinateSequence> {
     Some(to)
 }
 
-/// The rectangle around what `geometry` adds to `all`.
+/// The bounding box of `all` and `geometry`.
 pub(super) fn widened(all: Bounds, geometry: &Geometry) -> Bounds {
     geometry.bounds().map_or(all, |own| crate::tree::around(&all, &own))
 }

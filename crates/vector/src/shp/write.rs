@@ -1,4 +1,4 @@
-//! Writing: features wait until the type of all shapes and the widths of all fields are known.
+//! Writer: features are buffered until the shape type and the field widths are known.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::{crs, dbf};
 use terrane_base::error::{Error, Result};
 use terrane_files::atomic::Sidecar;
 
-/// Starts the files of a shapefile.
+/// Creates the files of a shapefile.
 pub(super) fn create(
     path: &Path,
     layer: &LayerHeader,
@@ -48,7 +48,7 @@ struct ShapefileSink {
     base: Option<ShapeType>,
     has_z: bool,
     has_m: bool,
-    /// Features with vertices and without heights.
+    /// Number of non-empty features without heights.
     without_z: u64,
     path: PathBuf,
 }
@@ -68,9 +68,7 @@ impl FeatureSink for ShapefileSink {
         notes.append(&mut rows.notes);
         if self.has_z && self.without_z > 0 {
             let count = self.without_z;
-            notes.push(format!(
-                "{count} features without heights have height 0, as others have some"
-            ));
+            notes.push(format!("{count} features without heights are written with height 0"));
         }
         let records = u32::try_from(rows.len()).map_err(|_| too_large())?;
         let path = self.path.clone();
@@ -88,7 +86,7 @@ impl FeatureSink for ShapefileSink {
         };
         self.prj.commit()?;
         self.prj.place().into_iter().for_each(&mut add);
-        // The .shp comes last: where it is, the others are.
+        // The .shp is committed last: if it exists, so do the others.
         for out in [self.encoding, self.table, self.places, self.shapes] {
             add(out.commit()?);
         }
@@ -105,7 +103,7 @@ impl ShapefileSink {
         let known = *self.base.get_or_insert(base);
         if known != base {
             let (found, kind) = (base.plural(), known.plural());
-            let message = format!("a Shapefile holds {kind} or {found}, not both");
+            let message = format!("Shapefile supports one geometry type, found {kind} and {found}");
             return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
         }
         self.has_z |= geometry.has_z();
@@ -180,7 +178,7 @@ fn joined(a: Range, b: Range) -> Range {
     }
 }
 
-/// Bytes as a number of 16-bit words, which files hold in 31 bits.
+/// Length in 16-bit words, which must fit into 31 bits.
 fn words(bytes: u64) -> Result<u32> {
     i32::try_from(bytes / 2).map(i32::cast_unsigned).map_err(|_| too_large())
 }

@@ -1,9 +1,9 @@
-//! The arcs of a topology, decoded.
+//! Decoded arcs of a topology.
 
 use crate::json::JsonCursor;
 use terrane_base::error::Result;
 
-/// From whole numbers to coordinates.
+/// Quantisation transform: integers to coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TopoJsonTransform {
     pub(super) scale: [f64; 2],
@@ -18,7 +18,7 @@ pub(super) struct TopoJsonArcs {
 }
 
 impl TopoJsonArcs {
-    /// From the list of arcs. With a transform, positions are steps from the one before.
+    /// Decodes the arcs array. With a transform, positions are delta-encoded.
     pub(super) fn read(
         cursor: &mut JsonCursor<'_>,
         transform: Option<TopoJsonTransform>,
@@ -30,7 +30,7 @@ impl TopoJsonArcs {
             // Empty arcs count too, so each is read by itself.
             let (deep, arc) = cursor.coordinates()?;
             if deep != 2 && deep != 0 {
-                return Err(cursor.bad("an arc is no list of positions"));
+                return Err(cursor.bad("arc is not an array of positions"));
             }
             let mut at = [0.0; 2];
             for [x, y] in arc.xy {
@@ -47,12 +47,12 @@ impl TopoJsonArcs {
         self.ends.len()
     }
 
-    /// Vertices of all arcs.
+    /// Number of vertices of all arcs.
     pub(super) fn vertices(&self) -> usize {
         self.xy.len()
     }
 
-    /// The coordinates of a position.
+    /// Coordinates of a quantised position.
     pub(super) fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.transform {
             None => [x, y],
@@ -62,7 +62,7 @@ impl TopoJsonArcs {
         }
     }
 
-    /// The vertices of arc `index`, which is ~arc where the arc is meant backwards.
+    /// The vertices of arc `index`; ~index is the reversed arc.
     pub(super) fn get(&self, index: i64) -> Option<&[[f64; 2]]> {
         let arc = usize::try_from(if index < 0 { !index } else { index }).ok()?;
         let end = *self.ends.get(arc)?;

@@ -1,5 +1,4 @@
-//! TopoJSON (specification 1.0): arcs that geometries share, read only. Arcs are decoded once, so
-//! vertices that geometries share have the same bits.
+//! TopoJSON (specification 1.0), read-only. Arcs are decoded once, so shared vertices are bit-identical.
 
 mod arcs;
 mod read;
@@ -11,7 +10,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "TopoJSON",
     extensions: &["topojson"],
-    about: "arcs that geometries share; one of its objects is read",
+    about: "geometries with shared arcs; one object is read",
     holds: VectorCapabilities {
         kinds: &GeometryType::ALL,
         mixed: true,

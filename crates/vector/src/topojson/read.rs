@@ -1,4 +1,4 @@
-//! Reading: the file is held, its arcs are decoded, and geometries are put together one by one.
+//! Reader: the file is kept in memory, its arcs are decoded, and geometries are assembled one by one.
 
 use std::path::Path;
 
@@ -14,13 +14,13 @@ use terrane_base::geom::Crs;
 use terrane_base::limits;
 use terrane_files::RawFile;
 
-/// Where something begins and ends in the text.
+/// Byte range in the text.
 type Range = (usize, usize);
 
 /// Opens a file.
 pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn FeatureSource>> {
     let file = RawFile::open(path)?;
-    limits::check("bytes of a TopoJSON", file.size(), limits::MAX_TOPOLOGY_BYTES)?;
+    limits::check("size of the TopoJSON file in bytes", file.size(), limits::MAX_TOPOLOGY_BYTES)?;
     let mut text = file.head(limits::MAX_TOPOLOGY_BYTES)?;
     if text.starts_with(b"\xef\xbb\xbf") {
         text.drain(..3);
@@ -32,7 +32,7 @@ pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn F
     let others: Vec<&str> = others.map(|(_, (name, _))| name.as_str()).collect();
     let notes = match others.is_empty() {
         true => Vec::new(),
-        false => vec![format!("objects that are not read: {}", others.join(", "))],
+        false => vec![format!("other objects ignored: {}", others.join(", "))],
     };
     let layer = LayerHeader {
         name: Some(top.objects[chosen].0.clone()),
@@ -45,10 +45,10 @@ pub(super) fn open(path: &Path, options: &VectorOpenOptions) -> Result<Box<dyn F
     Ok(Box::new(TopoJsonSource { text, arcs, layer, features, next: 0, reader, notes }))
 }
 
-/// What a topology holds, its geometries apart.
+/// A topology without its geometries.
 struct TopoJsonTopology {
     arcs: TopoJsonArcs,
-    /// Names of objects and where each is in the text.
+    /// Names and byte ranges of the objects.
     objects: Vec<(String, Range)>,
     crs: Crs,
 }
@@ -80,9 +80,9 @@ impl TopoJsonTopology {
             }
         }
         let (start, end) =
-            arcs.ok_or_else(|| Error::bad_input("is no topology: it has no arcs"))?;
+            arcs.ok_or_else(|| Error::bad_input("is not a Topology: arcs are missing"))?;
         if objects.is_empty() {
-            return Err(Error::bad_input("is no topology: it has no objects"));
+            return Err(Error::bad_input("is not a Topology: objects are missing"));
         }
         let mut cursor = JsonCursor::new(&text[start..end], start as u64);
         let arcs = TopoJsonArcs::read(&mut cursor, transform)?;
@@ -94,13 +94,13 @@ impl TopoJsonTopology {
         let Some(name) = name else { return Ok(0) };
         self.objects.iter().position(|(found, _)| found == name).ok_or_else(|| {
             let names: Vec<&str> = self.objects.iter().map(|(name, _)| name.as_str()).collect();
-            Error::usage(format!("no object is called {name:?}"))
-                .remedy(format!("its objects are {}", names.join(", ")))
+            Error::usage(format!("object {name:?} does not exist"))
+                .remedy(format!("choose one of {}", names.join(", ")))
         })
     }
 }
 
-/// Where the object or list at hand is; it is passed over.
+/// Byte range of the current object or array, which is skipped.
 fn range(cursor: &mut JsonCursor<'_>) -> Result<Range> {
     cursor.peek();
     let start = cursor.offset() as usize;
@@ -111,17 +111,17 @@ fn range(cursor: &mut JsonCursor<'_>) -> Result<Range> {
 fn read_transform(cursor: &mut JsonCursor<'_>) -> Result<TopoJsonTransform> {
     let start = cursor.offset();
     let JsonToken::Nested(json) = cursor.value()? else {
-        return Err(cursor.bad("a transform is no object"));
+        return Err(cursor.bad("transform is not an object"));
     };
     let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
     let pair = |name: &str| Some([value[name][0].as_f64()?, value[name][1].as_f64()?]);
     match (pair("scale"), pair("translate")) {
         (Some(scale), Some(translate)) => Ok(TopoJsonTransform { scale, translate }),
-        _ => Err(Error::bad_input(format!("byte {start}: a transform lacks scale or translate"))),
+        _ => Err(Error::bad_input(format!("byte {start}: transform lacks scale or translate"))),
     }
 }
 
-/// Where the features of an object are: the members of a collection, or itself.
+/// Byte ranges of the features of an object: the members of a collection, or the object itself.
 fn features(text: &[u8], (start, end): Range) -> Result<Vec<Range>> {
     let mut cursor = JsonCursor::new(&text[start..end], start as u64);
     let (mut members, mut is_first) = (None, true);
@@ -146,7 +146,7 @@ struct TopoJsonSource {
     arcs: TopoJsonArcs,
     layer: LayerHeader,
     features: Vec<Range>,
-    /// The feature to be read next.
+    /// Index of the next feature.
     next: usize,
     reader: GeoJsonFeatureReader,
     notes: Vec<String>,
@@ -157,7 +157,7 @@ impl FeatureSource for TopoJsonSource {
         let Some(&(start, end)) = self.features.get(self.next) else { return Ok(None) };
         self.next += 1;
         let mut cursor = JsonCursor::new(&self.text[start..end], start as u64);
-        // What a feature uses an arc for more than twice is damage, or an attack.
+        // A feature that uses arcs more than twice is damaged or malicious.
         let budget = self.arcs.vertices().saturating_mul(4).saturating_add(1 << 16);
         let mut maker = TopoJsonAssembler { arcs: &self.arcs, reader: &mut self.reader, budget };
         maker.feature(&mut cursor, 0).map(Some)
@@ -177,21 +177,21 @@ impl FeatureSource for TopoJsonSource {
     }
 }
 
-/// Puts geometries together.
+/// Assembles geometries from arcs.
 struct TopoJsonAssembler<'a> {
     arcs: &'a TopoJsonArcs,
     reader: &'a mut GeoJsonFeatureReader,
-    /// Vertices that the feature at hand may still have.
+    /// Number of vertices that the current feature may still have.
     budget: usize,
 }
 
 impl TopoJsonAssembler<'_> {
-    /// A geometry with its id and properties, within `depth` collections: it calls itself no deeper
-    /// than collections may be nested.
+    /// A geometry with its id and properties, inside `depth` collections; recursion is limited to the allowed
+    /// depth of collections.
     fn feature(&mut self, cursor: &mut JsonCursor<'_>, depth: u64) -> Result<Feature> {
         limits::check("depth of a geometry collection", depth, limits::MAX_COLLECTION_DEPTH)?;
         let mut feature = Feature::default();
-        // Lists of arcs wait until the type is known.
+        // Arc arrays are parsed once the type is known.
         let (mut kind, mut lists, mut coordinates, mut members) = (None, None, None, None);
         let mut is_first = true;
         cursor.expect(b'{')?;
@@ -201,9 +201,9 @@ impl TopoJsonAssembler<'_> {
                     kind = Some(match cursor.value()? {
                         JsonToken::Null => GeometryType::Null,
                         JsonToken::Text(name) => GeometryType::by_name(&name).ok_or_else(|| {
-                            cursor.bad(format!("type {:?} is no geometry", short(&name)))
+                            cursor.bad(format!("type {:?} is not a geometry type", short(&name)))
                         })?,
-                        _ => return Err(cursor.bad("a type is no text")),
+                        _ => return Err(cursor.bad("type is not a string")),
                     });
                 }
                 "id" => feature.id = id(cursor)?,
@@ -217,12 +217,12 @@ impl TopoJsonAssembler<'_> {
                 "geometries" => members = Some(self.members(cursor, depth)?),
                 _ => {
                     let count = feature.foreign.len() as u64;
-                    limits::check("members of a feature", count, limits::MAX_FIELDS)?;
+                    limits::check("number of members of a feature", count, limits::MAX_FIELDS)?;
                     feature.foreign.push(member(&name, cursor)?);
                 }
             }
         }
-        let missing = |what: &str| cursor.bad(format!("a geometry has no {what}"));
+        let missing = |what: &str| cursor.bad(format!("geometry lacks {what}"));
         let kind = kind.ok_or_else(|| missing("type"))?;
         feature.geometry = match kind {
             GeometryType::Null => Geometry::null(),
@@ -245,13 +245,17 @@ impl TopoJsonAssembler<'_> {
         cursor.expect(b'[')?;
         while cursor.item(&mut is_first)? {
             let count = members.len() as u64;
-            limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+            limits::check(
+                "number of members of a geometry collection",
+                count,
+                limits::MAX_COLLECTION_MEMBERS,
+            )?;
             members.push(self.feature(cursor, depth + 1)?.geometry);
         }
         Ok(members)
     }
 
-    /// Lines or rings from lists of arcs.
+    /// Lines or rings from arrays of arc indices.
     fn lines(&mut self, kind: GeometryType, mut cursor: JsonCursor<'_>) -> Result<Geometry> {
         let deep = match kind {
             GeometryType::LineString => 1,
@@ -272,7 +276,7 @@ impl TopoJsonAssembler<'_> {
             } else if open == deep {
                 self.arc(&mut cursor, &mut found)?;
             } else {
-                return Err(cursor.bad(format!("arcs are not {deep} lists deep")));
+                return Err(cursor.bad(format!("arcs are not nested {deep} deep")));
             }
             loop {
                 if open == 0 {
@@ -293,22 +297,22 @@ impl TopoJsonAssembler<'_> {
         }
     }
 
-    /// Appends the arc whose number is next.
+    /// Appends the arc of the next index.
     fn arc(&mut self, cursor: &mut JsonCursor<'_>, to: &mut CoordinateSequence) -> Result<()> {
         let index = match cursor.value()? {
             JsonToken::Number(text) => text.parse().ok(),
             _ => None,
         };
-        let index: i64 = index.ok_or_else(|| cursor.bad("an arc is no whole number"))?;
+        let index: i64 = index.ok_or_else(|| cursor.bad("arc index is not an integer"))?;
         let before = to.xy.len();
         let arc = self.arcs.get(index).ok_or_else(|| {
-            cursor.bad(format!("arc {index} does not exist, of {}", self.arcs.len()))
+            cursor.bad(format!("arc {index} does not exist: the file has {} arcs", self.arcs.len()))
         })?;
         self.budget = self
             .budget
             .checked_sub(arc.len())
-            .ok_or_else(|| cursor.bad("a geometry goes through the same arcs again and again"))?;
-        // The first vertex of all arcs of a line but the first is the last of the one before.
+            .ok_or_else(|| cursor.bad("geometry repeats the same arcs too often"))?;
+        // Consecutive arcs of a line share a vertex.
         let skip = usize::from(before > to.ends.last().copied().unwrap_or(0));
         match index < 0 {
             true => to.xy.extend(arc.iter().rev().skip(skip)),
@@ -318,8 +322,8 @@ impl TopoJsonAssembler<'_> {
     }
 }
 
-/// Repeats the first vertex of the part at hand until it has `least`, as the reference implementation
-/// does: small rings may have collapsed onto one place when they were quantised.
+/// Repeats the first vertex of the current part until it has `least` vertices, as the reference
+/// implementation does: quantisation may collapse small rings.
 fn fill_up(least: usize, part: &mut CoordinateSequence) {
     let start = part.ends.last().copied().unwrap_or(0);
     if let Some(&first) = part.xy.get(start) {
@@ -381,13 +385,13 @@ mod tests {
     fn damage_is_told() {
         let bomb = format!("[[{}]]", vec!["0"; 100_000].join(","));
         for (from, to, told) in [
-            ("[[0,1]]", "[[0,7]]", "arc 7 does not exist, of 4"),
+            ("[[0,1]]", "[[0,7]]", "arc 7 does not exist: the file has 4 arcs"),
             ("[[0,1]]", "[[0,-9]]", "arc -9 does not exist"),
-            ("[[0,1]]", "[0,1]", "arcs are not 2 lists deep"),
-            ("[[0,1]]", "[[0.5]]", "no whole number"),
-            ("[[0,1]]", &bomb, "again and again"),
+            ("[[0,1]]", "[0,1]", "arcs are not nested 2 deep"),
+            ("[[0,1]]", "[[0.5]]", "not an integer"),
+            ("[[0,1]]", &bomb, "repeats the same arcs"),
             ("\"scale\":[0.1,0.5],", "", "lacks scale"),
-            ("\"arcs\":[[[3,0]", "\"arx\":[[[3,0]", "no arcs"),
+            ("\"arcs\":[[[3,0]", "\"arx\":[[[3,0]", "arcs are missing"),
         ] {
             let error = read(&TWO_SQUARES.replace(from, to), None).unwrap_err().to_string();
             assert!(error.contains(told), "{to}: {error}");

@@ -1,5 +1,5 @@
-//! Well-known text of geometries (OGC 06-103r4), with the SRID that PostGIS puts before it. One
-//! geometry after the other; white space between them does not matter.
+//! Well-known text of geometries (OGC 06-103r4) with the optional SRID prefix of PostGIS. Geometries are
+//! separated by any white space.
 
 mod read;
 mod write;
@@ -11,7 +11,7 @@ use crate::geometry::GeometryType;
 pub(super) const FORMAT: VectorFormat = VectorFormat {
     name: "WKT",
     extensions: &["wkt", "ewkt"],
-    about: "well-known text, a geometry on each line; the CRS is in a .prj beside it",
+    about: "well-known text, one geometry per line; CRS in a .prj sidecar",
     holds: VectorCapabilities {
         kinds: &[
             GeometryType::Point,

@@ -1,4 +1,4 @@
-//! Reading: a stream of words, numbers and brackets; a geometry may be longer than the buffer.
+//! Streaming tokenizer and parser; a geometry may be longer than the buffer.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::wkt;
 use terrane_base::limits;
 
-/// Most bytes of a word.
+/// Maximum length of a word in bytes.
 const MOST_WORD: usize = 64;
 
 /// Opens a file.
@@ -29,13 +29,12 @@ pub(super) fn open(path: &Path, _: &VectorOpenOptions) -> Result<Box<dyn Feature
 struct WktSource {
     window: FileWindow,
     layer: LayerHeader,
-    /// Where the last geometry began.
+    /// Offset of the last geometry.
     at: u64,
     srid: Option<u32>,
 }
 
-/// The kind that a word begins, whether it has heights, and whether it has measures ("POINTZM").
-/// A ring is read as a line.
+/// Geometry type of a keyword, and its Z and M suffixes ("POINTZM"). LINEARRING is read as a line.
 pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>)> {
     let upper = word.to_ascii_uppercase();
     let known = |word: &str| match word {
@@ -52,7 +51,7 @@ pub(super) fn keyword(word: &str) -> Option<(GeometryType, Option<WktDimensions>
     })
 }
 
-/// What numbers follow x and y.
+/// Dimensions after x and y.
 #[derive(Clone, Copy)]
 pub(super) struct WktDimensions {
     has_z: bool,
@@ -63,12 +62,12 @@ impl FeatureSource for WktSource {
     fn next(&mut self) -> Result<Option<Feature>> {
         let Some(_) = self.peek()? else { return Ok(None) };
         self.at = self.window.offset();
-        // The SRID of the first geometry is that of the file.
+        // The SRID of the first geometry is the CRS of the file.
         if let Some(code) = self.srid()?
             && self.srid != Some(code)
         {
-            let message = format!("SRID {code} is not that of the first geometry");
-            return Err(Error::unsupported(message).remedy("keep geometries of one CRS in a file"));
+            let message = format!("SRID {code} differs from the first geometry");
+            return Err(Error::unsupported(message).remedy("use one CRS per file"));
         }
         let geometry = self.geometry()?;
         if self.peek()? == Some(b';') {
@@ -87,7 +86,7 @@ impl FeatureSource for WktSource {
 }
 
 impl WktSource {
-    /// The next byte that is no white space.
+    /// The next byte that is not white space.
     #[inline]
     fn peek(&mut self) -> Result<Option<u8>> {
         loop {
@@ -101,14 +100,14 @@ impl WktSource {
         }
     }
 
-    /// Passes over `byte` if it is next.
+    /// Consumes `byte` if it is next.
     fn take(&mut self, byte: u8) -> Result<bool> {
         let is_next = self.peek()? == Some(byte);
         self.window.advance(usize::from(is_next));
         Ok(is_next)
     }
 
-    /// A word, not passed over.
+    /// The next word, without consuming it.
     fn word(&mut self) -> Result<String> {
         self.peek()?;
         self.window.ensure(MOST_WORD)?;
@@ -118,31 +117,31 @@ impl WktSource {
         Ok(String::from_utf8_lossy(&text[..letters]).into_owned())
     }
 
-    /// "SRID=4326;", if it is next.
+    /// Parses "SRID=4326;" if it is next.
     fn srid(&mut self) -> Result<Option<u32>> {
         if !self.word()?.eq_ignore_ascii_case("SRID") {
             return Ok(None);
         }
         self.window.advance(4);
         if !self.take(b'=')? {
-            return Err(self.bad("\"=\" is missing behind SRID"));
+            return Err(self.bad("\"=\" expected after SRID"));
         }
         self.peek()?;
         self.window.ensure(16)?;
         let digits = self.window.text().iter().take(16).take_while(|b| b.is_ascii_digit()).count();
         let code = std::str::from_utf8(&self.window.text()[..digits]).ok();
         let Some(code) = code.and_then(|code| code.parse().ok()) else {
-            return Err(self.bad("an SRID is no number"));
+            return Err(self.bad("SRID is not a number"));
         };
         self.window.advance(digits);
         if !self.take(b';')? {
-            return Err(self.bad("\";\" is missing behind SRID"));
+            return Err(self.bad("\";\" expected after SRID"));
         }
-        // Zero stands for unknown.
+        // SRID 0 means unknown.
         Ok(Some(code).filter(|code| *code != 0))
     }
 
-    /// The next geometry. Collections wait in a list, so depth costs no stack.
+    /// The next geometry. Collections are kept on an explicit stack.
     fn geometry(&mut self) -> Result<Geometry> {
         let mut open: Vec<Vec<Geometry>> = Vec::new();
         loop {
@@ -167,28 +166,32 @@ impl WktSource {
                     done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
                 }
             }
-            // What is complete goes into the collection around it, which may be complete with it.
+            // A complete geometry is added to its collection, which may then be complete as well.
             while let Some(geometry) = done.take() {
                 let Some(members) = open.last_mut() else { return Ok(geometry) };
                 let count = members.len() as u64;
-                limits::check("members of a collection", count, limits::MAX_COLLECTION_MEMBERS)?;
+                limits::check(
+                    "number of members of a geometry collection",
+                    count,
+                    limits::MAX_COLLECTION_MEMBERS,
+                )?;
                 members.push(geometry);
                 if self.take(b')')? {
                     done = Some(Geometry::collection(open.pop().unwrap_or_default())?);
                 } else if !self.take(b',')? {
-                    return Err(self.bad("\",\" or \")\" is missing"));
+                    return Err(self.bad("\",\" or \")\" expected"));
                 }
             }
         }
     }
 
-    /// The words that a geometry begins with.
+    /// Parses the keywords of a geometry.
     fn kind(&mut self) -> Result<(GeometryType, Option<WktDimensions>)> {
         let word = self.word()?;
         let Some((kind, dimensions)) = keyword(&word) else {
             return Err(match word.as_str() {
-                "" => self.bad("a geometry is missing"),
-                word => self.bad(format!("{word:?} is no geometry that is known")),
+                "" => self.bad("geometry expected"),
+                word => self.bad(format!("unknown geometry type {word:?}")),
             });
         };
         self.window.advance(word.len());
@@ -203,7 +206,7 @@ impl WktSource {
         Ok((kind, dimensions))
     }
 
-    /// Positions in brackets, cut where brackets close.
+    /// Parses nested lists of positions.
     fn coordinates(
         &mut self,
         kind: GeometryType,
@@ -223,21 +226,21 @@ impl WktSource {
                     open += 1;
                     continue;
                 }
-                // Each point of a MultiPoint may be in brackets of its own.
+                // Points of a MultiPoint may be in parentheses.
                 Some(b'-' | b'+' | b'.' | b'0'..=b'9') if open >= deep => {
                     self.position(dimensions, &mut found)?;
                 }
                 Some(b'e' | b'E') if open > 0 && self.word()?.eq_ignore_ascii_case("EMPTY") => {
                     self.window.advance("EMPTY".len());
                 }
-                _ => return Err(self.bad("a position or \"(\" is missing")),
+                _ => return Err(self.bad("position or \"(\" expected")),
             }
             loop {
                 if self.take(b',')? {
                     break;
                 }
                 if !self.take(b')')? {
-                    return Err(self.bad("\",\" or \")\" is missing"));
+                    return Err(self.bad("\",\" or \")\" expected"));
                 }
                 if open == deep && !kind.is_points() {
                     found.end_part();
@@ -262,10 +265,10 @@ impl WktSource {
         loop {
             self.window.ensure(number::MOST_BYTES)?;
             let next = number::leading(self.window.text());
-            let (value, bytes) = next.ok_or_else(|| self.bad("a number is missing"))?;
+            let (value, bytes) = next.ok_or_else(|| self.bad("number expected"))?;
             self.window.advance(bytes);
             if count == numbers.len() {
-                return Err(self.bad("a position has more than four numbers"));
+                return Err(self.bad("position has more than four numbers"));
             }
             numbers[count] = value;
             count += 1;
@@ -277,7 +280,7 @@ impl WktSource {
         let dimensions = known.unwrap_or(WktDimensions { has_z: count > 2, has_m: count > 3 });
         let wanted = 2 + usize::from(dimensions.has_z) + usize::from(dimensions.has_m);
         if count != wanted || count < 2 {
-            return Err(self.bad(format!("a position has {count} numbers, not {wanted}")));
+            return Err(self.bad(format!("position has {count} numbers, expected {wanted}")));
         }
         let m = if dimensions.has_z { fourth } else { third };
         found.push([x, y], dimensions.has_z.then_some(third), dimensions.has_m.then_some(m));

@@ -1,4 +1,4 @@
-//! Writing, a geometry on each line.
+//! Writer with one geometry per line.
 
 use std::path::Path;
 
@@ -28,9 +28,9 @@ struct WktSink {
     prj: Sidecar,
     notes: Vec<String>,
     features: u64,
-    /// Features that had properties or an id.
+    /// Number of features with properties or an id.
     with_properties: u64,
-    /// Features without a geometry.
+    /// Number of features with a null geometry.
     nulls: u64,
 }
 
@@ -51,10 +51,10 @@ impl FeatureSink for WktSink {
         let mut notes = self.notes;
         if self.with_properties > 0 {
             let count = self.with_properties;
-            notes.push(format!("properties of {count} features are left out: WKT has none"));
+            notes.push(format!("properties of {count} features omitted: WKT has no properties"));
         }
         if self.nulls > 0 {
-            let what = "features without a geometry are empty collections: WKT has no null";
+            let what = "features without a geometry are written as empty collections";
             notes.push(format!("{} {what}", self.nulls));
         }
         let (path, mut bytes) = self.out.commit()?;
@@ -79,7 +79,7 @@ fn push_geometry(geometry: &Geometry, text: &mut Vec<u8>) -> Result<()> {
     let coordinates = geometry.coordinates();
     let CoordinateSequence { z, m, .. } = coordinates;
     if z.iter().any(|z| z.is_nan()) || m.iter().any(|m| m.is_nan()) {
-        let message = "some of its vertices have a height or measure and some have none";
+        let message = "some vertices lack a height or measure";
         return Err(Error::usage(message).remedy("write GeoJSON or FlatGeobuf"));
     }
     text.extend_from_slice(match (z.is_empty(), m.is_empty()) {

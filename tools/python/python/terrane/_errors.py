@@ -107,7 +107,7 @@ def refuse_existing(path: str, overwrite: bool) -> None:
     """Fails where an output is there that may not be replaced."""
     if not overwrite and os.path.lexists(path):
         remedy = "choose another name, or pass overwrite=True"
-        told = f"{path}: output exists already; {remedy}"
+        told = f"{path}: output already exists; {remedy}"
         raise ExistsError(told, "cannot_write", path, remedy=remedy)
 
 

@@ -137,7 +137,7 @@ def native(src: Any, fills: Sequence[float]) -> tuple[NDArray[Any], float | None
     if array.size == 0:
         raise usage(f"an array of shape {array.shape} holds no sample")
     for fill in (fill for fill in fills if not holds(array.dtype, fill)):
-        warn(f"the nodata value {fill:g} is no {array.dtype}: it makes no sample void")
+        warn(f"declared nodata value {fill:g} is not a valid {array.dtype} and has no effect")
     fills = [fill for fill in fills if holds(array.dtype, fill)]
     is_masked = mask is not np.ma.nomask and bool(np.any(mask))
     if is_masked or len(fills) > 1:

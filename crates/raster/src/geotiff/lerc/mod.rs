@@ -1,26 +1,26 @@
-//! LERC in blocks of TIFF files, which the crate `lerc` decodes; what a blob says of itself is held
-//! against the block before anything is decoded.
+//! LERC blocks of TIFF files, decoded by the crate `lerc`; the header of a blob is checked against the block
+//! before decoding.
 
 use bytemuck::Pod;
 use lerc::{LercError, LercInfo, Sample};
 
 use crate::grid::SampleType;
 
-/// What a block has to hold.
+/// Expected content of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LercBlockShape {
     pub(super) kind: SampleType,
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Samples of a pixel.
+    /// Samples per pixel.
     pub(super) depth: usize,
 }
 
-/// What is wrong with a blob, for people.
+/// Error message about a blob.
 type Fault = String;
 
-/// Decodes `data` into `out`: samples in native order, pixel by pixel. Samples outside the mask are
-/// NaN, or 0 in integers. There is one blob, or for pixels of several samples one for each of them.
+/// Decodes `data` into `out`: samples in native byte order, pixel by pixel. Samples outside the mask are NaN,
+/// or 0 for integers. Pixels of several samples may have one blob for each.
 pub(super) fn decode(data: &[u8], shape: LercBlockShape, out: &mut [u8]) -> Result<(), Fault> {
     match shape.kind {
         SampleType::I8 => decode_as::<i8>(data, shape, 0, out),
@@ -47,7 +47,7 @@ fn decode_as<T: Sample + Pod>(
         return Err(other_type(shape));
     }
     let bands = info.bands as usize;
-    // One blob is in the order of the block, and decoded where it belongs if that is aligned.
+    // A single blob has the sample order of the block, and is decoded in place if aligned.
     let mut room = Vec::new();
     let own = (bands == 1).then(|| bytemuck::try_cast_slice_mut(out).ok()).flatten();
     let in_place = own.is_some();
@@ -61,7 +61,7 @@ fn decode_as<T: Sample + Pod>(
     let found = lerc::decode_into_with_nodata(data, samples, void).map_err(told)?;
     let valid = found.valid_masks.first().map(lerc::bitmask::BitMask::count_valid);
     if valid != Some(info.valid_pixels as usize) {
-        return Err("invalid LERC data: its mask has another number of samples".to_owned());
+        return Err("invalid LERC data: mask size differs from the block size".to_owned());
     }
     if in_place {
         return Ok(());
@@ -81,23 +81,23 @@ fn decode_as<T: Sample + Pod>(
     Ok(())
 }
 
-/// Fails where the blobs are not of this block.
+/// Fails if the blobs do not match the block.
 fn check(info: &LercInfo, shape: LercBlockShape) -> Result<(), Fault> {
     let (width, height) = (info.width as usize, info.height as usize);
     let samples = u64::from(info.depth) * u64::from(info.bands);
-    // Samples of a pixel are in one blob, or in one each.
+    // The samples of a pixel are in one blob, or in one blob each.
     let is_one = info.depth == 1 || info.bands == 1;
     if (width, height, samples) == (shape.width, shape.height, shape.depth as u64) && is_one {
         return Ok(());
     }
     Err(format!(
-        "LERC data of {width} x {height} pixels of {samples} samples where {} x {} of {} are expected",
+        "LERC data of {width} x {height} pixels with {samples} samples, expected {} x {} with {}",
         shape.width, shape.height, shape.depth
     ))
 }
 
 fn other_type(shape: LercBlockShape) -> Fault {
-    format!("LERC data of another type than {}", shape.kind.name())
+    format!("LERC data type differs from {}", shape.kind.name())
 }
 
 fn told(error: LercError) -> Fault {

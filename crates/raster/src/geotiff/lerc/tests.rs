@@ -80,10 +80,13 @@ fn every_kind_of_square() {
     for (wrong, words) in [
         (
             LercBlockShape { width: 9, height: 10, ..shape },
-            "10 x 9 pixels of 1 samples where 9 x 10",
+            "10 x 9 pixels with 1 samples, expected 9 x 10",
         ),
-        (LercBlockShape { depth: 2, ..shape }, "10 x 9 pixels of 1 samples where 10 x 9 of 2"),
-        (LercBlockShape { kind: SampleType::U16, ..shape }, "another type than uint16"),
+        (
+            LercBlockShape { depth: 2, ..shape },
+            "10 x 9 pixels with 1 samples, expected 10 x 9 with 2",
+        ),
+        (LercBlockShape { kind: SampleType::U16, ..shape }, "type differs from uint16"),
     ] {
         assert!(decoded(&blob, wrong).unwrap_err().contains(words));
     }

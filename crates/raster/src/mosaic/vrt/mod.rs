@@ -1,12 +1,11 @@
-//! GDAL virtual rasters (.vrt): rectangles of files, painted in order.
+//! GDAL virtual rasters (.vrt): source rectangles, painted in order.
 //!
-//! A simple source covers what lies below it, its nodata included; a complex source with a nodata
-//! value lets through what lies below. Where nothing was painted, and where the band's nodata value
-//! was, there is a void.
+//! A simple source covers the sources below it, including its nodata samples; a complex source with a nodata value
+//! is transparent where it has that value. Samples without a source and samples of the band's nodata value are void.
 //!
-//! A VRT is text from a stranger: it is read as a stream with limits on depth, text, sources and bytes,
-//! without document types or entities; files outside its folder are refused unless the user allows them;
-//! nesting ends at eight, and bytes and sources are counted over all VRTs within it.
+//! VRTs are untrusted input: they are parsed as a stream with limits on depth, text, sources and bytes, without
+//! document types or entities. Files outside the folder of the VRT are rejected unless the user allows them.
+//! Nesting is limited to eight levels, and bytes and sources are counted over all nested VRTs.
 
 mod parse;
 mod path;
@@ -35,24 +34,24 @@ use parse::{Vrt, VrtSource};
 pub(crate) const FORMAT: RasterFormat = RasterFormat {
     name: "VRT",
     extensions: &["vrt"],
-    about: "GDAL virtual rasters of simple and complex sources, files below their folder",
+    about: "GDAL virtual rasters with simple and complex sources in files below the folder of the VRT",
     sniff: is_vrt,
     open,
 };
 
-/// Deepest nesting of VRTs in VRTs.
+/// Maximum depth of nested VRTs.
 const MOST_DEPTH: usize = 8;
-/// Samples along a block where the VRT does not say: that is GDAL's.
+/// Default block size, as in GDAL.
 const BLOCK: u32 = 128;
 
-/// True for the start of a VRT, with or without an XML declaration.
+/// True if `head` is the start of a VRT, with or without an XML declaration.
 fn is_vrt(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head);
     let text = text.trim_start_matches('\u{feff}').trim_start();
     text.starts_with("<VRTDataset") || (text.starts_with("<?xml") && text.contains("<VRTDataset"))
 }
 
-/// Whether a file is a VRT.
+/// Whether the file is a VRT.
 pub(crate) fn is_at(path: &Path) -> Result<bool> {
     let head = head_of(path)?;
     Ok(format_of(path, &head).is_some_and(|format| format.name == FORMAT.name))
@@ -66,7 +65,7 @@ fn open(path: &Path, options: &GridOpenOptions) -> Result<Box<dyn GridSource>> {
     Ok(Box::new(mosaic(path, vrt, options, &nest).map_err(|e| e.in_file(path))?))
 }
 
-/// As the registry's entry, within other mosaics.
+/// Opens a VRT inside other mosaics.
 pub(super) fn open_within(
     path: &Path,
     options: &GridOpenOptions,
@@ -84,7 +83,7 @@ fn read(path: &Path, options: &GridOpenOptions, nest: Option<&MosaicNesting>) ->
     let file = RawFile::open(path)?;
     let within = match nest {
         Some(nest) => nest.family.count_vrt_bytes(file.size()),
-        None => limits::check("bytes of a VRT", file.size(), limits::MAX_VRT_BYTES),
+        None => limits::check("size of the VRT in bytes", file.size(), limits::MAX_VRT_BYTES),
     };
     let text = BufReader::with_capacity(1 << 16, file.reader());
     within.and_then(|()| parse::parse(text, options.band)).map_err(|e| e.in_file(path))
@@ -104,7 +103,7 @@ fn mosaic(
     let canvas = VrtCanvas { path, info: &info, nest: &nest, masks };
     let part = |source: &VrtSource| {
         canvas.part(source).map_err(|e| match e.path() {
-            // About the file, which only the VRT has named.
+            // Name the source file, since only the VRT refers to it.
             Some(_) => e.named_by(path),
             None => e.at(&source.place),
         })
@@ -119,14 +118,14 @@ fn mosaic(
     Ok(Mosaic::new(info, parts, nest.family))
 }
 
-/// The nest with this VRT around what follows.
+/// The nesting of the sources of this VRT.
 fn deeper(path: &Path, nest: &MosaicNesting) -> Result<MosaicNesting> {
     let real = std::fs::canonicalize(path).map_err(|e| Error::read(path, e))?;
     if nest.around.contains(&real) {
         return Err(Error::bad_input("refers to itself").in_file(path));
     }
     let depth = nest.around.len() as u64 + 1;
-    limits::check("depth of VRTs in VRTs", depth, MOST_DEPTH as u64)?;
+    limits::check("depth of nested VRTs", depth, MOST_DEPTH as u64)?;
     let mut deeper = nest.clone();
     deeper.around.push(real);
     Ok(deeper)
@@ -136,7 +135,7 @@ fn describe(vrt: &Vrt, options: &GridOpenOptions) -> Result<GridInfo> {
     let Vrt { width, height, band, .. } = vrt;
     let transform = vrt.transform.map(Affine::from_gdal);
     if transform.is_some_and(|map| !map.is_valid()) {
-        return Err(Error::bad_input("GeoTransform is not finite or has no area"));
+        return Err(Error::bad_input("GeoTransform is not finite or singular"));
     }
     let unit = band.unit.as_deref().map(unit_and_text);
     let (vertical_unit, vertical_unit_text) = unit.map_or((None, None), |(u, t)| (Some(u), t));
@@ -164,17 +163,17 @@ fn is_same(a: Option<f64>, b: Option<f64>) -> bool {
     a == b || a.zip(b).is_some_and(|(a, b)| recode::is_same(a, b))
 }
 
-/// What sources are painted on.
+/// Target of the sources.
 struct VrtCanvas<'a> {
     path: &'a Path,
     info: &'a GridInfo,
     nest: &'a MosaicNesting,
-    /// Counts the sources with masks that are not used, where the VRT has none.
+    /// Counts sources with unused masks, if the VRT has none.
     masks: Option<&'a AtomicUsize>,
 }
 
 impl VrtCanvas<'_> {
-    /// The part that `source` paints; `None` when that is none of the canvas.
+    /// The part that `source` paints; `None` if it is outside the canvas.
     fn part(&self, source: &VrtSource) -> Result<Option<MosaicPart>> {
         let name = path::resolve(self.path, &source.file, source.is_relative)?;
         let found = find(&name, source.band, None, self.nest)?;
@@ -200,9 +199,9 @@ impl VrtCanvas<'_> {
     fn nodata(&self, source: &VrtSource, own: Option<f64>) -> Option<f64> {
         match (source.nodata, source.use_mask) {
             (Some(nodata), _) => Some(nodata),
-            // What the file says itself.
+            // The declared value of the file.
             (None, true) => own,
-            // Nothing but the VRT's own value, which is one of changed samples.
+            // Only the VRT's own value, which refers to converted samples.
             (None, false) => {
                 let kept = self.info.nodata.filter(|_| !source.is_changed());
                 own.map(|_| kept.unwrap_or(f64::NAN))
@@ -210,8 +209,7 @@ impl VrtCanvas<'_> {
         }
     }
 
-    /// Where the source goes, and the first sample of it in the file: what lies outside of either
-    /// is left out.
+    /// Target rectangle of the source, and its first sample in the file, clipped to both.
     fn place(&self, source: &VrtSource, file: &GridInfo) -> Option<(Rect, [u32; 2])> {
         let size = [i64::from(file.width), i64::from(file.height)];
         let to = source.to.unwrap_or([0, 0, size[0], size[1]]);
@@ -220,7 +218,7 @@ impl VrtCanvas<'_> {
         let mut first = [0; 2];
         let mut count = [0; 2];
         for axis in 0..2 {
-            // Samples skipped at the start so that both sides are at 0 or beyond.
+            // Number of samples to skip so that both offsets are 0 or more.
             let skip = (-to[axis]).max(-from[axis]).max(0);
             let room = (end[axis] - to[axis]).min(size[axis] - from[axis]).min(to[axis + 2]);
             first[axis] = skip;
@@ -229,13 +227,13 @@ impl VrtCanvas<'_> {
         if count[0] <= 0 || count[1] <= 0 {
             return None;
         }
-        // Between 0 and the sides of the file and the VRT.
+        // Between 0 and the size of the file and of the VRT.
         let at = |from: [i64; 4]| [0, 1].map(|axis| (from[axis] + first[axis]) as u32);
         let [col, row] = at(to);
         Some((Rect::new(col, row, count[0] as u32, count[1] as u32), at(from)))
     }
 
-    /// What happens to the file's heights; `None` when nothing does.
+    /// Conversion of the heights of the file; `None` if they are unchanged.
     fn recode(
         &self,
         source: &VrtSource,
@@ -249,7 +247,7 @@ impl VrtCanvas<'_> {
         let is_alike = (file.scale, file.offset) == (band.scale, band.offset);
         if !is_plain && (is_changed || !is_alike || !holds(band.sample_type, file.sample_type)) {
             return Err(Error::unsupported(format!(
-                "its heights are stored x {} + {}, which the VRT changes to x {} + {}",
+                "scale {} and offset {} differ from {} and {} of the VRT",
                 file.scale, file.offset, band.scale, band.offset
             ))
             .in_file(&path_of(name))
@@ -257,7 +255,7 @@ impl VrtCanvas<'_> {
         }
         let kind =
             (is_changed || !holds(band.sample_type, file.sample_type)).then_some(band.sample_type);
-        // Read with this very value, it is void already.
+        // Samples of this value are void already.
         let is_void = kind.is_none() && is_same(nodata, band.nodata);
         let void = band.nodata.filter(|_| !is_void);
         let void = void.and_then(|nodata| void_range(band.sample_type, nodata));

@@ -1,5 +1,5 @@
-//! The text of a GDAL VRT: size, place and the sources of one band. What it says that would change
-//! samples in a way not known here is refused by name; what does not touch samples is passed over.
+//! Parser of GDAL VRTs: size, georeference and the sources of one band. Unsupported elements that would
+//! change samples are rejected by name; elements that do not affect samples are ignored.
 
 use std::io::BufRead;
 
@@ -21,11 +21,11 @@ pub(super) struct Vrt {
     pub(super) is_point: bool,
     pub(super) bands: u32,
     pub(super) band: VrtBand,
-    /// True where the masks of the sources are its own.
+    /// True if the VRT has a mask band made of the masks of its sources.
     pub(super) has_mask: bool,
 }
 
-/// The chosen band.
+/// The selected band.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VrtBand {
     pub(super) kind: SampleType,
@@ -51,31 +51,30 @@ impl Default for VrtBand {
     }
 }
 
-/// A rectangle of a file, and where it goes.
+/// A rectangle of a file and its target.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VrtSource {
-    /// Where in the VRT it stands.
+    /// Position in the VRT file.
     pub(super) place: String,
     pub(super) file: String,
     pub(super) is_relative: bool,
     pub(super) band: u32,
-    /// Column, row, width, height in the file; all of it when `None`.
+    /// Column, row, width, height in the file; `None` for all of it.
     pub(super) from: Option<[i64; 4]>,
     /// Column, row, width, height in the VRT.
     pub(super) to: Option<[i64; 4]>,
-    /// Value that lets through what lies below.
+    /// Value that is transparent.
     pub(super) nodata: Option<f64>,
     pub(super) ratio: f64,
     pub(super) shift: f64,
-    /// True when voids of the file let through what lies below.
+    /// True if voids of the file are transparent.
     pub(super) use_mask: bool,
 }
 
-/// How far numbers of pixels may be from whole ones: gdalbuildvrt writes offsets with the errors of
-/// its own arithmetic.
+/// Maximum distance of pixel offsets from integers: gdalbuildvrt writes offsets with rounding errors.
 const SLACK: f64 = 1e-3;
 
-/// Sources that are refused, and why.
+/// Unsupported sources, with the reason.
 const OTHER_SOURCES: [(&str, &str); 5] = [
     ("KernelFilteredSource", "a filter"),
     ("AveragedSource", "averages"),
@@ -83,7 +82,7 @@ const OTHER_SOURCES: [(&str, &str); 5] = [
     ("NoDataFromMaskSource", "nodata from a mask"),
     ("FuncSource", "a function"),
 ];
-/// Elements of a complex source that are refused.
+/// Unsupported elements of a complex source.
 const OTHER_CHANGES: [&str; 9] = [
     "LUT",
     "Exponent",
@@ -96,10 +95,10 @@ const OTHER_CHANGES: [&str; 9] = [
     "OpenOptions",
 ];
 
-/// Reads a VRT and the sources of its band `band` (from 1).
+/// Parses a VRT and the sources of band `band` (from 1).
 ///
 /// # Errors
-/// XML that is broken or beyond a limit, a feature that is not supported, no such band.
+/// Malformed XML, an exceeded limit, an unsupported feature, or a missing band.
 pub(super) fn parse(from: impl BufRead, band: u32) -> Result<Vrt> {
     let mut xml = RasterXmlReader::new(from);
     let found = vrt(&mut xml, band);
@@ -110,7 +109,7 @@ fn vrt<R: BufRead>(xml: &mut RasterXmlReader<R>, band: u32) -> Result<Vrt> {
     let root = xml.root()?;
     if !root.is("VRTDataset") {
         return Err(Error::bad_input(format!(
-            "begins with <{}>, not <VRTDataset>",
+            "root element is <{}>, expected <VRTDataset>",
             short(&root.name)
         )));
     }
@@ -140,7 +139,7 @@ impl Vrt {
         match tag.name.to_ascii_lowercase().as_str() {
             "vrtrasterband" => {
                 self.bands += 1;
-                limits::check("bands", self.bands.into(), limits::MAX_BANDS)?;
+                limits::check("number of bands", self.bands.into(), limits::MAX_BANDS)?;
                 match self.bands == band {
                     true => self.band = VrtBand::read(xml, &tag)?,
                     false => xml.skip()?,
@@ -165,7 +164,7 @@ impl Vrt {
     }
 }
 
-/// A mask made of the masks of the same files is what their voids are; any other is refused.
+/// A mask made of the masks of the same files equals their voids; other masks are rejected.
 fn mask_band<R: BufRead>(xml: &mut RasterXmlReader<R>) -> Result<()> {
     let mut bands = Vec::new();
     while let Some(tag) = xml.child()? {
@@ -205,7 +204,7 @@ impl VrtBand {
                     let (place, node) = (xml.place(), xml.node(tag)?);
                     band.sources.push(VrtSource::read(&node, place)?);
                     let sources = band.sources.len() as u64;
-                    limits::check("sources of a VRT", sources, limits::MAX_MEMBERS)?;
+                    limits::check("number of sources of a VRT", sources, limits::MAX_MEMBERS)?;
                 }
                 "nodatavalue" => band.nodata = Some(xml.node(tag)?.number()?),
                 "hidenodatavalue" => hides_nodata = is_true(&xml.node(tag)?.text),
@@ -224,7 +223,7 @@ impl VrtBand {
 }
 
 impl VrtSource {
-    /// True when samples are scaled or shifted on their way.
+    /// True if samples are scaled or shifted.
     pub(super) fn is_changed(&self) -> bool {
         self.ratio != 1.0 || self.shift != 0.0
     }
@@ -244,7 +243,7 @@ impl VrtSource {
         };
         let file = node.child("SourceFilename");
         let Some(file) = file.filter(|file| !file.text.is_empty()) else {
-            return Err(Error::bad_input("a source names no file"));
+            return Err(Error::bad_input("source without SourceFilename"));
         };
         let band = node.child("SourceBand").map_or("1", |band| &band.text);
         let (from, to) = (rectangle(node, "SrcRect")?, rectangle(node, "DstRect")?);
@@ -268,13 +267,13 @@ impl VrtSource {
     }
 }
 
-/// Both or none, and of one size: anything else would have to be resampled.
+/// Requires both or neither, of equal size: anything else needs resampling.
 fn check_rectangles(from: Option<[f64; 4]>, to: Option<[f64; 4]>) -> Result<()> {
     let apart = |a: f64, b: f64| (a - b).abs() > SLACK;
     match (from, to) {
         (Some(from), Some(to)) if apart(from[2], to[2]) || apart(from[3], to[3]) => {
             Err(Error::unsupported(format!(
-                "a source is resampled from {} x {} to {} x {} samples",
+                "resampling of a source from {} x {} to {} x {} samples is not supported",
                 from[2], from[3], to[2], to[3]
             ))
             .remedy("resample it first: gdalwarp -tr X Y IN OUT"))
@@ -297,17 +296,17 @@ fn rectangle(node: &RasterXmlElement, name: &str) -> Result<Option<[f64; 4]>> {
     Ok(Some(numbers))
 }
 
-/// Whole numbers of samples, with a size.
+/// Rectangle of integers with a positive size.
 fn whole(numbers: [f64; 4]) -> Result<[i64; 4]> {
     if let Some(part) = numbers.iter().find(|n| (*n - n.round()).abs() > SLACK) {
         return Err(Error::unsupported(format!(
-            "a source lies off the grid of samples, at {part}: it would have to be resampled"
+            "source is not aligned with the samples of the VRT ({part})"
         ))
         .remedy("align it first: gdalwarp -tr X Y -te XMIN YMIN XMAX YMAX IN OUT"));
     }
     let whole = numbers.map(|n| n.round() as i64);
     if whole[2] < 1 || whole[3] < 1 {
-        return Err(Error::bad_input("a source has no size"));
+        return Err(Error::bad_input("source rectangle is empty"));
     }
     Ok(whole)
 }
@@ -316,7 +315,7 @@ fn side(root: &RasterXmlTag, name: &str) -> Result<u32> {
     let text = root.attribute(name).unwrap_or_default();
     let size = text.trim().parse::<u64>().ok().filter(|size| *size > 0);
     let size = size.ok_or_else(|| {
-        Error::bad_input(format!("{name} is not a number of samples: {:?}", short(text)))
+        Error::bad_input(format!("{name} is not a positive integer: {:?}", short(text)))
     })?;
     limits::check(name, size, limits::MAX_SIDE)?;
     Ok(size as u32)
@@ -342,8 +341,8 @@ fn is_true(text: &str) -> bool {
 }
 
 fn refused(what: &str) -> Error {
-    Error::unsupported(format!("a VRT with {what} is not supported"))
-        .remedy("make it a file: gdal_translate IN.vrt OUT.tif")
+    Error::unsupported(format!("VRT with {what} is not supported"))
+        .remedy("convert it to a GeoTIFF: gdal_translate IN.vrt OUT.tif")
 }
 
 #[cfg(test)]
@@ -419,8 +418,8 @@ mod tests {
             ("<NODATA>", "<LUT>0:1</LUT><NODATA>", "LUT"),
             ("<NODATA>", "<Exponent>2</Exponent><NODATA>", "Exponent"),
             ("<NODATA>", "<OpenOptions/><NODATA>", "OpenOptions"),
-            ("xSize=\"20\" ySize=\"10\"/", "xSize=\"40\" ySize=\"10\"/", "resampled from 40 x 10"),
-            ("5.0000001", "5.4", "off the grid of samples, at 5.4"),
+            ("xSize=\"20\" ySize=\"10\"/", "xSize=\"40\" ySize=\"10\"/", "source from 40 x 10"),
+            ("5.0000001", "5.4", "not aligned with the samples of the VRT (5.4)"),
             ("<SourceBand>2", "<SourceBand>mask,2", "SourceBand mask,2"),
             ("<Metadata>", "<GCPList/><Metadata>", "GCPList"),
             (
@@ -456,10 +455,10 @@ mod tests {
             ("<NoDataValue>-32768", "<NoDataValue>none", "NoDataValue is not a number"),
             ("<Scale>0.5", "<Scale>0", "scale is 0"),
             ("<Offset>2", "<Offset>inf", "not finite"),
-            ("d/a&amp;b.tif", "", "names no file"),
-            ("xSize=\"20\"", "xSize=\"0\"", "no size"),
+            ("d/a&amp;b.tif", "", "source without SourceFilename"),
+            ("xSize=\"20\"", "xSize=\"0\"", "source rectangle is empty"),
             ("xOff=\"0\"", "xOff=\"zero\"", "xOff of SrcRect"),
-            ("VRTDataset", "Dataset", "begins with <Dataset>"),
+            ("VRTDataset", "Dataset", "root element is <Dataset>"),
         ] {
             let told = refusal(&good.replace(from, to));
             assert!(told.contains(said), "{from} {to}: {told}");

@@ -1,15 +1,15 @@
-//! Which files a VRT may name: those in its folder and below, unless the user allows others.
+//! Source paths of a VRT: files in its folder and below, unless the user allows others.
 
 use std::path::{Component, Path, PathBuf};
 
 use terrane_base::error::{Error, Result};
 use terrane_files::name_of;
 
-/// Environment variable that allows a VRT to name files anywhere.
+/// Environment variable that allows VRT sources anywhere.
 const ALLOW: &str = "TERRANE_VRT_ALLOW_OUTSIDE";
 
-/// The path of the file that the VRT at `vrt` calls `name`: relative to the VRT's folder, or else
-/// to the current one. Links are the user's own and are followed.
+/// The path of the source `name` of the VRT at `vrt`: relative to the folder of the VRT, or else to the
+/// current folder. Symbolic links are trusted and followed.
 pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<String> {
     let allowed = std::env::var_os(ALLOW).is_some_and(|value| value == "1");
     resolve_with(vrt, name, is_relative, allowed)
@@ -17,17 +17,14 @@ pub(super) fn resolve(vrt: &Path, name: &str, is_relative: bool) -> Result<Strin
 
 fn resolve_with(vrt: &Path, name: &str, is_relative: bool, allowed: bool) -> Result<String> {
     if name.to_ascii_lowercase().starts_with("/vsi") {
-        return Err(Error::unsupported(format!(
-            "a source is {}, a virtual file of GDAL",
-            short(name)
-        ))
-        .remedy("copy it to a plain file beside the VRT"));
+        return Err(Error::unsupported(format!("source {} is a GDAL virtual file", short(name)))
+            .remedy("copy it to a file in the folder of the VRT"));
     }
     let folder = vrt.parent().unwrap_or(Path::new(""));
     let path = if is_relative { folder.join(name) } else { PathBuf::from(name) };
     if !allowed && !is_inside(folder, &path) {
         return Err(Error::bad_input(format!(
-            "a source is {}, outside the VRT's folder",
+            "source {} is outside the folder of the VRT",
             short(name)
         ))
         .remedy(format!("set {ALLOW}=1 if you trust this VRT")));
@@ -42,7 +39,7 @@ fn is_inside(folder: &Path, path: &Path) -> bool {
     }
 }
 
-/// The absolute path without `.` and `..`; `None` where there is none.
+/// The absolute path without `.` and `..`; `None` if invalid.
 fn normal(path: &Path) -> Option<PathBuf> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     let mut normal = PathBuf::new();
@@ -85,6 +82,6 @@ mod tests {
         }
         assert!(told("a.tif", false, false).contains("outside"), "the current folder is another");
         assert_eq!(told("../a.tif", true, true), "/d/e/../a.tif");
-        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("virtual file of GDAL"));
+        assert!(told("/vsicurl/http://x/a.tif", true, true).contains("GDAL virtual file"));
     }
 }
