@@ -95,7 +95,7 @@ fn what_cannot_be_is_refused_by_name() {
         ("points a.laz x.laz --attribute z=1", 2, "no attribute"),
         ("points a.laz x.laz --attribute red=1", 2, "have no attribute \"red\""),
         ("points a.laz x.laz --attribute class=amplitude", 2, "have no attribute \"amplitude\""),
-        ("points a.laz x.laz --attribute class=(1", 2, "not closed"),
+        ("points a.laz x.laz --attribute class=(1", 2, "unclosed parenthesis"),
         ("points a.laz x.laz --attribute class=-1", 65, "does not fit into classification"),
         ("points b.las x.laz --attribute class=user_data/0", 65, "division by zero"),
         ("points nothing.laz x.laz", 65, "nothing.laz"),

@@ -102,7 +102,7 @@ impl Error {
             return failures.swap_remove(first);
         }
         let message = format!("{} of {of} files cannot be used", failures.len());
-        let mut error = Self::new(failures[0].kind, message).remedy("mend them, or leave them out");
+        let mut error = Self::new(failures[0].kind, message).remedy("repair or omit these files");
         error.several = Some(Box::new(SeveralErrors { failures, of }));
         error
     }
@@ -169,7 +169,7 @@ impl Error {
 
     /// Shorthand for [`ErrorKind::Limit`]: names the limit, its value and the value found.
     pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
-        Self::new(ErrorKind::Limit, format!("{name} is {found}, more than the limit of {most}"))
+        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {most}"))
     }
 
     /// An input/output failure while doing `action` ("read", "write", "create", ...).
@@ -182,8 +182,8 @@ impl Error {
     /// An input file that is not there. Where the name is an address, it says that this is not read.
     pub fn missing(path: &Path) -> Self {
         match is_address(path) {
-            true => Self::unsupported("addresses are not read, only files of this machine")
-                .remedy("download the file first (curl -LO ADDRESS), and name the copy"),
+            true => Self::unsupported("remote paths are not supported")
+                .remedy("download the file first (curl -LO URL) and pass the local copy"),
             false => Self::not_found("no such file").remedy("check the name"),
         }
         .in_file(path)
@@ -204,7 +204,7 @@ impl Error {
         let is_denied = source.kind() == io::ErrorKind::PermissionDenied;
         let error = Self::io(kind, "read", source).in_file(path);
         match is_denied {
-            true => error.remedy("change its permissions, or copy it to where you may read it"),
+            true => error.remedy("change its permissions, or copy it to a readable folder"),
             false => error,
         }
     }
@@ -220,10 +220,10 @@ impl Error {
         };
         let remedy = match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                Some("free some space, or choose another place")
+                Some("free some space, or choose another folder")
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                Some("choose a folder that you may write to")
+                Some("choose a writable folder")
             }
             _ => None,
         };

@@ -94,7 +94,7 @@ impl Formula<String> {
         match parse(text)? {
             (formula, FormulaType::Truth) => Ok(formula),
             (_, FormulaType::Number) => Err(format!(
-                "{text:?} compares nothing: write a condition, such as intensity > 100"
+                "{text:?} is not a condition; write a comparison such as intensity > 100"
             )),
         }
     }
@@ -177,7 +177,7 @@ impl<Name> FormulaStep<Name> {
             Self::Multiply => last() * last(),
             Self::Subtract => -last() + last(),
             Self::Divide => match (last(), last()) {
-                (0.0, _) => return Err("a division by zero"),
+                (0.0, _) => return Err("division by zero"),
                 (by, number) => number / by,
             },
             Self::Compare(how) => {
@@ -197,7 +197,7 @@ impl<Name> FormulaStep<Name> {
             Self::Not => return Ok(TRUE - last()),
             Self::Number(_) | Self::Value(_) => f64::NAN,
         };
-        if result.is_finite() { Ok(result) } else { Err("a number too large") }
+        if result.is_finite() { Ok(result) } else { Err("numeric overflow") }
     }
 }
 
@@ -237,7 +237,7 @@ fn parse(text: &str) -> Result<(Formula<String>, FormulaType), String> {
     let kind = parser.condition()?;
     match parser.peek() {
         None => Ok((Formula(parser.steps), kind)),
-        Some(odd) => Err(format!("{odd:?} is not expected in the formula {text:?}")),
+        Some(odd) => Err(format!("unexpected {odd:?} in the formula {text:?}")),
     }
 }
 
@@ -321,13 +321,15 @@ impl FormulaParser<'_> {
             is(FormulaType::Number, kind)?;
             is(FormulaType::Number, self.sum()?)?;
             if self.compared().is_some() {
-                return Err("comparisons are joined by and: 1 < z and z < 5".to_owned());
+                return Err(
+                    "chained comparisons are not supported; write 1 < z and z < 5".to_owned()
+                );
             }
             return self.push(FormulaStep::Compare(how), FormulaType::Truth);
         }
         let is_not = self.word("not");
         if !self.word("in") {
-            return if is_not { Err("in is expected behind not".to_owned()) } else { Ok(kind) };
+            return if is_not { Err("expected in after not".to_owned()) } else { Ok(kind) };
         }
         is(FormulaType::Number, kind)?;
         let count = self.list()?;
@@ -348,7 +350,7 @@ impl FormulaParser<'_> {
     /// Numbers in parentheses; returns how many.
     fn list(&mut self) -> Result<usize, String> {
         if !self.sign("(") {
-            return Err("a list in parentheses is expected behind in".to_owned());
+            return Err("expected a list in parentheses after in".to_owned());
         }
         let mut count = 0;
         loop {
@@ -357,7 +359,7 @@ impl FormulaParser<'_> {
             match (self.sign(","), self.sign(")")) {
                 (true, false) => {}
                 (false, true) => return Ok(count),
-                _ => return Err("the list behind in is not closed".to_owned()),
+                _ => return Err("the list after in is not closed".to_owned()),
             }
         }
     }
@@ -392,7 +394,7 @@ impl FormulaParser<'_> {
     ) -> Result<T, String> {
         self.depth += 1;
         if self.depth > DEEPEST {
-            return Err(format!("the formula is more than {DEEPEST} parentheses deep"));
+            return Err(format!("the formula is nested more than {DEEPEST} levels deep"));
         }
         let parsed = parse(self);
         self.depth -= 1;
@@ -411,12 +413,12 @@ impl FormulaParser<'_> {
                 let kind = self.deeper(Self::condition)?;
                 match self.sign(")") {
                     true => Ok(kind),
-                    false => Err("a parenthesis is not closed in the formula".to_owned()),
+                    false => Err("unclosed parenthesis in the formula".to_owned()),
                 }
             }
             Some('"') => {
                 let quoted = self.rest[1..].split_once('"');
-                let (name, rest) = quoted.ok_or("a quotation mark is not closed in the formula")?;
+                let (name, rest) = quoted.ok_or("unclosed quotation mark in the formula")?;
                 self.rest = rest;
                 self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
@@ -424,13 +426,13 @@ impl FormulaParser<'_> {
             Some(first) if first.is_alphabetic() || first == '_' => {
                 let (name, rest) = split(self.rest, is_of_name);
                 if WORDS.iter().any(|word| word.eq_ignore_ascii_case(name)) {
-                    return Err(format!("{name} is not expected here in the formula"));
+                    return Err(format!("unexpected {name} in the formula"));
                 }
                 self.rest = rest;
                 self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
-            Some(odd) => Err(format!("{odd:?} is not expected in the formula")),
-            None => Err("the formula ends where a number or name is expected".to_owned()),
+            Some(odd) => Err(format!("unexpected {odd:?} in the formula")),
+            None => Err("unexpected end of the formula; expected a number or name".to_owned()),
         }
     }
 
@@ -452,10 +454,10 @@ impl FormulaParser<'_> {
 fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
     match (wanted, found) {
         (FormulaType::Truth, FormulaType::Number) => {
-            Err("and, or and not join conditions, such as intensity > 100".to_owned())
+            Err("operands of and, or and not must be conditions such as intensity > 100".to_owned())
         }
         (FormulaType::Number, FormulaType::Truth) => {
-            Err("a condition stands where a number is expected".to_owned())
+            Err("expected a number, found a condition".to_owned())
         }
         _ => Ok(found),
     }

@@ -160,7 +160,7 @@ fn value_of(parameters: &[Parameter], pair: &str) -> Option<(usize, f64)> {
 }
 
 fn refusal(name: &str, parameters: &[Parameter], pair: &str) -> Error {
-    let error = Error::usage(format!("\"{pair}\" is no parameter of {name}"));
+    let error = Error::usage(format!("\"{pair}\" is not a parameter of {name}"));
     match parameters {
         [] => error.remedy(format!("{name} takes none")),
         some => {

@@ -33,9 +33,10 @@ impl Geoid {
     /// # Errors
     /// What is no such file, or a damaged one.
     pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
-        limits::check("the number of bytes of the geoid", bytes.len() as u64, MAX_GRID_BYTES)?;
+        limits::check("size of the geoid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
-            Error::bad_input(format!("is no sound GTX file: {what}")).remedy("fetch the file again")
+            Error::bad_input(format!("is not a valid GTX file: {what}"))
+                .remedy("download the file again")
         };
         let number = |at: usize| {
             let eight = bytes.get(at..at + 8).and_then(|part| part.try_into().ok());
@@ -48,16 +49,16 @@ impl Geoid {
         let (Some(south), Some(west), Some(up), Some(across)) =
             (number(0), number(8), number(16), number(24))
         else {
-            return Err(bad("its header is cut off, or no numbers"));
+            return Err(bad("the header is truncated or not numeric"));
         };
         let (Some(rows), Some(columns)) = (count(32), count(36)) else {
-            return Err(bad("its numbers of rows and columns make no sense"));
+            return Err(bad("the number of rows or columns is invalid"));
         };
         let values = &bytes[HEADER.min(bytes.len())..];
         let wanted = u64::from(rows) * u64::from(columns) * 4;
         if values.len() as u64 != wanted {
             return Err(bad(&format!(
-                "{wanted} bytes of heights are announced, {} are there",
+                "expected {wanted} bytes of heights, found {}",
                 values.len()
             )));
         }
@@ -77,9 +78,9 @@ impl Geoid {
         [columns, rows]: [u32; 2],
         heights: Vec<f32>,
     ) -> Result<Self> {
-        let bad = |what: &str| Error::bad_input(what).remedy("fetch the file again");
+        let bad = |what: &str| Error::bad_input(what).remedy("download the file again");
         if columns < 2 || rows < 2 || heights.len() as u64 != u64::from(columns) * u64::from(rows) {
-            return Err(bad("is a grid of too few heights"));
+            return Err(bad("the grid has too few heights"));
         }
         let ([west, south], [across, up]) = (corner, step);
         let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
@@ -90,7 +91,7 @@ impl Geoid {
             && (-360.0..=360.0).contains(&west)
             && extent[0] <= 360.001;
         if !is_sound {
-            return Err(bad("lies beyond the globe"));
+            return Err(bad("the extent exceeds the globe"));
         }
         Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }
@@ -103,9 +104,9 @@ impl Geoid {
     pub fn height(&self, [longitude, latitude]: [f64; 2]) -> Result<f64> {
         let missing = || {
             Error::bad_input(format!(
-                "the geoid is not known at longitude {longitude:.4}, latitude {latitude:.4}"
+                "the geoid has no value at longitude {longitude:.4}, latitude {latitude:.4}"
             ))
-            .remedy("give a geoid of the whole area")
+            .remedy("use a geoid that covers the whole area")
         };
         let east = (longitude - self.corner[0]).rem_euclid(360.0);
         // What is a hair west of the grid is not nearly once around it.
@@ -186,7 +187,7 @@ mod tests {
         }
         for place in [[4.9, 45.5], [7.1, 45.5], [6.0, 44.9], [6.0, 46.1]] {
             let told = geoid.height(place).unwrap_err().to_string();
-            assert!(told.contains("geoid is not known at longitude"), "{told}");
+            assert!(told.contains("geoid has no value at longitude"), "{told}");
         }
         let mut holed = geoid;
         holed.heights[0] = NO_VALUE;

@@ -38,10 +38,10 @@ impl HeightOperation {
                 Ok(Self::Times(1.0))
             }
             ([_, VerticalReference::Unknown], None) => Ok(Self::Times(1.0)),
-            ([_, VerticalReference::Unknown], Some(_)) => Err(Error::usage(
-                "a geoid is given, and the system to transform to says nothing of heights",
-            )
-            .remedy("name one with heights, such as EPSG:4979, or leave the geoid out")),
+            ([_, VerticalReference::Unknown], Some(_)) => {
+                Err(Error::usage("‹geoid› requires a target CRS with a vertical axis")
+                    .remedy("use a 3D or compound CRS such as EPSG:4979, or omit ‹geoid›"))
+            }
             (
                 [
                     VerticalReference::Above { datum: a, metres, is_down, .. },
@@ -60,7 +60,7 @@ impl HeightOperation {
             ([VerticalReference::Unknown, VerticalReference::Ellipsoidal], Some(geoid)) => {
                 let unit = from.vertical_metres();
                 notes.push(format!(
-                    "what heights are counted from is not said; they are taken for heights above the geoid{}",
+                    "the vertical datum is missing; heights are assumed to be above the geoid{}",
                     if unit.is_none() { ", in metres" } else { "" }
                 ));
                 Ok(Self::ToEllipsoid(geoid.clone(), unit.unwrap_or(1.0)))
@@ -81,29 +81,26 @@ impl HeightOperation {
 
 fn refusal(from: &VerticalReference, to: &VerticalReference, has_geoid: bool) -> Error {
     let said = |heights: &VerticalReference| match heights {
-        VerticalReference::Unknown => "not named".to_owned(),
+        VerticalReference::Unknown => "without a vertical datum".to_owned(),
         VerticalReference::Ellipsoidal => "above the ellipsoid".to_owned(),
         VerticalReference::Above { name, .. } => format!("in {name}"),
     };
     let [from_text, to_text] = [from, to].map(said);
     let message = format!(
-        "heights of the source are {from_text}, those of the target {to_text}, and nothing known leads from \
-         one to the other"
+        "no vertical transformation is known: source heights are {from_text}, target heights are {to_text}"
     );
     let remedy = match (from, to, has_geoid) {
         (VerticalReference::Unknown, VerticalReference::Above { .. }, _) => {
-            "name the target without heights: those of the source are kept as they are"
+            "use a target CRS without heights to keep the source heights"
         }
         (VerticalReference::Ellipsoidal, VerticalReference::Ellipsoidal, _) => {
-            "name the target without heights, or transform them with other tools first"
+            "use a target CRS without heights, or transform heights with PROJ first"
         }
         (_, VerticalReference::Ellipsoidal, false) | (VerticalReference::Ellipsoidal, _, false) => {
-            "give the geoid between them (‹geoid› FILE), or name the target without heights"
+            "pass a geoid (‹geoid› FILE), or use a target CRS without heights"
         }
-        (_, _, true) => {
-            "one geoid leads from heights above it to those above the ellipsoid, or back"
-        }
-        _ => "transform heights with other tools first, or name the target without heights",
+        (_, _, true) => "one geoid converts only between geoid heights and ellipsoidal heights",
+        _ => "transform heights with PROJ first, or use a target CRS without heights",
     };
     Error::unsupported(message).remedy(remedy)
 }

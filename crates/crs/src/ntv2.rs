@@ -86,48 +86,43 @@ impl ShiftGrid {
     /// # Errors
     /// What is no such file, a damaged one, or one in units other than seconds of arc.
     pub fn of_ntv2(bytes: &[u8]) -> Result<Self> {
-        limits::check(
-            "the number of bytes of the grid of shifts",
-            bytes.len() as u64,
-            MAX_GRID_BYTES,
-        )?;
+        limits::check("size of the shift grid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
-            Error::bad_input(format!("is no sound NTv2 file: {what}"))
-                .remedy("fetch the file again")
+            Error::bad_input(format!("is not a valid NTv2 file: {what}"))
+                .remedy("download the file again")
         };
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
             Some([0, 0, 0, 11]) => true,
-            _ => return Err(bad("it does not begin with a header of 11 records")),
+            _ => return Err(bad("the header does not have 11 records")),
         };
         let file = Ntv2Reader { bytes, is_big };
         let (Some(count), Some(unit)) = (file.count(2), file.text(3)) else {
-            return Err(bad("its header is cut off"));
+            return Err(bad("the header is truncated"));
         };
-        limits::check("the number of grids", count.into(), MAX_GRIDS)?;
+        limits::check("number of subgrids", count.into(), MAX_GRIDS)?;
         if unit != "SECONDS" {
-            return Err(Error::unsupported(format!(
-                "its shifts are in \"{unit}\", not in seconds of arc"
-            ))
-            .remedy("give a file in seconds"));
+            return Err(Error::unsupported(format!("shifts in \"{unit}\" are not supported"))
+                .remedy("use a file in seconds of arc"));
         }
         let (Some(from), Some(to), Some(axis), Some(others)) =
             (file.text(5), file.text(6), file.number(7), file.number(9))
         else {
-            return Err(bad("its header is cut off, or no numbers"));
+            return Err(bad("the header is truncated or not numeric"));
         };
-        let mut rest = bytes.get(HEADER * RECORD..).ok_or_else(|| bad("its header is cut off"))?;
+        let mut rest =
+            bytes.get(HEADER * RECORD..).ok_or_else(|| bad("the header is truncated"))?;
         let mut grids = Vec::new();
         for number in 1..=count {
             let (grid, length) =
                 Ntv2Grid::read(&Ntv2Reader { bytes: rest, is_big }).ok_or_else(|| {
-                    bad(&format!("grid {number} of {count} is cut off, or makes no sense"))
+                    bad(&format!("subgrid {number} of {count} is truncated or invalid"))
                 })?;
             grids.push(grid);
             rest = &rest[length..];
         }
         if grids.is_empty() {
-            return Err(bad("it holds no grid"));
+            return Err(bad("it has no subgrids"));
         }
         Ok(Self { names: [from, to], axes: [axis, others], grids })
     }
@@ -136,7 +131,7 @@ impl ShiftGrid {
     pub(crate) fn name(&self, is_back: bool) -> String {
         let [from, to] = &self.names;
         let [from, to] = if is_back { [to, from] } else { [from, to] };
-        format!("grid of shifts from {from} to {to}")
+        format!("shift grid from {from} to {to}")
     }
 
     /// True where it leads from the second datum to the first.
@@ -176,9 +171,9 @@ impl ShiftGrid {
         let [from, to] = datums.map(|datum| datum.name.replace('_', " "));
         let [a, b] = &self.names;
         Error::bad_input(format!(
-            "the grid of shifts is from {a} to {b}, which is not seen to be the way from {from} to {to} or back"
+            "the shift grid from {a} to {b} does not match the datums {from} and {to}"
         ))
-        .remedy("give the grid of these two datums")
+        .remedy("use the shift grid between these two datums")
     }
 
     /// A place, in radians, on the other datum.
@@ -187,9 +182,9 @@ impl ShiftGrid {
         moved.ok_or_else(|| {
             let [longitude, latitude] = place.map(f64::to_degrees);
             Error::bad_input(format!(
-                "the grid of shifts does not hold longitude {longitude:.4}, latitude {latitude:.4}"
+                "the shift grid does not cover longitude {longitude:.4}, latitude {latitude:.4}"
             ))
-            .remedy("give a grid of the whole area")
+            .remedy("use a shift grid that covers the whole area")
         })
     }
 
@@ -398,7 +393,7 @@ mod tests {
             assert!((back[0] - at[0]).abs() < 1e-12 && (back[1] - at[1]).abs() < 1e-12);
         }
         let told = grid.apply(place(7.0, 51.0), false).unwrap_err().to_string();
-        assert!(told.contains("does not hold longitude 7.0000, latitude 51.0000"), "{told}");
+        assert!(told.contains("does not cover longitude 7.0000, latitude 51.0000"), "{told}");
     }
 
     #[test]

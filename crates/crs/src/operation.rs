@@ -87,7 +87,7 @@ impl CoordinateOperation {
             |area: &AreaOfUse| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
         if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
             notes.push(
-                "longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned(),
+                "longitudes continue beyond 180 degrees to keep the data contiguous".to_owned(),
             );
         }
         let systems = [from.clone(), target];
@@ -244,10 +244,10 @@ fn check_area(area: &AreaOfUse, place: [f64; 2]) -> Result<()> {
     let place = format!("longitude {longitude:.4}, latitude {latitude:.4}");
     let AreaOfUse { west, south, east, north } = area;
     Err(Error::unsupported(format!(
-        "{place} lies outside of where the shift of the datum is known, which is from {west} to {east} degrees \
-         of longitude and from {south} to {north} of latitude"
+        "{place} is outside the area of use of the datum shift (longitude {west} to {east}, latitude {south} to \
+             {north})"
     ))
-    .remedy("transform the parts for themselves, or give a grid of shifts (‹shift_grid› FILE)"))
+    .remedy("transform the parts separately, or pass a shift grid (‹shift_grid› FILE)"))
 }
 
 type Way = (Vec<DatumShift>, Option<f64>, String);
@@ -271,15 +271,14 @@ fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>)
         if known.is_null() && is_alike {
             let name = datum.name.replace('_', " ");
             notes.push(format!(
-                "the datum {name} is taken for WGS 84, which is right to {} m",
+                "the datum {name} is treated as WGS 84 (accuracy {} m)",
                 known.accuracy
             ));
             continue;
         }
         if area.is_some_and(|area| !known.area.holds(area, NEAR)) {
             notes.push(format!(
-                "some of the data lie up to {FAR} degrees outside of the area that {} is made for, and may be \
-                 less right",
+                "some data lie up to {FAR} degrees outside the area of use of {} and may be less accurate",
                 known.name
             ));
         }
@@ -302,9 +301,9 @@ fn check_bodies(datums: [&Datum; 2]) -> Result<()> {
     }
     let [a, b] = datums.map(|datum| datum.name.replace('_', " "));
     Err(Error::unsupported(format!(
-        "from the datum {a} to {b}: they are of bodies with radii of {from} and {to} m"
+        "the datums {a} and {b} are on different celestial bodies (radii {from} and {to} m)"
     ))
-    .remedy("name a system of the same body"))
+    .remedy("use a CRS of the same body"))
 }
 
 fn is_one([a, b]: [&Datum; 2]) -> bool {
@@ -337,13 +336,15 @@ fn choose(
     found.ok_or_else(|| {
         let [name, from, to] = [datum, from, to].map(|datum| datum.name.replace('_', " "));
         let place = match first {
-            Some(_) => " that holds for all of the data",
+            Some(_) => " for the whole extent of the data",
             None => "",
         };
         Error::unsupported(format!(
-            "from the datum {from} to {to}: no shift of {name} to WGS 84 is known{place}"
+            "datum {from} to {to}: no shift from {name} to WGS 84 is known{place}"
         ))
-        .remedy("give a grid of shifts (‹shift_grid› FILE), or transform the data with other tools first")
+        .remedy(
+            "pass a shift grid (‹shift_grid› FILE), or reproject the data with GDAL or PDAL first",
+        )
     })
 }
 
@@ -398,9 +399,9 @@ fn check_edge(target: &Projection, area: &AreaOfUse, label: &str) -> Result<()> 
     if target.is_geographic() {
         return match has_pole && area.north - area.south < 180.0 {
             true => Err(Error::unsupported(format!(
-                "the data lie around a pole, where {label} is torn"
+                "the data surround a pole, where {label} is discontinuous"
             ))
-            .remedy("name a polar system, such as EPSG:3413 or EPSG:3031")),
+            .remedy("use a polar CRS such as EPSG:3413 or EPSG:3031")),
             false => Ok(()),
         };
     }
@@ -408,10 +409,10 @@ fn check_edge(target: &Projection, area: &AreaOfUse, label: &str) -> Result<()> 
     let is_inside = into > 1e-9 && into < area.east - area.west - 1e-9;
     match is_inside {
         true => Err(Error::unsupported(format!(
-            "the data lie across the meridian of {:.4} degrees, where {label} is torn",
+            "the data cross the meridian {:.4}, where {label} is discontinuous",
             (cut + 180.0).rem_euclid(360.0) - 180.0
         ))
-        .remedy("take the parts on both sides for themselves, or name another system")),
+        .remedy("process both sides separately, or use another CRS")),
         false => Ok(()),
     }
 }

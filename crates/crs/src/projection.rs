@@ -30,10 +30,8 @@ impl Projection {
         let open = |text: &str| Proj::from_proj_string(text);
         let name = conversion.proj.split(['=', ' ']).nth(1).unwrap_or_default();
         let refuse = |error: proj4rs::errors::Error| {
-            let what = format!("its projection cannot be computed (\"{name}\": {error})");
-            Error::unsupported(what)
-                .at(&label)
-                .remedy("transform the data to another system with other tools first")
+            let what = format!("the projection \"{name}\" is not supported: {error}");
+            Error::unsupported(what).at(&label).remedy("reproject the data with GDAL or PDAL first")
         };
         let proj = open(&conversion.proj).map_err(refuse)?;
         let (a, b) = proj.ellipse_parameters();
@@ -60,7 +58,7 @@ impl Projection {
             let back = self.project(globe)?;
             self.is_near(at, back).then_some(globe)
         });
-        found.ok_or_else(|| self.beyond(at, "beyond what the projection reaches"))
+        found.ok_or_else(|| self.beyond(&format!("{}, {}", at[0], at[1])))
     }
 
     /// The position of a longitude and latitude.
@@ -70,8 +68,8 @@ impl Projection {
             back.is_some_and(|back| is_one_place(globe, back))
         });
         found.ok_or_else(|| {
-            let place = globe.map(f64::to_degrees);
-            self.beyond(place, "longitude and latitude beyond what the projection reaches")
+            let [longitude, latitude] = globe.map(f64::to_degrees);
+            self.beyond(&format!("longitude {longitude}, latitude {latitude}"))
         })
     }
 
@@ -105,9 +103,9 @@ impl Projection {
         }
     }
 
-    fn beyond(&self, [x, y]: [f64; 2], what: &str) -> Error {
-        Error::bad_input(format!("{x}, {y} is {what} of {}", self.label))
-            .remedy("leave out what is so far away, or name another system")
+    fn beyond(&self, place: &str) -> Error {
+        Error::bad_input(format!("{place} is outside the domain of {}", self.label))
+            .remedy("clip the data, or use another CRS")
     }
 }
 

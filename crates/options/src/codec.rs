@@ -133,7 +133,7 @@ impl OptionCodec<String> for PlainCodec {
     const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<String, String> {
-        if text.is_empty() { Err("expected a text".to_owned()) } else { Ok(text.to_owned()) }
+        if text.is_empty() { Err("expected text".to_owned()) } else { Ok(text.to_owned()) }
     }
 
     fn json(value: &String) -> Json {

@@ -137,8 +137,8 @@ fn wrong(field: &OptionField, value: &Json) -> Error {
         OptionKind::Whole => "a whole number",
         OptionKind::Number => "a number",
         OptionKind::Numbers => "numbers",
-        OptionKind::Shaped(_) => "a number or a text",
-        OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "a text",
+        OptionKind::Shaped(_) => "a number or text",
+        OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "text",
     };
     let text = value.to_string();
     let told: String = text.chars().take(MOST_TOLD).collect();
@@ -190,7 +190,7 @@ fn unknown(table: &'static OptionTable, name: &str) -> Error {
         .into_iter()
         .flat_map(|field| std::iter::once(field.name).chain(field.aliases.iter().copied()));
     let near = names.map(|own| (distance(own, &wanted), own)).min();
-    let error = Error::usage(format!("there is no option {name:?}"));
+    let error = Error::usage(format!("unknown option {name:?}"));
     match near {
         Some((steps, own)) if steps <= own.len() / 3 + 1 => {
             error.remedy(format!("did you mean ‹{own}›?"))

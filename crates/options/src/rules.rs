@@ -22,10 +22,10 @@ pub const fn assert_rules(table: &OptionTable) {
             OptionRule::OneOf(names, _) => (names[0], *names),
             OptionRule::NotWith(name, others) | OptionRule::Needs(name, others) => (*name, *others),
         };
-        assert!(table.has(name_of(first)), "a rule names no option");
+        assert!(table.has(name_of(first)), "a rule names an unknown option");
         let mut k = 0;
         while k < others.len() {
-            assert!(table.has(name_of(others[k])), "a rule names no option");
+            assert!(table.has(name_of(others[k])), "a rule names an unknown option");
             k += 1;
         }
         i += 1;
@@ -198,7 +198,7 @@ impl GivenOptions<'_> {
                     true => Ok(()),
                     false => {
                         let (name, needed) = (self.listed(&[name]), self.listed(others));
-                        Err(Error::usage(format!("{name} cannot act without {needed}"))
+                        Err(Error::usage(format!("{name} requires {needed}"))
                             .remedy(format!("add {}, or leave {name} out", self.offered(others))))
                     }
                 }

@@ -93,7 +93,7 @@ impl OptionRange {
             (false, true, true) if least == 0.0 => "a number above zero".to_owned(),
             (false, true, false) if least == 0.0 => "a number of zero or more".to_owned(),
             (false, true, true) => format!("a number above {least}"),
-            (false, true, false) => format!("a number from {least} on"),
+            (false, true, false) => format!("a number of at least {least}"),
             (true, false, _) => format!("a number of at most {most}"),
             (false, false, _) => format!("a number from {least} to {most}"),
         }

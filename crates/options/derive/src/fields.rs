@@ -56,7 +56,7 @@ struct FieldTokens {
 pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let name = &input.ident;
     let Data::Struct(data) = &input.data else {
-        return Err(Error::new_spanned(name, "options are a struct"));
+        return Err(Error::new_spanned(name, "Options can be derived for structs only"));
     };
     let whole = whole(&input.attrs)?;
     let mut parts = FieldTokens::default();
@@ -133,7 +133,7 @@ fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
                 () if is("with") => said.codec = Some(meta.value()?.parse()?),
                 () if is("off") => said.off = Some(meta.value()?.parse()?),
                 () if is("role") => said.role = Some(meta.value()?.parse()?),
-                () => return Err(meta.error("no such attribute of an option")),
+                () => return Err(meta.error("unknown attribute of an option")),
             }
             Ok(())
         })?;
@@ -171,11 +171,11 @@ impl FieldTokens {
     ) -> Result<()> {
         let ty = &field.ty;
         let Some(ident) = &field.ident else {
-            return Err(Error::new_spanned(field, "an option has a name"));
+            return Err(Error::new_spanned(field, "an option needs a name"));
         };
         let about = docs::text(&field.attrs);
         if about.is_empty() {
-            return Err(Error::new_spanned(field, "an option has a comment"));
+            return Err(Error::new_spanned(field, "an option needs a doc comment"));
         }
         let called = said.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
         let codec = said.codec.as_ref();

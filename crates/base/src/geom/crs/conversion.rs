@@ -69,19 +69,18 @@ impl Crs {
             return by_code(code).map_err(|error| error.at(self.label()));
         }
         let refuse = |what: &str| {
-            let remedy =
-                "name a system with a place on the globe, in the file or in a .prj beside it";
+            let remedy = "set a georeferenced CRS in the file or in a .prj file beside it";
             Err(Error::unsupported(what).at(self.label()).remedy(remedy))
         };
         match self.parts().0 {
             Some(Horizontal::Projected(own)) => own.conversion().map_err(|e| e.at(self.label())),
             Some(Horizontal::Geographic(own)) => Ok(own.conversion()),
             Some(Horizontal::Local { .. }) => {
-                refuse("a local system has no place on the globe, so nothing can be transformed")
+                refuse("a local (engineering) CRS cannot be transformed")
             }
-            None if self.is_named() => refuse("it is not known how this system is computed"),
-            None => Err(Error::bad_input("it is not known where on the globe this lies")
-                .remedy("name its reference system in the file, or in a .prj beside it")),
+            None if self.is_named() => refuse("the projection of this CRS is unknown"),
+            None => Err(Error::bad_input("CRS is missing")
+                .remedy("set the CRS in the file or in a .prj file beside it")),
         }
     }
 
@@ -100,10 +99,9 @@ impl Crs {
             Some(Some(known)) => Ok(Some(known)),
             None if !self.tells_figure() => Ok(None),
             _ => {
-                let what = format!("the ellipsoid of {} is not known", self.label());
-                Err(Error::unsupported(what).remedy(
-                    "name the system by an EPSG code, or by well-known text with its ellipsoid",
-                ))
+                let what = format!("the ellipsoid of {} is unknown", self.label());
+                Err(Error::unsupported(what)
+                    .remedy("set the CRS as an EPSG code, or as WKT with its ellipsoid"))
             }
         }
     }
@@ -183,10 +181,8 @@ impl VerticalCrs {
 
 fn by_code(code: u32) -> Result<Conversion> {
     let unknown = || {
-        Error::unsupported(format!(
-            "the code {code} is not among the EPSG codes that terrane knows"
-        ))
-        .remedy("name another code of the system, or give its definition as well-known text")
+        Error::unsupported(format!("unknown EPSG code {code}"))
+            .remedy("set another EPSG code, or give the CRS as WKT")
     };
     let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
     let definition = definition.ok_or_else(unknown)?;
@@ -237,20 +233,20 @@ fn datum(nodes: &[CrsWktNode<'_>]) -> Option<(Datum, bool)> {
 
 fn no_place(kind: &str) -> Error {
     let what = match kind {
-        "geocent" => "it is of positions from the centre of the earth, not on a map",
-        _ => "it has no place on the globe that is known",
+        "geocent" => "geocentric CRSs are not supported",
+        _ => "its position on the globe is unknown",
     };
-    Error::unsupported(what).remedy("name a system of longitudes and latitudes, or of a map")
+    Error::unsupported(what).remedy("use a geographic or projected CRS")
 }
 
 fn grads() -> Error {
-    Error::unsupported("its angles are not in degrees")
-        .remedy("name a system of the same datum in degrees, or on a map")
+    Error::unsupported("angular units other than degrees are not supported")
+        .remedy("use a geographic CRS in degrees or a projected CRS on the same datum")
 }
 
 fn turned() -> Error {
-    Error::unsupported("its axes point south and west, where those of grids point east and north")
-        .remedy("name the system with axes to the east and north: EPSG:5514 for EPSG:5513")
+    Error::unsupported("axes to the south and west are not supported")
+        .remedy("use the CRS with axes to the east and north: EPSG:5514 for EPSG:5513")
 }
 
 fn faces_south(nodes: &[CrsWktNode<'_>]) -> bool {
@@ -301,9 +297,9 @@ impl Projected {
         let projection = self.method.proj(|role| self.value(role)).ok_or_else(|| {
             let name = self.method.name.replace('_', " ");
             Error::unsupported(format!(
-                "the projection {name} with these numbers cannot be computed"
+                "the projection {name} is not supported with these parameters"
             ))
-            .remedy("transform the data to another system first")
+            .remedy("reproject the data to another CRS first")
         })?;
         let [east, north] = [ProjectionParameter::Easting, ProjectionParameter::Northing]
             .map(|role| self.value(role) * self.unit.size);
@@ -405,14 +401,14 @@ mod tests {
         let local = r#"LOCAL_CS["site",UNIT["metre",1]]"#;
         let labrd = "EPSG:8441";
         for (text, word) in [
-            ("EPSG:65000", "not among the EPSG codes"),
-            ("EPSG:70001", "not among the EPSG codes"),
-            (local, "local system"),
-            ("EPSG:4978", "centre of the earth"),
-            ("EPSG:4807", "not in degrees"),
+            ("EPSG:65000", "unknown EPSG code"),
+            ("EPSG:70001", "unknown EPSG code"),
+            (local, "a local (engineering) CRS"),
+            ("EPSG:4978", "geocentric"),
+            ("EPSG:4807", "angular units"),
             ("EPSG:5513", "south and west"),
-            ("", "name its reference system"),
-            ("some words", "not known how"),
+            ("", "CRS is missing"),
+            ("some words", "projection of this CRS is unknown"),
         ] {
             let told = of_srs(text).conversion().unwrap_err().to_string();
             assert!(told.contains(word), "{text}: {told}");

@@ -161,13 +161,11 @@ impl Crs {
     pub fn lost_in_wkt(&self) -> Option<String> {
         let label = self.label();
         match self.to_wkt() {
-            None if self.is_named() => {
-                Some(format!("the CRS ({label}) is of a kind that cannot be written as text"))
-            }
+            None if self.is_named() => Some(format!("the CRS ({label}) cannot be written as WKT")),
             Some(text) if self.has_vertical() && read::parts(&text).1.is_none() => {
                 let code = self.vertical_epsg.map(|code| format!(" EPSG:{code}"));
                 let code = code.unwrap_or_default();
-                Some(format!("the vertical system{code} is not known and cannot be written"))
+                Some(format!("the vertical CRS{code} is unknown and cannot be written as WKT"))
             }
             _ => None,
         }
@@ -242,17 +240,17 @@ impl Crs {
         }
         let [own, others] = self.told_apart(other);
         let remedy = match (self.is_named(), other.is_named()) {
-            (true, true) => "bring both into one system".to_owned(),
+            (true, true) => "reproject one of them".to_owned(),
             (true, false) => {
-                format!("if it is that of the {whole}, name it in the file or in a .prj beside it")
+                format!(
+                    "if its CRS is that of the {whole}, set it in the file or in a .prj file beside it"
+                )
             }
             _ => format!(
-                "name the system of the {whole}, or write the {what} as WKT, which need not name any"
+                "set the CRS of the {whole}, or write the {what} as WKT geometry without a CRS"
             ),
         };
-        let message = format!(
-            "its coordinate reference system is {others}, and that of the {whole} is {own}"
-        );
+        let message = format!("its CRS is {others}, the CRS of the {whole} is {own}");
         Err(Error::bad_input(message).remedy(remedy))
     }
 
