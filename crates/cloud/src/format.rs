@@ -51,7 +51,7 @@ impl PointFormat {
         if number < Self::COUNT {
             return Ok(Self(number));
         }
-        Err(Error::usage(format!("there is no point format {number}")).remedy("choose 0 to 10"))
+        Err(Error::usage(format!("unknown point format {number}")).remedy("choose 0 to 10"))
     }
 
     /// Its number.

@@ -170,13 +170,12 @@ fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64;
     let name = ["x", "y", "z"][axis];
     let (steps, most) = (((high - low) / scale).round(), most - least);
     let part = if axis < 2 { "‹bounds›" } else { "‹z_range›" };
-    let what = if most < i64::from(i32::MAX) { "geometry is exact in" } else { "a file holds" };
+    let what = if most < i64::from(i32::MAX) { "of exact geometry" } else { "of a file" };
     Error::unsupported(format!(
-        "{name} reaches from {low} to {high}, over {steps} steps of {scale}, more than the {most} that {what}"
+        "{name} ranges from {low} to {high}: {steps} steps of {scale} exceed the {most} steps {what}"
     ))
     .remedy(format!(
-        "take a part with {part}, or write it with a coarser scale, for example with \
-         scale_{name} of PDAL's writers.las"
+        "crop with {part}, or rewrite with a coarser scale, for example scale_{name} of PDAL's writers.las"
     ))
 }
 
@@ -278,7 +277,7 @@ mod tests {
     fn extents_beyond_reach_are_taken_as_they_are_stored_or_refused_with_what_helps() {
         let wide = claim(0.001, 0.0, -2e6, 2e6);
         let told = common(&[wide], false).unwrap_err().to_string();
-        assert!(told.contains("from -2000000 to 2000000, over 4000000000 steps"), "{told}");
+        assert!(told.contains("from -2000000 to 2000000: 4000000000 steps"), "{told}");
         assert!(told.contains("‹bounds›"), "{told}");
         let found = common(&[wide], true).unwrap();
         assert_eq!(
@@ -295,7 +294,7 @@ mod tests {
         assert_eq!(common(&[near], true).unwrap(), common(&[near], false).unwrap());
         let far = claim(0.001, 5e6, 5e6, 5e6 + 1.0);
         let told = common(&[claim(0.001, 0.0, 0.0, 1.0), far], true).unwrap_err().to_string();
-        assert!(told.contains("from 0 to 5000001") && told.contains("a file holds"), "{told}");
+        assert!(told.contains("from 0 to 5000001") && told.contains("of a file"), "{told}");
     }
 
     #[test]

@@ -74,14 +74,14 @@ impl InMemoryCloud {
     pub fn new(positions: &[[f64; 3]], marks: Option<&[PointMarks]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
-            return Err(Error::usage(format!("{marks} marks are not of {points} points")));
+            return Err(Error::usage(format!("{marks} marks for {points} points")));
         }
         let mut span = PositionSpan::default();
         for (number, world) in positions.iter().enumerate() {
             if !world.iter().all(|coordinate| coordinate.is_finite()) {
                 return Err(Error::bad_input("a coordinate is not finite")
                     .at(format_args!("point {number}"))
-                    .remedy("leave such points out"));
+                    .remedy("remove such points"));
             }
             let found = std::array::from_fn(|axis| decimals(world[axis], span.decimals[axis]));
             span.add(*world, found);

@@ -74,14 +74,16 @@ impl PointLattice {
             let origin = fits.and_then(|d| Some((d, origin(all, axis, d)?)));
             let (decimals, origin) = origin.ok_or_else(|| {
                 let [low, high] = [all.low[axis], all.high[axis]];
-                Error::unsupported(format!("coordinates reach from {low} to {high}"))
-                    .remedy("points far off are often errors: take them out")
+                Error::unsupported(format!(
+                    "the range of coordinates is too large: {low} to {high}"
+                ))
+                .remedy("remove outliers")
             })?;
             placed.per_unit[axis] = 10_f64.powi(decimals.into());
             placed.origin[axis] = origin;
             if decimals < found[axis] || found[axis] == MOST_DECIMALS {
                 placed.note = Some(format!(
-                    "coordinates are rounded to {decimals} decimals along {}",
+                    "coordinates are rounded to {decimals} decimals in {}",
                     ["x", "y", "z"][axis]
                 ));
             }

@@ -234,9 +234,9 @@ impl RecordVisitor for RecordConverter<'_, '_> {
             };
             let place = (!self.as_stored).then_some(place);
             self.recast.push(record, place, &mut self.out).map_err(|what| {
-                Error::unsupported(format!("it has {what}, which the point format cannot hold"))
+                Error::unsupported(format!("the point format cannot store {what}"))
                     .at(format_args!("point {index}"))
-                    .remedy("choose a ‹point_format› from 6 on")
+                    .remedy("choose ‹point_format› 6 or higher")
             })?;
         }
         (self.each)(&self.out)
@@ -244,7 +244,7 @@ impl RecordVisitor for RecordConverter<'_, '_> {
 }
 
 fn no_records() -> Error {
-    Error::new(ErrorKind::Internal, "a decoder left out what was wanted")
+    Error::new(ErrorKind::Internal, "a decoder skipped a requested field")
 }
 
 impl CloudMember {

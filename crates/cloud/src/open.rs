@@ -430,13 +430,13 @@ fn notes(
     if notes.len() > MOST_NOTES {
         let more = notes.len() - MOST_NOTES;
         notes.truncate(MOST_NOTES);
-        notes.push(format!("{more} more notes on single files"));
+        notes.push(format!("{more} more notes on individual files"));
     }
     if moved != [0.0; 3] {
         let [x, y, z] = moved;
         notes.push(format!(
-            "the files differ in scale or offset: points go to steps of the finest scale and move \
-             by {x} x {y} x {z} at most"
+            "the files differ in scale or offset: points are snapped to the finest scale (by at most {x} x {y} x \
+                 {z})"
         ));
     }
     notes.extend(heights);

@@ -77,12 +77,11 @@ impl GpsTimeEpoch {
         let times = first.map_or(Self::USUAL, CloudFileOrigin::times);
         match (first, timed.find(|origin| origin.times() != times)) {
             (Some(first), Some(other)) => Err(Error::unsupported(format!(
-                "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \
-                 day on",
+                "its GPS time encoding differs from that of {} (GPS week time or another time offset)",
                 shown(first.name)
             ))
             .in_file(&path_of(other.name))
-            .remedy("write them on their own, or bring their times into one")),
+            .remedy("process the files separately, or convert their times")),
             _ => Ok(times),
         }
     }

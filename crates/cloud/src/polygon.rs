@@ -82,7 +82,7 @@ impl PolygonRings {
         let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
         self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         if self.edges.len() > MOST_EDGES {
-            return Err(Error::limit("number of edges of polygons", "2^31 or more", MOST_EDGES)
+            return Err(Error::limit("number of polygon edges", "2^31 or more", MOST_EDGES)
                 .remedy("simplify them with ‹terrane simplify›"));
         }
         self.features.resize(self.edges.len(), self.begun.saturating_sub(1));

@@ -130,15 +130,15 @@ fn older(record: &[u8]) -> Result<[u8; 6], String> {
         return Err(format!("class {class}"));
     }
     if flags & OVERLAP > 0 && class != OVERLAP_CLASS {
-        return Err("the mark of overlap".to_owned());
+        return Err("the overlap flag".to_owned());
     }
     if flags >> 4 & 3 > 0 {
-        return Err(format!("channel {} of the scanner", flags >> 4 & 3));
+        return Err(format!("scanner channel {}", flags >> 4 & 3));
     }
     let steps = i16::from_le_bytes([record[18], record[19]]);
     let degrees = (f32::from(steps) * ANGLES).round();
     if !(f32::from(i8::MIN)..=f32::from(i8::MAX)).contains(&degrees) {
-        return Err(format!("a scan angle of {} degrees", f64::from(steps) * 3.0 / 500.0));
+        return Err(format!("the scan angle {} degrees", f64::from(steps) * 3.0 / 500.0));
     }
     let [angle] = (degrees as i8).to_le_bytes();
     Ok([
@@ -221,12 +221,12 @@ mod tests {
         (16, [255, 0], Some("class 255")),
         (15, [7, 2], None),
         (15, [8, 12], None),
-        (15, [8, 2], Some("the mark of overlap")),
-        (15, [16, 2], Some("channel 1 of the scanner")),
+        (15, [8, 2], Some("the overlap flag")),
+        (15, [16, 2], Some("scanner channel 1")),
         (18, 21_249_i16.to_le_bytes(), None),
-        (18, 21_250_i16.to_le_bytes(), Some("a scan angle of 127.5 degrees")),
+        (18, 21_250_i16.to_le_bytes(), Some("the scan angle 127.5 degrees")),
         (18, (-21_416_i16).to_le_bytes(), None),
-        (18, (-21_417_i16).to_le_bytes(), Some("a scan angle of -128.502 degrees")),
+        (18, (-21_417_i16).to_le_bytes(), Some("the scan angle -128.502 degrees")),
     ];
 
     #[test]

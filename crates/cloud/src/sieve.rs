@@ -194,17 +194,16 @@ impl PointSieve {
             wanted && !self.claim.holds(record.xyz())
         };
         let Some((index, record)) = (first..).zip(records).find(is_it) else {
-            return Error::bad_input("points lie outside the bounds its header claims");
+            return Error::bad_input("points lie outside the bounds of the header");
         };
         let [x, y, z] = self.claim.world(record.xyz());
         let [low, high] = [self.claim.low, self.claim.high].map(|raw| self.claim.world(raw));
         Error::bad_input(format!(
-            "it is at {x}, {y}, {z}, outside the bounds that the header claims, {low:?} to {high:?}"
+            "position {x}, {y}, {z} is outside the bounds of the header, {low:?} to {high:?}"
         ))
         .at(format_args!("point {index}"))
         .remedy(
-            "mend the header, as pdal translate IN OUT does; ‹salvage› leaves such points out, of compressed ones all of \
-             their chunk",
+            "repair the header (pdal translate IN OUT), or skip such points, in LAZ whole chunks, with ‹salvage›",
         )
     }
 }

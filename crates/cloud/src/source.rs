@@ -85,7 +85,7 @@ pub trait PointSource: Send + Sync {
     /// An attribute that its points, or those of one of its files, do not have.
     fn columns(&self, names: &[String]) -> Result<Box<dyn AttributeSource + '_>> {
         let names = names.join(", ");
-        Err(Error::unsupported(format!("this source of points does not tell {names}")))
+        Err(Error::unsupported(format!("this point source has no attribute {names}")))
     }
 
     /// The files behind it, by name.

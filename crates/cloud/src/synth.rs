@@ -26,11 +26,12 @@ pub fn is_synthetic(input: &str) -> bool {
 /// Fails when one of `inputs` is a synthetic cloud or one in memory, where files are wanted.
 pub(super) fn refuse(inputs: &[String]) -> Result<()> {
     if inputs.iter().any(|input| is_held(input)) {
-        return Err(Error::usage("points in memory are in no file").remedy("name files of points"));
+        return Err(Error::usage("points in memory are not supported here")
+            .remedy("pass point cloud files"));
     }
     match inputs.iter().find(|input| is_synthetic(input)) {
-        Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
-            .remedy("write it with terrane synth, and give the file")),
+        Some(name) => Err(Error::usage(format!("{name:?} is a synthetic point cloud, not a file"))
+            .remedy("write it with ‹terrane synth› and pass the file")),
         None => Ok(()),
     }
 }

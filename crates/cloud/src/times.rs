@@ -45,7 +45,7 @@ impl GpsTimeEpoch {
             Self::Gps(_) if !has_time || self == Self::USUAL => Ok((STANDARD, 0)),
             Self::Gps(millions) if version >= LasVersion::V1_5 => Ok((STANDARD | OFFSET, millions)),
             Self::Gps(millions) => Err(Error::unsupported(format!(
-                "its times are GPS times less {millions} million seconds, which LAS {version} cannot say"
+                "LAS {version} does not support GPS times with an offset of {millions} million seconds"
             ))
             .remedy("write .las or .laz with ‹las_version› 1.5")),
         }
@@ -56,7 +56,7 @@ impl GpsTimeEpoch {
         match self {
             Self::Gps(millions) if packing == PointPacking::Text && self != Self::USUAL => {
                 Some(format!(
-                    "times are GPS times less {millions} million seconds, which text does not say"
+                    "times are GPS times minus {millions} million seconds; text does not record the offset"
                 ))
             }
             _ => None,

@@ -28,8 +28,8 @@ impl PointPacking {
         if self != Self::Nodes || format.is_new() && !format.has_waves() {
             return Ok(());
         }
-        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
-            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
+        Err(Error::unsupported(format!("COPC does not support point format {}", format.number()))
+            .remedy("choose point format 6, 7 or 8, or write plain .laz"))
     }
 
     /// The first format that can be so packed and holds all fields of another.
@@ -87,16 +87,18 @@ impl LasVersion {
     /// Fails where it has no points of a format, or they cannot be so packed.
     pub(crate) fn check(self, format: PointFormat, packing: PointPacking) -> Result<()> {
         match packing {
-            PointPacking::Text => Err(Error::usage("text has no version of LAS")
-                .remedy("leave ‹las_version› out, or choose a name that ends in .las or .laz")),
+            PointPacking::Text => Err(Error::usage("‹las_version› has no effect on text")
+                .remedy("leave ‹las_version› out, or write .las or .laz")),
             PointPacking::Nodes if self != Self::V1_4 => {
-                Err(Error::unsupported(format!("COPC is LAS 1.4, and not {self}"))
-                    .remedy("leave ‹las_version› out, or choose a name that ends in .laz only"))
+                Err(Error::unsupported(format!("COPC requires LAS 1.4, not {self}"))
+                    .remedy("leave ‹las_version› out, or write plain .laz"))
             }
             _ if !self.has(format) => {
                 let number = format.number();
-                Err(Error::unsupported(format!("LAS {self} has no points of format {number}"))
-                    .remedy("choose another ‹las_version› or ‹point_format›"))
+                Err(Error::unsupported(format!(
+                    "LAS {self} does not support point format {number}"
+                ))
+                .remedy("choose another ‹las_version› or ‹point_format›"))
             }
             _ => Ok(()),
         }

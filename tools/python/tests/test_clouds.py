@@ -191,7 +191,7 @@ def test_points(las: str, points: NDArray[np.float64], tmp_path: Path) -> None:
 
 def test_points_are_refused_by_name(points: NDArray[np.float64], tmp_path: Path) -> None:
     """What cannot be is told with the remedy."""
-    with pytest.raises(terrane.Error, match="name files"):
+    with pytest.raises(terrane.Error, match="pass point cloud files"):
         terrane.points(points, tmp_path / "a.laz")
     file = tmp_path / "a.xyz"
     file.write_text("1 2 3\n4 5 6\n")
@@ -199,7 +199,7 @@ def test_points_are_refused_by_name(points: NDArray[np.float64], tmp_path: Path)
         terrane.points(f"cloud:{file}", tmp_path / "a.laz", buffer=2.0)
     with pytest.raises(terrane.Error, match="classify is .*grond is none of ground"):
         terrane.points(f"cloud:{file}", tmp_path / "a.laz", classify="grond")
-    with pytest.raises(terrane.Error, match="by rule"):
+    with pytest.raises(terrane.Error, match="synthetic point cloud"):
         terrane.points("synth:cloud,size=20", tmp_path / "a.laz")
 
 

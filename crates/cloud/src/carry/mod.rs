@@ -128,7 +128,7 @@ impl<'a> PointFormatConverter<'a> {
         }
         notes.extend(left_out(&origins, format, packing));
         if packing == PointPacking::Text && extra.has_others() {
-            notes.push("extra bytes that are no numbers are left out".to_owned());
+            notes.push("extra bytes that are not numbers are left out".to_owned());
         }
         Ok(Self {
             cloud,
@@ -230,9 +230,9 @@ fn fitting(format: PointFormat, extra: &ExtraBytes) -> Result<u16> {
         return Ok(bytes as u16);
     }
     Err(Error::unsupported(format!(
-        "the files have {bytes} extra bytes together, and a record may have {most}"
+        "the extra bytes of all files ({bytes}) exceed the record limit of {most}"
     ))
-    .remedy("write some of them on their own"))
+    .remedy("process some of the files separately"))
 }
 
 fn described(extra: &ExtraBytes) -> Option<Vlr> {
@@ -256,13 +256,13 @@ fn waves(origins: &[CloudFileOrigin<'_>]) -> Result<Option<String>> {
     let Some(first) = waved.next() else { return Ok(None) };
     match waved.next() {
         Some(other) => Err(Error::unsupported(format!(
-            "its waveforms are in a file of their own, as those of {} are, and points of both cannot be in one file",
+            "merging waveforms of several files is not supported (the first is {})",
             shown(first.name)
         ))
         .in_file(&path_of(other.name))
-        .remedy("write them on their own, or leave waveforms out with ‹point_format› 6")),
+        .remedy("process the files separately, or drop waveforms with ‹point_format› 6")),
         None => Ok(Some(format!(
-            "waveforms stay where they are, in the .wdp file beside {}: copy it to the name of the output with .wdp",
+            "waveforms are not copied; copy the .wdp file of {} to the output name with extension .wdp",
             shown(first.name)
         ))),
     }
@@ -295,12 +295,11 @@ fn records(
         .iter()
         .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
     {
-        return Err(Error::unsupported("the files describe their waveforms differently")
-            .remedy("write them on their own, or leave waveforms out with ‹point_format› 6"));
+        return Err(Error::unsupported("the waveform packet descriptors of the files differ")
+            .remedy("process the files separately, or drop waveforms with ‹point_format› 6"));
     }
-    let note = (!parted.is_empty()).then(|| {
-        format!("records that are not the same in all files are left out: {}", parted.join(", "))
-    });
+    let note = (!parted.is_empty())
+        .then(|| format!("VLRs that differ between files are left out: {}", parted.join(", ")));
     Ok((shared, note.into_iter().collect()))
 }
 
@@ -314,10 +313,8 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
         !is_data && !is_ours && vlr.user != PROJECTION && (format.has_waves() || !is_wave(vlr))
     };
     if format.has_waves() && file.header.encoding & WAVES_INSIDE > 0 {
-        return Err(Error::unsupported(
-            "its waveforms are inside of the file, and they are not written yet",
-        )
-        .remedy("leave them out with ‹point_format› 6, or 7 with colours"));
+        return Err(Error::unsupported("writing internal waveform data is not supported")
+            .remedy("drop waveforms with ‹point_format› 6, or 7 with colours"));
     }
     let mut left = MOST_BYTES;
     let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
@@ -327,8 +324,8 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
 
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
-        Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
-            .remedy("take the largest of them out")
+        Error::unsupported(format!("its VLRs exceed {} MiB", MOST_BYTES >> 20))
+            .remedy("remove the largest VLRs")
     })?;
     let data = vlr.data(file)?;
     Ok(Vlr { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
@@ -352,7 +349,7 @@ fn left_out(
                 places.wave.is_some() && (own.wave.is_none() || packing == PointPacking::Text),
             ),
             (
-                "parts of a degree of scan angles",
+                "fractions of scan angles",
                 origin.las.is_some() && origin.format.is_new() && !format.is_new(),
             ),
         ]

@@ -52,7 +52,7 @@ pub(super) fn nodes(
 ) -> Result<Option<Vec<CopcNode>>> {
     let Some(info) = vlrs.first().filter(|vlr| vlr.is(OCTREE, INFO)) else { return Ok(None) };
     if info.bytes < INFO_BYTES {
-        return Err(damaged(format!("its record has {} bytes", info.bytes)));
+        return Err(damaged(format!("the info VLR is {} bytes long", info.bytes)));
     }
     let data = file.read_vec(info.at, INFO_BYTES)?;
     let (root, page) = parse(LasHeaderBytes(&data))?;
@@ -67,7 +67,7 @@ fn parse(info: LasHeaderBytes<'_>) -> Result<(CopcRootCube, CopcHierarchyPage)> 
     let low = [0, 8, 16].map(|at| info.f64(at) - half);
     let sound = half.is_finite() && half > 0.0 && low.iter().all(|v| v.is_finite());
     if !sound {
-        return Err(damaged(format!("its cube is {half} wide from {low:?} on")));
+        return Err(damaged(format!("the cube at {low:?} has half-size {half}")));
     }
     Ok((
         CopcRootCube { low, size: 2.0 * half },
@@ -82,9 +82,12 @@ fn walk(file: &RawFile, root: &CopcRootCube, first: CopcHierarchyPage) -> Result
     let mut nodes = Vec::new();
     while let Some(page) = pages.pop() {
         if page.bytes > left || !page.bytes.is_multiple_of(ENTRY_BYTES) || !seen.insert(page.at) {
-            return Err(damaged(format!("a page of {} bytes at {}", page.bytes, page.at)));
+            return Err(damaged(format!(
+                "hierarchy page of {} bytes at byte {}",
+                page.bytes, page.at
+            )));
         }
-        limits::check("bytes of a page", page.bytes, limits::MAX_BLOCK_BYTES)?;
+        limits::check("size of a hierarchy page in bytes", page.bytes, limits::MAX_BLOCK_BYTES)?;
         left -= page.bytes;
         let bytes = file.read_vec(page.at, page.bytes)?;
         for entry in bytes.chunks_exact(ENTRY_BYTES as usize) {
@@ -102,7 +105,7 @@ fn take(
     nodes: &mut Vec<CopcNode>,
 ) -> Result<()> {
     let (at, bytes, points) = (entry.u64(16), entry.i32(24), entry.i32(28));
-    let bytes = u64::try_from(bytes).map_err(|_| damaged(format!("a node of {bytes} bytes")))?;
+    let bytes = u64::try_from(bytes).map_err(|_| damaged(format!("node of {bytes} bytes")))?;
     match points {
         -1 => pages.push(CopcHierarchyPage { at, bytes }),
         0 => {}
@@ -111,7 +114,7 @@ fn take(
             let chunk = LazChunk { at, bytes, points: u64::from(points.unsigned_abs()) };
             nodes.push(CopcNode { chunk, cube: cube(root, key)? });
         }
-        _ => return Err(damaged(format!("a node of {points} points"))),
+        _ => return Err(damaged(format!("node of {points} points"))),
     }
     Ok(())
 }
@@ -121,7 +124,7 @@ fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2
     let sound = (0..MOST_LEVELS).contains(&level)
         && key.iter().all(|k| (0..1_i64 << level).contains(&i64::from(*k)));
     if !sound {
-        return Err(damaged(format!("a node {key:?} on level {level}")));
+        return Err(damaged(format!("node {key:?} on level {level}")));
     }
     let size = root.size / (1_i64 << level) as f64;
     let corner = |by: f64| std::array::from_fn(|i| root.low[i] + (f64::from(key[i]) + by) * size);
@@ -134,18 +137,18 @@ fn check(nodes: &[CopcNode], header: &LasHeader, len: u64) -> Result<()> {
     for CopcNode { chunk, .. } in nodes {
         let end = chunk.at.saturating_add(chunk.bytes);
         if chunk.at < at || end > len {
-            return Err(damaged(format!("a node of {} bytes at {}", chunk.bytes, chunk.at)));
+            return Err(damaged(format!("node of {} bytes at byte {}", chunk.bytes, chunk.at)));
         }
         at = end;
     }
     let points: u64 = nodes.iter().map(|node| node.chunk.points).sum();
     match points == header.count {
         true => Ok(()),
-        false => Err(damaged(format!("it has {points} of {} points", header.count))),
+        false => Err(damaged(format!("the nodes hold {points} of {} points", header.count))),
     }
 }
 
 fn damaged(what: String) -> Error {
-    Error::bad_input(format!("the octree (COPC) is damaged: {what}"))
+    Error::bad_input(format!("the COPC octree is damaged: {what}"))
         .remedy("copy the file again, or read it without the octree with ‹salvage›")
 }

@@ -213,20 +213,14 @@ impl ExtraBytes {
             named += ", ...";
         }
         let lost = left_out.first().map(|first| match size(first[KIND], first[OPTIONS]) {
-            Some(_) => format!(
-                "points have {bytes} extra bytes, and more are described: {named} are not there"
-            ),
-            None => format!(
-                "extra bytes are described as of kind {}, which is not known: {named} have no name",
-                first[KIND]
-            ),
+            Some(_) => format!("extra bytes {named} do not fit into the {bytes} bytes of a point"),
+            None => {
+                format!("unknown data type {} of extra bytes; {named} are left out", first[KIND])
+            }
         });
         let twice = self.dimensions.iter().filter(|dimension| dimension.before == 1);
         let twice = twice.map(|dimension| {
-            format!(
-                "several extra bytes are called \"{}\": the name means the first",
-                dimension.name()
-            )
+            format!("several extra bytes are named \"{}\"; the first is used", dimension.name())
         });
         lost.into_iter().chain(twice).collect()
     }
@@ -248,18 +242,19 @@ impl ExtraBytes {
                 Some(_) => {
                     let name = dimension.name();
                     return Err(Error::unsupported(format!(
-                        "its extra bytes \"{name}\" are of another kind, scale, offset or value for none than in other files"
+                        "its extra bytes \"{name}\" differ in type, scale, offset or nodata from those of other \
+                             files"
                     ))
-                    .remedy("write it on its own"));
+                    .remedy("process it separately"));
                 }
             }
         }
         if self.plain != other.plain {
             return Err(Error::unsupported(format!(
-                "its points have {} extra bytes that nothing describes, and those of other files {}",
+                "its points have {} undescribed extra bytes, those of other files {}",
                 other.plain, self.plain
             ))
-            .remedy("write it on its own"));
+            .remedy("process it separately"));
         }
         Ok(self)
     }
@@ -382,9 +377,9 @@ mod tests {
         assert_eq!(extra(&[ranged], 2), plain);
         let wider = extra(&[described("a", 5, None)], 4);
         let error = plain.clone().and(&wider).unwrap_err().to_string();
-        assert!(error.contains("\"a\" are of another kind"), "{error}");
+        assert!(error.contains("\"a\" differ in type"), "{error}");
         let error = plain.and(&extra(&[], 2)).unwrap_err().to_string();
-        assert!(error.contains("2 extra bytes that nothing describes"), "{error}");
+        assert!(error.contains("2 undescribed extra bytes"), "{error}");
     }
 
     #[test]
@@ -415,18 +410,18 @@ mod tests {
         let cases: [Case<'_>; 11] = [
             (vec![], &[], 5, None),
             (vec![a], &[("a", 0)], 3, None),
-            (vec![a, described("b", 5, None)], &[("a", 0)], 3, Some("\"b\" are not there")),
+            (vec![a, described("b", 5, None)], &[("a", 0)], 3, Some("\"b\" do not fit")),
             (
                 vec![described("b", 10, None), a],
                 &[],
                 5,
-                Some("5 extra bytes, and more are described: \"b\", \"a\" are"),
+                Some("\"b\", \"a\" do not fit into the 5 bytes"),
             ),
-            (vec![a, described("b", 31, None), a], &[("a", 0)], 3, Some("kind 31")),
+            (vec![a, described("b", 31, None), a], &[("a", 0)], 3, Some("data type 31")),
             (vec![a, of_no_kind(1), described("c", 1, None)], &[("a", 0), ("c", 3)], 1, None),
             (vec![of_no_kind(0), a], &[("a", 0)], 3, None),
             (vec![described("p", 13, None)], &[("p[0]", 0), ("p[1]", 2)], 1, None),
-            (vec![a, a], &[("a", 0), ("a", 2)], 1, Some("several extra bytes are called \"a\"")),
+            (vec![a, a], &[("a", 0), ("a", 2)], 1, Some("several extra bytes are named \"a\"")),
             (vec![behind, described(name, 1, None)], &[("a", 0), (name, 2)], 2, None),
             (vec![umlaut], &[("H\u{f6}he", 0)], 3, None),
         ];

@@ -52,14 +52,16 @@ impl LasHeader {
     /// From the first bytes of a file of `len` bytes.
     pub(super) fn parse(head: &[u8], len: u64) -> Result<Self> {
         if !head.starts_with(b"LASF") {
-            return Err(Error::bad_input("is not a LAS or LAZ file: it does not begin with LASF")
-                .remedy("copy it again, or name another file"));
+            return Err(Error::bad_input(
+                "is not a LAS or LAZ file: the signature LASF is missing",
+            )
+            .remedy("copy the file again, or use another file"));
         }
         if head.len() < usize::from(SIZES[0]) {
             return Err(Error::bad_input(format!(
-                "file is truncated: its {len} bytes hold no header"
+                "file is truncated: {len} bytes are too short for a header"
             ))
-            .remedy("copy it again"));
+            .remedy("copy the file again"));
         }
         let header = Self::read(LasHeaderBytes(head));
         header.check_version()?;
@@ -102,12 +104,12 @@ impl LasHeader {
     fn check_version(&self) -> Result<()> {
         let [major, minor] = self.version;
         if (major, minor) < (1, 0) || (major, minor) > (1, 5) {
-            let message = format!("LAS version {major}.{minor} is not known");
-            return Err(Error::unsupported(message).remedy("versions 1.0 to 1.5 are read"));
+            let message = format!("unknown LAS version {major}.{minor}");
+            return Err(Error::unsupported(message).remedy("use a version from 1.0 to 1.5"));
         }
         if self.format >= PointFormat::COUNT {
-            let message = format!("point format {} is not known", self.format);
-            return Err(Error::unsupported(message).remedy("formats 0 to 10 are read"));
+            let message = format!("unknown point format {}", self.format);
+            return Err(Error::unsupported(message).remedy("use a format from 0 to 10"));
         }
         Ok(())
     }
@@ -116,23 +118,24 @@ impl LasHeader {
         limits::check("number of points", self.count, limits::MAX_POINTS)
             .map_err(|e| e.remedy("copy the file again"))?;
         let size = SIZES[usize::from(self.version[1].saturating_sub(2))];
-        let damaged = |message: String| Err(Error::bad_input(message).remedy("copy it again"));
+        let damaged =
+            |message: String| Err(Error::bad_input(message).remedy("copy the file again"));
         if self.size < size {
             return damaged(format!(
-                "the header claims {} bytes, and one of version 1.{} has {size}",
+                "the header is {} bytes long, version 1.{} requires {size}",
                 self.size, self.version[1]
             ));
         }
         if self.points_at < u64::from(self.size) || self.points_at > len {
             return damaged(format!(
-                "points are said to begin at byte {}, and the header ends at {} and the file at {len}",
+                "the point offset {} is outside the file (header ends at {}, file at {len})",
                 self.points_at, self.size
             ));
         }
         let least = least(self.format);
         if self.record < least {
             return damaged(format!(
-                "points are said to have {} bytes, and those of format {} have {least} or more",
+                "the record length is {}, point format {} requires {least} or more",
                 self.record, self.format
             ));
         }
@@ -144,16 +147,16 @@ impl LasHeader {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let (scale, offset) = (self.scale[axis], self.offset[axis]);
             if !(scale.is_normal() && scale > 0.0 && offset.is_finite()) {
-                let message = format!("the scale of {name} is {scale} and its offset {offset}");
+                let message = format!("the scale of {name} is {scale} with offset {offset}");
                 return Err(Error::bad_input(message)
-                    .remedy("the scale must be above zero; write the file again"));
+                    .remedy("rewrite the file with a positive scale and a finite offset"));
             }
             let (low, high) = (self.low[axis], self.high[axis]);
             let sound = low.is_finite() && high.is_finite() && low <= high;
             if self.count > 0 && !sound {
-                let message = format!("the bounds of {name} are said to be {low} to {high}");
+                let message = format!("the bounds of {name} are invalid: {low} to {high}");
                 return Err(Error::bad_input(message)
-                    .remedy("mend the header, for example with pdal translate IN OUT"));
+                    .remedy("repair the header, for example with pdal translate IN OUT"));
             }
         }
         Ok(())
@@ -195,11 +198,14 @@ fn count(b: LasHeaderBytes<'_>, is_long: bool) -> (u64, Vec<String>) {
     let wide = if is_long { b.u64(247) } else { narrow };
     match (wide, narrow) {
         (0, 1..) => {
-            let note = format!("only the old count of points is set: {narrow}");
+            let note = format!("only the legacy point count is set: {narrow}");
             (narrow, vec![note])
         }
         (_, 1..) if wide != narrow => {
-            let note = format!("two counts of points differ: {wide}, which is used, and {narrow}");
+            let note = format!(
+                "the point count {wide} differs from the legacy point count {narrow}; the former is \
+                 used"
+            );
             (wide, vec![note])
         }
         _ => (wide, Vec::new()),

@@ -70,10 +70,8 @@ impl LasFile {
             (false, _) => None,
             (true, Some(vlr)) => Some(LazLayout::parse(&vlr.data(file)?, &header)?),
             (true, None) => {
-                return Err(Error::bad_input(
-                    "its points are compressed, and the LASzip record is missing",
-                )
-                .remedy("copy the file again"));
+                return Err(Error::bad_input("the LASzip VLR of the compressed points is missing")
+                    .remedy("copy the file again"));
             }
         };
         let nodes = match &layout {
@@ -84,7 +82,7 @@ impl LasFile {
         };
         let nodes = match nodes {
             Err(error) if salvage => {
-                notes.push(format!("the octree is not used: {error}"));
+                notes.push(format!("the octree is ignored: {error}"));
                 None
             }
             nodes => nodes?,
@@ -111,9 +109,9 @@ impl LasFile {
         if file.size() == self.len {
             return Ok(file);
         }
-        Err(Error::bad_input("has changed since it was opened")
+        Err(Error::bad_input("changed while it was read")
             .in_file(&self.path)
-            .remedy("start again when nothing writes to it"))
+            .remedy("run again when no other program writes to it"))
     }
 }
 
@@ -126,10 +124,10 @@ fn extra_bytes(
 ) -> Result<ExtraBytes> {
     let found: Vec<_> = vlrs.iter().filter(|vlr| vlr.is(extra::USER, extra::NUMBER)).collect();
     let bytes = found.iter().map(|vlr| vlr.bytes).sum();
-    limits::check("bytes that describe extra bytes", bytes, limits::MAX_HEADER_BYTES)?;
+    limits::check("size of the Extra Bytes VLR in bytes", bytes, limits::MAX_HEADER_BYTES)?;
     let described = found.iter().map(|vlr| vlr.data(file)).collect::<Result<Vec<_>>>()?.concat();
     if found.len() > 1 {
-        notes.push(format!("{} records describe extra bytes: they are read as one", found.len()));
+        notes.push(format!("{} Extra Bytes VLRs are read as one", found.len()));
     }
     let (extra, odd) = ExtraBytes::of(&described, header.extra_bytes().into());
     notes.extend(odd);

@@ -66,7 +66,7 @@ pub(super) fn plain(
 
 fn lacking(claimed: u64, there: u64) -> Error {
     Error::bad_input(format!(
-        "file is truncated or damaged: {claimed} points claimed, {there} there"
+        "file is truncated or damaged: expected {claimed} points, found {there}"
     ))
     .remedy("copy the file again, or read the good part with ‹salvage›")
 }
@@ -79,11 +79,13 @@ fn more(claimed: u64, there: u64, salvage: bool) -> Result<Option<String>> {
     let Some(more) = there.checked_sub(claimed).filter(|more| *more > 0) else { return Ok(None) };
     match claimed == 0 && !salvage {
         true => Err(Error::bad_input(format!(
-            "its header claims no points, and there is room for {there}: it was not written to its end"
+            "the header states 0 points, the file has space for {there} (unfinished file)"
         ))
-        .remedy("put the count and the bounds into the header, for example with lasinfo -repair")),
+        .remedy(
+            "repair the point count and bounds of the header, for example with lasinfo -repair",
+        )),
         false => Ok(Some(format!(
-            "behind the {claimed} points that the header claims there is room for {more}, which are not read"
+            "{more} possible points after the {claimed} points of the header are ignored"
         ))),
     }
 }

@@ -121,7 +121,7 @@ impl LasFile {
         })?;
         let Err(what) = decoded else { return Ok(0) };
         let last = part.first + part.points - 1;
-        Err(Error::bad_input(format!("it is damaged: {what}"))
+        Err(Error::bad_input(format!("chunk is damaged: {what}"))
             .at(format_args!("chunk {number}, points {} to {last}", part.first))
             .remedy("copy the file again, or read the good part with ‹salvage›"))
     }

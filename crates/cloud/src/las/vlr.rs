@@ -31,7 +31,7 @@ impl VlrHeader {
 
     /// The data.
     pub(crate) fn data(&self, file: &RawFile) -> Result<Vec<u8>> {
-        limits::check("bytes of a record", self.bytes, limits::MAX_HEADER_BYTES)?;
+        limits::check("size of a VLR in bytes", self.bytes, limits::MAX_HEADER_BYTES)?;
         file.read_vec(self.at, self.bytes)
     }
 }
@@ -64,13 +64,10 @@ pub(super) fn all(
 fn misplaced(header: &LasHeader, least: u64) -> String {
     let at = header.evlrs_at;
     let place = match at < header.points_at {
-        true => format!("in the header and its records, which end at {}", header.points_at),
-        false => format!("among the points, which end at {least}"),
+        true => format!("inside the header, which ends at {}", header.points_at),
+        false => format!("inside the points, which end at {least}"),
     };
-    format!(
-        "0 of {} {} are there: the offset {at} of the first lies {place}",
-        header.evlrs, NAMES[1]
-    )
+    format!("0 of {} {} read: the offset {at} is {place}", header.evlrs, NAMES[1])
 }
 
 /// Records one after the other.
@@ -94,7 +91,7 @@ impl VlrSequence {
         for number in 0..self.count {
             let data = at.saturating_add(head);
             if data > self.end {
-                notes.push(format!("{number} of {} {} are there", self.count, self.name()));
+                notes.push(format!("{number} of {} {} read", self.count, self.name()));
                 return Ok(());
             }
             let bytes = file.read_vec(at, head)?;
@@ -102,7 +99,7 @@ impl VlrSequence {
             let end = data.saturating_add(vlr.bytes);
             if end > self.end {
                 notes.push(format!(
-                    "{number} of {} {} are there: the next claims {} bytes",
+                    "{number} of {} {} read: the next states {} bytes",
                     self.count,
                     self.name(),
                     vlr.bytes

@@ -79,9 +79,9 @@ pub enum ChunkDamage {
 impl fmt::Display for ChunkDamage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Short => f.write_str("the chunk ends before its last stream does"),
+            Self::Short => f.write_str("the chunk is truncated"),
             Self::Count(held) => write!(f, "the chunk holds only {held} points"),
-            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends elsewhere"),
+            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged"),
         }
     }
 }

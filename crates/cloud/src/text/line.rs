@@ -159,7 +159,7 @@ impl PointLineGrammar {
         }
         let columns = NAMES.map(|known| names.iter().position(|n| known.contains(&n.as_str())));
         match columns[..NEEDED].iter().position(Option::is_none) {
-            Some(missing) => Err(format!("the heading names no {}", NAMES[missing][0])),
+            Some(missing) => Err(format!("the header line has no column {}", NAMES[missing][0])),
             None => {
                 let told = plain.fields(line).map(|name| String::from_utf8_lossy(name).into());
                 let told: Vec<String> = told.collect();
@@ -216,7 +216,7 @@ impl PointLineGrammar {
 
     /// What the columns leave open.
     pub(super) fn notes(&self) -> Vec<String> {
-        let text = "no column is named classification: all points have class 0";
+        let text = "column classification is missing; all points have class 0";
         let class = self.columns[NEEDED].is_none().then(|| text.to_owned());
         let mut others = self.others.iter().take(MOST_TOLD).cloned().collect::<Vec<_>>().join(", ");
         if self.others.len() > MOST_TOLD {
@@ -224,10 +224,10 @@ impl PointLineGrammar {
         }
         let others = match (self.has_heading, self.count.saturating_sub(NEEDED)) {
             (true, _) if others.is_empty() => None,
-            (true, _) => Some(format!("columns that are not read: {others}")),
+            (true, _) => Some(format!("ignored columns: {others}")),
             (false, 0) => None,
             (false, more) => {
-                Some(format!("no line names the columns: the {more} after the third are not read"))
+                Some(format!("no header line; the {more} columns after the third are ignored"))
             }
         };
         class.into_iter().chain(others).collect()
@@ -246,15 +246,15 @@ impl PointLineGrammar {
             }
         }
         if count != self.count && count >= NEEDED {
-            return Err(format!("{count} columns, where the first line has {}", self.count));
+            return Err(format!("{count} columns, expected {}", self.count));
         }
         let mut values = TextPointValues { returns: [1, 1], ..TextPointValues::default() };
         for axis in 0..3 {
-            let field = found[axis].ok_or_else(|| format!("there is no {}", NAMES[axis][0]))?;
+            let field = found[axis].ok_or_else(|| format!("{} is missing", NAMES[axis][0]))?;
             let parsed = number(field, self.separator == PointTextSeparator::Semicolon);
             let (value, decimals) = parsed.ok_or_else(|| {
                 let field = String::from_utf8_lossy(&field[..field.len().min(40)]);
-                format!("{field:?} is no finite number")
+                format!("{field:?} is not a finite number")
             })?;
             (values.world[axis], values.decimals[axis]) = (value, decimals);
         }
@@ -264,8 +264,8 @@ impl PointLineGrammar {
                 let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
                 let value = text.parse::<f64>().ok().filter(|v| v.fract() == 0.0);
                 let value = value.filter(|v| (0.0..=f64::from(most)).contains(v)).map(|v| v as u8);
-                let what = if most == MOST_RETURNS { "number of a return" } else { "class" };
-                value.ok_or_else(|| format!("{text:?} is no {what}, which is 0 to {most}"))
+                let what = if most == MOST_RETURNS { "return number" } else { "class" };
+                value.ok_or_else(|| format!("{text:?} is not a {what} from 0 to {most}"))
             }
         };
         values.class = small(found[3], 0, u8::MAX)?;
@@ -283,7 +283,7 @@ impl PointLineGrammar {
         let mut fields = self.fields(line).enumerate();
         for (at, field) in &self.fields {
             let Some((_, text)) = fields.by_ref().find(|(number, _)| number == at) else {
-                return Err(format!("there is no {}", field.name()));
+                return Err(format!("{} is missing", field.name()));
             };
             match (number(text, self.separator == PointTextSeparator::Semicolon), field.value) {
                 (Some((value, _)), _) => field.set(record, value)?,
@@ -294,7 +294,7 @@ impl PointLineGrammar {
                 }
                 _ => {
                     let text = String::from_utf8_lossy(&text[..text.len().min(40)]);
-                    return Err(format!("{text:?} is no {}", field.name()));
+                    return Err(format!("{text:?} is not a valid {}", field.name()));
                 }
             }
         }
@@ -441,7 +441,7 @@ mod tests {
         ];
         assert_eq!(told, expected.map(|(name, value)| (name.to_owned(), value)));
         assert_eq!(values.returns, [1, 1]);
-        assert!(all.notes().contains(&"columns that are not read: foo, foo".to_owned()));
+        assert!(all.notes().contains(&"ignored columns: foo, foo".to_owned()));
         let odd = all.values(b"1 2 3 1 2 3 4 NaN 0 1 5 6").unwrap();
         assert!(all.time(&odd).unwrap().is_nan());
         for bad in ["70000 1 1 1 1 1 0 0 5 6", "1 1 1 1 1 1 2 0 5 6", "1 1 1 1 1 x 0 0 5 6"] {

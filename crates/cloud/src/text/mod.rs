@@ -94,7 +94,7 @@ impl TextFile {
             if let Some((line, what)) = &survey.bad {
                 return Err(Error::bad_input(what.clone())
                     .at(format_args!("line {}", number + line + 1))
-                    .remedy("‹salvage› passes such lines over"));
+                    .remedy("pass ‹salvage› to skip such lines"));
             }
             number += survey.lines;
         }
@@ -154,9 +154,9 @@ impl TextFile {
         let PointTextPart { at, first, .. } = self.parts[part];
         let file = RawFile::open(&self.path)?;
         if file.size() != self.len {
-            return Err(Error::bad_input("has changed since it was opened")
+            return Err(Error::bad_input("changed while it was read")
                 .in_file(&self.path)
-                .remedy("start again when nothing writes to it"));
+                .remedy("run again when no other program writes to it"));
         }
         let (mut block, mut next, mut lost) = (Vec::with_capacity(BLOCK), first, 0);
         self.lines.each(&file, at, |text| {
@@ -194,7 +194,7 @@ impl PointTextLayout {
             }
             (at, before) = (at + line.len() as u64, before + 1);
         }
-        Err(not_points(format!("its first {} bytes hold no point", head.len())))
+        Err(not_points(format!("no point within the first {} bytes", head.len())))
     }
 
     /// Does `work` with what holds anything of the lines that begin in a part; returns how many lines
@@ -257,7 +257,7 @@ fn wider([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
 
 fn not_points(what: String) -> Error {
     Error::bad_input(format!("is not a point cloud: {what}"))
-        .remedy("name a .las or .laz file, or text with x y z on each line")
+        .remedy("use a .las or .laz file, or text with x y z on each line")
 }
 
 /// The system of a `.prj` file beside the points.

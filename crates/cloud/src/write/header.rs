@@ -99,7 +99,7 @@ impl LasHeaderDraft {
         if self.version >= LasVersion::V1_4 || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
         }
-        let message = format!("LAS {} cannot count {} points", self.version, tally.count());
+        let message = format!("LAS {} cannot store {} points", self.version, tally.count());
         Err(Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8"))
     }
 
@@ -168,17 +168,15 @@ impl LasHeaderDraft {
 }
 
 fn no_text(crs: &Crs) -> Error {
-    let message = format!(
-        "LAS 1.5 has reference systems as well-known text only, and {} cannot be written so",
-        crs.label()
-    );
+    let message =
+        format!("LAS 1.5 requires the CRS as WKT, and {} cannot be written as WKT", crs.label());
     Error::new(ErrorKind::CannotWrite, message).remedy("choose ‹las_version› 1.4")
 }
 
 fn too_long(vlr: &Vlr) -> Error {
     let (name, length) = (vlr.name(), vlr.data.len());
     let message = format!(
-        "the record {name} takes {length} bytes, and one of this version holds {MOST_BYTES}"
+        "the VLR {name} ({length} bytes) exceeds the limit of {MOST_BYTES} bytes of this LAS version"
     );
     Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
 }
@@ -187,7 +185,7 @@ fn too_long(vlr: &Vlr) -> Error {
 fn laz(layout: &PointLayout) -> Result<Option<Vlr>> {
     let Some(laz) = layout.vlr() else { return Ok(None) };
     let mut data = Vec::new();
-    let fault = |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
+    let fault = |e| Error::new(ErrorKind::Internal, format!("cannot make the LASzip VLR: {e}"));
     laz.write_to(&mut data).map_err(fault)?;
     let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
     Ok(Some(Vlr { user: user.into(), number, about: laz::LazVlr::DESCRIPTION.into(), data }))

@@ -29,7 +29,7 @@ impl PointColumn {
             return Err(format!("{number} does not fit into {}", self.name));
         }
         if self.none == Some(stored) {
-            return Err(format!("{number} stands for no value in {}", self.name));
+            return Err(format!("{number} is the nodata value of {}", self.name));
         }
         self.value.put(stored, &mut record[self.at..]);
         Ok(())

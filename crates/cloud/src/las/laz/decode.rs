@@ -166,7 +166,7 @@ fn go(
     }
     Ok(match stream.end() {
         Ok(0) => Ok(()),
-        Ok(bytes) => Err(format!("{bytes} bytes follow its last point")),
+        Ok(bytes) => Err(format!("{bytes} bytes follow the last point")),
         Err(what) => Err(what.to_string()),
     })
 }
@@ -174,14 +174,14 @@ fn go(
 /// Its layers must lie in the chunk, and its points be those that the file claims.
 fn check(layout: &LazLayout, bytes: &[u8], count: u64) -> std::result::Result<(), String> {
     if (bytes.len() as u64) < layers::head_bytes(layout) {
-        return Err(format!("its {} bytes do not hold its head", bytes.len()));
+        return Err(format!("{} bytes are too short for the chunk header", bytes.len()));
     }
     let (points, claimed) = layers::claims(layout, bytes);
     if claimed > bytes.len() as u64 {
-        return Err(format!("its layers claim {claimed} of its {} bytes", bytes.len()));
+        return Err(format!("the layers state {claimed} bytes, the chunk has {}", bytes.len()));
     }
     if points != count {
-        return Err(format!("it claims {points} points, and the file {count} for it"));
+        return Err(format!("the chunk states {points} points, expected {count}"));
     }
     Ok(())
 }

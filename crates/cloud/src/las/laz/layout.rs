@@ -60,7 +60,7 @@ impl LazLayout {
             (2, 0) => LazCompressor::Chunks,
             (3, 0) => LazCompressor::Layers,
             (kind, coder) => {
-                let message = format!("compressor {kind} with coder {coder} is not known");
+                let message = format!("unknown compressor {kind} with coder {coder}");
                 return Err(unsupported(message));
             }
         };
@@ -80,7 +80,7 @@ fn schema(items: &[[u16; 3]]) -> Result<LaszipSchema> {
         version: *version,
     };
     LaszipSchema::new(&items.iter().map(item).collect::<Vec<_>>())
-        .map_err(|item| unsupported(format!("its compression of {item}, is not known")))
+        .map_err(|item| unsupported(format!("unknown compression of {item}")))
 }
 
 fn unsupported(what: String) -> Error {
@@ -97,21 +97,21 @@ fn items(
 ) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
     if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
-        return Err(damaged(format!("{count} items in {len} bytes")));
+        return Err(damaged(format!("{count} items do not fit into {len} bytes")));
     }
     let items: Vec<[u16; 3]> = (0..count)
         .map(|i| [0, 2, 4].map(|field| b.u16(HEAD_BYTES + i * ITEM_BYTES + field)))
         .collect();
     let kinds: Vec<[u16; 2]> = items.iter().map(|[kind, bytes, _]| [*kind, *bytes]).collect();
     if kinds != expected(header) {
-        return Err(damaged(format!("its items are not those of point format {}", header.format)));
+        return Err(damaged(format!("the items do not match point format {}", header.format)));
     }
     let versions = if compressor == LazCompressor::Layers { 3..=4 } else { 1..=2 };
     let version = items[0][2];
     // Waves have had no second version.
     let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
     if !versions.contains(&version) || items.iter().any(is_odd) {
-        return Err(unsupported(format!("items of version {version} are not known")));
+        return Err(unsupported(format!("unknown item version {version}")));
     }
     Ok(items)
 }
@@ -150,5 +150,5 @@ fn layers(kind: LazItemType) -> usize {
 }
 
 fn damaged(what: String) -> Error {
-    Error::bad_input(format!("the LASzip record is damaged: {what}")).remedy("copy the file again")
+    Error::bad_input(format!("the LASzip VLR is damaged: {what}")).remedy("copy the file again")
 }

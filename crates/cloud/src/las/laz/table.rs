@@ -75,7 +75,7 @@ pub(crate) fn read(
         }
         Err(missing) if salvage || missing.is_unfinished => {
             let table = without(file, header, layout, first)?;
-            let note = format!("{}; chunks were found without it", missing.what);
+            let note = format!("{}; chunks were located without it", missing.what);
             Ok((table, LazTableFindings { note: Some(note), more: 0 }))
         }
         Err(missing) => Err(Error::bad_input(missing.what)
@@ -112,7 +112,7 @@ fn place(file: &RawFile, first: u64) -> std::result::Result<u64, MissingChunkTab
     match place.checked_add(HEAD_BYTES) {
         Some(end) if end <= file.size() => Ok(place),
         _ => Err(missing(format!(
-            "file is truncated: its chunk table is said to be at byte {place}, and it ends at {}",
+            "file is truncated: the chunk table offset is {place}, the file ends at byte {}",
             file.size()
         ))),
     }
@@ -133,7 +133,9 @@ fn entries(
     // A chunk begins with a whole point.
     let most = (place - first) / layout.record.max(1) as u64 + 1;
     if version != 0 || count > most {
-        return Err(missing(format!("the chunk table claims {count} chunks, version {version}")));
+        return Err(missing(format!(
+            "the chunk table is invalid: {count} chunks, version {version}"
+        )));
     }
     let bytes = (count * MOST_ENTRY_BYTES + MOST_ENTRY_BYTES).min(file.size() - place - HEAD_BYTES);
     let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
@@ -174,7 +176,7 @@ fn placed(
         let bytes = u64::from(*bytes);
         if bytes > room.end - at {
             return Err(missing(format!(
-                "the chunk table claims {bytes} bytes for chunk {number}, where {} are left",
+                "the chunk table states {bytes} bytes for chunk {number}, {} are left",
                 room.end - at
             )));
         }
@@ -190,11 +192,11 @@ fn placed(
     }
     if at < room.end {
         let (has, bytes) = (at - room.start, room.end - room.start);
-        return Err(missing(format!("the chunk table has {has} of {bytes} bytes of points")));
+        return Err(missing(format!("the chunk table covers {has} of {bytes} bytes of points")));
     }
     if left > 0 {
         let has = count - left;
-        return Err(missing(format!("the chunk table has {has} of {count} points")));
+        return Err(missing(format!("the chunk table covers {has} of {count} points")));
     }
     Ok((chunks, more))
 }
@@ -212,7 +214,7 @@ fn without(
         (LazCompressor::Layers, _) => walk(file, header, layout, first)?,
         (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
         (_, None) => {
-            let what = "without its chunk table, the chunks of this file cannot be told apart";
+            let what = "chunks of variable size cannot be located without the chunk table";
             return Err(Error::bad_input(what).remedy("copy the file again"));
         }
     };
