@@ -70,7 +70,7 @@ pub(super) fn check(
 /// The error of a format whose `limit` ("4294967295 bytes") does not suffice.
 pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -> Error {
     let mesh = format!("{vertices} vertices and {triangles} triangles");
-    let message = format!("{name} holds at most {limit}; a mesh of {mesh} or more does not fit");
+    let message = format!("{name} holds at most {limit}; the mesh has at least {mesh}");
     let error = Error::new(ErrorKind::CannotWrite, message);
     match others(|f| f.name != name && (f.most)().holds(vertices, triangles)) {
         names if names.is_empty() => error,
@@ -88,11 +88,11 @@ pub(super) fn check_channels(
         return Ok(());
     }
     let what = match carries {
-        VertexCapabilities::Colours => "colours (three or four bands of 8 bits) at vertices alone",
-        _ => "no channels at vertices",
+        VertexCapabilities::Colours => "only vertex colours (three or four bands of 8 bits)",
+        _ => "no vertex channels",
     };
     let others = others(|f| f.carries.holds(channels));
-    Err(Error::usage(format!("{name} holds {what}")).remedy(format!("write {others}")))
+    Err(Error::usage(format!("{name} supports {what}")).remedy(format!("write {others}")))
 }
 
 /// The names of the formats that would do.

@@ -82,7 +82,7 @@ pub(crate) fn check_values(
 ) -> Result<()> {
     if values.len() != vertices * channels.len() {
         let (given, needed) = (values.len(), vertices * channels.len());
-        return Err(Error::usage(format!("{given} values for {needed} channels of vertices")));
+        return Err(Error::usage(format!("expected {needed} channel values, found {given}")));
     }
     let fits = |kind: ChannelKind, value: f64| match kind {
         ChannelKind::Byte => value == f64::from(value as u8),
@@ -93,7 +93,7 @@ pub(crate) fn check_values(
     match all.find(|(value, channel)| !fits(channel.kind, **value)) {
         None => Ok(()),
         Some((value, VertexChannel { name, .. })) => {
-            Err(Error::bad_input(format!("a vertex has {value} as {name}, which its type is not")))
+            Err(Error::bad_input(format!("the channel {name} cannot store the value {value}")))
         }
     }
 }
@@ -198,10 +198,10 @@ mod tests {
         }
         assert!(format("PLY").check_channels(&number).is_ok());
         let told = |name, channels| format(name).check_channels(channels).unwrap_err().to_string();
-        assert!(told("GLB", &number).contains("GLB holds colours"));
+        assert!(told("GLB", &number).contains("GLB supports only vertex colours"));
         assert!(told("GLB", &number).ends_with("write PLY"));
         for name in ["STL", "OBJ"] {
-            assert!(told(name, &colour).contains("no channels"), "{}", told(name, &colour));
+            assert!(told(name, &colour).contains("no vertex channels"), "{}", told(name, &colour));
             assert!(told(name, &colour).ends_with("write PLY or GLB-meshopt or GLB"));
         }
     }

@@ -159,7 +159,7 @@ impl<'a> DxfGroupReader<'a> {
         self.start = TextLineMark { offset, line, vertices: 0 };
         self.code = self.number()?;
         if !self.lines.advance()? {
-            return Err(self.lines.bad("ends within a group"));
+            return Err(self.lines.bad("truncated group"));
         }
         Ok(true)
     }
@@ -202,7 +202,7 @@ impl<'a> DxfGroupReader<'a> {
             return Err(self
                 .lines
                 .unsupported("3DFACE has four corners")
-                .remedy("faces must have three corners each; triangulate it first"));
+                .remedy("triangulate the mesh first"));
         }
         Ok([a, b, c])
     }
@@ -221,7 +221,7 @@ impl DxfSource {
         let input = MeshFile::open(path)?;
         if input.head(BINARY.len())? == BINARY {
             let error = input.unsupported("is a binary DXF file");
-            return Err(error.remedy("write it as text"));
+            return Err(error.remedy("convert it to ASCII DXF"));
         }
         let mut faces = SparseIndex::new();
         let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
@@ -250,10 +250,10 @@ impl DxfSource {
             }
         }
         if !is_over {
-            return Err(input.bad("does not end in EOF").remedy("write or copy it again"));
+            return Err(input.bad("EOF is missing").remedy("write or copy the file again"));
         }
         if faces.count() == 0 && comments.is_empty() {
-            return Err(input.unsupported("has no 3DFACE among its entities"));
+            return Err(input.unsupported("has no 3DFACE entities"));
         }
         let info = info(faces.count(), comments, (unit, others));
         drop(pairs);
@@ -282,13 +282,13 @@ impl DxfSource {
                 return Ok(());
             }
         }
-        Err(self.input.bad("has become shorter since it was opened"))
+        Err(self.input.bad("changed while it was read"))
     }
 }
 
 fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
     let others = (others > 0)
-        .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
+        .then(|| ("passed over".to_owned(), format!("{others} entities other than 3DFACE")));
     let details = unit.map(|unit| ("unit".to_owned(), unit)).into_iter().chain(others).collect();
     let plain = MeshInfo::plain(FORMAT.name, 3 * triangles, triangles);
     MeshInfo { details, indexed: false, ..plain }.with_comments(comments)

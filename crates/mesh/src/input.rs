@@ -28,7 +28,7 @@ impl MeshFile {
         let fail = |e| Error::read(path, e);
         let meta = std::fs::metadata(path).map_err(fail)?;
         if !meta.is_file() {
-            return Err(Error::bad_input("not a plain file").in_file(path));
+            return Err(Error::bad_input("not a regular file").in_file(path));
         }
         let file = File::open(path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
@@ -188,7 +188,10 @@ impl MeshFileLines<'_> {
 pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Result<()> {
     match first.checked_add(count as u64) {
         Some(end) if end <= most => Ok(()),
-        _ => Err(Error::usage(format!("{count} {what} from {first} on asked of {most}"))),
+        _ => Err(Error::usage(format!(
+            "the range of {count} {what} from {first} exceeds the {most} {what} of the \
+             mesh"
+        ))),
     }
 }
 
@@ -196,8 +199,10 @@ pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Re
 pub(super) fn check_corners(index: u64, corners: &[u64; 3], vertices: u64) -> Result<()> {
     match corners.iter().find(|&&id| id >= vertices) {
         None => Ok(()),
-        Some(id) => Err(Error::bad_input(format!("vertex {id} does not exist, of {vertices}"))
-            .at(format!("triangle {index}"))),
+        Some(id) => Err(Error::bad_input(format!(
+            "vertex {id} does not exist (the mesh has {vertices} vertices)"
+        ))
+        .at(format!("triangle {index}"))),
     }
 }
 

@@ -53,21 +53,23 @@ const IMPERIAL: &str = "Imperial areaUnit=\"squareFoot\" volumeUnit=\"cubicFeet\
 /// The unit of a system, as an element; what is not known is taken for metres.
 fn unit(crs: &Crs) -> Result<String> {
     let refused = |why: String| {
-        Error::unsupported(format!("LandXML has one unit of length for x, y and z: {why}"))
+        Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
             .remedy("write PLY or OBJ, or reproject the data")
     };
     let across = crs.horizontal_metres();
     if across.is_none() && crs.horizontal_unit() == "degree" {
-        return Err(refused("x and y are degrees".to_owned()));
+        return Err(refused("x and y are in degrees".to_owned()));
     }
     let metres = across.unwrap_or(1.0);
     let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     if let Some(up) = crs.vertical_metres().filter(|up| !is(*up, metres)) {
-        return Err(refused(format!("one of x is {metres} metres, and one of z {up}")));
+        return Err(refused(format!(
+            "the horizontal unit is {metres} m, the vertical unit {up} m"
+        )));
     }
     let found = UNITS.iter().find(|(_, known, _)| is(*known, metres));
     let (name, _, system) =
-        found.ok_or_else(|| refused(format!("none of its units has {metres} metres")))?;
+        found.ok_or_else(|| refused(format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))
 }
 
@@ -191,7 +193,7 @@ impl LandXmlPointIds {
             Some(run) if run.number.checked_add(run.points) == Some(number) => run.points += 1,
             _ => self.runs.push(LandXmlPointIdRun { number, first, points: 1 }),
         }
-        limits::check("runs of numbers of points", self.runs.len() as u64, MOST_RUNS)
+        limits::check("number of runs of point ids", self.runs.len() as u64, MOST_RUNS)
     }
 
     /// Sorts them. Fails where two points have one number.
@@ -267,8 +269,8 @@ impl LandXmlSource {
         numbers.complete().map_err(|e| e.in_file(path))?;
         if !found.is_landxml || found.surfaces != 1 {
             let count = found.surfaces;
-            let error = Error::unsupported(format!("has {count} surfaces of points and faces"));
-            return Err(error.in_file(path).remedy("give a LandXML file with one"));
+            let error = Error::unsupported(format!("expected one TIN surface, found {count}"));
+            return Err(error.in_file(path).remedy("use a LandXML file with one surface"));
         }
         let info = found.info(points.count(), faces.count());
         drop(xml);
@@ -284,7 +286,9 @@ impl LandXmlSummary {
             self.surfaces += 1;
             let kind = tag.attribute("surfType")?.unwrap_or_default();
             if kind != "TIN" {
-                return Err(Error::unsupported(format!("has a surface of the type {kind:?}")));
+                return Err(Error::unsupported(format!(
+                    "the surface type {kind:?} is not supported"
+                )));
             }
         } else if tag.local_name() == "Metric" || tag.local_name() == "Imperial" {
             self.unit = tag.attribute("linearUnit")?;
@@ -323,7 +327,7 @@ impl LandXmlSource {
         loop {
             match xml.next()? {
                 XmlEvent::Over => {
-                    return Err(self.input.bad("has become shorter since it was opened"));
+                    return Err(self.input.bad("changed while it was read"));
                 }
                 XmlEvent::Start(tag) if tag.local_name() == name => {
                     if tag.attribute("i")?.is_some_and(|hidden| hidden == "1") {
@@ -388,7 +392,9 @@ mod tests {
         assert!(unit(&crs(32611, "metre")).unwrap().contains("\"meter\""));
         assert!(unit(&Crs::default()).unwrap().contains("\"meter\""));
         assert!(unit(&crs(2263, "")).unwrap().contains("\"USSurveyFoot\""));
-        for (crs, why) in [(crs(4326, ""), "degrees"), (crs(32611, "foot"), "one of z 0.3048")] {
+        for (crs, why) in
+            [(crs(4326, ""), "in degrees"), (crs(32611, "foot"), "vertical unit 0.3048 m")]
+        {
             let error = unit(&crs).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");
         }

@@ -18,7 +18,7 @@ impl LocalCoordinates {
             return Err(Error::usage("the origin of the mesh is not finite"));
         }
         if !is_scale(&scale) {
-            return Err(Error::usage("the scale of the mesh is not a number above zero"));
+            return Err(Error::usage("the scale of the mesh is not positive and finite"));
         }
         Ok(Self { origin, scale, low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] })
     }
@@ -53,7 +53,7 @@ impl LocalCoordinates {
     pub(super) fn check(&self) -> Result<()> {
         let out = self.low.contains(&f32::NEG_INFINITY) || self.high.contains(&f32::INFINITY);
         if out {
-            let message = "a position is beyond the range of f32";
+            let message = "a position exceeds the range of f32";
             return Err(Error::new(ErrorKind::CannotWrite, message)
                 .remedy("write PLY or OBJ, or a smaller ‹size›, ‹scale› or ‹exaggerate›"));
         }

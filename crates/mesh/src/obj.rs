@@ -170,7 +170,7 @@ impl ObjSource {
             }
             vertices += u64::from(is_vertex);
         }
-        Err(self.input.bad("has become shorter since it was opened"))
+        Err(self.input.bad("changed while it was read"))
     }
 }
 
@@ -182,7 +182,7 @@ fn is_early(mark: &TextLineMark, kept: usize) -> bool {
 fn check_line(lines: &MeshFileLines<'_>) -> Result<()> {
     let text = lines.text();
     if text.ends_with(b"\\") && !text.trim_ascii_start().starts_with(b"#") {
-        return Err(lines.unsupported("line goes on in the next one"));
+        return Err(lines.unsupported("line continuation is not supported"));
     }
     if text.contains(&0) {
         return Err(lines.bad("is not text"));
@@ -200,7 +200,7 @@ fn check_face(rest: &[u8], lines: &MeshFileLines<'_>) -> Result<()> {
         0..3 => Err(lines.bad("face has fewer than three corners")),
         n => Err(lines
             .unsupported(format!("face has {n} corners"))
-            .remedy("faces must have three corners each; triangulate it first")),
+            .remedy("triangulate the mesh first")),
     }
 }
 
@@ -236,10 +236,9 @@ fn corners(rest: &[u8], before: u64, all: u64, lines: &MeshFileLines<'_>) -> Res
         let index: i64 = number(index, lines)?;
         let from_start = (index > 0).then(|| index.unsigned_abs() - 1);
         let from_end = (index < 0).then(|| before.checked_sub(index.unsigned_abs())).flatten();
-        *id = from_start
-            .or(from_end)
-            .filter(|&id| id < all)
-            .ok_or_else(|| lines.bad(format!("vertex {index} does not exist, of {all}")))?;
+        *id = from_start.or(from_end).filter(|&id| id < all).ok_or_else(|| {
+            lines.bad(format!("vertex {index} does not exist (the mesh has {all} vertices)"))
+        })?;
     }
     Ok(ids)
 }

@@ -215,7 +215,7 @@ fn check_length(index: u64, length: f64) -> Result<()> {
     }
     Err(Error::unsupported(format!("has {length} corners"))
         .at(format!("face {index}"))
-        .remedy("faces must have three corners each; triangulate it first"))
+        .remedy("triangulate the mesh first"))
 }
 
 /// The position in a record that begins with three little-endian f64.

@@ -120,7 +120,7 @@ pub(super) struct PlyHeader {
 pub(super) fn read(input: &MeshFile) -> Result<PlyHeader> {
     let mut lines = input.lines(0, 1);
     if !lines.advance()? || lines.text() != b"ply" {
-        return Err(lines.bad("does not begin with \"ply\""));
+        return Err(lines.bad("the signature \"ply\" is missing"));
     }
     let mut parser = PlyHeaderParser::default();
     while !parser.line(input, &mut lines)? {}
@@ -138,7 +138,9 @@ impl PlyHeaderParser {
     /// Takes one line; true when it is the last of the header.
     fn line(&mut self, input: &MeshFile, lines: &mut MeshFileLines<'_>) -> Result<bool> {
         if !lines.advance()? {
-            return Err(input.bad("the header has no end").remedy("write or copy it again"));
+            return Err(input
+                .bad("the header is truncated")
+                .remedy("write or copy the file again"));
         }
         limits::check("PLY header length", lines.end(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(input.path()))?;
@@ -149,10 +151,12 @@ impl PlyHeaderParser {
             ["format", format, "1.0"] => self.big = Some(is_big(format, lines)?),
             ["comment", ..] => self.comment(text.trim_start()["comment".len()..].trim()),
             ["obj_info", ..] | [] => {}
-            ["element", "tristrips", ..] => return Err(lines.unsupported("has triangle strips")),
+            ["element", "tristrips", ..] => {
+                return Err(lines.unsupported("triangle strips are not supported"));
+            }
             ["element", name, count] => self.element(name, count, lines)?,
             ["property", rest @ ..] => self.property(rest, lines)?,
-            _ => return Err(lines.bad(format!("no header line of PLY: \"{}\"", text.trim()))),
+            _ => return Err(lines.bad(format!("invalid PLY header line \"{}\"", text.trim()))),
         }
         Ok(false)
     }
@@ -165,14 +169,14 @@ impl PlyHeaderParser {
 
     fn element(&mut self, name: &str, count: &str, lines: &MeshFileLines<'_>) -> Result<()> {
         limits::check("number of PLY elements", self.elements.len() as u64 + 1, MAX_ENTRIES)?;
-        let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is no count")))?;
+        let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is not a count")))?;
         self.elements.push(PlyElement { name: name.to_owned(), count, properties: Vec::new() });
         Ok(())
     }
 
     fn property(&mut self, words: &[&str], lines: &MeshFileLines<'_>) -> Result<()> {
         let scalar = |name: &str| {
-            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
+            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is not a PLY type")))
         };
         let property = match *words {
             ["list", length, item, name] => PlyProperty {
@@ -186,7 +190,7 @@ impl PlyHeaderParser {
             _ => return Err(lines.bad("a property needs a type and a name")),
         };
         let element = self.elements.last_mut();
-        let element = element.ok_or_else(|| lines.bad("a property without an element"))?;
+        let element = element.ok_or_else(|| lines.bad("property without an element"))?;
         let count = element.properties.len() as u64 + 1;
         limits::check("number of PLY properties", count, MAX_ENTRIES)?;
         element.properties.push(property);
@@ -221,7 +225,7 @@ fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
         "ascii" => {
             Err(lines.unsupported("is an ASCII PLY file").remedy("convert it to binary PLY"))
         }
-        other => Err(lines.bad(format!("\"{other}\" is no format of PLY"))),
+        other => Err(lines.bad(format!("\"{other}\" is not a PLY format"))),
     }
 }
 
@@ -247,12 +251,12 @@ impl PlyHeader {
     /// that does not belong there.
     fn surplus(&self, input: &MeshFile, end: u64) -> Result<Error> {
         let bytes = input.bytes() - end;
-        let message = format!("has {bytes} bytes more than its header accounts for");
+        let message = format!("has {bytes} surplus bytes after the last element");
         let remedy = match self.first_polygon(input)? {
             Some((face, corners)) => {
-                format!("face {face} has {corners} corners, not three: triangulate it first")
+                format!("triangulate the mesh first (face {face} has {corners} corners)")
             }
-            None => "write or copy it again: something was put behind its end".to_owned(),
+            None => "write or copy the file again".to_owned(),
         };
         Ok(input.bad(message).remedy(remedy))
     }
@@ -296,7 +300,9 @@ impl PlyHeader {
             let missing = || input.bad(format!("vertices have no property \"{name}\""));
             *field = element.field(|p| p.name == name).ok_or_else(missing)?;
             if !field.scalar.is_real() {
-                return Err(input.unsupported(format!("vertices have a whole number as {name}")));
+                return Err(input.unsupported(format!(
+                    "integer vertex coordinates ({name}) are not supported"
+                )));
             }
         }
         self.channels = element.channels();
@@ -312,7 +318,7 @@ impl PlyHeader {
         let list = &element.properties[at];
         let length = list.length.ok_or_else(missing)?;
         if length.is_real() || list.item.is_real() {
-            return Err(input.bad("vertex indices are not whole numbers"));
+            return Err(input.bad("vertex indices are not integers"));
         }
         let (before, after) = (&element.properties[..at], &element.properties[at + 1..]);
         let sizes = scalars(before).zip(scalars(after));
@@ -352,7 +358,11 @@ impl PlyElement {
     fn refused(&self, input: &MeshFile) -> Error {
         let list = self.properties.iter().filter(|p| p.length.is_some());
         let names: Vec<&str> = list.map(|p| p.name.as_str()).collect();
-        input.unsupported(format!("element \"{}\" has lists: {}", self.name, names.join(", ")))
+        input.unsupported(format!(
+            "list properties of element \"{}\" are not supported: {}",
+            self.name,
+            names.join(", ")
+        ))
     }
 }
 
@@ -367,6 +377,6 @@ fn end(input: &MeshFile, element: &PlyElement, span: PlyElementSpan) -> Result<u
         let (count, bytes) = (element.count, input.bytes());
         let message =
             format!("{count} elements \"{}\" do not fit into {bytes} bytes", element.name);
-        input.bad(message).remedy("it is truncated, or has been written wrongly")
+        input.bad(message).remedy("write or copy the file again")
     })
 }

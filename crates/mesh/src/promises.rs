@@ -130,8 +130,7 @@ fn state<T: HeaderStatement>(known: &mut Option<T>, key: &str, text: &str) -> Re
         None => *known = Some(value),
         Some(old) if goes_on(&old, text) => {}
         Some(old) => {
-            let message =
-                format!("states \"{key} {old}\" and \"{key} {text}\", which cannot both be");
+            let message = format!("states contradictory \"{key} {old}\" and \"{key} {text}\"");
             return Err(Error::bad_input(message)
                 .remedy("make the mesh again, or remove one of these comments"));
         }

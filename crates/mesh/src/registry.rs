@@ -40,7 +40,7 @@ pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
 /// Opens a mesh file of any known format.
 pub(super) fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
     let format = identify(path)?.ok_or_else(|| {
-        Error::bad_input("not a mesh of a known format")
+        Error::bad_input("unknown mesh format")
             .in_file(path)
             .remedy(format!("known formats are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;

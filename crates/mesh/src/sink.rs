@@ -184,7 +184,7 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
         check_finite(batch, self.counts.vertices)?;
         check_values(self.encoder.channels(), batch.vertices.len(), batch.values)?;
         if self.encoder.wants_corners() && batch.corners.len() != batch.triangles.len() {
-            return Err(Error::usage(format!("{name} needs the corners of every triangle")));
+            return Err(Error::usage(format!("{name} requires the corners of every triangle")));
         }
         Ok(counts)
     }
@@ -232,7 +232,7 @@ impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
 fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {
     let largest = triangles.iter().flatten().fold(0, |largest, &id| largest.max(id));
     if largest >= vertices && !triangles.is_empty() {
-        let message = format!("a triangle refers to vertex {largest} before it was pushed");
+        let message = format!("a triangle refers to vertex {largest}, which is not written yet");
         return Err(Error::usage(message));
     }
     Ok(())

@@ -75,7 +75,9 @@ impl SolidBase {
         let (origin, scale) = (header.origin[2], header.scale[2]);
         let stored = ((height - origin) * scale) as f32;
         if !stored.is_finite() {
-            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
+            return Err(Error::usage(format!(
+                "the base height {height} of the solid is not finite"
+            )));
         }
         let base = Self { height, stored, origin, scale };
         let lowest = ((header.bounds[0][2] - origin) * scale) as f32;
@@ -93,7 +95,8 @@ impl SolidBase {
             return Ok(());
         }
         let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
-        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
+        let message =
+            format!("the lowest height {lowest} is not above the base {base} of the solid");
         Err(Error::usage(message).remedy("choose a base below the lowest height"))
     }
 }

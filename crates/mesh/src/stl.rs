@@ -90,14 +90,14 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
     let needed = [
-        (promises.fitted.is_some(), "‹fit›", "that heights are fitted"),
+        (promises.fitted.is_some(), "‹fit›", "the note on fitted heights"),
         (promises.min_angle.is_some(), "‹min_angle›", "the smallest angle"),
     ];
     let stated = stated(promises);
     if text.len() + stated.len() <= TITLE_BYTES {
         text += &stated;
     } else if let Some((_, option, what)) = needed.into_iter().find(|(is_needed, ..)| *is_needed) {
-        return Err(Error::usage(format!("an STL header has no room to state {what}"))
+        return Err(Error::usage(format!("the STL header has no space for {what}"))
             .remedy(format!("write PLY, OBJ or GLB, or leave {option} out")));
     }
     let mut title = [b' '; TITLE_BYTES];
@@ -236,13 +236,13 @@ impl StlSource {
         let (Some(title), Some(count)) =
             (head.first_chunk::<TITLE_BYTES>(), head.last_chunk::<4>())
         else {
-            return Err(refusal(&input, "too short for an STL file"));
+            return Err(refusal(&input, "file is too short for STL"));
         };
         let triangles = u64::from(u32::from_le_bytes(*count));
         let expected = HEADER_BYTES + triangles * TRIANGLE_BYTES as u64;
         if head.len() as u64 != HEADER_BYTES || input.bytes() != expected {
-            let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
-            return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
+            let (found, says) = (input.bytes(), format!("{expected} ({triangles} triangles)"));
+            return Err(refusal(&input, &format!("has {found} bytes, expected {says}")));
         }
         let known = place(title);
         let (origin, scale) = known.unwrap_or(([0.0; 3], [1.0; 3]));
@@ -311,7 +311,7 @@ fn refusal(input: &MeshFile, message: &str) -> Error {
         Ok(head) if is_ascii(&head) => {
             input.unsupported("is an ASCII STL file").remedy("convert it to binary STL, PLY or OBJ")
         }
-        _ => input.bad(message).remedy("write or copy it again"),
+        _ => input.bad(message).remedy("write or copy the file again"),
     }
 }
 

@@ -40,9 +40,9 @@ impl<'a> MeshXmlReader<'a> {
                 XmlEvent::Start(_) => open += 1,
                 XmlEvent::Text(text) => all += &text,
                 XmlEvent::End => open -= 1,
-                XmlEvent::Over => return Err(self.bad("ends in the middle of an element")),
+                XmlEvent::Over => return Err(self.bad("truncated element")),
             }
-            limits::check("length of a text in XML", all.len() as u64, limits::MAX_HEADER_BYTES)
+            limits::check("length of an XML text", all.len() as u64, limits::MAX_HEADER_BYTES)
                 .map_err(|e| self.place(e))?;
         }
         Ok(all)

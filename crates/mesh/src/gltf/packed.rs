@@ -55,7 +55,9 @@ impl MeshoptExtension {
         }
         if let Some(filter) = self.filter.as_ref().filter(|filter| *filter != "NONE") {
             let filter: String = filter.chars().take(20).collect();
-            return Err(input.unsupported(format!("has a buffer view with the filter {filter:?}")));
+            return Err(
+                input.unsupported(format!("the buffer view filter {filter:?} is not supported"))
+            );
         }
         let bytes = (data.0 + self.byte_offset, self.byte_length);
         let place = match self.mode.as_str() {
@@ -63,7 +65,7 @@ impl MeshoptExtension {
             "TRIANGLES" => self.triangles(input, bytes, range, shape),
             mode => {
                 let mode: String = mode.chars().take(20).collect();
-                Err(Error::unsupported(format!("has a buffer view of the mode {mode:?}")))
+                Err(Error::unsupported(format!("the buffer view mode {mode:?} is not supported")))
             }
         };
         place.map_err(|e| e.in_file(input.path()))
@@ -103,10 +105,12 @@ impl MeshoptExtension {
         (width, parts): (usize, u64),
     ) -> Result<MeshoptAccessor> {
         if self.byte_stride != width as u64 || width < 2 || parts != 1 {
-            return Err(input.bad("has compressed triangles whose corners are of another type"));
+            return Err(input.bad("the index type does not match the compressed triangles"));
         }
         if offset != 0 || count != self.count || !count.is_multiple_of(3) {
-            return Err(input.unsupported("takes a part of its compressed triangles"));
+            return Err(
+                input.unsupported("accessors to a part of compressed triangles are not supported")
+            );
         }
         let reader = triangles::MeshoptTriangleReader::new(
             &mut MeshoptWindow::new(input),
@@ -127,7 +131,7 @@ impl MeshoptAccessor {
         mut each: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
         let Self::Attributes { stream, first: start, inner } = self else {
-            return Err(input.bad("has triangles where attributes of vertices should be"));
+            return Err(input.bad("expected vertex attributes, found triangles"));
         };
         stream.read(input, start + first, count, |place, element| each(place, &element[*inner..]))
     }
@@ -140,7 +144,7 @@ impl MeshoptAccessor {
         out: &mut [[u64; 3]],
     ) -> Result<()> {
         let Self::Triangles(stream) = self else {
-            return Err(input.bad("has attributes of vertices where triangles should be"));
+            return Err(input.bad("expected triangles, found vertex attributes"));
         };
         stream.read(input, first, out.len(), |place, corners| {
             let (ids, _) = corners.as_chunks::<4>();

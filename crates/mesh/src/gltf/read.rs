@@ -170,7 +170,9 @@ impl GlbSource {
         let is_points = primitive.is_some_and(|p| p.mode == POINTS);
         let corners = indices.as_ref().map_or(vertices, |span| span.count);
         if !is_points && !corners.is_multiple_of(3) {
-            return Err(input.bad(format!("{corners} corners are not whole triangles")));
+            return Err(
+                input.bad(format!("the number of indices ({corners}) is not a multiple of 3"))
+            );
         }
         let triangles = if is_points { 0 } else { corners / 3 };
         let colours = primitive.map(|p| layout.colours(p, vertices)).transpose()?.flatten();
@@ -210,16 +212,16 @@ fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
 fn read_chunks(input: &MeshFile) -> Result<(GltfDocument, (u64, u64))> {
     let [magic, version, length] = words(input, 0)?;
     if magic != *MAGIC {
-        return Err(input.bad("does not begin with \"glTF\""));
+        return Err(input.bad("the signature \"glTF\" is missing"));
     }
     if u32::from_le_bytes(version) != VERSION {
         let version = u32::from_le_bytes(version);
-        return Err(input.unsupported(format!("is of glTF container version {version}")));
+        return Err(input.unsupported(format!("glTF container version {version} is not supported")));
     }
     let length = u64::from(u32::from_le_bytes(length));
     if length != input.bytes() {
-        let message = format!("has {} bytes, but says {length}", input.bytes());
-        return Err(input.bad(message).remedy("write or copy it again"));
+        let message = format!("has {} bytes, the header states {length}", input.bytes());
+        return Err(input.bad(message).remedy("write or copy the file again"));
     }
     let (json_start, json_bytes) = chunk(input, 12, JSON_CHUNK)?;
     limits::check("GLB JSON length", json_bytes, MAX_JSON_BYTES)
@@ -249,7 +251,7 @@ fn chunk(input: &MeshFile, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
 fn words<const N: usize>(input: &MeshFile, offset: u64) -> Result<[[u8; 4]; N]> {
     let mut words = [[0; 4]; N];
     if offset + 4 * N as u64 > input.bytes() {
-        return Err(input.bad("is truncated").remedy("write or copy it again"));
+        return Err(input.bad("is truncated").remedy("write or copy the file again"));
     }
     input.read_at(offset, words.as_flattened_mut())?;
     Ok(words)
@@ -275,20 +277,24 @@ impl<'a> GltfResolver<'a> {
     fn primitive(&self) -> Result<Option<&'a GltfPrimitive>> {
         let required = self.document.extensions_required.iter();
         if let Some(name) = required.into_iter().find(|name| *name != meshopt::NAME) {
-            return Err(self.unsupported(format!("requires the glTF extension {name}")));
+            return Err(self.unsupported(format!("the glTF extension {name} is not supported")));
         }
         let Some(mesh) = self.document.meshes.first() else { return Ok(None) };
         self.check_nodes()?;
         let (meshes, primitives) = (self.document.meshes.len(), mesh.primitives.len());
         let [primitive] = mesh.primitives.as_slice() else {
-            return Err(self.unsupported(format!("has a mesh of {primitives} primitives")));
+            return Err(
+                self.unsupported(format!("meshes of {primitives} primitives are not supported"))
+            );
         };
         if meshes > 1 {
-            return Err(self.unsupported(format!("has {meshes} meshes")));
+            return Err(self.unsupported(format!("several meshes ({meshes}) are not supported")));
         }
         if primitive.mode != TRIANGLES && (primitive.mode != POINTS || primitive.indices.is_some())
         {
-            return Err(self.unsupported(format!("has a primitive of mode {}", primitive.mode)));
+            return Err(
+                self.unsupported(format!("primitive mode {} is not supported", primitive.mode))
+            );
         }
         Ok(Some(primitive))
     }
@@ -296,10 +302,12 @@ impl<'a> GltfResolver<'a> {
     fn check_nodes(&self) -> Result<()> {
         let nodes = &self.document.nodes;
         if let Some(at) = nodes.iter().position(|node| !node.is_identity()) {
-            return Err(self.unsupported(format!("node {at} has a transform")));
+            return Err(
+                self.unsupported(format!("node {at} has a transform, which is not supported"))
+            );
         }
         if nodes.iter().filter(|node| node.mesh.is_some()).count() > 1 {
-            return Err(self.unsupported("has a mesh in several nodes"));
+            return Err(self.unsupported("instancing (a mesh in several nodes) is not supported"));
         }
         Ok(())
     }
@@ -308,7 +316,7 @@ impl<'a> GltfResolver<'a> {
         let at = primitive.attributes.position.ok_or_else(|| self.bad("has no positions"))?;
         let accessor = self.accessor(at)?;
         if accessor.component_type != FLOAT || accessor.shape != "VEC3" {
-            return Err(self.unsupported("has positions that are not VEC3 of f32"));
+            return Err(self.unsupported("positions other than VEC3 of f32 are not supported"));
         }
         self.span(accessor, 4, 3)
     }
@@ -354,7 +362,9 @@ impl<'a> GltfResolver<'a> {
         let missing = || self.bad(format!("has no accessor {at}"));
         let accessor = self.document.accessors.get(at).ok_or_else(missing)?;
         if accessor.sparse.is_some() {
-            return Err(self.unsupported(format!("accessor {at} is sparse")));
+            return Err(
+                self.unsupported(format!("sparse accessors (accessor {at}) are not supported"))
+            );
         }
         Ok(accessor)
     }
@@ -396,9 +406,11 @@ impl<'a> GltfResolver<'a> {
     /// Bytes of the buffer, which must be the file's own.
     fn buffer_bytes(&self, at: u64) -> Result<u64> {
         let buffer = self.document.buffers.first().filter(|_| at == 0);
-        let buffer = buffer.ok_or_else(|| self.unsupported(format!("uses buffer {at}")))?;
+        let buffer = buffer.ok_or_else(|| {
+            self.unsupported(format!("several buffers (buffer {at}) are not supported"))
+        })?;
         if buffer.uri.is_some() {
-            return Err(self.unsupported("keeps its data in another file"));
+            return Err(self.unsupported("external buffers are not supported"));
         }
         Ok(buffer.byte_length.min(self.data.1))
     }

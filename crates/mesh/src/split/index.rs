@@ -71,7 +71,7 @@ impl MeshBlockIndex {
         let path = folder.join(NAME);
         let fail = |e| Error::read(&path, e);
         let bytes = std::fs::metadata(&path).map_err(fail)?.len();
-        limits::check("bytes of an index", bytes, limits::MAX_VRT_BYTES)
+        limits::check("size of the index in bytes", bytes, limits::MAX_VRT_BYTES)
             .map_err(|e| e.in_file(&path))?;
         let file = BufReader::new(File::open(&path).map_err(fail)?);
         let read: Option<BlockIndexCollection> = match serde_json::from_reader(file.take(bytes)) {
@@ -79,9 +79,9 @@ impl MeshBlockIndex {
             read => read.ok(),
         };
         read.and_then(BlockIndexCollection::index).ok_or_else(|| {
-            Error::bad_input("is not the index of a mesh in blocks")
+            Error::bad_input("is not the index of a split mesh")
                 .in_file(&path)
-                .remedy("make the folder again with terrane")
+                .remedy("make the folder again")
         })
     }
 }

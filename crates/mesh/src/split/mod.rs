@@ -187,12 +187,15 @@ impl MeshSink for SplitMeshSink {
 
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
         if batch.corners.len() != batch.triangles.len() {
-            return Err(Error::usage("a mesh in blocks needs the corners of every triangle"));
+            return Err(Error::usage("a split mesh requires the corners of every triangle"));
         }
         for (corners, ids) in batch.corners.iter().zip(batch.triangles) {
             let [col, row] = self.blocks.of(corners);
             if row < self.row {
-                return Err(Error::new(ErrorKind::Internal, "a triangle came after its block"));
+                return Err(Error::new(
+                    ErrorKind::Internal,
+                    "a triangle was written after its block",
+                ));
             }
             while self.row < row {
                 self.finish_row()?;

@@ -46,7 +46,8 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         let found = found.info().clone();
         check(&found, block, &index, &path)?;
         if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
-            let what = format!("states other things than the first of {} blocks", first.format);
+            let what =
+                format!("its metadata differ from those of the first block ({})", first.format);
             return Err(lying(&path, what));
         }
         let prj = terrane_files::prj(&path)?;
@@ -57,7 +58,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         info.get_or_insert(found);
     }
     let info = info.ok_or_else(|| {
-        Error::bad_input("its index names no mesh").in_file(path).remedy("make the folder again")
+        Error::bad_input("the index has no blocks").in_file(path).remedy("make the folder again")
     })?;
     let mut details = info.details.clone();
     details.push(("blocks".to_owned(), index.blocks.len().to_string()));
@@ -87,10 +88,10 @@ fn check(found: &MeshInfo, block: &MeshBlock, index: &MeshBlockIndex, path: &Pat
         ("bytes", bytes, block.bytes),
     ];
     if let Some((what, has, says)) = facts.into_iter().find(|(_, has, says)| has != says) {
-        return Err(lying(path, format!("has {has} {what}, its index says {says}")));
+        return Err(lying(path, format!("has {has} {what}, the index states {says}")));
     }
     if found.format != index.format {
-        let message = format!("is {}, its index says {}", found.format, index.format);
+        let message = format!("is {}, the index states {}", found.format, index.format);
         return Err(lying(path, message));
     }
     Ok(())

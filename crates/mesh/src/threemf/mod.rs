@@ -74,10 +74,8 @@ fn unit(header: &MeshHeader) -> Result<&'static str> {
         Some("millimetre") => Ok("millimeter"),
         Some("metre") => Ok("meter"),
         None if metres == 1.0 => Ok("meter"),
-        _ => {
-            Err(Error::unsupported("3MF has no unit for these coordinates")
-                .remedy("write PLY or OBJ"))
-        }
+        _ => Err(Error::unsupported("3MF does not support the unit of these coordinates")
+            .remedy("write PLY or OBJ")),
     }
 }
 

@@ -59,15 +59,16 @@ pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     }
     drop(xml);
     if found.objects != 1 {
-        let error = Error::unsupported(format!("has {} objects of triangles", found.objects));
-        return Err(error.in_file(path).remedy("give a file with one"));
+        let error =
+            Error::unsupported(format!("expected one mesh object, found {}", found.objects));
+        return Err(error.in_file(path).remedy("use a file with one object"));
     }
     let info = found.info(vertices.count(), triangles.count());
     Ok(ThreeMfSource { input, vertices, triangles, info })
 }
 
 fn damaged(e: impl std::fmt::Display) -> Error {
-    Error::bad_input(format!("damaged zip archive: {e}")).remedy("write or copy it again")
+    Error::bad_input(format!("damaged zip archive: {e}")).remedy("write or copy the file again")
 }
 
 /// The model of an archive.
@@ -76,16 +77,16 @@ fn unpacked(path: &Path) -> Result<MeshFile> {
     drop(MeshFile::open(path)?);
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
-    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
     let name = model_name(&mut archive)?;
     let mut entry = archive.by_name(&name).map_err(damaged)?;
     let declared = entry.size();
-    limits::check("unpacked bytes of the model", declared, limits::MAX_UNPACKED_BYTES)?;
+    limits::check("unpacked size of the model in bytes", declared, limits::MAX_UNPACKED_BYTES)?;
     let folder = std::env::temp_dir();
     let mut model = nameless(&folder)?;
     let copied = copy(&mut (&mut entry).take(declared + 1), &mut model, &folder)?;
     if copied != declared {
-        return Err(damaged(format!("the model should unpack to {declared} bytes and does not")));
+        return Err(damaged(format!("the unpacked size of the model is not {declared} bytes")));
     }
     model.seek(SeekFrom::Start(0)).map_err(|e| Error::read(&folder, e))?;
     MeshFile::of(model, path)
@@ -111,7 +112,7 @@ fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     let mut text = Vec::new();
     {
         let entry = archive.by_name(RELATIONS).map_err(damaged)?;
-        limits::check("bytes of relations", entry.size(), MOST_RELATION_BYTES)?;
+        limits::check("size of the relationships in bytes", entry.size(), MOST_RELATION_BYTES)?;
         entry.take(MOST_RELATION_BYTES).read_to_end(&mut text).map_err(damaged)?;
     }
     let text = String::from_utf8_lossy(&text);
@@ -145,7 +146,7 @@ impl ThreeMfSummary {
         } else if tag.local_name() == "mesh" {
             self.objects += 1;
         } else if tag.local_name() == "component" {
-            return Err(Error::unsupported("has an object made of others"));
+            return Err(Error::unsupported("components are not supported"));
         } else if tag.local_name() == "item" {
             self.check_item(tag)?;
         }
@@ -158,7 +159,7 @@ impl ThreeMfSummary {
         let numbers = transform.split_ascii_whitespace().map(|word| word.parse().ok());
         match numbers.collect::<Option<Vec<f64>>>() {
             Some(numbers) if numbers == IDENTITY => Ok(()),
-            _ => Err(Error::unsupported("has an item with a transform")),
+            _ => Err(Error::unsupported("transforms of build items are not supported")),
         }
     }
 
@@ -212,7 +213,7 @@ impl ThreeMfSource {
         loop {
             match xml.next()? {
                 XmlEvent::Over => {
-                    let message = "the unpacked model has become shorter";
+                    let message = "the unpacked model changed while it was read";
                     return Err(Error::new(ErrorKind::Internal, message));
                 }
                 XmlEvent::Start(tag) if tag.local_name() == name => {

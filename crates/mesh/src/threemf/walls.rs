@@ -134,7 +134,11 @@ impl OutlineStarts {
             return Ok(());
         }
         *self.several.entry(id).or_insert(1) += 1;
-        limits::check("corners where voids touch", self.several.len() as u64, MOST_PINCHES)
+        limits::check(
+            "number of corners where voids touch",
+            self.several.len() as u64,
+            MOST_PINCHES,
+        )
     }
 
     fn pinches(self) -> impl Iterator<Item = u64> {

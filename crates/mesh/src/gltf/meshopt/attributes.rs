@@ -162,7 +162,7 @@ impl MeshoptAttributeReader {
         (stride, count): (usize, u64),
     ) -> Result<Self> {
         if !(4..=256).contains(&stride) || !stride.is_multiple_of(4) {
-            return Err(bad(format!("has elements of {stride} bytes")));
+            return Err(bad(format!("has an invalid stride of {stride} bytes")));
         }
         let tail = TAIL_BYTES.max(stride) as u64;
         // A byte of differences has two bits for each group, at the least.
@@ -171,10 +171,10 @@ impl MeshoptAttributeReader {
         let least = (count / block as u64).checked_mul(of(block as u64));
         let least = least.and_then(|b| b.checked_add(of(count % block as u64) + 1 + tail));
         if least.is_none_or(|least| bytes < least) {
-            return Err(bad(format!("has {bytes} bytes for {count} elements")));
+            return Err(bad(format!("has only {bytes} bytes for {count} elements")));
         }
         if window.bytes(start, 1)? != [HEADER] {
-            return Err(bad("is of a kind or version that is not known"));
+            return Err(bad("has an unknown type or version"));
         }
         let end = start + bytes - tail;
         let first = window.bytes(end + tail - stride as u64, stride)?.to_vec();
@@ -235,7 +235,7 @@ impl MeshoptCodec for MeshoptAttributeReader {
         place.last.copy_from_slice(&out[(elements - 1) * self.stride..]);
         place.element += elements as u64;
         if place.element == self.count && place.offset != self.end {
-            return Err(bad(format!("has {} bytes too many", self.end - place.offset)));
+            return Err(bad(format!("has {} surplus bytes", self.end - place.offset)));
         }
         Ok(())
     }
@@ -251,7 +251,7 @@ impl MeshoptAttributeReader {
         to: &mut [u8],
     ) -> Result<()> {
         if place.offset + count as u64 > self.end {
-            return Err(bad("ends within an element"));
+            return Err(bad("is truncated"));
         }
         to.copy_from_slice(window.bytes(place.offset, count)?);
         place.offset += count as u64;

@@ -221,17 +221,17 @@ impl MeshoptTriangleReader {
     ) -> Result<Self> {
         let frame = 1 + PAIRS.len() as u64;
         if triangles.checked_add(frame).is_none_or(|least| bytes < least) {
-            return Err(bad(format!("have {bytes} bytes for {triangles} of them")));
+            return Err(bad(format!("have only {bytes} bytes for {triangles} triangles")));
         }
         if window.bytes(start, 1)? != [HEADER] {
-            return Err(bad("are of a kind or version that is not known"));
+            return Err(bad("have an unknown type or version"));
         }
         let end = start + bytes - PAIRS.len() as u64;
         let mut pairs = PAIRS;
         pairs.copy_from_slice(window.bytes(end, PAIRS.len())?);
         let is_place = |pair: &u8| pair & 0xf != 0xf && pair >> 4 != 0xf;
         if !pairs.iter().all(is_place) || pairs[14..] != [0, 0] {
-            return Err(bad("have a table that is none"));
+            return Err(bad("have an invalid table"));
         }
         Ok(Self { codes: start + 1, end, triangles, pairs })
     }
@@ -310,7 +310,7 @@ struct MeshoptTriangleBytes<'a>(&'a [u8]);
 
 impl MeshoptTriangleBytes<'_> {
     fn byte(&mut self) -> Result<u8> {
-        let (byte, rest) = self.0.split_first().ok_or_else(|| bad("end too early"))?;
+        let (byte, rest) = self.0.split_first().ok_or_else(|| bad("are truncated"))?;
         self.0 = rest;
         Ok(*byte)
     }
@@ -326,7 +326,7 @@ impl MeshoptTriangleBytes<'_> {
                 return Ok(state.last);
             }
         }
-        Err(bad("have a number of too many bytes"))
+        Err(bad("have an overlong number"))
     }
 }
 
@@ -375,7 +375,7 @@ impl MeshoptCodec for MeshoptTriangleReader {
         place.data += (most - data.0.len()) as u64;
         place.triangle += count as u64;
         if place.triangle == self.triangles && place.data != self.end {
-            return Err(bad(format!("have {} bytes too many", self.end - place.data)));
+            return Err(bad(format!("have {} surplus bytes", self.end - place.data)));
         }
         Ok(())
     }
