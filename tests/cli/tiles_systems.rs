@@ -121,7 +121,7 @@ fn what_cannot_be_brought_to_the_globe_is_refused_by_name() {
         ("EPSG:3031", [-1_000_000.0, -1_000_000.0, 40_000.0], "pole"),
         ("EPSG:32660", [750_000.0, 4_000_000.0, 1000.0], "180 degrees"),
         ("EPSG:27700", [-9_000_000.0, 400_000.0, 50.0], "shift"),
-        ("EPSG:32631", [499_000.0, 4e12, 30.0], "reaches"),
+        ("EPSG:32631", [499_000.0, 4e12, 30.0], "outside the domain"),
     ] {
         plain(&place, [60, 60], at, rough);
         place.write("g.prj", system);

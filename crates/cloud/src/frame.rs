@@ -286,7 +286,7 @@ mod tests {
         );
         let high = ClaimedExtent { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
         let told = common(&[high], false).unwrap_err().to_string();
-        assert!(told.contains("z reaches") && told.contains("‹z_range›"), "{told}");
+        assert!(told.contains("z ranges") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();
         assert_eq!(all.maps[0].place([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
         // Where all is within reach any extent is no other.
