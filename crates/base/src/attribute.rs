@@ -1,4 +1,4 @@
-//! What is known of the points of clouds beside their places: attributes by name, and returns.
+//! Attributes of points by name, and returns of pulses.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,27 +8,27 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::registry::RegistryEntry;
 
-/// An attribute that points have by the standard of LAS.
+/// A standard attribute of LAS points.
 #[derive(Debug)]
 pub struct PointAttribute {
-    /// Its name, the same as that of its column where points are text.
+    /// Name; also the name of its column in text files.
     pub name: &'static str,
     /// Other names.
     pub aliases: &'static [&'static str],
     /// One line for the documentation, with the unit.
     pub about: &'static str,
-    /// What its values are whole multiples of, 2^30 of it at the most; any number is a value when `None`.
+    /// Values are whole multiples of this step, up to 2^30 steps. Any number is valid when `None`.
     pub step: Option<f64>,
 }
 
-/// The name of classes, and those of the number of a return and of the returns of a pulse.
+/// Names of the attributes class, return number and number of returns.
 pub const CLASS: &str = "classification";
 #[allow(missing_docs)]
 pub const RETURN: &str = "return_number";
 #[allow(missing_docs)]
 pub const RETURNS: &str = "number_of_returns";
 
-/// All attributes of the standard that are numbers. Files may have others, in extra bytes.
+/// All numeric standard attributes. Files may have further ones in extra bytes.
 pub const ATTRIBUTES: &[PointAttribute] = &[
     whole("intensity", &[], "return strength"),
     whole(RETURN, &["return"], "number of the return within its pulse, from 1"),
@@ -71,8 +71,7 @@ impl RegistryEntry for PointAttribute {
     }
 }
 
-/// The attribute of the standard with this name; letter case and underscores do not matter, so names
-/// such as `PointSourceId` are known.
+/// The standard attribute with this name; letter case and underscores are ignored (`PointSourceId`).
 pub fn known(name: &str) -> Option<&'static PointAttribute> {
     let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
     let is_it = |own: &&str| plain(own) == plain(name);
@@ -82,13 +81,13 @@ pub fn known(name: &str) -> Option<&'static PointAttribute> {
 /// A return of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Return {
-    /// The first one.
+    /// The first return.
     First,
-    /// The last one, which may be the first one as well.
+    /// The last return; it may also be the first.
     Last,
-    /// The first one of pulses that have no other.
+    /// The only return of its pulse.
     Only,
-    /// The one of this number, from 1.
+    /// The return with this number, from 1.
     Number(u8),
 }
 

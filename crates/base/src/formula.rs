@@ -14,17 +14,17 @@
 
 use std::convert::Infallible;
 
-/// Deepest parentheses, signs and negations.
+/// Maximum nesting of parentheses, signs and negations.
 const DEEPEST: u32 = 64;
-/// Most steps of an expression.
+/// Maximum number of steps of an expression.
 const MOST_STEPS: usize = 4096;
-/// What a condition computes.
+/// Value of a true condition.
 const TRUE: f64 = 1.0;
 const FALSE: f64 = 0.0;
-/// Words that are no names unless they are quoted.
+/// Reserved words; names equal to them need quotes.
 const WORDS: [&str; 4] = ["and", "or", "not", "in"];
 
-/// An expression as steps of a stack machine; its names are of any type once they are resolved.
+/// An expression as steps of a stack machine; `Name` is the type of resolved names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula<Name>(Vec<FormulaStep<Name>>);
 
@@ -38,7 +38,7 @@ enum FormulaStep<Name> {
     Multiply,
     Divide,
     Compare(ComparisonOperator),
-    /// Whether one of so many numbers equals the one before them.
+    /// True if one of this number of values equals the value before them.
     In(usize),
     And,
     Or,
@@ -55,7 +55,7 @@ enum ComparisonOperator {
     GreaterOrEqual,
 }
 
-/// Comparisons by their signs, longer signs before those that they begin with.
+/// Comparison operators by their signs; longer signs precede their prefixes.
 const COMPARISONS: [(&str, ComparisonOperator); 8] = [
     ("==", ComparisonOperator::Equal),
     ("!=", ComparisonOperator::Unequal),
@@ -67,7 +67,7 @@ const COMPARISONS: [(&str, ComparisonOperator); 8] = [
     (">", ComparisonOperator::Greater),
 ];
 
-/// What a part of an expression computes.
+/// Type of the result of a subexpression.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FormulaType {
     Number,
@@ -75,10 +75,10 @@ enum FormulaType {
 }
 
 impl Formula<String> {
-    /// Parses a formula, which computes a number.
+    /// Parses a formula with a numeric result.
     ///
     /// # Errors
-    /// Text that is no formula, or a condition.
+    /// Invalid text, or a condition.
     pub fn number(text: &str) -> Result<Self, String> {
         match parse(text)? {
             (formula, FormulaType::Number) => Ok(formula),
@@ -86,10 +86,10 @@ impl Formula<String> {
         }
     }
 
-    /// Parses a condition, which is true or not.
+    /// Parses a condition.
     ///
     /// # Errors
-    /// Text that is no condition, or a number.
+    /// Invalid text, or a number.
     pub fn condition(text: &str) -> Result<Self, String> {
         match parse(text)? {
             (formula, FormulaType::Truth) => Ok(formula),
@@ -102,7 +102,7 @@ impl Formula<String> {
     /// The same expression with `find` applied to each name.
     ///
     /// # Errors
-    /// Those of `find`.
+    /// Errors of `find`.
     pub fn resolve<Name, E>(
         &self,
         mut find: impl FnMut(&str) -> Result<Name, E>,
@@ -128,10 +128,10 @@ impl Formula<String> {
 }
 
 impl<Name> Formula<Name> {
-    /// Computes the number in double precision.
+    /// Evaluates the formula in double precision.
     ///
     /// # Errors
-    /// Those of `value`, a division by zero, numbers that are too large.
+    /// Errors of `value`, division by zero, numeric overflow.
     pub fn compute(
         &self,
         stack: &mut Vec<f64>,
@@ -140,8 +140,8 @@ impl<Name> Formula<Name> {
         self.run(stack, value, |found| found.map_err(str::to_owned))
     }
 
-    /// Whether the condition is true. As in SQL, what is computed from a missing value (NaN) or by a
-    /// division by zero is neither true nor false.
+    /// Whether the condition is true. As in SQL, results of missing values (NaN) and of divisions by zero are neither
+    /// true nor false.
     pub fn holds(&self, stack: &mut Vec<f64>, value: impl Fn(&Name) -> f64) -> bool {
         let value = |name: &Name| Ok::<_, Infallible>(value(name));
         let Ok(found) = self.run(stack, value, |found| Ok(found.unwrap_or(f64::NAN)));
@@ -168,7 +168,7 @@ impl<Name> Formula<Name> {
 }
 
 impl<Name> FormulaStep<Name> {
-    /// Replaces the operands of an operator by its result.
+    /// Replaces the operands of an operator with its result.
     fn apply(&self, stack: &mut Vec<f64>) -> Result<f64, &'static str> {
         let mut last = || pop(stack);
         let result = match self {
@@ -222,12 +222,12 @@ fn truth(is_true: bool, is_unknown: bool) -> f64 {
     }
 }
 
-/// The conjunction of two truths.
+/// Conjunction of two truth values.
 fn least(a: f64, b: f64) -> f64 {
     if a == FALSE || b == FALSE { FALSE } else { a * b }
 }
 
-/// The last number; an expression that was parsed leaves none out.
+/// Pops the last value; a parsed expression never underflows.
 fn pop(stack: &mut Vec<f64>) -> f64 {
     stack.pop().unwrap_or(f64::NAN)
 }
@@ -255,7 +255,7 @@ impl FormulaParser<'_> {
         self.rest.chars().next()
     }
 
-    /// Takes a sign if it comes next.
+    /// Consumes a sign if it is next.
     fn sign(&mut self, sign: &str) -> bool {
         self.peek();
         let rest = self.rest.strip_prefix(sign);
@@ -263,7 +263,7 @@ impl FormulaParser<'_> {
         rest.is_some()
     }
 
-    /// Takes a word if it comes next, letter case aside.
+    /// Consumes a word if it is next; letter case is ignored.
     fn word(&mut self, word: &str) -> bool {
         self.peek();
         let (name, rest) = split(self.rest, is_of_name);
@@ -274,7 +274,7 @@ impl FormulaParser<'_> {
         is_it
     }
 
-    /// Adds a step.
+    /// Appends a step.
     fn push(
         &mut self,
         step: FormulaStep<String>,
@@ -341,13 +341,13 @@ impl FormulaParser<'_> {
         }
     }
 
-    /// The comparison whose sign comes next.
+    /// The comparison operator at this position, if any.
     fn compared(&mut self) -> Option<ComparisonOperator> {
         let (_, how) = COMPARISONS.into_iter().find(|(sign, _)| self.sign(sign))?;
         Some(how)
     }
 
-    /// Numbers in parentheses; returns how many.
+    /// Parses numbers in parentheses; returns their count.
     fn list(&mut self) -> Result<usize, String> {
         if !self.sign("(") {
             return Err("expected a list in parentheses after in".to_owned());
@@ -450,7 +450,7 @@ impl FormulaParser<'_> {
     }
 }
 
-/// Fails when a part of an expression is not of the kind that is wanted.
+/// Fails if a subexpression does not have the expected type.
 fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
     match (wanted, found) {
         (FormulaType::Truth, FormulaType::Number) => {
@@ -463,7 +463,7 @@ fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
     }
 }
 
-/// What text begins with that `is_part`, and the rest.
+/// Splits text into the prefix of characters that are `is_part`, and the rest.
 fn split(text: &str, mut is_part: impl FnMut(char) -> bool) -> (&str, &str) {
     text.split_at(text.find(|c| !is_part(c)).unwrap_or(text.len()))
 }

@@ -60,7 +60,7 @@ impl Affine {
         all.iter().all(|v| v.is_finite()) && self.determinant() != 0.0
     }
 
-    /// Whether doubles hold the positions of all samples of a grid of this size to a thousandth of a cell.
+    /// Whether doubles resolve the positions of all samples of a grid of this size to a thousandth of a cell.
     pub fn resolves(&self, width: u32, height: u32) -> bool {
         let ends = |side: u32| [0.0, f64::from(side)];
         let corners = ends(width).into_iter().flat_map(|col| ends(height).map(|row| [col, row]));

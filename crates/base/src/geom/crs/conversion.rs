@@ -1,5 +1,5 @@
-//! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
-//! spells it, the datum these are on, and what heights are.
+//! Parts of coordinate operations: the conversion from longitude and latitude in PROJ syntax, the datum, and the
+//! vertical reference.
 
 use super::definition::{CrsDefinition, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::geokeys::GeoKeys;
@@ -11,59 +11,59 @@ use super::{codes, read, vertical, wkt, write};
 use crate::error::{Error, Result};
 use crate::geom::Spheroid;
 
-/// The datum of a system, and its ellipsoid.
+/// Datum of a CRS, and its ellipsoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Datum {
-    /// Its name, as the system has it.
+    /// Name in the CRS.
     pub name: String,
-    /// Its EPSG code, where it is known.
+    /// EPSG code, if known.
     pub code: Option<u32>,
-    /// Half of the major axis of the ellipsoid, in metres.
+    /// Semi-major axis of the ellipsoid, in metres.
     pub axis: f64,
-    /// Inverse of the flattening; 0 for a sphere.
+    /// Inverse flattening; 0 for a sphere.
     pub flattening: f64,
 }
 
-/// How positions of a system come from longitudes and latitudes from Greenwich on.
+/// Conversion of longitudes and latitudes (from Greenwich) to coordinates of a CRS.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conversion {
-    /// As PROJ spells it, without a shift to another datum.
+    /// PROJ string without a datum shift.
     pub proj: String,
-    /// What longitudes and latitudes are on.
+    /// Datum of the longitudes and latitudes.
     pub datum: Datum,
 }
 
-/// What heights of a system are.
+/// Reference surface of the heights of a CRS.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VerticalReference {
-    /// The system does not say.
+    /// Not stated.
     Unknown,
     /// Above the ellipsoid, in metres.
     Ellipsoidal,
     /// Above (or, for depths, below) a surface of a vertical datum.
     Above {
-        /// Name of the system of heights.
+        /// Name of the vertical CRS.
         name: String,
-        /// EPSG code of its datum, or else the datum's name.
+        /// EPSG code of its datum, or the name of the datum.
         datum: std::result::Result<u32, String>,
-        /// Metres in a unit.
+        /// Metres per unit.
         metres: f64,
         /// True for depths.
         is_down: bool,
     },
 }
 
-/// What is kept of a PROJ string by code: the projection, without datum and ellipsoid.
+/// Parameters kept from PROJ strings of codes: the projection, without datum and ellipsoid.
 const KEPT: [&str; 20] = [
     "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0",
     "x_0", "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
 ];
 
 impl Crs {
-    /// How positions come from longitudes and latitudes.
+    /// The conversion from longitude and latitude.
     ///
     /// # Errors
-    /// Systems that have no known place on the globe, or one that cannot be computed, by what they are.
+    /// CRSs without a position on the globe, and unsupported projections.
     pub fn conversion(&self) -> Result<Conversion> {
         if let Some(code) = self.epsg {
             return by_code(code).map_err(|error| error.at(self.label()));
@@ -84,10 +84,10 @@ impl Crs {
         }
     }
 
-    /// The ellipsoid that positions are on, of any body; `None` where nothing is said of it.
+    /// The ellipsoid, of any body; `None` if the CRS states none.
     ///
     /// # Errors
-    /// Unsupported: something is said of it that is not known here.
+    /// Unsupported: the stated ellipsoid is unknown.
     pub fn spheroid(&self) -> Result<Option<Spheroid>> {
         let figure = match self.parts().0 {
             Some(Horizontal::Geographic(own)) => Some((own.axis, own.flattening)),
@@ -110,7 +110,7 @@ impl Crs {
         self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).tells_figure()
     }
 
-    /// What heights are.
+    /// The vertical reference.
     pub fn heights(&self) -> VerticalReference {
         match self.parts() {
             (_, Some(own)) => own.heights(),
@@ -121,7 +121,7 @@ impl Crs {
         }
     }
 
-    /// The same system of x and y, of values that are no heights.
+    /// The horizontal CRS alone, for values other than heights.
     #[must_use]
     pub fn without_heights(&self) -> Self {
         let heights = self.heights();
@@ -143,7 +143,7 @@ impl Crs {
         Self { vertical_epsg: None, vertical_unit: None, vertical_unit_text: None, ..plain }
     }
 
-    /// The same system of x and y with the heights of `other`, where it has none of its own.
+    /// This CRS with the vertical CRS of `other`, unless it has one.
     #[must_use]
     pub fn with_heights_of(&self, other: &Self) -> Self {
         let given = match self.heights() {
@@ -214,7 +214,7 @@ fn by_code(code: u32) -> Result<Conversion> {
     Ok(Conversion { proj: format!("{kept} {figure}"), datum })
 }
 
-/// The datum of the system of a text, and whether its angles are in degrees.
+/// Datum of a WKT, and whether its angles are in degrees.
 fn datum(nodes: &[CrsWktNode<'_>]) -> Option<(Datum, bool)> {
     let node = read::find(nodes, &read::GEOGRAPHIC)?;
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
@@ -257,7 +257,7 @@ fn faces_south(nodes: &[CrsWktNode<'_>]) -> bool {
 }
 
 impl Datum {
-    /// The ellipsoid, as PROJ spells it.
+    /// The ellipsoid in PROJ syntax.
     fn figure(&self) -> String {
         match self.flattening {
             0.0 => format!("+a={0} +b={0}", self.axis),
@@ -267,7 +267,7 @@ impl Datum {
 }
 
 impl GeographicCrs {
-    /// Its datum; known by its name where it has no code.
+    /// Its datum; looked up by name if it has no code.
     pub(super) fn to_datum(&self) -> Datum {
         let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
         Datum {
@@ -319,8 +319,8 @@ impl Projected {
 }
 
 impl ProjectionMethod {
-    /// The projection, as PROJ spells it, but for the origin and the unit of x and y; `None` where
-    /// PROJ has none for these numbers.
+    /// The projection in PROJ syntax, without the origin and the unit of x and y; `None` if PROJ does not support
+    /// these parameters.
     fn proj(&self, value: impl Fn(ProjectionParameter) -> f64) -> Option<String> {
         use ProjectionParameter::{
             Azimuth, GridAngle, Latitude, Longitude, Parallel1, Parallel2, Scale,
