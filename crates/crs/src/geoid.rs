@@ -1,15 +1,15 @@
-//! Heights of a geoid above the ellipsoid, on a grid of longitudes and latitudes: of GTX files, or as they come.
+//! Geoid heights above the ellipsoid on a grid of longitudes and latitudes, from GTX files or arrays.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Most bytes of a grid of shifts or of a geoid, which is held whole.
+/// Maximum bytes of a shift grid or geoid, which is held in memory.
 pub const MAX_GRID_BYTES: u64 = 512 << 20;
 
-/// What stands for no value.
+/// Nodata value of GTX.
 const NO_VALUE: f32 = -88.8888;
 
-/// Largest height of a geoid, in metres: what is beyond is damage.
+/// Maximum geoid height in metres; larger values are damage.
 const HIGHEST: f32 = 1000.0;
 
 const HEADER: usize = 40;
@@ -17,13 +17,13 @@ const HEADER: usize = 40;
 /// A geoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geoid {
-    /// Of the south-western corner: longitude and latitude, in degrees.
+    /// Longitude and latitude of the south-western corner, in degrees.
     corner: [f64; 2],
     /// Degrees between columns and rows.
     step: [f64; 2],
     columns: usize,
     rows: usize,
-    /// Metres, row by row from the south.
+    /// Heights in metres, row by row from the south.
     heights: Vec<f32>,
 }
 
@@ -31,7 +31,7 @@ impl Geoid {
     /// From the bytes of a GTX file.
     ///
     /// # Errors
-    /// What is no such file, or a damaged one.
+    /// Invalid or damaged files.
     pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
         limits::check("size of the geoid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
@@ -67,11 +67,11 @@ impl Geoid {
         Self::new([west, south], [across, up], [columns, rows], heights)
     }
 
-    /// From heights in metres, row by row from the south, each from the west; what is not a number is not known.
-    /// The corner is where the first of them lies, the step what lies between columns and between rows, in degrees.
+    /// From heights in metres, row by row from the south, each row from the west; NaN is nodata. `corner` is the
+    /// position of the first height, `step` the distance of columns and rows, in degrees.
     ///
     /// # Errors
-    /// A grid of fewer than two columns or rows, one that reaches beyond the globe, or another number of heights.
+    /// Fewer than two columns or rows, an extent beyond the globe, or another number of heights.
     pub fn new(
         corner: [f64; 2],
         step: [f64; 2],
@@ -96,11 +96,10 @@ impl Geoid {
         Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }
 
-    /// The height of the geoid above the ellipsoid, in metres, at a longitude and latitude in degrees:
-    /// bilinear between its four neighbours.
+    /// Geoid height above the ellipsoid in metres at a longitude and latitude in degrees, by bilinear interpolation.
     ///
     /// # Errors
-    /// Places where it is not known.
+    /// No value at this place.
     pub fn height(&self, [longitude, latitude]: [f64; 2]) -> Result<f64> {
         let missing = || {
             Error::bad_input(format!(
@@ -130,17 +129,17 @@ impl Geoid {
         Ok(sum)
     }
 
-    /// Bytes that it takes.
+    /// Bytes held.
     pub fn bytes(&self) -> u64 {
         (self.heights.len() * size_of::<f32>()) as u64
     }
 
-    /// True where columns go all the way round.
+    /// True if the columns span all longitudes.
     fn is_round(&self) -> bool {
         (self.step[0] * self.columns as f64 - 360.0).abs() < self.step[0] * 1e-3
     }
 
-    /// The cell of a coordinate in steps, and how far into it that is.
+    /// Cell of a coordinate in steps, and the fraction within it.
     fn cell(&self, at: f64, count: usize, is_round: bool) -> (Option<usize>, f64) {
         let last = if is_round { count as f64 } else { (count - 1) as f64 };
         let hair = 1e-9 * last;

@@ -1,4 +1,4 @@
-//! What becomes of heights: kept, in another unit, or counted from another surface by a geoid.
+//! Vertical transformations: none, a change of unit, or a geoid.
 
 use std::sync::Arc;
 
@@ -7,22 +7,22 @@ use terrane_base::geom::{Crs, VerticalReference};
 
 use super::geoid::Geoid;
 
-/// What is done to a height.
+/// Transformation of a height.
 #[derive(Clone)]
 pub(crate) enum HeightOperation {
-    /// It is what it was, times a factor.
+    /// Multiplies by a factor.
     Times(f64),
-    /// From the geoid's surface (in a unit of so many metres) to the ellipsoid of the target.
+    /// From heights above the geoid (with metres per unit) to the ellipsoid of the target.
     ToEllipsoid(Arc<Geoid>, f64),
-    /// From the ellipsoid of the source to the geoid's surface.
+    /// From the ellipsoid of the source to heights above the geoid (with metres per unit).
     ToGeoid(Arc<Geoid>, f64),
 }
 
 impl HeightOperation {
-    /// From the heights of one system to those of another, and what is to be said of that.
+    /// The transformation between the heights of two CRSs; adds notes.
     ///
     /// # Errors
-    /// Heights that no known operation brings from one surface to the other.
+    /// No known transformation between the vertical references.
     pub(crate) fn between(
         [from, to]: [&Crs; 2],
         is_shifted: bool,
@@ -69,7 +69,7 @@ impl HeightOperation {
         }
     }
 
-    /// What undoes it.
+    /// The inverse transformation.
     pub(crate) fn inverse(&self) -> Self {
         match self {
             Self::Times(factor) => Self::Times(1.0 / factor),

@@ -1,4 +1,4 @@
-//! Grids of shifts between two datums: NTv2 files (`.gsb`), in either order of bytes.
+//! Datum shift grids: NTv2 files (`.gsb`), in either byte order.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Datum;
@@ -9,13 +9,13 @@ use super::geoid::MAX_GRID_BYTES;
 const RECORD: usize = 16;
 /// Records of a header.
 const HEADER: usize = 11;
-/// Most grids of one file.
+/// Maximum number of subgrids.
 const MAX_GRIDS: u64 = 65_536;
-/// Steps until a shift is undone.
+/// Maximum iterations of the inverse shift.
 const STEPS: u32 = 20;
-/// What is left when it is, in radians: a hundredth of a millimetre.
+/// Remaining error of the inverse shift, in radians: a hundredth of a millimetre.
 const LEFT: f64 = 1e-12;
-/// Names of datums in files where the ellipsoids do not tell the two apart, and EPSG codes of datums.
+/// Names of datums in files that share their ellipsoid with others, and EPSG codes of datums.
 const NAMES: [(&str, u32); 8] = [
     ("GDA94", 6283),
     ("GDA2020", 1168),
@@ -27,27 +27,27 @@ const NAMES: [(&str, u32); 8] = [
     ("ED50", 6230),
 ];
 
-/// A grid of shifts from one datum to another.
+/// A datum shift grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShiftGrid {
     names: [String; 2],
-    /// Half of the major axes of both ellipsoids.
+    /// Semi-major axes of both ellipsoids.
     axes: [f64; 2],
     grids: Vec<Ntv2Grid>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 struct Ntv2Grid {
-    /// In seconds of arc, longitudes to the west: south, north, east, west.
+    /// South, north, east and west limits in seconds of arc; longitudes are positive to the west.
     sides: [f64; 4],
-    /// Of latitude and longitude.
+    /// Steps of latitude and longitude.
     step: [f64; 2],
     columns: usize,
-    /// Latitude and longitude to the west, in seconds, from the south-east on, row by row to the north.
+    /// Shifts of latitude and of longitude (positive west), in seconds, from the south-east, row by row to the north.
     shifts: Vec<[f32; 2]>,
 }
 
-/// Reads in the order of bytes of a file.
+/// Reads values in the byte order of a file.
 struct Ntv2Reader<'a> {
     bytes: &'a [u8],
     is_big: bool,
@@ -81,10 +81,10 @@ impl<'a> Ntv2Reader<'a> {
 }
 
 impl ShiftGrid {
-    /// From the bytes of a file.
+    /// From the bytes of an NTv2 file.
     ///
     /// # Errors
-    /// What is no such file, a damaged one, or one in units other than seconds of arc.
+    /// Invalid or damaged files, and units other than seconds of arc.
     pub fn of_ntv2(bytes: &[u8]) -> Result<Self> {
         limits::check("size of the shift grid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
@@ -127,17 +127,17 @@ impl ShiftGrid {
         Ok(Self { names: [from, to], axes: [axis, others], grids })
     }
 
-    /// What it is called, one way or the other.
+    /// Name of the shift in either direction.
     pub(crate) fn name(&self, is_back: bool) -> String {
         let [from, to] = &self.names;
         let [from, to] = if is_back { [to, from] } else { [from, to] };
         format!("shift grid from {from} to {to}")
     }
 
-    /// True where it leads from the second datum to the first.
+    /// True if it leads from the second datum to the first.
     ///
     /// # Errors
-    /// One that is of other datums, or that does not say which.
+    /// The grid is for other datums, or does not state them.
     pub(crate) fn is_back(&self, datums: [&Datum; 2]) -> Result<bool> {
         let is = |axis: f64, datum: &Datum| (axis - datum.axis).abs() < 0.5;
         let fits = |[from, to]: [&Datum; 2]| is(self.axes[0], from) && is(self.axes[1], to);
@@ -176,7 +176,7 @@ impl ShiftGrid {
         .remedy("use the shift grid between these two datums")
     }
 
-    /// A place, in radians, on the other datum.
+    /// Shifts a place, in radians, to the other datum.
     pub(crate) fn apply(&self, place: [f64; 2], is_back: bool) -> Result<[f64; 2]> {
         let moved = if is_back { self.undone(place) } else { self.shifted(place) };
         moved.ok_or_else(|| {
@@ -194,7 +194,7 @@ impl ShiftGrid {
         Some([longitude - west, latitude + up].map(|seconds| (seconds / 3600.0).to_radians()))
     }
 
-    /// The place that is shifted here.
+    /// The inverse shift.
     fn undone(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         let mut found = place;
         for _ in 0..STEPS {
@@ -208,7 +208,7 @@ impl ShiftGrid {
         None
     }
 
-    /// By the finest grid that holds a place.
+    /// The shift of the finest subgrid that contains a place.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let finer = |a: &&Ntv2Grid, b: &&Ntv2Grid| a.step[0].total_cmp(&b.step[0]);
         let once = 360.0 * 3600.0;
@@ -220,7 +220,7 @@ impl ShiftGrid {
 }
 
 impl Ntv2Grid {
-    /// The grid that a file goes on with, and how many bytes it takes.
+    /// Reads the next subgrid, and its length in bytes.
     fn read(file: &Ntv2Reader<'_>) -> Option<(Self, usize)> {
         let number = |record: usize| file.number(record);
         let sides = [number(4)?, number(5)?, number(6)?, number(7)?];
@@ -246,7 +246,7 @@ impl Ntv2Grid {
             && (east - hair..=far + hair).contains(&west)
     }
 
-    /// Bilinear between four neighbours.
+    /// Bilinear interpolation.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let rows = self.shifts.len() / self.columns;
         let cell = |at: f64, count: usize| {

@@ -1,4 +1,4 @@
-//! One system's way to longitudes and latitudes and back, checked at every position.
+//! A projection and its inverse, checked at every position.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -7,20 +7,20 @@ use proj4rs::transform::transform;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Conversion;
 
-/// How far a position may be from where it came from, there and back: a millimetre, in radii of the earth.
+/// Round-trip tolerance: a millimetre, in radii of the earth.
 const SLACK: f64 = 1e-3 / 6_378_137.0;
 
-/// Projections that are cut along the meridian opposite to their own.
+/// Projections with a discontinuity at the meridian opposite to the central one.
 const CUT: [&str; 16] = [
     "longlat", "latlong", "merc", "webmerc", "lcc", "aea", "leac", "eqdc", "eqc", "cea", "mill",
     "moll", "robin", "sinu", "poly", "eqearth",
 ];
 
-/// A system, without its datum: longitudes and latitudes are in radians, on its ellipsoid.
+/// A CRS without its datum: longitudes and latitudes are in radians, on its ellipsoid.
 #[derive(Clone)]
 pub(crate) struct Projection {
     proj: Proj,
-    /// Longitudes and latitudes on the same ellipsoid, from Greenwich on.
+    /// Geographic CRS on the same ellipsoid, from Greenwich.
     globe: Proj,
     label: String,
 }
@@ -46,7 +46,7 @@ impl Projection {
         self.proj.is_latlong()
     }
 
-    /// The meridian along which the map is cut, in radians; `None` where there is none.
+    /// The meridian at which the map is discontinuous, in radians, if any.
     pub(crate) fn cut(&self) -> Option<f64> {
         let is_cut = CUT.contains(&self.proj.projname());
         is_cut.then(|| self.proj.longitude_of_origin() + self.proj.from_greenwich() + PI)
@@ -73,7 +73,7 @@ impl Projection {
         })
     }
 
-    /// The same, not checked.
+    /// Unchecked inverse projection.
     pub(crate) fn unproject(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let is_geographic = self.is_geographic();
         let mut at = if is_geographic { (x.to_radians(), y.to_radians()) } else { (x, y) };
@@ -109,7 +109,7 @@ impl Projection {
     }
 }
 
-/// True for one place on the globe, in radians.
+/// True for the same place on the globe, in radians.
 fn is_one_place(a: [f64; 2], b: [f64; 2]) -> bool {
     let east = (a[0] - b[0] + PI).rem_euclid(TAU) - PI;
     (east * a[1].cos()).hypot(a[1] - b[1]) <= SLACK
