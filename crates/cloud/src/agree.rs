@@ -1,4 +1,4 @@
-//! What the files of a cloud must agree in: their coordinate reference system.
+//! Agreement of the files of a point cloud in their CRS.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, VerticalReference};
@@ -6,11 +6,11 @@ use terrane_files::{path_of, shown};
 
 use super::member::CloudFile;
 
-/// The system of all files, and what is to be said of it; `given` is that of files that name none. Heights are those
-/// of the first file that says what they are.
+/// The common CRS of all files, and a note; `given` is the CRS of files without one. The vertical CRS is that of the
+/// first file that states one.
 ///
 /// # Errors
-/// Two files of different systems.
+/// Two files with different CRSs.
 pub(super) fn crs(
     names: &[String],
     files: &[CloudFile],
@@ -76,7 +76,7 @@ fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     .remedy("convert the heights of one of them")
 }
 
-/// What people overlook about a system.
+/// Notes on the CRS that users may overlook.
 pub(super) fn notes(crs: &Crs) -> Vec<String> {
     let mut notes = Vec::new();
     if !crs.is_named() {

@@ -1,23 +1,23 @@
-//! The frame of a cloud: one lattice for the points of all its files, whatever their order.
+//! The frame of a cloud: one lattice for the points of all its files, independent of their order.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame, REACH, Ruler};
 
 use super::filter::CloudFilter;
 
-/// Where the points of a file lie: the lattice it counts in, and the bounds it claims.
+/// Lattice and stated bounds of the points of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ClaimedExtent {
     pub(super) scale: [f64; 3],
     pub(super) offset: [f64; 3],
-    /// Lowest and highest steps; bounds off the lattice reach to the next step.
+    /// Minimum and maximum steps; bounds between steps are extended to the next step.
     pub(super) low: [i32; 3],
     pub(super) high: [i32; 3],
 }
 
-/// How far off a step a position is still on it: coordinates in `f64` have errors.
+/// Tolerance, in steps, for a position on a step: coordinates in `f64` are rounded.
 const SLACK: f64 = 1e-4;
-/// Largest number of steps between two lattices that are one.
+/// Maximum offset, in steps, between two lattices that count as one.
 const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
 impl ClaimedExtent {
@@ -35,18 +35,18 @@ impl ClaimedExtent {
         Self { scale, offset, low, high }
     }
 
-    /// World coordinates, as every reader of the file computes them.
+    /// World coordinates as LAS readers compute them.
     pub(super) fn world(&self, raw: [i32; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| f64::from(raw[axis]) * self.scale[axis] + self.offset[axis])
     }
 
-    /// Whether the bounds hold for a point.
+    /// Whether a point is within the bounds.
     pub(super) fn holds(&self, raw: [i32; 3]) -> bool {
         (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&raw[axis]))
     }
 
-    /// The claim cut to the box and heights asked for, and a step around them, as points may be
-    /// rounded to steps of another lattice; `None` where nothing is left.
+    /// The bounds cut to the filter's bounds and heights plus a step, as points may be rounded to another lattice;
+    /// `None` if empty.
     pub(super) fn within(&self, filter: &CloudFilter) -> Option<Self> {
         let [west, south, east, north] = filter.area();
         let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -64,21 +64,21 @@ impl ClaimedExtent {
     }
 }
 
-/// Least and largest steps of points in a frame: those that geometry is exact in, and all that files store.
+/// Minimum and maximum steps of points in a frame: for exact geometry, and for files.
 const EXACT: [i64; 2] = [-(REACH as i64), REACH as i64];
 const STORED: [i64; 2] = [i32::MIN as i64, i32::MAX as i64];
 
-/// From the lattice of a file to the frame.
+/// Transformation from the lattice of a file to the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum FrameTransform {
-    /// So many steps less, modulo 2^32: the result is within reach, so it is exact.
+    /// Subtracts steps, modulo 2^32: the result is within range, so it is exact.
     Shift([i32; 3]),
-    /// To the nearest step of another lattice.
+    /// Rounds to the nearest step of another lattice.
     Round(PointFrame),
 }
 
 impl FrameTransform {
-    /// The point at `raw`, which is within the file's claim.
+    /// Transforms the position `raw`, which is within the file's bounds.
     pub(super) fn place(&self, raw: [i32; 3], claim: &ClaimedExtent) -> Point {
         let [x, y, z] = match self {
             Self::Shift(by) => std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis])),
@@ -91,7 +91,7 @@ impl FrameTransform {
     }
 }
 
-/// A frame, how each file gets into it, and how far points move at most on the way.
+/// A common frame, the transformation of each file, and the maximum displacement of points.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct CommonFrame {
     pub(super) frame: PointFrame,
@@ -99,12 +99,12 @@ pub(super) struct CommonFrame {
     pub(super) moved: [f64; 3],
 }
 
-/// The common frame of files, a pure function of the set of their claims. Lattices that are one but
-/// for whole steps keep it and every point its exact place. Otherwise the finest scale along each
-/// axis is taken and points go to its nearest step.
+/// The common frame of files, a pure function of the set of their extents. Lattices that differ by whole steps only
+/// are kept, and every point keeps its exact position. Otherwise the finest scale along each axis is used, and points
+/// are snapped to it.
 ///
 /// # Errors
-/// Extents beyond [`REACH`], unless any will do; those beyond what files store.
+/// Extents beyond [`REACH`], unless any extent is allowed; extents beyond the range of files.
 pub(super) fn common(claims: &[ClaimedExtent], any_extent: bool) -> Result<CommonFrame> {
     match within(claims, EXACT) {
         Err(_) if any_extent => within(claims, STORED),
@@ -142,7 +142,7 @@ impl SharedLatticeAxis {
         Some(Self { scale, base, steps: steps.collect::<Option<_>>()? })
     }
 
-    /// The base where all points are within reach of it, else a step near their middle.
+    /// The base if all points are within range of it, else a step near their middle.
     fn origin(&self, claims: &[ClaimedExtent], axis: usize, steps: [i64; 2]) -> Result<i64> {
         let ends = |pick: fn(&ClaimedExtent) -> [i32; 3]| {
             let of =
@@ -157,7 +157,7 @@ impl SharedLatticeAxis {
     }
 }
 
-/// Zero where `low` and `high` are within reach of it, else their middle.
+/// Zero if `low` and `high` are within range of it, else their middle.
 fn origin([low, high]: [i64; 2], [least, most]: [i64; 2]) -> Option<i64> {
     if low >= least && high <= most {
         return Some(0);
@@ -226,7 +226,7 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
     Ok(CommonFrame { frame, maps, moved })
 }
 
-/// Whether all steps of a file are steps of another lattice, too.
+/// Whether all steps of a file are also steps of another lattice.
 fn is_within(claim: &ClaimedExtent, axis: usize, (scale, offset): (f64, f64)) -> bool {
     let times = claim.scale[axis] / scale;
     let steps = (claim.offset[axis] - offset) / scale;

@@ -1,4 +1,4 @@
-//! Clouds in memory by name, in place of files.
+//! Named point clouds in memory, in place of files.
 
 use std::sync::Arc;
 
@@ -16,21 +16,21 @@ use terrane_files::{HeldRegister, HeldResource};
 
 static CLOUDS: HeldRegister<InMemoryPoints> = HeldRegister::new();
 
-/// What is known of a point beside its position.
+/// Attributes of a point in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PointMarks {
     /// Classification.
     pub class: u8,
-    /// Number of the return from 1, and returns of the pulse; 0 where unknown.
+    /// Return number from 1, and number of returns; 0 if unknown.
     pub returns: [u8; 2],
-    /// Marks, by the bits of LAS 1.4.
+    /// Classification flags, with the bits of LAS 1.4.
     pub flags: Flags,
 }
 
-/// A cloud in memory that has a name; it is given up with this.
+/// A named point cloud in memory; dropping it removes the name.
 pub struct InMemoryCloud(HeldResource<InMemoryPoints>);
 
-/// Points on the lattice that was made for them.
+/// Points on a lattice made for them.
 struct InMemoryPoints {
     points: Vec<HeldPoint>,
     placed: PointLattice,
@@ -38,7 +38,7 @@ struct InMemoryPoints {
     crs: Crs,
 }
 
-/// A point as it is held.
+/// A stored point.
 #[derive(Clone, Copy)]
 struct HeldPoint {
     xyz: [i32; 3],
@@ -64,13 +64,13 @@ impl RawPoint for HeldPoint {
 }
 
 impl InMemoryCloud {
-    /// Gives points a name, by which [`source`](super::source) opens them. Their lattice has the decimals that they have, at
-    /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 16
-    /// bytes a point and looks at each twice.
+    /// Names points, so that [`source`](super::source) can open them. Their lattice has the decimals of the
+    /// coordinates, at most 9 and within the range of steps; excess decimals are rounded, with a note. Takes 16 bytes
+    /// a point and two passes.
     ///
     /// # Errors
-    /// A coordinate that is not finite, with the number of its point; marks of another number of points; points
-    /// too far from each other.
+    /// A coordinate that is not finite, with the number of its point; another number of marks than points; points too
+    /// far apart.
     pub fn new(positions: &[[f64; 3]], marks: Option<&[PointMarks]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
@@ -101,7 +101,7 @@ impl InMemoryCloud {
     }
 }
 
-/// A held cloud as a source; its parts are a batch each.
+/// A point cloud in memory as a source; each part is a batch.
 struct InMemoryCloudSource {
     stock: Arc<InMemoryPoints>,
     sieve: Option<PointSieve>,
@@ -109,7 +109,7 @@ struct InMemoryCloudSource {
     notes: Vec<String>,
 }
 
-/// Opens what is held as `name`.
+/// Opens the cloud called `name`.
 pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let stock = CLOUDS.get(name)?;
     let frame = stock.placed.lattice();

@@ -1,4 +1,4 @@
-//! The octree of COPC files (COPC 1.0): which chunk holds the points of which cube.
+//! The octree of COPC files (COPC 1.0): chunks and the cubes of their points.
 
 use std::collections::HashSet;
 
@@ -11,20 +11,20 @@ use super::header::LasHeader;
 use super::laz::LazChunk;
 use super::vlr::VlrHeader;
 
-/// Who writes the records, and the number of the one that describes the octree.
+/// User id of COPC VLRs, and record id of the info VLR.
 pub(crate) const OCTREE: &str = "copc";
 const INFO: u16 = 1;
-/// Bytes of that record, and of an entry of the hierarchy.
+/// Bytes of the info VLR, and of a hierarchy entry.
 const INFO_BYTES: u64 = 160;
 const ENTRY_BYTES: u64 = 32;
-/// The deepest level: cubes of more are no longer told apart.
+/// Maximum depth of the octree.
 const MOST_LEVELS: i32 = 31;
 
 /// A node with points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CopcNode {
     pub(super) chunk: LazChunk,
-    /// Lowest and highest corner of its cube.
+    /// Minimum and maximum corner of its cube.
     pub(super) cube: [[f64; 3]; 2],
 }
 
@@ -35,16 +35,16 @@ struct CopcHierarchyPage {
     bytes: u64,
 }
 
-/// The cube around all.
+/// The root cube.
 struct CopcRootCube {
     low: [f64; 3],
     size: f64,
 }
 
-/// The nodes with points in the order of the file; `None` where it is no COPC file.
+/// The nodes with points in file order; `None` if the file is not COPC.
 ///
 /// # Errors
-/// A hierarchy that does not lie in the file, or does not hold each point once.
+/// A hierarchy outside the file, or one that does not hold each point once.
 pub(super) fn nodes(
     file: &RawFile,
     header: &LasHeader,
@@ -75,8 +75,7 @@ fn parse(info: LasHeaderBytes<'_>) -> Result<(CopcRootCube, CopcHierarchyPage)> 
     ))
 }
 
-/// Page after page; each is read once, and their bytes together are no more than the file's, so
-/// that pages that name each other end.
+/// Reads all pages; each is read once, and their total size is at most the file size, so cyclic references end.
 fn walk(file: &RawFile, root: &CopcRootCube, first: CopcHierarchyPage) -> Result<Vec<CopcNode>> {
     let (mut pages, mut seen, mut left) = (vec![first], HashSet::new(), file.size());
     let mut nodes = Vec::new();
@@ -97,7 +96,7 @@ fn walk(file: &RawFile, root: &CopcRootCube, first: CopcHierarchyPage) -> Result
     Ok(nodes)
 }
 
-/// An entry is a node, an empty one, or leads to another page.
+/// Reads an entry: a node, an empty node, or a reference to another page.
 fn take(
     entry: LasHeaderBytes<'_>,
     root: &CopcRootCube,
@@ -119,7 +118,7 @@ fn take(
     Ok(())
 }
 
-/// The cube of a key: level, then which one along x, y, z.
+/// The cube of a key: level, then indices along x, y, z.
 fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2]> {
     let sound = (0..MOST_LEVELS).contains(&level)
         && key.iter().all(|k| (0..1_i64 << level).contains(&i64::from(*k)));
@@ -131,7 +130,7 @@ fn cube(root: &CopcRootCube, [level, key @ ..]: [i32; 4]) -> Result<[[f64; 3]; 2
     Ok([corner(0.0), corner(1.0)])
 }
 
-/// Nodes lie behind each other between the first point and the file's end, and hold every point.
+/// Checks that nodes do not overlap, lie between the first point and the end of the file, and hold every point.
 fn check(nodes: &[CopcNode], header: &LasHeader, len: u64) -> Result<()> {
     let mut at = header.points_at;
     for CopcNode { chunk, .. } in nodes {

@@ -1,5 +1,5 @@
 //! The public header block of LAS 1.0 to 1.5 (ASPRS LAS 1.4 R16, section 2.4; LAS 1.5 R00, section 2.3), checked
-//! against the file's length.
+//! against the file length.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -7,26 +7,26 @@ use terrane_base::limits;
 use super::bytes::LasHeaderBytes;
 use crate::format::PointFormat;
 
-/// Bytes of the header of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
+/// Header bytes of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
 pub(crate) const SIZES: [u16; 4] = [227, 235, 375, 393];
-/// Most bytes of a header that are looked at.
+/// Maximum header bytes that are read.
 pub(super) const MOST_BYTES: u64 = 393;
 
-/// What a LAS file says of itself.
+/// The header of a LAS file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LasHeader {
     pub(crate) version: [u8; 2],
-    /// Number of the file or flight line.
+    /// File source id.
     pub(crate) source: u16,
     /// Bytes before the first VLR.
     pub(super) size: u16,
-    /// Where points begin.
+    /// Offset of the points.
     pub(crate) points_at: u64,
     pub(super) vlrs: u32,
-    /// 0 to 10.
+    /// Point format, 0 to 10.
     pub(crate) format: u8,
     pub(crate) is_compressed: bool,
-    /// Bytes of a point, uncompressed.
+    /// Record length.
     pub(crate) record: u16,
     pub(crate) count: u64,
     pub(crate) scale: [f64; 3],
@@ -35,16 +35,16 @@ pub(crate) struct LasHeader {
     pub(crate) high: [f64; 3],
     pub(super) evlrs_at: u64,
     pub(super) evlrs: u32,
-    /// Where waveforms in the file begin, from version 1.3 on.
+    /// Offset of internal waveforms, from version 1.3.
     waves_at: u64,
     pub(crate) system: String,
     pub(crate) software: String,
     /// Day of the year, and year.
     pub(crate) created: [u16; 2],
     pub(crate) encoding: u16,
-    /// What times are counted from, in millions of seconds of GPS time; from version 1.5 on.
+    /// Time offset in millions of seconds, from version 1.5.
     pub(crate) time_offset: u16,
-    /// What is odd about it.
+    /// Notes on oddities.
     pub(crate) notes: Vec<String>,
 }
 
@@ -162,15 +162,14 @@ impl LasHeader {
         Ok(())
     }
 
-    /// Where something else than points begins, in a file of so many bytes.
+    /// End of the points: offset of the next section, or the length of the file.
     pub(crate) fn points_end(&self, len: u64) -> u64 {
         let others = [(self.evlrs > 0).then_some(self.evlrs_at), Some(self.waves_at)];
         let behind = others.into_iter().flatten().filter(|at| *at >= self.behind(len));
         behind.fold(len, u64::min)
     }
 
-    /// The first byte that something else may be at: behind all points, as far as these are in a file of so many
-    /// bytes; how many bytes compressed ones take is not known here.
+    /// Minimum offset of sections after the points; the size of compressed points is unknown here.
     pub(super) fn behind(&self, len: u64) -> u64 {
         let bytes = if self.is_compressed { 0 } else { self.count * u64::from(self.record) };
         self.points_at.saturating_add(bytes).min(len.max(self.points_at))
@@ -187,12 +186,12 @@ impl LasHeader {
     }
 }
 
-/// Bytes of a record of a point format that exists, without extra bytes.
+/// Record length of a point format without extra bytes.
 fn least(format: u8) -> u16 {
     PointFormat::new(format).map_or(0, |format| format.size() as u16)
 }
 
-/// Points by the wide count of LAS 1.4, or by the narrow one where that is all there is.
+/// Number of points: the 64-bit count of LAS 1.4, or the legacy count if only that is set.
 fn count(b: LasHeaderBytes<'_>, is_long: bool) -> (u64, Vec<String>) {
     let narrow = u64::from(b.u32(107));
     let wide = if is_long { b.u64(247) } else { narrow };

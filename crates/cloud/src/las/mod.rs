@@ -1,4 +1,4 @@
-//! LAS and LAZ files: header, records, and parts that are read each on its own.
+//! LAS and LAZ files: header, VLRs, and parts that are read independently.
 
 mod bytes;
 mod copc;
@@ -30,30 +30,30 @@ use self::laz::{LazCompressor, LazLayout};
 use super::frame::ClaimedExtent;
 use parts::LasPart;
 
-/// Who writes the record without which compressed points cannot be read, and its number.
+/// User id and record id of the LASzip VLR, which compressed points require.
 pub(super) const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
 
 /// A LAS or LAZ file.
 #[derive(Debug)]
 pub(super) struct LasFile {
     pub(super) path: PathBuf,
-    /// Its length when it was opened.
+    /// Length at the time of opening.
     pub(super) len: u64,
     pub(super) header: LasHeader,
     pub(super) vlrs: Vec<VlrHeader>,
     pub(super) crs: Crs,
-    /// What is known of the extra bytes of its points.
+    /// Extra bytes of its points.
     pub(super) extra: ExtraBytes,
-    /// How points are compressed, if they are.
+    /// Compression, if any.
     pub(super) layout: Option<LazLayout>,
     pub(super) is_copc: bool,
     pub(super) parts: Vec<LasPart>,
-    /// What is odd about it.
+    /// Notes on oddities.
     pub(super) notes: Vec<String>,
 }
 
 impl LasFile {
-    /// Reads everything but the points. With `salvage`, parts that are not there count as lost.
+    /// Reads everything but the points. With `salvage`, missing parts count as lost.
     pub(super) fn open(path: &Path, salvage: bool) -> Result<Self> {
         let file = RawFile::open(path)?;
         Self::read(&file, path, salvage).map_err(|e| e.in_file(path))
@@ -97,13 +97,13 @@ impl LasFile {
         Ok(Self { path, len, header, vlrs, crs, extra, layout, is_copc, parts, notes })
     }
 
-    /// Where its points are said to lie; `None` without points.
+    /// Stated extent of the points; `None` without points.
     pub(super) fn claim(&self) -> Option<ClaimedExtent> {
         let LasHeader { scale, offset, low, high, count, .. } = self.header;
         (count > 0).then(|| ClaimedExtent::new(scale, offset, low, high))
     }
 
-    /// The file again, for reading points.
+    /// Reopens the file for reading points.
     pub(super) fn reopen(&self) -> Result<RawFile> {
         let file = RawFile::open(&self.path)?;
         if file.size() == self.len {
@@ -115,7 +115,7 @@ impl LasFile {
     }
 }
 
-/// What the records that describe extra bytes say of them; there should be one, and several are read as one.
+/// Extra bytes by the Extra Bytes VLRs; several of them are read as one.
 fn extra_bytes(
     file: &RawFile,
     header: &LasHeader,
