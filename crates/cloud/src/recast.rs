@@ -1,5 +1,5 @@
-//! Records of one point format as those of another (ASPRS LAS 1.4 R15, tables 7 to 18). What the other cannot
-//! hold of a point is an error; what it has no field for was asked to be left out.
+//! Conversion of records between point formats (ASPRS LAS 1.4 R15, tables 7 to 18). Values that the target cannot
+//! store are errors; fields that it does not have are dropped.
 
 use std::ops::Range;
 
@@ -7,21 +7,21 @@ use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
 use crate::las::{ExtraBytes, OVERLAP_CLASS, RecordByteCopy};
 use terrane_base::geom::Point;
 
-/// Bytes that records begin with in every format: place and intensity.
+/// Bytes at the start of records of every format: position and intensity.
 const COMMON: usize = 14;
-/// The mark of overlap.
+/// The overlap flag.
 const OVERLAP: u8 = 8;
 
-/// From the records of a file to those of an output.
+/// Converter from the records of a file to those of an output.
 #[derive(Clone, Debug)]
 pub(crate) struct Recast {
     /// Whether the formats are of LAS 1.4: of the file, and of the output.
     is_new: [bool; 2],
-    /// Fields that both have, beside the first ones, and extra bytes.
+    /// Common fields and extra bytes to copy.
     moves: Vec<RecordByteCopy>,
-    /// What a record is before anything is moved there.
+    /// Initial bytes of a record.
     blank: Vec<u8>,
-    /// Whether a record is as it was but for its place, as far as it is wanted.
+    /// Whether records differ in their position only.
     is_same: bool,
 }
 
@@ -52,10 +52,10 @@ impl Recast {
         Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
     }
 
-    /// Appends the record of a point, which is at `place` in the output; where it is stored when `None`.
+    /// Appends the record of a point at `place`; at its stored position when `None`.
     ///
     /// # Errors
-    /// What the format of the output cannot hold.
+    /// A value that the output format cannot store.
     #[inline]
     pub(crate) fn push(
         &self,
@@ -100,7 +100,7 @@ impl Recast {
     }
 }
 
-/// What follows the intensity in the new formats, up to the time, of a record of an old one.
+/// Bytes between intensity and time in formats 6 to 10, from a record of formats 0 to 5.
 fn newer(record: &[u8]) -> [u8; 8] {
     let (returns, class) = (record[14], record[15]);
     let overlap = if class & 31 == OVERLAP_CLASS { OVERLAP } else { 0 };
@@ -119,7 +119,7 @@ fn newer(record: &[u8]) -> [u8; 8] {
     ]
 }
 
-/// What follows the intensity in the old formats, of a record of a new one.
+/// Bytes between intensity and time in formats 0 to 5, from a record of formats 6 to 10.
 fn older(record: &[u8]) -> Result<[u8; 6], String> {
     let (number, returns) = (record[14] & 15, record[14] >> 4);
     let (flags, class) = (record[15], record[16]);

@@ -1,4 +1,4 @@
-//! The header of LAS 1.2 to 1.5, and the records after it.
+//! The header of LAS 1.2 to 1.5, and the VLRs after it.
 
 use super::chunk::PointLayout;
 use super::options::CloudWriteOptions;
@@ -11,13 +11,13 @@ use crate::version::{LasVersion, PointPacking};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, PointFrame};
 
-/// Bit of the point format that says that points are compressed.
+/// Bit of the point format field for compressed points.
 const COMPRESSED: u8 = 128;
-/// What wrote a file, and where its header says so.
+/// Generating software, and its offset in the header.
 pub(super) const SOFTWARE: &str = concat!("terrane ", env!("CARGO_PKG_VERSION"));
 pub(super) const SOFTWARE_AT: usize = 58;
 
-/// All of the header that is known from the start.
+/// The header as far as known before points are written.
 pub(super) struct LasHeaderDraft {
     format: PointFormat,
     version: LasVersion,
@@ -29,11 +29,11 @@ pub(super) struct LasHeaderDraft {
     source: u16,
     system: String,
     vlrs: Vec<u8>,
-    /// How many records `vlrs` holds.
+    /// Number of VLRs in `vlrs`.
     records: u32,
-    /// Records that are too long to stand before the points.
+    /// EVLRs: records too long for VLRs.
     pub(super) behind: Vec<Vlr>,
-    /// Where records begin behind the points.
+    /// Offset of the EVLRs.
     pub(super) behind_at: u64,
 }
 
@@ -78,7 +78,7 @@ impl LasHeaderDraft {
         })
     }
 
-    /// Puts the record of an octree in its place, which is the first.
+    /// Replaces the COPC info VLR, which is the first.
     pub(super) fn set_info(&mut self, info: &Vlr) {
         let mut bytes = Vec::new();
         info.append(false, &mut bytes);
@@ -89,12 +89,12 @@ impl LasHeaderDraft {
         SIZES[usize::from(self.version.minor() - 2)]
     }
 
-    /// Bytes of the header and its records: where points begin.
+    /// Bytes of the header and its VLRs: offset of the points.
     pub(super) fn length(&self) -> u64 {
         u64::from(self.own_size()) + self.vlrs.len() as u64
     }
 
-    /// Fails when there are more points than the version counts.
+    /// Fails if there are more points than the version supports.
     pub(super) fn check(&self, tally: &PointTally) -> Result<()> {
         if self.version >= LasVersion::V1_4 || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
@@ -103,8 +103,7 @@ impl LasHeaderDraft {
         Err(Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8"))
     }
 
-    /// The header with its records. The day it was made is left open, so that equal points are equal
-    /// files.
+    /// The header with its VLRs. The creation date is empty, so that equal points make equal files.
     pub(super) fn bytes(&self, tally: &PointTally) -> Vec<u8> {
         let format = self.format;
         let mut bytes = b"LASF".to_vec();
@@ -137,7 +136,7 @@ impl LasHeaderDraft {
         bytes
     }
 
-    /// The counts of 32 bits: zero in files with the new formats, and where they do not hold all points.
+    /// The legacy 32-bit counts: zero with point formats 6 to 10, or if they overflow.
     fn old_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let is_shown = !self.format.is_new() && tally.count() <= u64::from(u32::MAX);
         let shown = |count: u64| if is_shown { count as u32 } else { 0 };
@@ -145,7 +144,7 @@ impl LasHeaderDraft {
         bytes.extend(tally.returns[..5].iter().flat_map(|count| shown(*count).to_le_bytes()));
     }
 
-    /// Scale, offset, and the box of all points, high before low; zeros for no points.
+    /// Scale, offset, and bounds of all points, maximum before minimum; zeros without points.
     fn extent(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let PointFrame { scale, offset } = self.frame;
         let world = |axis: usize, step: i32| match tally.count() {
@@ -157,7 +156,7 @@ impl LasHeaderDraft {
         bytes.extend(all.flat_map(f64::to_le_bytes));
     }
 
-    /// Records behind the points, and the counts of 64 bits.
+    /// EVLRs and 64-bit counts.
     fn new_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         bytes.extend_from_slice(&self.behind_at.to_le_bytes());
         bytes.extend_from_slice(&(self.behind.len() as u32).to_le_bytes());
@@ -181,7 +180,7 @@ fn too_long(vlr: &Vlr) -> Error {
     Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
 }
 
-/// The record that tells how points are compressed.
+/// The LASzip VLR.
 fn laz(layout: &PointLayout) -> Result<Option<Vlr>> {
     let Some(laz) = layout.vlr() else { return Ok(None) };
     let mut data = Vec::new();
