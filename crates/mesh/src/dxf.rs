@@ -1,5 +1,5 @@
-//! DXF, as text and of release 12, which every reader knows: a 3DFACE for each triangle, f64. The unit is that of
-//! all coordinates, or none; what else there is to say stands in comments (group 999).
+//! DXF release 12 as text, which every reader supports: a 3DFACE for each triangle, f64. The unit is that of all
+//! coordinates, or none; metadata are in comments (group 999).
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
 
-/// Text has no limit of its own; the bytes are typical ones.
+/// Text has no capacity limit; the bytes are typical values.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -36,21 +36,20 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     sniff,
 };
 
-/// What begins a binary file.
+/// Start of a binary DXF file.
 const BINARY: &[u8] = b"AutoCAD Binary DXF";
-/// Groups of the coordinates of a face, corner by corner.
+/// Group codes of the coordinates of a face, corner by corner.
 const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23, 33]];
-/// Comments that are kept.
+/// Maximum number of comments kept.
 const MOST_COMMENTS: usize = 64;
 
-/// Units of all coordinates: metres in one, the number that stands for it, and its name.
+/// Units: metres per unit, DXF code, name.
 const UNITS: [(f64, u8, &str); 3] =
     [(1.0, 6, "metre"), (0.3048, 2, "foot"), (1200.0 / 3937.0, 21, "US survey foot")];
-/// The variable that tells the unit.
+/// The variable of the unit.
 const UNIT: &str = "$INSUNITS";
 
-/// The number that stands for the unit of all coordinates of a system; 0 for none, where there is no such or
-/// heights have another.
+/// DXF code of the common unit of all coordinates; 0 if there is none.
 fn unit(crs: &Crs) -> u8 {
     let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     let Some(metres) = crs.horizontal_metres() else { return 0 };
@@ -59,7 +58,7 @@ fn unit(crs: &Crs) -> u8 {
     found.map_or(0, |(_, number, _)| *number)
 }
 
-/// The name of the unit that a number stands for.
+/// Name of the unit with a DXF code.
 fn unit_name(number: &[u8]) -> Option<String> {
     let number = String::from_utf8_lossy(number);
     let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
@@ -80,7 +79,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 
 const END: &[u8] = b"0\nENDSEC\n0\nEOF\n";
 
-/// The pairs of lines at the start of a file.
+/// True if the file begins with DXF groups.
 fn sniff(head: &[u8]) -> bool {
     let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let mut pair = || Some((lines.next()?, lines.next()?));
@@ -137,11 +136,11 @@ impl MeshEncoder for DxfEncoder {
     }
 }
 
-/// The pairs of lines of a file: a number that says what is meant, and a value.
+/// Reader of groups: pairs of lines with a code and a value.
 struct DxfGroupReader<'a> {
     lines: MeshFileLines<'a>,
     code: u32,
-    /// Where the pair began.
+    /// Start of the group.
     start: TextLineMark,
 }
 
@@ -150,7 +149,7 @@ impl<'a> DxfGroupReader<'a> {
         Self { lines: input.lines(mark.offset, mark.line), code: 0, start: mark }
     }
 
-    /// Goes to the next pair; false at the end of the file.
+    /// Reads the next group; false at the end of the file.
     fn advance(&mut self) -> Result<bool> {
         if !self.lines.advance()? {
             return Ok(false);
@@ -172,7 +171,7 @@ impl<'a> DxfGroupReader<'a> {
         self.code == code && self.value() == value.as_bytes()
     }
 
-    /// The line as a number of some kind.
+    /// Parses the line as a number.
     fn number<T: std::str::FromStr>(&self) -> Result<T> {
         let text = std::str::from_utf8(self.value()).ok();
         text.and_then(|text| text.parse().ok()).ok_or_else(|| {
@@ -181,7 +180,7 @@ impl<'a> DxfGroupReader<'a> {
         })
     }
 
-    /// The corners of the face that has just begun; the pair behind it is at hand then.
+    /// The corners of the current face; then the group after it is current.
     fn face(&mut self) -> Result<[Point3; 3]> {
         let mut corners = [[f64::NAN, f64::NAN, 0.0]; 4];
         while self.advance()? && self.code != 0 {
@@ -216,7 +215,7 @@ struct DxfSource {
 }
 
 impl DxfSource {
-    /// Goes through the whole file once.
+    /// Scans the whole file once.
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         if input.head(BINARY.len())? == BINARY {
@@ -260,7 +259,7 @@ impl DxfSource {
         Ok(Self { input, faces, info })
     }
 
-    /// Hands `each` the corners of `count` faces from `first` on.
+    /// Passes the corners of `count` faces from `first` to `each`.
     fn scan(&self, first: u64, count: u64, mut each: impl FnMut(u64, [Point3; 3])) -> Result<()> {
         if count == 0 {
             return Ok(());

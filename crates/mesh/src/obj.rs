@@ -16,7 +16,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::AppendWriter;
 
-/// Text has no limit of its own; the bytes are typical ones.
+/// Text has no capacity limit; the bytes are typical values.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -40,7 +40,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, ObjEncoder { comments })
 }
 
-/// True when the first line that is not a comment begins as lines of OBJ do.
+/// True if the first line other than a comment begins like OBJ.
 fn sniff(head: &[u8]) -> bool {
     const WORDS: [&[u8]; 11] =
         [b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"l", b"p", b"mtllib", b"usemtl"];
@@ -102,7 +102,7 @@ struct ObjSource {
     info: MeshInfo,
 }
 
-/// A line of an OBJ file that matters here.
+/// A relevant line of an OBJ file.
 enum ObjLine<'a> {
     Vertex(&'a [u8]),
     Face(&'a [u8]),
@@ -120,7 +120,7 @@ fn parse(line: &[u8]) -> ObjLine<'_> {
 }
 
 impl ObjSource {
-    /// Goes through the whole file once.
+    /// Scans the whole file once.
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         let (mut vertices, mut faces) = (SparseIndex::new(), SparseIndex::new());
@@ -153,8 +153,7 @@ impl ObjSource {
         Ok(Self { input, vertices, faces, info })
     }
 
-    /// Hands `each` the lines from `mark` on, with the number of vertices before each, until it
-    /// says that it has enough.
+    /// Passes the lines from `mark`, with the number of vertices before each, to `each` until it returns true.
     fn scan(
         &self,
         mark: TextLineMark,
@@ -174,7 +173,7 @@ impl ObjSource {
     }
 }
 
-/// Comments before the first vertex are kept, but not without end.
+/// True for comments before the first vertex, up to a maximum number.
 fn is_early(mark: &TextLineMark, kept: usize) -> bool {
     mark.vertices == 0 && kept < 64
 }
@@ -204,7 +203,7 @@ fn check_face(rest: &[u8], lines: &MeshFileLines<'_>) -> Result<()> {
     }
 }
 
-/// The word as a number of some kind.
+/// Parses the word as a number.
 fn number<T: std::str::FromStr>(word: &[u8], lines: &MeshFileLines<'_>) -> Result<T> {
     let text = std::str::from_utf8(word).ok();
     text.and_then(|text| text.parse().ok()).ok_or_else(|| {
@@ -282,7 +281,7 @@ impl MeshSource for ObjSource {
     }
 }
 
-/// Goes to the next slot; true when there is none.
+/// Moves to the next slot; true at the end.
 fn advance<'a, T>(slot: &mut &'a mut T, slots: &mut std::slice::IterMut<'a, T>) -> bool {
     match slots.next() {
         Some(next) => {

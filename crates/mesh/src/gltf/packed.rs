@@ -7,7 +7,7 @@ use super::meshopt::{attributes, triangles};
 use crate::input::MeshFile;
 use terrane_base::error::{Error, Result};
 
-/// What a buffer view says of its compression.
+/// Compression of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct MeshoptExtension {
@@ -21,27 +21,26 @@ pub(super) struct MeshoptExtension {
     filter: Option<String>,
 }
 
-/// Where the elements of an accessor are.
+/// Location of the elements of an accessor.
 pub(super) enum MeshoptAccessor {
-    /// In those of a stream from `first` on, `inner` bytes from the start of each.
+    /// Elements of a stream from `first`, at offset `inner` within each.
     Attributes {
         stream: MeshoptStream<attributes::MeshoptAttributeReader>,
         first: u64,
         inner: usize,
     },
-    /// In those of a stream, all of them.
+    /// All elements of a stream.
     Triangles(MeshoptStream<triangles::MeshoptTriangleReader>),
 }
 
 impl MeshoptExtension {
-    /// The buffer that the compressed bytes are in.
+    /// Index of the buffer with the compressed bytes.
     pub(super) fn buffer(&self) -> u64 {
         self.buffer
     }
 
-    /// The elements of an accessor: `range` is its first byte in the view and how many elements there are,
-    /// `shape` the bytes of a component and how many there are. `data` is where the buffer begins in the
-    /// file, and its length.
+    /// Opens an accessor: `range` is its byte offset in the view and its number of elements, `shape` the bytes of a
+    /// component and the number of components. `data` is the offset of the buffer in the file, and its length.
     pub(super) fn open(
         &self,
         input: &MeshFile,
@@ -122,7 +121,7 @@ impl MeshoptExtension {
 }
 
 impl MeshoptAccessor {
-    /// Hands `each` the bytes of elements of attributes, and what follows behind them.
+    /// Passes the bytes of attribute elements, from `inner` to their ends, to `each`.
     pub(super) fn elements(
         &self,
         input: &MeshFile,
@@ -136,7 +135,7 @@ impl MeshoptAccessor {
         stream.read(input, start + first, count, |place, element| each(place, &element[*inner..]))
     }
 
-    /// Reads triangles from `first` on.
+    /// Reads triangles from `first`.
     pub(super) fn triangles(
         &self,
         input: &MeshFile,

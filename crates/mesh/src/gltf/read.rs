@@ -1,4 +1,4 @@
-//! Reading of binary glTF: one mesh of one primitive, ours or of others.
+//! Reading of binary glTF with one mesh of one primitive, of any origin.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
 
-/// Most bytes of JSON: that of a single mesh takes one thousand.
+/// Maximum bytes of JSON: a single mesh takes one thousand.
 const MAX_JSON_BYTES: u64 = 1 << 20;
 const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
@@ -44,7 +44,7 @@ struct GltfDocument {
 #[derive(Deserialize)]
 struct GltfAsset {
     generator: Option<String>,
-    /// Whatever others put here is not ours to complain about.
+    /// Arbitrary content is accepted.
     #[serde(default)]
     extras: serde_json::Value,
 }
@@ -93,7 +93,7 @@ struct GltfAccessor {
     count: u64,
     #[serde(rename = "type")]
     shape: String,
-    /// Whatever others put there.
+    /// Arbitrary content is accepted.
     #[serde(default)]
     min: serde_json::Value,
     #[serde(default)]
@@ -113,7 +113,7 @@ struct GltfBufferView {
     extensions: BufferViewExtensions,
 }
 
-/// Those of a buffer view.
+/// Extensions of a buffer view.
 #[derive(Default, Deserialize)]
 struct BufferViewExtensions {
     #[serde(rename = "EXT_meshopt_compression")]
@@ -127,11 +127,11 @@ struct GltfBuffer {
     uri: Option<serde::de::IgnoredAny>,
 }
 
-/// Where the elements of an accessor lie in the file.
+/// Location of the elements of an accessor in the file.
 struct AccessorSpan {
     place: AccessorLocation,
     count: u64,
-    /// Bytes of one component.
+    /// Bytes of a component.
     width: usize,
 }
 
@@ -144,15 +144,15 @@ enum AccessorLocation {
 pub(super) struct GlbSource {
     input: MeshFile,
     positions: Option<AccessorSpan>,
-    /// The least and the greatest of them, as the file states.
+    /// Stated bounds of the positions.
     bounds: Option<[Point3; 2]>,
-    /// `None` when every three vertices are a triangle, or when there is none.
+    /// `None` if every three vertices are a triangle, or without triangles.
     indices: Option<AccessorSpan>,
     /// Colours in f32.
     colours: Option<AccessorSpan>,
     /// Channels of a colour: 3 or 4.
     parts: usize,
-    /// What bytes of sRGB are in light.
+    /// Linear intensity of sRGB bytes.
     light: [f32; 256],
     info: MeshInfo,
 }
@@ -208,7 +208,7 @@ fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
     info.with_comments(comments.map(str::to_owned))
 }
 
-/// The JSON document, and where the binary data begins and how much there is.
+/// The JSON document, and offset and length of the binary data.
 fn read_chunks(input: &MeshFile) -> Result<(GltfDocument, (u64, u64))> {
     let [magic, version, length] = words(input, 0)?;
     if magic != *MAGIC {
@@ -257,7 +257,7 @@ fn words<const N: usize>(input: &MeshFile, offset: u64) -> Result<[[u8; 4]; N]> 
     Ok(words)
 }
 
-/// Finds things in a document and checks them against the binary data: its start and length.
+/// Resolves references of a document, checked against offset and length of the binary data.
 struct GltfResolver<'a> {
     input: &'a MeshFile,
     document: &'a GltfDocument,
@@ -273,7 +273,7 @@ impl<'a> GltfResolver<'a> {
         self.input.unsupported(message)
     }
 
-    /// The only primitive of the only mesh, if there is any.
+    /// The only primitive of the only mesh, if any.
     fn primitive(&self) -> Result<Option<&'a GltfPrimitive>> {
         let required = self.document.extensions_required.iter();
         if let Some(name) = required.into_iter().find(|name| *name != meshopt::NAME) {
@@ -321,7 +321,7 @@ impl<'a> GltfResolver<'a> {
         self.span(accessor, 4, 3)
     }
 
-    /// The colours of so many vertices and their channels, where they are in f32: others are left alone.
+    /// Colours of the vertices and their number of channels, if stored as f32; others are ignored.
     fn colours(
         &self,
         primitive: &GltfPrimitive,
@@ -369,7 +369,7 @@ impl<'a> GltfResolver<'a> {
         Ok(accessor)
     }
 
-    /// Where an accessor of `parts` components of `width` bytes lies; all of it is in the file.
+    /// Location of an accessor with `parts` components of `width` bytes; checked to be inside the file.
     fn span(&self, accessor: &GltfAccessor, width: usize, parts: u64) -> Result<AccessorSpan> {
         let size = width as u64 * parts;
         let lost = || self.bad("has an accessor outside its buffer");
@@ -403,7 +403,7 @@ impl<'a> GltfResolver<'a> {
         Ok(AccessorSpan { place, count: accessor.count, width })
     }
 
-    /// Bytes of the buffer, which must be the file's own.
+    /// Length of the buffer, which must be the binary chunk.
     fn buffer_bytes(&self, at: u64) -> Result<u64> {
         let buffer = self.document.buffers.first().filter(|_| at == 0);
         let buffer = buffer.ok_or_else(|| {
@@ -417,7 +417,7 @@ impl<'a> GltfResolver<'a> {
 }
 
 impl GltfAccessor {
-    /// The corners of the box that positions are said to lie in, as they are stored.
+    /// Stated bounds of positions, as stored.
     fn bounds(&self) -> Option<[Point3; 2]> {
         let corner = |of: &serde_json::Value| serde_json::from_value::<Point3>(of.clone()).ok();
         Some([corner(&self.min)?, corner(&self.max)?])
@@ -435,8 +435,8 @@ impl GltfNode {
 }
 
 impl GlbSource {
-    /// Hands `each` elements `first .. first + count` of a span. The last one may end where its
-    /// stride would go on, so that it is read by itself.
+    /// Passes elements `first .. first + count` of a span to `each`. The last element may end before its stride, so
+    /// it is read separately.
     fn elements(
         &self,
         span: &AccessorSpan,
@@ -466,7 +466,7 @@ fn position(record: &[u8]) -> Option<[f64; 3]> {
     Some([x, y, z].map(|value| f32::from_le_bytes(value).into()))
 }
 
-/// The whole number in the first `width` bytes.
+/// The integer in the first `width` bytes.
 fn index(record: &[u8], width: usize) -> u64 {
     let bytes = record.iter().take(width).rev();
     bytes.fold(0, |value, &byte| value << 8 | u64::from(byte))

@@ -1,5 +1,5 @@
-//! Reading of 3MF: one object of triangles, ours or of others. The model is unpacked into a nameless file in the
-//! system's temporary folder.
+//! Reading of 3MF with one mesh object, of any origin. The model is unpacked into an anonymous file in the system's
+//! temporary folder.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -19,12 +19,12 @@ use terrane_base::limits;
 use terrane_files::nameless;
 use terrane_files::xml::{XmlEvent, XmlStartTag};
 
-/// Entries of an archive, and bytes of its relations, at the most.
+/// Maximum entries of an archive, and bytes of its relationships.
 const MOST_ENTRIES: u64 = 4096;
 const MOST_RELATION_BYTES: u64 = 1 << 20;
-/// The type of the relation that leads to the model.
+/// Relationship type of the model.
 const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-/// Comments that are kept.
+/// Maximum number of comments kept.
 const MOST_COMMENTS: usize = 64;
 
 /// An open file, and its model.
@@ -35,7 +35,7 @@ pub(super) struct ThreeMfSource {
     info: MeshInfo,
 }
 
-/// Opens a file and goes through its model once.
+/// Opens a file and scans its model once.
 pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     let input = unpacked(path).map_err(|e| e.in_file(path))?;
     let (mut vertices, mut triangles) = (SparseIndex::new(), SparseIndex::new());
@@ -92,7 +92,7 @@ fn unpacked(path: &Path) -> Result<MeshFile> {
     MeshFile::of(model, path)
 }
 
-/// Copies a stream; what it cannot be read for is the archive's fault, the rest that of the disk.
+/// Copies a stream; read errors are those of the archive, write errors those of the disk.
 fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
     let mut buffer = vec![0; 256 << 10];
     let mut copied = 0;
@@ -107,7 +107,7 @@ fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
     }
 }
 
-/// The name of the model, by the relations of the archive.
+/// Path of the model, by the relationships of the archive.
 fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     let mut text = Vec::new();
     {
@@ -122,12 +122,12 @@ fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     Ok(target.map_or(MODEL, |target| target.trim_start_matches('/')).to_owned())
 }
 
-/// What is found on the way through a model.
+/// Findings of the scan.
 #[derive(Default)]
 struct ThreeMfSummary {
     unit: Option<String>,
     is_solid: bool,
-    /// Objects with triangles.
+    /// Number of mesh objects.
     objects: u64,
     origin: Option<Point3>,
     scale: Option<Point3>,
@@ -199,8 +199,7 @@ fn numbers(text: &str) -> Option<Point3> {
 }
 
 impl ThreeMfSource {
-    /// Hands `each` the start tags from `first` on that are called so and noted in an index, with their numbers,
-    /// until it has enough.
+    /// Passes indexed start tags called `name` from `first`, with their indices, to `each` until it returns true.
     fn scan(
         &self,
         index: &SparseIndex,
