@@ -15,7 +15,7 @@ struct FieldAttributes {
     flatten: bool,
     name: Option<LitStr>,
     aliases: Vec<LitStr>,
-    /// Options of other structs in whose place it is.
+    /// Equivalent options of other structs.
     stands_for: Vec<LitStr>,
     short: Option<LitChar>,
     value: Option<LitStr>,
@@ -23,11 +23,11 @@ struct FieldAttributes {
     default: Option<Expr>,
     /// The default in words.
     default_text: Option<LitStr>,
-    /// The value of an option that is named without one.
+    /// Value if the option is given without one.
     bare: Option<LitStr>,
     range: Option<Expr>,
     codec: Option<Path>,
-    /// What `--no-NAME` does.
+    /// Effect of `--no-NAME`.
     off: Option<LitStr>,
     role: Option<Ident>,
     positional: bool,
@@ -142,7 +142,7 @@ fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
 }
 
 impl FieldTokens {
-    /// A group of options, whose fields are as if they were of the struct.
+    /// Adds a group: its fields are flattened into the struct.
     fn add_group(&mut self, name: &Ident, field: &Field, whole: &StructAttributes) {
         let (ident, ty) = (&field.ident, &field.ty);
         self.entries.push(quote! {
@@ -236,14 +236,14 @@ fn optional<T: quote::ToTokens>(value: Option<&T>) -> TokenStream {
 struct FieldSetter {
     docs: Vec<Attribute>,
     ident: Ident,
-    /// What it takes.
+    /// Parameter type.
     taken: TokenStream,
-    /// What of that the field becomes.
+    /// Value of the field.
     value: TokenStream,
 }
 
 impl FieldSetter {
-    /// That of a field: an optional one takes the value itself.
+    /// Setter of a field; for an optional field it takes the inner value.
     fn new(field: &Field, ident: &Ident) -> Self {
         let docs = field.attrs.iter().filter(|attribute| attribute.path().is_ident("doc"));
         let inner = inner(&field.ty);
@@ -257,7 +257,7 @@ impl FieldSetter {
     }
 }
 
-/// A trait of setters for the fields of a struct, which jobs have whose options are that struct, or have it as a group.
+/// A trait of setters for the fields of a struct, for jobs whose options are that struct or contain it as a group.
 fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     let text = name.to_string();
     let about = format!("Setters of [`{name}`].");
@@ -296,7 +296,7 @@ fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     }
 }
 
-/// What an `Option` holds.
+/// Type argument of an `Option`.
 fn inner(ty: &Type) -> Option<&Type> {
     let Type::Path(path) = ty else { return None };
     let last = path.path.segments.last().filter(|last| last.ident == "Option")?;
@@ -307,7 +307,7 @@ fn inner(ty: &Type) -> Option<&Type> {
     }
 }
 
-/// True for types that a literal would be ambiguous for, were it turned into them.
+/// True for types for which `impl Into` would make literals ambiguous.
 fn is_number(ty: &Type) -> bool {
     let Type::Path(path) = ty else { return false };
     ["bool", "u8", "u16", "u32", "u64", "usize", "i32", "f64"]
