@@ -138,7 +138,7 @@ pub struct OptionField {
 }
 
 impl OptionField {
-    /// Whether a value is given: null is not, nor is `false` if the option has a value of its own without argument.
+    /// Whether a value is given: null is not, nor is `false` for options with an optional value.
     pub fn is_given(&self, value: &Json) -> bool {
         !(value.is_null() || self.bare.is_some() && value == false)
     }

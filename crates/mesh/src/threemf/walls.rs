@@ -146,8 +146,9 @@ impl OutlineStarts {
 
 /// Middle vertices of walls at vertices with several loops.
 struct WallCorners {
-    /// For each vertex the number of edges that began and ended there, and the first id of its middle vertices.
+    /// Number of walls that began and that ended at each vertex.
     passed: BTreeMap<u64, [u64; 2]>,
+    /// Middle vertices by vertex and number of the wall.
     middles: BTreeMap<(u64, u64), u64>,
     /// Id of the next middle vertex.
     next: u64,
