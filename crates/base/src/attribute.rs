@@ -34,7 +34,7 @@ pub const ATTRIBUTES: &[PointAttribute] = &[
     whole(RETURN, &["return"], "number of the return within its pulse, from 1"),
     whole(RETURNS, &["returns"], "number of returns of the pulse"),
     whole(CLASS, &["class"], "class"),
-    // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
+    // A step is a degree in formats 0 to 5, and 0.006 degrees in formats 6 to 10.
     PointAttribute {
         step: Some(0.002),
         ..whole("scan_angle", &["angle", "scan_angle_rank"], "scan angle in degrees")

@@ -84,7 +84,7 @@ impl Frontend {
         }
         let (name, value) = option.split_once('=').unzip();
         let name = match (self, name.unwrap_or(option)) {
-            // Words of the language have another name there.
+            // Reserved words of Python are renamed.
             (Self::Python, "class") => "classes",
             (Self::Python, "return") => "returns",
             (_, name) => name,

@@ -140,7 +140,7 @@ impl Error {
 
     /// True if only some of the inputs failed, so that the others can be processed without them.
     pub fn spares_some(&self) -> bool {
-        // What one file is made of is named with it.
+        // Failures of the parts of one file carry the name of that file.
         let is_of_inputs = self.path.is_none();
         is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
     }

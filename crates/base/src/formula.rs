@@ -191,7 +191,7 @@ impl<Name> FormulaStep<Name> {
                 let is_in = all.contains(&number);
                 return Ok(truth(is_in, is_unknown && !is_in));
             }
-            // Of truths the least is their conjunction, and NaN lies between false and true.
+            // The conjunction is the minimum of two truth values; NaN lies between false and true.
             Self::And => return Ok(least(last(), last())),
             Self::Or => return Ok(TRUE - least(TRUE - last(), TRUE - last())),
             Self::Not => return Ok(TRUE - last()),

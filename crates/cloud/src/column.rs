@@ -176,7 +176,7 @@ impl PointColumn {
             ColumnEncoding::Signed(count) => signed(bytes, count) as f64,
             ColumnEncoding::Float(4) => single(bytes).into(),
             ColumnEncoding::Float(_) => f64::from_bits(word(bytes, 8)),
-            // 0.006 degrees are no float; three 500ths are rounded once.
+            // 0.006 is not exact as a float; 3/500 is rounded once.
             ColumnEncoding::Angle => f64::from(signed(bytes, 2) as i16) * 3.0 / 500.0,
         }
     }
@@ -228,7 +228,7 @@ fn single(bytes: &[u8]) -> f32 {
 }
 
 fn put(text: &mut String, value: impl std::fmt::Display) {
-    // Text in memory takes all that is written to it.
+    // Writing to a string cannot fail.
     let _ = write!(text, "{value},");
 }
 

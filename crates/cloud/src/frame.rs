@@ -25,11 +25,11 @@ impl ClaimedExtent {
     pub(super) fn new(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> Self {
         let offset = offset.map(|o| o + 0.0);
         let steps = |axis: usize, world: f64| (world - offset[axis]) / scale[axis];
-        // Bounds that tell steps apart no more hold for all that are rounded to them.
+        // If doubles no longer resolve steps, the bounds do not hold for all points rounded to them.
         let slack = |axis: usize, world: f64| {
             SLACK - f64::EPSILON * (world.abs() + offset[axis].abs()) / scale[axis]
         };
-        // Casts saturate: no point lies beyond what they can hold.
+        // Casts saturate: no point is beyond this range.
         let low = std::array::from_fn(|i| (steps(i, low[i]) + slack(i, low[i])).floor() as i32);
         let high = std::array::from_fn(|i| (steps(i, high[i]) - slack(i, high[i])).ceil() as i32);
         Self { scale, offset, low, high }
@@ -189,7 +189,7 @@ fn shifted(
         origins[axis] = lattice.origin(claims, axis, steps)?;
     }
     let map = |file: usize| {
-        // Modulo 2^32 on purpose.
+        // Wraps modulo 2^32 on purpose.
         FrameTransform::Shift(std::array::from_fn(|axis| {
             (origins[axis] - axes[axis].steps[file]) as i32
         }))
@@ -289,7 +289,7 @@ mod tests {
         assert!(told.contains("z ranges") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();
         assert_eq!(all.maps[0].place([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
-        // Where all is within reach any extent is no other.
+        // Within range, any extent gives the same frame.
         let near = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
         assert_eq!(common(&[near], true).unwrap(), common(&[near], false).unwrap());
         let far = claim(0.001, 5e6, 5e6, 5e6 + 1.0);
@@ -314,7 +314,7 @@ mod tests {
         assert_eq!(found.maps[0].place([123; 3], &a), Point::new(1230, 1230, 1230));
         assert_eq!(found.moved, [0.0005; 3]);
         assert_eq!(common(&[b, a], false).unwrap().frame, found.frame);
-        // What is on the finer lattice already does not move.
+        // Points already on the finer lattice do not move.
         let finer = claim(0.001, 7.0, 1.0, 2.0);
         assert_eq!(common(&[a, finer], false).unwrap().moved, [0.0; 3]);
     }

@@ -114,7 +114,7 @@ pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn Poi
     let stock = CLOUDS.get(name)?;
     let frame = stock.placed.lattice();
     let gate = CompiledFilter::new(&options.filter, &frame);
-    // Where nothing lies in the box asked for, nothing is read, as of a file.
+    // Nothing is read if the bounds do not intersect, as for a file.
     let claim = stock.placed.claim(&stock.span).filter(|all| all.within(&options.filter).is_some());
     let bounds = claim
         .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
@@ -238,7 +238,7 @@ mod tests {
                 .collect();
             let line = |(world, marks): (&[f64; 3], &PointMarks)| {
                 let [x, y, z] = world;
-                // With no more decimals than they need, which is how many the lattice has.
+                // With the minimum number of decimals, which is that of the lattice.
                 format!("{x},{y},{z},{},{},3\n", marks.class, marks.returns[0])
             };
             let text: String = positions.iter().zip(&marks).map(line).collect();

@@ -109,7 +109,7 @@ impl PointLattice {
     }
 
     fn steps(&self, axis: usize, world: f64) -> i32 {
-        // Within reach of the origin, or clamped there: the bounds are of the same points.
+        // Within range of the origin, or clamped: the bounds are of the same points.
         ((world * self.per_unit[axis]).round() - self.origin[axis] as f64) as i32
     }
 }

@@ -167,7 +167,7 @@ impl PointSource for PointCloud {
         let [low, high] = (*self.claims.get(number as usize)?)?;
         let cube = self.members[number as usize].cube(inner as usize);
         let Some([from, to]) = cube else { return Some([low, high]) };
-        // A step more each way: points of a cube are rounded to steps.
+        // One step more on each side: bounds of a cube are rounded to steps.
         let frame = &self.info.frame;
         let lower = |axis: usize| (frame.steps(axis, from[axis]).floor() as i32).saturating_sub(1);
         let upper = |axis: usize| (frame.steps(axis, to[axis]).ceil() as i32).saturating_add(1);
@@ -261,7 +261,7 @@ fn plain(inputs: &[String]) -> Vec<String> {
 }
 
 fn distinct(mut files: Vec<String>) -> Vec<String> {
-    // As plans name them, which hold wherever a process works.
+    // Absolute paths, as in plans, are valid in any working directory.
     let whole = |name: &String| std::path::absolute(path_of(name)).unwrap_or_default();
     files.sort_by_cached_key(|name| whole(name).into_os_string());
     let mut seen = HashSet::new();
@@ -283,7 +283,7 @@ pub fn open(inputs: &[String], options: &CloudOpenOptions) -> Result<PointCloud>
     super::synth::refuse(inputs)?;
     let names = files(inputs)?;
     let files = match names.as_slice() {
-        // Nothing to share among threads.
+        // A single thread suffices.
         [name] if is_member(&path_of(name)) => vec![open_file(&path_of(name), options)?],
         _ => on_threads(options.threads, || {
             all(names.par_iter().map(|name| open_file(&path_of(name), options)).collect())

@@ -198,7 +198,7 @@ impl FilterPolygon {
         let band = self.band(y, self.starts.len() - 1);
         let list = &self.lists[self.starts[band] as usize..self.starts[band + 1] as usize];
         let left = list.iter().filter(|edge| is_left(&self.edges[**edge as usize], x, y));
-        // Edges of a feature are beside each other in a list.
+        // Edges of a feature are consecutive in a list.
         let (mut feature, mut is_odd) = (None, false);
         for edge in left {
             let own = Some(self.features[*edge as usize]);

@@ -65,7 +65,7 @@ impl Recast {
     ) -> Result<(), String> {
         let at = out.len();
         if self.is_same {
-            // Extra bytes that nobody asked for are behind it.
+            // Unrequested extra bytes are at the end.
             out.extend_from_slice(&record[..self.blank.len()]);
         } else {
             out.extend_from_slice(&self.blank);
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn what_an_old_format_holds_comes_back_from_a_new_one() {
         let mut source = record(1);
-        // Return 2 of 5, backwards, at an edge; key point of class 17; 90 degrees; user and source.
+        // Return 2 of 5, backward scan, edge of flight line; key point of class 17; 90 degrees; user data and source.
         (source[14], source[15], source[16]) = (2 | 5 << 3 | 0x80, 17 | 2 << 5, 90);
         let there = push(&recast(1, 6), &source).unwrap();
         assert_eq!((there[14], there[15], there[16]), (2 | 5 << 4, 2 | 0x80, 17));
@@ -240,7 +240,7 @@ mod tests {
                 let made = push(&recast(6, to), &source);
                 assert_eq!(made.as_ref().err().map(String::as_str), lost, "{at}: {bytes:?}");
                 let Ok(made) = made else { continue };
-                // What fits comes back as it was, but for parts of a degree.
+                // Values that fit are restored exactly, except fractions of degrees.
                 let back = push(&recast(to, 6), &made).unwrap();
                 assert_eq!(back[14..18], source[14..18], "{at}: {bytes:?}");
             }

@@ -108,7 +108,7 @@ impl Geoid {
             .remedy("use a geoid that covers the whole area")
         };
         let east = (longitude - self.corner[0]).rem_euclid(360.0);
-        // What is a hair west of the grid is not nearly once around it.
+        // A position slightly west of the grid must not wrap to the east end.
         let east = if 360.0 - east < 1e-9 { 0.0 } else { east };
         let (column, across) = self.cell(east / self.step[0], self.columns, self.is_round());
         let (row, up) = self.cell((latitude - self.corner[1]) / self.step[1], self.rows, false);

@@ -264,7 +264,7 @@ impl Ntv2Grid {
             corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight).sum()
         };
         let shift: [f64; 2] = [part(0), part(1)];
-        // Days of arc are damage.
+        // Shifts of a degree or more are damage.
         shift.iter().all(|seconds| seconds.abs() < 3600.0).then_some(shift)
     }
 }

@@ -219,7 +219,7 @@ impl DatumShift {
                     let [longitude, latitude, _] = wgs84.of_centre(shift.apply(at));
                     return Ok([longitude, latitude]);
                 }
-                // The place that the shift brings here, which is on the other ellipsoid.
+                // The place on the other ellipsoid that the shift maps to this one.
                 let (mut height, mut found) = (0.0, [0.0; 3]);
                 for _ in 0..4 {
                     let at = wgs84.to_centre([longitude, latitude, height]);
@@ -329,7 +329,7 @@ fn choose(
             holding(NEAR).or_else(|| holding(FAR))
         }
         (_, None) => known.iter().copied().max_by(|a, b| {
-            // Of several the first counts, which is the best.
+            // The first of several equal ones counts; it is the best.
             a.area.size().total_cmp(&b.area.size()).then(std::cmp::Ordering::Greater)
         }),
     };
@@ -360,7 +360,7 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     places.extend((0..=STEPS).flat_map(|c| (0..=STEPS).map(move |r| at(c, r))));
     let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
     let Some(first) = found.first() else {
-        // None of them has a place: the error of one tells why.
+        // None of them can be transformed: the error of one explains it.
         return system.to_globe(places[0]).map(|_| AreaOfUse {
             west: 0.0,
             south: 0.0,
@@ -370,7 +370,7 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     };
     let near = |longitude: f64| first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI;
     let is_geographic = system.is_geographic();
-    // Longitudes that are given are not cut anywhere.
+    // Longitudes of the input are not wrapped.
     let longitude = |at: &[f64; 2], globe: &[f64; 2]| {
         if is_geographic { at[0].to_radians() } else { near(globe[0]) }
     };

@@ -43,7 +43,7 @@ impl Ellipsoid {
         }
         let (sin, cos) = latitude.sin_cos();
         let normal = self.axis / (1.0 - self.eccentricity2 * sin * sin).sqrt();
-        // Along the upright, so that it holds at a pole, too.
+        // Measured along the normal, so that it holds at the poles, too.
         let height = out * cos + z * sin - self.axis * self.axis / normal;
         [y.atan2(x), latitude, height]
     }

@@ -160,7 +160,7 @@ mod tests {
             assert_eq!(from_linear(table[usize::from(value)], &table), f64::from(value));
             assert_eq!(from_opacity(opacity(f64::from(value))), f64::from(value));
         }
-        // Mid grey has a fifth of the light of white.
+        // Mid grey has a fifth of the intensity of white.
         assert!((table[128] - 0.2159).abs() < 1e-4 && (table[10] - 0.003_035).abs() < 1e-6);
         let between = from_linear(f32::midpoint(table[100], table[101]), &table);
         assert!((100.4..100.6).contains(&between), "{between}");

@@ -119,7 +119,7 @@ impl MeshEncoder for DxfEncoder {
         body.lines(batch.corners, |corners, text| {
             text.extend_from_slice(b"0\n3DFACE\n8\nTERRAIN\n");
             let [a, b, c] = corners;
-            // A triangle is a face whose last corner is there twice.
+            // A triangle is a face whose last corner is repeated.
             for (groups, corner) in GROUPS.iter().zip([a, b, c, c]) {
                 for (group, value) in groups.iter().zip(corner) {
                     text::push_u64((*group).into(), text);

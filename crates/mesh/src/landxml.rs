@@ -257,7 +257,7 @@ impl LandXmlSource {
                     points.note(mark);
                 }
                 XmlEvent::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
-                    // Faces of others may be there and not be seen.
+                    // Faces of other programs may be invisible.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
                     }

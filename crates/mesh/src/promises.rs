@@ -90,7 +90,7 @@ impl Promises {
         let mut all = Self::default();
         for line in lines {
             match line.as_ref().trim() {
-                // How meshes stated this before there was a key for it.
+                // Statement of older versions, before the key existed.
                 "data-dependent triangulation" => all.state("triangulation", "data-dependent")?,
                 line => match Self::KEYS.iter().find_map(|key| Some((key, after(key, line)?))) {
                     Some((key, text)) => all.state(key, text)?,
@@ -320,7 +320,7 @@ mod tests {
                 prop_oneof![
                     "[ -~]{0,12}",
                     "(band )?[0-9]{1,3}(,[0-9.]{1,4}){0,2}( [a-z]{1,5}){0,2}",
-                    // No NaN, which is not itself.
+                    // Without NaN, which is not equal to itself.
                     (-1e300..1e300).prop_map(|value: f64| value.to_string()),
                     Just("surface".to_owned()),
                     Just("heights".to_owned()),
@@ -351,7 +351,7 @@ mod tests {
             (&[("max error", "1.5 metre")][..], Some(1.5), Some("metre")),
             (&[("comment", "source a.tif"), ("comment", "max error 0.25")], Some(0.25), None),
             (&[("comment", "max errors are small"), ("encoding", "bound surface")], None, None),
-            // The more detailed of two that say the same.
+            // The more detailed of two equivalent statements.
             (&[("max error", "5"), ("comment", "max error 5 foot")], Some(5.0), Some("foot")),
             (&[("max error", "5 foot"), ("comment", "max error 5")], Some(5.0), Some("foot")),
         ] {

@@ -107,7 +107,7 @@ fn pair_of(key: &str, value: &Json) -> Option<String> {
 fn text_of(field: &OptionField, value: &Json) -> Option<String> {
     let is_number = matches!(field.kind, OptionKind::Whole | OptionKind::Number);
     match (value, field.kind) {
-        // Numbers that are none are texts, as JSON has no other way to say it.
+        // Non-finite numbers are texts, as JSON has no notation for them.
         (Json::String(text), _) if is_number => {
             (!text.trim().parse().is_ok_and(f64::is_finite)).then(|| text.clone())
         }

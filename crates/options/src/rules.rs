@@ -157,7 +157,7 @@ impl GivenOptions<'_> {
     /// `‹a›, ‹b› or ‹c›`; flags that are on by default are listed as turned off.
     fn listed(&self, terms: &[&str]) -> String {
         let named = |term: &&str| match term.split_once("!=") {
-            // The value that it has.
+            // Its current value.
             Some((name, _)) => {
                 format!("‹{name}› {}", self.now.get(name).map_or(String::new(), text))
             }

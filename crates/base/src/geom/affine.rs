@@ -102,7 +102,7 @@ mod tests {
         }
         let turned = Affine { a: 1e-9, b: 1e-9, d: -1e-9, e: 1e-9, ..at(5e6, 1.0) };
         assert!(!turned.resolves(9, 9) && Affine::LATTICE.resolves(u32::MAX, u32::MAX));
-        // A side that is long hides none that is short.
+        // A long side does not hide a short one.
         let flat = Affine { e: -1e-9, ..at(5e6, 1000.0) };
         assert!(!flat.resolves(9, 9));
     }

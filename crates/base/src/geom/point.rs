@@ -95,7 +95,7 @@ impl DistancePredicate {
 
     /// Number of steps along each axis by which closer points differ less.
     pub fn steps(&self) -> [i64; 3] {
-        // One more, as the quotient is rounded.
+        // Plus one, as the quotient is rounded.
         self.scale.map(|step| ((self.least / step).ceil() as i64).saturating_add(1))
     }
 }

@@ -77,7 +77,7 @@ impl ExtraBytesDimension {
         }
         RESERVED.into_iter().chain([RANGE]).for_each(|unused| about[unused].fill(0));
         if about[KIND] > 0 {
-            // The options of bytes of no kind are their number.
+            // For the undocumented type, the options are the number of bytes.
             about[OPTIONS] &= !HAS_RANGE;
         }
         for (option, at) in [(HAS_NONE, NONE), (HAS_SCALE, SCALE), (HAS_OFFSET, OFFSET)] {
@@ -152,7 +152,7 @@ impl ExtraBytesDimension {
         if self.about[KIND] == 0 {
             return vec![0; self.size];
         }
-        // The value of each is in 8 bytes; floats of 4 bytes are doubles there.
+        // Each value takes 8 bytes; 32-bit floats are stored as doubles.
         let (each, kind) = (SIZES[usize::from(self.about[KIND] - 1) % 10], self.about[KIND] % 10);
         let none = |i: usize| {
             let eight = &self.about[NONE + 8 * i..][..8];
@@ -193,7 +193,7 @@ impl ExtraBytes {
         }
         let left_out = &descriptions[extra.dimensions.len()..];
         let notes = extra.notes(left_out, bytes);
-        // What has no bytes has no values.
+        // Dimensions without bytes have no values.
         extra.dimensions.retain(|dimension| dimension.size > 0);
         (extra, notes)
     }
@@ -431,7 +431,7 @@ mod tests {
             assert_eq!(notes.len(), usize::from(word.is_some()), "{notes:?}");
             assert!(word.is_none_or(|word| notes[0].contains(word)), "{notes:?}");
             assert_eq!(extra.moves(&extra), [RecordByteCopy { from: 0, to: 0, bytes: 5 }]);
-            // What is written is read again, and nothing is to be said of it.
+            // A round trip is exact and has no notes.
             let again = ExtraBytes::of(&extra.described().unwrap_or_default(), 5);
             assert_eq!(again.0, extra);
             assert_eq!(again.1.is_empty(), !word.is_some_and(|word| word.contains("several")));
@@ -454,7 +454,7 @@ mod tests {
         let (twice, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
         let all = extra(&[described("b", 1, None)], 1).and(&twice).unwrap();
         assert_eq!(all.moves(&twice), [RecordByteCopy { from: 0, to: 1, bytes: 4 }]);
-        // Kinds of one name are told apart in their order.
+        // Dimensions of one name are distinguished by their order.
         let (other, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
         assert!(twice.and(&other).is_err());
     }

@@ -77,7 +77,7 @@ impl RgbColor {
         let red = [read(0, last[0]), read(1, last[1])];
         *colour = [red[0], red[1], red[0], red[1], red[0], red[1]];
         if changes & Self::COLOURED != 0 {
-            // The lower bytes, then the upper ones: green goes as red does, and blue as both do.
+            // Lower bytes, then upper ones: green is predicted from red, blue from both.
             for half in 0..2 {
                 let red_step = i32::from(red[half]) - last[half];
                 let green = read(2 + half, last[2 + half] + red_step);

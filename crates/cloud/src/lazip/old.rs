@@ -214,7 +214,7 @@ impl Point10Context {
         let (z, _) = self.z.next(coder, size.min(19) as usize);
         self.go([x, y, z]);
         let changes = coder.symbol(self.changes.ready(64));
-        // The first version has these two the other way round.
+        // Version 1 has these two in reverse order.
         if changes & BITS != 0 {
             let difference = self.intensity.next(coder, 0).0;
             self.last.intensity = self.last.intensity.wrapping_add(difference as u16);

@@ -166,7 +166,7 @@ impl PositionChannel {
         };
         let number = match changes & NUMBER {
             NUMBER => self.other_number(coder, changes & TIME != 0),
-            // The same, one more, one less.
+            // Equal, plus one, minus one.
             change => last.number() + [0, 1, 15][change],
         };
         ReturnNumbers::new(number, of)

@@ -61,7 +61,7 @@ impl<'a> PointwiseStream<'a> {
 
     /// Bytes after the end of the stream, which must be here.
     pub(super) fn end(&self) -> Result<usize, ChunkDamage> {
-        // A single point leaves the stream unopened.
+        // With a single point the stream is not opened.
         match self.coder.or_else(|| RangeDecoder::new(self.bytes)) {
             Some(coder) if coder.is_at_end() => Ok(coder.left()),
             _ => Err(ChunkDamage::Layer(LazLayer::Records)),

@@ -179,7 +179,7 @@ impl GpsTime {
         time: u64,
     ) -> u64 {
         let mut last_time = time;
-        // An encoder switches once at most.
+        // An encoder switches at most once.
         for _ in 0..2 {
             let found = match self.last[self.current & 3] {
                 0 => self.next_after_same::<M, IS_OTHER>(coder, last_time),

@@ -151,7 +151,7 @@ impl PointLineGrammar {
         }
         let names: Vec<String> = plain.fields(line).map(column_name).collect();
         let mut names = names;
-        // Beside g and b, r is no return.
+        // With columns g and b, r is red and not the return number.
         if COLOURS.iter().all(|(short, _)| names.iter().any(|name| name == short)) {
             for (short, colour) in COLOURS {
                 names.iter_mut().filter(|name| *name == short).for_each(|n| *n = colour.to_owned());
@@ -179,7 +179,7 @@ impl PointLineGrammar {
             let name = alias.map_or(name.as_str(), |(_, name)| name);
             let is_new = |field: &&PointColumn| self.fields.iter().all(|(_, own)| own != *field);
             let found = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
-            // Classes and returns are columns of their own.
+            // Class and return numbers have their own columns.
             let found = found.filter(|_| !NAMES[NEEDED..].iter().any(|own| own.contains(&name)));
             match found.filter(is_new) {
                 Some(field) => self.fields.push((number, field.clone())),
@@ -287,7 +287,7 @@ impl PointLineGrammar {
             };
             match (number(text, self.separator == PointTextSeparator::Semicolon), field.value) {
                 (Some((value, _)), _) => field.set(record, value)?,
-                // Times are whatever a file has.
+                // Times may be NaN or infinite.
                 (None, ColumnEncoding::Float(8)) if word(text).is_some() => {
                     let bytes = word(text).unwrap_or_default().to_le_bytes();
                     record[field.at..][..8].copy_from_slice(&bytes);
@@ -304,7 +304,7 @@ impl PointLineGrammar {
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let separator = self.separator;
         let is_end = move |c: &u8| match separator {
-            // What else is white space is damage within a line.
+            // Other white space within a line is damage.
             PointTextSeparator::Space => matches!(c, b' ' | b'\t'),
             PointTextSeparator::Comma => *c == b',',
             PointTextSeparator::Semicolon => *c == b';',
@@ -449,7 +449,7 @@ mod tests {
             assert!(all.values(line.as_bytes()).is_err(), "{line}");
         }
         assert_eq!(PointLineGrammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
-        // What may be something else is not taken for a field.
+        // Ambiguous names are not assigned to a field.
         let other = PointLineGrammar::of(b"x,y,z,time,i,angle,channel").unwrap();
         assert!(other.values(b"1,2,3,12:30:05,0.5,left,a").is_ok() && other.known().is_empty());
         assert_eq!(PointLineGrammar::of(b"x,y,z,nir").unwrap().format().number(), 8);

@@ -204,7 +204,7 @@ impl PointTextLayout {
         at: u64,
         mut work: impl FnMut(&[u8]) -> Result<()>,
     ) -> Result<u64> {
-        // A line begins behind the end of another.
+        // A line begins after the end of another.
         let from = if at == self.at { at } else { at - 1 };
         let bytes =
             file.read_vec(from, (at - from + PART_BYTES + MOST_LINE).min(file.size() - from))?;

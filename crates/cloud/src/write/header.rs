@@ -45,7 +45,7 @@ impl LasHeaderDraft {
         if version >= LasVersion::V1_5 && !is_wkt && !systems.is_empty() {
             return Err(no_text(&options.crs));
         }
-        // Readers look for it at the first place.
+        // Readers expect it to be the first.
         let info =
             options.cube.as_ref().map(|cube| octree::info(cube, &PointTally::default(), (0, 0)));
         let all =
@@ -121,7 +121,7 @@ impl LasHeaderDraft {
         bytes.extend_from_slice(&(self.size as u16).to_le_bytes());
         self.old_counts(tally, &mut bytes);
         self.extent(tally, &mut bytes);
-        // Waveforms are not in the file.
+        // There are no internal waveforms.
         bytes.resize(bytes.len() + if self.version.minor() > 2 { 8 } else { 0 }, 0);
         if self.version >= LasVersion::V1_4 {
             self.new_counts(tally, &mut bytes);

@@ -88,7 +88,7 @@ impl CloudWriter {
         let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
         writer.write(&writer.header.bytes(&PointTally::default()))?;
         if options.packing != PointPacking::Plain {
-            // Where the table of chunks lies is known at the end.
+            // The offset of the chunk table is known only at the end.
             writer.write(&(-1_i64).to_le_bytes())?;
         }
         Ok(writer)

@@ -488,7 +488,7 @@ impl MeshSource for GlbSource {
     }
 
     fn stated_bounds(&self) -> Option<[Point3; 2]> {
-        // What is rounded to single precision is stored so.
+        // Values rounded to single precision are stored exactly.
         let stored = self.bounds?.map(|corner| corner.map(|v| f64::from(v as f32)));
         let [a, b] = stored.map(|at| to_world(to_z_up(at), self.info.origin, self.info.scale));
         let both = |pick: fn(f64, f64) -> f64| std::array::from_fn(|i| pick(a[i], b[i]));

@@ -113,7 +113,7 @@ pub fn create(
 ) -> Result<Box<dyn MeshSink>> {
     let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
     let spool = folder_for(path, options.temp_dir.as_deref());
-    // Told at the start, not when the file is needed.
+    // Fails at the start, not when the file is needed.
     drop(nameless(spool)?);
     let buckets = Buckets::new(spool, blocks.count()[0] as usize, WAITING_BYTES);
     let index = MeshBlockIndex::new(format.name, header);
@@ -169,7 +169,7 @@ impl SplitMeshSink {
         let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
         let bytes = piece.sink.finish()?;
         if self.options.solid_base.is_some() {
-            // With walls and a bottom.
+            // A solid, with walls and a bottom.
             triangles = open_file(&path)?.info().triangles;
         }
         write_prj(&path, &self.header.crs, false)?;

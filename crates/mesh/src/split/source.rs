@@ -40,7 +40,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
-        // Not another folder: one that is in itself would never end.
+        // Only files: a folder that contains itself would recurse without end.
         let found = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
         let found = found.info().clone();
         check(&found, block, &index, &path)?;

@@ -88,7 +88,7 @@ fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
     if header.scale != [1.0; 3] {
         recorded += &record("scale", &numbers(header.scale));
     }
-    // Names may come once only.
+    // Metadata names must be unique.
     for (place, comment) in text::comments(header).iter().enumerate() {
         recorded += &record(&format!("comment-{}", place + 1), comment);
     }
@@ -144,7 +144,7 @@ impl MeshEncoder for Encoder3mf {
         body.lines(batch.vertices, |point, text| {
             let position = local.place(point);
             push_vertex(position, text);
-            // Each vertex of a solid has its own one of the bottom behind it.
+            // Each vertex of a solid is followed by its vertex at the bottom.
             base.into_iter().for_each(|base| push_vertex(lowered(position, base), text));
         })?;
         match walls {

@@ -73,7 +73,7 @@ fn damaged(e: impl std::fmt::Display) -> Error {
 
 /// The model of an archive.
 fn unpacked(path: &Path) -> Result<MeshFile> {
-    // What is no plain file is refused as for all meshes.
+    // Refuses anything but regular files, as for all meshes.
     drop(MeshFile::open(path)?);
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
@@ -138,7 +138,7 @@ struct ThreeMfSummary {
 impl ThreeMfSummary {
     fn note(&mut self, tag: &XmlStartTag) -> Result<()> {
         if tag.local_name() == "model" {
-            // What a file says nothing of is in millimetres.
+            // The default unit is the millimetre.
             self.unit = tag.attribute("unit")?.or_else(|| Some("millimeter".to_owned()));
         } else if tag.local_name() == "object" {
             let kind = tag.attribute("type")?;

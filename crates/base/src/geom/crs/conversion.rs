@@ -201,7 +201,7 @@ fn by_code(code: u32) -> Result<Conversion> {
         "geocent" | "" => return Err(no_place(of("proj"))),
         _ => {}
     }
-    // Web Mercator takes longitudes and latitudes of an ellipsoid for those of a sphere.
+    // Web Mercator treats longitudes and latitudes on the ellipsoid as spherical.
     let is_sphere_of_ellipsoid = definition.wkt.contains("EXTENSION[\"PROJ4\"");
     let figure = match is_sphere_of_ellipsoid {
         true => format!("+a={0} +b={0}", of("a")),
@@ -209,7 +209,7 @@ fn by_code(code: u32) -> Result<Conversion> {
     };
     let kept =
         words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
-    // The unit of degrees is none of lengths.
+    // The unit of a geographic CRS is not a length unit.
     let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
     Ok(Conversion { proj: format!("{kept} {figure}"), datum })
 }
@@ -348,7 +348,7 @@ impl ProjectionMethod {
             12 => format!("+proj=aeqd {origin}"),
             13 => format!("+proj=eqdc {origin} +lat_1={first} +lat_2={second}"),
             14 => format!("+proj=stere {origin} +k={scale}"),
-            // The latitude is that of the true scale, which is the pole's where there is a factor.
+            // The latitude is that of true scale; with a scale factor it is the pole.
             15 if is_pole || scale == 1.0 => {
                 let pole = 90.0_f64.copysign(lat);
                 format!("+proj=stere +lat_0={pole} +lat_ts={lat} +lon_0={lon} +k={scale}")

@@ -97,7 +97,7 @@ impl Projected {
             return None;
         }
         let needed = |role: &ProjectionParameter| match (value(*role), role) {
-            // A grid that is not turned back further is turned back by the azimuth.
+            // Without a rectified grid angle, the angle is the azimuth.
             (None, ProjectionParameter::GridAngle) => value(ProjectionParameter::Azimuth),
             (given, role) => given.or(role.default()),
         };

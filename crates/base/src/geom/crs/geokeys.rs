@@ -71,7 +71,7 @@ impl GeoKeys {
             Some(text) => wkt::from_text(&text),
             None => Crs { citation: self.citation(geographic), ..Crs::default() },
         };
-        // Beside a text, keys may describe a part of it only.
+        // Beside WKT, keys may describe only a part of the CRS.
         let geographic = named.geographic.or(geographic);
         let vertical = self.vertical();
         let ellipsoidal = in_3d.map(|_| "metre".to_owned());

@@ -150,7 +150,7 @@ impl ProjectionMethod {
         has: impl Fn(ProjectionParameter) -> bool,
     ) -> Option<&'static Self> {
         let mut methods = METHODS.iter().filter(|method| method.code == code);
-        // Mercator has one code for both of its kinds.
+        // Mercator has one code for both variants.
         let is_alike = |method: &&Self| method.roles.contains(&Parallel1) == has(Parallel1);
         methods.clone().find(is_alike).or_else(|| methods.next())
     }
@@ -163,7 +163,7 @@ impl ProjectionMethod {
         let name = plain(name);
         let method = |code| Self::of_code(code, &has);
         match name.as_str() {
-            // Esri has one name for both kinds of each.
+            // Esri has one name for both variants of each.
             "lambertconformalconic" if has(Parallel2) => method(8),
             "lambertconformalconic" => method(9),
             "mercator" => method(7),

@@ -35,7 +35,7 @@ pub use system::Crs;
 
 /// Whether the CRS of an EPSG code is geographic; `None` if the code is unknown.
 pub fn is_geographic(code: u32) -> Option<bool> {
-    // The text may be bound to another system, which comes after its own.
+    // The WKT may be a bound CRS, whose target follows the source.
     Some(wkt::from_text(codes::text(code)?).geographic == Some(true))
 }
 

@@ -125,7 +125,7 @@ impl<'a> CrsWktParser<'a> {
         is_next
     }
 
-    // Nested no deeper than `DEEPEST`.
+    // At most `DEEPEST` levels.
     fn value(&mut self, depth: u32) -> Option<CrsWktValue<'a>> {
         if self.takes('"') {
             return self.quoted().map(CrsWktValue::Text);

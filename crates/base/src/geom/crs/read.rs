@@ -116,7 +116,7 @@ pub(super) fn number(node: &CrsWktNode<'_>, scale: f64) -> Option<f64> {
     let value = node.number(0)?;
     let unit = node.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]);
     let ratio = unit.and_then(|unit| unit.number(0)).map_or(1.0, |size| size * scale);
-    // Units are rounded: of the same one the number is left alone.
+    // Sizes of units are rounded: for the same unit the number is unchanged.
     Some(if (ratio - 1.0).abs() < 1e-9 { value } else { value * ratio })
 }
 

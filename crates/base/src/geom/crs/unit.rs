@@ -55,7 +55,7 @@ impl LengthUnit {
     pub(super) fn of_node(node: &CrsWktNode<'_>) -> Option<Self> {
         let size = node.number(0).filter(|size| *size > 0.0)?;
         let by_size = KNOWN.iter().find(|known| same(known.2, size)).map(|known| known.0);
-        // "Foot_US" is often given the size of a foot, and a foot that of a US survey foot.
+        // "Foot_US" often has the size of the international foot, and vice versa.
         match (Self::named(node.name()), by_size.and_then(Self::of_code)) {
             (Some(named), Some(sized)) if named.name == "US survey foot" || sized.is(&named) => {
                 Some(named)

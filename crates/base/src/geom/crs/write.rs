@@ -52,7 +52,7 @@ impl GeographicCrs {
         let datum = self.datum.wkt("DATUM", &ellipsoid);
         let meridian = format!("PRIMEM[{},{}]", quoted(&self.meridian), self.from_greenwich);
         let degree = "UNIT[\"degree\",0.0174532925199433,AUTHORITY[\"EPSG\",\"9122\"]]";
-        // Esri's word for heights above the ellipsoid; GDAL and PROJ know it.
+        // Esri's keyword for ellipsoidal heights; GDAL and PROJ support it.
         let up = if self.is_3d { ",LINUNIT[\"metre\",1]" } else { "" };
         let (name, code) = (quoted(&self.name), authority(self.code));
         format!("GEOGCS[{name},{datum},{meridian},{degree}{up}{code}]")

@@ -108,7 +108,7 @@ fn items(
     }
     let versions = if compressor == LazCompressor::Layers { 3..=4 } else { 1..=2 };
     let version = items[0][2];
-    // Waves have had no second version.
+    // Waveform items have no second version.
     let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
     if !versions.contains(&version) || items.iter().any(is_odd) {
         return Err(unsupported(format!("unknown item version {version}")));

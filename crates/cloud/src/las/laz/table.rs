@@ -68,7 +68,7 @@ pub(crate) fn read(
         Ok((chunks, more)) => {
             Ok((LazChunkTable::Chunks(chunks), LazTableFindings { note: None, more }))
         }
-        // Without points there need not be any.
+        // Without points a table is optional.
         Err(_) if header.count == 0 => {
             Ok((LazChunkTable::Chunks(Vec::new()), LazTableFindings::default()))
         }

@@ -165,7 +165,7 @@ impl MeshoptAttributeReader {
             return Err(bad(format!("has an invalid stride of {stride} bytes")));
         }
         let tail = TAIL_BYTES.max(stride) as u64;
-        // A byte of differences has two bits for each group, at the least.
+        // A byte plane has at least two bits for each group.
         let block = block_elements(stride);
         let of = |elements: u64| elements.div_ceil(GROUP as u64).div_ceil(4) * stride as u64;
         let least = (count / block as u64).checked_mul(of(block as u64));

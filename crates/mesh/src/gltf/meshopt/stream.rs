@@ -83,7 +83,7 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         let mut window = MeshoptWindow::new(input);
         let mut place = self.before(first);
         let mut elements = Vec::new();
-        // Where the next reader will begin.
+        // The next reader will probably begin here.
         let mut resume = place.clone();
         while codec.index(&place) < end {
             resume.clone_from(&place);
@@ -168,7 +168,7 @@ impl<'a> MeshoptWindow<'a> {
         *start = offset;
         held.clear();
         held.resize(bytes.max(count as u64) as usize, 0);
-        // Beyond the end of the file this fails, as it would in any other way.
+        // Past the end of the file this fails with an ordinary error.
         self.input.read_at(offset, held)?;
         Ok(part)
     }
