@@ -412,7 +412,7 @@ fn names_of_terrains_say_each_thing_once() {
 #[test]
 fn addresses_are_told_to_be_none_of_files() {
     let place = place();
-    let words = ["addresses are not read", "curl -LO"];
+    let words = ["remote paths are not supported", "curl -LO"];
     for address in [
         "http://example.com/a.tif",
         "https://example.com/a.tif?token=1&x=*",

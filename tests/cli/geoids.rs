@@ -138,7 +138,7 @@ fn a_geotiff_is_the_same_as_a_gtx() {
     place.fails(
         &["tiles", "g.asc", "none", "--geoid", "holed.tif"],
         65,
-        &["the geoid is not known at longitude 7.2"],
+        &["the geoid has no value at longitude 7.2"],
     );
 }
 
@@ -181,7 +181,7 @@ fn what_is_no_geoid_is_refused_by_name() {
         ("paris", with(tiff(), keys(&[(1024, 2), (1025, 2), (2048, 4807)])), "from Greenwich on"),
         ("turned", turned, "are no meridians"),
         ("nowhere", nowhere, "does not say where on the globe"),
-        ("beyond", beyond, "beyond the globe"),
+        ("beyond", beyond, "exceeds the globe"),
     ];
     for (name, spec, words) in cases {
         let file = format!("{name}.tif");

@@ -103,9 +103,13 @@ fn bytes_too_many_are_told_from_polygons() {
     place.write("square.ply", header(face, 4));
     place.write("long.ply", with_more(header(face, 3)));
     place.write("bare.ply", with_more(header("", 0)));
-    place.fails(&["info", "square.ply"], 65, &["face 0 has 4 corners", "triangulate it first"]);
+    place.fails(
+        &["info", "square.ply"],
+        65,
+        &["face 0 has 4 corners", "triangulate the mesh first"],
+    );
     for name in ["long.ply", "bare.ply"] {
-        place.fails(&["info", name], 65, &["1 bytes more", "something was put behind its end"]);
+        place.fails(&["info", name], 65, &["has 1 surplus bytes", "copy the file again"]);
     }
 }
 

@@ -82,7 +82,7 @@ fn what_was_given_counts_whatever_its_value() {
     let output = place.path("o.tif");
     let at: (&dyn Progress, _) = (&Silent, &Cancel::default());
     let error = cloud.run(grid, &output, given, at).unwrap_err();
-    assert!(error.to_string().starts_with("‹ground› cannot act without"), "{error}");
+    assert!(error.to_string().starts_with("‹ground› requires"), "{error}");
 }
 
 #[test]

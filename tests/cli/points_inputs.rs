@@ -67,7 +67,7 @@ fn every_field_survives_text() {
     let count = |more: &[&str]| {
         let args = [&["points", "cloud:t.csv", "t.las", "--overwrite", "--json"], more].concat();
         let told = json(&place.ok(&args).out);
-        assert!(told["notes"].to_string().contains("columns that are not read: mine"), "{told}");
+        assert!(told["notes"].to_string().contains("ignored columns: mine"), "{told}");
         told["points"].as_u64().unwrap()
     };
     assert_eq!(count(&["--dedupe"]), 3);
@@ -80,7 +80,7 @@ fn every_field_survives_text() {
     assert!(place.bytes("t.asc") == place.bytes("u.asc"));
     place.write("n.xyz", "0 0 1 5 6\n1 1 2 5 6\n");
     let told = place.ok(&["points", "cloud:n.xyz", "n.las", "--json"]).out;
-    assert!(notes(&told).contains("the 2 after the third are not read"), "{told}");
+    assert!(notes(&told).contains("the 2 columns after the third are ignored"), "{told}");
 }
 
 #[test]
@@ -97,19 +97,19 @@ fn points_that_no_header_counts_are_told_of() {
         patch(&place, (&whole, &none), COUNT, &0_u64.to_le_bytes());
         for name in [&few, &whole] {
             let told = place.ok(&["points", name, "o.las", "--json", "--overwrite"]).out;
-            let is_told = notes(&told).contains("behind the 50000 points");
+            let is_told = notes(&told).contains("after the 50000 points");
             assert_eq!(is_told, *name == few, "{told}");
         }
         let asked = ["points", &none, "p.las"];
-        place.fails(&asked, 65, &[&none, "claims no points", "lasinfo"]);
+        place.fails(&asked, 65, &[&none, "states 0 points", "lasinfo"]);
         let told = place.ok(&[&asked[..], &["--salvage", "--json", "--overwrite"]].concat()).out;
-        assert!(notes(&told).contains("behind the 0 points"), "{told}");
+        assert!(notes(&told).contains("after the 0 points"), "{told}");
         std::fs::remove_file(place.path("p.las")).unwrap();
     }
     // A cloud without points that is whole has nothing to tell.
     place.ok(&["points", "a.las", "e.laz", "--bounds", "0,0,1,1"]);
     let told = place.ok(&["points", "e.laz", "e.las", "--json"]).out;
-    assert!(!notes(&told).contains("behind"), "{told}");
+    assert!(!notes(&told).contains("possible points"), "{told}");
     place.ok(&["points", "e.las", "f.laz"]);
 }
 
@@ -124,7 +124,7 @@ fn waveforms_beside_are_told_of_and_never_mixed() {
         patch(&place, ("w.las", &format!("{name}.las")), ENCODING, &[encoding]);
     }
     let told = place.ok(&["points", "a.las", "c.las", "--json"]).out;
-    assert!(notes(&told).contains(".wdp file beside a.las"), "{told}");
+    assert!(notes(&told).contains(".wdp file of a.las"), "{told}");
     place.fails(&["points", "a.las", "b.las", "d.las"], 65, &["b.las", "waveforms", "a.las"]);
     place.ok(&["points", "a.las", "b.las", "d.las", "--point-format", "6"]);
     place.ok(&["points", "a.las", "b.las", "d.csv"]);
@@ -140,13 +140,13 @@ fn heights_that_only_some_files_name_are_told_of_in_any_order() {
     for pair in [["k1.las", "k2.las"], ["k2.las", "k3.las"]] {
         let told = place.ok(&["points", pair[0], pair[1], "o.las", "--json", "--overwrite"]).out;
         let silent = pair.into_iter().find(|name| *name != "k2.las").unwrap();
-        let expected = format!("{silent} does not say what its heights are");
+        let expected = format!("{silent} has no vertical CRS");
         assert!(notes(&told).contains(&expected), "{told}");
         let told = place.ok(&["info", "o.las", "--json"]).out;
         assert!(told.contains("5703") || told.contains("NAVD88"), "{told}");
     }
     let told = place.ok(&["points", "k1.las", "k3.las", "o.las", "--json", "--overwrite"]).out;
-    assert!(!notes(&told).contains("does not say"), "{told}");
+    assert!(!notes(&told).contains("no vertical CRS"), "{told}");
 }
 
 #[test]

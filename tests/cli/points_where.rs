@@ -219,9 +219,9 @@ fn what_cannot_be_asked_is_refused_by_name() {
             "amplitude > 3",
             &["no attribute \"amplitude\"", "c.laz", "intensity", "HeightAboveGround"],
         ),
-        ("--where", "intensity", &["compares nothing"]),
-        ("--where", "1 < z < 5", &["joined by and"]),
-        ("--where", "intensity >", &["ends where"]),
+        ("--where", "intensity", &["is not a condition"]),
+        ("--where", "1 < z < 5", &["chained comparisons"]),
+        ("--where", "intensity >", &["unexpected end"]),
         ("--split", "amplitude", &["no attribute \"amplitude\"", "point_source_id"]),
         ("--split", "x", &["is a coordinate", "--tile"]),
     ];

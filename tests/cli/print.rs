@@ -63,7 +63,7 @@ fn meshes_of_degrees_are_proved_in_any_units() {
             let mesh = format!("mesh.{}", format.extensions[0]);
             let args = [&["tin", "dem.asc", &mesh, "--max-error", "4", "--json"], options].concat();
             if format.name == "LandXML" {
-                place.fails(&args, 65, &["LandXML has one unit of length", "degrees"]);
+                place.fails(&args, 65, &["LandXML requires one length unit", "degrees"]);
                 continue;
             }
             if format.states_unit && options.contains(&"--keep-degrees") {

@@ -121,7 +121,7 @@ fn what_cannot_be_brought_to_the_globe_is_refused_by_name() {
         ("EPSG:3031", [-1_000_000.0, -1_000_000.0, 40_000.0], "pole"),
         ("EPSG:32660", [750_000.0, 4_000_000.0, 1000.0], "180 degrees"),
         ("EPSG:27700", [-9_000_000.0, 400_000.0, 50.0], "shift"),
-        ("EPSG:32631", [499_000.0, 4e12, 30.0], "reaches"),
+        ("EPSG:32631", [499_000.0, 4e12, 30.0], "outside the domain"),
     ] {
         plain(&place, [60, 60], at, rough);
         place.write("g.prj", system);
@@ -196,12 +196,12 @@ fn heights_are_brought_to_the_ellipsoid_by_a_geoid() {
         place.fails(&[&["tiles", "g.asc", "none"][..], more].concat(), code, words);
     };
     place.write("bad.gtx", "x");
-    fails(&["--geoid", "bad.gtx"], 65, &["bad.gtx", "no sound GTX"]);
+    fails(&["--geoid", "bad.gtx"], 65, &["bad.gtx", "not a valid GTX"]);
     fails(&["--geoid", "none.gtx"], 65, &["none.gtx", "no such file"]);
     place.fails(&["tiles", "g.asc", "g.gtx", "--geoid", "g.gtx", "--overwrite"], 2, &["g.gtx"]);
     plain(&place, [60, 60], [950_000.0, 5_150_000.0, 40.0], rough);
     place.write("g.prj", "EPSG:32632");
-    fails(&["--geoid", "g.gtx"], 65, &["the geoid is not known at longitude"]);
+    fails(&["--geoid", "g.gtx"], 65, &["the geoid has no value at longitude"]);
     plain(&place, [60, 60], [west, south, cell], rough);
     place.write("g.prj", "EPSG:4979");
     fails(&["--geoid", "g.gtx"], 2, &["g.gtx", "from the ellipsoid already"]);

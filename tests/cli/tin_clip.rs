@@ -203,9 +203,9 @@ fn what_cannot_be_clipped_to_is_refused() {
     let args = [&["tin", TERRAIN, "a.ply", "--clip", "thin.geojson"][..], &MAKE].concat();
     place.fails(&args, 65, &["no cell with four valid samples", "clip it to larger polygons"]);
     place.write("wgs.geojson", collection(&[square]).replace("EPSG::32631", "EPSG::4326"));
-    tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "bring both into one system"]);
+    tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "reproject one of them"]);
     place.write("areas.wkt", "POLYGON ((500000 4750000, 500900 4750000, 500900 4749000))");
-    tin("areas.wkt", 65, &["unknown", "EPSG:32631", "name it in the file"]);
+    tin("areas.wkt", 65, &["unknown", "EPSG:32631", "set it in the file"]);
     place.write("none.geojson", collection(&[]));
     tin("none.geojson", 65, &["has no polygon"]);
     tin("lost.geojson", 65, &["no such file", "check the name"]);

@@ -20,7 +20,7 @@ fn meshes_of_any_triangles_are_smaller_and_proved_as_written() {
                     let all = [&make[..], more, &["--triangulation", "data-dependent"]].concat();
                     let ran = place.run(&all);
                     if ran.code != 0 {
-                        assert!(ran.code == 2 && ran.err.contains("no room to state"), "{ran:?}");
+                        assert!(ran.code == 2 && ran.err.contains("no space for"), "{ran:?}");
                         continue;
                     }
                 }

@@ -133,9 +133,9 @@ fn what_cannot_be_kept_is_refused() {
     place.write("far.geojson", collection(&[far]));
     tin("far.geojson", 65, &["no point of this file lies on the grid"]);
     place.write("wgs.geojson", peaks().replace("EPSG::32631", "EPSG::4326"));
-    tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "bring both into one system"]);
+    tin("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "reproject one of them"]);
     place.write("points.wkt", "POINT (500010 4749990)");
-    tin("points.wkt", 65, &["unknown", "EPSG:32631", "name it in the file"]);
+    tin("points.wkt", 65, &["unknown", "EPSG:32631", "set it in the file"]);
     let many: String =
         (0..200_000).map(|i| format!("POINT ({} 4749000)\n", 500_000 + i % 900)).collect();
     place.write("many.wkt", many).write("many.prj", "EPSG:32631");

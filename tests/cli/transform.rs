@@ -66,7 +66,7 @@ fn lines_are_where_proj_has_them_there_and_back() {
     place.fails(
         &asked,
         65,
-        &["no shift of CH1903+ to WGS 84 is known that holds for all of the data"],
+        &["no shift from CH1903+ to WGS 84 is known for the whole extent of the data"],
     );
 }
 
@@ -300,14 +300,14 @@ fn geoids_and_grids_of_shifts_are_used() {
     };
     make("a.ply", &[]);
     let told = json(&make("b.ply", &["--to-crs", "EPSG:4979", "--geoid", "g.gtx"]).out);
-    assert!(told["notes"].to_string().contains("taken for heights above the geoid"), "{told}");
+    assert!(told["notes"].to_string().contains("assumed to be above the geoid"), "{told}");
     let ((before, _), (after, _)) = (vertices(&place, "a.ply"), vertices(&place, "b.ply"));
     assert!(before.iter().zip(&after).all(|(a, b)| (b[2] - a[2] - 49.5).abs() < 1e-9));
     // Of one datum, and by the grid: the difference is the shift.
     make("c.ply", &["--to-crs", "EPSG:4150"]);
     let told = json(&make("d.ply", &["--to-crs", "EPSG:4258", "--shift-grid", "s.gsb"]).out);
     assert_eq!(told["transformed"]["accuracy"], serde_json::Value::Null);
-    assert_eq!(told["transformed"]["operation"], "grid of shifts from CH1903+ to ETRS89");
+    assert_eq!(told["transformed"]["operation"], "shift grid from CH1903+ to ETRS89");
     let ((old, _), (new, _)) = (vertices(&place, "c.ply"), vertices(&place, "d.ply"));
     for (a, b) in old.iter().zip(&new) {
         near(&[b[0] - a[0], b[1] - a[1]], &[-3.0 / 3600.0, -4.0 / 3600.0], 1e-9);
@@ -318,9 +318,13 @@ fn geoids_and_grids_of_shifts_are_used() {
         place.fails(&[&asked[..], more].concat(), code, words);
     };
     fails(&["--to-crs", "EPSG:4258", "--shift-grid", "t.gsb"], 65, &["is from CH1903+ to ETRS89"]);
-    fails(&["--to-crs", "EPSG:4979", "--geoid", "bad.gtx"], 65, &["bad.gtx", "no sound GTX"]);
+    fails(&["--to-crs", "EPSG:4979", "--geoid", "bad.gtx"], 65, &["bad.gtx", "not a valid GTX"]);
     fails(&["--to-crs", "EPSG:4979", "--geoid", "none.gtx"], 65, &["none.gtx", "no such file"]);
-    fails(&["--to-crs", "EPSG:4326", "--geoid", "g.gtx"], 2, &["says nothing of heights"]);
+    fails(
+        &["--to-crs", "EPSG:4326", "--geoid", "g.gtx"],
+        2,
+        &["requires a target CRS with a vertical axis"],
+    );
     fails(&["--geoid", "g.gtx"], 2, &["--to-crs"]);
     let asked = [
         "tin",
@@ -342,13 +346,17 @@ fn what_cannot_be_done_is_refused_by_name_and_nothing_is_written() {
     place.write("none.asc", grid()).write("south.asc", grid()).write("south.prj", "EPSG:5513");
     place.write("local.asc", grid()).write("local.prj", r#"LOCAL_CS["site",UNIT["metre",1]]"#);
     for (input, target, words) in [
-        ("dem.asc", "EPSG:65000", &["not among the EPSG codes"][..]),
-        ("dem.asc", "EPSG:4978", &["centre of the earth"]),
+        ("dem.asc", "EPSG:65000", &["unknown EPSG code"][..]),
+        ("dem.asc", "EPSG:4978", &["geocentric"]),
         ("dem.asc", "EPSG:27200", &["nzmg"]),
-        ("dem.asc", "EPSG:28992", &["no shift of Amersfoort to WGS 84 is known that holds"]),
-        ("dem.asc", "EPSG:4326+5773", &["name the target without heights"]),
-        ("none.asc", "EPSG:4326", &["none.asc", "not known where on the globe"]),
-        ("local.asc", "EPSG:4326", &["local.asc", "local system"]),
+        (
+            "dem.asc",
+            "EPSG:28992",
+            &["no shift from Amersfoort to WGS 84 is known for the whole extent"],
+        ),
+        ("dem.asc", "EPSG:4326+5773", &["use a target CRS without heights"]),
+        ("none.asc", "EPSG:4326", &["none.asc", "CRS is missing"]),
+        ("local.asc", "EPSG:4326", &["local.asc", "a local (engineering) CRS"]),
         ("south.asc", "EPSG:4326", &["south.asc", "south and west"]),
     ] {
         for job in [
@@ -411,9 +419,9 @@ fn meshes_across_180_degrees_go_on_and_those_around_a_pole_are_refused() {
     let wide = |t: &[u64; 3]| (found[t[0] as usize][0] - found[t[1] as usize][0]).abs() > 20.0;
     assert!(!triangles.iter().any(wide));
     let cut = ["contour", "a.asc", "-o", "b.fgb", "--interval", "20", "--to-crs", "EPSG:3857"];
-    place.fails(&cut, 65, &["across the meridian of", "torn"]);
+    place.fails(&cut, 65, &["cross the meridian", "discontinuous"]);
     place.write("p.asc", at(-150_000, -125_000, 5000)).write("p.prj", "EPSG:3413");
     let pole = ["tin", "p.asc", "q.ply", "--max-error", "2", "--to-crs", "EPSG:4326"];
-    place.fails(&pole, 65, &["around a pole", "EPSG:3413"]);
+    place.fails(&pole, 65, &["surround a pole", "EPSG:3413"]);
     place.ok(&["tin", "p.asc", "q.ply", "--max-error", "2", "--to-crs", "EPSG:3995", "-q"]);
 }

@@ -83,7 +83,7 @@ fn nothing_that_is_read_becomes_a_picture_or_a_page() {
     // Who reads a page has no options.
     place.ok(&["view", "cloud:c.xyz", "--html", "page.html"]);
     let page = String::from_utf8(place.bytes("page.html")).unwrap();
-    assert!(page.contains("is not named") && !page.contains('‹'), "{page}");
+    assert!(page.contains("CRS is missing") && !page.contains('‹'), "{page}");
 }
 
 #[test]

@@ -254,9 +254,9 @@ fn what_cannot_be_is_refused_by_name() {
         &["--extent", "0,0,1,1"],
         &["--like", "dem.asc"],
     ] {
-        fails(option, 2, &[option[0], "cannot act without --resampling", "near, bilinear, cubic"]);
+        fails(option, 2, &[option[0], "requires --resampling", "near, bilinear, cubic"]);
     }
-    fails(&["--resampling", "near"], 2, &["--resampling cannot act without", "--to-crs"]);
+    fails(&["--resampling", "near"], 2, &["--resampling requires", "--to-crs"]);
     let to = ["--to-crs", "EPSG:4326", "--resampling", "cubic"];
     let with = |more: &[&'static str]| [&to[..], more].concat();
     fails(&with(&["--extent", "0,0,1,1"]), 2, &["no cell of the grid", "covers 7.4"]);

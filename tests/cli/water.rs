@@ -205,7 +205,7 @@ fn what_cannot_be_made_level_is_refused() {
     place.write("all.geojson", collection(&[polygon(&all)]));
     convert("all.geojson", 65, &["polygon 1", "without a bank"]);
     place.write("wgs.geojson", water().replace("EPSG::32631", "EPSG::4326"));
-    convert("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "bring both into one system"]);
+    convert("wgs.geojson", 65, &["EPSG:4326", "EPSG:32631", "reproject one of them"]);
     let river = [[10.0, 10.0], [90.0, 10.0], [90.0, 20.0], [10.0, 20.0]];
     let circle = [[20.0, 15.0], [50.0, 12.0], [80.0, 15.0], [50.0, 18.0], [20.0, 15.0]];
     place.write("ring.geojson", collection(&[polygon(&river), line(&circle)]));

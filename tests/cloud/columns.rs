@@ -139,7 +139,7 @@ fn times_that_are_counted_otherwise_are_refused_only_where_they_are_asked_for() 
     let cloud = opened(folder.path(), &CloudOpenOptions::default());
     assert!(cloud.columns(&["intensity".to_owned()]).is_ok());
     let error = cloud.columns(&["gps_time".to_owned()]).err().unwrap().to_string();
-    assert!(error.contains("b.las") && error.contains("times are counted otherwise"), "{error}");
+    assert!(error.contains("b.las") && error.contains("GPS time encoding differs"), "{error}");
 }
 
 /// Whatever is damaged, no point is told of twice, and none is missing from the counts.

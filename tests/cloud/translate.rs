@@ -145,14 +145,14 @@ fn formats_are_changed_or_refused() {
     assert!(found.records.iter().zip(&made.records).all(|(new, old)| new[..] == old[..30]));
     // Marks of overlap have no place before format 6.
     let error = to(3).unwrap_err().to_string();
-    assert!(error.contains("the mark of overlap") && error.contains("in.laz"), "{error}");
+    assert!(error.contains("the overlap flag") && error.contains("in.laz"), "{error}");
     // Each field that is narrower there, by the point that is too wide for it.
     for (at, bytes, word) in [
         (14, [9 | 9 << 4, 0], "return 9 of 9"),
         (16, [65, 0], "class 65"),
-        (15, [32, 2], "channel 2 of the scanner"),
-        (18, (-25_305_i16).to_le_bytes(), "a scan angle of -151.83 degrees"),
-        (18, 30_000_i16.to_le_bytes(), "a scan angle of 180 degrees"),
+        (15, [32, 2], "scanner channel 2"),
+        (18, (-25_305_i16).to_le_bytes(), "the scan angle -151.83 degrees"),
+        (18, 30_000_i16.to_le_bytes(), "the scan angle 180 degrees"),
     ] {
         let mut made = Made::new(6, Packing::Fixed(100), 300);
         for record in &mut made.records {
@@ -166,7 +166,7 @@ fn formats_are_changed_or_refused() {
             let error = run(&TranslateJob { format, ..job(&[&wide], &output) }).unwrap_err();
             let told = error.to_string();
             assert!(told.contains(word) && told.contains("point 217"), "{number}: {told}");
-            assert!(told.contains("‹point_format› from 6 on"), "{number}: {told}");
+            assert!(told.contains("‹point_format› 6 or higher"), "{number}: {told}");
         }
     }
     assert!(output.exists(), "the one that was there stays");

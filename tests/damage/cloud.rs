@@ -82,7 +82,7 @@ fn a_cut_file_gives_its_whole_records_or_chunks() {
     let bytes = made.bytes();
     let (strict, loose) = both(&place.write("a.las", &bytes[..bytes.len() - 31]));
     let told = strict.unwrap_err().to_string();
-    assert!(told.contains("100 points claimed, 98 there") && told.contains("‹salvage›"), "{told}");
+    assert!(told.contains("expected 100 points, found 98") && told.contains("‹salvage›"), "{told}");
     let (points, census) = loose.unwrap();
     assert_eq!((points.as_slice(), census.lost), (&made.world()[..98], 2));
     let made = Made::new(6, Packing::Fixed(30), 100);
@@ -332,13 +332,13 @@ fn headers_that_make_no_sense() {
     let sound = Made::new(6, Packing::Plain, 10).bytes();
     let f64s = |value: f64| value.to_le_bytes().to_vec();
     for (at, value, told) in [
-        (0, b"LASX".to_vec(), "does not begin with LASF"),
+        (0, b"LASX".to_vec(), "signature LASF is missing"),
         (24, vec![2, 0], "version 2.0"),
         (104, vec![11], "point format 11"),
-        (104, vec![0x80 | 6], "LASzip record is missing"),
-        (105, vec![29, 0], "29 bytes"),
-        (94, vec![0, 0], "header claims 0 bytes"),
-        (96, vec![255; 4], "begin at byte 4294967295"),
+        (104, vec![0x80 | 6], "LASzip VLR of the compressed points is missing"),
+        (105, vec![29, 0], "record length is 29"),
+        (94, vec![0, 0], "header is 0 bytes long"),
+        (96, vec![255; 4], "point offset 4294967295"),
         (247, vec![255; 8], "number of points"),
         (131, f64s(0.0), "scale of x is 0"),
         (139, f64s(f64::NAN), "scale of y is NaN"),

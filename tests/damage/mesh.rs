@@ -162,32 +162,36 @@ fn lying_ply_files() {
         refuse(&ply(huge, "0", list), &[], "do not fit into");
         refuse(&ply("0", huge, list), &[], "do not fit into");
     }
-    refuse(&ply("-1", "0", list), &[], "\"-1\" is no count");
-    refuse(&ply("18446744073709551616", "0", list), &[], "is no count");
+    refuse(&ply("-1", "0", list), &[], "\"-1\" is not a count");
+    refuse(&ply("18446744073709551616", "0", list), &[], "is not a count");
     let nan = f32::NAN.to_le_bytes().repeat(3);
     refuse(&ply("1", "0", list), &nan, "vertex 0: position is not finite");
     let face = |ids: [i32; 3], corners: u8| {
         [vec![0; 12], vec![corners], ids.map(i32::to_le_bytes).concat()].concat()
     };
-    refuse(&ply("1", "1", list), &face([0, 0, 1], 3), "triangle 0: vertex 1 does not exist, of 1");
+    refuse(
+        &ply("1", "1", list),
+        &face([0, 0, 1], 3),
+        "triangle 0: vertex 1 does not exist (the mesh has 1 vertices)",
+    );
     refuse(&ply("1", "1", list), &face([0, -1, 0], 3), "vertex index -1 is negative");
     refuse(&ply("1", "1", list), &face([0, 0, 0], 4), "face 0: has 4 corners");
     let quad = [face([0, 0, 0], 4), vec![0; 4]].concat();
-    refuse(&ply("1", "1", list), &quad, "has 4 bytes more");
-    refuse(&ply("1", "1", "uchar float vertex_indices"), &face([0; 3], 3), "not whole numbers");
+    refuse(&ply("1", "1", list), &quad, "has 4 surplus bytes");
+    refuse(&ply("1", "1", "uchar float vertex_indices"), &face([0; 3], 3), "not integers");
     refuse(&ply("1", "1", "uchar int other"), &face([0; 3], 3), "no property list");
-    refuse(&ply("0", "0", "uchar thing vertex_indices"), &[], "\"thing\" is no type");
+    refuse(&ply("0", "0", "uchar thing vertex_indices"), &[], "\"thing\" is not a PLY type");
     let ascii = ply("0", "0", list).replace("binary_little_endian", "ascii");
     refuse(&ascii, &[], "ASCII PLY");
     refuse(&ply("0", "0", list).replace("float y", "float w"), &[], "no property \"y\"");
-    refuse(&ply("0", "0", list).replace("float y", "int y"), &[], "a whole number as y");
+    refuse(&ply("0", "0", list).replace("float y", "int y"), &[], "coordinates (y)");
     refuse(
         &ply("0", "0", list).replace("element vertex 0", ""),
         &[],
         "property without an element",
     );
     refuse("ply\nformat binary_little_endian 1.0\nend_header\n", &[], "no vertices");
-    refuse("ply\nelement vertex 0\nproperty float x\n", &[], "no end");
+    refuse("ply\nelement vertex 0\nproperty float x\n", &[], "header is truncated");
     refuse(&format!("ply\n{}", "comment x\n".repeat(2 << 20)), &[], "PLY header length");
     refuse(&format!("ply\n{}", "element a 1\n".repeat(2000)), &[], "number of PLY elements");
     let strips = ply("0", "0", list).replace("element face", "element tristrips");
@@ -221,13 +225,13 @@ fn lying_obj_files() {
     let lab = Lab::new();
     let refuse = |text: &str, reason| lab.assert_refused("obj", text.as_bytes(), reason);
     let v = "v 0 0 0\n".repeat(3);
-    refuse(&format!("{v}f 1 2 4\n"), "line 4: vertex 4 does not exist, of 3");
+    refuse(&format!("{v}f 1 2 4\n"), "line 4: vertex 4 does not exist (the mesh has 3 vertices)");
     refuse(&format!("{v}f 1 2 0\n"), "vertex 0 does not exist");
     refuse(&format!("{v}f -1 -2 -4\n"), "vertex -4 does not exist");
     refuse(&format!("{v}f 1 2 99999999999999999999\n"), "is not a number");
     refuse(&format!("{v}f 1 2 3 1\n"), "line 4: face has 4 corners");
     refuse(&format!("{v}f 1 2\n"), "fewer than three corners");
-    refuse(&format!("{v}f 1 2 \\\n3\n"), "goes on in the next");
+    refuse(&format!("{v}f 1 2 \\\n3\n"), "line continuation");
     refuse("v 0 0 nan\n", "line 1: position is not finite");
     refuse("v 0 0 1e999\n", "position is not finite");
     refuse("v 0 0\n", "fewer than three numbers");
@@ -253,8 +257,8 @@ fn foreign_obj_files() {
 fn lying_stl_files() {
     let lab = Lab::new();
     let stl = |count: u32, tail: &[u8]| [&[b' '; 80], &count.to_le_bytes()[..], tail].concat();
-    lab.assert_refused("stl", &stl(u32::MAX, &[]), "triangles take 214748364834");
-    lab.assert_refused("stl", &stl(1, &[0; 49]), "has 133 bytes, but its 1 triangles take 134");
+    lab.assert_refused("stl", &stl(u32::MAX, &[]), "expected 214748364834");
+    lab.assert_refused("stl", &stl(1, &[0; 49]), "has 133 bytes, expected 134 (1 triangles)");
     lab.assert_refused("stl", &stl(1, &[0; 51]), "has 135 bytes");
     lab.assert_refused("stl", &stl(1, &[0xff; 50]), "vertex 0: position is not finite");
     lab.assert_refused("stl", b"too short", "too short");
@@ -318,7 +322,7 @@ fn lying_glb_files() {
         let counts = format!(r#""VEC3","count":{count}"#);
         refuse(r#""VEC3","count":3"#, &counts, "outside its buffer");
     }
-    refuse(r#""SCALAR","count":3"#, r#""SCALAR","count":2"#, "not whole triangles");
+    refuse(r#""SCALAR","count":3"#, r#""SCALAR","count":2"#, "indices (2) is not a multiple of 3");
     refuse(r#""count":3"#, r#""count":-3"#, "JSON: ");
     refuse(r#""byteOffset":52"#, r#""byteOffset":18446744073709551615"#, "outside its buffer");
     refuse(r#""byteLength":64"#, r#""byteLength":56"#, "outside its buffer");
@@ -326,13 +330,13 @@ fn lying_glb_files() {
     refuse(r#""byteStride":16"#, r#""byteStride":8"#, "byte stride of 8");
     refuse(r#""indices":1"#, r#""indices":7"#, "no accessor 7");
     refuse(r#""indices":1"#, r#""indices":1,"mode":5"#, "mode 5");
-    refuse("5126", "5123", "not VEC3 of f32");
+    refuse("5126", "5123", "other than VEC3 of f32");
     refuse("5123", "5120", "component type 5120");
     refuse(r#""translation":[0,0,0]"#, r#""translation":[0,1,0]"#, "node 0 has a transform");
     refuse(r#""scale":[1,1,1]"#, r#""rotation":[0,0,1,0]"#, "node 0 has a transform");
     refuse(r#""nodes":["#, r#""nodes":[{"mesh":0},"#, "several nodes");
     refuse(r#""meshes":["#, r#""meshes":[{"primitives":[]},"#, "primitives");
-    refuse(r#""buffers":[{"#, r#""buffers":[{"uri":"a.bin","#, "in another file");
+    refuse(r#""buffers":[{"#, r#""buffers":[{"uri":"a.bin","#, "external buffers");
     refuse(r#""type":"VEC3""#, r#""type":"VEC3","sparse":{}"#, "sparse");
     let draco = r#""extensionsRequired":["KHR_draco_mesh_compression"],"nodes":["#;
     refuse(r#""nodes":["#, draco, "KHR_draco_mesh_compression");
@@ -340,7 +344,11 @@ fn lying_glb_files() {
     let mut data = foreign_data();
     data[54] = 3;
     let beyond = glb(FOREIGN_GLB, &data);
-    lab.assert_refused("glb", &beyond, "triangle 0: vertex 3 does not exist, of 3");
+    lab.assert_refused(
+        "glb",
+        &beyond,
+        "triangle 0: vertex 3 does not exist (the mesh has 3 vertices)",
+    );
     data[4..8].copy_from_slice(&f32::INFINITY.to_le_bytes());
     lab.assert_refused("glb", &glb(FOREIGN_GLB, &data), "vertex 0: position is not finite");
     let deep = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
@@ -368,23 +376,23 @@ fn lying_compressed_glb_files() {
         lab.assert_refused("meshopt.glb", &bytes, reason);
     };
     refuse(r#""count":9,"mode""#, r#""count":8,"mode""#, "outside its compressed buffer view");
-    refuse(r#""ATTRIBUTES""#, r#""TRIANGLES" "#, "of another type");
-    refuse(r#""ATTRIBUTES""#, r#""INDICES"   "#, r#"the mode "INDICES""#);
-    refuse(r#""byteStride":12"#, r#""byteStride":13"#, "elements of 13 bytes");
-    refuse(r#""byteStride":12"#, r#""byteStride":0 "#, "elements of 0 bytes");
-    refuse(r#""byteOffset":0"#, r#""byteOffset":9"#, "kind or version");
-    refuse(r#""byteStride":4"#, r#""byteStride":2"#, "of another type");
-    refuse(r#""buffer":0"#, r#""buffer":1"#, "uses buffer 1");
+    refuse(r#""ATTRIBUTES""#, r#""TRIANGLES" "#, "index type");
+    refuse(r#""ATTRIBUTES""#, r#""INDICES"   "#, r#"mode "INDICES""#);
+    refuse(r#""byteStride":12"#, r#""byteStride":13"#, "stride of 13 bytes");
+    refuse(r#""byteStride":12"#, r#""byteStride":0 "#, "stride of 0 bytes");
+    refuse(r#""byteOffset":0"#, r#""byteOffset":9"#, "type or version");
+    refuse(r#""byteStride":4"#, r#""byteStride":2"#, "index type");
+    refuse(r#""buffer":0"#, r#""buffer":1"#, "buffer 1");
     let with = |at: usize, byte: u8, reason: &str| {
         let mut bytes = sound.clone();
         bytes[at] = byte;
         lab.assert_refused("meshopt.glb", &bytes, reason);
     };
-    with(data, 0xa1, "kind or version");
+    with(data, 0xa1, "type or version");
     // Differences of a byte that take more room than there is, and less.
     with(data + 1, 3, "compressed buffer view");
     let triangles = sound[data..].iter().rposition(|byte| *byte == 0xe1).unwrap() + data;
-    with(triangles, 0xe0, "kind or version");
+    with(triangles, 0xe0, "type or version");
     with(triangles + 2, 0xeb, "vertex 4294967295 does not exist");
-    with(sound.len() - 8, 0xff, "a table that is none");
+    with(sound.len() - 8, 0xff, "invalid table");
 }

@@ -218,8 +218,8 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
         place.fails(&[&base, more].concat(), code, words);
     };
     let free = ["--canopy", "spike-free"];
-    with(&free, 2, &["--canopy cannot act"]);
-    with(&[&free[..], &["--dtm"]].concat(), 2, &["--canopy cannot act", "--dsm or --chm"]);
+    with(&free, 2, &["--canopy requires"]);
+    with(&[&free[..], &["--dtm"]].concat(), 2, &["--canopy requires", "--dsm or --chm"]);
     with(&["--dsm", "--canopy", "moss"], 2, &["unknown canopy method", "pit-free, spike-free"]);
     with(&["--dsm", "--canopy", "spike-free:freeze=-1"], 2, &["freeze=auto (from 0 to 1000)"]);
     with(&["--dsm", "--canopy", "pit-free:freeze=1"], 2, &["takes none"]);

@@ -398,7 +398,7 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     );
     let typed = GridJob { sample_type: SampleType::I16, ..job(&path("a.tif"), "mean", 1.0) };
     fails(&typed, "int16");
-    fails(&job(&path("a.tif"), "mean", 1e-9), "more than the limit");
+    fails(&job(&path("a.tif"), "mean", 1e-9), "exceeds the limit");
     let align = Placement { align: Some([0.0; 2]), ..Placement::new([1.0; 2]) };
     let pdal =
         GridJob { placement: align, compat: Compat::Pdal, ..job(&path("a.tif"), "mean", 1.0) };

@@ -209,7 +209,7 @@ fn what_cannot_act_is_refused() {
     with(&["--dtm", "--stat", "mean"], 2, &["--stat"]);
     with(&["--dtm", "--dsm"], 2, &["--dsm"]);
     with(&["--dsm", "--chm"], 2, &["--chm"]);
-    with(&["--ground", "filter"], 2, &["--ground cannot act", "--dtm"]);
+    with(&["--ground", "filter"], 2, &["--ground requires", "--dtm"]);
     with(&["--dtm", "--return", "last"], 2, &["--return cannot act"]);
     with(&["--dtm", "--ground", "filter", "--class", "2"], 2, &["--class cannot act"]);
     with(&["--dtm", "--radius", "2"], 2, &["--radius cannot act"]);

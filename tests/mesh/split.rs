@@ -199,5 +199,5 @@ fn an_index_that_names_folders_is_refused() {
     features[0]["properties"]["file"] = "again".into();
     std::fs::write(&index, parsed.to_string()).unwrap();
     std::os::unix::fs::symlink(".", place.path("out/again")).unwrap();
-    place.fails(&["info", "out"], 65, &["out/again", "not a plain file"]);
+    place.fails(&["info", "out"], 65, &["out/again", "not a regular file"]);
 }

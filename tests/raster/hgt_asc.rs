@@ -129,7 +129,7 @@ fn damaged_text_grids_name_the_line() {
     check(format!("{header}10 20\n30\n"), "line 8: file is truncated: found 3 of 4 values");
     check(format!("{header}1 2\n3 4\n5\n"), "line 8: more values than the 4 declared");
     check(header.replace("nrows 2", "nrows 1000000000") + "1", "file is truncated");
-    check(header.replace("nrows 2", "nrows 2000000000") + "1", "more than the limit");
+    check(header.replace("nrows 2", "nrows 2000000000") + "1", "exceeds the limit");
     check(header.replace("nrows 2", "nrows 1.5") + "1", "expected a positive integer");
     check(header.replace("nrows 2", "") + "1", "header lacks nrows");
     check(header.replace("cellsize 4", "cellsize 0") + "1", "invalid cell size");

@@ -376,7 +376,7 @@ fn virtual_rasters_within_others() {
         let opened = open(&place.at(&inner), &GridOpenOptions::default());
         match level {
             ..=8 => assert_eq!(read_all(opened.unwrap().as_ref()).unwrap()[15], 9.0),
-            _ => assert!(opened.err().unwrap().to_string().contains("depth of nested VRTs is 9")),
+            _ => assert!(opened.err().unwrap().to_string().contains("depth of nested VRTs (9)")),
         }
     }
     let own = place.vrt("Byte", "", 4, &whole("m.vrt"));

@@ -70,8 +70,8 @@ const STATEMENTS: [Wrong; 39] = [
     (&NAMES, "source synth:rough", "heights band 1\nx", 3, "heights band 1"),
     (&NAMES, "source synth:rough", "heights in feet\nx", 3, "heights in feet"),
     (&NAMES, "source synth:rough", "transformed from EPSG:2\nx", 65, "was transformed from"),
-    (&NAMES, "source synth:rough", "max error 50\nx", 65, "which cannot both be"),
-    (&NAMES, "source synth:rough", "crs EPSG:32632\nx", 65, "which cannot both be"),
+    (&NAMES, "source synth:rough", "max error 50\nx", 65, "states contradictory"),
+    (&NAMES, "source synth:rough", "crs EPSG:32632\nx", 65, "states contradictory"),
     (&NAMES, "source synth:rough", "size small\nx", 3, "the statement \"size small"),
     // No promises: what they say is told, and not judged.
     (

@@ -1,4 +1,4 @@
-//! What is known of the points of clouds beside their places: attributes by name, and returns.
+//! Attributes of points by name, and returns of pulses.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,46 +8,46 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::registry::RegistryEntry;
 
-/// An attribute that points have by the standard of LAS.
+/// A standard attribute of LAS points.
 #[derive(Debug)]
 pub struct PointAttribute {
-    /// Its name, the same as that of its column where points are text.
+    /// Name; also the name of its column in text files.
     pub name: &'static str,
     /// Other names.
     pub aliases: &'static [&'static str],
     /// One line for the documentation, with the unit.
     pub about: &'static str,
-    /// What its values are whole multiples of, 2^30 of it at the most; any number is a value when `None`.
+    /// Values are whole multiples of this step, up to 2^30 steps. Any number is valid when `None`.
     pub step: Option<f64>,
 }
 
-/// The name of classes, and those of the number of a return and of the returns of a pulse.
+/// Names of the attributes class, return number and number of returns.
 pub const CLASS: &str = "classification";
 #[allow(missing_docs)]
 pub const RETURN: &str = "return_number";
 #[allow(missing_docs)]
 pub const RETURNS: &str = "number_of_returns";
 
-/// All attributes of the standard that are numbers. Files may have others, in extra bytes.
+/// All numeric standard attributes. Files may have further ones in extra bytes.
 pub const ATTRIBUTES: &[PointAttribute] = &[
-    whole("intensity", &[], "strength of the return"),
-    whole(RETURN, &["return"], "which return of its pulse, from 1"),
-    whole(RETURNS, &["returns"], "returns of the pulse"),
+    whole("intensity", &[], "return strength"),
+    whole(RETURN, &["return"], "number of the return within its pulse, from 1"),
+    whole(RETURNS, &["returns"], "number of returns of the pulse"),
     whole(CLASS, &["class"], "class"),
-    // Steps of the formats before LAS 1.4 are a degree, of those of 1.4 they are 0.006 degrees.
+    // A step is a degree in formats 0 to 5, and 0.006 degrees in formats 6 to 10.
     PointAttribute {
         step: Some(0.002),
-        ..whole("scan_angle", &["angle", "scan_angle_rank"], "angle of the beam in degrees")
+        ..whole("scan_angle", &["angle", "scan_angle_rank"], "scan angle in degrees")
     },
-    whole("user_data", &["user"], "whatever the user likes"),
-    whole("point_source_id", &["source", "point_source"], "the file or flight line it came from"),
+    whole("user_data", &["user"], "free for the user"),
+    whole("point_source_id", &["source", "point_source"], "source file or flight line"),
     whole("red", &[], "colour"),
     whole("green", &[], "colour"),
     whole("blue", &[], "colour"),
     whole("infrared", &["nir"], "near infrared"),
     PointAttribute {
         step: None,
-        ..whole("gps_time", &["time"], "seconds, as the file counts them")
+        ..whole("gps_time", &["time"], "GPS time in seconds, with the epoch of the file")
     },
 ];
 
@@ -71,8 +71,7 @@ impl RegistryEntry for PointAttribute {
     }
 }
 
-/// The attribute of the standard with this name; letter case and underscores do not matter, so names
-/// such as `PointSourceId` are known.
+/// The standard attribute with this name; letter case and underscores are ignored (`PointSourceId`).
 pub fn known(name: &str) -> Option<&'static PointAttribute> {
     let plain = |name: &str| name.replace('_', "").to_ascii_lowercase();
     let is_it = |own: &&str| plain(own) == plain(name);
@@ -82,13 +81,13 @@ pub fn known(name: &str) -> Option<&'static PointAttribute> {
 /// A return of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Return {
-    /// The first one.
+    /// The first return.
     First,
-    /// The last one, which may be the first one as well.
+    /// The last return; it may also be the first.
     Last,
-    /// The first one of pulses that have no other.
+    /// The only return of its pulse.
     Only,
-    /// The one of this number, from 1.
+    /// The return with this number, from 1.
     Number(u8),
 }
 

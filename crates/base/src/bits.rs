@@ -1,4 +1,4 @@
-//! Sets of small numbers, one bit each; hashes of numbers, and signed numbers as unsigned ones of the same order.
+//! Bit sets, hashes of numbers, and an order-preserving map of signed to unsigned numbers.
 
 use std::ops::Range;
 
@@ -14,16 +14,16 @@ impl BitSet {
         Self { words: vec![0; bound.div_ceil(64)] }
     }
 
-    /// Empties the set and makes room for numbers below `bound`.
+    /// Empties the set and allocates bits for numbers below `bound`.
     pub fn reset(&mut self, bound: usize) {
         self.words.clear();
         self.words.resize(bound.div_ceil(64), 0);
     }
 
-    /// Adds a number; true when it was not in the set.
+    /// Adds a number; true when the set did not contain it.
     ///
     /// # Panics
-    /// Where the number is beyond the bound.
+    /// If the number is out of bounds.
     #[inline(always)]
     pub fn insert(&mut self, number: usize) -> bool {
         let (word, bit) = (&mut self.words[number / 64], 1 << (number % 64));
@@ -32,16 +32,16 @@ impl BitSet {
         is_new
     }
 
-    /// Takes a number out.
+    /// Removes a number.
     ///
     /// # Panics
-    /// Where the number is beyond the bound.
+    /// If the number is out of bounds.
     #[inline(always)]
     pub fn remove(&mut self, number: usize) {
         self.words[number / 64] &= !(1 << (number % 64));
     }
 
-    /// True when the number is in the set; beyond the bound there is none.
+    /// True when the set contains the number; false out of bounds.
     #[inline(always)]
     pub fn contains(&self, number: usize) -> bool {
         self.words.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
@@ -55,7 +55,7 @@ impl BitSet {
     /// The numbers within a range, ascending.
     ///
     /// # Panics
-    /// Where the range is beyond the bound.
+    /// If the range is out of bounds.
     pub fn within(&self, range: Range<usize>) -> impl Iterator<Item = usize> + Clone + '_ {
         let (first, end) = (range.start / 64, range.end.div_ceil(64));
         (first..end)
@@ -63,13 +63,13 @@ impl BitSet {
             .filter(move |number| range.contains(number))
     }
 
-    /// Its bits, sixty-four numbers to a word, the lowest number in the lowest bit.
+    /// Words of 64 bits; the lowest number is the lowest bit.
     pub fn words(&self) -> &[u64] {
         &self.words
     }
 }
 
-/// The places of the ones of a word, counted from `base`.
+/// Positions of the set bits of a word, counted from `base`.
 fn ones(word: u64, base: usize) -> impl Iterator<Item = usize> + Clone {
     std::iter::successors(Some(word), |word| Some(word & word.wrapping_sub(1)))
         .take_while(|&word| word != 0)
@@ -86,7 +86,7 @@ pub fn mixed(words: &[u64]) -> u64 {
     })
 }
 
-/// An unsigned number for a signed one, in the same order.
+/// An unsigned number for a signed one that preserves the order.
 pub fn ordered(value: i32) -> u64 {
     u64::from(value as u32 ^ 1 << 31)
 }

@@ -1,4 +1,4 @@
-//! Of what a tolerance is promised: of samples, or of the whole surface.
+//! Where the tolerance of a mesh holds: at samples, or along the grid lines between them as well.
 
 use std::fmt;
 
@@ -17,18 +17,17 @@ use crate::registry::{RegistryEntry, named};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ErrorBound {
-    /// At every valid sample. Between samples a mesh may be further off.
+    /// At every valid sample. Between samples the error may be larger.
     #[default]
     Samples,
-    /// At every point of every line between two neighbouring samples of the surface, as well. There all
-    /// readings of a grid agree (bilinear, or cut into triangles either way), so it is where a surface
-    /// between samples is known. A mesh is furthest from such a line at a sample or where one of its
-    /// edges crosses the line.
+    /// At every valid sample and on the grid lines between neighbouring samples. On these lines all interpolations of
+    /// a grid agree (bilinear, or either diagonal of a cell). The error on a line is largest at a sample or where a
+    /// mesh edge crosses the line.
     Surface,
 }
 
 impl ErrorBound {
-    /// All of them.
+    /// All values.
     pub const ALL: [Self; 2] = [Self::Samples, Self::Surface];
 
     /// Its name.

@@ -1,4 +1,4 @@
-//! Work that can be stopped.
+//! Cancellation of jobs.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

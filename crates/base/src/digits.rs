@@ -1,30 +1,30 @@
-//! Digits of numbers in text, fast.
+//! Fast parsing of decimal digits.
 
 /// Powers of ten that are exact in `f64`, by exponent.
 pub const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
     1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
 ];
-/// Whole numbers up to this are exact in `f64`.
+/// Integers up to this value are exact in `f64`.
 pub const MOST_EXACT: u64 = 1 << 53;
-/// As many digits never overflow `u64`.
+/// This number of digits never overflows `u64`.
 pub const MOST_DIGITS: usize = 19;
 
-/// Digits with or without a point before, among or behind them.
+/// Digits with an optional decimal point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digits {
-    /// The whole number that they are without the point; it wraps beyond [`MOST_DIGITS`].
+    /// The digits as an integer without the point; wraps beyond [`MOST_DIGITS`].
     pub mantissa: u64,
-    /// How many there are.
+    /// Number of digits.
     pub count: usize,
-    /// How many of them are behind the point.
+    /// Number of digits after the point.
     pub decimals: usize,
-    /// Where in the text they end.
+    /// End of the digits in the text.
     pub end: usize,
 }
 
 impl Digits {
-    /// Those of `text` from `start` on; there may be none.
+    /// The digits of `text` from `start`; there may be none.
     #[inline(always)]
     pub fn of(text: &[u8], start: usize) -> Self {
         let (mut mantissa, mut end) = (0, start);
@@ -38,7 +38,7 @@ impl Digits {
     }
 }
 
-/// Moves `end` past the digits there, appends them to `value` (which wraps), and counts them.
+/// Appends the digits at `end` to `value` (which wraps), counts them and moves `end` past them.
 #[inline(always)]
 pub fn take_digits(text: &[u8], end: &mut usize, value: &mut u64) -> usize {
     let start = *end;

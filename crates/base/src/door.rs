@@ -1,18 +1,18 @@
-//! Names of options in messages: `‹max_error›`, or with a value `‹memory=64M›`, which each way of asking for a job
-//! spells as its user does.
+//! Names of options in messages: `‹max_error›`, or with a value `‹memory=64M›`; each front end spells them for its
+//! users.
 //!
-//! A library cannot know whether `max_error` was given on a command line or as an argument of Python, so its errors and
-//! notes name the field of the options, between two signs that no other text has. A caller from Rust reads them as they
-//! are. The same for what else there is to run, by its name on the command line: `‹terrane plan tin›`.
+//! A library cannot know whether `max_error` was given on the command line or in Python. Its errors and notes
+//! therefore put the name of the field between two marks that no other text contains. Rust callers read them as they
+//! are. Commands are marked likewise, by their name on the command line: `‹terrane plan tin›`.
 
 use std::borrow::Cow;
 
-/// Begins the name of an option.
+/// Opening mark of an option.
 const OPEN: char = '‹';
-/// Ends it.
+/// Closing mark of an option.
 const CLOSE: char = '›';
 
-/// A way of asking for a job that has a spelling of its own.
+/// A front end with its own spelling of options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frontend {
     /// `--max-error`, `--memory 64M`, `--no-drop`.
@@ -73,7 +73,7 @@ impl Frontend {
         Cow::Owned(spelled + rest)
     }
 
-    /// An option alone: its name, or `name=value`; or a verb of the program.
+    /// Spells one option (`name` or `name=value`) or one command.
     fn option(self, option: &str) -> String {
         if let Some(verb) = option.strip_prefix(PROGRAM) {
             return match (self, verb.strip_prefix("plan ")) {
@@ -84,7 +84,7 @@ impl Frontend {
         }
         let (name, value) = option.split_once('=').unzip();
         let name = match (self, name.unwrap_or(option)) {
-            // Words of the language have another name there.
+            // Reserved words of Python are renamed.
             (Self::Python, "class") => "classes",
             (Self::Python, "return") => "returns",
             (_, name) => name,
@@ -104,11 +104,11 @@ impl Frontend {
     }
 }
 
-/// Members of reports that are said to people.
+/// Members of reports whose text is for people.
 const TOLD: [&str; 7] =
     ["notes", "not_judged", "failures", "reason", "remedy", "about", "default_text"];
 
-/// Where the value of a member begins.
+/// Start of the value of a member.
 fn value_of(json: &str, key: &str) -> Option<usize> {
     let key = format!("\"{key}\":");
     let is_key = |at: &usize| !json[..*at].ends_with('\\');
@@ -116,7 +116,7 @@ fn value_of(json: &str, key: &str) -> Option<usize> {
     Some(found + key.len())
 }
 
-/// Bytes of a JSON value and of white space before it: a text, or a list of such, or what comes before a comma.
+/// Length in bytes of a JSON value with leading white space: a text, a list of texts, or the text up to a comma.
 fn length(json: &str) -> usize {
     let (mut depth, mut is_text, mut is_escaped) = (0_u32, false, false);
     for (at, c) in json.char_indices() {
@@ -134,10 +134,11 @@ fn length(json: &str) -> usize {
     json.len()
 }
 
-/// Begins the name of a verb.
+/// Prefix of a command.
 const PROGRAM: &str = "terrane ";
 
-/// True for a name as fields have them, with or without a value, and for a verb: anything else between the signs is text.
+/// True for the name of a field, with or without a value, and for a command; other text between the marks is left
+/// alone.
 fn is_option(text: &str) -> bool {
     if let Some(verb) = text.strip_prefix(PROGRAM) {
         return verb.chars().all(|c| c.is_ascii_lowercase() || " -".contains(c));

@@ -1,4 +1,4 @@
-//! The one error type: what kind of failure, in which file, at which place, and what to do about it.
+//! The error type: kind of failure, file, place and remedy.
 
 use std::borrow::Cow;
 use std::fmt::{self, Write};
@@ -14,25 +14,25 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
-    /// A check ran to its end and found a broken promise (exit 1).
+    /// A check completed and found a broken promise (exit 1).
     CheckFailed,
-    /// The caller asked for something that makes no sense (exit 2).
+    /// The request is invalid (exit 2).
     Usage,
-    /// The input is missing, damaged, or not what it claims to be (exit 65).
+    /// The input is missing, damaged or of another type (exit 65).
     BadInput,
-    /// The input is sound but uses a feature that is not supported; it is named (exit 65).
+    /// The input is valid but uses an unsupported feature, which is named (exit 65).
     Unsupported,
     /// A value in a file is beyond a limit of [`crate::limits`] (exit 65).
     Limit,
-    /// Others are at work, or what is needed first is not done: try again later (exit 69).
+    /// Another process is at work or a prerequisite is missing: try again later (exit 69).
     NotYet,
     /// The output cannot be created, or cannot hold the result (exit 73).
     CannotWrite,
-    /// Reading or writing failed part-way: disk full, device error (exit 74).
+    /// Reading or writing failed midway: disk full, device error (exit 74).
     Io,
-    /// The machine lacks a resource, for example memory below the least needed (exit 75).
+    /// The machine lacks a resource, for example memory (exit 75).
     Resource,
-    /// A fault of this program, caught (exit 70).
+    /// A caught fault of this program (exit 70).
     Internal,
     /// The user stopped the job (exit 130).
     Interrupted,
@@ -55,7 +55,7 @@ impl ErrorKind {
     }
 }
 
-/// True for the address of something elsewhere, such as `https://host/file` or `/vsicurl/https://host/file`.
+/// True for a remote path such as `https://host/file` or `/vsicurl/https://host/file`.
 pub fn is_address(path: &Path) -> bool {
     let name = path.to_string_lossy();
     let is_letter = |c: char| c.is_ascii_alphanumeric() || "+-.".contains(c);
@@ -76,11 +76,11 @@ pub struct Error {
     several: Option<Box<SeveralErrors>>,
 }
 
-/// What an error stands for that stands for several.
+/// The failures behind an error that stands for several files.
 #[derive(Debug)]
 struct SeveralErrors {
     failures: Vec<Error>,
-    /// Among so many files.
+    /// Number of files in the request.
     of: usize,
 }
 
@@ -91,35 +91,35 @@ impl Error {
         Self { kind, message, path: None, place: None, remedy: None, source: None, several }
     }
 
-    /// One for all `failures` among `of` files. Only what is about files can be put together: of other
-    /// failures, and of a single one, comes the first.
+    /// One error for all `failures` among `of` files. Only failures of files are combined; of other failures, and of
+    /// a single one, the first is returned.
     ///
     /// # Panics
-    /// When there is no failure.
+    /// If there is no failure.
     pub fn several(mut failures: Vec<Self>, of: usize) -> Self {
         let first = failures.iter().position(|failure| !failure.is_about_a_file()).unwrap_or(0);
         if failures.len() < 2 || !failures[first].is_about_a_file() {
             return failures.swap_remove(first);
         }
         let message = format!("{} of {of} files cannot be used", failures.len());
-        let mut error = Self::new(failures[0].kind, message).remedy("mend them, or leave them out");
+        let mut error = Self::new(failures[0].kind, message).remedy("repair or omit these files");
         error.several = Some(Box::new(SeveralErrors { failures, of }));
         error
     }
 
-    /// True for what is wrong with a file, not with the request, the machine or the program.
+    /// True if the fault is in a file, not in the request, the machine or the program.
     pub fn is_about_a_file(&self) -> bool {
         use ErrorKind::{BadInput, Io, Limit, Unsupported};
         matches!(self.kind, BadInput | Unsupported | Limit | Io)
     }
 
-    /// True for an input that is not there.
+    /// True for a missing input file.
     pub fn is_missing(&self) -> bool {
         let is_not_found = |source: &io::Error| source.kind() == io::ErrorKind::NotFound;
         self.kind == ErrorKind::BadInput && self.source.as_ref().is_some_and(is_not_found)
     }
 
-    /// In the words of a door, without the failures that it stands for.
+    /// The message spelled for a front end, without the failures of single files.
     pub fn summary(&self, door: Frontend) -> String {
         let Self { kind, message, remedy, .. } = self;
         match (&self.several, remedy) {
@@ -130,7 +130,7 @@ impl Error {
         }
     }
 
-    /// The failures that it stands for, where it stands for several.
+    /// The failures of single files, where the error stands for several.
     pub fn each(&self) -> &[Self] {
         match &self.several {
             Some(several) => &several.failures,
@@ -138,9 +138,9 @@ impl Error {
         }
     }
 
-    /// True where it stands for some of the inputs and not for all: the others could do without them.
+    /// True if only some of the inputs failed, so that the others can be processed without them.
     pub fn spares_some(&self) -> bool {
-        // What one file is made of is named with it.
+        // Failures of the parts of one file carry the name of that file.
         let is_of_inputs = self.path.is_none();
         is_of_inputs && self.several.as_ref().is_some_and(|all| all.failures.len() < all.of)
     }
@@ -155,7 +155,7 @@ impl Error {
         Self::new(ErrorKind::BadInput, message)
     }
 
-    /// [`ErrorKind::BadInput`] of a file that is not there.
+    /// [`ErrorKind::BadInput`] of a missing file.
     pub fn not_found(message: impl Into<String>) -> Self {
         let mut error = Self::bad_input(message);
         error.source = Some(io::ErrorKind::NotFound.into());
@@ -167,9 +167,9 @@ impl Error {
         Self::new(ErrorKind::Unsupported, message)
     }
 
-    /// Shorthand for [`ErrorKind::Limit`]: names the limit, its value and the value found.
+    /// Shorthand for [`ErrorKind::Limit`] with the name of the limit, the value found and the maximum.
     pub fn limit(name: &str, found: impl fmt::Display, most: impl fmt::Display) -> Self {
-        Self::new(ErrorKind::Limit, format!("{name} is {found}, more than the limit of {most}"))
+        Self::new(ErrorKind::Limit, format!("{name} ({found}) exceeds the limit of {most}"))
     }
 
     /// An input/output failure while doing `action` ("read", "write", "create", ...).
@@ -179,11 +179,11 @@ impl Error {
         error
     }
 
-    /// An input file that is not there. Where the name is an address, it says that this is not read.
+    /// A missing input file; for remote paths the message says that they are not supported.
     pub fn missing(path: &Path) -> Self {
         match is_address(path) {
-            true => Self::unsupported("addresses are not read, only files of this machine")
-                .remedy("download the file first (curl -LO ADDRESS), and name the copy"),
+            true => Self::unsupported("remote paths are not supported")
+                .remedy("download the file first (curl -LO URL) and pass the local copy"),
             false => Self::not_found("no such file").remedy("check the name"),
         }
         .in_file(path)
@@ -204,7 +204,7 @@ impl Error {
         let is_denied = source.kind() == io::ErrorKind::PermissionDenied;
         let error = Self::io(kind, "read", source).in_file(path);
         match is_denied {
-            true => error.remedy("change its permissions, or copy it to where you may read it"),
+            true => error.remedy("change its permissions, or copy it to a readable folder"),
             false => error,
         }
     }
@@ -220,10 +220,10 @@ impl Error {
         };
         let remedy = match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-                Some("free some space, or choose another place")
+                Some("free some space, or choose another folder")
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                Some("choose a folder that you may write to")
+                Some("choose a writable folder")
             }
             _ => None,
         };
@@ -241,16 +241,15 @@ impl Error {
         self
     }
 
-    /// Attaches the file in place of one that may be attached already: the user's name of a file
-    /// that was read through a copy.
+    /// Replaces the attached file, where the file was read through a copy with another name.
     #[must_use]
     pub fn renamed(mut self, path: &Path) -> Self {
         self.path = Some(path.to_path_buf());
         self
     }
 
-    /// Puts the file that named the one concerned in its place, which becomes a place in it: the user
-    /// knows the first and may never have heard of the second.
+    /// Replaces the attached file by the file that refers to it, and makes the former the place of the error: users
+    /// know the first and may never have heard of the second.
     #[must_use]
     pub fn named_by(mut self, path: &Path) -> Self {
         let within = self.place.take().map(|place| format!(": {place}")).unwrap_or_default();
@@ -259,8 +258,8 @@ impl Error {
         self
     }
 
-    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless set already. An
-    /// interruption has none: where it was noticed says nothing.
+    /// Attaches the place in the file or job ("tile 3,4", "block 17", "line 6"), unless one is attached.
+    /// Interruptions get no place.
     #[must_use]
     pub fn at(mut self, place: impl fmt::Display) -> Self {
         if self.kind != ErrorKind::Interrupted {
@@ -269,14 +268,14 @@ impl Error {
         self
     }
 
-    /// Attaches what the user can do about it.
+    /// Attaches a remedy.
     #[must_use]
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(remedy.into());
         self
     }
 
-    /// Adds what else the user can do to what is attached.
+    /// Adds an alternative to the attached remedy.
     #[must_use]
     pub fn or(self, otherwise: &str) -> Self {
         let remedy = match &self.remedy {
@@ -291,23 +290,23 @@ impl Error {
         self.kind
     }
 
-    /// The file concerned, where there is one.
+    /// The file, if any.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
 
-    /// The place in the file or job, where there is one.
+    /// The place in the file or job, if any.
     pub fn place(&self) -> Option<&str> {
         self.place.as_deref()
     }
 
-    /// What the user can do about it, where that is known.
+    /// The remedy, if any.
     pub fn remedy_text(&self) -> Option<&str> {
         self.remedy.as_deref()
     }
 }
 
-/// An error with its options in the words of a door; names of files stay as they are.
+/// An error with its options spelled for a front end; names of files stay as they are.
 pub struct SpelledError<'a> {
     error: &'a Error,
     door: Frontend,
@@ -326,7 +325,7 @@ impl fmt::Display for Error {
 }
 
 impl Error {
-    /// The same in the words of a door.
+    /// Spells the options of the message for a front end.
     pub fn spelled(&self, door: Frontend) -> SpelledError<'_> {
         SpelledError { error: self, door }
     }
@@ -355,10 +354,10 @@ impl Error {
     }
 }
 
-/// All values, or all failures in one: which is found first must not hide the others.
+/// All values, or one error with all failures.
 ///
 /// # Errors
-/// All of them, as [`Error::several`] puts them together.
+/// All failures, combined by [`Error::several`].
 pub fn all<T>(found: Vec<Result<T>>) -> Result<Vec<T>> {
     let (of, mut failures) = (found.len(), Vec::new());
     let values = found.into_iter().filter_map(|one| one.map_err(|e| failures.push(e)).ok());
@@ -366,8 +365,7 @@ pub fn all<T>(found: Vec<Result<T>>) -> Result<Vec<T>> {
     if failures.is_empty() { Ok(values) } else { Err(Error::several(failures, of)) }
 }
 
-/// Passes text on with line breaks and other control characters escaped: words out of files, and
-/// names of files, may hold any.
+/// Escapes line breaks and other control characters, which texts and names of files may contain.
 struct OneLine<'a, 'b>(&'a mut fmt::Formatter<'b>);
 
 impl fmt::Write for OneLine<'_, '_> {

@@ -14,17 +14,17 @@
 
 use std::convert::Infallible;
 
-/// Deepest parentheses, signs and negations.
+/// Maximum nesting of parentheses, signs and negations.
 const DEEPEST: u32 = 64;
-/// Most steps of an expression.
+/// Maximum number of steps of an expression.
 const MOST_STEPS: usize = 4096;
-/// What a condition computes.
+/// Value of a true condition.
 const TRUE: f64 = 1.0;
 const FALSE: f64 = 0.0;
-/// Words that are no names unless they are quoted.
+/// Reserved words; names equal to them need quotes.
 const WORDS: [&str; 4] = ["and", "or", "not", "in"];
 
-/// An expression as steps of a stack machine; its names are of any type once they are resolved.
+/// An expression as steps of a stack machine; `Name` is the type of resolved names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula<Name>(Vec<FormulaStep<Name>>);
 
@@ -38,7 +38,7 @@ enum FormulaStep<Name> {
     Multiply,
     Divide,
     Compare(ComparisonOperator),
-    /// Whether one of so many numbers equals the one before them.
+    /// True if one of this number of values equals the value before them.
     In(usize),
     And,
     Or,
@@ -55,7 +55,7 @@ enum ComparisonOperator {
     GreaterOrEqual,
 }
 
-/// Comparisons by their signs, longer signs before those that they begin with.
+/// Comparison operators by their signs; longer signs precede their prefixes.
 const COMPARISONS: [(&str, ComparisonOperator); 8] = [
     ("==", ComparisonOperator::Equal),
     ("!=", ComparisonOperator::Unequal),
@@ -67,7 +67,7 @@ const COMPARISONS: [(&str, ComparisonOperator); 8] = [
     (">", ComparisonOperator::Greater),
 ];
 
-/// What a part of an expression computes.
+/// Type of the result of a subexpression.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum FormulaType {
     Number,
@@ -75,10 +75,10 @@ enum FormulaType {
 }
 
 impl Formula<String> {
-    /// Parses a formula, which computes a number.
+    /// Parses a formula with a numeric result.
     ///
     /// # Errors
-    /// Text that is no formula, or a condition.
+    /// Invalid text, or a condition.
     pub fn number(text: &str) -> Result<Self, String> {
         match parse(text)? {
             (formula, FormulaType::Number) => Ok(formula),
@@ -86,15 +86,15 @@ impl Formula<String> {
         }
     }
 
-    /// Parses a condition, which is true or not.
+    /// Parses a condition.
     ///
     /// # Errors
-    /// Text that is no condition, or a number.
+    /// Invalid text, or a number.
     pub fn condition(text: &str) -> Result<Self, String> {
         match parse(text)? {
             (formula, FormulaType::Truth) => Ok(formula),
             (_, FormulaType::Number) => Err(format!(
-                "{text:?} compares nothing: write a condition, such as intensity > 100"
+                "{text:?} is not a condition; write a comparison such as intensity > 100"
             )),
         }
     }
@@ -102,7 +102,7 @@ impl Formula<String> {
     /// The same expression with `find` applied to each name.
     ///
     /// # Errors
-    /// Those of `find`.
+    /// Errors of `find`.
     pub fn resolve<Name, E>(
         &self,
         mut find: impl FnMut(&str) -> Result<Name, E>,
@@ -128,10 +128,10 @@ impl Formula<String> {
 }
 
 impl<Name> Formula<Name> {
-    /// Computes the number in double precision.
+    /// Evaluates the formula in double precision.
     ///
     /// # Errors
-    /// Those of `value`, a division by zero, numbers that are too large.
+    /// Errors of `value`, division by zero, numeric overflow.
     pub fn compute(
         &self,
         stack: &mut Vec<f64>,
@@ -140,8 +140,8 @@ impl<Name> Formula<Name> {
         self.run(stack, value, |found| found.map_err(str::to_owned))
     }
 
-    /// Whether the condition is true. As in SQL, what is computed from a missing value (NaN) or by a
-    /// division by zero is neither true nor false.
+    /// Whether the condition is true. As in SQL, results of missing values (NaN) and of divisions by zero are neither
+    /// true nor false.
     pub fn holds(&self, stack: &mut Vec<f64>, value: impl Fn(&Name) -> f64) -> bool {
         let value = |name: &Name| Ok::<_, Infallible>(value(name));
         let Ok(found) = self.run(stack, value, |found| Ok(found.unwrap_or(f64::NAN)));
@@ -168,7 +168,7 @@ impl<Name> Formula<Name> {
 }
 
 impl<Name> FormulaStep<Name> {
-    /// Replaces the operands of an operator by its result.
+    /// Replaces the operands of an operator with its result.
     fn apply(&self, stack: &mut Vec<f64>) -> Result<f64, &'static str> {
         let mut last = || pop(stack);
         let result = match self {
@@ -177,7 +177,7 @@ impl<Name> FormulaStep<Name> {
             Self::Multiply => last() * last(),
             Self::Subtract => -last() + last(),
             Self::Divide => match (last(), last()) {
-                (0.0, _) => return Err("a division by zero"),
+                (0.0, _) => return Err("division by zero"),
                 (by, number) => number / by,
             },
             Self::Compare(how) => {
@@ -191,13 +191,13 @@ impl<Name> FormulaStep<Name> {
                 let is_in = all.contains(&number);
                 return Ok(truth(is_in, is_unknown && !is_in));
             }
-            // Of truths the least is their conjunction, and NaN lies between false and true.
+            // The conjunction is the minimum of two truth values; NaN lies between false and true.
             Self::And => return Ok(least(last(), last())),
             Self::Or => return Ok(TRUE - least(TRUE - last(), TRUE - last())),
             Self::Not => return Ok(TRUE - last()),
             Self::Number(_) | Self::Value(_) => f64::NAN,
         };
-        if result.is_finite() { Ok(result) } else { Err("a number too large") }
+        if result.is_finite() { Ok(result) } else { Err("numeric overflow") }
     }
 }
 
@@ -222,12 +222,12 @@ fn truth(is_true: bool, is_unknown: bool) -> f64 {
     }
 }
 
-/// The conjunction of two truths.
+/// Conjunction of two truth values.
 fn least(a: f64, b: f64) -> f64 {
     if a == FALSE || b == FALSE { FALSE } else { a * b }
 }
 
-/// The last number; an expression that was parsed leaves none out.
+/// Pops the last value; a parsed expression never underflows.
 fn pop(stack: &mut Vec<f64>) -> f64 {
     stack.pop().unwrap_or(f64::NAN)
 }
@@ -237,7 +237,7 @@ fn parse(text: &str) -> Result<(Formula<String>, FormulaType), String> {
     let kind = parser.condition()?;
     match parser.peek() {
         None => Ok((Formula(parser.steps), kind)),
-        Some(odd) => Err(format!("{odd:?} is not expected in the formula {text:?}")),
+        Some(odd) => Err(format!("unexpected {odd:?} in the formula {text:?}")),
     }
 }
 
@@ -255,7 +255,7 @@ impl FormulaParser<'_> {
         self.rest.chars().next()
     }
 
-    /// Takes a sign if it comes next.
+    /// Consumes a sign if it is next.
     fn sign(&mut self, sign: &str) -> bool {
         self.peek();
         let rest = self.rest.strip_prefix(sign);
@@ -263,7 +263,7 @@ impl FormulaParser<'_> {
         rest.is_some()
     }
 
-    /// Takes a word if it comes next, letter case aside.
+    /// Consumes a word if it is next; letter case is ignored.
     fn word(&mut self, word: &str) -> bool {
         self.peek();
         let (name, rest) = split(self.rest, is_of_name);
@@ -274,7 +274,7 @@ impl FormulaParser<'_> {
         is_it
     }
 
-    /// Adds a step.
+    /// Appends a step.
     fn push(
         &mut self,
         step: FormulaStep<String>,
@@ -321,13 +321,15 @@ impl FormulaParser<'_> {
             is(FormulaType::Number, kind)?;
             is(FormulaType::Number, self.sum()?)?;
             if self.compared().is_some() {
-                return Err("comparisons are joined by and: 1 < z and z < 5".to_owned());
+                return Err(
+                    "chained comparisons are not supported; write 1 < z and z < 5".to_owned()
+                );
             }
             return self.push(FormulaStep::Compare(how), FormulaType::Truth);
         }
         let is_not = self.word("not");
         if !self.word("in") {
-            return if is_not { Err("in is expected behind not".to_owned()) } else { Ok(kind) };
+            return if is_not { Err("expected in after not".to_owned()) } else { Ok(kind) };
         }
         is(FormulaType::Number, kind)?;
         let count = self.list()?;
@@ -339,16 +341,16 @@ impl FormulaParser<'_> {
         }
     }
 
-    /// The comparison whose sign comes next.
+    /// The comparison operator at this position, if any.
     fn compared(&mut self) -> Option<ComparisonOperator> {
         let (_, how) = COMPARISONS.into_iter().find(|(sign, _)| self.sign(sign))?;
         Some(how)
     }
 
-    /// Numbers in parentheses; returns how many.
+    /// Parses numbers in parentheses; returns their count.
     fn list(&mut self) -> Result<usize, String> {
         if !self.sign("(") {
-            return Err("a list in parentheses is expected behind in".to_owned());
+            return Err("expected a list in parentheses after in".to_owned());
         }
         let mut count = 0;
         loop {
@@ -357,7 +359,7 @@ impl FormulaParser<'_> {
             match (self.sign(","), self.sign(")")) {
                 (true, false) => {}
                 (false, true) => return Ok(count),
-                _ => return Err("the list behind in is not closed".to_owned()),
+                _ => return Err("the list after in is not closed".to_owned()),
             }
         }
     }
@@ -392,7 +394,7 @@ impl FormulaParser<'_> {
     ) -> Result<T, String> {
         self.depth += 1;
         if self.depth > DEEPEST {
-            return Err(format!("the formula is more than {DEEPEST} parentheses deep"));
+            return Err(format!("the formula is nested more than {DEEPEST} levels deep"));
         }
         let parsed = parse(self);
         self.depth -= 1;
@@ -411,12 +413,12 @@ impl FormulaParser<'_> {
                 let kind = self.deeper(Self::condition)?;
                 match self.sign(")") {
                     true => Ok(kind),
-                    false => Err("a parenthesis is not closed in the formula".to_owned()),
+                    false => Err("unclosed parenthesis in the formula".to_owned()),
                 }
             }
             Some('"') => {
                 let quoted = self.rest[1..].split_once('"');
-                let (name, rest) = quoted.ok_or("a quotation mark is not closed in the formula")?;
+                let (name, rest) = quoted.ok_or("unclosed quotation mark in the formula")?;
                 self.rest = rest;
                 self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
@@ -424,13 +426,13 @@ impl FormulaParser<'_> {
             Some(first) if first.is_alphabetic() || first == '_' => {
                 let (name, rest) = split(self.rest, is_of_name);
                 if WORDS.iter().any(|word| word.eq_ignore_ascii_case(name)) {
-                    return Err(format!("{name} is not expected here in the formula"));
+                    return Err(format!("unexpected {name} in the formula"));
                 }
                 self.rest = rest;
                 self.push(FormulaStep::Value(name.to_owned()), FormulaType::Number)
             }
-            Some(odd) => Err(format!("{odd:?} is not expected in the formula")),
-            None => Err("the formula ends where a number or name is expected".to_owned()),
+            Some(odd) => Err(format!("unexpected {odd:?} in the formula")),
+            None => Err("unexpected end of the formula; expected a number or name".to_owned()),
         }
     }
 
@@ -448,20 +450,20 @@ impl FormulaParser<'_> {
     }
 }
 
-/// Fails when a part of an expression is not of the kind that is wanted.
+/// Fails if a subexpression does not have the expected type.
 fn is(wanted: FormulaType, found: FormulaType) -> Result<FormulaType, String> {
     match (wanted, found) {
         (FormulaType::Truth, FormulaType::Number) => {
-            Err("and, or and not join conditions, such as intensity > 100".to_owned())
+            Err("operands of and, or and not must be conditions such as intensity > 100".to_owned())
         }
         (FormulaType::Number, FormulaType::Truth) => {
-            Err("a condition stands where a number is expected".to_owned())
+            Err("expected a number, found a condition".to_owned())
         }
         _ => Ok(found),
     }
 }
 
-/// What text begins with that `is_part`, and the rest.
+/// Splits text into the prefix of characters that are `is_part`, and the rest.
 fn split(text: &str, mut is_part: impl FnMut(char) -> bool) -> (&str, &str) {
     text.split_at(text.find(|c| !is_part(c)).unwrap_or(text.len()))
 }

@@ -1,5 +1,5 @@
-//! What all rooms share: errors that name file, place and remedy, limits for values found in untrusted
-//! headers, a way to stop, and the geometry of windows, maps and coordinate reference systems.
+//! Shared basis of all crates: errors with file, place and remedy, limits for untrusted headers, cancellation, and
+//! the geometry of windows, affine maps and coordinate reference systems.
 
 pub mod attribute;
 pub mod bits;

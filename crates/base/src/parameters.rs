@@ -1,31 +1,31 @@
-//! Numbers that things of a registry take after their name: `csf:rigidness=2,cloth=0.5`.
+//! Numeric parameters after the name of a registry entry: `csf:rigidness=2,cloth=0.5`.
 
 use std::fmt;
 
 use crate::error::{Error, Result};
 
-/// A parameter, a number.
+/// A numeric parameter.
 #[derive(Debug)]
 pub struct Parameter {
     /// Its name.
     pub key: &'static str,
     /// One line for the documentation, with the unit.
     pub about: &'static str,
-    /// Its default; NaN where that depends on the data.
+    /// Default; NaN if it depends on the data.
     pub default: f64,
-    /// Its least and its largest value.
+    /// Minimum and maximum.
     pub range: [f64; 2],
-    /// True for whole numbers.
+    /// True for integers.
     pub whole: bool,
-    /// True where it is either the least or the largest value.
+    /// True if only the minimum and the maximum are allowed.
     pub ends: bool,
 }
 
-/// What stands for a value that depends on the data.
+/// Text of a value that depends on the data.
 const AUTO: &str = "auto";
 
 impl Parameter {
-    /// Any number of a range, both ends included.
+    /// A number within a range, both ends included.
     pub const fn new(
         key: &'static str,
         default: f64,
@@ -35,22 +35,22 @@ impl Parameter {
         Self { key, about, default, range, whole: false, ends: false }
     }
 
-    /// The same for whole numbers.
+    /// Restricts the parameter to integers.
     pub const fn whole(self) -> Self {
         Self { whole: true, ..self }
     }
 
-    /// The same for the ends of the range alone.
+    /// Restricts the parameter to the ends of the range.
     pub const fn ends(self) -> Self {
         Self { ends: true, ..self }
     }
 
-    /// It as it is written where nothing else is asked for: `cloth=1`.
+    /// The parameter with its default: `cloth=1`.
     pub fn usual(&self) -> String {
         self.with(self.default)
     }
 
-    /// Whether a value is one of it.
+    /// Whether a value is allowed.
     pub fn allows(&self, value: f64) -> bool {
         let [least, most] = self.range;
         let is_auto = value.is_nan() && self.default.is_nan();
@@ -61,7 +61,7 @@ impl Parameter {
             }
     }
 
-    /// A value from its text, if it may be that.
+    /// Parses an allowed value.
     fn parse(&self, text: &str) -> Option<f64> {
         let value = match text.eq_ignore_ascii_case(AUTO) {
             true => f64::NAN,
@@ -87,15 +87,15 @@ impl Parameter {
     }
 }
 
-/// Most parameters of a thing.
+/// Maximum number of parameters of an entry.
 pub const MOST: usize = 6;
 
-/// Values of the parameters of a thing, in their order.
+/// Parameter values of an entry, in order.
 #[derive(Clone, Copy, Debug)]
 pub struct ParameterValues([f64; MOST]);
 
 impl PartialEq for ParameterValues {
-    /// A value that depends on the data is the same as another such.
+    /// Values that depend on the data are equal.
     fn eq(&self, other: &Self) -> bool {
         self.0.map(f64::to_bits) == other.0.map(f64::to_bits)
     }
@@ -112,10 +112,10 @@ impl ParameterValues {
         Self(values)
     }
 
-    /// Reads those of the thing of this name: `rigidness=2,cloth=0.5`; what is not given has its default.
+    /// Parses the parameters of the entry `name`: `rigidness=2,cloth=0.5`; omitted ones have their defaults.
     ///
     /// # Errors
-    /// Usage: a parameter that is not known (the known ones are told), one twice, or a value out of its range.
+    /// Usage: an unknown parameter (the message lists the known ones), a repeated one, or a value out of range.
     pub fn parse(name: &str, parameters: &[Parameter], text: &str) -> Result<Self> {
         let (mut values, mut given) = (Self::usual(parameters), [false; MOST]);
         for pair in text.split(',').map(str::trim).filter(|pair| !pair.is_empty()) {
@@ -129,16 +129,16 @@ impl ParameterValues {
         Ok(values)
     }
 
-    /// That of a parameter; NaN where there is no such, or where it depends on the data.
+    /// The value of a parameter; NaN if it is unknown or depends on the data.
     pub fn get(&self, parameters: &[Parameter], key: &str) -> f64 {
         let at = parameters.iter().position(|p| p.key == key);
         at.map_or(f64::NAN, |at| self.0[at])
     }
 
-    /// Writes the name and all values, as they are read.
+    /// Writes the name and all values in the syntax of [`parse`](Self::parse).
     ///
     /// # Errors
-    /// Those of what is written to.
+    /// Errors of the formatter.
     pub fn write(
         &self,
         name: &str,
@@ -152,7 +152,7 @@ impl ParameterValues {
     }
 }
 
-/// The place and the value of a parameter "key=value".
+/// Index and value of a parameter "key=value".
 fn value_of(parameters: &[Parameter], pair: &str) -> Option<(usize, f64)> {
     let (key, value) = pair.split_once('=')?;
     let at = parameters.iter().position(|p| p.key.eq_ignore_ascii_case(key.trim()))?;
@@ -160,7 +160,7 @@ fn value_of(parameters: &[Parameter], pair: &str) -> Option<(usize, f64)> {
 }
 
 fn refusal(name: &str, parameters: &[Parameter], pair: &str) -> Error {
-    let error = Error::usage(format!("\"{pair}\" is no parameter of {name}"));
+    let error = Error::usage(format!("\"{pair}\" is not a parameter of {name}"));
     match parameters {
         [] => error.remedy(format!("{name} takes none")),
         some => {

@@ -1,36 +1,36 @@
-//! Lists of things that are known by name, such as formats and methods, and how one is found in them.
+//! Registries of named entries, such as formats and methods.
 
 use crate::error::{Error, Result};
 
-/// A thing in a list of such.
+/// An entry of a registry.
 pub trait RegistryEntry: 'static {
-    /// What a thing of the list is called; the last word takes an s for several.
+    /// Noun for the entries; the plural adds an s to the last word.
     const KIND: &'static str;
 
     /// Its name.
     fn name(&self) -> &'static str;
 
-    /// What else it may be called.
+    /// Other names.
     fn aliases(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Whether it is offered to those who have to choose.
+    /// Whether it is listed in help and messages.
     fn is_offered(&self) -> bool {
         true
     }
 }
 
-/// The first of `all` that is called `name`, letter case aside.
+/// The first entry called `name`, ignoring letter case.
 pub fn find<T: RegistryEntry>(all: &'static [T], name: &str) -> Option<&'static T> {
     let is_it = |own: &&str| own.eq_ignore_ascii_case(name);
     all.iter().find(|thing| is_it(&thing.name()) || thing.aliases().iter().any(is_it))
 }
 
-/// As [`find`].
+/// Like [`find`].
 ///
 /// # Errors
-/// Usage: a name of none; the known ones are listed.
+/// Usage: an unknown name; the message lists the known ones.
 pub fn named<T: RegistryEntry>(all: &'static [T], name: &str) -> Result<&'static T> {
     find(all, name).ok_or_else(|| {
         let several = T::KIND.rsplit(' ').next().unwrap_or_default();
@@ -41,7 +41,7 @@ pub fn named<T: RegistryEntry>(all: &'static [T], name: &str) -> Result<&'static
     })
 }
 
-/// What `text` says of each that is offered, in a row, and the same only once.
+/// The `text` of all listed entries, separated by commas, without consecutive duplicates.
 pub fn offered<T: RegistryEntry>(all: &[T], text: impl Fn(&T) -> String) -> String {
     let mut texts: Vec<String> = all.iter().filter(|thing| thing.is_offered()).map(text).collect();
     texts.dedup();

@@ -1,4 +1,4 @@
-//! What the files of a cloud must agree in: their coordinate reference system.
+//! Agreement of the files of a point cloud in their CRS.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, VerticalReference};
@@ -6,11 +6,11 @@ use terrane_files::{path_of, shown};
 
 use super::member::CloudFile;
 
-/// The system of all files, and what is to be said of it; `given` is that of files that name none. Heights are those
-/// of the first file that says what they are.
+/// The common CRS of all files, and a note; `given` is the CRS of files without one. The vertical CRS is that of the
+/// first file that states one.
 ///
 /// # Errors
-/// Two files of different systems.
+/// Two files with different CRSs.
 pub(super) fn crs(
     names: &[String],
     files: &[CloudFile],
@@ -48,7 +48,7 @@ pub(super) fn crs(
     let silent = silent.filter(|_| says(&system));
     let note = silent.map(|silent| {
         let (silent, name) = (shown(silent), shown(name));
-        format!("{silent} does not say what its heights are: they are taken for such as {name} has")
+        format!("{silent} has no vertical CRS; that of {name} is assumed")
     });
     Ok((system, note))
 }
@@ -56,21 +56,18 @@ pub(super) fn crs(
 fn differ(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     let [own, others] = first.1.told_apart(other.1);
     let remedy = match !first.1.is_named() || !other.1.is_named() {
-        true => "if it is the same one, say so with ‹crs›; else bring both into one",
-        false => "bring both into one, for example with filters.reprojection of PDAL",
+        true => "set the common CRS with ‹crs›, or reproject one of them",
+        false => "reproject one of them, for example with PDAL's filters.reprojection",
     };
-    Error::bad_input(format!(
-        "its coordinate reference system is {others}, and that of {} is {own}",
-        shown(first.0)
-    ))
-    .in_file(&path_of(other.0))
-    .remedy(remedy)
+    Error::bad_input(format!("its CRS is {others}, the CRS of {} is {own}", shown(first.0)))
+        .in_file(&path_of(other.0))
+        .remedy(remedy)
 }
 
 fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     let unit = |crs: &Crs| crs.vertical_unit.clone().unwrap_or_else(|| "unknown".to_owned());
     Error::bad_input(format!(
-        "its unit of height is {}, and that of {} is {}",
+        "its vertical unit is {}, the vertical unit of {} is {}",
         unit(other.1),
         shown(first.0),
         unit(first.1)
@@ -79,11 +76,11 @@ fn differ_in_units(first: (&str, &Crs), other: (&str, &Crs)) -> Error {
     .remedy("convert the heights of one of them")
 }
 
-/// What people overlook about a system.
+/// Notes on the CRS that users may overlook.
 pub(super) fn notes(crs: &Crs) -> Vec<String> {
     let mut notes = Vec::new();
     if !crs.is_named() {
-        notes.push("the coordinate system is not named (‹crs› names it)".to_owned());
+        notes.push("CRS is missing (set it with ‹crs›)".to_owned());
     }
     let (across, up) = (crs.horizontal_unit(), crs.vertical_unit.as_deref());
     if across == "degree" {

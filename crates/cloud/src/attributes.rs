@@ -1,4 +1,4 @@
-//! Attributes of points as columns of numbers, whatever the file that has them.
+//! Attributes of points as numeric columns, independent of the file format.
 
 use terrane_base::attribute::{self, CLASS, RETURN, RETURNS};
 use terrane_base::error::{Error, Result};
@@ -8,30 +8,30 @@ use super::column::PointColumn;
 use super::raw::RawPoint;
 use super::source::Each;
 
-/// Attributes that every source of points knows.
+/// Attributes of every point source.
 const COMMON: [(&str, AttributeReader); 3] = [
     (CLASS, AttributeReader::Class),
     (RETURN, AttributeReader::Number),
     (RETURNS, AttributeReader::Returns),
 ];
 
-/// Where an attribute of a point is found.
+/// Location of an attribute of a point.
 #[derive(Clone, Debug)]
 pub(crate) enum AttributeReader {
     Class,
     Number,
     Returns,
-    /// In the whole record.
+    /// A field of the whole record.
     Field(PointColumn),
 }
 
 impl AttributeReader {
-    /// Whether it takes whole records.
+    /// Whether it needs whole records.
     pub(crate) fn needs_record(&self) -> bool {
         self.column().is_some()
     }
 
-    /// Where it is in the whole record, if it takes that.
+    /// Its column in the whole record, if it needs one.
     pub(crate) fn column(&self) -> Option<&PointColumn> {
         match self {
             Self::Field(column) => Some(column),
@@ -49,7 +49,7 @@ impl AttributeReader {
         }
     }
 
-    /// The value; of whole numbers that are steps of a ruler the decimal, as people write it.
+    /// The value; scaled integers are returned as the decimal that they stand for.
     pub(crate) fn decimal<R: RawPoint>(&self, raw: R, record: &[u8], ruler: Option<&Ruler>) -> f64 {
         match (self, ruler) {
             (Self::Field(column), Some(ruler)) => column.decimal(record, ruler),
@@ -58,18 +58,18 @@ impl AttributeReader {
     }
 }
 
-/// Readers of the attributes of these names, where records have these columns.
+/// Readers of the named attributes for records with these columns.
 ///
 /// # Errors
-/// Those of [`reader`].
+/// Errors of [`reader`].
 pub(crate) fn readers(names: &[String], columns: &[PointColumn]) -> Result<Vec<AttributeReader>> {
     names.iter().map(|asked| reader(asked, columns)).collect()
 }
 
-/// The reader of the attribute of this name, or that stands for it, where records have these columns.
+/// The reader of the attribute with this name or alias, for records with these columns.
 ///
 /// # Errors
-/// An attribute that is not among them; they are listed.
+/// An unknown attribute; the message lists the known ones.
 pub(crate) fn reader(asked: &str, columns: &[PointColumn]) -> Result<AttributeReader> {
     let own = |name: &str| {
         let is_it = |own: &str| own.trim().eq_ignore_ascii_case(name.trim());
@@ -88,7 +88,7 @@ pub(crate) fn reader(asked: &str, columns: &[PointColumn]) -> Result<AttributeRe
     })
 }
 
-/// Points at hand, with their columns.
+/// A batch of points with their columns.
 pub(crate) struct AttributeTable<'a> {
     readers: &'a [AttributeReader],
     points: Vec<Point>,
@@ -104,7 +104,7 @@ impl<'a> AttributeTable<'a> {
         self.points.len()
     }
 
-    /// Takes a point in, of which this is the record, where its readers take one.
+    /// Appends a point with its record, which only some readers need.
     #[inline(always)]
     pub(crate) fn push<R: RawPoint>(&mut self, point: Point, raw: R, record: &[u8]) {
         self.points.push(point);
@@ -113,7 +113,7 @@ impl<'a> AttributeTable<'a> {
         }
     }
 
-    /// Hands the points on and forgets them.
+    /// Passes the points on and clears the batch.
     pub(crate) fn flush(&mut self, each: &mut Each<'_>) -> Result<()> {
         let done = if self.points.is_empty() { Ok(()) } else { each(&self.points, &self.columns) };
         self.points.clear();

@@ -1,6 +1,6 @@
-//! The names of classes (ASPRS LAS 1.4 R15, tables 9 and 17).
+//! Names of classes (ASPRS LAS 1.4 R15, tables 9 and 17).
 
-/// What the classes from 0 on are called; those of old formats that newer ones gave up by their old names.
+/// Names of the classes from 0; classes dropped in newer point formats have their old names.
 const NAMES: [&str; 23] = [
     "never classified",
     "unclassified",
@@ -26,10 +26,10 @@ const NAMES: [&str; 23] = [
     "snow",
     "temporal exclusion",
 ];
-/// The first class that users may define.
+/// The first user definable class.
 const FIRST_OWN: u8 = 64;
 
-/// What a class is called in the standard.
+/// Standard name of a class.
 pub fn class_name(class: u8) -> &'static str {
     let other = if class < FIRST_OWN { "reserved" } else { "user definable" };
     NAMES.get(usize::from(class)).copied().unwrap_or(other)

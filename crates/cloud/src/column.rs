@@ -1,38 +1,37 @@
-//! Columns of records, and records as lines of text: a heading with the names of the columns, and a line for each
-//! point.
+//! Columns of records, and records as text lines: a header line, and a line per point.
 
 use std::fmt::Write as _;
 
 use crate::format::{ANGLES, PointFormat};
 use terrane_base::geom::{PointFrame, Ruler};
 
-/// What is in a column.
+/// Encoding of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ColumnEncoding {
-    /// Some bits of a byte: the lowest, and how many.
+    /// Bits of a byte: the lowest one, and their count.
     Bits(u32, u32),
     Unsigned(usize),
     Signed(usize),
     Float(usize),
-    /// A step of scan angles, in degrees.
+    /// Steps of the scan angle, in degrees.
     Angle,
 }
 
-/// A column: its name, where its value is in a record, and the value, to be multiplied and added to.
+/// A column: name, offset in the record, encoding, scale and offset of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointColumn {
     pub(crate) name: String,
     pub(crate) at: usize,
     pub(crate) value: ColumnEncoding,
     pub(crate) scale: Option<[f64; 2]>,
-    /// What the value is, before all that, where there is none.
+    /// Raw nodata value.
     pub(crate) none: Option<f64>,
 }
 
-/// What the column of times is called.
+/// Name of the column of GPS times.
 pub(crate) const TIME: &str = "gps_time";
 
-/// Columns behind the coordinates that formats before 6 have, and those from 6 on; those of both.
+/// Columns of point formats 0 to 5, of 6 to 10, and of both, except coordinates.
 const OLD: [(&str, usize, ColumnEncoding); 11] = [
     ("intensity", 12, ColumnEncoding::Unsigned(2)),
     ("return_number", 14, ColumnEncoding::Bits(0, 3)),
@@ -62,7 +61,7 @@ const NEW: [(&str, usize, ColumnEncoding); 13] = [
     ("scan_angle", 18, ColumnEncoding::Angle),
 ];
 
-/// The columns of the records of a format behind the coordinates, those of extra bytes last.
+/// Columns of the records of a point format, except coordinates; extra bytes are last.
 pub(crate) fn columns(format: PointFormat, extra: &[PointColumn]) -> Vec<PointColumn> {
     let places = format.places();
     let column = |(name, at, value): (&str, usize, ColumnEncoding)| PointColumn {
@@ -85,7 +84,7 @@ pub(crate) fn columns(format: PointFormat, extra: &[PointColumn]) -> Vec<PointCo
     own.iter().copied().chain(more).map(column).chain(extra.iter().cloned()).collect()
 }
 
-/// How records become lines.
+/// Formatter of records as text lines.
 #[derive(Clone, Debug)]
 pub struct PointLineFormatter {
     rulers: [Ruler; 3],
@@ -95,7 +94,7 @@ pub struct PointLineFormatter {
 }
 
 impl PointLineFormatter {
-    /// For records of a format, with columns of extra bytes.
+    /// For records of a point format, with columns of extra bytes.
     pub(crate) fn new(
         format: PointFormat,
         frame: &PointFrame,
@@ -106,7 +105,7 @@ impl PointLineFormatter {
         Self { rulers: [0, 1, 2].map(|axis| frame.ruler(axis)), columns, size }
     }
 
-    /// The first line.
+    /// The header line.
     pub fn heading(&self) -> String {
         let names =
             self.columns.iter().map(|column| column.name.replace([',', '"', '\n', '\r'], " "));
@@ -115,7 +114,7 @@ impl PointLineFormatter {
         names.join(",") + "\n"
     }
 
-    /// A line for each record.
+    /// One line per record.
     pub fn lines(&self, records: &[u8]) -> String {
         let mut text = String::with_capacity(records.len() * 3);
         for record in records.chunks_exact(self.size) {
@@ -150,14 +149,14 @@ impl PointColumn {
         }
     }
 
-    /// The value in a record, scaled; NaN where it stands for none.
+    /// Scaled value of a record; NaN for nodata.
     #[inline]
     pub fn number(&self, record: &[u8]) -> f64 {
         let stored = self.stored(&record[self.at..]);
         if self.none == Some(stored) { f64::NAN } else { self.scaled(stored) }
     }
 
-    /// Whether the value of a record is told from all others by a number: whole ones of 64 bits may be too large.
+    /// Whether a double represents the value exactly; 64-bit integers may be too large.
     pub fn is_exact(&self, record: &[u8]) -> bool {
         const MOST: u64 = 1 << 53;
         let bytes = &record[self.at..];
@@ -169,7 +168,7 @@ impl PointColumn {
         }
     }
 
-    /// The value that `bytes` begin with.
+    /// Raw value at the start of `bytes`.
     fn stored(&self, bytes: &[u8]) -> f64 {
         match self.value {
             ColumnEncoding::Bits(first, count) => bits(bytes, first, count).into(),
@@ -177,12 +176,12 @@ impl PointColumn {
             ColumnEncoding::Signed(count) => signed(bytes, count) as f64,
             ColumnEncoding::Float(4) => single(bytes).into(),
             ColumnEncoding::Float(_) => f64::from_bits(word(bytes, 8)),
-            // 0.006 degrees are no float; three 500ths are rounded once.
+            // 0.006 is not exact as a float; 3/500 is rounded once.
             ColumnEncoding::Angle => f64::from(signed(bytes, 2) as i16) * 3.0 / 500.0,
         }
     }
 
-    /// The decimals that its values are steps of, where they are whole numbers that are scaled.
+    /// Decimal lattice of the values, for scaled integers.
     pub fn ruler(&self) -> Option<Ruler> {
         let is_whole =
             matches!(self.value, ColumnEncoding::Signed(_) | ColumnEncoding::Unsigned(1..8));
@@ -192,7 +191,7 @@ impl PointColumn {
         self.scale.filter(is_ruler).map(|[scale, offset]| Ruler::new(scale, offset))
     }
 
-    /// The value in a record as a step of its [`ruler`](Self::ruler); NaN where it stands for none.
+    /// Value of a record as a step of its [`ruler`](Self::ruler); NaN for nodata.
     pub fn decimal(&self, record: &[u8], ruler: &Ruler) -> f64 {
         let bytes = &record[self.at..];
         let step = match self.value {
@@ -229,7 +228,7 @@ fn single(bytes: &[u8]) -> f32 {
 }
 
 fn put(text: &mut String, value: impl std::fmt::Display) {
-    // Text in memory takes all that is written to it.
+    // Writing to a string cannot fail.
     let _ = write!(text, "{value},");
 }
 

@@ -14,11 +14,10 @@ use super::attributes::{AttributeReader, reader};
 use super::column::PointColumn;
 use super::raw::RawPoint;
 
-/// What coordinates are called.
+/// Names of the coordinates.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A condition as it was written. Names are those of [`terrane_base::attribute`], of extra bytes, and
-/// x, y and z.
+/// A condition as written. Names are those of [`terrane_base::attribute`], of extra bytes, and x, y and z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Condition {
@@ -55,10 +54,10 @@ impl fmt::Display for Condition {
 }
 
 impl Condition {
-    /// The condition for records with these columns whose points lie in `frame`.
+    /// Compiles the condition for records with these columns and points in `frame`.
     ///
     /// # Errors
-    /// An attribute that the points do not have.
+    /// Unknown attributes.
     pub(crate) fn bind(
         &self,
         columns: &[PointColumn],
@@ -76,20 +75,20 @@ impl Condition {
     }
 }
 
-/// Where a number of a condition is.
+/// Operand of a condition.
 #[derive(Clone, Debug)]
 enum ConditionOperand {
     Axis(usize, Ruler),
-    /// With the decimals that its whole numbers are steps of, where they are scaled.
+    /// An attribute, with its decimal lattice if it is a scaled integer.
     Attribute(AttributeReader, Option<Ruler>),
 }
 
-/// A condition on the records of one file.
+/// A condition compiled for the records of one file.
 #[derive(Clone, Debug)]
 pub(crate) struct CompiledCondition(Formula<ConditionOperand>);
 
 impl CompiledCondition {
-    /// Whether it is true of a point, of which this is the record.
+    /// Whether it holds for a point with this record.
     pub(crate) fn holds<R: RawPoint>(&self, point: Point, raw: R, record: &[u8]) -> bool {
         thread_local! {
             static STACK: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };

@@ -1,14 +1,14 @@
-//! What the header of a cloud's only file says, for people.
+//! Header information of a single file, for people.
 
 use super::las::{LasFile, LasHeader};
 use super::member::CloudFile;
 use super::open::PointCloud;
 
-/// Records that are named one by one.
+/// Maximum number of listed VLRs.
 const MOST_VLRS: usize = 12;
 
 impl PointCloud {
-    /// What kind of files it is made of.
+    /// Common file format.
     pub fn format(&self) -> &'static str {
         let kind = |file: &CloudFile| match file {
             CloudFile::Las(file) if file.is_copc => "COPC",
@@ -21,7 +21,7 @@ impl PointCloud {
         if kinds.all(|kind| kind == first) { first } else { "mixed" }
     }
 
-    /// What the header of its only file says beside its extent, by name.
+    /// Header information other than the extent, by name.
     pub fn details(&self) -> Vec<(String, String)> {
         let found = self.las().map(of_las).unwrap_or_default();
         found.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()

@@ -1,4 +1,4 @@
-//! Which points of a cloud are wanted.
+//! Filters of points.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -13,34 +13,34 @@ use super::condition::Condition;
 use super::polygon::FilterPolygon;
 use super::raw::Flags;
 
-/// Which points are wanted: those that meet every condition given. Limits are turned into steps of the
-/// cloud's frame first, and all is decided on steps (see [`CompiledFilter`]).
+/// A filter of points: all conditions must hold. Limits are first converted to steps of the cloud's frame, in which
+/// all comparisons are made (see [`CompiledFilter`]).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CloudFilter {
-    /// Of one of these classes.
+    /// Classes to keep.
     pub classes: Option<Vec<u8>>,
-    /// Of this return of their pulse.
+    /// Return to keep.
     pub returns: Option<Return>,
-    /// Points marked as withheld, too.
+    /// Keeps points with the withheld flag.
     pub keep_withheld: bool,
-    /// Bearing none of these marks.
+    /// Drops points with any of these flags.
     pub drop: Flags,
-    /// Within x low, y low, x high, y high, borders included; in world units.
+    /// Bounds: x min, y min, x max, y max, borders included; in world units.
     pub bounds: Option<[f64; 4]>,
-    /// Inside this polygon.
+    /// Keeps points inside this polygon.
     pub polygon: Option<Arc<FilterPolygon>>,
-    /// Not lower than the first and not higher than the second; in world units.
+    /// Range of heights, both ends included; in world units.
     pub z_range: Option<[f64; 2]>,
-    /// Whose attributes meet this condition.
+    /// Keeps points for which this condition holds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub condition: Option<Condition>,
-    /// Every so many points of each file, from its first one on, counted before all else.
+    /// Keeps every n-th point of each file, counted from the first before all other filters.
     pub every: Option<NonZeroU32>,
 }
 
 const EVERYWHERE: [f64; 4] = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY];
 
-/// All of a point that filters ask for.
+/// The fields of a point that filters use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterRecord {
     /// In steps of the cloud's frame.

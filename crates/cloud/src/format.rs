@@ -4,7 +4,7 @@ use terrane_base::error::{Error, Result};
 
 use crate::raw::Flags;
 
-/// A point format of LAS, 0 to 10.
+/// A LAS point format, 0 to 10.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PointFormat(u8);
 
@@ -20,12 +20,12 @@ pub(crate) const COLOUR: usize = 6;
 pub(crate) const INFRARED: usize = 2;
 pub(crate) const WAVE: usize = 29;
 
-/// Degrees of a step of scan angles.
+/// Degrees per step of scan angles.
 pub(crate) const ANGLES: f32 = 0.006;
-/// Bits of the class in the formats before 6, which share their byte with marks.
+/// Bits of the class in point formats 0 to 5, which share their byte with flags.
 const OLD_CLASS: u8 = 31;
 
-/// Where fields are that not all formats have, from the beginning of a record.
+/// Offsets of optional fields in a record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LasFieldOffsets {
     pub(crate) time: Option<usize>,
@@ -37,21 +37,21 @@ pub(crate) struct LasFieldOffsets {
 }
 
 impl PointFormat {
-    /// How many formats there are.
+    /// Number of point formats.
     pub const COUNT: u8 = 11;
-    /// Size of the fields that all formats have, before 6 and from 6 on.
+    /// Bytes of the common fields of formats 0 to 5, and of 6 to 10.
     pub(crate) const OLD: usize = 20;
     pub(crate) const NEW: usize = 30;
 
-    /// The format of this number.
+    /// The point format with this number.
     ///
     /// # Errors
-    /// One that does not exist.
+    /// An unknown format.
     pub fn new(number: u8) -> Result<Self> {
         if number < Self::COUNT {
             return Ok(Self(number));
         }
-        Err(Error::usage(format!("there is no point format {number}")).remedy("choose 0 to 10"))
+        Err(Error::usage(format!("unknown point format {number}")).remedy("choose 0 to 10"))
     }
 
     /// Its number.
@@ -59,17 +59,17 @@ impl PointFormat {
         self.0
     }
 
-    /// True for the formats of LAS 1.4.
+    /// True for the formats of LAS 1.4 (6 to 10).
     pub fn is_new(self) -> bool {
         self.0 >= 6
     }
 
-    /// Whether its records have a packet of waveforms.
+    /// Whether its records have a waveform packet.
     pub fn has_waves(self) -> bool {
         matches!(self.0, 4 | 5 | 9 | 10)
     }
 
-    /// Where a record has its time, if it has one.
+    /// Offset of the GPS time in a record, if any.
     pub fn time_at(self) -> Option<usize> {
         self.places().time
     }
@@ -79,7 +79,7 @@ impl PointFormat {
         self.places().size
     }
 
-    /// The number of a point's return, and how many its pulse has.
+    /// Return number and number of returns of a point.
     pub fn returns(self, record: &[u8]) -> [u8; 2] {
         let (byte, bits) = (record[14], if self.is_new() { 4 } else { 3 });
         let most = (1 << bits) - 1;
@@ -91,7 +91,7 @@ impl PointFormat {
         if self.is_new() { record[16] } else { record[15] & OLD_CLASS }
     }
 
-    /// Gives a point another class, which the format can hold.
+    /// Sets the class of a point; the format must be able to store it.
     pub fn set_class(self, record: &mut [u8], class: u8) {
         match self.is_new() {
             true => record[16] = class,
@@ -99,13 +99,13 @@ impl PointFormat {
         }
     }
 
-    /// The file or flight line that a point came from.
+    /// Point source id: file or flight line.
     pub fn source(self, record: &[u8]) -> u16 {
         let at = if self.is_new() { 20 } else { 18 };
         u16::from_le_bytes([record[at], record[at + 1]])
     }
 
-    /// The angle of a point's beam from upright, in steps of the format.
+    /// Scan angle in steps of the format.
     pub fn angle(self, record: &[u8]) -> i16 {
         match self.is_new() {
             true => i16::from_le_bytes([record[18], record[19]]),
@@ -113,22 +113,22 @@ impl PointFormat {
         }
     }
 
-    /// The marks of a point.
+    /// Flags of a point.
     pub fn flags(self, record: &[u8]) -> Flags {
         Flags(if self.is_new() { record[15] & 15 } else { record[15] >> 5 })
     }
 
-    /// Gives a point more marks, which the format can hold.
+    /// Adds flags to a point; the format must be able to store them.
     pub fn mark(self, record: &mut [u8], Flags(bits): Flags) {
         record[15] |= if self.is_new() { bits } else { bits << 5 };
     }
 
-    /// The largest class that a record holds.
+    /// The largest class of the format.
     pub fn most_class(self) -> u8 {
         if self.is_new() { u8::MAX } else { OLD_CLASS }
     }
 
-    /// The first format with all fields of both; of LAS 1.4 where one of them is.
+    /// The first format with all fields of both; a LAS 1.4 format if one of them is.
     pub(crate) fn holding(self, other: Self) -> Self {
         let is_new = self.is_new() || other.is_new();
         let has = |field: fn(LasFieldOffsets) -> Option<usize>| {

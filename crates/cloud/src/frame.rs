@@ -1,23 +1,23 @@
-//! The frame of a cloud: one lattice for the points of all its files, whatever their order.
+//! The frame of a cloud: one lattice for the points of all its files, independent of their order.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Point, PointFrame, REACH, Ruler};
 
 use super::filter::CloudFilter;
 
-/// Where the points of a file lie: the lattice it counts in, and the bounds it claims.
+/// Lattice and stated bounds of the points of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ClaimedExtent {
     pub(super) scale: [f64; 3],
     pub(super) offset: [f64; 3],
-    /// Lowest and highest steps; bounds off the lattice reach to the next step.
+    /// Minimum and maximum steps; bounds between steps are extended to the next step.
     pub(super) low: [i32; 3],
     pub(super) high: [i32; 3],
 }
 
-/// How far off a step a position is still on it: coordinates in `f64` have errors.
+/// Tolerance, in steps, for a position on a step: coordinates in `f64` are rounded.
 const SLACK: f64 = 1e-4;
-/// Largest number of steps between two lattices that are one.
+/// Maximum offset, in steps, between two lattices that count as one.
 const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
 impl ClaimedExtent {
@@ -25,28 +25,28 @@ impl ClaimedExtent {
     pub(super) fn new(scale: [f64; 3], offset: [f64; 3], low: [f64; 3], high: [f64; 3]) -> Self {
         let offset = offset.map(|o| o + 0.0);
         let steps = |axis: usize, world: f64| (world - offset[axis]) / scale[axis];
-        // Bounds that tell steps apart no more hold for all that are rounded to them.
+        // If doubles no longer resolve steps, the bounds do not hold for all points rounded to them.
         let slack = |axis: usize, world: f64| {
             SLACK - f64::EPSILON * (world.abs() + offset[axis].abs()) / scale[axis]
         };
-        // Casts saturate: no point lies beyond what they can hold.
+        // Casts saturate: no point is beyond this range.
         let low = std::array::from_fn(|i| (steps(i, low[i]) + slack(i, low[i])).floor() as i32);
         let high = std::array::from_fn(|i| (steps(i, high[i]) - slack(i, high[i])).ceil() as i32);
         Self { scale, offset, low, high }
     }
 
-    /// World coordinates, as every reader of the file computes them.
+    /// World coordinates as LAS readers compute them.
     pub(super) fn world(&self, raw: [i32; 3]) -> [f64; 3] {
         std::array::from_fn(|axis| f64::from(raw[axis]) * self.scale[axis] + self.offset[axis])
     }
 
-    /// Whether the bounds hold for a point.
+    /// Whether a point is within the bounds.
     pub(super) fn holds(&self, raw: [i32; 3]) -> bool {
         (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&raw[axis]))
     }
 
-    /// The claim cut to the box and heights asked for, and a step around them, as points may be
-    /// rounded to steps of another lattice; `None` where nothing is left.
+    /// The bounds cut to the filter's bounds and heights plus a step, as points may be rounded to another lattice;
+    /// `None` if empty.
     pub(super) fn within(&self, filter: &CloudFilter) -> Option<Self> {
         let [west, south, east, north] = filter.area();
         let [bottom, top] = filter.z_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -64,21 +64,21 @@ impl ClaimedExtent {
     }
 }
 
-/// Least and largest steps of points in a frame: those that geometry is exact in, and all that files store.
+/// Minimum and maximum steps of points in a frame: for exact geometry, and for files.
 const EXACT: [i64; 2] = [-(REACH as i64), REACH as i64];
 const STORED: [i64; 2] = [i32::MIN as i64, i32::MAX as i64];
 
-/// From the lattice of a file to the frame.
+/// Transformation from the lattice of a file to the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum FrameTransform {
-    /// So many steps less, modulo 2^32: the result is within reach, so it is exact.
+    /// Subtracts steps, modulo 2^32: the result is within range, so it is exact.
     Shift([i32; 3]),
-    /// To the nearest step of another lattice.
+    /// Rounds to the nearest step of another lattice.
     Round(PointFrame),
 }
 
 impl FrameTransform {
-    /// The point at `raw`, which is within the file's claim.
+    /// Transforms the position `raw`, which is within the file's bounds.
     pub(super) fn place(&self, raw: [i32; 3], claim: &ClaimedExtent) -> Point {
         let [x, y, z] = match self {
             Self::Shift(by) => std::array::from_fn(|axis| raw[axis].wrapping_sub(by[axis])),
@@ -91,7 +91,7 @@ impl FrameTransform {
     }
 }
 
-/// A frame, how each file gets into it, and how far points move at most on the way.
+/// A common frame, the transformation of each file, and the maximum displacement of points.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct CommonFrame {
     pub(super) frame: PointFrame,
@@ -99,12 +99,12 @@ pub(super) struct CommonFrame {
     pub(super) moved: [f64; 3],
 }
 
-/// The common frame of files, a pure function of the set of their claims. Lattices that are one but
-/// for whole steps keep it and every point its exact place. Otherwise the finest scale along each
-/// axis is taken and points go to its nearest step.
+/// The common frame of files, a pure function of the set of their extents. Lattices that differ by whole steps only
+/// are kept, and every point keeps its exact position. Otherwise the finest scale along each axis is used, and points
+/// are snapped to it.
 ///
 /// # Errors
-/// Extents beyond [`REACH`], unless any will do; those beyond what files store.
+/// Extents beyond [`REACH`], unless any extent is allowed; extents beyond the range of files.
 pub(super) fn common(claims: &[ClaimedExtent], any_extent: bool) -> Result<CommonFrame> {
     match within(claims, EXACT) {
         Err(_) if any_extent => within(claims, STORED),
@@ -142,7 +142,7 @@ impl SharedLatticeAxis {
         Some(Self { scale, base, steps: steps.collect::<Option<_>>()? })
     }
 
-    /// The base where all points are within reach of it, else a step near their middle.
+    /// The base if all points are within range of it, else a step near their middle.
     fn origin(&self, claims: &[ClaimedExtent], axis: usize, steps: [i64; 2]) -> Result<i64> {
         let ends = |pick: fn(&ClaimedExtent) -> [i32; 3]| {
             let of =
@@ -157,7 +157,7 @@ impl SharedLatticeAxis {
     }
 }
 
-/// Zero where `low` and `high` are within reach of it, else their middle.
+/// Zero if `low` and `high` are within range of it, else their middle.
 fn origin([low, high]: [i64; 2], [least, most]: [i64; 2]) -> Option<i64> {
     if low >= least && high <= most {
         return Some(0);
@@ -170,13 +170,12 @@ fn too_wide(axis: usize, scale: f64, [low, high]: [f64; 2], [least, most]: [i64;
     let name = ["x", "y", "z"][axis];
     let (steps, most) = (((high - low) / scale).round(), most - least);
     let part = if axis < 2 { "‹bounds›" } else { "‹z_range›" };
-    let what = if most < i64::from(i32::MAX) { "geometry is exact in" } else { "a file holds" };
+    let what = if most < i64::from(i32::MAX) { "of exact geometry" } else { "of a file" };
     Error::unsupported(format!(
-        "{name} reaches from {low} to {high}, over {steps} steps of {scale}, more than the {most} that {what}"
+        "{name} ranges from {low} to {high}: {steps} steps of {scale} exceed the {most} steps {what}"
     ))
     .remedy(format!(
-        "take a part with {part}, or write it with a coarser scale, for example with \
-         scale_{name} of PDAL's writers.las"
+        "crop with {part}, or rewrite with a coarser scale, for example scale_{name} of PDAL's writers.las"
     ))
 }
 
@@ -190,7 +189,7 @@ fn shifted(
         origins[axis] = lattice.origin(claims, axis, steps)?;
     }
     let map = |file: usize| {
-        // Modulo 2^32 on purpose.
+        // Wraps modulo 2^32 on purpose.
         FrameTransform::Shift(std::array::from_fn(|axis| {
             (origins[axis] - axes[axis].steps[file]) as i32
         }))
@@ -227,7 +226,7 @@ fn rounded(claims: &[ClaimedExtent], steps: [i64; 2]) -> Result<CommonFrame> {
     Ok(CommonFrame { frame, maps, moved })
 }
 
-/// Whether all steps of a file are steps of another lattice, too.
+/// Whether all steps of a file are also steps of another lattice.
 fn is_within(claim: &ClaimedExtent, axis: usize, (scale, offset): (f64, f64)) -> bool {
     let times = claim.scale[axis] / scale;
     let steps = (claim.offset[axis] - offset) / scale;
@@ -278,7 +277,7 @@ mod tests {
     fn extents_beyond_reach_are_taken_as_they_are_stored_or_refused_with_what_helps() {
         let wide = claim(0.001, 0.0, -2e6, 2e6);
         let told = common(&[wide], false).unwrap_err().to_string();
-        assert!(told.contains("from -2000000 to 2000000, over 4000000000 steps"), "{told}");
+        assert!(told.contains("from -2000000 to 2000000: 4000000000 steps"), "{told}");
         assert!(told.contains("‹bounds›"), "{told}");
         let found = common(&[wide], true).unwrap();
         assert_eq!(
@@ -287,15 +286,15 @@ mod tests {
         );
         let high = ClaimedExtent { low: [0, 0, i32::MIN], high: [0, 0, i32::MAX], ..wide };
         let told = common(&[high], false).unwrap_err().to_string();
-        assert!(told.contains("z reaches") && told.contains("‹z_range›"), "{told}");
+        assert!(told.contains("z ranges") && told.contains("‹z_range›"), "{told}");
         let all = common(&[high], true).unwrap();
         assert_eq!(all.maps[0].place([0, 0, i32::MIN], &high), Point::new(0, 0, i32::MIN));
-        // Where all is within reach any extent is no other.
+        // Within range, any extent gives the same frame.
         let near = claim(0.001, 0.0, 1_999_000.0, 2_000_000.0);
         assert_eq!(common(&[near], true).unwrap(), common(&[near], false).unwrap());
         let far = claim(0.001, 5e6, 5e6, 5e6 + 1.0);
         let told = common(&[claim(0.001, 0.0, 0.0, 1.0), far], true).unwrap_err().to_string();
-        assert!(told.contains("from 0 to 5000001") && told.contains("a file holds"), "{told}");
+        assert!(told.contains("from 0 to 5000001") && told.contains("of a file"), "{told}");
     }
 
     #[test]
@@ -315,7 +314,7 @@ mod tests {
         assert_eq!(found.maps[0].place([123; 3], &a), Point::new(1230, 1230, 1230));
         assert_eq!(found.moved, [0.0005; 3]);
         assert_eq!(common(&[b, a], false).unwrap().frame, found.frame);
-        // What is on the finer lattice already does not move.
+        // Points already on the finer lattice do not move.
         let finer = claim(0.001, 7.0, 1.0, 2.0);
         assert_eq!(common(&[a, finer], false).unwrap().moved, [0.0; 3]);
     }

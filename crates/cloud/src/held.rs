@@ -1,4 +1,4 @@
-//! Clouds in memory by name, in place of files.
+//! Named point clouds in memory, in place of files.
 
 use std::sync::Arc;
 
@@ -16,21 +16,21 @@ use terrane_files::{HeldRegister, HeldResource};
 
 static CLOUDS: HeldRegister<InMemoryPoints> = HeldRegister::new();
 
-/// What is known of a point beside its position.
+/// Attributes of a point in memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PointMarks {
     /// Classification.
     pub class: u8,
-    /// Number of the return from 1, and returns of the pulse; 0 where unknown.
+    /// Return number from 1, and number of returns; 0 if unknown.
     pub returns: [u8; 2],
-    /// Marks, by the bits of LAS 1.4.
+    /// Classification flags, with the bits of LAS 1.4.
     pub flags: Flags,
 }
 
-/// A cloud in memory that has a name; it is given up with this.
+/// A named point cloud in memory; dropping it removes the name.
 pub struct InMemoryCloud(HeldResource<InMemoryPoints>);
 
-/// Points on the lattice that was made for them.
+/// Points on a lattice made for them.
 struct InMemoryPoints {
     points: Vec<HeldPoint>,
     placed: PointLattice,
@@ -38,7 +38,7 @@ struct InMemoryPoints {
     crs: Crs,
 }
 
-/// A point as it is held.
+/// A stored point.
 #[derive(Clone, Copy)]
 struct HeldPoint {
     xyz: [i32; 3],
@@ -64,24 +64,24 @@ impl RawPoint for HeldPoint {
 }
 
 impl InMemoryCloud {
-    /// Gives points a name, by which [`source`](super::source) opens them. Their lattice has the decimals that they have, at
-    /// most 9 and no more than keep them within reach; what has more is rounded, and a note says so. Takes 16
-    /// bytes a point and looks at each twice.
+    /// Names points, so that [`source`](super::source) can open them. Their lattice has the decimals of the
+    /// coordinates, at most 9 and within the range of steps; excess decimals are rounded, with a note. Takes 16 bytes
+    /// a point and two passes.
     ///
     /// # Errors
-    /// A coordinate that is not finite, with the number of its point; marks of another number of points; points
-    /// too far from each other.
+    /// A coordinate that is not finite, with the number of its point; another number of marks than points; points too
+    /// far apart.
     pub fn new(positions: &[[f64; 3]], marks: Option<&[PointMarks]>, crs: Crs) -> Result<Self> {
         if let Some(marks) = marks.filter(|marks| marks.len() != positions.len()) {
             let (marks, points) = (marks.len(), positions.len());
-            return Err(Error::usage(format!("{marks} marks are not of {points} points")));
+            return Err(Error::usage(format!("{marks} marks for {points} points")));
         }
         let mut span = PositionSpan::default();
         for (number, world) in positions.iter().enumerate() {
             if !world.iter().all(|coordinate| coordinate.is_finite()) {
                 return Err(Error::bad_input("a coordinate is not finite")
                     .at(format_args!("point {number}"))
-                    .remedy("leave such points out"));
+                    .remedy("remove such points"));
             }
             let found = std::array::from_fn(|axis| decimals(world[axis], span.decimals[axis]));
             span.add(*world, found);
@@ -101,7 +101,7 @@ impl InMemoryCloud {
     }
 }
 
-/// A held cloud as a source; its parts are a batch each.
+/// A point cloud in memory as a source; each part is a batch.
 struct InMemoryCloudSource {
     stock: Arc<InMemoryPoints>,
     sieve: Option<PointSieve>,
@@ -109,12 +109,12 @@ struct InMemoryCloudSource {
     notes: Vec<String>,
 }
 
-/// Opens what is held as `name`.
+/// Opens the cloud called `name`.
 pub(super) fn open(name: &str, options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let stock = CLOUDS.get(name)?;
     let frame = stock.placed.lattice();
     let gate = CompiledFilter::new(&options.filter, &frame);
-    // Where nothing lies in the box asked for, nothing is read, as of a file.
+    // Nothing is read if the bounds do not intersect, as for a file.
     let claim = stock.placed.claim(&stock.span).filter(|all| all.within(&options.filter).is_some());
     let bounds = claim
         .and_then(|claim| gate.cut([claim.low, claim.high].map(|[x, y, z]| Point::new(x, y, z))));
@@ -238,7 +238,7 @@ mod tests {
                 .collect();
             let line = |(world, marks): (&[f64; 3], &PointMarks)| {
                 let [x, y, z] = world;
-                // With no more decimals than they need, which is how many the lattice has.
+                // With the minimum number of decimals, which is that of the lattice.
                 format!("{x},{y},{z},{},{},3\n", marks.class, marks.returns[0])
             };
             let text: String = positions.iter().zip(&marks).map(line).collect();

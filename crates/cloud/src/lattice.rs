@@ -1,16 +1,16 @@
-//! Lattices for positions that come without one: as fine as the numbers are, if that is within reach.
+//! Lattices for coordinates without a scale: as fine as their decimals, within the range of steps.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{PointFrame, REACH};
 
 use super::frame::ClaimedExtent;
 
-/// Most decimals that are told apart.
+/// Maximum number of decimals.
 pub(super) const MOST_DECIMALS: u8 = 9;
-/// Largest whole number of steps from zero: still exact, with room to spare.
+/// Maximum number of steps from zero: exact with a margin.
 const MOST_STEPS: f64 = (1_u64 << 50) as f64;
 
-/// What positions span, and how many decimals they have along each axis.
+/// Range and decimals of positions along each axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PositionSpan {
     pub(super) low: [f64; 3],
@@ -19,7 +19,7 @@ pub(super) struct PositionSpan {
 }
 
 impl Default for PositionSpan {
-    /// Of no position.
+    /// An empty span.
     fn default() -> Self {
         Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3], decimals: [0; 3] }
     }
@@ -39,8 +39,8 @@ impl PositionSpan {
     }
 }
 
-/// The decimals of a number, but for errors of the sum and product that it may come from; those it has no end of
-/// are [`MOST_DECIMALS`]. `least` are known to be needed anyway.
+/// The decimals of a number, up to rounding errors of a sum and product; at most [`MOST_DECIMALS`]. At least `least`
+/// are assumed.
 pub(super) fn decimals(value: f64, least: u8) -> u8 {
     let is_told = |decimals: &u8| {
         let per_unit = 10_f64.powi((*decimals).into());
@@ -59,7 +59,7 @@ pub(super) struct PointLattice {
 }
 
 impl PointLattice {
-    /// The finest lattice that the points fit on, no finer than they are.
+    /// The finest lattice that fits the points, no finer than their decimals.
     pub(super) fn of(all: &PositionSpan) -> Result<Self> {
         let mut placed = Self { per_unit: [1.0; 3], origin: [0; 3], note: None };
         if all.low[0] > all.high[0] {
@@ -74,14 +74,16 @@ impl PointLattice {
             let origin = fits.and_then(|d| Some((d, origin(all, axis, d)?)));
             let (decimals, origin) = origin.ok_or_else(|| {
                 let [low, high] = [all.low[axis], all.high[axis]];
-                Error::unsupported(format!("coordinates reach from {low} to {high}"))
-                    .remedy("points far off are often errors: take them out")
+                Error::unsupported(format!(
+                    "the range of coordinates is too large: {low} to {high}"
+                ))
+                .remedy("remove outliers")
             })?;
             placed.per_unit[axis] = 10_f64.powi(decimals.into());
             placed.origin[axis] = origin;
             if decimals < found[axis] || found[axis] == MOST_DECIMALS {
                 placed.note = Some(format!(
-                    "coordinates are rounded to {decimals} decimals along {}",
+                    "coordinates are rounded to {decimals} decimals in {}",
                     ["x", "y", "z"][axis]
                 ));
             }
@@ -101,18 +103,18 @@ impl PointLattice {
         (all.low[0] <= all.high[0]).then_some(ClaimedExtent { scale, offset, low, high })
     }
 
-    /// The steps of a position that the lattice was made for.
+    /// The steps of a position within the span.
     pub(super) fn place(&self, world: [f64; 3]) -> [i32; 3] {
         std::array::from_fn(|axis| self.steps(axis, world[axis]))
     }
 
     fn steps(&self, axis: usize, world: f64) -> i32 {
-        // Within reach of the origin, or clamped there: the bounds are of the same points.
+        // Within range of the origin, or clamped: the bounds are of the same points.
         ((world * self.per_unit[axis]).round() - self.origin[axis] as f64) as i32
     }
 }
 
-/// The origin of a lattice of so many decimals from which all points are within reach.
+/// Origin of a lattice with this number of decimals that keeps all points within range.
 fn origin(all: &PositionSpan, axis: usize, decimals: u8) -> Option<i64> {
     let steps = |world: f64| (world * 10_f64.powi(decimals.into())).round();
     let (low, high) = (steps(all.low[axis]), steps(all.high[axis]));

@@ -1,4 +1,4 @@
-//! Point clouds: sources of points, chunk by chunk, whatever the files behind them.
+//! Point clouds: point sources that are read in chunks, independent of the file formats.
 
 mod agree;
 mod attributes;
@@ -46,10 +46,10 @@ pub use terrane_base::attribute::Return;
 use terrane_base::error::Result;
 use terrane_files::is_held;
 
-/// Opens files as one cloud, or a synthetic cloud or one in memory by its name.
+/// Opens files as one cloud, a synthetic cloud, or a named cloud in memory.
 ///
 /// # Errors
-/// Those of [`open`]; a name that is none; a synthetic cloud among other inputs.
+/// Errors of [`open`]; an unknown name; a synthetic cloud among other inputs.
 pub fn source(inputs: &[String], options: &CloudOpenOptions) -> Result<Box<dyn PointSource>> {
     let source: Box<dyn PointSource> = match inputs {
         [name] if synth::is_synthetic(name) => {

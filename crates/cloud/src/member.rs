@@ -1,4 +1,4 @@
-//! A file of a cloud: its parts, and what becomes of their points.
+//! A file of a cloud: its parts, and the processing of their points.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -19,19 +19,19 @@ use super::sieve::PointSieve;
 use super::source::{self, BATCH, PointCensus};
 use super::text::{self, TextFile};
 
-/// A file of one of the kinds.
+/// A file of either kind.
 pub(super) enum CloudFile {
     Las(LasFile),
     Text(TextFile),
 }
 
-/// A file in its place.
+/// A file in the cloud.
 pub(super) struct CloudMember {
     pub(super) file: CloudFile,
-    /// `None` where no point of it is wanted.
+    /// `None` if no point passes the filter.
     pub(super) sieve: Option<PointSieve>,
     pub(super) salvage: bool,
-    /// Points that are lost, by the part they are of.
+    /// Lost points by part.
     pub(super) lost: Mutex<BTreeMap<usize, u64>>,
 }
 
@@ -50,7 +50,7 @@ impl CloudFile {
         }
     }
 
-    /// The lattice that its points are on.
+    /// The lattice of its points.
     pub(super) fn lattice(&self) -> PointFrame {
         match self {
             Self::Las(file) => PointFrame { scale: file.header.scale, offset: file.header.offset },
@@ -66,14 +66,14 @@ impl CloudFile {
     }
 }
 
-/// Room that a thread keeps between parts.
+/// Buffers of a thread, kept between parts.
 #[derive(Default)]
 pub(super) struct MemberReadBuffers {
     records: las::LasReadBuffers,
     points: Vec<Point>,
 }
 
-/// Does `work` with the thread's room; work within it gets a room of its own.
+/// Runs `work` with the buffers of the thread; nested calls get new buffers.
 pub(super) fn take_room<T>(work: impl FnOnce(&mut MemberReadBuffers) -> T) -> T {
     thread_local! {
         static ROOM: Cell<Option<Box<MemberReadBuffers>>> = const { Cell::new(None) };
@@ -84,10 +84,10 @@ pub(super) fn take_room<T>(work: impl FnOnce(&mut MemberReadBuffers) -> T) -> T 
     result
 }
 
-/// What takes the points of a block.
+/// Consumer of the points of a block.
 type Each<'a> = dyn FnMut(&[Point]) -> Result<()> + 'a;
 
-/// The records of a block, by their format.
+/// Visitor of the records of a block, by format.
 trait RecordBlockVisitor {
     fn visit<R: RawPoint>(
         &mut self,
@@ -96,7 +96,7 @@ trait RecordBlockVisitor {
     ) -> Result<()>;
 }
 
-/// Sifts records into points.
+/// Filters records into points.
 struct RecordFilter<'a, 'b> {
     sieve: &'a PointSieve,
     points: &'a mut Vec<Point>,
@@ -129,7 +129,7 @@ impl RecordBlockVisitor for RecordFilter<'_, '_> {
     }
 }
 
-/// Looks at records.
+/// Visitor of filtered records.
 struct FilteredRecordVisitor<'a> {
     sieve: &'a PointSieve,
     census: PointCensus,
@@ -168,7 +168,7 @@ impl RecordVisitor for FilteredRecordVisitor<'_> {
     }
 }
 
-/// Whole records of a block, by their format.
+/// Visitor of whole records of a block, by format.
 trait RecordVisitor {
     fn take<'r, R: RawPoint>(
         &mut self,
@@ -177,7 +177,7 @@ trait RecordVisitor {
     ) -> Result<()>;
 }
 
-/// Takes wanted points on with their attributes.
+/// Passes on filtered points with attributes.
 struct AttributeVisitor<'a, 'b> {
     sieve: &'a PointSieve,
     table: AttributeTable<'a>,
@@ -210,11 +210,11 @@ impl RecordBlockVisitor for AttributeVisitor<'_, '_> {
     }
 }
 
-/// Takes wanted records on as those of another format.
+/// Passes on filtered records in another point format.
 struct RecordConverter<'a, 'b> {
     sieve: &'a PointSieve,
     recast: &'a Recast,
-    /// Whether places stay as they are stored.
+    /// Whether positions stay as stored.
     as_stored: bool,
     census: PointCensus,
     out: Vec<u8>,
@@ -234,9 +234,9 @@ impl RecordVisitor for RecordConverter<'_, '_> {
             };
             let place = (!self.as_stored).then_some(place);
             self.recast.push(record, place, &mut self.out).map_err(|what| {
-                Error::unsupported(format!("it has {what}, which the point format cannot hold"))
+                Error::unsupported(format!("the point format cannot store {what}"))
                     .at(format_args!("point {index}"))
-                    .remedy("choose a ‹point_format› from 6 on")
+                    .remedy("choose ‹point_format› 6 or higher")
             })?;
         }
         (self.each)(&self.out)
@@ -244,7 +244,7 @@ impl RecordVisitor for RecordConverter<'_, '_> {
 }
 
 fn no_records() -> Error {
-    Error::new(ErrorKind::Internal, "a decoder left out what was wanted")
+    Error::new(ErrorKind::Internal, "a decoder skipped a requested field")
 }
 
 impl CloudMember {
@@ -262,13 +262,13 @@ impl CloudMember {
         }
     }
 
-    /// Whether a part may have wanted points.
+    /// Whether a part may have points that pass the filter.
     pub(super) fn touches(&self, part: usize, filter: &CloudFilter) -> bool {
         let within = |[low, high]: [[f64; 3]; 2]| filter.touches(low, high);
         self.sieve.is_some() && self.cube(part).is_none_or(within)
     }
 
-    /// What the points of a part lie in, in world units, where the file says so.
+    /// World bounds of the points of a part, if the file states them.
     pub(super) fn cube(&self, part: usize) -> Option<[[f64; 3]; 2]> {
         let CloudFile::Las(file) = &self.file else { return None };
         let [low, high] = file.parts.get(part)?.cube?;
@@ -278,7 +278,7 @@ impl CloudMember {
         Some([lower, std::array::from_fn(|axis| high[axis] + scale[axis])])
     }
 
-    /// What became of the points of a part of which so many are lost; those outside are, too.
+    /// Completes the counts of a part with lost points, which include those outside.
     fn with_lost(&self, part: usize, census: PointCensus, points: u64) -> PointCensus {
         if points + census.outside > 0 {
             lock(&self.lost).insert(part, points + census.outside);
@@ -286,12 +286,12 @@ impl CloudMember {
         PointCensus { read: census.read + points, lost: census.lost + points, ..census }
     }
 
-    /// Points that are lost of all parts that were read.
+    /// Number of lost points of all parts read so far.
     pub(super) fn lost(&self) -> u64 {
         lock(&self.lost).values().sum()
     }
 
-    /// Hands on the wanted points of a part.
+    /// Passes on the filtered points of a part.
     pub(super) fn read(
         &self,
         part: usize,
@@ -308,7 +308,7 @@ impl CloudMember {
         Ok(self.with_lost(part, sift.census, lost))
     }
 
-    /// Hands on all of the wanted points of a part.
+    /// Passes on whole filtered points of a part.
     pub(super) fn records(
         &self,
         part: usize,
@@ -323,7 +323,7 @@ impl CloudMember {
         Ok(self.with_lost(part, look.census, lost))
     }
 
-    /// Hands on the wanted records of a part, recast.
+    /// Passes on the filtered records of a part, converted.
     pub(super) fn carry(
         &self,
         part: usize,
@@ -344,7 +344,7 @@ impl CloudMember {
         Ok(self.with_lost(part, carry.census, lost))
     }
 
-    /// Hands on the wanted points of a part with the attributes that are read so.
+    /// Passes on the filtered points of a part with attributes.
     pub(super) fn columns(
         &self,
         part: usize,
@@ -371,7 +371,7 @@ impl CloudMember {
         Ok(self.with_lost(part, tell.census, lost))
     }
 
-    /// Lets `taker` have the whole records of a part, block by block; returns how many are lost.
+    /// Passes the whole records of a part to `taker`, block by block; returns the number of lost points.
     fn take(
         &self,
         part: usize,
@@ -413,7 +413,7 @@ impl CloudMember {
         }
     }
 
-    /// Lets `visitor` see the records of a part, block by block; returns how many are lost.
+    /// Passes the records of a part to `visitor`, block by block; returns the number of lost points.
     fn visit(
         &self,
         part: usize,
@@ -454,7 +454,7 @@ impl CloudMember {
 }
 
 impl PointSieve {
-    /// What it asks of each point, beside x, y and return numbers.
+    /// Fields needed for each point, beside x, y and return numbers.
     fn wanted(&self) -> FieldSelection {
         let filter = self.gate().filter();
         let flags = !filter.keep_withheld || filter.drop != Flags::default();

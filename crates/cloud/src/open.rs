@@ -1,8 +1,7 @@
-//! Opening clouds: one file, or many that are one cloud.
+//! Opening of point clouds of one file or many.
 //!
-//! No catalogue of headers is kept on disk: 10,000 LAS files are opened in 0.33 s on two busy threads, of
-//! 0.75 s for gridding their 7.9 million points, and a catalogue would have to ask each file's size and
-//! time all the same.
+//! No index of headers is kept on disk: 10,000 LAS files are opened in 0.33 s with two threads, of 0.75 s for
+//! gridding their 7.9 million points, and an index would have to check the size and time of each file anyway.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -29,30 +28,30 @@ use super::source::{AttributeSource, CloudInfo, Each, PointCensus, PointSource};
 use super::text::TextFile;
 use super::times::GpsTimeEpoch;
 
-/// What says that a file is a cloud, before its name.
+/// Prefix that marks a file as a point cloud.
 const CLOUD_PREFIX: &str = "cloud:";
-/// Endings that only clouds have.
+/// Extensions of point clouds.
 const ENDINGS: [&str; 2] = ["las", "laz"];
-/// Most notes about single files.
+/// Maximum notes on individual files.
 const MOST_NOTES: usize = 20;
 
-/// What is looked for in folders.
+/// Files that are listed in folders.
 const CLOUDS: FileKind = FileKind { what: "point cloud", is_member, file_name: |input| input };
 
-/// How a cloud is read.
+/// Options for reading a cloud.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CloudOpenOptions {
-    /// Which points are wanted.
+    /// Filter of points.
     pub filter: CloudFilter,
-    /// Give up what cannot be read, and count it, instead of failing.
+    /// Skips and counts unreadable points instead of failing.
     pub salvage: bool,
-    /// The coordinate reference system of files that name none.
+    /// CRS of files without one.
     pub crs: Option<Crs>,
-    /// Threads for opening many files; parts are read by the caller's.
+    /// Threads for opening many files; parts are read by the threads of the caller.
     #[serde(skip)]
     pub threads: usize,
-    /// Points may be further apart than geometry is exact in ([`REACH`](terrane_base::geom::REACH)), as they are only
-    /// copied or counted.
+    /// Allows extents beyond the range of exact geometry ([`REACH`](terrane_base::geom::REACH)), for points that are
+    /// only copied or counted.
     #[serde(skip)]
     pub any_extent: bool,
 }
@@ -64,22 +63,22 @@ impl Default for CloudOpenOptions {
     }
 }
 
-/// A cloud of one file or many.
+/// A point cloud of one file or many.
 pub struct PointCloud {
     info: CloudInfo,
     names: Vec<String>,
     members: Vec<CloudMember>,
-    /// Lowest and highest point that each member claims, in the frame.
+    /// Stated extent of each member, in the frame.
     claims: Vec<Option<[Point; 2]>>,
-    /// Member, and part of it.
+    /// Index of the member, and of its part.
     parts: Vec<(u32, u32)>,
     notes: Vec<String>,
-    /// The lattice of all files, where it is one, and how many steps less points have in the frame.
+    /// The common lattice of all files, if any, and its offset in steps from the frame.
     lattice: Option<(PointFrame, [i32; 3])>,
 }
 
 impl PointCloud {
-    /// Its only file, where it is a LAS or LAZ file.
+    /// Its only file, if it is LAS or LAZ.
     pub(super) fn las(&self) -> Option<&LasFile> {
         match self.members.as_slice() {
             [CloudMember { file: CloudFile::Las(file), .. }] => Some(file),
@@ -91,24 +90,23 @@ impl PointCloud {
         self.members.iter().map(|member| &member.file)
     }
 
-    /// What is known of its files.
+    /// Metadata of its files.
     pub(super) fn origins(&self) -> impl Iterator<Item = Result<CloudFileOrigin<'_>>> {
         self.files().iter().zip(self.kinds()).map(|(name, file)| CloudFileOrigin::new(name, file))
     }
 
-    /// Hands on all that is known of the wanted points of a part, whether or not they lie within the
-    /// bounds claimed: for looking closely, where [`PointSource::read`] is for speed. All points are
-    /// kept that are in the returned counts, but for those lost.
+    /// Passes on whole filtered points of a part, inside and outside the stated bounds: for inspection, where
+    /// [`PointSource::read`] is for speed. All points except lost ones are kept in the returned counts.
     ///
     /// # Errors
-    /// As [`PointSource::read`], but for points outside.
+    /// As [`PointSource::read`], except for points outside.
     pub fn records(&self, part: usize, each: &mut dyn FnMut(&FilterRecord)) -> Result<PointCensus> {
         let (_, member, inner) = self.part(part)?;
         member.records(inner, each)
     }
 
-    /// What its points are in the lattice of its files, where it is one: there they have the steps they are stored
-    /// with. In the frame where there are several lattices, and true for one.
+    /// Extent in the common lattice of the files, where points have their stored steps, and true; else in the frame,
+    /// and false.
     pub(super) fn as_stored(&self) -> (CloudInfo, bool) {
         let Some((frame, by)) = self.lattice else { return (self.info.clone(), false) };
         let back = |Point { x, y, z }: Point| {
@@ -119,12 +117,12 @@ impl PointCloud {
         (CloudInfo { frame, bounds, ..self.info.clone() }, true)
     }
 
-    /// How many steps they are stored further than they are in the frame.
+    /// Offset in steps from the frame to the stored positions.
     pub(super) fn stored_by(&self) -> [i32; 3] {
         self.lattice.map_or([0; 3], |(_, by)| by)
     }
 
-    /// A part: the number of its file, the file, and the part of it.
+    /// A part: index of its file, the file, and the index within it.
     pub(super) fn part(&self, part: usize) -> Result<(usize, &CloudMember, usize)> {
         let found = self.parts.get(part).and_then(|(number, inner)| {
             let number = *number as usize;
@@ -169,7 +167,7 @@ impl PointSource for PointCloud {
         let [low, high] = (*self.claims.get(number as usize)?)?;
         let cube = self.members[number as usize].cube(inner as usize);
         let Some([from, to]) = cube else { return Some([low, high]) };
-        // A step more each way: points of a cube are rounded to steps.
+        // One step more on each side: bounds of a cube are rounded to steps.
         let frame = &self.info.frame;
         let lower = |axis: usize| (frame.steps(axis, from[axis]).floor() as i32).saturating_sub(1);
         let upper = |axis: usize| (frame.steps(axis, to[axis]).ceil() as i32).saturating_add(1);
@@ -204,10 +202,10 @@ impl PointSource for PointCloud {
     }
 }
 
-/// Columns of the files of a cloud.
+/// Attribute source of the files of a cloud.
 struct CloudAttributeSource<'a> {
     cloud: &'a PointCloud,
-    /// By file.
+    /// One list per file.
     readers: Vec<Vec<AttributeReader>>,
 }
 
@@ -218,8 +216,8 @@ impl AttributeSource for CloudAttributeSource<'_> {
     }
 }
 
-/// True when `input` is a cloud by its name: a `.las` or `.laz` file, a folder, a pattern or a list
-/// of such files, or any of these or a text file after `cloud:`; or a synthetic one.
+/// True if the name `input` is a point cloud: a `.las` or `.laz` file, a folder, pattern or list of such files, any
+/// of these or a text file with the prefix `cloud:`, or a synthetic cloud.
 pub fn is_cloud(input: &str) -> bool {
     let is_named = input.starts_with(CLOUD_PREFIX) || super::synth::is_synthetic(input);
     if is_named || is_member(&path_of(input)) {
@@ -229,7 +227,7 @@ pub fn is_cloud(input: &str) -> bool {
     CLOUDS.is_collection(input) && first().is_some_and(|file| is_member(&path_of(&file)))
 }
 
-/// As [`is_cloud`], of a folder with those below it.
+/// As [`is_cloud`], including subfolders of a folder.
 pub fn is_cloud_below(input: &str) -> bool {
     is_cloud(input) || files_below(&[input.to_owned()]).is_ok()
 }
@@ -240,16 +238,15 @@ fn is_member(path: &Path) -> bool {
     !hidden && ENDINGS.contains(&ending.as_str())
 }
 
-/// The files that `inputs` stand for: sorted by their whole paths, and each once, so that their order and repetition leave
-/// no trace.
+/// The files of `inputs`, sorted by absolute path and without duplicates, so that order and repetition do not matter.
 ///
 /// # Errors
-/// A folder, list or pattern that yields no file or cannot be read.
+/// An unreadable folder, list or pattern, or one without files.
 pub fn files(inputs: &[String]) -> Result<Vec<String>> {
     CLOUDS.files(&plain(inputs)).map(distinct)
 }
 
-/// As [`files`], with those in folders below the folders among `inputs`.
+/// As [`files`], including subfolders of the folders in `inputs`.
 ///
 /// # Errors
 /// As [`files`].
@@ -257,14 +254,14 @@ pub fn files_below(inputs: &[String]) -> Result<Vec<String>> {
     CLOUDS.files_below(&plain(inputs)).map(distinct)
 }
 
-/// Inputs without what says that they are clouds.
+/// Inputs without the prefix of clouds.
 fn plain(inputs: &[String]) -> Vec<String> {
     let plain = |input: &String| input.strip_prefix(CLOUD_PREFIX).unwrap_or(input).to_owned();
     inputs.iter().map(plain).collect()
 }
 
 fn distinct(mut files: Vec<String>) -> Vec<String> {
-    // As plans name them, which hold wherever a process works.
+    // Absolute paths, as in plans, are valid in any working directory.
     let whole = |name: &String| std::path::absolute(path_of(name)).unwrap_or_default();
     files.sort_by_cached_key(|name| whole(name).into_os_string());
     let mut seen = HashSet::new();
@@ -276,17 +273,17 @@ fn distinct(mut files: Vec<String>) -> Vec<String> {
     files
 }
 
-/// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Files
-/// that are not LAS or LAZ are taken for text with a point on each line.
+/// Opens files, folders (their `.las` and `.laz` files), patterns and `@lists` as one cloud. Files that are not LAS
+/// or LAZ are read as text with a point on each line.
 ///
 /// # Errors
-/// Files that are missing, damaged or not clouds; files whose coordinate reference systems differ;
-/// extents that a frame cannot hold.
+/// Missing or damaged files, and files of other types; files with different CRSs; extents beyond the range of a
+/// frame.
 pub fn open(inputs: &[String], options: &CloudOpenOptions) -> Result<PointCloud> {
     super::synth::refuse(inputs)?;
     let names = files(inputs)?;
     let files = match names.as_slice() {
-        // Nothing to share among threads.
+        // A single thread suffices.
         [name] if is_member(&path_of(name)) => vec![open_file(&path_of(name), options)?],
         _ => on_threads(options.threads, || {
             all(names.par_iter().map(|name| open_file(&path_of(name), options)).collect())
@@ -303,7 +300,7 @@ fn open_file(path: &Path, options: &CloudOpenOptions) -> Result<CloudFile> {
     Ok(CloudFile::Text(TextFile::open(path, options.salvage)?))
 }
 
-/// Files to a cloud.
+/// Joins files to a cloud.
 fn join(
     names: Vec<String>,
     files: Vec<CloudFile>,
@@ -342,7 +339,7 @@ fn join(
     Ok(PointCloud { info, names, members, claims: ends, parts, notes, lattice })
 }
 
-/// What attributes of the points of a file have to meet.
+/// Condition on the attributes of the points of a file.
 fn test(
     name: &str,
     file: &CloudFile,
@@ -353,7 +350,7 @@ fn test(
     condition.bind(&columns, frame).map(Some).map_err(|e| e.in_file(&path_of(name)))
 }
 
-/// The lattice of all files and the steps from it to the frame, where all have one.
+/// The common lattice of all files and its offset from the frame, if any.
 fn shared(claims: &[ClaimedExtent], common: &CommonFrame) -> Option<(PointFrame, [i32; 3])> {
     let (first, FrameTransform::Shift(by)) = (claims.first()?, *common.maps.first()?) else {
         return None;
@@ -363,7 +360,7 @@ fn shared(claims: &[ClaimedExtent], common: &CommonFrame) -> Option<(PointFrame,
     claims.iter().all(is_it).then_some((frame, by))
 }
 
-/// The error with the first file that is beyond reach on its own.
+/// Names the first file that exceeds the range on its own in the error.
 fn named(
     error: Error,
     (names, claims): (&[String], &[Option<ClaimedExtent>]),
@@ -392,18 +389,18 @@ fn nowhere(files: &[CloudFile]) -> CommonFrame {
     CommonFrame { frame, maps: Vec::new(), moved: [0.0; 3] }
 }
 
-/// Lowest and highest coordinates of a claim in the frame.
+/// Minimum and maximum corner of an extent in the frame.
 fn placed(claim: &ClaimedExtent, map: &FrameTransform) -> [Point; 2] {
     [map.place(claim.low, claim), map.place(claim.high, claim)]
 }
 
-/// The box around two.
+/// The bounding box of two boxes.
 fn around([a, b]: [Point; 2], [c, d]: [Point; 2]) -> [Point; 2] {
     let low = Point::new(a.x.min(c.x), a.y.min(c.y), a.z.min(c.z));
     [low, Point::new(b.x.max(d.x), b.y.max(d.y), b.z.max(d.z))]
 }
 
-/// The parts that may have wanted points, file by file.
+/// The parts that may have points, file by file.
 fn parts(members: &[CloudMember], filter: &CloudFilter) -> Vec<(u32, u32)> {
     let of = |(number, member): (usize, &CloudMember)| {
         let touches = |part: &usize| member.touches(*part, filter);
@@ -430,13 +427,13 @@ fn notes(
     if notes.len() > MOST_NOTES {
         let more = notes.len() - MOST_NOTES;
         notes.truncate(MOST_NOTES);
-        notes.push(format!("{more} more notes on single files"));
+        notes.push(format!("{more} more notes on individual files"));
     }
     if moved != [0.0; 3] {
         let [x, y, z] = moved;
         notes.push(format!(
-            "the files differ in scale or offset: points go to steps of the finest scale and move \
-             by {x} x {y} x {z} at most"
+            "the files differ in scale or offset: points are snapped to the finest scale (by at most {x} x {y} x \
+                 {z})"
         ));
     }
     notes.extend(heights);

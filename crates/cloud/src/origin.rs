@@ -1,4 +1,4 @@
-//! Facts of a file of a cloud beside its points.
+//! Metadata of a file of a cloud.
 
 use super::column::{PointColumn, TIME, columns};
 use super::format::PointFormat;
@@ -9,7 +9,7 @@ use super::times::GpsTimeEpoch;
 use terrane_base::error::{Error, Result};
 use terrane_files::{path_of, shown};
 
-/// What is known of a file of the cloud.
+/// Metadata of a file.
 pub(super) struct CloudFileOrigin<'a> {
     pub(super) name: &'a str,
     /// `None` for text.
@@ -39,7 +39,7 @@ impl<'a> CloudFileOrigin<'a> {
         Ok(Self { name, las: Some(file), text: None, format, extra })
     }
 
-    /// The columns of its records; of text those that it has beside what all points have.
+    /// Columns of its records; for text, the optional columns.
     pub(super) fn columns(&self) -> Vec<PointColumn> {
         match self.text {
             None => columns(self.format, &self.extra.columns(self.format.size())),
@@ -51,7 +51,7 @@ impl<'a> CloudFileOrigin<'a> {
         self.las.map_or(0, |file| file.header.encoding)
     }
 
-    /// What its times are counted from.
+    /// Epoch of its GPS times.
     fn times(&self) -> GpsTimeEpoch {
         let is_standard = self.text.is_some_and(|text| text.is_standard);
         let of_text = if is_standard { GpsTimeEpoch::USUAL } else { GpsTimeEpoch::Week };
@@ -67,22 +67,21 @@ impl<'a> CloudFileOrigin<'a> {
 }
 
 impl GpsTimeEpoch {
-    /// Those of all files that have any.
+    /// Common epoch of all files with times.
     ///
     /// # Errors
-    /// Files that do not count them alike.
+    /// Different epochs.
     pub(super) fn of_all(origins: &[CloudFileOrigin<'_>]) -> Result<Self> {
         let mut timed = origins.iter().filter(|origin| origin.has_time());
         let first = timed.next();
         let times = first.map_or(Self::USUAL, CloudFileOrigin::times);
         match (first, timed.find(|origin| origin.times() != times)) {
             (Some(first), Some(other)) => Err(Error::unsupported(format!(
-                "its times are counted otherwise than those of {}: in seconds of the week, or of GPS time from another \
-                 day on",
+                "its GPS time encoding differs from that of {} (GPS week time or another time offset)",
                 shown(first.name)
             ))
             .in_file(&path_of(other.name))
-            .remedy("write them on their own, or bring their times into one")),
+            .remedy("process the files separately, or convert their times")),
             _ => Ok(times),
         }
     }

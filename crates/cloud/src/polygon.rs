@@ -1,4 +1,4 @@
-//! Polygons that points are cut by, in the coordinates of the cloud.
+//! Polygons that clip points, in the coordinates of the cloud.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -10,28 +10,27 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, PointFrame, plane};
 use terrane_files::is_made;
 
-/// Polygons with holes, of one feature or several, which are united: inside of one is where an odd number of its rings goes
-/// around. Of two polygons that
-/// share a border each point on it is in one only, as edges hold their lower end and not their upper
-/// one, and points on an edge are right of it. Which side of an edge a point is on is exact.
+/// The union of polygons with holes, of one feature or several. A point is inside a feature if an odd number of its
+/// rings surrounds it. A point on a border of two adjacent polygons is in exactly one of them: edges contain their
+/// lower end but not their upper one, and points on an edge are right of it. The side of an edge is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterPolygon {
-    /// From the lower to the upper end, feature by feature.
+    /// Edges from the lower to the upper end, feature by feature.
     edges: Vec<[[f64; 2]; 2]>,
     /// The feature of each edge.
     features: Vec<u32>,
     /// x low, y low, x high, y high.
     bounds: [f64; 4],
-    /// Bands of equal height from the lowest to the highest corner: where the list of each begins.
+    /// Horizontal bands of equal height from the lowest to the highest corner: start of the list of each band.
     starts: Vec<u32>,
     /// The edges that touch each band, band by band.
     lists: Vec<u32>,
-    /// The file that they are from, and its reference system.
+    /// Source file and its CRS.
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "wherever")]
     from: Option<(PathBuf, Crs)>,
 }
 
-/// Notes a file by a path that holds wherever the process works.
+/// Serialises the absolute path of a file.
 fn wherever<S: Serializer>(
     from: &Option<(PathBuf, Crs)>,
     out: S,
@@ -44,26 +43,27 @@ fn wherever<S: Serializer>(
     from.transpose()?.serialize(out)
 }
 
-/// Most bands. There are fewer where long edges would be in the lists of many: no edge is in more than two on average.
+/// Maximum number of bands. Fewer are used where long edges would be in many lists: an edge is in at most two lists
+/// on average.
 const MOST_BANDS: usize = 1024;
-/// Most edges: places in lists are numbers of 32 bits.
+/// Maximum number of edges: indices in lists have 32 bits.
 const MOST_EDGES: usize = (1 << 31) - 1;
 
-/// Rings of which polygons are made.
+/// Rings of polygons.
 #[derive(Clone, Debug, Default)]
 pub struct PolygonRings {
     edges: Vec<[[f64; 2]; 2]>,
     features: Vec<u32>,
-    /// Features that were begun.
+    /// Number of features.
     begun: u32,
 }
 
 impl PolygonRings {
-    /// Most bytes that an edge takes in polygons, in their own coordinates and in steps of a frame: the edge, its feature,
-    /// two places in lists, and the beginning of a list.
+    /// Maximum bytes of an edge in polygons, in their own coordinates and in steps of a frame: the edge, its feature,
+    /// two list entries, and the start of a list.
     pub const EDGE_BYTES: u64 = 2 * (size_of::<[[f64; 2]; 2]>() + 4 * size_of::<u32>()) as u64;
 
-    /// Begins a feature: what follows is inside of it, or a hole in it.
+    /// Begins a feature; the following rings are its outer rings and holes.
     ///
     /// # Errors
     /// More than 2^32 features.
@@ -73,16 +73,16 @@ impl PolygonRings {
         Ok(())
     }
 
-    /// Adds a ring to the feature begun last; one that ends off its start is closed.
+    /// Adds a ring to the last feature; open rings are closed.
     ///
     /// # Errors
-    /// 2^31 edges or more in all.
+    /// 2^31 edges or more.
     pub fn push(&mut self, ring: &[[f64; 2]]) -> Result<()> {
         let next = ring.iter().cycle().skip(1);
         let pairs = ring.iter().zip(next).filter(|(a, b)| a[1] != b[1]);
         self.edges.extend(pairs.map(|(a, b)| if a[1] < b[1] { [*a, *b] } else { [*b, *a] }));
         if self.edges.len() > MOST_EDGES {
-            return Err(Error::limit("number of edges of polygons", "2^31 or more", MOST_EDGES)
+            return Err(Error::limit("number of polygon edges", "2^31 or more", MOST_EDGES)
                 .remedy("simplify them with ‹terrane simplify›"));
         }
         self.features.resize(self.edges.len(), self.begun.saturating_sub(1));
@@ -91,12 +91,12 @@ impl PolygonRings {
 }
 
 impl FilterPolygon {
-    /// Of some rings.
+    /// From rings.
     pub fn new(rings: PolygonRings) -> Self {
         Self::of_edges(rings.edges, rings.features)
     }
 
-    /// The same polygons in steps of a frame: corners on its points are whole numbers.
+    /// The same polygons in steps of a frame, in which the corners on its points are integers.
     pub fn in_steps(&self, frame: &PointFrame) -> Self {
         let rulers = [frame.ruler(0), frame.ruler(1)];
         let place = |corner: [f64; 2]| [0, 1].map(|axis| rulers[axis].place(corner[axis]));
@@ -130,7 +130,7 @@ impl FilterPolygon {
         2 * (size_of_val(&self.edges[..]) + places * size_of::<u32>()) as u64
     }
 
-    /// The file that they are from.
+    /// The source file.
     pub fn path(&self) -> Option<&Path> {
         self.from.as_ref().map(|(path, _)| path.as_path())
     }
@@ -159,37 +159,37 @@ impl FilterPolygon {
         (self.starts, self.lists) = (starts, lists);
     }
 
-    /// The bands that an edge is in the lists of.
+    /// Bands of an edge.
     fn touched(&self, [low, high]: &[[f64; 2]; 2], bands: usize) -> Range<usize> {
         self.band(low[1], bands)..self.band(high[1], bands) + 1
     }
 
-    /// The band of a height within the bounds; it rises with the height.
+    /// Band of a y coordinate within the bounds; monotone.
     fn band(&self, y: f64, bands: usize) -> usize {
         let [_, south, _, north] = self.bounds;
         ((y - south) / (north - south) * bands as f64).min((bands - 1) as f64) as usize
     }
 
-    /// The same from a file, in the reference system that it says.
+    /// Attaches the source file and its CRS.
     pub fn of_file(self, path: &Path, crs: Crs) -> Self {
         Self { from: Some((path.to_path_buf(), crs)), ..self }
     }
 
-    /// Fails where the polygons are in another reference system than a cloud.
+    /// Fails if the polygons have another CRS than a cloud.
     ///
     /// # Errors
-    /// Bad input: both systems.
+    /// Bad input: both CRSs.
     pub(crate) fn check(&self, cloud: &Crs) -> Result<()> {
         let Some((path, crs)) = &self.from else { return Ok(()) };
         cloud.check_same_of("cloud", crs, "polygons").map_err(|e| e.in_file(path))
     }
 
-    /// The box around it: x low, y low, x high, y high; empty where no ring has an inside.
+    /// Bounds: x min, y min, x max, y max; empty if no ring has an interior.
     pub fn bounds(&self) -> [f64; 4] {
         self.bounds
     }
 
-    /// Whether the place is inside. Time: the edges at its height.
+    /// Whether a position is inside. Time linear in the edges of its band.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         let [west, south, east, north] = self.bounds;
         if !(west <= x && x <= east && south <= y && y <= north) {
@@ -198,7 +198,7 @@ impl FilterPolygon {
         let band = self.band(y, self.starts.len() - 1);
         let list = &self.lists[self.starts[band] as usize..self.starts[band + 1] as usize];
         let left = list.iter().filter(|edge| is_left(&self.edges[**edge as usize], x, y));
-        // Edges of a feature are beside each other in a list.
+        // Edges of a feature are consecutive in a list.
         let (mut feature, mut is_odd) = (None, false);
         for edge in left {
             let own = Some(self.features[*edge as usize]);
@@ -214,7 +214,7 @@ impl FilterPolygon {
 
 const EMPTY: [f64; 4] = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
 
-/// Whether an edge holds the height of a place and is left of it, or the place is on it.
+/// Whether an edge spans the y coordinate of a position and is left of it, or the position is on it.
 fn is_left([low, high]: &[[f64; 2]; 2], x: f64, y: f64) -> bool {
     low[1] <= y && y < high[1] && plane::orient(*low, *high, [x, y]).is_le()
 }

@@ -1,5 +1,5 @@
-//! Records of one point format as those of another (ASPRS LAS 1.4 R15, tables 7 to 18). What the other cannot
-//! hold of a point is an error; what it has no field for was asked to be left out.
+//! Conversion of records between point formats (ASPRS LAS 1.4 R15, tables 7 to 18). Values that the target cannot
+//! store are errors; fields that it does not have are dropped.
 
 use std::ops::Range;
 
@@ -7,21 +7,21 @@ use crate::format::{ANGLES, COLOUR, INFRARED, PointFormat, TIME, WAVE};
 use crate::las::{ExtraBytes, OVERLAP_CLASS, RecordByteCopy};
 use terrane_base::geom::Point;
 
-/// Bytes that records begin with in every format: place and intensity.
+/// Bytes at the start of records of every format: position and intensity.
 const COMMON: usize = 14;
-/// The mark of overlap.
+/// The overlap flag.
 const OVERLAP: u8 = 8;
 
-/// From the records of a file to those of an output.
+/// Converter from the records of a file to those of an output.
 #[derive(Clone, Debug)]
 pub(crate) struct Recast {
     /// Whether the formats are of LAS 1.4: of the file, and of the output.
     is_new: [bool; 2],
-    /// Fields that both have, beside the first ones, and extra bytes.
+    /// Common fields and extra bytes to copy.
     moves: Vec<RecordByteCopy>,
-    /// What a record is before anything is moved there.
+    /// Initial bytes of a record.
     blank: Vec<u8>,
-    /// Whether a record is as it was but for its place, as far as it is wanted.
+    /// Whether records differ in their position only.
     is_same: bool,
 }
 
@@ -52,10 +52,10 @@ impl Recast {
         Self { is_new: [from.is_new(), to.is_new()], moves, blank, is_same }
     }
 
-    /// Appends the record of a point, which is at `place` in the output; where it is stored when `None`.
+    /// Appends the record of a point at `place`; at its stored position when `None`.
     ///
     /// # Errors
-    /// What the format of the output cannot hold.
+    /// A value that the output format cannot store.
     #[inline]
     pub(crate) fn push(
         &self,
@@ -65,7 +65,7 @@ impl Recast {
     ) -> Result<(), String> {
         let at = out.len();
         if self.is_same {
-            // Extra bytes that nobody asked for are behind it.
+            // Unrequested extra bytes are at the end.
             out.extend_from_slice(&record[..self.blank.len()]);
         } else {
             out.extend_from_slice(&self.blank);
@@ -100,7 +100,7 @@ impl Recast {
     }
 }
 
-/// What follows the intensity in the new formats, up to the time, of a record of an old one.
+/// Bytes between intensity and time in formats 6 to 10, from a record of formats 0 to 5.
 fn newer(record: &[u8]) -> [u8; 8] {
     let (returns, class) = (record[14], record[15]);
     let overlap = if class & 31 == OVERLAP_CLASS { OVERLAP } else { 0 };
@@ -119,7 +119,7 @@ fn newer(record: &[u8]) -> [u8; 8] {
     ]
 }
 
-/// What follows the intensity in the old formats, of a record of a new one.
+/// Bytes between intensity and time in formats 0 to 5, from a record of formats 6 to 10.
 fn older(record: &[u8]) -> Result<[u8; 6], String> {
     let (number, returns) = (record[14] & 15, record[14] >> 4);
     let (flags, class) = (record[15], record[16]);
@@ -130,15 +130,15 @@ fn older(record: &[u8]) -> Result<[u8; 6], String> {
         return Err(format!("class {class}"));
     }
     if flags & OVERLAP > 0 && class != OVERLAP_CLASS {
-        return Err("the mark of overlap".to_owned());
+        return Err("the overlap flag".to_owned());
     }
     if flags >> 4 & 3 > 0 {
-        return Err(format!("channel {} of the scanner", flags >> 4 & 3));
+        return Err(format!("scanner channel {}", flags >> 4 & 3));
     }
     let steps = i16::from_le_bytes([record[18], record[19]]);
     let degrees = (f32::from(steps) * ANGLES).round();
     if !(f32::from(i8::MIN)..=f32::from(i8::MAX)).contains(&degrees) {
-        return Err(format!("a scan angle of {} degrees", f64::from(steps) * 3.0 / 500.0));
+        return Err(format!("the scan angle {} degrees", f64::from(steps) * 3.0 / 500.0));
     }
     let [angle] = (degrees as i8).to_le_bytes();
     Ok([
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn what_an_old_format_holds_comes_back_from_a_new_one() {
         let mut source = record(1);
-        // Return 2 of 5, backwards, at an edge; key point of class 17; 90 degrees; user and source.
+        // Return 2 of 5, backward scan, edge of flight line; key point of class 17; 90 degrees; user data and source.
         (source[14], source[15], source[16]) = (2 | 5 << 3 | 0x80, 17 | 2 << 5, 90);
         let there = push(&recast(1, 6), &source).unwrap();
         assert_eq!((there[14], there[15], there[16]), (2 | 5 << 4, 2 | 0x80, 17));
@@ -221,12 +221,12 @@ mod tests {
         (16, [255, 0], Some("class 255")),
         (15, [7, 2], None),
         (15, [8, 12], None),
-        (15, [8, 2], Some("the mark of overlap")),
-        (15, [16, 2], Some("channel 1 of the scanner")),
+        (15, [8, 2], Some("the overlap flag")),
+        (15, [16, 2], Some("scanner channel 1")),
         (18, 21_249_i16.to_le_bytes(), None),
-        (18, 21_250_i16.to_le_bytes(), Some("a scan angle of 127.5 degrees")),
+        (18, 21_250_i16.to_le_bytes(), Some("the scan angle 127.5 degrees")),
         (18, (-21_416_i16).to_le_bytes(), None),
-        (18, (-21_417_i16).to_le_bytes(), Some("a scan angle of -128.502 degrees")),
+        (18, (-21_417_i16).to_le_bytes(), Some("the scan angle -128.502 degrees")),
     ];
 
     #[test]
@@ -240,7 +240,7 @@ mod tests {
                 let made = push(&recast(6, to), &source);
                 assert_eq!(made.as_ref().err().map(String::as_str), lost, "{at}: {bytes:?}");
                 let Ok(made) = made else { continue };
-                // What fits comes back as it was, but for parts of a degree.
+                // Values that fit are restored exactly, except fractions of degrees.
                 let back = push(&recast(to, 6), &made).unwrap();
                 assert_eq!(back[14..18], source[14..18], "{at}: {bytes:?}");
             }

@@ -1,4 +1,4 @@
-//! From the records of a file to the points that are wanted, in the cloud's frame.
+//! Filtering of the records of a file into points in the cloud's frame.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
@@ -9,20 +9,20 @@ use super::frame::{ClaimedExtent, FrameTransform};
 use super::raw::{Flags, RawPoint};
 use super::source::PointCensus;
 
-/// What is done with the points of one file.
+/// Filter of the points of one file.
 #[derive(Clone, Debug)]
 pub(super) struct PointSieve {
     gate: CompiledFilter,
-    /// What attributes have to meet.
+    /// Condition on attributes.
     test: Option<CompiledCondition>,
-    /// True when all filters but for withheld points would let everything through.
+    /// True if only withheld points are filtered.
     is_plain: bool,
     claim: ClaimedExtent,
     map: FrameTransform,
     salvage: bool,
 }
 
-/// Points at hand, and what became of the others.
+/// Filtered points, and counts of the others.
 #[derive(Default)]
 struct SieveCounts {
     kept: usize,
@@ -32,7 +32,7 @@ struct SieveCounts {
 }
 
 impl PointSieve {
-    /// For points of one file.
+    /// For the points of one file.
     pub(super) fn new(
         (gate, test): (CompiledFilter, Option<CompiledCondition>),
         claim: ClaimedExtent,
@@ -48,12 +48,12 @@ impl PointSieve {
         &self.gate
     }
 
-    /// Whether points are chosen by what only whole records tell.
+    /// Whether the filters need whole records.
     pub(super) fn needs_records(&self) -> bool {
         self.test.is_some()
     }
 
-    /// What becomes of a point, of which these are the bytes where whole records are needed.
+    /// Verdict on a point, with its bytes if whole records are needed.
     pub(super) fn judge<R: RawPoint>(
         &self,
         raw: R,
@@ -67,11 +67,11 @@ impl PointSieve {
         }
     }
 
-    /// Counts `records` into `census` and leaves those wanted in `out`, where no whole records are
-    /// needed. `first` is the number of the first one in its file.
+    /// Counts `records` in `census` and appends filtered points to `out`, where no whole records are needed. `first`
+    /// is the index of the first one in its file.
     ///
     /// # Errors
-    /// A point outside the bounds its file claims, unless those are given up.
+    /// A point outside the bounds of the header, unless these are skipped.
     pub(super) fn sift<R: RawPoint>(
         &self,
         records: impl ExactSizeIterator<Item = R> + Clone,
@@ -97,7 +97,7 @@ impl PointSieve {
         Ok(())
     }
 
-    /// Without a branch that depends on a point.
+    /// Filters without branches on points.
     fn plain<R: RawPoint>(
         &self,
         records: impl Iterator<Item = R>,
@@ -123,7 +123,7 @@ impl PointSieve {
         counts
     }
 
-    /// With every filter.
+    /// Applies all filters.
     fn full<R: RawPoint>(
         &self,
         records: impl Iterator<Item = R>,
@@ -148,11 +148,11 @@ impl PointSieve {
         counts
     }
 
-    /// Counts a record into `census`; where it is wanted, returns its place. Its bytes matter only where
+    /// Counts a record in `census` and returns its position if it passes the filters. Its bytes are used only if
     /// whole records are needed.
     ///
     /// # Errors
-    /// Those of [`sift`](Self::sift).
+    /// Errors of [`sift`](Self::sift).
     pub(super) fn pick<R: RawPoint>(
         &self,
         (raw, bytes): (R, &[u8]),
@@ -187,24 +187,23 @@ impl PointSieve {
         }
     }
 
-    /// The error for the first point outside.
+    /// The error for the first point outside the bounds.
     fn outside<R: RawPoint>(&self, records: impl Iterator<Item = R>, first: u64) -> Error {
         let is_it = |(index, record): &(u64, R)| {
             let wanted = self.gate.judge(&self.record(*record, *index)) == FilterVerdict::Keep;
             wanted && !self.claim.holds(record.xyz())
         };
         let Some((index, record)) = (first..).zip(records).find(is_it) else {
-            return Error::bad_input("points lie outside the bounds its header claims");
+            return Error::bad_input("points lie outside the bounds of the header");
         };
         let [x, y, z] = self.claim.world(record.xyz());
         let [low, high] = [self.claim.low, self.claim.high].map(|raw| self.claim.world(raw));
         Error::bad_input(format!(
-            "it is at {x}, {y}, {z}, outside the bounds that the header claims, {low:?} to {high:?}"
+            "position {x}, {y}, {z} is outside the bounds of the header, {low:?} to {high:?}"
         ))
         .at(format_args!("point {index}"))
         .remedy(
-            "mend the header, as pdal translate IN OUT does; ‹salvage› leaves such points out, of compressed ones all of \
-             their chunk",
+            "repair the header (pdal translate IN OUT), or skip such points, in LAZ whole chunks, with ‹salvage›",
         )
     }
 }

@@ -1,14 +1,14 @@
-//! Cell sizes from the density of points that the headers of a cloud tell.
+//! Cell sizes from the point density by the headers of a cloud.
 
 use terrane_base::geom::Point;
 
 use crate::source::CloudInfo;
 
-/// Points that a cell has, on the average of the box around all.
+/// Average number of points of a cell within the bounds.
 const POINTS_OF_CELL: f64 = 4.0;
 
-/// Side of cells with four points on the average of the bounding box (twice the spacing of points), rounded up to 1, 2 or
-/// 5 times a power of ten; at least a step of the coordinates. In units of x and y.
+/// Cell size for four points on average within the bounds (twice the point spacing), rounded up to 1, 2 or 5 times a
+/// power of ten; at least a step of the coordinates. In units of x and y.
 pub fn round_side(info: &CloudInfo, [low, high]: [Point; 2]) -> f64 {
     let [west, south, _] = info.frame.world(low);
     let [east, north, _] = info.frame.world(high);

@@ -13,42 +13,43 @@ use terrane_base::geom::{Crs, Point, PointFrame};
 use terrane_files::is_held;
 use terrane_synth::cloud::{LidarSurvey, SimulatedReturn};
 
-/// What comes before the cloud's name.
+/// Prefix of synthetic clouds.
 const PREFIX: &str = "synth:";
 /// World position of the south-west corner: on the central meridian of UTM zone 31, in the Pyrenees.
 const ORIGIN: [f64; 3] = [500_000.0, 4_750_000.0, 0.0];
 
-/// True for the name of a synthetic cloud, `synth:cloud` and what may follow.
+/// True for the name of a synthetic cloud: `synth:cloud` with optional parameters.
 pub fn is_synthetic(input: &str) -> bool {
     input.strip_prefix(PREFIX).is_some_and(LidarSurvey::is_named)
 }
 
-/// Fails when one of `inputs` is a synthetic cloud or one in memory, where files are wanted.
+/// Fails if one of `inputs` is synthetic or in memory, where files are required.
 pub(super) fn refuse(inputs: &[String]) -> Result<()> {
     if inputs.iter().any(|input| is_held(input)) {
-        return Err(Error::usage("points in memory are in no file").remedy("name files of points"));
+        return Err(Error::usage("points in memory are not supported here")
+            .remedy("pass point cloud files"));
     }
     match inputs.iter().find(|input| is_synthetic(input)) {
-        Some(name) => Err(Error::usage(format!("{name:?} is made by rule, and no file"))
-            .remedy("write it with terrane synth, and give the file")),
+        Some(name) => Err(Error::usage(format!("{name:?} is a synthetic point cloud, not a file"))
+            .remedy("write it with ‹terrane synth› and pass the file")),
         None => Ok(()),
     }
 }
 
-/// The survey of this name, with or without `synth:` before it.
+/// The survey of this name, with or without the prefix `synth:`.
 ///
 /// # Errors
-/// A name that is none.
+/// An unknown name.
 pub fn survey(name: &str) -> Result<LidarSurvey> {
     LidarSurvey::parse(name.strip_prefix(PREFIX).unwrap_or(name))
 }
 
-/// Where the points of a survey lie.
+/// Scale and offset of the points of a survey.
 pub fn frame(survey: &LidarSurvey) -> PointFrame {
     PointFrame { scale: [survey.scale; 3], offset: ORIGIN }
 }
 
-/// The coordinate reference system of synthetic clouds.
+/// The CRS of synthetic clouds.
 pub fn crs() -> Crs {
     Crs {
         epsg: Some(32_631),
@@ -59,9 +60,8 @@ pub fn crs() -> Crs {
     }
 }
 
-/// A survey as a cloud. [`CloudInfo::count`] is the number of points expected, which no header
-/// claims; the n-th points of a filter are counted in each part; parts beyond the box asked for are
-/// not made.
+/// A survey as a point cloud. [`CloudInfo::count`] is the expected number of points; the filter of every n-th point
+/// counts within each part; parts outside the filter's bounds are skipped.
 pub struct SyntheticCloud {
     survey: LidarSurvey,
     gate: CompiledFilter,
@@ -73,7 +73,7 @@ impl SyntheticCloud {
     /// The points of `survey` that pass `filter`.
     ///
     /// # Errors
-    /// A condition on an attribute that they do not have.
+    /// A condition on an unknown attribute.
     pub fn new(survey: LidarSurvey, filter: CloudFilter) -> Result<Self> {
         let frame = frame(&survey);
         let gate = CompiledFilter::new(&filter, &frame);
@@ -84,20 +84,20 @@ impl SyntheticCloud {
         Ok(Self { survey, gate, test, info })
     }
 
-    /// Whether a part may have points in the box asked for.
+    /// Whether a part may intersect the filter's bounds.
     fn touches(&self, part: usize) -> bool {
         let [west, south, east, north] = self.area(part);
         self.gate.filter().touches([west, south, f64::MIN], [east, north, f64::MAX])
     }
 
-    /// Where the points of a part lie in the world: x min, y min, x max, y max.
+    /// World bounds of a part: x min, y min, x max, y max.
     fn area(&self, part: usize) -> [f64; 4] {
         let [west, south, east, north] = self.survey.area(part);
         let [x, y, _] = ORIGIN;
         [x + west, y + south, x + east, y + north]
     }
 
-    /// Hands on the wanted echoes of a part.
+    /// Passes on the filtered returns of a part.
     fn sift(
         &self,
         part: usize,
@@ -200,12 +200,12 @@ impl PointSource for SyntheticCloud {
     }
 }
 
-/// The point format with all that echoes have.
+/// The point format with all attributes of returns.
 fn full() -> Result<write::PointFormat> {
     write::PointFormat::new(8)
 }
 
-/// The same with attributes: those of the records that files of them would have.
+/// The same with attributes, those of records in files.
 struct SyntheticAttributeSource<'a> {
     cloud: &'a SyntheticCloud,
     format: write::PointFormat,
@@ -225,7 +225,7 @@ impl AttributeSource for SyntheticAttributeSource<'_> {
     }
 }
 
-/// Marks of a return, with the bits of LAS 1.4.
+/// Flags of a return, with the bits of LAS 1.4.
 fn flags(echo: &SimulatedReturn) -> u8 {
     let mark = |is: bool, flag: Flags| if is { flag.0 } else { 0 };
     mark(echo.withheld, Flags::WITHHELD) | mark(echo.overlap, Flags::OVERLAP)
@@ -241,7 +241,7 @@ fn colours(class: u8) -> [u16; 4] {
     }
 }
 
-/// A return as a record of a file: coloured by its class and strength.
+/// A return as a record of a file, coloured by class and strength.
 impl From<&SimulatedReturn> for write::PointRecord {
     fn from(echo: &SimulatedReturn) -> Self {
         let shade = |colour: u16| colour * 200 + echo.intensity;

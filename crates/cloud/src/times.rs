@@ -1,22 +1,22 @@
-//! What the times of points are counted from, which bits of the global encoding say, and in LAS 1.5 a field.
+//! Epochs of GPS times: bits of the global encoding, and a field in LAS 1.5.
 
 use super::las::LasHeader;
 use super::version::{LasVersion, PointPacking};
 use terrane_base::error::{Error, Result};
 
-/// Bits of the global encoding: times are GPS times less a billion seconds; with the other bit, from version 1.5 on,
-/// less as many millions as the header says.
+/// Bits of the global encoding: times are adjusted standard GPS times (minus a billion seconds); or, from version
+/// 1.5, minus the time offset of the header.
 const STANDARD: u16 = 1;
 const OFFSET: u16 = 1 << 6;
-/// The millions of seconds of adjusted standard GPS times.
+/// Time offset of adjusted standard GPS times, in millions of seconds.
 const BILLION: u16 = 1000;
 
-/// What times are counted from.
+/// Epoch of times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum GpsTimeEpoch {
-    /// The beginning of the week.
+    /// Start of the GPS week.
     Week,
-    /// The beginning of GPS time and so many millions of seconds.
+    /// Start of GPS time plus this number of million seconds.
     Gps(u16),
 }
 
@@ -34,29 +34,29 @@ impl GpsTimeEpoch {
         }
     }
 
-    /// The bits of the global encoding, and the millions of seconds, that say so in a version; of points without
-    /// times those that every version has.
+    /// Bits of the global encoding and time offset for a LAS version; without times, bits that every version
+    /// supports.
     ///
     /// # Errors
-    /// A version that cannot say so.
+    /// A version that does not support the epoch.
     pub(super) fn written(self, version: LasVersion, has_time: bool) -> Result<(u16, u16)> {
         match self {
             Self::Week => Ok((0, 0)),
             Self::Gps(_) if !has_time || self == Self::USUAL => Ok((STANDARD, 0)),
             Self::Gps(millions) if version >= LasVersion::V1_5 => Ok((STANDARD | OFFSET, millions)),
             Self::Gps(millions) => Err(Error::unsupported(format!(
-                "its times are GPS times less {millions} million seconds, which LAS {version} cannot say"
+                "LAS {version} does not support GPS times with an offset of {millions} million seconds"
             ))
             .remedy("write .las or .laz with ‹las_version› 1.5")),
         }
     }
 
-    /// What is to be said of them where nothing else does.
+    /// A note, where the format does not record the epoch.
     pub(super) fn note(self, packing: PointPacking) -> Option<String> {
         match self {
             Self::Gps(millions) if packing == PointPacking::Text && self != Self::USUAL => {
                 Some(format!(
-                    "times are GPS times less {millions} million seconds, which text does not say"
+                    "times are GPS times minus {millions} million seconds; text does not record the offset"
                 ))
             }
             _ => None,

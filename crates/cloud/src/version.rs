@@ -1,4 +1,4 @@
-//! Versions of LAS and ways to pack points, and which points each has.
+//! LAS versions and packings, and the point formats that each supports.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,31 +8,31 @@ use serde::{Deserialize, Serialize};
 use crate::format::PointFormat;
 use terrane_base::error::{Error, Result};
 
-/// How points are stored.
+/// Storage of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PointPacking {
-    /// As they are (LAS).
+    /// Uncompressed (LAS).
     #[default]
     Plain,
-    /// Compressed, [`CHUNK`](crate::write::CHUNK) points at a time (LAZ).
+    /// Compressed in chunks of [`CHUNK`](crate::write::CHUNK) points (LAZ).
     Chunks,
-    /// Compressed, any number of points at a time (COPC).
+    /// Compressed in chunks of any size (COPC).
     Nodes,
-    /// Lines of text, which no [`PointLayout`](crate::write::PointLayout) makes.
+    /// Text lines, without a [`PointLayout`](crate::write::PointLayout).
     Text,
 }
 
 impl PointPacking {
-    /// Fails where points of this format cannot be so packed.
+    /// Fails if this packing does not support the point format.
     pub(crate) fn check(self, format: PointFormat) -> Result<()> {
         if self != Self::Nodes || format.is_new() && !format.has_waves() {
             return Ok(());
         }
-        Err(Error::unsupported(format!("COPC has no points of format {}", format.number()))
-            .remedy("choose point format 6, 7 or 8, or a name that ends in .laz only"))
+        Err(Error::unsupported(format!("COPC does not support point format {}", format.number()))
+            .remedy("choose point format 6, 7 or 8, or write plain .laz"))
     }
 
-    /// The first format that can be so packed and holds all fields of another.
+    /// The first point format of this packing with all fields of another.
     pub(crate) fn holding(self, held: PointFormat) -> Result<PointFormat> {
         let format = match self {
             Self::Nodes => held.holding(PointFormat::default()),
@@ -42,7 +42,7 @@ impl PointPacking {
     }
 }
 
-/// A version of LAS that is written: 1.2 to 1.5.
+/// A LAS version for writing: 1.2 to 1.5.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct LasVersion {
@@ -50,19 +50,19 @@ pub struct LasVersion {
 }
 
 impl LasVersion {
-    /// The version in which the reference system and all counts are as COPC needs them.
+    /// LAS 1.4: WKT and 64-bit counts, as COPC requires.
     pub const V1_4: Self = Self { minor: 4 };
-    /// The latest version: points of formats 6 to 10, times counted from any million of seconds.
+    /// LAS 1.5: point formats 6 to 10, and time offsets.
     pub const V1_5: Self = Self { minor: 5 };
-    /// All of them.
+    /// All versions.
     pub const ALL: [Self; 4] = [Self { minor: 2 }, Self { minor: 3 }, Self::V1_4, Self::V1_5];
 
-    /// The first version that has points of a format.
+    /// The first version that supports a point format.
     pub fn of(format: PointFormat) -> Self {
         Self::ALL.into_iter().find(|version| version.has(format)).unwrap_or(Self::V1_4)
     }
 
-    /// The part behind the point.
+    /// Minor version.
     pub fn minor(self) -> u8 {
         self.minor
     }
@@ -76,7 +76,7 @@ impl LasVersion {
         }
     }
 
-    /// The first format with all fields of another that it has, where it is one that formats were taken out of.
+    /// The first point format of this version with all fields of another; LAS 1.5 dropped some formats.
     pub(crate) fn holding(self, format: PointFormat) -> PointFormat {
         match self {
             Self::V1_5 => format.holding(PointFormat::default()),
@@ -84,19 +84,21 @@ impl LasVersion {
         }
     }
 
-    /// Fails where it has no points of a format, or they cannot be so packed.
+    /// Fails if this version or packing does not support the point format.
     pub(crate) fn check(self, format: PointFormat, packing: PointPacking) -> Result<()> {
         match packing {
-            PointPacking::Text => Err(Error::usage("text has no version of LAS")
-                .remedy("leave ‹las_version› out, or choose a name that ends in .las or .laz")),
+            PointPacking::Text => Err(Error::usage("‹las_version› has no effect on text")
+                .remedy("leave ‹las_version› out, or write .las or .laz")),
             PointPacking::Nodes if self != Self::V1_4 => {
-                Err(Error::unsupported(format!("COPC is LAS 1.4, and not {self}"))
-                    .remedy("leave ‹las_version› out, or choose a name that ends in .laz only"))
+                Err(Error::unsupported(format!("COPC requires LAS 1.4, not {self}"))
+                    .remedy("leave ‹las_version› out, or write plain .laz"))
             }
             _ if !self.has(format) => {
                 let number = format.number();
-                Err(Error::unsupported(format!("LAS {self} has no points of format {number}"))
-                    .remedy("choose another ‹las_version› or ‹point_format›"))
+                Err(Error::unsupported(format!(
+                    "LAS {self} does not support point format {number}"
+                ))
+                .remedy("choose another ‹las_version› or ‹point_format›"))
             }
             _ => Ok(()),
         }

@@ -18,7 +18,7 @@ fn main() {
 fn run() -> Result<()> {
     let names: Vec<String> = std::env::args().skip(1).collect();
     let [from, to, rest @ ..] = names.as_slice() else {
-        return Err(Error::usage("expected two systems"));
+        return Err(Error::usage("expected two CRSs"));
     };
     let mut positions = Vec::new();
     for line in std::io::stdin().lock().lines() {

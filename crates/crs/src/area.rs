@@ -1,13 +1,14 @@
-//! Areas of longitudes and latitudes, in degrees.
+//! Areas of use in longitude and latitude, in degrees.
 
-/// How far, in degrees, data may reach beyond the area of a shift as if they were in it: areas of countries
-/// end at their coasts and borders.
+/// Tolerance, in degrees, by which data may exceed the area of use of a shift: areas of countries end at coasts and
+/// borders.
 pub(crate) const NEAR: f64 = 0.25;
 
-/// How far beyond its area a shift is still used: rectangles of maps have corners in the sea.
+/// Distance, in degrees, up to which a shift is used outside its area: corners of map rectangles are often in the
+/// sea.
 pub(crate) const FAR: f64 = 3.0;
 
-/// From west to east, which is smaller where it goes across 180 degrees; from south to north.
+/// West to east, where west exceeds east across 180 degrees, and south to north.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AreaOfUse {
     pub(crate) west: f64,
@@ -24,13 +25,13 @@ impl AreaOfUse {
         }
     }
 
-    /// In steradians, nearly.
+    /// Approximate size in steradians.
     pub(crate) fn size(&self) -> f64 {
         let [south, north] = [self.south, self.north].map(|latitude| latitude.to_radians().sin());
         self.width().to_radians() * (north - south)
     }
 
-    /// True where `other` is in it, but for so many degrees.
+    /// True if it contains `other`, with a tolerance in degrees.
     pub(crate) fn holds(&self, other: &Self, slack: f64) -> bool {
         let room = self.width() + 2.0 * slack;
         let into = (other.west - self.west + slack).rem_euclid(360.0);
@@ -38,13 +39,13 @@ impl AreaOfUse {
         is_as_wide && other.south >= self.south - slack && other.north <= self.north + slack
     }
 
-    /// True where a place is in it, but for a little.
+    /// True if it contains a place, with a small tolerance.
     pub(crate) fn has(&self, [longitude, latitude]: [f64; 2]) -> bool {
         let place = Self { west: longitude, south: latitude, east: longitude, north: latitude };
         self.holds(&place, FAR + 1e-6)
     }
 
-    /// The longitude in its middle, from -180 degrees on and below 180.
+    /// Longitude of the centre, from -180 (inclusive) to 180 degrees.
     pub(crate) fn middle(&self) -> f64 {
         (self.west + self.width() / 2.0 + 180.0).rem_euclid(360.0) - 180.0
     }

@@ -1,15 +1,15 @@
-//! Heights of a geoid above the ellipsoid, on a grid of longitudes and latitudes: of GTX files, or as they come.
+//! Geoid heights above the ellipsoid on a grid of longitudes and latitudes, from GTX files or arrays.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Most bytes of a grid of shifts or of a geoid, which is held whole.
+/// Maximum bytes of a shift grid or geoid, which is held in memory.
 pub const MAX_GRID_BYTES: u64 = 512 << 20;
 
-/// What stands for no value.
+/// Nodata value of GTX.
 const NO_VALUE: f32 = -88.8888;
 
-/// Largest height of a geoid, in metres: what is beyond is damage.
+/// Maximum geoid height in metres; larger values are damage.
 const HIGHEST: f32 = 1000.0;
 
 const HEADER: usize = 40;
@@ -17,13 +17,13 @@ const HEADER: usize = 40;
 /// A geoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Geoid {
-    /// Of the south-western corner: longitude and latitude, in degrees.
+    /// Longitude and latitude of the south-western corner, in degrees.
     corner: [f64; 2],
     /// Degrees between columns and rows.
     step: [f64; 2],
     columns: usize,
     rows: usize,
-    /// Metres, row by row from the south.
+    /// Heights in metres, row by row from the south.
     heights: Vec<f32>,
 }
 
@@ -31,11 +31,12 @@ impl Geoid {
     /// From the bytes of a GTX file.
     ///
     /// # Errors
-    /// What is no such file, or a damaged one.
+    /// Invalid or damaged files.
     pub fn of_gtx(bytes: &[u8]) -> Result<Self> {
-        limits::check("the number of bytes of the geoid", bytes.len() as u64, MAX_GRID_BYTES)?;
+        limits::check("size of the geoid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
-            Error::bad_input(format!("is no sound GTX file: {what}")).remedy("fetch the file again")
+            Error::bad_input(format!("is not a valid GTX file: {what}"))
+                .remedy("download the file again")
         };
         let number = |at: usize| {
             let eight = bytes.get(at..at + 8).and_then(|part| part.try_into().ok());
@@ -48,16 +49,16 @@ impl Geoid {
         let (Some(south), Some(west), Some(up), Some(across)) =
             (number(0), number(8), number(16), number(24))
         else {
-            return Err(bad("its header is cut off, or no numbers"));
+            return Err(bad("the header is truncated or not numeric"));
         };
         let (Some(rows), Some(columns)) = (count(32), count(36)) else {
-            return Err(bad("its numbers of rows and columns make no sense"));
+            return Err(bad("the number of rows or columns is invalid"));
         };
         let values = &bytes[HEADER.min(bytes.len())..];
         let wanted = u64::from(rows) * u64::from(columns) * 4;
         if values.len() as u64 != wanted {
             return Err(bad(&format!(
-                "{wanted} bytes of heights are announced, {} are there",
+                "expected {wanted} bytes of heights, found {}",
                 values.len()
             )));
         }
@@ -66,20 +67,20 @@ impl Geoid {
         Self::new([west, south], [across, up], [columns, rows], heights)
     }
 
-    /// From heights in metres, row by row from the south, each from the west; what is not a number is not known.
-    /// The corner is where the first of them lies, the step what lies between columns and between rows, in degrees.
+    /// From heights in metres, row by row from the south, each row from the west; NaN is nodata. `corner` is the
+    /// position of the first height, `step` the distance of columns and rows, in degrees.
     ///
     /// # Errors
-    /// A grid of fewer than two columns or rows, one that reaches beyond the globe, or another number of heights.
+    /// Fewer than two columns or rows, an extent beyond the globe, or another number of heights.
     pub fn new(
         corner: [f64; 2],
         step: [f64; 2],
         [columns, rows]: [u32; 2],
         heights: Vec<f32>,
     ) -> Result<Self> {
-        let bad = |what: &str| Error::bad_input(what).remedy("fetch the file again");
+        let bad = |what: &str| Error::bad_input(what).remedy("download the file again");
         if columns < 2 || rows < 2 || heights.len() as u64 != u64::from(columns) * u64::from(rows) {
-            return Err(bad("is a grid of too few heights"));
+            return Err(bad("the grid has too few heights"));
         }
         let ([west, south], [across, up]) = (corner, step);
         let extent = [across * f64::from(columns - 1), up * f64::from(rows - 1)];
@@ -90,25 +91,24 @@ impl Geoid {
             && (-360.0..=360.0).contains(&west)
             && extent[0] <= 360.001;
         if !is_sound {
-            return Err(bad("lies beyond the globe"));
+            return Err(bad("the extent exceeds the globe"));
         }
         Ok(Self { corner, step, columns: columns as usize, rows: rows as usize, heights })
     }
 
-    /// The height of the geoid above the ellipsoid, in metres, at a longitude and latitude in degrees:
-    /// bilinear between its four neighbours.
+    /// Geoid height above the ellipsoid in metres at a longitude and latitude in degrees, by bilinear interpolation.
     ///
     /// # Errors
-    /// Places where it is not known.
+    /// No value at this place.
     pub fn height(&self, [longitude, latitude]: [f64; 2]) -> Result<f64> {
         let missing = || {
             Error::bad_input(format!(
-                "the geoid is not known at longitude {longitude:.4}, latitude {latitude:.4}"
+                "the geoid has no value at longitude {longitude:.4}, latitude {latitude:.4}"
             ))
-            .remedy("give a geoid of the whole area")
+            .remedy("use a geoid that covers the whole area")
         };
         let east = (longitude - self.corner[0]).rem_euclid(360.0);
-        // What is a hair west of the grid is not nearly once around it.
+        // A position slightly west of the grid must not wrap to the east end.
         let east = if 360.0 - east < 1e-9 { 0.0 } else { east };
         let (column, across) = self.cell(east / self.step[0], self.columns, self.is_round());
         let (row, up) = self.cell((latitude - self.corner[1]) / self.step[1], self.rows, false);
@@ -129,17 +129,17 @@ impl Geoid {
         Ok(sum)
     }
 
-    /// Bytes that it takes.
+    /// Bytes held.
     pub fn bytes(&self) -> u64 {
         (self.heights.len() * size_of::<f32>()) as u64
     }
 
-    /// True where columns go all the way round.
+    /// True if the columns span all longitudes.
     fn is_round(&self) -> bool {
         (self.step[0] * self.columns as f64 - 360.0).abs() < self.step[0] * 1e-3
     }
 
-    /// The cell of a coordinate in steps, and how far into it that is.
+    /// Cell of a coordinate in steps, and the fraction within it.
     fn cell(&self, at: f64, count: usize, is_round: bool) -> (Option<usize>, f64) {
         let last = if is_round { count as f64 } else { (count - 1) as f64 };
         let hair = 1e-9 * last;
@@ -186,7 +186,7 @@ mod tests {
         }
         for place in [[4.9, 45.5], [7.1, 45.5], [6.0, 44.9], [6.0, 46.1]] {
             let told = geoid.height(place).unwrap_err().to_string();
-            assert!(told.contains("geoid is not known at longitude"), "{told}");
+            assert!(told.contains("geoid has no value at longitude"), "{told}");
         }
         let mut holed = geoid;
         holed.heights[0] = NO_VALUE;

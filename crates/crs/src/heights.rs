@@ -1,4 +1,4 @@
-//! What becomes of heights: kept, in another unit, or counted from another surface by a geoid.
+//! Vertical transformations: none, a change of unit, or a geoid.
 
 use std::sync::Arc;
 
@@ -7,22 +7,22 @@ use terrane_base::geom::{Crs, VerticalReference};
 
 use super::geoid::Geoid;
 
-/// What is done to a height.
+/// Transformation of a height.
 #[derive(Clone)]
 pub(crate) enum HeightOperation {
-    /// It is what it was, times a factor.
+    /// Multiplies by a factor.
     Times(f64),
-    /// From the geoid's surface (in a unit of so many metres) to the ellipsoid of the target.
+    /// From heights above the geoid (with metres per unit) to the ellipsoid of the target.
     ToEllipsoid(Arc<Geoid>, f64),
-    /// From the ellipsoid of the source to the geoid's surface.
+    /// From the ellipsoid of the source to heights above the geoid (with metres per unit).
     ToGeoid(Arc<Geoid>, f64),
 }
 
 impl HeightOperation {
-    /// From the heights of one system to those of another, and what is to be said of that.
+    /// The transformation between the heights of two CRSs; adds notes.
     ///
     /// # Errors
-    /// Heights that no known operation brings from one surface to the other.
+    /// No known transformation between the vertical references.
     pub(crate) fn between(
         [from, to]: [&Crs; 2],
         is_shifted: bool,
@@ -38,10 +38,10 @@ impl HeightOperation {
                 Ok(Self::Times(1.0))
             }
             ([_, VerticalReference::Unknown], None) => Ok(Self::Times(1.0)),
-            ([_, VerticalReference::Unknown], Some(_)) => Err(Error::usage(
-                "a geoid is given, and the system to transform to says nothing of heights",
-            )
-            .remedy("name one with heights, such as EPSG:4979, or leave the geoid out")),
+            ([_, VerticalReference::Unknown], Some(_)) => {
+                Err(Error::usage("‹geoid› requires a target CRS with a vertical axis")
+                    .remedy("use a 3D or compound CRS such as EPSG:4979, or omit ‹geoid›"))
+            }
             (
                 [
                     VerticalReference::Above { datum: a, metres, is_down, .. },
@@ -60,7 +60,7 @@ impl HeightOperation {
             ([VerticalReference::Unknown, VerticalReference::Ellipsoidal], Some(geoid)) => {
                 let unit = from.vertical_metres();
                 notes.push(format!(
-                    "what heights are counted from is not said; they are taken for heights above the geoid{}",
+                    "the vertical datum is missing; heights are assumed to be above the geoid{}",
                     if unit.is_none() { ", in metres" } else { "" }
                 ));
                 Ok(Self::ToEllipsoid(geoid.clone(), unit.unwrap_or(1.0)))
@@ -69,7 +69,7 @@ impl HeightOperation {
         }
     }
 
-    /// What undoes it.
+    /// The inverse transformation.
     pub(crate) fn inverse(&self) -> Self {
         match self {
             Self::Times(factor) => Self::Times(1.0 / factor),
@@ -81,29 +81,26 @@ impl HeightOperation {
 
 fn refusal(from: &VerticalReference, to: &VerticalReference, has_geoid: bool) -> Error {
     let said = |heights: &VerticalReference| match heights {
-        VerticalReference::Unknown => "not named".to_owned(),
+        VerticalReference::Unknown => "without a vertical datum".to_owned(),
         VerticalReference::Ellipsoidal => "above the ellipsoid".to_owned(),
         VerticalReference::Above { name, .. } => format!("in {name}"),
     };
     let [from_text, to_text] = [from, to].map(said);
     let message = format!(
-        "heights of the source are {from_text}, those of the target {to_text}, and nothing known leads from \
-         one to the other"
+        "no vertical transformation is known: source heights are {from_text}, target heights are {to_text}"
     );
     let remedy = match (from, to, has_geoid) {
         (VerticalReference::Unknown, VerticalReference::Above { .. }, _) => {
-            "name the target without heights: those of the source are kept as they are"
+            "use a target CRS without heights to keep the source heights"
         }
         (VerticalReference::Ellipsoidal, VerticalReference::Ellipsoidal, _) => {
-            "name the target without heights, or transform them with other tools first"
+            "use a target CRS without heights, or transform heights with PROJ first"
         }
         (_, VerticalReference::Ellipsoidal, false) | (VerticalReference::Ellipsoidal, _, false) => {
-            "give the geoid between them (‹geoid› FILE), or name the target without heights"
+            "pass a geoid (‹geoid› FILE), or use a target CRS without heights"
         }
-        (_, _, true) => {
-            "one geoid leads from heights above it to those above the ellipsoid, or back"
-        }
-        _ => "transform heights with other tools first, or name the target without heights",
+        (_, _, true) => "one geoid converts only between geoid heights and ellipsoidal heights",
+        _ => "transform heights with PROJ first, or use a target CRS without heights",
     };
     Error::unsupported(message).remedy(remedy)
 }

@@ -1,13 +1,12 @@
-//! Operations from one coordinate reference system to another, point by point, with their accuracy.
+//! Coordinate operations between reference systems, point by point, with their accuracy.
 //!
-//! x is east or longitude and y is north or latitude, in any system, as in grids. An operation has three
-//! steps: from the source to longitudes and latitudes on its ellipsoid, to those of the target's datum,
-//! and to the target. Projections are those of `proj4rs`; shifts of datums come from a table of EPSG's
-//! own, which say how right they are, or from a grid. A shift that is not known is an error, never none.
-//! Every position is taken back to where it came from: one that does not arrive there lies beyond what a
-//! projection reaches, and is an error, too.
+//! x is east or longitude and y is north or latitude in any CRS, as in grids. An operation has three steps: from the
+//! source to longitude and latitude on its ellipsoid, to the datum of the target, and to the target. Projections are
+//! those of `proj4rs`. Datum shifts come from a table of EPSG operations with their accuracy, or from a grid. An
+//! unknown shift is an error, never ignored. Every position is transformed back: if the result differs, the position
+//! is outside the domain of the projection, which is an error.
 //!
-//! Apart from `terrane_base::geom::Crs`: every file has a system with a name, few jobs need an operation between two.
+//! Separate from `terrane_base::geom::Crs`: every file has a CRS with a name, few jobs need an operation between two.
 
 mod area;
 mod geoid;

@@ -1,4 +1,4 @@
-//! Grids of shifts between two datums: NTv2 files (`.gsb`), in either order of bytes.
+//! Datum shift grids: NTv2 files (`.gsb`), in either byte order.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Datum;
@@ -9,13 +9,13 @@ use super::geoid::MAX_GRID_BYTES;
 const RECORD: usize = 16;
 /// Records of a header.
 const HEADER: usize = 11;
-/// Most grids of one file.
+/// Maximum number of subgrids.
 const MAX_GRIDS: u64 = 65_536;
-/// Steps until a shift is undone.
+/// Maximum iterations of the inverse shift.
 const STEPS: u32 = 20;
-/// What is left when it is, in radians: a hundredth of a millimetre.
+/// Remaining error of the inverse shift, in radians: a hundredth of a millimetre.
 const LEFT: f64 = 1e-12;
-/// Names of datums in files where the ellipsoids do not tell the two apart, and EPSG codes of datums.
+/// Names of datums in files that share their ellipsoid with others, and EPSG codes of datums.
 const NAMES: [(&str, u32); 8] = [
     ("GDA94", 6283),
     ("GDA2020", 1168),
@@ -27,27 +27,27 @@ const NAMES: [(&str, u32); 8] = [
     ("ED50", 6230),
 ];
 
-/// A grid of shifts from one datum to another.
+/// A datum shift grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShiftGrid {
     names: [String; 2],
-    /// Half of the major axes of both ellipsoids.
+    /// Semi-major axes of both ellipsoids.
     axes: [f64; 2],
     grids: Vec<Ntv2Grid>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 struct Ntv2Grid {
-    /// In seconds of arc, longitudes to the west: south, north, east, west.
+    /// South, north, east and west limits in seconds of arc; longitudes are positive to the west.
     sides: [f64; 4],
-    /// Of latitude and longitude.
+    /// Steps of latitude and longitude.
     step: [f64; 2],
     columns: usize,
-    /// Latitude and longitude to the west, in seconds, from the south-east on, row by row to the north.
+    /// Shifts of latitude and of longitude (positive west), in seconds, from the south-east, row by row to the north.
     shifts: Vec<[f32; 2]>,
 }
 
-/// Reads in the order of bytes of a file.
+/// Reads values in the byte order of a file.
 struct Ntv2Reader<'a> {
     bytes: &'a [u8],
     is_big: bool,
@@ -81,68 +81,63 @@ impl<'a> Ntv2Reader<'a> {
 }
 
 impl ShiftGrid {
-    /// From the bytes of a file.
+    /// From the bytes of an NTv2 file.
     ///
     /// # Errors
-    /// What is no such file, a damaged one, or one in units other than seconds of arc.
+    /// Invalid or damaged files, and units other than seconds of arc.
     pub fn of_ntv2(bytes: &[u8]) -> Result<Self> {
-        limits::check(
-            "the number of bytes of the grid of shifts",
-            bytes.len() as u64,
-            MAX_GRID_BYTES,
-        )?;
+        limits::check("size of the shift grid in bytes", bytes.len() as u64, MAX_GRID_BYTES)?;
         let bad = |what: &str| {
-            Error::bad_input(format!("is no sound NTv2 file: {what}"))
-                .remedy("fetch the file again")
+            Error::bad_input(format!("is not a valid NTv2 file: {what}"))
+                .remedy("download the file again")
         };
         let is_big = match bytes.get(8..12) {
             Some([11, 0, 0, 0]) => false,
             Some([0, 0, 0, 11]) => true,
-            _ => return Err(bad("it does not begin with a header of 11 records")),
+            _ => return Err(bad("the header does not have 11 records")),
         };
         let file = Ntv2Reader { bytes, is_big };
         let (Some(count), Some(unit)) = (file.count(2), file.text(3)) else {
-            return Err(bad("its header is cut off"));
+            return Err(bad("the header is truncated"));
         };
-        limits::check("the number of grids", count.into(), MAX_GRIDS)?;
+        limits::check("number of subgrids", count.into(), MAX_GRIDS)?;
         if unit != "SECONDS" {
-            return Err(Error::unsupported(format!(
-                "its shifts are in \"{unit}\", not in seconds of arc"
-            ))
-            .remedy("give a file in seconds"));
+            return Err(Error::unsupported(format!("shifts in \"{unit}\" are not supported"))
+                .remedy("use a file in seconds of arc"));
         }
         let (Some(from), Some(to), Some(axis), Some(others)) =
             (file.text(5), file.text(6), file.number(7), file.number(9))
         else {
-            return Err(bad("its header is cut off, or no numbers"));
+            return Err(bad("the header is truncated or not numeric"));
         };
-        let mut rest = bytes.get(HEADER * RECORD..).ok_or_else(|| bad("its header is cut off"))?;
+        let mut rest =
+            bytes.get(HEADER * RECORD..).ok_or_else(|| bad("the header is truncated"))?;
         let mut grids = Vec::new();
         for number in 1..=count {
             let (grid, length) =
                 Ntv2Grid::read(&Ntv2Reader { bytes: rest, is_big }).ok_or_else(|| {
-                    bad(&format!("grid {number} of {count} is cut off, or makes no sense"))
+                    bad(&format!("subgrid {number} of {count} is truncated or invalid"))
                 })?;
             grids.push(grid);
             rest = &rest[length..];
         }
         if grids.is_empty() {
-            return Err(bad("it holds no grid"));
+            return Err(bad("it has no subgrids"));
         }
         Ok(Self { names: [from, to], axes: [axis, others], grids })
     }
 
-    /// What it is called, one way or the other.
+    /// Name of the shift in either direction.
     pub(crate) fn name(&self, is_back: bool) -> String {
         let [from, to] = &self.names;
         let [from, to] = if is_back { [to, from] } else { [from, to] };
-        format!("grid of shifts from {from} to {to}")
+        format!("shift grid from {from} to {to}")
     }
 
-    /// True where it leads from the second datum to the first.
+    /// True if it leads from the second datum to the first.
     ///
     /// # Errors
-    /// One that is of other datums, or that does not say which.
+    /// The grid is for other datums, or does not state them.
     pub(crate) fn is_back(&self, datums: [&Datum; 2]) -> Result<bool> {
         let is = |axis: f64, datum: &Datum| (axis - datum.axis).abs() < 0.5;
         let fits = |[from, to]: [&Datum; 2]| is(self.axes[0], from) && is(self.axes[1], to);
@@ -176,20 +171,20 @@ impl ShiftGrid {
         let [from, to] = datums.map(|datum| datum.name.replace('_', " "));
         let [a, b] = &self.names;
         Error::bad_input(format!(
-            "the grid of shifts is from {a} to {b}, which is not seen to be the way from {from} to {to} or back"
+            "the shift grid from {a} to {b} does not match the datums {from} and {to}"
         ))
-        .remedy("give the grid of these two datums")
+        .remedy("use the shift grid between these two datums")
     }
 
-    /// A place, in radians, on the other datum.
+    /// Shifts a place, in radians, to the other datum.
     pub(crate) fn apply(&self, place: [f64; 2], is_back: bool) -> Result<[f64; 2]> {
         let moved = if is_back { self.undone(place) } else { self.shifted(place) };
         moved.ok_or_else(|| {
             let [longitude, latitude] = place.map(f64::to_degrees);
             Error::bad_input(format!(
-                "the grid of shifts does not hold longitude {longitude:.4}, latitude {latitude:.4}"
+                "the shift grid does not cover longitude {longitude:.4}, latitude {latitude:.4}"
             ))
-            .remedy("give a grid of the whole area")
+            .remedy("use a shift grid that covers the whole area")
         })
     }
 
@@ -199,7 +194,7 @@ impl ShiftGrid {
         Some([longitude - west, latitude + up].map(|seconds| (seconds / 3600.0).to_radians()))
     }
 
-    /// The place that is shifted here.
+    /// The inverse shift.
     fn undone(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         let mut found = place;
         for _ in 0..STEPS {
@@ -213,7 +208,7 @@ impl ShiftGrid {
         None
     }
 
-    /// By the finest grid that holds a place.
+    /// The shift of the finest subgrid that contains a place.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let finer = |a: &&Ntv2Grid, b: &&Ntv2Grid| a.step[0].total_cmp(&b.step[0]);
         let once = 360.0 * 3600.0;
@@ -225,7 +220,7 @@ impl ShiftGrid {
 }
 
 impl Ntv2Grid {
-    /// The grid that a file goes on with, and how many bytes it takes.
+    /// Reads the next subgrid, and its length in bytes.
     fn read(file: &Ntv2Reader<'_>) -> Option<(Self, usize)> {
         let number = |record: usize| file.number(record);
         let sides = [number(4)?, number(5)?, number(6)?, number(7)?];
@@ -251,7 +246,7 @@ impl Ntv2Grid {
             && (east - hair..=far + hair).contains(&west)
     }
 
-    /// Bilinear between four neighbours.
+    /// Bilinear interpolation.
     fn shift(&self, [latitude, west]: [f64; 2]) -> Option<[f64; 2]> {
         let rows = self.shifts.len() / self.columns;
         let cell = |at: f64, count: usize| {
@@ -269,7 +264,7 @@ impl Ntv2Grid {
             corners.iter().zip(weights).map(|(corner, weight)| corner[axis] * weight).sum()
         };
         let shift: [f64; 2] = [part(0), part(1)];
-        // Days of arc are damage.
+        // Shifts of a degree or more are damage.
         shift.iter().all(|seconds| seconds.abs() < 3600.0).then_some(shift)
     }
 }
@@ -398,7 +393,7 @@ mod tests {
             assert!((back[0] - at[0]).abs() < 1e-12 && (back[1] - at[1]).abs() < 1e-12);
         }
         let told = grid.apply(place(7.0, 51.0), false).unwrap_err().to_string();
-        assert!(told.contains("does not hold longitude 7.0000, latitude 51.0000"), "{told}");
+        assert!(told.contains("does not cover longitude 7.0000, latitude 51.0000"), "{told}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! An operation: the way from one system to another.
+//! Coordinate operations between two CRSs.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
@@ -14,26 +14,26 @@ use super::projection::Projection;
 use super::shift::{Ellipsoid, Helmert};
 use super::table::{self, KnownDatumShift};
 
-/// What is known besides the two systems.
+/// Optional inputs of an operation.
 #[derive(Clone, Debug, Default)]
 pub struct CoordinateOperationOptions {
-    /// Where the data lie in the source, if that is known: x and y low, x and y high. The shift of the
-    /// datum is the best one for all of it, and longitudes go on beyond 180 degrees where it does.
+    /// Extent of the data in the source CRS, if known: x and y low, x and y high. The best datum shift for the whole
+    /// extent is used, and longitudes continue beyond 180 degrees where it does.
     pub extent: Option<[f64; 4]>,
-    /// A grid of shifts from the datum of one of the two systems to that of the other.
+    /// Shift grid between the datums of the two CRSs, in either direction.
     pub shift_grid: Option<Arc<ShiftGrid>>,
-    /// Heights of a geoid above the ellipsoid.
+    /// Geoid heights above the ellipsoid.
     pub geoid: Option<Arc<Geoid>>,
 }
 
-/// The way from one system to another, of positions and heights.
+/// A coordinate operation, horizontal and vertical.
 #[derive(Clone)]
 pub struct CoordinateOperation {
     from: Projection,
     to: Projection,
     legs: Vec<DatumShift>,
     rise: HeightOperation,
-    /// The longitude that longitudes of a target in degrees lie around.
+    /// Central longitude of the results in a geographic target.
     about: Option<f64>,
     systems: [Crs; 2],
     name: String,
@@ -41,22 +41,22 @@ pub struct CoordinateOperation {
     notes: Vec<String>,
 }
 
-/// A step between datums; places are longitudes and latitudes in radians.
+/// A datum shift; places are longitudes and latitudes in radians.
 #[derive(Clone)]
 enum DatumShift {
     Helmert { shift: Helmert, ellipsoids: [Ellipsoid; 2], area: AreaOfUse, is_back: bool },
     Grid { grid: Arc<ShiftGrid>, is_back: bool },
 }
 
-/// Millimetres of heights above an ellipsoid that may be left when a shift is undone.
+/// Tolerance, in metres, of ellipsoidal heights when a shift is inverted.
 const LEVEL: f64 = 1e-5;
 
 impl CoordinateOperation {
-    /// From one system to another.
+    /// The operation between two CRSs.
     ///
     /// # Errors
-    /// Systems without a known place on the globe, projections and shifts of datums and heights that are
-    /// not known, and data that lie across the edge of the target's map, each by name.
+    /// CRSs without a known position on the globe, unknown projections, datum shifts and vertical transformations,
+    /// and data across the edge of the target's map; each by name.
     pub fn between(from: &Crs, to: &Crs, options: &CoordinateOperationOptions) -> Result<Self> {
         let target = to.with_heights_of(from);
         let [own, others] = [from.conversion()?, to.conversion()?];
@@ -87,14 +87,14 @@ impl CoordinateOperation {
             |area: &AreaOfUse| area.west < -180.0 || area.east > 180.0 || area.east < area.west;
         if sink.is_geographic() && area.as_ref().is_some_and(is_over) {
             notes.push(
-                "longitudes go on beyond 180 degrees, so that nothing is torn there".to_owned(),
+                "longitudes continue beyond 180 degrees to keep the data contiguous".to_owned(),
             );
         }
         let systems = [from.clone(), target];
         Ok(Self { from: source, to: sink, legs, rise, about, systems, name, accuracy, notes })
     }
 
-    /// To longitudes and latitudes on WGS 84, in degrees. Heights are kept.
+    /// To longitude and latitude on WGS 84, in degrees. Heights are kept.
     ///
     /// # Errors
     /// Like [`between`](Self::between).
@@ -104,7 +104,7 @@ impl CoordinateOperation {
         Self::between(from, &wkt::of_srs("EPSG:4326"), &options)
     }
 
-    /// The way back.
+    /// The inverse operation.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let [from, to] = self.systems.clone();
@@ -127,10 +127,10 @@ impl CoordinateOperation {
         }
     }
 
-    /// A position in the target. It takes some hundred nanoseconds, and nothing is allocated.
+    /// Transforms a position. Takes some hundred nanoseconds, without allocation.
     ///
     /// # Errors
-    /// Positions beyond what a projection reaches, or a shift is made for.
+    /// Positions outside the domain of the projection or of the datum shift.
     pub fn position(&self, at: [f64; 2]) -> Result<[f64; 2]> {
         let mut place = self.from.to_globe(at)?;
         for leg in &self.legs {
@@ -139,10 +139,10 @@ impl CoordinateOperation {
         Ok(self.settled(self.to.of_globe(place)?))
     }
 
-    /// A position and a height in the target. Heights do not move positions.
+    /// Transforms a position and a height. Heights do not affect positions.
     ///
     /// # Errors
-    /// Like [`position`](Self::position); and those beyond what a geoid is known for.
+    /// Like [`position`](Self::position); places without a geoid height.
     pub fn point(&self, [x, y, z]: [f64; 3]) -> Result<[f64; 3]> {
         let [east, north] = self.position([x, y])?;
         let place = |projection: &Projection, at: [f64; 2]| {
@@ -160,7 +160,7 @@ impl CoordinateOperation {
         Ok([east, north, z])
     }
 
-    /// Longitudes where the data are, not where they are cut.
+    /// Moves longitudes next to the data.
     fn settled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         match self.about.filter(|_| self.to.is_geographic()) {
             Some(about) if (x - about).abs() > 180.0 => {
@@ -170,38 +170,38 @@ impl CoordinateOperation {
         }
     }
 
-    /// The system that positions are brought to; with the heights of the source, where it has none.
+    /// The target CRS; with the vertical CRS of the source if it has none.
     pub fn target(&self) -> &Crs {
         &self.systems[1]
     }
 
-    /// The system that positions are in before.
+    /// The source CRS.
     pub fn source(&self) -> &Crs {
         &self.systems[0]
     }
 
-    /// What it does, in a line for people.
+    /// Name of the operation, in one line.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How right positions are, in metres, as EPSG says; 0 where no datum is changed, `None` where it is
-    /// not known, as of a grid of shifts.
+    /// Accuracy of positions in metres, as stated by EPSG; 0 without a datum shift, `None` if unknown, as for a shift
+    /// grid.
     pub fn accuracy(&self) -> Option<f64> {
         self.accuracy
     }
 
-    /// What the user should know.
+    /// Notes for the user.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// True where heights stay the numbers they are.
+    /// True if heights are unchanged.
     pub fn keeps_heights(&self) -> bool {
         matches!(self.rise, HeightOperation::Times(1.0))
     }
 
-    /// True where x and y are kept to the last bit: of two names of one system.
+    /// True if x and y are unchanged, to the last bit.
     pub fn is_null(&self) -> bool {
         let [from, to] = &self.systems;
         from.agrees(to) && matches!(self.rise, HeightOperation::Times(1.0))
@@ -219,7 +219,7 @@ impl DatumShift {
                     let [longitude, latitude, _] = wgs84.of_centre(shift.apply(at));
                     return Ok([longitude, latitude]);
                 }
-                // The place that the shift brings here, which is on the other ellipsoid.
+                // The place on the other ellipsoid that the shift maps to this one.
                 let (mut height, mut found) = (0.0, [0.0; 3]);
                 for _ in 0..4 {
                     let at = wgs84.to_centre([longitude, latitude, height]);
@@ -244,15 +244,15 @@ fn check_area(area: &AreaOfUse, place: [f64; 2]) -> Result<()> {
     let place = format!("longitude {longitude:.4}, latitude {latitude:.4}");
     let AreaOfUse { west, south, east, north } = area;
     Err(Error::unsupported(format!(
-        "{place} lies outside of where the shift of the datum is known, which is from {west} to {east} degrees \
-         of longitude and from {south} to {north} of latitude"
+        "{place} is outside the area of use of the datum shift (longitude {west} to {east}, latitude {south} to \
+             {north})"
     ))
-    .remedy("transform the parts for themselves, or give a grid of shifts (‹shift_grid› FILE)"))
+    .remedy("transform the parts separately, or pass a shift grid (‹shift_grid› FILE)"))
 }
 
 type Way = (Vec<DatumShift>, Option<f64>, String);
 
-/// The way from one datum to another, by WGS 84; what it is called, and how right.
+/// The shift between two datums by way of WGS 84, its name and accuracy.
 fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>) -> Result<Way> {
     if is_one(datums) {
         return Ok((Vec::new(), Some(0.0), "the same datum".to_owned()));
@@ -271,15 +271,14 @@ fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>)
         if known.is_null() && is_alike {
             let name = datum.name.replace('_', " ");
             notes.push(format!(
-                "the datum {name} is taken for WGS 84, which is right to {} m",
+                "the datum {name} is treated as WGS 84 (accuracy {} m)",
                 known.accuracy
             ));
             continue;
         }
         if area.is_some_and(|area| !known.area.holds(area, NEAR)) {
             notes.push(format!(
-                "some of the data lie up to {FAR} degrees outside of the area that {} is made for, and may be \
-                 less right",
+                "some data lie up to {FAR} degrees outside the area of use of {} and may be less accurate",
                 known.name
             ));
         }
@@ -291,10 +290,10 @@ fn shift(datums: [&Datum; 2], area: Option<&AreaOfUse>, notes: &mut Vec<String>)
     Ok((legs, Some(accuracy), names.join(", back by ")))
 }
 
-/// Ellipsoids of the Earth differ by less than this share of their size.
+/// Ellipsoids of the Earth differ by less than this fraction of their size.
 const ONE_BODY: f64 = 0.02;
 
-/// Fails where two datums are of different bodies, as between the Moon and the Earth nothing can be shifted.
+/// Fails if the datums are on different celestial bodies, such as the Moon and the Earth.
 fn check_bodies(datums: [&Datum; 2]) -> Result<()> {
     let [from, to] = datums.map(|datum| datum.axis);
     if (from - to).abs() <= ONE_BODY * from.max(to) {
@@ -302,9 +301,9 @@ fn check_bodies(datums: [&Datum; 2]) -> Result<()> {
     }
     let [a, b] = datums.map(|datum| datum.name.replace('_', " "));
     Err(Error::unsupported(format!(
-        "from the datum {a} to {b}: they are of bodies with radii of {from} and {to} m"
+        "the datums {a} and {b} are on different celestial bodies (radii {from} and {to} m)"
     ))
-    .remedy("name a system of the same body"))
+    .remedy("use a CRS of the same body"))
 }
 
 fn is_one([a, b]: [&Datum; 2]) -> bool {
@@ -315,7 +314,7 @@ fn is_one([a, b]: [&Datum; 2]) -> bool {
     }
 }
 
-/// The shift of a datum to WGS 84 for an area, or the one for the largest area.
+/// The shift of a datum to WGS 84 for an area, or the one with the largest area.
 fn choose(
     datum: &Datum,
     [from, to]: [&Datum; 2],
@@ -330,24 +329,26 @@ fn choose(
             holding(NEAR).or_else(|| holding(FAR))
         }
         (_, None) => known.iter().copied().max_by(|a, b| {
-            // Of several the first counts, which is the best.
+            // The first of several equal ones counts; it is the best.
             a.area.size().total_cmp(&b.area.size()).then(std::cmp::Ordering::Greater)
         }),
     };
     found.ok_or_else(|| {
         let [name, from, to] = [datum, from, to].map(|datum| datum.name.replace('_', " "));
         let place = match first {
-            Some(_) => " that holds for all of the data",
+            Some(_) => " for the whole extent of the data",
             None => "",
         };
         Error::unsupported(format!(
-            "from the datum {from} to {to}: no shift of {name} to WGS 84 is known{place}"
+            "datum {from} to {to}: no shift from {name} to WGS 84 is known{place}"
         ))
-        .remedy("give a grid of shifts (‹shift_grid› FILE), or transform the data with other tools first")
+        .remedy(
+            "pass a shift grid (‹shift_grid› FILE), or reproject the data with GDAL or PDAL first",
+        )
     })
 }
 
-/// The longitudes and latitudes, in degrees, that data in a rectangle of a system lie in.
+/// The area in degrees covered by a rectangle of a CRS.
 fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     const STEPS: u32 = 16;
     let at = |c: u32, r: u32| {
@@ -359,7 +360,7 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     places.extend((0..=STEPS).flat_map(|c| (0..=STEPS).map(move |r| at(c, r))));
     let found: Vec<[f64; 2]> = places.iter().filter_map(|at| system.to_globe(*at).ok()).collect();
     let Some(first) = found.first() else {
-        // None of them has a place: the error of one tells why.
+        // None of them can be transformed: the error of one explains it.
         return system.to_globe(places[0]).map(|_| AreaOfUse {
             west: 0.0,
             south: 0.0,
@@ -369,7 +370,7 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     };
     let near = |longitude: f64| first[0] + (longitude - first[0] + PI).rem_euclid(TAU) - PI;
     let is_geographic = system.is_geographic();
-    // Longitudes that are given are not cut anywhere.
+    // Longitudes of the input are not wrapped.
     let longitude = |at: &[f64; 2], globe: &[f64; 2]| {
         if is_geographic { at[0].to_radians() } else { near(globe[0]) }
     };
@@ -391,16 +392,16 @@ fn area(system: &Projection, [x0, y0, x1, y1]: [f64; 4]) -> Result<AreaOfUse> {
     Ok(AreaOfUse { west, south, east, north })
 }
 
-/// Fails where data lie across the edge of a map.
+/// Fails if data cross the edge of a map.
 fn check_edge(target: &Projection, area: &AreaOfUse, label: &str) -> Result<()> {
     let Some(cut) = target.cut().map(f64::to_degrees) else { return Ok(()) };
     let has_pole = area.east - area.west >= 360.0 && (area.north >= 90.0 || area.south <= -90.0);
     if target.is_geographic() {
         return match has_pole && area.north - area.south < 180.0 {
             true => Err(Error::unsupported(format!(
-                "the data lie around a pole, where {label} is torn"
+                "the data surround a pole, where {label} is discontinuous"
             ))
-            .remedy("name a polar system, such as EPSG:3413 or EPSG:3031")),
+            .remedy("use a polar CRS such as EPSG:3413 or EPSG:3031")),
             false => Ok(()),
         };
     }
@@ -408,10 +409,10 @@ fn check_edge(target: &Projection, area: &AreaOfUse, label: &str) -> Result<()> 
     let is_inside = into > 1e-9 && into < area.east - area.west - 1e-9;
     match is_inside {
         true => Err(Error::unsupported(format!(
-            "the data lie across the meridian of {:.4} degrees, where {label} is torn",
+            "the data cross the meridian {:.4}, where {label} is discontinuous",
             (cut + 180.0).rem_euclid(360.0) - 180.0
         ))
-        .remedy("take the parts on both sides for themselves, or name another system")),
+        .remedy("process both sides separately, or use another CRS")),
         false => Ok(()),
     }
 }

@@ -1,4 +1,4 @@
-//! One system's way to longitudes and latitudes and back, checked at every position.
+//! A projection and its inverse, checked at every position.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -7,20 +7,20 @@ use proj4rs::transform::transform;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Conversion;
 
-/// How far a position may be from where it came from, there and back: a millimetre, in radii of the earth.
+/// Round-trip tolerance: a millimetre, in radii of the earth.
 const SLACK: f64 = 1e-3 / 6_378_137.0;
 
-/// Projections that are cut along the meridian opposite to their own.
+/// Projections with a discontinuity at the meridian opposite to the central one.
 const CUT: [&str; 16] = [
     "longlat", "latlong", "merc", "webmerc", "lcc", "aea", "leac", "eqdc", "eqc", "cea", "mill",
     "moll", "robin", "sinu", "poly", "eqearth",
 ];
 
-/// A system, without its datum: longitudes and latitudes are in radians, on its ellipsoid.
+/// A CRS without its datum: longitudes and latitudes are in radians, on its ellipsoid.
 #[derive(Clone)]
 pub(crate) struct Projection {
     proj: Proj,
-    /// Longitudes and latitudes on the same ellipsoid, from Greenwich on.
+    /// Geographic CRS on the same ellipsoid, from Greenwich.
     globe: Proj,
     label: String,
 }
@@ -30,10 +30,8 @@ impl Projection {
         let open = |text: &str| Proj::from_proj_string(text);
         let name = conversion.proj.split(['=', ' ']).nth(1).unwrap_or_default();
         let refuse = |error: proj4rs::errors::Error| {
-            let what = format!("its projection cannot be computed (\"{name}\": {error})");
-            Error::unsupported(what)
-                .at(&label)
-                .remedy("transform the data to another system with other tools first")
+            let what = format!("the projection \"{name}\" is not supported: {error}");
+            Error::unsupported(what).at(&label).remedy("reproject the data with GDAL or PDAL first")
         };
         let proj = open(&conversion.proj).map_err(refuse)?;
         let (a, b) = proj.ellipse_parameters();
@@ -48,7 +46,7 @@ impl Projection {
         self.proj.is_latlong()
     }
 
-    /// The meridian along which the map is cut, in radians; `None` where there is none.
+    /// The meridian at which the map is discontinuous, in radians, if any.
     pub(crate) fn cut(&self) -> Option<f64> {
         let is_cut = CUT.contains(&self.proj.projname());
         is_cut.then(|| self.proj.longitude_of_origin() + self.proj.from_greenwich() + PI)
@@ -60,7 +58,7 @@ impl Projection {
             let back = self.project(globe)?;
             self.is_near(at, back).then_some(globe)
         });
-        found.ok_or_else(|| self.beyond(at, "beyond what the projection reaches"))
+        found.ok_or_else(|| self.beyond(&format!("{}, {}", at[0], at[1])))
     }
 
     /// The position of a longitude and latitude.
@@ -70,12 +68,12 @@ impl Projection {
             back.is_some_and(|back| is_one_place(globe, back))
         });
         found.ok_or_else(|| {
-            let place = globe.map(f64::to_degrees);
-            self.beyond(place, "longitude and latitude beyond what the projection reaches")
+            let [longitude, latitude] = globe.map(f64::to_degrees);
+            self.beyond(&format!("longitude {longitude}, latitude {latitude}"))
         })
     }
 
-    /// The same, not checked.
+    /// Unchecked inverse projection.
     pub(crate) fn unproject(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let is_geographic = self.is_geographic();
         let mut at = if is_geographic { (x.to_radians(), y.to_radians()) } else { (x, y) };
@@ -105,13 +103,13 @@ impl Projection {
         }
     }
 
-    fn beyond(&self, [x, y]: [f64; 2], what: &str) -> Error {
-        Error::bad_input(format!("{x}, {y} is {what} of {}", self.label))
-            .remedy("leave out what is so far away, or name another system")
+    fn beyond(&self, place: &str) -> Error {
+        Error::bad_input(format!("{place} is outside the domain of {}", self.label))
+            .remedy("clip the data, or use another CRS")
     }
 }
 
-/// True for one place on the globe, in radians.
+/// True for the same place on the globe, in radians.
 fn is_one_place(a: [f64; 2], b: [f64; 2]) -> bool {
     let east = (a[0] - b[0] + PI).rem_euclid(TAU) - PI;
     (east * a[1].cos()).hypot(a[1] - b[1]) <= SLACK

@@ -1,8 +1,8 @@
-//! Shifts of datums that move, turn and scale as one: seven parameters (Helmert).
+//! Datum shifts with seven parameters (Helmert).
 
 use std::f64::consts::PI;
 
-/// An ellipsoid: half of its major axis, and the square of its first eccentricity.
+/// An ellipsoid: semi-major axis and squared first eccentricity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ellipsoid {
     axis: f64,
@@ -12,13 +12,13 @@ pub(crate) struct Ellipsoid {
 impl Ellipsoid {
     pub(crate) const WGS84: Self = Self::new(6_378_137.0, 298.257_223_563);
 
-    /// By the axis in metres and the inverse of the flattening, which is 0 for a sphere.
+    /// From the semi-major axis in metres and the inverse flattening, which is 0 for a sphere.
     pub(crate) const fn new(axis: f64, flattening: f64) -> Self {
         let f = if flattening == 0.0 { 0.0 } else { 1.0 / flattening };
         Self { axis, eccentricity2: f * (2.0 - f) }
     }
 
-    /// From the centre of the earth, in metres, of longitude and latitude in radians and a height.
+    /// Geocentric coordinates in metres of longitude and latitude in radians and a height.
     pub(crate) fn to_centre(self, [longitude, latitude, height]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = latitude.sin_cos();
         let normal = self.axis / (1.0 - self.eccentricity2 * sin * sin).sqrt();
@@ -27,7 +27,7 @@ impl Ellipsoid {
         [out * north, out * east, (normal * (1.0 - self.eccentricity2) + height) * sin]
     }
 
-    /// Longitude, latitude and height of a place: Bowring's steps, until they stand still.
+    /// Longitude, latitude and height of geocentric coordinates, by Bowring's iteration.
     pub(crate) fn of_centre(self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let out = x.hypot(y);
         let ratio = (1.0 - self.eccentricity2).sqrt();
@@ -43,13 +43,13 @@ impl Ellipsoid {
         }
         let (sin, cos) = latitude.sin_cos();
         let normal = self.axis / (1.0 - self.eccentricity2 * sin * sin).sqrt();
-        // Along the upright, so that it holds at a pole, too.
+        // Measured along the normal, so that it holds at the poles, too.
         let height = out * cos + z * sin - self.axis * self.axis / normal;
         [y.atan2(x), latitude, height]
     }
 }
 
-/// A place from the centre of the earth moved, turned and scaled.
+/// Translation, rotation and scale of geocentric coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Helmert {
     matrix: [[f64; 3]; 3],
@@ -57,8 +57,8 @@ pub(crate) struct Helmert {
 }
 
 impl Helmert {
-    /// Of metres, arc-seconds (as position vectors turn) and parts per million. Turns are taken for
-    /// small, as EPSG's formula has them.
+    /// From metres, arc-seconds (position vector convention) and parts per million. Rotations are assumed small, as
+    /// in EPSG's formula.
     pub(crate) fn new([x, y, z, rx, ry, rz, scale]: [f64; 7]) -> Self {
         let [rx, ry, rz] = [rx, ry, rz].map(|seconds| seconds / 3600.0 * PI / 180.0);
         let rows = [[1.0, -rz, ry], [rz, 1.0, -rx], [-ry, rx, 1.0]];
@@ -66,7 +66,7 @@ impl Helmert {
         Self { matrix: rows.map(|row| row.map(|value| value * scale)), move_by: [x, y, z] }
     }
 
-    /// What undoes it, exactly: the matrix is turned round, not its angles.
+    /// The exact inverse: the inverse matrix, not negated angles.
     pub(crate) fn inverse(&self) -> Self {
         let m = &self.matrix;
         let minor = |r: usize, c: usize| {

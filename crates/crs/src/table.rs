@@ -1,32 +1,31 @@
-//! What is known of the shifts of datums to WGS 84: EPSG's operations, each for an area and with its
-//! accuracy. `tools/make_shifts.py` writes the table.
+//! Datum shifts to WGS 84: EPSG operations with area of use and accuracy. `tools/make_shifts.py` writes the table.
 
 use super::area::AreaOfUse;
 
 const SHIFTS: &str = include_str!("shifts.tsv");
 
-/// EPSG code of the datum of WGS 84.
+/// EPSG code of the WGS 84 datum.
 pub(crate) const WGS84: u32 = 6326;
 
-/// A datum that is so near to WGS 84 that EPSG lets it stand for it counts as the same, even where
-/// there are shifts that are said to be better: datums of one family stay together then.
+/// Accuracy in metres up to which EPSG's null shift to WGS 84 is preferred, even over shifts with a better stated
+/// accuracy, so that datums of one family stay together.
 const SAME: f64 = 4.0;
 
-/// A shift of a datum to WGS 84.
+/// A datum shift to WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct KnownDatumShift {
     /// EPSG code of the operation.
     pub(crate) code: u32,
     pub(crate) name: &'static str,
-    /// In metres.
+    /// Accuracy in metres.
     pub(crate) accuracy: f64,
     pub(crate) area: AreaOfUse,
-    /// Metres, arc-seconds, parts per million.
+    /// Parameters: metres, arc-seconds, parts per million.
     pub(crate) numbers: [f64; 7],
 }
 
 impl KnownDatumShift {
-    /// True where positions stay as they are.
+    /// True if positions are unchanged.
     pub(crate) fn is_null(&self) -> bool {
         self.numbers == [0.0; 7]
     }
@@ -48,8 +47,7 @@ impl KnownDatumShift {
     }
 }
 
-/// The shifts of a datum, the one to prefer first: those that leave positions alone, the more accurate,
-/// those of smaller areas, the newer.
+/// The shifts of a datum, the preferred one first: null shifts, then by accuracy, smaller area and newer code.
 pub(crate) fn shifts(datum: u32) -> Vec<KnownDatumShift> {
     let all = SHIFTS.lines().filter_map(KnownDatumShift::of_line);
     let mut own: Vec<KnownDatumShift> =

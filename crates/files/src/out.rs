@@ -215,7 +215,7 @@ mod tests {
         let spool = AppendWriter::spool(&std::env::temp_dir()).unwrap();
         let spool = AppendWriter { file: full(), ..spool };
         for (mut out, remedy) in
-            [(AppendWriter::new(full(), mesh), "another place"), (spool, "‹temp_dir›")]
+            [(AppendWriter::new(full(), mesh), "another folder"), (spool, "‹temp_dir›")]
         {
             let path = out.path().to_path_buf();
             let error = out.write(&vec![0; BUFFER_BYTES]).unwrap_err();

@@ -1,19 +1,18 @@
-//! What formats can hold, checked before the work starts where the size is known, and with every
-//! batch.
+//! Capacity limits of formats, checked in advance where the size is known, and with every batch.
 
 use crate::channels::{VertexCapabilities, VertexChannel};
 use crate::format::MeshFormat;
 use crate::registry::FORMATS;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// What a format can hold.
+/// Capacity limits of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MeshCapacity {
-    /// Most vertices.
+    /// Maximum vertices.
     pub vertices: u64,
-    /// Most triangles.
+    /// Maximum triangles.
     pub triangles: u64,
-    /// Most bytes of file, with the bytes taken by each vertex and triangle.
+    /// Maximum bytes of a file.
     pub bytes: u64,
     /// Bytes of one vertex.
     pub vertex_bytes: u64,
@@ -22,7 +21,7 @@ pub struct MeshCapacity {
 }
 
 impl MeshCapacity {
-    /// Most vertices, triangles and bytes; bytes of one vertex and of one triangle.
+    /// Maximum vertices, triangles and bytes; bytes of a vertex and of a triangle.
     pub(super) const fn new(most: [u64; 3], vertex_bytes: u64, triangle_bytes: u64) -> Self {
         let [vertices, triangles, bytes] = most;
         Self { vertices, triangles, bytes, vertex_bytes, triangle_bytes }
@@ -33,14 +32,14 @@ impl MeshCapacity {
         self.exceeded(0, vertices, triangles).is_none()
     }
 
-    /// Bytes of a file with a mesh of this size, about.
+    /// Approximate file size of a mesh of this size.
     pub fn file_bytes(&self, vertices: u64, triangles: u64) -> u64 {
         vertices
             .saturating_mul(self.vertex_bytes)
             .saturating_add(triangles.saturating_mul(self.triangle_bytes))
     }
 
-    /// The limit that a mesh of this size, with a header of `header` bytes, is beyond.
+    /// The limit that a mesh of this size, with a header of `header` bytes, exceeds.
     fn exceeded(&self, header: u64, vertices: u64, triangles: u64) -> Option<String> {
         let bytes = self.file_bytes(vertices, triangles).saturating_add(header);
         [
@@ -54,8 +53,8 @@ impl MeshCapacity {
     }
 }
 
-/// Fails when a mesh of this size and a header of `header` bytes are beyond `most`, the capacity of
-/// the format called `name`.
+/// Fails if a mesh of this size with a header of `header` bytes exceeds `most`, the capacity of the format called
+/// `name`.
 pub(super) fn check(
     name: &str,
     most: &MeshCapacity,
@@ -67,10 +66,10 @@ pub(super) fn check(
         .map_or(Ok(()), |limit| Err(too_much(name, &limit, vertices, triangles)))
 }
 
-/// The error of a format whose `limit` ("4294967295 bytes") does not suffice.
+/// The error for a mesh that exceeds the `limit` ("4294967295 bytes") of a format.
 pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -> Error {
     let mesh = format!("{vertices} vertices and {triangles} triangles");
-    let message = format!("{name} holds at most {limit}; a mesh of {mesh} or more does not fit");
+    let message = format!("{name} holds at most {limit}; the mesh has at least {mesh}");
     let error = Error::new(ErrorKind::CannotWrite, message);
     match others(|f| f.name != name && (f.most)().holds(vertices, triangles)) {
         names if names.is_empty() => error,
@@ -78,7 +77,7 @@ pub(super) fn too_much(name: &str, limit: &str, vertices: u64, triangles: u64) -
     }
 }
 
-/// Fails when the format called `name` has no room for these channels at vertices.
+/// Fails if the format called `name` does not support these vertex channels.
 pub(super) fn check_channels(
     name: &str,
     carries: VertexCapabilities,
@@ -88,14 +87,14 @@ pub(super) fn check_channels(
         return Ok(());
     }
     let what = match carries {
-        VertexCapabilities::Colours => "colours (three or four bands of 8 bits) at vertices alone",
-        _ => "no channels at vertices",
+        VertexCapabilities::Colours => "only vertex colours (three or four bands of 8 bits)",
+        _ => "no vertex channels",
     };
     let others = others(|f| f.carries.holds(channels));
-    Err(Error::usage(format!("{name} holds {what}")).remedy(format!("write {others}")))
+    Err(Error::usage(format!("{name} supports {what}")).remedy(format!("write {others}")))
 }
 
-/// The names of the formats that would do.
+/// Names of suitable formats.
 fn others(would_do: impl Fn(&MeshFormat) -> bool) -> String {
     let names = FORMATS.iter().filter(|format| would_do(format)).map(|format| format.name);
     names.collect::<Vec<_>>().join(" or ")

@@ -1,11 +1,11 @@
-//! Numbers that vertices have beside their positions: colours, or the values of bands.
+//! Vertex channels: colours or band values.
 
 use terrane_base::error::{Error, Result};
 
-/// How a channel is stored.
+/// Storage type of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChannelKind {
-    /// Whole numbers from 0 to 255.
+    /// Integers from 0 to 255.
     Byte,
     /// An f32.
     Single,
@@ -13,33 +13,33 @@ pub enum ChannelKind {
     Double,
 }
 
-/// A number that every vertex has.
+/// A number per vertex.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VertexChannel {
     /// "red", "green", "blue", "alpha", or "band_7".
     pub name: String,
-    /// How it is stored.
+    /// Storage type.
     pub kind: ChannelKind,
 }
 
-/// What a format has room for at vertices.
+/// Vertex channels supported by a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VertexCapabilities {
-    /// Positions alone.
+    /// Positions only.
     Nothing,
-    /// Three or four bytes: a colour.
+    /// A colour of three or four bytes.
     Colours,
     /// Any channels.
     All,
 }
 
-/// The names of a colour's channels.
+/// Names of the channels of a colour.
 pub(crate) const COLOURS: [&str; 4] = ["red", "green", "blue", "alpha"];
-/// What the names of all others begin with.
+/// Prefix of the names of other channels.
 pub(crate) const BAND: &str = "band_";
 
 impl VertexChannel {
-    /// The channels that bands become: three or four of bytes are a colour, and all others numbers.
+    /// Channels of bands: three or four byte bands are a colour, others are numeric channels.
     pub fn of_bands(bands: &[(u32, ChannelKind)]) -> Vec<Self> {
         let is_colour = matches!(bands.len(), 3 | 4)
             && bands.iter().all(|(_, kind)| *kind == ChannelKind::Byte);
@@ -63,7 +63,7 @@ pub fn is_colour<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> bool {
 }
 
 impl VertexCapabilities {
-    /// True when there is room for these channels.
+    /// True if these channels are supported.
     pub(crate) fn holds(self, channels: &[VertexChannel]) -> bool {
         let names = channels.iter().map(|channel| channel.name.as_str());
         match self {
@@ -74,7 +74,7 @@ impl VertexCapabilities {
     }
 }
 
-/// Fails unless there is a value for each channel of so many vertices, and each can be stored.
+/// Fails unless there is a valid value for each channel of each vertex.
 pub(crate) fn check_values(
     channels: &[VertexChannel],
     vertices: usize,
@@ -82,7 +82,7 @@ pub(crate) fn check_values(
 ) -> Result<()> {
     if values.len() != vertices * channels.len() {
         let (given, needed) = (values.len(), vertices * channels.len());
-        return Err(Error::usage(format!("{given} values for {needed} channels of vertices")));
+        return Err(Error::usage(format!("expected {needed} channel values, found {given}")));
     }
     let fits = |kind: ChannelKind, value: f64| match kind {
         ChannelKind::Byte => value == f64::from(value as u8),
@@ -93,12 +93,12 @@ pub(crate) fn check_values(
     match all.find(|(value, channel)| !fits(channel.kind, **value)) {
         None => Ok(()),
         Some((value, VertexChannel { name, .. })) => {
-            Err(Error::bad_input(format!("a vertex has {value} as {name}, which its type is not")))
+            Err(Error::bad_input(format!("the channel {name} cannot store the value {value}")))
         }
     }
 }
 
-/// Bytes of the colours of sRGB in light, as glTF has them, by value.
+/// Linear intensity of each sRGB byte, as glTF requires.
 pub(crate) fn linear() -> [f32; 256] {
     std::array::from_fn(|value| {
         let c = value as f64 / 255.0;
@@ -106,7 +106,7 @@ pub(crate) fn linear() -> [f32; 256] {
     })
 }
 
-/// The value of a byte that light was made of: exact for what [`linear`] makes, and between two bytes else.
+/// The sRGB byte of a linear intensity: exact for values of [`linear`], interpolated otherwise.
 pub(crate) fn from_linear(light: f32, table: &[f32; 256]) -> f64 {
     match table.binary_search_by(|known| known.total_cmp(&light)) {
         Ok(value) => value as f64,
@@ -117,12 +117,12 @@ pub(crate) fn from_linear(light: f32, table: &[f32; 256]) -> f64 {
     }
 }
 
-/// Opacity, of which a byte is a part of 255.
+/// Opacity of a byte, from 0 to 1.
 pub(crate) fn opacity(value: f64) -> f32 {
     (value / 255.0) as f32
 }
 
-/// The value of a byte that [`opacity`] was made of.
+/// The byte value of an [`opacity`].
 pub(crate) fn from_opacity(share: f32) -> f64 {
     let value = f64::from(share) * 255.0;
     if opacity(value.round()) == share { value.round() } else { value }
@@ -160,7 +160,7 @@ mod tests {
             assert_eq!(from_linear(table[usize::from(value)], &table), f64::from(value));
             assert_eq!(from_opacity(opacity(f64::from(value))), f64::from(value));
         }
-        // Mid grey has a fifth of the light of white.
+        // Mid grey has a fifth of the intensity of white.
         assert!((table[128] - 0.2159).abs() < 1e-4 && (table[10] - 0.003_035).abs() < 1e-6);
         let between = from_linear(f32::midpoint(table[100], table[101]), &table);
         assert!((100.4..100.6).contains(&between), "{between}");
@@ -198,10 +198,10 @@ mod tests {
         }
         assert!(format("PLY").check_channels(&number).is_ok());
         let told = |name, channels| format(name).check_channels(channels).unwrap_err().to_string();
-        assert!(told("GLB", &number).contains("GLB holds colours"));
+        assert!(told("GLB", &number).contains("GLB supports only vertex colours"));
         assert!(told("GLB", &number).ends_with("write PLY"));
         for name in ["STL", "OBJ"] {
-            assert!(told(name, &colour).contains("no channels"), "{}", told(name, &colour));
+            assert!(told(name, &colour).contains("no vertex channels"), "{}", told(name, &colour));
             assert!(told(name, &colour).ends_with("write PLY or GLB-meshopt or GLB"));
         }
     }

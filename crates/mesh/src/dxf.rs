@@ -1,5 +1,5 @@
-//! DXF, as text and of release 12, which every reader knows: a 3DFACE for each triangle, f64. The unit is that of
-//! all coordinates, or none; what else there is to say stands in comments (group 999).
+//! DXF release 12 as text, which every reader supports: a 3DFACE for each triangle, f64. The unit is that of all
+//! coordinates, or none; metadata are in comments (group 999).
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Crs, Point3};
 use terrane_files::AppendWriter;
 
-/// Text has no limit of its own; the bytes are typical ones.
+/// Text has no capacity limit; the bytes are typical values.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX / 3, u64::MAX], 0, 170);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -36,21 +36,20 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     sniff,
 };
 
-/// What begins a binary file.
+/// Start of a binary DXF file.
 const BINARY: &[u8] = b"AutoCAD Binary DXF";
-/// Groups of the coordinates of a face, corner by corner.
+/// Group codes of the coordinates of a face, corner by corner.
 const GROUPS: [[u32; 3]; 4] = [[10, 20, 30], [11, 21, 31], [12, 22, 32], [13, 23, 33]];
-/// Comments that are kept.
+/// Maximum number of comments kept.
 const MOST_COMMENTS: usize = 64;
 
-/// Units of all coordinates: metres in one, the number that stands for it, and its name.
+/// Units: metres per unit, DXF code, name.
 const UNITS: [(f64, u8, &str); 3] =
     [(1.0, 6, "metre"), (0.3048, 2, "foot"), (1200.0 / 3937.0, 21, "US survey foot")];
-/// The variable that tells the unit.
+/// The variable of the unit.
 const UNIT: &str = "$INSUNITS";
 
-/// The number that stands for the unit of all coordinates of a system; 0 for none, where there is no such or
-/// heights have another.
+/// DXF code of the common unit of all coordinates; 0 if there is none.
 fn unit(crs: &Crs) -> u8 {
     let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     let Some(metres) = crs.horizontal_metres() else { return 0 };
@@ -59,7 +58,7 @@ fn unit(crs: &Crs) -> u8 {
     found.map_or(0, |(_, number, _)| *number)
 }
 
-/// The name of the unit that a number stands for.
+/// Name of the unit with a DXF code.
 fn unit_name(number: &[u8]) -> Option<String> {
     let number = String::from_utf8_lossy(number);
     let known = UNITS.iter().find(|(_, known, _)| number.parse() == Ok(*known));
@@ -80,7 +79,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
 
 const END: &[u8] = b"0\nENDSEC\n0\nEOF\n";
 
-/// The pairs of lines at the start of a file.
+/// True if the file begins with DXF groups.
 fn sniff(head: &[u8]) -> bool {
     let mut lines = head.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let mut pair = || Some((lines.next()?, lines.next()?));
@@ -120,7 +119,7 @@ impl MeshEncoder for DxfEncoder {
         body.lines(batch.corners, |corners, text| {
             text.extend_from_slice(b"0\n3DFACE\n8\nTERRAIN\n");
             let [a, b, c] = corners;
-            // A triangle is a face whose last corner is there twice.
+            // A triangle is a face whose last corner is repeated.
             for (groups, corner) in GROUPS.iter().zip([a, b, c, c]) {
                 for (group, value) in groups.iter().zip(corner) {
                     text::push_u64((*group).into(), text);
@@ -137,11 +136,11 @@ impl MeshEncoder for DxfEncoder {
     }
 }
 
-/// The pairs of lines of a file: a number that says what is meant, and a value.
+/// Reader of groups: pairs of lines with a code and a value.
 struct DxfGroupReader<'a> {
     lines: MeshFileLines<'a>,
     code: u32,
-    /// Where the pair began.
+    /// Start of the group.
     start: TextLineMark,
 }
 
@@ -150,7 +149,7 @@ impl<'a> DxfGroupReader<'a> {
         Self { lines: input.lines(mark.offset, mark.line), code: 0, start: mark }
     }
 
-    /// Goes to the next pair; false at the end of the file.
+    /// Reads the next group; false at the end of the file.
     fn advance(&mut self) -> Result<bool> {
         if !self.lines.advance()? {
             return Ok(false);
@@ -159,7 +158,7 @@ impl<'a> DxfGroupReader<'a> {
         self.start = TextLineMark { offset, line, vertices: 0 };
         self.code = self.number()?;
         if !self.lines.advance()? {
-            return Err(self.lines.bad("ends within a group"));
+            return Err(self.lines.bad("truncated group"));
         }
         Ok(true)
     }
@@ -172,7 +171,7 @@ impl<'a> DxfGroupReader<'a> {
         self.code == code && self.value() == value.as_bytes()
     }
 
-    /// The line as a number of some kind.
+    /// Parses the line as a number.
     fn number<T: std::str::FromStr>(&self) -> Result<T> {
         let text = std::str::from_utf8(self.value()).ok();
         text.and_then(|text| text.parse().ok()).ok_or_else(|| {
@@ -181,7 +180,7 @@ impl<'a> DxfGroupReader<'a> {
         })
     }
 
-    /// The corners of the face that has just begun; the pair behind it is at hand then.
+    /// The corners of the current face; then the group after it is current.
     fn face(&mut self) -> Result<[Point3; 3]> {
         let mut corners = [[f64::NAN, f64::NAN, 0.0]; 4];
         while self.advance()? && self.code != 0 {
@@ -202,7 +201,7 @@ impl<'a> DxfGroupReader<'a> {
             return Err(self
                 .lines
                 .unsupported("3DFACE has four corners")
-                .remedy("faces must have three corners each; triangulate it first"));
+                .remedy("triangulate the mesh first"));
         }
         Ok([a, b, c])
     }
@@ -216,12 +215,12 @@ struct DxfSource {
 }
 
 impl DxfSource {
-    /// Goes through the whole file once.
+    /// Scans the whole file once.
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         if input.head(BINARY.len())? == BINARY {
             let error = input.unsupported("is a binary DXF file");
-            return Err(error.remedy("write it as text"));
+            return Err(error.remedy("convert it to ASCII DXF"));
         }
         let mut faces = SparseIndex::new();
         let (mut comments, mut others, mut section) = (Vec::new(), 0_u64, Vec::new());
@@ -250,17 +249,17 @@ impl DxfSource {
             }
         }
         if !is_over {
-            return Err(input.bad("does not end in EOF").remedy("write or copy it again"));
+            return Err(input.bad("EOF is missing").remedy("write or copy the file again"));
         }
         if faces.count() == 0 && comments.is_empty() {
-            return Err(input.unsupported("has no 3DFACE among its entities"));
+            return Err(input.unsupported("has no 3DFACE entities"));
         }
         let info = info(faces.count(), comments, (unit, others));
         drop(pairs);
         Ok(Self { input, faces, info })
     }
 
-    /// Hands `each` the corners of `count` faces from `first` on.
+    /// Passes the corners of `count` faces from `first` to `each`.
     fn scan(&self, first: u64, count: u64, mut each: impl FnMut(u64, [Point3; 3])) -> Result<()> {
         if count == 0 {
             return Ok(());
@@ -282,13 +281,13 @@ impl DxfSource {
                 return Ok(());
             }
         }
-        Err(self.input.bad("has become shorter since it was opened"))
+        Err(self.input.bad("changed while it was read"))
     }
 }
 
 fn info(triangles: u64, comments: Vec<String>, (unit, others): (Option<String>, u64)) -> MeshInfo {
     let others = (others > 0)
-        .then(|| ("passed over".to_owned(), format!("{others} entities that are no 3DFACE")));
+        .then(|| ("passed over".to_owned(), format!("{others} entities other than 3DFACE")));
     let details = unit.map(|unit| ("unit".to_owned(), unit)).into_iter().chain(others).collect();
     let plain = MeshInfo::plain(FORMAT.name, 3 * triangles, triangles);
     MeshInfo { details, indexed: false, ..plain }.with_comments(comments)

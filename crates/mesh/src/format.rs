@@ -16,41 +16,40 @@ use terrane_files::format::FileFormat;
 pub struct MeshFormat {
     /// Short name for `--format` and messages ("PLY").
     pub name: &'static str,
-    /// File name endings, lower case, without the dot.
+    /// File name extensions, lower case, without the dot.
     pub extensions: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
     /// True when z is stored as f32 (heights are then rounded before the error is bounded).
     pub single_precision: bool,
-    /// True when the surface can be closed with walls and a bottom: it is a format of printers, and a print is
-    /// stored in millimetres.
+    /// True if the surface can be closed to a solid: formats for 3D printing, in millimetres.
     pub can_be_solid: bool,
-    /// True when the file always says which length its unit is.
+    /// True if the file always states its length unit.
     pub states_unit: bool,
-    /// True when the file has room for the name of its reference system.
+    /// True if the file can name its CRS.
     pub names_crs: bool,
-    /// Fails where the format cannot say what the coordinates of a system are.
+    /// Fails if the format cannot express the units of a CRS.
     pub admits: fn(&Crs) -> Result<()>,
-    /// Most vertices and triangles the format can hold.
+    /// Capacity limits.
     pub most: fn() -> MeshCapacity,
-    /// What vertices can have beside their positions.
+    /// Supported vertex channels.
     pub carries: VertexCapabilities,
-    /// Starts a file.
+    /// Creates a file.
     pub create: fn(&Path, &MeshHeader, &SinkOptions) -> Result<Box<dyn MeshSink>>,
     /// Opens a file for reading.
     pub open: fn(&Path) -> Result<Box<dyn MeshSource>>,
-    /// True when the first bytes (up to 512) of a file are this format's.
+    /// True if the first bytes (up to 512) of a file are of this format.
     pub sniff: fn(&[u8]) -> bool,
 }
 
 impl MeshFormat {
-    /// Fails with [`ErrorKind::CannotWrite`](terrane_base::error::ErrorKind::CannotWrite) when a mesh of this size
-    /// does not fit into the format; the error names the limit and the formats that would do.
+    /// Fails with [`ErrorKind::CannotWrite`](terrane_base::error::ErrorKind::CannotWrite) if a mesh of this size
+    /// exceeds the capacity; the error names the limit and suitable formats.
     pub fn check_capacity(&self, vertices: u64, triangles: u64) -> Result<()> {
         capacity::check(self.name, &(self.most)(), 0, vertices, triangles)
     }
 
-    /// Fails when the format has no room for these channels; the error names those that do.
+    /// Fails if the format does not support these channels; the error names suitable formats.
     pub fn check_channels(&self, channels: &[VertexChannel]) -> Result<()> {
         capacity::check_channels(self.name, self.carries, channels)
     }

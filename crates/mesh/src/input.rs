@@ -1,4 +1,4 @@
-//! Reading of mesh files at any place: whole records, and lines.
+//! Random access to mesh files: records and lines.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -11,7 +11,7 @@ use terrane_files::read_exact_at;
 
 /// Bytes read at a time.
 const CHUNK_BYTES: u64 = 256 << 10;
-/// Most bytes of one line.
+/// Maximum bytes of a line.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// An open file of known length.
@@ -23,12 +23,12 @@ pub(super) struct MeshFile {
 }
 
 impl MeshFile {
-    /// Opens a plain file.
+    /// Opens a regular file.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let fail = |e| Error::read(path, e);
         let meta = std::fs::metadata(path).map_err(fail)?;
         if !meta.is_file() {
-            return Err(Error::bad_input("not a plain file").in_file(path));
+            return Err(Error::bad_input("not a regular file").in_file(path));
         }
         let file = File::open(path).map_err(fail)?;
         let bytes = file.metadata().map_err(fail)?.len();
@@ -45,17 +45,17 @@ impl MeshFile {
         self.bytes
     }
 
-    /// A complaint about this file.
+    /// An error about this file.
     pub(super) fn bad(&self, message: impl Into<String>) -> Error {
         Error::bad_input(message).in_file(&self.path)
     }
 
-    /// A feature of this file that is not supported.
+    /// An error about an unsupported feature of this file.
     pub(super) fn unsupported(&self, message: impl Into<String>) -> Error {
         Error::unsupported(message).in_file(&self.path)
     }
 
-    /// The first bytes, at most `most`.
+    /// The first bytes of the file, at most `most`.
     pub(super) fn head(&self, most: usize) -> Result<Vec<u8>> {
         let mut head = vec![0; self.bytes.min(most as u64) as usize];
         self.read_at(0, &mut head)?;
@@ -67,8 +67,8 @@ impl MeshFile {
         read_exact_at(&self.file, out, offset).map_err(|e| Error::read(&self.path, e))
     }
 
-    /// Hands `each` the records of `stride` bytes that fill `bytes`, one by one; `place` counts
-    /// them from 0. `bytes` must lie inside the file, which the caller has checked.
+    /// Passes the records of `stride` bytes in the range `bytes` to `each`, numbered from 0. The range must lie
+    /// inside the file.
     pub(super) fn records(
         &self,
         bytes: Range<u64>,
@@ -90,25 +90,25 @@ impl MeshFile {
         Ok(())
     }
 
-    /// What is in `file`, whose errors name `path`.
+    /// A reader of `file` whose errors name `path`.
     pub(super) fn of(file: File, path: &Path) -> Result<Self> {
         let bytes = file.metadata().map_err(|e| Error::read(path, e))?.len();
         Ok(Self { file, path: path.to_path_buf(), bytes })
     }
 
-    /// The bytes from `offset` on.
+    /// The bytes from `offset`.
     pub(super) fn from(&self, offset: u64) -> BufReader<MeshFileCursor<'_>> {
         BufReader::with_capacity(64 << 10, MeshFileCursor { input: self, at: offset })
     }
 
-    /// The lines from byte `offset` on, which is the start of line `number` (from 1).
+    /// The lines from byte `offset`, the start of line `number` (from 1).
     pub(super) fn lines(&self, offset: u64, number: u64) -> MeshFileLines<'_> {
         let reader = self.from(offset);
         MeshFileLines { reader, line: Vec::new(), start: offset, end: offset, number: number - 1 }
     }
 }
 
-/// Reads an input from some place on.
+/// Sequential reader from an offset.
 pub(super) struct MeshFileCursor<'a> {
     input: &'a MeshFile,
     at: u64,
@@ -124,7 +124,7 @@ impl Read for MeshFileCursor<'_> {
     }
 }
 
-/// The lines of a text, one after the other.
+/// Iterator over the lines of a text.
 pub(super) struct MeshFileLines<'a> {
     reader: BufReader<MeshFileCursor<'a>>,
     line: Vec<u8>,
@@ -134,7 +134,7 @@ pub(super) struct MeshFileLines<'a> {
 }
 
 impl MeshFileLines<'_> {
-    /// Goes to the next line; false at the end of the file.
+    /// Reads the next line; false at the end of the file.
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
         self.start = self.end;
@@ -148,18 +148,18 @@ impl MeshFileLines<'_> {
         Ok(read > 0)
     }
 
-    /// The line, without its end.
+    /// The line without its line break.
     pub(super) fn text(&self) -> &[u8] {
         let line = self.line.strip_suffix(b"\n").unwrap_or(&self.line);
         line.strip_suffix(b"\r").unwrap_or(line)
     }
 
-    /// Where the line starts, in bytes.
+    /// Start of the line, in bytes.
     pub(super) fn start(&self) -> u64 {
         self.start
     }
 
-    /// Where the next line starts.
+    /// Start of the next line.
     pub(super) fn end(&self) -> u64 {
         self.end
     }
@@ -169,12 +169,12 @@ impl MeshFileLines<'_> {
         self.number
     }
 
-    /// A complaint about the line.
+    /// An error about the line.
     pub(super) fn bad(&self, message: impl Into<String>) -> Error {
         self.place(Error::bad_input(message))
     }
 
-    /// A feature found in the line that is not supported.
+    /// An error about an unsupported feature of the line.
     pub(super) fn unsupported(&self, message: impl Into<String>) -> Error {
         self.place(Error::unsupported(message))
     }
@@ -184,11 +184,14 @@ impl MeshFileLines<'_> {
     }
 }
 
-/// Fails unless `first .. first + count` are among `most` things called `what`.
+/// Fails unless the range `first .. first + count` is within `most` items called `what`.
 pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Result<()> {
     match first.checked_add(count as u64) {
         Some(end) if end <= most => Ok(()),
-        _ => Err(Error::usage(format!("{count} {what} from {first} on asked of {most}"))),
+        _ => Err(Error::usage(format!(
+            "the range of {count} {what} from {first} exceeds the {most} {what} of the \
+             mesh"
+        ))),
     }
 }
 
@@ -196,8 +199,10 @@ pub(super) fn check_range(what: &str, first: u64, count: usize, most: u64) -> Re
 pub(super) fn check_corners(index: u64, corners: &[u64; 3], vertices: u64) -> Result<()> {
     match corners.iter().find(|&&id| id >= vertices) {
         None => Ok(()),
-        Some(id) => Err(Error::bad_input(format!("vertex {id} does not exist, of {vertices}"))
-            .at(format!("triangle {index}"))),
+        Some(id) => Err(Error::bad_input(format!(
+            "vertex {id} does not exist (the mesh has {vertices} vertices)"
+        ))
+        .at(format!("triangle {index}"))),
     }
 }
 

@@ -1,5 +1,5 @@
-//! LandXML 1.2: one surface, a TIN of points (northing, easting, elevation) and faces, in f64. Its unit is one
-//! for all three coordinates. Dates, which the schema asks for, are always the same, and so are the bytes.
+//! LandXML 1.2: one surface, a TIN of points (northing, easting, elevation) and faces, in f64. All three coordinates
+//! have the same unit. The dates that the schema requires are constant, so equal meshes make equal files.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use terrane_base::limits;
 use terrane_files::AppendWriter;
 use terrane_files::xml::{XmlEvent, XmlStartTag, escaped};
 
-/// Text has no limit of its own; the bytes are typical ones.
+/// Text has no capacity limit; the bytes are typical values.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 52, 32);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -39,7 +39,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     sniff: |head| head.windows(8).any(|some| some == b"<LandXML"),
 };
 
-/// Lengths that a file can be in: what one is called, metres in it, and the units that go with it.
+/// Length units: name, metres per unit, and the system of units.
 const UNITS: [(&str, f64, &str); 3] = [
     ("meter", 1.0, METRIC),
     ("foot", 0.3048, IMPERIAL),
@@ -50,24 +50,26 @@ const METRIC: &str = "Metric areaUnit=\"squareMeter\" volumeUnit=\"cubicMeter\" 
 const IMPERIAL: &str = "Imperial areaUnit=\"squareFoot\" volumeUnit=\"cubicFeet\" \
     temperatureUnit=\"fahrenheit\" pressureUnit=\"inchHG\"";
 
-/// The unit of a system, as an element; what is not known is taken for metres.
+/// The XML element of the unit of a CRS; metres if unknown.
 fn unit(crs: &Crs) -> Result<String> {
     let refused = |why: String| {
-        Error::unsupported(format!("LandXML has one unit of length for x, y and z: {why}"))
+        Error::unsupported(format!("LandXML requires one length unit for x, y and z: {why}"))
             .remedy("write PLY or OBJ, or reproject the data")
     };
     let across = crs.horizontal_metres();
     if across.is_none() && crs.horizontal_unit() == "degree" {
-        return Err(refused("x and y are degrees".to_owned()));
+        return Err(refused("x and y are in degrees".to_owned()));
     }
     let metres = across.unwrap_or(1.0);
     let is = |known: f64, metres: f64| (known / metres - 1.0).abs() < 1e-9;
     if let Some(up) = crs.vertical_metres().filter(|up| !is(*up, metres)) {
-        return Err(refused(format!("one of x is {metres} metres, and one of z {up}")));
+        return Err(refused(format!(
+            "the horizontal unit is {metres} m, the vertical unit {up} m"
+        )));
     }
     let found = UNITS.iter().find(|(_, known, _)| is(*known, metres));
     let (name, _, system) =
-        found.ok_or_else(|| refused(format!("none of its units has {metres} metres")))?;
+        found.ok_or_else(|| refused(format!("no LandXML unit is {metres} m long")))?;
     Ok(format!("<{system} linearUnit=\"{name}\"/>"))
 }
 
@@ -162,12 +164,12 @@ fn push_words<T: Copy>(values: &[T; 3], line: &mut Vec<u8>, push: impl Fn(T, &mu
     }
 }
 
-/// Runs of points whose numbers follow each other, at the most.
+/// Maximum runs of consecutive point ids.
 const MOST_RUNS: u64 = 1 << 20;
-/// Comments that are kept, and bytes of each.
+/// Maximum number of comments kept, and bytes of each.
 const MOST_COMMENTS: usize = 64;
 
-/// Numbers of points, which others refer to: runs of numbers that follow each other, sorted in the end.
+/// Point ids as runs of consecutive numbers, sorted at the end.
 #[derive(Debug, Default)]
 struct LandXmlPointIds {
     runs: Vec<LandXmlPointIdRun>,
@@ -176,9 +178,9 @@ struct LandXmlPointIds {
 
 #[derive(Clone, Copy, Debug)]
 struct LandXmlPointIdRun {
-    /// The number of its first point, and
+    /// Id of the first point.
     number: u64,
-    /// that point's place among all.
+    /// Index of the first point in the file.
     first: u64,
     points: u64,
 }
@@ -191,10 +193,10 @@ impl LandXmlPointIds {
             Some(run) if run.number.checked_add(run.points) == Some(number) => run.points += 1,
             _ => self.runs.push(LandXmlPointIdRun { number, first, points: 1 }),
         }
-        limits::check("runs of numbers of points", self.runs.len() as u64, MOST_RUNS)
+        limits::check("number of runs of point ids", self.runs.len() as u64, MOST_RUNS)
     }
 
-    /// Sorts them. Fails where two points have one number.
+    /// Sorts the runs. Fails if two points have the same id.
     fn complete(&mut self) -> Result<()> {
         self.runs.sort_unstable_by_key(|run| run.number);
         let twice =
@@ -208,7 +210,7 @@ impl LandXmlPointIds {
         }
     }
 
-    /// The place of the point with this number.
+    /// Index of the point with this id.
     fn place(&self, number: u64) -> Option<u64> {
         let after = self.runs.partition_point(|run| run.number <= number);
         let run = self.runs.get(after.checked_sub(1)?)?;
@@ -226,7 +228,7 @@ struct LandXmlSource {
     info: MeshInfo,
 }
 
-/// What is found on the way through a file.
+/// Findings of the scan.
 #[derive(Default)]
 struct LandXmlSummary {
     surfaces: u64,
@@ -238,7 +240,7 @@ struct LandXmlSummary {
 }
 
 impl LandXmlSource {
-    /// Goes through the whole file once.
+    /// Scans the whole file once.
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         let (mut points, mut faces) = (SparseIndex::new(), SparseIndex::new());
@@ -255,7 +257,7 @@ impl LandXmlSource {
                     points.note(mark);
                 }
                 XmlEvent::Start(tag) if tag.local_name() == "F" && found.surfaces > 0 => {
-                    // Faces of others may be there and not be seen.
+                    // Faces of other programs may be invisible.
                     if tag.attribute("i").map_err(place)?.is_none_or(|hidden| hidden != "1") {
                         faces.note(mark);
                     }
@@ -267,8 +269,8 @@ impl LandXmlSource {
         numbers.complete().map_err(|e| e.in_file(path))?;
         if !found.is_landxml || found.surfaces != 1 {
             let count = found.surfaces;
-            let error = Error::unsupported(format!("has {count} surfaces of points and faces"));
-            return Err(error.in_file(path).remedy("give a LandXML file with one"));
+            let error = Error::unsupported(format!("expected one TIN surface, found {count}"));
+            return Err(error.in_file(path).remedy("use a LandXML file with one surface"));
         }
         let info = found.info(points.count(), faces.count());
         drop(xml);
@@ -284,7 +286,9 @@ impl LandXmlSummary {
             self.surfaces += 1;
             let kind = tag.attribute("surfType")?.unwrap_or_default();
             if kind != "TIN" {
-                return Err(Error::unsupported(format!("has a surface of the type {kind:?}")));
+                return Err(Error::unsupported(format!(
+                    "the surface type {kind:?} is not supported"
+                )));
             }
         } else if tag.local_name() == "Metric" || tag.local_name() == "Imperial" {
             self.unit = tag.attribute("linearUnit")?;
@@ -310,7 +314,7 @@ impl LandXmlSummary {
 }
 
 impl LandXmlSource {
-    /// Hands `each` elements from `first` on that are called so and noted in an index, until it has enough.
+    /// Passes indexed elements called `name` from `first` to `each`, until it returns true.
     fn scan(
         &self,
         index: &SparseIndex,
@@ -323,7 +327,7 @@ impl LandXmlSource {
         loop {
             match xml.next()? {
                 XmlEvent::Over => {
-                    return Err(self.input.bad("has become shorter since it was opened"));
+                    return Err(self.input.bad("changed while it was read"));
                 }
                 XmlEvent::Start(tag) if tag.local_name() == name => {
                     if tag.attribute("i")?.is_some_and(|hidden| hidden == "1") {
@@ -388,7 +392,9 @@ mod tests {
         assert!(unit(&crs(32611, "metre")).unwrap().contains("\"meter\""));
         assert!(unit(&Crs::default()).unwrap().contains("\"meter\""));
         assert!(unit(&crs(2263, "")).unwrap().contains("\"USSurveyFoot\""));
-        for (crs, why) in [(crs(4326, ""), "degrees"), (crs(32611, "foot"), "one of z 0.3048")] {
+        for (crs, why) in
+            [(crs(4326, ""), "in degrees"), (crs(32611, "foot"), "vertical unit 0.3048 m")]
+        {
             let error = unit(&crs).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");
         }

@@ -1,7 +1,7 @@
-//! Mesh files: one file per format (sink and reader side by side), and the registry that names them.
+//! Mesh files: one module per format (reader and writer), and the registry.
 //!
-//! CityJSON is not a format here: its vertices are whole numbers of steps, which readers take as 32 bits, and rounding
-//! to a step moves them off the bound.
+//! CityJSON is not supported: its vertices are integers, which readers take as 32 bits, and rounding to a step would
+//! exceed the error bound.
 
 mod capacity;
 mod channels;
@@ -41,7 +41,7 @@ pub use sink::{MeshBatch, MeshHeader, MeshSink, SinkOptions};
 pub use source::{MeshInfo, MeshSource};
 pub use text::plain;
 
-/// Opens a mesh file of any known format, or a folder of meshes that are one.
+/// Opens a mesh file of any known format, or a folder with a split mesh.
 pub fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     if path.is_dir() { split::open(path) } else { registry::open_file(path) }
 }

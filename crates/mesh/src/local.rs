@@ -1,9 +1,9 @@
-//! Positions relative to an origin and in units of the file's own, in f32, for formats that hold no f64.
+//! Positions in f32 relative to an origin with a scale, for formats without f64.
 
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::Point3;
 
-/// Turns world positions into f32 positions relative to an origin, and keeps their bounding box.
+/// Converts world positions to f32 positions relative to an origin, and tracks their bounding box.
 pub(super) struct LocalCoordinates {
     origin: Point3,
     scale: Point3,
@@ -12,13 +12,13 @@ pub(super) struct LocalCoordinates {
 }
 
 impl LocalCoordinates {
-    /// Positions will be relative to `origin`, `scale` stored units to each of the world's.
+    /// Positions relative to `origin`, with `scale` stored units per world unit.
     pub(super) fn new(origin: Point3, scale: Point3) -> Result<Self> {
         if origin.iter().any(|c| !c.is_finite()) {
             return Err(Error::usage("the origin of the mesh is not finite"));
         }
         if !is_scale(&scale) {
-            return Err(Error::usage("the scale of the mesh is not a number above zero"));
+            return Err(Error::usage("the scale of the mesh is not positive and finite"));
         }
         Ok(Self { origin, scale, low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] })
     }
@@ -28,12 +28,12 @@ impl LocalCoordinates {
         self.origin
     }
 
-    /// The scale, where it is not 1.
+    /// The scale, if it is not 1.
     pub(super) fn scale(&self) -> Option<Point3> {
         Some(self.scale).filter(|scale| *scale != [1.0; 3])
     }
 
-    /// Smallest and largest coordinates of all positions so far; (inf, -inf) when there are none.
+    /// Minimum and maximum coordinates so far; (inf, -inf) without positions.
     pub(super) fn bounds(&self) -> [[f32; 3]; 2] {
         [self.low, self.high]
     }
@@ -49,11 +49,11 @@ impl LocalCoordinates {
         local
     }
 
-    /// Fails when a position placed so far is too far away for f32.
+    /// Fails if a position exceeded the range of f32.
     pub(super) fn check(&self) -> Result<()> {
         let out = self.low.contains(&f32::NEG_INFINITY) || self.high.contains(&f32::INFINITY);
         if out {
-            let message = "a position is beyond the range of f32";
+            let message = "a position exceeds the range of f32";
             return Err(Error::new(ErrorKind::CannotWrite, message)
                 .remedy("write PLY or OBJ, or a smaller ‹size›, ‹scale› or ‹exaggerate›"));
         }
@@ -61,12 +61,12 @@ impl LocalCoordinates {
     }
 }
 
-/// True for numbers that positions can be multiplied by, and divided by again.
+/// True for positive, finite factors.
 pub(super) fn is_scale(scale: &Point3) -> bool {
     scale.iter().all(|factor| factor.is_normal() && *factor > 0.0)
 }
 
-/// The world position of a stored one.
+/// World position of a stored position.
 pub(super) fn to_world(stored: Point3, origin: Point3, scale: Point3) -> Point3 {
     std::array::from_fn(|i| origin[i] + stored[i] / scale[i])
 }

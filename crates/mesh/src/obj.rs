@@ -16,7 +16,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::AppendWriter;
 
-/// Text has no limit of its own; the bytes are typical ones.
+/// Text has no capacity limit; the bytes are typical values.
 const MOST: MeshCapacity = MeshCapacity::new([u64::MAX - 1, u64::MAX, u64::MAX], 32, 24);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -40,7 +40,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, ObjEncoder { comments })
 }
 
-/// True when the first line that is not a comment begins as lines of OBJ do.
+/// True if the first line other than a comment begins like OBJ.
 fn sniff(head: &[u8]) -> bool {
     const WORDS: [&[u8]; 11] =
         [b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"l", b"p", b"mtllib", b"usemtl"];
@@ -102,7 +102,7 @@ struct ObjSource {
     info: MeshInfo,
 }
 
-/// A line of an OBJ file that matters here.
+/// A relevant line of an OBJ file.
 enum ObjLine<'a> {
     Vertex(&'a [u8]),
     Face(&'a [u8]),
@@ -120,7 +120,7 @@ fn parse(line: &[u8]) -> ObjLine<'_> {
 }
 
 impl ObjSource {
-    /// Goes through the whole file once.
+    /// Scans the whole file once.
     fn open(path: &Path) -> Result<Self> {
         let input = MeshFile::open(path)?;
         let (mut vertices, mut faces) = (SparseIndex::new(), SparseIndex::new());
@@ -153,8 +153,7 @@ impl ObjSource {
         Ok(Self { input, vertices, faces, info })
     }
 
-    /// Hands `each` the lines from `mark` on, with the number of vertices before each, until it
-    /// says that it has enough.
+    /// Passes the lines from `mark`, with the number of vertices before each, to `each` until it returns true.
     fn scan(
         &self,
         mark: TextLineMark,
@@ -170,11 +169,11 @@ impl ObjSource {
             }
             vertices += u64::from(is_vertex);
         }
-        Err(self.input.bad("has become shorter since it was opened"))
+        Err(self.input.bad("changed while it was read"))
     }
 }
 
-/// Comments before the first vertex are kept, but not without end.
+/// True for comments before the first vertex, up to a maximum number.
 fn is_early(mark: &TextLineMark, kept: usize) -> bool {
     mark.vertices == 0 && kept < 64
 }
@@ -182,7 +181,7 @@ fn is_early(mark: &TextLineMark, kept: usize) -> bool {
 fn check_line(lines: &MeshFileLines<'_>) -> Result<()> {
     let text = lines.text();
     if text.ends_with(b"\\") && !text.trim_ascii_start().starts_with(b"#") {
-        return Err(lines.unsupported("line goes on in the next one"));
+        return Err(lines.unsupported("line continuation is not supported"));
     }
     if text.contains(&0) {
         return Err(lines.bad("is not text"));
@@ -200,11 +199,11 @@ fn check_face(rest: &[u8], lines: &MeshFileLines<'_>) -> Result<()> {
         0..3 => Err(lines.bad("face has fewer than three corners")),
         n => Err(lines
             .unsupported(format!("face has {n} corners"))
-            .remedy("faces must have three corners each; triangulate it first")),
+            .remedy("triangulate the mesh first")),
     }
 }
 
-/// The word as a number of some kind.
+/// Parses the word as a number.
 fn number<T: std::str::FromStr>(word: &[u8], lines: &MeshFileLines<'_>) -> Result<T> {
     let text = std::str::from_utf8(word).ok();
     text.and_then(|text| text.parse().ok()).ok_or_else(|| {
@@ -236,10 +235,9 @@ fn corners(rest: &[u8], before: u64, all: u64, lines: &MeshFileLines<'_>) -> Res
         let index: i64 = number(index, lines)?;
         let from_start = (index > 0).then(|| index.unsigned_abs() - 1);
         let from_end = (index < 0).then(|| before.checked_sub(index.unsigned_abs())).flatten();
-        *id = from_start
-            .or(from_end)
-            .filter(|&id| id < all)
-            .ok_or_else(|| lines.bad(format!("vertex {index} does not exist, of {all}")))?;
+        *id = from_start.or(from_end).filter(|&id| id < all).ok_or_else(|| {
+            lines.bad(format!("vertex {index} does not exist (the mesh has {all} vertices)"))
+        })?;
     }
     Ok(ids)
 }
@@ -283,7 +281,7 @@ impl MeshSource for ObjSource {
     }
 }
 
-/// Goes to the next slot; true when there is none.
+/// Moves to the next slot; true at the end.
 fn advance<'a, T>(slot: &mut &'a mut T, slots: &mut std::slice::IterMut<'a, T>) -> bool {
     match slots.next() {
         Some(next) => {

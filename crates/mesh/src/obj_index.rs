@@ -1,9 +1,9 @@
-//! Where the lines of an OBJ file lie, remembered sparsely in bounded memory.
+//! Sparse index of the lines of a text file, in bounded memory.
 
-/// Most places remembered for one kind of line.
+/// Maximum recorded positions of a kind of line.
 const MOST_MARKS: usize = 1 << 16;
 
-/// A place at the start of a line.
+/// Position of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct TextLineMark {
     /// Byte offset.
@@ -14,7 +14,7 @@ pub(super) struct TextLineMark {
     pub(super) vertices: u64,
 }
 
-/// The places of every `stride`-th line of a kind. The stride doubles whenever they get too many.
+/// Positions of every `stride`-th line of a kind. The stride doubles when there are too many.
 #[derive(Debug)]
 pub(super) struct SparseIndex {
     marks: Vec<TextLineMark>,
@@ -32,12 +32,12 @@ impl SparseIndex {
         Self { marks: Vec::new(), stride: 64, count: 0, most }
     }
 
-    /// Lines noted.
+    /// Number of lines.
     pub(super) fn count(&self) -> u64 {
         self.count
     }
 
-    /// Notes the next line.
+    /// Adds the next line.
     pub(super) fn note(&mut self, mark: TextLineMark) {
         if self.count.is_multiple_of(self.stride) {
             self.make_room();
@@ -48,7 +48,7 @@ impl SparseIndex {
         self.count += 1;
     }
 
-    /// The last remembered line at or before line `wanted`: which one it is, and where.
+    /// The last recorded line at or before line `wanted`: its index and position.
     pub(super) fn before(&self, wanted: u64) -> (u64, TextLineMark) {
         let at = usize::try_from(wanted / self.stride).unwrap_or(usize::MAX);
         let at = at.min(self.marks.len().saturating_sub(1));

@@ -48,7 +48,7 @@ struct PlyEncoder {
     channels: Vec<VertexChannel>,
 }
 
-/// The line of the header for a channel.
+/// Header line of a channel.
 fn property(VertexChannel { name, kind }: &VertexChannel) -> String {
     let scalar = match kind {
         ChannelKind::Byte => "uchar",
@@ -84,7 +84,7 @@ impl MeshEncoder for PlyEncoder {
         &self.channels
     }
 
-    /// A comment takes up the room that larger counts would need.
+    /// The header, padded by a comment to a constant length.
     fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let largest = MeshCounts { vertices: u64::MAX, triangles: u64::MAX };
         let room = self.text(largest, "").len() - self.text(counts, "").len();
@@ -120,7 +120,7 @@ fn vertex_record(point: &Point3) -> [u8; VERTEX_BYTES] {
     bytes
 }
 
-/// Appends a value that its type holds: the sink has checked it.
+/// Appends a value; the sink has checked that its type can store it.
 fn push(kind: ChannelKind, value: f64, record: &mut Vec<u8>) {
     match kind {
         ChannelKind::Byte => record.push(value as u8),
@@ -129,7 +129,7 @@ fn push(kind: ChannelKind, value: f64, record: &mut Vec<u8>) {
     }
 }
 
-/// The ids are below 2^32: the sink has checked them against a number of vertices that fits.
+/// The record of a triangle; the sink has checked that ids are below 2^32.
 fn face_record(ids: &[u64; 3]) -> [u8; FACE_BYTES] {
     let mut bytes = [3; FACE_BYTES];
     let (slots, _) = bytes[1..].as_chunks_mut::<4>();
@@ -162,7 +162,7 @@ impl PlySource {
         Ok(Self { input, header, info })
     }
 
-    /// Hands `each` the records `first .. first + count` of a span.
+    /// Passes the records `first .. first + count` of a span to `each`.
     fn records(
         &self,
         span: PlyElementSpan,
@@ -193,7 +193,7 @@ impl PlySource {
         !big && faces.stride == FACE_BYTES as u64 && types == (PlyScalar::U8, PlyScalar::U32)
     }
 
-    /// The ids of triangle `index`.
+    /// The vertex ids of triangle `index`.
     fn corners(&self, index: u64, record: &[u8]) -> Result<[u64; 3]> {
         let number = |offset: u64, scalar: PlyScalar| {
             scalar.read(record.get(offset as usize..).unwrap_or_default(), self.header.big)
@@ -215,7 +215,7 @@ fn check_length(index: u64, length: f64) -> Result<()> {
     }
     Err(Error::unsupported(format!("has {length} corners"))
         .at(format!("face {index}"))
-        .remedy("faces must have three corners each; triangulate it first"))
+        .remedy("triangulate the mesh first"))
 }
 
 /// The position in a record that begins with three little-endian f64.
@@ -225,7 +225,7 @@ fn native_position(record: &[u8]) -> Option<Point3> {
     Some([x, y, z].map(f64::from_le_bytes))
 }
 
-/// The ids in a record of the form this program writes, if it is a triangle.
+/// The ids of a record in the layout that this program writes, if it is a triangle.
 fn native_corners(record: &[u8]) -> Option<[u64; 3]> {
     let (values, _) = record.strip_prefix(&[3])?.as_chunks::<4>();
     let &[a, b, c] = values.first_chunk::<3>()?;

@@ -1,14 +1,14 @@
-//! The header of a binary PLY file: its elements, and where vertices and faces lie.
+//! The header of a binary PLY file: elements, and the location of vertices and faces.
 
 use crate::channels::{BAND, COLOURS};
 use crate::input::{MeshFile, MeshFileLines};
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 
-/// Most elements, and most properties of one element.
+/// Maximum number of elements, and of properties of an element.
 const MAX_ENTRIES: u64 = 1024;
 
-/// A number type of PLY.
+/// A scalar type of PLY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PlyScalar {
     I8,
@@ -49,7 +49,7 @@ impl PlyScalar {
         matches!(self, Self::F32 | Self::F64)
     }
 
-    /// The number at the start of `bytes`; NaN when they are too few. Exact for every type.
+    /// The number at the start of `bytes`; NaN if they are too few. Exact for every type.
     pub(super) fn read(self, bytes: &[u8], big: bool) -> f64 {
         match self {
             Self::I8 => number(bytes, big, |b: [u8; 1]| i8::from_le_bytes(b).into()),
@@ -72,7 +72,7 @@ fn number<const N: usize>(bytes: &[u8], big: bool, decode: impl Fn([u8; N]) -> f
     decode(bytes)
 }
 
-/// A property of an element: a number, or a list when it has a type for the list's length.
+/// A property of an element: a number, or a list if it has a type for the list's length.
 struct PlyProperty {
     name: String,
     length: Option<PlyScalar>,
@@ -85,7 +85,7 @@ struct PlyElement {
     properties: Vec<PlyProperty>,
 }
 
-/// Where the records of an element lie.
+/// Location of the records of an element.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PlyElementSpan {
     pub(super) offset: u64,
@@ -100,27 +100,27 @@ pub(super) struct PlyField {
     pub(super) scalar: PlyScalar,
 }
 
-/// How vertices and triangles are stored.
+/// Storage of vertices and triangles.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PlyHeader {
     pub(super) big: bool,
     pub(super) vertices: PlyElementSpan,
     pub(super) xyz: [PlyField; 3],
-    /// What vertices have beside: the bytes of a colour, and bands.
+    /// Vertex channels: bytes of a colour, and bands.
     pub(super) channels: Vec<(String, PlyField)>,
     pub(super) faces: PlyElementSpan,
     /// The length of a face's list, which must be 3.
     pub(super) length: PlyField,
-    /// The first of its three items; the others follow it.
+    /// The first of its three items; the others follow.
     pub(super) item: PlyField,
     pub(super) comments: Vec<String>,
 }
 
-/// Reads the header and checks what it says against the length of the file.
+/// Reads the header and checks it against the file length.
 pub(super) fn read(input: &MeshFile) -> Result<PlyHeader> {
     let mut lines = input.lines(0, 1);
     if !lines.advance()? || lines.text() != b"ply" {
-        return Err(lines.bad("does not begin with \"ply\""));
+        return Err(lines.bad("the signature \"ply\" is missing"));
     }
     let mut parser = PlyHeaderParser::default();
     while !parser.line(input, &mut lines)? {}
@@ -135,10 +135,12 @@ struct PlyHeaderParser {
 }
 
 impl PlyHeaderParser {
-    /// Takes one line; true when it is the last of the header.
+    /// Reads a line; true for the last one of the header.
     fn line(&mut self, input: &MeshFile, lines: &mut MeshFileLines<'_>) -> Result<bool> {
         if !lines.advance()? {
-            return Err(input.bad("the header has no end").remedy("write or copy it again"));
+            return Err(input
+                .bad("the header is truncated")
+                .remedy("write or copy the file again"));
         }
         limits::check("PLY header length", lines.end(), limits::MAX_HEADER_BYTES)
             .map_err(|e| e.in_file(input.path()))?;
@@ -149,10 +151,12 @@ impl PlyHeaderParser {
             ["format", format, "1.0"] => self.big = Some(is_big(format, lines)?),
             ["comment", ..] => self.comment(text.trim_start()["comment".len()..].trim()),
             ["obj_info", ..] | [] => {}
-            ["element", "tristrips", ..] => return Err(lines.unsupported("has triangle strips")),
+            ["element", "tristrips", ..] => {
+                return Err(lines.unsupported("triangle strips are not supported"));
+            }
             ["element", name, count] => self.element(name, count, lines)?,
             ["property", rest @ ..] => self.property(rest, lines)?,
-            _ => return Err(lines.bad(format!("no header line of PLY: \"{}\"", text.trim()))),
+            _ => return Err(lines.bad(format!("invalid PLY header line \"{}\"", text.trim()))),
         }
         Ok(false)
     }
@@ -165,14 +169,14 @@ impl PlyHeaderParser {
 
     fn element(&mut self, name: &str, count: &str, lines: &MeshFileLines<'_>) -> Result<()> {
         limits::check("number of PLY elements", self.elements.len() as u64 + 1, MAX_ENTRIES)?;
-        let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is no count")))?;
+        let count = count.parse().map_err(|_| lines.bad(format!("\"{count}\" is not a count")))?;
         self.elements.push(PlyElement { name: name.to_owned(), count, properties: Vec::new() });
         Ok(())
     }
 
     fn property(&mut self, words: &[&str], lines: &MeshFileLines<'_>) -> Result<()> {
         let scalar = |name: &str| {
-            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is no type of PLY")))
+            PlyScalar::parse(name).ok_or_else(|| lines.bad(format!("\"{name}\" is not a PLY type")))
         };
         let property = match *words {
             ["list", length, item, name] => PlyProperty {
@@ -186,7 +190,7 @@ impl PlyHeaderParser {
             _ => return Err(lines.bad("a property needs a type and a name")),
         };
         let element = self.elements.last_mut();
-        let element = element.ok_or_else(|| lines.bad("a property without an element"))?;
+        let element = element.ok_or_else(|| lines.bad("property without an element"))?;
         let count = element.properties.len() as u64 + 1;
         limits::check("number of PLY properties", count, MAX_ENTRIES)?;
         element.properties.push(property);
@@ -211,7 +215,7 @@ impl PlyHeaderParser {
     }
 }
 
-/// What the comment that keeps the header's length constant begins with.
+/// Prefix of the comment that pads the header.
 pub(super) const PADDING: &str = "padding";
 
 fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
@@ -221,12 +225,12 @@ fn is_big(format: &str, lines: &MeshFileLines<'_>) -> Result<bool> {
         "ascii" => {
             Err(lines.unsupported("is an ASCII PLY file").remedy("convert it to binary PLY"))
         }
-        other => Err(lines.bad(format!("\"{other}\" is no format of PLY"))),
+        other => Err(lines.bad(format!("\"{other}\" is not a PLY format"))),
     }
 }
 
 impl PlyHeader {
-    /// Walks along the elements, which follow each other from byte `start` on.
+    /// Locates the elements, which are consecutive from byte `start`.
     fn place(&mut self, input: &MeshFile, elements: &[PlyElement], start: u64) -> Result<()> {
         if !elements.iter().any(|element| element.name == "vertex") {
             return Err(input.bad("has no vertices"));
@@ -243,21 +247,20 @@ impl PlyHeader {
         if offset == input.bytes() { Ok(()) } else { Err(self.surplus(input, offset)?) }
     }
 
-    /// Why there are bytes behind the last record: faces of more than three corners, or something
-    /// that does not belong there.
+    /// The error for bytes after the last record: polygons, or surplus data.
     fn surplus(&self, input: &MeshFile, end: u64) -> Result<Error> {
         let bytes = input.bytes() - end;
-        let message = format!("has {bytes} bytes more than its header accounts for");
+        let message = format!("has {bytes} surplus bytes after the last element");
         let remedy = match self.first_polygon(input)? {
             Some((face, corners)) => {
-                format!("face {face} has {corners} corners, not three: triangulate it first")
+                format!("triangulate the mesh first (face {face} has {corners} corners)")
             }
-            None => "write or copy it again: something was put behind its end".to_owned(),
+            None => "write or copy the file again".to_owned(),
         };
         Ok(input.bad(message).remedy(remedy))
     }
 
-    /// The first face that is no triangle, by its number, and its corners.
+    /// Index and number of corners of the first face other than a triangle.
     fn first_polygon(&self, input: &MeshFile) -> Result<Option<(u64, f64)>> {
         let (PlyElementSpan { offset, stride, count }, mut first) = (self.faces, None);
         if count == 0 {
@@ -274,7 +277,7 @@ impl PlyHeader {
         Ok(first)
     }
 
-    /// Takes in the element that begins at byte `offset`.
+    /// Reads the element that begins at byte `offset`.
     fn element(
         &mut self,
         input: &MeshFile,
@@ -296,14 +299,16 @@ impl PlyHeader {
             let missing = || input.bad(format!("vertices have no property \"{name}\""));
             *field = element.field(|p| p.name == name).ok_or_else(missing)?;
             if !field.scalar.is_real() {
-                return Err(input.unsupported(format!("vertices have a whole number as {name}")));
+                return Err(input.unsupported(format!(
+                    "integer vertex coordinates ({name}) are not supported"
+                )));
             }
         }
         self.channels = element.channels();
         Ok(stride)
     }
 
-    /// The stride of triangles; faces with other numbers of corners are found when read.
+    /// Record length of triangles; other polygons are detected when reading.
     fn face(&mut self, input: &MeshFile, element: &PlyElement) -> Result<u64> {
         let is_corners =
             |p: &PlyProperty| matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
@@ -312,7 +317,7 @@ impl PlyHeader {
         let list = &element.properties[at];
         let length = list.length.ok_or_else(missing)?;
         if length.is_real() || list.item.is_real() {
-            return Err(input.bad("vertex indices are not whole numbers"));
+            return Err(input.bad("vertex indices are not integers"));
         }
         let (before, after) = (&element.properties[..at], &element.properties[at + 1..]);
         let sizes = scalars(before).zip(scalars(after));
@@ -324,20 +329,19 @@ impl PlyHeader {
 }
 
 impl PlyElement {
-    /// Bytes of a record, unless it has lists.
+    /// Record length, unless the element has lists.
     fn scalars(&self) -> Option<u64> {
         scalars(&self.properties)
     }
 
-    /// The first property like this, of an element without lists.
+    /// The first matching property of an element without lists.
     fn field(&self, is_it: impl Fn(&PlyProperty) -> bool) -> Option<PlyField> {
         let at = self.properties.iter().position(is_it)?;
         let offset = scalars(&self.properties[..at])?;
         Some(PlyField { offset, scalar: self.properties[at].item })
     }
 
-    /// The properties that are channels, of an element without lists: red, green, blue and perhaps alpha where
-    /// they are bytes, and bands.
+    /// Channels of an element without lists: red, green, blue and optionally alpha if they are bytes, and bands.
     fn channels(&self) -> Vec<(String, PlyField)> {
         let field = |name: &str| self.field(|p| p.name == name).map(|at| (name.to_owned(), at));
         let bytes = COLOURS.map(|name| field(name).filter(|(_, at)| at.scalar == PlyScalar::U8));
@@ -352,7 +356,11 @@ impl PlyElement {
     fn refused(&self, input: &MeshFile) -> Error {
         let list = self.properties.iter().filter(|p| p.length.is_some());
         let names: Vec<&str> = list.map(|p| p.name.as_str()).collect();
-        input.unsupported(format!("element \"{}\" has lists: {}", self.name, names.join(", ")))
+        input.unsupported(format!(
+            "list properties of element \"{}\" are not supported: {}",
+            self.name,
+            names.join(", ")
+        ))
     }
 }
 
@@ -360,13 +368,13 @@ fn scalars(properties: &[PlyProperty]) -> Option<u64> {
     properties.iter().map(|p| p.length.is_none().then_some(p.item.bytes())).sum()
 }
 
-/// Where the records end, if they are all there.
+/// End of the records, if the file is long enough.
 fn end(input: &MeshFile, element: &PlyElement, span: PlyElementSpan) -> Result<u64> {
     let end = span.count.checked_mul(span.stride).and_then(|bytes| bytes.checked_add(span.offset));
     end.filter(|&end| end <= input.bytes()).ok_or_else(|| {
         let (count, bytes) = (element.count, input.bytes());
         let message =
             format!("{count} elements \"{}\" do not fit into {bytes} bytes", element.name);
-        input.bad(message).remedy("it is truncated, or has been written wrongly")
+        input.bad(message).remedy("write or copy the file again")
     })
 }

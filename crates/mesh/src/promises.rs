@@ -1,4 +1,4 @@
-//! What a mesh promises and what it was made of, as the headers of all formats state it: a line for each.
+//! Guarantees and provenance of a mesh, as stated in the headers of all formats, one line each.
 
 use std::fmt::Display;
 use std::str::FromStr;
@@ -6,24 +6,24 @@ use std::str::FromStr;
 use terrane_base::bound::ErrorBound;
 use terrane_base::error::{Error, Result};
 
-/// Declares [`Promises`]: for each field its type, and the words that its line begins with.
+/// Declares [`Promises`]: type and key of each field.
 macro_rules! promises {
     ($($(#[$doc:meta])+ $field:ident: $type:ty = $key:literal;)+) => {
-        /// What a mesh promises, and what it was made of. Lines are in the order of the fields.
+        /// Guarantees and provenance of a mesh. Lines are in the order of the fields.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Promises {
             $($(#[$doc])+ pub $field: Option<$type>,)+
-            /// Lines with a key whose value is not valid, and stands in none of the fields.
+            /// Lines with a key and an invalid value; the field is not set.
             pub invalid: Vec<String>,
-            /// Lines that begin with none of the keys.
+            /// Lines without a key.
             pub unknown: Vec<String>,
         }
 
         impl Promises {
-            /// What lines begin with.
+            /// Keys of lines.
             pub(super) const KEYS: &[&str] = &[$($key),+];
 
-            /// Key and value of what is stated.
+            /// Keys and values of all statements.
             pub fn statements(&self) -> impl Iterator<Item = (&'static str, String)> {
                 let all = [$(($key, self.$field.as_ref().map(HeaderStatement::to_text))),+];
                 all.into_iter().filter_map(|(key, text)| Some((key, text?)))
@@ -42,35 +42,35 @@ macro_rules! promises {
 }
 
 promises! {
-    /// The label of the reference system. Headers that are written have the system beside.
+    /// Label of the CRS. Written headers state the CRS separately.
     crs: String = "crs";
-    /// The name of the grid or cloud.
+    /// Name of the source grid or point cloud.
     source: String = "source";
     /// The tolerance.
     max_error: MaxError = "max error";
-    /// Where the tolerance holds; at samples where nothing is stated.
+    /// Where the tolerance holds; at samples if not stated.
     bound: ErrorBound = "bound";
-    /// Vertices may lie above or below their samples.
+    /// Heights are fitted: vertices may be above or below their samples.
     fitted: FittedHeights = "fitted";
-    /// How vertices are connected, or the name of a method; Delaunay where nothing is stated.
+    /// Triangulation, or the name of a method; Delaunay if not stated.
     triangulation: String = "triangulation";
-    /// The smallest angle that triangles have in plan, in degrees from 0 to 60.
+    /// Minimum angle of triangles in plan, in degrees from 0 to 60.
     min_angle: f64 = "min angle";
-    /// The file of polygons that the grid was clipped to.
+    /// Clip polygon file.
     clip: String = "clip";
-    /// The file of polygons whose water is level.
+    /// Water polygon file.
     water: String = "water";
-    /// The file of points that are vertices.
+    /// File of mandatory points.
     keep_points: String = "keep points";
-    /// The file of lines that edges follow.
+    /// Breakline file.
     breaklines: String = "breaklines";
-    /// Numbers of the bands, from 1.
+    /// Band numbers, from 1.
     bands: Vec<u32> = "bands";
-    /// What errors in each band are multiplied by.
+    /// Error weights of the bands.
     weights: Vec<f64> = "weights";
-    /// The band that heights are of.
+    /// Band of the heights.
     heights: HeightBand = "heights";
-    /// The reference system of the grid, where vertices were taken to another one.
+    /// CRS of the grid, if the vertices are reprojected.
     transformed_from: String = "transformed from";
 }
 
@@ -81,16 +81,16 @@ impl Promises {
         lines.chain(self.invalid.iter().chain(&self.unknown).cloned()).collect()
     }
 
-    /// Reads lines in any order.
+    /// Parses lines in any order.
     ///
     /// # Errors
-    /// Two lines with one key that differ. One may be more detailed than the other, as "max error 2 metre" is beside
-    /// "max error 2".
+    /// Contradictory lines with the same key. One may be more detailed, such as "max error 2 metre" and "max error
+    /// 2".
     pub fn parse<T: AsRef<str>>(lines: impl IntoIterator<Item = T>) -> Result<Self> {
         let mut all = Self::default();
         for line in lines {
             match line.as_ref().trim() {
-                // How meshes stated this before there was a key for it.
+                // Statement of older versions, before the key existed.
                 "data-dependent triangulation" => all.state("triangulation", "data-dependent")?,
                 line => match Self::KEYS.iter().find_map(|key| Some((key, after(key, line)?))) {
                     Some((key, text)) => all.state(key, text)?,
@@ -103,12 +103,12 @@ impl Promises {
     }
 }
 
-/// The line of a statement.
+/// Line of a statement.
 pub(super) fn line(key: &str, text: &str) -> String {
     format!("{key} {text}").trim_end().to_owned()
 }
 
-/// True for the name and version of this program, and for what its STL files begin with.
+/// True for the name and version of this program, and for the prefix of its STL headers.
 pub(super) fn is_mark(text: &str) -> bool {
     let rest = text.strip_prefix("terrane ");
     rest.is_some_and(|rest| {
@@ -116,13 +116,13 @@ pub(super) fn is_mark(text: &str) -> bool {
     })
 }
 
-/// What comes after a key in a line of its own.
+/// The text after a key on its line.
 fn after<'a>(key: &str, line: &'a str) -> Option<&'a str> {
     let rest = line.strip_prefix(key)?;
     (rest.is_empty() || rest.starts_with(char::is_whitespace)).then(|| rest.trim_start())
 }
 
-/// Puts the value of a text where none is, or one that says less; false where the text is not valid.
+/// Sets an empty field, or replaces a less detailed value; false if the text is invalid.
 fn state<T: HeaderStatement>(known: &mut Option<T>, key: &str, text: &str) -> Result<bool> {
     let Some(value) = T::of_text(text) else { return Ok(false) };
     let old = known.as_ref().map(T::to_text);
@@ -130,8 +130,7 @@ fn state<T: HeaderStatement>(known: &mut Option<T>, key: &str, text: &str) -> Re
         None => *known = Some(value),
         Some(old) if goes_on(&old, text) => {}
         Some(old) => {
-            let message =
-                format!("states \"{key} {old}\" and \"{key} {text}\", which cannot both be");
+            let message = format!("states contradictory \"{key} {old}\" and \"{key} {text}\"");
             return Err(Error::bad_input(message)
                 .remedy("make the mesh again, or remove one of these comments"));
         }
@@ -139,12 +138,12 @@ fn state<T: HeaderStatement>(known: &mut Option<T>, key: &str, text: &str) -> Re
     Ok(true)
 }
 
-/// True when a text is another one, or goes on behind it with more words.
+/// True if a text equals another, or continues it with more words.
 fn goes_on(text: &str, start: &str) -> bool {
     text.strip_prefix(start).is_some_and(|rest| rest.is_empty() || rest.starts_with(' '))
 }
 
-/// A type of values that headers state.
+/// A value type of headers.
 trait HeaderStatement: Sized {
     fn to_text(&self) -> String;
 
@@ -167,7 +166,7 @@ macro_rules! words {
 
 words!(String, ErrorBound);
 
-/// Numbers with commas between them: "3,1".
+/// Comma-separated numbers: "3,1".
 impl<T: Display + FromStr> HeaderStatement for Vec<T> {
     fn to_text(&self) -> String {
         self.iter().map(T::to_string).collect::<Vec<_>>().join(",")
@@ -181,9 +180,9 @@ impl<T: Display + FromStr> HeaderStatement for Vec<T> {
 /// A tolerance: "1.5 metre".
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaxError {
-    /// From 0 up.
+    /// At least 0.
     pub value: f64,
-    /// The unit of heights, where it is known.
+    /// Unit of heights, if known.
     pub unit: Option<String>,
 }
 
@@ -201,7 +200,7 @@ impl HeaderStatement for MaxError {
     }
 }
 
-/// Vertices lie above or below their samples: "heights".
+/// Vertices may be above or below their samples: "heights".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FittedHeights;
 
@@ -215,7 +214,7 @@ impl HeaderStatement for FittedHeights {
     }
 }
 
-/// The smallest angle of a triangle.
+/// Minimum angle of triangles.
 impl HeaderStatement for f64 {
     fn to_text(&self) -> String {
         self.to_string()
@@ -226,7 +225,7 @@ impl HeaderStatement for f64 {
     }
 }
 
-/// What heights are: "band 2", or "none".
+/// Source of heights: "band 2", or "none".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HeightBand {
     /// All vertices are at 0.
@@ -321,7 +320,7 @@ mod tests {
                 prop_oneof![
                     "[ -~]{0,12}",
                     "(band )?[0-9]{1,3}(,[0-9.]{1,4}){0,2}( [a-z]{1,5}){0,2}",
-                    // No NaN, which is not itself.
+                    // Without NaN, which is not equal to itself.
                     (-1e300..1e300).prop_map(|value: f64| value.to_string()),
                     Just("surface".to_owned()),
                     Just("heights".to_owned()),
@@ -352,7 +351,7 @@ mod tests {
             (&[("max error", "1.5 metre")][..], Some(1.5), Some("metre")),
             (&[("comment", "source a.tif"), ("comment", "max error 0.25")], Some(0.25), None),
             (&[("comment", "max errors are small"), ("encoding", "bound surface")], None, None),
-            // The more detailed of two that say the same.
+            // The more detailed of two equivalent statements.
             (&[("max error", "5"), ("comment", "max error 5 foot")], Some(5.0), Some("foot")),
             (&[("max error", "5 foot"), ("comment", "max error 5")], Some(5.0), Some("foot")),
         ] {

@@ -1,4 +1,4 @@
-//! The registry of mesh formats, and the search for the format of a file.
+//! The registry of mesh formats, and format detection.
 
 use std::path::Path;
 
@@ -9,7 +9,8 @@ use terrane_base::error::{Error, Result};
 use terrane_base::registry::offered;
 use terrane_files::format;
 
-/// Every mesh format. A new one is a file in this folder and a line here. Of two whose endings fit, the first is meant.
+/// All mesh formats. A new one is a file in this folder and a line here. If several extensions match, the first
+/// format counts.
 pub const FORMATS: &[MeshFormat] = &[
     ply::FORMAT,
     obj::FORMAT,
@@ -21,14 +22,13 @@ pub const FORMATS: &[MeshFormat] = &[
     dxf::FORMAT,
 ];
 
-/// The format called `name`, or else the one that `path`'s extension stands for (letter case does
-/// not matter). Unknown names and extensions are usage errors that list the known ones.
+/// The format called `name`, or the format of the extension of `path` (ignoring letter case). Unknown names and
+/// extensions are usage errors that list the known ones.
 pub fn by_path(path: &Path, name: Option<&str>) -> Result<&'static MeshFormat> {
     format::by_path(FORMATS, path, name)
 }
 
-/// The format of an existing file: by its first bytes, or else by its extension. `None` when it
-/// is no mesh.
+/// Format of an existing file: by its first bytes, else by its extension. `None` if it is not a mesh.
 pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
     let head = input::MeshFile::open(path)?.head(SNIFF_BYTES)?;
     Ok(FORMATS
@@ -40,18 +40,18 @@ pub fn identify(path: &Path) -> Result<Option<&'static MeshFormat>> {
 /// Opens a mesh file of any known format.
 pub(super) fn open_file(path: &Path) -> Result<Box<dyn MeshSource>> {
     let format = identify(path)?.ok_or_else(|| {
-        Error::bad_input("not a mesh of a known format")
+        Error::bad_input("unknown mesh format")
             .in_file(path)
             .remedy(format!("known formats are {}", offered(FORMATS, |f| f.name.to_owned())))
     })?;
     (format.open)(path)
 }
 
-/// Bytes of a file that [`MeshFormat::sniff`] gets to see.
+/// Bytes of a file passed to [`MeshFormat::sniff`].
 const SNIFF_BYTES: usize = 512;
 
 impl MeshInfo {
-    /// True where the format has room for the name of a reference system, and for all else that is stated.
+    /// True if the format can store the name of the CRS and all statements.
     pub fn names_crs(&self) -> bool {
         FORMATS.iter().all(|format| format.name != self.format || format.names_crs)
     }

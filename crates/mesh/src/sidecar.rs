@@ -1,4 +1,4 @@
-//! The `.prj` file beside a mesh: its coordinate reference system as well-known text.
+//! The `.prj` sidecar of a mesh with its CRS as WKT.
 
 use std::path::{Path, PathBuf};
 
@@ -6,21 +6,19 @@ use terrane_base::error::Result;
 use terrane_base::geom::Crs;
 use terrane_files::atomic::Sidecar;
 
-/// Where the sidecar of the mesh at `mesh_path` lies: `a.ply` has `a.prj`.
+/// Path of the sidecar of the mesh at `mesh_path`: `a.prj` for `a.ply`.
 pub fn prj_path(mesh_path: &Path) -> PathBuf {
     mesh_path.with_extension("prj")
 }
 
-/// Fails when [`write_prj`] would: there is a sidecar that says something else, and `overwrite` is
-/// false.
+/// Fails if [`write_prj`] would: a sidecar with another CRS exists, and `overwrite` is false.
 pub fn check_prj(mesh_path: &Path, crs: &Crs, overwrite: bool) -> Result<()> {
     sidecar(mesh_path, crs, overwrite).map(drop)
 }
 
-/// Writes the sidecar of the mesh at `mesh_path`, whole or not at all, and returns its path; `None`
-/// when there is nothing to say, and then an earlier mesh's is removed. One that says the same already
-/// is left alone: it may be the input's, or another mesh's of the same name. Fails when it exists, says
-/// something else, and `overwrite` is false.
+/// Writes the sidecar of the mesh at `mesh_path` atomically and returns its path; `None` without a CRS, and then the
+/// sidecar of an earlier mesh is removed. A sidecar with the same CRS is kept: it may belong to the input or to
+/// another mesh of the same name. Fails if a sidecar with another CRS exists, and `overwrite` is false.
 pub fn write_prj(mesh_path: &Path, crs: &Crs, overwrite: bool) -> Result<Option<PathBuf>> {
     let sidecar = sidecar(mesh_path, crs, overwrite)?;
     sidecar.commit()?;

@@ -1,5 +1,5 @@
-//! What a mesh is written to, and the sink behind every format: it counts, checks, spools, and completes a file;
-//! an [`MeshEncoder`] knows the bytes.
+//! Mesh sinks, and the common sink of all formats: it counts, checks, spools, and completes a file; a [`MeshEncoder`]
+//! makes the bytes.
 
 use std::fs::File;
 use std::path::Path;
@@ -12,37 +12,34 @@ use terrane_base::geom::{Crs, Point3};
 use terrane_files::atomic::AtomicFile;
 use terrane_files::{AppendWriter, folder_for};
 
-/// What a sink is told before the first batch.
+/// Metadata known before the first batch.
 #[derive(Clone, Debug)]
 pub struct MeshHeader {
     /// Coordinate reference system of the source.
     pub crs: Crs,
-    /// Origin for formats that cannot hold f64 coordinates: they store `position - origin` in f32
-    /// and record the origin. Heights that are f32 stay exact when z of the origin is 0; otherwise
-    /// it is near the heights, so that they lose little.
+    /// Origin for formats without f64 coordinates: they store `position - origin` in f32 and record the origin. f32
+    /// heights stay exact if z of the origin is 0; otherwise it is close to the heights, so that they lose little.
     pub origin: Point3,
-    /// Stored units in one unit of x, y and z, for these formats: they store
-    /// `(position - origin) * scale`, and record the scale where it is not 1.
+    /// Stored units per unit of x, y and z, for these formats: they store `(position - origin) * scale`, and record
+    /// the scale if it is not 1.
     pub scale: Point3,
-    /// The stored unit, "metre" or "millimetre", where it is not that of the coordinates.
+    /// The stored unit, "metre" or "millimetre", if it differs from the unit of the coordinates.
     pub unit: Option<String>,
-    /// World bounding box of everything that can come: (min, max), x and y from the grid;
-    /// z may be NaN when unknown.
+    /// World bounds of all possible vertices: (min, max), x and y from the grid; z may be NaN if unknown.
     pub bounds: [Point3; 2],
-    /// What the file's comments state.
+    /// Statements of the comments.
     pub promises: Promises,
-    /// What vertices have beside their positions.
+    /// Vertex channels.
     pub channels: Vec<VertexChannel>,
 }
 
-/// A run of a mesh. Vertex ids count from 0 in the order vertices are pushed; a triangle may refer
-/// to vertices of this or earlier batches only. Triangles are counter-clockwise seen from above in
-/// world coordinates.
+/// A batch of a mesh. Vertex ids count from 0 in the order of vertices; triangles may refer to vertices of this or
+/// earlier batches only. Triangles are counter-clockwise seen from above in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshBatch<'a> {
     /// New vertices.
     pub vertices: &'a [Point3],
-    /// The values of the header's channels, vertex by vertex.
+    /// Channel values, vertex by vertex.
     pub values: &'a [f64],
     /// Triangles, as vertex ids.
     pub triangles: &'a [[u64; 3]],
@@ -51,9 +48,8 @@ pub struct MeshBatch<'a> {
     pub corners: &'a [[Point3; 3]],
 }
 
-/// Receives a mesh batch by batch, never holding it in memory, and writes it whole or not at all:
-/// the file appears under its final name in [`finish`](MeshSink::finish); dropping the sink
-/// before that leaves nothing.
+/// Writes a mesh in batches, without holding it in memory, and atomically: the file gets its final name in
+/// [`finish`](MeshSink::finish); a dropped sink leaves no file.
 pub trait MeshSink: Send {
     /// True for formats that store triangles by position (STL, DXF), and for solids.
     fn wants_corners(&self) -> bool {
@@ -63,7 +59,7 @@ pub trait MeshSink: Send {
     /// Appends a batch.
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()>;
 
-    /// Completes the file, puts it at its final name, and returns its size in bytes.
+    /// Completes the file, renames it to its final name, and returns its size in bytes.
     fn finish(self: Box<Self>) -> Result<u64>;
 }
 
@@ -72,44 +68,44 @@ pub trait MeshSink: Send {
 pub struct SinkOptions {
     /// Replace an existing file.
     pub overwrite: bool,
-    /// For formats that [can be solids](crate::MeshFormat::can_be_solid): close the surface with walls and a flat bottom at this height.
+    /// For [solid formats](crate::MeshFormat::can_be_solid): closes the surface with walls and a flat bottom at this
+    /// height.
     pub solid_base: Option<f64>,
     /// Directory for spools; the output's own directory when `None`.
     pub temp_dir: Option<std::path::PathBuf>,
 }
 
-/// Vertices and triangles pushed.
+/// Vertices and triangles written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct MeshCounts {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
 }
 
-/// The bytes of a format. A file is a header, the body in the order of the calls, and then what was
-/// put into the tail: a format that wants all vertices before the first triangle puts triangles
-/// there.
+/// Encoder of a format. A file is a header, the body in the order of the calls, and then the tail: a format that
+/// requires all vertices before the first triangle puts triangles there.
 pub(super) trait MeshEncoder: Send {
     /// Short format name of the registry.
     fn name(&self) -> &'static str;
 
-    /// What the file can hold.
+    /// Capacity limits.
     fn most(&self) -> MeshCapacity;
 
-    /// The header of a file of `counts`; it has the same length on every call, because it is
-    /// written first with counts of 0 and again at the end.
+    /// The header for `counts`; its length is constant, because it is written first with counts of 0 and again at the
+    /// end.
     fn header(&self, counts: MeshCounts) -> Vec<u8>;
 
-    /// True when batches must come with corners.
+    /// True if batches need corners.
     fn wants_corners(&self) -> bool {
         false
     }
 
-    /// What vertices have beside their positions.
+    /// Vertex channels.
     fn channels(&self) -> &[VertexChannel] {
         &[]
     }
 
-    /// Encodes a batch that was found sound.
+    /// Encodes a checked batch.
     fn encode(
         &mut self,
         batch: MeshBatch<'_>,
@@ -117,17 +113,17 @@ pub(super) trait MeshEncoder: Send {
         tail: &mut AppendWriter,
     ) -> Result<()>;
 
-    /// True for formats in which the whole is packed once more, by [`pack`](Self::pack).
+    /// True for formats that [`pack`](Self::pack) the whole file at the end.
     fn is_packed(&self) -> bool {
         false
     }
 
-    /// Writes the file from all that was encoded.
+    /// Writes the file from the encoded data.
     fn pack(&self, _whole: File, _to: &File) -> Result<()> {
         Ok(())
     }
 
-    /// Appends to the body and to the tail what can be known only at the end.
+    /// Appends to body and tail at the end.
     fn complete(&mut self, _body: &mut AppendWriter, _tail: &mut AppendWriter) -> Result<()> {
         Ok(())
     }
@@ -142,12 +138,12 @@ pub(super) struct FileSink<E> {
     target: AtomicFile,
     body: AppendWriter,
     tail: AppendWriter,
-    /// True while a push is under way, and for good once one has failed.
+    /// True during a write, and after a failed one.
     broken: bool,
 }
 
 impl<E: MeshEncoder + 'static> FileSink<E> {
-    /// Starts the file at `path`.
+    /// Creates the file at `path`.
     pub(super) fn create(
         path: &Path,
         options: &SinkOptions,
@@ -172,7 +168,7 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
         Ok(Self { encoder, most, header_bytes, counts, target, body, tail, broken: false })
     }
 
-    /// The counts with `batch`, once it is found to fit and to make sense.
+    /// Checks a batch and returns the counts with it.
     fn admit(&self, batch: &MeshBatch<'_>) -> Result<MeshCounts> {
         let counts = MeshCounts {
             vertices: self.counts.vertices + batch.vertices.len() as u64,
@@ -184,7 +180,7 @@ impl<E: MeshEncoder + 'static> FileSink<E> {
         check_finite(batch, self.counts.vertices)?;
         check_values(self.encoder.channels(), batch.vertices.len(), batch.values)?;
         if self.encoder.wants_corners() && batch.corners.len() != batch.triangles.len() {
-            return Err(Error::usage(format!("{name} needs the corners of every triangle")));
+            return Err(Error::usage(format!("{name} requires the corners of every triangle")));
         }
         Ok(counts)
     }
@@ -232,7 +228,7 @@ impl<E: MeshEncoder + 'static> MeshSink for FileSink<E> {
 fn check_ids(triangles: &[[u64; 3]], vertices: u64) -> Result<()> {
     let largest = triangles.iter().flatten().fold(0, |largest, &id| largest.max(id));
     if largest >= vertices && !triangles.is_empty() {
-        let message = format!("a triangle refers to vertex {largest} before it was pushed");
+        let message = format!("a triangle refers to vertex {largest}, which is not written yet");
         return Err(Error::usage(message));
     }
     Ok(())

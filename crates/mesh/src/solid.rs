@@ -1,9 +1,8 @@
-//! The outline of a mesh, found in bounded memory: edges that no second triangle shares.
+//! The outline of a mesh in bounded memory: edges of only one triangle.
 //!
-//! Because triangles arrive place by place, most edges meet their counterpart in a small table of
-//! recent edges. Those that the table has no room for wait in a buffer. A full buffer is sorted and
-//! rid of pairs; when that leaves it more than half full it goes to a file as a sorted run, and
-//! runs are merged (pairs cancelling) when there are many, and at the end.
+//! Because neighbouring triangles arrive together, most edges meet their counterpart in a small table of recent
+//! edges. Evicted edges go to a buffer. A full buffer is sorted and pairs are removed; if it is still more than half
+//! full, it is written to a file as a sorted run. Runs are merged (pairs cancel) when there are many, and at the end.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -28,15 +27,15 @@ const MOST_RUNS: usize = 32;
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct DirectedEdge {
-    /// Ids of the vertices it leads from and to.
+    /// Ids of its start and end vertices.
     pub(super) ids: [u64; 2],
-    /// Positions of both.
+    /// Positions of both vertices.
     pub(super) ends: [[f32; 3]; 2],
 }
 
 const EDGE_BYTES: usize = size_of::<DirectedEdge>();
 
-/// Sorts both directions of an edge next to each other.
+/// Sort key; both directions of an edge are adjacent.
 type Key = (u64, u64, bool);
 
 impl DirectedEdge {
@@ -45,7 +44,7 @@ impl DirectedEdge {
         (from.min(to), from.max(to), from > to)
     }
 
-    /// The slot of this edge, the same for both directions.
+    /// Slot of this edge, the same for both directions.
     fn slot(&self) -> usize {
         const MIX: u64 = 0x9E37_79B9_7F4A_7C15;
         let (low, high, _) = self.key();
@@ -59,51 +58,54 @@ impl DirectedEdge {
 
 /// The flat bottom of a solid.
 pub(super) struct SolidBase {
-    /// As it was given.
+    /// The requested height.
     height: f64,
-    /// Relative to the origin, as stored.
+    /// Stored height relative to the origin.
     stored: f32,
     /// Height of the origin.
     origin: f64,
-    /// Stored units in one of the heights.
+    /// Stored units per unit of heights.
     scale: f64,
 }
 
 impl SolidBase {
-    /// At `height`, which fails where it is known not to be below the surface.
+    /// A base at `height`; fails if it is known not to be below the surface.
     pub(super) fn new(height: f64, header: &MeshHeader) -> Result<Self> {
         let (origin, scale) = (header.origin[2], header.scale[2]);
         let stored = ((height - origin) * scale) as f32;
         if !stored.is_finite() {
-            return Err(Error::usage(format!("a solid cannot have its base at {height}")));
+            return Err(Error::usage(format!(
+                "the base height {height} of the solid is not finite"
+            )));
         }
         let base = Self { height, stored, origin, scale };
         let lowest = ((header.bounds[0][2] - origin) * scale) as f32;
         if lowest.is_nan() { Ok(base) } else { base.check(lowest).map(|()| base) }
     }
 
-    /// As it is stored.
+    /// Stored height.
     pub(super) fn stored(&self) -> f32 {
         self.stored
     }
 
-    /// Fails unless a stored height is above it.
+    /// Fails unless a stored height is above the base.
     pub(super) fn check(&self, stored: f32) -> Result<()> {
         if stored > self.stored {
             return Ok(());
         }
         let (lowest, base) = (self.origin + f64::from(stored) / self.scale, self.height);
-        let message = format!("the surface reaches down to {lowest}, the solid's base {base}");
+        let message =
+            format!("the lowest height {lowest} is not above the base {base} of the solid");
         Err(Error::usage(message).remedy("choose a base below the lowest height"))
     }
 }
 
-/// A stored position at a base.
+/// A stored position moved to the base.
 pub(super) fn lowered([x, y, _]: [f32; 3], base: f32) -> [f32; 3] {
     [x, y, base]
 }
 
-/// Collects edges and hands out those without a counterpart.
+/// Collects edges and returns those without a counterpart.
 pub(super) struct SolidOutline {
     recent: Vec<Option<DirectedEdge>>,
     edges: Vec<DirectedEdge>,
@@ -113,7 +115,7 @@ pub(super) struct SolidOutline {
 }
 
 impl SolidOutline {
-    /// Runs go to anonymous files in `folder`.
+    /// With runs in anonymous files in `folder`.
     pub(super) fn new(folder: &Path) -> Self {
         Self::with_capacity(folder, BUFFER_EDGES)
     }
@@ -132,7 +134,7 @@ impl SolidOutline {
         if self.edges.len() >= self.capacity { self.relieve() } else { Ok(()) }
     }
 
-    /// Cancels the edge with its counterpart, or keeps it in place of an older one.
+    /// Cancels the edge with its counterpart, or stores it in place of an older one.
     fn add(&mut self, edge: DirectedEdge) {
         let slot = &mut self.recent[edge.slot()];
         if slot.is_some_and(|other| other.is_opposite(&edge)) {
@@ -142,7 +144,7 @@ impl SolidOutline {
         }
     }
 
-    /// Hands `each` every edge without a counterpart, sorted by ids whichever way they came.
+    /// Passes every edge without a counterpart to `each`, sorted by ids regardless of direction.
     pub(super) fn complete(
         mut self,
         mut each: impl FnMut(DirectedEdge) -> Result<()>,
@@ -157,7 +159,7 @@ impl SolidOutline {
         merge(self.runs, &mut each)
     }
 
-    /// Makes room in the buffer.
+    /// Empties the buffer.
     fn relieve(&mut self) -> Result<()> {
         cancel_in_place(&mut self.edges);
         if self.edges.len() > self.capacity / 2 {
@@ -183,7 +185,7 @@ impl SolidOutline {
     }
 }
 
-/// Pairs edges off in order of their keys; what is left comes out sorted.
+/// Cancels pairs of edges in sorted order; the rest is returned sorted.
 #[derive(Default)]
 struct EdgePairing {
     waiting: Vec<DirectedEdge>,
@@ -229,7 +231,7 @@ fn cancel_in_place(edges: &mut Vec<DirectedEdge>) {
     edges.truncate(kept);
 }
 
-/// A sorted sequence of edges in a file of its own.
+/// A sorted run of edges in a file.
 struct SortedEdgeRun {
     reader: BufReader<File>,
     left: u64,
@@ -259,7 +261,7 @@ fn unreadable(folder: &Path, error: std::io::Error) -> Error {
     Error::io(ErrorKind::Io, "read a temporary file back", error).in_file(folder)
 }
 
-/// Merges runs into `each`, pairs cancelling.
+/// Merges runs into `each`; pairs cancel.
 fn merge(
     mut runs: Vec<SortedEdgeRun>,
     each: &mut impl FnMut(DirectedEdge) -> Result<()>,

@@ -4,9 +4,9 @@ use crate::promises::{Promises, is_mark, line};
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 
-/// Reads a mesh file out of core (with `pread`, never mapped).
+/// Reads a mesh file out of core (with `pread`, without memory mapping).
 pub trait MeshSource: Send + Sync {
-    /// What the mesh is.
+    /// Metadata.
     fn info(&self) -> &MeshInfo;
 
     /// Reads vertices `first .. first + out.len()` in world coordinates (origin added back).
@@ -16,51 +16,50 @@ pub trait MeshSource: Send + Sync {
     /// Reads triangles `first .. first + out.len()` as vertex ids, in file order.
     fn read_triangles(&self, first: u64, out: &mut [[u64; 3]]) -> Result<()>;
 
-    /// Reads the channels of vertices from `first` on, vertex by vertex: as many values as there are channels,
-    /// for each of `out.len()` / channels vertices.
+    /// Reads the channels of `out.len()`
+    /// channels vertices from `first`, vertex by vertex.
     fn read_channels(&self, first: u64, _out: &mut [f64]) -> Result<()> {
         Err(Error::usage(format!("vertex {first} has no channels")))
     }
 
-    /// The least and the greatest coordinates of vertices, in world coordinates, where the file states them.
+    /// Stated minimum and maximum of vertices, in world coordinates, if any.
     fn stated_bounds(&self) -> Option<[Point3; 2]> {
         None
     }
 }
 
-/// What a mesh file says of itself.
+/// Metadata of a mesh file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshInfo {
-    /// Vertices stored.
+    /// Number of vertices.
     pub vertices: u64,
-    /// Triangles stored.
+    /// Number of triangles.
     pub triangles: u64,
     /// Short format name of the registry.
     pub format: &'static str,
-    /// The origin that has been added back to every position read.
+    /// Origin that is added to every stored position.
     pub origin: Point3,
-    /// What positions were divided by before the origin was added: stored units in one unit of x, y
-    /// and z.
+    /// Scale by which stored positions are divided before the origin is added: stored units per unit of x, y and z.
     pub scale: Point3,
     /// True when positions are stored in f32 (x and y carry rounding of the order of 1e-7 of the
     /// extent).
     pub single_precision: bool,
-    /// True when vertices have an identity of their own, false for STL and DXF.
+    /// True if triangles share vertices; false for STL and DXF.
     pub indexed: bool,
     /// True when the surface is closed with walls and a flat bottom.
     pub solid: bool,
-    /// The `crs` comment, where the file has one.
+    /// The `crs` comment, if any.
     pub crs: Option<String>,
-    /// Where else the file names its reference system: codes ("EPSG:32632") and well-known text.
+    /// Other CRS definitions of the file: codes ("EPSG:32632") and WKT.
     pub systems: Vec<String>,
-    /// What vertices have beside their positions, by name: the three or four of a colour, or bands.
+    /// Names of vertex channels: the three or four of a colour, or bands.
     pub channels: Vec<String>,
-    /// Free facts for `terrane info`.
+    /// Further facts for `terrane info`.
     pub details: Vec<(String, String)>,
 }
 
 impl MeshInfo {
-    /// Shared vertices in double precision, as they are stored, and nothing else known.
+    /// Metadata of an indexed mesh in double precision without further facts.
     pub fn plain(format: &'static str, vertices: u64, triangles: u64) -> Self {
         Self {
             vertices,
@@ -78,8 +77,7 @@ impl MeshInfo {
         }
     }
 
-    /// With comments among the details, and with what they state of the CRS and of channels, unless they contradict
-    /// each other.
+    /// Adds comments to the details, and their statements on the CRS and channels unless they are contradictory.
     pub(super) fn with_comments(mut self, comments: impl IntoIterator<Item = String>) -> Self {
         self.details.extend(comments.into_iter().map(|text| ("comment".to_owned(), text)));
         let promises = self.promises().unwrap_or_default();
@@ -88,17 +86,16 @@ impl MeshInfo {
         self
     }
 
-    /// True when the file bears this program's mark: its name and version, or in STL the recorded
-    /// origin.
+    /// True if the file was written by this program: its name and version, or the recorded origin in STL.
     pub fn is_own(&self) -> bool {
         let keys = ["comment", "generator", "title"];
         self.details.iter().any(|(key, text)| keys.contains(&key.as_str()) && is_mark(text))
     }
 
-    /// What the file states: its comments, its reference system, and details under the name of a key.
+    /// The statements of the file: comments, CRS, and details.
     ///
     /// # Errors
-    /// Those of [`Promises::parse`].
+    /// Errors of [`Promises::parse`].
     pub fn promises(&self) -> Result<Promises> {
         let details = self.details.iter().filter_map(|(name, value)| match name.as_str() {
             "comment" => Some(value.clone()),
@@ -108,10 +105,10 @@ impl MeshInfo {
     }
 }
 
-/// What a mesh of several bands states, fact by fact: `info` tells the last comment of a file only.
+/// Statements of meshes of several bands to list as facts: `info` shows only the last comment of a file.
 const STATED: [&str; 4] = ["max error", "bands", "weights", "heights"];
 
-/// The channels of a mesh and what it states of them, as facts.
+/// Channels of a mesh and the statements on them, as facts.
 fn facts(names: &[String], promises: &Promises) -> Vec<(String, String)> {
     if names.is_empty() {
         return Vec::new();

@@ -1,6 +1,6 @@
-//! Binary STL: triangles by position in f32, with a normal each. The origin stands in the header as
-//! `terrane origin X Y Z`, followed by `scale X Y Z` where stored units are not the world's, and behind it
-//! the bound, as `max error E`. Optionally the surface is closed with walls and a bottom.
+//! Binary STL: triangles by position in f32, with a normal each. The header has the origin as `terrane origin X Y Z`,
+//! then `scale X Y Z` if it is not 1, and statements such as `max error E`. Optionally the surface is closed with
+//! walls and a bottom.
 
 use std::path::Path;
 
@@ -41,7 +41,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 
 const ORIGIN: &str = "terrane origin ";
 const SCALE: &str = " scale ";
-/// The promises that a title has room for, each by the first word of its text, and what they begin with there.
+/// Statements of the title: key and abbreviation.
 const STATED: [[&str; 2]; 5] = [
     ["max error", "max error"],
     ["bound", "bound"],
@@ -49,9 +49,9 @@ const STATED: [[&str; 2]; 5] = [
     ["min angle", "min angle"],
     ["triangulation", "by"],
 ];
-/// What stands for the longest name of a triangulation: triangles may be any.
+/// Abbreviation of the longest name of a triangulation.
 const ANY: [&str; 2] = ["any", "data-dependent"];
-/// Words of a title up to the origin's last number: see [`ORIGIN`].
+/// Words of a title up to the end of the origin: see [`ORIGIN`].
 const PLACE_WORDS: usize = 5;
 const TITLE_BYTES: usize = 80;
 const HEADER_BYTES: u64 = 84;
@@ -69,7 +69,7 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, encoder)
 }
 
-/// Promises in short, without units: " max error 1.5 bound surface fitted heights".
+/// Abbreviated statements without units: " max error 1.5 bound surface fitted heights".
 fn stated(promises: &Promises) -> String {
     let all: Vec<_> = promises.statements().collect();
     let short = |[key, short]: [&str; 2]| {
@@ -80,8 +80,8 @@ fn stated(promises: &Promises) -> String {
     STATED.into_iter().filter_map(short).collect()
 }
 
-/// The first 80 bytes. Where the origin and the scale leave no room for the promises, the file states none; but
-/// a file of fitted heights or with a smallest angle has to.
+/// The first 80 bytes. If origin and scale leave no space for the statements, they are omitted; with fitted heights
+/// or a minimum angle, this is an error.
 fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[u8; TITLE_BYTES]> {
     let numbers = |point: Point3| point.map(text::f64_text).join(" ");
     let scale = scale.map(|scale| format!("{SCALE}{}", numbers(scale))).unwrap_or_default();
@@ -90,14 +90,14 @@ fn title(origin: Point3, scale: Option<Point3>, promises: &Promises) -> Result<[
         return Err(Error::usage(format!("the origin {origin:?} does not fit into an STL header")));
     }
     let needed = [
-        (promises.fitted.is_some(), "‹fit›", "that heights are fitted"),
+        (promises.fitted.is_some(), "‹fit›", "the note on fitted heights"),
         (promises.min_angle.is_some(), "‹min_angle›", "the smallest angle"),
     ];
     let stated = stated(promises);
     if text.len() + stated.len() <= TITLE_BYTES {
         text += &stated;
     } else if let Some((_, option, what)) = needed.into_iter().find(|(is_needed, ..)| *is_needed) {
-        return Err(Error::usage(format!("an STL header has no room to state {what}"))
+        return Err(Error::usage(format!("the STL header has no space for {what}"))
             .remedy(format!("write PLY, OBJ or GLB, or leave {option} out")));
     }
     let mut title = [b' '; TITLE_BYTES];
@@ -109,7 +109,7 @@ struct StlEncoder {
     local: LocalCoordinates,
     title: [u8; TITLE_BYTES],
     solid: Option<SolidFacets>,
-    /// Triangles written, those of the bottom included.
+    /// Triangles written, including those of the bottom.
     written: u64,
 }
 
@@ -172,11 +172,10 @@ impl MeshEncoder for StlEncoder {
     }
 }
 
-/// What turns a surface into a solid: every triangle once more at the bottom, turned around, and
-/// two upright triangles under every edge of the outline. Each edge then has as many triangles one
-/// way as the other: one each, but two each where two voids touch at a corner, along the upright
-/// edge under that vertex. STL tells vertices by their positions, so no choice of triangles makes
-/// that edge two; every loop of the outline has walls of its own, closed by themselves.
+/// Converts a surface to a solid: every triangle is repeated at the bottom, reversed, and two upright triangles are
+/// added under every edge of the outline. Then each edge has one triangle in each direction, or two under a vertex
+/// where two voids touch. STL identifies vertices by position, so this cannot be avoided; every loop of the outline
+/// has closed walls of its own.
 struct SolidFacets {
     base: SolidBase,
     outline: SolidOutline,
@@ -190,7 +189,7 @@ impl SolidFacets {
     }
 }
 
-/// The triangle of the bottom under one of the surface.
+/// The bottom triangle under a triangle of the surface.
 fn beneath([a, b, c]: Corners, base: f32) -> Corners {
     [c, b, a].map(|p| lowered(p, base))
 }
@@ -213,7 +212,7 @@ fn record(corners: &Corners) -> [u8; TRIANGLE_BYTES] {
     bytes
 }
 
-/// The unit normal of a triangle, or zeros where it has none.
+/// Unit normal of a triangle; zeros if degenerate.
 fn normal([a, b, c]: &Corners) -> [f32; 3] {
     let minus = |p: &[f32; 3], q: &[f32; 3]| [0, 1, 2].map(|i| f64::from(p[i]) - f64::from(q[i]));
     let (u, v) = (minus(b, a), minus(c, a));
@@ -236,13 +235,13 @@ impl StlSource {
         let (Some(title), Some(count)) =
             (head.first_chunk::<TITLE_BYTES>(), head.last_chunk::<4>())
         else {
-            return Err(refusal(&input, "too short for an STL file"));
+            return Err(refusal(&input, "file is too short for STL"));
         };
         let triangles = u64::from(u32::from_le_bytes(*count));
         let expected = HEADER_BYTES + triangles * TRIANGLE_BYTES as u64;
         if head.len() as u64 != HEADER_BYTES || input.bytes() != expected {
-            let (found, says) = (input.bytes(), format!("{triangles} triangles take {expected}"));
-            return Err(refusal(&input, &format!("has {found} bytes, but its {says}")));
+            let (found, says) = (input.bytes(), format!("{expected} ({triangles} triangles)"));
+            return Err(refusal(&input, &format!("has {found} bytes, expected {says}")));
         }
         let known = place(title);
         let (origin, scale) = known.unwrap_or(([0.0; 3], [1.0; 3]));
@@ -261,8 +260,7 @@ impl StlSource {
     }
 }
 
-/// What a title of ours states behind the origin and the scale: a word for each key, and what is no statement as
-/// a comment.
+/// Statements of a title of this program after origin and scale: a word for each key; other words are a comment.
 fn statements(title: &str) -> Vec<(String, String)> {
     let all: Vec<&str> = title.split_whitespace().collect();
     let scale = if all.get(PLACE_WORDS) == Some(&SCALE.trim()) { 4 } else { 0 };
@@ -288,8 +286,8 @@ fn statements(title: &str) -> Vec<(String, String)> {
     stated
 }
 
-/// True where the second of our triangles is the first one at the bottom: see [`SolidFacets`]. No surface seen
-/// from above goes on like that.
+/// True if the second triangle is the first one at the bottom: see [`SolidFacets`]. Surfaces never have such a
+/// sequence.
 fn is_solid(input: &MeshFile, triangles: u64) -> Result<bool> {
     if triangles < 2 {
         return Ok(false);
@@ -305,13 +303,13 @@ fn is_solid(input: &MeshFile, triangles: u64) -> Result<bool> {
     Ok(top.iter().all(|p| p[2] > base) && bottom == beneath(top, base))
 }
 
-/// Why a file of the wrong length is not read.
+/// The error for a file of the wrong length.
 fn refusal(input: &MeshFile, message: &str) -> Error {
     match input.head(512) {
         Ok(head) if is_ascii(&head) => {
             input.unsupported("is an ASCII STL file").remedy("convert it to binary STL, PLY or OBJ")
         }
-        _ => input.bad(message).remedy("write or copy it again"),
+        _ => input.bad(message).remedy("write or copy the file again"),
     }
 }
 
@@ -320,14 +318,14 @@ fn is_ascii(head: &[u8]) -> bool {
     text.starts_with(b"solid") && text.windows(5).any(|word| word == b"facet")
 }
 
-/// The origin and the scale in a title of ours.
+/// Origin and scale of a title of this program.
 fn place(title: &[u8; TITLE_BYTES]) -> Option<(Point3, Point3)> {
     let text = std::str::from_utf8(title).ok()?.strip_prefix(ORIGIN)?;
     let scale = text.split_once(SCALE).map_or(Some([1.0; 3]), |(_, rest)| numbers(rest))?;
     Some((numbers(text)?, scale)).filter(|(_, scale)| is_scale(scale))
 }
 
-/// Three finite numbers at the start of a text; other words may follow.
+/// Three finite numbers at the start of a text.
 fn numbers(text: &str) -> Option<Point3> {
     let words = text.split_whitespace().take(3).map(|word| word.parse().ok());
     let point: Point3 = words.collect::<Option<Vec<f64>>>()?.try_into().ok()?;

@@ -24,8 +24,8 @@ pub(super) fn push_u64(value: u64, text: &mut Vec<u8>) {
     push_json(&value, text);
 }
 
-/// The JSON writer formats numbers three times as fast as the standard library (57 against 190 ns on
-/// coordinates), and JSON's numbers are numbers to readers of OBJ and STL too.
+/// The JSON writer formats numbers three times as fast as the standard library (57 against 190 ns on coordinates),
+/// and readers of OBJ and STL parse JSON numbers.
 fn push_json(value: &impl serde::Serialize, text: &mut Vec<u8>) {
     // Writing a number into a vector cannot fail.
     let _ = serde_json::to_writer(text, value);
@@ -38,13 +38,13 @@ pub(super) fn f64_text(value: f64) -> String {
     text.iter().map(|&byte| char::from(byte)).collect()
 }
 
-/// The comment lines of a mesh file: who wrote it, its CRS, and what it promises.
+/// Comment lines of a mesh file: generator, CRS, and statements.
 pub(super) fn comments(header: &MeshHeader) -> Vec<String> {
     let crs = (!header.crs.is_unknown()).then(|| header.crs.label());
     signed(&Promises { crs, ..header.promises.clone() })
 }
 
-/// Who wrote a mesh, and what it promises. One line each and plain ASCII, because PLY readers insist on both.
+/// Generator and statements, one ASCII line each, as PLY readers require.
 pub(super) fn signed(promises: &Promises) -> Vec<String> {
     std::iter::once(generator()).chain(promises.to_lines()).map(|line| plain(&line)).collect()
 }
@@ -54,7 +54,7 @@ pub(super) fn generator() -> String {
     concat!("terrane ", env!("CARGO_PKG_VERSION")).to_owned()
 }
 
-/// A line as comments hold it: printable ASCII, with a question mark for all else.
+/// A comment line: printable ASCII, with question marks for other characters.
 pub fn plain(line: &str) -> String {
     line.chars().map(|c| if c.is_ascii() && !c.is_ascii_control() { c } else { '?' }).collect()
 }

@@ -1,4 +1,4 @@
-//! XML of meshes, read from any element on, with places in errors.
+//! XML reader of meshes that can start at any element, with positions in errors.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -15,23 +15,23 @@ pub(super) struct MeshXmlReader<'a> {
 }
 
 impl<'a> MeshXmlReader<'a> {
-    /// The document from `offset` on, where an element begins.
+    /// The document from `offset`, the start of an element.
     pub(super) fn new(input: &'a MeshFile, offset: u64) -> Self {
         Self { inner: xml::XmlReader::within(input.from(offset), offset), path: input.path() }
     }
 
-    /// Where the next part begins, in bytes.
+    /// Offset of the next event in bytes.
     pub(super) fn offset(&self) -> u64 {
         self.inner.offset()
     }
 
-    /// The next part.
+    /// The next event.
     pub(super) fn next(&mut self) -> Result<XmlEvent> {
         let at = self.offset();
         self.inner.next().map_err(|e| e.in_file(self.path).at(format!("byte {at}")))
     }
 
-    /// The text of the element at hand, to its end.
+    /// The text of the current element, to its end.
     pub(super) fn text(&mut self) -> Result<String> {
         let mut all = String::new();
         let mut open = 1;
@@ -40,15 +40,15 @@ impl<'a> MeshXmlReader<'a> {
                 XmlEvent::Start(_) => open += 1,
                 XmlEvent::Text(text) => all += &text,
                 XmlEvent::End => open -= 1,
-                XmlEvent::Over => return Err(self.bad("ends in the middle of an element")),
+                XmlEvent::Over => return Err(self.bad("truncated element")),
             }
-            limits::check("length of a text in XML", all.len() as u64, limits::MAX_HEADER_BYTES)
+            limits::check("length of an XML text", all.len() as u64, limits::MAX_HEADER_BYTES)
                 .map_err(|e| self.place(e))?;
         }
         Ok(all)
     }
 
-    /// The text of the element at hand: three numbers.
+    /// Three numbers of the text of the current element.
     pub(super) fn three<T: std::str::FromStr + Copy>(&mut self, what: &str) -> Result<[T; 3]> {
         let text = self.text()?;
         let mut words = text.split_ascii_whitespace();
@@ -62,18 +62,18 @@ impl<'a> MeshXmlReader<'a> {
         }
     }
 
-    /// A complaint about this place.
+    /// An error at this position.
     pub(super) fn bad(&self, message: impl Into<String>) -> Error {
         self.place(Error::bad_input(message))
     }
 
-    /// Says of an error where it was found.
+    /// Attaches the position to an error.
     pub(super) fn place(&self, error: Error) -> Error {
         error.in_file(self.path).at(format!("byte {}", self.offset()))
     }
 }
 
-/// An attribute that is there, as a number of some kind.
+/// A required numeric attribute.
 pub(super) fn number<T: std::str::FromStr>(tag: &XmlStartTag, name: &str) -> Result<T> {
     let text = tag
         .value(name)?
@@ -81,7 +81,7 @@ pub(super) fn number<T: std::str::FromStr>(tag: &XmlStartTag, name: &str) -> Res
     parsed(text.trim())
 }
 
-/// The word as a number of some kind.
+/// Parses the word as a number.
 fn parsed<T: std::str::FromStr>(word: &str) -> Result<T> {
     word.parse().map_err(|_| {
         let word: String = word.chars().take(40).collect();

@@ -1,4 +1,4 @@
-//! Options in files, by their names: `#[serde(with = "terrane_options::as_map")]`.
+//! Serialisation of options by name: `#[serde(with = "terrane_options::as_map")]`.
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -9,15 +9,15 @@ use crate::{Options, check, fill, noted};
 /// Writes all values by name, as they are [noted].
 ///
 /// # Errors
-/// Those of the writer.
+/// Errors of the writer.
 pub fn serialize<O: Options, S: Serializer>(options: &O, out: S) -> Result<S::Ok, S::Error> {
     noted(options).serialize(out)
 }
 
-/// Reads values by name; others are at their defaults.
+/// Reads values by name; others have their defaults.
 ///
 /// # Errors
-/// Those of the reader; a name of no option; a value that is none, or goes with no other.
+/// Errors of the reader; unknown names, invalid values and combinations.
 pub fn deserialize<'a, O: Options, D: Deserializer<'a>>(from: D) -> Result<O, D::Error> {
     let given = Map::<String, Json>::deserialize(from)?;
     let options: O = fill(&given).map_err(D::Error::custom)?;

@@ -1,4 +1,4 @@
-//! Values as texts and as JSON.
+//! Values as text and as JSON.
 
 use std::marker::PhantomData;
 
@@ -6,21 +6,21 @@ use serde_json::Value as Json;
 
 use crate::table::{ChoiceName, OptionArity, OptionKind};
 
-/// How values of a type are written, as texts and as JSON. All that a door is given becomes texts first, so that there is
-/// one way to read a value.
+/// Text and JSON notation of the values of a type. All front ends convert values to text first, so that there is a
+/// single parser.
 pub trait OptionCodec<T> {
-    /// What values are.
+    /// Kind of values.
     const KIND: OptionKind;
-    /// How many a field takes.
+    /// Number of values of a field.
     const SHAPE: OptionArity = OptionArity::One;
 
-    /// A value from its text.
+    /// Parses a value.
     ///
     /// # Errors
-    /// What was expected instead.
+    /// A description of the expected value.
     fn parse(text: &str) -> Result<T, String>;
 
-    /// A value from all texts that were given: the last one counts, unless values are repeated.
+    /// Parses all given texts: the last one counts, unless values are repeated.
     ///
     /// # Errors
     /// As [`parse`](Self::parse).
@@ -28,20 +28,20 @@ pub trait OptionCodec<T> {
         Self::parse(texts.last().map_or("", String::as_str))
     }
 
-    /// A value as JSON, from which [`texts_of`](crate::texts_of) makes the same value.
+    /// A value as JSON; [`texts_of`](crate::texts_of) converts it back.
     fn json(value: &T) -> Json;
 
-    /// A value as a number, where it is one that a range is for.
+    /// A value as a number, for range checks.
     fn number(_value: &T) -> Option<f64> {
         None
     }
 }
 
-/// The usual way to write flags, numbers, texts and choices.
+/// Default notation of flags, numbers, texts and choices.
 #[derive(Debug)]
 pub struct PlainCodec;
 
-/// An enum whose values have names.
+/// An enum with named values.
 pub trait Choice: Copy + PartialEq + 'static {
     /// All values, with their names.
     const ALL: &'static [(Self, ChoiceName)];
@@ -57,10 +57,10 @@ pub trait Choice: Copy + PartialEq + 'static {
         named.map_or("", |(_, named)| named.name)
     }
 
-    /// The value of a name, letter case and underscores aside.
+    /// The value of a name, ignoring letter case; underscores equal dashes.
     ///
     /// # Errors
-    /// The names that there are.
+    /// The valid names.
     fn named(name: &str) -> Result<Self, String> {
         let wanted = name.trim().to_ascii_lowercase().replace('_', "-");
         let found = Self::ALL.iter().find(|(_, named)| named.name == wanted);
@@ -119,7 +119,7 @@ impl OptionCodec<f64> for PlainCodec {
         text.trim().parse().map_err(|_| "expected a number".to_owned())
     }
 
-    /// JSON has no infinite numbers and no NaN: these are texts.
+    /// JSON has no infinite numbers and no NaN: these are written as text.
     fn json(value: &f64) -> Json {
         if value.is_finite() { (*value).into() } else { value.to_string().into() }
     }
@@ -133,7 +133,7 @@ impl OptionCodec<String> for PlainCodec {
     const KIND: OptionKind = OptionKind::Text;
 
     fn parse(text: &str) -> Result<String, String> {
-        if text.is_empty() { Err("expected a text".to_owned()) } else { Ok(text.to_owned()) }
+        if text.is_empty() { Err("expected text".to_owned()) } else { Ok(text.to_owned()) }
     }
 
     fn json(value: &String) -> Json {
@@ -158,7 +158,7 @@ impl<T, C: OptionCodec<T>> OptionCodec<Option<T>> for C {
     }
 }
 
-/// Given again and again, each time one more.
+/// Repeatable options: each use adds a value.
 impl<T, C: OptionCodec<T>> OptionCodec<Vec<T>> for C {
     const KIND: OptionKind = <C as OptionCodec<T>>::KIND;
     const SHAPE: OptionArity = OptionArity::Repeated;
@@ -176,30 +176,30 @@ impl<T, C: OptionCodec<T>> OptionCodec<Vec<T>> for C {
     }
 }
 
-/// A value of any type to look at.
+/// A readable value of any type.
 pub trait AnyValue {
     /// As JSON.
     fn json(&self) -> Json;
 
-    /// As a number, where it is one.
+    /// As a number, if it is one.
     fn number(&self) -> Option<f64>;
 }
 
-/// A value of any type to set.
+/// A settable value of any type.
 pub trait SetValue {
-    /// Sets it from the texts that were given.
+    /// Sets it from the given texts.
     ///
     /// # Errors
-    /// What was expected instead.
+    /// A description of the expected value.
     fn set(&mut self, texts: &[String]) -> Result<(), String>;
 }
 
-/// A value that is looked at by way of its codec.
+/// A value read through its codec.
 #[derive(Debug)]
 pub struct CodecValue<'a, T, C>(&'a T, PhantomData<C>);
 
 impl<'a, T, C> CodecValue<'a, T, C> {
-    /// Of this value.
+    /// Wraps a value.
     pub fn new(value: &'a T) -> Self {
         Self(value, PhantomData)
     }
@@ -215,12 +215,12 @@ impl<T, C: OptionCodec<T>> AnyValue for CodecValue<'_, T, C> {
     }
 }
 
-/// A value that is set by way of its codec.
+/// A value set through its codec.
 #[derive(Debug)]
 pub struct Settable<'a, T, C>(&'a mut T, PhantomData<C>);
 
 impl<'a, T, C> Settable<'a, T, C> {
-    /// Of this value.
+    /// Wraps a value.
     pub fn new(value: &'a mut T) -> Self {
         Self(value, PhantomData)
     }
@@ -233,10 +233,10 @@ impl<T, C: OptionCodec<T>> SetValue for Settable<'_, T, C> {
     }
 }
 
-/// The value of a text as JSON, however it is written.
+/// Parses a text and returns the value as JSON.
 ///
 /// # Errors
-/// Those of [`OptionCodec::parse`].
+/// Errors of [`OptionCodec::parse`].
 pub fn read_text<T, C: OptionCodec<T>>(text: &str) -> Result<Json, String> {
     C::parse(text).map(|value| C::json(&value))
 }

@@ -1,4 +1,4 @@
-//! Options from what a door was given, and back.
+//! Conversion between options and the values of front ends.
 
 use serde_json::{Map, Value as Json};
 
@@ -6,10 +6,10 @@ use crate::table::{OptionArity, OptionField, OptionKind, OptionTable};
 use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 
-/// Options with these values by name, all others at their defaults. A value of `null` is none.
+/// Options with these values by name; others have their defaults. `null` means not given.
 ///
 /// # Errors
-/// Usage: a name of no option (the nearest is told), one twice by an alias, or a value that is none of it.
+/// Usage: an unknown name (the message suggests the closest one), a repeated option, or an invalid value.
 pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
     let mut options = O::default();
     let mut taken = Vec::new();
@@ -28,10 +28,10 @@ pub fn fill<O: Options>(given: &Map<String, Json>) -> Result<O> {
     Ok(options)
 }
 
-/// Sets one option from the texts that were given for it.
+/// Sets one option from the given texts.
 ///
 /// # Errors
-/// Usage: texts that are no value of it.
+/// Usage: invalid texts.
 pub fn set_texts<O: Options>(options: &mut O, field: &OptionField, texts: &[String]) -> Result<()> {
     if let Some(number) = texts.last().and_then(|text| text.trim().parse::<f64>().ok()) {
         field.check_range(number).map_err(|expected| {
@@ -50,11 +50,11 @@ pub fn set_texts<O: Options>(options: &mut O, field: &OptionField, texts: &[Stri
     })
 }
 
-/// The texts that a JSON value stands for: those of a list one by one where the option is repeated, else with commas;
-/// those of an object, and of pairs in a list, as `KEY=VALUE`.
+/// Texts of a JSON value: lists are split if the option is repeatable, else joined with commas; objects, and pairs in
+/// a list, become `KEY=VALUE`.
 ///
 /// # Errors
-/// Usage: a value of another kind than the option's.
+/// Usage: a value of the wrong type.
 pub fn texts_of(field: &OptionField, value: &Json) -> Result<Vec<String>> {
     let several = match value {
         Json::Array(all) => match (field.shape, field.kind) {
@@ -75,7 +75,7 @@ pub fn texts_of(field: &OptionField, value: &Json) -> Result<Vec<String>> {
     several.ok_or_else(|| wrong(field, value))
 }
 
-/// True where a list is one value, with commas between its parts.
+/// True if a list is a single, comma-separated value.
 fn is_list(kind: OptionKind) -> bool {
     match kind {
         OptionKind::Numbers => true,
@@ -84,7 +84,7 @@ fn is_list(kind: OptionKind) -> bool {
     }
 }
 
-/// Of a list: a value, or a pair of a key and a value.
+/// Text of a list item: a value, or a pair of key and value.
 fn one_of_several(field: &OptionField, value: &Json) -> Option<String> {
     match value.as_array().map(Vec::as_slice) {
         Some([Json::String(key), value]) => pair_of(key, value),
@@ -92,7 +92,7 @@ fn one_of_several(field: &OptionField, value: &Json) -> Option<String> {
     }
 }
 
-/// `KEY=VALUE`, as formats have it.
+/// `KEY=VALUE` in the notation of formats.
 fn pair_of(key: &str, value: &Json) -> Option<String> {
     let value = match value {
         Json::String(text) => text.clone(),
@@ -103,11 +103,11 @@ fn pair_of(key: &str, value: &Json) -> Option<String> {
     (!key.contains('=')).then(|| format!("{key}={value}"))
 }
 
-/// Of a value that is no list.
+/// Text of a value other than a list.
 fn text_of(field: &OptionField, value: &Json) -> Option<String> {
     let is_number = matches!(field.kind, OptionKind::Whole | OptionKind::Number);
     match (value, field.kind) {
-        // Numbers that are none are texts, as JSON has no other way to say it.
+        // Non-finite numbers are texts, as JSON has no notation for them.
         (Json::String(text), _) if is_number => {
             (!text.trim().parse().is_ok_and(f64::is_finite)).then(|| text.clone())
         }
@@ -128,7 +128,7 @@ fn text_of(field: &OptionField, value: &Json) -> Option<String> {
     }
 }
 
-/// Letters of a value that are told.
+/// Maximum characters of a value in messages.
 const MOST_TOLD: usize = 60;
 
 fn wrong(field: &OptionField, value: &Json) -> Error {
@@ -137,8 +137,8 @@ fn wrong(field: &OptionField, value: &Json) -> Error {
         OptionKind::Whole => "a whole number",
         OptionKind::Number => "a number",
         OptionKind::Numbers => "numbers",
-        OptionKind::Shaped(_) => "a number or a text",
-        OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "a text",
+        OptionKind::Shaped(_) => "a number or text",
+        OptionKind::Text | OptionKind::Path | OptionKind::Choice(_) => "text",
     };
     let text = value.to_string();
     let told: String = text.chars().take(MOST_TOLD).collect();
@@ -155,7 +155,7 @@ pub fn to_map<O: Options>(options: &O) -> Map<String, Json> {
     map
 }
 
-/// All values by name, as notes have them that are compared: one that is the same as none is `null`.
+/// All values by name, for comparisons: values equal to the default in words are `null`.
 pub fn noted<O: Options>(options: &O) -> Map<String, Json> {
     let mut map = to_map(options);
     for field in O::TABLE.fields() {
@@ -168,21 +168,21 @@ pub fn noted<O: Options>(options: &O) -> Map<String, Json> {
     map
 }
 
-/// The same options, those at `None` whose values are the same as none.
+/// The same options with `None` for values equal to the default in words.
 ///
 /// # Errors
-/// Usage: values that are none of their options, which setters take.
+/// Usage: invalid values, which setters accept.
 pub fn settled<O: Options>(options: &O) -> Result<O> {
     fill(&noted(options))
 }
 
-/// The values that are not at their defaults, by name.
+/// Values other than the defaults, by name.
 pub fn changed<O: Options>(options: &O) -> Map<String, Json> {
     let defaults = to_map(&O::default());
     to_map(options).into_iter().filter(|(name, value)| defaults.get(name) != Some(value)).collect()
 }
 
-/// The error of a name that is none, with the nearest one that is.
+/// The error for an unknown name, with the closest known one.
 fn unknown(table: &'static OptionTable, name: &str) -> Error {
     let wanted = name.replace('-', "_");
     let names = table
@@ -190,7 +190,7 @@ fn unknown(table: &'static OptionTable, name: &str) -> Error {
         .into_iter()
         .flat_map(|field| std::iter::once(field.name).chain(field.aliases.iter().copied()));
     let near = names.map(|own| (distance(own, &wanted), own)).min();
-    let error = Error::usage(format!("there is no option {name:?}"));
+    let error = Error::usage(format!("unknown option {name:?}"));
     match near {
         Some((steps, own)) if steps <= own.len() / 3 + 1 => {
             error.remedy(format!("did you mean ‹{own}›?"))
@@ -199,7 +199,7 @@ fn unknown(table: &'static OptionTable, name: &str) -> Error {
     }
 }
 
-/// How many letters have to be changed, added or taken away (Levenshtein 1965), in time of the product of both lengths.
+/// Edit distance (Levenshtein 1965); time is the product of both lengths.
 fn distance(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();

@@ -1,8 +1,8 @@
-//! What an option is, said once: name, meaning, default, range, and what it goes with. Each door (the command line, Rust,
-//! Python, the manifest of a plan) reads that from one table.
+//! Options declared once: name, meaning, default, range, and valid combinations. Each front end (the command line, Rust,
+//! Python, the manifest of a plan) reads them from one table.
 //!
-//! A struct of options derives [`Options`]. The derive holds no logic: it makes a constant [`OptionTable`] of the fields and a
-//! visitor of their values, and all else here is ordinary code over these two.
+//! A struct of options derives [`Options`]. The derive contains no logic: it makes a constant [`OptionTable`] of the fields
+//! and a visitor of their values; everything else is ordinary code on these two.
 //!
 //! ```
 //! use terrane_options::{Options, OptionRange, OptionRule, check, fill};
@@ -30,27 +30,27 @@
 //! assert!(error.to_string().starts_with("‹azimuth› cannot be used with ‹multidirectional›"));
 //! ```
 //!
-//! `#[options(rules = ..)]` says which options go together; a rule that names none fails to compile.
-//! `#[options(setters = own)]` makes a trait of a setter for each field, `ShadeSetters` of these, which the job
-//! `terrane_engine::operation::Job` of the options has; with `setters = group`, the jobs of all structs have it that have
+//! `#[options(rules = ..)]` lists rules on combinations of options; a rule with an unknown option fails to compile.
+//! `#[options(setters = own)]` makes a trait with a setter for each field, here `ShadeSetters`, for the job
+//! `terrane_engine::operation::Job` of the options; with `setters = group`, it is for the jobs of all structs that contain
 //! the group.
 //!
 //! # Attributes of fields
 //!
-//! | `#[option(..)]` | says |
+//! | `#[option(..)]` | meaning |
 //! |---|---|
-//! | `value = "DEG"` | what stands for the value in help |
-//! | `default = 45.0`, `default_text = "all cores"` | the default, where it is not that of the type; how it is told where that depends on the machine or the data |
-//! | `bare = "auto"` | the value where the option is named without one |
-//! | `range = OptionRange::POSITIVE` | least and largest value |
-//! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | the name where it cannot be that of the field, others, and a letter |
-//! | `with = PathName` | the [`OptionCodec`] of the value, where it is not [`PlainCodec`] |
-//! | `stands_for = "max_error"` | an option of another struct in whose place it is: who gives that one is told of this |
-//! | `heading = "Output"` | the section of help; `#[options(heading = ..)]` is for all fields of a struct |
-//! | `off = ".."` | of a flag that is on: what turning it off does |
-//! | `role = Reads` | what the value is to the engine, see [`OptionRole`] |
-//! | `positional` | a name before that of the output on the command line, and an argument without a keyword in Python |
-//! | `flatten` | a group: the fields of that struct are as if they were of this one |
+//! | `value = "DEG"` | placeholder of the value in help |
+//! | `default = 45.0`, `default_text = "all cores"` | the default, if it is not that of the type; its description, if it depends on the machine or the data |
+//! | `bare = "auto"` | the value if the option is given without one |
+//! | `range = OptionRange::POSITIVE` | minimum and maximum |
+//! | `name = "type"`, `alias = "dtype"`, `short = 'f'` | name, if it cannot be that of the field; alias; short name |
+//! | `with = PathName` | the [`OptionCodec`] of the value, if it is not [`PlainCodec`] |
+//! | `stands_for = "max_error"` | an equivalent option of another struct, for hints to users who pass that one |
+//! | `heading = "Output"` | the section of help; `#[options(heading = ..)]` applies to all fields of a struct |
+//! | `off = ".."` | effect of turning off a flag that is on by default |
+//! | `role = Reads` | role of the value in the engine, see [`OptionRole`] |
+//! | `positional` | a positional argument before the output on the command line, and in Python |
+//! | `flatten` | a group: its fields are flattened into this struct |
 
 // The derives name this crate.
 extern crate self as terrane_options;

@@ -1,7 +1,7 @@
-//! What goes with what, and in which range: checked once, for all doors.
+//! Rules for combinations of options, and ranges: checked once, for all front ends.
 //!
-//! A rule names terms: an option, a value of it (`bound=surface`), or any value but one (`method!=greedy`). So what
-//! only greedy insertion can do is a list of names beside the options of `tin`, not code.
+//! A rule refers to terms: an option, a value of it (`bound=surface`), or any other value (`method!=greedy`). So the
+//! options that only greedy insertion supports are a list of names beside the options of `tin`, not code.
 
 use serde_json::{Map, Value as Json};
 
@@ -11,10 +11,10 @@ use crate::table::{OptionField, OptionKind, OptionRole, OptionRule, OptionTable}
 use crate::visit::Options;
 use terrane_base::error::{Error, Result};
 
-/// Fails to compile where a rule names an option that there is not; for a `const` block.
+/// Fails to compile if a rule refers to an unknown option; for `const` blocks.
 ///
 /// # Panics
-/// There, and only when compiled.
+/// At compile time only.
 pub const fn assert_rules(table: &OptionTable) {
     let (rules, mut i) = (table.rules, 0);
     while i < rules.len() {
@@ -22,17 +22,17 @@ pub const fn assert_rules(table: &OptionTable) {
             OptionRule::OneOf(names, _) => (names[0], *names),
             OptionRule::NotWith(name, others) | OptionRule::Needs(name, others) => (*name, *others),
         };
-        assert!(table.has(name_of(first)), "a rule names no option");
+        assert!(table.has(name_of(first)), "a rule names an unknown option");
         let mut k = 0;
         while k < others.len() {
-            assert!(table.has(name_of(others[k])), "a rule names no option");
+            assert!(table.has(name_of(others[k])), "a rule names an unknown option");
             k += 1;
         }
         i += 1;
     }
 }
 
-/// The name of a term.
+/// Option name of a term.
 const fn name_of(term: &str) -> &str {
     let bytes = term.as_bytes();
     let mut i = 0;
@@ -45,26 +45,26 @@ const fn name_of(term: &str) -> &str {
     term
 }
 
-/// Fails where a value is none of its option, or out of its range, or options do not go together.
+/// Fails for invalid values, values out of range, and invalid combinations.
 ///
 /// # Errors
-/// Usage: both are named.
+/// Usage, with the names of the options.
 pub fn check<O: Options>(options: &O) -> Result<()> {
     check_given(options, &[])
 }
 
-/// The same where some options were given, be it with the values that they have by themselves.
+/// Like [`check`], with the options that were given explicitly, even if equal to their defaults.
 ///
 /// # Errors
-/// Those of [`check`].
+/// Errors of [`check`].
 pub fn check_given<O: Options>(options: &O, given: &[&str]) -> Result<()> {
     check_as(options, given, false)
 }
 
-/// The same of a plan, which has no options that say something of a run alone: none of these is offered.
+/// Like [`check`] for a plan, whose messages do not suggest options that affect only a run.
 ///
 /// # Errors
-/// Those of [`check`].
+/// Errors of [`check`].
 pub fn check_planned<O: Options>(options: &O, given: &[&str]) -> Result<()> {
     check_as(options, given, true)
 }
@@ -84,7 +84,7 @@ fn check_as<O: Options>(options: &O, given: &[&str], is_plan: bool) -> Result<()
     table.rules().into_iter().try_for_each(|rule| given.check(rule))
 }
 
-/// Fails where a value is out of its range, or none that its text could be: setters take any.
+/// Fails for a value that is out of range or invalid; setters accept any value.
 fn check_value(field: &OptionField, value: &dyn AnyValue) -> Result<()> {
     let (name, json) = (field.name, value.json());
     if let Some(number) = value.number() {
@@ -111,7 +111,7 @@ struct GivenOptions<'a> {
 }
 
 impl GivenOptions<'_> {
-    /// Whether a term is so.
+    /// Whether a term holds.
     fn is(&self, term: &str) -> bool {
         match term.split_once('=') {
             Some((name, value)) => match name.strip_suffix('!') {
@@ -122,7 +122,7 @@ impl GivenOptions<'_> {
         }
     }
 
-    /// Whether a value is that of an option, or one of them.
+    /// Whether an option has this value, or contains it.
     fn has(&self, name: &str, value: &str) -> bool {
         match self.now.get(name) {
             Some(Json::Array(several)) => several.iter().any(|now| text(now) == value),
@@ -130,20 +130,20 @@ impl GivenOptions<'_> {
         }
     }
 
-    /// Whether an option was given that is no flag: one of these is as it would be without.
+    /// Whether an option other than a flag was given explicitly.
     fn is_given(&self, name: &str) -> bool {
         let kind = self.table.find(name).map(|field| field.kind);
         self.given.contains(&name) && !matches!(kind, None | Some(OptionKind::Flag))
     }
 
-    /// Those of the options that there are.
+    /// The options that this context supports.
     fn had<'n>(&self, names: &[&'n str]) -> Vec<&'n str> {
         let is_of_runs =
             |name| self.table.find(name).is_some_and(|own| own.role == OptionRole::Run);
         names.iter().copied().filter(|name| !(self.is_plan && is_of_runs(name))).collect()
     }
 
-    /// Options to add; of a single one that is a choice, with what there is to choose.
+    /// Options to add; for a single choice, with its values.
     fn offered(&self, names: &[&str]) -> String {
         match (names, names.first().and_then(|name| self.table.find(name)).map(|own| own.kind)) {
             ([_], Some(OptionKind::Choice(choices))) => {
@@ -154,10 +154,10 @@ impl GivenOptions<'_> {
         }
     }
 
-    /// `‹a›, ‹b› or ‹c›`; of a flag that is on, turning it off is what is given.
+    /// `‹a›, ‹b› or ‹c›`; flags that are on by default are listed as turned off.
     fn listed(&self, terms: &[&str]) -> String {
         let named = |term: &&str| match term.split_once("!=") {
-            // The value that it has.
+            // Its current value.
             Some((name, _)) => {
                 format!("‹{name}› {}", self.now.get(name).map_or(String::new(), text))
             }
@@ -198,7 +198,7 @@ impl GivenOptions<'_> {
                     true => Ok(()),
                     false => {
                         let (name, needed) = (self.listed(&[name]), self.listed(others));
-                        Err(Error::usage(format!("{name} cannot act without {needed}"))
+                        Err(Error::usage(format!("{name} requires {needed}"))
                             .remedy(format!("add {}, or leave {name} out", self.offered(others))))
                     }
                 }
@@ -207,7 +207,7 @@ impl GivenOptions<'_> {
     }
 }
 
-/// A value as terms have it.
+/// A value in the notation of terms.
 fn text(value: &Json) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }

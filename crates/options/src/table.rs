@@ -1,4 +1,4 @@
-//! Tables of fields.
+//! Tables of options.
 
 use serde_json::Value as Json;
 
@@ -7,11 +7,11 @@ use serde_json::Value as Json;
 pub struct ChoiceName {
     /// Its name, in lower case with dashes.
     pub name: &'static str,
-    /// What it means, in a line.
+    /// Description, in one line.
     pub about: &'static str,
 }
 
-/// What values of a field are.
+/// Kind of values of a field.
 #[derive(Clone, Copy, Debug)]
 pub enum OptionKind {
     /// On or off.
@@ -24,68 +24,68 @@ pub enum OptionKind {
     Text,
     /// The name of a file or folder.
     Path,
-    /// One of some names.
+    /// One of several names.
     Choice(fn() -> Vec<ChoiceName>),
-    /// Numbers with commas between them; a list of numbers in Python.
+    /// Comma-separated numbers; a list of numbers in Python.
     Numbers,
-    /// A text of a form of its own, such as `KEY=VAL`; the type of values in Python.
+    /// Text with its own syntax, such as `KEY=VAL`; with the type of values in Python.
     Shaped(&'static str),
 }
 
-/// How many values a field takes.
+/// Number of values of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OptionArity {
     /// One, which has a default.
     One,
     /// One or none.
     Optional,
-    /// Any number, one after the other.
+    /// Any number of values.
     Repeated,
 }
 
-/// What a field is to the engine.
+/// Role of a field in the engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OptionRole {
     /// The result depends on its value.
     Result,
-    /// The name of a file that is read, on which the result depends.
+    /// A file that is read; the result depends on it.
     Reads,
-    /// The name of a grid that is read: a file, a folder, a list or a pattern.
+    /// A grid that is read: a file, folder, list or pattern.
     ReadsGrid,
-    /// It says what a run may use or replace, and nothing of the result.
+    /// Resources and permissions of a run; the result does not depend on it.
     Run,
 }
 
-/// The least and the largest value, both allowed unless they are bounds alone.
+/// Minimum and maximum of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OptionRange {
-    /// The least one; a value has to be above it where it is `open`.
+    /// The minimum; excluded if `open`.
     pub least: f64,
-    /// The largest one.
+    /// The maximum.
     pub most: f64,
-    /// True where the least itself is not allowed.
+    /// True if the minimum is excluded.
     pub open: bool,
 }
 
 impl OptionRange {
-    /// Numbers above zero.
+    /// Positive numbers.
     pub const POSITIVE: Self = Self { least: 0.0, most: f64::MAX, open: true };
-    /// Zero, and numbers above it.
+    /// Non-negative numbers.
     pub const FROM_ZERO: Self = Self { least: 0.0, most: f64::MAX, open: false };
     /// Any finite number.
     pub const FINITE: Self = Self { least: f64::MIN, most: f64::MAX, open: false };
 
-    /// From the least to the largest value, both included.
+    /// From minimum to maximum, both included.
     pub const fn new(least: f64, most: f64) -> Self {
         Self { least, most, open: false }
     }
 
-    /// True for a value in it.
+    /// True for a value within the range.
     pub fn contains(&self, value: f64) -> bool {
         value <= self.most && if self.open { value > self.least } else { value >= self.least }
     }
 
-    /// What was expected, in words.
+    /// Description of the expected value.
     pub fn text(&self) -> String {
         let Self { least, most, open } = *self;
         match (least == f64::MIN, most == f64::MAX, open) {
@@ -93,57 +93,57 @@ impl OptionRange {
             (false, true, true) if least == 0.0 => "a number above zero".to_owned(),
             (false, true, false) if least == 0.0 => "a number of zero or more".to_owned(),
             (false, true, true) => format!("a number above {least}"),
-            (false, true, false) => format!("a number from {least} on"),
+            (false, true, false) => format!("a number of at least {least}"),
             (true, false, _) => format!("a number of at most {most}"),
             (false, false, _) => format!("a number from {least} to {most}"),
         }
     }
 }
 
-/// All that is said of an option.
+/// Description of an option.
 #[derive(Debug)]
 pub struct OptionField {
-    /// Its name: that of the field unless told otherwise.
+    /// Name; that of the field by default.
     pub name: &'static str,
-    /// Other names of it.
+    /// Aliases.
     pub aliases: &'static [&'static str],
-    /// Options of other structs in whose place it is, for those who meet the one and know the other.
+    /// Equivalent options of other structs, for hints to users who know those.
     pub stands_for: &'static [&'static str],
-    /// A letter for the command line.
+    /// Short name on the command line.
     pub short: Option<char>,
-    /// What it means.
+    /// Meaning.
     pub about: &'static str,
-    /// What turning a flag off does that is on.
+    /// Effect of turning off a flag that is on by default.
     pub off: Option<&'static str>,
-    /// True for a name among those of inputs and output.
+    /// True for positional arguments.
     pub positional: bool,
-    /// The section of help that it stands in.
+    /// Section of help.
     pub heading: &'static str,
-    /// What stands for its value in help.
+    /// Placeholder of its value in help.
     pub value: Option<&'static str>,
     /// The default in words.
     pub default_text: Option<&'static str>,
-    /// The value of an option that is named without one.
+    /// Value if the option is given without one.
     pub bare: Option<&'static str>,
-    /// The values of numbers.
+    /// Range of numbers.
     pub range: Option<OptionRange>,
-    /// What it is to the engine.
+    /// Role in the engine.
     pub role: OptionRole,
-    /// What its values are.
+    /// Kind of values.
     pub kind: OptionKind,
-    /// How many it takes.
+    /// Number of values.
     pub shape: OptionArity,
-    /// The value of a text as JSON, or what was expected instead.
+    /// Parses a text to JSON, or returns the expected value.
     pub read: fn(&str) -> Result<Json, String>,
 }
 
 impl OptionField {
-    /// Whether a value asks for anything: null does not, nor does `false` where the name alone is enough.
+    /// Whether a value is given: null is not, nor is `false` for options with an optional value.
     pub fn is_given(&self, value: &Json) -> bool {
         !(value.is_null() || self.bare.is_some() && value == false)
     }
 
-    /// The value that it has where it has none, if its default in words is one. Any words are a text or a path.
+    /// The default in words as a value, if it is one; never for texts and paths.
     pub(crate) fn usual(&self) -> Option<Json> {
         let is_value = !matches!(self.kind, OptionKind::Text | OptionKind::Path);
         let words =
@@ -151,10 +151,10 @@ impl OptionField {
         (self.read)(words).ok()
     }
 
-    /// Fails for a number out of the range; what was expected is in the error.
+    /// Fails for a number out of range.
     ///
     /// # Errors
-    /// What was expected, in words.
+    /// Description of the expected value.
     pub fn check_range(&self, number: f64) -> Result<(), String> {
         match self.range {
             Some(range) if !range.contains(number) => Err(self.expected(&range)),
@@ -162,10 +162,10 @@ impl OptionField {
         }
     }
 
-    /// Fails for a text that is no value; what was expected is in the error.
+    /// Fails for an invalid text.
     ///
     /// # Errors
-    /// What was expected, in words.
+    /// Description of the expected value.
     pub fn check_text(&self, text: &str) -> Result<(), String> {
         (self.read)(text).map(drop).map_err(|expected| match (self.range, self.kind) {
             (Some(range), OptionKind::Whole | OptionKind::Number) => {
@@ -192,15 +192,15 @@ pub enum OptionEntry {
     Group(&'static OptionTable),
 }
 
-/// What options go with what. A term is the name of an option that is not at its default, or `name=value`, which of several
-/// values is one, or `name!=value`, which is another.
+/// A rule on combinations of options. A term is the name of an option with a value other than its default, or
+/// `name=value`, or `name!=value`.
 #[derive(Clone, Copy, Debug)]
 pub enum OptionRule {
-    /// Exactly one of these, which say what the second field names.
+    /// Exactly one of these; the second field is a noun for their purpose.
     OneOf(&'static [&'static str], &'static str),
-    /// The first one cannot be used with any of the others.
+    /// The first one excludes all others.
     NotWith(&'static str, &'static [&'static str]),
-    /// The first one acts with one of the others only.
+    /// The first one requires one of the others.
     Needs(&'static str, &'static [&'static str]),
 }
 
@@ -211,19 +211,19 @@ pub struct OptionTable {
     pub about: &'static str,
     /// Its fields, in their order.
     pub entries: &'static [OptionEntry],
-    /// What of them goes with what.
+    /// Rules on combinations of its fields.
     pub rules: &'static [OptionRule],
 }
 
 impl OptionTable {
-    /// All fields, those of groups among them.
+    /// All fields, including those of groups.
     pub fn fields(&'static self) -> Vec<&'static OptionField> {
         let mut fields = Vec::new();
         self.collect(&mut fields);
         fields
     }
 
-    /// All rules, those of groups among them.
+    /// All rules, including those of groups.
     pub fn rules(&'static self) -> Vec<&'static OptionRule> {
         let groups = self.entries.iter().filter_map(|entry| match entry {
             OptionEntry::Field(_) => None,
@@ -241,7 +241,7 @@ impl OptionTable {
         }
     }
 
-    /// The field of this name or alias; dashes count as underscores.
+    /// The field with this name or alias; dashes equal underscores.
     pub fn find(&'static self, name: &str) -> Option<&'static OptionField> {
         let name = name.replace('-', "_");
         let is_it =
@@ -249,7 +249,7 @@ impl OptionTable {
         self.fields().into_iter().find(is_it)
     }
 
-    /// Whether a field has this name, for rules that are checked when they are compiled.
+    /// Whether a field has this name, for checks at compile time.
     pub(crate) const fn has(&self, name: &str) -> bool {
         let mut i = 0;
         while i < self.entries.len() {

@@ -1,21 +1,21 @@
-//! Structs of options, whose values are visited by name.
+//! Visitors of option values by name.
 
 use crate::codec::{AnyValue, SetValue};
 use crate::table::OptionTable;
 
-/// Looks at a value and the name of its field.
+/// Visitor of values with the names of their fields.
 pub type Visit<'a> = dyn FnMut(&'static str, &dyn AnyValue) + 'a;
-/// The same to change it.
+/// Mutable visitor.
 pub type VisitMut<'a> = dyn FnMut(&'static str, &mut dyn SetValue) + 'a;
 
-/// A struct of options; derived, never written by hand.
+/// A struct of options; always derived.
 pub trait Options: Default {
-    /// All that is said of the fields.
+    /// Descriptions of the fields.
     const TABLE: &'static OptionTable;
 
-    /// Looks at all values, those of groups among them, in the order of the table.
+    /// Visits all values, including those of groups, in the order of the table.
     fn visit(&self, visit: &mut Visit<'_>);
 
-    /// The same to change them.
+    /// Visits all values mutably.
     fn visit_mut(&mut self, visit: &mut VisitMut<'_>);
 }

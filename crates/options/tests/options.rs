@@ -112,8 +112,8 @@ fn what_is_the_same_is_noted_alike() {
 #[test]
 fn what_is_wrong_names_options_and_what_was_expected() {
     for (given, words) in [
-        (json!({ "azimut": 1 }), "there is no option \"azimut\"; did you mean ‹azimuth›?"),
-        (json!({ "colour": 1 }), "there is no option \"colour\"; leave it out"),
+        (json!({ "azimut": 1 }), "unknown option \"azimut\"; did you mean ‹azimuth›?"),
+        (json!({ "colour": 1 }), "unknown option \"colour\"; leave it out"),
         (json!({ "altitude": 50, "height": 60 }), "‹altitude› is given twice; leave"),
         (json!({ "altitude": "50" }), "‹altitude› is \"50\": expected a number"),
         (json!({ "altitude": true }), "‹altitude› is true: expected a number"),
@@ -123,7 +123,7 @@ fn what_is_wrong_names_options_and_what_was_expected() {
         (json!({ "threads": 1.5 }), "‹threads› is \"1.5\": expected a whole number"),
         (json!({ "threads": 70_000 }), "expected a whole number from 1 to 64"),
         (json!({ "threads": 0 }), "‹threads› is 0: expected a whole number from 1 to 64"),
-        (json!({ "threads": 3.0, "co": { "A=B": 1 } }), "‹co› is {\"A=B\":1}: expected a text"),
+        (json!({ "threads": 3.0, "co": { "A=B": 1 } }), "‹co› is {\"A=B\":1}: expected text"),
         (json!({ "drop": "no" }), "‹drop› is \"no\": expected true or false"),
         (json!({ "drop": 1 }), "‹drop› is 1: expected true or false"),
         (json!({ "light": "none" }), "‹light› is \"none\": expected one-side or all-sides"),
@@ -134,7 +134,7 @@ fn what_is_wrong_names_options_and_what_was_expected() {
         ),
         (
             json!({ "drop": false }),
-            "‹drop=false› cannot act without ‹azimuth› or ‹co›; add ‹azimuth› or ‹co›, or",
+            "‹drop=false› requires ‹azimuth› or ‹co›; add ‹azimuth› or ‹co›, or",
         ),
     ] {
         let told = filled(&given).unwrap_err().to_string();

@@ -90,7 +90,7 @@ def test_every_function_that_takes_files_takes_geometries(tmp_path: Path) -> Non
         ({"type": "Polygon"}, "clip is a dict"),
         ([AREA, "b"], "clip holds a str"),
         (shapely.Polygon(), "clip holds no geometry"),
-        (frame(AREA).to_crs(4326), "clip: its coordinate reference system is"),
+        (frame(AREA).to_crs(4326), "clip: its CRS is"),
         (ROAD, "clip: "),
         (shapely.box(0, 0, 1, 1), "clip: "),
     ],

@@ -63,7 +63,7 @@ def test_options_of_files_are_options_of_geometries_where_they_can_be() -> None:
     for options, words in [
         ({"to_crs": "EPSG:3857"}, "no option 'to_crs'"),
         ({"format": "GeoJSON"}, "no option 'format'"),
-        ({"snap": 1.0}, "snap cannot act without topology"),
+        ({"snap": 1.0}, "snap requires topology"),
         ({"decimals": 300}, "decimals is 300: expected a whole number from 0 to 17"),
     ]:
         with pytest.raises(terrane.InputError, match=words):

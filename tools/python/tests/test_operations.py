@@ -65,14 +65,14 @@ def test_the_bytes_are_those_of_the_command_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("slope", {"percnt": True}, "there is no option \"percnt\"; did you mean percent?"),
+        ("slope", {"percnt": True}, "unknown option \"percnt\"; did you mean percent?"),
         ("slope", {"percent": 1}, "percent is 1: expected true or false"),
         ("slope", {"algorithm": "sobel"}, "algorithm is \"sobel\": expected horn or"),
         ("hillshade", {"altitude": True}, "altitude is true: expected a number"),
         ("hillshade", {"altitude": float("nan")}, "altitude is NaN: expected a number from 1"),
         ("hillshade", {"altitude": object()}, "altitude is of type object"),
         ("hillshade", {"azimuth": 1.0, "combined": True, "multidirectional": True}, "cannot be used"),
-        ("convert", {"to_crs": "EPSG:4326"}, "to_crs cannot act without resampling; add resampling"),
+        ("convert", {"to_crs": "EPSG:4326"}, "to_crs requires resampling; add resampling"),
         ("contour", {"interval": 1.0, "levels": [2.0]}, "interval cannot be used with levels"),
         ("contour", {}, "no levels of lines given; pass interval or levels"),
     ],

@@ -122,7 +122,7 @@ def test_meshes_and_contours_are_brought_to_another_system(
     assert isinstance(moved, terrane.Lines)
     assert moved.crs == "EPSG:32632"
     assert (moved.coordinates[:, 1] > 5e6).all()
-    with pytest.raises(terrane.Error, match="geoid cannot act without to_crs"):
+    with pytest.raises(terrane.Error, match="geoid requires to_crs"):
         terrane.write_tin(heights, tmp_path / "n.ply", 5.0, geoid=sea, **where)
 
 
@@ -137,5 +137,5 @@ def test_masks_of_water_are_asked_for_with_the_water(tmp_path: Path) -> None:
         terrane.tiles(grid, tmp_path / f"{number}", water=water, **how)
     terrane.plan_tiles(grid, tmp_path / "work", water=file, **how).run(output=tmp_path / "planned")
     assert files(tmp_path / "0") == files(tmp_path / "1") == files(tmp_path / "planned")
-    with pytest.raises(terrane.InputError, match="water_mask cannot act without water"):
+    with pytest.raises(terrane.InputError, match="water_mask requires water"):
         terrane.tiles(grid, tmp_path / "none", **how)

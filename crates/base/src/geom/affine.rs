@@ -60,7 +60,7 @@ impl Affine {
         all.iter().all(|v| v.is_finite()) && self.determinant() != 0.0
     }
 
-    /// Whether doubles hold the positions of all samples of a grid of this size to a thousandth of a cell.
+    /// Whether doubles resolve the positions of all samples of a grid of this size to a thousandth of a cell.
     pub fn resolves(&self, width: u32, height: u32) -> bool {
         let ends = |side: u32| [0.0, f64::from(side)];
         let corners = ends(width).into_iter().flat_map(|col| ends(height).map(|row| [col, row]));
@@ -102,7 +102,7 @@ mod tests {
         }
         let turned = Affine { a: 1e-9, b: 1e-9, d: -1e-9, e: 1e-9, ..at(5e6, 1.0) };
         assert!(!turned.resolves(9, 9) && Affine::LATTICE.resolves(u32::MAX, u32::MAX));
-        // A side that is long hides none that is short.
+        // A long side does not hide a short one.
         let flat = Affine { e: -1e-9, ..at(5e6, 1000.0) };
         assert!(!flat.resolves(9, 9));
     }

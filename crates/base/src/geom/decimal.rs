@@ -1,5 +1,5 @@
-//! Decimal numbers, exactly: what people write and formats store in `f64` are decimals, and a step of
-//! a lattice is a whole number of their last digits.
+//! Exact decimal numbers: values that people write and formats store in `f64` are decimals, and a step of a lattice
+//! is a multiple of their last digit.
 
 use crate::digits::{MOST_EXACT, POWERS};
 
@@ -32,12 +32,12 @@ impl Decimal {
         Self { mantissa, digits }
     }
 
-    /// Digits behind the point.
+    /// Digits after the point.
     pub fn digits(self) -> u32 {
         self.digits
     }
 
-    /// In units of 10^-`digits`, of which it has no more; `None` where that is beyond counting.
+    /// In units of 10^-`digits`, at least the digits of this number; `None` on overflow.
     pub fn units(self, digits: u32) -> Option<i128> {
         let ten = 10_i128.checked_pow(digits.checked_sub(self.digits)?)?;
         self.mantissa.checked_mul(ten)

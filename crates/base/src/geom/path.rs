@@ -1,14 +1,14 @@
-//! Paths of samples: what follows a straight segment over a lattice.
+//! Paths of samples along straight segments on a grid.
 
 use std::ops::RangeInclusive;
 
 use super::Rect;
 
-/// Ends of a segment on a grid: columns and rows.
+/// End points of a segment on a grid: columns and rows.
 pub type Ends = [[u32; 2]; 2];
 
-/// A straight way from sample to sample, and its path: samples from one end to the other, each a step along a row
-/// or a column from the one before, none further than 0.71 cells from the straight way.
+/// A straight segment between two samples and its path: consecutive samples of the path are neighbours in a row or a
+/// column, and none is more than 0.71 cells off the segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SampleSegment {
     from: [i64; 2],
@@ -23,23 +23,23 @@ impl SampleSegment {
         Self { from, to }
     }
 
-    /// The same where positions are counted from `origin`.
+    /// The same segment, with positions relative to `origin`.
     pub fn seen_from(&self, origin: [i64; 2]) -> Self {
         let moved = |at: [i64; 2]| [0, 1].map(|axis| at[axis] - origin[axis]);
         Self { from: moved(self.from), to: moved(self.to) }
     }
 
-    /// Columns and rows from end to end.
+    /// Columns and rows between the ends.
     fn spans(&self) -> [u64; 2] {
         [0, 1].map(|axis| self.to[axis].abs_diff(self.from[axis]))
     }
 
-    /// Steps of the path from end to end.
+    /// Number of steps of the path.
     pub fn steps(&self) -> u64 {
         self.spans().into_iter().sum()
     }
 
-    /// The sample after so many steps.
+    /// The sample after this number of steps.
     pub fn at(&self, step: u64) -> [i64; 2] {
         let all = u128::from(self.steps());
         let cols = match all {
@@ -53,13 +53,13 @@ impl SampleSegment {
         })
     }
 
-    /// After how many steps the path comes to a sample, if it does.
+    /// Number of steps to a sample, if it is on the path.
     pub fn step_of(&self, at: [i64; 2]) -> Option<u64> {
         let step = [0, 1].map(|axis| at[axis].abs_diff(self.from[axis])).into_iter().sum();
         (step <= self.steps() && self.at(step) == at).then_some(step)
     }
 
-    /// The steps at which the path is between two samples, the upper left and the lower right.
+    /// Steps at which the path is between two samples, the upper left and the lower right.
     pub fn within(&self, low: [i64; 2], high: [i64; 2]) -> Option<RangeInclusive<u64>> {
         let (mut first, mut last) = (0, self.steps());
         for axis in [0, 1] {
@@ -78,7 +78,7 @@ impl SampleSegment {
         Some(first..=last)
     }
 
-    /// The first step of some at which a test holds, which holds at all steps after that.
+    /// The first step at which a monotone test holds.
     fn first_step(&self, from: u64, to: u64, holds: impl Fn([i64; 2]) -> bool) -> Option<u64> {
         let (mut low, mut high) = (from, to + 1);
         while low < high {
@@ -89,7 +89,7 @@ impl SampleSegment {
     }
 }
 
-/// The part of a segment over the cells around samples, from sample to sample: the same in both directions.
+/// The part of a segment over the cells of the grid, from sample to sample: the same in both directions.
 pub fn cut([a, b]: [[f64; 2]; 2], size: [u32; 2]) -> Option<Ends> {
     if !a.iter().chain(&b).all(|at| at.is_finite()) {
         return None;
@@ -116,7 +116,8 @@ pub fn cut([a, b]: [[f64; 2]; 2], size: [u32; 2]) -> Option<Ends> {
     Some([nearest(a), nearest(b)])
 }
 
-/// Where the segment from `a` to `b` meets a side. Halves, as differences of what is far apart may not be numbers.
+/// Intersection of the segment from `a` to `b` with a side. Coordinates are halved because differences of distant
+/// values may overflow.
 fn crossing(a: [f64; 2], b: [f64; 2], axis: usize, side: f64) -> [f64; 2] {
     let [from, to] = [a, b].map(|at| at.map(|at| at / 2.0));
     let share = (side / 2.0 - from[axis]) / (to[axis] - from[axis]);
@@ -126,23 +127,23 @@ fn crossing(a: [f64; 2], b: [f64; 2], axis: usize, side: f64) -> [f64; 2] {
     at
 }
 
-/// Segments on a grid, of which those near a rectangle are found quickly.
+/// Segments on a grid with a fast search near rectangles.
 #[derive(Clone, Debug, Default)]
 pub struct Paths {
-    /// Each once, those near each other together.
+    /// Each segment once, sorted by place.
     segments: Vec<Ends>,
-    /// Bounds of each [`Self::GROUP`] of them: least and largest column and row.
+    /// Bounds of each [`Self::GROUP`] of segments: minimum and maximum column and row.
     groups: Vec<Ends>,
 }
 
 impl Paths {
-    /// None.
+    /// No segments.
     pub const NONE: Self = Self { segments: Vec::new(), groups: Vec::new() };
 
-    /// Segments whose bounds are looked at together.
+    /// Number of segments per group.
     const GROUP: usize = 64;
 
-    /// These, in any order and either direction. Time O(n log n) for n of them.
+    /// From segments in any order and direction. Time O(n log n).
     pub fn of(mut segments: Vec<Ends>) -> Self {
         let row_first = |[col, row]: [u32; 2]| (row, col);
         segments.iter_mut().for_each(|ends| ends.sort_unstable_by_key(|&at| row_first(at)));
@@ -153,7 +154,7 @@ impl Paths {
         Self { segments, groups }
     }
 
-    /// These and others.
+    /// The union with other segments.
     pub fn and(mut self, others: Vec<Ends>) -> Self {
         self.segments.extend(others);
         Self::of(self.segments)
@@ -174,20 +175,20 @@ impl Paths {
         (size_of_val(&self.segments[..]) + size_of_val(&self.groups[..])) as u64
     }
 
-    /// Steps of all of them.
+    /// Number of steps of all paths.
     pub fn steps(&self) -> u64 {
         let steps = |[a, b]: &Ends| u64::from(a[0].abs_diff(b[0])) + u64::from(a[1].abs_diff(b[1]));
         self.segments.iter().map(steps).sum()
     }
 
-    /// Those with a path that may come to a sample of a rectangle, in the same order wherever they are asked
-    /// for. Time linear in those of all groups near it, and in all groups.
+    /// Segments whose path may touch a sample of a rectangle, in a fixed order. Time linear in the number of groups
+    /// and of the segments in groups near the rectangle.
     pub fn near(&self, rect: Rect) -> impl Iterator<Item = SampleSegment> + '_ {
         let segment = |[a, b]: Ends| SampleSegment::new(a.map(i64::from), b.map(i64::from));
         self.ends_near(rect).map(segment)
     }
 
-    /// Their ends.
+    /// The end points of these segments.
     pub fn ends_near(&self, rect: Rect) -> impl Iterator<Item = Ends> + '_ {
         let meets = move |&[low, high]: &Ends| {
             !rect.is_empty()

@@ -1,10 +1,10 @@
-//! Exact orientation and signed area of positions in the plane, as floats.
+//! Exact orientation and signed area of floating-point positions in the plane.
 //!
-//! The signs are right for coordinates that are 0 or between [`LEAST`] and [`MOST`] in magnitude:
-//! there no product overflows, and no rounding error underflows. A determinant is computed in
-//! floats first; only where it is smaller than the error it may carry, exactly, as an unevaluated
-//! sum of floats. J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
-//! Geometric Predicates" (1997): the filter of orient2d, and grow-expansion.
+//! The signs are exact for coordinates that are 0 or between [`LEAST`] and [`MOST`] in magnitude: products do not
+//! overflow, and rounding errors do not underflow. A determinant is first computed in floats; if it is below its
+//! error bound, it is computed exactly as an unevaluated sum of floats. J. R. Shewchuk, "Adaptive Precision
+//! Floating-Point Arithmetic and Fast Robust Geometric Predicates" (1997): the filter of orient2d, and
+//! grow-expansion.
 
 use std::cmp::Ordering;
 
@@ -23,12 +23,12 @@ const EPSILON: f64 = f64::EPSILON / 2.0;
 /// The relative error of the determinant in floats, by the sum of its two products' magnitudes.
 const FILTER: f64 = (3.0 + 16.0 * EPSILON) * EPSILON;
 
-/// A key that positions have in common exactly where they are equal.
+/// A key that is equal exactly for equal positions.
 pub fn key(at: Xy) -> [u64; 2] {
     at.map(|c| (c + 0.0).to_bits())
 }
 
-/// Whether (a, b, c) turns left (`Greater`), right (`Less`) or not at all, exactly.
+/// Whether (a, b, c) turns left (`Greater`), right (`Less`) or is collinear (`Equal`), exactly.
 #[inline(always)]
 pub fn orient(a: Xy, b: Xy, c: Xy) -> Ordering {
     let left = (a[0] - c[0]) * (b[1] - c[1]);
@@ -58,8 +58,8 @@ fn orient_exact(a: Xy, b: Xy, c: Xy) -> Ordering {
     sum.sign()
 }
 
-/// The sign of the area of a closed ring of positions, the first repeated as the last or not:
-/// `Greater` when counter-clockwise. Exact; O(n) unless the area is all but 0.
+/// The sign of the area of a closed ring of positions: `Greater` if counter-clockwise. The first position may be
+/// repeated as the last. Exact; O(n) unless the area is almost 0.
 pub fn area_sign(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
     let mut positions = ring.clone();
     let Some(origin) = positions.next() else { return Ordering::Equal };
@@ -94,7 +94,7 @@ fn area_sign_exact(ring: impl Iterator<Item = Xy> + Clone) -> Ordering {
     sum.sign()
 }
 
-/// Floats that do not overlap, in ascending magnitude; their sum is the value.
+/// Non-overlapping floats in ascending magnitude; their sum is the value.
 #[derive(Default)]
 struct FloatExpansion {
     parts: Vec<f64>,

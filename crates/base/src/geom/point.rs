@@ -1,4 +1,4 @@
-//! Points of clouds in whole steps of a frame, and the frame that places them in the world.
+//! Points of point clouds as integers, and the frame that places them in the world.
 
 use std::cmp::Ordering;
 
@@ -6,8 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{Decimal, Ruler};
 
-/// A point of a cloud, in steps of its [`PointFrame`]. The order (x, then y, then z) is the canonical one:
-/// wherever a tie must be broken, the lowest point wins.
+/// A point in steps of its [`PointFrame`]. The order (x, then y, then z) is canonical: ties go to the lowest point.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct Point {
@@ -20,7 +19,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// The point of these steps.
+    /// The point with these steps.
     pub const fn new(x: i32, y: i32, z: i32) -> Self {
         Self { x, y, z }
     }
@@ -30,7 +29,7 @@ impl Point {
 /// exact in `i64` and in-circle in `i128`.
 pub const REACH: i32 = (1 << 29) - 1;
 
-/// Where the points of a cloud lie: world = offset + scale * steps, axis by axis.
+/// Scale and offset of a point cloud: world = offset + scale * steps, axis by axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointFrame {
     /// World units of a step along x, y, z; finite and positive.
@@ -51,24 +50,24 @@ impl PointFrame {
         Ruler::new(self.scale[axis], self.offset[axis])
     }
 
-    /// Position of a world coordinate on `axis`, in steps; whole steps are points, but for rounding.
+    /// World coordinate to steps on `axis`; integers are points, up to rounding.
     pub fn steps(&self, axis: usize, world: f64) -> f64 {
         (world - self.offset[axis]) / self.scale[axis]
     }
 }
 
-/// Part of a square that floats do not decide.
+/// Fraction of a squared distance within which floats do not decide.
 const DOUBT: f64 = 1e-9;
 
-/// Whether two points are no farther apart, across, than `most` world units: exactly, where `scale` and
-/// `most` are taken for the decimals they are.
+/// Whether the horizontal distance of two points is at most `most` world units: exact, with `scale` and `most` as
+/// decimals.
 pub fn is_within(a: Point, b: Point, scale: [f64; 2], most: f64) -> bool {
     let steps = [a.x, a.y].map(i64::from);
     let steps = [steps[0] - i64::from(b.x), steps[1] - i64::from(b.y)];
     compared(steps, scale, most, || IntegerSteps::of(scale, most)).is_le()
 }
 
-/// A distance in space, for telling many pairs of points that are nearer than it.
+/// A 3D distance, to test many pairs of points for being closer than it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistancePredicate {
     scale: [f64; 3],
@@ -77,13 +76,12 @@ pub struct DistancePredicate {
 }
 
 impl DistancePredicate {
-    /// `least` world units between points of steps of these sizes.
+    /// A distance of `least` world units, for points with these scales.
     pub fn new(scale: [f64; 3], least: f64) -> Self {
         Self { scale, least, units: IntegerSteps::of(scale, least) }
     }
 
-    /// Whether two points are nearer to each other: exactly, where scale and distance are taken for the decimals
-    /// they are.
+    /// Whether two points are closer than the distance: exact, with scale and distance as decimals.
     #[inline]
     pub fn is_nearer(&self, a: Point, b: Point) -> bool {
         let steps = [(a.x, b.x), (a.y, b.y), (a.z, b.z)].map(|(a, b)| i64::from(a) - i64::from(b));
@@ -95,14 +93,14 @@ impl DistancePredicate {
         self.least
     }
 
-    /// Steps along each axis that points nearer to each other do not differ by.
+    /// Number of steps along each axis by which closer points differ less.
     pub fn steps(&self) -> [i64; 3] {
-        // One more, as the quotient is rounded.
+        // Plus one, as the quotient is rounded.
         self.scale.map(|step| ((self.least / step).ceil() as i64).saturating_add(1))
     }
 }
 
-/// How the distance of so many steps compares with a length.
+/// Compares the length of a vector of steps with a length.
 #[inline]
 fn compared<const N: usize>(
     steps: [i64; N],
@@ -118,7 +116,7 @@ fn compared<const N: usize>(
     }
 }
 
-/// The same in whole numbers; `None` where there are too many digits.
+/// The same in integers; `None` if there are too many digits.
 #[cold]
 fn exactly<const N: usize>(steps: [i64; N], units: Option<IntegerSteps<N>>) -> Option<Ordering> {
     let IntegerSteps { scale, square } = units?;
@@ -129,7 +127,7 @@ fn exactly<const N: usize>(steps: [i64; N], units: Option<IntegerSteps<N>>) -> O
     Some(sum?.cmp(&square))
 }
 
-/// The sizes of steps in units of the last decimal of all of them and a length, and the square of that.
+/// Step sizes and a squared length in integers, in units of their last common decimal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct IntegerSteps<const N: usize> {
     scale: [i128; N],

@@ -1,23 +1,22 @@
-//! What a height becomes in a file that stores it as an f32, relative to a height and in a unit of its
-//! own.
+//! Rounding of heights in files that store them as `f32` relative to an origin, with a scale.
 
-/// How heights are stored.
+/// Storage of heights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeightQuantization {
-    /// The height that others are relative to.
+    /// Origin of stored heights.
     pub origin: f64,
-    /// Stored units in one unit of the heights.
+    /// Stored units per unit of the heights.
     pub scale: f64,
 }
 
 impl HeightQuantization {
-    /// Relative to `origin`, in the unit of the heights.
+    /// Relative to `origin`, with a scale of 1.
     pub fn about(origin: f64) -> Self {
         Self { origin, scale: 1.0 }
     }
 
-    /// The height that is read back for this one, and for itself: where heights are scaled, to come back
-    /// rounds once more, which may move what is written next by the last bit of an f32.
+    /// The height that is read back for a stored height. With a scale, storing the result again may change its last
+    /// bit.
     #[inline(always)]
     pub fn apply(self, height: f64) -> f64 {
         let once = self.once(height);

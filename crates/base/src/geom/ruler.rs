@@ -1,27 +1,27 @@
-//! From limits in the world to steps of a lattice, exactly.
+//! Exact conversion of world limits to steps of a lattice.
 
 use super::decimal::Decimal;
 
-/// The steps of a lattice along an axis: step n is at offset + scale * n. What is meant by that are
-/// decimals, and in floats it is that decimal or a hair off it (32690 * 0.01 is not 326.9): a limit
-/// that is either of the two is at the step, and every other lies between steps.
+/// The steps of a lattice along an axis: step n is at offset + scale * n. Scale and offset mean decimals, and a float
+/// is that decimal or slightly off it (32690 * 0.01 is not 326.9). A limit equal to either value is at the step, any
+/// other limit is between steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ruler {
     scale: f64,
     offset: f64,
-    /// Scale and offset in units of so many digits.
+    /// Scale and offset in units of this number of digits.
     exact: Option<(i128, i128, u32)>,
 }
 
-/// Steps beyond this are cut off: no lattice reaches so far.
+/// Steps are clamped to this magnitude; no lattice is larger.
 const FAR: i64 = 1 << 40;
-/// How far off the guess of a step may be where floats serve.
+/// Maximum error of the float estimate of a step.
 const NEAR: i64 = 2;
-/// Least part of a step between a step and what is beside it.
+/// Minimum fraction of a step between a step and other positions.
 const HAIR: f64 = 1.0 / (1 << 20) as f64;
 
 impl Ruler {
-    /// `scale` is positive, and both are finite.
+    /// From a positive scale and an offset, both finite.
     pub fn new(scale: f64, offset: f64) -> Self {
         Self { scale, offset, exact: exact(scale, offset) }
     }
@@ -36,22 +36,22 @@ impl Ruler {
         }
     }
 
-    /// The same as every reader of LAS computes it.
+    /// The coordinate as LAS readers compute it.
     fn in_floats(&self, step: i64) -> f64 {
         step as f64 * self.scale + self.offset
     }
 
-    /// The lowest step that is not below `limit`.
+    /// The lowest step at or above `limit`.
     pub fn first(&self, limit: f64) -> i64 {
         self.partition(limit, |step| self.at(step).max(self.in_floats(step)) < limit)
     }
 
-    /// The highest step that is not above `limit`.
+    /// The highest step at or below `limit`.
     pub fn last(&self, limit: f64) -> i64 {
         self.partition(limit, |step| self.at(step).min(self.in_floats(step)) <= limit) - 1
     }
 
-    /// The place of a coordinate in steps: a whole number at a step and nowhere else.
+    /// Position of a coordinate in steps: an integer at a step and only there.
     pub fn place(&self, world: f64) -> f64 {
         let (first, last) = (self.first(world), self.last(world));
         let steps = (world - self.offset) / self.scale;
@@ -62,7 +62,7 @@ impl Ruler {
         }
     }
 
-    /// The lowest step that is not `below`, as all steps are up to about `limit`.
+    /// The lowest step that is not `below`; the search starts near `limit`.
     fn partition(&self, limit: f64, below: impl Fn(i64) -> bool) -> i64 {
         let guess = ((limit - self.offset) / self.scale) as i64;
         let guess = guess.clamp(-FAR, FAR);

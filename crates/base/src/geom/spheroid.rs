@@ -1,23 +1,22 @@
-//! The ellipsoid of revolution that longitudes and latitudes are on, of any body.
+//! Reference ellipsoids of any celestial body.
 
 /// An ellipsoid of revolution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spheroid {
-    /// Half of the major axis, in metres.
+    /// Semi-major axis, in metres.
     axis: f64,
     eccentricity_squared: f64,
 }
 
-/// Half axes of the ellipsoids of the Earth, in metres.
+/// Semi-major axes of ellipsoids of the Earth, in metres.
 const EARTH: std::ops::Range<f64> = 6.3e6..6.5e6;
 
 impl Spheroid {
-    /// That of WGS 84.
+    /// The WGS 84 ellipsoid.
     pub const WGS84: Self =
         Self { axis: 6_378_137.0, eccentricity_squared: 0.006_694_379_990_141_316 };
 
-    /// By half of its major axis, in metres, and the inverse of its flattening (0 for a sphere); `None` where
-    /// there is no such ellipsoid.
+    /// From the semi-major axis in metres and the inverse flattening (0 for a sphere); `None` if invalid.
     pub fn new(axis: f64, inverse_flattening: f64) -> Option<Self> {
         if (axis, inverse_flattening) == (6_378_137.0, 298.257_223_563) {
             return Some(Self::WGS84);
@@ -28,12 +27,12 @@ impl Spheroid {
         is_sound.then_some(Self { axis, eccentricity_squared })
     }
 
-    /// Whether it is as large as the Earth.
+    /// Whether the size is that of the Earth.
     pub fn is_of_earth(&self) -> bool {
         EARTH.contains(&self.axis)
     }
 
-    /// Metres of a degree of longitude and of one of latitude; 0 for longitudes at a pole.
+    /// Metres per degree of longitude and of latitude; 0 for longitudes at a pole.
     pub fn degree_metres(&self, latitude: f64) -> [f64; 2] {
         let (sine, cosine) = latitude.to_radians().sin_cos();
         let bulge = 1.0 - self.eccentricity_squared * sine * sine;

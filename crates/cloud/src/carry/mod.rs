@@ -1,8 +1,7 @@
-//! Points with all that is known of them, from the files of a cloud into one format: what an output is to be, and
-//! the records of each part.
+//! Conversion of the records of a point cloud to one point format, with all attributes.
 //!
-//! A record goes from format to format byte by byte. Where files share a lattice it keeps the whole numbers it is
-//! stored with. A value that has no place in the output is an error.
+//! Records are converted byte by byte. Files with a common lattice keep their stored integers. A value that the
+//! output cannot store is an error.
 
 mod seen;
 
@@ -25,34 +24,34 @@ use crate::version::{LasVersion, PointPacking};
 use crate::write::{CarriedMetadata, CloudWriteOptions, Vlr};
 pub use seen::{AppearanceReader, PointAppearance};
 
-/// Numbers of records of [`extra::USER`]: records that are no longer valid, and descriptions of waveforms, which
-/// are followed by one that holds the waveforms themselves.
+/// Numbers of [`extra::USER`] records: superseded ones, and waveform packet descriptors, followed by the record with
+/// the waveform data.
 const SUPERSEDED: u16 = 7;
 const WAVES: std::ops::RangeInclusive<u16> = 100..=354;
 const WAVE_DATA: u16 = 65_535;
-/// Bits of the global encoding: waveforms are in the file, or in one beside it; returns were made up.
+/// Bits of the global encoding: internal waveforms, external waveforms, synthetic return numbers.
 const WAVES_INSIDE: u16 = 2;
 const WAVES_BESIDE: u16 = 4;
 const MADE_RETURNS: u16 = 8;
-/// Most bytes of the records that are carried.
+/// Maximum bytes of all copied VLRs.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// What points are to be in.
+/// Requested output format.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LasOutputFormat {
-    /// The format of records; the first that holds all fields of all files when `None`.
+    /// Point format; if `None`, the first one with all fields of all files.
     pub format: Option<PointFormat>,
-    /// The version of LAS; the first that has points of the format when `None`.
+    /// LAS version; if `None`, the first one with the point format.
     pub version: Option<LasVersion>,
-    /// How the file is packed.
+    /// Storage of the points.
     pub packing: PointPacking,
 }
 
 impl LasOutputFormat {
-    /// The format and version for files of such formats.
+    /// Point format and version for files of this format.
     ///
     /// # Errors
-    /// A format that cannot be so packed, or a version that does not have it.
+    /// Unsupported combinations of format, version and packing.
     fn choose(&self, held: PointFormat) -> Result<(PointFormat, LasVersion)> {
         let Self { version, packing, .. } = *self;
         let held = version.map_or(held, |version| version.holding(held));
@@ -65,7 +64,7 @@ impl LasOutputFormat {
     }
 }
 
-/// How the points of a cloud get into a file of one format.
+/// Converter of the points of a cloud to one point format.
 pub struct PointFormatConverter<'a> {
     cloud: &'a PointCloud,
     info: CloudInfo,
@@ -74,23 +73,23 @@ pub struct PointFormatConverter<'a> {
     version: LasVersion,
     extra: ExtraBytes,
     carried: CarriedMetadata,
-    /// By file.
+    /// One per file.
     recasts: Vec<Recast>,
-    /// Where a record has its height above the ground.
+    /// Offset of the height above ground in a record.
     heights: Option<usize>,
     notes: Vec<String>,
 }
 
-/// The dimension of heights above the ground, by the name that others have for it.
+/// Name and description of the dimension of heights above ground, as other programs write it.
 const HEIGHTS: (&str, &str) = ("HeightAboveGround", "Height above ground");
 
 impl<'a> PointFormatConverter<'a> {
-    /// For records of a file to be written. They have a dimension for heights above the ground where so told, which
-    /// are not known yet.
+    /// A converter for records of a file. If requested, records get a dimension for heights above ground, which is
+    /// filled later.
     ///
     /// # Errors
-    /// Files whose times, waveforms or extra bytes cannot be in one file; waveforms inside of a file; a format that
-    /// cannot be so packed.
+    /// Files whose times, waveforms or extra bytes cannot be merged; internal waveforms; unsupported combinations of
+    /// format and packing.
     pub fn new(cloud: &'a PointCloud, target: LasOutputFormat, has_heights: bool) -> Result<Self> {
         let origins = cloud.origins().collect::<Result<Vec<_>>>()?;
         let held = origins.iter().map(|origin| origin.format).reduce(PointFormat::holding);
@@ -128,7 +127,7 @@ impl<'a> PointFormatConverter<'a> {
         }
         notes.extend(left_out(&origins, format, packing));
         if packing == PointPacking::Text && extra.has_others() {
-            notes.push("extra bytes that are no numbers are left out".to_owned());
+            notes.push("extra bytes that are not numbers are left out".to_owned());
         }
         Ok(Self {
             cloud,
@@ -144,17 +143,17 @@ impl<'a> PointFormatConverter<'a> {
         })
     }
 
-    /// The format of the records.
+    /// Point format of the records.
     pub fn format(&self) -> PointFormat {
         self.format
     }
 
-    /// Where the records lie: in the lattice of the files, where they have one, and else in the frame of the cloud.
+    /// Extent and frame of the records: the common lattice of the files, else the frame of the cloud.
     pub fn info(&self) -> &CloudInfo {
         &self.info
     }
 
-    /// How many steps records are from where their points are in the frame of the cloud, in which all methods work.
+    /// Offset in steps from the frame of the cloud, in which all methods work, to the records.
     pub fn shift(&self) -> [i32; 3] {
         self.cloud.stored_by()
     }
@@ -164,43 +163,42 @@ impl<'a> PointFormatConverter<'a> {
         self.format.size() + self.extra_bytes()
     }
 
-    /// How many of these are extra bytes.
+    /// Number of extra bytes of a record.
     pub fn extra_bytes(&self) -> usize {
         self.carried.extra_bytes.into()
     }
 
-    /// Where a record has its height above the ground, in steps of heights (`i32`; the least stands for none).
+    /// Offset of the height above ground in a record, in steps of heights (`i32`; the minimum is nodata).
     pub fn heights_at(&self) -> Option<usize> {
         self.heights
     }
 
-    /// A file with these records, or with them as they are in another frame and system.
+    /// Options of a file with these records, or with the records in another frame and CRS.
     pub fn file(&self, frame: PointFrame, crs: Crs) -> CloudWriteOptions {
         let (version, carried) = (self.version, self.carried.clone());
         CloudWriteOptions { version, carried, ..CloudWriteOptions::new(self.format, frame, crs) }
     }
 
-    /// Their lines of text, as they are in a frame.
+    /// Formatter of the records as text lines in a frame.
     pub fn lines(&self, frame: &PointFrame) -> PointLineFormatter {
         let extra = self.extra.columns(self.format.size());
         PointLineFormatter::new(self.format, frame, &extra, self.size())
     }
 
-    /// What their fields are called, and where they are; the coordinates are not among them.
+    /// Columns of the records except the coordinates: names and offsets.
     pub fn columns(&self) -> Vec<PointColumn> {
         columns(self.format, &self.extra.columns(self.format.size()))
     }
 
-    /// What is left out, or is not as in the files, one line each.
+    /// Notes on lost or changed data.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Hands on the records of the wanted points of a part, as many at a time as come; places are those of
-    /// [`info`](Self::info).
+    /// Passes on the filtered records of a part in batches; positions are in the frame of [`info`](Self::info).
     ///
     /// # Errors
-    /// Those of [`PointSource::read`](crate::PointSource::read); what the format cannot hold of a point.
+    /// Errors of [`PointSource::read`](crate::PointSource::read); values that the format cannot store.
     pub fn read(
         &self,
         part: usize,
@@ -223,16 +221,16 @@ impl ExtraBytes {
     }
 }
 
-/// The extra bytes, where a record can have so many.
+/// Number of extra bytes, checked against the record length.
 fn fitting(format: PointFormat, extra: &ExtraBytes) -> Result<u16> {
     let (bytes, most) = (extra.bytes(), usize::from(u16::MAX) - format.size());
     if bytes <= most {
         return Ok(bytes as u16);
     }
     Err(Error::unsupported(format!(
-        "the files have {bytes} extra bytes together, and a record may have {most}"
+        "the extra bytes of all files ({bytes}) exceed the record limit of {most}"
     ))
-    .remedy("write some of them on their own"))
+    .remedy("process some of the files separately"))
 }
 
 fn described(extra: &ExtraBytes) -> Option<Vlr> {
@@ -240,35 +238,35 @@ fn described(extra: &ExtraBytes) -> Option<Vlr> {
     Some(Vlr { user: extra::USER.into(), number: extra::NUMBER, about: "Extra bytes".into(), data })
 }
 
-/// The bits of the global encoding that hold for all files, but for those of times.
+/// Bits of the global encoding that are set in all files, except those of times.
 fn encoding(origins: &[CloudFileOrigin<'_>], format: PointFormat) -> u16 {
     let all = origins.iter().fold(0, |all, origin| all | origin.encoding());
     let waves = if format.has_waves() { WAVES_BESIDE } else { 0 };
     all & (MADE_RETURNS | waves)
 }
 
-/// What is to be said of waveforms, which are in a file beside that of the points, at places that these know.
+/// Note on external waveforms.
 ///
 /// # Errors
-/// Waveforms of several files: each has its own.
+/// External waveforms of several files.
 fn waves(origins: &[CloudFileOrigin<'_>]) -> Result<Option<String>> {
     let mut waved = origins.iter().filter(|origin| origin.encoding() & WAVES_BESIDE > 0);
     let Some(first) = waved.next() else { return Ok(None) };
     match waved.next() {
         Some(other) => Err(Error::unsupported(format!(
-            "its waveforms are in a file of their own, as those of {} are, and points of both cannot be in one file",
+            "merging waveforms of several files is not supported (the first is {})",
             shown(first.name)
         ))
         .in_file(&path_of(other.name))
-        .remedy("write them on their own, or leave waveforms out with ‹point_format› 6")),
+        .remedy("process the files separately, or drop waveforms with ‹point_format› 6")),
         None => Ok(Some(format!(
-            "waveforms stay where they are, in the .wdp file beside {}: copy it to the name of the output with .wdp",
+            "waveforms are not copied; copy the .wdp file of {} to the output name with extension .wdp",
             shown(first.name)
         ))),
     }
 }
 
-/// The records that are carried, and what is to be said of others.
+/// The copied VLRs, and a note on others.
 fn records(
     origins: &[CloudFileOrigin<'_>],
     format: PointFormat,
@@ -295,16 +293,15 @@ fn records(
         .iter()
         .any(|name| WAVES.clone().any(|number| *name == format!("{} {number}", extra::USER)))
     {
-        return Err(Error::unsupported("the files describe their waveforms differently")
-            .remedy("write them on their own, or leave waveforms out with ‹point_format› 6"));
+        return Err(Error::unsupported("the waveform packet descriptors of the files differ")
+            .remedy("process the files separately, or drop waveforms with ‹point_format› 6"));
     }
-    let note = (!parted.is_empty()).then(|| {
-        format!("records that are not the same in all files are left out: {}", parted.join(", "))
-    });
+    let note = (!parted.is_empty())
+        .then(|| format!("VLRs that differ between files are left out: {}", parted.join(", ")));
     Ok((shared, note.into_iter().collect()))
 }
 
-/// The records of a file that do not tell of what is written anew.
+/// The VLRs of a file, except those that are written anew.
 fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
     let is_wave = |vlr: &VlrHeader| vlr.user == extra::USER && WAVES.contains(&vlr.id);
     let is_carried = |vlr: &VlrHeader| {
@@ -314,10 +311,8 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
         !is_data && !is_ours && vlr.user != PROJECTION && (format.has_waves() || !is_wave(vlr))
     };
     if format.has_waves() && file.header.encoding & WAVES_INSIDE > 0 {
-        return Err(Error::unsupported(
-            "its waveforms are inside of the file, and they are not written yet",
-        )
-        .remedy("leave them out with ‹point_format› 6, or 7 with colours"));
+        return Err(Error::unsupported("writing internal waveform data is not supported")
+            .remedy("drop waveforms with ‹point_format› 6, or 7 with colours"));
     }
     let mut left = MOST_BYTES;
     let carried = file.vlrs.iter().filter(|vlr| is_carried(vlr));
@@ -327,14 +322,14 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
 
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
-        Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
-            .remedy("take the largest of them out")
+        Error::unsupported(format!("its VLRs exceed {} MiB", MOST_BYTES >> 20))
+            .remedy("remove the largest VLRs")
     })?;
     let data = vlr.data(file)?;
     Ok(Vlr { user: vlr.user.clone(), number: vlr.id, about: vlr.description.clone(), data })
 }
 
-/// What the format has no field for.
+/// Notes on fields that the format does not have.
 fn left_out(
     origins: &[CloudFileOrigin<'_>],
     format: PointFormat,
@@ -352,7 +347,7 @@ fn left_out(
                 places.wave.is_some() && (own.wave.is_none() || packing == PointPacking::Text),
             ),
             (
-                "parts of a degree of scan angles",
+                "fractions of scan angles",
                 origin.las.is_some() && origin.format.is_new() && !format.is_new(),
             ),
         ]

@@ -1,4 +1,4 @@
-//! Points with what there is to see of them, from files of any format.
+//! Points with their visual attributes, from files of any format.
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -11,40 +11,39 @@ use crate::raw::Flags;
 use crate::recast::Recast;
 use crate::source::PointCensus;
 
-/// The format that has a field for all that is seen.
+/// The point format with all visual attributes.
 const FORMAT: u8 = 7;
 
-/// What there is to see of a point.
+/// Visual attributes of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PointAppearance {
-    /// In steps of the cloud's frame.
+    /// Position in the frame of the cloud.
     pub point: Point,
-    /// Strength of the return.
+    /// Return strength.
     pub intensity: u16,
     /// Classification.
     pub class: u8,
-    /// Number of the return from 1, and returns of the pulse; 0 where unknown.
+    /// Return number from 1, and number of returns; 0 if unknown.
     pub returns: [u8; 2],
-    /// Marks, by the bits of LAS 1.4.
+    /// Classification flags, with the bits of LAS 1.4.
     pub flags: Flags,
-    /// Red, green, blue, as they are stored; 0 where the file has none.
+    /// Red, green, blue as stored; 0 if absent.
     pub colour: [u16; 3],
 }
 
-/// Reads what is seen of a cloud. Extra bytes, times and waveforms are not looked at, so files that differ in them
-/// are one cloud all the same.
+/// Reader of visual attributes. Extra bytes, times and waveforms are ignored, so files may differ in them.
 pub struct AppearanceReader<'a> {
     cloud: &'a PointCloud,
     format: PointFormat,
-    /// By file.
+    /// One per file.
     recasts: Vec<Recast>,
 }
 
 impl<'a> AppearanceReader<'a> {
-    /// Of all files of a cloud.
+    /// For all files of a cloud.
     ///
     /// # Errors
-    /// A file of a point format that does not exist.
+    /// Unknown point formats.
     pub fn new(cloud: &'a PointCloud) -> Result<Self> {
         let (format, none) = (PointFormat::new(FORMAT)?, ExtraBytes::default());
         let recast = |file: &CloudFile| {
@@ -57,10 +56,10 @@ impl<'a> AppearanceReader<'a> {
         Ok(Self { cloud, format, recasts: cloud.kinds().map(recast).collect::<Result<_>>()? })
     }
 
-    /// Hands on the wanted points of a part, as many at a time as come. Each lies within the bounds of the cloud.
+    /// Passes on the filtered points of a part in batches. Each lies within the bounds of the cloud.
     ///
     /// # Errors
-    /// Those of [`PointSource::read`](crate::PointSource::read).
+    /// Errors of [`PointSource::read`](crate::PointSource::read).
     pub fn read(
         &self,
         part: usize,
@@ -81,7 +80,7 @@ impl<'a> AppearanceReader<'a> {
 }
 
 impl PointAppearance {
-    /// From a record of a format of LAS 1.4 whose colour is there.
+    /// From a LAS 1.4 record with the offset of its colour.
     fn of(record: &[u8], colour: usize) -> Self {
         let four = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
         let two = |at: usize| u16::from_le_bytes([record[at], record[at + 1]]);

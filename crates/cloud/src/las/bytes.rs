@@ -1,4 +1,4 @@
-//! Little-endian numbers and texts at fixed places of a header.
+//! Little-endian numbers and texts at fixed offsets of a header.
 
 /// A header's bytes. Numbers beyond its end read as zero: the caller has checked its length.
 #[derive(Clone, Copy)]
@@ -34,7 +34,7 @@ impl LasHeaderBytes<'_> {
         f64::from_le_bytes(self.at(offset))
     }
 
-    /// Text of at most `bytes` bytes, to its first zero; where it is not UTF-8, it is taken for Latin-1.
+    /// Text of at most `bytes` bytes up to the first zero; Latin-1 if it is not valid UTF-8.
     pub(crate) fn text(self, offset: usize, bytes: usize) -> String {
         let rest = self.0.get(offset..).unwrap_or_default();
         let field = &rest[..rest.len().min(bytes)];

@@ -1,4 +1,4 @@
-//! The coordinate reference system of a LAS file, from well-known text or GeoKeys.
+//! The CRS of a LAS file, from WKT or GeoKeys.
 
 use terrane_base::error::Result;
 use terrane_base::geom::{Crs, GeoKeys, wkt};
@@ -6,17 +6,17 @@ use terrane_files::RawFile;
 
 use super::vlr::VlrHeader;
 
-/// Who writes records of reference systems.
+/// User id of CRS VLRs.
 pub(crate) const PROJECTION: &str = "LASF_Projection";
-/// Well-known text.
+/// Record id of WKT.
 pub(crate) const WKT: u16 = 2112;
-/// GeoKeys with their numbers and texts.
+/// Record ids of GeoKeys and their parameters.
 const KEYS: [u16; 3] = [34_735, 34_736, 34_737];
-/// Bit of the global encoding: the system is given as well-known text.
+/// Bit of the global encoding: the CRS is WKT.
 pub(crate) const IS_WKT: u16 = 1 << 4;
 
-/// What the records say: the text where the header says so, or where the keys do not tell. Two
-/// definitions are never mixed but for heights, of which text may say nothing and keys something.
+/// The CRS of the VLRs: WKT if the header states it or if the GeoKeys are empty. The two definitions are never mixed,
+/// except for vertical parameters that WKT may lack.
 pub(super) fn read(file: &RawFile, vlrs: &[VlrHeader], encoding: u16) -> Result<Crs> {
     let data = |id: u16| vlrs.iter().find(|vlr| vlr.is(PROJECTION, id)).map(|vlr| vlr.data(file));
     let text = data(WKT).transpose()?.map_or_else(Crs::default, |bytes| of_text(&bytes));
@@ -32,7 +32,7 @@ pub(super) fn read(file: &RawFile, vlrs: &[VlrHeader], encoding: u16) -> Result<
     Ok(choose(text, keys, encoding & IS_WKT != 0))
 }
 
-/// The one of two definitions that counts.
+/// Chooses one of two definitions.
 fn choose(text: Crs, keys: Crs, is_text: bool) -> Crs {
     match text.is_named() && (is_text || keys.to_wkt().is_none()) {
         true => with_heights(text, &keys),
@@ -40,8 +40,7 @@ fn choose(text: Crs, keys: Crs, is_text: bool) -> Crs {
     }
 }
 
-/// `first`, with what `second` says of heights where it says nothing of them, if both measure the
-/// plane in one unit.
+/// `first` with the vertical parameters of `second` if it has none and both have the same horizontal unit.
 fn with_heights(first: Crs, second: &Crs) -> Crs {
     if !first.is_named() {
         return second.clone();

@@ -1,5 +1,5 @@
-//! Extra bytes of records: dimensions that a record of the file describes (ASPRS LAS 1.4 R15, table 24),
-//! and bytes behind them that nothing does.
+//! Extra bytes of points: dimensions described by a VLR (ASPRS LAS 1.4 R15, table 24), and undescribed bytes after
+//! them.
 
 use std::ops::Range;
 
@@ -8,45 +8,44 @@ use terrane_base::error::{Error, Result};
 use super::bytes::LasHeaderBytes;
 use crate::column::{ColumnEncoding, PointColumn};
 
-/// Who writes the record that describes dimensions, and its number.
+/// User id and record id of the Extra Bytes VLR.
 pub(crate) const USER: &str = "LASF_Spec";
 pub(crate) const NUMBER: u16 = 4;
 /// Bytes of a description.
 const BYTES: usize = 192;
-/// Most names that a note tells.
+/// Maximum number of names in a note.
 const MOST_TOLD: usize = 8;
-/// Where a description has bytes that are always 0, the kind, the options, the name, the value that stands for none,
-/// and its least and largest values.
+/// Offsets within a description: reserved bytes, data type, options, name, nodata, minimum and maximum.
 const RESERVED: [Range<usize>; 2] = [0..2, 36..40];
 const KIND: usize = 2;
 const OPTIONS: usize = 3;
 const NAME: Range<usize> = 4..36;
 const NONE: usize = 40;
 const RANGE: Range<usize> = 64..112;
-/// Bits of the options: there is a value for none, a least value, a largest one.
+/// Bits of the options: nodata, minimum and maximum are valid.
 const HAS_NONE: u8 = 1;
 const HAS_RANGE: u8 = 2 | 4;
-/// Bits of the options: values are multiplied, and added to; and where by what.
+/// Bits of the options: scale and offset are valid; and their offsets.
 const HAS_SCALE: u8 = 8;
 const HAS_OFFSET: u8 = 16;
 const SCALE: usize = 112;
 const OFFSET: usize = 136;
-/// Bytes of what there is one of for each of three values: none, scale, offset.
+/// Bytes of a triple of values: nodata, scale, offset.
 const THREE: usize = 24;
-/// Where what is said of it is; the kind of signed whole numbers of four bytes.
+/// Offset of the description text; data type of signed 32-bit integers.
 const ABOUT: Range<usize> = 160..BYTES;
 const STEPS: u8 = 6;
-/// The last digit of kinds of floats of 4 bytes.
+/// Last digit of data types of 32-bit floats.
 const SINGLES: u8 = 9;
-/// Bytes of a value of each kind from 1 on; there are two or three of them in the deprecated kinds from 11 and 21 on.
+/// Bytes per value of the data types from 1; the deprecated types from 11 and from 21 have two or three values.
 const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
 
-/// A dimension: its description without the range of its values, which are others in other files.
+/// A dimension: its description without the range of values, which differs between files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct ExtraBytesDimension {
     about: [u8; BYTES],
     size: usize,
-    /// How many before it have its name.
+    /// Number of preceding dimensions with the same name.
     before: usize,
 }
 
@@ -54,11 +53,11 @@ struct ExtraBytesDimension {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ExtraBytes {
     dimensions: Vec<ExtraBytesDimension>,
-    /// Bytes behind them.
+    /// Undescribed bytes after the dimensions.
     plain: usize,
 }
 
-/// Bytes to take from one record to another.
+/// A byte range to copy between records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RecordByteCopy {
     pub(crate) from: usize,
@@ -67,8 +66,8 @@ pub(crate) struct RecordByteCopy {
 }
 
 impl ExtraBytesDimension {
-    /// Of a description, without what is not meant to be there: bytes behind the end of texts, and numbers whose
-    /// option is not set. `None` of a kind that is not known.
+    /// Normalises a description: clears bytes after the end of texts, and numbers whose option is not set. `None` for
+    /// unknown data types.
     fn of(found: &[u8; BYTES]) -> Option<Self> {
         let mut about = *found;
         for text in [NAME, ABOUT] {
@@ -78,7 +77,7 @@ impl ExtraBytesDimension {
         }
         RESERVED.into_iter().chain([RANGE]).for_each(|unused| about[unused].fill(0));
         if about[KIND] > 0 {
-            // The options of bytes of no kind are their number.
+            // For the undocumented type, the options are the number of bytes.
             about[OPTIONS] &= !HAS_RANGE;
         }
         for (option, at) in [(HAS_NONE, NONE), (HAS_SCALE, SCALE), (HAS_OFFSET, OFFSET)] {
@@ -90,7 +89,7 @@ impl ExtraBytesDimension {
         Some(Self { about, size, before: 0 })
     }
 
-    /// A whole number of four bytes, in so many units; its least value stands for none.
+    /// A signed 32-bit integer with a scale; its minimum is nodata.
     fn of_steps(name: &str, about: &str, step: f64) -> Self {
         let mut bytes = [0; BYTES];
         let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
@@ -106,17 +105,17 @@ impl ExtraBytesDimension {
         name(&self.about)
     }
 
-    /// Whether it is what another file means by this name.
+    /// Whether the dimension of another file has this name.
     fn is_named(&self, other: &Self) -> bool {
         self.before == other.before && self.name() == other.name()
     }
 
-    /// Whether values are the same, whatever is said of them.
+    /// Whether values are stored alike; descriptions are ignored.
     fn is_alike(&self, other: &Self) -> bool {
         self.size == other.size && self.about[..ABOUT.start] == other.about[..ABOUT.start]
     }
 
-    /// A column for each of its values; none of bytes that are no numbers.
+    /// A column for each value; none if the type is not numeric.
     fn columns(&self, at: usize) -> Vec<PointColumn> {
         let (kind, options) = (usize::from(self.about[KIND]), self.about[OPTIONS]);
         let Some(kind) = kind.checked_sub(1) else { return Vec::new() };
@@ -137,7 +136,7 @@ impl ExtraBytesDimension {
         (0..count).map(column).collect()
     }
 
-    /// The value that stands for none, of one of its values: a whole number of 8 bytes, or a double.
+    /// Nodata of one of its values: a 64-bit integer or a double.
     fn none(&self, i: usize, value: ColumnEncoding) -> Option<f64> {
         let word = LasHeaderBytes(&self.about).u64(NONE + 8 * i);
         let number = match value {
@@ -148,12 +147,12 @@ impl ExtraBytesDimension {
         (self.about[OPTIONS] & HAS_NONE > 0).then_some(number)
     }
 
-    /// What stands in records of files without it.
+    /// Bytes for records of files without this dimension.
     fn filling(&self) -> Vec<u8> {
         if self.about[KIND] == 0 {
             return vec![0; self.size];
         }
-        // The value of each is in 8 bytes; floats of 4 bytes are doubles there.
+        // Each value takes 8 bytes; 32-bit floats are stored as doubles.
         let (each, kind) = (SIZES[usize::from(self.about[KIND] - 1) % 10], self.about[KIND] % 10);
         let none = |i: usize| {
             let eight = &self.about[NONE + 8 * i..][..8];
@@ -170,7 +169,7 @@ fn name(about: &[u8; BYTES]) -> String {
     LasHeaderBytes(about).text(NAME.start, NAME.len())
 }
 
-/// Bytes of a dimension of a kind; `None` of one that is not known.
+/// Bytes of a dimension of a data type; `None` if unknown.
 fn size(kind: u8, options: u8) -> Option<usize> {
     match usize::from(kind) {
         0 => Some(options.into()),
@@ -180,9 +179,9 @@ fn size(kind: u8, options: u8) -> Option<usize> {
 }
 
 impl ExtraBytes {
-    /// From the descriptions in a file whose records have so many extra bytes, and what is to be said of them, one
-    /// line each. Dimensions lie one behind the other, so from the first one on that does not fit, or whose size is
-    /// not known, none can be told from the bytes: these are kept, and nothing describes them.
+    /// From the descriptions of a file whose records have this number of extra bytes, with notes. Dimensions are
+    /// consecutive: from the first one that does not fit or has an unknown type, bytes cannot be assigned. They are
+    /// kept as undescribed bytes.
     pub(crate) fn of(described: &[u8], bytes: usize) -> (Self, Vec<String>) {
         let descriptions = described.as_chunks::<BYTES>().0;
         let mut extra = Self { dimensions: Vec::new(), plain: bytes };
@@ -194,7 +193,7 @@ impl ExtraBytes {
         }
         let left_out = &descriptions[extra.dimensions.len()..];
         let notes = extra.notes(left_out, bytes);
-        // What has no bytes has no values.
+        // Dimensions without bytes have no values.
         extra.dimensions.retain(|dimension| dimension.size > 0);
         (extra, notes)
     }
@@ -205,7 +204,7 @@ impl ExtraBytes {
         self.dimensions.push(ExtraBytesDimension { before, ..dimension });
     }
 
-    /// What is odd about the descriptions of records of so many extra bytes, the last of which do not count.
+    /// Notes on descriptions that do not match the records; `left_out` are ignored.
     fn notes(&self, left_out: &[[u8; BYTES]], bytes: usize) -> Vec<String> {
         let named = left_out.iter().take(MOST_TOLD).map(|about| format!("\"{}\"", name(about)));
         let mut named = named.collect::<Vec<_>>().join(", ");
@@ -213,20 +212,14 @@ impl ExtraBytes {
             named += ", ...";
         }
         let lost = left_out.first().map(|first| match size(first[KIND], first[OPTIONS]) {
-            Some(_) => format!(
-                "points have {bytes} extra bytes, and more are described: {named} are not there"
-            ),
-            None => format!(
-                "extra bytes are described as of kind {}, which is not known: {named} have no name",
-                first[KIND]
-            ),
+            Some(_) => format!("extra bytes {named} do not fit into the {bytes} bytes of a point"),
+            None => {
+                format!("unknown data type {} of extra bytes; {named} are left out", first[KIND])
+            }
         });
         let twice = self.dimensions.iter().filter(|dimension| dimension.before == 1);
         let twice = twice.map(|dimension| {
-            format!(
-                "several extra bytes are called \"{}\": the name means the first",
-                dimension.name()
-            )
+            format!("several extra bytes are named \"{}\"; the first is used", dimension.name())
         });
         lost.into_iter().chain(twice).collect()
     }
@@ -236,10 +229,10 @@ impl ExtraBytes {
         self.plain + self.dimensions.iter().map(|dimension| dimension.size).sum::<usize>()
     }
 
-    /// These, and those of another file.
+    /// The union with the extra bytes of another file.
     ///
     /// # Errors
-    /// Dimensions of one name that are not the same; bytes that nothing describes where those of the other differ.
+    /// Different dimensions of one name; different undescribed bytes.
     pub(crate) fn and(mut self, other: &Self) -> Result<Self> {
         for dimension in &other.dimensions {
             match self.dimensions.iter().find(|known| known.is_named(dimension)) {
@@ -248,23 +241,24 @@ impl ExtraBytes {
                 Some(_) => {
                     let name = dimension.name();
                     return Err(Error::unsupported(format!(
-                        "its extra bytes \"{name}\" are of another kind, scale, offset or value for none than in other files"
+                        "its extra bytes \"{name}\" differ in type, scale, offset or nodata from those of other \
+                             files"
                     ))
-                    .remedy("write it on its own"));
+                    .remedy("process it separately"));
                 }
             }
         }
         if self.plain != other.plain {
             return Err(Error::unsupported(format!(
-                "its points have {} extra bytes that nothing describes, and those of other files {}",
+                "its points have {} undescribed extra bytes, those of other files {}",
                 other.plain, self.plain
             ))
-            .remedy("write it on its own"));
+            .remedy("process it separately"));
         }
         Ok(self)
     }
 
-    /// With steps of so many units in the place of what has that name; returns where in the extra bytes they are.
+    /// Replaces the dimension of this name by scaled integers; returns its offset within the extra bytes.
     pub(crate) fn put_steps(&mut self, name: &str, about: &str, step: f64) -> usize {
         self.dimensions.retain(|dimension| dimension.name() != name);
         let at = self.bytes() - self.plain;
@@ -272,7 +266,7 @@ impl ExtraBytes {
         at
     }
 
-    /// What to take from a record of another file, whose extra bytes are among these; places count from the first
+    /// Byte ranges to copy from records of another file, whose extra bytes are a subset; offsets count from the first
     /// extra byte.
     pub(crate) fn moves(&self, from: &Self) -> Vec<RecordByteCopy> {
         let mut moves: Vec<RecordByteCopy> = Vec::new();
@@ -309,13 +303,13 @@ impl ExtraBytes {
         None
     }
 
-    /// The extra bytes of a point of which nothing is known.
+    /// Default extra bytes of a point.
     pub(crate) fn filling(&self) -> Vec<u8> {
         let known = self.dimensions.iter().flat_map(ExtraBytesDimension::filling);
         known.chain(std::iter::repeat_n(0, self.plain)).collect()
     }
 
-    /// Columns of the dimensions, in records where they begin at a byte.
+    /// Columns of the dimensions, for records where they begin at `at`.
     pub(crate) fn columns(&self, mut at: usize) -> Vec<PointColumn> {
         let mut columns = Vec::new();
         for dimension in &self.dimensions {
@@ -325,12 +319,12 @@ impl ExtraBytes {
         columns
     }
 
-    /// Whether some of them are no numbers.
+    /// Whether some of them are not numeric.
     pub(crate) fn has_others(&self) -> bool {
         self.plain > 0 || self.dimensions.iter().any(|dimension| dimension.about[KIND] == 0)
     }
 
-    /// The data of the record that describes them; `None` where there is nothing to say.
+    /// Data of the Extra Bytes VLR; `None` if there are no dimensions.
     pub(crate) fn described(&self) -> Option<Vec<u8>> {
         let data: Vec<u8> = self.dimensions.iter().flat_map(|d| d.about).collect();
         (!data.is_empty()).then_some(data)
@@ -382,9 +376,9 @@ mod tests {
         assert_eq!(extra(&[ranged], 2), plain);
         let wider = extra(&[described("a", 5, None)], 4);
         let error = plain.clone().and(&wider).unwrap_err().to_string();
-        assert!(error.contains("\"a\" are of another kind"), "{error}");
+        assert!(error.contains("\"a\" differ in type"), "{error}");
         let error = plain.and(&extra(&[], 2)).unwrap_err().to_string();
-        assert!(error.contains("2 extra bytes that nothing describes"), "{error}");
+        assert!(error.contains("2 undescribed extra bytes"), "{error}");
     }
 
     #[test]
@@ -396,8 +390,7 @@ mod tests {
         assert_eq!(extra(&[of_no_kind], 3).bytes(), 3);
     }
 
-    /// Descriptions in records of 5 extra bytes: the names that values are known by and where they are, the bytes that
-    /// nothing describes, and a word of the note, if there is one.
+    /// Descriptions of 5 extra bytes: names and offsets of values, undescribed bytes, and a word of the note, if any.
     #[test]
     fn descriptions_that_do_not_fit_are_told_and_no_byte_moves() {
         let name = "of thirty-two letters without 0!";
@@ -415,18 +408,18 @@ mod tests {
         let cases: [Case<'_>; 11] = [
             (vec![], &[], 5, None),
             (vec![a], &[("a", 0)], 3, None),
-            (vec![a, described("b", 5, None)], &[("a", 0)], 3, Some("\"b\" are not there")),
+            (vec![a, described("b", 5, None)], &[("a", 0)], 3, Some("\"b\" do not fit")),
             (
                 vec![described("b", 10, None), a],
                 &[],
                 5,
-                Some("5 extra bytes, and more are described: \"b\", \"a\" are"),
+                Some("\"b\", \"a\" do not fit into the 5 bytes"),
             ),
-            (vec![a, described("b", 31, None), a], &[("a", 0)], 3, Some("kind 31")),
+            (vec![a, described("b", 31, None), a], &[("a", 0)], 3, Some("data type 31")),
             (vec![a, of_no_kind(1), described("c", 1, None)], &[("a", 0), ("c", 3)], 1, None),
             (vec![of_no_kind(0), a], &[("a", 0)], 3, None),
             (vec![described("p", 13, None)], &[("p[0]", 0), ("p[1]", 2)], 1, None),
-            (vec![a, a], &[("a", 0), ("a", 2)], 1, Some("several extra bytes are called \"a\"")),
+            (vec![a, a], &[("a", 0), ("a", 2)], 1, Some("several extra bytes are named \"a\"")),
             (vec![behind, described(name, 1, None)], &[("a", 0), (name, 2)], 2, None),
             (vec![umlaut], &[("H\u{f6}he", 0)], 3, None),
         ];
@@ -438,7 +431,7 @@ mod tests {
             assert_eq!(notes.len(), usize::from(word.is_some()), "{notes:?}");
             assert!(word.is_none_or(|word| notes[0].contains(word)), "{notes:?}");
             assert_eq!(extra.moves(&extra), [RecordByteCopy { from: 0, to: 0, bytes: 5 }]);
-            // What is written is read again, and nothing is to be said of it.
+            // A round trip is exact and has no notes.
             let again = ExtraBytes::of(&extra.described().unwrap_or_default(), 5);
             assert_eq!(again.0, extra);
             assert_eq!(again.1.is_empty(), !word.is_some_and(|word| word.contains("several")));
@@ -461,7 +454,7 @@ mod tests {
         let (twice, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 3)].concat(), 4);
         let all = extra(&[described("b", 1, None)], 1).and(&twice).unwrap();
         assert_eq!(all.moves(&twice), [RecordByteCopy { from: 0, to: 1, bytes: 4 }]);
-        // Kinds of one name are told apart in their order.
+        // Dimensions of one name are distinguished by their order.
         let (other, _) = ExtraBytes::of(&[said(b"one", 3), said(b"two", 5)].concat(), 6);
         assert!(twice.and(&other).is_err());
     }

@@ -1,5 +1,5 @@
 //! The public header block of LAS 1.0 to 1.5 (ASPRS LAS 1.4 R16, section 2.4; LAS 1.5 R00, section 2.3), checked
-//! against the file's length.
+//! against the file length.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::limits;
@@ -7,26 +7,26 @@ use terrane_base::limits;
 use super::bytes::LasHeaderBytes;
 use crate::format::PointFormat;
 
-/// Bytes of the header of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
+/// Header bytes of LAS 1.0 to 1.2, of 1.3, of 1.4 and of 1.5.
 pub(crate) const SIZES: [u16; 4] = [227, 235, 375, 393];
-/// Most bytes of a header that are looked at.
+/// Maximum header bytes that are read.
 pub(super) const MOST_BYTES: u64 = 393;
 
-/// What a LAS file says of itself.
+/// The header of a LAS file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LasHeader {
     pub(crate) version: [u8; 2],
-    /// Number of the file or flight line.
+    /// File source id.
     pub(crate) source: u16,
     /// Bytes before the first VLR.
     pub(super) size: u16,
-    /// Where points begin.
+    /// Offset of the points.
     pub(crate) points_at: u64,
     pub(super) vlrs: u32,
-    /// 0 to 10.
+    /// Point format, 0 to 10.
     pub(crate) format: u8,
     pub(crate) is_compressed: bool,
-    /// Bytes of a point, uncompressed.
+    /// Record length.
     pub(crate) record: u16,
     pub(crate) count: u64,
     pub(crate) scale: [f64; 3],
@@ -35,16 +35,16 @@ pub(crate) struct LasHeader {
     pub(crate) high: [f64; 3],
     pub(super) evlrs_at: u64,
     pub(super) evlrs: u32,
-    /// Where waveforms in the file begin, from version 1.3 on.
+    /// Offset of internal waveforms, from version 1.3.
     waves_at: u64,
     pub(crate) system: String,
     pub(crate) software: String,
     /// Day of the year, and year.
     pub(crate) created: [u16; 2],
     pub(crate) encoding: u16,
-    /// What times are counted from, in millions of seconds of GPS time; from version 1.5 on.
+    /// Time offset in millions of seconds, from version 1.5.
     pub(crate) time_offset: u16,
-    /// What is odd about it.
+    /// Notes on oddities.
     pub(crate) notes: Vec<String>,
 }
 
@@ -52,14 +52,16 @@ impl LasHeader {
     /// From the first bytes of a file of `len` bytes.
     pub(super) fn parse(head: &[u8], len: u64) -> Result<Self> {
         if !head.starts_with(b"LASF") {
-            return Err(Error::bad_input("is not a LAS or LAZ file: it does not begin with LASF")
-                .remedy("copy it again, or name another file"));
+            return Err(Error::bad_input(
+                "is not a LAS or LAZ file: the signature LASF is missing",
+            )
+            .remedy("copy the file again, or use another file"));
         }
         if head.len() < usize::from(SIZES[0]) {
             return Err(Error::bad_input(format!(
-                "file is truncated: its {len} bytes hold no header"
+                "file is truncated: {len} bytes are too short for a header"
             ))
-            .remedy("copy it again"));
+            .remedy("copy the file again"));
         }
         let header = Self::read(LasHeaderBytes(head));
         header.check_version()?;
@@ -102,12 +104,12 @@ impl LasHeader {
     fn check_version(&self) -> Result<()> {
         let [major, minor] = self.version;
         if (major, minor) < (1, 0) || (major, minor) > (1, 5) {
-            let message = format!("LAS version {major}.{minor} is not known");
-            return Err(Error::unsupported(message).remedy("versions 1.0 to 1.5 are read"));
+            let message = format!("unknown LAS version {major}.{minor}");
+            return Err(Error::unsupported(message).remedy("use a version from 1.0 to 1.5"));
         }
         if self.format >= PointFormat::COUNT {
-            let message = format!("point format {} is not known", self.format);
-            return Err(Error::unsupported(message).remedy("formats 0 to 10 are read"));
+            let message = format!("unknown point format {}", self.format);
+            return Err(Error::unsupported(message).remedy("use a format from 0 to 10"));
         }
         Ok(())
     }
@@ -116,23 +118,24 @@ impl LasHeader {
         limits::check("number of points", self.count, limits::MAX_POINTS)
             .map_err(|e| e.remedy("copy the file again"))?;
         let size = SIZES[usize::from(self.version[1].saturating_sub(2))];
-        let damaged = |message: String| Err(Error::bad_input(message).remedy("copy it again"));
+        let damaged =
+            |message: String| Err(Error::bad_input(message).remedy("copy the file again"));
         if self.size < size {
             return damaged(format!(
-                "the header claims {} bytes, and one of version 1.{} has {size}",
+                "the header is {} bytes long, version 1.{} requires {size}",
                 self.size, self.version[1]
             ));
         }
         if self.points_at < u64::from(self.size) || self.points_at > len {
             return damaged(format!(
-                "points are said to begin at byte {}, and the header ends at {} and the file at {len}",
+                "the point offset {} is outside the file (header ends at {}, file at {len})",
                 self.points_at, self.size
             ));
         }
         let least = least(self.format);
         if self.record < least {
             return damaged(format!(
-                "points are said to have {} bytes, and those of format {} have {least} or more",
+                "the record length is {}, point format {} requires {least} or more",
                 self.record, self.format
             ));
         }
@@ -144,30 +147,29 @@ impl LasHeader {
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let (scale, offset) = (self.scale[axis], self.offset[axis]);
             if !(scale.is_normal() && scale > 0.0 && offset.is_finite()) {
-                let message = format!("the scale of {name} is {scale} and its offset {offset}");
+                let message = format!("the scale of {name} is {scale} with offset {offset}");
                 return Err(Error::bad_input(message)
-                    .remedy("the scale must be above zero; write the file again"));
+                    .remedy("rewrite the file with a positive scale and a finite offset"));
             }
             let (low, high) = (self.low[axis], self.high[axis]);
             let sound = low.is_finite() && high.is_finite() && low <= high;
             if self.count > 0 && !sound {
-                let message = format!("the bounds of {name} are said to be {low} to {high}");
+                let message = format!("the bounds of {name} are invalid: {low} to {high}");
                 return Err(Error::bad_input(message)
-                    .remedy("mend the header, for example with pdal translate IN OUT"));
+                    .remedy("repair the header, for example with pdal translate IN OUT"));
             }
         }
         Ok(())
     }
 
-    /// Where something else than points begins, in a file of so many bytes.
+    /// End of the points: offset of the next section, or the length of the file.
     pub(crate) fn points_end(&self, len: u64) -> u64 {
         let others = [(self.evlrs > 0).then_some(self.evlrs_at), Some(self.waves_at)];
         let behind = others.into_iter().flatten().filter(|at| *at >= self.behind(len));
         behind.fold(len, u64::min)
     }
 
-    /// The first byte that something else may be at: behind all points, as far as these are in a file of so many
-    /// bytes; how many bytes compressed ones take is not known here.
+    /// Minimum offset of sections after the points; the size of compressed points is unknown here.
     pub(super) fn behind(&self, len: u64) -> u64 {
         let bytes = if self.is_compressed { 0 } else { self.count * u64::from(self.record) };
         self.points_at.saturating_add(bytes).min(len.max(self.points_at))
@@ -184,22 +186,25 @@ impl LasHeader {
     }
 }
 
-/// Bytes of a record of a point format that exists, without extra bytes.
+/// Record length of a point format without extra bytes.
 fn least(format: u8) -> u16 {
     PointFormat::new(format).map_or(0, |format| format.size() as u16)
 }
 
-/// Points by the wide count of LAS 1.4, or by the narrow one where that is all there is.
+/// Number of points: the 64-bit count of LAS 1.4, or the legacy count if only that is set.
 fn count(b: LasHeaderBytes<'_>, is_long: bool) -> (u64, Vec<String>) {
     let narrow = u64::from(b.u32(107));
     let wide = if is_long { b.u64(247) } else { narrow };
     match (wide, narrow) {
         (0, 1..) => {
-            let note = format!("only the old count of points is set: {narrow}");
+            let note = format!("only the legacy point count is set: {narrow}");
             (narrow, vec![note])
         }
         (_, 1..) if wide != narrow => {
-            let note = format!("two counts of points differ: {wide}, which is used, and {narrow}");
+            let note = format!(
+                "the point count {wide} differs from the legacy point count {narrow}; the former is \
+                 used"
+            );
             (wide, vec![note])
         }
         _ => (wide, Vec::new()),

@@ -1,4 +1,4 @@
-//! LAS and LAZ files: header, records, and parts that are read each on its own.
+//! LAS and LAZ files: header, VLRs, and parts that are read independently.
 
 mod bytes;
 mod copc;
@@ -30,30 +30,30 @@ use self::laz::{LazCompressor, LazLayout};
 use super::frame::ClaimedExtent;
 use parts::LasPart;
 
-/// Who writes the record without which compressed points cannot be read, and its number.
+/// User id and record id of the LASzip VLR, which compressed points require.
 pub(super) const LASZIP: (&str, u16) = ("laszip encoded", 22_204);
 
 /// A LAS or LAZ file.
 #[derive(Debug)]
 pub(super) struct LasFile {
     pub(super) path: PathBuf,
-    /// Its length when it was opened.
+    /// Length at the time of opening.
     pub(super) len: u64,
     pub(super) header: LasHeader,
     pub(super) vlrs: Vec<VlrHeader>,
     pub(super) crs: Crs,
-    /// What is known of the extra bytes of its points.
+    /// Extra bytes of its points.
     pub(super) extra: ExtraBytes,
-    /// How points are compressed, if they are.
+    /// Compression, if any.
     pub(super) layout: Option<LazLayout>,
     pub(super) is_copc: bool,
     pub(super) parts: Vec<LasPart>,
-    /// What is odd about it.
+    /// Notes on oddities.
     pub(super) notes: Vec<String>,
 }
 
 impl LasFile {
-    /// Reads everything but the points. With `salvage`, parts that are not there count as lost.
+    /// Reads everything but the points. With `salvage`, missing parts count as lost.
     pub(super) fn open(path: &Path, salvage: bool) -> Result<Self> {
         let file = RawFile::open(path)?;
         Self::read(&file, path, salvage).map_err(|e| e.in_file(path))
@@ -70,10 +70,8 @@ impl LasFile {
             (false, _) => None,
             (true, Some(vlr)) => Some(LazLayout::parse(&vlr.data(file)?, &header)?),
             (true, None) => {
-                return Err(Error::bad_input(
-                    "its points are compressed, and the LASzip record is missing",
-                )
-                .remedy("copy the file again"));
+                return Err(Error::bad_input("the LASzip VLR of the compressed points is missing")
+                    .remedy("copy the file again"));
             }
         };
         let nodes = match &layout {
@@ -84,7 +82,7 @@ impl LasFile {
         };
         let nodes = match nodes {
             Err(error) if salvage => {
-                notes.push(format!("the octree is not used: {error}"));
+                notes.push(format!("the octree is ignored: {error}"));
                 None
             }
             nodes => nodes?,
@@ -99,25 +97,25 @@ impl LasFile {
         Ok(Self { path, len, header, vlrs, crs, extra, layout, is_copc, parts, notes })
     }
 
-    /// Where its points are said to lie; `None` without points.
+    /// Stated extent of the points; `None` without points.
     pub(super) fn claim(&self) -> Option<ClaimedExtent> {
         let LasHeader { scale, offset, low, high, count, .. } = self.header;
         (count > 0).then(|| ClaimedExtent::new(scale, offset, low, high))
     }
 
-    /// The file again, for reading points.
+    /// Reopens the file for reading points.
     pub(super) fn reopen(&self) -> Result<RawFile> {
         let file = RawFile::open(&self.path)?;
         if file.size() == self.len {
             return Ok(file);
         }
-        Err(Error::bad_input("has changed since it was opened")
+        Err(Error::bad_input("changed while it was read")
             .in_file(&self.path)
-            .remedy("start again when nothing writes to it"))
+            .remedy("run again when no other program writes to it"))
     }
 }
 
-/// What the records that describe extra bytes say of them; there should be one, and several are read as one.
+/// Extra bytes by the Extra Bytes VLRs; several of them are read as one.
 fn extra_bytes(
     file: &RawFile,
     header: &LasHeader,
@@ -126,10 +124,10 @@ fn extra_bytes(
 ) -> Result<ExtraBytes> {
     let found: Vec<_> = vlrs.iter().filter(|vlr| vlr.is(extra::USER, extra::NUMBER)).collect();
     let bytes = found.iter().map(|vlr| vlr.bytes).sum();
-    limits::check("bytes that describe extra bytes", bytes, limits::MAX_HEADER_BYTES)?;
+    limits::check("size of the Extra Bytes VLR in bytes", bytes, limits::MAX_HEADER_BYTES)?;
     let described = found.iter().map(|vlr| vlr.data(file)).collect::<Result<Vec<_>>>()?.concat();
     if found.len() > 1 {
-        notes.push(format!("{} records describe extra bytes: they are read as one", found.len()));
+        notes.push(format!("{} Extra Bytes VLRs are read as one", found.len()));
     }
     let (extra, odd) = ExtraBytes::of(&described, header.extra_bytes().into());
     notes.extend(odd);

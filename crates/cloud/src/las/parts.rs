@@ -7,22 +7,22 @@ use super::copc::CopcNode;
 use super::header::LasHeader;
 use super::laz::{self, LazChunk, LazChunkTable, LazLayout};
 
-/// Uncompressed points of a part.
+/// Points of an uncompressed part.
 const PLAIN_POINTS: u64 = 1 << 17;
 
 /// A part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LasPart {
-    /// Number in the file of its first point.
+    /// Index in the file of its first point.
     pub(crate) first: u64,
-    /// Points that may be read.
+    /// Readable points.
     pub(crate) points: u64,
-    /// Points after these that are not there.
+    /// Missing points after these.
     pub(crate) lost: u64,
     pub(super) at: u64,
     pub(super) bytes: u64,
     pub(super) kind: LasPartKind,
-    /// World box of an octree's node.
+    /// World bounds of an octree node.
     pub(crate) cube: Option<[[f64; 3]; 2]>,
 }
 
@@ -66,24 +66,26 @@ pub(super) fn plain(
 
 fn lacking(claimed: u64, there: u64) -> Error {
     Error::bad_input(format!(
-        "file is truncated or damaged: {claimed} points claimed, {there} there"
+        "file is truncated or damaged: expected {claimed} points, found {there}"
     ))
     .remedy("copy the file again, or read the good part with ‹salvage›")
 }
 
-/// What is to be said of points that no header counts.
+/// Note on points beyond the count of the header.
 ///
 /// # Errors
-/// All points are such: whoever wrote them was stopped before the count was known.
+/// The header states 0 points: the writer was interrupted.
 fn more(claimed: u64, there: u64, salvage: bool) -> Result<Option<String>> {
     let Some(more) = there.checked_sub(claimed).filter(|more| *more > 0) else { return Ok(None) };
     match claimed == 0 && !salvage {
         true => Err(Error::bad_input(format!(
-            "its header claims no points, and there is room for {there}: it was not written to its end"
+            "the header states 0 points, the file has space for {there} (unfinished file)"
         ))
-        .remedy("put the count and the bounds into the header, for example with lasinfo -repair")),
+        .remedy(
+            "repair the point count and bounds of the header, for example with lasinfo -repair",
+        )),
         false => Ok(Some(format!(
-            "behind the {claimed} points that the header claims there is room for {more}, which are not read"
+            "{more} possible points after the {claimed} points of the header are ignored"
         ))),
     }
 }
@@ -133,7 +135,7 @@ pub(super) fn packed(
     Ok(with_lost(parts, header.count))
 }
 
-/// The parts, the last of which knows what is missing to `claimed`.
+/// Adds the points missing to `claimed` to the last part.
 fn with_lost(mut parts: Vec<LasPart>, claimed: u64) -> Vec<LasPart> {
     let there: u64 = parts.iter().map(|part| part.points).sum();
     let lost = claimed.saturating_sub(there);

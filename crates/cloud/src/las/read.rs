@@ -7,28 +7,28 @@ use crate::frame::ClaimedExtent;
 use crate::lazip::{DecodedFields, FieldSelection};
 use terrane_base::error::{Error, Result};
 
-/// Bytes of records that are read at a time: they and their points stay in the cache.
+/// Bytes of records per block; they and their points stay in the cache.
 const BLOCK_BYTES: u64 = 1 << 18;
 
-/// Room that a thread keeps for reading.
+/// Reading buffers of a thread.
 #[derive(Default)]
 pub(crate) struct LasReadBuffers {
-    /// As in the file.
+    /// Raw bytes of the file.
     bytes: Vec<u8>,
     unpacker: ChunkDecoder,
 }
 
-/// Points that are handed on together.
+/// A block of points.
 #[derive(Clone, Copy)]
 pub(crate) enum LasPointBlock<'a> {
     /// Whole records.
     Records(&'a [u8]),
-    /// The fields that were wanted.
+    /// Selected fields.
     Fields(&'a DecodedFields),
 }
 
 impl<'a> LasPointBlock<'a> {
-    /// What was decompressed, as it was wanted.
+    /// Selects records or fields.
     fn new(fields: &'a DecodedFields, wanted: FieldSelection) -> Self {
         match wanted.records {
             true => Self::Records(&fields.records),
@@ -37,17 +37,16 @@ impl<'a> LasPointBlock<'a> {
     }
 }
 
-/// What takes points: the number of the first one, and the points.
+/// Consumer of points: index of the first one, and the block.
 type Each<'a> = dyn FnMut(u64, LasPointBlock<'_>) -> Result<()> + 'a;
 
 impl LasFile {
-    /// Hands on the points of a part, as whole records if those are wanted or if they are not compressed;
-    /// returns how many of its points cannot be read. With `salvage`, a chunk is handed on whole or not
-    /// at all: points decode from damaged bytes, too, and nothing tells where in a chunk the damage
-    /// begins, only that something in it is not as it can be.
+    /// Passes on the points of a part, as whole records if these are requested or not compressed; returns the number
+    /// of unreadable points. With `salvage`, a chunk is passed on as a whole or not at all: damaged bytes decode to
+    /// plausible points, and the place of the damage in a chunk is unknown.
     ///
     /// # Errors
-    /// Damage, unless it is passed over, and whatever `each` returns.
+    /// Damage, unless `salvage` is set, and errors of `each`.
     pub(crate) fn records(
         &self,
         part: usize,
@@ -121,12 +120,12 @@ impl LasFile {
         })?;
         let Err(what) = decoded else { return Ok(0) };
         let last = part.first + part.points - 1;
-        Err(Error::bad_input(format!("it is damaged: {what}"))
+        Err(Error::bad_input(format!("chunk is damaged: {what}"))
             .at(format_args!("chunk {number}, points {} to {last}", part.first))
             .remedy("copy the file again, or read the good part with ‹salvage›"))
     }
 
-    /// Where points of a part may lie: in the bounds claimed, and in the cube of an octree's node.
+    /// Possible extent of the points of a part: the stated bounds, and the cube of an octree node.
     fn reach(&self, part: &LasPart) -> Option<ClaimedExtent> {
         let claim = self.claim()?;
         let Some([low, high]) = part.cube else { return Some(claim) };
@@ -138,7 +137,7 @@ impl LasFile {
     }
 }
 
-/// Whether all points may be what they are: within `reach`, and no return behind the last one.
+/// Whether all points are plausible: within `reach`, and with valid return numbers.
 fn can_be(fields: &DecodedFields, reach: &Option<ClaimedExtent>) -> bool {
     let within = |place: &[i32; 3]| reach.is_some_and(|reach| reach.holds(*place));
     let returned = |bits: &u8| bits >> 4 == 0 || bits & 15 <= bits >> 4;

@@ -1,4 +1,4 @@
-//! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or as they were decompressed.
+//! Fields of points, from records (ASPRS LAS 1.4 R15, tables 7 and 15) or from decompressed fields.
 
 use crate::lazip::DecodedFields;
 use crate::raw::{Flags, RawPoint};
@@ -27,7 +27,7 @@ impl<'a> ModernLasRecord<'a> {
     }
 }
 
-/// The class that stands for the mark of overlap in formats without it.
+/// Class of overlap points in point formats without the overlap flag.
 pub(crate) const OVERLAP_CLASS: u8 = 12;
 
 #[inline(always)]

@@ -1,4 +1,4 @@
-//! Variable length records of a LAS file, before the points and behind them.
+//! VLRs and EVLRs of a LAS file.
 
 use terrane_base::error::Result;
 use terrane_base::limits;
@@ -7,38 +7,37 @@ use terrane_files::RawFile;
 use super::bytes::LasHeaderBytes;
 use super::header::LasHeader;
 
-/// Bytes before a record's data, in front of the points and behind them.
+/// Bytes of the header of a VLR and of an EVLR.
 const HEADS: [u64; 2] = [54, 60];
-/// What they are called.
+/// Names of both.
 const NAMES: [&str; 2] = ["variable length records", "extended variable length records"];
 
-/// A record, its data not read yet.
+/// A VLR whose data is not read yet.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct VlrHeader {
     pub(crate) user: String,
     pub(crate) id: u16,
     pub(crate) description: String,
-    /// Where the data begin.
+    /// Offset of the data.
     pub(crate) at: u64,
     pub(crate) bytes: u64,
 }
 
 impl VlrHeader {
-    /// True for the record of this name.
+    /// True for the VLR with these ids.
     pub(crate) fn is(&self, user: &str, id: u16) -> bool {
         self.user == user && self.id == id
     }
 
     /// The data.
     pub(crate) fn data(&self, file: &RawFile) -> Result<Vec<u8>> {
-        limits::check("bytes of a record", self.bytes, limits::MAX_HEADER_BYTES)?;
+        limits::check("size of a VLR in bytes", self.bytes, limits::MAX_HEADER_BYTES)?;
         file.read_vec(self.at, self.bytes)
     }
 }
 
-/// All records, those before the points first. Records that do not lie where they may are left out
-/// with all that follow, and told in a note: they place no point, but for those that `laz` and `copc`
-/// files cannot do without.
+/// All VLRs, then all EVLRs. VLRs outside their section are left out with all that follow, with a note: points do not
+/// depend on them, except the LASzip and COPC VLRs.
 pub(super) fn all(
     file: &RawFile,
     header: &LasHeader,
@@ -60,30 +59,27 @@ pub(super) fn all(
     Ok(found)
 }
 
-/// What is to be said of records that are said to begin before `least`, where points end.
+/// Note on EVLRs with an offset below `least`, the end of the points.
 fn misplaced(header: &LasHeader, least: u64) -> String {
     let at = header.evlrs_at;
     let place = match at < header.points_at {
-        true => format!("in the header and its records, which end at {}", header.points_at),
-        false => format!("among the points, which end at {least}"),
+        true => format!("inside the header, which ends at {}", header.points_at),
+        false => format!("inside the points, which end at {least}"),
     };
-    format!(
-        "0 of {} {} are there: the offset {at} of the first lies {place}",
-        header.evlrs, NAMES[1]
-    )
+    format!("0 of {} {} read: the offset {at} is {place}", header.evlrs, NAMES[1])
 }
 
-/// Records one after the other.
+/// A sequence of VLRs.
 struct VlrSequence {
     at: u64,
     end: u64,
     count: u32,
-    /// 0 before the points, 1 behind them.
+    /// 0 for VLRs, 1 for EVLRs.
     kind: usize,
 }
 
 impl VlrSequence {
-    /// Each record takes bytes of the file, so their number is bounded by its length.
+    /// Each VLR takes bytes of the file, so their number is bounded by its length.
     fn read(
         self,
         file: &RawFile,
@@ -94,7 +90,7 @@ impl VlrSequence {
         for number in 0..self.count {
             let data = at.saturating_add(head);
             if data > self.end {
-                notes.push(format!("{number} of {} {} are there", self.count, self.name()));
+                notes.push(format!("{number} of {} {} read", self.count, self.name()));
                 return Ok(());
             }
             let bytes = file.read_vec(at, head)?;
@@ -102,7 +98,7 @@ impl VlrSequence {
             let end = data.saturating_add(vlr.bytes);
             if end > self.end {
                 notes.push(format!(
-                    "{number} of {} {} are there: the next claims {} bytes",
+                    "{number} of {} {} read: the next states {} bytes",
                     self.count,
                     self.name(),
                     vlr.bytes

@@ -1,5 +1,5 @@
-//! What is learnt of a scanner channel's intensities, scan angles, user data, point sources and times
-//! while whole records of a layered chunk are decoded.
+//! Contexts of a scanner channel for intensities, scan angles, user data, point sources and times, for whole records
+//! of a layered chunk.
 
 use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
@@ -11,17 +11,16 @@ use super::streams::RestStreams;
 use super::time::GpsTime;
 use super::trace::PointChanges;
 
-/// Everything learnt of a channel, beside what the columns hold. A field whose
-/// stream is absent stays as it was.
+/// Contexts of a channel, except those of the columns. A field without a stream keeps its value.
 pub(super) struct AttributeContext {
-    /// Whether the chunk had a point of this channel.
+    /// Whether the chunk has a point of this channel.
     is_used: bool,
     intensity: u16,
     angle: u16,
     user: u8,
     source: u16,
     time: u64,
-    /// Last intensity, by place among the returns and change of time.
+    /// Last intensity, by position among the returns and change of time.
     intensities: [u16; 8],
     intensity_steps: IntegerDecoder<4>,
     angle_steps: IntegerDecoder<2>,
@@ -49,7 +48,7 @@ impl AttributeContext {
         }
     }
 
-    /// Begins anew after the point of `record`.
+    /// Restarts after the point of `record`.
     fn begin(&mut self, record: &[u8; RECORD]) {
         self.is_used = true;
         self.intensity = u16::from_le_bytes([record[12], record[13]]);
@@ -65,7 +64,7 @@ impl AttributeContext {
         self.times.clear();
     }
 
-    /// Takes in the next point.
+    /// Decodes the next point.
     #[inline(always)]
     fn next<M: InstructionSet>(
         &mut self,
@@ -112,7 +111,7 @@ impl AttributeContext {
         self.intensity = *last;
     }
 
-    /// Puts the fields to their places.
+    /// Stores the fields in the record.
     #[inline(always)]
     fn put(&self, record: &mut [u8; RECORD]) {
         record[12..14].copy_from_slice(&self.intensity.to_le_bytes());
@@ -123,7 +122,7 @@ impl AttributeContext {
     }
 }
 
-/// The attributes of all channels. They are large: made once per thread, used again and again.
+/// Contexts of all channels. They are large: allocated once per thread and reused.
 pub(super) struct ChannelHeads {
     channels: Box<[AttributeContext; 4]>,
     current: usize,
@@ -145,7 +144,7 @@ impl ChannelHeads {
         self.current = channel;
     }
 
-    /// Takes in the next point, and puts what it has to its record.
+    /// Decodes the next point and stores its fields in its record.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -162,7 +161,7 @@ impl ChannelHeads {
         channel.put(record);
     }
 
-    /// Goes on to a channel, which begins after the last point of another if it is new.
+    /// Switches to a channel; a new one begins after the last point of the other.
     #[inline(never)]
     fn switch(&mut self, channel: usize) {
         let mut record = [0; RECORD];

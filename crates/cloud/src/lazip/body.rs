@@ -1,4 +1,4 @@
-//! The parts of a layered chunk: the first record, how many points there are, and the layers.
+//! The sections of a layered chunk: first record, number of points, and layers.
 
 use super::chunk::{ChunkDamage, CompressedChunk, LazLayer};
 use super::coder::RangeDecoder;
@@ -8,21 +8,21 @@ use super::point::RECORD;
 use super::schema::LayeredSchema;
 use super::streams::{RestStreams, Streams};
 
-/// Layers of the part of a record that all formats share.
+/// Layers of the fields that all formats share.
 const SHARED: usize = 9;
 
-/// The parts of a chunk.
+/// The sections of a chunk.
 pub(super) struct LayeredChunk<'a> {
     /// The first record.
     pub(super) record: &'a [u8],
-    /// The layers of the part that all formats share.
+    /// Layers of the shared fields.
     shared: [&'a [u8]; SHARED],
-    /// Those of what follows it.
+    /// Layers of the fields after them.
     tails: LayerSplitter<'a>,
 }
 
 impl<'a> LayeredChunk<'a> {
-    /// Takes a chunk apart.
+    /// Splits a chunk.
     pub(super) fn new(
         chunk: CompressedChunk<'a>,
         layers: &LayeredSchema,
@@ -42,7 +42,7 @@ impl<'a> LayeredChunk<'a> {
         Ok(Self { record, shared, tails: layers })
     }
 
-    /// The wanted streams.
+    /// The selected streams.
     pub(super) fn streams(
         &self,
         wanted: FieldSelection,
@@ -86,7 +86,7 @@ impl<'a> LayeredChunk<'a> {
     }
 }
 
-/// A layer's stream. A layer of no bytes stands for a field that is as in the first point.
+/// The stream of a layer. An empty layer means that the field is that of the first point.
 fn open(
     layer: LazLayer,
     bytes: &[u8],
@@ -97,7 +97,7 @@ fn open(
     }
 }
 
-/// Layers that are still to be split off.
+/// Layers not yet split off.
 struct LayerSplitter<'a> {
     /// Four bytes each.
     sizes: &'a [u8],

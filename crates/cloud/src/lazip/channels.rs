@@ -1,21 +1,21 @@
-//! What is learnt of each of the four scanner channels.
+//! Decoder contexts of the four scanner channels.
 
-/// What is learnt of a channel.
+/// Decoder context of a channel.
 pub(super) trait ChannelContext {
-    /// What a new channel takes over from the point before it.
+    /// State that a new channel takes over from the previous point.
     type Last;
 
     /// A channel without a point.
     fn new() -> Self;
 
-    /// Begins anew after a point.
+    /// Restarts after a point.
     fn begin(&mut self, last: Self::Last);
 }
 
-/// Four channels. They are large: made once per thread, used again and again.
+/// Contexts of four channels. They are large: allocated once per thread and reused.
 pub(super) struct ChannelContexts<S> {
     channels: Box<[S; 4]>,
-    /// Whether the chunk had a point of a channel.
+    /// Whether the chunk has a point of a channel.
     is_used: [bool; 4],
 }
 
@@ -38,7 +38,7 @@ impl<S: ChannelContext> ChannelContexts<S> {
         &mut self.channels[channel & 3]
     }
 
-    /// Goes on to a channel, which begins after the point before if it is new.
+    /// Switches to a channel; a new one begins after the previous point.
     #[inline(never)]
     pub(super) fn switch(&mut self, channel: usize, last: S::Last) -> &mut S {
         let state = &mut self.channels[channel & 3];

@@ -1,13 +1,13 @@
-//! A compressed chunk, its streams, and its possible damage.
+//! A compressed chunk, its streams, and kinds of damage.
 
 use std::fmt;
 
 /// A compressed chunk.
 #[derive(Clone, Copy, Debug)]
 pub struct CompressedChunk<'a> {
-    /// Its bytes, from the record of the first point on; bytes that follow are passed over.
+    /// Bytes from the record of the first point; surplus bytes are ignored.
     pub bytes: &'a [u8],
-    /// How many points to decode.
+    /// Number of points to decode.
     pub count: usize,
 }
 
@@ -40,7 +40,7 @@ pub enum LazLayer {
     Packets,
     /// One of the extra bytes.
     ExtraBytes,
-    /// Whole records, where fields are no layers.
+    /// Whole records, if fields are not layers.
     Records,
 }
 
@@ -65,23 +65,23 @@ impl fmt::Display for LazLayer {
     }
 }
 
-/// What is wrong with a chunk.
+/// Damage of a chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChunkDamage {
-    /// The bytes end before the streams do.
+    /// The bytes end before the streams.
     Short,
-    /// The chunk says that it holds fewer points than asked for: this many.
+    /// The chunk states this number of points, which is less than requested.
     Count(u32),
-    /// A stream does not end with its last point, or holds what no encoder writes.
+    /// A stream does not end with its last point, or is not valid output of an encoder.
     Layer(LazLayer),
 }
 
 impl fmt::Display for ChunkDamage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Short => f.write_str("the chunk ends before its last stream does"),
+            Self::Short => f.write_str("the chunk is truncated"),
             Self::Count(held) => write!(f, "the chunk holds only {held} points"),
-            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged or ends elsewhere"),
+            Self::Layer(layer) => write!(f, "the stream of {layer} is damaged"),
         }
     }
 }

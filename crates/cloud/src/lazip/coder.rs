@@ -1,4 +1,4 @@
-//! The arithmetic decoder: one stream of bytes, read without a branch per symbol.
+//! The arithmetic decoder: a byte stream, decoded without branches on symbols.
 
 use super::machine::InstructionSet;
 use super::model::{ArithmeticModel, BitModel};
@@ -6,30 +6,30 @@ use std::marker::PhantomData;
 
 /// Bits of the interval that an adaptive model divides.
 const MODEL_BITS: u32 = 15;
-/// Bits of the interval that a model of one bit divides.
+/// Bits of the interval that a bit model divides.
 const BIT_BITS: u32 = 13;
-/// Most bits that one division of the interval can yield.
+/// Maximum bits of a division of the interval.
 const RAW_BITS: u32 = 19;
 
-/// A stream being decoded. Sound streams hold every byte that their decoder takes in, so a stream
-/// that was read past its end is damaged; until the caller looks, it reads as if zeros followed.
+/// A stream being decoded. Valid streams hold every byte that their decoder reads, so a stream that was read past its
+/// end is damaged; until this is checked, it reads as zeros.
 ///
 /// `value < length` and `length >= 2^24` hold between calls.
 #[derive(Clone, Copy)]
 pub(super) struct RangeDecoder<'a, M> {
-    /// Bytes not yet taken in.
+    /// Unread bytes.
     rest: &'a [u8],
-    /// Bytes that were taken in beyond the end.
+    /// Number of bytes read past the end.
     beyond: u32,
     value: u32,
     length: u32,
-    /// Not zero if bits were read that no encoder writes.
+    /// Nonzero if bits were read that no encoder writes.
     excess: u32,
     machine: PhantomData<M>,
 }
 
 impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
-    /// Starts on a stream; `None` when no encoder begins one like this.
+    /// Opens a stream; `None` if no encoder begins a stream like this.
     pub(super) fn new(bytes: &'a [u8]) -> Option<Self> {
         let (value, rest) = bytes.split_first_chunk()?;
         let value = u32::from_be_bytes(*value);
@@ -38,26 +38,25 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         (value < coder.length).then_some(coder)
     }
 
-    /// The same, for another machine.
+    /// The same for another instruction set.
     pub(super) fn on<N: InstructionSet>(self) -> RangeDecoder<'a, N> {
         let Self { rest, beyond, value, length, excess, .. } = self;
         RangeDecoder { rest, beyond, value, length, excess, machine: PhantomData }
     }
 
-    /// Notes that what was read came from no encoder.
+    /// Marks the stream as damaged.
     pub(super) fn doubt(&mut self) {
         self.excess |= 1;
     }
 
-    /// Whether all that was read so far may come from an encoder.
+    /// Whether everything read so far may come from an encoder.
     pub(super) fn is_sound(&self) -> bool {
         self.beyond == 0 && self.excess == 0
     }
 
-    /// Whether the stream ends here, as every encoder ends one: at the last it names a place 2^24 into
-    /// what is left of the interval, or half of that where it is narrow, by as few bytes as do, and
-    /// fills up with zeros what a decoder takes in ahead. A stream that came to be read wrongly
-    /// somewhere hardly ever gets there.
+    /// Whether the stream ends here as an encoder ends it: encoders write a value 2^24 into the remaining interval,
+    /// or half of that if it is short, in the minimum number of bytes, and pad with zeros for the bytes that a
+    /// decoder reads ahead. A wrongly decoded stream hardly ever gets there.
     pub(super) fn is_at_end(&self) -> bool {
         let (most, unit) = match self.length > 1 << 25 {
             true => (1 << 24, 1 << 24),
@@ -66,23 +65,23 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         self.is_sound() && (most - unit + 1..=most).contains(&self.value)
     }
 
-    /// Whether the stream ends here, and nothing follows it.
+    /// Whether the stream ends here, without surplus bytes.
     pub(super) fn is_all(&self) -> bool {
         self.is_at_end() && self.left() == 0
     }
 
-    /// Bytes that were not taken in.
+    /// Number of unread bytes.
     pub(super) fn left(&self) -> usize {
         self.rest.len()
     }
 
-    /// The same, with other bytes to go on with.
+    /// The same decoder with other bytes to continue.
     pub(super) fn with<'b>(self, rest: &'b [u8]) -> RangeDecoder<'b, M> {
         let Self { beyond, value, length, excess, machine, .. } = self;
         RangeDecoder { rest, beyond, value, length, excess, machine }
     }
 
-    /// The next symbol of an adaptive model.
+    /// Decodes a symbol of an adaptive model.
     #[inline(always)]
     pub(super) fn symbol<const B: usize>(&mut self, model: &mut ArithmeticModel<B>) -> usize {
         let step = self.length >> MODEL_BITS;
@@ -94,7 +93,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         found.symbol
     }
 
-    /// The next bit of a model of one bit.
+    /// Decodes a bit of a bit model.
     #[inline(always)]
     pub(super) fn bit(&mut self, model: &mut BitModel) -> bool {
         let middle = model.zero * (self.length >> BIT_BITS);
@@ -107,7 +106,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         bit
     }
 
-    /// The next `bits` bits, all values alike; at most 32.
+    /// Decodes `bits` bits of equal probability, at most 32.
     #[inline(always)]
     pub(super) fn raw(&mut self, bits: u32) -> u32 {
         match bits <= RAW_BITS {
@@ -125,8 +124,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         found
     }
 
-    /// Goes on with the part of the interval that begins at `low`, and takes in bytes until it is
-    /// long enough again.
+    /// Narrows the interval to the part that begins at `low`, and reads bytes until it is long enough again.
     #[inline(always)]
     fn narrow(&mut self, low: u32, length: u32) {
         let shift = length.leading_zeros() & 24;
@@ -135,7 +133,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         self.length = length << shift;
     }
 
-    /// The next four bytes, of which `count` are taken in, at most three.
+    /// The next four bytes; consumes `count` of them, at most three.
     #[inline(always)]
     fn take(&mut self, count: usize) -> u32 {
         match self.rest.first_chunk() {
@@ -153,8 +151,8 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     }
 }
 
-/// The last bytes of a stream, followed by zeros; what is left of them after `count` are taken in;
-/// how many of those are beyond the end.
+/// The last bytes of a stream, padded with zeros; the rest after consuming `count`; and the number of bytes consumed
+/// past the end.
 #[cold]
 #[inline(never)]
 fn tail(rest: &[u8], count: usize) -> (u32, &[u8], u32) {

@@ -1,12 +1,11 @@
-//! Colours and infrared: what each byte is likely to differ by. The bytes of the last record are what is
-//! remembered.
+//! Colours and infrared: predicted differences of each byte. The state is the last record.
 
 use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 
-/// A colour of the first version.
+/// Decoder of colours, version 1.
 pub(super) struct OldColour {
     changes: ArithmeticModel<4>,
     byte: IntegerDecoder<6>,
@@ -17,13 +16,13 @@ impl OldColour {
         Self { changes: ArithmeticModel::new(), byte: IntegerDecoder::new(8) }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.changes.clear();
         self.byte.clear();
     }
 
-    /// Makes the last colour the next one.
+    /// Replaces the last colour by the next one.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -39,27 +38,27 @@ impl OldColour {
     }
 }
 
-/// A colour of the second version and of layered chunks.
+/// Decoder of colours, version 2 and layered chunks.
 pub(super) struct RgbColor {
     changes: ArithmeticModel<8>,
     bytes: [ArithmeticModel<16>; 6],
 }
 
 impl RgbColor {
-    /// Stands for a colour that is not grey.
+    /// Bit of colours that are not grey.
     const COLOURED: usize = 1 << 6;
 
     pub(super) fn new() -> Self {
         Self { changes: ArithmeticModel::new(), bytes: [const { ArithmeticModel::new() }; 6] }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.changes.clear();
         self.bytes.iter_mut().for_each(ArithmeticModel::clear);
     }
 
-    /// Makes the last colour the next one.
+    /// Replaces the last colour by the next one.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -78,7 +77,7 @@ impl RgbColor {
         let red = [read(0, last[0]), read(1, last[1])];
         *colour = [red[0], red[1], red[0], red[1], red[0], red[1]];
         if changes & Self::COLOURED != 0 {
-            // The lower bytes, then the upper ones: green goes as red does, and blue as both do.
+            // Lower bytes, then upper ones: green is predicted from red, blue from both.
             for half in 0..2 {
                 let red_step = i32::from(red[half]) - last[half];
                 let green = read(2 + half, last[2 + half] + red_step);
@@ -90,7 +89,7 @@ impl RgbColor {
     }
 }
 
-/// Near infrared.
+/// Decoder of near infrared.
 pub(super) struct NearInfrared {
     changes: ArithmeticModel<1>,
     bytes: [ArithmeticModel<16>; 2],
@@ -101,13 +100,13 @@ impl NearInfrared {
         Self { changes: ArithmeticModel::new(), bytes: [const { ArithmeticModel::new() }; 2] }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.changes.clear();
         self.bytes.iter_mut().for_each(ArithmeticModel::clear);
     }
 
-    /// Makes the last value the next one.
+    /// Replaces the last value by the next one.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,

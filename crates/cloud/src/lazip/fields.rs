@@ -1,9 +1,8 @@
-//! Fields of points, and the choice of those that are decoded.
+//! Fields of points, and their selection for decoding.
 
 use super::point::LazPoint;
 
-/// Which fields to decode besides x, y and the return numbers. Those left out cost nothing where
-/// fields are layers.
+/// Fields to decode besides x, y and the return numbers. Unselected layers cost nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FieldSelection {
     /// The height.
@@ -12,18 +11,18 @@ pub struct FieldSelection {
     pub class: bool,
     /// The flags.
     pub flags: bool,
-    /// Whole records, which hold all of these and whatever else there is.
+    /// Whole records, with all fields.
     pub records: bool,
 }
 
 impl FieldSelection {
-    /// Every field that has a column of its own.
+    /// Every field with a column.
     pub const ALL: Self = Self { z: true, class: true, flags: true, records: false };
-    /// Whole records, and every field that has a column of its own.
+    /// Whole records, and every field with a column.
     pub const RECORDS: Self = Self { records: true, ..Self::ALL };
 }
 
-/// Fields of points, an element per point; those that are not wanted hold no meaning.
+/// Fields of points, an element per point; unselected fields have arbitrary values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DecodedFields {
     /// x, y, z as stored.
@@ -35,11 +34,11 @@ pub struct DecodedFields {
     /// Synthetic (1), key point (2), withheld (4), overlap (8), scan direction (16), edge of flight
     /// line (32).
     pub flags: Vec<u8>,
-    /// Whole records, one after another, if they are wanted, and nothing otherwise.
+    /// Concatenated whole records, if selected; otherwise empty.
     pub records: Vec<u8>,
 }
 
-/// How much of [`DecodedFields`] was there.
+/// Lengths of [`DecodedFields`].
 #[derive(Clone, Copy)]
 pub(super) struct DecodedLength {
     points: usize,
@@ -47,17 +46,17 @@ pub(super) struct DecodedLength {
 }
 
 impl DecodedFields {
-    /// How many points there are.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.places.len()
     }
 
-    /// Whether there is no point.
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Removes all points, and keeps their room.
+    /// Removes all points and keeps the allocation.
     pub fn clear(&mut self) {
         self.truncate(DecodedLength { points: 0, bytes: 0 });
     }
@@ -74,7 +73,7 @@ impl DecodedFields {
         self.records.truncate(bytes);
     }
 
-    /// Makes room for `count` more points, which are still to be filled in; returns the first.
+    /// Adds `count` points to be filled in; returns the index of the first.
     pub(super) fn grow(&mut self, count: usize) -> usize {
         let (from, to) = (self.len(), self.len() + count);
         self.places.resize(to, [0; 3]);

@@ -1,5 +1,5 @@
-//! What follows the point in records, item by item. Each is told by what it was in the last record, whose
-//! bytes are made those of the next.
+//! Items after the point in records. Each is predicted from the last record, whose bytes are replaced by those of the
+//! next.
 
 use super::chunk::LazLayer;
 use super::coder::RangeDecoder;
@@ -11,7 +11,7 @@ use super::schema::LaszipItem;
 use super::time::{GpsTime, OldTime};
 use std::mem;
 
-/// What is learnt of an item.
+/// Decoder context of an item.
 pub(super) enum ItemContext {
     OldTime(Box<OldTime>),
     Time(Box<GpsTime>),
@@ -23,7 +23,7 @@ pub(super) enum ItemContext {
 }
 
 impl ItemContext {
-    /// Nothing, of an item that is known.
+    /// A fresh context for a known item.
     pub(super) fn new(item: &LaszipItem) -> Self {
         match (item.kind, item.version) {
             (7, 1) => Self::OldTime(Box::new(OldTime::new())),
@@ -35,7 +35,7 @@ impl ItemContext {
         }
     }
 
-    /// Nothing, of what a layer holds; one of extra bytes has a byte of each record.
+    /// A fresh context for a layer; a layer of extra bytes has a byte of each record.
     pub(super) fn of(layer: LazLayer) -> Self {
         match layer {
             LazLayer::Colours => Self::Colour(Box::new(RgbColor::new())),
@@ -45,7 +45,7 @@ impl ItemContext {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         match self {
             Self::OldTime(time) => time.clear(),
@@ -58,7 +58,7 @@ impl ItemContext {
         }
     }
 
-    /// Bytes in a record.
+    /// Bytes of the item in a record.
     pub(super) fn size(&self) -> usize {
         match self {
             Self::OldTime(_) | Self::Time(_) => 8,
@@ -69,7 +69,7 @@ impl ItemContext {
         }
     }
 
-    /// Makes the item the next one; it is what `rest` begins with, and is taken off it.
+    /// Replaces the item at the start of `rest` by the next one, and splits it off.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -114,7 +114,7 @@ impl ItemContext {
     }
 }
 
-/// Takes `N` bytes off the front.
+/// Splits off the first `N` bytes.
 #[inline(always)]
 fn take<'r, const N: usize>(rest: &mut &'r mut [u8]) -> Option<&'r mut [u8; N]> {
     let (part, after) = mem::take(rest).split_first_chunk_mut()?;

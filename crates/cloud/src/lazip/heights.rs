@@ -7,7 +7,7 @@ use super::machine::InstructionSet;
 use super::places::DecodedPosition;
 use super::returns::ReturnNumbers;
 
-/// What is learnt of heights.
+/// Decoder contexts of heights.
 pub(super) struct HeightContext {
     channels: ChannelContexts<HeightChannel>,
     last: i32,
@@ -18,13 +18,13 @@ impl HeightContext {
         Self { channels: ChannelContexts::new(), last: 0 }
     }
 
-    /// Begins a chunk whose first point is in `channel`.
+    /// Begins a chunk with a first point in `channel`.
     pub(super) fn begin(&mut self, channel: usize, first: i32) {
         self.last = first;
         self.channels.begin(channel, first);
     }
 
-    /// The height of the next point; without a stream all are alike.
+    /// Decodes the height of the next point; without a stream all heights are equal.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -42,9 +42,9 @@ impl HeightContext {
     }
 }
 
-/// What is learnt of a channel.
+/// Decoder context of a channel.
 struct HeightChannel {
-    /// Last height, by depth of the return.
+    /// Last height, by distance of the return from the last one.
     heights: [i32; 8],
     steps: IntegerDecoder<20>,
 }

@@ -1,20 +1,20 @@
-//! Integers that were coded as differences to what was expected of them.
+//! Integers coded as differences from their predictions.
 
 use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
 use super::model::{ArithmeticModel, BitModel};
 use std::hint::select_unpredictable;
 
-/// Bits of a difference that are modelled; those below are stored as they are.
+/// Modelled upper bits of a difference; lower bits are stored raw.
 const MODELLED: u32 = 8;
 
-/// Decoder of integers that come in `C` circumstances.
+/// Decoder of integers with `C` contexts.
 pub(super) struct IntegerDecoder<const C: usize> {
-    /// How many bits the difference has, by circumstance.
+    /// Bit length of the difference, by context.
     sizes: [ArithmeticModel<4>; C],
-    /// A difference of zero or one.
+    /// Differences of zero or one.
     bit: BitModel,
-    /// The upper bits of a difference, by its size.
+    /// Upper bits of a difference, by its bit length.
     parts: [ArithmeticModel<16>; 32],
     /// Symbols of `sizes`.
     symbols: usize,
@@ -31,14 +31,14 @@ impl<const C: usize> IntegerDecoder<C> {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.sizes.iter_mut().for_each(ArithmeticModel::clear);
         self.bit = BitModel::new();
         self.parts.iter_mut().for_each(ArithmeticModel::clear);
     }
 
-    /// The next difference, and how many bits it has.
+    /// Decodes a difference and its bit length.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -50,7 +50,7 @@ impl<const C: usize> IntegerDecoder<C> {
         (lower(coder, size, upper), size)
     }
 
-    /// How many bits the next difference has.
+    /// Decodes the bit length of the next difference.
     #[inline(always)]
     pub(super) fn size<M: InstructionSet>(
         &mut self,
@@ -60,7 +60,7 @@ impl<const C: usize> IntegerDecoder<C> {
         coder.symbol(self.sizes[circumstance.min(C - 1)].ready(self.symbols)) as u32
     }
 
-    /// The upper bits of a difference of `size` bits.
+    /// Decodes the upper bits of a difference of `size` bits.
     #[inline(always)]
     pub(super) fn upper<M: InstructionSet>(
         &mut self,
@@ -78,8 +78,8 @@ impl<const C: usize> IntegerDecoder<C> {
     }
 }
 
-/// A difference of `size` bits with these upper bits: one from -(2^size - 1) to 2^size that does not
-/// fit a lesser size.
+/// Completes a difference of `size` bits from its upper bits: a value from -(2^size - 1) to 2^size that does not fit
+/// a smaller size.
 #[inline(always)]
 pub(super) fn lower<M: InstructionSet>(coder: &mut RangeDecoder<M>, size: u32, upper: u32) -> i32 {
     let place = match size {

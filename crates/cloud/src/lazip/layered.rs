@@ -1,4 +1,4 @@
-//! Chunks of point formats 6 to 10: each group of fields is a layer, a stream of its own.
+//! Chunks of point formats 6 to 10: each group of fields is a layer with its own stream.
 
 use super::body::LayeredChunk;
 use super::chunk::{ChunkDamage, CompressedChunk};
@@ -13,21 +13,21 @@ use super::schema::LayeredSchema;
 use super::streams::Streams;
 use super::trace::PointChanges;
 
-/// What is kept from chunk to chunk, to be used again.
+/// State reused between chunks.
 #[derive(Default)]
 pub(super) struct LayeredState {
     columns: Option<Box<LayeredContext>>,
-    /// Nothing until whole records are wanted.
+    /// `None` until whole records are requested.
     rest: Option<rest::RestContext>,
 }
 
-/// What is learnt of the columns, and what they have to know of each other.
+/// Decoder contexts of the columns, and the data that they share.
 struct LayeredContext {
     places: PositionContext,
     heights: HeightContext,
     classes: MarkContext<ClassMark, 16>,
     flags: MarkContext<Flag, 4>,
-    /// Of the points of a batch.
+    /// Changes of the points of a batch.
     traces: Vec<PointChanges>,
 }
 
@@ -42,7 +42,7 @@ impl LayeredContext {
         })
     }
 
-    /// Begins a chunk whose first point is in `channel`.
+    /// Begins a chunk with a first point in `channel`.
     fn begin(&mut self, channel: usize, first: &LazPoint) {
         self.places.begin(channel, first);
         self.heights.begin(channel, first.place[2]);
@@ -51,13 +51,13 @@ impl LayeredContext {
     }
 }
 
-/// A chunk on its way, between batches of points.
+/// A chunk being decoded in batches.
 pub(super) struct LayeredChunkDecoder<'d, 'a> {
     columns: &'d mut LayeredContext,
     streams: Streams<'a, PortableInstructions>,
-    /// The first point and its record, until they are handed on.
+    /// The first point and its record, until passed on.
     first: Option<(LazPoint, &'a [u8])>,
-    /// Nothing where whole records are not wanted.
+    /// `None` if whole records are not requested.
     rest: Option<Box<RestLayers<'d, 'a>>>,
 }
 
@@ -104,7 +104,7 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
         self.rest.as_deref().map_or(Ok(()), RestLayers::end)
     }
 
-    /// Hands on the first point; returns how many of `count` are left.
+    /// Passes on the first point; returns the rest of `count`.
     fn begin(&mut self, count: usize, fields: &mut DecodedFields) -> usize {
         fields.reserve(count);
         let Some((first, record)) = self.first.take_if(|_| count > 0) else { return count };
@@ -116,7 +116,7 @@ impl<'d, 'a> LayeredChunkDecoder<'d, 'a> {
     }
 }
 
-/// The next points of a chunk.
+/// A batch of points.
 struct LayeredBatch<'r, 'd, 'a> {
     run: &'r mut LayeredChunkDecoder<'d, 'a>,
     left: usize,

@@ -1,29 +1,29 @@
-//! What the machine can do: the steps of decoding that pay to be written for it.
+//! Instruction sets: decoding steps with specialised implementations.
 #![allow(unsafe_code)]
 
-/// Numbers that are compared at once.
+/// Numbers compared at once.
 pub(super) type Lanes = [u16; 16];
 
-/// A kind of machine. Its values show that the program runs on one.
+/// An instruction set. Its values prove that the machine supports it.
 pub(super) trait InstructionSet: Copy {
     /// Index of the last of ascending numbers that is at most `place`; the first always is.
     fn last_at_most(numbers: &Lanes, place: u16) -> usize;
 
-    /// For each number the value, but no less than its neighbour below and no more than that above.
+    /// For each number the value, clamped between its lower and its upper neighbour.
     fn put_between(numbers: &[i32; 8], neighbours: &[[u32; 8]; 2], value: i32) -> [i32; 8];
 
-    /// Does some work, compiled for this machine.
+    /// Runs a task compiled for this instruction set.
     fn run<W: SimdTask>(self, work: W) -> W::Result;
 }
 
-/// Something to do on any machine.
+/// A task for any instruction set.
 pub(super) trait SimdTask {
     type Result;
-    /// To be inlined, and all that it calls.
+    /// The task; it must be inlined with all its callees.
     fn work<M: InstructionSet>(self, machine: M) -> Self::Result;
 }
 
-/// Does some work on the best kind of machine that this one is.
+/// Runs a task with the best instruction set of this machine.
 pub(super) fn run<W: SimdTask>(work: W) -> W::Result {
     #[cfg(target_arch = "x86_64")]
     if let Some(machine) = x86::Avx2::found() {
@@ -32,7 +32,7 @@ pub(super) fn run<W: SimdTask>(work: W) -> W::Result {
     PortableInstructions.run(work)
 }
 
-/// Any machine.
+/// Portable instructions.
 #[derive(Clone, Copy)]
 pub(super) struct PortableInstructions;
 
@@ -63,12 +63,12 @@ mod x86 {
     use std::arch::x86_64::*;
     use std::marker::PhantomData;
 
-    /// A machine with AVX2 and what came with it.
+    /// AVX2 and earlier extensions.
     #[derive(Clone, Copy)]
     pub(super) struct Avx2(PhantomData<()>);
 
     impl Avx2 {
-        /// Shows that this is one.
+        /// Detects AVX2.
         pub(super) fn found() -> Option<Self> {
             let is_one = is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("bmi1")

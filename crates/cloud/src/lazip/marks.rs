@@ -1,4 +1,4 @@
-//! The columns of classes and of flags: a symbol for each point, which depends on that of the last.
+//! Columns of classes and flags: a symbol for each point, dependent on the last symbol.
 
 use std::marker::PhantomData;
 
@@ -9,12 +9,12 @@ use super::model::ArithmeticModel;
 use super::places::DecodedPosition;
 use super::returns::ReturnNumbers;
 
-/// A kind of mark.
+/// A kind of symbol column.
 pub(super) trait MarkKind {
-    /// How many there are.
+    /// Number of symbols.
     const SYMBOLS: usize;
 
-    /// The circumstance that the next mark comes in, below 64.
+    /// Context of the next symbol, below 64.
     fn after(last: u8, returns: ReturnNumbers) -> usize;
 }
 
@@ -43,7 +43,7 @@ impl MarkKind for Flag {
     }
 }
 
-/// What is learnt of marks of a kind, of which there are at most 16 * `B`.
+/// Decoder contexts of a column with at most 16 * `B` symbols.
 pub(super) struct MarkContext<K, const B: usize> {
     channels: ChannelContexts<MarkChannel<B>>,
     last: u8,
@@ -55,13 +55,13 @@ impl<K: MarkKind, const B: usize> MarkContext<K, B> {
         Self { channels: ChannelContexts::new(), last: 0, kind: PhantomData }
     }
 
-    /// Begins a chunk whose first point is in `channel`.
+    /// Begins a chunk with a first point in `channel`.
     pub(super) fn begin(&mut self, channel: usize, first: u8) {
         self.last = first;
         self.channels.begin(channel, first);
     }
 
-    /// The mark of the next point; without a stream all are alike.
+    /// Decodes the symbol of the next point; without a stream all symbols are equal.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -81,7 +81,7 @@ impl<K: MarkKind, const B: usize> MarkContext<K, B> {
     }
 }
 
-/// What is learnt of a channel.
+/// Decoder context of a channel.
 struct MarkChannel<const B: usize> {
     last: u8,
     models: [ArithmeticModel<B>; 64],

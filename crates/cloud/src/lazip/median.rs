@@ -1,9 +1,9 @@
-//! The middle of recent values.
+//! Median of recent values.
 
 use super::machine::InstructionSet;
 
-/// Five values in order, between the least and the largest number there is. One that comes in drives out
-/// the largest or the smallest, by turns.
+/// Five sorted values between the minimum and maximum integers. A new value alternately replaces the largest or the
+/// smallest.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
 pub(super) struct FiveValueMedian {
@@ -11,7 +11,7 @@ pub(super) struct FiveValueMedian {
     drops_largest: bool,
 }
 
-/// Where the neighbours of each value below and above it are, once the smallest or the largest is gone.
+/// Indices of the lower and upper neighbours of each value after the smallest or the largest is removed.
 const NEIGHBOURS: [[[u32; 8]; 2]; 2] = [
     [[0, 0, 2, 3, 4, 5, 6, 6], [0, 2, 3, 4, 5, 6, 6, 6]],
     [[0, 0, 1, 2, 3, 4, 6, 6], [0, 1, 2, 3, 4, 6, 6, 6]],
@@ -23,7 +23,7 @@ impl FiveValueMedian {
         Self { values: [i32::MIN, 0, 0, 0, 0, 0, i32::MAX, i32::MAX], drops_largest: true }
     }
 
-    /// Goes by the middle value and `difference`; returns how far that is.
+    /// Adds the median plus `difference`, and returns it.
     #[inline(always)]
     pub(super) fn go<M: InstructionSet>(&mut self, difference: i32) -> i32 {
         let middle = self.values[3];

@@ -1,29 +1,24 @@
-//! A decoder of compressed chunks of points (LASzip): the fields that grids and meshes need, or whole
-//! records, byte for byte as they stand in a file that is not compressed.
+//! A decoder of compressed chunks of points (LASzip): selected fields, or whole records, byte for byte as in an
+//! uncompressed file.
 //!
-//! Pure functions on bytes: no file, no thread. Bytes may be hostile: whatever they are, the decoder
-//! yields the points asked for or says what is damaged, in time and memory proportional to the bytes
-//! and points it is given.
+//! Pure functions on bytes, without files and threads. Input may be hostile: the decoder yields the requested points
+//! or reports the damage, in time and memory proportional to the given bytes and points.
 //!
-//! Most of the time of decoding is spent waiting: each symbol narrows an interval that the next one
-//! depends on. So symbols are found without branches that depend on them, and each layer is decoded in a
-//! loop of its own, whose state stays in registers.
+//! Decoding is bound by latency: each symbol narrows an interval that the next one depends on. So symbols are found
+//! without branches that depend on them, and each layer is decoded in a loop of its own, with its state in registers.
 //!
-//! The layers that a filter needs are decoded into columns, some thousand points at a time, so that
-//! memory does not depend on what a chunk claims. The layers that only whole records need follow once it
-//! is known of so many points where they are and what changes with them, so that nobody else waits for
-//! them. Files that are one stream (before LASzip had chunks)
-//! pass through a window, as they need not fit in memory, and so do chunks whose table is lost, to find
-//! where they end.
+//! Layers for filters are decoded into columns in blocks of some thousand points, so that memory does not depend on
+//! the stated size of a chunk. Layers for whole records only are decoded afterwards, when positions and changes of a
+//! block are known, at no cost for others. Files with a single stream (before LASzip had chunks) are read through a
+//! window, as they need not fit in memory; so are chunks without a chunk table, to find their ends.
 //!
-//! **Why a damaged chunk is given up whole.** Nothing in it is under a checksum, and what is decoded
-//! behind the damage looks like points for long: the first point that cannot be is far behind the first
-//! that is invented. What tells is the end. An arithmetic encoder leaves its stream in one of a few
-//! states, at the last byte; a decoder that took one wrong turn anywhere is elsewhere by then. The
-//! heights' contexts are those of x and y, so damage to one layer shows in the other, too. Salvage
-//! therefore decodes a chunk twice, first to look at its end, its bounds and its returns, and then to
-//! hand it on; without salvage the end is looked at all the same, and a chunk that does not end is an
-//! error. The crate `laz` does not look at the end of its streams; it compresses, and is an oracle in tests.
+//! **Why a damaged chunk is dropped as a whole.** Chunks have no checksum, and damaged bytes decode to plausible
+//! points: the first impossible point is far behind the first wrong one. Damage is detected at the end. An arithmetic
+//! encoder leaves its stream in one of a few states, at the last byte; a decoder that went wrong anywhere is in
+//! another state. The contexts of heights depend on x and y, so damage to one layer shows in the other, too. Salvage
+//! therefore decodes a chunk twice: first to check its end, bounds and returns, then to pass it on. Without salvage
+//! the end is checked as well, and a chunk with a wrong end is an error. The crate `laz` does not check the end of
+//! its streams; it is used for compression, and as a reference in tests.
 
 mod attributes;
 mod body;
@@ -61,8 +56,8 @@ pub use chunk::{ChunkDamage, CompressedChunk, LazLayer};
 pub use fields::{DecodedFields, FieldSelection};
 pub use schema::{LaszipItem, LaszipSchema};
 
-/// Decodes chunks; one per thread, used again and again. It keeps some 1 MiB, once whole records were
-/// wanted some 2 MiB, and for each extra byte a KiB in each scanner channel that there was.
+/// Decodes chunks; one per thread, reused. It takes some 1 MiB, with whole records some 2 MiB, and for each extra
+/// byte a KiB for each scanner channel.
 #[derive(Default)]
 pub struct LazDecoder {
     layered: LayeredState,
@@ -70,7 +65,7 @@ pub struct LazDecoder {
 }
 
 impl LazDecoder {
-    /// A decoder that has seen nothing.
+    /// A new decoder.
     pub fn new() -> Self {
         Self::default()
     }
@@ -78,7 +73,7 @@ impl LazDecoder {
     /// Appends the points of a chunk to `fields`.
     ///
     /// # Errors
-    /// Damage, found wherever it shows; none of the chunk's points are appended then.
+    /// Damage anywhere in the chunk; then no points are appended.
     pub fn chunk(
         &mut self,
         schema: &LaszipSchema,
@@ -92,10 +87,10 @@ impl LazDecoder {
         }
     }
 
-    /// The points of a chunk, to be read in batches.
+    /// The points of a chunk, for reading in batches.
     ///
     /// # Errors
-    /// Damage to the chunk's head.
+    /// Damage to the chunk header.
     pub fn stream<'d, 'a>(
         &'d mut self,
         schema: &LaszipSchema,
@@ -118,11 +113,11 @@ impl LazDecoder {
         }))
     }
 
-    /// The points of a stream that begins with `bytes`, to be read in batches from windows, and how many
-    /// of the bytes are left over. Fields must share one stream.
+    /// The points of a stream that begins with `bytes`, for reading in batches from windows, and the number of unused
+    /// bytes. Fields must share one stream.
     ///
     /// # Errors
-    /// Bytes that do not hold the first point.
+    /// Bytes too few for the first point.
     pub fn flow(
         &mut self,
         schema: &LaszipSchema,
@@ -137,7 +132,7 @@ impl LazDecoder {
     }
 }
 
-/// Points of a chunk, a batch after another.
+/// Points of a chunk in batches.
 pub struct ChunkStream<'d, 'a>(ChunkStreamKind<'d, 'a>);
 
 enum ChunkStreamKind<'d, 'a> {
@@ -149,7 +144,7 @@ impl ChunkStream<'_, '_> {
     /// Appends the next `count` points to `fields`.
     ///
     /// # Errors
-    /// Damage so far; none of the `count` points are appended then.
+    /// Damage so far; then none of the `count` points are appended.
     pub fn read(&mut self, count: usize, fields: &mut DecodedFields) -> Result<(), ChunkDamage> {
         let before = fields.mark();
         fields.reserve(count);
@@ -160,12 +155,11 @@ impl ChunkStream<'_, '_> {
         done.inspect_err(|_| fields.truncate(before))
     }
 
-    /// Bytes of the chunk behind its only stream, or 0 where fields are layers; all of its points must
-    /// have been read.
+    /// Bytes of the chunk after its only stream, or 0 with layers; all of its points must have been read.
     ///
     /// # Errors
-    /// A stream that does not end here as encoders end them, or a layer that goes on: some of what
-    /// was read from it was damaged, and nothing tells from which point on.
+    /// A stream that does not end here as encoders end it, or a layer with surplus bytes: some points are wrong, and
+    /// it is unknown from which one on.
     pub fn end(&self) -> Result<usize, ChunkDamage> {
         match &self.0 {
             ChunkStreamKind::Layered(run) => run.end().map(|()| 0),
@@ -174,15 +168,15 @@ impl ChunkStream<'_, '_> {
     }
 }
 
-/// A stream without chunks, whose bytes are given a window at a time.
+/// A stream without chunks, read through windows of bytes.
 pub struct UnchunkedStream<'d>(&'d mut Pointwise, pointwise::PointwiseStream<'static>);
 
 impl UnchunkedStream<'_> {
-    /// Appends the next `count` points to `fields`, from `bytes`, which begin with the first byte not
-    /// yet taken in; returns how many of them are left over.
+    /// Appends the next `count` points to `fields`, from `bytes`, which begin with the first unread byte; returns the
+    /// number of unused bytes.
     ///
     /// # Errors
-    /// Damage so far, or bytes that do not suffice.
+    /// Damage so far, or too few bytes.
     pub fn read(
         &mut self,
         bytes: &[u8],
@@ -196,7 +190,7 @@ impl UnchunkedStream<'_> {
         Ok(left)
     }
 
-    /// How many of `bytes`, which begin with the first byte not yet taken in, are behind the stream.
+    /// Number of `bytes`, which begin with the first unread byte, after the end of the stream.
     ///
     /// # Errors
     /// As for [`ChunkStream::end`].

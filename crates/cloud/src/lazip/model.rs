@@ -1,41 +1,41 @@
-//! Adaptive models: how likely each symbol is, learnt from the symbols that came before.
+//! Adaptive models: symbol probabilities estimated from the preceding symbols.
 
 use super::machine::{InstructionSet, Lanes};
 
-/// Symbols that are told apart at once.
+/// Symbols compared at once.
 const LANES: usize = 16;
-/// Largest sum of the counts of a model.
+/// Maximum sum of the counts of a model.
 const MOST_COUNTS: u32 = 1 << 15;
-/// Largest sum of the counts of a model of one bit.
+/// Maximum sum of the counts of a bit model.
 const MOST_BITS: u32 = 1 << 13;
-/// Stands where there is no further symbol; larger than any place in the interval.
+/// End marker; larger than any position in the interval.
 const NONE: u16 = u16::MAX;
 
 /// A model of at most 16 * `B` symbols; `B` is a power of two.
 ///
-/// A model that was cleared begins anew when it is next used.
+/// A reset model is initialised when it is next used.
 #[derive(Clone)]
 pub(super) struct ArithmeticModel<const B: usize> {
-    /// Where each symbol begins in an interval of 2^15, then [`NONE`].
+    /// Start of each symbol in an interval of 2^15, then [`NONE`].
     starts: [Lanes; B],
-    /// The first of each of `starts`, or of every so many that there are 16.
+    /// Every n-th of `starts`, so that there are 16.
     coarse: Lanes,
     counts: [Lanes; B],
     symbols: u16,
-    /// Sum of the counts when `starts` were last set.
+    /// Sum of the counts at the last update of `starts`.
     total: u16,
-    /// Symbols between the last and the next setting of `starts`.
+    /// Symbols between updates of `starts`.
     cycle: u16,
-    /// Symbols left until then; none for a model that was cleared.
+    /// Symbols until the next update; 0 for a reset model.
     left: u16,
 }
 
-/// A symbol and its part of the interval, of 2^15 in all.
+/// A symbol and its part of the interval of 2^15.
 pub(super) struct DecodedSymbol {
     pub(super) symbol: usize,
     pub(super) low: u32,
     pub(super) high: u32,
-    /// Whether this is the last symbol, whose part reaches to the end of the interval.
+    /// Whether this is the last symbol, whose part ends with the interval.
     pub(super) is_last: bool,
 }
 
@@ -43,7 +43,7 @@ impl<const B: usize> ArithmeticModel<B> {
     /// Blocks from one of `coarse` to the next.
     const STRIDE: usize = B.div_ceil(LANES);
 
-    /// A model that was cleared.
+    /// A reset model.
     pub(super) const fn new() -> Self {
         Self {
             starts: [[NONE; LANES]; B],
@@ -56,12 +56,12 @@ impl<const B: usize> ArithmeticModel<B> {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the model.
     pub(super) fn clear(&mut self) {
         self.left = 0;
     }
 
-    /// Makes ready for use, with `symbols` symbols that are all alike if the model was cleared.
+    /// Prepares the model for use; a reset model gets `symbols` equally likely symbols.
     #[inline(always)]
     pub(super) fn ready(&mut self, symbols: usize) -> &mut Self {
         if self.left == 0 {
@@ -83,7 +83,7 @@ impl<const B: usize> ArithmeticModel<B> {
         self.left = self.cycle;
     }
 
-    /// The symbol at `place` of the interval.
+    /// The symbol at `place` in the interval.
     #[inline(always)]
     pub(super) fn find<M: InstructionSet>(&self, place: u32) -> DecodedSymbol {
         let place = place as u16;
@@ -106,14 +106,14 @@ impl<const B: usize> ArithmeticModel<B> {
         }
     }
 
-    /// How many blocks from `first` on begin before `place`, as far as `coarse` leaves it open.
+    /// Number of blocks from `first` that begin before `place`, within the resolution of `coarse`.
     #[inline(always)]
     fn blocks_before(&self, place: u16, first: usize) -> usize {
         let blocks = self.starts.iter().skip(first).take(Self::STRIDE.max(4) - 1);
         blocks.take_while(|lanes| lanes[0] <= place).count()
     }
 
-    /// Notes that `symbol` came.
+    /// Counts `symbol`.
     #[inline(always)]
     pub(super) fn count(&mut self, symbol: usize) {
         self.counts.as_flattened_mut()[symbol % (LANES * B)] += 1;
@@ -138,7 +138,7 @@ impl<const B: usize> ArithmeticModel<B> {
         self.left = self.cycle;
     }
 
-    /// Sets the parts of the interval by the counts.
+    /// Updates the parts of the interval from the counts.
     fn set(&mut self) {
         let scale = (1 << 31) / u32::from(self.total);
         let symbols = usize::from(self.symbols);
@@ -155,10 +155,10 @@ impl<const B: usize> ArithmeticModel<B> {
     }
 }
 
-/// A model of one bit.
+/// A model of a bit.
 #[derive(Clone, Copy)]
 pub(super) struct BitModel {
-    /// How likely zero is, of 2^13.
+    /// Probability of zero, of 2^13.
     pub(super) zero: u32,
     zeros: u32,
     total: u32,
@@ -167,12 +167,12 @@ pub(super) struct BitModel {
 }
 
 impl BitModel {
-    /// A model that holds both bits alike.
+    /// A model with equally likely bits.
     pub(super) const fn new() -> Self {
         Self { zero: MOST_BITS / 2, zeros: 1, total: 2, cycle: 4, left: 4 }
     }
 
-    /// Notes that `bit` came.
+    /// Counts `bit`.
     #[inline(always)]
     pub(super) fn count(&mut self, bit: bool) {
         self.zeros += u32::from(!bit);

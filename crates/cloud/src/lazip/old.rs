@@ -1,4 +1,4 @@
-//! The part that all records of point formats 0 to 5 share, in its two versions.
+//! The common fields of point formats 0 to 5, versions 1 and 2.
 
 use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
@@ -8,10 +8,10 @@ use super::model::ArithmeticModel;
 use super::point::LazPoint;
 use super::returns::ReturnNumbers;
 
-/// Bytes of that part.
+/// Bytes of these fields.
 pub(super) const OLD_RECORD: usize = 20;
 
-/// Bits of the symbol that says what differs from the point before.
+/// Bits of the symbol of changed fields.
 const INTENSITY: usize = 1 << 4;
 const BITS: usize = 1 << 5;
 const CLASS: usize = 1 << 3;
@@ -19,7 +19,7 @@ const ANGLE: usize = 1 << 2;
 const USER: usize = 1 << 1;
 const SOURCE: usize = 1;
 
-/// The fields of that part.
+/// The common fields.
 #[derive(Clone, Copy)]
 pub(super) struct Point10Fields {
     place: [i32; 3],
@@ -73,18 +73,18 @@ impl Point10Fields {
     }
 }
 
-/// Everything that is learnt while decoding.
+/// Decoder context.
 pub(super) struct Point10Context {
     version: u16,
     last: Point10Fields,
     /// Recent steps along x and y, by group of returns.
     steps: [[FiveValueMedian; 2]; 16],
-    /// The last three steps along x and y, and which of them is the oldest (first version).
+    /// The last three steps along x and y, and the index of the oldest (version 1).
     recent: [[i32; 2]; 3],
     oldest: usize,
-    /// Last height, by depth of the return.
+    /// Last height, by distance of the return from the last one.
     heights: [i32; 8],
-    /// Last intensity, by group of returns (second version).
+    /// Last intensity, by group of returns (version 2).
     intensities: [u16; 16],
     changes: ArithmeticModel<4>,
     bits: Vec<ArithmeticModel<16>>,
@@ -125,7 +125,7 @@ impl Point10Context {
         })
     }
 
-    /// Begins anew after the first point.
+    /// Restarts after the first point.
     pub(super) fn begin(&mut self, version: u16, first: Point10Fields) -> LazPoint {
         self.version = version;
         self.last = first;
@@ -154,7 +154,7 @@ impl Point10Context {
         self.last.record()
     }
 
-    /// Takes in the next point.
+    /// Decodes the next point.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> LazPoint {
         match self.version {
@@ -214,7 +214,7 @@ impl Point10Context {
         let (z, _) = self.z.next(coder, size.min(19) as usize);
         self.go([x, y, z]);
         let changes = coder.symbol(self.changes.ready(64));
-        // The first version has these two the other way round.
+        // Version 1 has these two in reverse order.
         if changes & BITS != 0 {
             let difference = self.intensity.next(coder, 0).0;
             self.last.intensity = self.last.intensity.wrapping_add(difference as u16);
@@ -237,7 +237,7 @@ impl Point10Context {
         }
     }
 
-    /// Goes on by the middle one of the last three steps along x and y, and differences to it.
+    /// Adds the median of the last three steps along x and y, and the differences.
     #[inline(always)]
     fn go(&mut self, difference: [i32; 3]) {
         let [a, b, c] = self.recent;

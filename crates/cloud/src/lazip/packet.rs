@@ -1,4 +1,4 @@
-//! Where the waveform of a point is. The bytes of the last record are what is remembered.
+//! Waveform packets of points. The state is the last record.
 
 use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
@@ -6,16 +6,16 @@ use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 use super::time::whole;
 
-/// Bytes of a wave packet's place.
+/// Bytes of a waveform packet.
 pub(super) const PACKET: usize = 29;
 
-/// A wave packet: descriptor, offset, bytes, place of the return, direction.
+/// Decoder of waveform packets: descriptor, offset, size, return point location, direction.
 pub(super) struct WavePacketDecoder {
     descriptor: ArithmeticModel<16>,
-    /// How the offset goes on, by how it went on before.
+    /// Kind of change of the offset, by the previous kind.
     offset: [ArithmeticModel<1>; 4],
     last: usize,
-    /// By how much the offset went on when that was last told.
+    /// Last explicit difference of offsets.
     step: i32,
     difference: IntegerDecoder<1>,
     size: IntegerDecoder<1>,
@@ -37,7 +37,7 @@ impl WavePacketDecoder {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.descriptor.clear();
         self.offset.iter_mut().for_each(ArithmeticModel::clear);
@@ -48,7 +48,7 @@ impl WavePacketDecoder {
         self.direction.clear();
     }
 
-    /// Makes the last packet the next one.
+    /// Replaces the last packet by the next one.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -70,7 +70,7 @@ impl WavePacketDecoder {
         }
     }
 
-    /// The offset that follows `offset`, where `size` bytes are.
+    /// The offset after `offset`, for a packet of `size` bytes.
     #[inline(always)]
     fn next_offset<M: InstructionSet>(
         &mut self,
@@ -91,7 +91,7 @@ impl WavePacketDecoder {
     }
 }
 
-/// Adds to a number.
+/// Adds a difference to a number.
 #[inline(always)]
 fn go(number: &mut [u8; 4], difference: i32) {
     *number = i32::from_le_bytes(*number).wrapping_add(difference).to_le_bytes();

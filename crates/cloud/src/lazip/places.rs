@@ -1,4 +1,4 @@
-//! The column of places: x, y and return numbers, and what changes from point to point.
+//! The column of positions: x, y and return numbers, and the changes from point to point.
 
 use super::channels::{ChannelContext, ChannelContexts};
 use super::coder::RangeDecoder;
@@ -10,18 +10,18 @@ use super::point::LazPoint;
 use super::returns::ReturnNumbers;
 use super::trace::{CHANNEL, PointChanges, TIME};
 
-/// Bits of the symbol that says what differs from the point before.
+/// Bits of the symbol of changed fields.
 const OF: usize = 1 << 2;
 const NUMBER: usize = 3;
 
-/// Where a point is, and what else is told with it.
+/// Position of a point, and related data.
 pub(super) struct DecodedPosition {
     pub(super) place: [i32; 2],
     pub(super) returns: ReturnNumbers,
     pub(super) trace: PointChanges,
 }
 
-/// What is learnt of places.
+/// Decoder contexts of positions.
 pub(super) struct PositionContext {
     channels: ChannelContexts<PositionChannel>,
     current: usize,
@@ -32,7 +32,7 @@ impl PositionContext {
         Self { channels: ChannelContexts::new(), current: 0 }
     }
 
-    /// Begins a chunk whose first point is in `channel`.
+    /// Begins a chunk with a first point in `channel`.
     pub(super) fn begin(&mut self, channel: usize, first: &LazPoint) {
         self.current = channel;
         self.channels.begin(
@@ -41,7 +41,7 @@ impl PositionContext {
         );
     }
 
-    /// The next point.
+    /// Decodes the next point.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -67,10 +67,10 @@ struct LastPoint {
     returns: ReturnNumbers,
 }
 
-/// What is learnt of a channel.
+/// Decoder context of a channel.
 struct PositionChannel {
     last: LastPoint,
-    /// Whether its time differs from that of the point before it.
+    /// Whether its time differs from the previous point.
     is_later: bool,
     /// Recent steps along x and y, by group of returns and change of time.
     steps: [[FiveValueMedian; 2]; 16],
@@ -116,7 +116,7 @@ impl ChannelContext for PositionChannel {
 }
 
 impl PositionChannel {
-    /// Symbol that says what differs from the last point.
+    /// Decodes the symbol of changed fields.
     #[inline(always)]
     fn changes<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> usize {
         let returns = self.last.returns;
@@ -126,13 +126,13 @@ impl PositionChannel {
         coder.symbol(self.changes[kind].ready(128))
     }
 
-    /// How many channels on the next point is, less one.
+    /// Decodes the difference of the channel numbers, less one.
     #[inline(always)]
     fn step<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>) -> usize {
         coder.symbol(self.channel.ready(3))
     }
 
-    /// Goes on to the next point; returns the circumstance that its height comes in.
+    /// Decodes the next point; returns the context of its height.
     #[inline(always)]
     fn next<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>, changes: usize) -> usize {
         let returns = self.returns(coder, changes);
@@ -152,7 +152,7 @@ impl PositionChannel {
         (((x_size + y_size) / 2) & !1).min(18) as usize | is_single
     }
 
-    /// Return numbers of the next point.
+    /// Decodes the return numbers of the next point.
     #[inline(always)]
     fn returns<M: InstructionSet>(
         &mut self,
@@ -166,13 +166,13 @@ impl PositionChannel {
         };
         let number = match changes & NUMBER {
             NUMBER => self.other_number(coder, changes & TIME != 0),
-            // The same, one more, one less.
+            // Equal, plus one, minus one.
             change => last.number() + [0, 1, 15][change],
         };
         ReturnNumbers::new(number, of)
     }
 
-    /// A return number that is neither the last nor next to it.
+    /// Decodes a return number other than the last and its neighbours.
     #[inline(always)]
     fn other_number<M: InstructionSet>(
         &mut self,

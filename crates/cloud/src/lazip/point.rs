@@ -1,8 +1,8 @@
-//! A point, as far as columns hold it.
+//! A point with the fields of columns.
 
 use super::returns::ReturnNumbers;
 
-/// Bytes of the part of a record that formats 6 to 10 share.
+/// Bytes of the common fields of formats 6 to 10.
 pub(super) const RECORD: usize = 30;
 
 /// The fields of a point.
@@ -16,7 +16,7 @@ pub(super) struct LazPoint {
 }
 
 impl LazPoint {
-    /// The point of a record, and its scanner channel.
+    /// The point and the scanner channel of a record.
     pub(super) fn new(record: &[u8; RECORD]) -> (Self, usize) {
         let axis = |at: usize| i32::from_le_bytes(std::array::from_fn(|i| record[at + i]));
         let flags = record[15];

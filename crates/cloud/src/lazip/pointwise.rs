@@ -1,4 +1,4 @@
-//! Chunks of point formats 0 to 5: one stream, record after record.
+//! Chunks of point formats 0 to 5: one stream of records.
 
 use super::chunk::{ChunkDamage, LazLayer};
 use super::coder::RangeDecoder;
@@ -9,20 +9,19 @@ use super::old::{OLD_RECORD, Point10Context, Point10Fields};
 use super::point::LazPoint;
 use super::schema::{self, LaszipItem};
 
-/// What is kept from chunk to chunk, to be used again.
+/// State reused between chunks.
 #[derive(Default)]
 pub(super) struct Pointwise {
     old: Option<Box<Point10Context>>,
     follow: Vec<ItemContext>,
-    /// What `follow` decodes.
+    /// Items decoded by `follow`.
     items: Vec<LaszipItem>,
-    /// The last record. What follows the part that all share is up to date.
+    /// The last record. The bytes after the common fields are up to date.
     record: Vec<u8>,
 }
 
 impl Pointwise {
-    /// Makes ready for a chunk that begins with a record, in the room of the one before where records
-    /// are alike.
+    /// Prepares for a chunk that begins with a record; the allocation is reused if the schema is the same.
     fn begin(&mut self, items: &[LaszipItem], record: &[u8]) {
         self.record.clear();
         self.record.extend_from_slice(record);
@@ -35,7 +34,7 @@ impl Pointwise {
     }
 }
 
-/// A stream on its way.
+/// A stream being decoded.
 pub(super) struct PointwiseStream<'a> {
     first: Option<LazPoint>,
     wants_records: bool,
@@ -60,21 +59,21 @@ impl<'a> PointwiseStream<'a> {
         Ok(Self { first, wants_records: wanted.records, coder: None, bytes })
     }
 
-    /// Bytes behind the end of the stream, which must be here.
+    /// Bytes after the end of the stream, which must be here.
     pub(super) fn end(&self) -> Result<usize, ChunkDamage> {
-        // A single point leaves the stream unopened.
+        // With a single point the stream is not opened.
         match self.coder.or_else(|| RangeDecoder::new(self.bytes)) {
             Some(coder) if coder.is_at_end() => Ok(coder.left()),
             _ => Err(ChunkDamage::Layer(LazLayer::Records)),
         }
     }
 
-    /// Bytes that were not taken in.
+    /// Number of unread bytes.
     pub(super) fn left(&self) -> usize {
         self.coder.map_or(self.bytes.len(), |coder| coder.left())
     }
 
-    /// The same, with other bytes to go on with.
+    /// The same stream with other bytes to continue.
     pub(super) fn with<'b>(&self, bytes: &'b [u8]) -> PointwiseStream<'b> {
         let Self { first, wants_records, coder, .. } = *self;
         PointwiseStream { first, wants_records, coder: coder.map(|coder| coder.with(bytes)), bytes }
@@ -105,7 +104,7 @@ impl<'a> PointwiseStream<'a> {
         if coder.is_sound() { Ok(()) } else { Err(damage) }
     }
 
-    /// Hands on the first point, if it is one of `count` and was not yet; returns whether it was.
+    /// Passes on the first point if it is pending and `count` is not 0; returns whether it was.
     fn begin(&mut self, pointwise: &Pointwise, count: usize, fields: &mut DecodedFields) -> bool {
         if self.wants_records {
             fields.records.reserve(count * pointwise.record.len());
@@ -119,7 +118,7 @@ impl<'a> PointwiseStream<'a> {
     }
 }
 
-/// Points to be decoded.
+/// A batch of points.
 struct PointwiseBatch<'a, 'b> {
     old: &'a mut Point10Context,
     follow: &'a mut [ItemContext],
@@ -161,7 +160,7 @@ impl<'b> SimdTask for PointwiseBatch<'_, 'b> {
     }
 }
 
-/// The same, and their records.
+/// A batch of points with records.
 struct PointwiseRecordBatch<'a, 'b>(PointwiseBatch<'a, 'b>);
 
 impl<'b> SimdTask for PointwiseRecordBatch<'_, 'b> {

@@ -1,5 +1,5 @@
-//! The layers of a chunk that only whole records need. They are decoded some thousand points at a time,
-//! once it is known of those points where they are and what changes with them.
+//! Layers that only whole records need. They are decoded in blocks of some thousand points, when the positions and
+//! changes of these points are known.
 
 use super::attributes::ChannelHeads;
 use super::body::LayeredChunk;
@@ -13,7 +13,7 @@ use super::streams::RestStreams;
 use super::tails::ChunkTails;
 use super::trace::PointChanges;
 
-/// What is kept from chunk to chunk, to be used again.
+/// State reused between chunks.
 pub(super) struct RestContext {
     heads: ChannelHeads,
     tails: ChunkTails,
@@ -25,7 +25,7 @@ impl RestContext {
     }
 }
 
-/// The layers on their way, between batches of points.
+/// The layers, being decoded in batches.
 pub(super) struct RestLayers<'d, 'a> {
     room: &'d mut RestContext,
     streams: RestStreams<'a, PortableInstructions>,
@@ -34,7 +34,7 @@ pub(super) struct RestLayers<'d, 'a> {
 }
 
 impl<'d, 'a> RestLayers<'d, 'a> {
-    /// Begins a chunk whose first point is in `channel`.
+    /// Begins a chunk with a first point in `channel`.
     pub(super) fn new(
         room: &'d mut RestContext,
         body: LayeredChunk<'a>,
@@ -47,7 +47,7 @@ impl<'d, 'a> RestLayers<'d, 'a> {
         Ok(Self { room, size: body.record.len(), streams: body.rest(layers)? })
     }
 
-    /// Appends the records of the last points of `fields`, of which the traces are.
+    /// Appends the records of the last points of `fields`, with their changes.
     pub(super) fn read(
         &mut self,
         traces: &[PointChanges],
@@ -64,7 +64,7 @@ impl<'d, 'a> RestLayers<'d, 'a> {
     }
 }
 
-/// Points to be completed.
+/// Points to complete.
 struct RestBatch<'r, 'd, 'a>(&'r mut RestLayers<'d, 'a>, &'r [PointChanges], &'r mut DecodedFields);
 
 impl SimdTask for RestBatch<'_, '_, '_> {
@@ -85,7 +85,7 @@ impl SimdTask for RestBatch<'_, '_, '_> {
     }
 }
 
-/// The shared part of a record, as far as it is known.
+/// The common fields of a record, as far as known.
 #[inline(always)]
 fn head(fields: &DecodedFields, index: usize, trace: PointChanges) -> [u8; RECORD] {
     let mut head = [0; RECORD];

@@ -1,10 +1,10 @@
-//! What the return numbers of a point say about which points resemble it.
+//! Grouping of points by return numbers, for the choice of contexts.
 
 /// Return number in the low half, number of returns of its pulse in the high half.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct ReturnNumbers(pub(super) u8);
 
-/// Group of a point by number of returns (row) and return number (column), of six.
+/// Group of a point by number of returns (row) and return number (column), one of six.
 const GROUPS: [&[u8; 16]; 16] = [
     b"0123453445555555",
     b"1013333333333333",
@@ -24,7 +24,7 @@ const GROUPS: [&[u8; 16]; 16] = [
     b"5334444444444455",
 ];
 
-/// Group by number of returns and return number of up to seven, of sixteen (as hexadecimal digits).
+/// Group by number of returns and return number up to seven, one of sixteen (hexadecimal digits).
 const OLD_GROUPS: [&[u8; 8]; 8] = [
     b"fedcba98",
     b"e0136aa9",
@@ -65,13 +65,13 @@ impl ReturnNumbers {
         self.0 >> 4
     }
 
-    /// Group of like points, of six.
+    /// Group of similar points, one of six.
     #[inline(always)]
     pub(super) fn group(self) -> usize {
         usize::from(GROUP[usize::from(self.0)])
     }
 
-    /// Group of like points, of sixteen; for return numbers below eight.
+    /// Group of similar points, one of sixteen; for return numbers below eight.
     pub(super) fn old_group(self) -> usize {
         let digit = OLD_GROUPS[usize::from(self.of() & 7)][usize::from(self.number() & 7)];
         usize::from(match digit {
@@ -80,13 +80,13 @@ impl ReturnNumbers {
         })
     }
 
-    /// How far the return is from the last, at most seven.
+    /// Distance of the return from the last one, at most seven.
     #[inline(always)]
     pub(super) fn depth(self) -> usize {
         usize::from(self.of().abs_diff(self.number()).min(7))
     }
 
-    /// Whether this is the only return expected.
+    /// Whether this is the only return of its pulse.
     #[inline(always)]
     pub(super) fn is_single(self) -> bool {
         self.of() == 1

@@ -1,21 +1,21 @@
-//! How the records of a compressed file are made up, as its LASzip record says.
+//! The structure of the records of a compressed file, by the LASzip VLR.
 
 use super::chunk::LazLayer;
 use std::fmt;
 
-/// A part of every record, as the LASzip record lists it.
+/// An item of the LASzip VLR: a part of every record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LaszipItem {
-    /// Which fields it holds.
+    /// Item type: its fields.
     pub kind: u16,
     /// Bytes.
     pub size: u16,
-    /// How it is compressed.
+    /// Version of its compression.
     pub version: u16,
 }
 
 impl LaszipItem {
-    /// Whether it is one of those of formats 0 to 5.
+    /// Whether it is an item of formats 0 to 5.
     fn is_of_old_formats(&self) -> bool {
         matches!(
             (self.kind, self.size, self.version),
@@ -44,13 +44,13 @@ impl fmt::Display for LaszipItem {
     }
 }
 
-/// How records are made up.
+/// Structure of records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LaszipSchema {
     pub(super) layout: ChunkLayout,
 }
 
-/// How chunks are arranged.
+/// Structure of chunks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum ChunkLayout {
     /// Fields are layers, one after another.
@@ -62,30 +62,30 @@ pub(super) enum ChunkLayout {
 /// Records of one stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct PointwiseSchema {
-    /// How the part that they share is compressed.
+    /// Version of the compression of the common fields.
     pub(super) version: u16,
-    /// What follows it.
+    /// Items after them.
     pub(super) follow: Vec<LaszipItem>,
-    /// Bytes of what follows.
+    /// Bytes of these items.
     pub(super) bytes: usize,
 }
 
-/// What follows the part that all layered records share.
+/// Layers after the common fields of layered records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct LayeredSchema {
-    /// How all is compressed.
+    /// Version of the compression.
     pub(super) version: u16,
-    /// Bytes of a record.
+    /// Record length.
     pub(super) bytes: usize,
-    /// Layers of a chunk, as their parts stand in a record.
+    /// Layers of a chunk, in the order of their fields in a record.
     pub(super) layers: Vec<LazLayer>,
 }
 
 impl LaszipSchema {
-    /// The schema of records of these items, in order.
+    /// The schema of records with these items, in order.
     ///
     /// # Errors
-    /// The first item that this decoder does not know, or that has no place where it is.
+    /// The first item that is unknown or at a wrong position.
     pub fn new(items: &[LaszipItem]) -> Result<Self, LaszipItem> {
         let none = LaszipItem { kind: 0, size: 0, version: 0 };
         let (&first, rest) = items.split_first().ok_or(none)?;

@@ -1,10 +1,10 @@
-//! The streams of a layered chunk, and what is wrong with them.
+//! The streams of a layered chunk, and their checks.
 
 use super::chunk::{ChunkDamage, LazLayer};
 use super::coder::RangeDecoder;
 use super::machine::InstructionSet;
 
-/// The streams of what grids and meshes need. A stream that is absent leaves its field as it was.
+/// The streams of the columns. A missing stream means that its field is constant.
 #[derive(Clone, Copy)]
 pub(super) struct Streams<'a, M> {
     pub(super) places: RangeDecoder<'a, M>,
@@ -14,7 +14,7 @@ pub(super) struct Streams<'a, M> {
 }
 
 impl<'a, M: InstructionSet> Streams<'a, M> {
-    /// The same, for another machine.
+    /// The same for another instruction set.
     pub(super) fn on<N: InstructionSet>(self) -> Streams<'a, N> {
         Streams {
             places: self.places.on(),
@@ -24,7 +24,7 @@ impl<'a, M: InstructionSet> Streams<'a, M> {
         }
     }
 
-    /// Says which layer is not `right`, if any is not.
+    /// Reports the first layer that is not `right`, if any.
     pub(super) fn check(&self, right: fn(&RangeDecoder<'a, M>) -> bool) -> Result<(), ChunkDamage> {
         check(LazLayer::Places, &Some(self.places), right)?;
         check(LazLayer::Heights, &self.heights, right)?;
@@ -33,19 +33,19 @@ impl<'a, M: InstructionSet> Streams<'a, M> {
     }
 }
 
-/// The streams of what else there is in whole records.
+/// The other streams of whole records.
 pub(super) struct RestStreams<'a, M> {
     pub(super) intensities: Option<RangeDecoder<'a, M>>,
     pub(super) angles: Option<RangeDecoder<'a, M>>,
     pub(super) user_data: Option<RangeDecoder<'a, M>>,
     pub(super) sources: Option<RangeDecoder<'a, M>>,
     pub(super) times: Option<RangeDecoder<'a, M>>,
-    /// Those of what follows the part that all formats share.
+    /// Streams of the fields after the common ones.
     pub(super) tails: Vec<(LazLayer, Option<RangeDecoder<'a, M>>)>,
 }
 
 impl<'a, M: InstructionSet> RestStreams<'a, M> {
-    /// The same, for another machine.
+    /// The same for another instruction set.
     pub(super) fn on<N: InstructionSet>(&self) -> RestStreams<'a, N> {
         let on = |(layer, coder): &(LazLayer, Option<RangeDecoder<'a, M>>)| {
             (*layer, coder.map(RangeDecoder::on))
@@ -60,7 +60,7 @@ impl<'a, M: InstructionSet> RestStreams<'a, M> {
         }
     }
 
-    /// Says which layer is not `right`, if any is not.
+    /// Reports the first layer that is not `right`, if any.
     pub(super) fn check(&self, right: fn(&RangeDecoder<'a, M>) -> bool) -> Result<(), ChunkDamage> {
         check(LazLayer::Intensities, &self.intensities, right)?;
         check(LazLayer::Angles, &self.angles, right)?;

@@ -1,4 +1,4 @@
-//! What follows the shared part in records of a layered chunk: each layer has a part of it.
+//! Fields after the common ones in records of a layered chunk: each layer has a part of them.
 
 use super::chunk::LazLayer;
 use super::follow::ItemContext;
@@ -7,20 +7,20 @@ use super::schema::LayeredSchema;
 use super::streams::RestStreams;
 use super::trace::PointChanges;
 
-/// The version that takes the first channel for that of every point but those where the channel changes,
-/// and then still goes on from the last values of the channel before, unless the channel is new.
+/// Version 3 uses the first channel for every point except at changes of the channel, and then continues from the
+/// last values of the previous channel, unless the channel is new.
 const ODD_VERSION: u16 = 3;
 
-/// What is kept from chunk to chunk, to be used again.
+/// State reused between chunks.
 #[derive(Default)]
 pub(super) struct ChunkTails {
     version: u16,
-    /// What `models` decode.
+    /// Layers decoded by `models`.
     layers: Vec<LazLayer>,
-    /// What is learnt of each layer, by channel; nothing of channels that never were.
+    /// Contexts of each layer, by channel; empty for unused channels.
     models: [Vec<ItemContext>; 4],
     is_used: [bool; 4],
-    /// The last bytes, by channel.
+    /// Last bytes, by channel.
     last: [Vec<u8>; 4],
     current: usize,
 }
@@ -48,7 +48,7 @@ impl ChunkTails {
         models.extend(missing.map(|layer| ItemContext::of(*layer)));
     }
 
-    /// The bytes of the next point.
+    /// Decodes the bytes of the next point.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -70,7 +70,7 @@ impl ChunkTails {
         &self.last[last & 3]
     }
 
-    /// Goes on to a channel; returns the one whose last bytes are gone on from.
+    /// Switches to a channel; returns the channel whose last bytes are the prediction.
     #[inline(always)]
     fn turn(&mut self, channel: usize) -> usize {
         match channel == self.current {

@@ -1,19 +1,18 @@
-//! GPS times: the differences between numbers as bits are expected to repeat, or to be a multiple of the
-//! last one.
+//! GPS times as 64-bit patterns: differences are predicted to be repeated, or to be a multiple of the last one.
 
 use super::coder::RangeDecoder;
 use super::integer::IntegerDecoder;
 use super::machine::InstructionSet;
 use super::model::ArithmeticModel;
 
-/// Eight bytes that are stored as they are.
+/// Decodes eight raw bytes.
 #[inline(always)]
 pub(super) fn whole<M: InstructionSet>(coder: &mut RangeDecoder<M>) -> u64 {
     let lower = coder.raw(32);
     u64::from(coder.raw(32)) << 32 | u64::from(lower)
 }
 
-/// A time of the first version.
+/// Decoder of times, version 1.
 pub(super) struct OldTime {
     multiple: ArithmeticModel<64>,
     after_same: ArithmeticModel<1>,
@@ -23,8 +22,8 @@ pub(super) struct OldTime {
 }
 
 impl OldTime {
-    /// Symbols of `multiple`; the last two are a new time and the same time, and the one before them
-    /// stands for every larger multiple.
+    /// Symbols of `multiple`; the last two are a raw time and an equal time, the one before them stands for all
+    /// larger multiples.
     const MULTIPLES: usize = 512;
     const LARGEST: usize = Self::MULTIPLES - 3;
     const WHOLE: usize = Self::LARGEST + 1;
@@ -40,7 +39,7 @@ impl OldTime {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.multiple.clear();
         self.after_same.clear();
@@ -48,7 +47,7 @@ impl OldTime {
         (self.last, self.extremes) = (0, 0);
     }
 
-    /// The time that follows `time`.
+    /// Decodes the time after `time`.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet>(
         &mut self,
@@ -116,36 +115,36 @@ fn later(time: u64, difference: i32) -> u64 {
     time.wrapping_add_signed(difference.into())
 }
 
-/// A time of the second version and of layered chunks: as the first, of four interleaved sequences.
+/// Decoder of times, version 2 and layered chunks: like version 1, with four interleaved sequences.
 pub(super) struct GpsTime {
     multiple: ArithmeticModel<64>,
     after_same: ArithmeticModel<1>,
     difference: IntegerDecoder<9>,
-    /// The last time of each sequence but the current one.
+    /// Last time of each sequence except the current one.
     times: [u64; 4],
-    /// The last difference of each sequence, and how often it was far off.
+    /// Last difference of each sequence, and the number of consecutive outliers.
     last: [i32; 4],
     extremes: [u32; 4],
     current: usize,
     newest: usize,
 }
 
-/// The next time of a sequence, or how many sequences to go on by.
+/// The next time of a sequence, or the number of sequences to skip.
 enum DecodedTime {
     Time(u64),
     Switch(usize),
 }
 
 impl GpsTime {
-    /// Largest multiple; the symbols up to here are multiples, then negative ones follow.
+    /// Largest multiple; larger symbols are negative multiples.
     const LARGEST: usize = 500;
     /// Symbol of the multiple -1.
     const NEGATIVE: usize = Self::LARGEST + 1;
-    /// Symbol of the most negative multiple, and of all below it.
+    /// Symbol of the most negative multiple and of all below it.
     const SMALLEST: usize = Self::LARGEST + 10;
     const SAME: usize = Self::SMALLEST + 1;
     const WHOLE: usize = Self::SMALLEST + 2;
-    /// Symbols of `multiple`; the last three switch to another sequence.
+    /// Symbols of `multiple`; the last three switch the sequence.
     const MULTIPLES: usize = Self::SMALLEST + 6;
     /// Symbols of `after_same`, likewise.
     const AFTER_SAME: usize = 6;
@@ -163,7 +162,7 @@ impl GpsTime {
         }
     }
 
-    /// Forgets everything.
+    /// Resets the models.
     pub(super) fn clear(&mut self) {
         self.multiple.clear();
         self.after_same.clear();
@@ -172,7 +171,7 @@ impl GpsTime {
         (self.current, self.newest) = (0, 0);
     }
 
-    /// The time that follows `time`. Whether it is the same has a symbol unless it `IS_OTHER`.
+    /// Decodes the time after `time`. Equal times have a symbol unless it `IS_OTHER`.
     #[inline(always)]
     pub(super) fn next<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
@@ -180,7 +179,7 @@ impl GpsTime {
         time: u64,
     ) -> u64 {
         let mut last_time = time;
-        // An encoder switches once at most.
+        // An encoder switches at most once.
         for _ in 0..2 {
             let found = match self.last[self.current & 3] {
                 0 => self.next_after_same::<M, IS_OTHER>(coder, last_time),
@@ -199,7 +198,7 @@ impl GpsTime {
         last_time
     }
 
-    /// The next time of a sequence that stood still.
+    /// Decodes the next time of a sequence with equal times.
     #[inline(always)]
     fn next_after_same<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
@@ -221,7 +220,7 @@ impl GpsTime {
         })
     }
 
-    /// The next time of a sequence whose last difference was `last`.
+    /// Decodes the next time of a sequence whose last difference was `last`.
     #[inline(always)]
     fn next_multiple<M: InstructionSet, const IS_OTHER: bool>(
         &mut self,
@@ -258,7 +257,7 @@ impl GpsTime {
         DecodedTime::Time(later(time, difference))
     }
 
-    /// Takes in a difference that is far from those expected.
+    /// Counts an outlier difference.
     #[inline(always)]
     fn extreme(&mut self, difference: i32) {
         let extremes = &mut self.extremes[self.current & 3];
@@ -269,7 +268,7 @@ impl GpsTime {
         }
     }
 
-    /// Begins a new sequence in place of the oldest; returns its first time.
+    /// Replaces the oldest sequence by a new one; returns its first time.
     #[inline(always)]
     fn begin<M: InstructionSet>(&mut self, coder: &mut RangeDecoder<M>, time: u64) -> u64 {
         let upper = ((time >> 32) as u32).wrapping_add_signed(self.difference.next(coder, 8).0);

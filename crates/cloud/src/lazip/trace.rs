@@ -1,13 +1,12 @@
-//! What the columns of a layered chunk have to know of a point that the places tell.
+//! Data of points that the columns of a layered chunk share.
 
-/// Bits of the symbol that says what differs from the point before.
+/// Bits of the symbol of changed fields.
 pub(super) const CHANNEL: usize = 1 << 6;
 pub(super) const SOURCE: usize = 1 << 5;
 pub(super) const TIME: usize = 1 << 4;
 pub(super) const ANGLE: usize = 1 << 3;
 
-/// The scanner channel of a point, what differs from the point before it in the channel, and how far it
-/// is from where it was expected.
+/// Scanner channel of a point, changed fields, and the size of the prediction error of its position.
 #[derive(Clone, Copy, Default)]
 pub(super) struct PointChanges {
     changes: u8,
@@ -15,7 +14,7 @@ pub(super) struct PointChanges {
 }
 
 impl PointChanges {
-    /// From the symbol that says what differs.
+    /// From the symbol of changed fields.
     #[inline(always)]
     pub(super) fn new(changes: usize, channel: usize, spread: usize) -> Self {
         let changes = changes & (CHANNEL | SOURCE | TIME | ANGLE) | channel & 3;
@@ -32,7 +31,7 @@ impl PointChanges {
         usize::from(self.changes & 3)
     }
 
-    /// Whether the point before it was in another channel.
+    /// Whether the previous point was in another channel.
     #[inline(always)]
     pub(super) fn is_other_channel(self) -> bool {
         self.has(CHANNEL)
@@ -54,7 +53,7 @@ impl PointChanges {
         self.has(SOURCE)
     }
 
-    /// The circumstance that its height comes in.
+    /// Context of its height.
     #[inline(always)]
     pub(super) fn spread(self) -> usize {
         usize::from(self.spread)

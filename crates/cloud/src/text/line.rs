@@ -1,15 +1,15 @@
-//! Lines of text clouds: separators, headings, numbers.
+//! Lines of text point clouds: separators, headers, numbers.
 
 use crate::column::{self, ColumnEncoding, PointColumn};
 use crate::format::PointFormat;
 use crate::lattice::MOST_DECIMALS;
 use crate::raw::{Flags, RawPoint};
 
-/// Largest mantissa that is exact in `f64`, and most decimals that its power of ten is exact for.
+/// Largest mantissa exact in `f64`, and maximum decimals with an exact power of ten.
 const EXACT_MANTISSA: u64 = 1 << 53;
 const EXACT_DECIMALS: usize = 22;
 
-/// Names of the columns in headings, in lower case and without what separates words.
+/// Names of the columns in headers, in lower case without word separators.
 const NAMES: [&[&str]; 6] = [
     &["x", "lon", "long", "longitude", "east", "easting"],
     &["y", "lat", "latitude", "north", "northing"],
@@ -18,11 +18,11 @@ const NAMES: [&[&str]; 6] = [
     &["returnnumber", "return", "r"],
     &["numberofreturns", "returns", "n"],
 ];
-/// Of these, x, y and z must be there.
+/// Number of required columns: x, y and z.
 const NEEDED: usize = 3;
-/// The largest number of a return that a record holds.
+/// The largest return number of a record.
 const MOST_RETURNS: u8 = 15;
-/// Other names of fields than those that we write.
+/// Aliases of fields.
 const ALIASES: [(&str, &str); 7] = [
     ("nir", "infrared"),
     ("sourceid", "pointsourceid"),
@@ -34,10 +34,10 @@ const ALIASES: [(&str, &str); 7] = [
 ];
 /// Colours by their letters.
 const COLOURS: [(&str, &str); 3] = [("r", "red"), ("g", "green"), ("b", "blue")];
-/// The format that has all fields of text, and the bytes of its records.
+/// The point format with all fields of text, and the length of its records.
 const WIDEST: u8 = 8;
 const RECORD: usize = PointFormat::NEW + 8;
-/// Most names of columns that a note tells.
+/// Maximum number of column names in a note.
 const MOST_TOLD: usize = 12;
 
 /// A point of a text file.
@@ -49,7 +49,7 @@ pub(crate) struct TextPoint {
     pub(super) fields: TextPointRecord,
 }
 
-/// A record with what other columns have.
+/// A record with the optional columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TextPointRecord([u8; RECORD]);
 
@@ -60,7 +60,7 @@ impl Default for TextPointRecord {
 }
 
 impl TextPoint {
-    /// As a record of the widest format, which those of others from 6 on begin like.
+    /// As a record of the widest format, of which records of the other formats from 6 are prefixes.
     pub(crate) fn record(&self) -> [u8; RECORD] {
         let (TextPointRecord(mut record), [number, returns]) = (self.fields, self.returns);
         record[..12].copy_from_slice(self.xyz.map(i32::to_le_bytes).as_flattened());
@@ -88,19 +88,19 @@ impl RawPoint for TextPoint {
     }
 }
 
-/// How lines are taken apart.
+/// Syntax of lines.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PointLineGrammar {
     separator: PointTextSeparator,
-    /// Which column holds which of [`NAMES`].
+    /// Column of each of [`NAMES`].
     columns: [Option<usize>; NAMES.len()],
-    /// Fields of records, and the columns that hold them.
+    /// Columns and the fields of records that they hold.
     fields: Vec<(usize, PointColumn)>,
-    /// Names of columns that are not read.
+    /// Names of ignored columns.
     others: Vec<String>,
-    /// True when the first line names columns.
+    /// True if the first line is a header.
     pub(super) has_heading: bool,
-    /// Columns of the first line, and so of all.
+    /// Number of columns of every line.
     count: usize,
 }
 
@@ -108,7 +108,7 @@ pub(super) struct PointLineGrammar {
 enum PointTextSeparator {
     Space,
     Comma,
-    /// Decimals may have a comma.
+    /// Semicolons; decimal commas are allowed.
     Semicolon,
 }
 
@@ -122,14 +122,14 @@ pub(super) struct TextPointValues {
     pub(super) fields: TextPointRecord,
 }
 
-/// What a line holds: `None` for empty ones and comments.
+/// Content of a line; `None` for empty lines and comments.
 pub(super) fn content(line: &[u8]) -> Option<&[u8]> {
     let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line).trim_ascii();
     (!line.is_empty() && line[0] != b'#' && !line.starts_with(b"//")).then_some(line)
 }
 
 impl PointLineGrammar {
-    /// From the first line that holds anything.
+    /// From the first line with content.
     pub(super) fn of(line: &[u8]) -> Result<Self, String> {
         let separator = match line {
             _ if line.contains(&b';') => PointTextSeparator::Semicolon,
@@ -151,7 +151,7 @@ impl PointLineGrammar {
         }
         let names: Vec<String> = plain.fields(line).map(column_name).collect();
         let mut names = names;
-        // Beside g and b, r is no return.
+        // With columns g and b, r is red and not the return number.
         if COLOURS.iter().all(|(short, _)| names.iter().any(|name| name == short)) {
             for (short, colour) in COLOURS {
                 names.iter_mut().filter(|name| *name == short).for_each(|n| *n = colour.to_owned());
@@ -159,7 +159,7 @@ impl PointLineGrammar {
         }
         let columns = NAMES.map(|known| names.iter().position(|n| known.contains(&n.as_str())));
         match columns[..NEEDED].iter().position(Option::is_none) {
-            Some(missing) => Err(format!("the heading names no {}", NAMES[missing][0])),
+            Some(missing) => Err(format!("the header line has no column {}", NAMES[missing][0])),
             None => {
                 let told = plain.fields(line).map(|name| String::from_utf8_lossy(name).into());
                 let told: Vec<String> = told.collect();
@@ -168,7 +168,7 @@ impl PointLineGrammar {
         }
     }
 
-    /// With the fields that columns are named after, each of the first that is.
+    /// Assigns fields to columns by name; the first column of a name counts.
     fn with_fields(mut self, names: &[String], told: &[String]) -> Self {
         let all = PointFormat::new(WIDEST).map_or_else(|_| Vec::new(), |f| column::columns(f, &[]));
         for (number, (name, told)) in names.iter().zip(told).enumerate() {
@@ -179,7 +179,7 @@ impl PointLineGrammar {
             let name = alias.map_or(name.as_str(), |(_, name)| name);
             let is_new = |field: &&PointColumn| self.fields.iter().all(|(_, own)| own != *field);
             let found = all.iter().find(|field| column_name(field.name().as_bytes()) == name);
-            // Classes and returns are columns of their own.
+            // Class and return numbers have their own columns.
             let found = found.filter(|_| !NAMES[NEEDED..].iter().any(|own| own.contains(&name)));
             match found.filter(is_new) {
                 Some(field) => self.fields.push((number, field.clone())),
@@ -189,7 +189,7 @@ impl PointLineGrammar {
         self
     }
 
-    /// The point format with all fields that there are columns for.
+    /// The point format with fields for all columns.
     pub(super) fn format(&self) -> PointFormat {
         let places = PointFormat::new(WIDEST).unwrap_or_default().places();
         let has = |place: Option<usize>| {
@@ -203,20 +203,20 @@ impl PointLineGrammar {
         PointFormat::new(number).unwrap_or_default()
     }
 
-    /// The time of a point, where a column has it.
+    /// The time of a point, if there is a column.
     pub(super) fn time(&self, values: &TextPointValues) -> Option<f64> {
         let (_, field) = self.fields.iter().find(|(_, field)| field.name() == column::TIME)?;
         Some(field.number(&values.fields.0))
     }
 
-    /// The fields that there are columns for.
+    /// The fields with a column.
     pub(super) fn known(&self) -> Vec<PointColumn> {
         self.fields.iter().map(|(_, field)| field.clone()).collect()
     }
 
-    /// What the columns leave open.
+    /// Notes on missing and ignored columns.
     pub(super) fn notes(&self) -> Vec<String> {
-        let text = "no column is named classification: all points have class 0";
+        let text = "column classification is missing; all points have class 0";
         let class = self.columns[NEEDED].is_none().then(|| text.to_owned());
         let mut others = self.others.iter().take(MOST_TOLD).cloned().collect::<Vec<_>>().join(", ");
         if self.others.len() > MOST_TOLD {
@@ -224,16 +224,16 @@ impl PointLineGrammar {
         }
         let others = match (self.has_heading, self.count.saturating_sub(NEEDED)) {
             (true, _) if others.is_empty() => None,
-            (true, _) => Some(format!("columns that are not read: {others}")),
+            (true, _) => Some(format!("ignored columns: {others}")),
             (false, 0) => None,
             (false, more) => {
-                Some(format!("no line names the columns: the {more} after the third are not read"))
+                Some(format!("no header line; the {more} columns after the third are ignored"))
             }
         };
         class.into_iter().chain(others).collect()
     }
 
-    /// The values of a line that holds something.
+    /// The values of a line with content.
     pub(super) fn values(&self, line: &[u8]) -> Result<TextPointValues, String> {
         let mut found: [Option<&[u8]>; NAMES.len()] = [None; NAMES.len()];
         let mut count = 0;
@@ -246,15 +246,15 @@ impl PointLineGrammar {
             }
         }
         if count != self.count && count >= NEEDED {
-            return Err(format!("{count} columns, where the first line has {}", self.count));
+            return Err(format!("{count} columns, expected {}", self.count));
         }
         let mut values = TextPointValues { returns: [1, 1], ..TextPointValues::default() };
         for axis in 0..3 {
-            let field = found[axis].ok_or_else(|| format!("there is no {}", NAMES[axis][0]))?;
+            let field = found[axis].ok_or_else(|| format!("{} is missing", NAMES[axis][0]))?;
             let parsed = number(field, self.separator == PointTextSeparator::Semicolon);
             let (value, decimals) = parsed.ok_or_else(|| {
                 let field = String::from_utf8_lossy(&field[..field.len().min(40)]);
-                format!("{field:?} is no finite number")
+                format!("{field:?} is not a finite number")
             })?;
             (values.world[axis], values.decimals[axis]) = (value, decimals);
         }
@@ -264,8 +264,8 @@ impl PointLineGrammar {
                 let text = String::from_utf8_lossy(&field[..field.len().min(40)]);
                 let value = text.parse::<f64>().ok().filter(|v| v.fract() == 0.0);
                 let value = value.filter(|v| (0.0..=f64::from(most)).contains(v)).map(|v| v as u8);
-                let what = if most == MOST_RETURNS { "number of a return" } else { "class" };
-                value.ok_or_else(|| format!("{text:?} is no {what}, which is 0 to {most}"))
+                let what = if most == MOST_RETURNS { "return number" } else { "class" };
+                value.ok_or_else(|| format!("{text:?} is not a {what} from 0 to {most}"))
             }
         };
         values.class = small(found[3], 0, u8::MAX)?;
@@ -283,18 +283,18 @@ impl PointLineGrammar {
         let mut fields = self.fields(line).enumerate();
         for (at, field) in &self.fields {
             let Some((_, text)) = fields.by_ref().find(|(number, _)| number == at) else {
-                return Err(format!("there is no {}", field.name()));
+                return Err(format!("{} is missing", field.name()));
             };
             match (number(text, self.separator == PointTextSeparator::Semicolon), field.value) {
                 (Some((value, _)), _) => field.set(record, value)?,
-                // Times are whatever a file has.
+                // Times may be NaN or infinite.
                 (None, ColumnEncoding::Float(8)) if word(text).is_some() => {
                     let bytes = word(text).unwrap_or_default().to_le_bytes();
                     record[field.at..][..8].copy_from_slice(&bytes);
                 }
                 _ => {
                     let text = String::from_utf8_lossy(&text[..text.len().min(40)]);
-                    return Err(format!("{text:?} is no {}", field.name()));
+                    return Err(format!("{text:?} is not a valid {}", field.name()));
                 }
             }
         }
@@ -304,7 +304,7 @@ impl PointLineGrammar {
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let separator = self.separator;
         let is_end = move |c: &u8| match separator {
-            // What else is white space is damage within a line.
+            // Other white space within a line is damage.
             PointTextSeparator::Space => matches!(c, b' ' | b'\t'),
             PointTextSeparator::Comma => *c == b',',
             PointTextSeparator::Semicolon => *c == b';',
@@ -314,7 +314,7 @@ impl PointLineGrammar {
     }
 }
 
-/// Without spaces around it.
+/// Trims white space.
 fn trimmed(field: &[u8]) -> &[u8] {
     let is_space = |c: &u8| matches!(c, b' ' | b'\t');
     let start = field.iter().position(|c| !is_space(c)).unwrap_or(field.len());
@@ -322,18 +322,18 @@ fn trimmed(field: &[u8]) -> &[u8] {
     &field[start..end]
 }
 
-/// A name without quotes, spaces and underscores, in lower case.
+/// A column name without quotes, spaces and underscores, in lower case.
 fn column_name(field: &[u8]) -> String {
     let text = String::from_utf8_lossy(field).to_lowercase();
     text.chars().filter(|c| c.is_alphanumeric()).collect()
 }
 
-/// A finite number and how many decimals it has.
+/// A finite number and its number of decimals.
 fn number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
     plain_number(field, comma).or_else(|| any_number(field, comma))
 }
 
-/// A number such as -12.345 whose digits are exact.
+/// A number such as -12.345 with exact digits.
 fn plain_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
     let (sign, digits) = match field {
         [b'-', rest @ ..] => (-1.0, rest),
@@ -370,7 +370,7 @@ fn word(field: &[u8]) -> Option<f64> {
     std::str::from_utf8(field).ok()?.parse().ok().filter(|value: &f64| !value.is_finite())
 }
 
-/// Any other number; its decimals are as many as it takes to be whole.
+/// Any other number, with the decimals needed to make it an integer.
 fn any_number(field: &[u8], comma: bool) -> Option<(f64, u8)> {
     let text = std::str::from_utf8(field).ok()?;
     let value: f64 = match comma {
@@ -441,7 +441,7 @@ mod tests {
         ];
         assert_eq!(told, expected.map(|(name, value)| (name.to_owned(), value)));
         assert_eq!(values.returns, [1, 1]);
-        assert!(all.notes().contains(&"columns that are not read: foo, foo".to_owned()));
+        assert!(all.notes().contains(&"ignored columns: foo, foo".to_owned()));
         let odd = all.values(b"1 2 3 1 2 3 4 NaN 0 1 5 6").unwrap();
         assert!(all.time(&odd).unwrap().is_nan());
         for bad in ["70000 1 1 1 1 1 0 0 5 6", "1 1 1 1 1 1 2 0 5 6", "1 1 1 1 1 x 0 0 5 6"] {
@@ -449,7 +449,7 @@ mod tests {
             assert!(all.values(line.as_bytes()).is_err(), "{line}");
         }
         assert_eq!(PointLineGrammar::of(b"1 2 3 4 5").unwrap().notes().len(), 2);
-        // What may be something else is not taken for a field.
+        // Ambiguous names are not assigned to a field.
         let other = PointLineGrammar::of(b"x,y,z,time,i,angle,channel").unwrap();
         assert!(other.values(b"1,2,3,12:30:05,0.5,left,a").is_ok() && other.known().is_empty());
         assert_eq!(PointLineGrammar::of(b"x,y,z,nir").unwrap().format().number(), 8);

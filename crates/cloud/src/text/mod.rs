@@ -1,4 +1,4 @@
-//! Clouds as text: a point on each line, x y z first or where a heading says (.xyz, .csv, .txt).
+//! Point clouds as text: a point per line, with x y z first or as the header says (.xyz, .csv, .txt).
 
 mod line;
 
@@ -19,27 +19,27 @@ use super::frame::ClaimedExtent;
 use super::lattice::{PointLattice, PositionSpan};
 pub(super) use line::TextPoint;
 
-/// Bytes of a part; lines belong to the part that they begin in.
+/// Bytes of a part; lines belong to the part in which they begin.
 const PART_BYTES: u64 = 1 << 20;
-/// Most bytes of a line.
+/// Maximum bytes of a line.
 const MOST_LINE: u64 = 4096;
-/// Bytes that a heading and comments before it may take.
+/// Maximum bytes of a header and comments before it.
 const HEADING_BYTES: u64 = 1 << 16;
-/// Seconds of a week: what counts further is no time of a week.
+/// Seconds per week; larger times are not GPS week times.
 const WEEK: f64 = 604_800.0;
-/// Points that are handed on at a time.
+/// Maximum points of a block.
 const BLOCK: usize = 8192;
 
-/// A text file with a point on each line. Its lattice has the decimals that are found, at most
-/// [`MOST_DECIMALS`](super::lattice::MOST_DECIMALS) and no more than keep its points within reach; coordinates with more are
-/// rounded, and a note says so.
+/// A text file with a point per line. Its lattice has the decimals found, at most
+/// [`MOST_DECIMALS`](super::lattice::MOST_DECIMALS) and within the range of steps; excess decimals are rounded, with
+/// a note.
 pub(super) struct TextFile {
     pub(super) path: PathBuf,
     pub(super) crs: Crs,
     pub(super) lattice: PointFrame,
     pub(super) parts: Vec<PointTextPart>,
     pub(super) notes: Vec<String>,
-    /// Times are no seconds of a week, so they are adjusted standard GPS times.
+    /// True for adjusted standard GPS times, where times exceed a week.
     pub(super) is_standard: bool,
     len: u64,
     lines: PointTextLayout,
@@ -51,35 +51,35 @@ pub(super) struct TextFile {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PointTextPart {
     pub(super) points: u64,
-    /// Number of its first point.
+    /// Index of its first point.
     first: u64,
     at: u64,
 }
 
-/// What a first pass finds.
+/// Result of the first pass.
 #[derive(Default)]
 struct PointTextSurvey {
-    /// Lines that hold anything.
+    /// Lines with content.
     points: u64,
     lines: u64,
     span: PositionSpan,
-    /// Least and largest time, where there are times.
+    /// Minimum and maximum time, if any.
     times: Option<[f64; 2]>,
-    /// The first of these lines without a point, from 0, and what is wrong with it.
+    /// The first invalid line, from 0, and the reason.
     bad: Option<(u64, String)>,
 }
 
-/// Where the lines of points are, and how they are read.
+/// Offset and syntax of the lines of points.
 struct PointTextLayout {
     grammar: PointLineGrammar,
-    /// First byte behind the heading.
+    /// Offset of the first byte after the header.
     at: u64,
-    /// Lines before it.
+    /// Number of lines before it.
     before: u64,
 }
 
 impl TextFile {
-    /// Looks at all lines once. With `salvage`, those without a point are counted as lost.
+    /// Reads all lines once. With `salvage`, invalid lines are counted as lost.
     pub(super) fn open(path: &Path, salvage: bool) -> Result<Self> {
         Self::read(&RawFile::open(path)?, path, salvage).map_err(|e| e.in_file(path))
     }
@@ -94,7 +94,7 @@ impl TextFile {
             if let Some((line, what)) = &survey.bad {
                 return Err(Error::bad_input(what.clone())
                     .at(format_args!("line {}", number + line + 1))
-                    .remedy("‹salvage› passes such lines over"));
+                    .remedy("pass ‹salvage› to skip such lines"));
             }
             number += survey.lines;
         }
@@ -121,17 +121,17 @@ impl TextFile {
         })
     }
 
-    /// The point format that has all that its lines have.
+    /// The point format with all columns.
     pub(super) fn format(&self) -> PointFormat {
         self.lines.grammar.format()
     }
 
-    /// The fields of records that its lines have, but for classes and returns.
+    /// The fields with a column, except class and returns.
     pub(super) fn columns(&self) -> Vec<PointColumn> {
         self.lines.grammar.known()
     }
 
-    /// Where its points lie; `None` without points.
+    /// Extent of the points; `None` without points.
     pub(super) fn claim(&self) -> Option<ClaimedExtent> {
         self.claim
     }
@@ -141,10 +141,10 @@ impl TextFile {
         TextPoint { xyz: self.placed.place(world), class, returns, fields }
     }
 
-    /// Hands on the points of a part; returns how many lines hold none.
+    /// Passes on the points of a part; returns the number of invalid lines.
     ///
     /// # Errors
-    /// Such lines, unless they are passed over, and whatever `each` returns.
+    /// Invalid lines, unless they are skipped, and errors of `each`.
     pub(super) fn records(
         &self,
         part: usize,
@@ -154,9 +154,9 @@ impl TextFile {
         let PointTextPart { at, first, .. } = self.parts[part];
         let file = RawFile::open(&self.path)?;
         if file.size() != self.len {
-            return Err(Error::bad_input("has changed since it was opened")
+            return Err(Error::bad_input("changed while it was read")
                 .in_file(&self.path)
-                .remedy("start again when nothing writes to it"));
+                .remedy("run again when no other program writes to it"));
         }
         let (mut block, mut next, mut lost) = (Vec::with_capacity(BLOCK), first, 0);
         self.lines.each(&file, at, |text| {
@@ -194,18 +194,17 @@ impl PointTextLayout {
             }
             (at, before) = (at + line.len() as u64, before + 1);
         }
-        Err(not_points(format!("its first {} bytes hold no point", head.len())))
+        Err(not_points(format!("no point within the first {} bytes", head.len())))
     }
 
-    /// Does `work` with what holds anything of the lines that begin in a part; returns how many lines
-    /// there are.
+    /// Calls `work` with the content of each line that begins in a part; returns the number of lines.
     fn each(
         &self,
         file: &RawFile,
         at: u64,
         mut work: impl FnMut(&[u8]) -> Result<()>,
     ) -> Result<u64> {
-        // A line begins behind the end of another.
+        // A line begins after the end of another.
         let from = if at == self.at { at } else { at - 1 };
         let bytes =
             file.read_vec(from, (at - from + PART_BYTES + MOST_LINE).min(file.size() - from))?;
@@ -229,7 +228,7 @@ impl PointTextLayout {
         Ok(lines)
     }
 
-    /// What the lines of a part hold, up to the first bad one.
+    /// Surveys the lines of a part, up to the first invalid one.
     fn survey(&self, file: &RawFile, at: u64, salvage: bool) -> Result<PointTextSurvey> {
         let (mut survey, mut line) = (PointTextSurvey::default(), 0);
         survey.lines = self.each(file, at, |text| {
@@ -250,17 +249,17 @@ impl PointTextLayout {
     }
 }
 
-/// The range around two.
+/// The union of two ranges.
 fn wider([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
     [low.min(from), high.max(to)]
 }
 
 fn not_points(what: String) -> Error {
     Error::bad_input(format!("is not a point cloud: {what}"))
-        .remedy("name a .las or .laz file, or text with x y z on each line")
+        .remedy("use a .las or .laz file, or text with x y z on each line")
 }
 
-/// The system of a `.prj` file beside the points.
+/// The CRS of a `.prj` file beside the points.
 fn crs_beside(path: &Path) -> Result<Crs> {
     Ok(wkt::of_srs(&terrane_files::prj(path)?))
 }

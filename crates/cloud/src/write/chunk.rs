@@ -1,4 +1,4 @@
-//! Chunks: runs of points as they are stored, compressed for LAZ.
+//! Chunks: runs of stored points, compressed for LAZ.
 
 use std::io::{self, Cursor};
 use std::sync::Arc;
@@ -13,21 +13,21 @@ use crate::format::PointFormat;
 use crate::version::PointPacking;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Points of a chunk, the usual number in LAZ files.
+/// Points per chunk, the usual number in LAZ files.
 pub const CHUNK: usize = 50_000;
 
-/// How points become bytes.
+/// Encoding of points.
 #[derive(Clone, Debug)]
 pub struct PointLayout {
     format: PointFormat,
-    /// Bytes of a record.
+    /// Record length.
     size: usize,
     packing: PointPacking,
-    /// How they are compressed, if they are.
+    /// Compression, if any.
     laz: Option<Arc<LazVlr>>,
 }
 
-/// Points ready to be written.
+/// Encoded points, ready for writing.
 #[derive(Clone, Debug)]
 pub struct PointChunk {
     pub(super) bytes: Vec<u8>,
@@ -35,7 +35,7 @@ pub struct PointChunk {
 }
 
 impl PointChunk {
-    /// How many points it holds.
+    /// Number of points.
     pub fn points(&self) -> usize {
         self.tally.count() as usize
     }
@@ -56,7 +56,7 @@ impl PointLayout {
         Ok(Self { format, size, packing, laz: laz.map(Arc::new) })
     }
 
-    /// Bytes of a record.
+    /// Record length.
     pub fn size(&self) -> usize {
         self.size
     }
@@ -65,7 +65,7 @@ impl PointLayout {
         self.packing
     }
 
-    /// The record that tells how points are compressed.
+    /// The LASzip VLR.
     pub(super) fn vlr(&self) -> Option<&LazVlr> {
         self.laz.as_deref()
     }
@@ -74,10 +74,10 @@ impl PointLayout {
         self.format
     }
 
-    /// Makes a chunk of at most [`CHUNK`] points: a pure function of them.
+    /// Encodes at most [`CHUNK`] points: a pure function.
     ///
     /// # Errors
-    /// [`ErrorKind::Internal`] when the compressor fails, which it has no reason to.
+    /// [`ErrorKind::Internal`] if the compressor fails.
     ///
     /// # Panics
     /// With more points than that.
@@ -85,20 +85,20 @@ impl PointLayout {
         self.pack(self.records(records))
     }
 
-    /// Points as they stand in an uncompressed file, without extra bytes.
+    /// Uncompressed records of points, without extra bytes.
     pub fn records(&self, records: &[PointRecord]) -> Vec<u8> {
         let mut raw = Vec::new();
         self.format.encode(records, &mut raw);
         raw
     }
 
-    /// Makes a chunk of records as they stand in an uncompressed file: a pure function of them.
+    /// Makes a chunk of uncompressed records: a pure function.
     ///
     /// # Errors
-    /// [`ErrorKind::Internal`] when the compressor fails, which it has no reason to.
+    /// [`ErrorKind::Internal`] if the compressor fails.
     ///
     /// # Panics
-    /// With more than [`CHUNK`] records, where chunks have a fixed number.
+    /// With more than [`CHUNK`] records, if chunks have a fixed size.
     pub fn pack(&self, records: Vec<u8>) -> Result<PointChunk> {
         let tally = PointTally::of(&records, self.size, self.format.is_new());
         let fits = self.packing == PointPacking::Nodes || tally.count() <= CHUNK as u64;
@@ -119,10 +119,10 @@ fn fault(error: &dyn std::fmt::Display) -> Error {
     Error::new(ErrorKind::Internal, format!("the points cannot be compressed: {error}"))
 }
 
-/// Bytes of the offset to the table of chunks, which the compressor puts first.
+/// Bytes of the chunk table offset, which the compressor writes first.
 const OFFSET: usize = 8;
 
-/// One chunk by the compressor, which makes a whole stream of it: an offset, the chunk, and a table.
+/// Compresses one chunk with the `laz` writer, which makes a whole stream: offset, chunk, and table.
 fn compress(raw: &[u8], vlr: &LazVlr) -> laz::Result<Vec<u8>> {
     let room = Vec::with_capacity(raw.len() / 2);
     let mut compressor = LasZipCompressor::new(Cursor::new(room), vlr.clone())?;
@@ -139,10 +139,10 @@ fn compress(raw: &[u8], vlr: &LazVlr) -> laz::Result<Vec<u8>> {
 /// Points and bytes of a chunk.
 pub(super) type Entry = [u32; 2];
 
-/// The table of chunks of a LAZ file: version, number, and their sizes, coded arithmetically as differences; with
-/// their points, where these are not the same for all.
+/// The chunk table of a LAZ file: version, number of chunks, and arithmetically coded differences of their sizes,
+/// with numbers of points if these vary.
 pub(super) fn table(entries: &[Entry], packing: PointPacking) -> io::Result<Vec<u8>> {
-    /// Models of numbers of points and of sizes.
+    /// Contexts of numbers of points and of sizes.
     const MODELS: [u32; 2] = [0, 1];
     let mut table = [0_u32.to_le_bytes(), (entries.len() as u32).to_le_bytes()].concat();
     if entries.is_empty() {

@@ -1,4 +1,4 @@
-//! What a file says of its coordinate reference system.
+//! CRS VLRs.
 
 use super::vlr::Vlr;
 use crate::las::{PROJECTION, WKT};
@@ -14,8 +14,8 @@ mod key {
     pub(super) const GEOGRAPHIC: u16 = 2;
 }
 
-/// The records for `crs`: well-known text where points have a new format and the text is known, or
-/// where there are no keys; GeoKeys otherwise; nothing when neither is known.
+/// CRS VLRs: WKT for point formats 6 to 10 if known, or if there are no GeoKeys; GeoKeys otherwise; none if neither
+/// is known.
 pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
     let keys = keys(crs);
     match crs.to_wkt().filter(|_| is_new || keys.is_empty()) {
@@ -27,7 +27,7 @@ pub(super) fn records(crs: &Crs, is_new: bool) -> Vec<Vlr> {
     }
 }
 
-/// The GeoKeys as they were read, or else those of the codes.
+/// The GeoKeys of the input, or those of the codes.
 fn keys(crs: &Crs) -> Vec<Vlr> {
     let directory = if crs.geo_keys.is_empty() { made(crs) } else { crs.geo_keys.clone() };
     let doubles = crs.geo_doubles.iter().flat_map(|value| value.to_le_bytes()).collect();

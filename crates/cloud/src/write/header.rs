@@ -1,4 +1,4 @@
-//! The header of LAS 1.2 to 1.5, and the records after it.
+//! The header of LAS 1.2 to 1.5, and the VLRs after it.
 
 use super::chunk::PointLayout;
 use super::options::CloudWriteOptions;
@@ -11,13 +11,13 @@ use crate::version::{LasVersion, PointPacking};
 use terrane_base::error::{Error, ErrorKind, Result};
 use terrane_base::geom::{Crs, PointFrame};
 
-/// Bit of the point format that says that points are compressed.
+/// Bit of the point format field for compressed points.
 const COMPRESSED: u8 = 128;
-/// What wrote a file, and where its header says so.
+/// Generating software, and its offset in the header.
 pub(super) const SOFTWARE: &str = concat!("terrane ", env!("CARGO_PKG_VERSION"));
 pub(super) const SOFTWARE_AT: usize = 58;
 
-/// All of the header that is known from the start.
+/// The header as far as known before points are written.
 pub(super) struct LasHeaderDraft {
     format: PointFormat,
     version: LasVersion,
@@ -29,11 +29,11 @@ pub(super) struct LasHeaderDraft {
     source: u16,
     system: String,
     vlrs: Vec<u8>,
-    /// How many records `vlrs` holds.
+    /// Number of VLRs in `vlrs`.
     records: u32,
-    /// Records that are too long to stand before the points.
+    /// EVLRs: records too long for VLRs.
     pub(super) behind: Vec<Vlr>,
-    /// Where records begin behind the points.
+    /// Offset of the EVLRs.
     pub(super) behind_at: u64,
 }
 
@@ -45,7 +45,7 @@ impl LasHeaderDraft {
         if version >= LasVersion::V1_5 && !is_wkt && !systems.is_empty() {
             return Err(no_text(&options.crs));
         }
-        // Readers look for it at the first place.
+        // Readers expect it to be the first.
         let info =
             options.cube.as_ref().map(|cube| octree::info(cube, &PointTally::default(), (0, 0)));
         let all =
@@ -78,7 +78,7 @@ impl LasHeaderDraft {
         })
     }
 
-    /// Puts the record of an octree in its place, which is the first.
+    /// Replaces the COPC info VLR, which is the first.
     pub(super) fn set_info(&mut self, info: &Vlr) {
         let mut bytes = Vec::new();
         info.append(false, &mut bytes);
@@ -89,22 +89,21 @@ impl LasHeaderDraft {
         SIZES[usize::from(self.version.minor() - 2)]
     }
 
-    /// Bytes of the header and its records: where points begin.
+    /// Bytes of the header and its VLRs: offset of the points.
     pub(super) fn length(&self) -> u64 {
         u64::from(self.own_size()) + self.vlrs.len() as u64
     }
 
-    /// Fails when there are more points than the version counts.
+    /// Fails if there are more points than the version supports.
     pub(super) fn check(&self, tally: &PointTally) -> Result<()> {
         if self.version >= LasVersion::V1_4 || tally.count() <= u64::from(u32::MAX) {
             return Ok(());
         }
-        let message = format!("LAS {} cannot count {} points", self.version, tally.count());
+        let message = format!("LAS {} cannot store {} points", self.version, tally.count());
         Err(Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8"))
     }
 
-    /// The header with its records. The day it was made is left open, so that equal points are equal
-    /// files.
+    /// The header with its VLRs. The creation date is empty, so that equal points make equal files.
     pub(super) fn bytes(&self, tally: &PointTally) -> Vec<u8> {
         let format = self.format;
         let mut bytes = b"LASF".to_vec();
@@ -122,7 +121,7 @@ impl LasHeaderDraft {
         bytes.extend_from_slice(&(self.size as u16).to_le_bytes());
         self.old_counts(tally, &mut bytes);
         self.extent(tally, &mut bytes);
-        // Waveforms are not in the file.
+        // There are no internal waveforms.
         bytes.resize(bytes.len() + if self.version.minor() > 2 { 8 } else { 0 }, 0);
         if self.version >= LasVersion::V1_4 {
             self.new_counts(tally, &mut bytes);
@@ -137,7 +136,7 @@ impl LasHeaderDraft {
         bytes
     }
 
-    /// The counts of 32 bits: zero in files with the new formats, and where they do not hold all points.
+    /// The legacy 32-bit counts: zero with point formats 6 to 10, or if they overflow.
     fn old_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let is_shown = !self.format.is_new() && tally.count() <= u64::from(u32::MAX);
         let shown = |count: u64| if is_shown { count as u32 } else { 0 };
@@ -145,7 +144,7 @@ impl LasHeaderDraft {
         bytes.extend(tally.returns[..5].iter().flat_map(|count| shown(*count).to_le_bytes()));
     }
 
-    /// Scale, offset, and the box of all points, high before low; zeros for no points.
+    /// Scale, offset, and bounds of all points, maximum before minimum; zeros without points.
     fn extent(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         let PointFrame { scale, offset } = self.frame;
         let world = |axis: usize, step: i32| match tally.count() {
@@ -157,7 +156,7 @@ impl LasHeaderDraft {
         bytes.extend(all.flat_map(f64::to_le_bytes));
     }
 
-    /// Records behind the points, and the counts of 64 bits.
+    /// EVLRs and 64-bit counts.
     fn new_counts(&self, tally: &PointTally, bytes: &mut Vec<u8>) {
         bytes.extend_from_slice(&self.behind_at.to_le_bytes());
         bytes.extend_from_slice(&(self.behind.len() as u32).to_le_bytes());
@@ -168,26 +167,24 @@ impl LasHeaderDraft {
 }
 
 fn no_text(crs: &Crs) -> Error {
-    let message = format!(
-        "LAS 1.5 has reference systems as well-known text only, and {} cannot be written so",
-        crs.label()
-    );
+    let message =
+        format!("LAS 1.5 requires the CRS as WKT, and {} cannot be written as WKT", crs.label());
     Error::new(ErrorKind::CannotWrite, message).remedy("choose ‹las_version› 1.4")
 }
 
 fn too_long(vlr: &Vlr) -> Error {
     let (name, length) = (vlr.name(), vlr.data.len());
     let message = format!(
-        "the record {name} takes {length} bytes, and one of this version holds {MOST_BYTES}"
+        "the VLR {name} ({length} bytes) exceeds the limit of {MOST_BYTES} bytes of this LAS version"
     );
     Error::new(ErrorKind::CannotWrite, message).remedy("choose point format 6, 7 or 8")
 }
 
-/// The record that tells how points are compressed.
+/// The LASzip VLR.
 fn laz(layout: &PointLayout) -> Result<Option<Vlr>> {
     let Some(laz) = layout.vlr() else { return Ok(None) };
     let mut data = Vec::new();
-    let fault = |e| Error::new(ErrorKind::Internal, format!("no record of compression: {e}"));
+    let fault = |e| Error::new(ErrorKind::Internal, format!("cannot make the LASzip VLR: {e}"));
     laz.write_to(&mut data).map_err(fault)?;
     let (user, number) = (laz::LazVlr::USER_ID, laz::LazVlr::RECORD_ID);
     Ok(Some(Vlr { user: user.into(), number, about: laz::LazVlr::DESCRIPTION.into(), data }))

@@ -1,8 +1,8 @@
-//! Writing LAS, LAZ and COPC: streamed in chunks of points, whole or not at all.
+//! Writing of LAS, LAZ and COPC: streamed in chunks of points, and atomic.
 //!
-//! A writer gives a [`PointLayout`]; any thread turns points into a [`PointChunk`] with it, and the chunks are appended in
-//! order. The header, which comes first and counts everything, is written last.
-//! The bytes depend on the points alone: the header bears no date.
+//! A writer provides a [`PointLayout`]; any thread encodes points into a [`PointChunk`] with it, and the chunks are
+//! appended in order. The header, which comes first and has the counts, is written last. The bytes depend on the
+//! points only: the header has no date.
 
 mod chunk;
 mod crs;
@@ -33,7 +33,7 @@ use terrane_base::error::{Error, Result};
 use terrane_files::RawFile;
 use terrane_files::atomic::AtomicFile;
 
-/// A LAS or LAZ file in the making; dropped before [`finish`](Self::finish), it leaves nothing.
+/// A LAS or LAZ file being written; if dropped before [`finish`](Self::finish), no file remains.
 pub struct CloudWriter {
     file: AtomicFile,
     header: LasHeaderDraft,
@@ -41,16 +41,16 @@ pub struct CloudWriter {
     tally: PointTally,
     /// The chunks of a LAZ file so far.
     entries: Vec<chunk::Entry>,
-    /// What an octree has so far.
+    /// The octree so far.
     octree: Option<(OctreeCube, OctreeNodes)>,
-    /// True once a chunk came that was not full: it was the last.
+    /// True after an incomplete chunk, which is the last.
     is_ended: bool,
 }
 
-/// Where the name of what wrote a file ends.
+/// End of the generating software in the header.
 const SOFTWARE_END: u64 = 90;
 
-/// How a file of this name is packed; `None` for names of no known ending.
+/// Packing by file name; `None` for unknown extensions.
 pub fn packing_by_name(path: &Path) -> Option<PointPacking> {
     let name = path.to_string_lossy().to_lowercase();
     let known = [
@@ -64,7 +64,7 @@ pub fn packing_by_name(path: &Path) -> Option<PointPacking> {
     known.into_iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, packing)| packing)
 }
 
-/// Whether the header of a file says that terrane wrote it, of any version.
+/// Whether any version of terrane wrote the file, by its header.
 pub fn is_written_here(path: &Path) -> bool {
     let (name, _) = header::SOFTWARE.split_once(' ').unwrap_or_default();
     let head = RawFile::open(path).and_then(|file| file.head(SOFTWARE_END));
@@ -74,10 +74,10 @@ pub fn is_written_here(path: &Path) -> bool {
 }
 
 impl CloudWriter {
-    /// Starts a file.
+    /// Creates a file.
     ///
     /// # Errors
-    /// An output that exists already or cannot be created; records too long for the version.
+    /// An existing output, or one that cannot be created; VLRs too long for the version.
     pub fn create(path: &Path, options: &CloudWriteOptions) -> Result<Self> {
         let layout =
             PointLayout::new(options.format, options.carried.extra_bytes, options.packing)?;
@@ -88,29 +88,29 @@ impl CloudWriter {
         let mut writer = Self { file, header, layout, tally, entries, octree, is_ended: false };
         writer.write(&writer.header.bytes(&PointTally::default()))?;
         if options.packing != PointPacking::Plain {
-            // Where the table of chunks lies is known at the end.
+            // The offset of the chunk table is known only at the end.
             writer.write(&(-1_i64).to_le_bytes())?;
         }
         Ok(writer)
     }
 
-    /// How points become chunks; cheap to copy for other threads.
+    /// The encoding of points; cheap to clone for other threads.
     pub fn layout(&self) -> PointLayout {
         self.layout.clone()
     }
 
-    /// Points so far.
+    /// Number of points so far.
     pub fn points(&self) -> u64 {
         self.tally.count()
     }
 
-    /// Appends a chunk. Each but the last must hold [`CHUNK`] points, unless chunks are nodes.
+    /// Appends a chunk. All but the last must hold [`CHUNK`] points, unless chunks are octree nodes.
     ///
     /// # Errors
-    /// More points than the format counts; a disk that is full.
+    /// More points than the format supports; a full disk.
     ///
     /// # Panics
-    /// When a chunk follows one that is not full.
+    /// If a chunk follows an incomplete one.
     pub fn append(&mut self, chunk: &PointChunk) -> Result<()> {
         if chunk.points() == 0 {
             return Ok(());
@@ -125,7 +125,7 @@ impl CloudWriter {
         self.write(&chunk.bytes)
     }
 
-    /// Appends the points of a node of an octree.
+    /// Appends the points of an octree node.
     ///
     /// # Errors
     /// As [`append`](Self::append).
@@ -137,10 +137,10 @@ impl CloudWriter {
         self.append(chunk)
     }
 
-    /// Ends the file and lets it appear; returns its size in bytes.
+    /// Completes the file and renames it to its final name; returns its size in bytes.
     ///
     /// # Errors
-    /// A disk that is full.
+    /// A full disk.
     pub fn finish(mut self) -> Result<u64> {
         if self.layout.packing() != PointPacking::Plain {
             self.end_chunks()?;
@@ -158,7 +158,7 @@ impl CloudWriter {
         self.file.commit()
     }
 
-    /// The table of chunks, and where it lies.
+    /// Writes the chunk table and its offset.
     fn end_chunks(&mut self) -> Result<()> {
         let at = self.seek(SeekFrom::End(0))?;
         let table = chunk::table(&self.entries, self.layout.packing());
@@ -167,7 +167,7 @@ impl CloudWriter {
         self.write(&at.to_le_bytes())
     }
 
-    /// The records behind the points.
+    /// Writes the EVLRs.
     fn put_behind(&mut self) -> Result<()> {
         if self.header.behind.is_empty() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The records of an octree (COPC 1.0): the cube around all points, and where the points of each node are.
+//! VLRs of an octree (COPC 1.0): the root cube, and the offsets of the nodes.
 
 use std::collections::BTreeMap;
 
@@ -8,15 +8,15 @@ use crate::las::OCTREE;
 
 const INFO: u16 = 1;
 const HIERARCHY: u16 = 1000;
-/// Bytes of the head of a record behind the points.
+/// Bytes of the header of an EVLR.
 const HEAD: u64 = 60;
-/// Numbers that are not used yet, in the record of the cube.
+/// Reserved numbers in the info VLR.
 const RESERVED: usize = 11;
 
-/// A node: its level, and which one along x, y and z.
+/// Key of a node: level, and indices along x, y and z.
 pub type Key = [i32; 4];
 
-/// The cube around all points, and how many cells along a side its root takes points from.
+/// The root cube, and the number of cells along a side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OctreeCube {
     /// Lowest corner, in world units.
@@ -32,13 +32,13 @@ pub struct OctreeCube {
 pub(super) struct OctreeNodes(Vec<(Key, [u64; 3])>);
 
 impl OctreeNodes {
-    /// Adds a node at so many bytes from the file's begin, of so many bytes and points.
+    /// Adds a node with its offset, size in bytes and number of points.
     pub(super) fn push(&mut self, key: Key, place: [u64; 3]) {
         self.0.push((key, place));
     }
 
-    /// The record that says where nodes are. Readers walk down from the root, so all nodes above one are entries,
-    /// too: with no points and no place where they were not written.
+    /// The hierarchy EVLR. Readers descend from the root, so all ancestors of a node are entries: ancestors without
+    /// points have no offset.
     pub(super) fn hierarchy(&self) -> Vlr {
         let mut nodes: BTreeMap<Key, [u64; 3]> = BTreeMap::from([([0; 4], [0; 3])]);
         nodes.extend(self.0.iter().copied());
@@ -56,13 +56,13 @@ impl OctreeNodes {
     }
 }
 
-/// The nodes above one, up to the root.
+/// The ancestors of a node, up to the root.
 fn above(key: Key) -> impl Iterator<Item = Key> {
     let parent = |[level, x, y, z]: &Key| (*level > 0).then(|| [level - 1, x / 2, y / 2, z / 2]);
     std::iter::successors(parent(&key), parent)
 }
 
-/// The record of the cube, in a file whose hierarchy is the first record behind the points.
+/// The info VLR of a file whose first EVLR is the hierarchy.
 pub(super) fn info(cube: &OctreeCube, tally: &PointTally, (behind_at, bytes): (u64, u64)) -> Vlr {
     let half = cube.side / 2.0;
     let middle = cube.low.map(|low| low + half);

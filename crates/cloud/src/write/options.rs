@@ -1,4 +1,4 @@
-//! Options of a point file to be written.
+//! Options for writing a point file.
 
 use super::octree::OctreeCube;
 use super::vlr::Vlr;
@@ -6,30 +6,29 @@ use crate::format::PointFormat;
 use crate::version::{LasVersion, PointPacking};
 use terrane_base::geom::{Crs, PointFrame};
 
-/// What a file is to be.
+/// Options of an output file.
 #[derive(Clone, Debug)]
 pub struct CloudWriteOptions {
-    /// Format of its points.
+    /// Point format.
     pub format: PointFormat,
-    /// The version of LAS, which has points of this format.
+    /// LAS version, which must support the point format.
     pub version: LasVersion,
-    /// Whether and how they are compressed.
+    /// Packing.
     pub packing: PointPacking,
-    /// Where nodes lie, of files that have them.
+    /// Root cube of COPC files.
     pub cube: Option<OctreeCube>,
-    /// Where the points lie: scale and offset of the header.
+    /// Scale and offset of the header.
     pub frame: PointFrame,
-    /// Named in the file as far as known: as well-known text from point format 6 on, as GeoKeys
-    /// before it. LAS 1.5 knows nothing but text.
+    /// CRS as far as known: WKT for point formats 6 to 10, GeoKeys for others. LAS 1.5 supports WKT only.
     pub crs: Crs,
-    /// What is taken over from other files.
+    /// Metadata of the input files.
     pub carried: CarriedMetadata,
     /// Replace an existing file.
     pub overwrite: bool,
 }
 
 impl CloudWriteOptions {
-    /// An uncompressed file with points of this format, of the first version that has them.
+    /// An uncompressed file with this point format, of the first version that supports it.
     pub fn new(format: PointFormat, frame: PointFrame, crs: Crs) -> Self {
         let (version, packing) = (LasVersion::of(format), PointPacking::default());
         let carried = CarriedMetadata::default();
@@ -37,25 +36,25 @@ impl CloudWriteOptions {
     }
 }
 
-/// What a file takes over from those that its points come from.
+/// Metadata copied from input files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CarriedMetadata {
-    /// Bits of the global encoding, but for that of well-known text.
+    /// Bits of the global encoding, except the WKT bit.
     pub encoding: u16,
-    /// What times are counted from, in millions of seconds of GPS time, where the encoding says so.
+    /// Time offset in millions of seconds, if the encoding says so.
     pub time_offset: u16,
-    /// Number of the file or flight line.
+    /// File source id.
     pub source: u16,
-    /// What measured it.
+    /// System identifier.
     pub system: String,
-    /// Bytes of each record behind the fields of its format.
+    /// Extra bytes per record.
     pub extra_bytes: u16,
-    /// Other records.
+    /// Other VLRs.
     pub vlrs: Vec<Vlr>,
 }
 
 impl Default for CarriedMetadata {
-    /// Nothing; times are adjusted standard GPS times.
+    /// No metadata; times are adjusted standard GPS times.
     fn default() -> Self {
         Self {
             encoding: 1,

@@ -1,36 +1,35 @@
-//! Points with their fields, as a point format stores them.
+//! Points with the fields of their records.
 
 use terrane_base::geom::Point;
 
 use crate::format::{ANGLES, PointFormat};
 
-/// A point with what its record tells. Fields that a format does not have are left out.
+/// A point with the fields of its record. Fields that a format lacks are dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointRecord {
     /// Steps of the file's frame.
     pub point: Point,
-    /// Seconds, in adjusted standard GPS time (GPS time less a billion); formats but 0 and 2.
+    /// Adjusted standard GPS time in seconds (GPS time minus a billion); all formats except 0 and 2.
     pub time: f64,
-    /// Strength of the return.
+    /// Intensity.
     pub intensity: u16,
-    /// Which return of its pulse, from 1; at most 7 before format 6, 15 from there on.
+    /// Return number, from 1; at most 7 in formats 0 to 5, else 15.
     pub number: u8,
-    /// Returns of the pulse, with the same limits.
+    /// Number of returns, with the same limits.
     pub returns: u8,
-    /// Class; those beyond 31 become 1 (unclassified) before format 6, which cannot tell them.
+    /// Class; values above 31 become 1 (unclassified) in formats 0 to 5.
     pub class: u8,
-    /// Marks, with the bits of LAS 1.4: synthetic 1, key point 2, withheld 4, overlap 8 (which formats
-    /// before 6 do not have).
+    /// Flags, with the bits of LAS 1.4: synthetic 1, key point 2, withheld 4, overlap 8 (formats 6 to 10).
     pub flags: u8,
     /// True when the scanner moved in the positive direction.
     pub forward: bool,
     /// True at the end of a scan line.
     pub edge: bool,
-    /// Angle of the beam in steps of 0.006 degrees.
+    /// Scan angle in steps of 0.006 degrees.
     pub angle: i16,
-    /// Whatever the user likes.
+    /// User data.
     pub user: u8,
-    /// The file or flight line it came from.
+    /// Point source id: file or flight line.
     pub source: u16,
     /// Red, green, blue; formats 2, 3, 5, 7, 8, 10.
     pub colour: [u16; 3],
@@ -39,7 +38,7 @@ pub struct PointRecord {
 }
 
 impl PointFormat {
-    /// Appends the records as they are stored, without waves.
+    /// Appends the records as stored, without waveforms.
     pub(crate) fn encode(self, records: &[PointRecord], bytes: &mut Vec<u8>) {
         bytes.reserve(records.len() * self.size());
         for record in records {
@@ -54,7 +53,7 @@ impl PointFormat {
         }
     }
 
-    /// The fields that only some formats have.
+    /// The optional fields.
     #[inline(always)]
     fn encode_more(self, record: &PointRecord, bytes: &mut Vec<u8>) {
         let places = self.places();
@@ -70,7 +69,7 @@ impl PointFormat {
     }
 }
 
-/// The first fourteen bytes, which are the same in all formats.
+/// The first fourteen bytes, which all formats share.
 #[inline(always)]
 fn common(record: &PointRecord) -> [u8; 14] {
     let mut bytes = [0; 14];

@@ -1,8 +1,8 @@
-//! What a header tells of all points.
+//! Point statistics for the header.
 
 use crate::format::{PointFormat, TIME};
 
-/// Returns that a header counts one by one.
+/// Number of return numbers counted in the header.
 pub(super) const RETURNS: usize = 15;
 
 /// Counts and extent of some points.
@@ -10,19 +10,19 @@ pub(super) const RETURNS: usize = 15;
 pub(super) struct PointTally {
     pub(super) low: [i32; 3],
     pub(super) high: [i32; 3],
-    /// Points by number of return, from 1; those beyond 15 or of none count as nothing here.
+    /// Points by return number, from 1; other return numbers are not counted.
     pub(super) returns: [u64; RETURNS],
     count: u64,
-    /// Least and largest time, of new formats.
+    /// Minimum and maximum time, of formats 6 to 10.
     times: [f64; 2],
-    /// The same of those that are not 0.
+    /// The same without zeros.
     told: [f64; 2],
 }
 
-/// Of no times.
+/// The empty range.
 const NEVER: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
 
-/// The range around two.
+/// The union of two ranges.
 fn around([low, high]: [f64; 2], [from, to]: [f64; 2]) -> [f64; 2] {
     [low.min(from), high.max(to)]
 }
@@ -41,7 +41,7 @@ impl Default for PointTally {
 }
 
 impl PointTally {
-    /// Of records of so many bytes, of a new format or an old one.
+    /// Of records of this length, of formats 6 to 10 or older ones.
     pub(super) fn of(records: &[u8], size: usize, is_new: bool) -> Self {
         let mut tally = Self::default();
         let mask = if is_new { 15 } else { 7 };
@@ -73,12 +73,12 @@ impl PointTally {
         }
     }
 
-    /// Least and largest time; zeros where there is none.
+    /// Minimum and maximum time; zeros if empty.
     pub(super) fn times(&self) -> [f64; 2] {
         if self.times[0] <= self.times[1] { self.times } else { [0.0; 2] }
     }
 
-    /// Least and largest time that is not 0, which stands for none; zeros where there is none.
+    /// Minimum and maximum time except 0, which is nodata; zeros if empty.
     pub(super) fn times_told(&self) -> [f64; 2] {
         if self.told[0] <= self.told[1] { self.told } else { [0.0; 2] }
     }

@@ -1,20 +1,20 @@
-//! Numbers into the fields of records.
+//! Storing of numbers in the fields of records.
 
 use crate::column::{ColumnEncoding, PointColumn};
 
-/// Whole numbers that a double holds in 64 bits.
+/// 2^63, the range of 64-bit integers as a double.
 const LONG: f64 = (1_u64 << 63) as f64;
 
 impl PointColumn {
-    /// What it is called.
+    /// Name of the column.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Puts a number into a record: the nearest that the field can hold, in its steps.
+    /// Stores a number, rounded to the nearest step of the field.
     ///
     /// # Errors
-    /// One beyond those that the field can hold; the one that stands for none there; what is no number.
+    /// A number out of range, the nodata value, or NaN.
     pub fn set(&self, record: &mut [u8], number: f64) -> Result<(), String> {
         let [scale, offset] = self.scale.unwrap_or([1.0, 0.0]);
         let stored = match self.value {
@@ -29,7 +29,7 @@ impl PointColumn {
             return Err(format!("{number} does not fit into {}", self.name));
         }
         if self.none == Some(stored) {
-            return Err(format!("{number} stands for no value in {}", self.name));
+            return Err(format!("{number} is the nodata value of {}", self.name));
         }
         self.value.put(stored, &mut record[self.at..]);
         Ok(())
@@ -37,7 +37,7 @@ impl PointColumn {
 }
 
 impl ColumnEncoding {
-    /// The least and largest number.
+    /// Minimum and maximum number.
     fn range(self) -> [f64; 2] {
         match self {
             Self::Bits(_, count) => [0.0, f64::from((1_u32 << count) - 1)],
@@ -54,7 +54,7 @@ impl ColumnEncoding {
         }
     }
 
-    /// Puts what is within the range to where `bytes` begin.
+    /// Stores a value within range at the start of `bytes`.
     fn put(self, stored: f64, bytes: &mut [u8]) {
         let mut all =
             |value: [u8; 8], count: usize| bytes[..count].copy_from_slice(&value[..count]);

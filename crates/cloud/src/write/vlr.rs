@@ -1,28 +1,28 @@
-//! Variable length records as stored in a file.
+//! VLRs as stored in a file.
 
-/// Most bytes of a record before the points.
+/// Maximum bytes of a VLR.
 pub(super) const MOST_BYTES: usize = u16::MAX as usize;
 
-/// A variable length record: before the points, or behind them where it is too long for that.
+/// A VLR, or an EVLR if it is too long for that.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Vlr {
-    /// Who defines it.
+    /// User id.
     pub user: String,
-    /// Its number.
+    /// Record id.
     pub number: u16,
-    /// For people.
+    /// Description.
     pub about: String,
-    /// What it holds.
+    /// Data.
     pub data: Vec<u8>,
 }
 
 impl Vlr {
-    /// For people.
+    /// User id and record id, for messages.
     pub(crate) fn name(&self) -> String {
         format!("{} {}", self.user, self.number)
     }
 
-    /// Appends it as it stands before the points, or behind them.
+    /// Appends it as a VLR or EVLR.
     pub(super) fn append(&self, is_behind: bool, bytes: &mut Vec<u8>) {
         bytes.extend_from_slice(&[0; 2]);
         bytes.extend_from_slice(&text::<16>(&self.user));
@@ -38,7 +38,7 @@ impl Vlr {
     }
 }
 
-/// Text padded with zeros, cut where it is too long.
+/// Text padded with zeros, or truncated.
 pub(super) fn text<const N: usize>(text: &str) -> [u8; N] {
     let mut field = [0; N];
     let end = (0..=N).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);

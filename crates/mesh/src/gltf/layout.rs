@@ -6,7 +6,7 @@ use terrane_base::geom::Point3;
 pub(super) const NAME: &str = "GLB";
 pub(super) const PACKED_NAME: &str = "GLB-meshopt";
 
-/// How vertices and triangles lie in a file.
+/// Storage of vertices and triangles in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GltfCompression {
     None,
@@ -17,7 +17,7 @@ pub(super) const MAGIC: &[u8; 4] = b"glTF";
 pub(super) const VERSION: u32 = 2;
 pub(super) const JSON_CHUNK: &[u8; 4] = b"JSON";
 pub(super) const BIN_CHUNK: &[u8; 4] = b"BIN\0";
-/// Component types and modes of glTF that occur here.
+/// Component types and primitive modes of glTF.
 pub(super) const FLOAT: u32 = 5126;
 pub(super) const UNSIGNED_INT: u32 = 5125;
 pub(super) const TRIANGLES: u32 = 4;
@@ -28,7 +28,7 @@ pub(super) fn to_y_up([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, z, 0.0 - y]
 }
 
-/// From the axes of glTF to those of the world.
+/// glTF axes to world axes.
 pub(super) fn to_z_up([x, y, z]: [f64; 3]) -> Point3 {
     [x, -z, y]
 }

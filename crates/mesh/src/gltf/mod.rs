@@ -1,5 +1,5 @@
-//! Binary glTF 2.0: one mesh, Y up, positions in f32 relative to an origin kept in `asset.extras`; as it is,
-//! or compressed without loss (EXT_meshopt_compression).
+//! Binary glTF 2.0: one mesh, Y up, positions in f32 relative to an origin in `asset.extras`; plain or with lossless
+//! compression (EXT_meshopt_compression).
 
 mod layout;
 mod meshopt;
@@ -32,7 +32,7 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
     sniff,
 };
 
-/// The same numbers in some 36 % of the bytes. Triangles may begin with another of their corners.
+/// The same values in some 36 % of the bytes. The first corner of triangles may change.
 pub(super) const PACKED: MeshFormat = MeshFormat {
     name: PACKED_NAME,
     extensions: &["meshopt.glb"],

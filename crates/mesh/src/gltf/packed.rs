@@ -7,7 +7,7 @@ use super::meshopt::{attributes, triangles};
 use crate::input::MeshFile;
 use terrane_base::error::{Error, Result};
 
-/// What a buffer view says of its compression.
+/// Compression of a buffer view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct MeshoptExtension {
@@ -21,27 +21,26 @@ pub(super) struct MeshoptExtension {
     filter: Option<String>,
 }
 
-/// Where the elements of an accessor are.
+/// Location of the elements of an accessor.
 pub(super) enum MeshoptAccessor {
-    /// In those of a stream from `first` on, `inner` bytes from the start of each.
+    /// Elements of a stream from `first`, at offset `inner` within each.
     Attributes {
         stream: MeshoptStream<attributes::MeshoptAttributeReader>,
         first: u64,
         inner: usize,
     },
-    /// In those of a stream, all of them.
+    /// All elements of a stream.
     Triangles(MeshoptStream<triangles::MeshoptTriangleReader>),
 }
 
 impl MeshoptExtension {
-    /// The buffer that the compressed bytes are in.
+    /// Index of the buffer with the compressed bytes.
     pub(super) fn buffer(&self) -> u64 {
         self.buffer
     }
 
-    /// The elements of an accessor: `range` is its first byte in the view and how many elements there are,
-    /// `shape` the bytes of a component and how many there are. `data` is where the buffer begins in the
-    /// file, and its length.
+    /// Opens an accessor: `range` is its byte offset in the view and its number of elements, `shape` the bytes of a
+    /// component and the number of components. `data` is the offset of the buffer in the file, and its length.
     pub(super) fn open(
         &self,
         input: &MeshFile,
@@ -55,7 +54,9 @@ impl MeshoptExtension {
         }
         if let Some(filter) = self.filter.as_ref().filter(|filter| *filter != "NONE") {
             let filter: String = filter.chars().take(20).collect();
-            return Err(input.unsupported(format!("has a buffer view with the filter {filter:?}")));
+            return Err(
+                input.unsupported(format!("the buffer view filter {filter:?} is not supported"))
+            );
         }
         let bytes = (data.0 + self.byte_offset, self.byte_length);
         let place = match self.mode.as_str() {
@@ -63,7 +64,7 @@ impl MeshoptExtension {
             "TRIANGLES" => self.triangles(input, bytes, range, shape),
             mode => {
                 let mode: String = mode.chars().take(20).collect();
-                Err(Error::unsupported(format!("has a buffer view of the mode {mode:?}")))
+                Err(Error::unsupported(format!("the buffer view mode {mode:?} is not supported")))
             }
         };
         place.map_err(|e| e.in_file(input.path()))
@@ -103,10 +104,12 @@ impl MeshoptExtension {
         (width, parts): (usize, u64),
     ) -> Result<MeshoptAccessor> {
         if self.byte_stride != width as u64 || width < 2 || parts != 1 {
-            return Err(input.bad("has compressed triangles whose corners are of another type"));
+            return Err(input.bad("the index type does not match the compressed triangles"));
         }
         if offset != 0 || count != self.count || !count.is_multiple_of(3) {
-            return Err(input.unsupported("takes a part of its compressed triangles"));
+            return Err(
+                input.unsupported("accessors to a part of compressed triangles are not supported")
+            );
         }
         let reader = triangles::MeshoptTriangleReader::new(
             &mut MeshoptWindow::new(input),
@@ -118,7 +121,7 @@ impl MeshoptExtension {
 }
 
 impl MeshoptAccessor {
-    /// Hands `each` the bytes of elements of attributes, and what follows behind them.
+    /// Passes the bytes of attribute elements, from `inner` to their ends, to `each`.
     pub(super) fn elements(
         &self,
         input: &MeshFile,
@@ -127,12 +130,12 @@ impl MeshoptAccessor {
         mut each: impl FnMut(usize, &[u8]) -> Result<()>,
     ) -> Result<()> {
         let Self::Attributes { stream, first: start, inner } = self else {
-            return Err(input.bad("has triangles where attributes of vertices should be"));
+            return Err(input.bad("expected vertex attributes, found triangles"));
         };
         stream.read(input, start + first, count, |place, element| each(place, &element[*inner..]))
     }
 
-    /// Reads triangles from `first` on.
+    /// Reads triangles from `first`.
     pub(super) fn triangles(
         &self,
         input: &MeshFile,
@@ -140,7 +143,7 @@ impl MeshoptAccessor {
         out: &mut [[u64; 3]],
     ) -> Result<()> {
         let Self::Triangles(stream) = self else {
-            return Err(input.bad("has attributes of vertices where triangles should be"));
+            return Err(input.bad("expected triangles, found vertex attributes"));
         };
         stream.read(input, first, out.len(), |place, corners| {
             let (ids, _) = corners.as_chunks::<4>();

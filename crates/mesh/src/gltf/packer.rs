@@ -1,4 +1,4 @@
-//! Puts vertices and triangles into compressed streams as they come.
+//! Compression of vertices and triangles as they arrive.
 
 use std::path::Path;
 
@@ -6,21 +6,21 @@ use super::meshopt::{attributes, triangles};
 use terrane_base::error::Result;
 use terrane_files::AppendWriter;
 
-/// Streams begin at such offsets.
+/// Alignment of streams.
 const ALIGNED: u64 = 4;
 
 /// Both streams of a file.
 pub(super) struct MeshoptPacker {
     vertices: attributes::MeshoptAttributeWriter,
     triangles: triangles::MeshoptTriangleWriter,
-    /// Of the triangles what follows behind all their codes.
+    /// Data of the triangles, which follow all their codes.
     data: AppendWriter,
     is_begun: bool,
     sizes: MeshoptSizes,
 }
 
 impl MeshoptPacker {
-    /// For vertices of so many bytes; what has to wait goes to a nameless file in `folder`.
+    /// For vertices of this size; buffered data go to an anonymous file in `folder`.
     pub(super) fn new(vertex_bytes: usize, folder: &Path) -> Result<Self> {
         let (vertices, triangles) = (
             attributes::MeshoptAttributeWriter::new(vertex_bytes),
@@ -59,7 +59,7 @@ impl MeshoptPacker {
         Ok(())
     }
 
-    /// Ends both streams.
+    /// Completes both streams.
     pub(super) fn complete(
         &mut self,
         body: &mut AppendWriter,
@@ -79,24 +79,24 @@ impl MeshoptPacker {
         Ok(())
     }
 
-    /// Bytes of both streams, once they are complete.
+    /// Sizes of both complete streams.
     pub(super) fn sizes(&self) -> MeshoptSizes {
         self.sizes
     }
 }
 
-/// Bytes of a stream of vertices, and of one of triangles.
+/// Bytes of the vertex stream and of the triangle stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MeshoptSizes(pub(super) [u64; 2]);
 
 impl MeshoptSizes {
-    /// Where both begin in the data of the file, and how many bytes they have.
+    /// Offset and size of both streams in the data of the file.
     pub(super) fn spans(self) -> [(u64, u64); 2] {
         let [vertices, triangles] = self.0;
         [(0, vertices), (vertices.next_multiple_of(ALIGNED), triangles)]
     }
 
-    /// Bytes of both, as they lie in the file.
+    /// Total bytes of both with padding.
     pub(super) fn bytes(self) -> u64 {
         self.0.iter().map(|bytes| bytes.next_multiple_of(ALIGNED)).sum()
     }

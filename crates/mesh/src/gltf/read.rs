@@ -1,4 +1,4 @@
-//! Reading of binary glTF: one mesh of one primitive, ours or of others.
+//! Reading of binary glTF with one mesh of one primitive, of any origin.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_base::limits;
 
-/// Most bytes of JSON: that of a single mesh takes one thousand.
+/// Maximum bytes of JSON: a single mesh takes one thousand.
 const MAX_JSON_BYTES: u64 = 1 << 20;
 const UNSIGNED_BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
@@ -44,7 +44,7 @@ struct GltfDocument {
 #[derive(Deserialize)]
 struct GltfAsset {
     generator: Option<String>,
-    /// Whatever others put here is not ours to complain about.
+    /// Arbitrary content is accepted.
     #[serde(default)]
     extras: serde_json::Value,
 }
@@ -93,7 +93,7 @@ struct GltfAccessor {
     count: u64,
     #[serde(rename = "type")]
     shape: String,
-    /// Whatever others put there.
+    /// Arbitrary content is accepted.
     #[serde(default)]
     min: serde_json::Value,
     #[serde(default)]
@@ -113,7 +113,7 @@ struct GltfBufferView {
     extensions: BufferViewExtensions,
 }
 
-/// Those of a buffer view.
+/// Extensions of a buffer view.
 #[derive(Default, Deserialize)]
 struct BufferViewExtensions {
     #[serde(rename = "EXT_meshopt_compression")]
@@ -127,11 +127,11 @@ struct GltfBuffer {
     uri: Option<serde::de::IgnoredAny>,
 }
 
-/// Where the elements of an accessor lie in the file.
+/// Location of the elements of an accessor in the file.
 struct AccessorSpan {
     place: AccessorLocation,
     count: u64,
-    /// Bytes of one component.
+    /// Bytes of a component.
     width: usize,
 }
 
@@ -144,15 +144,15 @@ enum AccessorLocation {
 pub(super) struct GlbSource {
     input: MeshFile,
     positions: Option<AccessorSpan>,
-    /// The least and the greatest of them, as the file states.
+    /// Stated bounds of the positions.
     bounds: Option<[Point3; 2]>,
-    /// `None` when every three vertices are a triangle, or when there is none.
+    /// `None` if every three vertices are a triangle, or without triangles.
     indices: Option<AccessorSpan>,
     /// Colours in f32.
     colours: Option<AccessorSpan>,
     /// Channels of a colour: 3 or 4.
     parts: usize,
-    /// What bytes of sRGB are in light.
+    /// Linear intensity of sRGB bytes.
     light: [f32; 256],
     info: MeshInfo,
 }
@@ -170,7 +170,9 @@ impl GlbSource {
         let is_points = primitive.is_some_and(|p| p.mode == POINTS);
         let corners = indices.as_ref().map_or(vertices, |span| span.count);
         if !is_points && !corners.is_multiple_of(3) {
-            return Err(input.bad(format!("{corners} corners are not whole triangles")));
+            return Err(
+                input.bad(format!("the number of indices ({corners}) is not a multiple of 3"))
+            );
         }
         let triangles = if is_points { 0 } else { corners / 3 };
         let colours = primitive.map(|p| layout.colours(p, vertices)).transpose()?.flatten();
@@ -206,20 +208,20 @@ fn info(asset: &GltfAsset, plain: MeshInfo) -> MeshInfo {
     info.with_comments(comments.map(str::to_owned))
 }
 
-/// The JSON document, and where the binary data begins and how much there is.
+/// The JSON document, and offset and length of the binary data.
 fn read_chunks(input: &MeshFile) -> Result<(GltfDocument, (u64, u64))> {
     let [magic, version, length] = words(input, 0)?;
     if magic != *MAGIC {
-        return Err(input.bad("does not begin with \"glTF\""));
+        return Err(input.bad("the signature \"glTF\" is missing"));
     }
     if u32::from_le_bytes(version) != VERSION {
         let version = u32::from_le_bytes(version);
-        return Err(input.unsupported(format!("is of glTF container version {version}")));
+        return Err(input.unsupported(format!("glTF container version {version} is not supported")));
     }
     let length = u64::from(u32::from_le_bytes(length));
     if length != input.bytes() {
-        let message = format!("has {} bytes, but says {length}", input.bytes());
-        return Err(input.bad(message).remedy("write or copy it again"));
+        let message = format!("has {} bytes, the header states {length}", input.bytes());
+        return Err(input.bad(message).remedy("write or copy the file again"));
     }
     let (json_start, json_bytes) = chunk(input, 12, JSON_CHUNK)?;
     limits::check("GLB JSON length", json_bytes, MAX_JSON_BYTES)
@@ -249,13 +251,13 @@ fn chunk(input: &MeshFile, offset: u64, kind: &[u8; 4]) -> Result<(u64, u64)> {
 fn words<const N: usize>(input: &MeshFile, offset: u64) -> Result<[[u8; 4]; N]> {
     let mut words = [[0; 4]; N];
     if offset + 4 * N as u64 > input.bytes() {
-        return Err(input.bad("is truncated").remedy("write or copy it again"));
+        return Err(input.bad("is truncated").remedy("write or copy the file again"));
     }
     input.read_at(offset, words.as_flattened_mut())?;
     Ok(words)
 }
 
-/// Finds things in a document and checks them against the binary data: its start and length.
+/// Resolves references of a document, checked against offset and length of the binary data.
 struct GltfResolver<'a> {
     input: &'a MeshFile,
     document: &'a GltfDocument,
@@ -271,24 +273,28 @@ impl<'a> GltfResolver<'a> {
         self.input.unsupported(message)
     }
 
-    /// The only primitive of the only mesh, if there is any.
+    /// The only primitive of the only mesh, if any.
     fn primitive(&self) -> Result<Option<&'a GltfPrimitive>> {
         let required = self.document.extensions_required.iter();
         if let Some(name) = required.into_iter().find(|name| *name != meshopt::NAME) {
-            return Err(self.unsupported(format!("requires the glTF extension {name}")));
+            return Err(self.unsupported(format!("the glTF extension {name} is not supported")));
         }
         let Some(mesh) = self.document.meshes.first() else { return Ok(None) };
         self.check_nodes()?;
         let (meshes, primitives) = (self.document.meshes.len(), mesh.primitives.len());
         let [primitive] = mesh.primitives.as_slice() else {
-            return Err(self.unsupported(format!("has a mesh of {primitives} primitives")));
+            return Err(
+                self.unsupported(format!("meshes of {primitives} primitives are not supported"))
+            );
         };
         if meshes > 1 {
-            return Err(self.unsupported(format!("has {meshes} meshes")));
+            return Err(self.unsupported(format!("several meshes ({meshes}) are not supported")));
         }
         if primitive.mode != TRIANGLES && (primitive.mode != POINTS || primitive.indices.is_some())
         {
-            return Err(self.unsupported(format!("has a primitive of mode {}", primitive.mode)));
+            return Err(
+                self.unsupported(format!("primitive mode {} is not supported", primitive.mode))
+            );
         }
         Ok(Some(primitive))
     }
@@ -296,10 +302,12 @@ impl<'a> GltfResolver<'a> {
     fn check_nodes(&self) -> Result<()> {
         let nodes = &self.document.nodes;
         if let Some(at) = nodes.iter().position(|node| !node.is_identity()) {
-            return Err(self.unsupported(format!("node {at} has a transform")));
+            return Err(
+                self.unsupported(format!("node {at} has a transform, which is not supported"))
+            );
         }
         if nodes.iter().filter(|node| node.mesh.is_some()).count() > 1 {
-            return Err(self.unsupported("has a mesh in several nodes"));
+            return Err(self.unsupported("instancing (a mesh in several nodes) is not supported"));
         }
         Ok(())
     }
@@ -308,12 +316,12 @@ impl<'a> GltfResolver<'a> {
         let at = primitive.attributes.position.ok_or_else(|| self.bad("has no positions"))?;
         let accessor = self.accessor(at)?;
         if accessor.component_type != FLOAT || accessor.shape != "VEC3" {
-            return Err(self.unsupported("has positions that are not VEC3 of f32"));
+            return Err(self.unsupported("positions other than VEC3 of f32 are not supported"));
         }
         self.span(accessor, 4, 3)
     }
 
-    /// The colours of so many vertices and their channels, where they are in f32: others are left alone.
+    /// Colours of the vertices and their number of channels, if stored as f32; others are ignored.
     fn colours(
         &self,
         primitive: &GltfPrimitive,
@@ -354,12 +362,14 @@ impl<'a> GltfResolver<'a> {
         let missing = || self.bad(format!("has no accessor {at}"));
         let accessor = self.document.accessors.get(at).ok_or_else(missing)?;
         if accessor.sparse.is_some() {
-            return Err(self.unsupported(format!("accessor {at} is sparse")));
+            return Err(
+                self.unsupported(format!("sparse accessors (accessor {at}) are not supported"))
+            );
         }
         Ok(accessor)
     }
 
-    /// Where an accessor of `parts` components of `width` bytes lies; all of it is in the file.
+    /// Location of an accessor with `parts` components of `width` bytes; checked to be inside the file.
     fn span(&self, accessor: &GltfAccessor, width: usize, parts: u64) -> Result<AccessorSpan> {
         let size = width as u64 * parts;
         let lost = || self.bad("has an accessor outside its buffer");
@@ -393,19 +403,21 @@ impl<'a> GltfResolver<'a> {
         Ok(AccessorSpan { place, count: accessor.count, width })
     }
 
-    /// Bytes of the buffer, which must be the file's own.
+    /// Length of the buffer, which must be the binary chunk.
     fn buffer_bytes(&self, at: u64) -> Result<u64> {
         let buffer = self.document.buffers.first().filter(|_| at == 0);
-        let buffer = buffer.ok_or_else(|| self.unsupported(format!("uses buffer {at}")))?;
+        let buffer = buffer.ok_or_else(|| {
+            self.unsupported(format!("several buffers (buffer {at}) are not supported"))
+        })?;
         if buffer.uri.is_some() {
-            return Err(self.unsupported("keeps its data in another file"));
+            return Err(self.unsupported("external buffers are not supported"));
         }
         Ok(buffer.byte_length.min(self.data.1))
     }
 }
 
 impl GltfAccessor {
-    /// The corners of the box that positions are said to lie in, as they are stored.
+    /// Stated bounds of positions, as stored.
     fn bounds(&self) -> Option<[Point3; 2]> {
         let corner = |of: &serde_json::Value| serde_json::from_value::<Point3>(of.clone()).ok();
         Some([corner(&self.min)?, corner(&self.max)?])
@@ -423,8 +435,8 @@ impl GltfNode {
 }
 
 impl GlbSource {
-    /// Hands `each` elements `first .. first + count` of a span. The last one may end where its
-    /// stride would go on, so that it is read by itself.
+    /// Passes elements `first .. first + count` of a span to `each`. The last element may end before its stride, so
+    /// it is read separately.
     fn elements(
         &self,
         span: &AccessorSpan,
@@ -454,7 +466,7 @@ fn position(record: &[u8]) -> Option<[f64; 3]> {
     Some([x, y, z].map(|value| f32::from_le_bytes(value).into()))
 }
 
-/// The whole number in the first `width` bytes.
+/// The integer in the first `width` bytes.
 fn index(record: &[u8], width: usize) -> u64 {
     let bytes = record.iter().take(width).rev();
     bytes.fold(0, |value, &byte| value << 8 | u64::from(byte))
@@ -476,7 +488,7 @@ impl MeshSource for GlbSource {
     }
 
     fn stated_bounds(&self) -> Option<[Point3; 2]> {
-        // What is rounded to single precision is stored so.
+        // Values rounded to single precision are stored exactly.
         let stored = self.bounds?.map(|corner| corner.map(|v| f64::from(v as f32)));
         let [a, b] = stored.map(|at| to_world(to_z_up(at), self.info.origin, self.info.scale));
         let both = |pick: fn(f64, f64) -> f64| std::array::from_fn(|i| pick(a[i], b[i]));

@@ -1,4 +1,4 @@
-//! Writing of binary glTF: positions and triangles as they are, or compressed.
+//! Writing of binary glTF: positions and triangles, plain or compressed.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point3;
 use terrane_files::{AppendWriter, folder_for};
 
-/// The file's length is a u32, and so is that of what a compressed one is unpacked to.
+/// The file length is a u32, and so is the uncompressed size.
 pub(super) const MOST: MeshCapacity = MeshCapacity::new([u32::MAX as u64; 3], 12, 12);
 
 const ARRAY_BUFFER: u32 = 34962;
@@ -55,15 +55,15 @@ pub(super) fn create(
 }
 
 struct GlbEncoder {
-    /// In world axes.
+    /// Positions in world axes.
     local: LocalCoordinates,
     crs: Option<String>,
     comments: Vec<String>,
-    /// Those of a colour, or none.
+    /// Channels of a colour, or none.
     channels: Vec<VertexChannel>,
-    /// What bytes of sRGB are in light.
+    /// Linear intensity of sRGB bytes.
     light: [f32; 256],
-    /// What compresses.
+    /// The compressor, if any.
     packer: Option<MeshoptPacker>,
 }
 
@@ -100,12 +100,12 @@ impl GlbEncoder {
         document.to_string().into_bytes()
     }
 
-    /// Position and colour of a vertex.
+    /// Bytes of the position and colour of a vertex.
     fn vertex_bytes(&self) -> usize {
         VERTEX_BYTES + 4 * self.channels.len()
     }
 
-    /// Red, green and blue in light, and opacity as it is.
+    /// Appends linear red, green and blue, and opacity.
     fn push_colour(&self, values: &[f64], record: &mut Vec<u8>) {
         for (place, &value) in values.iter().enumerate() {
             // The sink has checked that it is a byte.
@@ -114,19 +114,19 @@ impl GlbEncoder {
         }
     }
 
-    /// Bytes of what is compressed.
+    /// Sizes of the compressed streams, if any.
     fn sizes(&self) -> Option<MeshoptSizes> {
         self.packer.as_ref().map(MeshoptPacker::sizes)
     }
 
-    /// Bytes behind the JSON.
+    /// Bytes after the JSON.
     fn data_bytes(&self, counts: MeshCounts) -> u64 {
         let raw =
             counts.vertices * self.vertex_bytes() as u64 + counts.triangles * TRIANGLE_BYTES as u64;
         self.sizes().map_or(raw, MeshoptSizes::bytes)
     }
 
-    /// Bytes kept free for the JSON text: as many as the largest mesh could need.
+    /// Bytes reserved for the JSON text, enough for the largest mesh.
     fn json_bytes(&self) -> usize {
         let largest = u32::MAX.into();
         let counts = MeshCounts { vertices: largest, triangles: largest };
@@ -135,8 +135,8 @@ impl GlbEncoder {
     }
 }
 
-/// Completes a document with its mesh. A mesh without triangles becomes a set of points, because
-/// glTF has no empty index lists. A colour of three or four channels lies behind the position of its vertex.
+/// Adds the mesh to a document. A mesh without triangles becomes a point set, because glTF has no empty index lists.
+/// A colour of three or four channels follows the position of its vertex.
 fn add_mesh(document: &mut Value, counts: MeshCounts, [low, high]: [[f32; 3]; 2], channels: usize) {
     let MeshCounts { vertices, triangles } = counts;
     let vertex_bytes = (VERTEX_BYTES + 4 * channels) as u64;
@@ -200,8 +200,8 @@ impl MeshEncoder for GlbEncoder {
         &self.channels
     }
 
-    /// Frame and JSON; spaces after the JSON take up the room that larger numbers would need. A
-    /// file without vertices has no binary chunk, whose header then becomes spaces too.
+    /// Header and JSON, padded with spaces to the reserved size. Without vertices there is no binary chunk, and its
+    /// header becomes spaces too.
     fn header(&self, counts: MeshCounts) -> Vec<u8> {
         let mut json = self.json(counts, self.local.bounds(), self.sizes());
         let mut room = self.json_bytes();
@@ -285,8 +285,8 @@ impl GlbEncoder {
     }
 }
 
-/// Says of a document that what its buffer holds is compressed, and that of what it speaks is in another
-/// buffer, which is nowhere.
+/// Marks the buffer of a document as compressed, and refers to a fallback buffer without data, as the extension
+/// requires.
 fn pack(document: &mut Value, sizes: MeshoptSizes, counts: MeshCounts, vertex_bytes: u64) {
     let raw = document["buffers"][0]["byteLength"].clone();
     let fallback = json!({ meshopt::NAME: { "fallback": true } });
@@ -317,7 +317,7 @@ fn placed(local: &mut LocalCoordinates, point: &Point3) -> [u8; 12] {
     record(to_y_up(local.place(point)), f32::to_le_bytes)
 }
 
-/// A size below 2^32, as the sink has made sure.
+/// A size below 2^32; the sink has checked it.
 fn word(size: u64) -> [u8; 4] {
     (size as u32).to_le_bytes()
 }

@@ -1,4 +1,4 @@
-//! The index of a folder of meshes: GeoJSON that any GIS shows, and that a reader needs.
+//! The index of a split mesh: GeoJSON for any GIS, required by the reader.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read};
@@ -12,21 +12,21 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::atomic::AtomicFile;
 
-/// The file's name in the folder.
+/// File name of the index.
 pub(super) const NAME: &str = "index.geojson";
-/// What the index calls itself, so that a folder of meshes can be told.
+/// Name in the index, which identifies split meshes.
 const MARK: &str = "terrane mesh in blocks";
-/// What comes before a code in the name of a reference system.
+/// Prefix of EPSG codes in CRS names.
 const URN: &str = "urn:ogc:def:crs:EPSG::";
 
-/// One block's file.
+/// File of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct MeshBlock {
     pub(super) file: String,
     pub(super) vertices: u64,
     pub(super) triangles: u64,
     pub(super) bytes: u64,
-    /// World positions of its corners; triangles may reach beyond it on the right and below.
+    /// World positions of its corners; triangles may extend beyond it on the right and below.
     pub(super) ring: [[f64; 2]; 5],
 }
 
@@ -35,7 +35,7 @@ pub(super) struct MeshBlock {
 pub(super) struct MeshBlockIndex {
     pub(super) format: String,
     pub(super) epsg: Option<u32>,
-    /// What readers of GeoJSON are told of the system: "urn:ogc:def:crs:EPSG::32631".
+    /// CRS for GeoJSON readers: "urn:ogc:def:crs:EPSG::32631".
     pub(super) crs: Option<String>,
     pub(super) comments: Vec<String>,
     pub(super) blocks: Vec<MeshBlock>,
@@ -48,7 +48,7 @@ impl MeshBlockIndex {
         Self { format: format.to_owned(), epsg, crs, comments, blocks: Vec::new() }
     }
 
-    /// The codes of the reference systems that it names.
+    /// Codes of its CRSs.
     pub(super) fn systems(&self) -> Vec<String> {
         let urn = self.crs.as_deref().map(|name| name.strip_prefix(URN).unwrap_or(name));
         let codes =
@@ -71,7 +71,7 @@ impl MeshBlockIndex {
         let path = folder.join(NAME);
         let fail = |e| Error::read(&path, e);
         let bytes = std::fs::metadata(&path).map_err(fail)?.len();
-        limits::check("bytes of an index", bytes, limits::MAX_VRT_BYTES)
+        limits::check("size of the index in bytes", bytes, limits::MAX_VRT_BYTES)
             .map_err(|e| e.in_file(&path))?;
         let file = BufReader::new(File::open(&path).map_err(fail)?);
         let read: Option<BlockIndexCollection> = match serde_json::from_reader(file.take(bytes)) {
@@ -79,14 +79,14 @@ impl MeshBlockIndex {
             read => read.ok(),
         };
         read.and_then(BlockIndexCollection::index).ok_or_else(|| {
-            Error::bad_input("is not the index of a mesh in blocks")
+            Error::bad_input("is not the index of a split mesh")
                 .in_file(&path)
-                .remedy("make the folder again with terrane")
+                .remedy("make the folder again")
         })
     }
 }
 
-/// The index as it is in the file; keys are in the order of the alphabet.
+/// The index as stored; keys are in alphabetical order.
 #[derive(Serialize, Deserialize)]
 struct BlockIndexCollection {
     comments: Vec<String>,
@@ -147,7 +147,7 @@ impl From<MeshBlockIndex> for BlockIndexCollection {
 }
 
 impl BlockIndexCollection {
-    /// The index, if it is one and names nothing outside its folder.
+    /// The index, if valid and without names outside its folder.
     fn index(self) -> Option<MeshBlockIndex> {
         let block = |feature: BlockIndexFeature| {
             let BlockIndexProperties { bytes, file, triangles, vertices } = feature.properties;

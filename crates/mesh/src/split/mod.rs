@@ -1,12 +1,12 @@
-//! A mesh in many files: a folder with a mesh for each block of the grid, and an index.
+//! A split mesh: a folder with a mesh for each block of the grid, and an index.
 //!
-//! A triangle belongs to the block in which its bounding box begins. Vertices on both sides of a
-//! border are in both files with the same coordinates, bit for bit, so the blocks fit together. The
-//! index is GeoJSON: a polygon for each block, in the coordinates of the mesh, with its file's name.
+//! A triangle belongs to the block in which its bounding box begins. Vertices on a border are in both files with
+//! bitwise equal coordinates, so the blocks fit together. The index is GeoJSON: a polygon for each block, in the
+//! coordinates of the mesh, with the name of its file.
 //!
-//! Triangles are sorted by block into a nameless file until a row of blocks is complete; then block after
-//! block is written, so one file is open at a time, whatever the grid's width. A block's ids are held
-//! while it is written; positions come with the triangles.
+//! Triangles are sorted by block into an anonymous file until a row of blocks is complete; then the blocks are
+//! written one by one, so only one file is open at a time, whatever the width of the grid. The ids of a block are in
+//! memory while it is written; positions come with the triangles.
 
 mod index;
 mod source;
@@ -28,12 +28,12 @@ use terrane_files::{Buckets, folder_for, nameless};
 
 pub(super) use source::open;
 
-/// Triangles handed to a block's file at a time.
+/// Triangles per batch of a block.
 const BATCH: usize = 1 << 14;
-/// Bytes of triangles in memory that wait until their row of blocks is complete.
+/// Maximum bytes of buffered triangles of incomplete rows of blocks.
 const WAITING_BYTES: u64 = 3 << 20;
 
-/// A triangle with its vertices' ids in the whole mesh.
+/// A triangle with vertex ids of the whole mesh.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct BlockTriangle {
@@ -41,12 +41,12 @@ struct BlockTriangle {
     corners: [Point3; 3],
 }
 
-/// How a grid is cut into blocks.
+/// Division of a grid into blocks.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshBlockLayout {
-    /// Cells along a block's side; whole tiles.
+    /// Cells along a side of a block; whole tiles.
     pub cells: u32,
-    /// Columns and rows of the grid's samples.
+    /// Columns and rows of samples of the grid.
     pub samples: [u32; 2],
     /// Grid position to world position.
     pub to_world: Affine,
@@ -58,13 +58,13 @@ impl MeshBlockLayout {
         self.samples.map(|samples| (samples - 1).div_ceil(self.cells).max(1))
     }
 
-    /// The share of the grid's cells that the largest block has.
+    /// Fraction of the grid's cells in the largest block.
     pub fn largest_share(&self) -> f64 {
         let share = |samples: u32| f64::from(self.cells.min(samples - 1)) / f64::from(samples - 1);
         self.samples.map(share).iter().product()
     }
 
-    /// Column and row of the block that a triangle belongs to.
+    /// Column and row of the block of a triangle.
     fn of(&self, corners: &[Point3; 3]) -> [u32; 2] {
         let places = corners.map(|[x, y, _]| self.to_world.invert(x, y).map(f64::round));
         let count = self.count();
@@ -86,12 +86,12 @@ impl MeshBlockLayout {
     }
 }
 
-/// True for a folder that this room has made.
+/// True for a folder with a split mesh.
 pub fn is_split(path: &Path) -> bool {
     path.is_dir() && MeshBlockIndex::read(path).is_ok()
 }
 
-/// True for such a folder with nothing else in it, so that nothing of the user's goes with it.
+/// True for such a folder without other files, which can be replaced safely.
 pub fn is_replaceable(path: &Path) -> bool {
     let (Ok(files), Ok(mut entries)) = (files(path), std::fs::read_dir(path)) else { return false };
     let own: HashSet<PathBuf> =
@@ -103,8 +103,7 @@ pub fn is_replaceable(path: &Path) -> bool {
     })
 }
 
-/// Starts a folder of meshes in `format` at `path`. Triangles must come in the order of the blocks'
-/// rows.
+/// Creates a split mesh in `format` at `path`. Triangles must come in the order of the rows of blocks.
 pub fn create(
     path: &Path,
     format: &'static MeshFormat,
@@ -114,7 +113,7 @@ pub fn create(
 ) -> Result<Box<dyn MeshSink>> {
     let folder = AtomicFolder::create(path, options.overwrite, is_replaceable)?;
     let spool = folder_for(path, options.temp_dir.as_deref());
-    // Told at the start, not when the file is needed.
+    // Fails at the start, not when the file is needed.
     drop(nameless(spool)?);
     let buckets = Buckets::new(spool, blocks.count()[0] as usize, WAITING_BYTES);
     let index = MeshBlockIndex::new(format.name, header);
@@ -134,7 +133,7 @@ pub fn create(
     }))
 }
 
-/// The sink of a folder of meshes.
+/// Sink of a split mesh.
 struct SplitMeshSink {
     folder: AtomicFolder,
     format: &'static MeshFormat,
@@ -143,13 +142,13 @@ struct SplitMeshSink {
     blocks: MeshBlockLayout,
     buckets: Buckets<BlockTriangle>,
     index: MeshBlockIndex,
-    /// The row of blocks that triangles come for.
+    /// The current row of blocks.
     row: u32,
     bytes: u64,
 }
 
 impl SplitMeshSink {
-    /// Writes the files of the blocks of a row, and goes on to the next.
+    /// Writes the blocks of a row, and starts the next row.
     fn finish_row(&mut self) -> Result<()> {
         for col in 0..self.blocks.count()[0] {
             if self.buckets.len(col as usize) > 0 {
@@ -170,7 +169,7 @@ impl SplitMeshSink {
         let (vertices, mut triangles) = (piece.ids.count, piece.triangles);
         let bytes = piece.sink.finish()?;
         if self.options.solid_base.is_some() {
-            // With walls and a bottom.
+            // A solid, with walls and a bottom.
             triangles = open_file(&path)?.info().triangles;
         }
         write_prj(&path, &self.header.crs, false)?;
@@ -187,12 +186,15 @@ impl MeshSink for SplitMeshSink {
 
     fn push(&mut self, batch: MeshBatch<'_>) -> Result<()> {
         if batch.corners.len() != batch.triangles.len() {
-            return Err(Error::usage("a mesh in blocks needs the corners of every triangle"));
+            return Err(Error::usage("a split mesh requires the corners of every triangle"));
         }
         for (corners, ids) in batch.corners.iter().zip(batch.triangles) {
             let [col, row] = self.blocks.of(corners);
             if row < self.row {
-                return Err(Error::new(ErrorKind::Internal, "a triangle came after its block"));
+                return Err(Error::new(
+                    ErrorKind::Internal,
+                    "a triangle was written after its block",
+                ));
             }
             while self.row < row {
                 self.finish_row()?;
@@ -210,20 +212,20 @@ impl MeshSink for SplitMeshSink {
     }
 }
 
-/// Ids of a page.
+/// Ids per page.
 const PAGE: u64 = 512;
 
-/// Ids in the whole mesh to ids in one block. Those of a tile follow each other, so pages are full:
-/// about 8 bytes for a vertex.
+/// Map of vertex ids of the whole mesh to ids of a block. Ids of a tile are consecutive, so pages are full: about 8
+/// bytes per vertex.
 #[derive(Default)]
 struct BlockVertexIds {
-    /// Each id and 1, or 0 where there is none.
+    /// Local id plus 1, or 0 if absent.
     pages: HashMap<u64, Box<[u64; PAGE as usize]>>,
     count: u64,
 }
 
 impl BlockVertexIds {
-    /// The block's id for `id`, and whether it is a new one.
+    /// Local id of `id`, and whether it is new.
     fn of(&mut self, id: u64) -> (u64, bool) {
         let page = self.pages.entry(id / PAGE).or_insert_with(|| Box::new([0; PAGE as usize]));
         let found = &mut page[(id % PAGE) as usize];
@@ -236,7 +238,7 @@ impl BlockVertexIds {
     }
 }
 
-/// One block's mesh in the making.
+/// The mesh of a block being written.
 struct BlockMesh {
     sink: Box<dyn MeshSink>,
     ids: BlockVertexIds,
@@ -280,7 +282,7 @@ impl BlockMesh {
     }
 }
 
-/// The index of a folder of meshes, and then the meshes.
+/// Files of a split mesh: the index, then the meshes.
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let index = MeshBlockIndex::read(path)?;
     let blocks = index.blocks.iter().map(|block| path.join(&block.file));

@@ -1,5 +1,4 @@
-//! A folder of meshes read as one mesh of single triangles: three vertices each, found to be the same
-//! by their positions.
+//! A split mesh read as one mesh of separate triangles with three vertices each, equal by position.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -11,28 +10,28 @@ use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point3;
 use terrane_files::lock;
 
-/// Blocks whose vertices are held at once.
+/// Maximum blocks in memory.
 const MOST_HELD: usize = 4;
 /// Triangles of a block read at a time.
 const BATCH: usize = 1 << 12;
 
-/// A folder of meshes.
+/// A split mesh.
 struct SplitSource {
     info: MeshInfo,
     parts: Vec<SplitMeshPart>,
-    /// The blocks read last, by their place in `parts`; the latest last.
+    /// The recently read blocks by index in `parts`; the latest last.
     held: Mutex<Vec<(usize, Arc<OpenPart>)>>,
 }
 
 struct SplitMeshPart {
     path: PathBuf,
-    /// Its first triangle among those of all blocks, and
+    /// Index of its first triangle in the whole mesh.
     first: u64,
-    /// how many there are.
+    /// Number of its triangles.
     triangles: u64,
 }
 
-/// Opens the folder `path`.
+/// Opens the split mesh in `path`.
 pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let index = MeshBlockIndex::read(path)?;
     let mut parts = Vec::new();
@@ -41,12 +40,13 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     let mut info: Option<MeshInfo> = None;
     for block in &index.blocks {
         let path = path.join(&block.file);
-        // Not another folder: one that is in itself would never end.
+        // Only files: a folder that contains itself would recurse without end.
         let found = open_file(&path).map_err(|e| e.remedy("make the folder again"))?;
         let found = found.info().clone();
         check(&found, block, &index, &path)?;
         if let Some(first) = info.as_ref().filter(|first| !states_the_same(first, &found)) {
-            let what = format!("states other things than the first of {} blocks", first.format);
+            let what =
+                format!("its metadata differ from those of the first block ({})", first.format);
             return Err(lying(&path, what));
         }
         let prj = terrane_files::prj(&path)?;
@@ -57,7 +57,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
         info.get_or_insert(found);
     }
     let info = info.ok_or_else(|| {
-        Error::bad_input("its index names no mesh").in_file(path).remedy("make the folder again")
+        Error::bad_input("the index has no blocks").in_file(path).remedy("make the folder again")
     })?;
     let mut details = info.details.clone();
     details.push(("blocks".to_owned(), index.blocks.len().to_string()));
@@ -76,8 +76,8 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn MeshSource>> {
     Ok(Box::new(SplitSource { info, parts, held: Mutex::default() }))
 }
 
-/// Fails unless a block is what the index says of it. Vertices of triangles that share none, and of solids, are
-/// more than those of the surface.
+/// Fails unless a block matches the index. Meshes without shared vertices, and solids, have more vertices than the
+/// surface.
 fn check(found: &MeshInfo, block: &MeshBlock, index: &MeshBlockIndex, path: &Path) -> Result<()> {
     let bytes = std::fs::metadata(path).map_err(|e| Error::read(path, e))?.len();
     let has_vertices = found.indexed && !found.solid;
@@ -87,10 +87,10 @@ fn check(found: &MeshInfo, block: &MeshBlock, index: &MeshBlockIndex, path: &Pat
         ("bytes", bytes, block.bytes),
     ];
     if let Some((what, has, says)) = facts.into_iter().find(|(_, has, says)| has != says) {
-        return Err(lying(path, format!("has {has} {what}, its index says {says}")));
+        return Err(lying(path, format!("has {has} {what}, the index states {says}")));
     }
     if found.format != index.format {
-        let message = format!("is {}, its index says {}", found.format, index.format);
+        let message = format!("is {}, the index states {}", found.format, index.format);
         return Err(lying(path, message));
     }
     Ok(())
@@ -100,7 +100,7 @@ fn lying(path: &Path, message: String) -> Error {
     Error::bad_input(message).in_file(path).remedy("make the folder again")
 }
 
-/// True for blocks of one mesh: what they state is of the whole.
+/// True for blocks with the same metadata.
 fn states_the_same(a: &MeshInfo, b: &MeshInfo) -> bool {
     let of = |info: &MeshInfo| (info.crs.clone(), info.systems.clone(), info.details.clone());
     of(a) == of(b) && (a.origin, a.scale) == (b.origin, b.scale)
@@ -150,10 +150,10 @@ impl SplitMeshPart {
     }
 }
 
-/// A block that is being read.
+/// A block being read.
 struct OpenPart {
     mesh: Box<dyn MeshSource>,
-    /// Empty where every triangle has its own.
+    /// Empty if triangles do not share vertices.
     vertices: Vec<Point3>,
     path: PathBuf,
 }

@@ -1,6 +1,6 @@
-//! 3MF, for printers: a zip archive with one object, f32 as text relative to a recorded origin, in metres, or in
-//! millimetres of the print. Optionally the surface is closed with walls and a bottom; every edge of such a
-//! solid has two triangles.
+//! 3MF for 3D printing: a zip archive with one object, f32 as text relative to a recorded origin, in metres or in
+//! millimetres of the print. Optionally the surface is closed with walls and a bottom; every edge of such a solid has
+//! two triangles.
 
 mod parts;
 mod read;
@@ -29,7 +29,7 @@ use terrane_base::geom::Point3;
 use terrane_files::xml::escaped;
 use terrane_files::{AppendWriter, folder_for};
 
-/// Numbers of vertices are below 2^31.
+/// Vertex indices are below 2^31.
 const MOST: MeshCapacity = MeshCapacity::new([i32::MAX as u64, u64::MAX, u64::MAX], 16, 10);
 
 pub(super) const FORMAT: MeshFormat = MeshFormat {
@@ -49,9 +49,9 @@ pub(super) const FORMAT: MeshFormat = MeshFormat {
 };
 
 const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
-/// The namespace of what is recorded beside the model.
+/// Namespace of the recorded metadata.
 const OWN: &str = "urn:terrane:mesh";
-/// From here on a file in an archive needs numbers of 64 bits.
+/// Minimum bytes of a file in the archive that needs zip64.
 const LARGE_BYTES: u64 = 1 << 31;
 
 fn holds(head: &[u8], words: &[u8]) -> bool {
@@ -67,17 +67,15 @@ fn create(path: &Path, header: &MeshHeader, options: &SinkOptions) -> Result<Box
     FileSink::create(path, options, Encoder3mf { local, head, walls })
 }
 
-/// The unit that a file states, by the name of the length.
+/// The unit of a file, by its name in 3MF.
 fn unit(header: &MeshHeader) -> Result<&'static str> {
     let metres = header.crs.horizontal_metres().unwrap_or(1.0);
     match header.unit.as_deref() {
         Some("millimetre") => Ok("millimeter"),
         Some("metre") => Ok("meter"),
         None if metres == 1.0 => Ok("meter"),
-        _ => {
-            Err(Error::unsupported("3MF has no unit for these coordinates")
-                .remedy("write PLY or OBJ"))
-        }
+        _ => Err(Error::unsupported("3MF does not support the unit of these coordinates")
+            .remedy("write PLY or OBJ")),
     }
 }
 
@@ -90,7 +88,7 @@ fn head(header: &MeshHeader, is_solid: bool) -> Result<String> {
     if header.scale != [1.0; 3] {
         recorded += &record("scale", &numbers(header.scale));
     }
-    // Names may come once only.
+    // Metadata names must be unique.
     for (place, comment) in text::comments(header).iter().enumerate() {
         recorded += &record(&format!("comment-{}", place + 1), comment);
     }
@@ -146,7 +144,7 @@ impl MeshEncoder for Encoder3mf {
         body.lines(batch.vertices, |point, text| {
             let position = local.place(point);
             push_vertex(position, text);
-            // Each vertex of a solid has its own one of the bottom behind it.
+            // Each vertex of a solid is followed by its vertex at the bottom.
             base.into_iter().for_each(|base| push_vertex(lowered(position, base), text));
         })?;
         match walls {
@@ -183,7 +181,7 @@ impl MeshEncoder for Encoder3mf {
     }
 }
 
-/// Puts a model into an archive. The time is always the same, and so are the bytes.
+/// Packs a model into an archive. The timestamp is constant, so equal meshes make equal files.
 fn pack(mut model: File, to: &File) -> io::Result<()> {
     const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
         <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\n\

@@ -2,12 +2,12 @@
 
 use crate::text::{self, push_u64};
 
-/// The name of the format.
+/// Name of the format.
 pub(super) const NAME: &str = "3MF";
 pub(super) const CONTENT_TYPES: &str = "[Content_Types].xml";
 pub(super) const RELATIONS: &str = "_rels/.rels";
 pub(super) const MODEL: &str = "3D/3dmodel.model";
-/// What the names of what is recorded beside the model begin with.
+/// Prefix of metadata names.
 pub(super) const PREFIX: &str = "terrane:";
 
 /// A vertex as an element.

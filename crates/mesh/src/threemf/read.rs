@@ -1,5 +1,5 @@
-//! Reading of 3MF: one object of triangles, ours or of others. The model is unpacked into a nameless file in the
-//! system's temporary folder.
+//! Reading of 3MF with one mesh object, of any origin. The model is unpacked into an anonymous file in the system's
+//! temporary folder.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -19,12 +19,12 @@ use terrane_base::limits;
 use terrane_files::nameless;
 use terrane_files::xml::{XmlEvent, XmlStartTag};
 
-/// Entries of an archive, and bytes of its relations, at the most.
+/// Maximum entries of an archive, and bytes of its relationships.
 const MOST_ENTRIES: u64 = 4096;
 const MOST_RELATION_BYTES: u64 = 1 << 20;
-/// The type of the relation that leads to the model.
+/// Relationship type of the model.
 const MODEL_TYPE: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-/// Comments that are kept.
+/// Maximum number of comments kept.
 const MOST_COMMENTS: usize = 64;
 
 /// An open file, and its model.
@@ -35,7 +35,7 @@ pub(super) struct ThreeMfSource {
     info: MeshInfo,
 }
 
-/// Opens a file and goes through its model once.
+/// Opens a file and scans its model once.
 pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     let input = unpacked(path).map_err(|e| e.in_file(path))?;
     let (mut vertices, mut triangles) = (SparseIndex::new(), SparseIndex::new());
@@ -59,39 +59,40 @@ pub(super) fn open(path: &Path) -> Result<ThreeMfSource> {
     }
     drop(xml);
     if found.objects != 1 {
-        let error = Error::unsupported(format!("has {} objects of triangles", found.objects));
-        return Err(error.in_file(path).remedy("give a file with one"));
+        let error =
+            Error::unsupported(format!("expected one mesh object, found {}", found.objects));
+        return Err(error.in_file(path).remedy("use a file with one object"));
     }
     let info = found.info(vertices.count(), triangles.count());
     Ok(ThreeMfSource { input, vertices, triangles, info })
 }
 
 fn damaged(e: impl std::fmt::Display) -> Error {
-    Error::bad_input(format!("damaged zip archive: {e}")).remedy("write or copy it again")
+    Error::bad_input(format!("damaged zip archive: {e}")).remedy("write or copy the file again")
 }
 
 /// The model of an archive.
 fn unpacked(path: &Path) -> Result<MeshFile> {
-    // What is no plain file is refused as for all meshes.
+    // Refuses anything but regular files, as for all meshes.
     drop(MeshFile::open(path)?);
     let file = File::open(path).map_err(|e| Error::read(path, e))?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
-    limits::check("files in the archive", archive.len() as u64, MOST_ENTRIES)?;
+    limits::check("number of files in the archive", archive.len() as u64, MOST_ENTRIES)?;
     let name = model_name(&mut archive)?;
     let mut entry = archive.by_name(&name).map_err(damaged)?;
     let declared = entry.size();
-    limits::check("unpacked bytes of the model", declared, limits::MAX_UNPACKED_BYTES)?;
+    limits::check("unpacked size of the model in bytes", declared, limits::MAX_UNPACKED_BYTES)?;
     let folder = std::env::temp_dir();
     let mut model = nameless(&folder)?;
     let copied = copy(&mut (&mut entry).take(declared + 1), &mut model, &folder)?;
     if copied != declared {
-        return Err(damaged(format!("the model should unpack to {declared} bytes and does not")));
+        return Err(damaged(format!("the unpacked size of the model is not {declared} bytes")));
     }
     model.seek(SeekFrom::Start(0)).map_err(|e| Error::read(&folder, e))?;
     MeshFile::of(model, path)
 }
 
-/// Copies a stream; what it cannot be read for is the archive's fault, the rest that of the disk.
+/// Copies a stream; read errors are those of the archive, write errors those of the disk.
 fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
     let mut buffer = vec![0; 256 << 10];
     let mut copied = 0;
@@ -106,12 +107,12 @@ fn copy(from: &mut impl Read, to: &mut File, folder: &Path) -> Result<u64> {
     }
 }
 
-/// The name of the model, by the relations of the archive.
+/// Path of the model, by the relationships of the archive.
 fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     let mut text = Vec::new();
     {
         let entry = archive.by_name(RELATIONS).map_err(damaged)?;
-        limits::check("bytes of relations", entry.size(), MOST_RELATION_BYTES)?;
+        limits::check("size of the relationships in bytes", entry.size(), MOST_RELATION_BYTES)?;
         entry.take(MOST_RELATION_BYTES).read_to_end(&mut text).map_err(damaged)?;
     }
     let text = String::from_utf8_lossy(&text);
@@ -121,12 +122,12 @@ fn model_name(archive: &mut ZipArchive<BufReader<File>>) -> Result<String> {
     Ok(target.map_or(MODEL, |target| target.trim_start_matches('/')).to_owned())
 }
 
-/// What is found on the way through a model.
+/// Findings of the scan.
 #[derive(Default)]
 struct ThreeMfSummary {
     unit: Option<String>,
     is_solid: bool,
-    /// Objects with triangles.
+    /// Number of mesh objects.
     objects: u64,
     origin: Option<Point3>,
     scale: Option<Point3>,
@@ -137,7 +138,7 @@ struct ThreeMfSummary {
 impl ThreeMfSummary {
     fn note(&mut self, tag: &XmlStartTag) -> Result<()> {
         if tag.local_name() == "model" {
-            // What a file says nothing of is in millimetres.
+            // The default unit is the millimetre.
             self.unit = tag.attribute("unit")?.or_else(|| Some("millimeter".to_owned()));
         } else if tag.local_name() == "object" {
             let kind = tag.attribute("type")?;
@@ -145,7 +146,7 @@ impl ThreeMfSummary {
         } else if tag.local_name() == "mesh" {
             self.objects += 1;
         } else if tag.local_name() == "component" {
-            return Err(Error::unsupported("has an object made of others"));
+            return Err(Error::unsupported("components are not supported"));
         } else if tag.local_name() == "item" {
             self.check_item(tag)?;
         }
@@ -158,7 +159,7 @@ impl ThreeMfSummary {
         let numbers = transform.split_ascii_whitespace().map(|word| word.parse().ok());
         match numbers.collect::<Option<Vec<f64>>>() {
             Some(numbers) if numbers == IDENTITY => Ok(()),
-            _ => Err(Error::unsupported("has an item with a transform")),
+            _ => Err(Error::unsupported("transforms of build items are not supported")),
         }
     }
 
@@ -198,8 +199,7 @@ fn numbers(text: &str) -> Option<Point3> {
 }
 
 impl ThreeMfSource {
-    /// Hands `each` the start tags from `first` on that are called so and noted in an index, with their numbers,
-    /// until it has enough.
+    /// Passes indexed start tags called `name` from `first`, with their indices, to `each` until it returns true.
     fn scan(
         &self,
         index: &SparseIndex,
@@ -212,7 +212,7 @@ impl ThreeMfSource {
         loop {
             match xml.next()? {
                 XmlEvent::Over => {
-                    let message = "the unpacked model has become shorter";
+                    let message = "the unpacked model changed while it was read";
                     return Err(Error::new(ErrorKind::Internal, message));
                 }
                 XmlEvent::Start(tag) if tag.local_name() == name => {

@@ -1,10 +1,10 @@
-//! What turns a surface into a solid whose every edge has two triangles: every triangle once more at the bottom,
-//! turned around, and upright ones under the outline.
+//! Conversion of a surface to a solid in which every edge has two triangles: every triangle is repeated at the
+//! bottom, reversed, and upright triangles are added under the outline.
 //!
-//! Vertex v of the surface is vertex 2 v of the solid, and the one under it 2 v + 1. Where two voids touch at a
-//! corner, two loops of the outline pass through one vertex, and the upright edge under it would have four
-//! triangles. Walls of each loop but the first then turn there at a vertex of their own, in the middle of that
-//! edge, so that they have two shorter edges for themselves.
+//! Vertex v of the surface is vertex 2 v of the solid, and the vertex below it is 2 v + 1. Where two voids touch at a
+//! corner, two loops of the outline pass through one vertex, and the upright edge below it would have four triangles.
+//! The walls of each loop but the first therefore turn at an additional vertex in the middle of that edge, so that
+//! they have two shorter edges of their own.
 
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
@@ -16,10 +16,10 @@ use terrane_base::error::{Error, Result};
 use terrane_base::limits;
 use terrane_files::AppendWriter;
 
-/// Vertices that several loops pass through, at the most.
+/// Maximum number of vertices with several loops.
 const MOST_PINCHES: u64 = 1 << 20;
 
-/// Makes a solid of a surface.
+/// Converts a surface to a solid.
 pub(super) struct SolidWalls {
     base: SolidBase,
     outline: SolidOutline,
@@ -29,13 +29,13 @@ pub(super) struct SolidWalls {
 }
 
 impl SolidWalls {
-    /// Down to `base`; what has to wait goes to nameless files in `folder`.
+    /// With a bottom at `base`; buffered data go to anonymous files in `folder`.
     pub(super) fn new(base: SolidBase, folder: &Path) -> Self {
         let outline = SolidOutline::new(folder);
         Self { base, outline, folder: folder.to_path_buf(), vertices: 0 }
     }
 
-    /// The height of the bottom, as stored.
+    /// Stored height of the bottom.
     pub(super) fn base(&self) -> f32 {
         self.base.stored()
     }
@@ -54,8 +54,7 @@ impl SolidWalls {
         Ok([[a, b, c], [c + 1, b + 1, a + 1]])
     }
 
-    /// Appends the walls, and the vertices that they need. `body` has had all vertices. Returns how many there
-    /// are in all.
+    /// Appends the walls and their vertices. `body` has all other vertices. Returns the total counts.
     pub(super) fn complete(self, body: &mut AppendWriter, tail: &mut AppendWriter) -> Result<u64> {
         let base = self.base();
         let mut edges = AppendWriter::spool(&self.folder)?;
@@ -85,7 +84,7 @@ impl SolidWalls {
     }
 }
 
-/// The vertex of the solid that one of the surface becomes.
+/// Vertex of the solid for a vertex of the surface.
 fn top(id: u64) -> u64 {
     2 * id
 }
@@ -98,8 +97,7 @@ fn read(reader: &mut impl Read, bytes: &mut [u8], folder: &Path) -> Result<bool>
     }
 }
 
-/// The triangles under an edge, whose ends are `from` and `to`, with the surface on its left; and where the wall
-/// turns in the middle below these, if it does.
+/// The triangles under an edge with the surface on its left, and the middle vertices at which the wall turns, if any.
 fn wall([from, to]: [u64; 2], middles: [Option<u64>; 2]) -> Vec<[u64; 3]> {
     let (low_from, low_to) = (from + 1, to + 1);
     match middles {
@@ -116,7 +114,7 @@ fn wall([from, to]: [u64; 2], middles: [Option<u64>; 2]) -> Vec<[u64; 3]> {
     }
 }
 
-/// How many edges of the outline begin at each vertex, where that is more than one.
+/// Number of outline edges that begin at each vertex, if more than one.
 #[derive(Default)]
 struct OutlineStarts {
     seen: Vec<u64>,
@@ -134,7 +132,11 @@ impl OutlineStarts {
             return Ok(());
         }
         *self.several.entry(id).or_insert(1) += 1;
-        limits::check("corners where voids touch", self.several.len() as u64, MOST_PINCHES)
+        limits::check(
+            "number of corners where voids touch",
+            self.several.len() as u64,
+            MOST_PINCHES,
+        )
     }
 
     fn pinches(self) -> impl Iterator<Item = u64> {
@@ -142,13 +144,13 @@ impl OutlineStarts {
     }
 }
 
-/// Where walls turn at vertices that several loops pass through.
+/// Middle vertices of walls at vertices with several loops.
 struct WallCorners {
-    /// By vertex the edges that have begun there and that have ended there, and the first of the numbers of
-    /// its own that walls turn at.
+    /// Number of walls that began and that ended at each vertex.
     passed: BTreeMap<u64, [u64; 2]>,
+    /// Middle vertices by vertex and number of the wall.
     middles: BTreeMap<(u64, u64), u64>,
-    /// The number of the next vertex in the middle.
+    /// Id of the next middle vertex.
     next: u64,
 }
 
@@ -157,8 +159,8 @@ impl WallCorners {
         Self { passed: pinches.map(|id| (id, [0; 2])).collect(), middles: BTreeMap::new(), next }
     }
 
-    /// Where a wall turns that begins (`end` 0) or ends (1) at a vertex, if it is not at the upright edge; and
-    /// whether that vertex is new. The n-th wall that begins there goes on from the n-th that ends there.
+    /// The middle vertex at which a wall that begins (`end` 0) or ends (1) at a vertex turns, if any, and whether it
+    /// is new. The n-th wall that begins there continues the n-th that ends there.
     fn turn(&mut self, id: u64, end: usize) -> Option<(u64, bool)> {
         let passed = self.passed.get_mut(&id)?;
         let pass = passed[end];

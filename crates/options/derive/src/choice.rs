@@ -9,12 +9,12 @@ use crate::docs;
 pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let name = &input.ident;
     let Data::Enum(data) = &input.data else {
-        return Err(Error::new_spanned(name, "a choice is an enum"));
+        return Err(Error::new_spanned(name, "Choice can be derived for enums only"));
     };
     let mut choices = Vec::new();
     for variant in &data.variants {
         if !matches!(variant.fields, Fields::Unit) {
-            return Err(Error::new_spanned(variant, "a choice holds nothing"));
+            return Err(Error::new_spanned(variant, "a variant of a Choice must not have fields"));
         }
         let ident = &variant.ident;
         let mut called = dashed(&ident.to_string());

@@ -2,8 +2,8 @@
 
 use syn::{Attribute, Expr, ExprLit, Lit, Meta};
 
-/// The comment of an item: lines of a paragraph joined, an empty line between paragraphs, links as what they show, and
-/// no full stop at the end of a single sentence.
+/// The text of a doc comment: lines of a paragraph are joined, paragraphs are separated by an empty line, links are
+/// replaced by their text, and the full stop of a single sentence is removed.
 pub(crate) fn text(attributes: &[Attribute]) -> String {
     let lines = attributes.iter().filter_map(|attribute| match &attribute.meta {
         Meta::NameValue(pair) if pair.path.is_ident("doc") => match &pair.value {
@@ -22,7 +22,7 @@ pub(crate) fn text(attributes: &[Attribute]) -> String {
     }
 }
 
-/// `[shown](target)` and ``[`Shown`]`` without what makes them links.
+/// Removes the link syntax of `[shown](target)` and ``[`Shown`]``.
 fn without_links(text: &str) -> String {
     let (mut plain, mut rest) = (String::new(), text);
     while let Some((before, after)) = rest.split_once('[') {

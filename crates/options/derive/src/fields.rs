@@ -15,7 +15,7 @@ struct FieldAttributes {
     flatten: bool,
     name: Option<LitStr>,
     aliases: Vec<LitStr>,
-    /// Options of other structs in whose place it is.
+    /// Equivalent options of other structs.
     stands_for: Vec<LitStr>,
     short: Option<LitChar>,
     value: Option<LitStr>,
@@ -23,11 +23,11 @@ struct FieldAttributes {
     default: Option<Expr>,
     /// The default in words.
     default_text: Option<LitStr>,
-    /// The value of an option that is named without one.
+    /// Value if the option is given without one.
     bare: Option<LitStr>,
     range: Option<Expr>,
     codec: Option<Path>,
-    /// What `--no-NAME` does.
+    /// Effect of `--no-NAME`.
     off: Option<LitStr>,
     role: Option<Ident>,
     positional: bool,
@@ -56,7 +56,7 @@ struct FieldTokens {
 pub(crate) fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let name = &input.ident;
     let Data::Struct(data) = &input.data else {
-        return Err(Error::new_spanned(name, "options are a struct"));
+        return Err(Error::new_spanned(name, "Options can be derived for structs only"));
     };
     let whole = whole(&input.attrs)?;
     let mut parts = FieldTokens::default();
@@ -133,7 +133,7 @@ fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
                 () if is("with") => said.codec = Some(meta.value()?.parse()?),
                 () if is("off") => said.off = Some(meta.value()?.parse()?),
                 () if is("role") => said.role = Some(meta.value()?.parse()?),
-                () => return Err(meta.error("no such attribute of an option")),
+                () => return Err(meta.error("unknown attribute of an option")),
             }
             Ok(())
         })?;
@@ -142,7 +142,7 @@ fn said(attributes: &[Attribute]) -> Result<FieldAttributes> {
 }
 
 impl FieldTokens {
-    /// A group of options, whose fields are as if they were of the struct.
+    /// Adds a group: its fields are flattened into the struct.
     fn add_group(&mut self, name: &Ident, field: &Field, whole: &StructAttributes) {
         let (ident, ty) = (&field.ident, &field.ty);
         self.entries.push(quote! {
@@ -171,11 +171,11 @@ impl FieldTokens {
     ) -> Result<()> {
         let ty = &field.ty;
         let Some(ident) = &field.ident else {
-            return Err(Error::new_spanned(field, "an option has a name"));
+            return Err(Error::new_spanned(field, "an option needs a name"));
         };
         let about = docs::text(&field.attrs);
         if about.is_empty() {
-            return Err(Error::new_spanned(field, "an option has a comment"));
+            return Err(Error::new_spanned(field, "an option needs a doc comment"));
         }
         let called = said.name.as_ref().map_or_else(|| ident.to_string(), LitStr::value);
         let codec = said.codec.as_ref();
@@ -236,14 +236,14 @@ fn optional<T: quote::ToTokens>(value: Option<&T>) -> TokenStream {
 struct FieldSetter {
     docs: Vec<Attribute>,
     ident: Ident,
-    /// What it takes.
+    /// Parameter type.
     taken: TokenStream,
-    /// What of that the field becomes.
+    /// Value of the field.
     value: TokenStream,
 }
 
 impl FieldSetter {
-    /// That of a field: an optional one takes the value itself.
+    /// Setter of a field; for an optional field it takes the inner value.
     fn new(field: &Field, ident: &Ident) -> Self {
         let docs = field.attrs.iter().filter(|attribute| attribute.path().is_ident("doc"));
         let inner = inner(&field.ty);
@@ -257,7 +257,7 @@ impl FieldSetter {
     }
 }
 
-/// A trait of setters for the fields of a struct, which jobs have whose options are that struct, or have it as a group.
+/// A trait of setters for the fields of a struct, for jobs whose options are that struct or contain it as a group.
 fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     let text = name.to_string();
     let about = format!("Setters of [`{name}`].");
@@ -296,7 +296,7 @@ fn traits(name: &Ident, kind: &Ident, setters: &[FieldSetter]) -> TokenStream {
     }
 }
 
-/// What an `Option` holds.
+/// Type argument of an `Option`.
 fn inner(ty: &Type) -> Option<&Type> {
     let Type::Path(path) = ty else { return None };
     let last = path.path.segments.last().filter(|last| last.ident == "Option")?;
@@ -307,7 +307,7 @@ fn inner(ty: &Type) -> Option<&Type> {
     }
 }
 
-/// True for types that a literal would be ambiguous for, were it turned into them.
+/// True for types for which `impl Into` would make literals ambiguous.
 fn is_number(ty: &Type) -> bool {
     let Type::Path(path) = ty else { return false };
     ["bool", "u8", "u16", "u32", "u64", "usize", "i32", "f64"]

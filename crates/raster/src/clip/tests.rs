@@ -247,12 +247,12 @@ fn what_cannot_be_clipped_to_is_refused_with_its_file() {
     let unnamed = Crs::default;
     let (kind, told) = refusal(&square(1.0), [utm(33), utm(32)], 1 << 20);
     assert_eq!(kind, ErrorKind::BadInput);
-    let parts = ["areas.wkt: its coordinate reference system is", "32633", "32632", "bring both"];
+    let parts = ["areas.wkt: its CRS is", "32633", "32632", "reproject one"];
     assert!(parts.iter().all(|part| told.contains(part)), "{told}");
     let (_, told) = refusal(&square(1.0), [unnamed(), utm(32)], 1 << 20);
-    assert!(told.contains("name it in the file"), "{told}");
+    assert!(told.contains("set it in the file"), "{told}");
     let (_, told) = refusal(&square(1.0), [utm(32), unnamed()], 1 << 20);
-    assert!(told.contains("name the system of the grid"), "{told}");
+    assert!(told.contains("set the CRS of the grid"), "{told}");
     let (kind, told) = refusal(&square(100.0), [unnamed(), unnamed()], 1 << 20);
     assert_eq!(kind, ErrorKind::BadInput);
     assert!(told.contains("areas.wkt: polygons contain no sample of the grid"), "{told}");

@@ -1,18 +1,18 @@
-//! Systems by their EPSG codes, from the definitions that come with terrane.
+//! CRS definitions by EPSG code, from the built-in dataset.
 
 use super::definition::{GeographicCrs, Horizontal};
 use super::node::CrsWktNode;
 use super::read;
 
-/// Codes of geographic systems, old and new.
+/// EPSG codes of geographic CRSs, old and new.
 const GEOGRAPHIC: [std::ops::RangeInclusive<u16>; 3] = [4001..=4999, 6310..=9999, 20_000..=20_050];
 
-/// The text of a code, as it is kept: mostly of the first kind.
+/// The stored WKT of a code, mostly WKT 1.
 pub(super) fn text(code: u32) -> Option<&'static str> {
     Some(crs_definitions::from_code(u16::try_from(code).ok()?)?.wkt)
 }
 
-/// The horizontal system of a code.
+/// The horizontal CRS of a code.
 pub(super) fn horizontal(code: u32) -> Option<Horizontal> {
     let nodes = CrsWktNode::all(text(code)?)?;
     let found = read::horizontal(nodes.first()?)?;
@@ -24,7 +24,7 @@ pub(super) fn horizontal(code: u32) -> Option<Horizontal> {
     })
 }
 
-/// The geographic system of a code.
+/// The geographic CRS of a code.
 pub(super) fn geographic(code: u32) -> Option<GeographicCrs> {
     match horizontal(code)? {
         Horizontal::Geographic(own) => Some(own),
@@ -32,7 +32,7 @@ pub(super) fn geographic(code: u32) -> Option<GeographicCrs> {
     }
 }
 
-/// A geographic system that `is` is true of; the one with the lowest code.
+/// The geographic CRS with the lowest code for which `is` holds.
 pub(super) fn geographic_with(is: impl Fn(&GeographicCrs) -> bool) -> Option<GeographicCrs> {
     let mut all = GEOGRAPHIC.into_iter().flatten().filter_map(|code| {
         let text = crs_definitions::from_code(code)?.wkt;

@@ -1,5 +1,5 @@
-//! What operations between systems are made of: the conversion from longitudes and latitudes, as PROJ
-//! spells it, the datum these are on, and what heights are.
+//! Parts of coordinate operations: the conversion from longitude and latitude in PROJ syntax, the datum, and the
+//! vertical reference.
 
 use super::definition::{CrsDefinition, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::geokeys::GeoKeys;
@@ -11,84 +11,83 @@ use super::{codes, read, vertical, wkt, write};
 use crate::error::{Error, Result};
 use crate::geom::Spheroid;
 
-/// The datum of a system, and its ellipsoid.
+/// Datum of a CRS, and its ellipsoid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Datum {
-    /// Its name, as the system has it.
+    /// Name in the CRS.
     pub name: String,
-    /// Its EPSG code, where it is known.
+    /// EPSG code, if known.
     pub code: Option<u32>,
-    /// Half of the major axis of the ellipsoid, in metres.
+    /// Semi-major axis of the ellipsoid, in metres.
     pub axis: f64,
-    /// Inverse of the flattening; 0 for a sphere.
+    /// Inverse flattening; 0 for a sphere.
     pub flattening: f64,
 }
 
-/// How positions of a system come from longitudes and latitudes from Greenwich on.
+/// Conversion of longitudes and latitudes (from Greenwich) to coordinates of a CRS.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conversion {
-    /// As PROJ spells it, without a shift to another datum.
+    /// PROJ string without a datum shift.
     pub proj: String,
-    /// What longitudes and latitudes are on.
+    /// Datum of the longitudes and latitudes.
     pub datum: Datum,
 }
 
-/// What heights of a system are.
+/// Reference surface of the heights of a CRS.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VerticalReference {
-    /// The system does not say.
+    /// Not stated.
     Unknown,
     /// Above the ellipsoid, in metres.
     Ellipsoidal,
     /// Above (or, for depths, below) a surface of a vertical datum.
     Above {
-        /// Name of the system of heights.
+        /// Name of the vertical CRS.
         name: String,
-        /// EPSG code of its datum, or else the datum's name.
+        /// EPSG code of its datum, or the name of the datum.
         datum: std::result::Result<u32, String>,
-        /// Metres in a unit.
+        /// Metres per unit.
         metres: f64,
         /// True for depths.
         is_down: bool,
     },
 }
 
-/// What is kept of a PROJ string by code: the projection, without datum and ellipsoid.
+/// Parameters kept from PROJ strings of codes: the projection, without datum and ellipsoid.
 const KEPT: [&str; 20] = [
     "proj", "lat_0", "lat_1", "lat_2", "lat_ts", "lon_0", "lonc", "alpha", "gamma", "k", "k_0",
     "x_0", "y_0", "zone", "south", "no_uoff", "units", "to_meter", "axis", "pm",
 ];
 
 impl Crs {
-    /// How positions come from longitudes and latitudes.
+    /// The conversion from longitude and latitude.
     ///
     /// # Errors
-    /// Systems that have no known place on the globe, or one that cannot be computed, by what they are.
+    /// CRSs without a position on the globe, and unsupported projections.
     pub fn conversion(&self) -> Result<Conversion> {
         if let Some(code) = self.epsg {
             return by_code(code).map_err(|error| error.at(self.label()));
         }
         let refuse = |what: &str| {
-            let remedy =
-                "name a system with a place on the globe, in the file or in a .prj beside it";
+            let remedy = "set a georeferenced CRS in the file or in a .prj file beside it";
             Err(Error::unsupported(what).at(self.label()).remedy(remedy))
         };
         match self.parts().0 {
             Some(Horizontal::Projected(own)) => own.conversion().map_err(|e| e.at(self.label())),
             Some(Horizontal::Geographic(own)) => Ok(own.conversion()),
             Some(Horizontal::Local { .. }) => {
-                refuse("a local system has no place on the globe, so nothing can be transformed")
+                refuse("a local (engineering) CRS cannot be transformed")
             }
-            None if self.is_named() => refuse("it is not known how this system is computed"),
-            None => Err(Error::bad_input("it is not known where on the globe this lies")
-                .remedy("name its reference system in the file, or in a .prj beside it")),
+            None if self.is_named() => refuse("the projection of this CRS is unknown"),
+            None => Err(Error::bad_input("CRS is missing")
+                .remedy("set the CRS in the file or in a .prj file beside it")),
         }
     }
 
-    /// The ellipsoid that positions are on, of any body; `None` where nothing is said of it.
+    /// The ellipsoid, of any body; `None` if the CRS states none.
     ///
     /// # Errors
-    /// Unsupported: something is said of it that is not known here.
+    /// Unsupported: the stated ellipsoid is unknown.
     pub fn spheroid(&self) -> Result<Option<Spheroid>> {
         let figure = match self.parts().0 {
             Some(Horizontal::Geographic(own)) => Some((own.axis, own.flattening)),
@@ -100,10 +99,9 @@ impl Crs {
             Some(Some(known)) => Ok(Some(known)),
             None if !self.tells_figure() => Ok(None),
             _ => {
-                let what = format!("the ellipsoid of {} is not known", self.label());
-                Err(Error::unsupported(what).remedy(
-                    "name the system by an EPSG code, or by well-known text with its ellipsoid",
-                ))
+                let what = format!("the ellipsoid of {} is unknown", self.label());
+                Err(Error::unsupported(what)
+                    .remedy("set the CRS as an EPSG code, or as WKT with its ellipsoid"))
             }
         }
     }
@@ -112,7 +110,7 @@ impl Crs {
         self.epsg.is_some() || self.wkt.is_some() || GeoKeys::of(self).tells_figure()
     }
 
-    /// What heights are.
+    /// The vertical reference.
     pub fn heights(&self) -> VerticalReference {
         match self.parts() {
             (_, Some(own)) => own.heights(),
@@ -123,7 +121,7 @@ impl Crs {
         }
     }
 
-    /// The same system of x and y, of values that are no heights.
+    /// The horizontal CRS alone, for values other than heights.
     #[must_use]
     pub fn without_heights(&self) -> Self {
         let heights = self.heights();
@@ -145,7 +143,7 @@ impl Crs {
         Self { vertical_epsg: None, vertical_unit: None, vertical_unit_text: None, ..plain }
     }
 
-    /// The same system of x and y with the heights of `other`, where it has none of its own.
+    /// This CRS with the vertical CRS of `other`, unless it has one.
     #[must_use]
     pub fn with_heights_of(&self, other: &Self) -> Self {
         let given = match self.heights() {
@@ -183,10 +181,8 @@ impl VerticalCrs {
 
 fn by_code(code: u32) -> Result<Conversion> {
     let unknown = || {
-        Error::unsupported(format!(
-            "the code {code} is not among the EPSG codes that terrane knows"
-        ))
-        .remedy("name another code of the system, or give its definition as well-known text")
+        Error::unsupported(format!("unknown EPSG code {code}"))
+            .remedy("set another EPSG code, or give the CRS as WKT")
     };
     let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
     let definition = definition.ok_or_else(unknown)?;
@@ -205,7 +201,7 @@ fn by_code(code: u32) -> Result<Conversion> {
         "geocent" | "" => return Err(no_place(of("proj"))),
         _ => {}
     }
-    // Web Mercator takes longitudes and latitudes of an ellipsoid for those of a sphere.
+    // Web Mercator treats longitudes and latitudes on the ellipsoid as spherical.
     let is_sphere_of_ellipsoid = definition.wkt.contains("EXTENSION[\"PROJ4\"");
     let figure = match is_sphere_of_ellipsoid {
         true => format!("+a={0} +b={0}", of("a")),
@@ -213,12 +209,12 @@ fn by_code(code: u32) -> Result<Conversion> {
     };
     let kept =
         words.clone().filter(|word| KEPT.contains(&word.split('=').next().unwrap_or_default()));
-    // The unit of degrees is none of lengths.
+    // The unit of a geographic CRS is not a length unit.
     let kept = kept.map(|word| format!("+{word}")).collect::<Vec<_>>().join(" ");
     Ok(Conversion { proj: format!("{kept} {figure}"), datum })
 }
 
-/// The datum of the system of a text, and whether its angles are in degrees.
+/// Datum of a WKT, and whether its angles are in degrees.
 fn datum(nodes: &[CrsWktNode<'_>]) -> Option<(Datum, bool)> {
     let node = read::find(nodes, &read::GEOGRAPHIC)?;
     let datum = node.child(&["DATUM", "ENSEMBLE", "TRF", "GEODETICDATUM"])?;
@@ -237,20 +233,20 @@ fn datum(nodes: &[CrsWktNode<'_>]) -> Option<(Datum, bool)> {
 
 fn no_place(kind: &str) -> Error {
     let what = match kind {
-        "geocent" => "it is of positions from the centre of the earth, not on a map",
-        _ => "it has no place on the globe that is known",
+        "geocent" => "geocentric CRSs are not supported",
+        _ => "its position on the globe is unknown",
     };
-    Error::unsupported(what).remedy("name a system of longitudes and latitudes, or of a map")
+    Error::unsupported(what).remedy("use a geographic or projected CRS")
 }
 
 fn grads() -> Error {
-    Error::unsupported("its angles are not in degrees")
-        .remedy("name a system of the same datum in degrees, or on a map")
+    Error::unsupported("angular units other than degrees are not supported")
+        .remedy("use a geographic CRS in degrees or a projected CRS on the same datum")
 }
 
 fn turned() -> Error {
-    Error::unsupported("its axes point south and west, where those of grids point east and north")
-        .remedy("name the system with axes to the east and north: EPSG:5514 for EPSG:5513")
+    Error::unsupported("axes to the south and west are not supported")
+        .remedy("use the CRS with axes to the east and north: EPSG:5514 for EPSG:5513")
 }
 
 fn faces_south(nodes: &[CrsWktNode<'_>]) -> bool {
@@ -261,7 +257,7 @@ fn faces_south(nodes: &[CrsWktNode<'_>]) -> bool {
 }
 
 impl Datum {
-    /// The ellipsoid, as PROJ spells it.
+    /// The ellipsoid in PROJ syntax.
     fn figure(&self) -> String {
         match self.flattening {
             0.0 => format!("+a={0} +b={0}", self.axis),
@@ -271,7 +267,7 @@ impl Datum {
 }
 
 impl GeographicCrs {
-    /// Its datum; known by its name where it has no code.
+    /// Its datum; looked up by name if it has no code.
     pub(super) fn to_datum(&self) -> Datum {
         let named = || codes::geographic_with(|own| own.same_figure(self) && own.same_datum(self));
         Datum {
@@ -301,9 +297,9 @@ impl Projected {
         let projection = self.method.proj(|role| self.value(role)).ok_or_else(|| {
             let name = self.method.name.replace('_', " ");
             Error::unsupported(format!(
-                "the projection {name} with these numbers cannot be computed"
+                "the projection {name} is not supported with these parameters"
             ))
-            .remedy("transform the data to another system first")
+            .remedy("reproject the data to another CRS first")
         })?;
         let [east, north] = [ProjectionParameter::Easting, ProjectionParameter::Northing]
             .map(|role| self.value(role) * self.unit.size);
@@ -323,8 +319,8 @@ impl Projected {
 }
 
 impl ProjectionMethod {
-    /// The projection, as PROJ spells it, but for the origin and the unit of x and y; `None` where
-    /// PROJ has none for these numbers.
+    /// The projection in PROJ syntax, without the origin and the unit of x and y; `None` if PROJ does not support
+    /// these parameters.
     fn proj(&self, value: impl Fn(ProjectionParameter) -> f64) -> Option<String> {
         use ProjectionParameter::{
             Azimuth, GridAngle, Latitude, Longitude, Parallel1, Parallel2, Scale,
@@ -352,7 +348,7 @@ impl ProjectionMethod {
             12 => format!("+proj=aeqd {origin}"),
             13 => format!("+proj=eqdc {origin} +lat_1={first} +lat_2={second}"),
             14 => format!("+proj=stere {origin} +k={scale}"),
-            // The latitude is that of the true scale, which is the pole's where there is a factor.
+            // The latitude is that of true scale; with a scale factor it is the pole.
             15 if is_pole || scale == 1.0 => {
                 let pole = 90.0_f64.copysign(lat);
                 format!("+proj=stere +lat_0={pole} +lat_ts={lat} +lon_0={lon} +k={scale}")
@@ -405,14 +401,14 @@ mod tests {
         let local = r#"LOCAL_CS["site",UNIT["metre",1]]"#;
         let labrd = "EPSG:8441";
         for (text, word) in [
-            ("EPSG:65000", "not among the EPSG codes"),
-            ("EPSG:70001", "not among the EPSG codes"),
-            (local, "local system"),
-            ("EPSG:4978", "centre of the earth"),
-            ("EPSG:4807", "not in degrees"),
+            ("EPSG:65000", "unknown EPSG code"),
+            ("EPSG:70001", "unknown EPSG code"),
+            (local, "a local (engineering) CRS"),
+            ("EPSG:4978", "geocentric"),
+            ("EPSG:4807", "angular units"),
             ("EPSG:5513", "south and west"),
-            ("", "name its reference system"),
-            ("some words", "not known how"),
+            ("", "CRS is missing"),
+            ("some words", "projection of this CRS is unknown"),
         ] {
             let told = of_srs(text).conversion().unwrap_err().to_string();
             assert!(told.contains(word), "{text}: {told}");

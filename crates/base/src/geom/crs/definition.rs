@@ -1,66 +1,66 @@
-//! What a reference system means, whatever dialect it came in: what two systems are compared by, and
-//! what well-known text is written from where none came along.
+//! Meaning of a CRS, independent of its notation: CRSs are compared by it, and WKT is written from it where the file
+//! had none.
 
 use super::method::{ProjectionMethod, ProjectionParameter};
 use super::unit::{LengthUnit, plain};
 
-/// A system: its horizontal part, and its vertical one where it has one.
+/// Horizontal CRS and optional vertical CRS.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct CrsDefinition {
     pub(super) horizontal: Horizontal,
     pub(super) vertical: Option<VerticalCrs>,
 }
 
-/// What x and y mean.
+/// Meaning of x and y.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Horizontal {
     Geographic(GeographicCrs),
     Projected(Projected),
-    /// Of a site, without a place on Earth.
+    /// Local (engineering) CRS without a position on the globe.
     Local {
         name: String,
         unit: LengthUnit,
     },
 }
 
-/// Longitude and latitude in degrees.
+/// Geographic CRS: longitude and latitude in degrees.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct GeographicCrs {
     pub(super) name: String,
     pub(super) code: Option<u32>,
     pub(super) datum: EpsgName,
     pub(super) ellipsoid: EpsgName,
-    /// Half of the major axis, in metres.
+    /// Semi-major axis, in metres.
     pub(super) axis: f64,
-    /// Inverse of the flattening; 0 for a sphere.
+    /// Inverse flattening; 0 for a sphere.
     pub(super) flattening: f64,
     pub(super) meridian: String,
-    /// Longitude of the meridian, from Greenwich.
+    /// Longitude of the prime meridian, from Greenwich.
     pub(super) from_greenwich: f64,
-    /// True with heights above the ellipsoid.
+    /// True if heights above the ellipsoid are included.
     pub(super) is_3d: bool,
 }
 
-/// A name, with an EPSG code where there is one.
+/// A name with an optional EPSG code.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct EpsgName {
     pub(super) name: String,
     pub(super) code: Option<u32>,
 }
 
-/// A map projection of a geographic system. Angles are in degrees, lengths in `unit`.
+/// Projected CRS. Angles are in degrees, lengths in `unit`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Projected {
     pub(super) name: String,
     pub(super) code: Option<u32>,
     pub(super) base: GeographicCrs,
     pub(super) method: &'static ProjectionMethod,
-    /// One number for each role of the method, in its order.
+    /// Parameter values in the order of the roles of the method.
     pub(super) values: Vec<f64>,
     pub(super) unit: LengthUnit,
 }
 
-/// What z means.
+/// Vertical CRS: meaning of z.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VerticalCrs {
     pub(super) name: String,
@@ -72,8 +72,7 @@ pub(super) struct VerticalCrs {
 }
 
 impl Projected {
-    /// From the numbers of a file; `None` where one is missing that the method needs, or where one is
-    /// there that it does not know and that says something.
+    /// From the parameters of a file; `None` if a required parameter is missing, or an unknown one has an effect.
     pub(super) fn new(
         (name, code): (String, Option<u32>),
         base: GeographicCrs,
@@ -98,7 +97,7 @@ impl Projected {
             return None;
         }
         let needed = |role: &ProjectionParameter| match (value(*role), role) {
-            // A grid that is not turned back further is turned back by the azimuth.
+            // Without a rectified grid angle, the angle is the azimuth.
             (None, ProjectionParameter::GridAngle) => value(ProjectionParameter::Azimuth),
             (given, role) => given.or(role.default()),
         };
@@ -106,7 +105,7 @@ impl Projected {
         Some(Self { name, code, base, method, values, unit })
     }
 
-    /// The same in another unit, which its code does not stand for.
+    /// The same in another unit; the EPSG code no longer applies.
     pub(super) fn in_unit(mut self, unit: LengthUnit) -> Self {
         let ratio = self.unit.size / unit.size;
         for (role, value) in self.method.roles.iter().zip(&mut self.values) {
@@ -126,7 +125,7 @@ impl Projected {
 }
 
 impl GeographicCrs {
-    /// Axis, flattening and meridian, compared with these slacks.
+    /// Compares axis, flattening and meridian with these tolerances.
     fn is_within(&self, other: &Self, [axis, flattening, meridian]: [f64; 3]) -> bool {
         (self.axis - other.axis).abs() < axis
             && (self.flattening - other.flattening).abs() < flattening
@@ -137,12 +136,12 @@ impl GeographicCrs {
         self.is_within(other, [1e-3, 1e-7, 1e-8])
     }
 
-    /// Codes keep their number when the dataset mends their ellipsoid or meridian by a little.
+    /// Codes are kept when the dataset slightly corrects their ellipsoid or meridian.
     fn about_same_figure(&self, other: &Self) -> bool {
         self.is_within(other, [1.0, 1e-5, 1e-2])
     }
 
-    /// By their codes, or else by the names of the datum and the system, in either dialect.
+    /// Compares codes, else names of the datum and the CRS in either notation.
     pub(super) fn same_datum(&self, other: &Self) -> bool {
         if let (Some(a), Some(b)) = (self.datum.code, other.datum.code) {
             return a == b;
@@ -155,7 +154,7 @@ impl GeographicCrs {
     }
 }
 
-/// Names of datums as programs write them, and the one they are compared by.
+/// Names of datums as programs write them, and their canonical names.
 const DATUMS: &[(&str, &str)] = &[
     ("worldgeodeticsystem1984", "wgs1984"),
     ("worldgeodeticsystem1984ensemble", "wgs1984"),
@@ -171,7 +170,7 @@ const DATUMS: &[(&str, &str)] = &[
     ("nad832011", "nad19832011"),
 ];
 
-/// The name of a datum without Esri's prefix, spelt in one way.
+/// Canonical name of a datum, without Esri's prefix.
 fn datum_name(name: &str) -> String {
     let name = name.strip_prefix("D_").or(name.strip_prefix("GCS_")).unwrap_or(name);
     let name = plain(name);
@@ -187,7 +186,7 @@ impl Horizontal {
         }
     }
 
-    /// True for one system, whatever it is called.
+    /// True for the same CRS; names are ignored.
     pub(super) fn same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Geographic(a), Self::Geographic(b)) => {
@@ -203,8 +202,8 @@ impl Horizontal {
         }
     }
 
-    /// True where the numbers say that it is not `other`, whatever it claims: another unit, another
-    /// meridian, another ellipsoid. Names and methods that cannot be compared are believed.
+    /// True if the parameters contradict `other`: another unit, meridian or ellipsoid. Names and methods that cannot
+    /// be compared are assumed equal.
     pub(super) fn contradicts(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Geographic(a), Self::Geographic(b)) => !a.about_same_figure(b),
@@ -215,7 +214,7 @@ impl Horizontal {
         }
     }
 
-    /// What tells it from others, name by name.
+    /// Properties by name, to show how two CRSs differ.
     pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
         let base = |own: &GeographicCrs| {
             vec![
@@ -243,7 +242,7 @@ impl Horizontal {
 }
 
 impl VerticalCrs {
-    /// True for one system, or where one of them is not named.
+    /// True for the same vertical CRS, or if one of them has no name.
     pub(super) fn same(&self, other: &Self) -> bool {
         let is_nameless = |own: &Self| matches!(plain(&own.datum.name).as_str(), "" | "unknown");
         let is_alike = is_nameless(self)

@@ -1,5 +1,4 @@
-//! GeoKeys to a coordinate reference system: codes, names and units; the raw keys are kept.
-//! GeoTIFF 1.1 (OGC 19-008r4) section 7.1.2.
+//! GeoKeys to CRS: codes, names and units; raw keys are kept. GeoTIFF 1.1 (OGC 19-008r4), section 7.1.2.
 
 use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::method::{ProjectionMethod, ProjectionParameter};
@@ -7,7 +6,7 @@ use super::system::{Crs, RASTER_TYPE};
 use super::unit::LengthUnit;
 use super::{codes, vertical, wkt};
 
-/// The tags that numbers and texts lie in.
+/// Tags of the double and ASCII parameters.
 const GEO_DOUBLE_PARAMS: u16 = 34_736;
 const GEO_ASCII_PARAMS: u16 = 34_737;
 const MODEL_TYPE: u16 = 1024;
@@ -30,11 +29,11 @@ const LINEAR_UNITS: u16 = 3076;
 const LINEAR_UNIT_SIZE: u16 = 3077;
 const VERTICAL_CRS: u16 = 4096;
 const VERTICAL_UNITS: u16 = 4099;
-/// The value of a key whose meaning is told by others.
+/// Key value "user-defined": other keys give the definition.
 const USER_DEFINED: u16 = 32_767;
-/// Before well-known text that stands where a name does, because the system has no code.
+/// Prefix of WKT in a citation, written for CRSs without a code.
 const ESRI_TEXT: &str = "ESRI PE String = ";
-/// The method that UTM zones are of, and what all of them have in common.
+/// Projection method of UTM zones, and their common parameters.
 const TRANSVERSE_MERCATOR: u16 = 1;
 
 /// The key directory and its parameter tags.
@@ -46,12 +45,12 @@ pub struct GeoKeys {
 }
 
 impl GeoKeys {
-    /// From the key directory and its parameters; damaged keys are skipped one by one.
+    /// From the key directory and its parameters; damaged keys are skipped.
     pub fn new(raw: Vec<u16>, doubles: Vec<f64>, ascii: String) -> Self {
         Self { raw, doubles, ascii }
     }
 
-    /// The keys that `crs` came with.
+    /// The keys of `crs`.
     pub(super) fn of(crs: &Crs) -> Self {
         Self::new(crs.geo_keys.clone(), crs.geo_doubles.clone(), crs.geo_ascii.clone())
     }
@@ -61,7 +60,7 @@ impl GeoKeys {
         self.short(RASTER_TYPE) == Some(2)
     }
 
-    /// What the keys say, with the raw keys kept. A code whose unit is overridden is no code.
+    /// The CRS with its raw keys. A code is dropped if its unit is overridden.
     pub fn into_crs(self) -> Crs {
         let geographic = self.geographic();
         let horizontal = if geographic == Some(true) { GEODETIC_CRS } else { PROJECTED_CRS };
@@ -72,7 +71,7 @@ impl GeoKeys {
             Some(text) => wkt::from_text(&text),
             None => Crs { citation: self.citation(geographic), ..Crs::default() },
         };
-        // Beside a text, keys may describe a part of it only.
+        // Beside WKT, keys may describe only a part of the CRS.
         let geographic = named.geographic.or(geographic);
         let vertical = self.vertical();
         let ellipsoidal = in_3d.map(|_| "metre".to_owned());
@@ -99,7 +98,7 @@ impl GeoKeys {
         }
     }
 
-    /// By the model type, or by which code is present.
+    /// By the model type, or by the codes present.
     fn geographic(&self) -> Option<bool> {
         match self.short(MODEL_TYPE) {
             Some(1 | 3) => Some(false),
@@ -114,8 +113,8 @@ impl GeoKeys {
         (self.short(MODEL_TYPE) == Some(3)).then(|| self.code(GEODETIC_CRS)).flatten()
     }
 
-    /// Files of latitude, longitude and ellipsoidal height put the code of the 3D system where that
-    /// of a vertical one belongs. No vertical system has a code in this range.
+    /// Files with latitude, longitude and ellipsoidal height put the code of the 3D CRS in the key of the vertical
+    /// CRS. No vertical CRS has a code in this range.
     fn geographic_3d_code(&self) -> Option<u32> {
         let code = self.code(VERTICAL_CRS).filter(|code| (4883..=4999).contains(code));
         let own = self
@@ -132,8 +131,7 @@ impl GeoKeys {
         self.short(VERTICAL_UNITS).and_then(LengthUnit::of_code)
     }
 
-    /// The vertical system, in the unit that the keys give it; one without a name where they give no
-    /// more than a unit.
+    /// The vertical CRS, in the unit of the keys; without a name if the keys state only a unit.
     pub(super) fn vertical(&self) -> Option<VerticalCrs> {
         let Some(code) = self.vertical_code() else {
             let datum = EpsgName { name: unknown(), code: None };
@@ -153,14 +151,14 @@ impl GeoKeys {
         Some(named.strip_prefix("PCS Name = ").map_or(named.clone(), str::to_owned))
     }
 
-    /// The text of a system that the keys have no words for.
+    /// WKT of a CRS that GeoKeys cannot express.
     fn esri_text(&self) -> Option<String> {
         let texts = [PROJECTED_CITATION, CITATION, GEODETIC_CITATION].map(|key| self.text(key));
         let mut texts = texts.iter().flatten();
         texts.find_map(|text| text.strip_prefix(ESRI_TEXT)).map(str::to_owned)
     }
 
-    /// True unless the keys state another unit of lengths than that of the system with `code`.
+    /// True unless the keys state another linear unit than the CRS with `code`.
     fn unit_is_that_of(&self, code: u32) -> bool {
         match (self.linear_unit(), codes::horizontal(code)) {
             (Some(unit), Some(Horizontal::Projected(known))) => known.unit.is(&unit),
@@ -178,7 +176,7 @@ impl GeoKeys {
         }
     }
 
-    /// What the keys say of x and y; `None` where that is not known.
+    /// The horizontal CRS; `None` if unknown.
     pub(super) fn horizontal(&self) -> Option<Horizontal> {
         match self.geographic() {
             Some(true) => {
@@ -221,7 +219,7 @@ impl GeoKeys {
         Projected::new((name, None), self.base()?, method, given, unit)
     }
 
-    /// The numbers of a UTM zone that the keys name instead of giving its numbers.
+    /// Parameters of a UTM zone that the keys name by code only.
     fn utm_zone(&self) -> Option<[(ProjectionParameter, f64); 4]> {
         let code = self.short(PROJECTION)?;
         let (zone, north) = match code {
@@ -237,7 +235,7 @@ impl GeoKeys {
         ])
     }
 
-    /// The geographic system: by its code, by that of its datum, or by its ellipsoid.
+    /// The geographic CRS: by its code, by the code of its datum, or by its ellipsoid.
     fn base(&self) -> Option<GeographicCrs> {
         if !self.is_in_degrees() {
             return None;
@@ -264,7 +262,7 @@ impl GeoKeys {
         own(self.figure()?)
     }
 
-    /// A system of no known datum on the ellipsoid of the keys.
+    /// A geographic CRS with an unknown datum on the ellipsoid of the keys.
     fn figure(&self) -> Option<GeographicCrs> {
         let code = self.code(ELLIPSOID);
         let known =
@@ -290,7 +288,7 @@ impl GeoKeys {
         })
     }
 
-    /// True where keys say something of the ellipsoid, known or not.
+    /// True if keys describe the ellipsoid, known or not.
     pub(super) fn tells_figure(&self) -> bool {
         let is_told = |key| self.short(key).is_some_and(|code| code != 0);
         [GEODETIC_CRS, PROJECTED_CRS, DATUM, ELLIPSOID].into_iter().any(is_told)
@@ -302,7 +300,7 @@ impl GeoKeys {
         matches!(self.short(ANGULAR_UNITS), None | Some(9102 | 9122))
     }
 
-    /// The major axis and the inverse of the flattening.
+    /// Semi-major axis and inverse flattening.
     fn axes(&self) -> Option<(f64, f64)> {
         let axis = self.double(SEMI_MAJOR_AXIS)?;
         let by_minor = |minor: f64| if minor == axis { 0.0 } else { axis / (axis - minor) };
@@ -318,7 +316,7 @@ impl GeoKeys {
         }
     }
 
-    /// The value of "name = value|" in the text of the geographic system.
+    /// The value of "name = value|" in the citation of the geographic CRS.
     fn part_of_citation(&self, name: &str) -> Option<String> {
         let text = self.text(GEODETIC_CITATION)?;
         let mut parts = text.split('|').filter_map(|part| part.split_once('='));
@@ -360,7 +358,7 @@ impl GeoKeys {
     }
 }
 
-/// What a system is called that has no name.
+/// Name of a CRS without one.
 fn unknown() -> String {
     "unknown".to_owned()
 }

@@ -1,10 +1,8 @@
-//! Projection methods: what GeoTIFF, the dialects of well-known text and people call them, and the
-//! numbers they take.
+//! Projection methods: their names in GeoTIFF, WKT and common use, and their parameters.
 
 use super::unit::plain;
 
-/// A number that a projection takes. Names differ from method to method and from dialect to dialect;
-/// what they say is one of these.
+/// A projection parameter. Names differ between methods and notations; each of them maps to one of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProjectionParameter {
     Latitude,
@@ -26,7 +24,7 @@ impl ProjectionParameter {
     pub(super) const ALL: [Self; 9] =
         [Latitude, Longitude, Parallel1, Parallel2, Azimuth, GridAngle, Scale, Easting, Northing];
 
-    /// What a file means that leaves it out; `None` where that is an error.
+    /// Value of an omitted parameter; `None` if it is required.
     pub(super) fn default(self) -> Option<f64> {
         match self {
             Latitude | Longitude | Easting | Northing => Some(0.0),
@@ -35,12 +33,12 @@ impl ProjectionParameter {
         }
     }
 
-    /// True for lengths, which are in the unit of x and y.
+    /// True for lengths, in the unit of x and y.
     pub(super) fn is_length(self) -> bool {
         matches!(self, Easting | Northing)
     }
 
-    /// How far two values of one system may lie apart: about a millimetre on the ground.
+    /// Tolerance for equal values: about a millimetre on the ground.
     pub(super) fn slack(self) -> f64 {
         match self {
             Easting | Northing => 1e-3,
@@ -49,7 +47,7 @@ impl ProjectionParameter {
         }
     }
 
-    /// GeoKeys that hold it, in any method.
+    /// GeoKeys of this parameter, in any method.
     pub(super) fn keys(self) -> &'static [u16] {
         match self {
             Latitude => &[3081, 3085, 3089],
@@ -64,7 +62,7 @@ impl ProjectionParameter {
         }
     }
 
-    /// By the name of a `PARAMETER`, in any dialect.
+    /// By the name of a `PARAMETER`, in any notation.
     pub(super) fn of_name(name: &str) -> Option<Self> {
         Some(match plain(name).as_str() {
             "latitudeoforigin"
@@ -96,7 +94,7 @@ impl ProjectionParameter {
     }
 }
 
-/// What latitude and longitude are called in the first well-known text.
+/// Names of the latitude and longitude parameters in WKT 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum CenterNaming {
     Origin,
@@ -106,14 +104,14 @@ pub(super) enum CenterNaming {
 /// A projection method.
 #[derive(Debug)]
 pub(super) struct ProjectionMethod {
-    /// Its code in a GeoTIFF.
+    /// GeoTIFF code.
     pub(super) code: u16,
-    /// Its name in the first well-known text.
+    /// Name in WKT 1.
     pub(super) name: &'static str,
-    /// Its names elsewhere, letters and digits alone.
+    /// Other names, letters and digits only.
     also: &'static [&'static str],
     centre: CenterNaming,
-    /// The numbers it takes, in the order they are written.
+    /// Parameters, in the order of writing.
     pub(super) roles: &'static [ProjectionParameter],
 }
 
@@ -124,7 +122,7 @@ impl PartialEq for ProjectionMethod {
 }
 
 impl ProjectionMethod {
-    /// What `role` is called in the first well-known text.
+    /// Name of `role` in WKT 1.
     pub(super) fn parameter(&self, role: ProjectionParameter) -> &'static str {
         match (role, self.centre) {
             (Latitude, CenterNaming::Origin) => "latitude_of_origin",
@@ -141,23 +139,23 @@ impl ProjectionMethod {
         }
     }
 
-    /// Where its one parallel is the latitude of its origin, whatever the file calls it.
+    /// True if the single standard parallel is the latitude of origin, whatever the file calls it.
     pub(super) fn is_tangent(&self) -> bool {
         matches!(self.code, 9 | 15)
     }
 
-    /// By its code in a GeoTIFF and the numbers that are there.
+    /// By the GeoTIFF code and the parameters present.
     pub(super) fn of_code(
         code: u16,
         has: impl Fn(ProjectionParameter) -> bool,
     ) -> Option<&'static Self> {
         let mut methods = METHODS.iter().filter(|method| method.code == code);
-        // Mercator has one code for both of its kinds.
+        // Mercator has one code for both variants.
         let is_alike = |method: &&Self| method.roles.contains(&Parallel1) == has(Parallel1);
         methods.clone().find(is_alike).or_else(|| methods.next())
     }
 
-    /// By its name in well-known text and the numbers that are there.
+    /// By the WKT name and the parameters present.
     pub(super) fn of_name(
         name: &str,
         has: impl Fn(ProjectionParameter) -> bool,
@@ -165,7 +163,7 @@ impl ProjectionMethod {
         let name = plain(name);
         let method = |code| Self::of_code(code, &has);
         match name.as_str() {
-            // Esri has one name for both kinds of each.
+            // Esri has one name for both variants of each.
             "lambertconformalconic" if has(Parallel2) => method(8),
             "lambertconformalconic" => method(9),
             "mercator" => method(7),

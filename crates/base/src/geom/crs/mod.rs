@@ -1,13 +1,11 @@
-//! A coordinate reference system, carried from input to output: the definition as it was given, and
-//! what it means.
+//! Coordinate reference systems, carried from input to output: the definition of the file, and its meaning.
 //!
-//! **What is written is what came**, where the format can hold it: GeoKeys to TIFFs, text to `.prj`
-//! files, FlatGeobuf and GeoJSON; otherwise the first kind of well-known text is made from the meaning,
-//! because every reader knows it. A code counts only where nothing overrides it, so a text or keys with
-//! other units than their code's have none. One table has the projection methods, with their names and
-//! numbers in all dialects; a method, or a number of one, that is not in it is never guessed: the system
-//! is then compared by what the files say, carried as it came, and where that is impossible a note tells.
-//! Vertical systems by code are in a table of all EPSG ones, as text needs their units.
+//! **The definition of the file is written** where the format can store it: GeoKeys in TIFF, WKT in `.prj` files,
+//! FlatGeobuf and GeoJSON. Otherwise WKT 1 is made from the meaning, because every reader supports it. A code counts
+//! only if nothing overrides it; WKT or keys with another unit than their code have none. One table lists the
+//! projection methods with their names and parameters in all notations. Methods and parameters outside this table are
+//! never guessed: such a CRS is compared by its text and carried unchanged, or a note says that it is lost. Vertical
+//! CRSs by code are in a table of the EPSG dataset, because WKT needs their units.
 
 mod codes;
 mod conversion;
@@ -35,19 +33,20 @@ pub use conversion::{Conversion, Datum, VerticalReference};
 pub use geokeys::GeoKeys;
 pub use system::Crs;
 
-/// Whether the system of an EPSG code is of latitude and longitude; `None` where the code is unknown.
+/// Whether the CRS of an EPSG code is geographic; `None` if the code is unknown.
 pub fn is_geographic(code: u32) -> Option<bool> {
-    // The text may be bound to another system, which comes after its own.
+    // The WKT may be a bound CRS, whose target follows the source.
     Some(wkt::from_text(codes::text(code)?).geographic == Some(true))
 }
 
-/// Metres in the unit of length that people call `name`; `None` where it is not known.
+/// Metres in the length unit called `name`; `None` if unknown.
 pub fn metres_in(name: &str) -> Option<f64> {
     LengthUnit::named(name).map(|unit| unit.size)
 }
 
 impl Crs {
-    /// One line for people and for mesh comments: "EPSG:32611 (WGS 84 / UTM zone 11N)".
+    /// One line for messages and mesh comments: "EPSG:32611 (WGS 84
+    /// UTM zone 11N)".
     pub fn label(&self) -> String {
         let vertical = self.vertical_epsg.map(|code| format!("+{code}")).unwrap_or_default();
         match (self.epsg, &self.citation) {
@@ -59,7 +58,7 @@ impl Crs {
         }
     }
 
-    /// What a system is called that has no name of its own.
+    /// Label of a CRS without a name.
     fn own_name(&self) -> String {
         let (horizontal, _) = self.parts();
         match horizontal {
@@ -80,7 +79,7 @@ impl Crs {
         }
     }
 
-    /// The same for reports: "units" when unknown.
+    /// Like [`horizontal_unit`](Self::horizontal_unit), but "units" when unknown.
     pub fn horizontal_units(&self) -> &'static str {
         match self.horizontal_unit() {
             "unit" => "units",
@@ -88,7 +87,7 @@ impl Crs {
         }
     }
 
-    /// Metres in one unit of x and y; `None` for degrees, and where nothing is known of it.
+    /// Metres per unit of x and y; `None` for degrees and unknown units.
     pub fn horizontal_metres(&self) -> Option<f64> {
         match self.across()? {
             AxisUnit::Degrees => None,
@@ -96,7 +95,7 @@ impl Crs {
         }
     }
 
-    /// Metres in one unit of z; `None` where nothing is known of it.
+    /// Metres per unit of z; `None` if unknown.
     pub fn vertical_metres(&self) -> Option<f64> {
         let name = self.heights_unit();
         if let Some(known) = name.and_then(LengthUnit::named) {
@@ -106,7 +105,7 @@ impl Crs {
         name.is_none_or(|name| name == own.name).then_some(own.size)
     }
 
-    /// What x and y are counted in, by the text, or else by the keys, or else by the code.
+    /// Unit of x and y, from the WKT, else the keys, else the code.
     fn across(&self) -> Option<AxisUnit> {
         if self.geographic == Some(true) {
             return Some(AxisUnit::Degrees);
@@ -117,7 +116,7 @@ impl Crs {
             .or_else(|| self.epsg.and_then(codes::text).and_then(read::across))
     }
 
-    /// What it means: x and y, and z.
+    /// Horizontal and vertical CRS.
     fn parts(&self) -> (Option<Horizontal>, Option<VerticalCrs>) {
         let (by_text, up_by_text) = self.wkt.as_deref().map(read::parts).unwrap_or_default();
         let keys = GeoKeys::of(self);
@@ -131,7 +130,7 @@ impl Crs {
         (horizontal, vertical.map(|own| self.in_unit_of_heights(own)))
     }
 
-    /// Heights may be in another unit than their system says, which its code does not stand for.
+    /// Replaces the unit of the vertical CRS if heights are in another one; its code then no longer applies.
     fn in_unit_of_heights(&self, vertical: VerticalCrs) -> VerticalCrs {
         let unit = self.vertical_unit.as_deref().and_then(LengthUnit::named);
         match unit.filter(|unit| !unit.is(&vertical.unit)) {
@@ -140,8 +139,8 @@ impl Crs {
         }
     }
 
-    /// The system as well-known text: as it was given, or else as its keys or its code say, in the
-    /// first kind where that can say it. `None` where nothing is known that could be written.
+    /// WKT of the CRS: as given, else from its keys or code, as WKT 1 where possible. `None` if nothing can be
+    /// written.
     pub fn to_wkt(&self) -> Option<String> {
         let (horizontal, vertical) = self.parts();
         let given = self.wkt.as_deref().map(str::trim).filter(|text| !text.is_empty());
@@ -157,23 +156,21 @@ impl Crs {
         }
     }
 
-    /// What well-known text cannot say of it, in a sentence for people.
+    /// A message on what WKT cannot express, if anything.
     pub fn lost_in_wkt(&self) -> Option<String> {
         let label = self.label();
         match self.to_wkt() {
-            None if self.is_named() => {
-                Some(format!("the CRS ({label}) is of a kind that cannot be written as text"))
-            }
+            None if self.is_named() => Some(format!("the CRS ({label}) cannot be written as WKT")),
             Some(text) if self.has_vertical() && read::parts(&text).1.is_none() => {
                 let code = self.vertical_epsg.map(|code| format!(" EPSG:{code}"));
                 let code = code.unwrap_or_default();
-                Some(format!("the vertical system{code} is not known and cannot be written"))
+                Some(format!("the vertical CRS{code} is unknown and cannot be written as WKT"))
             }
             _ => None,
         }
     }
 
-    /// True where [`to_wkt`](Self::to_wkt) says what z is in.
+    /// True if [`to_wkt`](Self::to_wkt) states the unit of z.
     pub fn wkt_has_heights(&self) -> bool {
         self.to_wkt().is_some_and(|text| wkt::from_text(&text).vertical_unit.is_some())
     }
@@ -182,7 +179,7 @@ impl Crs {
         self.vertical_epsg.is_some() || GeoKeys::of(self).vertical().is_some()
     }
 
-    /// True where the text of a `.prj` file says what is known of this system, and no more.
+    /// True if the text of a `.prj` file describes this CRS completely.
     pub fn is_said_by(&self, text: &str) -> bool {
         let found = wkt::from_text(text.trim());
         let is_as_high = found.parts().1.is_some() == self.parts().1.is_some();
@@ -192,7 +189,7 @@ impl Crs {
                 && found.horizontal_unit() == self.horizontal_unit())
     }
 
-    /// Whether two systems are one, as far as the files tell.
+    /// Whether two CRSs are the same, as far as the files state.
     pub fn agrees(&self, other: &Self) -> bool {
         if self == other {
             return true;
@@ -215,8 +212,7 @@ impl Crs {
             }
     }
 
-    /// Whether two systems are known to be different ones: by their codes, or by the numbers of their definitions.
-    /// Names that are spelled in another way tell nothing.
+    /// Whether two CRSs certainly differ, by their codes or parameters. Different names prove nothing.
     pub fn is_surely_another(&self, other: &Self) -> bool {
         let (mine, theirs) = (self.parts(), other.parts());
         let is_another = match (self.epsg, other.epsg, &mine.0, &theirs.0) {
@@ -230,33 +226,33 @@ impl Crs {
         is_another || matches!(heights, (Some(a), Some(b)) if a != b)
     }
 
-    /// Fails unless a file with `what` is in the system of this grid, as far as both tell.
+    /// Fails unless a file of `what` has the CRS of this grid, as far as both state one.
     pub fn check_same(&self, other: &Self, what: &str) -> Result<()> {
         self.check_same_of("grid", other, what)
     }
 
-    /// The same of a `whole` that need be no grid.
+    /// Like [`check_same`](Self::check_same), for a `whole` other than a grid.
     pub fn check_same_of(&self, whole: &str, other: &Self, what: &str) -> Result<()> {
         if self.agrees(other) {
             return Ok(());
         }
         let [own, others] = self.told_apart(other);
         let remedy = match (self.is_named(), other.is_named()) {
-            (true, true) => "bring both into one system".to_owned(),
+            (true, true) => "reproject one of them".to_owned(),
             (true, false) => {
-                format!("if it is that of the {whole}, name it in the file or in a .prj beside it")
+                format!(
+                    "if its CRS is that of the {whole}, set it in the file or in a .prj file beside it"
+                )
             }
             _ => format!(
-                "name the system of the {whole}, or write the {what} as WKT, which need not name any"
+                "set the CRS of the {whole}, or write the {what} as WKT geometry without a CRS"
             ),
         };
-        let message = format!(
-            "its coordinate reference system is {others}, and that of the {whole} is {own}"
-        );
+        let message = format!("its CRS is {others}, the CRS of the {whole} is {own}");
         Err(Error::bad_input(message).remedy(remedy))
     }
 
-    /// The names of two systems that do not agree, with what tells them apart where the names do not.
+    /// Labels of two different CRSs, with the differing properties if the labels are equal.
     pub fn told_apart(&self, other: &Self) -> [String; 2] {
         let labels = [self.label(), other.label()];
         if labels[0] != labels[1] {
@@ -282,7 +278,7 @@ impl Crs {
     }
 }
 
-/// True for names that programs give to systems without one.
+/// True for placeholder names that programs write.
 fn is_nameless(name: &str) -> bool {
     ["unknown", "unnamed", "undefined"].contains(&name.to_lowercase().as_str())
 }
@@ -371,7 +367,7 @@ mod tests {
         }
     }
 
-    /// One system in the dialects of GDAL, of Esri, of the second kind, and of heights in feet.
+    /// One CRS in the notations of GDAL, Esri and WKT 2, and with heights in feet.
     const DIALECTS: [&str; 3] = [
         r#"PROJCS["a",GEOGCS["NAD83",DATUM["North_American_Datum_1983",SPHEROID["GRS 1980",6378137,298.257222101004]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic_2SP"],PARAMETER["latitude_of_origin",39.5],PARAMETER["central_meridian",-100],PARAMETER["standard_parallel_1",40],PARAMETER["standard_parallel_2",43],PARAMETER["false_easting",1640416.66666667],PARAMETER["false_northing",0],UNIT["US survey foot",0.304800609601219],AXIS["X",EAST],AXIS["Y",NORTH]]"#,
         r#"PROJCS["b",GEOGCS["GCS_North_American_1983",DATUM["D_North_American_1983",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic"],PARAMETER["False_Easting",1640416.666666667],PARAMETER["False_Northing",0.0],PARAMETER["Scale_Factor",1.0],PARAMETER["Central_Meridian",-100.0],PARAMETER["Standard_Parallel_1",40.0],PARAMETER["Standard_Parallel_2",43.0],PARAMETER["Latitude_Of_Origin",39.5],UNIT["Foot_US",0.3048006096012192]]"#,

@@ -1,31 +1,31 @@
-//! Well-known text as a tree: `KEYWORD["text",1,WORD,KEYWORD[...]]`, in any of its dialects.
+//! WKT as a tree: `KEYWORD["text",1,WORD,KEYWORD[...]]`, in any version.
 
-/// Deepest nesting that is read: a compound system bound to another needs nine.
+/// Maximum nesting; a compound bound CRS needs nine levels.
 const DEEPEST: u32 = 32;
 
-/// A keyword and what is in its brackets.
+/// A keyword and its arguments in brackets.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct CrsWktNode<'a> {
     pub(super) keyword: &'a str,
     pub(super) values: Vec<CrsWktValue<'a>>,
-    /// All of it, as it was written.
+    /// Source text of the node.
     pub(super) text: &'a str,
 }
 
-/// One of the things in brackets.
+/// An argument in brackets.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum CrsWktValue<'a> {
-    /// In quotation marks; two of them stand for one.
+    /// Quoted text; a doubled quotation mark is escaped.
     Text(String),
     Number(f64),
-    /// A name without quotation marks, such as the direction of an axis.
+    /// Unquoted word, such as the direction of an axis.
     Word(&'a str),
     Node(CrsWktNode<'a>),
 }
 
 impl<'a> CrsWktNode<'a> {
-    /// The nodes of `text`, side by side: Esri puts a vertical system after the horizontal one.
-    /// `None` where the text is no well-known text.
+    /// The root nodes of `text`: Esri writes the vertical CRS after the horizontal one. `None` if the text is not
+    /// WKT.
     pub(super) fn all(text: &'a str) -> Option<Vec<Self>> {
         let mut pen = CrsWktParser { text, at: 0 };
         let mut nodes = Vec::new();
@@ -44,7 +44,7 @@ impl<'a> CrsWktNode<'a> {
         keywords.iter().any(|known| self.keyword.eq_ignore_ascii_case(known))
     }
 
-    /// The first text.
+    /// The first quoted text.
     pub(super) fn name(&self) -> &str {
         self.texts().next().unwrap_or_default()
     }
@@ -56,7 +56,7 @@ impl<'a> CrsWktNode<'a> {
         })
     }
 
-    /// The number at `place` among the numbers.
+    /// The number at index `place` among the numbers.
     pub(super) fn number(&self, place: usize) -> Option<f64> {
         let numbers = self.values.iter().filter_map(|value| match value {
             CrsWktValue::Number(number) => Some(*number),
@@ -77,7 +77,7 @@ impl<'a> CrsWktNode<'a> {
         self.children().find(|child| child.is(keywords))
     }
 
-    /// The first node with one of `keywords`: this one, a child, a child's child.
+    /// The first node with one of `keywords`, in depth-first order from this node.
     pub(super) fn find(&self, keywords: &[&str]) -> Option<&CrsWktNode<'a>> {
         match self.is(keywords) {
             true => Some(self),
@@ -85,13 +85,13 @@ impl<'a> CrsWktNode<'a> {
         }
     }
 
-    /// The words of a node, such as UP.
+    /// True if the node has this word, such as UP.
     pub(super) fn has_word(&self, word: &str) -> bool {
         let is = |value: &CrsWktValue<'_>| matches!(value, CrsWktValue::Word(w) if w.eq_ignore_ascii_case(word));
         self.values.iter().any(is)
     }
 
-    /// The EPSG code that an `AUTHORITY` or `ID` of its own gives it.
+    /// The EPSG code of its own `AUTHORITY` or `ID`.
     pub(super) fn code(&self) -> Option<u32> {
         let ids = self.children().filter(|child| child.is(&["AUTHORITY", "ID"]));
         let codes = ids.filter(|id| id.name().eq_ignore_ascii_case("EPSG")).filter_map(|id| {
@@ -117,7 +117,7 @@ impl<'a> CrsWktParser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    /// Passes over `wanted`, if it comes next.
+    /// Consumes `wanted` if it is next.
     fn takes(&mut self, wanted: char) -> bool {
         self.skip_space();
         let is_next = self.rest().starts_with(wanted);
@@ -125,7 +125,7 @@ impl<'a> CrsWktParser<'a> {
         is_next
     }
 
-    // Nested no deeper than `DEEPEST`.
+    // At most `DEEPEST` levels.
     fn value(&mut self, depth: u32) -> Option<CrsWktValue<'a>> {
         if self.takes('"') {
             return self.quoted().map(CrsWktValue::Text);
@@ -167,7 +167,7 @@ impl<'a> CrsWktParser<'a> {
         }
     }
 
-    /// Text up to the mark that ends it, behind the one that opened it.
+    /// Text up to the closing quotation mark.
     fn quoted(&mut self) -> Option<String> {
         let mut text = String::new();
         loop {

@@ -1,4 +1,4 @@
-//! The meaning of the nodes of well-known text, in any dialect.
+//! Meaning of WKT nodes, in any version.
 
 use super::definition::{EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs};
 use super::method::{ProjectionMethod, ProjectionParameter};
@@ -6,27 +6,27 @@ use super::node::CrsWktNode;
 use super::unit::LengthUnit;
 use super::vertical;
 
-/// Keywords of systems of longitude and latitude.
+/// Keywords of geographic CRSs.
 pub(super) const GEOGRAPHIC: [&str; 7] =
     ["GEOGCS", "GEOGCRS", "GEODCRS", "GEOGRAPHICCRS", "GEODETICCRS", "BASEGEOGCRS", "BASEGEODCRS"];
-/// Keywords of projected systems.
+/// Keywords of projected CRSs.
 pub(super) const PROJECTED: [&str; 3] = ["PROJCS", "PROJCRS", "PROJECTEDCRS"];
-/// Keywords of systems without a place on Earth.
+/// Keywords of local (engineering) CRSs.
 pub(super) const LOCAL: [&str; 3] = ["LOCAL_CS", "ENGCRS", "ENGINEERINGCRS"];
-/// Keywords of vertical systems.
+/// Keywords of vertical CRSs.
 pub(super) const VERTICAL: [&str; 4] = ["VERT_CS", "VERTCS", "VERTCRS", "VERTICALCRS"];
 const LENGTHS: [&str; 2] = ["UNIT", "LENGTHUNIT"];
 const ANGLES: [&str; 2] = ["UNIT", "ANGLEUNIT"];
 /// A degree in radians.
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// What x and y are counted in.
+/// Unit of x and y.
 pub(super) enum AxisUnit {
     Degrees,
     Length(LengthUnit),
 }
 
-/// The first of these nodes, or of those within them, that has one of these keywords.
+/// The first node with one of these keywords, among these nodes and their descendants.
 pub(super) fn find<'n, 'a>(
     nodes: &'n [CrsWktNode<'a>],
     keywords: &[&str],
@@ -34,29 +34,29 @@ pub(super) fn find<'n, 'a>(
     nodes.iter().find_map(|node| node.find(keywords))
 }
 
-/// The node of the system of x and y.
+/// The node of the horizontal CRS.
 pub(super) fn horizontal_in<'n, 'a>(nodes: &'n [CrsWktNode<'a>]) -> Option<&'n CrsWktNode<'a>> {
     find(nodes, &[&GEOGRAPHIC[..], &PROJECTED, &LOCAL].concat())
 }
 
-/// True for x, y and z from the centre of the Earth.
+/// True for geocentric CRSs.
 pub(super) fn is_geocentric(node: &CrsWktNode<'_>) -> bool {
     node.child(&["CS"]).is_some_and(|system| system.has_word("Cartesian"))
 }
 
-/// What a text says of x and y, and of z, as far as it can be told.
+/// Horizontal and vertical CRS of a WKT, as far as known.
 pub(super) fn parts(text: &str) -> (Option<Horizontal>, Option<VerticalCrs>) {
     let nodes = CrsWktNode::all(text).unwrap_or_default();
     (horizontal_in(&nodes).and_then(horizontal), find(&nodes, &VERTICAL).and_then(vertical))
 }
 
-/// True for text of the first kind, which readers of `.prj` files know.
+/// True for WKT 1, which readers of `.prj` files expect.
 pub(super) fn is_first_kind(text: &str) -> bool {
     let keyword = text.split(['[', '(']).next().unwrap_or_default().trim().to_uppercase();
     ["GEOGCS", "PROJCS", "LOCAL_CS", "COMPD_CS", "GEOCCS"].contains(&keyword.as_str())
 }
 
-/// What x and y of a text are counted in.
+/// Unit of x and y of a WKT.
 pub(super) fn across(text: &str) -> Option<AxisUnit> {
     let nodes = CrsWktNode::all(text)?;
     let node = horizontal_in(&nodes)?;
@@ -66,7 +66,7 @@ pub(super) fn across(text: &str) -> Option<AxisUnit> {
     }
 }
 
-/// What the node of a horizontal system, or of one that holds one, means.
+/// Meaning of the node of a horizontal CRS, or of a node that contains one.
 pub(super) fn horizontal(node: &CrsWktNode<'_>) -> Option<Horizontal> {
     let node = horizontal_in(std::slice::from_ref(node))?;
     if node.is(&PROJECTED) {
@@ -104,19 +104,19 @@ pub(super) fn geographic(node: &CrsWktNode<'_>) -> Option<GeographicCrs> {
     })
 }
 
-/// True unless angles are in something else, such as grads.
+/// True unless angles are in another unit, such as grads.
 pub(super) fn is_in_degrees(node: &CrsWktNode<'_>) -> bool {
     let own = node.child(&ANGLES);
     let unit = own.or_else(|| node.child(&["AXIS"])?.child(&ANGLES));
     unit.and_then(|unit| unit.number(0)).is_none_or(|size| (size / DEGREE - 1.0).abs() < 1e-9)
 }
 
-/// The number of a node, in its own unit where it has one: times `scale` then.
+/// The number of a node, times `scale` if the node has its own unit.
 pub(super) fn number(node: &CrsWktNode<'_>, scale: f64) -> Option<f64> {
     let value = node.number(0)?;
     let unit = node.child(&["ANGLEUNIT", "LENGTHUNIT", "SCALEUNIT", "UNIT"]);
     let ratio = unit.and_then(|unit| unit.number(0)).map_or(1.0, |size| size * scale);
-    // Units are rounded: of the same one the number is left alone.
+    // Sizes of units are rounded: for the same unit the number is unchanged.
     Some(if (ratio - 1.0).abs() < 1e-9 { value } else { value * ratio })
 }
 
@@ -143,13 +143,13 @@ fn projected(node: &CrsWktNode<'_>) -> Option<Projected> {
     Projected::new((node.name().to_owned(), node.code()), base, method, value, unit)
 }
 
-/// The unit of lengths of a system: its own, or that of its first axis.
+/// Length unit of a CRS: its own, or the unit of its first axis.
 fn length(node: &CrsWktNode<'_>) -> Option<LengthUnit> {
     let unit = node.child(&LENGTHS).or_else(|| node.child(&["AXIS"])?.child(&LENGTHS))?;
     LengthUnit::of_node(unit)
 }
 
-/// What the node of a vertical system means.
+/// Meaning of the node of a vertical CRS.
 pub(super) fn vertical(node: &CrsWktNode<'_>) -> Option<VerticalCrs> {
     let known = node.code().and_then(vertical::by_code);
     let datum = ["VERT_DATUM", "VDATUM", "VRF", "VERTICALDATUM", "DATUM", "ENSEMBLE"];

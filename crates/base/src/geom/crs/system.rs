@@ -1,29 +1,27 @@
-//! A coordinate reference system as found in a file.
+//! The CRS of a file.
 
 use super::unit::plain;
 use serde::{Deserialize, Serialize};
 
-/// GeoKey of what raster positions mean: maps account for it.
+/// GeoKey of the raster type (PixelIsArea, PixelIsPoint); [`Affine`](crate::geom::Affine) accounts for it.
 pub(super) const RASTER_TYPE: u16 = 1025;
 
-/// A coordinate reference system as found in a file. Equality is of what the file said; whether two
-/// are one system is for [`agrees`](Crs::agrees) to tell.
+/// The CRS of a file. Equality compares the definitions; [`agrees`](Crs::agrees) compares their meaning.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Crs {
-    /// EPSG code of the horizontal system, where it is that system: none where units are overridden.
+    /// EPSG code of the horizontal CRS; `None` if units are overridden.
     pub epsg: Option<u32>,
-    /// EPSG code of the vertical system, likewise.
+    /// EPSG code of the vertical CRS; `None` if units are overridden.
     pub vertical_epsg: Option<u32>,
     /// Human-readable name (GeoTIFF citation, first name of a WKT).
     pub citation: Option<String>,
-    /// Well-known text, where the file had it (a `.prj` sidecar).
+    /// WKT, if the file had it (a `.prj` sidecar).
     pub wkt: Option<String>,
     /// True for latitude/longitude.
     pub geographic: Option<bool>,
-    /// Unit of z, when the file says it ("metre", "foot", ...).
+    /// Unit of z, if stated ("metre", "foot", ...).
     pub vertical_unit: Option<String>,
-    /// The unit of z as the file spells it ("m", "METERS"), so that a copy spells it alike; `None`
-    /// where `vertical_unit` is that spelling.
+    /// Unit of z as spelled in the file ("m", "METERS"), for exact copies; `None` if equal to `vertical_unit`.
     pub vertical_unit_text: Option<String>,
     /// Raw GeoKeyDirectory (tag 34735), kept so that a GeoTIFF copy carries it unchanged.
     pub geo_keys: Vec<u16>,
@@ -34,12 +32,12 @@ pub struct Crs {
 }
 
 impl Crs {
-    /// Unit of z by the name that it was given; `None` where it has none.
+    /// Name of the unit of z; `None` if not stated.
     pub fn heights_unit(&self) -> Option<&str> {
         self.vertical_unit.as_deref().map(str::trim).filter(|unit| !unit.is_empty())
     }
 
-    /// The same in what the files say, where it is not known what that means.
+    /// Compares the texts of two definitions whose meaning is unknown.
     pub(super) fn says_the_same(&self, other: &Self) -> bool {
         if !self.geo_keys.is_empty() && !other.geo_keys.is_empty() {
             return self.keys().eq(other.keys())
@@ -51,7 +49,7 @@ impl Crs {
             && (&self.citation, self.geographic) == (&other.citation, other.geographic)
     }
 
-    /// The GeoKeys that hold their value, but for what raster positions mean.
+    /// The GeoKeys with inline values, except the raster type.
     pub(super) fn keys(&self) -> impl Iterator<Item = &[u16]> {
         let entries = self.geo_keys.get(4..).unwrap_or_default().chunks_exact(4);
         entries.filter(|entry| entry[0] != RASTER_TYPE && entry[1] == 0)
@@ -62,7 +60,7 @@ impl Crs {
         *self == Self::default()
     }
 
-    /// True when the file says where on Earth x and y are, or at least what they are called.
+    /// True if the file states a CRS, or at least a name of one.
     pub fn is_named(&self) -> bool {
         self.epsg.is_some()
             || self.vertical_epsg.is_some()

@@ -1,12 +1,12 @@
-//! Units of length, by their names, EPSG codes and sizes.
+//! Length units by name, EPSG code and size.
 
 use super::node::{CrsWktNode, quoted};
 
-/// A unit of length.
+/// A length unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LengthUnit {
     pub(super) name: String,
-    /// In metres.
+    /// Size in metres.
     pub(super) size: f64,
 }
 
@@ -29,7 +29,7 @@ const KNOWN: &[(u16, &str, f64, &[&str])] = &[
     (9095, "British foot (1936)", 0.304_800_749_1, &["footbritish1936"]),
 ];
 
-/// How far two sizes of one unit may lie apart: feet differ by two millionths.
+/// Tolerance for equal sizes; kinds of feet differ by two millionths.
 const SLACK: f64 = 1e-7;
 
 impl LengthUnit {
@@ -42,7 +42,7 @@ impl LengthUnit {
         Some(Self { name: (*name).to_owned(), size: *size })
     }
 
-    /// By a name that people or files use.
+    /// By a common name.
     pub(super) fn named(name: &str) -> Option<Self> {
         let plain = plain(name);
         let is = |known: &&(u16, &str, f64, &[&str])| {
@@ -51,11 +51,11 @@ impl LengthUnit {
         KNOWN.iter().find(is).and_then(|known| Self::of_code(known.0))
     }
 
-    /// Of a node with a name and a size.
+    /// From a node with a name and a size.
     pub(super) fn of_node(node: &CrsWktNode<'_>) -> Option<Self> {
         let size = node.number(0).filter(|size| *size > 0.0)?;
         let by_size = KNOWN.iter().find(|known| same(known.2, size)).map(|known| known.0);
-        // "Foot_US" is often given the size of a foot, and a foot that of a US survey foot.
+        // "Foot_US" often has the size of the international foot, and vice versa.
         match (Self::named(node.name()), by_size.and_then(Self::of_code)) {
             (Some(named), Some(sized)) if named.name == "US survey foot" || sized.is(&named) => {
                 Some(named)
@@ -65,12 +65,12 @@ impl LengthUnit {
         }
     }
 
-    /// The name, where it is a common one.
+    /// The name, if it is a common one.
     pub(super) fn common_name(&self) -> Option<&'static str> {
         KNOWN[..5].iter().map(|known| known.1).find(|name| *name == self.name)
     }
 
-    /// True for units of one size.
+    /// True for units of equal size.
     pub(super) fn is(&self, other: &Self) -> bool {
         same(self.size, other.size)
     }
@@ -86,7 +86,7 @@ fn same(a: f64, b: f64) -> bool {
     (a - b).abs() <= SLACK * b
 }
 
-/// Letters and digits alone, in lower case.
+/// Letters and digits only, in lower case.
 pub(super) fn plain(name: &str) -> String {
     name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
 }

@@ -1,13 +1,13 @@
-//! Vertical systems and their datums by EPSG codes.
+//! Vertical CRSs and their datums by EPSG code.
 
 use super::definition::{EpsgName, VerticalCrs};
 use super::unit::{LengthUnit, plain};
 
-/// All vertical systems of the EPSG dataset: code, code of the unit, direction, code of the datum,
-/// name, and name of the datum.
+/// All vertical CRSs of the EPSG dataset: code, code of the unit, direction, code of the datum, name, and name of the
+/// datum.
 const VERTICAL: &str = include_str!("vertical.tsv");
 
-/// The vertical system of a code.
+/// The vertical CRS of a code.
 pub(super) fn by_code(code: u32) -> Option<VerticalCrs> {
     let number = code.to_string();
     let mut rows = VERTICAL.lines().map(|line| line.split('\t').collect::<Vec<_>>());
@@ -22,7 +22,7 @@ pub(super) fn by_code(code: u32) -> Option<VerticalCrs> {
     })
 }
 
-/// The code of a vertical datum that is called so.
+/// The code of the vertical datum with this name.
 pub(super) fn datum_code(name: &str) -> Option<u32> {
     let named = plain(name);
     let mut rows = VERTICAL.lines().map(|line| line.split('\t').collect::<Vec<_>>());

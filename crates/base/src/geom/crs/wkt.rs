@@ -1,4 +1,4 @@
-//! Systems from well-known text, and from names of codes.
+//! CRSs from WKT and from names of codes.
 
 use super::definition::Horizontal;
 use super::node::CrsWktNode;
@@ -6,10 +6,10 @@ use super::read::{GEOGRAPHIC, LOCAL, PROJECTED, VERTICAL, find, horizontal_in, i
 use super::system::Crs;
 use super::{codes, read, vertical};
 
-/// Keywords of systems that hold others or are none of these.
+/// Keywords of compound, bound and other CRSs.
 const OTHER: [&str; 4] = ["COMPD_CS", "COMPOUNDCRS", "BOUNDCRS", "GEOCCS"];
 
-/// From well-known text; other text (the old "Projection UTM" form) becomes the name alone.
+/// From WKT; other text (the old "Projection UTM" form) becomes the name only.
 pub fn from_text(text: &str) -> Crs {
     let keyword = text.split(['[', '(']).next().unwrap_or_default().trim();
     let mut known = GEOGRAPHIC.iter().chain(&PROJECTED).chain(&LOCAL).chain(&OTHER);
@@ -52,8 +52,7 @@ pub fn from_text(text: &str) -> Crs {
     }
 }
 
-/// From well-known text, or from a name such as "EPSG:4326" or "EPSG:6339+6360"; unknown where the
-/// text is empty.
+/// From WKT, or from a name such as "EPSG:4326" or "EPSG:6339+6360"; unknown if the text is empty.
 pub fn of_srs(text: &str) -> Crs {
     match codes_in(text) {
         Some((code, None)) => of_code(code),
@@ -76,7 +75,7 @@ pub fn with_codes(text: &str) -> String {
     }
 }
 
-/// The codes of a system, of x and y and of z.
+/// Codes of the horizontal and the vertical CRS.
 fn codes_in(text: &str) -> Option<(u32, Option<u32>)> {
     let (name, codes) = text.split_once(':')?;
     let code = |text: &str| text.trim().parse().ok();
@@ -90,7 +89,7 @@ fn codes_in(text: &str) -> Option<(u32, Option<u32>)> {
     }
 }
 
-/// The system of a code, with what is known of it. The code of a compound one stands for both.
+/// The CRS of a code. A compound code stands for both parts.
 pub(super) fn of_code(code: u32) -> Crs {
     let known = codes::text(code).map_or_else(Crs::default, from_text);
     match (known.epsg, known.vertical_epsg) {
@@ -99,13 +98,13 @@ pub(super) fn of_code(code: u32) -> Crs {
     }
 }
 
-/// The systems of two codes, of x and y and of z.
+/// The compound CRS of a horizontal and a vertical code.
 pub(super) fn of_codes(code: u32, vertical: u32) -> Crs {
     let unit = vertical::by_code(vertical).map(|known| known.unit.name);
     Crs { vertical_epsg: Some(vertical), vertical_unit: unit, ..of_code(code) }
 }
 
-/// Codes of the names ESRI writes without a code.
+/// Codes of the names that Esri writes without a code.
 fn esri_code(name: &str) -> Option<u32> {
     match name {
         "GCS_WGS_1984" => return Some(4326),

@@ -1,4 +1,4 @@
-//! Definitions as well-known text of the first kind, which every reader of `.prj` files knows.
+//! CRS definitions as WKT 1, which every reader of `.prj` files supports.
 
 use super::definition::{
     CrsDefinition, EpsgName, GeographicCrs, Horizontal, Projected, VerticalCrs,
@@ -19,7 +19,7 @@ impl CrsDefinition {
     }
 }
 
-/// A horizontal system, given as text, with a vertical one.
+/// A compound CRS of a horizontal WKT and a vertical CRS.
 pub(super) fn compound(name: &str, horizontal: &str, vertical: &VerticalCrs) -> String {
     let name = quoted(&format!("{name} + {}", vertical.name));
     format!("COMPD_CS[{name},{horizontal},{}]", vertical.wkt())
@@ -52,7 +52,7 @@ impl GeographicCrs {
         let datum = self.datum.wkt("DATUM", &ellipsoid);
         let meridian = format!("PRIMEM[{},{}]", quoted(&self.meridian), self.from_greenwich);
         let degree = "UNIT[\"degree\",0.0174532925199433,AUTHORITY[\"EPSG\",\"9122\"]]";
-        // Esri's word for heights above the ellipsoid; GDAL and PROJ know it.
+        // Esri's keyword for ellipsoidal heights; GDAL and PROJ support it.
         let up = if self.is_3d { ",LINUNIT[\"metre\",1]" } else { "" };
         let (name, code) = (quoted(&self.name), authority(self.code));
         format!("GEOGCS[{name},{datum},{meridian},{degree}{up}{code}]")
@@ -78,7 +78,7 @@ impl Projected {
         )
     }
 
-    /// South-orientated and polar systems have axes of their own, which readers know by the method.
+    /// Axes of south-orientated and polar CRSs; readers know them by the method.
     fn axes(&self) -> &'static str {
         match self.method.code {
             15 | 27 => "",

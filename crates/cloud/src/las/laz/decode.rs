@@ -1,9 +1,9 @@
-//! Decoding of chunks and streams: bytes and a number of points go in, fields of points come out,
-//! some thousand at a time, so that memory is bounded whatever a file claims.
+//! Decoding of chunks and streams: bytes and a number of points in, fields of points out, in blocks of some thousand,
+//! so that memory is bounded whatever a file states.
 //!
-//! No byte of a stream is under a checksum, and a damaged one goes on yielding points that look like
-//! points. What tells is its end: encoders leave it in one of few states, at the last byte, and a
-//! stream that was read wrongly anywhere hardly ever gets there.
+//! Streams have no checksum, and a damaged one continues to yield plausible points. Damage is detected at the end of
+//! a stream: encoders leave it in one of few states, at the last byte, and a wrongly decoded stream hardly ever ends
+//! there.
 
 use crate::lazip::{
     self, ChunkStream, CompressedChunk, DecodedFields, FieldSelection, LazDecoder, UnchunkedStream,
@@ -13,22 +13,22 @@ use terrane_files::RawFile;
 
 use super::{LazCompressor, LazLayout, layers};
 
-/// Points that are decoded before they are handed on, and most bytes of their records.
+/// Maximum points of a block, and bytes of their records.
 const BLOCK: u64 = 8192;
 const BLOCK_BYTES: usize = 1 << 20;
-/// Bytes of a stream that are at hand, as long as it has so many.
+/// Bytes of the window of a stream, unless the stream is shorter.
 const WINDOW: usize = 1 << 20;
-/// More symbols than a point has beside a byte for each of its record's, and bytes of each.
+/// Maximum symbols of a point in addition to one for each byte of its record, and bytes of a symbol.
 const MOST_SYMBOLS: usize = 128;
 const MOST_SYMBOL_BYTES: usize = 3;
 
-/// What was found at the end, or what is wrong and nothing told before.
+/// The result, or a description of the damage.
 pub(crate) type Decoded<T> = Result<std::result::Result<T, String>>;
 
-/// What takes blocks of points.
+/// Consumer of blocks of points.
 type Each<'a> = dyn FnMut(&DecodedFields) -> Result<()> + 'a;
 
-/// A decoder and its room, to be used again and again.
+/// A decoder with its buffers, reused between chunks.
 #[derive(Default)]
 pub(crate) struct ChunkDecoder {
     decoder: LazDecoder,
@@ -37,10 +37,10 @@ pub(crate) struct ChunkDecoder {
 }
 
 impl ChunkDecoder {
-    /// Decodes a chunk of `count` points. Fields that are not wanted hold anything.
+    /// Decodes a chunk of `count` points. Unselected fields have arbitrary values.
     ///
     /// # Errors
-    /// Whatever `each` returns.
+    /// Errors of `each`.
     pub(crate) fn chunk(
         &mut self,
         layout: &LazLayout,
@@ -62,11 +62,11 @@ impl ChunkDecoder {
         }
     }
 
-    /// Decodes the `count` points of the stream that begins at byte `at` of `file`; returns the bytes
-    /// it takes. Fields that are not wanted hold anything.
+    /// Decodes the `count` points of the stream at byte `at` of `file`; returns its length in bytes. Unselected
+    /// fields have arbitrary values.
     ///
     /// # Errors
-    /// Whatever `each` returns, and a file that cannot be read.
+    /// Errors of `each` and of reading.
     pub(crate) fn stream(
         &mut self,
         layout: &LazLayout,
@@ -100,27 +100,27 @@ impl ChunkDecoder {
     }
 }
 
-/// Points whose records are decoded before they are handed on.
+/// Number of points of a block with records.
 fn records_at_once(layout: &LazLayout) -> u64 {
     (BLOCK_BYTES / layout.record.max(1)).clamp(1, BLOCK as usize) as u64
 }
 
-/// Points that a full window holds, whatever they are.
+/// Number of points that a full window certainly holds.
 fn points_at_once(layout: &LazLayout) -> u64 {
     let most_bytes = MOST_SYMBOL_BYTES * (MOST_SYMBOLS + layout.record);
     (WINDOW / most_bytes).max(1).min(BLOCK as usize) as u64
 }
 
-/// The part of a stream that is at hand.
+/// A window of a stream.
 struct LazStreamWindow<'a> {
     file: &'a RawFile,
-    /// Place in the file of the end of `bytes`.
+    /// Offset in the file of the end of `bytes`.
     end: u64,
     bytes: &'a mut Vec<u8>,
 }
 
 impl LazStreamWindow<'_> {
-    /// Reads on until the window is full or the file ends.
+    /// Reads until the window is full or the file ends.
     fn fill(&mut self) -> Result<()> {
         let there = self.bytes.len();
         let more = (self.file.size() - self.end).min(WINDOW.saturating_sub(there) as u64);
@@ -147,7 +147,7 @@ impl LazStreamWindow<'_> {
     }
 }
 
-/// Hands on `count` points of a chunk, so many at a time.
+/// Passes on `count` points of a chunk in blocks.
 fn go(
     mut stream: ChunkStream<'_, '_>,
     (count, block): (u64, u64),
@@ -166,22 +166,22 @@ fn go(
     }
     Ok(match stream.end() {
         Ok(0) => Ok(()),
-        Ok(bytes) => Err(format!("{bytes} bytes follow its last point")),
+        Ok(bytes) => Err(format!("{bytes} bytes follow the last point")),
         Err(what) => Err(what.to_string()),
     })
 }
 
-/// Its layers must lie in the chunk, and its points be those that the file claims.
+/// Checks that the layers lie in the chunk, and that the number of points matches the file.
 fn check(layout: &LazLayout, bytes: &[u8], count: u64) -> std::result::Result<(), String> {
     if (bytes.len() as u64) < layers::head_bytes(layout) {
-        return Err(format!("its {} bytes do not hold its head", bytes.len()));
+        return Err(format!("{} bytes are too short for the chunk header", bytes.len()));
     }
     let (points, claimed) = layers::claims(layout, bytes);
     if claimed > bytes.len() as u64 {
-        return Err(format!("its layers claim {claimed} of its {} bytes", bytes.len()));
+        return Err(format!("the layers state {claimed} bytes, the chunk has {}", bytes.len()));
     }
     if points != count {
-        return Err(format!("it claims {points} points, and the file {count} for it"));
+        return Err(format!("the chunk states {points} points, expected {count}"));
     }
     Ok(())
 }

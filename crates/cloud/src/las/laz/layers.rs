@@ -1,15 +1,15 @@
-//! The head of a layered chunk: its first point, how many points it has, and the bytes of each layer.
+//! The header of a layered chunk: first point, number of points, and bytes of each layer.
 
 use crate::las::bytes::LasHeaderBytes;
 
 use super::LazLayout;
 
-/// Bytes of the head.
+/// Bytes of the header.
 pub(super) fn head_bytes(layout: &LazLayout) -> u64 {
     (layout.record + 4 + 4 * layout.layers) as u64
 }
 
-/// Points that a chunk claims to have, and bytes with its head.
+/// Stated number of points of a chunk, and its bytes with the header.
 pub(super) fn claims(layout: &LazLayout, head: &[u8]) -> (u64, u64) {
     let b = LasHeaderBytes(head);
     let points = b.u32(layout.record);

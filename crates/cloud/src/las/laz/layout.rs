@@ -1,4 +1,4 @@
-//! The LASzip record: which compressor wrote the points, in chunks of how many, field by field.
+//! The LASzip VLR: compressor, chunk size and items.
 
 use laz::{LazItemType, LazVlr};
 
@@ -7,15 +7,15 @@ use crate::las::header::LasHeader;
 use crate::lazip::{LaszipItem, LaszipSchema};
 use terrane_base::error::{Error, Result};
 
-/// Bytes before the items, and of an item.
+/// Bytes before the items, and bytes of an item.
 const HEAD_BYTES: usize = 34;
 const ITEM_BYTES: usize = 6;
-/// Most items: a point, its time, colours, waves and extra bytes.
+/// Maximum number of items: point, time, colours, waveform packet and extra bytes.
 const MOST_ITEMS: usize = 8;
-/// Chunk sizes that say that the chunk table has the number of points of each chunk.
+/// Chunk sizes for chunks of variable size, whose numbers of points are in the chunk table.
 const VARIABLE: [u32; 2] = [0, u32::MAX];
 
-/// How points are compressed.
+/// Compressor type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LazCompressor {
     /// All points in one stream.
@@ -27,7 +27,7 @@ pub(crate) enum LazCompressor {
 }
 
 impl LazCompressor {
-    /// For people.
+    /// Name for people.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Stream => "point by point in one stream",
@@ -37,22 +37,22 @@ impl LazCompressor {
     }
 }
 
-/// What a decoder must know of a file.
+/// Compression parameters of a file.
 #[derive(Clone, Debug)]
 pub(crate) struct LazLayout {
     pub(crate) compressor: LazCompressor,
-    /// Points of each chunk but the last one; `None` where the chunk table has them.
+    /// Points of each chunk but the last; `None` if they are in the chunk table.
     pub(crate) chunk_points: Option<u32>,
     /// Bytes of a decompressed point.
     pub(crate) record: usize,
     /// Streams of a layered chunk.
     pub(super) layers: usize,
-    /// For the decoder.
+    /// Schema for the decoder.
     pub(super) schema: LaszipSchema,
 }
 
 impl LazLayout {
-    /// From the data of the LASzip record of a file with this header.
+    /// From the data of the LASzip VLR of a file with this header.
     pub(crate) fn parse(data: &[u8], header: &LasHeader) -> Result<Self> {
         let b = LasHeaderBytes(data);
         let compressor = match (b.u16(0), b.u16(2)) {
@@ -60,7 +60,7 @@ impl LazLayout {
             (2, 0) => LazCompressor::Chunks,
             (3, 0) => LazCompressor::Layers,
             (kind, coder) => {
-                let message = format!("compressor {kind} with coder {coder} is not known");
+                let message = format!("unknown compressor {kind} with coder {coder}");
                 return Err(unsupported(message));
             }
         };
@@ -72,7 +72,7 @@ impl LazLayout {
     }
 }
 
-/// Fails where the decoder does not know an item, by its name.
+/// Fails if the decoder does not support an item.
 fn schema(items: &[[u16; 3]]) -> Result<LaszipSchema> {
     let item = |[kind, size, version]: &[u16; 3]| LaszipItem {
         kind: *kind,
@@ -80,15 +80,15 @@ fn schema(items: &[[u16; 3]]) -> Result<LaszipSchema> {
         version: *version,
     };
     LaszipSchema::new(&items.iter().map(item).collect::<Vec<_>>())
-        .map_err(|item| unsupported(format!("its compression of {item}, is not known")))
+        .map_err(|item| unsupported(format!("unknown compression of {item}")))
 }
 
 fn unsupported(what: String) -> Error {
     Error::unsupported(what).remedy("decompress it with laszip first")
 }
 
-/// Kind, bytes and version of each item. Fails unless they are those of the header's point format, in
-/// this order, all of versions that belong to the compressor.
+/// Type, bytes and version of each item. Fails unless the items match the point format of the header, in order, with
+/// versions of the compressor.
 fn items(
     b: LasHeaderBytes<'_>,
     len: usize,
@@ -97,26 +97,26 @@ fn items(
 ) -> Result<Vec<[u16; 3]>> {
     let count = usize::from(b.u16(32));
     if count == 0 || count > MOST_ITEMS || HEAD_BYTES + count * ITEM_BYTES > len {
-        return Err(damaged(format!("{count} items in {len} bytes")));
+        return Err(damaged(format!("{count} items do not fit into {len} bytes")));
     }
     let items: Vec<[u16; 3]> = (0..count)
         .map(|i| [0, 2, 4].map(|field| b.u16(HEAD_BYTES + i * ITEM_BYTES + field)))
         .collect();
     let kinds: Vec<[u16; 2]> = items.iter().map(|[kind, bytes, _]| [*kind, *bytes]).collect();
     if kinds != expected(header) {
-        return Err(damaged(format!("its items are not those of point format {}", header.format)));
+        return Err(damaged(format!("the items do not match point format {}", header.format)));
     }
     let versions = if compressor == LazCompressor::Layers { 3..=4 } else { 1..=2 };
     let version = items[0][2];
-    // Waves have had no second version.
+    // Waveform items have no second version.
     let is_odd = |[kind, _, v]: &[u16; 3]| *v != version && !(*kind == 9 && *v == 1);
     if !versions.contains(&version) || items.iter().any(is_odd) {
-        return Err(unsupported(format!("items of version {version} are not known")));
+        return Err(unsupported(format!("unknown item version {version}")));
     }
     Ok(items)
 }
 
-/// Kind and bytes of the items of a point format.
+/// Type and bytes of the items of a point format.
 fn expected(header: &LasHeader) -> Vec<[u16; 2]> {
     let (point, time, colour, wave) = ([6, 20], [7, 8], [8, 6], [9, 29]);
     let (point14, colour14, nir14, wave14) = ([10, 30], [11, 6], [12, 8], [13, 29]);
@@ -150,5 +150,5 @@ fn layers(kind: LazItemType) -> usize {
 }
 
 fn damaged(what: String) -> Error {
-    Error::bad_input(format!("the LASzip record is damaged: {what}")).remedy("copy the file again")
+    Error::bad_input(format!("the LASzip VLR is damaged: {what}")).remedy("copy the file again")
 }

@@ -1,5 +1,5 @@
-//! Compressed points (LAZ): how they are laid out in a file, checked against its length before any
-//! decoder sees them, and decoding chunk by chunk.
+//! Compressed points (LAZ): their layout in a file, checked against its length before decoding, and decoding chunk by
+//! chunk.
 
 mod decode;
 mod layers;

@@ -1,5 +1,4 @@
-//! The chunk table of a LAZ file, checked entry by entry against the file's length, and what can be
-//! known of the chunks where there is none.
+//! The chunk table of a LAZ file, checked entry by entry against the file length, and recovery of chunks without it.
 
 use std::io::Cursor;
 
@@ -14,15 +13,15 @@ use terrane_files::RawFile;
 
 use super::{ChunkDecoder, LazCompressor, LazLayout, layers};
 
-/// Bytes of the table's place, before the first chunk and, where that could not be written later, at
-/// the file's end.
+/// Bytes of the offset of the table, before the first chunk or, if it could not be written later, at the end of the
+/// file.
 const POINTER_BYTES: u64 = 8;
 /// Bytes of the table's version and number of entries.
 const HEAD_BYTES: u64 = 8;
-/// Most bytes of an entry, by far: two numbers of at most 32 bits and their lengths.
+/// Generous maximum bytes of an entry: two numbers of at most 32 bits and their lengths.
 const MOST_ENTRY_BYTES: u64 = 16;
 
-/// An independently compressed run of points.
+/// A run of points that is compressed independently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LazChunk {
     pub(crate) at: u64,
@@ -33,22 +32,22 @@ pub(crate) struct LazChunk {
 /// The chunks of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum LazChunkTable {
-    /// Each on its own.
+    /// Independent chunks.
     Chunks(Vec<LazChunk>),
     /// All points in one stream.
     Stream(LazChunk),
 }
 
-/// What else is found.
+/// Further findings.
 #[derive(Default)]
 pub(crate) struct LazTableFindings {
-    /// What is odd.
+    /// A note.
     pub(crate) note: Option<String>,
-    /// Points that the table has room for, beyond those that the header claims.
+    /// Possible points of the table beyond those of the header.
     pub(crate) more: u64,
 }
 
-/// The table of `file`; with `salvage`, what can be made out without it where it is damaged.
+/// The table of `file`; with `salvage`, chunks are recovered without a damaged table.
 pub(crate) fn read(
     file: &RawFile,
     header: &LasHeader,
@@ -69,13 +68,13 @@ pub(crate) fn read(
         Ok((chunks, more)) => {
             Ok((LazChunkTable::Chunks(chunks), LazTableFindings { note: None, more }))
         }
-        // Without points there need not be any.
+        // Without points a table is optional.
         Err(_) if header.count == 0 => {
             Ok((LazChunkTable::Chunks(Vec::new()), LazTableFindings::default()))
         }
         Err(missing) if salvage || missing.is_unfinished => {
             let table = without(file, header, layout, first)?;
-            let note = format!("{}; chunks were found without it", missing.what);
+            let note = format!("{}; chunks were located without it", missing.what);
             Ok((table, LazTableFindings { note: Some(note), more: 0 }))
         }
         Err(missing) => Err(Error::bad_input(missing.what)
@@ -83,10 +82,10 @@ pub(crate) fn read(
     }
 }
 
-/// Why there is no table.
+/// Why the table is missing.
 struct MissingChunkTable {
     what: String,
-    /// The writer did not come to it; nothing is damaged.
+    /// The writer was interrupted; nothing is damaged.
     is_unfinished: bool,
 }
 
@@ -94,7 +93,7 @@ fn missing(what: impl Into<String>) -> MissingChunkTable {
     MissingChunkTable { what: what.into(), is_unfinished: false }
 }
 
-/// The table's place: before the first chunk, or at the file's end.
+/// Offset of the table: before the first chunk, or at the end of the file.
 fn place(file: &RawFile, first: u64) -> std::result::Result<u64, MissingChunkTable> {
     let at = |offset: u64| {
         let bytes = file.read_vec(offset, POINTER_BYTES).ok()?;
@@ -112,14 +111,13 @@ fn place(file: &RawFile, first: u64) -> std::result::Result<u64, MissingChunkTab
     match place.checked_add(HEAD_BYTES) {
         Some(end) if end <= file.size() => Ok(place),
         _ => Err(missing(format!(
-            "file is truncated: its chunk table is said to be at byte {place}, and it ends at {}",
+            "file is truncated: the chunk table offset is {place}, the file ends at byte {}",
             file.size()
         ))),
     }
 }
 
-/// The entries, which lie in the file one after the other from `first` on and hold all points; and how many more there
-/// is room for.
+/// The entries, which are consecutive from `first` and hold all points; and the number of possible further points.
 fn entries(
     file: &RawFile,
     header: &LasHeader,
@@ -133,7 +131,9 @@ fn entries(
     // A chunk begins with a whole point.
     let most = (place - first) / layout.record.max(1) as u64 + 1;
     if version != 0 || count > most {
-        return Err(missing(format!("the chunk table claims {count} chunks, version {version}")));
+        return Err(missing(format!(
+            "the chunk table is invalid: {count} chunks, version {version}"
+        )));
     }
     let bytes = (count * MOST_ENTRY_BYTES + MOST_ENTRY_BYTES).min(file.size() - place - HEAD_BYTES);
     let packed = file.read_vec(place + HEAD_BYTES, bytes).map_err(unreadable)?;
@@ -142,7 +142,7 @@ fn entries(
     placed(&sizes, header.count, layout, first..place)
 }
 
-/// Points, where they are known, and bytes of each chunk.
+/// Number of points, if stored, and bytes of each chunk.
 fn unpack(packed: &[u8], count: u64, has_points: bool) -> Option<Vec<(u32, u32)>> {
     if count == 0 {
         return Some(Vec::new());
@@ -174,7 +174,7 @@ fn placed(
         let bytes = u64::from(*bytes);
         if bytes > room.end - at {
             return Err(missing(format!(
-                "the chunk table claims {bytes} bytes for chunk {number}, where {} are left",
+                "the chunk table states {bytes} bytes for chunk {number}, {} are left",
                 room.end - at
             )));
         }
@@ -190,17 +190,16 @@ fn placed(
     }
     if at < room.end {
         let (has, bytes) = (at - room.start, room.end - room.start);
-        return Err(missing(format!("the chunk table has {has} of {bytes} bytes of points")));
+        return Err(missing(format!("the chunk table covers {has} of {bytes} bytes of points")));
     }
     if left > 0 {
         let has = count - left;
-        return Err(missing(format!("the chunk table has {has} of {count} points")));
+        return Err(missing(format!("the chunk table covers {has} of {count} points")));
     }
     Ok((chunks, more))
 }
 
-/// The chunks of a file without a table: layered ones tell their own lengths, and where others end is
-/// known when they are decoded.
+/// The chunks of a file without a table: layered ones state their lengths, others are decoded to find their ends.
 fn without(
     file: &RawFile,
     header: &LasHeader,
@@ -212,14 +211,14 @@ fn without(
         (LazCompressor::Layers, _) => walk(file, header, layout, first)?,
         (_, Some(full)) => follow(file, layout, (first, header.count, full))?,
         (_, None) => {
-            let what = "without its chunk table, the chunks of this file cannot be told apart";
+            let what = "chunks of variable size cannot be located without the chunk table";
             return Err(Error::bad_input(what).remedy("copy the file again"));
         }
     };
     Ok(LazChunkTable::Chunks(chunks))
 }
 
-/// Chunks of `full` points from byte `at` on, decoded to their ends, up to the first that has none.
+/// Chunks of `full` points from byte `at`, decoded to their ends, up to the first damaged one.
 fn follow(
     file: &RawFile,
     layout: &LazLayout,
@@ -238,7 +237,7 @@ fn follow(
     Ok(chunks)
 }
 
-/// Layered chunks by their own heads, as far as they are whole.
+/// Layered chunks by their headers, as far as they are complete.
 fn walk(
     file: &RawFile,
     header: &LasHeader,

@@ -1,20 +1,20 @@
-//! Elements of so many bytes, such as positions: blocks of up to 256 of them, the differences of each byte
-//! from that of the element before, in groups of 16 that take 0, 2, 4 or 8 bits each.
+//! Elements of fixed size, such as positions: blocks of up to 256 elements, with differences of each byte to the
+//! previous element, in groups of 16 with 0, 2, 4 or 8 bits each.
 
 use super::stream::{MeshoptCodec, MeshoptWindow};
 use terrane_base::error::{Error, Result};
 
 const HEADER: u8 = 0xa0;
 const GROUP: usize = 16;
-/// Bytes of a block and elements of one, at the most.
+/// Maximum bytes and elements of a block.
 const BLOCK_BYTES: usize = 8192;
 const BLOCK_ELEMENTS: usize = 256;
 const TAIL_BYTES: usize = 32;
-/// Bits of a difference by the two bits that stand for a group. What does not fit into 2 or 4 of them is
-/// marked, by all of them set, and follows behind.
+/// Bits of a difference by the two-bit code of a group. A difference that does not fit into 2 or 4 bits is marked by
+/// all bits set and stored after the group.
 const BITS: [usize; 4] = [0, 2, 4, 8];
 
-/// Elements of a block of elements of `stride` bytes.
+/// Elements per block for elements of `stride` bytes.
 const fn block_elements(stride: usize) -> usize {
     let most = BLOCK_BYTES / stride / GROUP * GROUP;
     if most < BLOCK_ELEMENTS { most } else { BLOCK_ELEMENTS }
@@ -23,11 +23,11 @@ const fn block_elements(stride: usize) -> usize {
 /// Writes one stream of elements.
 pub(crate) struct MeshoptAttributeWriter {
     stride: usize,
-    /// The first of all; empty until it is known.
+    /// The first element; empty until known.
     first: Vec<u8>,
-    /// The last one of the blocks written.
+    /// The last element of the written blocks.
     last: Vec<u8>,
-    /// Elements of the block to come.
+    /// Elements of the next block.
     waiting: Vec<u8>,
 }
 
@@ -37,7 +37,7 @@ impl MeshoptAttributeWriter {
         Self { stride, first: Vec::new(), last: Vec::new(), waiting: Vec::new() }
     }
 
-    /// Adds elements; what is complete goes to `out`.
+    /// Adds elements; complete blocks go to `out`.
     pub(crate) fn push(&mut self, elements: &[u8], out: &mut Vec<u8>) {
         if self.first.is_empty() && !elements.is_empty() {
             self.first = elements[..self.stride].to_vec();
@@ -53,7 +53,7 @@ impl MeshoptAttributeWriter {
         }
     }
 
-    /// Writes what is left. Of no elements there is no stream.
+    /// Writes the remaining elements. Without elements there is no stream.
     pub(crate) fn complete(&mut self, out: &mut Vec<u8>) {
         if self.first.is_empty() {
             return;
@@ -84,7 +84,7 @@ impl MeshoptAttributeWriter {
     }
 }
 
-/// Small differences either way as small numbers.
+/// Zigzag encoding of differences.
 fn folded(difference: u8) -> u8 {
     difference << 1 ^ if difference & 0x80 == 0 { 0 } else { 0xff }
 }
@@ -93,7 +93,7 @@ fn unfolded(code: u8) -> u8 {
     code >> 1 ^ (code & 1).wrapping_neg()
 }
 
-/// The groups of one byte of the elements: first two bits for each, then what each takes.
+/// Groups of one byte of the elements: two-bit codes first, then the data.
 fn write_groups(codes: &[u8], out: &mut Vec<u8>) {
     let groups = codes.len() / GROUP;
     let head = out.len();
@@ -106,7 +106,7 @@ fn write_groups(codes: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Bytes of a group at so many bits; more than any other way where it cannot be written so.
+/// Bytes of a group with this bit width; a huge value if it does not fit.
 fn group_bytes(codes: &[u8], bits: usize) -> usize {
     let marked = |mark: u8| codes.iter().filter(|code| **code >= mark).count();
     match bits {
@@ -116,7 +116,7 @@ fn group_bytes(codes: &[u8], bits: usize) -> usize {
     }
 }
 
-/// What stands for a code that does not fit into so many bits.
+/// Marker of a difference that does not fit into these bits.
 fn mark(bits: usize) -> u8 {
     (1 << bits) - 1
 }
@@ -137,7 +137,7 @@ fn write_group(codes: &[u8], bits: usize, out: &mut Vec<u8>) {
 
 /// Reads a stream of elements.
 pub(crate) struct MeshoptAttributeReader {
-    /// Where the stream begins in the file, and its last element.
+    /// Offset of the stream, and its last element.
     start: u64,
     end: u64,
     stride: usize,
@@ -145,36 +145,36 @@ pub(crate) struct MeshoptAttributeReader {
     first: Vec<u8>,
 }
 
-/// A place between two blocks.
+/// A position between two blocks.
 #[derive(Clone)]
 pub(crate) struct MeshoptAttributeCursor {
     element: u64,
     offset: u64,
-    /// The element before.
+    /// The previous element.
     last: Vec<u8>,
 }
 
 impl MeshoptAttributeReader {
-    /// The stream of `count` elements of `stride` bytes at `start`, of `bytes`.
+    /// The stream of `count` elements of `stride` bytes at `start`, with `bytes` bytes.
     pub(crate) fn new(
         window: &mut MeshoptWindow<'_>,
         (start, bytes): (u64, u64),
         (stride, count): (usize, u64),
     ) -> Result<Self> {
         if !(4..=256).contains(&stride) || !stride.is_multiple_of(4) {
-            return Err(bad(format!("has elements of {stride} bytes")));
+            return Err(bad(format!("has an invalid stride of {stride} bytes")));
         }
         let tail = TAIL_BYTES.max(stride) as u64;
-        // A byte of differences has two bits for each group, at the least.
+        // A byte plane has at least two bits for each group.
         let block = block_elements(stride);
         let of = |elements: u64| elements.div_ceil(GROUP as u64).div_ceil(4) * stride as u64;
         let least = (count / block as u64).checked_mul(of(block as u64));
         let least = least.and_then(|b| b.checked_add(of(count % block as u64) + 1 + tail));
         if least.is_none_or(|least| bytes < least) {
-            return Err(bad(format!("has {bytes} bytes for {count} elements")));
+            return Err(bad(format!("has only {bytes} bytes for {count} elements")));
         }
         if window.bytes(start, 1)? != [HEADER] {
-            return Err(bad("is of a kind or version that is not known"));
+            return Err(bad("has an unknown type or version"));
         }
         let end = start + bytes - tail;
         let first = window.bytes(end + tail - stride as u64, stride)?.to_vec();
@@ -235,7 +235,7 @@ impl MeshoptCodec for MeshoptAttributeReader {
         place.last.copy_from_slice(&out[(elements - 1) * self.stride..]);
         place.element += elements as u64;
         if place.element == self.count && place.offset != self.end {
-            return Err(bad(format!("has {} bytes too many", self.end - place.offset)));
+            return Err(bad(format!("has {} surplus bytes", self.end - place.offset)));
         }
         Ok(())
     }
@@ -251,14 +251,14 @@ impl MeshoptAttributeReader {
         to: &mut [u8],
     ) -> Result<()> {
         if place.offset + count as u64 > self.end {
-            return Err(bad("ends within an element"));
+            return Err(bad("is truncated"));
         }
         to.copy_from_slice(window.bytes(place.offset, count)?);
         place.offset += count as u64;
         Ok(())
     }
 
-    /// The next group.
+    /// Reads the next group.
     fn group(
         &self,
         place: &mut MeshoptAttributeCursor,

@@ -1,6 +1,6 @@
-//! The codecs of the glTF extension EXT_meshopt_compression, written and read out of core: attributes of
-//! vertices, and corners of triangles. Both are exact; a triangle may begin with another of its corners.
-//! The bitstreams are those of the extension's specification (Khronos, 2021).
+//! Out-of-core codecs of the glTF extension EXT_meshopt_compression, for vertex attributes and triangle indices. Both
+//! are lossless; the first corner of a triangle may change. The bitstreams follow the extension's specification
+//! (Khronos, 2021).
 
 pub(super) mod attributes;
 pub(super) mod stream;
@@ -9,5 +9,5 @@ pub(super) mod triangles;
 #[cfg(test)]
 mod tests;
 
-/// The extension's name.
+/// Name of the extension.
 pub(super) const NAME: &str = "EXT_meshopt_compression";

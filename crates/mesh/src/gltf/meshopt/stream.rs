@@ -1,5 +1,5 @@
-//! Compressed streams read at any element: places to begin at are remembered as they are passed, in bounded
-//! memory, and so are those where reading ended, as it mostly goes on there.
+//! Random access to compressed streams: positions between blocks are recorded in bounded memory, and positions where
+//! reading ended, as it mostly continues there.
 
 use std::sync::Mutex;
 
@@ -7,34 +7,34 @@ use crate::input::MeshFile;
 use terrane_base::error::Result;
 use terrane_files::lock;
 
-/// Places remembered of one stream, at the most.
+/// Maximum recorded positions of a stream.
 const MOST_MARKS: u64 = 1 << 12;
-/// Places where reading ended.
+/// Maximum recorded ends of reading.
 const MOST_ENDS: usize = 16;
 /// Bytes read at a time.
 const WINDOW_BYTES: u64 = 64 << 10;
 
-/// A kind of stream that is decoded in steps of so many elements, of which the last may have fewer.
+/// A codec that decodes a fixed number of elements per step; the last step may have fewer.
 pub(crate) trait MeshoptCodec {
-    /// All that is known between two steps.
+    /// Decoder state between two steps.
     type Place: Clone;
 
-    /// Before the first element.
+    /// State before the first element.
     fn start(&self) -> Self::Place;
 
-    /// The element that comes next.
+    /// Index of the next element.
     fn index(&self, place: &Self::Place) -> u64;
 
-    /// Elements in all.
+    /// Total number of elements.
     fn count(&self) -> u64;
 
-    /// Elements of a step.
+    /// Elements per step.
     fn step_elements(&self) -> u64;
 
     /// Bytes of an element.
     fn element_bytes(&self) -> usize;
 
-    /// Decodes the next elements, of which there are some.
+    /// Decodes the next elements; there is at least one.
     fn step(
         &self,
         place: &mut Self::Place,
@@ -43,11 +43,11 @@ pub(crate) trait MeshoptCodec {
     ) -> Result<()>;
 }
 
-/// A stream and what is remembered of it.
+/// A stream and its recorded positions.
 pub(crate) struct MeshoptStream<C: MeshoptCodec> {
     codec: C,
     known: Mutex<MeshoptCheckpoints<C::Place>>,
-    /// Steps from one remembered place to the next.
+    /// Steps between recorded positions.
     stride: u64,
 }
 
@@ -71,7 +71,7 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         }
     }
 
-    /// Hands `each` the bytes of elements `first .. first + count`, which there are, by number from 0.
+    /// Passes the bytes of elements `first .. first + count` to `each`, numbered from 0; the elements must exist.
     pub(crate) fn read(
         &self,
         input: &MeshFile,
@@ -83,7 +83,7 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         let mut window = MeshoptWindow::new(input);
         let mut place = self.before(first);
         let mut elements = Vec::new();
-        // Where the next reader will begin.
+        // The next reader will probably begin here.
         let mut resume = place.clone();
         while codec.index(&place) < end {
             resume.clone_from(&place);
@@ -107,7 +107,7 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
         Ok(())
     }
 
-    /// The last place known at or before an element.
+    /// The last recorded position at or before an element.
     fn before(&self, wanted: u64) -> C::Place {
         let known = lock(&self.known);
         let at = (wanted / self.codec.step_elements() / self.stride) as usize;
@@ -133,11 +133,11 @@ impl<C: MeshoptCodec> MeshoptStream<C> {
     }
 }
 
-/// A part of a file, held while it is read from front to back, or from two places in turn.
+/// Windows of a file for sequential reading at one or two places in turn.
 pub(crate) struct MeshoptWindow<'a> {
     input: &'a MeshFile,
     parts: [(u64, Vec<u8>); 2],
-    /// The part used last.
+    /// The window used last.
     latest: usize,
 }
 
@@ -146,7 +146,7 @@ impl<'a> MeshoptWindow<'a> {
         Self { input, parts: [(0, Vec::new()), (0, Vec::new())], latest: 0 }
     }
 
-    /// So many bytes from `offset` on, fewer than a window has, and inside the file.
+    /// `count` bytes from `offset`, fewer than a window and inside the file.
     pub(crate) fn bytes(&mut self, offset: u64, count: usize) -> Result<&[u8]> {
         let holds = |(start, bytes): &(u64, Vec<u8>)| {
             offset >= *start && offset + count as u64 <= start + bytes.len() as u64
@@ -168,7 +168,7 @@ impl<'a> MeshoptWindow<'a> {
         *start = offset;
         held.clear();
         held.resize(bytes.max(count as u64) as usize, 0);
-        // Beyond the end of the file this fails, as it would in any other way.
+        // Past the end of the file this fails with an ordinary error.
         self.input.read_at(offset, held)?;
         Ok(part)
     }

@@ -1,26 +1,26 @@
-//! Corners of triangles: mostly an edge of a triangle before and a vertex that is near, in one byte; and in
-//! another part of the stream what takes more.
+//! Triangle indices: mostly a shared edge and a close vertex in one byte; other data are in a second part of the
+//! stream.
 
 use super::stream::{MeshoptCodec, MeshoptWindow};
 use terrane_base::error::{Error, Result};
 
 const HEADER: u8 = 0xe1;
-/// Pairs of places in the queue of vertices that have a code of their own: 0 is the next vertex.
+/// Pairs of indices into the vertex queue that have their own code; 0 is the next vertex.
 const PAIRS: [u8; 16] =
     [0x00, 0x76, 0x87, 0x56, 0x67, 0x78, 0xa9, 0x86, 0x65, 0x89, 0x68, 0x98, 0x01, 0x69, 0, 0];
 const QUEUE: usize = 16;
-/// What is in a queue before anything was put there: no vertex, as there are fewer.
+/// Empty entry of a queue; not a valid vertex.
 const NOTHING: u32 = u32::MAX;
-/// Bytes of what one triangle takes beside its code, at the most.
+/// Maximum bytes of the data of a triangle beside its code.
 const MOST_DATA: usize = 16;
-/// Triangles decoded at a time.
+/// Triangles per step.
 const STEP: u64 = 512;
 
-/// The last 16 of some things.
+/// A queue of the last 16 entries.
 #[derive(Clone, Debug)]
 struct MeshoptFifo<T> {
     items: [T; QUEUE],
-    /// Where the next one goes.
+    /// Index of the next entry.
     next: usize,
 }
 
@@ -34,18 +34,18 @@ impl<T: Copy + PartialEq> MeshoptFifo<T> {
         self.next = (self.next + 1) % QUEUE;
     }
 
-    /// The `age`-th one from the last.
+    /// The `age`-th entry from the last.
     fn get(&self, age: usize) -> T {
         self.items[(self.next + 2 * QUEUE - 1 - age) % QUEUE]
     }
 }
 
-/// What both sides know of the triangles before.
+/// Common state of encoder and decoder.
 #[derive(Clone, Debug)]
 struct MeshoptTriangleState {
-    /// The vertex that was not met yet, if they come in order.
+    /// The next new vertex in sequence.
     next: u32,
-    /// The last vertex that was written out.
+    /// The last vertex with an explicit index.
     last: u32,
     edges: MeshoptFifo<[u32; 2]>,
     vertices: MeshoptFifo<u32>,
@@ -57,20 +57,20 @@ impl MeshoptTriangleState {
         Self { next: 0, last: 0, edges, vertices }
     }
 
-    /// After a triangle that shares its first edge.
+    /// Updates after a triangle that shares its first edge.
     fn push_shared(&mut self, [a, b, c]: [u32; 3]) {
         self.edges.push([c, b]);
         self.edges.push([a, c]);
     }
 
-    /// After a triangle that shares none.
+    /// Updates after a triangle without a shared edge.
     fn push_alone(&mut self, [a, b, c]: [u32; 3]) {
         self.edges.push([b, a]);
         self.push_shared([a, b, c]);
     }
 }
 
-/// Writes one stream of triangles: codes and data apart, as the codes of all come first.
+/// Writes a stream of triangles: codes and data separately, as all codes come first.
 pub(crate) struct MeshoptTriangleWriter {
     state: MeshoptTriangleState,
 }
@@ -80,12 +80,12 @@ impl MeshoptTriangleWriter {
         Self { state: MeshoptTriangleState::new() }
     }
 
-    /// What the codes begin with.
+    /// Header of the codes.
     pub(crate) const HEAD: [u8; 1] = [HEADER];
-    /// What follows behind the data.
+    /// Trailer after the data.
     pub(crate) const TAIL: [u8; 16] = PAIRS;
 
-    /// Appends the code of a triangle, and its data.
+    /// Appends the code and data of a triangle.
     pub(crate) fn push(&mut self, corners: [u32; 3], codes: &mut Vec<u8>, data: &mut Vec<u8>) {
         match self.shared(corners) {
             Some((age, corners)) => codes.push((age as u8) << 4 | self.third(corners, data)),
@@ -93,7 +93,7 @@ impl MeshoptTriangleWriter {
         }
     }
 
-    /// How long ago the latest edge was met that the triangle shares, and its corners from there on.
+    /// Age of the latest shared edge, and the corners rotated to it.
     fn shared(&self, [a, b, c]: [u32; 3]) -> Option<(usize, [u32; 3])> {
         let turns = [[a, b, c], [b, c, a], [c, a, b]];
         (0..QUEUE - 1).find_map(|age| {
@@ -102,7 +102,7 @@ impl MeshoptTriangleWriter {
         })
     }
 
-    /// Low bits of the code of a triangle whose first edge is known.
+    /// Low bits of the code of a triangle with a known first edge.
     fn third(&mut self, corners: [u32; 3], data: &mut Vec<u8>) -> u8 {
         let (state, [_, _, c]) = (&mut self.state, corners);
         state.push_shared(corners);
@@ -131,7 +131,7 @@ impl MeshoptTriangleWriter {
         }
     }
 
-    /// The corners from that on which is the next vertex, if one is.
+    /// Rotates the corners to begin at the next vertex, if it is one of them.
     fn begun_at_next(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         match self.state.next {
             next if b == next => [b, c, a],
@@ -140,7 +140,7 @@ impl MeshoptTriangleWriter {
         }
     }
 
-    /// The code of a triangle that shares no edge.
+    /// The code of a triangle without a shared edge.
     fn alone(&mut self, [a, b, c]: [u32; 3], data: &mut Vec<u8>) -> u8 {
         let state = &mut self.state;
         let is_next = a == state.next;
@@ -170,7 +170,7 @@ impl MeshoptTriangleWriter {
 }
 
 impl MeshoptTriangleState {
-    /// 0 for the next vertex, 1 to 14 for one of the queue, 15 for all others.
+    /// 0 for the next vertex, 1 to 14 for an entry of the queue, 15 for others.
     fn place(&mut self, corner: u32) -> u8 {
         if corner == self.next {
             self.next += 1;
@@ -180,7 +180,7 @@ impl MeshoptTriangleState {
         met.map_or(0xf, |age| age as u8 + 1)
     }
 
-    /// Appends how far a vertex is from the last one that was written: seven bits a byte, the lowest first.
+    /// Appends the difference of a vertex index to the last explicit one: seven bits a byte, the lowest first.
     fn write(&mut self, corner: u32, data: &mut Vec<u8>) {
         let difference = corner.wrapping_sub(self.last);
         let mut left = difference << 1 ^ ((difference as i32) >> 31) as u32;
@@ -195,25 +195,25 @@ impl MeshoptTriangleState {
 
 /// Reads a stream of triangles, as elements of three u32.
 pub(crate) struct MeshoptTriangleReader {
-    /// The first code.
+    /// Offset of the first code.
     codes: u64,
-    /// Behind the data.
+    /// End of the data.
     end: u64,
     triangles: u64,
     pairs: [u8; 16],
 }
 
-/// A place between two triangles.
+/// A position between two triangles.
 #[derive(Clone)]
 pub(crate) struct MeshoptTriangleCursor {
     triangle: u64,
-    /// Where its data are.
+    /// Offset of its data.
     data: u64,
     state: MeshoptTriangleState,
 }
 
 impl MeshoptTriangleReader {
-    /// The stream of `triangles` at `start`, of `bytes`.
+    /// The stream of `triangles` triangles at `start`, with `bytes` bytes.
     pub(crate) fn new(
         window: &mut MeshoptWindow<'_>,
         (start, bytes): (u64, u64),
@@ -221,17 +221,17 @@ impl MeshoptTriangleReader {
     ) -> Result<Self> {
         let frame = 1 + PAIRS.len() as u64;
         if triangles.checked_add(frame).is_none_or(|least| bytes < least) {
-            return Err(bad(format!("have {bytes} bytes for {triangles} of them")));
+            return Err(bad(format!("have only {bytes} bytes for {triangles} triangles")));
         }
         if window.bytes(start, 1)? != [HEADER] {
-            return Err(bad("are of a kind or version that is not known"));
+            return Err(bad("have an unknown type or version"));
         }
         let end = start + bytes - PAIRS.len() as u64;
         let mut pairs = PAIRS;
         pairs.copy_from_slice(window.bytes(end, PAIRS.len())?);
         let is_place = |pair: &u8| pair & 0xf != 0xf && pair >> 4 != 0xf;
         if !pairs.iter().all(is_place) || pairs[14..] != [0, 0] {
-            return Err(bad("have a table that is none"));
+            return Err(bad("have an invalid table"));
         }
         Ok(Self { codes: start + 1, end, triangles, pairs })
     }
@@ -305,12 +305,12 @@ impl MeshoptTriangleState {
     }
 }
 
-/// What is left of the data of some triangles.
+/// The remaining data of some triangles.
 struct MeshoptTriangleBytes<'a>(&'a [u8]);
 
 impl MeshoptTriangleBytes<'_> {
     fn byte(&mut self) -> Result<u8> {
-        let (byte, rest) = self.0.split_first().ok_or_else(|| bad("end too early"))?;
+        let (byte, rest) = self.0.split_first().ok_or_else(|| bad("are truncated"))?;
         self.0 = rest;
         Ok(*byte)
     }
@@ -326,7 +326,7 @@ impl MeshoptTriangleBytes<'_> {
                 return Ok(state.last);
             }
         }
-        Err(bad("have a number of too many bytes"))
+        Err(bad("have an overlong number"))
     }
 }
 
@@ -375,7 +375,7 @@ impl MeshoptCodec for MeshoptTriangleReader {
         place.data += (most - data.0.len()) as u64;
         place.triangle += count as u64;
         if place.triangle == self.triangles && place.data != self.end {
-            return Err(bad(format!("have {} bytes too many", self.end - place.data)));
+            return Err(bad(format!("have {} surplus bytes", self.end - place.data)));
         }
         Ok(())
     }

@@ -450,7 +450,7 @@ mod tests {
         let good = text(SOURCE);
         for (from, to, said) in [
             ("rasterXSize=\"40\"", "rasterXSize=\"-4\"", "rasterXSize"),
-            ("rasterYSize=\"50\"", "rasterYSize=\"9999999999\"", "more than the limit"),
+            ("rasterYSize=\"50\"", "rasterYSize=\"9999999999\"", "exceeds the limit"),
             ("5.0, 0, -0.1", "5.0, 0", "six numbers"),
             ("<NoDataValue>-32768", "<NoDataValue>none", "NoDataValue is not a number"),
             ("<Scale>0.5", "<Scale>0", "scale is 0"),
