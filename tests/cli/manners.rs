@@ -42,7 +42,7 @@ fn the_lowest_height_is_named_before_the_work() {
     for base in ["1", "1.5", "3", "9"] {
         let base = format!("SOLID_BASE={base}");
         let args = ["tin", "a.asc", "a.stl", "--max-error", "0", "--co", &base];
-        place.fails(&args, 2, &["the lowest height is 1", "choose a base below 1"]);
+        place.fails(&args, 2, &["the lowest height, 1", "pass a base below 1"]);
     }
     place.ok(&["tin", "a.asc", "a.stl", "--max-error", "0", "--co", "SOLID_BASE=0.5"]);
 }

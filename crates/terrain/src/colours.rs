@@ -143,14 +143,13 @@ fn run(
 fn read(path: &Path) -> Result<Palette> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
     if file.size() > MOST_BYTES {
-        return Err(
-            Error::limit("bytes of a file of colours", file.size(), MOST_BYTES).in_file(path)
-        );
+        return Err(Error::limit("size of the colour table in bytes", file.size(), MOST_BYTES)
+            .in_file(path));
     }
     let text = file.read_vec(0, file.size())?;
     Palette::parse(&String::from_utf8_lossy(&text)).map_err(|fault| {
         let error = Error::bad_input(fault.message)
-            .remedy("write a height and its colour in each line, such as: 1200 255 128 0");
+            .remedy("write a height and its colour on each line, such as: 1200 255 128 0");
         let error =
             if fault.line > 0 { error.at(format_args!("line {}", fault.line)) } else { error };
         error.in_file(path)

@@ -72,7 +72,7 @@ pub struct ContourOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::OneOf(&["interval", "levels"], "levels of lines"),
+    OptionRule::OneOf(&["interval", "levels"], "contour levels"),
     OptionRule::NotWith("levels", &["base", "index"]),
 ];
 
@@ -88,14 +88,16 @@ impl ContourOptions {
     pub(super) fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
         self.heights()?;
         if self.index.is_some() && self.attribute == INDEX {
-            return Err(Error::usage("the heights and the marks of index contours have one name")
-                .remedy("choose another ‹attribute›"));
+            return Err(Error::usage(
+                "‹attribute› is also the name of the attribute of index contours",
+            )
+            .remedy("choose another name"));
         }
         let format = vector::by_path(output, self.file.format.as_deref())?;
         if !format.holds.kinds.contains(&vector::GeometryType::LineString) {
-            return Err(Error::usage(format!("{} holds no lines", format.name))
+            return Err(Error::usage(format!("{} does not support lines", format.name))
                 .in_file(output)
-                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
+                .remedy("write GeoJSON, FlatGeobuf or Shapefile"));
         }
         Ok(format)
     }
@@ -128,9 +130,9 @@ impl ContourJob {
         match operation.keeps_heights() {
             true => Ok(Some(operation)),
             false => Err(Error::unsupported(
-                "lines at one height are not at one height in the system to write in",
+                "the target CRS changes heights: a contour would not stay level",
             )
-            .remedy("name it without heights: those of the grid are kept")),
+            .remedy("pass a 2D CRS to keep the heights of the grid")),
         }
     }
 

@@ -236,6 +236,6 @@ impl ContourPieces {
 }
 
 fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} pieces of contours"))
-        .remedy("allow more ‹memory›, choose a larger ‹tile›, or widen ‹interval›")
+    Error::new(ErrorKind::Resource, format!("more than {most} contour segments"))
+        .remedy("raise ‹memory›, ‹tile› or ‹interval›")
 }

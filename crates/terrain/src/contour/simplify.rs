@@ -31,8 +31,8 @@ pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricToleranc
     if measure == DistanceKind::Geographic
         && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6)
     {
-        return Err(Error::bad_input("a latitude is beyond 90 degrees")
-            .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
+        return Err(Error::bad_input("the grid extends beyond 90 degrees of latitude")
+            .remedy("pass ‹tolerance› as a plain number, in units of the CRS"));
     }
     Ok(MetricTolerance { measure, value })
 }

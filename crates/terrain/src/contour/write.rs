@@ -86,9 +86,11 @@ impl ContourWriter<'_> {
         let (height, most) = (self.levels.height(line.level), self.most);
         Err(Error::new(
             ErrorKind::Resource,
-            format!("a contour at {height} has {vertices} vertices, and {most} fit into memory"),
+            format!(
+                "the contour at {height} has {vertices} vertices, but only {most} fit into memory"
+            ),
         )
-        .remedy("allow more ‹memory›, or a larger ‹tolerance›"))
+        .remedy("raise ‹memory› or ‹tolerance›"))
     }
 
     /// True for a line along samples exactly on its level that ends where it began and has no cell

@@ -122,7 +122,7 @@ fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Optio
     let stored = written.nodata?;
     let is_moved = (asked - stored).abs() > HAIR * asked.abs();
     let name = written.sample_type.name();
-    is_moved.then(|| format!("voids are {stored}, the {name} nearest to {asked}"))
+    is_moved.then(|| format!("nodata is {stored}, the {name} nearest to {asked}"))
 }
 
 /// Overviews, one after the other.
@@ -219,5 +219,5 @@ impl ConvertMemory {
 fn too_small(memory: u64, least: u64) -> Error {
     let message = format!("the memory budget of {memory} bytes is too small");
     Error::new(ErrorKind::Resource, message)
-        .remedy(format!("give at least {} MiB with ‹memory›", least.div_ceil(1 << 20)))
+        .remedy(format!("pass ‹memory› {}M or more", least.div_ceil(1 << 20)))
 }

@@ -30,7 +30,7 @@ impl TonedGrid {
     pub(super) fn note(&self) -> String {
         let ([black, white], [low, high]) = (GRAYS, self.range);
         format!(
-            "grays from {black} to {white} stand for {low} to {high}; {NONE}, transparent, for no value"
+            "gray values {black} to {white} stand for {low} to {high}; {NONE} is nodata (transparent)"
         )
     }
 

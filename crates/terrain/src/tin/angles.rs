@@ -20,9 +20,9 @@ pub(super) fn angle_bound(degrees: Option<f64>, map: &Affine) -> Result<Option<M
         return Ok(Some(bound));
     }
     let most = (most * 1000.0).floor() / 1000.0;
-    let message = format!("{degrees} degrees is no smallest angle for this grid");
+    let message = format!("a minimum angle of {degrees} degrees is out of range for this grid");
     Err(Error::usage(message).remedy(format!(
-        "pass ‹min_angle› {most} or less: beyond, as its cells are, nearly every sample is needed"
+        "pass ‹min_angle› above 0, at most {most}: larger angles need nearly every sample"
     )))
 }
 

@@ -34,7 +34,7 @@ pub fn run_bands(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    textbook::refuse_water(job, "of several bands")?;
+    textbook::refuse_water(job, "for several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
@@ -67,7 +67,7 @@ fn whole(bands: &MeshBands) -> WholeGridMethod {
     WholeGridMethod {
         what: format!("a mesh of {} bands", bands.list().len()),
         sample_bytes: WeightedChannels::sample_bytes(bands.list().len()),
-        otherwise: "make it coarser before (gdal_translate -outsize)".to_owned(),
+        otherwise: "downsample it first (gdal_translate -outsize)".to_owned(),
     }
 }
 
@@ -198,8 +198,8 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
     let source = other.as_deref().unwrap_or(&*opened.source);
     let own = source.info();
     if [own.width, own.height] != [info.width, info.height] || own.transform != info.transform {
-        let message = format!("bands {} and {band} differ in size or place", info.band);
-        return Err(Error::unsupported(message).remedy("name bands of one lattice"));
+        let message = format!("bands {} and {band} differ in size or georeference", info.band);
+        return Err(Error::unsupported(message).remedy("pass bands of one grid"));
     }
     let mut window = HeightBuffers::default();
     window.read(source, Rect::new(0, 0, info.width, info.height))?;
@@ -230,10 +230,10 @@ impl VertexValues<'_> {
         match heights.find(|&height| rounding.apply(height) != height) {
             None => Ok(()),
             Some(height) => Err(Error::usage(format!(
-                "{} stores heights as 32-bit floats, which {height} is not, placed so",
+                "{} stores heights as 32-bit floats, which do not hold {height} exactly",
                 maker.opened.format.name
             ))
-            .remedy("write PLY, or leave out ‹band›, or ‹size›, ‹scale› and ‹exaggeration›")),
+            .remedy("write PLY, or leave out ‹band›, ‹size›, ‹scale› and ‹exaggeration›")),
         }
     }
 

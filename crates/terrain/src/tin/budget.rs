@@ -62,8 +62,8 @@ pub(super) fn search(
 }
 
 fn too_small(budget: u64, least: u64) -> Error {
-    Error::usage(format!("no mesh of this grid is as small as {budget}"))
-        .remedy(format!("the coarsest one has {least}: allow at least that"))
+    Error::usage(format!("a budget of {budget} is below the coarsest mesh of this grid"))
+        .remedy(format!("allow at least {least}"))
 }
 
 /// What is known so far.
@@ -304,6 +304,6 @@ mod tests {
     fn too_small_a_budget_tells_the_least_count() {
         let error = search(3, None, |_| Ok(1.0), |t| Ok(curve(t, 0.0, 1.0))).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        assert!(error.to_string().contains("the coarsest one has 4"));
+        assert!(error.to_string().contains("allow at least 4"));
     }
 }

@@ -41,9 +41,11 @@ impl MeshFrame {
         let source = (Path::new(&input), &info.crs);
         let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
         if format.single_precision && !operation.keeps_heights() {
-            let message = format!("{} rounds heights, and they change on the way", format.name);
-            return Err(Error::unsupported(message)
-                .remedy("write PLY or OBJ, or name the system without heights"));
+            let message = format!(
+                "{} rounds heights, so it is not supported for a CRS that changes them",
+                format.name
+            );
+            return Err(Error::unsupported(message).remedy("write PLY or OBJ, or pass a 2D CRS"));
         }
         own.moved(operation)
     }
@@ -78,7 +80,7 @@ impl MeshFrame {
     pub(super) fn notes(&self) -> Vec<String> {
         let Some(operation) = &self.operation else { return Vec::new() };
         let bound = format!(
-            "the bound holds in {}: triangles are flat there, and a little off between their corners in {}",
+            "the error bound holds in {}; in {}, flat triangles deviate slightly between their vertices",
             operation.source().label(),
             self.crs.label()
         );

@@ -148,9 +148,8 @@ impl Tin {
         let TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header } = parts;
         let is_vertex = |corner: &u32| (*corner as usize) < vertices.len();
         if let Some(number) = triangles.iter().position(|t| !t.iter().all(is_vertex)) {
-            return Err(
-                Error::bad_input("a corner is no vertex").at(format_args!("triangle {number}"))
-            );
+            return Err(Error::bad_input("a corner is not the index of a vertex")
+                .at(format_args!("triangle {number}")));
         }
         Ok(Self { vertices, triangles, tolerance, max_error, rmse, unmet, header })
     }
@@ -219,8 +218,8 @@ impl TinOptions {
         let of_files = to_map(self).into_iter().find(|(name, value)| held.get(name) != Some(value));
         if let Some((name, _)) = of_files {
             let why = match GridInput::TABLE.find(&name) {
-                Some(_) => "is for grids in files",
-                None => "is for meshes in files, and this one stays in memory",
+                Some(_) => "is only supported for grids in files",
+                None => "is only supported for meshes in files",
             };
             return Err(Error::usage(format!("‹{name}› {why}"))
                 .remedy(format!("leave ‹{name}› out, or write a file")));
@@ -276,7 +275,7 @@ impl MeshSink for MemorySink {
         lists.vertices.extend_from_slice(batch.vertices);
         if u32::try_from(lists.vertices.len()).is_err() {
             return Err(Error::limit("number of vertices in memory", "above 2^32", u32::MAX)
-                .remedy("write the mesh into a file, or allow a larger error"));
+                .remedy("write the mesh to a file, or raise ‹max_error›"));
         }
         // An id is that of a vertex that came before.
         lists.triangles.extend(batch.triangles.iter().map(|t| t.map(|id| id as u32)));

@@ -103,7 +103,7 @@ impl Tin {
         let rounding = HeightQuantization { origin, scale: placed.scale[2] };
         let loss = heights().map(|z| (rounding.apply(z) - z).abs()).fold(0.0, f64::max);
         if !loss.is_finite() {
-            let message = format!("{} does not hold heights as large as these", format.name);
+            let message = format!("the heights are out of range for {}", format.name);
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
         // What is known of samples is not known of what lies between them.

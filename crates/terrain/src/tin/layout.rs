@@ -57,8 +57,8 @@ pub(super) fn checked_tile(tile: u32) -> Result<u32> {
         return Ok(tile);
     }
     let (least, most) = (TILE_CELLS.start(), TILE_CELLS.end());
-    Err(Error::usage(format!("a tile of {tile} cells is out of range"))
-        .remedy(format!("choose {least} to {most}")))
+    Err(Error::usage(format!("a tile size of {tile} cells is out of range"))
+        .remedy(format!("pass {least} to {most}")))
 }
 
 /// The tiling of one grid.

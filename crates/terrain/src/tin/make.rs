@@ -303,9 +303,9 @@ impl TinMaker<'_> {
         let base = job.solid_base.or_else(|| job.base.map(below));
         match base.filter(|base| lowest <= *base) {
             Some(base) => Err(Error::usage(format!(
-                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+                "the base of the solid, {base}, is not below the lowest height, {lowest}"
             ))
-            .remedy(format!("choose a base below {lowest}"))),
+            .remedy(format!("pass a base below {lowest}"))),
             None => Ok(base),
         }
     }
@@ -315,7 +315,9 @@ impl TinMaker<'_> {
         let Some(tiles) = self.job.split else { return Ok(None) };
         let info = self.opened.source.info();
         let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
-        let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
+        let cells = cells.ok_or_else(|| {
+            Error::usage(format!("a block of {tiles} x {tiles} tiles is out of range"))
+        })?;
         let samples = [info.width, info.height];
         Ok(Some(MeshBlockLayout { cells, samples, to_world: info.transform }))
     }
@@ -330,8 +332,8 @@ impl TinMaker<'_> {
     pub(super) fn check_output(&self) -> Result<()> {
         let Self { job, .. } = self;
         if job.split.is_some() && job.transform.is_some() {
-            let message = "a mesh in many files keeps to the rows and columns of its grid";
-            return Err(Error::usage(message).remedy("leave one of ‹split› and ‹to_crs› out"));
+            let message = "‹split› does not support reprojection: blocks follow the rows and columns of the grid";
+            return Err(Error::usage(message).remedy("leave out ‹split› or ‹to_crs›"));
         }
         if job.split.is_some() {
             refuse_file_name(&job.output)?;
@@ -532,8 +534,8 @@ impl MeshFrame {
 /// What is told of a bottom that was found by the lowest height of this grid.
 fn bottom_note(height: f64) -> String {
     format!(
-        "‹base› counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
-         pass one height below all of them to each, with ‹co› SOLID_BASE=HEIGHT in place of ‹base›"
+        "‹base› is measured from the lowest height of each mesh: the bottom of this one is at {height}; \
+         to match adjacent prints, pass a common height as ‹co› SOLID_BASE=HEIGHT instead"
     )
 }
 

@@ -149,9 +149,7 @@ impl TinOptions {
         if self.method == GREEDY {
             return match triangulation {
                 Some(TriangulationRule::Split3) => Err(not_of(GREEDY, "triangulation=split3")
-                    .remedy(
-                        "leave it out, or choose a ‹method› that leaves the triangulation open",
-                    )),
+                    .remedy("leave it out, or choose another ‹method›")),
                 _ => Ok(None),
             };
         }
@@ -164,7 +162,7 @@ impl TinOptions {
         ];
         match of_some.into_iter().find(|(_, is_missing)| *is_missing) {
             Some(("triangulation", _)) => Err(not_of(method.name, "triangulation")
-                .remedy("leave it out, or choose a ‹method› that leaves the triangulation open")),
+                .remedy("leave it out, or choose another ‹method›")),
             Some((option, _)) => {
                 Err(not_of(method.name, option).remedy("pass ‹max_error› instead"))
             }
@@ -192,29 +190,28 @@ impl TinOptions {
             refuse_file_name(output)?;
         }
         if !self.bands.is_empty() && format.carries == VertexCapabilities::Nothing {
-            return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
-                .remedy("write PLY, or GLB for three or four bands of 8 bits"));
+            return Err(Error::usage(format!("{} does not support ‹bands›", format.name))
+                .remedy("write PLY, or GLB for three or four 8-bit bands"));
         }
         let name = format.name;
         let (option, message) = match (self.solid_base()?, self.base) {
             _ if format.can_be_solid => return Ok(format),
             (None, None) => return Ok(format),
-            (Some(_), _) => ("co", format!("{name} has no option SOLID_BASE")),
-            (None, Some(_)) => {
-                ("base", format!("‹base› is for STL and 3MF, and {name} holds no solids"))
-            }
+            (Some(_), _) => ("co", format!("{name} does not support the option SOLID_BASE")),
+            (None, Some(_)) => ("base", format!("‹base› is not supported by {name}")),
         };
-        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave ‹{option}› out")))
+        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave out ‹{option}›")))
     }
 
     /// The height of the bottom of a solid.
     fn solid_base(&self) -> Result<Option<f64>> {
         let height = |(key, value): &(String, String)| {
-            let wrong =
-                |remedy: &str| Error::usage(format!("‹co› is \"{key}={value}\"")).remedy(remedy);
+            let wrong = |remedy: &str| {
+                Error::usage(format!("unknown or invalid ‹co› \"{key}={value}\"")).remedy(remedy)
+            };
             match key.eq_ignore_ascii_case("SOLID_BASE") {
-                true => FiniteNumber::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
-                false => Err(wrong("the only option known is SOLID_BASE=HEIGHT")),
+                true => FiniteNumber::parse(value).map_err(|_| wrong("pass SOLID_BASE a number")),
+                false => Err(wrong("the only supported option is SOLID_BASE=HEIGHT")),
             }
         };
         self.co.iter().map(height).next_back().transpose()
@@ -245,5 +242,5 @@ impl TinOptions {
 
 /// The error of an option that a method does not have.
 fn not_of(method: &str, option: &str) -> Error {
-    Error::usage(format!("the method {method} has no ‹{option}›"))
+    Error::usage(format!("the method {method} does not support ‹{option}›"))
 }

@@ -139,14 +139,12 @@ pub(super) fn unmet(
     let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
         let FlawReport { count, first } = flaws?;
         let [x, y] = first?;
-        Some(format!(
-            "{count} {what}, the first one at x {x}, y {y}; choose a larger ‹tile›{remedy}"
-        ))
+        Some(format!("{count} {what}, the first one at x {x}, y {y}; raise ‹tile›{remedy}"))
     };
     let least = min_angle.unwrap_or_default();
-    let angle = format!("triangles have a smaller angle than {least} degrees");
+    let angle = format!("triangles have an angle below {least} degrees");
     let lines = "vertices on breaklines have no edge along them".to_owned();
-    told(thin, angle, ", or a smaller ‹min_angle›").or_else(|| told(apart, lines, ""))
+    told(thin, angle, " or reduce ‹min_angle›").or_else(|| told(apart, lines, ""))
 }
 
 impl TinReport {
@@ -236,7 +234,7 @@ mod tests {
         assert_eq!(told(None), None);
         assert_eq!(told(Some(MeshFlaws::default())), None);
         let some = told(Some(MeshFlaws { count: 3, first: Some([2, 7]) })).unwrap();
-        assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
+        assert!(some.starts_with("3 triangles have an angle below 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("‹tile›"), "{some}");
         let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });
         let lines = TinReport { apart, ..TinReport::default() }.unmet().unwrap();

@@ -48,8 +48,9 @@ pub fn run_by(
     let started = Instant::now();
     job.goal.check()?;
     if job.refinement.files() != [None; 2] {
-        let message = format!("the method {} keeps no points or breaklines", by.method.name);
-        return Err(Error::usage(message).remedy("leave them out, or the method"));
+        let message =
+            format!("the method {} does not support points to keep or breaklines", by.method.name);
+        return Err(Error::usage(message).remedy("leave them out, or leave out ‹method›"));
     }
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
@@ -57,7 +58,7 @@ pub fn run_by(
     let whole = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
-        otherwise: "leave ‹method› out".to_owned(),
+        otherwise: "leave out ‹method›".to_owned(),
     };
     let mut opened = OpenedTinJob::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
     opened.carried.triangulation = other_triangles(by);
@@ -91,10 +92,9 @@ pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
     match job.reading.water {
         None => Ok(()),
         Some(_) => {
-            let message = format!("the method {what} follows no banks of water");
-            Err(Error::usage(message).remedy(
-                "leave ‹water› or the method out, or flatten the grid first: ‹terrane convert› with ‹water›",
-            ))
+            let message = format!("the method {what} does not support ‹water›");
+            Err(Error::usage(message)
+                .remedy("leave it out, or flatten the grid first: ‹terrane convert› with ‹water›"))
         }
     }
 }
@@ -108,8 +108,9 @@ pub(super) fn open(
     let resources = &job.resources;
     let source = memory::look_at(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
-    terrane_baselines::check_sides(width, height)
-        .map_err(|e| e.remedy(format!("{}: sides of {MOST_SIDE} fit", whole.otherwise)))?;
+    terrane_baselines::check_sides(width, height).map_err(|e| {
+        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", whole.otherwise))
+    })?;
     let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
     let least = memory::least(worker, source.block_bytes());
     if least > resources.memory {
@@ -131,12 +132,12 @@ fn too_large(
     let room = resources.memory.saturating_sub(memory::least(0, 0));
     let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
-        "{} holds the whole grid: {width} x {height} samples take {} MiB, {} MiB are allowed",
+        "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
         whole.what,
         mib(least),
         resources.memory >> 20
     );
-    let smaller = format!("a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    let smaller = format!("use a grid of at most {side} x {side} samples, or {}", whole.otherwise);
     memory::short(message, least).or(&smaller)
 }
 

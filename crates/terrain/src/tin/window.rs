@@ -75,8 +75,10 @@ impl HeightBuffers {
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
         let height = samples[index];
-        Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
-            .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}")))
+        Err(Error::bad_input(format!(
+            "the height {height:e} at column {col}, row {row} is out of range"
+        ))
+        .remedy(format!("pass ‹nodata› {height:e} if it is nodata")))
     }
 
     /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
@@ -127,8 +129,7 @@ fn narrow(from: &[f64], to: &mut [f32]) -> f64 {
 
 fn too_coarse(rounding: f64, tolerance: f64) -> Error {
     Error::usage(format!(
-        "the output format stores heights as 32-bit floats, which moves some by {rounding:e}, more \
-         than the tolerance of {tolerance:e}"
+        "the output format stores heights as 32-bit floats: the rounding error of {rounding:e} exceeds the tolerance of {tolerance:e}"
     ))
     .remedy("write PLY or OBJ, or raise ‹max_error›")
 }

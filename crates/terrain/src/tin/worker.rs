@@ -428,7 +428,7 @@ impl<'a> TinWorker<'a> {
         let apart = self.joints.apart();
         lock(&job.tally).add(SampleCounts { kept, apart, ..SampleCounts::default() });
         if points.len() as u64 != self.marks.count() {
-            return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
+            return Err(Error::new(ErrorKind::Internal, "a vertex lacks a height"));
         }
         self.clock.add(PipelineStage::Write, started, 0);
         self.send(tile, TilePart::Vertices(points))
@@ -460,7 +460,7 @@ impl<'a> TinWorker<'a> {
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
         let faces =
-            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is no vertex"))?;
+            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is not a vertex"))?;
         let steps = [(0, 0), (0, 1), (1, 0), (1, 1)];
         for near in steps.into_iter().filter_map(|(rows, cols)| job.layout.step(tile, rows, cols)) {
             job.store.finish(near)?;
@@ -587,13 +587,19 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
 
 /// What is left over of the bound between samples at the end: never seen.
 fn unbounded() -> Error {
-    Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
-        .remedy("choose another ‹tile›, and please report this with the input")
+    Error::new(
+        ErrorKind::Internal,
+        "the surface cannot be kept within the tolerance at a tile corner",
+    )
+    .remedy("choose another ‹tile›, and report this with the input")
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
     let text = panic.downcast_ref::<&str>().copied();
     let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-    Error::new(ErrorKind::Internal, format!("a worker failed: {}", text.unwrap_or("no message")))
-        .remedy("please report this with the input")
+    Error::new(
+        ErrorKind::Internal,
+        format!("a worker thread failed: {}", text.unwrap_or("no message")),
+    )
+    .remedy("report this with the input")
 }

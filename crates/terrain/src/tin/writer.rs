@@ -86,7 +86,7 @@ impl TilePartSink for ContainerSaver {
 }
 
 fn misplaced() -> Error {
-    Error::new(ErrorKind::Internal, "a part of a tile went to the wrong place")
+    Error::new(ErrorKind::Internal, "a part of a tile was stored at the wrong place")
 }
 
 /// What has been written.

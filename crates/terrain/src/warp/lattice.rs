@@ -101,14 +101,14 @@ pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -
         Some(lattice.transform.invert(x, y))
     };
     let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
-        return Err(placeless().remedy("take a part of the grid (‹bounds›)"));
+        return Err(placeless().remedy("clip the grid with ‹bounds›"));
     };
     let whole = (a[0] * b[1] - a[1] * b[0]).abs();
     Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
 }
 
 fn placeless() -> Error {
-    Error::unsupported("the middle of the grid has no place in the system to write in")
+    Error::unsupported("the centre of the grid cannot be transformed to the target CRS")
 }
 
 /// How a map changes by each of two coordinates, over a step around a place.
@@ -139,7 +139,7 @@ fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
         .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
         .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])
-        .ok_or_else(|| placeless().remedy("say how large cells are to be (‹resolution›)"))
+        .ok_or_else(|| placeless().remedy("pass the cell size with ‹resolution›"))
 }
 
 /// The rectangle around the cells of a grid in another system.
@@ -178,7 +178,7 @@ impl WarpedExtent {
     /// The rectangle, if all edges have a place.
     fn whole(self) -> Result<[f64; 4]> {
         self.lost.map_or(Ok(self.extent), |error| {
-            Err(error.remedy("say which part of that system is wanted (‹extent›, ‹like›)"))
+            Err(error.remedy("pass the output extent with ‹extent› or ‹like›"))
         })
     }
 
@@ -188,9 +188,9 @@ impl WarpedExtent {
         if self.lost.is_some() || (x0 < right && left < x1 && y0 < high && low < y1) {
             return Ok(());
         }
-        let message = format!("no cell of the grid lies inside {x0},{y0},{x1},{y1}");
+        let message = format!("the output extent {x0},{y0},{x1},{y1} does not intersect the grid");
         Err(Error::usage(message).remedy(format!(
-            "give x min,y min,x max,y max in the system to write in, where the grid covers {left},{low},{right},{high}"
+            "pass XMIN,YMIN,XMAX,YMAX in the target CRS, where the grid covers {left},{low},{right},{high}"
         )))
     }
 }
@@ -213,10 +213,10 @@ fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
     let GridInfo { transform, width, height, .. } = *other.info();
     if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
         let [theirs, ours] = other.info().crs.told_apart(crs);
-        let message = format!("is in {theirs}, and the output would be in {ours}");
+        let message = format!("its CRS is {theirs}, that of the output is {ours}");
         return Err(Error::usage(message)
             .in_file(Path::new(name))
-            .remedy("name its system with ‹to_crs›"));
+            .remedy("pass its CRS as ‹to_crs›"));
     }
     Ok(TargetGrid { transform, width, height })
 }
@@ -238,8 +238,9 @@ fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Resul
     let most = limits::MAX_SIDE as f64;
     let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
     if !is_good {
-        let message = format!("the output would have {} x {} samples", count[0], count[1]);
-        return Err(Error::usage(message).remedy("ask for larger cells, or for a part"));
+        let message =
+            format!("the output size of {} x {} samples is out of range", count[0], count[1]);
+        return Err(Error::usage(message).remedy("raise ‹resolution›, or reduce ‹extent›"));
     }
     let [width, height] = count.map(|count| count as u32);
     Ok(TargetGrid { transform, width, height })

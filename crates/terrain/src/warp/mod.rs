@@ -112,18 +112,18 @@ impl WarpJob<'_> {
             return Ok(());
         }
         let name = self.resampling.name;
-        let message =
-            format!("{name} heights would be of {cols} x {rows} samples of the grid each");
-        Err(Error::unsupported(message).remedy(
-            "ask for a finer ‹resolution›, go there in two steps, or pass ‹resampling› near",
-        ))
+        let message = format!(
+            "{name} resampling would average {cols} x {rows} input samples for each output sample"
+        );
+        Err(Error::unsupported(message)
+            .remedy("pass a finer ‹resolution› or ‹resampling› near, or downsample in two steps"))
     }
 
     /// What is said of samples without a place.
     fn lost(&self, nowhere: u64) -> Option<String> {
-        let verb = if nowhere == 1 { "sample has" } else { "samples have" };
+        let verb = if nowhere == 1 { "sample is" } else { "samples are" };
         (nowhere > 0)
-            .then(|| format!("{nowhere} {verb} no place in the system of the grid, and no height"))
+            .then(|| format!("{nowhere} {verb} set to nodata: their positions cannot be transformed to the CRS of the grid"))
     }
 }
 

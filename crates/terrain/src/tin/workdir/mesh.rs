@@ -154,7 +154,7 @@ impl PlannedWork for PlannedMesh {
     fn check(&self) -> Result<()> {
         self.method.job.goal.check()?;
         let PlannedGrid { width, height, .. } = self.grid;
-        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         let tasks = 2 * u64::from(self.strips()?.count());
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
     }
@@ -328,7 +328,9 @@ mod tests {
     #[test]
     fn a_plan_with_more_work_than_can_be_listed_is_refused() {
         let (most, few) = (1 << 28, "at least 2 x 2");
-        for (side, part) in [(most, "number of tasks"), (u32::MAX, "columns or rows"), (0, few)] {
+        for (side, part) in
+            [(most, "number of tasks"), (u32::MAX, "number of columns or rows"), (0, few)]
+        {
             let refused = read(plan(side)).err().unwrap().to_string();
             assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
         }

@@ -51,7 +51,7 @@ impl Divisible for TinOptions {
 /// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
 /// another plan or other files.
 pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
-    job.check_size(2, "two rows of tiles at least")?;
+    job.check_size(2, "at least two rows of tiles")?;
     plan_checked(job, |_| Ok(()), progress, cancel)
 }
 
@@ -97,7 +97,7 @@ fn plan_checked(
 }
 
 fn budget() -> Error {
-    Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
+    Error::usage("plans do not support a budget of vertices or triangles (it needs trials on the whole grid)")
         .remedy("pass ‹max_error›")
 }
 

@@ -78,7 +78,7 @@ pub fn trace<H: Copy + Into<f64>>(
     let Rect { width, height, .. } = window.rect;
     if window.rect.len() != window.heights.len() || width.max(height) > MOST_SIDE {
         return Err(Error::usage(format!(
-            "a window of {width} x {height} samples with {} heights",
+            "a window of {width} x {height} samples is out of range or does not match its {} heights",
             window.heights.len()
         )));
     }

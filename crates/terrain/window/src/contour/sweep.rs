@@ -247,12 +247,12 @@ fn no_rank<H: Copy + Into<f64>>(window: &ContourWindow<'_, H>, col: usize, row: 
     let height: f64 = window.heights[row * window.rect.width as usize + col].into();
     let (col, row) = (col + window.rect.col as usize, row + window.rect.row as usize);
     Error::bad_input(format!(
-        "the height {height:e} at column {col}, row {row} is too large, or for the interval"
+        "the height {height:e} at column {col}, row {row} is too large for the contour interval"
     ))
-    .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}; else widen ‹interval›"))
+    .remedy(format!("pass ‹nodata› {height:e} if it is nodata, or raise ‹interval›"))
 }
 
 fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} crossings of contours in a tile"))
-        .remedy("allow more ‹memory›, choose a smaller ‹tile›, or widen ‹interval›")
+    Error::new(ErrorKind::Resource, format!("more than {most} contour vertices in a tile"))
+        .remedy("raise ‹memory› or ‹interval›, or reduce ‹tile›")
 }

@@ -78,7 +78,9 @@ impl Palette {
             entries.push(entry(&words).map_err(|message| ColorTableError { line, message })?);
         }
         match entries.is_empty() {
-            true => Err(ColorTableError { line: 0, message: "names no colour".to_owned() }),
+            true => {
+                Err(ColorTableError { line: 0, message: "the colour table is empty".to_owned() })
+            }
             false => Ok(Self(entries)),
         }
     }
@@ -127,7 +129,7 @@ fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
 
 fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
     let number = |word: &str| {
-        word.parse::<u8>().map_err(|_| format!("{word:?} is no whole number from 0 to 255"))
+        word.parse::<u8>().map_err(|_| format!("{word:?} is not an integer from 0 to 255"))
     };
     let at = place(words[0])?;
     let (rgb, opacity) = match *words {
@@ -135,7 +137,7 @@ fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
         [_, r, g, b, a] => ([number(r)?, number(g)?, number(b)?], number(a)?),
         [_, name] => (named(name)?, 255),
         [_, name, a] => (named(name)?, number(a)?),
-        _ => return Err("has to have a height and a colour: 1200 255 128 0, or 1200 orange".into()),
+        _ => return Err("expected a height and a colour: 1200 255 128 0, or 1200 orange".into()),
     };
     Ok((at, [rgb[0], rgb[1], rgb[2], opacity]))
 }
@@ -149,10 +151,10 @@ fn place(word: &str) -> Result<ColorKey, String> {
         Some(share) => number(share)
             .filter(|share| (0.0..=100.0).contains(share))
             .map(|share| ColorKey::Share(share / 100.0))
-            .ok_or_else(|| format!("{word:?} is no share from 0% to 100%")),
-        None => number(word)
-            .map(ColorKey::Height)
-            .ok_or_else(|| format!("{word:?} is no height: a number, a share such as 25%, or nv")),
+            .ok_or_else(|| format!("{word:?} is not a percentage from 0% to 100%")),
+        None => number(word).map(ColorKey::Height).ok_or_else(|| {
+            format!("{word:?} is not a height: expected a number, a percentage such as 25%, or nv")
+        }),
     }
 }
 
@@ -160,7 +162,7 @@ fn named(word: &str) -> Result<[u8; 3], String> {
     let found = NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
     found.map(|(_, rgb)| *rgb).ok_or_else(|| {
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
-        format!("{word:?} is no colour; named are {}", names.join(", "))
+        format!("unknown colour {word:?}; known: {}", names.join(", "))
     })
 }
 
@@ -282,16 +284,16 @@ mod tests {
     #[test]
     fn other_texts_are_faults_by_line() {
         for (text, line, words) in [
-            ("", 0, "names no colour"),
-            ("# 1 2 3 4\n", 0, "names no colour"),
+            ("", 0, "the colour table is empty"),
+            ("# 1 2 3 4\n", 0, "the colour table is empty"),
             ("1 2 3 4\n5\n", 2, "a height and a colour"),
             ("1 2 3 4 5 6", 1, "a height and a colour"),
             ("1 2 3 256", 1, "256"),
             ("1 2 3 -4", 1, "-4"),
             ("1 mauve", 1, "mauve"),
             ("101% red", 1, "101%"),
-            ("x red", 1, "is no height"),
-            ("inf red", 1, "is no height"),
+            ("x red", 1, "is not a height"),
+            ("inf red", 1, "is not a height"),
         ] {
             let fault = Palette::parse(text).unwrap_err();
             assert!(fault.line == line && fault.message.contains(words), "{text:?}: {fault:?}");
