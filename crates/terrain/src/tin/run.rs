@@ -210,9 +210,7 @@ fn run_threads(
         for other in others {
             match other.join() {
                 Ok(theirs) => clock.merge(&theirs),
-                Err(_) => {
-                    shared.queue.fail(Error::new(ErrorKind::Internal, "a worker thread failed"))
-                }
+                Err(_) => shared.queue.fail(Error::new(ErrorKind::Internal, "a worker failed")),
             }
         }
         if writing.join().is_err() {
@@ -389,9 +387,7 @@ mod tests {
             let kernel = PipelineKernel { tile: faulty_tile, ..PipelineKernel::GREEDY };
             let error = run(&source, threads, kernel).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::Internal);
-            assert!(
-                error.to_string().starts_with("tile 0,0: a worker thread failed: planted fault")
-            );
+            assert!(error.to_string().starts_with("tile 0,0: a worker failed: planted fault"));
             let kernel = PipelineKernel { patch: faulty_patch, ..PipelineKernel::GREEDY };
             let error = run(&source, threads, kernel).unwrap_err().to_string();
             assert!(error.contains("seam of tile") && error.contains("planted fault 7"), "{error}");

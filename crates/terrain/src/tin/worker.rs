@@ -587,19 +587,13 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
 
 /// What is left over of the bound between samples at the end: never seen.
 fn unbounded() -> Error {
-    Error::new(
-        ErrorKind::Internal,
-        "the surface cannot be kept within the tolerance at a tile corner",
-    )
-    .remedy("choose another ‹tile›, and report this with the input")
+    Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
+        .remedy("choose another ‹tile›, and report this with the input")
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
     let text = panic.downcast_ref::<&str>().copied();
     let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-    Error::new(
-        ErrorKind::Internal,
-        format!("a worker thread failed: {}", text.unwrap_or("no message")),
-    )
-    .remedy("report this with the input")
+    Error::new(ErrorKind::Internal, format!("a worker failed: {}", text.unwrap_or("no message")))
+        .remedy("report this with the input")
 }
