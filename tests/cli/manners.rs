@@ -118,12 +118,12 @@ fn cells_of_degrees_are_not_taken_for_metres() {
         [&all[..], more].concat()
     };
     for more in [&["--cell", "1"][..], &["--cell", "0.5,2"], &["--cell", "1", "--compat", "pdal"]] {
-        place.fails(&grid(more), 2, &["--cell counts degrees here", "pass --cell"]);
+        place.fails(&grid(more), 2, &["--cell is in degrees", "pass --cell"]);
     }
     place.fails(
         &["plan", "grid", "a.txt", "-o", "w", "--cell", "1", "--crs", "EPSG:4326"],
         2,
-        &["--cell counts degrees here"],
+        &["--cell is in degrees"],
     );
     place.ok(&grid(&["--cell", "0.002"]));
     place.ok(&grid(&["--cell", "1", "--bbox", "7,46,8,47"]));

@@ -89,16 +89,16 @@ fn options(job: &SurveyJob) -> Result<CloudWriteOptions> {
     let packing = write::packing_by_name(&job.output)
         .filter(|packing| matches!(packing, PointPacking::Plain | PointPacking::Chunks));
     let packing = packing.ok_or_else(|| {
-        Error::usage("a synthetic cloud is written as .las or .laz").in_file(&job.output).remedy(
-            "choose a name with one of these endings; ‹terrane points› makes .copc.laz of it",
-        )
+        Error::usage("a synthetic point cloud is written as .las or .laz")
+            .in_file(&job.output)
+            .remedy("use one of these extensions (‹terrane points› converts to .copc.laz)")
     })?;
     if job.format.has_waves() {
         return Err(Error::usage(format!(
-            "a synthetic cloud has no waveforms, which point format {} is for",
+            "point format {} is not supported by synthetic point clouds, which lack waveforms",
             job.format.number()
         ))
-        .remedy("choose point format 0 to 3, or 6 to 8"));
+        .remedy("pass point format 0 to 3, or 6 to 8"));
     }
     let options = CloudWriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
     Ok(CloudWriteOptions { packing, overwrite: job.overwrite, ..options })

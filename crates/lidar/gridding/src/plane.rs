@@ -77,7 +77,7 @@ impl<K: CellAccumulator> DensePlane<K> {
         match fits {
             true => Ok(()),
             false => Err(Error::limit("number of points in one cell", "above 2^32", u32::MAX)
-                .remedy("choose a smaller ‹cell›")),
+                .remedy("reduce ‹cell›")),
         }
     }
 }
@@ -115,7 +115,7 @@ pub(super) fn like<P: AccumulatorPlane>(plane: &dyn AccumulatorPlane) -> Result<
     let plane: &dyn Any = plane;
     plane
         .downcast_ref()
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "blocks of different recipes"))
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "two blocks have different statistics"))
 }
 
 /// A kind of plane. Those of one name and parameter keep the same, and are kept once.

@@ -76,8 +76,8 @@ impl CloudTinJob {
     pub(super) fn check(&self) -> Result<()> {
         match self.tolerance >= 0.0 && self.tolerance.is_finite() {
             true => Ok(()),
-            false => Err(Error::usage(format!("{} is no maximum error", self.tolerance))
-                .remedy("give a number of 0 or more, in the unit of the heights")),
+            false => Err(Error::usage(format!("{} is not a valid maximum error", self.tolerance))
+                .remedy("pass a number of 0 or more, in the unit of the heights")),
         }
     }
 

@@ -277,8 +277,8 @@ impl RegionLines<'_> {
             return Ok(Vec::new());
         }
         let mut sites = self.courses.crossings(MOST_CROSSINGS).ok_or_else(|| {
-            Error::new(ErrorKind::Resource, "lines cross each other at too many places")
-                .remedy("leave out lines that others lie upon")
+            Error::new(ErrorKind::Resource, "the lines have too many crossings")
+                .remedy("remove overlapping lines")
         })?;
         sites.retain(|&site| self.lines.is_inside(site));
         for piece in self.pieces {

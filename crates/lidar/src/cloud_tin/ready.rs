@@ -222,6 +222,9 @@ fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Resul
     if !bounds.into_iter().any(is_far) {
         return Ok(());
     }
-    let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
-    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with ‹bounds›"))
+    let message = format!(
+        "{} stores 32-bit floats, which do not resolve a point cloud of this extent",
+        format.name
+    );
+    Err(Error::usage(message).remedy("write PLY or OBJ, or clip the point cloud with ‹bounds›"))
 }

@@ -100,6 +100,6 @@ fn quarters([col, row]: [u32; 2], side: u32) -> [([u32; 2], u32); 4] {
 
 /// The error of points that no mesh goes through.
 pub(super) fn no_surface() -> Error {
-    Error::bad_input("the points have no surface: fewer than three, or all on a line")
-        .remedy("look at the filters, or at the files with `terrane info`")
+    Error::bad_input("the points do not form a surface: fewer than three, or all collinear")
+        .remedy("check the filters, or the files with `terrane info`")
 }

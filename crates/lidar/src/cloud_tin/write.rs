@@ -120,8 +120,7 @@ fn part(
 /// The number of a vertex.
 fn id(local: &mut RegionMesh<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
     let found = local.vertices_of(square)?.binary_search(&vertex);
-    let rank =
-        found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;
+    let rank = found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its tile"))?;
     Ok(firsts[square] + rank as u64)
 }
 

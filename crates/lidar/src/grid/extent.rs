@@ -52,7 +52,7 @@ impl GridExtent {
                 let (base, spans) = by_cell(cloud, job)?;
                 let note = || {
                     format!(
-                        "cells of {}: about the distance between points; ‹cell› takes others",
+                        "cell size {}: about the point spacing; ‹cell› overrides it",
                         base.x.world_cell()
                     )
                 };
@@ -148,11 +148,11 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
     let shrink = f64::midpoint(south, north).to_radians().cos().abs().max(1e-3);
     let [x, y] = [cell[0] / (DEGREE * shrink), cell[1] / DEGREE];
     Err(Error::usage(format!(
-        "a cell of {} x {} degrees is larger than all points, which lie within {:.2e} x {:.2e} degrees",
+        "a cell of {} x {} degrees is larger than the extent of the points, {:.2e} x {:.2e} degrees",
         cell[0], cell[1], sides[0], sides[1]
     ))
     .remedy(format!(
-        "‹cell› counts degrees here: for {} x {} metres pass ‹cell› {x:.2e},{y:.2e}",
+        "‹cell› is in degrees: for {} x {} metres pass ‹cell› {x:.2e},{y:.2e}",
         cell[0], cell[1]
     )))
 }
@@ -192,9 +192,9 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
         }
         (None, None) => {
             return Err(Error::bad_input(
-                "the cloud has no points, so nothing says where its grid lies",
+                "the point cloud is empty, so the extent of the grid is unknown",
             )
-            .remedy("look at the filters, or at the files with `terrane info`"));
+            .remedy("check the filters, or the files with `terrane info`"));
         }
     };
     Ok((lattice, spans))
@@ -207,7 +207,7 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     let count = ((high - HAIR).ceil() - first).max(1.0);
     if count > most {
         return Err(Error::limit("number of columns or rows", count, most)
-            .remedy("choose larger cells or a smaller ‹extent›"));
+            .remedy("use larger cells, or reduce ‹extent›"));
     }
     within_reach([first as i64, count as i64])
 }
@@ -217,9 +217,9 @@ fn within_reach([first, count]: [i64; 2]) -> Result<[i64; 2]> {
     match first.abs().saturating_add(count) < FAR {
         true => Ok([first, count]),
         false => Err(Error::usage(format!(
-            "cells as small as this are further than {FAR} cells from where their lattice begins"
+            "the cells are too small: the points are more than {FAR} cells from the grid origin"
         ))
-        .remedy("choose larger cells with ‹cell›, or a corner of them nearby with ‹origin›")),
+        .remedy("raise ‹cell›, or pass a closer ‹align›")),
     }
 }
 
@@ -234,8 +234,9 @@ fn like_grid(
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;
     if !georeferenced || !upright {
-        return Err(Error::unsupported("a grid that ‹like› goes by must lie somewhere, north up")
-            .in_file(path));
+        return Err(
+            Error::unsupported("‹like› requires a georeferenced, north-up grid").in_file(path)
+        );
     }
     let edges = if job.compat == Compat::Lasr {
         CellEdgeRule::NorthClosed
@@ -255,18 +256,20 @@ fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
     match (grid.is_named(), cloud.is_named()) {
         (false, false) => Ok((grid.clone(), Vec::new())),
         (true, false) => {
-            let note = format!("the cloud names no CRS; it is taken for that of the grid, {a}");
+            let note = format!("the point cloud lacks a CRS; that of the grid is assumed, {a}");
             Ok((grid.clone(), vec![note]))
         }
         (false, true) => {
-            let note = format!("the grid names no CRS; it is taken for that of the cloud, {b}");
+            let note = format!("the grid lacks a CRS; that of the point cloud is assumed, {b}");
             Ok((cloud.clone(), vec![note]))
         }
         // Heights are the cloud's, whatever those of the grid are.
         _ if grid.epsg.is_some() && grid.epsg == cloud.epsg || grid.agrees(cloud) => {
             Ok((cloud.clone(), Vec::new()))
         }
-        _ => Err(Error::usage(format!("the grid is in {a}, the cloud in {b}"))
-            .remedy("choose a grid in the cloud's CRS, or reproject one of them")),
+        _ => {
+            Err(Error::usage(format!("the CRS of the grid is {a}, that of the point cloud is {b}"))
+                .remedy("reproject one of them"))
+        }
     }
 }

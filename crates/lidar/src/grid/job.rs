@@ -213,19 +213,23 @@ impl GridJob {
         let around = self.compat == Compat::Pdal || lack("radius");
         let fills = self.stats.iter().any(|asked| asked.statistic.fills());
         let options = [
-            ("‹radius›", self.radius.is_some() && !around, "for idw and nearest without one"),
-            ("‹power›", self.power.is_some() && !lack("power"), "for idw without one"),
+            (
+                "‹radius›",
+                self.radius.is_some() && !around,
+                "idw and nearest without a radius of their own",
+            ),
+            ("‹power›", self.power.is_some() && !lack("power"), "idw without a power of its own"),
             (
                 "‹max_edge›",
                 self.max_edge.is_some() && !lack("max_edge"),
-                "for tin without one, ‹dtm›, ‹dsm› and ‹chm›",
+                "‹dtm›, ‹dsm›, ‹chm›, and tin without a max_edge of its own",
             ),
-            ("‹fill›", self.fill > 0 && !fills, "for heights, not for counts and classes"),
+            ("‹fill›", self.fill > 0 && !fills, "statistics of heights, not to counts and classes"),
         ];
         match options.into_iter().find(|(_, idles, _)| *idles) {
             Some((option, _, why)) => {
-                Err(Error::usage(format!("{option} cannot act: it is {why}"))
-                    .remedy(format!("leave {option} out")))
+                Err(Error::usage(format!("{option} has no effect: it applies to {why}"))
+                    .remedy(format!("leave out {option}")))
             }
             None => Ok(()),
         }
@@ -240,11 +244,11 @@ impl GridJob {
         }
         gridding::check_power(self.power.unwrap_or(1.0))?;
         if self.stats.is_empty() {
-            return Err(Error::usage("no statistic is asked for").remedy("add ‹stat› mean"));
+            return Err(Error::usage("no statistic given").remedy("add ‹stat› mean"));
         }
         self.preset.map_or(Ok(()), |preset| check_preset(preset, self))?;
         if self.water.is_some() && self.preset != Some(SurfaceModel::Dtm) {
-            return Err(Error::usage("‹water› is for models of the ground")
+            return Err(Error::usage("‹water› requires a terrain model")
                 .remedy("leave it out, or pass ‹dtm›"));
         }
         self.placement.check(self.compat, self.preset.is_some())?;
@@ -257,17 +261,17 @@ impl GridJob {
 fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     let wanted = &job.cloud.filter;
     if job.stats != [preset.band()] {
-        let message = "a preset is one band, beside which there is no statistic";
-        return Err(Error::usage(message).remedy("leave out ‹stat› or the preset"));
+        let message = "‹dtm›, ‹dsm› and ‹chm› do not support ‹stat›";
+        return Err(Error::usage(message).remedy("leave out ‹stat›"));
     }
     if wanted.returns.is_some() {
-        let message = "‹return› cannot act: a preset takes the returns that it is made of";
-        return Err(Error::usage(message).remedy("leave ‹return› out"));
+        let message =
+            "‹return› has no effect with ‹dtm›, ‹dsm› or ‹chm›, which select returns themselves";
+        return Err(Error::usage(message).remedy("leave out ‹return›"));
     }
     if wanted.classes.is_some() && job.ground.is_method() {
-        let message = "‹class› cannot act: it names the classes of ground, which a method of \
-            ‹ground› does not ask for";
-        return Err(Error::usage(message).remedy("leave ‹class› out, or pass ‹ground› class"));
+        let message = "‹class› has no effect: the method of ‹ground› does not use ground classes";
+        return Err(Error::usage(message).remedy("leave out ‹class›, or pass ‹ground› class"));
     }
     check_canopy(preset, job)
 }
@@ -275,8 +279,8 @@ fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
 /// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
 fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     if preset == SurfaceModel::Dtm && !job.canopy.is_usual() {
-        return Err(Error::usage("‹canopy› cannot act: it is for ‹dsm› and ‹chm›")
-            .remedy("leave ‹canopy› out"));
+        return Err(Error::usage("‹canopy› has no effect: it applies to ‹dsm› and ‹chm›")
+            .remedy("leave out ‹canopy›"));
     }
     let idle = [
         ("‹ground›", job.ground != GroundFrom::Auto),
@@ -285,8 +289,8 @@ fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     match idle.into_iter().find(|(_, given)| *given && !job.needs_ground()) {
         Some((option, _)) => {
             let name = job.canopy.name();
-            let message = format!("{option} cannot act: a {name} ‹dsm› knows of no ground");
-            Err(Error::usage(message).remedy(format!("leave {option} out")))
+            let message = format!("{option} has no effect: a {name} ‹dsm› does not use the ground");
+            Err(Error::usage(message).remedy(format!("leave out {option}")))
         }
         None => Ok(()),
     }

@@ -61,8 +61,8 @@ pub fn grid(
     cancel: &Cancel,
 ) -> Result<GridReport> {
     if job.preset.is_some() {
-        let message = "a preset reads its cloud several times, by class and return";
-        return Err(Error::usage(message).remedy("run the job with the cloud's name"));
+        let message = "‹dtm›, ‹dsm› and ‹chm› read the point cloud several times";
+        return Err(Error::usage(message).remedy("pass the name of the file"));
     }
     job.check()?;
     GridMaker::of_whole(points, job, progress, cancel)?.make()
@@ -94,7 +94,7 @@ impl<'a> GridMaker<'a> {
 
     /// Makes and writes it from the whole cloud.
     pub(super) fn make(&self) -> Result<GridReport> {
-        let more = || Error::new(ErrorKind::Internal, "a whole cloud was too little");
+        let more = || Error::new(ErrorKind::Internal, "the whole point cloud did not suffice");
         self.try_make()?.ok_or_else(more)
     }
 

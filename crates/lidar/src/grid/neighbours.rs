@@ -91,7 +91,7 @@ impl CloudSurfaces {
 
 /// The error of a part of a cloud that was too little.
 pub(crate) fn more_is_needed() -> Error {
-    Error::new(ErrorKind::Resource, "more of the cloud has to be read")
+    Error::new(ErrorKind::Resource, "more of the point cloud has to be read")
 }
 
 /// The centres of cells, in steps.

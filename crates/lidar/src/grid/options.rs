@@ -186,10 +186,8 @@ impl Operation for GridOptions {
         let job = self.unread(&Inputs::from(Vec::new()), output)?;
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
         if self.round && job.format()?.holds_types && floats.contains(&self.sample_type) {
-            return Err(Error::usage(
-                "‹round› cannot act: it is for whole numbers: floats hold the nearest value anyway",
-            )
-            .remedy("leave ‹round› out"));
+            return Err(Error::usage("‹round› has no effect on floating-point samples")
+                .remedy("leave out ‹round›"));
         }
         job.check()
     }

@@ -46,23 +46,27 @@ impl Placement {
     /// Fails when the wishes contradict each other.
     pub(super) fn check(&self, compat: Compat, is_model: bool) -> Result<()> {
         let refuse =
-            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
+            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave out one of them"));
         let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
         match (&self.like, &self.cell) {
-            (Some(_), Some(_)) => return refuse("‹like› has cells of its own beside ‹cell›"),
+            (Some(_), Some(_)) => return refuse("‹like› and ‹cell› both set the cell size"),
             (None, None) if !is_model => {
-                return Err(Error::usage("no cell size is given").remedy("add ‹cell› or ‹like›"));
+                return Err(Error::usage("no cell size given").remedy("pass ‹cell› or ‹like›"));
             }
             (None, Some(cell)) if !is_size(cell) => {
-                return Err(Error::usage("a cell has sides above zero"));
+                return Err(Error::usage("the cell size is not above 0"));
             }
             _ => {}
         }
         if self.like.is_some() && (self.align.is_some() || self.extent.is_some()) {
-            return refuse("‹like› says where all cells lie, beside ‹align› or ‹extent›");
+            return refuse(
+                "‹like› sets all cells, so it is not supported with ‹align› or ‹extent›",
+            );
         }
         if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
-            return refuse("PDAL's grids begin at the lowest point, beside ‹align› or ‹like›");
+            return refuse(
+                "‹compat› pdal sets the grid origin, so it is not supported with ‹align› or ‹like›",
+            );
         }
         Ok(())
     }
@@ -74,10 +78,8 @@ const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 /// The side of a cell where none is asked for: what one point has of the area of all, as the headers tell
 /// both, rounded up.
 pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
-    let unknown = || {
-        Error::usage("it cannot be told how far apart the points are")
-            .remedy("pass ‹cell›, the side of a cell")
-    };
+    let unknown =
+        || Error::usage("the point spacing is unknown").remedy("pass the cell size with ‹cell›");
     let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
     let area = (high[0] - low[0]) * (high[1] - low[1]);
     let apart = (area / info.count as f64).sqrt();

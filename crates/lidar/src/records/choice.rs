@@ -176,7 +176,7 @@ fn best(
 }
 
 fn too_many(groups: usize, memory: u64) -> Error {
-    let message = format!("{groups} cells or places are to be compared in {} MiB", memory >> 20);
+    let message = format!("{groups} cells or positions do not fit into {} MiB", memory >> 20);
     Error::new(ErrorKind::Resource, message).remedy("pass a larger ‹memory›")
 }
 

@@ -30,11 +30,12 @@ impl FromStr for Assign {
 
     /// "NAME=FORMULA", such as "intensity = intensity / 256".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let (name, formula) =
-            text.split_once('=').ok_or("expected the name of an attribute, =, and a formula")?;
+        let (name, formula) = text.split_once('=').ok_or("expected NAME=FORMULA")?;
         let name = name.trim().trim_matches('"').to_owned();
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
-            return Err(format!("{name} is a coordinate and no attribute: ‹to_crs› moves points"));
+            return Err(format!(
+                "{name} is a coordinate, not an attribute: pass ‹to_crs› to transform coordinates"
+            ));
         }
         Ok(Self { text: text.to_owned(), name, formula: Formula::number(formula)? })
     }
@@ -135,8 +136,8 @@ pub(super) fn column(
     found.cloned().ok_or_else(|| {
         let number = format.number();
         let names: Vec<&str> = columns.iter().map(PointColumn::name).collect();
-        Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
-            .remedy(format!("they have {}; ‹point_format› takes others", names.join(", ")))
+        Error::usage(format!("points of format {number} have no attribute {name:?}"))
+            .remedy(format!("pass one of {}, or another ‹point_format›", names.join(", ")))
     })
 }
 
@@ -154,7 +155,7 @@ impl AssignedRecords<'_> {
     fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change ‹attribute›, or leave such points out with ‹where›");
+        let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
         match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,

@@ -145,8 +145,8 @@ impl TranslateJob {
         }
         match self.sort {
             Some(_) if packing == PointPacking::Nodes => {
-                Err(Error::usage("‹sort› cannot act: an octree has an order of its own")
-                    .remedy("leave it out, or choose a name that ends in .laz only"))
+                Err(Error::usage("‹sort› has no effect on COPC, which has the order of its octree")
+                    .remedy("leave it out, or write .laz"))
             }
             Some(by) => sorted::check(by, format),
             None => Ok(()),
@@ -175,8 +175,10 @@ impl TranslateJob {
         let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
         let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
         if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
-            return Err(Error::usage("heights above the ground do not change with the system")
-                .remedy("leave ‹geoid› out, or put them into a dimension"));
+            return Err(Error::usage(
+                "heights above ground do not support a change of the vertical CRS",
+            )
+            .remedy("leave out ‹geoid›, or write them to a dimension"));
         }
         CloudReprojection::new(info, operation).map(Some)
     }
@@ -202,6 +204,6 @@ fn packing(path: &Path) -> Result<PointPacking> {
     packing_by_name(path).ok_or_else(|| {
         Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
             .in_file(path)
-            .remedy("choose a name with one of these endings")
+            .remedy("use one of these extensions")
     })
 }

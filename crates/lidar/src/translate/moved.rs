@@ -39,7 +39,7 @@ impl CloudReprojection {
         };
         let scale = [coarser(0), coarser(1), coarser(2)];
         let note = (scale != asked).then(|| {
-            format!("points go to steps of {scale:?}, as finer ones do not reach as far as they do")
+            format!("coordinates have a scale of {scale:?}: finer scales do not cover the extent")
         });
         let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
         let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
@@ -69,12 +69,11 @@ fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
     let is_length = |unit: &str| !matches!(unit, "degree" | "unit");
     let unit = match (&from.vertical_unit, &to.vertical_unit) {
         (Some(unit), None) if unit != other => unit.as_str(),
-        (None, None) if is_length(across) && across != other => "their unit, which nothing names",
+        (None, None) if is_length(across) && across != other => "an unknown unit",
         _ => return None,
     };
     Some(format!(
-        "heights stay as they are, in {unit}: the target does not say what they are (a system with heights such as \
-         EPSG:26910+5703 would)"
+        "heights stay in {unit}: the target CRS does not define them (a compound CRS such as EPSG:26910+5703 does)"
     ))
 }
 
@@ -138,10 +137,10 @@ impl MovedRecords<'_> {
         match info.bounds.is_some_and(within) {
             true => Ok(Point { x, y, z }),
             false => Err(Error::unsupported(format!(
-                "a point is at {world:?} in {}, far from those beside it",
+                "the position {world:?} of a point in {} is far from its neighbours",
                 info.crs.label()
             ))
-            .remedy("leave it out with ‹bounds›")),
+            .remedy("exclude it with ‹bounds›")),
         }
     }
 }

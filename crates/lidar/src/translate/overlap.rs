@@ -30,7 +30,7 @@ impl FromStr for Overlap {
         match (text, cell) {
             (AUTO, _) => Ok(Self::default()),
             (_, Some(_)) => Ok(Self { cell }),
-            (_, None) => Err("expected a number above zero".to_owned()),
+            (_, None) => Err("expected a number above 0, or auto".to_owned()),
         }
     }
 }
@@ -66,9 +66,9 @@ impl FlightLines {
     pub(super) fn new(side: f64, frame: &PointFrame, format: PointFormat) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| side < *step) {
             return Err(Error::usage(format!(
-                "cells of {side} are smaller than a step of the points"
+                "cells of {side} are smaller than the coordinate resolution"
             ))
-            .remedy("choose larger ones with ‹drop_overlap›=CELL"));
+            .remedy("pass a larger ‹drop_overlap›=CELL"));
         }
         Ok(Self {
             lattice: CellLattice::new(frame, [0.0; 2], [side; 2], CellEdgeRule::default()),

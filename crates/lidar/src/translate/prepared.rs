@@ -199,7 +199,7 @@ impl TranslateContext<'_> {
         let made = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
             let (side, left_out) = (overlap.side(self.told), lines.left_out());
-            format!("overlap: {left_out} points of other flight lines left out, in cells of {side}")
+            format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
         });
         let noise = marked.iter().flat_map(|marked| &marked.notes);
         let ground = told.iter().flat_map(|told| &told.notes);

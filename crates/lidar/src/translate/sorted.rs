@@ -248,9 +248,9 @@ pub(super) fn check(by: Sort, format: PointFormat) -> Result<()> {
     if by == Sort::Time && format.time_at().is_none() {
         let number = format.number();
         return Err(Error::usage(format!(
-            "‹sort› time cannot act: point format {number} has no times"
+            "‹sort› time requires GPS times, which point format {number} lacks"
         ))
-        .remedy("pass ‹sort› morton, or leave ‹sort› out"));
+        .remedy("pass ‹sort› morton, or leave out ‹sort›"));
     }
     Ok(())
 }

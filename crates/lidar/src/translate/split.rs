@@ -54,7 +54,7 @@ impl SplitColumn {
         let name = split.attribute.trim().trim_matches('"');
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(Error::usage(format!("{name} is a coordinate, not an attribute"))
-                .remedy("divide points by place with ‹tile› SIDE"));
+                .remedy("pass ‹tile› SIDE to split by position"));
         }
         let column = column(name, format, columns)?;
         Ok(Self { ruler: column.ruler(), column })
@@ -131,14 +131,14 @@ impl SplitColumn {
     fn too_large(&self) -> Error {
         let name = self.column.name();
         Error::unsupported(format!(
-            "‹split›: {name} has whole numbers beyond 2^53, where doubles skip some"
+            "‹split›: {name} has integers beyond 2^53, which doubles do not hold exactly"
         ))
-        .remedy("split by an attribute of smaller numbers, such as point_source_id")
+        .remedy("split by an attribute with smaller values, such as point_source_id")
     }
 
     fn too_many(&self) -> Error {
         let name = self.column.name();
-        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values, each a file"))
-            .remedy("split by an attribute of fewer values, such as point_source_id")
+        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values (one file each)"))
+            .remedy("split by an attribute with fewer values, such as point_source_id")
     }
 }

@@ -260,20 +260,20 @@ fn times(count: i64, number: f64) -> f64 {
 pub(super) fn spans(squares: &SquareSplit, info: &CloudInfo) -> Result<Spans> {
     if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
         return Err(Error::usage(format!(
-            "a buffer of {} is too wide for squares of {}",
+            "a buffer of {} is too wide for tiles of {}",
             squares.buffer, squares.side
         ))
-        .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
+        .remedy(format!("pass at most {MOST_SQUARES_BESIDE} times the side of a tile")));
     }
     let origin = Point { x: 0, y: 0, z: 0 };
     let spans = squares.lattice(&info.frame).span(info.bounds.unwrap_or([origin; 2]));
     let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
     if columns.saturating_mul(rows) > MOST_SQUARES {
         return Err(Error::usage(format!(
-            "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
+            "tiles of {} would be {columns} x {rows}, which exceeds the limit of {MOST_SQUARES}",
             squares.side
         ))
-        .remedy("choose larger ones"));
+        .remedy("raise ‹tile›"));
     }
     Ok(spans)
 }
@@ -310,9 +310,9 @@ pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
     match files.iter().find(is_in) {
         None => Ok(()),
         Some(file) => {
-            Err(Error::usage(format!("would be replaced, and {} in it is read", shown(file)))
+            Err(Error::usage(format!("the output folder contains the input {}", shown(file)))
                 .in_file(folder)
-                .remedy("choose another name"))
+                .remedy("choose another output"))
         }
     }
 }

@@ -50,17 +50,19 @@ impl FromStr for CellThinning {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let (cell, keep) = text.split_once(':').unwrap_or((text, KEPT[0].0));
         let cell = cell.trim().parse().ok().filter(|cell: &f64| cell.is_finite() && *cell > 0.0);
-        let cell =
-            cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
+        let cell = cell.ok_or("expected CELL[:WHICH], with CELL above 0")?;
         let keep = match keep.split_once('=').unwrap_or((keep, "0")) {
             ("centre" | "center", "0") => ThinningRule::Centre,
             ("lowest", "0") => ThinningRule::Lowest,
             ("highest", "0") => ThinningRule::Highest,
             ("random", seed) => ThinningRule::Random(
-                seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?,
+                seed.parse().map_err(|_| format!("the seed {seed} is not an integer"))?,
             ),
             _ => {
-                return Err(format!("{keep} is none of {}", KEPT.map(|(name, _)| name).join(", ")));
+                return Err(format!(
+                    "expected one of {}, not {keep}",
+                    KEPT.map(|(name, _)| name).join(", ")
+                ));
             }
         };
         Ok(Self { cell, keep })
@@ -90,10 +92,10 @@ impl ThinningCells {
     pub(super) fn new(thin: CellThinning, frame: &PointFrame) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| thin.cell < *step) {
             return Err(Error::usage(format!(
-                "cells of {} are smaller than a step of the points",
+                "cells of {} are smaller than the coordinate resolution",
                 thin.cell
             ))
-            .remedy("choose a larger cell"));
+            .remedy("pass a larger cell"));
         }
         let lattice = CellLattice::new(frame, [0.0; 2], [thin.cell; 2], CellEdgeRule::default());
         Ok(Self { unit: lattice.unit(thin.cell), lattice, keep: thin.keep })

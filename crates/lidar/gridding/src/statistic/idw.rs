@@ -19,7 +19,7 @@ pub fn check_power(power: f64) -> Result<()> {
     if power > 0.0 && power <= MOST_POWER {
         return Ok(());
     }
-    Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
+    Err(Error::usage(format!("the power {power} is out of range: expected above 0, at most 4")))
 }
 
 const POWER: StatisticParameter = StatisticParameter {

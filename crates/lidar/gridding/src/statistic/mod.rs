@@ -94,7 +94,7 @@ pub fn parse_list(text: &str) -> Result<Vec<StatisticRequest>> {
     for item in items(text) {
         let one = parse(&item)?;
         if asked.iter().any(|other| other.label == one.label) {
-            return Err(Error::usage(format!("the statistic {} is asked for twice", one.label)));
+            return Err(Error::usage(format!("the statistic {} is requested twice", one.label)));
         }
         asked.push(one);
     }
@@ -130,8 +130,8 @@ fn parse(item: &str) -> Result<StatisticRequest> {
     let subject = (method.complete)(subject.or_of(method.usual));
     match &subject.attribute {
         Some(name) if subject.is_real() && !method.is_of_reals() => {
-            Err(Error::usage(format!("{} cannot be of {name}", method.name))
-                .remedy("times and extra bytes have a min, max, mean or percentile, for example"))
+            Err(Error::usage(format!("{} is not supported for {name}", method.name))
+                .remedy("use min, max, mean or a percentile"))
         }
         _ => Ok(StatisticRequest { statistic, label, subject }),
     }
@@ -166,7 +166,7 @@ fn read(method: &StatisticMethod, text: &str) -> Result<(Vec<(String, f64)>, Sub
 }
 
 fn refusal(method: &StatisticMethod, pair: &str) -> Error {
-    let error = Error::usage(format!("\"{pair}\" is no parameter of {}", method.name));
+    let error = Error::usage(format!("\"{pair}\" is not a parameter of {}", method.name));
     let all = method.parameters.iter().chain(method.takes.parameters());
     let keys: Vec<String> = all.map(|p| format!("{}={}", p.key, p.value)).collect();
     match keys.is_empty() {
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn lists_are_read_with_parameters_and_other_names() {
         let asked = parse_list("mean, AVG:,idw:radius=2,power=1.5,p99.9,std:ddof=1").unwrap_err();
-        assert!(asked.to_string().contains("mean is asked for twice"), "{asked}");
+        assert!(asked.to_string().contains("mean is requested twice"), "{asked}");
         assert!(parse_list("idw:power=1,idw:power=1.0").is_err() && parse_list("p5,p5.0").is_err());
         let asked =
             parse_list("lowest,idw:radius=2.0,power=1.50,p99.90,std:ddof=1,median").unwrap();

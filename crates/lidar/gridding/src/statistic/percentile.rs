@@ -24,7 +24,7 @@ pub(super) const PERCENTILE: StatisticMethod = StatisticMethod {
     ranks: true,
     check: |given| match given.rank {
         Some(rank) if (0.0..=100.0).contains(&rank) => Ok([Some(rank), None]),
-        _ => Err(Error::usage("a percentile is p0 to p100")),
+        _ => Err(Error::usage("percentile out of range: expected p0 to p100")),
     },
     of: OF,
     ..StatisticMethod::HEIGHT

@@ -142,6 +142,8 @@ fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
 
 /// A cube smaller than a step of the points.
 fn too_small(side: f64, step: f64) -> Error {
-    Error::usage(format!("cubes of {side} m are smaller than a step of the points, {step} m"))
-        .remedy("choose larger ones with step=")
+    Error::usage(format!(
+        "cubes of {side} m are smaller than the coordinate resolution of {step} m"
+    ))
+    .remedy("pass a larger step=")
 }

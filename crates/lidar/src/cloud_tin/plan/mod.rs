@@ -104,7 +104,7 @@ fn refuse_lines(job: &CloudTinJob) -> Result<()> {
     match options.into_iter().find(|(_, file)| file.is_some()) {
         None => Ok(()),
         Some((option, _)) => Err(Error::usage(format!(
-            "{option} cannot act in the plan of a cloud's mesh: the nearest point may be however far away"
+            "{option} is not supported by `plan tin` on point clouds (it needs global nearest neighbours)"
         ))
         .remedy(format!("leave {option} out, or run ‹terrane tin› without a plan"))),
     }

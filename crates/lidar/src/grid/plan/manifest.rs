@@ -101,9 +101,9 @@ impl CloudGridPlan {
         let PlannedCells { width, height, side, .. } = self.grid;
         let is_side = side > 0 && side.is_multiple_of(BLOCK) && side <= MOST_SIDE;
         if !is_side || width == 0 || height == 0 {
-            return Err(Error::bad_input("it has no cells, or tiles of none"));
+            return Err(Error::bad_input("it has no cells, or an invalid tile size"));
         }
-        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         limits::check("number of tiles", self.grid.count(), plan::MOST_TASKS)
     }
 }

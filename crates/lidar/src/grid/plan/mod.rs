@@ -103,22 +103,18 @@ pub fn plan_grid(
 ) -> Result<GridStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     if job.water.is_some() {
-        return Err(Error::usage("‹water› makes the level of a lake of its whole bank at once")
+        return Err(Error::usage("‹water› is not supported by `plan grid` (the level of a lake needs its whole bank)")
             .remedy(
-                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› of the grid",
+                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› afterwards",
             ));
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
-        return Err(Error::usage(format!(
-            "‹task_size› is {side}: tiles have a multiple of {BLOCK} cells along a side"
-        ))
-        .remedy(format!("pass {BLOCK}, or {} and so on", 2 * BLOCK)));
+        return Err(Error::usage(format!("‹task_size› {side} is not a multiple of {BLOCK}"))
+            .remedy(format!("pass a multiple such as {BLOCK} or {}", 2 * BLOCK)));
     }
     if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
-        return Err(Error::usage(format!(
-            "‹task_size› is {side}: a tile of so many cells is too large"
-        ))
-        .remedy(format!("choose {MOST_SIDE} at most")));
+        return Err(Error::usage(format!("‹task_size› {side} exceeds the limit of {MOST_SIDE}"))
+            .remedy(format!("pass {MOST_SIDE} or less")));
     }
     refuse_held(job.input.iter().chain(&job.placement.like))?;
     job.check()?;

@@ -41,7 +41,7 @@ pub(in crate::grid) struct Making<'a> {
 
 pub(super) fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
     let [mib, memory] = [least.div_ceil(1 << 20), memory >> 20];
-    let message = format!("{what} takes {mib} MiB of memory, and {memory} are allowed");
+    let message = format!("{what} needs {mib} MiB of memory, {memory} MiB are allowed");
     short(message, least).or(other)
 }
 

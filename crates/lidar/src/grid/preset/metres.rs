@@ -14,7 +14,7 @@ pub(crate) struct MetricFrame {
 
 impl MetricFrame {
     /// What is said of a guess.
-    pub(crate) const GUESS: &str = "the cloud names no unit of length; it is taken for metres";
+    pub(crate) const GUESS: &str = "the point cloud lacks a unit of length; metres are assumed";
 
     /// By the units of `crs`; heights of no known unit are in that of x and y.
     ///
@@ -42,9 +42,9 @@ impl MetricFrame {
 }
 
 fn no_length(unit: &str) -> Error {
-    let message = format!("coordinates in the unit {unit:?} are no lengths in metres or feet");
+    let message = format!("the unit of the coordinates is {unit:?}, expected metres or feet");
     Error::unsupported(message)
-        .remedy("reproject the cloud; of points classified as ground, ‹dtm› works in any unit")
+        .remedy("reproject the point cloud (‹dtm› of classified ground points works in any unit)")
 }
 
 #[cfg(test)]

@@ -167,7 +167,7 @@ impl PresetModel {
         let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
         let first = making.limited(first, window, &around)?;
         if self.ground.is_none() {
-            let note = "no ground is known: the surface is that of all first returns, pits and all";
+            let note = "no ground found: the surface has all first returns and keeps its pits";
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();

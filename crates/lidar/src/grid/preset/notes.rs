@@ -15,18 +15,17 @@ pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &st
 
 /// The error of a cloud without points of the classes of ground.
 pub(crate) fn no_ground_of_class(named: &str) -> Error {
-    Error::bad_input(format!("the cloud has no points of class {named}"))
+    Error::bad_input(format!("the point cloud has no points of class {named}"))
 }
 
 pub(super) fn not_of_class(named: &str) -> Error {
-    no_ground_of_class(named)
-        .remedy("pass ‹ground› auto, or name the classes of ground with ‹class›")
+    no_ground_of_class(named).remedy("pass ‹ground› auto, or the ground classes with ‹class›")
 }
 
 /// The error of a cloud without ground.
 pub(crate) fn no_ground() -> Error {
-    Error::bad_input("no ground is found in the cloud")
-        .remedy("check what ‹bounds›, ‹clip› and ‹z_range› leave of it")
+    Error::bad_input("no ground found in the point cloud")
+        .remedy("check ‹bounds›, ‹clip› and ‹z_range›")
 }
 
 pub(super) fn found_in_classes(count: u64, classes: &[u8]) -> String {

@@ -174,7 +174,7 @@ fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
     let room = making.store_memory() / HEIGHTS * (HEIGHTS - 1);
     let square = points * BYTES_PER_POINT;
     if square > room {
-        let what = "a square of the spike-free surface";
+        let what = "a tile of the spike-free surface";
         let other = "‹canopy› pit-free, or a shorter freeze";
         return Err(too_little(what, least(points), making.job.resources.memory, other));
     }

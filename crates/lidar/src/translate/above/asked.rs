@@ -54,17 +54,19 @@ impl FromStr for HeightClasses {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let one = |part: &str| {
             let (class, height) = part.split_once('=').ok_or_else(|| {
-                format!("{part:?} is no class and the height that it begins at, such as 3=0.5")
+                format!("{part:?} is not a class and its lowest height, such as 3=0.5")
             })?;
-            let class =
-                class.trim().parse().map_err(|_| format!("{class} is no class, 0 to 255"))?;
+            let class = class
+                .trim()
+                .parse()
+                .map_err(|_| format!("{class} is not a class from 0 to 255"))?;
             let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
-            Ok((class, height.ok_or_else(|| format!("{part:?} names no height"))?))
+            Ok((class, height.ok_or_else(|| format!("{part:?} lacks a height"))?))
         };
         let layers = text.split(',').map(one).collect::<std::result::Result<Vec<_>, String>>()?;
         match layers.is_sorted_by(|a, b| a.1 < b.1) {
             true => Ok(Self(layers)),
-            false => Err("each height has to be above the one before it".to_owned()),
+            false => Err("the heights are not ascending".to_owned()),
         }
     }
 }
@@ -83,10 +85,7 @@ impl FromStr for Classify {
             Some(("noise", method)) => {
                 noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
             }
-            _ => Err(format!(
-                "{text} is none of ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, \
-                 noise:METHOD"
-            )),
+            _ => Err("expected ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, noise:METHOD".to_owned()),
         }
     }
 }
@@ -212,17 +211,20 @@ impl HeightAboveGround {
     pub(in crate::translate) fn check(&self, format: PointFormat) -> Result<()> {
         if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
-                "‹classify› ground cannot act: ‹ground› class takes the classes that there are",
+                "‹classify› ground has no effect with ‹ground› class, which uses the existing classes",
             )
-            .remedy("leave one of them out"));
+            .remedy("leave out one of them"));
         }
         if !self.is_asked() && self.from != GroundFrom::Auto {
-            return Err(Error::usage("‹ground› cannot act: nothing is asked of the ground")
-                .remedy("pass ‹height_above_ground› or ‹classify›, or leave ‹ground› out"));
+            return Err(Error::usage(
+                "‹ground› has no effect without ‹height_above_ground› or ‹classify›",
+            )
+            .remedy("pass one of them, or leave out ‹ground›"));
         }
         let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
         if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
-            return Err(Error::usage("‹classify› names one way twice").remedy("leave one out"));
+            return Err(Error::usage("‹classify› has the same method twice")
+                .remedy("leave out one of them"));
         }
         let classes =
             self.layers().into_iter().flat_map(|HeightClasses(all)| all).map(|(class, _)| *class);
@@ -230,8 +232,10 @@ impl HeightAboveGround {
             None => Ok(()),
             Some(class) => {
                 let number = format.number();
-                Err(Error::usage(format!("point format {number} has no class {class}"))
-                    .remedy("pass ‹point_format› 6, or 7 with colours"))
+                Err(Error::usage(format!(
+                    "class {class} is not supported by point format {number}"
+                ))
+                .remedy("pass ‹point_format› 6, or 7 with colours"))
             }
         }
     }

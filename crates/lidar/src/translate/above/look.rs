@@ -325,9 +325,11 @@ impl GroundHeightSearch<'_> {
         match self.above.reclassify() {
             None => no_ground(),
             Some(_) => Error::bad_input(
-                "the cloud has no points whose class ‹classify› ground may change",
+                "the point cloud has no points that ‹classify› ground may reclassify",
             )
-            .remedy("name the classes that may be ground: ‹classify› ground:reclassify=CLASS,..."),
+            .remedy(
+                "pass the classes that may become ground: ‹classify› ground:reclassify=CLASS,...",
+            ),
         }
     }
 
@@ -538,25 +540,27 @@ impl GroundHeightSearch<'_> {
         if self.above.finds_ground() {
             let GroundClassCounts { ground, no_longer, kept, .. } = counts;
             let (all, of) = (ground.values().sum::<u64>(), by_class(ground));
-            notes.push(format!("classes: {all} points are ground{of}, {no_longer} no longer"));
+            notes.push(format!("classes: {all} ground points{of}, {no_longer} no longer ground"));
             if !kept.is_empty() {
                 let all = kept.values().sum::<u64>();
                 let of = by_class(kept);
-                let more = "‹classify› ground:reclassify=CLASS,... names classes that may change";
-                notes.push(format!("classes: {all} points keep theirs{of}; {more}"));
+                let more = "pass ‹classify› ground:reclassify=CLASS,... to change them";
+                notes.push(format!(
+                    "classes: {all} points on the ground keep their class{of}; {more}"
+                ));
             }
         }
         if self.above.layers().is_some() {
-            notes.push(format!("classes: {} points by their heights", counts.layered));
+            notes.push(format!("classes: {} points classified by height", counts.layered));
         }
         let has_heights = self.above.heights.is_some() || self.above.layers().is_some();
         if has_heights && counts.without > 0 {
             let without = counts.without;
             let then = match self.above.heights {
-                Some(HeightsAs::Z) => "are left out",
-                _ => "have no height above it",
+                Some(HeightsAs::Z) => "are dropped",
+                _ => "lack a height above ground",
             };
-            notes.push(format!("{without} points beyond the triangulation of the ground {then}"));
+            notes.push(format!("{without} points outside the ground triangulation {then}"));
         }
         notes
     }
@@ -584,5 +588,5 @@ impl GroundQueryPoint {
 
 fn not_of_class() -> Error {
     no_ground_of_class(&GROUND.to_string())
-        .remedy("pass ‹ground› filter, or classify the cloud before")
+        .remedy("pass ‹ground› filter, or classify the point cloud first")
 }

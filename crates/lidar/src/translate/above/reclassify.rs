@@ -27,7 +27,7 @@ impl Reclassify {
         also.sort_unstable();
         also.dedup();
         match also.iter().find(|class| NOISE.contains(class)) {
-            Some(class) => Err(format!("points of class {class} are noise, which is never ground")),
+            Some(class) => Err(format!("class {class} is noise and cannot become ground")),
             None => Ok(Self { also }),
         }
     }
@@ -46,8 +46,9 @@ impl FromStr for Reclassify {
         let Some(classes) = text.strip_prefix("reclassify=") else {
             return Err(format!("{text:?} is not of the form reclassify=CLASS,..."));
         };
-        let class =
-            |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is no class, 0 to 255"));
+        let class = |text: &str| {
+            text.trim().parse().map_err(|_| format!("{text:?} is not a class from 0 to 255"))
+        };
         Self::also(classes.split(',').map(class).collect::<Result<Vec<_>, _>>()?)
     }
 }

@@ -82,20 +82,20 @@ pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
     let (crs, scale) = (&info.crs, info.frame.scale);
     if crs.horizontal_unit() == "degree" {
         return Err(Error::usage(
-            "‹thin_distance› needs coordinates in a unit of length, and these are degrees",
+            "‹thin_distance› requires projected coordinates; these are in degrees",
         )
-        .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+        .remedy("reproject the points with ‹to_crs› first, or pass ‹thin›"));
     }
     let units = crs.horizontal_metres().zip(crs.vertical_metres());
     if units.is_some_and(|(across, up)| (across / up - 1.0).abs() > 1e-5) {
-        return Err(Error::usage("‹thin_distance› needs heights in the unit of x and y")
-            .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+        return Err(Error::usage("‹thin_distance› requires heights in the unit of x and y")
+            .remedy("reproject the points with ‹to_crs› first, or pass ‹thin›"));
     }
     if !least.is_finite() || scale.iter().any(|step| least < *step) {
         return Err(Error::usage(format!(
-            "a distance of {least} is smaller than a step of the points"
+            "a distance of {least} is smaller than the coordinate resolution"
         ))
-        .remedy("choose a larger one, or ‹dedupe› for points that are there twice"));
+        .remedy("pass a larger distance, or ‹dedupe› for duplicate points"));
     }
     Ok(())
 }
@@ -242,9 +242,9 @@ impl PoissonSampler<'_> {
     fn quarters(&self, [low, high]: Span) -> Result<[Span; 4]> {
         if (0..2).any(|axis| high[axis] - low[axis] < self.discs.reach()) {
             let least = self.discs.apart.least();
-            let message = format!("too many points are kept {least} apart at one place");
+            let message = format!("too many points with a spacing of {least} in one tile");
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy("pass a larger ‹memory›, or a larger ‹thin_distance›"));
+                .remedy("raise ‹memory› or ‹thin_distance›"));
         }
         let middle = [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) / 2);
         let part = |axis: usize, half: usize| match half {

@@ -63,8 +63,8 @@ pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
 /// Coordinates that are no lengths.
 fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
     let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
-        Error::usage("‹classify› noise needs coordinates in units of length")
-            .remedy("write the points with ‹to_crs› first, and look for noise in these")
+        Error::usage("‹classify› noise requires coordinates in a unit of length")
+            .remedy("reproject the points with ‹to_crs› first")
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {

@@ -83,7 +83,7 @@ impl TryFrom<String> for NoiseGaps {
         let is_gap = |gap: &str| gap.parse::<u64>().is_ok();
         match text.is_empty() || text.split(' ').all(is_gap) {
             true => Ok(Self(text)),
-            false => Err("noise is not noted by numbers".to_owned()),
+            false => Err("the noise numbers are not integers".to_owned()),
         }
     }
 }
@@ -145,9 +145,8 @@ impl MarkedRecords<'_> {
 }
 
 fn too_much() -> Error {
-    Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note").remedy(
-        "run ‹terrane points› with ‹classify=noise› alone, and plan the squares of what it writes",
-    )
+    Error::new(ErrorKind::Resource, "the point cloud has too much noise for a plan")
+        .remedy("run ‹terrane points› with ‹classify=noise› first, then plan on its output")
 }
 
 #[cfg(test)]

@@ -106,21 +106,23 @@ impl PlannedTranslateJob {
         } = job;
         if split.is_some() {
             return Err(Error::usage(
-                "‹split› is not supported by plan points: a value may have points in every task",
+                "‹split› is not supported by `plan points` (a value may have points in every task)",
             )
-            .remedy("plan with ‹tile› and run ‹terrane points› with ‹split› on its folder, or run ‹terrane points› alone"));
+            .remedy("plan without it, then run ‹terrane points› with ‹split› on the tiles"));
         }
         let Some((squares, is_plain)) = *squares else {
-            return Err(Error::usage("a plan makes squares: one file is written by one run")
-                .remedy("pass ‹tile›, the side of squares"));
+            return Err(Error::usage(
+                "`plan points` requires ‹tile›: a single file is written by one run",
+            )
+            .remedy("pass ‹tile›, the side of the tiles"));
         };
         if transform.is_some() {
-            return Err(Error::usage("‹to_crs› cannot act in a plan: which points are in a square of another system is known when all are moved")
-                .remedy("plan without it and run ‹terrane points› with ‹to_crs› on the squares, or run ‹terrane points› alone"));
+            return Err(Error::usage("‹to_crs› is not supported by `plan points` (a tile in the target CRS needs all points)")
+                .remedy("plan without it, then run ‹terrane points› with ‹to_crs› on the tiles"));
         }
         if distance.is_some() {
-            return Err(Error::usage("‹thin_distance› cannot act in a plan: whether a point stays may depend on points however far away")
-                .remedy("plan without it and run ‹terrane points› with ‹thin_distance› on the squares, or run ‹terrane points› alone"));
+            return Err(Error::usage("‹thin_distance› is not supported by `plan points` (a point may depend on distant ones)")
+                .remedy("plan without it, then run ‹terrane points› with ‹thin_distance› on the tiles"));
         }
         Ok(Self {
             input: input.clone(),
@@ -191,11 +193,11 @@ impl SquareBlocks {
     /// Fails when there is nothing to make, or too much.
     pub(super) fn check(&self) -> Result<()> {
         if !(1..=MOST_CUT).contains(&self.cut) {
-            return Err(Error::usage(format!("a task of {} squares a side is none", self.cut))
-                .remedy(format!("choose 1 to {MOST_CUT}")));
+            return Err(Error::usage(format!("‹task_size› {} is out of range", self.cut))
+                .remedy(format!("pass 1 to {MOST_CUT}")));
         }
         if self.spans.iter().any(|[first, last]| first > last) {
-            return Err(Error::bad_input("it has no squares"));
+            return Err(Error::bad_input("it has no tiles"));
         }
         limits::check("number of tasks", self.count(), plan::MOST_TASKS)
     }
