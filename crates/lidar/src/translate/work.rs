@@ -52,7 +52,7 @@ impl TranslateContext<'_> {
         records: &'r dyn PointRecords,
     ) -> Result<Option<ChosenRecords<'r>>> {
         let twice = thin::DuplicateKey::new(self.options.format);
-        let choose = || self.choose(records, &twice, "points there twice");
+        let choose = || self.choose(records, &twice, "duplicate points");
         self.job.dedupe.then(choose).transpose()
     }
 
