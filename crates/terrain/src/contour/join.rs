@@ -14,10 +14,10 @@ use terrane_engine::Cancel;
 use terrane_files::Buckets;
 use terrane_window::contour::{ContourVertex, CrossedEdge};
 
-/// Vertices handed over before the job may be stopped.
+/// Vertices handed over between two checks for cancellation.
 const PUSHED: usize = 1 << 16;
 
-/// The number of no piece.
+/// Marks the lack of a piece.
 const NONE: u32 = u32::MAX;
 
 /// A part of a line, from one rim to another; or a whole one.
@@ -195,7 +195,7 @@ impl ContourPieces {
         std::iter::successors(Some(start), next)
     }
 
-    /// How many vertices `line` has, at most.
+    /// Upper bound of the number of vertices of `line`.
     pub(super) fn count(&self, line: &JoinedContour) -> u64 {
         self.from(line.first).map(|id| u64::from(self.pieces[id as usize].count)).sum()
     }

@@ -13,11 +13,11 @@
 //! stays, too, so lines have the order and the ids that they have without a tolerance. The tile is an
 //! input here: on its rims each line keeps a vertex that it might have lost.
 //!
-//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as
-//! fit into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid:
-//! about 160 bytes for each piece of a line between two rims (or whole line within a tile), beside
-//! vertices of 16 bytes, which are spilled. When the tiles are done, their room is that of the line being
-//! written, 128 bytes a vertex. Where crossings, pieces or a line do not fit, an error says so.
+//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as fit
+//! into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid: about 160
+//! bytes for each piece of a line between two rims (or whole line within a tile), beside vertices of 16 bytes,
+//! which are spilled. When the tiles are done, their room is that of the line being written, 128 bytes a
+//! vertex. It is an error if crossings, pieces or a line do not fit.
 
 mod budget;
 mod job;
@@ -73,8 +73,8 @@ impl Operation for ContourOptions {
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// Options that cannot be; an output that exists or cannot be written; whatever the grid's
-/// opener finds; heights beyond 1e30; too little memory.
+/// Invalid options; an output that exists or cannot be written; errors of opening the grid; heights beyond
+/// 1e30; too little memory.
 pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
     let start = Instant::now();
     job.check()?;
@@ -223,7 +223,7 @@ impl<'a> OpenedContourJob<'a> {
         u64::from(self.info.width) * u64::from(self.info.height)
     }
 
-    /// Names the input in an error that names no file, if it is one of its heights.
+    /// Adds the name of the input to an error about its heights.
     fn of_input(&self, error: Error) -> Error {
         match error.kind() {
             ErrorKind::BadInput => error.in_file(Path::new(&self.job.input.to_string())),

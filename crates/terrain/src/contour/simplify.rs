@@ -15,7 +15,7 @@ use terrane_raster::GridInfo;
 use terrane_simplify::{DistanceKind, Length, goal_of};
 use terrane_window::contour::{ContourVertex, WindowContour, WindowContours};
 
-/// A tolerance as it is measured.
+/// A tolerance and its metric.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MetricTolerance {
     pub(super) measure: DistanceKind,
@@ -41,7 +41,7 @@ pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricToleranc
 pub(super) struct Simplifier {
     transform: Affine,
     cone: DoubleCone,
-    /// What became of the last tile.
+    /// Result of the last tile.
     lines: WindowContours,
 }
 
@@ -164,7 +164,7 @@ impl Simplifier {
     }
 }
 
-/// The greedy double cone, in the metric asked for.
+/// The greedy double cone, in the given metric.
 struct DoubleCone {
     tolerance: MetricTolerance,
     scratch: SimplifyScratch,

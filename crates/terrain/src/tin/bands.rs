@@ -24,8 +24,8 @@ use terrane_mesh::{ChannelKind, MeshSink, VertexChannel};
 /// |value - mesh|. What the job says of refinement, tiles and the like is not looked at.
 ///
 /// # Errors
-/// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that has no
-/// room for them.
+/// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that does
+/// not support them.
 pub fn run_bands(
     job: &TinJob,
     bands: &MeshBands,
@@ -51,7 +51,7 @@ pub fn run_bands(
     Ok(report)
 }
 
-/// Opens the band of heights, or the first, where the memory holds all of them.
+/// Opens the band of heights, or else the first; fails if all bands do not fit into memory.
 fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     let options = options(job)?;
     let all = memory::look_at(&job.input, &MeshBands::options(1, &options))?;
@@ -95,7 +95,7 @@ struct BandValues {
 }
 
 impl BandValues {
-    /// Reads all bands, one after the other; what is void in one becomes void in all.
+    /// Reads all bands in turn; a sample void in one band is void in all.
     fn read(maker: &TinMaker<'_>, bands: &MeshBands) -> Result<Self> {
         let info = maker.opened.source.info();
         let (size, mut stages) = ([info.width, info.height], StageTimes::default());
@@ -108,7 +108,7 @@ impl BandValues {
         Ok(Self { size, planes, stages })
     }
 
-    /// How each band is stored: what an f32 holds in spite of its type as one.
+    /// How each band is stored: as f32 if that holds all its values.
     fn kinds(&self, by_type: Vec<ChannelKind>) -> Vec<ChannelKind> {
         let is_single =
             |plane: &[f64]| plane.iter().all(|z| z.is_nan() || f64::from(*z as f32) == *z);
@@ -174,7 +174,7 @@ impl BandValues {
     }
 }
 
-/// The place of the band of heights in the list.
+/// The index of the band of heights in the list.
 fn heights(bands: &MeshBands) -> Option<usize> {
     let heights = bands.heights()?;
     bands.list().iter().position(|(band, _)| *band == heights)
@@ -206,7 +206,7 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
     Ok(textbook::all_heights(&window))
 }
 
-/// What vertices are told to be.
+/// Values of the bands at vertices.
 struct VertexValues<'a> {
     planes: &'a [Vec<f64>],
     width: u32,

@@ -1,4 +1,4 @@
-//! The system and the rectangle that a mesh of a grid is written in.
+//! The CRS and the extent of a mesh of a grid.
 
 use super::job::TinJob;
 use std::path::Path;
@@ -10,25 +10,25 @@ use terrane_engine::transform::{PositionExtent, extent_of};
 use terrane_mesh::MeshFormat;
 use terrane_raster::GridInfo;
 
-/// Where a mesh is written.
+/// CRS and extent of a mesh.
 pub(super) struct MeshFrame {
     pub(super) crs: Crs,
     /// World bounding box of the samples; z is not known.
     pub(super) bounds: [Point3; 2],
-    /// The least that samples differ by along x and y; heights by any part of their unit.
+    /// Smallest spacing of samples along x and y; 1 for heights.
     pub(super) steps: Point3,
-    /// What leads there from the system of the grid, where that is another.
+    /// The operation from the CRS of the grid, if that is another.
     pub(super) operation: Option<Arc<CoordinateOperation>>,
 }
 
-/// Positions along each side of a grid that tell where it lies in another system.
+/// Positions along each side of a grid, transformed to find its extent in another CRS.
 const LATTICE: u32 = 33;
 
 impl MeshFrame {
-    /// Of a grid in its own system, or in the one it is to be transformed to.
+    /// The frame of a grid in its own CRS, or in the target CRS.
     ///
     /// # Errors
-    /// Those of operations; heights that change in a format that rounds them.
+    /// Errors of operations; a change of heights in a format that rounds them.
     pub(super) fn new(info: &GridInfo, job: &TinJob, format: &MeshFormat) -> Result<Self> {
         let own = Self {
             crs: info.crs.clone(),
@@ -76,7 +76,7 @@ impl MeshFrame {
         })
     }
 
-    /// What its user should know.
+    /// Notes for the report.
     pub(super) fn notes(&self) -> Vec<String> {
         let Some(operation) = &self.operation else { return Vec::new() };
         let bound = format!(

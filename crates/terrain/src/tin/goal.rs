@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
 
-/// What the mesh has to reach.
+/// The goal of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TinGoal {
@@ -17,7 +17,7 @@ pub enum TinGoal {
 }
 
 impl TinGoal {
-    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
+    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of 0.
     pub(super) fn check(self) -> Result<()> {
         match self {
             Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
