@@ -36,7 +36,7 @@ impl DerivedBands {
     }
 }
 
-/// As [`run`](super::run), for bands computed from the grid; a thread that reads them holds `bytes` more.
+/// As [`run`](super::run), for bands computed from the grid; a thread that reads them holds `held` more bytes.
 pub(crate) fn run_of(
     job: &ConvertJob,
     held: u64,

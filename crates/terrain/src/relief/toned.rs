@@ -6,8 +6,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
-/// Gray value of nodata; the next line has those of the lowest and the highest value.
+/// Gray value of nodata.
 const NONE: f64 = 0.0;
+/// Gray values of the lowest and the highest value.
 const GRAYS: [f64; 2] = [1.0, 65_535.0];
 
 /// A grid of grays in front of one of values.

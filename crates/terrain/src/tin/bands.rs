@@ -21,7 +21,7 @@ use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{ChannelKind, MeshSink, VertexChannel};
 
 /// Runs a job on several bands of its input: the error of a sample is the largest over the bands of weight x
-/// |value - mesh|. What the job says of refinement, tiles and the like is not looked at.
+/// |value - mesh|. Options of refinement and tiles are ignored.
 ///
 /// # Errors
 /// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that does

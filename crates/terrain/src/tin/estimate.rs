@@ -17,7 +17,7 @@ use terrane_tin::{TileMesh, TileScratch, TinSpec, triangulate_tile};
 /// One tile in this many is sampled, but no more than [`MOST_TILES`].
 const ONE_IN: u64 = 32;
 const MOST_TILES: u64 = 16;
-/// Cells along a tile of a thorough estimate. Further constants: its sampling rate and its number of tiles. It
+/// Cells along a tile of a thorough estimate. It
 /// reads as many samples as a few large tiles, but spreads them more evenly over land and sea.
 const FINE: u32 = 128;
 const FINE_ONE_IN: u64 = 4;

@@ -45,7 +45,7 @@ const OF_TARGET: &[OptionRule] =
     &[OptionRule::OneOf(&["max_error", "max_vertices", "max_triangles"], "target")];
 
 impl TinTarget {
-    /// As jobs have it.
+    /// The goal of a job.
     ///
     /// # Errors
     /// Usage: there is none, or more than one.
@@ -115,7 +115,7 @@ pub struct TinOptions {
     pub resources: Resources,
 }
 
-/// What greedy insertion in tiles alone can do.
+/// Options that only greedy insertion in tiles supports.
 const OF_GREEDY: &[&str] = &[
     "workdir",
     "split",
@@ -182,7 +182,7 @@ impl TinOptions {
         (!self.bands.is_empty()).then(bands).transpose()
     }
 
-    /// The format to write. Fails where it does not hold what is asked for.
+    /// The format to write. Fails if it does not support the options.
     fn format(&self, output: &Path) -> Result<&'static MeshFormat> {
         let usual = self.split.map(|_| "PLY");
         let format = mesh::by_path(output, self.file.format.as_deref().or(usual))?;
@@ -220,7 +220,7 @@ impl TinOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Options that do not go together, or not with the format of the output.
+    /// Conflicting options, or options that the output format does not support.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<TinJob> {
         let own = settled(self)?;
         Ok(TinJob {
@@ -240,7 +240,7 @@ impl TinOptions {
     }
 }
 
-/// The error of an option that a method does not have.
+/// The error of an option that a method does not support.
 fn not_of(method: &str, option: &str) -> Error {
     Error::usage(format!("the method {method} does not support ‹{option}›"))
 }

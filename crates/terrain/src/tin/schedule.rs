@@ -155,9 +155,9 @@ impl TaskQueue {
         Self { work, threads: threads as u64, order_seed, state, wake }
     }
 
-    /// The next task; waits for one to become ready. `None` when all is done or a task failed.
-    /// Without room, no tile is begun while anything else can be done: a worker that the system has
-    /// stopped for a while would otherwise hold up the writer while the others fill the memory.
+    /// The next task; waits for one to become ready. `None` when all is done or a task failed. Without free
+    /// memory, no tile is begun while anything else can be done: a worker that the system has stopped for a
+    /// while would otherwise hold up the writer while the others fill the memory.
     pub(super) fn next(&self, has_room: impl Fn() -> bool) -> Option<TileTask> {
         let mut state = lock(&self.state);
         loop {
@@ -208,8 +208,8 @@ impl TaskQueue {
         state.failure.map_or(Ok(()), Err)
     }
 
-    /// Adds tiles to the ready tasks: one for each worker while there is room, and none too far ahead
-    /// of the writer.
+    /// Adds tiles to the ready tasks: one for each worker while there is memory, and none too far ahead of the
+    /// writer.
     fn begin_tiles(&self, state: &mut TaskQueueState, has_room: impl Fn() -> bool) {
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());

@@ -1,4 +1,4 @@
-//! Which part of the work one run does: all of it, or a unit that other runs go on from.
+//! The part of the work of one run: all of it, or a unit that other runs continue from.
 //!
 //! A run in one go and a plan have one code: the graph of steps is computed, a part of it is a filter on tasks, and
 //! each step sees what it would have seen in one go.

@@ -1,4 +1,4 @@
-//! What one worker does: takes tasks from the queue and carries them out.
+//! One worker: takes tasks from the queue and carries them out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
@@ -39,7 +39,7 @@ pub(super) struct SharedTinState<'a> {
     pub(super) settings: &'a TinSettings<'a>,
     pub(super) kernel: PipelineKernel,
     pub(super) layout: TileLayout,
-    /// Where tiles come from that are not triangulated.
+    /// Source of tiles of other runs.
     pub(super) stock: Option<&'a dyn ContainerSource>,
     pub(super) store: ContainerStore,
     pub(super) queue: TaskQueue,
@@ -219,8 +219,8 @@ impl<'a> TinWorker<'a> {
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
-    /// How far posts are apart. Half as far where lines are followed: a sample may have to be inserted anywhere on
-    /// them, and what that changes has to be in a patch.
+    /// Spacing of anchor vertices. Half of it where lines are followed: a sample may have to be inserted
+    /// anywhere on them, and its changes have to be inside a patch.
     fn spacing(&self) -> u32 {
         let most = self.job.layout.spacing();
         if self.job.settings.kept.lines().paths().is_empty() { most } else { (most / 2).max(1) }
@@ -297,7 +297,7 @@ impl<'a> TinWorker<'a> {
         patch
     }
 
-    /// What `make` makes of triangles in `rect`, whose heights have been read.
+    /// The patch that `make` computes from triangles in `rect`, whose heights have been read.
     fn patch(
         &mut self,
         make: fn(&PatchInput<'_>, &TinSpec, &mut TileScratch) -> PatchMesh,
@@ -342,7 +342,7 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// What the mesh beyond a mended patch says to it.
+    /// Checks a mended patch against the mesh beyond it.
     fn frontier(
         &mut self,
         patch: &PatchMesh,
@@ -481,7 +481,7 @@ impl<'a> TinWorker<'a> {
         thin
     }
 
-    /// Hands over all that is kept with a tile, for another run.
+    /// Saves the container of a tile, for another run.
     fn save(&mut self, tile: TileId) -> Result<()> {
         let started = Instant::now();
         let mut kept = self.job.store.with(tile, std::mem::take)?;
@@ -520,8 +520,8 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// Hands over a part. Without room it does not wait in the channel: the worker waits for the collector, so that
-    /// no more parts are made than can be written.
+    /// Hands over a part. Without free memory it does not wait in the channel: the worker waits for the
+    /// collector, so that no more parts are made than can be written.
     fn send(&self, tile: TileId, part: TilePart) -> Result<()> {
         let store = &self.job.store;
         store.account(0, part.bytes());
@@ -567,13 +567,13 @@ pub(super) fn tile_input<'a>(
     }
 }
 
-/// How many more a worker holds where breaklines are followed.
+/// Additional bytes of a worker that follows breaklines.
 pub(super) fn line_bytes(cells: u32) -> u64 {
     tin::TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
 }
 
-/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
-/// what it is made in, and so is what is written of it; others are far smaller.
+/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as the
+/// scratch memory, and so is its output; others are far smaller.
 pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
@@ -585,7 +585,7 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
         + 4 * VertexRanks::bytes(cells)
 }
 
-/// What is left over of the bound between samples at the end: never seen.
+/// The error of a bound between samples that cannot be met: never seen.
 fn unbounded() -> Error {
     Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
         .remedy("choose another ‹tile›, and report this with the input")

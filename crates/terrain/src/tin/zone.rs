@@ -15,9 +15,9 @@ use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::{Lattice, in_circle};
 use terrane_tin::{TilePosition, TileTriangle};
 
-/// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a
-/// cell there) that touch a band around the seam. Where triangles are large, few are taken in; where
-/// they are small, the band alone is.
+/// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a cell there)
+/// that touch a band around the seam. Where triangles are large, few are included; where they are small, only
+/// the band is.
 ///
 /// A patch around a tile corner also takes in the triangles on the vertical line as far up and down
 /// as the horizontal patches on its two sides would have gone on: each of them stopped there.

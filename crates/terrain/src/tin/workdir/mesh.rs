@@ -1,4 +1,4 @@
-//! The plan of a mesh: what is asked for and what was found in the input, its tasks, and what one does.
+//! The plan of a mesh: its job, the properties of its input, its tasks, and the work of a task.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,7 +42,7 @@ pub(super) struct PlannedMesh {
     grid: PlannedGrid,
 }
 
-/// What is asked for.
+/// The job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct PlannedTinJob {
     #[serde(flatten)]
@@ -52,7 +52,7 @@ struct PlannedTinJob {
 }
 
 impl PlannedMesh {
-    /// That of an opened job; `rows` of tiles make a strip.
+    /// The plan of an opened job, with strips of `rows` rows of tiles.
     pub(super) fn new(job: &TinJob, opened: &OpenedTinJob, rows: Option<u32>) -> Result<Self> {
         let grid = PlannedGrid::of(opened.source.info());
         let strip_rows =
@@ -78,7 +78,7 @@ impl PlannedMesh {
         mesh::by_path(Path::new(""), self.method.job.format.as_deref())
     }
 
-    /// How the grid is cut. Fails where it is too small to be.
+    /// The strips of the grid. Fails if it is too small.
     fn strips(&self) -> Result<TileStrips> {
         let layout = TileLayout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
         Ok(TileStrips::new(layout, Some(self.method.strip_rows)))
@@ -91,7 +91,7 @@ impl PlannedMesh {
         }
     }
 
-    /// What the work takes, from the size of the whole mesh.
+    /// Resources of the work, from the size of the whole mesh.
     pub(super) fn needs(&self, size: MeshSize, opened: &OpenedTinJob) -> Result<PlanNeeds> {
         let strips = self.strips()?;
         let job = &self.method.job;

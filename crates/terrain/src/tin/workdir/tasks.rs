@@ -16,7 +16,7 @@ use crate::tin::layout::{TileId, TileLayout};
 use crate::tin::scope::{LayoutWork, RunScope};
 use terrane_engine::plan::Numbered;
 
-/// Samples that a strip has about.
+/// Approximate number of samples of a strip.
 const STRIP_SAMPLES: u64 = 1 << 27;
 /// Fewest rows of tiles in a strip: each is changed by the seam on one side only.
 pub(super) const LEAST_ROWS: u32 = 2;
@@ -58,7 +58,7 @@ pub(super) struct TileStrips {
 }
 
 impl TileStrips {
-    /// Strips of `rows` rows of tiles, or of as many as make a fair piece of work.
+    /// Strips of `rows` rows of tiles, by default of about [`STRIP_SAMPLES`].
     pub(super) fn new(layout: TileLayout, rows: Option<u32>) -> Self {
         let row = layout.samples() / u64::from(layout.rows);
         let fair = || STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;

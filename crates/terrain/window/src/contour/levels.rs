@@ -1,4 +1,4 @@
-//! The heights at which lines are drawn, and between which of them a sample lies.
+//! Contour levels, and the rank of a sample among them.
 
 use terrane_base::error::{Error, Result};
 

@@ -44,7 +44,7 @@ use terrane_base::Cancel;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Rect;
 
-/// Bytes that [`trace`] takes for each crossing, besides those of [`WindowContours`].
+/// Bytes that [`trace`] takes for each crossing, without those of [`WindowContours`].
 pub const CROSSING_BYTES: u64 = size_of::<CrossingNode>() as u64;
 
 /// Most samples along a side of a rectangle.
@@ -59,13 +59,12 @@ pub struct ContourScratch {
 /// Fills `lines` with the contour lines of a window at all `levels`, in an order that depends on the
 /// window alone.
 ///
-/// O(samples + crossings). Takes [`CROSSING_BYTES`] for each crossing. `cancel` is looked at row by row.
+/// O(samples + crossings). Takes [`CROSSING_BYTES`] for each crossing. Cancellation is checked row by row.
 ///
 /// # Errors
-/// `Usage` for a window whose heights do not fit its size, or of more than [`MOST_SIDE`] samples along
-/// a side; `BadInput` for a height beyond 1e30, or one that is more than 2^30 intervals from the base;
-/// `Resource` for more than `most` crossings; `Interrupted` where it is
-/// cancelled.
+/// `Usage` for a window whose heights do not fit its size, or of more than [`MOST_SIDE`] samples along a side;
+/// `BadInput` for a height beyond 1e30, or one that is more than 2^30 intervals from the base; `Resource` for
+/// more than `most` crossings; `Interrupted` when cancelled.
 pub fn trace<H: Copy + Into<f64>>(
     window: &ContourWindow<'_, H>,
     levels: &ContourLevels,

@@ -1,8 +1,7 @@
 //! One pass over a window, row by row: where lines cross edges, and what each cell joins.
 //!
-//! A sample is known by its rank among the levels; an edge is crossed by the levels between the ranks
-//! of its ends. Most samples have the ranks of their neighbours, which a few instructions tell for many
-//! at a time.
+//! A sample is known by its rank among the levels; an edge is crossed by the levels between the ranks of its
+//! ends. Most samples have the ranks of their neighbours, which a few instructions compare for many at a time.
 
 use super::levels::{ContourLevels, VOID};
 use terrane_base::Cancel;
@@ -23,7 +22,7 @@ pub struct ContourWindow<'a, H> {
     pub heights: &'a [H],
 }
 
-/// The number of no node.
+/// Marks the lack of a node.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// A segment ends at the node.
@@ -46,7 +45,7 @@ pub(super) struct CrossingNode {
     pub(super) marks: u32,
 }
 
-/// Columns looked at together.
+/// Columns of a chunk.
 const CHUNK: usize = 16;
 
 /// The state of a pass, and its result.
