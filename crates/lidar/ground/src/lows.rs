@@ -1,8 +1,8 @@
-//! The lowest point of each cell: what methods find the ground from.
+//! The lowest point of each cell: the input of ground methods.
 
 use terrane_base::geom::Point;
 
-/// A height that no point has.
+/// Marks a cell without a height.
 pub const EMPTY: i32 = i32::MAX;
 
 /// A cell without points.

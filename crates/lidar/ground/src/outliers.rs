@@ -1,4 +1,4 @@
-//! Low outliers: points below the ground, which their neighbours contradict at several scales.
+//! Low outliers: points below the ground, rejected by their neighbours at several scales.
 //!
 //! A point is compared with the chords between the lowest points of blocks that lie opposite each other around it,
 //! near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as low as the
@@ -27,28 +27,31 @@ const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
 /// squares at fixed places, where that costs nothing but time, and only where there are outliers.
 pub(crate) const FEW_PASSES: usize = 3;
 pub(crate) const PASSES: usize = 8;
-/// How far an outlier lies below all chords: metres, and in cells where those are large.
+/// Smallest depth of an outlier below all chords: in metres, and in cells if those are large.
 const DEPTH: f64 = 1.0;
 const DEPTH_OF_CELL: f64 = 0.5;
-/// Most square metres of a clump of outliers, in cells which lie no more than so many from each other; and most cells.
+/// Largest clump of outliers: in square metres, and in cells.
 const CLUMP: usize = 9;
+/// Largest distance between cells of a clump.
 const BESIDE: usize = 3;
-/// Half the sides, in cells, of the squares in which left out points may lie on one plane.
+/// Half sides, in cells, of the squares in which rejected points may lie on one plane.
 const VIEWS: [usize; 3] = [14, 24, 38];
-/// Fewest clumps on a plane, times that those far from it are let go, what is far (of the median, and in metres at
-/// least), and how far in metres those on it may stray.
+/// Fewest clumps on a plane.
 const FEWEST: usize = 8;
+/// Rounds of trimming points far from the plane.
 const TRIMS: usize = 4;
+/// Distance at which a point is far: relative to the median, and at least in metres.
 const FAR: (f64, f64) = (2.0, 0.5);
+/// Largest distance of points on the plane, in metres.
 const STRAY: f64 = 0.8;
-/// How near to a plane in metres half of what is around a cell is, where that is smooth; and of how many cells one may
-/// be, under crowns.
+/// Largest distance from a plane of half of the points around a smooth cell, in metres.
 const SMOOTH: f64 = 0.25;
+/// Under crowns at most one cell in this many is smooth.
 const ROUGH: usize = 20;
 /// Cells around one that decide in few passes whether its point is an outlier.
 pub(crate) const REACH: usize = FEW_PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
 
-/// The lowest points without low outliers: their cells are empty.
+/// The lowest points without low outliers, whose cells become empty.
 pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Point> {
     let mut points = lows.points.to_vec();
     let mut left_out = Vec::new();
@@ -95,7 +98,7 @@ fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool 
     smooth * ROUGH <= count
 }
 
-/// Whether half of the points around a cell lie near one plane; `None` where they tell of none.
+/// Whether half of the points around a cell lie near one plane; `None` if they define none.
 fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
     let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
     let cols = around(at % lows.width, lows.width);
@@ -112,7 +115,7 @@ fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
     Some(*away.select_nth_unstable_by(half, f64::total_cmp).1 <= SMOOTH)
 }
 
-/// Whether a left out point lies on a plane with many others that were left out.
+/// Whether a rejected point lies on a plane with many other rejected points.
 fn goes_on(lows: &LowestPoints<'_>, left_out: &[usize], at: usize) -> bool {
     let away = |other: usize, from: usize| {
         let apart = |a: usize, b: usize| a.abs_diff(b);
@@ -156,7 +159,8 @@ fn lie_on_one_plane(lows: &LowestPoints<'_>, at: usize, others: &[usize]) -> boo
     plane.stray <= STRAY && plane.height.abs() <= far
 }
 
-/// How many cells beside one, and itself, are no higher than this: those at the corner of a pit are more than a clump.
+/// Number of cells around one, itself included, that are not higher: at the corner of a pit they are more than
+/// a clump.
 fn company(heights: &[i32], width: usize, at: usize, most: f64) -> usize {
     let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
     let cols = around(at % width, width);

@@ -11,10 +11,10 @@ use crate::region::CellNeighborhood;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-/// Greatest power of distance that weights fall off by.
+/// Largest supported power of the distance.
 pub const MOST_POWER: f64 = 4.0;
 
-/// Fails unless weights can fall off by this power of the distance.
+/// Fails if the power of the distance is out of range.
 pub fn check_power(power: f64) -> Result<()> {
     if power > 0.0 && power <= MOST_POWER {
         return Ok(());
@@ -150,9 +150,9 @@ impl AccumulatorPlane for CellWeights {
     }
 }
 
-/// How weights fall off with distance: they are whole numbers, about 2^24 (radius / distance)^power,
-/// so that the rounding of the smallest one, at the radius, is less than 2^-24 of it. None is larger
-/// than 2^63, which a distance of less than radius * 2^(-39/power) would take.
+/// Weights by distance: integers of about 2^24 (radius / distance)^power, so that the rounding of the smallest
+/// one, at the radius, is less than 2^-24 of it. None is larger than 2^63, which a distance of less than radius
+/// * 2^(-39/power) would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WeightFalloff {
     unit: f64,

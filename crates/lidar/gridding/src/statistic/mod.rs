@@ -1,5 +1,4 @@
-//! The statistics a cell can have: one file for those that keep the same, the registry, and how they are
-//! asked for.
+//! The statistics of cells: one file for each family of accumulators, the registry, and the parser.
 
 mod count;
 mod extremes;
@@ -66,14 +65,14 @@ impl Statistic {
     }
 }
 
-/// A statistic that is asked for.
+/// A requested statistic.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StatisticRequest {
-    /// What it is.
+    /// The statistic.
     pub statistic: Statistic,
-    /// As asked for, by its own name: what its band is called.
+    /// Its canonical text: the name of its band.
     pub label: String,
-    /// What it is of.
+    /// Its subject.
     #[serde(default, skip_serializing_if = "Subject::is_plain")]
     pub subject: Subject,
 }
@@ -85,10 +84,10 @@ impl StatisticRequest {
     }
 }
 
-/// The statistics of a list such as "mean,p95,idw:radius=2,power=1".
+/// Parses a list of statistics such as "mean,p95,idw:radius=2,power=1".
 ///
 /// # Errors
-/// Usage: a name or parameter that is not known (the known ones are told), or a statistic twice.
+/// Usage: an unknown name or parameter (the error lists the known ones), or a duplicate statistic.
 pub fn parse_list(text: &str) -> Result<Vec<StatisticRequest>> {
     let mut asked: Vec<StatisticRequest> = Vec::new();
     for item in items(text) {
@@ -137,7 +136,7 @@ fn parse(item: &str) -> Result<StatisticRequest> {
     }
 }
 
-/// A parameter with its number in as few digits as tell it.
+/// A parameter with its number in the fewest digits that identify it.
 fn shortest(pair: &str) -> String {
     match pair.split_once('=').map(|(key, value)| (key, value.parse::<f64>())) {
         Some((key, Ok(number))) if number.is_finite() => format!("{key}={number}"),
@@ -145,7 +144,7 @@ fn shortest(pair: &str) -> String {
     }
 }
 
-/// The parameters of a statistic by name, and what it is of.
+/// The parameters of a statistic by name, and its subject.
 fn read(method: &StatisticMethod, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
     let (mut values, mut subject) = (Vec::<(String, f64)>::new(), Subject::default());
     for pair in text.split(',').filter(|pair| !pair.is_empty()) {

@@ -1,4 +1,4 @@
-//! Mean and deviation, from sums of whole numbers.
+//! Mean and standard deviation, from integer sums.
 
 use bytemuck::{Pod, Zeroable};
 

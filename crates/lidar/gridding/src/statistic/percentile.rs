@@ -30,8 +30,7 @@ pub(super) const PERCENTILE: StatisticMethod = StatisticMethod {
     ..StatisticMethod::HEIGHT
 };
 
-/// What `rank` per cent of the values lie below: between the two that the rank falls between, in
-/// proportion.
+/// The value below which `rank` per cent of the values lie, interpolated linearly between neighbours.
 fn percentile(values: SortedCellValues<'_>, rank: f64) -> Option<f64> {
     let place = rank / 100.0 * values.len().checked_sub(1)? as f64;
     let (at, part) = (place as usize, place.fract());

@@ -1,4 +1,4 @@
-//! Which points of an unclassified cloud are ground: a morphological filter of the lowest heights.
+//! Ground classification by a morphological filter of the lowest heights.
 //!
 //! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain
 //! classification of airborne LIDAR data" (2013): the lowest point of each cell makes a surface; what
@@ -44,16 +44,16 @@ fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
 }
 
 impl Parameters {
-    /// How many cells around a cell its surface, and what is ground in it, depend on.
+    /// Number of cells around a cell that its result depends on.
     pub fn reach(&self) -> usize {
         let radius = self.radius();
         low::REACH + 2 * fill::reach(radius) + open::reach(radius) + BESIDE
     }
 }
 
-/// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without
-/// points are [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`]
-/// from the window's border have the ground that they have in any larger window.
+/// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without points are
+/// [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`] from the border of the
+/// window have the same ground as in any larger window.
 ///
 /// Time is proportional to the cells: a quarter of a microsecond each, with memory for 60 bytes.
 ///

@@ -246,7 +246,7 @@ impl ColorSpan {
     }
 }
 
-/// Interpolates a component; rounds up from 0.45, as gdaldem does.
+/// Interpolates a component; rounds up from 0.55, as gdaldem does.
 #[inline(always)]
 fn mixed(from: u8, to: u8, share: f64) -> u8 {
     let [from, to] = [from, to].map(f64::from);
