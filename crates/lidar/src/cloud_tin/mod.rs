@@ -1,4 +1,4 @@
-//! A cloud in, a mesh with a proven error bound out: the job of `terrane tin` on point clouds.
+//! Meshes of point clouds with a proven error bound: the job of `terrane tin` on point clouds.
 //!
 //! The mesh is the Delaunay triangulation of a set of points of the cloud, and nothing else, so it has
 //! no seams by its nature: every region computes the triangles it sees and no other, exactly.

@@ -1,4 +1,4 @@
-//! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
+//! The cells of a grid: from the cell size, the bounds of the point cloud, a box or another grid.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -11,12 +11,12 @@ use terrane_raster::{self as raster, GridInfo};
 use super::job::GridJob;
 use super::placement::{Compat, Placement};
 
-/// Cells whose values are asked for.
+/// Requested cells.
 #[derive(Clone, Copy)]
 pub(super) struct CellRequest<'a> {
     /// All cells.
     pub(super) extent: &'a GridExtent,
-    /// Those of them.
+    /// The requested rectangle.
     pub(super) rect: Rect,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
@@ -29,8 +29,8 @@ pub(super) struct GridExtent {
     pub(super) lattice: CellLattice,
     /// Those of them that are written.
     pub(super) output: Rect,
-    /// Those that voids may be filled from: the ones that the cloud's bounds overlap, which are the
-    /// same whatever part of the grid is computed.
+    /// Cells that voids may be filled from: those that the bounds of the point cloud overlap, independent of
+    /// the part that is computed.
     pub(super) known: Rect,
     /// Columns and rows that voids are filled from.
     pub(super) fill: u32,
@@ -105,7 +105,7 @@ impl GridExtent {
         [self.lattice.x.world_cell(), self.lattice.y.world_cell()]
     }
 
-    /// The radius to report: of the job, where a statistic goes by it.
+    /// The radius to report: that of the job, if a statistic uses it.
     pub(super) fn radius(&self, rules: &StatisticDefaults, job: &GridJob) -> Option<f64> {
         let goes_by_it = |statistic: Statistic| match statistic.parameter("radius") {
             Some(_) => false,
@@ -137,8 +137,7 @@ fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
 /// Metres along a degree of latitude, about.
 const DEGREE: f64 = 111_320.0;
 
-/// Fails where a cell is meant to be of so many metres, and is of so many degrees: it is larger than
-/// all there is.
+/// Fails if a cell size in degrees was apparently meant in metres: the cell is larger than the extent.
 fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result<()> {
     let Some([west, south, east, north]) = bounds else { return Ok(()) };
     let sides = [east - west, north - south];
@@ -157,7 +156,7 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
     )))
 }
 
-/// A lattice of cells of the wanted size, and the cells of the cloud or the box.
+/// A lattice of cells of the given size, and the cells of the point cloud or the box.
 fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
     let Placement { cell, align, extent, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
@@ -212,7 +211,7 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     within_reach([first as i64, count as i64])
 }
 
-/// Cells that can be told apart so far from where lattices begin.
+/// Fails if cells are too far from the origin of the lattice to be exact.
 fn within_reach([first, count]: [i64; 2]) -> Result<[i64; 2]> {
     match first.abs().saturating_add(count) < FAR {
         true => Ok([first, count]),
@@ -250,7 +249,7 @@ fn like_grid(
     Ok((lattice, [[0, width], [-height, height]], crs, notes))
 }
 
-/// The CRS of a grid and a cloud that lie on each other.
+/// The common CRS of a grid and a point cloud.
 fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
     let [a, b] = grid.told_apart(cloud);
     match (grid.is_named(), cloud.is_named()) {

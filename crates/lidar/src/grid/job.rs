@@ -17,7 +17,7 @@ use terrane_gridding::{
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, GridWriteOptions};
 
-/// A cloud-to-grid job. A plan notes what the cells depend on.
+/// A cloud-to-grid job. A plan records everything the cells depend on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GridJob {
     /// Files, folders, patterns or lists of clouds.
@@ -28,52 +28,51 @@ pub struct GridJob {
     /// File to write.
     #[serde(skip)]
     pub output: PathBuf,
-    /// Name of the format to write; by the output's ending when `None`, a plain GeoTIFF in tiles for
-    /// a `.tif`.
+    /// Name of the format to write; by the output's extension when `None`, a tiled GeoTIFF for `.tif`.
     pub format: Option<String>,
     /// Creation options of the format, as (key, value).
     pub creation: Vec<(String, String)>,
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<StatisticRequest>,
-    /// The model of the terrain that the only band is ([`SurfaceModel::band`]), if it is one.
+    /// The terrain model of the only band ([`SurfaceModel::band`]), if it is one.
     pub preset: Option<SurfaceModel>,
-    /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
+    /// Source of ground points for a terrain model: `cloud.filter.classes` has their classes, 2 if `None`.
     pub ground: GroundFrom,
-    /// How a preset of what is seen from above gets rid of returns from deep in crowns.
+    /// Canopy method of a surface model.
     #[serde(default, skip_serializing_if = "Canopy::is_usual")]
     pub canopy: Canopy,
-    /// The name of a file with water, which is made level, for a model of the ground.
+    /// File of water to flatten, for a terrain model.
     #[serde(skip)]
     pub water: Option<String>,
-    /// Where the cells lie.
+    /// Position and size of the cells.
     pub placement: Placement,
-    /// Whose conventions are followed.
+    /// Program whose conventions are followed.
     pub compat: Compat,
-    /// Radius of idw and nearest (of all statistics, in the manner of PDAL), in world units; the
-    /// greater side of a cell times the root of 2 when `None`.
+    /// Radius of idw and nearest (of all statistics with PDAL's conventions), in world units; the longer side
+    /// of a cell times the root of 2 when `None`.
     pub radius: Option<f64>,
-    /// Power of the distance that weights of idw fall off by; 1 when `None`.
+    /// Power of the inverse distance of idw; 1 when `None`.
     pub power: Option<f64>,
-    /// Triangles with a longer edge, in world units, are no surface; all are when `None`.
+    /// Triangles with a longer edge, in world units, are ignored; none are when `None`.
     pub max_edge: Option<f64>,
-    /// Voids are filled from known cells at most so many columns and rows away; 0 fills none.
+    /// Fills voids from valid cells at most this number of columns and rows away; 0 fills none.
     pub fill: u32,
     /// Type of the written samples.
     pub sample_type: SampleType,
-    /// Write the nearest value where a type of whole numbers does not hold one exactly.
+    /// Rounds values to integer types instead of failing.
     pub round: bool,
-    /// Written value for voids.
+    /// Nodata value.
     #[serde(with = "as_text")]
     pub nodata: f64,
     /// Replace an existing output.
     #[serde(skip)]
     pub overwrite: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[serde(skip)]
     pub resources: Resources,
 }
 
-/// Stands for voids unless told otherwise.
+/// Default nodata value.
 pub(super) const NODATA: f64 = -9999.0;
 
 impl GridJob {
@@ -109,7 +108,7 @@ impl GridJob {
         }
     }
 
-    /// As [`new`](Self::new), for a model of the terrain.
+    /// As [`new`](Self::new), for a terrain model.
     pub fn of_preset(
         input: impl IntoIterator<Item = impl Into<String>>,
         output: impl Into<PathBuf>,
@@ -124,8 +123,7 @@ impl GridJob {
         write::by_path(&self.output, self.format.as_deref())
     }
 
-    /// The creation options: a GeoTIFF is tiled unless it is to be in strips, for tiles are what
-    /// blocks of cells fit into.
+    /// The creation options: a GeoTIFF is tiled by default, to match the blocks of cells.
     pub(super) fn creation(&self) -> Vec<(String, String)> {
         let mut creation = self.creation.clone();
         let given = creation.iter().any(|(key, _)| key.eq_ignore_ascii_case("TILED"));
@@ -164,9 +162,8 @@ impl GridJob {
         }
     }
 
-    /// How the cloud is read: where only a box of cells is wanted, without the points that are too far
-    /// away from it to be in any of its values, so that files and parts beyond are not even read. A
-    /// triangle may have corners anywhere.
+    /// Reading options: for a box of cells, points too far away to contribute are filtered out, so that files
+    /// and parts beyond are not read. Triangulations need all points.
     pub(super) fn reading(&self) -> CloudOpenOptions {
         let mut options = self.cloud.clone();
         let cell = self.placement.cell.unwrap_or_default();
@@ -181,16 +178,16 @@ impl GridJob {
         options
     }
 
-    /// Folder for what does not fit into memory.
+    /// Folder for spilled data.
     pub(super) fn spill_folder(&self) -> &Path {
         folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 
-    /// The same with the size of its cells: of a model of the terrain, where none is given, one that follows
-    /// from the density of all points of the cloud, whatever the filter.
+    /// The job with its cell size: for a terrain model without one, it is derived from the density of all
+    /// points, regardless of filters.
     ///
     /// # Errors
-    /// Those of opening the cloud; points whose density is not known.
+    /// Errors of opening the point cloud; unknown density of points.
     pub fn settled(&self) -> Result<Self> {
         let mut job = self.clone();
         if job.preset.is_some() && job.placement.cell.is_none() && job.placement.like.is_none() {
@@ -201,13 +198,13 @@ impl GridJob {
         Ok(job)
     }
 
-    /// Whether the ground has to be known.
+    /// Whether ground points are needed.
     pub(super) fn needs_ground(&self) -> bool {
         let has_layers = self.canopy.way() == CanopyAlgorithm::PitFree;
         self.preset.is_some_and(|preset| preset != SurfaceModel::Dsm || has_layers)
     }
 
-    /// Fails when something is asked for that acts on none of the bands.
+    /// Fails if an option has no effect on any band.
     fn check_idle(&self) -> Result<()> {
         let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
         let around = self.compat == Compat::Pdal || lack("radius");
@@ -235,7 +232,7 @@ impl GridJob {
         }
     }
 
-    /// Fails when the job cannot be done whatever the points.
+    /// Fails if the job is invalid for any points.
     pub fn check(&self) -> Result<()> {
         let format = self.format()?;
         format.check(&self.creation)?;
@@ -257,7 +254,7 @@ impl GridJob {
     }
 }
 
-/// Fails when a preset cannot be made as asked for, whatever the points.
+/// Fails if the options are invalid for a terrain model.
 fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     let wanted = &job.cloud.filter;
     if job.stats != [preset.band()] {
@@ -276,7 +273,7 @@ fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     check_canopy(preset, job)
 }
 
-/// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
+/// Fails for canopy or ground options without an effect on the model.
 fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     if preset == SurfaceModel::Dtm && !job.canopy.is_usual() {
         return Err(Error::usage("‹canopy› has no effect: it applies to ‹dsm› and ‹chm›")

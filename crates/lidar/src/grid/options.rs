@@ -134,13 +134,13 @@ impl GridOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Statistics that there are not; polygons that cannot be read.
+    /// Unknown statistics; polygons that cannot be read.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let cloud = self.cloud.options(&self.resources)?;
         Ok(GridJob { cloud, ..settled(self)?.unread(inputs, output)? })
     }
 
-    /// The same without the polygons that points are within.
+    /// The job without its clip polygons.
     fn unread(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let preset = self.preset();
         let stats = preset.map_or_else(

@@ -6,7 +6,7 @@ use terrane_options::Choice;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudInfo;
 
-/// Whose conventions a grid follows, so that it can be compared cell by cell.
+/// Program whose conventions a grid follows, for comparison cell by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
     /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
@@ -19,20 +19,20 @@ pub enum Compat {
     Lasr,
 }
 
-/// Where the cells of a grid lie.
+/// Position and size of the cells of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Sides of a cell (x, y), in world units; those of `like` when it is given, and of a model of the
-    /// terrain about the distance between points when neither is.
+    /// Sides of a cell (x, y), in world units; those of `like` if given; for a terrain model without either,
+    /// about the point spacing.
     pub cell: Option<[f64; 2]>,
     /// A corner of some cell; the origin of the coordinates when `None`.
     pub align: Option<[f64; 2]>,
-    /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
+    /// All cells that this box (x min, y min, x max, y max) overlaps; the bounds of the point cloud when
     /// `None`.
     pub extent: Option<[f64; 4]>,
-    /// The very cells of this grid.
+    /// Grid whose cells are used.
     pub like: Option<String>,
-    /// Whether the size was chosen by the density of points, which a note then tells.
+    /// Whether the size was derived from the density of points, for a note.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_chosen: bool,
 }
@@ -43,7 +43,7 @@ impl Placement {
         Self { cell: Some(cell), ..Self::default() }
     }
 
-    /// Fails when the wishes contradict each other.
+    /// Fails for conflicting options.
     pub(super) fn check(&self, compat: Compat, is_model: bool) -> Result<()> {
         let refuse =
             |what: &str| Err(Error::usage(what.to_owned()).remedy("leave out one of them"));
@@ -72,11 +72,10 @@ impl Placement {
     }
 }
 
-/// Chosen sides of cells are one of these, times a power of ten.
+/// Mantissas of derived cell sizes, times a power of ten.
 const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
-/// The side of a cell where none is asked for: what one point has of the area of all, as the headers tell
-/// both, rounded up.
+/// The default cell size: the root of the area per point, from the headers, rounded up.
 pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
     let unknown =
         || Error::usage("the point spacing is unknown").remedy("pass the cell size with ‹cell›");
