@@ -1,12 +1,11 @@
 //! Meshes of point clouds with a proven error bound: the job of `terrane tin` on point clouds.
 //!
-//! The mesh is the Delaunay triangulation of a set of points of the cloud, and nothing else, so it has
-//! no seams by its nature: every region computes the triangles it sees and no other, exactly.
+//! The mesh is the Delaunay triangulation of a set of points of the cloud, and nothing else, so it has no
+//! seams: every region computes exactly the triangles it sees.
 //!
-//! Regions are blocks of squares of up to 131,072 points. At the end each writes the triangles whose last
-//! corner, in the order of regions, is its own. A sparse set of vertices far away (one for so many
-//! squares, fewer with the distance) and the corners of the convex hull keep circles small while the
-//! neighbourhood is being completed.
+//! Regions are blocks of tiles of up to 131,072 points. At the end each writes the triangles whose last corner,
+//! in the order of regions, is its own. A sparse set of distant vertices (fewer with the distance) and the
+//! corners of the convex hull keep circles small while the neighbourhood is being completed.
 //!
 //! **Why not borders of real points, as tiles of grids have.** Points do not lie on lines. A chain of
 //! points along a border has to be constrained, and leaves slivers that must be mended afterwards.

@@ -21,10 +21,11 @@ use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOpt
 
 /// Division of the memory.
 pub(super) struct CloudTinMemory {
-    /// Eighths of the memory for stored points; the next fields for stored vertices, and for the program and
-    /// its workers.
+    /// Eighths of the memory for stored points.
     points: u64,
+    /// Eighths of the memory for stored vertices.
     vertices: u64,
+    /// Eighths of the memory for the program and its workers.
     pub(super) workers: u64,
     /// Bytes of a worker for each point of a region, including its surroundings, mesh and pending output.
     point_bytes: u64,
@@ -33,6 +34,7 @@ pub(super) struct CloudTinMemory {
 /// Division if vertices are selected among the points.
 const CHOSEN: CloudTinMemory =
     CloudTinMemory { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
+/// Division if every point is a vertex: the mesh is larger, and no vertices are stored beside the points.
 const ALL: CloudTinMemory = CloudTinMemory { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
 /// Division if every point is a vertex and lines add posts.
 const ALL_AND_POSTS: CloudTinMemory =

@@ -14,10 +14,10 @@ use terrane_gridding::canopy::CanopyAlgorithm;
 use terrane_gridding::pitfree::PitFree;
 
 impl CloudOverview {
-    /// Looks at all points that a model is made of, once.
+    /// Reads all points of a model once.
     ///
     /// # Errors
-    /// No ground where there has to be some; units that are no lengths.
+    /// No ground if it is required; coordinates without a unit of length.
     pub(in crate::grid) fn look(
         preset: SurfaceModel,
         cloud: &CloudInfo,
@@ -87,7 +87,7 @@ impl CloudOverview {
     }
 }
 
-/// Steps along the longest edge that counts above the first triangulation, points being so far apart.
+/// Steps along the longest edge above the first triangulation, for this point spacing.
 fn reach(spacing: f64, metres: &MetricFrame) -> i32 {
     let [x, y, _] = metres.step;
     (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32

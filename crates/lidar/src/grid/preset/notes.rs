@@ -4,7 +4,7 @@ use super::squares::SpikeFreeSquares;
 use terrane_base::error::Error;
 use terrane_ground as ground;
 
-/// A line that tells what a method found, and among how many of which points.
+/// The note on the points found by a method, and the number and kind of candidates.
 pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &str) -> String {
     let by = match method.name() {
         "filter" => "the ground filter".to_owned(),
@@ -36,7 +36,7 @@ pub(super) fn named(classes: &[u8]) -> String {
     classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// A line that tells which returns a spike-free surface is made of, and what freezes.
+/// The note on the returns of a spike-free surface, and its freeze length.
 pub(super) fn frozen(count: u64, squares: &SpikeFreeSquares) -> String {
     let edge = squares.freeze.edge;
     format!("surface: {count} returns, spike-free with triangles of up to {edge:.2} m")
