@@ -1,5 +1,5 @@
-//! Writes a synthetic cloud: parts made and chunks compressed by all threads, appended in the order of
-//! flight, the same bytes whatever the threads.
+//! Writes a synthetic point cloud: parts are generated and chunks compressed by all threads, and appended in
+//! the order of flight; the bytes do not depend on threads.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,11 +30,11 @@ pub struct SurveyJob {
     pub format: PointFormat,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     pub resources: Resources,
 }
 
-/// What was written.
+/// Report of a written survey.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct SurveyReport {
@@ -104,7 +104,7 @@ fn options(job: &SurveyJob) -> Result<CloudWriteOptions> {
     Ok(CloudWriteOptions { packing, overwrite: job.overwrite, ..options })
 }
 
-/// As many parts in a round as keep all threads busy, as far as memory goes.
+/// Number of parts in a round: enough for all threads, within the memory.
 fn flow(resources: &Resources, flown: &SurveyRecords<'_>) -> Result<RecordFlow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {

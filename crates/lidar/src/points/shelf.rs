@@ -77,6 +77,7 @@ struct SquareIndexEntry {
     square: u32,
     /// Index of the file.
     file: u32,
+    /// Offset of its points in the file.
     start: u64,
     digest: Digest,
     summary: SquareSummary,

@@ -1,4 +1,4 @@
-//! Attributes of points that are given other values, by formulas of what is known of the point.
+//! Assigns attributes of points by formulas of other attributes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -15,11 +15,11 @@ use terrane_cloud::write::PointColumn;
 use terrane_cloud::{AXES, PointCloud, PointFormat, PointSource};
 use terrane_files::path_of;
 
-/// An attribute and what it is to be.
+/// An attribute and its formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Assign {
-    /// As it was written.
+    /// The input text.
     text: String,
     name: String,
     formula: Formula<String>,
@@ -61,24 +61,24 @@ impl fmt::Display for Assign {
     }
 }
 
-/// Where a number of a formula is.
+/// An operand of a formula.
 #[derive(Clone)]
 enum AssignOperand {
     Axis(usize),
     Field(PointColumn),
 }
 
-/// What is set, one after the other.
+/// Assignments, in order.
 pub(super) struct AttributeAssigner {
     rulers: [Ruler; 3],
     steps: Vec<(PointColumn, Formula<AssignOperand>)>,
 }
 
 impl AttributeAssigner {
-    /// For records of a format with these columns, which lie in a frame.
+    /// Assignments for records of a format with these columns, in a frame.
     ///
     /// # Errors
-    /// Names that are none of them.
+    /// Unknown names.
     pub(super) fn new(
         asked: &[Assign],
         (format, columns): (PointFormat, &[PointColumn]),
@@ -121,11 +121,10 @@ impl AttributeAssigner {
     }
 }
 
-/// The column of an attribute in records of a format: one of the standard by any of its names, or extra
-/// bytes.
+/// The column of an attribute in records of a format: a standard attribute by any of its names, or extra bytes.
 ///
 /// # Errors
-/// A name of none.
+/// An unknown name.
 pub(super) fn column(
     name: &str,
     format: PointFormat,
@@ -141,13 +140,13 @@ pub(super) fn column(
     })
 }
 
-/// Records with attributes that were set.
+/// Records with assigned attributes.
 pub(super) struct AssignedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) assigning: &'a AttributeAssigner,
     /// Bytes of a record.
     pub(super) record: usize,
-    /// Whose parts the units are.
+    /// The point cloud whose parts are the units.
     pub(super) cloud: &'a PointCloud,
 }
 

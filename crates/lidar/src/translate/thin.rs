@@ -1,4 +1,4 @@
-//! Choices: one point of each cell, and one of those that are there twice.
+//! Thinning: one point of each cell, or one of duplicate points.
 
 use std::fmt;
 use std::str::FromStr;
@@ -26,16 +26,16 @@ pub enum ThinningRule {
     Random(u64),
 }
 
-/// One point of each cell that has any.
+/// Thinning to one point of each cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellThinning {
     /// Side of the cells, in units of x and y; corners are at its multiples.
     pub cell: f64,
-    /// Which one.
+    /// The point to keep.
     pub keep: ThinningRule,
 }
 
-/// The names of what is kept, and what it is.
+/// Names of the rules, with descriptions.
 pub const KEPT: [(&str, &str); 4] = [
     ("centre", "the point nearest to the centre of its cell"),
     ("lowest", "the lowest point"),
@@ -81,7 +81,7 @@ impl fmt::Display for CellThinning {
     }
 }
 
-/// Cells to choose from.
+/// Cells for thinning.
 pub(super) struct ThinningCells {
     lattice: CellLattice,
     unit: DistanceUnit,
@@ -123,9 +123,9 @@ impl RecordRanking for ThinningCells {
     }
 }
 
-/// Points of one place and time.
+/// Key of points with the same position and time.
 pub(super) struct DuplicateKey {
-    /// Where a record has its time.
+    /// Offset of the time in a record.
     time: Option<usize>,
 }
 

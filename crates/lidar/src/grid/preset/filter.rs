@@ -16,6 +16,7 @@ use terrane_ground::{Asked, GroundSurface, GroundTiling, LowestPoints, NO_POINT}
 
 /// Bytes of a method for each cell of a tile and its halo, for tiles of any size.
 const BYTES_PER_CELL: u64 = 72;
+/// The same for tiles of a fixed size.
 const BYTES_FIXED: u64 = 256;
 /// Fewest and most cells along a tile.
 const SIDES: [i64; 2] = [64, 1024];
@@ -24,6 +25,7 @@ const SIDES: [i64; 2] = [64, 1024];
 pub(crate) struct GroundFilter<'a> {
     /// Candidate points.
     candidates: Vec<&'a PointStore>,
+    /// Other points that may lie on the ground.
     others: Option<&'a PointStore>,
     method: Asked,
     lattice: GroundTiling,

@@ -14,11 +14,13 @@ use terrane_files::lock;
 
 /// Edges of frozen triangles along a halo.
 const EDGES: f64 = 12.0;
+/// Halos along a tile.
 const HALOS: i32 = 6;
 /// Default edge length in pulse spacings, and least length of a twelfth of a halo.
 const SPACINGS: f64 = 3.0;
 /// Width of the narrowest halo, in metres.
 const NARROWEST: f64 = 1.0;
+/// Steps along the widest halo: with its tile it is below 2^28.
 const WIDEST: f64 = (1 << 24) as f64;
 
 /// The tiles, counted from the offset of the point cloud.

@@ -24,15 +24,15 @@ pub enum HeightsAs {
     Z,
 }
 
-/// What gives points their classes.
+/// A classification of points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
-    /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
+    /// Noise gets the class of the method; runs first, as noise is never ground.
     Noise(noise::Asked),
-    /// Of the classes that may change, those found to be ground are of class 2, and no others are.
+    /// Reclassifies points of the classes that may change: ground points get class 2, others lose it.
     Ground(Reclassify),
-    /// Those of no class (0 or 1) are of one by their height above the ground.
+    /// Unclassified points (0 or 1) get a class by height above ground.
     Height(HeightClasses),
 }
 
@@ -123,18 +123,18 @@ impl HeightClasses {
     }
 }
 
-/// What is asked of the ground.
+/// Options for heights above ground and classification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightAboveGround {
-    /// Which points are ground.
+    /// Source of ground points.
     pub from: GroundFrom,
-    /// Where heights above it go.
+    /// Target of heights above ground.
     pub heights: Option<HeightsAs>,
-    /// Who gives classes, one after the other.
+    /// Classifications, in order.
     pub classify: Vec<Classify>,
 }
 
-/// Bytes of tables for each square of the plane.
+/// Bytes of tables for each tile.
 const SQUARE: u64 = 512;
 
 /// Whether a record is of a class of noise.
@@ -142,7 +142,7 @@ pub(in crate::translate) fn is_known_noise(format: PointFormat, record: &[u8]) -
     NOISE.contains(&format.class(record))
 }
 
-/// Whether a record is no point marked as withheld, or these are kept.
+/// Whether a record is kept: not marked as withheld, unless these are kept.
 pub(in crate::translate) fn is_there(
     format: PointFormat,
     keeps_withheld: bool,
@@ -152,13 +152,13 @@ pub(in crate::translate) fn is_there(
 }
 
 impl HeightAboveGround {
-    /// Whether anything is asked of the ground.
+    /// Whether the ground is needed.
     pub(in crate::translate) fn is_asked(&self) -> bool {
         let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
         self.heights.is_some() || !self.classify.iter().all(is_noise)
     }
 
-    /// The method that noise is found by, if it is looked for.
+    /// The noise method, if any.
     pub(in crate::translate) fn noise(&self) -> Option<&noise::Asked> {
         self.classify.iter().find_map(|one| match one {
             Classify::Noise(asked) => Some(asked),
@@ -166,12 +166,12 @@ impl HeightAboveGround {
         })
     }
 
-    /// Leaves noise to others.
+    /// Removes the noise method.
     pub(in crate::translate) fn forget_noise(&mut self) {
         self.classify.retain(|one| !matches!(one, Classify::Noise(_)));
     }
 
-    /// Bytes that it needs for a cloud, and more for each thread.
+    /// Bytes for a point cloud, and for each thread.
     pub(in crate::translate) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
         let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
         match self.is_asked() {
@@ -180,7 +180,7 @@ impl HeightAboveGround {
         }
     }
 
-    /// Bytes of them for a square of the method that finds the ground.
+    /// Part of these bytes for a tile of the ground method.
     pub(in crate::translate) fn square(&self, info: &CloudInfo) -> u64 {
         let metres = MetricFrame::of(&info.crs, &info.frame);
         match metres {
@@ -191,7 +191,7 @@ impl HeightAboveGround {
         }
     }
 
-    /// Frame, bounds and system of points of this cloud, as they are written.
+    /// Frame, bounds and CRS of the written points.
     pub(in crate::translate) fn info(&self, info: &CloudInfo) -> CloudInfo {
         if self.heights != Some(HeightsAs::Z) {
             return info.clone();
@@ -207,7 +207,7 @@ impl HeightAboveGround {
     }
 
     /// # Errors
-    /// What cannot be asked together, or of a format.
+    /// Conflicting options, and options that the format does not support.
     pub(in crate::translate) fn check(&self, format: PointFormat) -> Result<()> {
         if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
@@ -247,7 +247,7 @@ impl HeightAboveGround {
         })
     }
 
-    /// The classes that may change, if points are given that of ground.
+    /// The classes that may change, if ground is classified.
     pub(super) fn reclassify(&self) -> Option<&Reclassify> {
         self.classify.iter().find_map(|one| match one {
             Classify::Ground(classes) => Some(classes),
@@ -259,12 +259,12 @@ impl HeightAboveGround {
         self.reclassify().is_some()
     }
 
-    /// Whether points of a class, which is none of noise, may be found to be ground.
+    /// Whether points of a class other than noise may be ground.
     pub(super) fn may_be_ground(&self, class: u8) -> bool {
         self.reclassify().is_none_or(|classes| classes.may_change(class))
     }
 
-    /// Whether the ground is that of the classes, if there are points of it.
+    /// Whether existing ground classes are used.
     pub(super) fn takes_classes(&self) -> bool {
         !self.from.is_method() && !self.finds_ground()
     }

@@ -1,8 +1,9 @@
-//! Squares of points by plan: squares are put together to blocks, each a task of its own that reads what lies near
-//! it; the last task puts their files into one folder. The files are those of a single run, byte for byte.
+//! Tiles of points by plan: tiles are grouped into blocks, each a task that reads the points near it; the last
+//! task moves their files into one folder. The files are those of a single run, byte for byte.
 //!
-//! A task opens all headers, so that frame, format and squares are those of the whole. What is not a matter of what
-//! lies near is refused, or looked at once when the plan is made: of the ground, and noise.
+//! A task opens all headers, so that frame, format and tiles are those of the whole. Options that need more
+//! than the surroundings of a tile are refused, or computed once when the plan is made: ground statistics and
+//! noise.
 
 mod manifest;
 mod probe;
