@@ -54,7 +54,7 @@ const PARTS_BY_THREAD: u64 = 4;
 /// Memory for a part in flight: its points, twice, and as bytes.
 const BYTES_BY_PART: u64 = 24 << 20;
 
-/// Writes the cloud. Nothing appears under the output's name unless it succeeds.
+/// Writes the point cloud. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.

@@ -1,5 +1,5 @@
-//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in
-//! bounded memory, the same bytes whatever the threads.
+//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in bounded
+//! memory, with bytes that do not depend on threads.
 //!
 //! Threads take blocks of the output in row-major order; each reads the block's samples, codes and
 //! compresses them, and waits for its turn to append. So a sink sees blocks in one order on any number of

@@ -65,8 +65,8 @@ impl DiscScatter {
         (self.across, self.down)
     }
 
-    /// Hands `points`, which lie in the cells (column, row) of `places`, to the cells of a block: those
-    /// of `window`, one row every `stride` places.
+    /// Adds `points`, in the cells (column, row) `places`, to the cells of a block: those of `window`, with
+    /// rows `stride` apart.
     ///
     /// # Errors
     /// As for [`CellBlock::add`].

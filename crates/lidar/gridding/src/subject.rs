@@ -142,14 +142,14 @@ fn classes(text: &str) -> Option<Vec<u8>> {
     Some(classes)
 }
 
-/// Finds the points of a subject among those of a cloud, and its values.
+/// Selects the points of a subject and its values.
 #[derive(Clone, Debug)]
 pub struct SubjectSelector {
     /// Lowest and highest height in steps.
     heights: [i64; 2],
-    /// The column of classes, and which of them are wanted.
+    /// The column of classes, and the selected classes.
     classes: Option<(usize, [bool; 256])>,
-    /// The columns of return numbers and of returns of the pulse, and which are wanted.
+    /// The columns of return numbers and number of returns, and the selected returns.
     returns: Option<(usize, usize, Return)>,
     values: SubjectValues,
 }

@@ -1,4 +1,4 @@
-//! The interface of methods that find ground, and the squares of cells that they work in.
+//! The interface of ground methods, and their tiling.
 
 use super::asked;
 use super::lows::LowestPoints;
@@ -28,7 +28,7 @@ pub struct GroundTiling {
     pub core: Option<usize>,
 }
 
-/// Metres along a square of a fixed lattice and its halo, and most cells of both.
+/// Metres along a tile of a fixed tiling and its halo, and most cells of both.
 const CORE: (f64, usize) = (512.0, 768);
 const HALO: (f64, usize) = (128.0, 192);
 /// Fewest cells of a tile and its halo.

@@ -66,7 +66,7 @@ struct RegionGrowing {
 }
 
 impl RegionGrowing {
-    /// The cells of the square around one.
+    /// The cells around one.
     fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, rows) = (self.width, self.points.len() / self.width);
         let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
@@ -74,7 +74,7 @@ impl RegionGrowing {
         around(at / width, rows).flat_map(move |row| cols.clone().map(move |col| row * width + col))
     }
 
-    /// The plane through the ground beside the point of a cell, counted from that.
+    /// The plane through the neighbouring ground, relative to the point of a cell.
     fn plane(&self, at: usize) -> Option<FittedPlane> {
         let [x, y, z] = self.points[at]?;
         let mut sums = PlaneSums::default();

@@ -24,7 +24,7 @@ pub struct LowestPoints<'a> {
 }
 
 impl LowestPoints<'_> {
-    /// Heights in metres, NaN where there is no point.
+    /// Heights in metres, NaN for no point.
     pub(crate) fn heights(&self) -> Vec<f64> {
         let height = |p: &Point| match p.z {
             EMPTY => f64::NAN,

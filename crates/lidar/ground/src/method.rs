@@ -28,8 +28,8 @@ impl Asked {
         GroundTiling { halo: lattice.halo + reach, ..lattice }
     }
 
-    /// The ground under the cells of a window, or of a square with its halo. Low outliers are removed before
-    /// the method begins.
+    /// The ground under the cells of a window, or of a tile with its halo. Low outliers are removed before the
+    /// method begins.
     pub fn find(&self, lows: &LowestPoints<'_>) -> GroundSurface {
         let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
         let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };

@@ -16,16 +16,16 @@ use terrane_base::geom::Point;
 
 /// Side of a block in cells.
 const BLOCK: usize = 3;
-/// At each scale blocks along the side of a square, and cells from the point to the middle of the square: the eight
-/// squares around it leave no direction out.
+/// For each scale: blocks along the side of a square, and cells from the point to its centre; eight squares
+/// cover all directions.
 const SCALES: [(isize, isize); 3] = [(1, 4), (3, 12), (7, 28)];
-/// Scales at which a slope may be told from blocks on one side of a point alone.
+/// Number of scales at which a slope may be extrapolated from blocks on one side of a point.
 const ONE_SIDED: usize = 2;
 /// Half of the directions from a point; the others are opposite.
 const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
-/// Times that outliers are looked for, as deeper ones hide others: in windows that have to see what decides, and in
-/// squares at fixed places, where that costs nothing but time, and only where there are outliers.
+/// Number of passes, as deeper outliers hide others: in windows with a bounded reach.
 pub(crate) const FEW_PASSES: usize = 3;
+/// Number of passes in tiles of a fixed size, where the reach does not matter.
 pub(crate) const PASSES: usize = 8;
 /// Smallest depth of an outlier below all chords: in metres, and in cells if those are large.
 const DEPTH: f64 = 1.0;
@@ -86,8 +86,8 @@ pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Po
     points
 }
 
-/// Whether hardly any of the cells around one is smooth, as those of ground are and those of crowns are not. What lies
-/// below a smooth surface is noise, however much there is of it.
+/// Whether hardly any of the cells around one is smooth: ground is smooth, crowns are not. All points below a
+/// smooth surface are noise.
 fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool {
     let around = |at: usize, end: usize| at.saturating_sub(VIEWS[2])..(at + VIEWS[2] + 1).min(end);
     let cols = around(at % width, width);

@@ -48,8 +48,7 @@ fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     GroundSurface::new(lows.width, surface, |rise| (near + scalar * rise * step / cell) / step)
 }
 
-/// Heights without those of objects and of low points, which are NaN; `rise` is that of the steepest
-/// ground from cell to cell.
+/// Heights with objects and low points set to NaN; `rise` is that of the steepest ground from cell to cell.
 fn without_objects(heights: &[f64], width: usize, radius: usize, rise: f64) -> Vec<f64> {
     let filled = nearest_filled(heights, width);
     let upside_down: Vec<f64> = filled.iter().map(|z| -z).collect();

@@ -46,8 +46,8 @@ impl GroundSurface {
         (x * x + y * y).sqrt()
     }
 
-    /// Height in steps at a place of the cell (`col`, `row`): `place` is from 0 to 1 along the rows and across
-    /// them. Interpolated between the centres of cells; `None` in a cell that is far from all points.
+    /// Height in steps at a position in the cell (`col`, `row`): `place` is from 0 to 1 along both axes.
+    /// Interpolated between the centres of cells; `None` in a cell that is far from all points.
     ///
     /// # Panics
     /// If there is no such cell.

@@ -193,7 +193,7 @@ impl RegionWorklist {
         }
     }
 
-    /// After a round in which vertices were added in some squares.
+    /// After a round that added vertices in some tiles.
     pub(super) fn after(
         looks: Vec<RegionInspection>,
         changed: impl Iterator<Item = usize>,
@@ -223,7 +223,7 @@ impl RegionWorklist {
         Ok(self)
     }
 
-    /// The errors of all, and the vertices on lines without an edge that goes on, in order.
+    /// The errors of all points, and the vertices on lines without an edge along them, sorted.
     pub(super) fn end(self, tolerance: f64) -> (CloudTinErrors, Vec<[i32; 2]>) {
         let mut errors = sum(&self.looks);
         // It was rounded up, and all points are known to be within.
@@ -234,7 +234,7 @@ impl RegionWorklist {
     }
 }
 
-/// The regions that see any of the squares that changed.
+/// The regions that see a changed tile.
 pub(super) fn due(
     looks: &[RegionInspection],
     changed: impl Iterator<Item = usize>,
@@ -300,7 +300,7 @@ fn sum(looks: &[RegionInspection]) -> CloudTinErrors {
     })
 }
 
-/// Squares with new vertices, summed from the south-west corner to each square.
+/// Tiles with new vertices, summed from the south-west corner to each tile.
 struct VertexChanges {
     sums: Vec<u32>,
     across: usize,
@@ -323,7 +323,7 @@ impl VertexChanges {
         Self { sums, across }
     }
 
-    /// True when a square that the window touches has changed.
+    /// True if the window touches a changed tile.
     fn touch(&self, window: SiteWindow, tiling: &Tiling) -> bool {
         let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];

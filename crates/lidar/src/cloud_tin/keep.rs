@@ -1,4 +1,4 @@
-//! The points of a cloud nearest to positions that are to be kept.
+//! The points of a point cloud nearest to the positions to keep.
 
 use std::collections::HashMap;
 
@@ -99,7 +99,7 @@ fn around(ring: i64) -> impl Iterator<Item = (i64, i64)> {
     })
 }
 
-/// The square of the distance of two positions.
+/// The squared distance of two positions.
 fn far(a: [i32; 2], b: [i32; 2]) -> i64 {
     let [dx, dy] = [0, 1].map(|axis| i64::from(a[axis]) - i64::from(b[axis]));
     dx * dx + dy * dy

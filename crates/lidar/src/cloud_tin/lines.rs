@@ -329,7 +329,7 @@ impl RegionLines<'_> {
         Ok(posts)
     }
 
-    /// The lowest point of the cloud at a position.
+    /// The lowest point at a position.
     fn point_at(&mut self, site: Site) -> Result<Option<Point>> {
         let square = self.store.tiling().square_of(Point::new(site[0], site[1], 0));
         if !self.loaded.contains_key(&square) {

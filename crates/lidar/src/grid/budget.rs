@@ -146,7 +146,7 @@ fn cells(extent: &GridExtent) -> u64 {
     u64::from(width).saturating_mul(u64::from(height)).max(1)
 }
 
-/// Bytes a thread needs to write a block of the output, with what its voids are filled from.
+/// Bytes a thread needs to write a block of the output, with the margin for filling voids.
 fn writing(
     format: &GridFormat,
     sink: &dyn GridSink,

@@ -115,7 +115,7 @@ impl GridExtent {
     }
 }
 
-/// The cells of the lattice that the cloud's bounds overlap.
+/// The cells that the bounds of the point cloud overlap.
 fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     let Some(bounds) = cloud.bounds else { return Rect::new(0, 0, 0, 0) };
     let (width, height) = lattice.size();
@@ -128,7 +128,7 @@ fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     Rect::new(left, top, right - left, bottom - top)
 }
 
-/// The box around the cloud.
+/// The bounds of the point cloud in world units.
 fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
     let [low, high] = cloud.bounds?.map(|corner| cloud.frame.world(corner));
     Some([low[0], low[1], high[0], high[1]])

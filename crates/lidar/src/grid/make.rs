@@ -91,7 +91,7 @@ impl<'a> GridMaker<'a> {
         Ok(Self { points, job, extent, within: None, seen: None, progress, cancel })
     }
 
-    /// Makes and writes it from the whole cloud.
+    /// Makes and writes it from the whole point cloud.
     pub(super) fn make(&self) -> Result<GridReport> {
         let more = || Error::new(ErrorKind::Internal, "the whole point cloud did not suffice");
         self.try_make()?.ok_or_else(more)
@@ -164,7 +164,7 @@ impl<'a> GridMaker<'a> {
         (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
 
-    /// The parts of the cloud that are read.
+    /// The parts to read.
     fn parts(&self) -> Vec<usize> {
         match &self.within {
             Some(near) => parts_in(self.points, &near.window()),

@@ -43,7 +43,7 @@ impl CloudSurfaces {
         self.store.spilled()
     }
 
-    /// The values of a statistic at the centres of cells, NaN where there is no surface.
+    /// The values of a statistic at the centres of cells, NaN outside the surface.
     pub(super) fn values(
         &self,
         statistic: Statistic,

@@ -38,7 +38,7 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Cells of this size over the whole cloud.
+    /// Cells of this size over the whole point cloud.
     pub fn new(cell: [f64; 2]) -> Self {
         Self { cell: Some(cell), ..Self::default() }
     }

@@ -26,7 +26,7 @@ impl ReadQueue {
         }
     }
 
-    /// The later half of the longest stretch; `None` when nothing is left.
+    /// The second half of the longest range; `None` if nothing is left.
     fn steal(&self) -> Option<Range<usize>> {
         let longest = self.0.iter().max_by_key(|stretch| lock(stretch).len())?;
         let mut stretch = lock(longest);

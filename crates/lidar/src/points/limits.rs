@@ -13,14 +13,14 @@ use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
 use terrane_delaunay::{CircumscribedDisc, ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
-/// The part of a cloud that a store is filled from, and whether an answer needed more of it.
+/// The part of a cloud that a store is filled from, and whether a query needed more of it.
 ///
 /// While [`is_exceeded`](Self::is_exceeded) is false, results are those of the whole point cloud: no circle
 /// that had to be empty left the window, and no position outside the known hull may be enclosed by other
 /// points.
 #[derive(Debug)]
 pub(crate) struct PointStoreLimits {
-    /// All points of the cloud that lie in it are in the store.
+    /// All points in this window are in the store.
     window: SiteWindow,
     /// Window of the whole point cloud.
     cloud: SiteWindow,

@@ -16,8 +16,8 @@ use terrane_files::atomic::AtomicFile;
 
 /// Bytes of a point: x, y and z as `i32`.
 pub(crate) const POINT: u64 = 12;
-/// Bytes of an index for a square: its number and its points as `u32`, their box and the lowest of them as `i32`, and
-/// their digest.
+/// Bytes of an index entry of a tile: its number and its point count as `u32`, their bounds and lowest point as
+/// `i32`, and their digest.
 pub(crate) const ENTRY: u64 = 9 * 4 + Digest::BYTES as u64;
 
 /// A file that is being written.

@@ -49,7 +49,7 @@ pub(crate) struct PointStoreSetup<'a> {
 }
 
 impl PointStore {
-    /// Reads the cloud once.
+    /// Reads the point cloud once.
     pub(crate) fn fill(
         source: &dyn PointSource,
         tiling: Tiling,

@@ -332,7 +332,7 @@ impl Octree<'_> {
         x | y << CELLS | z << (2 * CELLS)
     }
 
-    /// The square of its distance from the middle of that cell.
+    /// Squared distance of a record from the centre of its cell.
     fn apart(&self, level: u32, record: &[u8]) -> u64 {
         let side = 1_i64 << (FINE - level - CELLS);
         let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;

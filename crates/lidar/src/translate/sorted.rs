@@ -60,7 +60,7 @@ fn spread(bits: u64) -> u64 {
 
 /// Bytes of a piece of a run.
 const PIECE: usize = if cfg!(test) { 256 } else { 128 << 10 };
-/// Least memory for a run, or for the pieces of those that are merged.
+/// Least memory for a run, or for the pieces of merged runs.
 pub(super) const LEAST: u64 = 4 << 20;
 /// Bytes for the key of a record while a run is sorted.
 const KEY: usize = size_of::<(Key, u32)>();

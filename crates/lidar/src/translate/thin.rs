@@ -22,7 +22,7 @@ pub enum ThinningRule {
     /// The nearest to the cell's centre.
     #[default]
     Centre,
-    /// Any, by a seed: the same whatever else is in the cloud.
+    /// A random point by seed, independent of points in other cells.
     Random(u64),
 }
 

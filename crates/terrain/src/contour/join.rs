@@ -32,7 +32,7 @@ struct ContourPiece {
     around: Option<i64>,
     count: u32,
     level: i32,
-    /// The piece that goes on from its last vertex, or [`NONE`]; itself if it is a ring.
+    /// The piece that continues from its last vertex, or [`NONE`]; itself if it is a ring.
     next: u32,
     /// True when another piece, or it itself, ends at its first vertex.
     is_entered: bool,
@@ -168,7 +168,7 @@ impl ContourPieces {
         lines
     }
 
-    /// The line that goes on from piece `start`.
+    /// The line that starts with piece `start`.
     fn line(&self, start: u32, seen: &mut [bool]) -> JoinedContour {
         let ContourPiece { level, first, low, is_entered: closed, .. } =
             self.pieces[start as usize];

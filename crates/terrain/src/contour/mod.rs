@@ -1,4 +1,4 @@
-//! Contour lines of a grid of any size, into a file of features.
+//! Contour lines of a grid of any size, written to a vector file.
 //!
 //! Threads trace tiles and hand over pieces of lines, which are joined where they meet on a rim and
 //! wait in memory, or in an unnamed file; when all tiles are done, lines are put together one by one
@@ -93,7 +93,7 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     work.write(pieces, sink, start, progress, cancel)
 }
 
-/// As [`run`], from a grid that is open already (`job.input` is only named in the report).
+/// As [`run`], from an open grid (`job.input` is only used in the report).
 ///
 /// # Errors
 /// As [`run`].

@@ -54,7 +54,7 @@ struct TileChains {
     closed: Vec<bool>,
     /// What is kept of each chain.
     kept: KeptChainVertices,
-    /// True for a chain that goes on from the one before it, as one line.
+    /// True for a chain that continues the line of the one before it.
     goes_on: Vec<bool>,
 }
 
@@ -186,8 +186,7 @@ impl DoubleCone {
         }
     }
 
-    /// `kept` of a ring, with its start and end: what lies before `first` and after `last` is done
-    /// again.
+    /// `kept` of a ring, with its start and end: the parts before `first` and after `last` are computed again.
     fn around(&mut self, points: &[Xy], first: u32, last: u32, kept: &[u32]) -> Vec<u32> {
         let mut all = Vec::new();
         self.line(&points[..=first as usize], &mut all);

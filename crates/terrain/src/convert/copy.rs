@@ -63,7 +63,7 @@ pub(crate) fn run_of(
     Ok(ConvertReport { notes, water, ..report })
 }
 
-/// As [`run`](super::run), from a grid that is open already (`job.input` is only named in the report).
+/// As [`run`](super::run), from an open grid (`job.input` is only used in the report).
 pub fn copy(
     source: &dyn GridSource,
     job: &ConvertJob,
@@ -124,7 +124,7 @@ fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Optio
     is_moved.then(|| format!("nodata is {stored}, the {name} nearest to {asked}"))
 }
 
-/// Overviews, one after the other.
+/// Writes overviews in order.
 pub fn copy_levels(
     sink: &mut dyn GridSink,
     threads: usize,

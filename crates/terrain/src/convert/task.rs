@@ -153,8 +153,8 @@ impl CopyTask<'_> {
         Ok(CopyStatistics::of_f64(wide))
     }
 
-    /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
-    /// need those that they end.
+    /// The blocks no longer needed once `from` is read: pieces lower than the blocks of the source are the last
+    /// to need the blocks they complete.
     fn passed(&self, source: &dyn GridSource, from: Rect) -> Rect {
         let above = from.row % source.info().block.1.max(1);
         Rect::new(from.col, from.row - above, from.width, from.height + above)

@@ -149,7 +149,7 @@ impl TileContainer {
         self.heights.extend(own().map(|(_, &z)| z).chain(loose.iter().map(|&(_, z)| z)));
     }
 
-    /// Appends the vertices that are not among the tile's own; those that are may have moved.
+    /// Appends the vertices that are not among the tile's own, and updates those that are.
     fn insert_loose(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame, shift: PositionShift) {
         for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
             if !owned.contains(at) {

@@ -74,7 +74,7 @@ impl<'a> SizeEstimator<'a> {
         Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None }
     }
 
-    /// Chooses smaller tiles, and more of them, in a few bands: those of a band are read together.
+    /// Selects more and smaller tiles, in a few bands that are read together.
     pub(super) fn thorough(
         source: &'a dyn GridSource,
         layout: TileLayout,
@@ -243,8 +243,7 @@ fn spread(layout: &TileLayout, count: u64) -> Vec<TileId> {
     tiles
 }
 
-/// `count` tiles, evenly in both directions, in so few rows of tiles that each has as many of them as it
-/// can.
+/// `count` tiles, evenly in both directions, in as few rows of tiles as possible.
 fn banded(layout: &TileLayout, count: u64) -> Vec<TileId> {
     let aspect = f64::from(layout.rows) / f64::from(layout.cols);
     let rows = (count as f64 * aspect).sqrt().ceil().clamp(1.0, f64::from(layout.rows)) as u64;

@@ -21,7 +21,7 @@ pub(super) struct BreaklineFans {
 }
 
 impl BreaklineFans {
-    /// Begins with what lies in a rectangle.
+    /// Starts with the breaklines in a rectangle.
     pub(super) fn begin(&mut self, lines: &Breaklines, rect: Rect) {
         self.fans.clear();
         self.segments.clear();

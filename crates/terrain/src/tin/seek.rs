@@ -86,7 +86,7 @@ pub(super) fn run_stage(
     outcome
 }
 
-/// A sink that keeps nothing; the run itself counts.
+/// A sink that discards everything; the run itself counts.
 struct CountingSink;
 
 impl MeshSink for CountingSink {

@@ -203,7 +203,7 @@ fn outcome(tin: &BaselineTin) -> TinOutcome {
     }
 }
 
-/// All heights, checked as those of tiles are.
+/// All heights, checked like those of tiles.
 fn read(maker: &TinMaker<'_>, window: &mut HeightBuffers) -> Result<Vec<f64>> {
     maker.cancel.check()?;
     let info = maker.opened.source.info();

@@ -59,7 +59,7 @@ pub(super) trait ContainerSource: Sync {
 /// Where finished parts go.
 pub(super) struct TilePartOutlet<'a> {
     pub(super) collector: &'a Mutex<dyn TilePartSink + 'a>,
-    /// The way to a thread that hands them to the collector while the worker goes on.
+    /// Channel to a thread that passes them to the collector while the worker continues.
     pub(super) writer: Option<Sender<(TileId, TilePart)>>,
 }
 

@@ -164,7 +164,7 @@ fn halves(rect: Rect) -> [Rect; 2] {
     }
 }
 
-/// Puts the heights of a piece where they belong in those of a rectangle.
+/// Copies the heights of a piece into those of a rectangle.
 fn put<H>(out: &mut [H], rect: Rect, piece: Rect, heights: &[f64], of: impl Fn(f64) -> H) {
     for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
         let row = (piece.row - rect.row) as usize + down;

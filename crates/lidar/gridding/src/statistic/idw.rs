@@ -181,7 +181,7 @@ impl WeightFalloff {
     }
 }
 
-/// The nearest float; nearly all squares are short, and those are quick.
+/// The nearest float, with a fast path for short integers.
 fn float(square: u128) -> f64 {
     match u64::try_from(square) {
         Ok(short) => short as f64,

@@ -57,7 +57,7 @@ pub(super) enum ValueNature {
 pub(super) enum SubjectKinds {
     Nothing,
     Conditions,
-    /// And the attribute.
+    /// Conditions and an attribute.
     Attributes,
 }
 

@@ -21,7 +21,7 @@ const fn all<E: CellValue>(name: &'static str) -> AccumulatorKind {
     }
 }
 
-/// A value and its cell; those of a cell are in the order of their values.
+/// A value and its cell, ordered by cell and value.
 pub(super) trait CellValue: Pod + Default + Ord + std::fmt::Debug + Send {
     fn new(cell: u32, point: &Point, reals: &[f64]) -> Self;
     fn cell(self) -> u32;
@@ -192,7 +192,7 @@ fn power_of(base: f64, power: i32) -> f64 {
     (1..power).fold(base, |product, _| product * base)
 }
 
-/// A sum whose error is that of one rounding, about (Neumaier 1974).
+/// A compensated sum, with about one rounding error (Neumaier 1974).
 fn sum(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut lost) = (0.0_f64, 0.0);
     for value in values {

@@ -12,7 +12,7 @@ pub(super) struct NoiseKdTree<'a> {
     space: &'a NoiseSpace,
     bounds: Option<Bounds>,
     points: Vec<Point>,
-    /// By node, the first being 1: the axis that it is divided along, and where.
+    /// Split axis and position of each node; the root is node 1.
     splits: Vec<(usize, f64)>,
 }
 

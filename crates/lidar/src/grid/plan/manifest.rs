@@ -83,7 +83,7 @@ impl CloudGridPlan {
         all.map(|name| path_of(name).into_owned()).collect()
     }
 
-    /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
+    /// Opens the point cloud and computes the cells; fails if they differ from those of the plan.
     pub(super) fn open(&self, label: &str, order: OutputRequest) -> Result<OpenedCloudGrid> {
         let OutputRequest { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);

@@ -178,7 +178,7 @@ impl<'a> GroundFilter<'a> {
         (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
     }
 
-    /// The cells that the cloud touches: beyond, all are empty.
+    /// The cells that the point cloud touches; all others are empty.
     fn all(&self) -> GroundCellRange {
         let SiteWindow { low, high } = self.tiling().window();
         let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
@@ -208,7 +208,7 @@ impl<'a> GroundFilter<'a> {
         GroundCellRange { low, end: low.map(|at| at + self.side) }
     }
 
-    /// The squares that cells touch.
+    /// The tiles of the store that cells touch.
     fn squares(&self, cells: &GroundCellRange) -> impl Iterator<Item = usize> + use<> {
         self.tiling().touching(cells.window(self.cell))
     }
@@ -269,7 +269,7 @@ impl<'a> GroundFilter<'a> {
     }
 }
 
-/// Reads the points of a square of some stores.
+/// Reads the points of a tile of some stores.
 fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
     stores.iter().try_for_each(|store| store.visit(square, &mut each))
 }

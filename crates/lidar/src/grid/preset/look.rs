@@ -1,4 +1,4 @@
-//! A scan of the whole cloud, for models of its parts.
+//! A scan of the whole point cloud, for models of its parts.
 
 use super::filter::spacing;
 use super::kinds::{GroundFrom, SurfaceModel};

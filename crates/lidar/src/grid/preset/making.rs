@@ -45,7 +45,7 @@ pub(super) fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Er
     short(message, least).or(other)
 }
 
-/// All classes but those of noise.
+/// All classes except noise.
 pub(super) fn no_noise() -> Vec<u8> {
     (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
 }

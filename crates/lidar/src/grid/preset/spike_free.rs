@@ -156,7 +156,7 @@ impl BySquare {
     }
 }
 
-/// The squares of columns and rows.
+/// The tiles of columns and rows.
 fn spans(squares: &SpikeFreeSquares, centres: &CellCenters) -> [Spans; 2] {
     let at = centres.positions();
     [(0, at.xs), (1, at.ys)].map(|(axis, steps)| {
@@ -215,8 +215,7 @@ impl SpikeFreeContext<'_> {
         Ok(())
     }
 
-    /// The height at a position; on the side of two triangles, of which one has an edge that is too long, that of the
-    /// other.
+    /// The height at a position; on the shared side of two triangles, that of the one without a long edge.
     fn height(
         &self,
         surface: &SpikeFree,

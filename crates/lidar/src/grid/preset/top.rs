@@ -5,7 +5,7 @@ use terrane_base::error::Result;
 
 /// A surface, by one of the methods.
 pub(super) trait CanopySurface: Send + Sync {
-    /// World heights at the centres of cells, NaN where there is no surface.
+    /// World heights at the centres of cells, NaN outside the surface.
     ///
     /// # Errors
     /// Read errors.

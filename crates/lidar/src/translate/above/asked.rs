@@ -36,7 +36,7 @@ pub enum Classify {
     Height(HeightClasses),
 }
 
-/// Classes, each from a height above the ground up to that of the next.
+/// Classes by height above ground: each starts at a height and ends at the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightClasses(Vec<(u8, f64)>);
 

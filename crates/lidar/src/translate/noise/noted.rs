@@ -41,7 +41,7 @@ impl Noise {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::translate) struct Noted {
     class: u8,
-    /// Of each part of the cloud, in order.
+    /// Noise of each part of the point cloud, in order.
     parts: Vec<NoiseGaps>,
 }
 
@@ -88,7 +88,7 @@ impl TryFrom<String> for NoiseGaps {
     }
 }
 
-/// Marks the records of a part, one after the other.
+/// Classifies the records of a part in order.
 pub(in crate::translate) struct Marks<'a> {
     class: u8,
     gaps: Split<'a, char>,

@@ -242,7 +242,7 @@ fn divided(
 }
 
 impl NoiseParts<'_> {
-    /// Takes the cells of the next level as parts, but for those that have too many points and can be divided.
+    /// Adds the cells of the next level as parts, except those with too many points that can be divided.
     fn take(&mut self, level: &NoiseGridLevel) -> Vec<(usize, Bounds)> {
         let (depth, mut crowded) = (self.levels.len(), Vec::new());
         for (cell, bounds) in level.bounds.iter().enumerate() {

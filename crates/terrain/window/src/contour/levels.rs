@@ -134,7 +134,7 @@ fn rank_by_step<H: Copy + Into<f64>>(
     sound
 }
 
-/// Neighbours have nearly the same rank: it is sought from that of the sample before.
+/// Neighbours have nearly the same rank: the search starts from that of the sample before.
 fn rank_by_list<H: Copy + Into<f64>>(levels: &[f64], heights: &[H], ranks: &mut [i32]) -> bool {
     let mut last = 0;
     let mut sound = true;

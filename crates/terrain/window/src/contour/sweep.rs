@@ -18,7 +18,7 @@ pub struct ContourWindow<'a, H> {
     pub rect: Rect,
     /// Columns of the grid.
     pub grid_width: u32,
-    /// Row by row; NaN where there is no height.
+    /// Row by row; NaN for voids.
     pub heights: &'a [H],
 }
 

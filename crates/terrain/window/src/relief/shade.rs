@@ -106,7 +106,7 @@ impl LightDirection {
 }
 
 impl Hillshade {
-    /// Four lights, of which the first is the one where there is one; the last is in the north.
+    /// Four lights: the first is the single one, the last is in the north.
     fn lamps(&self) -> [LightDirection; 4] {
         let azimuths = match self.light {
             HillshadeMode::Four => [225.0, 270.0, 315.0, 360.0],
