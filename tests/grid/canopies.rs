@@ -244,7 +244,7 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
     place.write("uneven.xyz", uneven);
     let uneven = ["grid", "uneven.xyz", "a.tif", "--cell", "9", "--dsm", "--overwrite", "-q"];
     let uneven = [&uneven[..], &free].concat();
-    place.ok_as_advised(&uneven, "196M", &["a square of the spike-free surface"]);
+    place.ok_as_advised(&uneven, "196M", &["a tile of the spike-free surface"]);
     place.write("deg.xyz", "0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");
     let degrees = ["grid", "deg.xyz", "b.tif", "--cell", "1", "--crs", "EPSG:4326", "--dsm"];
     place.fails(&[&degrees[..], &free].concat(), 65, &["degree"]);
