@@ -6,8 +6,8 @@
 //! walls but accepts plants where its limits are wide. So a cell's lowest point is a seed when it touches the
 //! cloth and the triangulation does not lie far below it. From these seeds ground is grown from cell to cell
 //! along planes of any steepness ([`grown`]), up ridges and to the edges of cliffs, and a triangulation with
-//! narrow limits is densified in between. Points near its surface are ground: on level ground only those that
-//! ranging moved, as low plants are hardly further off.
+//! narrow limits is densified in between. Points near its surface are ground; on level ground the tolerance
+//! only covers ranging noise, as low plants are hardly further away.
 
 use crate::cells::{LowestCells, WIDEST};
 use crate::csf::{ClothParameters, settled};

@@ -1,13 +1,13 @@
 //! Low outliers: points below the ground, rejected by their neighbours at several scales.
 //!
-//! A point is compared with the chords between the lowest points of blocks that lie opposite each other around it,
-//! near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as low as the
-//! point; in a dense forest the ground seen through one gap is as low as that seen through others. A low outlier
-//! lies below every chord, at every scale. Blocks are so far away that a clump of outliers has none to itself.
+//! A point is compared with the chords between the lowest points of blocks that lie opposite each other around
+//! it, near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as
+//! low as the point; in a dense forest the ground in one gap is as low as in others. A low outlier lies below
+//! every chord at every scale. Blocks are far enough away that a clump of outliers does not fill one.
 //!
-//! Through the densest crowns so few cells see the ground that chords between them are rare, and all of it looks like
-//! outliers. But outliers lie at any depth, below what is smooth, and ground goes on, below what is rough: a point that
-//! lies with many others on a plane stays where hardly anything around is smooth.
+//! Under the densest crowns so few cells have ground points that chords between them are rare, and all ground
+//! looks like outliers. But outliers have any depth, below a smooth surface, and ground is continuous, below a
+//! rough one: a point on a plane with many others is kept if hardly any cell around it is smooth.
 
 use crate::grid::slid;
 use crate::grow::{FittedPlane, PlaneSums};

@@ -6,9 +6,9 @@
 //! positions, and edges along them are computed in integers, region by region. The posts at ends, at crossings
 //! and where a line enters a region are vertices from the start; the next region continues there.
 //!
-//! The height of a post depends on its position alone: that of the point there, if there is one (whose error could
-//! not be kept otherwise); else the lowest that lines through it have; else, where none of them has heights, that of
-//! the triangulation of all points of the cloud.
+//! The height of a post depends on its position only: that of the point there, if there is one (to keep its
+//! error within the tolerance); else the lowest height of the lines through it; else, if these lack heights,
+//! that of the triangulation of all points.
 
 use std::collections::HashMap;
 

@@ -1,9 +1,9 @@
 //! The part of the triangulation that a region sees, computed from as few vertices as necessary.
 //!
-//! The mesh of a cloud is the Delaunay triangulation of all chosen vertices. A triangle of a subset belongs to
-//! it if no other vertex lies in its circle: vertices around the region are added until that holds for every
-//! triangle that reaches into the region. Sparse distant vertices keep the circles small; the hull of all
-//! closes the mesh.
+//! The mesh of a point cloud is the Delaunay triangulation of all selected vertices. A triangle of a subset
+//! belongs to it if no other vertex lies in its circle: vertices around the region are added until that holds
+//! for every triangle that reaches into the region. Sparse distant vertices keep the circles small; the hull of
+//! all closes the mesh.
 
 use std::collections::HashMap;
 

@@ -1,23 +1,21 @@
 //! Contour lines of a grid of any size, written to a vector file.
 //!
-//! Threads trace tiles and hand over pieces of lines, which are joined where they meet on a rim and
-//! wait in memory, or in an unnamed file; when all tiles are done, lines are put together one by one
-//! and written, by level and then by the edge they begin at, a ring at its lowest. So the file depends on the grid and the levels
-//! alone, not on threads, memory or tiles.
+//! Threads trace tiles into pieces of lines, which are joined where they meet on the rim of a tile and stored
+//! in memory or in an unnamed file. After all tiles, lines are assembled one by one and written, sorted by
+//! level and by their first edge (the lowest one of a ring). So the file depends on the grid and the levels
+//! only, not on threads, memory or tiles.
 //!
 //! **Simplified lines** are simplified tile by tile, by the greedy double cone, and untangled
-//! ([`terrane_line::topology`]), all levels together; vertices on rims stay. A tile is convex, so what
-//! is in it cannot cross what is in another. Touching along a rim is left, and impossible: a piece both
-//! of whose ends are on one rim keeps the vertex that is farthest from it, so no segment lies along a
-//! rim. Each vertex left out is within the tolerance of the segment in its place. Where rings begin
-//! stays, too, so lines have the order and the ids that they have without a tolerance. The tile is an
-//! input here: on its rims each line keeps a vertex that it might have lost.
+//! ([`terrane_line::topology`]), all levels together; vertices on rims stay. A tile is convex, so lines of
+//! different tiles cannot cross. They cannot touch along a rim either: a piece with both ends on one rim keeps
+//! the vertex farthest from it, so no segment lies along a rim. Each dropped vertex is within the tolerance of
+//! the segment in its place. The start of a ring stays, too, so lines have the same order and ids as without a
+//! tolerance. The result depends on the tile size: each line keeps its vertices on rims.
 //!
-//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as fit
-//! into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid: about 160
-//! bytes for each piece of a line between two rims (or whole line within a tile), beside vertices of 16 bytes,
-//! which are spilled. When the tiles are done, their room is that of the line being written, 128 bytes a
-//! vertex. It is an error if crossings, pieces or a line do not fit.
+//! **Memory.** The budget is divided between the tile of each thread, decoded blocks, and stored pieces. These
+//! grow with the lines and not with the grid: about 160 bytes for each piece between two rims (or line within a
+//! tile), and 16 bytes a vertex, which are spilled. After the tiles their memory is used for the line being
+//! written, 128 bytes a vertex. It is an error if crossings, pieces or a line do not fit.
 
 mod budget;
 mod job;

@@ -1,9 +1,9 @@
 //! The triangles and vertices kept with one tile.
 //!
-//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with
-//! the tile that owns its sample; positions are relative to that tile's first sample. Until the
-//! tile is final, vertices may be listed that no triangle uses, and listed twice. Triangles well
-//! inside a tile are kept apart, because seam patches rarely ask for them.
+//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with the tile that
+//! owns its sample; positions are relative to that tile's first sample. Until the tile is final, its list of
+//! vertices may have unused vertices and duplicates. Triangles well inside a tile are stored separately,
+//! because seam patches rarely need them.
 
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 

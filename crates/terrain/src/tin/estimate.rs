@@ -1,4 +1,4 @@
-//! How large a mesh will be, from a few tiles spread over the grid.
+//! Estimates the size of a mesh from a few tiles spread over the grid.
 //!
 //! At most 256 tiles of 128 cells in 16 bands are triangulated, which represent a grid of land and sea better
 //! than a few large ones; their standard error is added.

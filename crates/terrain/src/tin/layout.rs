@@ -1,4 +1,4 @@
-//! How a grid is cut into tiles, and which rectangle of samples each task works on.
+//! The tiling of a grid, and the rectangle of samples of each task.
 //!
 //! A grid of W x H samples has (W-1) x (H-1) cells. Tiles are squares of T x T cells from the first
 //! sample on; the last column and row of tiles may be narrower. A tile's rectangle holds its rim on

@@ -1,10 +1,9 @@
 //! The order of work: tasks, what each waits for, and the queue the workers take them from.
 //!
-//! There are no phases and no barriers. A task becomes ready when the tasks it waits for are done,
-//! and among the ready ones the queue hands out the one that the sweep over the tiles reached
-//! first, so that work started is finished before new tiles are begun and memory stays at about
-//! three rows of tiles. The graph is never stored: tasks and their edges are computed, and only
-//! tasks that have some but not all of their inputs are remembered.
+//! There are no phases and no barriers. A task becomes ready when the tasks it waits for are done, and the
+//! queue returns the ready task that the sweep over the tiles reached first, so that started work is finished
+//! before new tiles are begun and memory stays at about three rows of tiles. The graph is never stored: tasks
+//! and their edges are computed, and only tasks that have some but not all of their inputs are remembered.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};

@@ -2,11 +2,11 @@
 //!
 //! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain classification of
 //! airborne LIDAR data" (2013): the lowest point of each cell makes a surface; parts that an opening lowers by
-//! more than the window size times a slope are objects; the holes are filled; and a point is ground when it
-//! lies near the surface that is left, the nearer the flatter it is. Three things differ, so that a tile with a
-//! halo of [`Parameters::reach`] cells has the same result as the whole, to the last bit: windows are squares
-//! and open the first surface (for squares that is the same as to open the surface opened before), holes are
-//! filled by means over windows of limited size instead of by springs, and all heights are whole numbers.
+//! more than the window size times a slope are objects; the holes are filled; and points near the resulting
+//! surface are ground, with a tolerance that grows with the slope. Three differences make the result of a tile
+//! with a halo of [`Parameters::reach`] cells exactly that of the whole: windows are squares and open the first
+//! surface (for squares the same as opening the previous one), holes are filled by means over windows of
+//! limited size instead of springs, and all heights are integers.
 
 mod fill;
 mod low;

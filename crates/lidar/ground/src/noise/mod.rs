@@ -1,9 +1,9 @@
 //! Noise classification: methods by name, from the neighbours of each point.
 //!
-//! A method ([`METHODS`], [`Asked`]) gives each point of a part of the cloud a score, from the points of the
-//! part and those around it ([`NeighborParts`]); a score does not depend on the division into parts. The
-//! threshold ([`ScoreLimit`]) may depend on the scores of all points, by integer sums ([`ScoreSums`]) that are
-//! independent of the order.
+//! A method ([`METHODS`], [`Asked`]) assigns a score to each point of a part of the point cloud, from the
+//! points of the part and those around it ([`NeighborParts`]); a score does not depend on the division into
+//! parts. The threshold ([`ScoreLimit`]) may depend on the scores of all points, by integer sums
+//! ([`ScoreSums`]) that are independent of the order.
 
 mod finder;
 mod space;

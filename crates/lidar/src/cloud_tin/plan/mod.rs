@@ -11,8 +11,8 @@
 //! The points are read once when the plan is made: regions follow from their density, and the hull of all
 //! points closes the mesh of each region. **Why rounds wait for all tasks before them:** a circle may reach
 //! over the whole point cloud, so a region needs the vertices of all others. A task reads the vertices of the
-//! few squares that it comes to. **Why two rounds are tasks:** in the first all regions look, in the second
-//! nearly all; a third has few left, and those read once more what lies in them.
+//! few tiles it needs. **Why two rounds are tasks:** the first checks all regions, the second nearly all; a
+//! third would have few left, which the last task checks.
 
 mod mesh;
 mod needs;

@@ -1,14 +1,13 @@
 //! The tasks of a mesh: strips of tile rows, and the seams between them.
 //!
-//! A strip is as wide as the grid, so strips follow each other in the order of ids, each has at most
-//! two neighbours, and a strip waits for nothing. What is done to the rows of tiles on both sides of
-//! the line between two strips waits for both.
+//! A strip is as wide as the grid, so strips follow each other in the order of ids, each has at most two
+//! neighbours, and a strip waits for nothing. The seam between two strips waits for both.
 //!
-//! **Why strips and not squares of tiles.** Squares share sides with four neighbours and corners with
-//! four more, so a task would wait for eight others, or compute a frame of tiles twice (41 % more for 16
-//! x 16 tiles). Strips compute nothing twice, and numbering and writing need a few rows of tiles in
-//! memory at any size. A strip of two rows of tiles is the least; at 800,000 samples across that is 0.8
-//! billion samples, a fair piece of work for a machine.
+//! **Why strips and not squares of tiles.** Squares share sides with four neighbours and corners with four
+//! more, so a task would wait for eight others, or compute a frame of tiles twice (41 % more for 16 x 16
+//! tiles). Strips compute nothing twice, and numbering and writing need a few rows of tiles in memory at any
+//! size. A strip has at least two rows of tiles: 0.8 billion samples at a width of 800,000 samples, a
+//! reasonable task for one machine.
 
 use std::fmt;
 

@@ -1,26 +1,24 @@
 //! Contour lines of a rectangle of samples: marching squares for all levels in one pass.
 //!
-//! **Rules.** The surface is linear along the edges of the lattice. A sample is *above* a level when
-//! its height is equal to it or higher; a line crosses an edge where one end is above and the other is
-//! not, at the place where the straight line between the two heights has the level, but never nearer
-//! to a sample than [`NEAREST`] of the edge. So a line passes close by a sample that is exactly on the
-//! level, on its lower side, instead of through it: lines do not branch, no two crossings of a level
-//! are at one place, and no segment has length 0. Within a cell the crossings are joined by straight
-//! segments; where all four edges are crossed, the mean of the four samples, summed row by row, says
-//! whether the middle is above, and with it which crossings belong together. A cell with a void has no
+//! **Rules.** The surface is linear along the edges of the lattice. A sample is *above* a level when its height
+//! is equal to it or higher; a line crosses an edge where one end is above and the other is not, at the
+//! linearly interpolated position, but never nearer to a sample than [`NEAREST`] of the edge. So a line passes
+//! close by a sample exactly on the level, on its lower side, instead of through it: lines do not branch, no
+//! two crossings of a level are at one place, and no segment has length 0. Within a cell the crossings are
+//! joined by straight segments; where all four edges are crossed, the mean of the four samples, summed row by
+//! row, decides whether the centre is above, and thereby which crossings are joined. A cell with a void has no
 //! segments: lines end at voids and at the border of the grid, and are closed otherwise.
 //!
 //! **Direction.** Higher ground is on the right where the first row is in the north: a line goes
 //! clockwise around a top (as those of `gdal_contour` do). Each crossing has one segment that ends
 //! there and one that begins there, whatever the level.
 //!
-//! **No crossings.** Within a cell, the ends of the segments of all levels are ordered along its border
-//! as the levels are, so no two segments interleave; as all crossings of a level are at different
-//! places, neither do they touch. On an edge that rises through more than 1 / [`NEAREST`] levels,
-//! lines of neighbouring levels may touch.
+//! **No crossings.** Within a cell, the ends of the segments are ordered along its border like their levels, so
+//! no two segments cross; as all crossings of a level are at different positions, they do not touch either. On
+//! an edge that rises through more than 1 / [`NEAREST`] levels, lines of neighbouring levels may touch.
 //!
-//! **Tiles.** Where an edge is crossed depends on its two samples alone, first to second, so rectangles
-//! that share a rim agree on it to the last bit.
+//! **Tiles.** A crossing depends only on the two samples of its edge, first to second, so rectangles that share
+//! a rim agree exactly.
 //!
 //! Marching squares: W. Lorensen and H. Cline, "Marching cubes" (1987), in the plane; saddles as in
 //! P. Bourke's CONREC (1987), decided by the mean.

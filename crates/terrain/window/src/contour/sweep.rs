@@ -1,4 +1,4 @@
-//! One pass over a window, row by row: where lines cross edges, and what each cell joins.
+//! One pass over a window, row by row: crossings of lines with edges, and segments in cells.
 //!
 //! A sample is known by its rank among the levels; an edge is crossed by the levels between the ranks of its
 //! ends. Most samples have the ranks of their neighbours, which a few instructions compare for many at a time.

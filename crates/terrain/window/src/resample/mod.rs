@@ -1,4 +1,4 @@
-//! Heights of a grid between its samples: by the nearest sample, or by the weights of those around.
+//! Interpolates heights of a grid: by the nearest sample, or by weights of the samples around.
 //!
 //! A method is a file here and a line in [`RESAMPLINGS`]. A position has a height if the nearest sample has
 //! one, so all methods leave the same voids. Where the output is coarser than the grid ([`Scale`]), kernels are
