@@ -89,8 +89,7 @@ fn models_choose_cells_by_the_density_of_all_points() {
         let report = json(
             &place.ok(&[&["grid", "c.laz", "o.tif", "--json", "--overwrite"], more].concat()).out,
         );
-        let told =
-            report["notes"].to_string().contains("cells of 0.5: about the distance between points");
+        let told = report["notes"].to_string().contains("cell size 0.5: about the point spacing");
         (report["cell"][0].as_f64().unwrap(), told)
     };
     for model in ["--dtm", "--dsm", "--chm"] {
@@ -104,11 +103,11 @@ fn models_choose_cells_by_the_density_of_all_points() {
     place.ok(&["run", "work", "-o", "planned.tif"]);
     cell(&["--dtm"]);
     assert_eq!(place.bytes("planned.tif"), place.bytes("o.tif"));
-    place.fails(&["grid", "c.laz", "new.tif"], 2, &["no cell size is given", "--cell"]);
+    place.fails(&["grid", "c.laz", "new.tif"], 2, &["no cell size given", "--cell"]);
     place.write("one.xyz", "0 0 1\n");
     place.fails(
         &["grid", "cloud:one.xyz", "new.tif", "--dsm"],
         2,
-        &["how far apart", "pass --cell"],
+        &["the point spacing", "with --cell"],
     );
 }

@@ -76,5 +76,5 @@ fn what_is_about_grids_is_refused() {
     place.fails(&args, 2, &["--class is for point clouds"]);
     place.fails(&["tin", "a.laz", "a.laz", "--max-error", "1"], 2, &["a.laz"]);
     let none = ["tin", "a.laz", "a.ply", "--max-error", "1", "--class", "250"];
-    place.fails(&none, 65, &["no surface", "terrane info"]);
+    place.fails(&none, 65, &["do not form a surface", "terrane info"]);
 }

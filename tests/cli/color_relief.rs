@@ -131,7 +131,7 @@ fn what_cannot_be_is_refused_by_name() {
     fails(&[dem, "o.tif"], 2, &["COLORS"]);
     fails(&[dem, "no.txt", "o.tif"], 65, &["no.txt"]);
     fails(&[dem, "bad.txt", "o.tif"], 65, &["bad.txt", "line 2", "mauve"]);
-    fails(&[dem, "none.txt", "o.tif"], 65, &["none.txt", "names no colour"]);
+    fails(&[dem, "none.txt", "o.tif"], 65, &["none.txt", "the colour table is empty"]);
     fails(&[dem, "c.txt", "o.asc"], 2, &["does not support colours", "GTiff"]);
     fails(&[dem, "c.txt", "o.tif", "-f", "store"], 2, &["does not support colours"]);
     fails(&[dem, "c.txt", "o.png", "--co", "ENCODING=TERRARIUM"], 2, &["ENCODING"]);

@@ -61,11 +61,11 @@ fn what_cannot_act_is_refused() {
         let base = ["grid", "a.xyz", "a.tif", "--cell", "1"];
         place.fails(&[&base, more].concat(), 2, words);
     };
-    with(&["--radius", "2"], &["--radius cannot act", "leave --radius out"]);
-    with(&["--stat", "idw:power=2", "--power", "1"], &["--power cannot act"]);
-    with(&["--stat", "count", "--fill", "2"], &["--fill cannot act"]);
-    with(&["--round"], &["--round cannot act"]);
-    with(&["--align", "1,1", "--compat", "pdal"], &["PDAL's grids begin"]);
+    with(&["--radius", "2"], &["--radius has no effect", "leave out --radius"]);
+    with(&["--stat", "idw:power=2", "--power", "1"], &["--power has no effect"]);
+    with(&["--stat", "count", "--fill", "2"], &["--fill has no effect"]);
+    with(&["--round"], &["--round has no effect"]);
+    with(&["--align", "1,1", "--compat", "pdal"], &["--compat pdal sets the grid origin"]);
     with(&["--co", "TILE=YES"], &["GTiff has no creation option TILE"]);
     place.fails(&["grid", "a.xyz", "a.xyz", "--cell", "1"], 2, &["matches no grid format"]);
     place.fails(

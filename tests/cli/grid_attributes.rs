@@ -233,7 +233,7 @@ fn what_points_do_not_have_is_refused_by_file_and_name() {
     refused(&["new.laz"], "max:attribute=Amplitude", &["new.laz", "\"amplitude\"", "gps_time"]);
     refused(&["a.xyz"], "max:attribute=intensity", &["a.xyz", "\"intensity\"", "classification"]);
     refused(&["new.laz"], "tin:class=2", &["\"class=2\" is not a parameter of tin"]);
-    refused(&["new.laz"], "idw:attribute=time", &["idw cannot be of gps_time"]);
+    refused(&["new.laz"], "idw:attribute=time", &["idw is not supported for gps_time"]);
     refused(&["new.laz"], "max:class=300", &["\"class=300\"", "class=CODES"]);
     assert!(place.files().iter().all(|name| !name.starts_with("o.") && name != "work"));
     // Classes and returns are known of any cloud.

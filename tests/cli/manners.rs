@@ -42,7 +42,7 @@ fn the_lowest_height_is_named_before_the_work() {
     for base in ["1", "1.5", "3", "9"] {
         let base = format!("SOLID_BASE={base}");
         let args = ["tin", "a.asc", "a.stl", "--max-error", "0", "--co", &base];
-        place.fails(&args, 2, &["the lowest height is 1", "choose a base below 1"]);
+        place.fails(&args, 2, &["the lowest height, 1", "pass a base below 1"]);
     }
     place.ok(&["tin", "a.asc", "a.stl", "--max-error", "0", "--co", "SOLID_BASE=0.5"]);
 }
@@ -122,12 +122,12 @@ fn cells_of_degrees_are_not_taken_for_metres() {
         [&all[..], more].concat()
     };
     for more in [&["--cell", "1"][..], &["--cell", "0.5,2"], &["--cell", "1", "--compat", "pdal"]] {
-        place.fails(&grid(more), 2, &["--cell counts degrees here", "pass --cell"]);
+        place.fails(&grid(more), 2, &["--cell is in degrees", "pass --cell"]);
     }
     place.fails(
         &["plan", "grid", "a.txt", "-o", "w", "--cell", "1", "--crs", "EPSG:4326"],
         2,
-        &["--cell counts degrees here"],
+        &["--cell is in degrees"],
     );
     place.ok(&grid(&["--cell", "0.002"]));
     place.ok(&grid(&["--cell", "1", "--bbox", "7,46,8,47"]));

@@ -114,8 +114,8 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
         (&["--triangulation", "data-dependent"], &["--triangulation is for grids"]),
         (&["--band", "1"], &["--band is for grids"]),
         (&["--bound", "surface"], &["--bound is for grids"]),
-        (&["--keep-points", "k.wkt"], &["--keep-points cannot act in the plan", "terrane tin"]),
-        (&["--breaklines", "k.wkt"], &["--breaklines cannot act in the plan"]),
+        (&["--keep-points", "k.wkt"], &["--keep-points is not supported", "terrane tin"]),
+        (&["--breaklines", "k.wkt"], &["--breaklines is not supported"]),
         (&["--cut", "0"], &["0"]),
     ];
     for (how, words) in cases {
@@ -130,7 +130,7 @@ fn what_a_plan_of_a_cloud_does_not_know_is_refused_by_name() {
         place.fails(&[&grid[..], &how].concat(), 2, &[word]);
     }
     let flat = ["plan", "tin", "c.laz", "-o", "work", "--max-error", "1", "--z-range", "-9,-8"];
-    place.fails(&flat, 65, &["the points have no surface"]);
+    place.fails(&flat, 65, &["the points do not form a surface"]);
     let workdir =
         ["tin", "c.laz", "m.stl", "--max-error", "1", "--workdir", "w", "--scale", "1:500"];
     place.fails(&workdir, 2, &["--workdir cannot be used with --scale"]);

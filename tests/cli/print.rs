@@ -226,7 +226,10 @@ fn options_of_prints_that_cannot_act_are_refused() {
     let tin = |more: &[&'static str]| [&["tin"], more, &["--max-error", "1"]].concat();
     for (more, word) in [
         (&["plain.asc", "a.glb", "--keep-degrees"][..], "--keep-degrees is for longitudes"),
-        (&["plain.asc", "a.glb", "--base", "3mm", "--size", "10"], "--base is for STL"),
+        (
+            &["plain.asc", "a.glb", "--base", "3mm", "--size", "10"],
+            "--base is not supported by GLB",
+        ),
         (&["plain.asc", "a.stl", "--base", "3mm"], "add --size or --scale"),
         (&["plain.asc", "a.ply", "--size", "100mm"], "--size is for STL, 3MF and GLB"),
         (&["plain.asc", "a.stl", "--size", "1", "--workdir", "w"], "--workdir"),

@@ -60,7 +60,7 @@ fn a_triangle_that_is_left_is_told_of_and_fails_the_job() {
     let land = "synth:salt,size=570,seed=265";
     let told = place.run(&[&["tin", land, "o.ply", "--json"], &make[..]].concat());
     assert_eq!(told.code, 1, "{}", told.err);
-    assert!(told.err.contains("1 triangles have a smaller angle than 26.5"), "{}", told.err);
+    assert!(told.err.contains("1 triangles have an angle below 26.5"), "{}", told.err);
     let report = json(&told.out);
     assert_eq!(report["thin_triangles"]["count"], 1);
     let proved = place.run(&["verify", "o.ply", land, "--json"]);

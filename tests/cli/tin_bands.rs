@@ -314,7 +314,7 @@ fn what_makes_no_sense_is_refused_by_name() {
     for format in ["stl", "obj"] {
         let name = format.to_uppercase();
         let job = format!("tin photo.tif o.{format} --max-error 4 --bands 1,2,3");
-        refused(&job, &[&name, "no room for --bands", "write PLY, or GLB"]);
+        refused(&job, &[&name, "does not support --bands", "write PLY, or GLB"]);
     }
     refused("tin photo.tif o.glb --max-error 4 --bands 1,2", &["GLB holds colours", "write PLY"]);
     refused("tin c.laz o.ply --max-error 4 --bands 1", &["--bands is for grids"]);

@@ -236,7 +236,7 @@ fn what_cannot_be_clipped_to_is_refused() {
     );
     place.ok(&["synth", "cloud,size=20,density=2,seed=5", "a.laz", "-q"]);
     let cloud = ["tin", "a.laz", "a.obj", "--max-error", "1", "--clip", "areas.geojson"];
-    place.fails(&cloud, 65, &["no surface"]);
+    place.fails(&cloud, 65, &["do not form a surface"]);
     place.ok(&[&["tin", TERRAIN, "m.ply"][..], &MAKE].concat());
     place.fails(&["info", "m.ply", "--clip", "areas.geojson"], 2, &["--clip is for grid files"]);
     place.fails(

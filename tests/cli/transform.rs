@@ -202,7 +202,10 @@ fn meshes_of_every_format_have_the_same_triangles_elsewhere_and_are_not_proved_t
             make(&plain, &["-q"]);
             let told = json(&make(&moved, &["--to-crs", to, "--json"]).out);
             assert_eq!(told["transformed"]["accuracy"], 1.0);
-            assert!(told["notes"].to_string().contains("the bound holds in EPSG:2056"), "{told}");
+            assert!(
+                told["notes"].to_string().contains("the error bound holds in EPSG:2056"),
+                "{told}"
+            );
             let ((before, these), (after, those)) =
                 (vertices(&place, &plain), vertices(&place, &moved));
             assert!(these == those && !these.is_empty(), "{moved}");

@@ -237,7 +237,7 @@ fn geoids_change_heights_and_what_is_nowhere_is_told() {
     let more = ["--extent", "-180,-90,180,90", "--resolution", "10", "--json"];
     let told = json(&place.ok(&[&asked[..], &more].concat()).out);
     let notes = told["notes"].to_string();
-    assert!(notes.contains("samples have no place in the system of the grid"), "{notes}");
+    assert!(notes.contains("samples are set to nodata"), "{notes}");
     assert_eq!(told["width"], 36);
 }
 
@@ -259,9 +259,9 @@ fn what_cannot_be_is_refused_by_name() {
     fails(&["--resampling", "near"], 2, &["--resampling requires", "--to-crs"]);
     let to = ["--to-crs", "EPSG:4326", "--resampling", "cubic"];
     let with = |more: &[&'static str]| [&to[..], more].concat();
-    fails(&with(&["--extent", "0,0,1,1"]), 2, &["no cell of the grid", "covers 7.4"]);
-    fails(&with(&["--resolution", "1e-12"]), 2, &["samples", "larger cells"]);
-    fails(&with(&["--resolution", "0.2"]), 65, &["samples of the grid each", "near"]);
+    fails(&with(&["--extent", "0,0,1,1"]), 2, &["does not intersect the grid", "covers 7.4"]);
+    fails(&with(&["--resolution", "1e-12"]), 2, &["samples", "--resolution"]);
+    fails(&with(&["--resolution", "0.2"]), 65, &["input samples for each", "near"]);
     fails(&with(&["--like", "dem.asc"]), 2, &["dem.asc", "EPSG:2056", "EPSG:4326", "--to-crs"]);
     fails(&with(&["--like", "none.tif"]), 65, &["none.tif"]);
     fails(&["--to-crs", "EPSG:4267", "--resampling", "near"], 65, &["shift", "--shift-grid"]);

@@ -286,22 +286,22 @@ fn what_the_ground_cannot_tell_is_refused() {
         assert!(!output.exists());
     };
     let heights = Some(HeightsAs::Dimension);
-    refused(above(None, &["ground", "ground"]), "one way twice");
-    refused(above(None, &["height:64=3"]), "point format 3 has no class 64");
+    refused(above(None, &["ground", "ground"]), "same method twice");
+    refused(above(None, &["height:64=3"]), "class 64 is not supported by point format 3");
     refused(
         HeightAboveGround { from: GroundFrom::Class, ..above(None, &["ground"]) },
-        "‹classify› ground cannot act",
+        "‹classify› ground has no effect",
     );
     refused(
         HeightAboveGround { from: GroundFrom::FILTER, ..HeightAboveGround::default() },
-        "‹ground› cannot act",
+        "‹ground› has no effect",
     );
     let few = survey(&place, "cloud,size=30,density=4,seed=2", 6, "few.laz");
     let filter = CloudFilter { z_range: Some([1e5, 2e5]), ..CloudFilter::default() };
     let options = CloudOpenOptions { filter, ..CloudOpenOptions::default() };
     let nothing =
         TranslateJob { cloud: options, above: above(heights, &[]), ..job(&[&few], &output) };
-    assert!(run(&nothing).unwrap_err().to_string().contains("no ground is found"));
+    assert!(run(&nothing).unwrap_err().to_string().contains("no ground found"));
     for text in
         ["", "grounds", "height:", "height:3", "height:3=x", "height:300=1", "height:3=2,4=1"]
     {

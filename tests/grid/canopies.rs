@@ -223,8 +223,12 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
     with(&["--dsm", "--canopy", "moss"], 2, &["unknown canopy method", "pit-free, spike-free"]);
     with(&["--dsm", "--canopy", "spike-free:freeze=-1"], 2, &["freeze=auto (from 0 to 1000)"]);
     with(&["--dsm", "--canopy", "pit-free:freeze=1"], 2, &["takes none"]);
-    with(&["--dsm", "--canopy", "spike-free", "--ground", "filter"], 2, &["--ground cannot act"]);
-    with(&["--dsm", "--canopy", "spike-free", "--class", "2"], 2, &["--class cannot act"]);
+    with(
+        &["--dsm", "--canopy", "spike-free", "--ground", "filter"],
+        2,
+        &["--ground has no effect"],
+    );
+    with(&["--dsm", "--canopy", "spike-free", "--class", "2"], 2, &["--class has no effect"]);
     let dense = ["grid", FOREST, "a.tif", "--cell", "1", "--dsm", "--canopy", "spike-free"];
     place.ok_as_advised(&dense, "130M", &["MiB of memory are needed"]);
     // Most points of a wide cloud are in one place.
@@ -240,7 +244,7 @@ fn what_cannot_act_is_refused_and_too_little_memory_by_name() {
     place.write("uneven.xyz", uneven);
     let uneven = ["grid", "uneven.xyz", "a.tif", "--cell", "9", "--dsm", "--overwrite", "-q"];
     let uneven = [&uneven[..], &free].concat();
-    place.ok_as_advised(&uneven, "196M", &["a square of the spike-free surface"]);
+    place.ok_as_advised(&uneven, "196M", &["a tile of the spike-free surface"]);
     place.write("deg.xyz", "0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");
     let degrees = ["grid", "deg.xyz", "b.tif", "--cell", "1", "--crs", "EPSG:4326", "--dsm"];
     place.fails(&[&degrees[..], &free].concat(), 65, &["degree"]);

@@ -402,9 +402,12 @@ fn what_cannot_be_is_refused_with_its_remedy() {
     let align = Placement { align: Some([0.0; 2]), ..Placement::new([1.0; 2]) };
     let pdal =
         GridJob { placement: align, compat: Compat::Pdal, ..job(&path("a.tif"), "mean", 1.0) };
-    fails(&pdal, "PDAL's grids begin at the lowest point");
+    fails(&pdal, "‹compat› pdal sets the grid origin");
     let like = Placement { like: Some("x.tif".into()), ..Placement::new([1.0; 2]) };
-    fails(&GridJob { placement: like, ..job(&path("a.tif"), "mean", 1.0) }, "‹like› has cells");
+    fails(
+        &GridJob { placement: like, ..job(&path("a.tif"), "mean", 1.0) },
+        "‹like› and ‹cell› both",
+    );
 }
 
 #[test]

@@ -210,15 +210,15 @@ fn what_cannot_act_is_refused() {
     with(&["--dtm", "--dsm"], 2, &["--dsm"]);
     with(&["--dsm", "--chm"], 2, &["--chm"]);
     with(&["--ground", "filter"], 2, &["--ground requires", "--dtm"]);
-    with(&["--dtm", "--return", "last"], 2, &["--return cannot act"]);
-    with(&["--dtm", "--ground", "filter", "--class", "2"], 2, &["--class cannot act"]);
-    with(&["--dtm", "--radius", "2"], 2, &["--radius cannot act"]);
+    with(&["--dtm", "--return", "last"], 2, &["--return has no effect"]);
+    with(&["--dtm", "--ground", "filter", "--class", "2"], 2, &["--class has no effect"]);
+    with(&["--dtm", "--radius", "2"], 2, &["--radius has no effect"]);
     with(&["--dtm", "--ground", "class", "--class", "30"], 65, &["no points of class 30"]);
     place.write("a.xyz", "x y z\n0.0 0.0 1.0\n1.0 0.0 2.0\n0.0 1.0 3.0\n1.0 1.0 4.5\n");
     let degrees = ["grid", "a.xyz", "a.tif", "--cell", "1", "--crs", "EPSG:4326", "--dsm"];
     place.fails(&degrees, 65, &["degree"]);
     let told = place.ok(&["grid", "a.xyz", "a.tif", "--cell", "0.5", "--dtm"]).out;
-    assert!(told.contains("it is taken for metres"), "{told}");
+    assert!(told.contains("metres are assumed"), "{told}");
     assert!(told.contains("of 4 last returns"), "{told}");
     assert_eq!(place.files(), ["a.tif", "a.xyz"]);
 }

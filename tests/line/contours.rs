@@ -451,10 +451,10 @@ fn what_does_not_fit_into_memory_is_refused() {
         [0, 599].contains(&col) || [0, 599].contains(&row) || (col % 2 == 0 && row != gap)
     };
     let corridor = (0..600 * 600).map(|i| f64::from(u8::from(is_wall(i))));
-    fails(corridor.collect(), "a contour at 0.5 has");
+    fails(corridor.collect(), "the contour at 0.5 has");
     // Single samples, each with a ring around it.
     let single = (0..600 * 600).map(|i| f64::from(u8::from(i % 2 == 0 && (i / 600) % 2 == 0)));
-    fails(single.collect(), "pieces of contours");
+    fails(single.collect(), "contour segments");
 }
 
 #[test]

@@ -231,7 +231,7 @@ fn a_nodata_value_that_a_type_does_not_have_is_told_with_the_one_it_becomes() {
     let half = report(&["--type", "float16"]);
     assert_eq!(half["nodata"], -10_000.0);
     let notes = half["notes"].to_string();
-    assert!(notes.contains("voids are -10000, the float16 nearest to -9999"), "{notes}");
+    assert!(notes.contains("nodata is -10000, the float16 nearest to -9999"), "{notes}");
     assert!(!report(&["--type", "float32"])["notes"].to_string().contains("nearest"));
     place.fails(
         &["convert", "in.asc", "n.tif", "--type", "uint8", "--out-nodata", "-1"],

@@ -64,7 +64,7 @@ fn d10_neighbouring_prints_meet_with_one_bottom_and_a_note_says_how() {
         let report = print(&format!("a.{format}"), 0, &["--base", "3mm"]);
         let notes = report["notes"].to_string();
         assert!(
-            notes.contains("--co SOLID_BASE=HEIGHT") && notes.contains("prints that meet"),
+            notes.contains("--co SOLID_BASE=HEIGHT") && notes.contains("adjacent prints"),
             "{notes}"
         );
     }

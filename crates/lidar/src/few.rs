@@ -24,7 +24,7 @@ impl PointSample {
         Self { info, points }
     }
 
-    /// The same points, of which headers claim so many.
+    /// The same points, with another number in the headers.
     pub(crate) fn claiming(mut self, count: u64) -> Self {
         self.info.count = count;
         self

@@ -1,5 +1,5 @@
-//! Writes a synthetic cloud: parts made and chunks compressed by all threads, appended in the order of
-//! flight, the same bytes whatever the threads.
+//! Writes a synthetic point cloud: parts are generated and chunks compressed by all threads, and appended in
+//! the order of flight; the bytes do not depend on threads.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,11 +30,11 @@ pub struct SurveyJob {
     pub format: PointFormat,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     pub resources: Resources,
 }
 
-/// What was written.
+/// Report of a written survey.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct SurveyReport {
@@ -54,7 +54,7 @@ const PARTS_BY_THREAD: u64 = 4;
 /// Memory for a part in flight: its points, twice, and as bytes.
 const BYTES_BY_PART: u64 = 24 << 20;
 
-/// Writes the cloud. Nothing appears under the output's name unless it succeeds.
+/// Writes the point cloud. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
 /// An output that exists, cannot be created, or is neither .las nor .laz; too little memory.
@@ -89,22 +89,22 @@ fn options(job: &SurveyJob) -> Result<CloudWriteOptions> {
     let packing = write::packing_by_name(&job.output)
         .filter(|packing| matches!(packing, PointPacking::Plain | PointPacking::Chunks));
     let packing = packing.ok_or_else(|| {
-        Error::usage("a synthetic cloud is written as .las or .laz").in_file(&job.output).remedy(
-            "choose a name with one of these endings; ‹terrane points› makes .copc.laz of it",
-        )
+        Error::usage("a synthetic point cloud is written as .las or .laz")
+            .in_file(&job.output)
+            .remedy("use one of these extensions (‹terrane points› converts to .copc.laz)")
     })?;
     if job.format.has_waves() {
         return Err(Error::usage(format!(
-            "a synthetic cloud has no waveforms, which point format {} is for",
+            "point format {} is not supported by synthetic point clouds, which lack waveforms",
             job.format.number()
         ))
-        .remedy("choose point format 0 to 3, or 6 to 8"));
+        .remedy("pass point format 0 to 3, or 6 to 8"));
     }
     let options = CloudWriteOptions::new(job.format, synth::frame(&job.survey), synth::crs());
     Ok(CloudWriteOptions { packing, overwrite: job.overwrite, ..options })
 }
 
-/// As many parts in a round as keep all threads busy, as far as memory goes.
+/// Number of parts in a round: enough for all threads, within the memory.
 fn flow(resources: &Resources, flown: &SurveyRecords<'_>) -> Result<RecordFlow> {
     let parts = resources.memory.saturating_sub(PROGRAM) / BYTES_BY_PART;
     if parts == 0 {

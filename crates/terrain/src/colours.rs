@@ -1,5 +1,4 @@
-//! Colours of a grid's heights as a picture: bands of bytes in front of the grid that is read, which are copied as any
-//! other.
+//! Color relief: byte bands derived from a grid, written like any other grid.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,13 +16,13 @@ use terrane_options::{OptionRule, Options};
 use terrane_raster::{GridInfo, GridSource, Inputs, SampleType, write};
 use terrane_window::relief::{ColorInterpolation, ColorTable, Colour, Palette};
 
-/// Most bytes of a file of colours.
+/// Largest size of a colour table, in bytes.
 const MOST_BYTES: u64 = 1 << 20;
-/// Rows of blocks whose heights are looked at together.
+/// Rows of a block of heights.
 const ROWS: u32 = 64;
-/// Columns and rows whose colours are found together.
+/// Columns and rows of a piece.
 const PIECE: [u32; 2] = [512, 64];
-/// Bytes that a thread holds: heights of a piece, and of a usual block the colours and what is coded of other bands.
+/// Bytes a thread holds: the heights of a piece, and the colours and encoded bands of a block of usual size.
 const WORKER_BYTES: u64 = (PIECE[0] * PIECE[1]) as u64 * 8 + (2 << 20);
 
 /// Colour a grid by its heights, as a picture
@@ -64,7 +63,7 @@ pub struct ColorReliefOptions {
 const RULES: &[OptionRule] = &[OptionRule::NotWith("nearest", &["exact"])];
 
 impl ColorReliefOptions {
-    /// What is between two heights of the file.
+    /// Interpolation between two entries of the colour table.
     fn between(&self) -> ColorInterpolation {
         match (self.nearest, self.exact) {
             (true, _) => ColorInterpolation::Nearest,
@@ -101,9 +100,9 @@ impl Operation for ColorReliefOptions {
     }
 }
 
-/// Writes the colours of heights, in the grid's system and on its lattice: red, green and blue, and opacity if asked
-/// for, in bytes. What the file of colours says of voids is their colour; of one that says nothing they are black, and
-/// nothing to be seen. Where it names shares of the range of heights, the grid is read twice.
+/// Writes the colours of heights on the lattice and in the CRS of the grid: red, green, blue and optionally
+/// opacity, as bytes. Voids get the `nv` colour of the table, or transparent black. A table with percentages
+/// reads the grid twice.
 fn run(
     options: &ColorReliefOptions,
     copy: &ConvertJob,
@@ -139,18 +138,17 @@ fn run(
     Ok(ConvertReport { lowest: None, highest: None, valid_samples: report.samples, ..report })
 }
 
-/// Reads a file of colours.
+/// Reads a colour table.
 fn read(path: &Path) -> Result<Palette> {
     let file = RawFile::open(path).map_err(|e| e.remedy("check the name"))?;
     if file.size() > MOST_BYTES {
-        return Err(
-            Error::limit("bytes of a file of colours", file.size(), MOST_BYTES).in_file(path)
-        );
+        return Err(Error::limit("size of the colour table in bytes", file.size(), MOST_BYTES)
+            .in_file(path));
     }
     let text = file.read_vec(0, file.size())?;
     Palette::parse(&String::from_utf8_lossy(&text)).map_err(|fault| {
         let error = Error::bad_input(fault.message)
-            .remedy("write a height and its colour in each line, such as: 1200 255 128 0");
+            .remedy("write a height and its colour on each line, such as: 1200 255 128 0");
         let error =
             if fault.line > 0 { error.at(format_args!("line {}", fault.line)) } else { error };
         error.in_file(path)
@@ -187,9 +185,9 @@ struct ColoredGrid {
     info: GridInfo,
     inner: Box<dyn GridSource>,
     table: ColorTable,
-    /// Bands of it.
+    /// Number of bands.
     parts: usize,
-    /// Colours of rectangles of which not all parts were asked for yet: they are asked for one after the other.
+    /// Colours of rectangles whose bands are not all read yet.
     waiting: Mutex<HashMap<Rect, Vec<Colour>>>,
 }
 
@@ -214,7 +212,7 @@ impl ColoredGrid {
     }
 }
 
-/// One part of the colours of a grid.
+/// One band of the colours of a grid.
 struct ReliefColorBand {
     painted: Arc<ColoredGrid>,
     part: usize,

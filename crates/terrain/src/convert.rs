@@ -1,13 +1,12 @@
-//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in
-//! bounded memory, the same bytes whatever the threads.
+//! Copies any grid, or a part of it, into a file of any format that can be written: in parallel, in bounded
+//! memory, with bytes that do not depend on threads.
 //!
-//! Threads take blocks of the output in row-major order; each reads the block's samples, codes and
-//! compresses them, and waits for its turn to append. So a sink sees blocks in one order on any number of
-//! threads, and at most one block by thread is in flight. A store needs no order: its blocks go straight
-//! to their places. A COG has directories and overviews before the image, so the coded blocks of each
-//! level wait in an unnamed file beside the output (or in the folder for temporary files), and its
-//! heights, halved block by block as the level above passes by, in another; each level is then fed like
-//! the first, and the file is put together at the end.
+//! Threads take blocks of the output in row-major order; each reads the samples, encodes and compresses them,
+//! and waits for its turn to append. So a sink gets blocks in the same order for any number of threads, and at
+//! most one block per thread is in flight. A store needs no order: its blocks go straight to their places. A
+//! COG has directories and overviews before the image, so the encoded blocks of each level are stored in an
+//! unnamed file beside the output (or in the folder for temporary files). Overviews are downsampled block by
+//! block while the previous level is written, and the file is assembled at the end.
 
 pub(crate) mod copy;
 pub(crate) mod job;

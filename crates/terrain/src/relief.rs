@@ -1,6 +1,5 @@
-//! Derivatives of a grid (slope, aspect, hillshade and others) as grids: a grid in front of the one that is read, which
-//! is copied as any other. So they have any size, format and number of threads, and the same bytes. In a PNG they are a
-//! picture in grays.
+//! Derivatives of a grid (slope, aspect, hillshade and others), written like any other grid: any size, format
+//! and number of threads, with the same bytes. A PNG is a grayscale picture.
 
 mod kinds;
 mod toned;
@@ -28,9 +27,9 @@ pub use kinds::{
     TpiSetters, TriOptions, TriSetters,
 };
 
-/// Columns and rows that are looked at together.
+/// Columns and rows of a piece.
 const PIECE: [u32; 2] = [512, 64];
-/// What stands for no value, where values are any numbers.
+/// Nodata value of floating-point derivatives.
 const NODATA: f64 = -9999.0;
 
 /// The option of a PNG that says how heights are held, and its value for a picture.
@@ -59,7 +58,7 @@ pub struct DerivativeOptions {
 }
 
 impl DerivativeOptions {
-    /// The job that copies what is computed of each sample.
+    /// The job that writes the derivative.
     fn copy(&self, inputs: &Inputs, output: &Path) -> ConvertJob {
         let Self { file, written, grid, resources, .. } = self.clone();
         let options =
@@ -68,23 +67,23 @@ impl DerivativeOptions {
     }
 }
 
-/// What is computed of each sample, of a grid that has so many units of heights in a unit of x and y.
+/// A derivative, with the ratio of the vertical to the horizontal unit.
 struct DerivativeRequest<'a> {
     derivative: Arc<dyn Derivative>,
     scale: Option<f64>,
     common: &'a DerivativeOptions,
 }
 
-/// Writes a derivative of a grid, in the grid's system and on its lattice: 32-bit numbers, or whole ones of a byte.
-/// Samples with less than eight valid neighbours are void, unless `edges`: then what is beyond the grid is on the line
-/// through the two samples inside, and voids are as high as the sample.
+/// Writes a derivative of a grid on its lattice and in its CRS, as 32-bit floats or bytes. Samples with fewer
+/// than eight valid neighbours are void, unless `edges` is set: then heights beyond the grid are extrapolated
+/// linearly from the two samples inside, and voids get the height of the sample.
 ///
-/// A PNG is a picture unless an option of the format says how it packs heights: bytes are grays as they are, and numbers
-/// are grays of 16 bits, from the least to the greatest value that there can be, or else that there is; the grid is read
-/// twice then.
+/// A PNG is a picture unless a creation option sets the encoding of heights: bytes are gray values, other
+/// numbers are scaled to 16-bit grays over the range of the derivative, or else over the range of the values,
+/// which reads the grid twice.
 ///
 /// # Errors
-/// Those of [`crate::convert::run`]; units of heights and ellipsoids that are not known, and degrees beyond a pole.
+/// Those of [`crate::convert::run`]; unknown vertical units or ellipsoids; latitudes beyond a pole.
 fn run(asked: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<ConvertReport> {
     let RunRequest { inputs, output, progress, cancel, .. } = request;
     let DerivativeRequest { derivative, scale, common } = asked;
@@ -126,7 +125,7 @@ fn run(asked: &DerivativeRequest<'_>, request: RunRequest<'_>) -> Result<Convert
     Ok(ConvertReport { lowest: told(report.lowest), highest: told(report.highest), ..report })
 }
 
-/// The job of a picture, where the format is one and nothing says how it is to pack heights.
+/// The job for a picture format without an encoding of heights.
 fn picture(copy: &ConvertJob) -> Result<Option<ConvertJob>> {
     let format = copy.options.format(&copy.output)?;
     let given = copy.options.written.co.iter().find(|(key, _)| key.eq_ignore_ascii_case(ENCODING));
@@ -153,7 +152,7 @@ struct DerivativeGrid {
 #[derive(Default)]
 struct ReliefPiece {
     heights: Vec<f64>,
-    /// What of them is in the grid, where that is not all.
+    /// The heights inside the grid, where some are outside.
     inner: Vec<f64>,
 }
 
@@ -176,7 +175,7 @@ impl DerivativeGrid {
         Ok(())
     }
 
-    /// What of the grid is one more sample on each side of a rectangle.
+    /// The rectangle with one more sample on each side, clipped to the grid.
     fn around(&self, rect: Rect) -> Rect {
         let [left, top] = [rect.col.saturating_sub(1), rect.row.saturating_sub(1)];
         let around = Rect::new(left, top, rect.end_col() + 1 - left, rect.end_row() + 1 - top);
@@ -236,8 +235,8 @@ impl DerivativeGrid {
     }
 }
 
-/// Puts what is beyond the grid on the line through the two samples inside: columns and rows from the first two numbers
-/// on, and before the last two, are in the grid.
+/// Extrapolates heights beyond the grid linearly from the two samples inside: the grid covers columns and rows
+/// from the first two numbers up to the last two (exclusive).
 fn extend(heights: &mut [f64], width: usize, [left, top, right, bottom]: [usize; 4]) {
     let inward = |at: usize, first: usize, end: usize| match at {
         at if at < first => 1,
@@ -273,7 +272,7 @@ impl GridSource for DerivativeGrid {
         })
     }
 
-    /// As they are written, in single precision.
+    /// In single precision, as written.
     fn read_f64(&self, rect: Rect, out: &mut [f64]) -> Result<()> {
         self.each(rect, &mut |[col, row], values| {
             let from = (row - rect.row) as usize * rect.width as usize + (col - rect.col) as usize;

@@ -197,7 +197,7 @@ def test_points_are_refused_by_name(points: NDArray[np.float64], tmp_path: Path)
     file.write_text("1 2 3\n4 5 6\n")
     with pytest.raises(terrane.Error, match="buffer requires tile"):
         terrane.points(f"cloud:{file}", tmp_path / "a.laz", buffer=2.0)
-    with pytest.raises(terrane.Error, match="classify is .*grond is none of ground"):
+    with pytest.raises(terrane.Error, match="classify is .*expected ground, ground:"):
         terrane.points(f"cloud:{file}", tmp_path / "a.laz", classify="grond")
     with pytest.raises(terrane.Error, match="synthetic point cloud"):
         terrane.points("synth:cloud,size=20", tmp_path / "a.laz")
@@ -222,7 +222,7 @@ def test_points_are_split_by_attributes(tmp_path: Path, las: str, points: NDArra
 def test_models_choose_their_cells() -> None:
     chosen = terrane.dtm("synth:cloud,size=60,density=2,seed=5", cell=None)
     assert chosen.transform[0] == 1.0
-    assert any("about the distance between points" in note for note in chosen.report["notes"])
+    assert any("about the point spacing" in note for note in chosen.report["notes"])
 
 
 def test_values_are_taken_as_they_are_given(las: str, points: NDArray[np.float64], tmp_path: Path) -> None:

@@ -174,7 +174,7 @@ def test_errors_are_of_their_kind(tmp_path: Path) -> None:
     assert caught_memory.value.remedy
     with pytest.raises(OSError, match="cannot"):
         terrane.write_tin("synth:rough,size=65", tmp_path / "no" / "mesh.ply", 1.0)
-    with pytest.raises(ValueError, match="pass min_angle 26") as caught_usage:
+    with pytest.raises(ValueError, match="pass min_angle above 0, at most 26") as caught_usage:
         terrane.tin("synth:rough,size=65", max_error=1.0, min_angle=40.0)
     assert isinstance(caught_usage.value, terrane.Error)
     assert "--" not in str(caught_usage.value) + str(caught_usage.value.remedy)

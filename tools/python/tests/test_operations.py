@@ -74,7 +74,7 @@ def test_the_bytes_are_those_of_the_command_line(tmp_path: Path) -> None:
         ("hillshade", {"azimuth": 1.0, "combined": True, "multidirectional": True}, "cannot be used"),
         ("convert", {"to_crs": "EPSG:4326"}, "to_crs requires resampling; add resampling"),
         ("contour", {"interval": 1.0, "levels": [2.0]}, "interval cannot be used with levels"),
-        ("contour", {}, "no levels of lines given; pass interval or levels"),
+        ("contour", {}, "no contour levels given; pass interval or levels"),
     ],
 )
 def test_what_is_wrong_is_told_in_words_of_python(

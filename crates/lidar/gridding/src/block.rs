@@ -1,15 +1,15 @@
-//! The cells of a part of a grid, and what has been kept of their points.
+//! The cells of a part of a grid, with the accumulators of their points.
 
 use super::cell::{CellUnits, StatisticCell};
 use super::plane::{AccumulatorKind, AccumulatorPlane, CellHits};
 use super::recipe::{StatisticBand, StatisticRecipe};
 use terrane_base::error::Result;
 
-/// Cells and what has been kept of their points.
+/// Cells with the accumulators of their points.
 #[derive(Debug)]
 pub struct CellBlock {
     planes: Vec<Box<dyn AccumulatorPlane>>,
-    /// The region that each plane is of.
+    /// The region of each plane.
     regions: Vec<usize>,
 }
 
@@ -22,7 +22,7 @@ impl CellBlock {
         Self { planes: planes.collect(), regions }
     }
 
-    /// Takes in points of a region of the recipe.
+    /// Adds points of a region of the recipe.
     ///
     /// # Errors
     /// More than 2^32 - 1 points in a cell.
@@ -31,7 +31,7 @@ impl CellBlock {
         planes.filter(|(_, of)| **of == region).try_for_each(|(plane, _)| plane.add(hits))
     }
 
-    /// Takes in what another block of the same cells and recipe has taken in.
+    /// Merges another block of the same cells and recipe.
     ///
     /// # Errors
     /// As for [`add`](Self::add).
@@ -46,17 +46,17 @@ impl CellBlock {
         self.planes.iter_mut().for_each(|plane| plane.settle());
     }
 
-    /// Bytes it takes in memory.
+    /// Bytes in memory.
     pub fn held(&self) -> usize {
         self.planes.iter().map(|plane| plane.held()).sum()
     }
 
-    /// All it holds, as bytes that mean the same on this machine only.
+    /// Its content as bytes, valid on this machine only.
     pub fn parts(&self) -> Vec<&[u8]> {
         self.planes.iter().map(|plane| plane.bytes()).collect()
     }
 
-    /// The same, to be overwritten with parts of these lengths.
+    /// Its content as mutable bytes, resized to these lengths.
     pub fn parts_mut(&mut self, lengths: &[usize]) -> Vec<&mut [u8]> {
         let planes = self.planes.iter_mut().zip(lengths);
         planes.map(|(plane, length)| plane.bytes_mut(*length)).collect()

@@ -1,4 +1,4 @@
-//! How a surface of what is seen from above gets rid of the returns from deep in crowns: methods by name.
+//! Canopy surface methods, which remove pits from surface models: by name.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use terrane_base::error::{Error, Result};
 use terrane_base::parameters::{Parameter, ParameterValues};
 use terrane_base::registry::{RegistryEntry, named};
 
-/// All methods. The first is taken where none is named.
+/// All methods. The first is the default.
 pub const METHODS: &[CanopyMethod] = &[PIT_FREE, SPIKE_FREE];
 
 const PIT_FREE: CanopyMethod = CanopyMethod {
@@ -50,7 +50,7 @@ pub struct CanopyMethod {
     pub source: &'static str,
     /// One line for the documentation.
     pub about: &'static str,
-    /// What may follow its name.
+    /// Its parameters.
     pub parameters: &'static [Parameter],
     kind: CanopyMethodKind,
 }
@@ -61,16 +61,16 @@ enum CanopyMethodKind {
     SpikeFree,
 }
 
-/// What is to be done.
+/// The algorithm of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CanopyAlgorithm {
     /// As in [`PitFree`](super::pitfree::PitFree).
     PitFree,
-    /// Triangles freeze.
+    /// Freezes small triangles, from the highest point down.
     SpikeFree {
-        /// Longest edge of those that do, in metres; `None` for three times the spacing of pulses.
+        /// Longest edge of triangles that freeze, in metres; `None` for three times the spacing of pulses.
         freeze: Option<f64>,
-        /// How much lower points to come have to be than their lowest corner, in metres.
+        /// Distance of the next points below the lowest corner at which a triangle freezes, in metres.
         buffer: f64,
     },
 }
@@ -89,7 +89,7 @@ impl Canopy {
         self.method.name
     }
 
-    /// What it is to do.
+    /// The algorithm and its parameters.
     pub fn way(&self) -> CanopyAlgorithm {
         let value = |key| self.values.get(self.method.parameters, key);
         match self.method.kind {
@@ -101,7 +101,7 @@ impl Canopy {
         }
     }
 
-    /// True for the method that is taken where none is named.
+    /// True for the default method.
     pub fn is_usual(&self) -> bool {
         *self == Self::default()
     }
@@ -122,7 +122,7 @@ impl PartialEq for Canopy {
 impl FromStr for Canopy {
     type Err = Error;
 
-    /// A method as it is asked for: `spike-free:freeze=1.5`.
+    /// Parses a method with parameters: `spike-free:freeze=1.5`.
     fn from_str(text: &str) -> Result<Self> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let method = named(METHODS, name.trim())?;

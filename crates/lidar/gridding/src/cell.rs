@@ -1,8 +1,8 @@
-//! One cell: the numbers kept of its points, and the values of its statistics.
+//! One cell: the accumulators of its points, and the values of its statistics.
 
 use super::plane::{AccumulatorPlane, CellAccumulator, DensePlane, like};
 
-/// What the numbers of cells are worth in the world.
+/// Units of the accumulators of cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellUnits {
     /// World units of a step of height.
@@ -25,22 +25,22 @@ impl CellUnits {
     }
 }
 
-/// What has been kept of the points of one cell, for one statistic.
+/// Accumulators of one cell for one statistic.
 pub(super) struct StatisticCell<'a> {
     pub(super) planes: &'a [Box<dyn AccumulatorPlane>],
-    /// The planes of the statistic, in the order it needs them in.
+    /// The planes of the statistic, in its order.
     pub(super) uses: &'a [usize],
     pub(super) at: usize,
     pub(super) units: &'a CellUnits,
 }
 
 impl<'a> StatisticCell<'a> {
-    /// The plane that the statistic has named at `of`.
+    /// The plane of the statistic at index `of`.
     pub(super) fn plane<P: AccumulatorPlane>(&self, of: usize) -> Option<&'a P> {
         like(&*self.planes[self.uses[of]]).ok()
     }
 
-    /// What that plane has kept of the cell.
+    /// The accumulator of the cell in that plane.
     pub(super) fn kept<K: CellAccumulator>(&self, of: usize) -> K {
         self.plane::<DensePlane<K>>(of).map_or(K::NONE, |DensePlane(cells)| cells[self.at])
     }

@@ -1,7 +1,7 @@
 //! From points to the cells whose centres are near them.
 //!
-//! Distances from the centres of cells are counted in halves of the last decimal of all that is given, in
-//! `u128`, so that a tie is a tie.
+//! Distances from the centres of cells are counted in halves of the last decimal of all inputs, as `u128`, so
+//! that ties are exact.
 
 use super::block::CellBlock;
 use super::lattice::{CellLattice, DistanceUnit};
@@ -9,13 +9,13 @@ use super::plane::CellHits;
 use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
 
-/// Hands points to the cells whose centres they are nearer to than a radius.
+/// Adds points to all cells whose centres are within a radius.
 #[derive(Debug)]
 pub struct DiscScatter {
     unit: DistanceUnit,
     /// Least squared distance that is not within the radius.
     limit: u128,
-    /// Most columns and rows that a cell reached is away from the point's own.
+    /// Largest distance in columns and rows from the cell of a point to a cell within the radius.
     across: i64,
     down: i64,
     cells: Vec<u32>,
@@ -27,18 +27,18 @@ pub struct DiscScatter {
     rows: Vec<u128>,
 }
 
-/// What points are handed to.
+/// The target of points.
 #[derive(Debug)]
 pub struct BlockTarget<'a> {
     /// The block.
     pub block: &'a mut CellBlock,
-    /// The region of the recipe that they are of.
+    /// The region of the recipe.
     pub region: usize,
-    /// Values that are any numbers, as [`CellHits`] has them.
+    /// Real values, as in [`CellHits`].
     pub reals: &'a [f64],
 }
 
-/// Hits that are handed over at once.
+/// Hits added at once.
 const ROOM: usize = 4096;
 
 impl DiscScatter {
@@ -65,8 +65,8 @@ impl DiscScatter {
         (self.across, self.down)
     }
 
-    /// Hands `points`, which lie in the cells (column, row) of `places`, to the cells of a block: those
-    /// of `window`, one row every `stride` places.
+    /// Adds `points`, in the cells (column, row) `places`, to the cells of a block: those of `window`, with
+    /// rows `stride` apart.
     ///
     /// # Errors
     /// As for [`CellBlock::add`].

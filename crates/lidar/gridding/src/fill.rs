@@ -6,9 +6,9 @@ use terrane_base::geom::Rect;
 /// away: their mean, weighted by the inverse of the larger of both distances. Voids without such a cell
 /// stay void.
 ///
-/// `values` are those of `around` (row by row, NaN where void), which holds `rect` and what of its
-/// surroundings may be looked at; what is filled is written to `out`, row by row. The sums run row by
-/// row over the neighbours, so a cell is filled alike whatever `rect` it is filled in.
+/// `values` are those of `around` (row by row, NaN for voids), which holds `rect` and its surroundings; the
+/// result is written to `out`, row by row. The sums run row by row over the neighbours, so the value of a cell
+/// does not depend on `rect`.
 pub fn fill(values: &[f64], around: Rect, rect: Rect, reach: u32, out: &mut [f64]) {
     let stride = around.width as usize;
     let (left, top) = ((rect.col - around.col) as usize, (rect.row - around.row) as usize);

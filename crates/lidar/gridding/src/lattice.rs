@@ -1,11 +1,11 @@
-//! Where the cells of a grid lie among the points: which cell a point is in, and how far it is from
-//! the centre of another, decided alike wherever the grid begins.
+//! The lattice of the cells of a grid: the cell of a point, and its distance from the centre of a cell,
+//! independent of the origin of the grid.
 
 use std::ops::Range;
 
 use terrane_base::geom::{Affine, Decimal, Point, PointFrame};
 
-/// Which two borders belong to a cell.
+/// The two borders that belong to a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CellEdgeRule {
     /// The lower ones: [W, E) x [S, N).
@@ -20,7 +20,7 @@ pub enum CellEdgeRule {
 pub struct CellLattice {
     /// From west to east.
     pub x: LatticeAxis,
-    /// From north to south; its lattice indices count to the north all the same.
+    /// From north to south; its lattice indices increase to the north nevertheless.
     pub y: LatticeAxis,
 }
 
@@ -40,7 +40,7 @@ impl CellLattice {
         }
     }
 
-    /// What distances up to `reach` are measured in.
+    /// The unit of distances up to `reach`.
     pub fn unit(&self, reach: f64) -> DistanceUnit {
         let exact = self.x.units.zip(self.y.units).map(|(x, _)| DistanceUnit::exact(x.digits));
         let fits = |unit: &DistanceUnit| reach / unit.size < MOST_UNITS;
@@ -69,20 +69,19 @@ impl CellLattice {
     }
 }
 
-/// What distances from points to the centres of cells are counted in, so that they are whole numbers
-/// and compared exactly.
+/// Unit of distances from points to the centres of cells, in which they are integers and compared exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceUnit {
     /// World units.
     pub size: f64,
-    /// It is half of the last of so many decimals, which all points, borders and centres are in;
-    /// `None` where there are too many to count, and distances are rounded to units.
+    /// Number of decimals of all points, borders and centres; the unit is half of the last one. `None` if there
+    /// are too many: then distances are rounded to units.
     digits: Option<u32>,
 }
 
-/// Squares of so many units, twice, are within `u128`.
+/// Twice the square of this number of units fits into `u128`.
 const MOST_UNITS: f64 = (1_u64 << 61) as f64;
-/// Units that a radius is divided into where decimals do not serve.
+/// Units of a radius if decimals cannot be used.
 const COARSE_UNITS: f64 = (1_u64 << 48) as f64;
 
 impl DistanceUnit {
@@ -90,7 +89,7 @@ impl DistanceUnit {
         Self { size: Decimal::new(1, digits).value() / 2.0, digits: Some(digits) }
     }
 
-    /// The least square that is not below that of `radius`, which `MOST_UNITS` hold.
+    /// The smallest squared distance that is not below that of `radius`, at most `MOST_UNITS`.
     pub fn square(&self, radius: f64) -> u128 {
         let exact = self.digits.zip(Decimal::of(radius));
         exact.and_then(|(digits, radius)| square(radius, digits)).unwrap_or_else(|| {
@@ -110,15 +109,15 @@ fn square(number: Decimal, digits: u32) -> Option<u128> {
 
 /// One axis of a lattice, and the stretch of it that a grid covers.
 ///
-/// Where the cell size is a whole number of steps, points are put into cells in whole numbers.
-/// Elsewhere the cell of a point with world coordinate w is the one of lattice index
-/// floor((w - anchor) / cell), or ceil(...) - 1 where the upper border belongs to a cell: a rule that
-/// knows nothing of where the grid begins, so that it is the same for a grid and for parts of it. It
-/// is decided in `f64`, and near borders in whole numbers of the last decimal of all that is given.
+/// Where the cell size is a whole number of steps, points are put into cells in whole numbers. Elsewhere the
+/// cell of a point with world coordinate w is the one of lattice index floor((w - anchor) / cell), or ceil(...)
+/// - 1 where the upper border belongs to a cell: a rule that does not depend on the origin of the grid, so that
+/// it is the same for a grid and for parts of it. It is evaluated in `f64`, and near borders in integers of the
+/// last decimal of all inputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LatticeAxis {
     rule: BorderComparison,
-    /// The same in whole numbers, where all decimals can be counted.
+    /// The same in integers, if all decimals fit.
     units: Option<DecimalAxis>,
     world_anchor: f64,
     world_cell: f64,
@@ -162,7 +161,7 @@ impl DecimalLattice {
     }
 }
 
-/// An axis in halves of the last of so many decimals.
+/// An axis in integers: in halves of the last decimal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct DecimalAxis {
     digits: u32,
@@ -177,7 +176,7 @@ struct DecimalAxis {
 /// Bounds of units below which no product with a step or the index of a cell overflows.
 const MOST_SCALE: i128 = 1 << 84;
 const MOST_SHIFT: i128 = 1 << 125;
-/// Part of a cell beside a border in which floats do not decide.
+/// Fraction of a cell beside a border where floats are not reliable.
 const DOUBT: f64 = 1e-6;
 
 impl DecimalAxis {
@@ -201,7 +200,7 @@ impl DecimalAxis {
 /// Largest relative difference from a whole number that is rounding: over the 2^30 steps that
 /// points can lie apart it grows to a thousandth of a step.
 const WHOLE: f64 = 1e-12;
-/// An anchor this near to a step (in steps) lies on it.
+/// An anchor within this distance of a step (in steps) is taken to lie on it.
 const NEAR_STEP: f64 = 1e-4;
 /// Cells of more steps than this are measured in world coordinates.
 const MOST_STEPS: f64 = (1_u64 << 31) as f64;
@@ -233,7 +232,7 @@ impl LatticeAxis {
         }
     }
 
-    /// What is in whole steps is so many of them, however it is written.
+    /// The axis in decimals, if all its numbers are whole steps.
     fn decimals(&self, scale: f64, offset: f64) -> Option<DecimalLattice> {
         let (scale, offset) = (Decimal::of(scale)?, Decimal::of(offset)?);
         let world = |steps: i64, from: Decimal| {
@@ -316,7 +315,7 @@ impl LatticeAxis {
         }
     }
 
-    /// The number of a cell of the grid, or beyond it, from its lattice index; and back.
+    /// Converts the lattice index of a cell to its number in the grid, and back.
     fn turned(&self, number: i64) -> i64 {
         if self.down { i64::from(self.count) - 1 - number } else { number }
     }
@@ -400,7 +399,7 @@ impl LatticeAxis {
     }
 }
 
-/// Division of numbers below 2^32 by one and the same number, by multiplying.
+/// Division of numbers below 2^32 by a constant, by multiplication.
 #[derive(Clone, Copy)]
 struct ExactDivisor {
     by: u64,

@@ -1,9 +1,9 @@
 //! Point clouds to grids: the statistics of cells, order-independent and exact. Pure.
 //!
-//! Points go into the cells of blocks ([`CellBlock`]) in any order and any division: what a block keeps
-//! of them are whole numbers that are added, or extremes, so the result has the same bits whatever
-//! the order, and blocks of the same cells can be added up. A [`StatisticRecipe`] says what is kept for the
-//! statistics ([`METHODS`]) that are asked for, a [`CellLattice`] where the cells lie.
+//! Points are added to the cells of blocks ([`CellBlock`]) in any order and any division: accumulators are
+//! integer sums or extremes, so the result does not depend on the order, and blocks of the same cells can be
+//! merged. A [`StatisticRecipe`] has the accumulators of the requested statistics ([`METHODS`]), a
+//! [`CellLattice`] the position of the cells.
 
 mod block;
 pub mod canopy;

@@ -7,13 +7,13 @@ use terrane_base::error::{Error, Result};
 pub struct StatisticParameter {
     /// Its name.
     pub key: &'static str,
-    /// What its value is, in a word.
+    /// The kind of its value, in a word.
     pub value: &'static str,
     /// One line for the documentation, with the default.
     pub about: &'static str,
 }
 
-/// What the value of most is.
+/// The kind of most values.
 pub(super) const NUMBER: &str = "NUMBER";
 
 pub(super) const RADIUS: StatisticParameter = StatisticParameter {

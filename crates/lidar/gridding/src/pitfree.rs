@@ -1,18 +1,18 @@
-//! A surface of first returns without pits: the highest of several triangulations at each place.
+//! A pit-free surface of first returns: the highest of several triangulations at each position.
 //!
 //! After Khosravipour, Skidmore, Isenburg, Wang & Hussin, "Generating pit-free canopy height models from
-//! airborne lidar" (2014). Pulses that went deep into a crown before they came back leave pits in the
-//! triangulation of all first returns. A triangulation of those above some height alone spans the pits,
-//! and where it spans from one crown to the next its edges are long, so those triangles do not count.
-//! The triangulations are the caller's: this says which points belong to which of them, and joins them.
+//! airborne lidar" (2014). Pulses that penetrate a crown leave pits in the triangulation of all first returns.
+//! A triangulation of the returns above a height threshold spans the pits; triangles between crowns have long
+//! edges and are ignored. The caller triangulates: this module assigns points to triangulations and merges
+//! them.
 
 use terrane_base::geom::{Point, is_within};
 
-/// Which triangulations there are. Lengths are in the unit of the world.
+/// The triangulations. Lengths are in world units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PitFree {
-    /// Heights above the ground, ascending; the first triangulation has all points, the next ones those
-    /// that are at least as high as the next of these.
+    /// Heights above the ground, ascending; the first triangulation has all points, each further one the points
+    /// at or above the next threshold.
     thresholds: Vec<f64>,
     /// Longest edge, on the ground, of triangles of all but the first triangulation.
     max_edge: f64,
@@ -28,7 +28,7 @@ pub struct PitFreeFacet {
 }
 
 impl PitFree {
-    /// Thresholds that are not above zero and finite are left out; the others are put in order.
+    /// Ignores thresholds that are not finite and above zero; sorts the others.
     pub fn new(thresholds: &[f64], max_edge: f64) -> Self {
         let mut thresholds: Vec<f64> =
             thresholds.iter().copied().filter(|t| *t > 0.0 && t.is_finite()).collect();
@@ -44,7 +44,7 @@ impl PitFree {
         Self::new(&thresholds, 3.0 * spacing)
     }
 
-    /// How many triangulations there are; the first has all points.
+    /// Number of triangulations; the first has all points.
     pub fn layers(&self) -> usize {
         1 + self.thresholds.len()
     }
@@ -54,8 +54,8 @@ impl PitFree {
         self.max_edge
     }
 
-    /// In how many of the triangulations, from the first one on, a point is that lies so high above
-    /// the ground. All are in the first.
+    /// Number of triangulations, from the first one on, that hold a point at this height above ground; at least
+    /// 1.
     pub fn layers_of(&self, above_ground: f64) -> usize {
         1 + self.thresholds.partition_point(|threshold| above_ground >= *threshold)
     }

@@ -1,4 +1,4 @@
-//! What is kept of the points of each cell of a block: one kind of number to a plane.
+//! Accumulators of the cells of a block: one kind to a plane.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -11,60 +11,59 @@ use terrane_base::geom::Point;
 /// Points and the cells they go into.
 #[derive(Clone, Copy, Debug)]
 pub struct CellHits<'a> {
-    /// Places of the cells in the block.
+    /// Indices of the cells in the block.
     pub cells: &'a [u32],
     /// The points, one for each cell, with a value in place of their height where the subject is another.
     pub points: &'a [Point],
-    /// Their squared distances from the centres of the cells, in units; empty where nothing asks for
-    /// them.
+    /// Their squared distances from the centres of the cells, in units; empty if not needed.
     pub squares: &'a [u128],
     /// World size of the unit.
     pub unit: f64,
-    /// Values that are any numbers, named by the heights of the points.
+    /// Real values, indexed by the heights of the points.
     pub reals: &'a [f64],
 }
 
-/// What is kept of the points of one cell: whole numbers that are added, or extremes, so that their order
-/// leaves no trace.
+/// An accumulator of the points of one cell: integer sums or extremes, so that the order of points does not
+/// matter.
 pub(super) trait CellAccumulator: Pod + Debug + Send {
     /// Whether distances from the centre count.
     const BY_DISTANCE: bool = false;
-    /// Of no point.
+    /// The accumulator of no point.
     const NONE: Self;
 
-    /// Takes a point in, the root of `square` from the centre; false where there is no room for more.
+    /// Adds a point at squared distance `square` from the centre; false on overflow.
     #[must_use]
     fn take(&mut self, point: &Point, square: u128) -> bool;
 
-    /// Takes in what another has taken in; false where there is no room for it.
+    /// Merges another accumulator; false on overflow.
     #[must_use]
     fn join(&mut self, other: Self) -> bool;
 }
 
 /// One kind of number for each cell of a block.
 pub(super) trait AccumulatorPlane: Any + Debug + Send {
-    /// Takes points in.
+    /// Adds points.
     fn add(&mut self, hits: CellHits<'_>) -> Result<()>;
 
-    /// Takes in what another plane of the same cells and kind has taken in.
+    /// Merges another plane of the same cells and kind.
     fn fold(&mut self, other: &dyn AccumulatorPlane) -> Result<()>;
 
     /// Its content as bytes, for this machine.
     fn bytes(&self) -> &[u8];
 
-    /// The same, `bytes` long, to be overwritten.
+    /// Its content as mutable bytes, resized to `bytes`.
     fn bytes_mut(&mut self, bytes: usize) -> &mut [u8];
 
-    /// Bytes it takes in memory.
+    /// Bytes in memory.
     fn held(&self) -> usize {
         self.bytes().len()
     }
 
-    /// Puts what is kept of single points in order, cell by cell.
+    /// Sorts values of single points, cell by cell.
     fn settle(&mut self) {}
 }
 
-/// As many numbers as there are cells.
+/// An accumulator for each cell.
 #[derive(Clone, Debug)]
 pub(super) struct DensePlane<K>(pub(super) Vec<K>);
 
@@ -77,7 +76,7 @@ impl<K: CellAccumulator> DensePlane<K> {
         match fits {
             true => Ok(()),
             false => Err(Error::limit("number of points in one cell", "above 2^32", u32::MAX)
-                .remedy("choose a smaller ‹cell›")),
+                .remedy("reduce ‹cell›")),
         }
     }
 }
@@ -115,14 +114,14 @@ pub(super) fn like<P: AccumulatorPlane>(plane: &dyn AccumulatorPlane) -> Result<
     let plane: &dyn Any = plane;
     plane
         .downcast_ref()
-        .ok_or_else(|| Error::new(ErrorKind::Internal, "blocks of different recipes"))
+        .ok_or_else(|| Error::new(ErrorKind::Internal, "two blocks have different statistics"))
 }
 
-/// A kind of plane. Those of one name and parameter keep the same, and are kept once.
+/// A kind of plane. Planes of the same name and parameters are shared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AccumulatorKind {
     pub(super) name: &'static str,
-    /// What the plane is made with, beside the number of cells.
+    /// Parameters of the plane.
     pub(super) parameters: [f64; 2],
     pub(super) make: fn(usize, [f64; 2]) -> Box<dyn AccumulatorPlane>,
     pub(super) bytes_per_cell: usize,
@@ -148,7 +147,7 @@ impl AccumulatorKind {
     }
 }
 
-/// How many points.
+/// Number of points.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct PointCount(pub(super) u32);

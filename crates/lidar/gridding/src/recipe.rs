@@ -1,10 +1,9 @@
-//! From the statistics asked for to what has to be kept of the points: statistics share what they
-//! have in common, and nothing else is kept.
+//! Accumulators for the requested statistics: statistics share common accumulators.
 //!
-//! A cell keeps what its statistics need and no more: count, sum, sum of squares, lowest, highest, sums
-//! of weights, the nearest point, or all heights. Sums are of whole numbers and the rest are extremes, so
-//! what is kept can be added up in any order. Weights of inverse distances are rounded to whole numbers
-//! once, before they are added.
+//! A cell keeps what its statistics need and no more: count, sum, sum of squares, lowest, highest, sums of
+//! weights, the nearest point, or all heights. Sums are of integers and the rest are extremes, so accumulators
+//! can be merged in any order. Weights of inverse distances are rounded to integers once, before they are
+//! added.
 
 use super::cell::CellUnits;
 use super::plane::AccumulatorKind;
@@ -12,13 +11,13 @@ use super::region::{CellNeighborhood, StatisticDefaults};
 use super::statistic::{Statistic, StatisticRequest};
 use super::subject::Subject;
 
-/// What is kept of the points, and the bands that are made of it.
+/// Accumulators of the points, and the bands computed from them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatisticRecipe {
     subjects: Vec<Subject>,
-    /// Regions, each of the points of a subject.
+    /// Regions, each with the index of its subject.
     pub(super) regions: Vec<(usize, CellNeighborhood)>,
-    /// What is kept of the points of which region.
+    /// The accumulators, each with the index of its region.
     pub(super) planes: Vec<(usize, AccumulatorKind)>,
     bands: Vec<StatisticBand>,
 }
@@ -26,15 +25,15 @@ pub struct StatisticRecipe {
 /// One band.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StatisticBand {
-    /// What it is called.
+    /// Its name.
     pub label: String,
-    /// What it holds.
+    /// Its statistic.
     pub statistic: Statistic,
-    /// The planes it is made of, in the order that the statistic wants.
+    /// Its planes, in the order of the statistic.
     pub(super) planes: Vec<usize>,
-    /// What the steps of its values are in the world, where they are not of heights.
+    /// World size of a step of its values, if they are not heights.
     step: Option<f64>,
-    /// Whether they are any numbers, not steps.
+    /// Whether values are real numbers, not steps.
     pub(super) is_real: bool,
 }
 
@@ -44,19 +43,19 @@ impl StatisticBand {
         self.statistic.counts()
     }
 
-    /// True when it is made of the triangulation of all points.
+    /// True if it is computed from the triangulation of all points.
     pub fn is_triangulated(&self) -> bool {
         self.statistic.shape().is_some()
     }
 
-    /// What its numbers are worth, beside those of heights.
+    /// Units of its values, given those of heights.
     pub(super) fn units(&self, heights: &CellUnits) -> CellUnits {
         self.step.map_or(*heights, |scale| CellUnits { scale, offset: 0.0, ..*heights })
     }
 }
 
 impl StatisticRecipe {
-    /// For these statistics by these rules.
+    /// The recipe of these statistics with these defaults.
     pub fn new(asked: &[StatisticRequest], rules: &StatisticDefaults) -> Self {
         let mut recipe = Self {
             subjects: Vec::new(),
@@ -77,7 +76,7 @@ impl StatisticRecipe {
         recipe
     }
 
-    /// The planes of what is kept of the points of a subject.
+    /// Adds the planes of the points of a subject.
     fn keep(
         &mut self,
         subject: &Subject,
@@ -92,12 +91,12 @@ impl StatisticRecipe {
         primitives.iter().map(|kept| position(&mut self.planes, (region, *kept))).collect()
     }
 
-    /// What its statistics are of.
+    /// Subjects of its statistics.
     pub fn subjects(&self) -> &[Subject] {
         &self.subjects
     }
 
-    /// The attributes that points have to come with.
+    /// The attributes it needs.
     pub fn attributes(&self) -> Vec<String> {
         let mut all = Vec::new();
         for name in self.subjects.iter().flat_map(Subject::reads) {
@@ -106,28 +105,28 @@ impl StatisticRecipe {
         all
     }
 
-    /// The bands, in the order asked for.
+    /// The bands, in the requested order.
     pub fn bands(&self) -> &[StatisticBand] {
         &self.bands
     }
 
-    /// The regions that points of a subject are needed of, by their places among all.
+    /// Indices of the regions of a subject.
     pub fn regions_of(&self, subject: usize) -> impl Iterator<Item = (usize, CellNeighborhood)> {
         let all = self.regions.iter().enumerate();
         all.filter(move |(_, (of, _))| *of == subject).map(|(at, (_, region))| (at, *region))
     }
 
-    /// True when nothing is kept of cells.
+    /// True if it has no accumulators.
     pub fn is_empty(&self) -> bool {
         self.planes.is_empty()
     }
 
-    /// True when a band is made of the triangulation of all points.
+    /// True if a band is computed from the triangulation of all points.
     pub fn triangulates(&self) -> bool {
         self.bands.iter().any(StatisticBand::is_triangulated)
     }
 
-    /// The largest radius that a cell looks around in; 0 when it looks at its own points only.
+    /// The largest radius of a statistic; 0 if cells use their own points only.
     pub fn reach(&self) -> f64 {
         self.regions.iter().fold(0.0, |most, (_, region)| match *region {
             CellNeighborhood::Cell => most,
@@ -135,18 +134,18 @@ impl StatisticRecipe {
         })
     }
 
-    /// Bytes that are kept of each cell, whatever the points.
+    /// Bytes for each cell, independent of the points.
     pub fn bytes_per_cell(&self) -> usize {
         self.planes.iter().map(|(_, primitive)| primitive.bytes_per_cell).sum()
     }
 
-    /// Bytes that are kept of each point in a cell.
+    /// Bytes for each point in a cell.
     pub fn bytes_per_point(&self) -> usize {
         self.planes.iter().map(|(_, primitive)| primitive.bytes_per_point).sum()
     }
 }
 
-/// Where an item is, after adding it if it is new.
+/// Index of an item, which is added if new.
 fn position<T: PartialEq>(items: &mut Vec<T>, item: T) -> usize {
     items.iter().position(|other| *other == item).unwrap_or_else(|| {
         items.push(item);

@@ -3,20 +3,20 @@
 /// Which points a cell takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CellNeighborhood {
-    /// Those in it.
+    /// Points inside the cell.
     Cell,
-    /// Those nearer to its centre than this, in world units.
+    /// Points within this distance of its centre, in world units.
     Disc(f64),
 }
 
-/// What holds for all statistics that do not say otherwise.
+/// Default parameters of statistics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StatisticDefaults {
     /// Radius of idw and nearest, in world units.
     pub radius: f64,
     /// Power of distance for idw.
     pub power: f64,
-    /// Every statistic is of the points within the radius, not only of those in the cell.
+    /// Every statistic uses all points within the radius, not only those in the cell.
     pub around: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What a statistic is of: heights or another attribute, of all points or of some of them.
+//! The subject of a statistic: heights or another attribute, of all points or of a subset.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +6,11 @@ use super::parameter::StatisticParameter;
 use terrane_base::attribute::{CLASS, RETURN, RETURNS, Return, known};
 use terrane_base::geom::{Point, PointFrame};
 
-/// What a statistic is of. Filters of the cloud come before it.
+/// The subject of a statistic. Filters of the point cloud apply first.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Subject {
-    /// The name of the attribute it is of; of heights when `None`.
+    /// Name of the attribute; heights when `None`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribute: Option<String>,
     /// Only points of these classes.
@@ -30,14 +30,14 @@ pub struct Subject {
     pub above: Option<f64>,
 }
 
-/// What says that a statistic is of something else than heights.
+/// The parameter that selects an attribute instead of heights.
 pub(super) const ATTRIBUTE: StatisticParameter = StatisticParameter {
     key: "attribute",
     value: "NAME",
     about: "of this attribute instead of heights",
 };
 
-/// What says that it is of some of the points.
+/// The parameters that select points.
 pub(super) const CONDITIONS: [StatisticParameter; 5] = [
     StatisticParameter {
         key: "class",
@@ -58,7 +58,7 @@ pub(super) const CONDITIONS: [StatisticParameter; 5] = [
     StatisticParameter { key: "above", value: "NUMBER", about: "points above this height only" },
 ];
 
-/// What all statistics of points take, beside parameters of their own.
+/// Parameters common to all statistics of points.
 pub const OF_POINTS: [&StatisticParameter; 6] =
     [&ATTRIBUTE, &CONDITIONS[0], &CONDITIONS[1], &CONDITIONS[2], &CONDITIONS[3], &CONDITIONS[4]];
 
@@ -66,7 +66,7 @@ pub const OF_POINTS: [&StatisticParameter; 6] =
 const HEIGHTS: [&str; 2] = ["z", "height"];
 
 impl Subject {
-    /// Takes a condition in, or the attribute; false where it is neither, or was given before.
+    /// Sets a condition or the attribute; false if unknown or already given.
     pub(super) fn take(&mut self, key: &str, value: &str) -> bool {
         let number = || value.parse::<f64>().ok().filter(|number| number.is_finite());
         match key {
@@ -84,7 +84,7 @@ impl Subject {
         }
     }
 
-    /// The same; where nothing else was given, of the `usual` attribute, if there is one.
+    /// The subject with the `usual` attribute, if there is one and no other was given.
     pub(super) fn or_of(self, usual: Option<&str>) -> Self {
         let asked = self.attribute.or(usual.map(str::to_owned));
         let is_height = |name: &str| HEIGHTS.iter().any(|own| own.eq_ignore_ascii_case(name));
@@ -101,24 +101,24 @@ impl Subject {
         self.min.or(self.max).or(self.above).is_some()
     }
 
-    /// Points of any height that are as these otherwise.
+    /// The subject without limits of heights.
     pub(super) fn of_any_height(&self) -> Self {
         Self { min: None, max: None, above: None, ..self.clone() }
     }
 
-    /// What the whole numbers that stand for its values are multiplied by; `None` for those of heights.
+    /// Scale of its integer values; `None` for heights.
     pub(super) fn step(&self) -> Option<f64> {
         let name = self.attribute.as_deref()?;
         Some(known(name).and_then(|attribute| attribute.step).unwrap_or(1.0))
     }
 
-    /// Whether its values are any numbers, not steps.
+    /// Whether its values are real numbers, not steps.
     pub(super) fn is_real(&self) -> bool {
         let step = |name: &str| known(name).and_then(|attribute| attribute.step);
         self.attribute.as_deref().is_some_and(|name| step(name).is_none())
     }
 
-    /// The attributes that it takes to know it.
+    /// The attributes it needs.
     pub(super) fn reads(&self) -> Vec<&str> {
         let class = self.classes.as_ref().map(|_| CLASS);
         let returns = self.returns.map(|_| [RETURN, RETURNS]).into_iter().flatten();
@@ -126,7 +126,7 @@ impl Subject {
     }
 }
 
-/// Puts a value in its place; false where there is none, or was one before.
+/// Sets a value; false if it is invalid or already set.
 fn put<T>(place: &mut Option<T>, value: Option<T>) -> bool {
     let fits = place.is_none() && value.is_some();
     *place = value;
@@ -142,19 +142,19 @@ fn classes(text: &str) -> Option<Vec<u8>> {
     Some(classes)
 }
 
-/// Finds the points of a subject among those of a cloud, and its values.
+/// Selects the points of a subject and its values.
 #[derive(Clone, Debug)]
 pub struct SubjectSelector {
     /// Lowest and highest height in steps.
     heights: [i64; 2],
-    /// The column of classes, and which of them are wanted.
+    /// The column of classes, and the selected classes.
     classes: Option<(usize, [bool; 256])>,
-    /// The columns of return numbers and of returns of the pulse, and which are wanted.
+    /// The columns of return numbers and number of returns, and the selected returns.
     returns: Option<(usize, usize, Return)>,
     values: SubjectValues,
 }
 
-/// What takes the place of heights.
+/// Values used instead of heights.
 #[derive(Clone, Copy, Debug)]
 enum SubjectValues {
     Heights,
@@ -166,14 +166,14 @@ enum SubjectValues {
 /// The points of a subject.
 #[derive(Clone, Debug, Default)]
 pub struct SelectedPoints {
-    /// With its values in place of heights; where these are any numbers, their places in `reals`.
+    /// With its values instead of heights; real values are indices into `reals`.
     pub points: Vec<Point>,
-    /// Its values, where they are any numbers.
+    /// Its real values.
     pub reals: Vec<f64>,
 }
 
 impl SubjectSelector {
-    /// For points of `frame` with columns of these attributes, among which are those that the subject takes.
+    /// For points of `frame` with columns of these attributes, which include those that the subject needs.
     pub fn new(subject: &Subject, columns: &[String], frame: &PointFrame) -> Self {
         let place =
             |name: &str| columns.iter().position(|own| own == name).unwrap_or(columns.len());
@@ -195,7 +195,7 @@ impl SubjectSelector {
         }
     }
 
-    /// Puts its points into `out`, in place of what was there. A value that is not finite is none.
+    /// Replaces the content of `out` by its points. Points without a finite value are skipped.
     pub fn select(&self, points: &[Point], columns: &[Vec<f64>], out: &mut SelectedPoints) {
         out.points.clear();
         out.reals.clear();

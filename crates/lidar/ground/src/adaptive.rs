@@ -1,14 +1,13 @@
-//! The ground without parameters: a cloth and a triangulation that check each other, ground that goes on
-//! from what both of them hold for ground, and one more triangulation of it all.
+//! Ground classification without parameters: a cloth and a triangulation that check each other, region growing
+//! from the points that both accept, and a final triangulation.
 //!
-//! A cloth (Zhang and others 2016) follows ground of all forms but lies down on roofs that are larger
-//! than it can span, and cuts off ridges; a triangulation made denser from the lowest points of large
-//! squares on (Axelsson 2000) knows roofs by their walls but lets plants in where its limits are wide.
-//! So a cell's lowest point is a seed when it touches the cloth and the triangulation does not lie far
-//! below it. From these seeds on ground goes on from cell to cell along planes of any steepness
-//! ([`grown`]), up ridges and to the edges of cliffs, and a triangulation with narrow limits is made denser
-//! between. Points near its surface are ground: on level ground only those that ranging moved, as low plants
-//! are hardly further off.
+//! A cloth (Zhang and others 2016) follows ground of all forms but settles on large roofs and cuts off ridges;
+//! progressive densification from the lowest points of large squares (Axelsson 2000) detects roofs by their
+//! walls but accepts plants where its limits are wide. So a cell's lowest point is a seed when it touches the
+//! cloth and the triangulation does not lie far below it. From these seeds ground is grown from cell to cell
+//! along planes of any steepness ([`grown`]), up ridges and to the edges of cliffs, and a triangulation with
+//! narrow limits is densified in between. Points near its surface are ground; on level ground the tolerance
+//! only covers ranging noise, as low plants are hardly further away.
 
 use crate::cells::{LowestCells, WIDEST};
 use crate::csf::{ClothParameters, settled};
@@ -29,24 +28,27 @@ pub(crate) const METHOD: Method = Method {
     },
 };
 
-/// Side of the squares whose lowest points the first triangulation begins with, in metres.
+/// Side of the squares whose lowest points seed the first triangulation, in metres.
 const SQUARE: f64 = 50.0;
-/// And of those whose lowest points it goes on with.
+/// Side of the squares whose lowest points densify it, in metres.
 const BLOCK: f64 = 3.0;
-/// How near the cloth a seed lies, and how far at most above the first triangulation, in metres.
+/// Largest distance of a seed from the cloth, in metres.
 const NEAR: f64 = 0.3;
+/// Largest height of a seed above the first triangulation, in metres.
 const ABOVE: f64 = 2.0;
-/// When points are taken into the first triangulation, and into the second: sines of 45 and 15 degrees.
+/// Limits of the first triangulation: 45 degrees.
 const WIDE: DensifyLimits =
     DensifyLimits { sine: std::f64::consts::FRAC_1_SQRT_2, distance: 2.0, spacing: 0.0 };
+/// Limits of the second triangulation: 15 degrees.
 const NARROW: DensifyLimits =
     DensifyLimits { sine: 0.258_819_045_102_520_74, distance: 1.0, spacing: 0.25 };
-/// How far from the surface ground may lie, in metres: on level ground, by how the cloud scatters there, and at most.
-/// Between, it grows with the cube of the slope, as heights between the centres of cells miss walls and edges, but hardly
-/// slopes. The surface goes through the lowest points, so what scatters lies above it, by two times three deviations; of
-/// lowest points the lower quarter strays by a little more than half a deviation from planes.
+/// Least and largest tolerance on level ground, in metres. It grows with the cube of the slope, as interpolated heights
+/// miss walls and edges, but hardly slopes.
 const TOLERANCE: [f64; 2] = [0.12, 0.2];
+/// Tolerance by scatter. The surface goes through the lowest points, so noise lies above it, by two times three standard
+/// deviations; the lower quartile of the lowest points deviates from planes by slightly more than half of one.
 const OF_SCATTER: f64 = 5.5;
+/// Largest tolerance, in metres.
 const MOST: f64 = 10.0;
 const CLOTH: ClothParameters =
     ClothParameters { rigidness: 1, time_step: 0.65, iterations: 500, mend: true };

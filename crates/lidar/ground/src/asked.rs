@@ -1,4 +1,4 @@
-//! Methods with parameters, known by name, and how one is asked for.
+//! Registries of methods with parameters, and their parser.
 
 use std::fmt;
 
@@ -6,9 +6,9 @@ use terrane_base::error::Result;
 use terrane_base::parameters::{Parameter, ParameterValues};
 use terrane_base::registry::{RegistryEntry, named};
 
-/// What the methods of one registry have beside names and parameters.
+/// A registry of methods.
 pub trait FinderRegistry: Copy + fmt::Debug + 'static {
-    /// What one of them is called; the last word takes an s for several.
+    /// Name of a method in errors, in the singular.
     const KIND: &'static str;
     /// All of them.
     const METHODS: &'static [FinderMethod<Self>];
@@ -23,7 +23,7 @@ pub struct FinderMethod<F: FinderRegistry> {
     pub source: &'static str,
     /// One line for the documentation.
     pub about: &'static str,
-    /// What may follow its name.
+    /// Its parameters.
     pub parameters: &'static [Parameter],
     pub(crate) finder: F,
 }
@@ -47,11 +47,11 @@ impl<F: FinderRegistry> FinderRequest<F> {
         Self { method, values: ParameterValues::usual(method.parameters) }
     }
 
-    /// Reads a method as it is asked for: `csf:rigidness=2,cloth=1`.
+    /// Parses a method with parameters: `csf:rigidness=2,cloth=1`.
     ///
     /// # Errors
-    /// Usage: a name or parameter that is not known (the known ones are told), one twice, or a value
-    /// out of its range.
+    /// Usage: an unknown name or parameter (the error lists the known ones), a duplicate, or a value out of
+    /// range.
     pub fn parse(text: &str) -> Result<Self> {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let method = named(F::METHODS, name.trim())?;
@@ -66,19 +66,19 @@ impl<F: FinderRegistry> FinderRequest<F> {
         self.method.name
     }
 
-    /// The value of a parameter; NaN where there is no such.
+    /// The value of a parameter; NaN if there is none of that name.
     pub(crate) fn value(&self, key: &str) -> f64 {
         self.values.get(self.method.parameters, key)
     }
 
-    /// What finds with it.
+    /// Its implementation.
     pub(crate) fn finder(&self) -> &'static F {
         &self.method.finder
     }
 }
 
 impl<F: FinderRegistry> fmt::Display for FinderRequest<F> {
-    /// As [`parse`](FinderRequest::parse) reads it, with all parameters.
+    /// The text for [`parse`](FinderRequest::parse), with all parameters.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.values.write(self.name(), self.method.parameters, f)
     }

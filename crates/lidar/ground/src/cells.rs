@@ -29,8 +29,7 @@ impl LowestCells {
         cells
     }
 
-    /// Leaves out all but the lowest of points that rounding has put at one position: on the line between
-    /// cells.
+    /// Keeps only the lowest of points that rounding has moved to the same position on the line between cells.
     fn part(&mut self) {
         let count = self.points.len();
         for at in 0..count {
@@ -52,8 +51,8 @@ impl LowestCells {
         self.points.len() / self.width
     }
 
-    /// The cells whose points are the lowest of squares of `side` cells, sorted. What is left at the end of a
-    /// row or column belongs to the square before, so that none is smaller than what it has to tell from ground.
+    /// The cells with the lowest points of squares of `side` cells, sorted. An incomplete square at the end of
+    /// a row or column is merged with the one before, so that no square is smaller than the objects to remove.
     pub(crate) fn lowest(&self, side: usize) -> Vec<usize> {
         let [across, up] = [self.width, self.rows()].map(|count| (count / side).max(1));
         let mut lowest: Vec<Option<(Point, usize)>> = vec![None; across * up];
@@ -71,7 +70,7 @@ impl LowestCells {
         seeds
     }
 
-    /// Only the points that are the lowest of squares of `side` cells.
+    /// Keeps only the lowest points of squares of `side` cells.
     pub(crate) fn thinned(&self, side: usize) -> Self {
         let mut points = vec![None; self.points.len()];
         self.lowest(side).into_iter().for_each(|at| points[at] = self.points[at]);

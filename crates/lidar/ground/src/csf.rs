@@ -1,10 +1,9 @@
-//! Cloth simulation: a cloth under the points is let go, and stops where it meets the lowest.
+//! Cloth simulation: a cloth rises from below the points and stops at the lowest ones.
 //!
-//! After Zhang, Qi, Wan, Wang, Xie, Wang & Yan, "An easy-to-use airborne LiDAR data filtering method
-//! based on cloth simulation" (2016), who turn the cloud upside down and let the cloth fall; here it
-//! rises. Nodes move by Verlet's integration, neighbours one and two cells away draw them together, a
-//! node that meets the lowest point of its cell stays there, and steep ground that the cloth spans is
-//! mended in the end.
+//! After Zhang, Qi, Wan, Wang, Xie, Wang & Yan, "An easy-to-use airborne LiDAR data filtering method based on
+//! cloth simulation" (2016), who turn the cloud upside down and let the cloth fall; here it rises. Nodes move
+//! by Verlet's integration, neighbours one and two cells away draw them together, a node that meets the lowest
+//! point of its cell stays there, and steep slopes that the cloth spans are corrected at the end.
 
 use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
@@ -57,32 +56,32 @@ fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     GroundSurface::new(lows.width, heights, |_| asked.value("threshold") / step)
 }
 
-/// How a cloth behaves.
+/// Parameters of the cloth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClothParameters {
     /// 1 for steep ground, 2 for hills, 3 for plains.
     pub(crate) rigidness: u32,
-    /// Of the integration.
+    /// Time step of the integration.
     pub(crate) time_step: f64,
     pub(crate) iterations: u32,
-    /// Whether steep ground is mended.
+    /// Whether steep slopes are corrected.
     pub(crate) mend: bool,
 }
 
-/// Acceleration, and the part of its speed that a node loses in a step.
+/// Acceleration of nodes.
 const GRAVITY: f64 = 0.2;
+/// Fraction of its speed that a node loses in a step.
 const DAMPING: f64 = 0.01;
 /// Metres below the lowest point that the cloth starts at.
 const START: f64 = 0.05;
-/// A step in which no node moves further, in metres, is the last.
+/// Convergence: largest movement of a node in the last step, in metres.
 const STILL: f64 = 0.005;
-/// Neighbours as high as this beside a node that has settled are ground, too.
+/// Largest height difference to a settled neighbour at which a node is ground, too, in metres.
 const SMOOTH: f64 = 0.3;
-/// Fewest nodes beside each other that are mended.
+/// Fewest connected nodes that are corrected.
 const MENDED: usize = 50;
 
-/// Heights of the cloth in metres where it has come to rest under the heights of cells, NaN where
-/// there are no points.
+/// Heights in metres of the settled cloth under the heights of cells (NaN for no points).
 pub(crate) fn settled(heights: &[f64], width: usize, cloth: &ClothParameters) -> Vec<f64> {
     let ceiling = nearest_filled(heights, width);
     let lowest = ceiling.iter().copied().fold(f64::INFINITY, f64::min);
@@ -111,8 +110,8 @@ pub(crate) fn settled(heights: &[f64], width: usize, cloth: &ClothParameters) ->
     sheet.now
 }
 
-/// What part of their distance two free nodes move towards each other, and one that is free towards one
-/// that is held: as many times as the cloth is rigid, by 0.3 of what is left.
+/// Fractions of their distance by which two free nodes move towards each other, and a free node towards a fixed
+/// one: `rigidness` times 0.3 of the remainder.
 fn stiffness(rigidness: u32) -> [f64; 2] {
     let left = |part: f64| (0..rigidness).fold(1.0, |left, _| left * (1.0 - part));
     [0.5 * (1.0 - left(0.6)), 1.0 - left(0.3)]
@@ -121,7 +120,7 @@ fn stiffness(rigidness: u32) -> [f64; 2] {
 /// The nodes, one for each cell.
 struct ClothNodes {
     width: usize,
-    /// The height that holds each.
+    /// The height at which each node is fixed.
     ceiling: Vec<f64>,
     before: Vec<f64>,
     now: Vec<f64>,
@@ -154,7 +153,7 @@ impl ClothNodes {
         }
     }
 
-    /// The nodes of a row with those so far east and north of them; or west, `mirrored`.
+    /// Draws the nodes of a row to those at an offset east and north; or west if `mirrored`.
     fn draw_row(&mut self, row: usize, [east, north]: [usize; 2], mirrored: bool, parts: [f64; 2]) {
         let (from, to) = (row * self.width, (row + north) * self.width);
         for col in 0..self.width.saturating_sub(east) {
@@ -176,7 +175,7 @@ impl ClothNodes {
         }
     }
 
-    /// Nodes that have come to a height are held there; the furthest that any other has moved.
+    /// Fixes nodes that have reached their height; returns the largest movement of the others.
     fn meet(&mut self) -> f64 {
         let mut most = 0.0_f64;
         for at in 0..self.now.len() {
@@ -190,8 +189,8 @@ impl ClothNodes {
         most
     }
 
-    /// Lets free nodes that are many beside each other up to their heights, as far as these go on from
-    /// a node that is held without a jump.
+    /// Raises large groups of free nodes to their heights, as far as these continue from a fixed node without a
+    /// jump.
     fn mend(&mut self) {
         let mut seen = self.held.clone();
         for at in 0..seen.len() {
@@ -204,7 +203,7 @@ impl ClothNodes {
         }
     }
 
-    /// The free nodes around one, which are all seen then.
+    /// The connected free nodes around one; marks them as seen.
     fn region(&self, at: usize, seen: &mut [bool]) -> Vec<usize> {
         let mut region = vec![at];
         seen[at] = true;

@@ -1,32 +1,32 @@
-//! A triangulation of ground points that takes in those near it, round by round.
+//! Progressive densification of a triangulation of ground points, in rounds.
 
 use crate::cells::{LowestCells, MILLI};
 use crate::frame::GroundExtrapolation;
 use crate::tin::{GroundTin, gradient, height_of};
 use terrane_base::geom::Point;
 
-/// Most times that points are taken in.
+/// Largest number of rounds.
 const ROUNDS: usize = 64;
 
-/// When a point is taken in.
+/// Limits for accepting a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DensifyLimits {
-    /// Most sine of the angle at which a corner of the triangle sees the point above its plane.
+    /// Largest sine of the angle from a corner of the triangle to the point above its plane.
     pub(crate) sine: f64,
-    /// Furthest that it may lie from the plane, in metres.
+    /// Largest distance from the plane, in metres.
     pub(crate) distance: f64,
-    /// Triangles with no longer side in plan are left as they are, in metres.
+    /// Triangles without a longer side in plan are not densified, in metres.
     pub(crate) spacing: f64,
 }
 
-/// A point that waits to be taken in, with the triangle that held it when it was last looked at.
+/// A pending point, with its last known triangle.
 struct PendingPoint {
     at: u32,
     triangle: u32,
 }
 
-/// Heights in metres at the centres of cells, and of those beside the window, of the triangulation of the
-/// seeds and of all points that can be reached from them; NaN where there are no seeds.
+/// Heights in metres of the densified triangulation at the centres of cells and of those beside the window; NaN
+/// if there are no seeds.
 pub(crate) fn densified(cells: &LowestCells, seeds: &[usize], limits: &DensifyLimits) -> Vec<f64> {
     let Some(mut densifying) = GroundDensifier::new(cells, seeds, limits) else {
         return vec![f64::NAN; (cells.width + 2) * (cells.rows() + 2)];
@@ -42,8 +42,9 @@ struct GroundDensifier<'a> {
     tin: GroundTin,
     ground: usize,
     waiting: Vec<PendingPoint>,
-    /// Of each triangle: whether points in it have to be looked at again, and whether it reaches the frame.
+    /// Whether the points of each triangle have to be checked again.
     stale: Vec<bool>,
+    /// Whether each triangle reaches the frame.
     outer: Vec<bool>,
 }
 
@@ -76,7 +77,7 @@ impl<'a> GroundDensifier<'a> {
         self.settle();
     }
 
-    /// Puts the frame to where the ground is; whether that changed anything.
+    /// Moves the frame to the height of the ground; returns whether that changed anything.
     fn settle(&mut self) -> bool {
         let vertices = self.frame.vertices();
         let before = &mut self.tin.points()[..vertices.len()];
@@ -85,7 +86,7 @@ impl<'a> GroundDensifier<'a> {
         is_new
     }
 
-    /// The nearest point of each triangle that is near enough to be taken in, with both.
+    /// The nearest acceptable point of each triangle.
     fn found(&mut self) -> Vec<(u32, f64, u32)> {
         let moved = self.settle();
         let mut found = Vec::new();
@@ -151,7 +152,7 @@ impl<'a> GroundDensifier<'a> {
     }
 }
 
-/// The points that are no seeds.
+/// The points that are not seeds.
 fn waiting(cells: &LowestCells, seeds: &[usize], tin: &GroundTin) -> Vec<PendingPoint> {
     let mut is_seed = vec![false; cells.points.len()];
     seeds.iter().for_each(|&at| is_seed[at] = true);
@@ -164,7 +165,7 @@ fn waiting(cells: &LowestCells, seeds: &[usize], tin: &GroundTin) -> Vec<Pending
     (0..cells.points.len()).filter_map(&mut wait).collect()
 }
 
-/// How far a point is from its triangle, if it is near enough to be taken in.
+/// Distance of a point from its triangle, if it is accepted.
 fn near(point: &Point, corners: &[Point; 3], limits: &DensifyLimits) -> Option<f64> {
     let [p, a, b, c] =
         [point, &corners[0], &corners[1], &corners[2]].map(|p| [p.x, p.y, p.z].map(f64::from));

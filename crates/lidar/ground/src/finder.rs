@@ -1,4 +1,4 @@
-//! The interface of methods that find ground, and the squares of cells that they work in.
+//! The interface of ground methods, and their tiling.
 
 use super::asked;
 use super::lows::LowestPoints;
@@ -12,31 +12,31 @@ pub type Asked = asked::FinderRequest<GroundFinder>;
 /// How a method finds the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct GroundFinder {
-    /// How the plane is divided for it, points being so many metres apart.
+    /// Tiling of the plane, for points with a spacing in metres.
     pub(crate) lattice: fn(&Asked, f64) -> GroundTiling,
     pub(crate) find: fn(&Asked, &LowestPoints<'_>) -> GroundSurface,
 }
 
-/// The squares of cells that a method works in, and what each has to see.
+/// The tiles of cells that a method works in, with their halo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundTiling {
     /// Side of a cell in metres.
     pub cell: f64,
-    /// Cells that a square sees beyond its own.
+    /// Width of the halo, in cells.
     pub halo: usize,
-    /// Cells along a square, where the result depends on that; else any number gives the same.
+    /// Cells along a tile, if the result depends on it.
     pub core: Option<usize>,
 }
 
-/// Metres along a square of a fixed lattice and its halo, and most cells of both.
+/// Metres along a tile of a fixed tiling and its halo, and most cells of both.
 const CORE: (f64, usize) = (512.0, 768);
 const HALO: (f64, usize) = (128.0, 192);
-/// Fewest cells of both.
+/// Fewest cells of a tile and its halo.
 const FEWEST: usize = 16;
 
 impl GroundTiling {
-    /// Squares of a size that depends on that of the cells alone: for methods whose cells depend on
-    /// others however far away, and which are therefore defined on these squares.
+    /// Tiles of a fixed size, which depends on the cell size only: for methods without a bounded reach, which
+    /// are defined on these tiles.
     pub(crate) fn fixed(cell: f64) -> Self {
         let cells =
             |(metres, most): (f64, usize)| ((metres / cell).ceil() as usize).clamp(FEWEST, most);

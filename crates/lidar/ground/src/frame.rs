@@ -1,17 +1,17 @@
-//! Vertices around a window: what lies beyond the ground that is known so far is in triangles, too.
+//! A frame of vertices around a window, so that triangles cover everything beyond the known ground.
 
 use crate::cells::{LowestCells, MILLI};
 use terrane_base::geom::Point;
 
 /// Cells from the window to the frame.
 const OUT: usize = 10;
-/// Cells from one vertex of it to the next, at most, and along a block.
+/// Most cells from one vertex of the frame to the next, and cells along a block.
 const BLOCK: usize = 16;
-/// Points that a plane goes through, at least.
+/// Fewest points of a plane fit.
 const ENOUGH: i64 = 12;
 
-/// Vertices around a window, each on a plane through the ground points in the blocks nearest to it: a slope
-/// goes on as it is where the ground that is known ends.
+/// Vertices around a window, each on a plane fitted to the ground points in the nearest blocks: slopes are
+/// extrapolated beyond the known ground.
 pub(crate) struct GroundExtrapolation {
     places: Vec<[i32; 2]>,
     /// Steps along a block, and blocks of a row; the first lies around the frame's lowest corner.
@@ -44,7 +44,7 @@ impl GroundExtrapolation {
         Self { places, side, low: -out, across: count(east), blocks }
     }
 
-    /// How many vertices there are.
+    /// Number of vertices.
     pub(crate) fn len(&self) -> usize {
         self.places.len()
     }
@@ -54,13 +54,13 @@ impl GroundExtrapolation {
         [x, y].map(|v| ((v - self.low) / self.side) as usize)
     }
 
-    /// Learns of a ground point.
+    /// Adds a ground point.
     pub(crate) fn see(&mut self, p: &Point) {
         let [col, row] = self.block([p.x, p.y]);
         self.blocks[row * self.across + col].add(p);
     }
 
-    /// The vertices, as high as the ground seen so far tells.
+    /// The vertices, extrapolated from the ground points so far.
     pub(crate) fn vertices(&self) -> Vec<Point> {
         let vertex = |place: &[i32; 2]| Point::new(place[0], place[1], self.height(*place));
         self.places.iter().map(vertex).collect()
@@ -73,7 +73,7 @@ impl GroundExtrapolation {
         known.plane_at(place, f64::from(self.side) / BLOCK as f64).round() as i32
     }
 
-    /// Of the blocks so many away from that around a place, and nearer.
+    /// Sums over the blocks within a distance of the block of a position.
     fn around(&self, place: [i32; 2], away: usize) -> PointMoments {
         let rows = self.blocks.len() / self.across;
         let [col, row] = self.block(place);
@@ -88,7 +88,7 @@ impl GroundExtrapolation {
     }
 }
 
-/// Sums over points, exact in whatever order these come.
+/// Exact sums over points, independent of their order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct PointMoments {
     count: i64,
@@ -110,8 +110,8 @@ impl PointMoments {
         self.second.iter_mut().zip(other.second).for_each(|(sum, v)| *sum += v);
     }
 
-    /// Height at a place of the plane with the least squares, 0 of no points. A point more so far away on each
-    /// side, at the height of their middle, keeps it level across a line, and for one point.
+    /// Height at a position of the least-squares plane; 0 for no points. Virtual points on each side at the
+    /// mean height keep the plane level across a line, and for a single point.
     fn plane_at(&self, place: [i32; 2], aside: f64) -> f64 {
         if self.count == 0 {
             return 0.0;

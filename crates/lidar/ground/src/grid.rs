@@ -1,6 +1,6 @@
-//! What methods do with the cells of a window.
+//! Operations on the cells of a window.
 
-/// The cells north, south, west and east of one that there are.
+/// The existing cells north, south, west and east of one.
 pub(crate) fn neighbours(at: usize, width: usize, cells: usize) -> impl Iterator<Item = usize> {
     let col = at % width;
     let beside = [
@@ -12,8 +12,8 @@ pub(crate) fn neighbours(at: usize, width: usize, cells: usize) -> impl Iterator
     beside.into_iter().flatten()
 }
 
-/// Heights with each unknown one that of a nearest known cell, by steps along rows and columns; of
-/// several the mean of those beside it. All stay unknown where none is known.
+/// Fills unknown heights from the nearest known cells, by steps along rows and columns; of several neighbours
+/// with their mean. All stay unknown if none is known.
 pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
     let mut filled = heights.to_vec();
     let beside = |at: usize| neighbours(at, width, heights.len());
@@ -38,7 +38,7 @@ pub(crate) fn nearest_filled(heights: &[f64], width: usize) -> Vec<f64> {
     filled
 }
 
-/// Heights with one cell more on each side, which is as the one beside it.
+/// Heights with a margin of one cell, copied from the border.
 pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
     let rows = heights.len() / width;
     let clamp = |at: usize, count: usize| at.saturating_sub(1).min(count.saturating_sub(1));
@@ -47,8 +47,8 @@ pub(crate) fn widened(heights: &[f64], width: usize) -> Vec<f64> {
     cells.map(|cell| value(cell).copied().unwrap_or(f64::NAN)).collect()
 }
 
-/// At each cell, the best of the square of `side` cells that begins there and goes on to higher
-/// columns and rows; what lies beyond the end takes no part.
+/// At each cell, the best of the square of `side` cells that starts there, towards higher columns and rows;
+/// cells beyond the end are ignored.
 pub(crate) fn slid<T: Copy>(
     mut from: Vec<T>,
     width: usize,
@@ -79,8 +79,7 @@ fn join<T: Copy>(from: &[T], to: &mut [T], shift: usize, better: impl Fn(T, T) -
     to[pairs..].copy_from_slice(&from[pairs..]);
 }
 
-/// By how much windows are put together to make one of `side`: doubled as long as they are smaller,
-/// and then two that overlap.
+/// Shifts that build a window of `side`: doubled while smaller, then two overlapping windows.
 pub(crate) fn shifts(side: usize) -> impl Iterator<Item = usize> {
     let doubled = std::iter::successors(Some(1), |span| Some(span * 2));
     let doubled = doubled.take_while(move |span| span * 2 <= side);

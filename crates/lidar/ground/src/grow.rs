@@ -1,16 +1,15 @@
-//! Ground that goes on from cell to cell, up ridges and to the edges of cliffs.
+//! Grows ground from cell to cell, up ridges and to the edges of cliffs.
 //!
-//! A cloth cuts ridges off, and a triangulation does not climb what is steeper than its limits. But ground goes on as
-//! it is: a cell's lowest point is ground when it lies on the plane through the ground beside it, whatever the slope.
-//! Roofs and plants are steps, which no plane leads up to.
+//! A cloth cuts off ridges, and densification stops at slopes beyond its limits. But ground is continuous: the
+//! lowest point of a cell is ground if it lies on the plane through the neighbouring ground, at any slope.
+//! Roofs and plants are steps above that plane.
 
 use crate::lows::LowestPoints;
 
 /// Cells on each side that a plane is fitted to, and fewest of them with ground.
 const BESIDE: usize = 2;
 const FEWEST: usize = 6;
-/// How far from the plane ground may lie, in metres: for each metre that it rises by metre and each that the ground
-/// beside strays from it, further.
+/// Largest distance of ground from the plane, in metres; more with the slope of the plane and its residuals.
 const NEAR: f64 = 0.1;
 const BY_SLOPE: f64 = 0.15;
 const MOST_STRAY: f64 = 0.3;
@@ -18,12 +17,13 @@ const MOST_STRAY: f64 = 0.3;
 const BELOW: f64 = 0.3;
 /// Steepest ground, rise over run.
 const STEEPEST: f64 = 9.0;
-/// Most times that ground grows by a cell.
+/// Largest number of rounds, each of one cell.
 const ROUNDS: usize = 64;
-/// Least share of the spread along one axis that is not told by the other: points on a line have no plane.
+/// Smallest fraction of the spread along one axis that is independent of the other: collinear points have no
+/// plane.
 const SPREAD: f64 = 0.05;
 
-/// The seeds, sorted, with all cells that ground goes on to from them.
+/// The seeds with all cells grown from them, sorted.
 pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
     let points: Vec<Option<[f64; 3]>> = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
     let mut growing =
@@ -45,8 +45,8 @@ pub(crate) fn grown(lows: &LowestPoints<'_>, seeds: &[usize]) -> Vec<usize> {
     (0..waiting.len()).filter(|&at| growing.is_ground[at]).collect()
 }
 
-/// How far ground scatters around planes, in metres: of four seeds three scatter more, which rough ground and plants
-/// make of some. `None` where hardly any seed has others beside it.
+/// Scatter of ground around planes, in metres: the lower quartile over the seeds, as rough ground and plants
+/// increase it. `None` if hardly any seed has neighbours.
 pub(crate) fn scatter(lows: &LowestPoints<'_>, seeds: &[usize]) -> Option<f64> {
     let points = (0..lows.points.len()).map(|at| lows.metres(at)).collect();
     let mut growing =
@@ -66,7 +66,7 @@ struct RegionGrowing {
 }
 
 impl RegionGrowing {
-    /// The cells of the square around one.
+    /// The cells around one.
     fn beside(&self, at: usize) -> impl Iterator<Item = usize> + use<> {
         let (width, rows) = (self.width, self.points.len() / self.width);
         let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
@@ -74,7 +74,7 @@ impl RegionGrowing {
         around(at / width, rows).flat_map(move |row| cols.clone().map(move |col| row * width + col))
     }
 
-    /// The plane through the ground beside the point of a cell, counted from that.
+    /// The plane through the neighbouring ground, relative to the point of a cell.
     fn plane(&self, at: usize) -> Option<FittedPlane> {
         let [x, y, z] = self.points[at]?;
         let mut sums = PlaneSums::default();
@@ -86,7 +86,7 @@ impl RegionGrowing {
         sums.plane()
     }
 
-    /// Whether the point of a cell lies on the plane through the ground beside it.
+    /// Whether the point of a cell lies on the plane through the neighbouring ground.
     fn goes_on(&self, at: usize) -> bool {
         let Some(FittedPlane { height, slope, stray }) = self.plane(at) else { return false };
         let slope = slope[0].hypot(slope[1]);
@@ -95,7 +95,7 @@ impl RegionGrowing {
     }
 }
 
-/// A plane through points: its height at the origin, its slope, and how far the points stray from it.
+/// A fitted plane: its height at the origin, its slope, and its residuals.
 pub(crate) struct FittedPlane {
     pub(crate) height: f64,
     slope: [f64; 2],
@@ -105,7 +105,7 @@ pub(crate) struct FittedPlane {
 impl FittedPlane {
     pub(crate) const LEVEL: Self = Self { height: 0.0, slope: [0.0; 2], stray: 0.0 };
 
-    /// How far above it a point is.
+    /// Height of a point above the plane.
     pub(crate) fn above(&self, [x, y, z]: [f64; 3]) -> f64 {
         z - self.height - self.slope[0] * x - self.slope[1] * y
     }
@@ -128,7 +128,7 @@ impl PlaneSums {
         self.second.iter_mut().zip(products).for_each(|(sum, v)| *sum += v);
     }
 
-    /// The plane with the least squares; `None` of few points, or such that lie on a line.
+    /// The least-squares plane; `None` for too few or collinear points.
     pub(crate) fn plane(&self) -> Option<FittedPlane> {
         let count = (self.count >= FEWEST).then_some(self.count as f64)?;
         let [x, y, z] = self.first.map(|sum| sum / count);

@@ -1,10 +1,9 @@
-//! Which points of a cloud are ground: methods by name, from the lowest points of cells; and which are [`noise`]. Pure.
+//! Ground classification: methods by name, from the lowest points of cells; and [`noise`] classification. Pure.
 //!
-//! A method ([`METHODS`], [`Asked`]) gets the lowest point of each cell of a window ([`LowestPoints`]) and gives
-//! a surface with a tolerance ([`GroundSurface`]): points that lie near it are ground. Points far below all around
-//! them are left out before. Methods whose cells depend
-//! on others however far away are defined on squares of a fixed size, each with a halo ([`GroundTiling`]), so
-//! that the ground of a cloud is a function of the cloud alone.
+//! A method ([`METHODS`], [`Asked`]) takes the lowest point of each cell of a window ([`LowestPoints`]) and
+//! returns a surface with a tolerance ([`GroundSurface`]): points within it are ground. Low outliers are
+//! removed first. Methods without a bounded reach are defined on tiles of a fixed size with a halo
+//! ([`GroundTiling`]), so that the ground depends on the point cloud only.
 
 mod adaptive;
 pub mod asked;

@@ -1,8 +1,8 @@
-//! The lowest point of each cell: what methods find the ground from.
+//! The lowest point of each cell: the input of ground methods.
 
 use terrane_base::geom::Point;
 
-/// A height that no point has.
+/// Marks a cell without a height.
 pub const EMPTY: i32 = i32::MAX;
 
 /// A cell without points.
@@ -24,7 +24,7 @@ pub struct LowestPoints<'a> {
 }
 
 impl LowestPoints<'_> {
-    /// Heights in metres, NaN where there is no point.
+    /// Heights in metres, NaN for no point.
     pub(crate) fn heights(&self) -> Vec<f64> {
         let height = |p: &Point| match p.z {
             EMPTY => f64::NAN,

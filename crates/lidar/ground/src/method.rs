@@ -1,4 +1,4 @@
-//! The methods that find the ground, and how the ground is found by the one that is asked for.
+//! The registry of ground methods, and the run of a requested one.
 
 use super::asked::FinderRegistry;
 use super::finder::{Asked, GroundFinder, GroundTiling, Method};
@@ -18,18 +18,18 @@ impl FinderRegistry for GroundFinder {
 impl Asked {
     /// The morphological filter.
     pub const FILTER: Self = Self::plain(&filter::METHOD);
-    /// The method that is taken where none is named.
+    /// The default method.
     pub const BEST: Self = Self::plain(&adaptive::METHOD);
 
-    /// How the plane is divided, points being `spacing` metres apart.
+    /// Tiling of the plane, for points `spacing` metres apart.
     pub fn lattice(&self, spacing: f64) -> GroundTiling {
         let lattice = (self.finder().lattice)(self, spacing);
         let reach = if lattice.core.is_none() { outliers::REACH } else { 0 };
         GroundTiling { halo: lattice.halo + reach, ..lattice }
     }
 
-    /// The ground under the cells of a window, or of a square with its halo. Low outliers are no ground, and left out
-    /// before the method begins.
+    /// The ground under the cells of a window, or of a tile with its halo. Low outliers are removed before the
+    /// method begins.
     pub fn find(&self, lows: &LowestPoints<'_>) -> GroundSurface {
         let is_fixed = (self.finder().lattice)(self, lows.cell).core.is_some();
         let passes = if is_fixed { outliers::PASSES } else { outliers::FEW_PASSES };

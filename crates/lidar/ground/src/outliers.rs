@@ -1,13 +1,13 @@
-//! Low outliers: points below the ground, which their neighbours contradict at several scales.
+//! Low outliers: points below the ground, rejected by their neighbours at several scales.
 //!
-//! A point is compared with the chords between the lowest points of blocks that lie opposite each other around it,
-//! near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as low as the
-//! point; in a dense forest the ground seen through one gap is as low as that seen through others. A low outlier
-//! lies below every chord, at every scale. Blocks are so far away that a clump of outliers has none to itself.
+//! A point is compared with the chords between the lowest points of blocks that lie opposite each other around
+//! it, near by and further away. On a slope of any steepness, and along a ditch or a valley, some chord is as
+//! low as the point; in a dense forest the ground in one gap is as low as in others. A low outlier lies below
+//! every chord at every scale. Blocks are far enough away that a clump of outliers does not fill one.
 //!
-//! Through the densest crowns so few cells see the ground that chords between them are rare, and all of it looks like
-//! outliers. But outliers lie at any depth, below what is smooth, and ground goes on, below what is rough: a point that
-//! lies with many others on a plane stays where hardly anything around is smooth.
+//! Under the densest crowns so few cells have ground points that chords between them are rare, and all ground
+//! looks like outliers. But outliers have any depth, below a smooth surface, and ground is continuous, below a
+//! rough one: a point on a plane with many others is kept if hardly any cell around it is smooth.
 
 use crate::grid::slid;
 use crate::grow::{FittedPlane, PlaneSums};
@@ -16,39 +16,42 @@ use terrane_base::geom::Point;
 
 /// Side of a block in cells.
 const BLOCK: usize = 3;
-/// At each scale blocks along the side of a square, and cells from the point to the middle of the square: the eight
-/// squares around it leave no direction out.
+/// For each scale: blocks along the side of a square, and cells from the point to its centre; eight squares
+/// cover all directions.
 const SCALES: [(isize, isize); 3] = [(1, 4), (3, 12), (7, 28)];
-/// Scales at which a slope may be told from blocks on one side of a point alone.
+/// Number of scales at which a slope may be extrapolated from blocks on one side of a point.
 const ONE_SIDED: usize = 2;
 /// Half of the directions from a point; the others are opposite.
 const DIRECTIONS: [[isize; 2]; 4] = [[1, 0], [1, 1], [0, 1], [-1, 1]];
-/// Times that outliers are looked for, as deeper ones hide others: in windows that have to see what decides, and in
-/// squares at fixed places, where that costs nothing but time, and only where there are outliers.
+/// Number of passes, as deeper outliers hide others: in windows with a bounded reach.
 pub(crate) const FEW_PASSES: usize = 3;
+/// Number of passes in tiles of a fixed size, where the reach does not matter.
 pub(crate) const PASSES: usize = 8;
-/// How far an outlier lies below all chords: metres, and in cells where those are large.
+/// Smallest depth of an outlier below all chords: in metres, and in cells if those are large.
 const DEPTH: f64 = 1.0;
 const DEPTH_OF_CELL: f64 = 0.5;
-/// Most square metres of a clump of outliers, in cells which lie no more than so many from each other; and most cells.
+/// Largest clump of outliers: in square metres, and in cells.
 const CLUMP: usize = 9;
+/// Largest distance between cells of a clump.
 const BESIDE: usize = 3;
-/// Half the sides, in cells, of the squares in which left out points may lie on one plane.
+/// Half sides, in cells, of the squares in which rejected points may lie on one plane.
 const VIEWS: [usize; 3] = [14, 24, 38];
-/// Fewest clumps on a plane, times that those far from it are let go, what is far (of the median, and in metres at
-/// least), and how far in metres those on it may stray.
+/// Fewest clumps on a plane.
 const FEWEST: usize = 8;
+/// Rounds of trimming points far from the plane.
 const TRIMS: usize = 4;
+/// Distance at which a point is far: relative to the median, and at least in metres.
 const FAR: (f64, f64) = (2.0, 0.5);
+/// Largest distance of points on the plane, in metres.
 const STRAY: f64 = 0.8;
-/// How near to a plane in metres half of what is around a cell is, where that is smooth; and of how many cells one may
-/// be, under crowns.
+/// Largest distance from a plane of half of the points around a smooth cell, in metres.
 const SMOOTH: f64 = 0.25;
+/// Under crowns at most one cell in this many is smooth.
 const ROUGH: usize = 20;
 /// Cells around one that decide in few passes whether its point is an outlier.
 pub(crate) const REACH: usize = FEW_PASSES * (28 + 7 * BLOCK / 2 + 1) + VIEWS[2] + BESIDE;
 
-/// The lowest points without low outliers: their cells are empty.
+/// The lowest points without low outliers, whose cells become empty.
 pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Point> {
     let mut points = lows.points.to_vec();
     let mut left_out = Vec::new();
@@ -83,8 +86,8 @@ pub(crate) fn without_outliers(lows: &LowestPoints<'_>, passes: usize) -> Vec<Po
     points
 }
 
-/// Whether hardly any of the cells around one is smooth, as those of ground are and those of crowns are not. What lies
-/// below a smooth surface is noise, however much there is of it.
+/// Whether hardly any of the cells around one is smooth: ground is smooth, crowns are not. All points below a
+/// smooth surface are noise.
 fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool {
     let around = |at: usize, end: usize| at.saturating_sub(VIEWS[2])..(at + VIEWS[2] + 1).min(end);
     let cols = around(at % width, width);
@@ -95,7 +98,7 @@ fn is_under_crowns(is_smooth: &[Option<bool>], width: usize, at: usize) -> bool 
     smooth * ROUGH <= count
 }
 
-/// Whether half of the points around a cell lie near one plane; `None` where they tell of none.
+/// Whether half of the points around a cell lie near one plane; `None` if they define none.
 fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
     let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
     let cols = around(at % lows.width, lows.width);
@@ -112,7 +115,7 @@ fn is_smooth(lows: &LowestPoints<'_>, at: usize) -> Option<bool> {
     Some(*away.select_nth_unstable_by(half, f64::total_cmp).1 <= SMOOTH)
 }
 
-/// Whether a left out point lies on a plane with many others that were left out.
+/// Whether a rejected point lies on a plane with many other rejected points.
 fn goes_on(lows: &LowestPoints<'_>, left_out: &[usize], at: usize) -> bool {
     let away = |other: usize, from: usize| {
         let apart = |a: usize, b: usize| a.abs_diff(b);
@@ -156,7 +159,8 @@ fn lie_on_one_plane(lows: &LowestPoints<'_>, at: usize, others: &[usize]) -> boo
     plane.stray <= STRAY && plane.height.abs() <= far
 }
 
-/// How many cells beside one, and itself, are no higher than this: those at the corner of a pit are more than a clump.
+/// Number of cells around one, itself included, that are not higher: at the corner of a pit they are more than
+/// a clump.
 fn company(heights: &[i32], width: usize, at: usize, most: f64) -> usize {
     let around = |at: usize, end: usize| at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(end);
     let cols = around(at % width, width);

@@ -1,5 +1,5 @@
-//! Progressive densification of a triangulation: from the lowest points of large squares on, points
-//! are taken in that lie near the triangle they are in.
+//! Progressive densification of a triangulation: starts from the lowest points of large squares, and adds
+//! points near their triangles.
 //!
 //! After Axelsson, "DEM generation from laser scanner data using adaptive TIN models" (2000).
 

@@ -1,9 +1,9 @@
-//! The simple morphological filter as it was published: discs that grow, and springs.
+//! The simple morphological filter as published: growing discs, and springs.
 //!
-//! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain
-//! classification of airborne LIDAR data" (2013): low points that stand alone are taken out; what
-//! openings with discs cut off by more than their radius times a slope is an object; holes are filled
-//! by springs; points near what is left are ground, the further off it the steeper it is.
+//! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain classification of
+//! airborne LIDAR data" (2013): isolated low points are removed; parts that openings with discs lower by more
+//! than their radius times a slope are objects; holes are filled by springs; points near the resulting surface
+//! are ground, with a tolerance that grows with the slope.
 
 use crate::finder::{Asked, GroundFinder, GroundTiling, Method};
 use crate::grid::{nearest_filled, neighbours, widened};
@@ -32,8 +32,9 @@ pub(crate) const METHOD: Method = Method {
 
 /// Slope by which a low point stands out, rise over run to the next cell.
 const LOW: f64 = 5.0;
-/// How many times springs are relaxed, and by how much more than to their rest.
+/// Iterations of the relaxation of springs.
 const RELAXED: usize = 200;
+/// Over-relaxation factor.
 const BEYOND: f64 = 1.85;
 
 fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
@@ -47,8 +48,7 @@ fn find(asked: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
     GroundSurface::new(lows.width, surface, |rise| (near + scalar * rise * step / cell) / step)
 }
 
-/// Heights without those of objects and of low points, which are NaN; `rise` is that of the steepest
-/// ground from cell to cell.
+/// Heights with objects and low points set to NaN; `rise` is that of the steepest ground from cell to cell.
 fn without_objects(heights: &[f64], width: usize, radius: usize, rise: f64) -> Vec<f64> {
     let filled = nearest_filled(heights, width);
     let upside_down: Vec<f64> = filled.iter().map(|z| -z).collect();
@@ -99,7 +99,7 @@ fn over_disc(
     best
 }
 
-/// Half the cells of a disc in the row so far from its middle.
+/// Half width of a disc, in cells, at a distance in rows from its centre.
 fn half_width(radius: usize, away: usize) -> usize {
     (radius * radius - away * away).isqrt()
 }

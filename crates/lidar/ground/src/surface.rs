@@ -1,4 +1,4 @@
-//! The ground as methods find it: a height for each cell, and how far from it ground points may lie.
+//! The ground surface of a method: a height for each cell, and a tolerance for ground points.
 
 /// Cells on each side that a slope, and a height between cells, are taken from.
 pub(crate) const BESIDE: usize = 1;
@@ -9,16 +9,15 @@ pub struct GroundSurface {
     /// Cells of a row, and of a row with its margins.
     width: usize,
     wide: usize,
-    /// Height at the centre of each cell and of those beside the window, in steps, or NaN where no
-    /// ground is known.
+    /// Height at the centre of each cell and of those beside the window, in steps, or NaN if unknown.
     heights: Vec<f64>,
-    /// How far a ground point of a cell may lie from it, in steps.
+    /// Largest distance of a ground point of a cell from it, in steps.
     pub(crate) tolerances: Vec<f32>,
 }
 
 impl GroundSurface {
-    /// Of heights in steps at the cells and those beside the window, NaN where none is known; what may
-    /// lie how far from them goes by the steepness, in steps by cell.
+    /// The surface of heights in steps at the cells and those beside the window, NaN if unknown; `tolerance` is
+    /// a function of the slope in steps per cell.
     pub(crate) fn new(width: usize, heights: Vec<f64>, tolerance: impl Fn(f64) -> f64) -> Self {
         let mut ground = Self { width, wide: width + 2 * BESIDE, heights, tolerances: Vec::new() };
         let cells = width * (ground.heights.len() / ground.wide - 2 * BESIDE);
@@ -27,7 +26,7 @@ impl GroundSurface {
         ground
     }
 
-    /// Where the height of a cell is.
+    /// Index of the height of a cell.
     fn at(&self, col: usize, row: usize) -> usize {
         (row + BESIDE) * self.wide + col + BESIDE
     }
@@ -47,12 +46,11 @@ impl GroundSurface {
         (x * x + y * y).sqrt()
     }
 
-    /// Height in steps at a place of the cell (`col`, `row`): `place` is from 0 to 1 along the rows
-    /// and across them. Between the centres of cells it is blended; `None` in a cell that is far from
-    /// all points.
+    /// Height in steps at a position in the cell (`col`, `row`): `place` is from 0 to 1 along both axes.
+    /// Interpolated between the centres of cells; `None` in a cell that is far from all points.
     ///
     /// # Panics
-    /// When there is no such cell.
+    /// If there is no such cell.
     pub fn height(&self, col: usize, row: usize, place: [f64; 2]) -> Option<f64> {
         let at = self.at(col, row);
         let own = self.known(at)?;
@@ -68,11 +66,10 @@ impl GroundSurface {
         Some(near + (far - near) * y)
     }
 
-    /// Whether a point of the cell (`col`, `row`) at `place` is ground. Far from the points that the
-    /// ground was made of none is.
+    /// Whether a point of the cell (`col`, `row`) at `place` is ground. False far from all ground points.
     ///
     /// # Panics
-    /// When there is no such cell.
+    /// If there is no such cell.
     pub fn is_ground(&self, col: usize, row: usize, place: [f64; 2], z: i32) -> bool {
         let tolerance = f64::from(self.tolerances[row * self.width + col]);
         let near = |height: f64| (f64::from(z) - height).abs() <= tolerance;

@@ -1,4 +1,4 @@
-//! A triangulation that is made denser.
+//! An incremental triangulation.
 
 use terrane_base::geom::Point;
 use terrane_delaunay::Triangulation;
@@ -10,8 +10,8 @@ pub(crate) struct GroundTin {
 }
 
 impl GroundTin {
-    /// Of points at different positions; `None` where there are too few for a triangle. So many more may
-    /// come.
+    /// The triangulation of points at distinct positions; `None` if there are too few for a triangle. Reserves
+    /// memory for `more`.
     pub(crate) fn new(mut points: Vec<Point>, more: usize) -> Option<Self> {
         let mut triangulation = Triangulation::new(&points).ok()?;
         points.reserve_exact(more);
@@ -20,7 +20,7 @@ impl GroundTin {
         (!found.triangulation.is_flat()).then_some(found)
     }
 
-    /// Numbers of triangles are below this.
+    /// Upper bound of the numbers of triangles.
     pub(crate) fn numbers(&self) -> usize {
         self.triangulation.numbers() as usize
     }
@@ -46,7 +46,7 @@ impl GroundTin {
         Some(from_lowest(self.ids(triangle)?.map(|id| self.points[id as usize])))
     }
 
-    /// Adds a point in a triangle, or near it; tells the numbers of the triangles that are others then.
+    /// Adds a point in or near a triangle; returns the numbers of the changed triangles.
     pub(crate) fn add(&mut self, point: Point, near: u32, changed: &mut impl FnMut(u32)) {
         let at = [point.x, point.y];
         let Some(triangle) = self.find(at, near) else { return };

@@ -1,12 +1,11 @@
-//! Which points become vertices.
+//! Selection of vertices.
 //!
-//! First each region by itself, with the points around it: greedy insertion, of which it keeps the
-//! vertices of its own. Then the triangulation of all vertices is looked at, region by region, and
-//! points beyond the tolerance are inserted; where that changed anything, the regions that see it look
-//! again, until none finds a point. Each round is a function of the vertices before it, so the order
-//! of regions leaves no trace.
+//! First each region runs greedy insertion on its points and those around it, and keeps its own vertices. Then
+//! the triangulation of all vertices is checked region by region, and points beyond the tolerance are inserted;
+//! regions that see a change are checked again, until none finds a point. Each round is a function of the
+//! vertices before it, so the result does not depend on the order of regions.
 //!
-//! Points to keep and the first posts of lines are vertices before any are chosen; further posts come in the same
+//! Points to keep and the first posts of lines are vertices from the start; further posts are added in the same
 //! rounds, where edges do not follow a line.
 
 use std::ops::Range;
@@ -22,23 +21,23 @@ use terrane_delaunay::{ConvexHull, SiteWindow};
 use terrane_files::lock;
 use terrane_tin::scatter::{InsertUntilWithin, ScatterMesh};
 
-/// The band of points around a region that its first choice looks at: the side of a square over this.
+/// Fraction of the side of a tile that the band of points around a region has in the first selection.
 pub(super) const BAND: i32 = 4;
 
-/// What a region found when it looked at the mesh.
+/// Result of the check of a region.
 #[derive(Clone, Debug)]
 pub(super) struct RegionInspection {
-    /// Points and posts to become vertices.
+    /// New vertices: points and posts.
     pub(super) open: Vec<Point>,
-    /// Vertices from which no edge follows a line, and never will.
+    /// Vertices on lines for which no edge can follow the line.
     apart: Vec<[i32; 2]>,
-    /// The part of the plane in which a new vertex may change what was seen.
+    /// The window in which a new vertex may change the result.
     pub(super) influence: SiteWindow,
     pub(super) errors: CloudTinErrors,
 }
 
 impl RegionInspection {
-    /// Of a region that found nothing to add, and has no lines.
+    /// The result of a region without new vertices and without lines.
     pub(super) fn settled(influence: SiteWindow, points: u64) -> Self {
         let errors = CloudTinErrors { points, ..CloudTinErrors::default() };
         Self { open: Vec::new(), apart: Vec::new(), influence, errors }
@@ -53,16 +52,16 @@ pub(super) struct CloudTinErrors {
     pub(super) points: u64,
 }
 
-/// What was chosen.
+/// The selected vertices.
 pub(super) struct ChosenVertices {
     pub(super) vertices: PointStore,
     pub(super) errors: CloudTinErrors,
-    /// Vertices on lines without an edge that goes on, in order.
+    /// Vertices on lines without an edge along them, sorted.
     pub(super) apart: Vec<[i32; 2]>,
 }
 
-/// Chooses the vertices for the tolerance (in steps of z), all points where that is 0. The hull's corners are among
-/// them, and so are the points of `kept`.
+/// Selects the vertices for the tolerance (in steps of z); all points if it is 0. They include the corners of
+/// the hull and the points of `kept`.
 pub(super) fn choose(
     work: &CloudTinContext<'_>,
     tolerance: f64,
@@ -93,7 +92,7 @@ pub(super) fn choose(
     Ok(ChosenVertices { vertices, errors, apart })
 }
 
-/// Puts the posts there that every line has.
+/// Adds the posts that every line has.
 fn first_posts(work: &CloudTinContext<'_>, posts: &PointStore) -> Result<()> {
     if work.lines.is_empty() {
         return Ok(());
@@ -113,7 +112,7 @@ fn add_all(from: &PointStore, to: &PointStore) -> Result<()> {
     Ok(())
 }
 
-/// Puts the vertices there that each of some regions chooses.
+/// Adds the first vertices of some regions.
 pub(super) fn first_choice(
     work: &CloudTinContext<'_>,
     regions: Range<usize>,
@@ -134,7 +133,7 @@ pub(super) fn first_choice(
     Ok(())
 }
 
-/// The vertices that a region chooses with the points around it, those of the hull among them.
+/// The first vertices of a region, from its points and those around it; includes those of the hull.
 fn choose_in(
     work: &CloudTinContext<'_>,
     number: usize,
@@ -161,7 +160,7 @@ fn choose_in(
     Ok(chosen)
 }
 
-/// The points of a region and of a band around it, square by square.
+/// The points of a region and of a band around it, tile by tile.
 fn points_around(store: &PointStore, region: &CloudTinRegion) -> Result<Vec<Point>> {
     let near = region.window(store.tiling()).grown(store.tiling().side() / BAND);
     let (mut all, mut points) = (Vec::new(), Vec::new());
@@ -177,16 +176,16 @@ fn contains(region: &CloudTinRegion, tiling: &Tiling, point: Point) -> bool {
     (0..2).all(|axis| region.low[axis] <= place[axis] && place[axis] < region.end[axis])
 }
 
-/// Regions that look at the mesh until nothing is left to add.
+/// Regions to check until no vertex is added.
 pub(super) struct RegionWorklist {
-    /// By region: what it found when it looked last.
+    /// The last result of each region.
     looks: Vec<RegionInspection>,
-    /// Regions that have to look.
+    /// Regions to check.
     due: Vec<usize>,
 }
 
 impl RegionWorklist {
-    /// Nothing is looked at.
+    /// No region is checked yet.
     fn new(regions: usize) -> Self {
         Self {
             looks: vec![RegionInspection::settled(SiteWindow::ALL, 0); regions],
@@ -194,7 +193,7 @@ impl RegionWorklist {
         }
     }
 
-    /// After a round in which vertices were added in some squares.
+    /// After a round that added vertices in some tiles.
     pub(super) fn after(
         looks: Vec<RegionInspection>,
         changed: impl Iterator<Item = usize>,
@@ -204,7 +203,7 @@ impl RegionWorklist {
         Self { looks, due }
     }
 
-    /// Adds vertices until every point is within the tolerance; `look` is what the regions that have to look find.
+    /// Adds vertices until every point is within the tolerance; `look` checks regions.
     pub(super) fn run(
         mut self,
         vertices: &PointStore,
@@ -224,7 +223,7 @@ impl RegionWorklist {
         Ok(self)
     }
 
-    /// The errors of all, and the vertices on lines without an edge that goes on, in order.
+    /// The errors of all points, and the vertices on lines without an edge along them, sorted.
     pub(super) fn end(self, tolerance: f64) -> (CloudTinErrors, Vec<[i32; 2]>) {
         let mut errors = sum(&self.looks);
         // It was rounded up, and all points are known to be within.
@@ -235,7 +234,7 @@ impl RegionWorklist {
     }
 }
 
-/// The regions that see any of the squares that changed.
+/// The regions that see a changed tile.
 pub(super) fn due(
     looks: &[RegionInspection],
     changed: impl Iterator<Item = usize>,
@@ -245,7 +244,7 @@ pub(super) fn due(
     (0..looks.len()).filter(|&i| changes.touch(looks[i].influence, tiling)).collect()
 }
 
-/// What these regions find when they look at the mesh of all vertices.
+/// Checks regions against the mesh of all vertices.
 pub(super) fn look_at_all(
     work: &CloudTinContext<'_>,
     vertices: &PointStore,
@@ -301,7 +300,7 @@ fn sum(looks: &[RegionInspection]) -> CloudTinErrors {
     })
 }
 
-/// Squares with new vertices, summed from the south-west corner to each square.
+/// Tiles with new vertices, summed from the south-west corner to each tile.
 struct VertexChanges {
     sums: Vec<u32>,
     across: usize,
@@ -324,7 +323,7 @@ impl VertexChanges {
         Self { sums, across }
     }
 
-    /// True when a square that the window touches has changed.
+    /// True if the window touches a changed tile.
     fn touch(&self, window: SiteWindow, tiling: &Tiling) -> bool {
         let [low, high] = [window.low, window.high].map(|at| tiling.place(at).map(|n| n as usize));
         let sum = |col: usize, row: usize| self.sums[row * self.across + col];

@@ -22,30 +22,30 @@ use terrane_terrain::tin::{FlawReport, StageReport};
 pub struct CloudTinJob {
     /// Files, folders, patterns or lists.
     pub inputs: Inputs,
-    /// Which points are wanted, and how they are read.
+    /// Filters and reading options.
     pub options: CloudOpenOptions,
     /// Mesh file to write.
     pub output: PathBuf,
-    /// Mesh format by name; by the output's ending when `None`.
+    /// Mesh format by name; by the output's extension when `None`.
     pub format: Option<String>,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// How the mesh lies in a file of its own coordinates.
+    /// Placement in formats with model coordinates.
     pub placing: Placing,
     /// Largest vertical distance of any point from the mesh; 0 keeps every point.
     pub tolerance: f64,
-    /// The name of a file of features; the point of the cloud nearest to each point of it is a vertex.
+    /// File of features: the nearest point of the point cloud to each of its points is a vertex.
     pub keep_points: Option<String>,
-    /// The name of a file of lines and polygons that edges follow.
+    /// File of lines and polygons that edges follow.
     pub breaklines: Option<String>,
     /// Measure largest error and RMSE for the report.
     pub measure: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     pub resources: Resources,
 }
 
 impl CloudTinJob {
-    /// A job without anything to keep.
+    /// A job without constraints.
     pub fn new(
         inputs: impl Into<Inputs>,
         output: PathBuf,
@@ -67,21 +67,21 @@ impl CloudTinJob {
         }
     }
 
-    /// What the user calls the inputs.
+    /// Name of the inputs for the user.
     pub(super) fn label(&self) -> String {
         self.inputs.label().map_or_else(|| self.inputs.names().join(" "), str::to_owned)
     }
 
-    /// Fails for a tolerance that is none.
+    /// Fails for an invalid tolerance.
     pub(super) fn check(&self) -> Result<()> {
         match self.tolerance >= 0.0 && self.tolerance.is_finite() {
             true => Ok(()),
-            false => Err(Error::usage(format!("{} is no maximum error", self.tolerance))
-                .remedy("give a number of 0 or more, in the unit of the heights")),
+            false => Err(Error::usage(format!("{} is not a valid maximum error", self.tolerance))
+                .remedy("pass a number of 0 or more, in the unit of the heights")),
         }
     }
 
-    /// What is written.
+    /// The format to write.
     pub(super) fn format(&self) -> Result<&'static MeshFormat> {
         mesh::by_path(&self.output, self.format.as_deref())
     }
@@ -105,15 +105,15 @@ pub struct CloudTinReport {
     /// Root mean square error, when measured.
     pub rmse: Option<f64>,
     pub points: PointCensus,
-    /// Points that lie above another one at the same position: they bind nothing.
+    /// Points above another one at the same position; they are not constrained.
     pub stacked_points: u64,
-    /// What became of points to keep.
+    /// Report on points to keep.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<KeptReport>,
-    /// What became of breaklines, and
+    /// Report on breaklines.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// vertices on them without an edge that goes on along the line.
+    /// Vertices on breaklines without an edge along them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub apart: Option<FlawReport>,
     pub vertices: u64,
@@ -121,9 +121,9 @@ pub struct CloudTinReport {
     /// Vertices for each point that was kept.
     pub kept: f64,
     pub output_bytes: u64,
-    /// Coordinate reference system beside the mesh, when one was written.
+    /// Name of the .prj file beside the mesh, if one was written.
     pub prj: Option<String>,
-    /// How the mesh lies in its file, where that has coordinates of its own.
+    /// Placement in the file, if the format has model coordinates.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub placed: Option<StorageScale>,
     pub regions: u64,
@@ -131,12 +131,12 @@ pub struct CloudTinReport {
     pub run: RunStatistics,
     pub points_per_second: f64,
     pub stages: Vec<StageReport>,
-    /// What is odd about the cloud.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
 impl CloudTinReport {
-    /// Adds what the whole cloud tells, and the time since the work was `started`.
+    /// Adds properties of the whole point cloud, and the time since `started`.
     pub(super) fn of_source(
         &mut self,
         source: &dyn PointSource,
@@ -151,7 +151,7 @@ impl CloudTinReport {
         self.points_per_second = self.run.rate(self.points.read);
     }
 
-    /// What was asked for and is not so, in words.
+    /// Requirements that the mesh does not meet, as text.
     pub fn unmet(&self) -> Option<String> {
         let FlawReport { count, first } = self.apart?;
         let [x, y] = first?;

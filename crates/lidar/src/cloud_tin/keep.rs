@@ -1,4 +1,4 @@
-//! The points of a cloud nearest to positions that are to be kept.
+//! The points of a point cloud nearest to the positions to keep.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::Point;
 use terrane_delaunay::{ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
-/// Squares whose points are held at a time.
+/// Tiles whose points are held at a time.
 const HELD: usize = 256;
 
 /// Points to keep.
@@ -19,8 +19,8 @@ pub(super) struct KeptPoints {
     pub(super) beyond: u64,
 }
 
-/// The point of the store nearest to each position (in steps, sorted) that lies in its hull: of those at one distance
-/// the lowest, of those at one position the lowest, too.
+/// The point of the store nearest to each position (in steps, sorted) inside its hull; the lowest of equally
+/// near ones.
 pub(super) fn nearest(
     store: &PointStore,
     hull: &ConvexHull,
@@ -48,7 +48,7 @@ struct NearestPointSearch<'a> {
 }
 
 impl NearestPointSearch<'_> {
-    /// Looks at squares further and further away, until those beyond are too far.
+    /// Searches tiles by increasing distance.
     fn nearest(&mut self, at: [i32; 2]) -> Result<Option<Point>> {
         let tiling = *self.store.tiling();
         let counts = tiling.counts().map(i64::from);
@@ -90,7 +90,7 @@ impl NearestPointSearch<'_> {
     }
 }
 
-/// Places so many columns or rows away.
+/// Tiles on a ring at this distance in columns or rows.
 fn around(ring: i64) -> impl Iterator<Item = (i64, i64)> {
     let is_rim = move |dy: i64| dy.abs() == ring;
     (-ring..=ring).flat_map(move |dy| {
@@ -99,13 +99,13 @@ fn around(ring: i64) -> impl Iterator<Item = (i64, i64)> {
     })
 }
 
-/// The square of the distance of two positions.
+/// The squared distance of two positions.
 fn far(a: [i32; 2], b: [i32; 2]) -> i64 {
     let [dx, dy] = [0, 1].map(|axis| i64::from(a[axis]) - i64::from(b[axis]));
     dx * dx + dy * dy
 }
 
-/// The same of a position and a window.
+/// The squared distance of a position and a window.
 fn gap(at: [i32; 2], window: SiteWindow) -> i64 {
     let inside = [0, 1].map(|axis| at[axis].clamp(window.low[axis], window.high[axis]));
     far(at, inside)

@@ -1,14 +1,14 @@
-//! Lines that edges follow: which of their steps lie over the cloud, what part of them is in which region, and how
-//! high a post is.
+//! Lines that edges follow: their steps over the point cloud, their pieces by region, and the heights of their
+//! posts.
 //!
-//! A line is a path of steps of the frame ([`terrane_tin::scatter::ClippedSegments`]) as far as it is in the convex hull of
-//! the points, and its *posts* are vertices that need be no points. So lines keep where they were measured, and what
-//! follows them, region by region, is decided on whole numbers like all else. Vertices from the start are the posts
-//! at ends, where lines cross, and where one comes into a region: that is where the next region takes it up.
+//! A line is a path of steps of the frame ([`terrane_tin::scatter::ClippedSegments`]) as far as it is in the
+//! convex hull of the points, and its *posts* are vertices that need not be points. So lines keep their
+//! positions, and edges along them are computed in integers, region by region. The posts at ends, at crossings
+//! and where a line enters a region are vertices from the start; the next region continues there.
 //!
-//! The height of a post depends on its position alone: that of the point there, if there is one (whose error could
-//! not be kept otherwise); else the lowest that lines through it have; else, where none of them has heights, that of
-//! the triangulation of all points of the cloud.
+//! The height of a post depends on its position only: that of the point there, if there is one (to keep its
+//! error within the tolerance); else the lowest height of the lines through it; else, if these lack heights,
+//! that of the triangulation of all points.
 
 use std::collections::HashMap;
 
@@ -27,7 +27,7 @@ const MOST_CROSSINGS: usize = 1 << 19;
 /// No step.
 const NONE: u32 = u32::MAX;
 
-/// The steps of a line in a region that begin and end in the hull.
+/// The steps of a line in a region that start and end in the hull.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct CloudLinePiece {
     region: u32,
@@ -41,14 +41,14 @@ struct CloudLinePiece {
 }
 
 impl CloudLinePiece {
-    /// Bytes of it and of what a worker lists of it, its posts included.
+    /// Bytes of a piece and of the lists of a worker for it, posts included.
     const BYTES: u64 = 1 << 10;
 }
 
 /// All lines over a cloud.
 pub(super) struct CloudLines<'a> {
     lines: &'a [LatticeLine],
-    /// Where the lattice of the lines begins.
+    /// Origin of the lattice of the lines.
     low: [i64; 2],
     hull: ConvexHull,
     /// First and last step in the hull.
@@ -69,12 +69,12 @@ impl<'a> CloudLines<'a> {
         lines
     }
 
-    /// True for a line that has no step over the cloud.
+    /// True for a line without a step over the point cloud.
     pub(super) fn is_outside(&self, line: usize) -> bool {
         self.spans[line].is_none()
     }
 
-    /// True where there is nothing to follow.
+    /// True if there are no lines.
     pub(super) fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
@@ -94,8 +94,8 @@ impl<'a> CloudLines<'a> {
         self.hull.place(FixedPosition::of(site)) != HullLocation::Outside
     }
 
-    /// The first and the last step in the hull. Steps that are surely outside, as those before them are so far from
-    /// it, are not looked at.
+    /// The first and the last step in the hull. Skips steps that must be outside because the previous one is
+    /// far from the hull.
     fn span(&self, segment: &SampleSegment, outline: &HullOutline) -> Option<[u32; 2]> {
         let all = segment.steps();
         let (mut first, mut last) = (0, all);
@@ -111,7 +111,7 @@ impl<'a> CloudLines<'a> {
         Some([first as u32, last as u32])
     }
 
-    /// How many pieces of lines there are in each square.
+    /// Number of line pieces in each tile.
     pub(super) fn by_square(&self, tiling: &Tiling) -> Vec<u32> {
         let mut counts = vec![0_u32; tiling.count()];
         for line in 0..self.lines.len() {
@@ -160,7 +160,7 @@ impl<'a> CloudLines<'a> {
         self.pieces = pieces;
     }
 
-    /// Hands on the steps of a line in each window that it comes to, which that of a square is part of.
+    /// Calls `each` with the steps of a line in each window it enters; the window of a tile is part of one.
     fn each_window(
         &self,
         line: usize,
@@ -185,7 +185,7 @@ impl<'a> CloudLines<'a> {
         of_region.map(|pieces| pieces.len() as u64).max().unwrap_or(0) * CloudLinePiece::BYTES
     }
 
-    /// What a region has of them; `points` are those of the region.
+    /// The lines of a region; `points` are those of the region.
     pub(super) fn of_region(
         &self,
         number: usize,
@@ -217,7 +217,7 @@ impl<'a> CloudLines<'a> {
     }
 }
 
-/// The steps of a path in a square.
+/// The steps of a path in a tile.
 fn square_window(
     tiling: &Tiling,
     square: usize,
@@ -246,7 +246,7 @@ impl HullOutline {
         Self(corners.iter().zip(next).map(side).collect())
     }
 
-    /// Steps that it takes at least from outside to the hull, and one at least.
+    /// Lower bound of the number of steps from outside to the hull, at least 1.
     fn steps_to(&self, at: Site) -> u64 {
         let far = |(from, out): &(Site, [f64; 2])| {
             let off = [0, 1].map(|i| f64::from(at[i]) - f64::from(from[i]));
@@ -257,15 +257,15 @@ impl HullOutline {
     }
 }
 
-/// What a region has of lines.
+/// The lines of a region.
 pub(super) struct RegionLines<'a> {
     lines: &'a CloudLines<'a>,
     pieces: &'a [CloudLinePiece],
     courses: ClippedSegments,
     store: &'a PointStore,
-    /// All points near, once a height needs them.
+    /// All nearby points, loaded when a height needs them.
     around: Option<SurroundingPoints<'a>>,
-    /// Points by square.
+    /// Points by tile.
     loaded: HashMap<usize, Vec<Point>>,
     window: terrane_delaunay::SiteWindow,
 }
@@ -277,8 +277,8 @@ impl RegionLines<'_> {
             return Ok(Vec::new());
         }
         let mut sites = self.courses.crossings(MOST_CROSSINGS).ok_or_else(|| {
-            Error::new(ErrorKind::Resource, "lines cross each other at too many places")
-                .remedy("leave out lines that others lie upon")
+            Error::new(ErrorKind::Resource, "the lines have too many crossings")
+                .remedy("remove overlapping lines")
         })?;
         sites.retain(|&site| self.lines.is_inside(site));
         for piece in self.pieces {
@@ -291,8 +291,8 @@ impl RegionLines<'_> {
         self.raise(&sites)
     }
 
-    /// Puts posts into a mesh until edges follow the lines of the region, as far as that can be. Returns the posts, and
-    /// vertices that are left without an edge.
+    /// Adds posts to a mesh until edges follow the lines of the region, as far as possible. Returns the posts,
+    /// and vertices without an edge along a line.
     pub(super) fn follow(&mut self, mesh: &mut ScatterMesh) -> Result<(Vec<Point>, Vec<Site>)> {
         let mut posts = Vec::new();
         if self.pieces.is_empty() {
@@ -329,7 +329,7 @@ impl RegionLines<'_> {
         Ok(posts)
     }
 
-    /// The lowest point of the cloud at a position.
+    /// The lowest point at a position.
     fn point_at(&mut self, site: Site) -> Result<Option<Point>> {
         let square = self.store.tiling().square_of(Point::new(site[0], site[1], 0));
         if !self.loaded.contains_key(&square) {
@@ -342,7 +342,7 @@ impl RegionLines<'_> {
         Ok(found.ok().map(|at| points[at]))
     }
 
-    /// The lowest height that lines have at a position.
+    /// The lowest height of lines at a position.
     fn height_of_lines(&self, site: Site) -> Option<i32> {
         let heights = self.courses.at(site).filter_map(|(course, step)| {
             let line = self.pieces[course as usize].line as usize;
@@ -378,7 +378,7 @@ impl RegionLines<'_> {
     }
 }
 
-/// The height after so many steps of a path between these, rounded half up.
+/// The height after `step` of `steps` on a path, rounded half up.
 fn along([from, to]: [i32; 2], step: u64, steps: u64) -> i32 {
     if steps == 0 {
         return from.min(to);

@@ -31,9 +31,9 @@ use terrane_terrain::tin::{FlawReport, StageReport};
 /// Runs a job from files to file.
 ///
 /// # Errors
-/// As [`cloud::open`]; `Usage` for a tolerance that is none; `BadInput` when the points have no
-/// surface; `CannotWrite` and `Io` from the output and the temporary files; `Resource` when the memory
-/// does not suffice; `Interrupted`.
+/// As [`cloud::open`]; `Usage` for an invalid tolerance; `BadInput` if the points do not form a surface;
+/// `CannotWrite` and `Io` from the output and the temporary files; `Resource` when the memory does not suffice;
+/// `Interrupted`.
 pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<CloudTinReport> {
     let started = Instant::now();
     job.check()?;
@@ -54,7 +54,7 @@ pub fn run(job: &CloudTinJob, progress: &dyn Progress, cancel: &Cancel) -> Resul
     Ok(report)
 }
 
-/// Triangulates any source of points into the job's output, in regions of so many points at the most.
+/// Triangulates any source of points into the output of the job, in regions of at most `most` points.
 pub fn make(
     job: &CloudTinJob,
     source: &dyn PointSource,
@@ -93,7 +93,7 @@ pub fn make(
     Ok(CloudTinReport { keep_points: kept_points, breaklines, ..report })
 }
 
-/// The points nearest to those that are to be kept.
+/// The points nearest to the positions to keep.
 fn nearest_points(
     kept: &OnCloud,
     points: &PointStore,
@@ -107,13 +107,13 @@ fn nearest_points(
     nearest(points, hull, &positions)
 }
 
-/// What came of the work.
+/// Result of the work.
 pub(super) struct CloudTinOutcome {
     pub(super) written: WrittenCloudTin,
     pub(super) errors: CloudTinErrors,
     pub(super) stacked: u64,
     pub(super) spilled: u64,
-    /// Vertices on lines without an edge that goes on.
+    /// Vertices on lines without an edge along them.
     pub(super) apart: Vec<[i32; 2]>,
 }
 

@@ -58,7 +58,7 @@ impl CloudTinOptions {
         Ok(CloudTinJob { options, ..self.unread(inputs, output)? })
     }
 
-    /// The same without the polygons that points are within.
+    /// The job without its clip polygons.
     pub(super) fn unread(&self, inputs: &Inputs, output: &Path) -> Result<CloudTinJob> {
         let none = || Error::usage("no target given").remedy("pass ‹max_error›");
         Ok(CloudTinJob {

@@ -1,5 +1,4 @@
-//! A job that is known by the headers of its cloud: what the mesh and its file will be like, and how the memory is
-//! divided.
+//! A job after reading the headers: properties of the mesh and its file, and the division of memory.
 
 use std::path::Path;
 
@@ -20,23 +19,24 @@ use terrane_engine::{Resources, beside};
 use terrane_files::folder_for;
 use terrane_mesh::{MaxError, MeshFormat, MeshHeader, MeshSink, Promises, SinkOptions};
 
-/// How the memory is divided.
+/// Division of the memory.
 pub(super) struct CloudTinMemory {
-    /// Eighths for points that wait, for vertices that wait, and for the program and its workers.
+    /// Eighths of the memory for stored points.
     points: u64,
+    /// Eighths of the memory for stored vertices.
     vertices: u64,
+    /// Eighths of the memory for the program and its workers.
     pub(super) workers: u64,
-    /// Bytes that a worker takes for each point of a region, its surroundings, its mesh and what of it
-    /// waits to be written included.
+    /// Bytes of a worker for each point of a region, including its surroundings, mesh and pending output.
     point_bytes: u64,
 }
 
-/// Where vertices are chosen among the points, and where every point is one: the mesh is larger then,
-/// and no vertices wait beside the points.
+/// Division if vertices are selected among the points.
 const CHOSEN: CloudTinMemory =
     CloudTinMemory { points: 4, vertices: 1, workers: 3, point_bytes: 320 };
+/// Division if every point is a vertex: the mesh is larger, and no vertices are stored beside the points.
 const ALL: CloudTinMemory = CloudTinMemory { points: 2, vertices: 0, workers: 6, point_bytes: 600 };
-/// The same where lines have posts beside them.
+/// Division if every point is a vertex and lines add posts.
 const ALL_AND_POSTS: CloudTinMemory =
     CloudTinMemory { points: 2, vertices: 2, workers: 4, point_bytes: 600 };
 
@@ -49,18 +49,18 @@ impl CloudTinMemory {
         }
     }
 
-    /// Bytes of a worker on regions of so many points and bytes of lines.
+    /// Bytes of a worker on regions with this number of points and bytes of lines.
     pub(super) fn worker(&self, most_points: u64, most_lines: u64) -> u64 {
         (most_points * self.point_bytes + most_lines).max(1)
     }
 
-    /// Least bytes for one worker, of which some are `held` all the while.
+    /// Least memory for one worker, with `held` bytes throughout.
     pub(super) fn least(&self, worker: u64, held: u64) -> u64 {
         let eighth = (worker + PROGRAM).div_ceil(self.workers);
         8 * eighth.max(LEAST_SHARED.div_ceil(self.points)) + held
     }
 
-    /// Workers that fit in what the points leave of the memory.
+    /// Number of workers that fit beside the points.
     fn workers(&self, worker: u64, held: u64, memory: u64) -> Result<usize> {
         let eighth = memory.saturating_sub(held) / 8;
         let fitting = (eighth * self.workers).saturating_sub(PROGRAM) / worker;
@@ -71,12 +71,12 @@ impl CloudTinMemory {
     }
 }
 
-/// Fewest bytes for points and vertices that wait.
+/// Least bytes for stored points and vertices.
 const LEAST_SHARED: u64 = 8 << 20;
 
-/// A job on a cloud that is known by its headers: what the mesh and its file will be like.
+/// A job after reading the headers: properties of the mesh and its file.
 pub(super) struct PreparedCloudTin<'a> {
-    /// What the user calls the input.
+    /// Name of the input for the user.
     pub(super) label: String,
     pub(super) job: &'a CloudTinJob,
     pub(super) info: &'a CloudInfo,
@@ -90,7 +90,7 @@ pub(super) struct PreparedCloudTin<'a> {
 }
 
 impl<'a> PreparedCloudTin<'a> {
-    /// Of a job on points whose input the user calls `label`.
+    /// Prepares a job on points; `label` names the input for the user.
     pub(super) fn new(
         (job, label): (&'a CloudTinJob, &str),
         points: &'a dyn PointSource,
@@ -114,7 +114,7 @@ impl<'a> PreparedCloudTin<'a> {
         Ok(Self { label, job, info, bounds, kept, format, header, placed, notes, division })
     }
 
-    /// What receives the mesh.
+    /// The sink of the mesh.
     pub(super) fn sink(&self) -> Result<Box<dyn MeshSink>> {
         let Resources { temp_dir, .. } = &self.job.resources;
         let (overwrite, temp_dir) = (self.job.overwrite, temp_dir.clone());
@@ -122,7 +122,7 @@ impl<'a> PreparedCloudTin<'a> {
         (self.format.create)(&self.job.output, &self.header, &options)
     }
 
-    /// Where squares of points lie.
+    /// The tiling of points.
     pub(super) fn tiling(&self) -> Tiling {
         Tiling::new(self.bounds, self.info.count)
     }
@@ -144,7 +144,7 @@ impl<'a> PreparedCloudTin<'a> {
         folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
     }
 
-    /// The work on points, some bytes being `held` beside them all the while.
+    /// The work on points, with `held` bytes throughout.
     ///
     /// # Errors
     /// Too little memory.
@@ -175,7 +175,7 @@ impl<'a> PreparedCloudTin<'a> {
     }
 }
 
-/// A tolerance in steps. What is a whole number of steps but for rounding is meant to be whole.
+/// A tolerance in steps; rounds to an integer if it is one up to rounding errors.
 pub(super) fn in_steps(tolerance: f64, step: f64) -> f64 {
     let steps = tolerance / step;
     let whole = steps.round();
@@ -215,13 +215,16 @@ fn header(
     })
 }
 
-/// Fails where f32 does not tell one step from the next.
+/// Fails if f32 cannot distinguish adjacent steps.
 fn check_single(bounds: [Point; 2], centre: Point, format: &MeshFormat) -> Result<()> {
     let far = |a: i32, b: i32| a.abs_diff(b) >= 1 << 23;
     let is_far = |p: Point| far(p.x, centre.x) || far(p.y, centre.y) || far(p.z, centre.z);
     if !bounds.into_iter().any(is_far) {
         return Ok(());
     }
-    let message = format!("{} stores f32, which does not hold a cloud of this extent", format.name);
-    Err(Error::usage(message).remedy("write PLY or OBJ, or a part of the cloud with ‹bounds›"))
+    let message = format!(
+        "{} stores 32-bit floats, which do not resolve a point cloud of this extent",
+        format.name
+    );
+    Err(Error::usage(message).remedy("write PLY or OBJ, or clip the point cloud with ‹bounds›"))
 }

@@ -1,9 +1,9 @@
-//! The part of one triangulation that a region sees, made from as few vertices as prove it.
+//! The part of the triangulation that a region sees, computed from as few vertices as necessary.
 //!
-//! The mesh of a cloud is the Delaunay triangulation of all chosen vertices. A triangle of a smaller
-//! set is one of it when no other vertex lies in its circle: vertices around the region are taken in
-//! until that holds for every triangle that reaches into the region. Vertices further and further
-//! apart, away from the region, keep the circles small; the hull of all closes the mesh.
+//! The mesh of a point cloud is the Delaunay triangulation of all selected vertices. A triangle of a subset
+//! belongs to it if no other vertex lies in its circle: vertices around the region are added until that holds
+//! for every triangle that reaches into the region. Sparse distant vertices keep the circles small; the hull of
+//! all closes the mesh.
 
 use std::collections::HashMap;
 
@@ -14,9 +14,9 @@ use terrane_base::geom::Point;
 use terrane_delaunay::{CircumscribedDisc, SiteWindow};
 use terrane_tin::scatter::ScatterMesh;
 
-/// Squares taken in at a time, the nearest first.
+/// Tiles loaded at a time, the nearest first.
 const AT_ONCE: usize = 64;
-/// Squares on each side of a region, at each distance, one of which stands for its neighbours.
+/// Tiles on each side of a region, at each distance, that are represented by one.
 const STRIDES: i64 = 6;
 
 /// A region's part of the triangulation of the vertices in a store.
@@ -24,9 +24,9 @@ pub(super) struct RegionMesh<'a> {
     vertices: &'a PointStore,
     region: CloudTinRegion,
     pub(super) mesh: ScatterMesh,
-    /// Squares that are in the mesh as a whole, with their vertices.
+    /// Loaded tiles with their vertices.
     loaded: HashMap<usize, Vec<Point>>,
-    /// All squares in here are loaded.
+    /// All tiles in this window are loaded.
     whole: SiteWindow,
 }
 
@@ -55,7 +55,7 @@ impl<'a> RegionMesh<'a> {
         }
     }
 
-    /// Takes in all vertices of a square.
+    /// Adds all vertices of a tile.
     fn load(&mut self, square: usize) -> Result<()> {
         let mut points = Vec::new();
         self.vertices.load_distinct(square, &mut points)?;
@@ -64,7 +64,7 @@ impl<'a> RegionMesh<'a> {
         Ok(())
     }
 
-    /// Takes in squares that may have vertices in the circles; false when there are none.
+    /// Loads tiles that may have vertices in the circles; false if there are none.
     fn complete(&mut self) -> Result<bool> {
         let mut wanted = self.wanted();
         wanted.truncate(AT_ONCE);
@@ -72,8 +72,7 @@ impl<'a> RegionMesh<'a> {
         Ok(!wanted.is_empty())
     }
 
-    /// Squares not loaded that may have vertices in the circle of a triangle of the region, the
-    /// nearest first.
+    /// Tiles not loaded that may have vertices in the circle of a triangle of the region, the nearest first.
     fn wanted(&self) -> Vec<usize> {
         let mut wanted = Vec::new();
         for disc in self.discs().filter(|disc| !self.vertices.is_within(disc, &self.whole)) {
@@ -86,7 +85,7 @@ impl<'a> RegionMesh<'a> {
         wanted
     }
 
-    /// How far a square is from the region, along the axis on which it is further.
+    /// Distance of a tile from the region, along the axis where it is larger.
     fn steps_to(&self, square: usize) -> i64 {
         let tiling = self.vertices.tiling();
         let (here, there) = (self.region.window(tiling), tiling.window_of(square));
@@ -114,7 +113,7 @@ impl<'a> RegionMesh<'a> {
         parts.fold(self.whole, |sum, part| sum.union(&part))
     }
 
-    /// The vertices of a square, from those loaded or from the store.
+    /// The vertices of a tile, from those loaded or from the store.
     pub(super) fn vertices_of(&mut self, square: usize) -> Result<&[Point]> {
         if !self.loaded.contains_key(&square) {
             let mut points = Vec::new();
@@ -125,7 +124,7 @@ impl<'a> RegionMesh<'a> {
     }
 }
 
-/// Vertices far from the region, one for so many squares, fewer with the distance.
+/// Sparse vertices far from the region, fewer with the distance.
 fn skeleton(vertices: &PointStore, region: &CloudTinRegion) -> Vec<Point> {
     let tiling = vertices.tiling();
     let (counts, mut found) = (tiling.counts().map(i64::from), Vec::new());

@@ -1,4 +1,4 @@
-//! Squares of points gathered into regions of about equal work.
+//! Tiles of points grouped into regions of about equal work.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,37 +6,37 @@ use crate::points::{PointStore, Tiling};
 use terrane_base::error::Error;
 use terrane_delaunay::SiteWindow;
 
-/// Most points of a region, unless a single square holds more.
+/// Most points of a region, unless a single tile holds more.
 pub(super) const REGION_POINTS: u64 = 1 << 17;
 
-/// A block of squares that is worked on by itself.
+/// A block of tiles that is processed as a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct CloudTinRegion {
-    /// First column and row of squares.
+    /// First column and row of tiles.
     pub(super) low: [u32; 2],
     /// Column and row after the last.
     pub(super) end: [u32; 2],
-    /// Points in it, and pieces of lines.
+    /// Number of points and line pieces in it.
     pub(super) points: u64,
 }
 
-/// All regions that hold points or lines, in the order of a curve that keeps neighbours together.
+/// All regions that hold points or lines, in the order of a space-filling curve.
 #[derive(Debug)]
 pub(super) struct CloudTinRegions {
     pub(super) all: Vec<CloudTinRegion>,
-    /// By square: its region.
+    /// Region of each tile.
     of: Vec<u32>,
 }
 
 impl CloudTinRegion {
-    /// Its squares, row by row.
+    /// Its tiles, row by row.
     pub(super) fn squares<'a>(&self, tiling: &'a Tiling) -> impl Iterator<Item = usize> + use<'a> {
         let Self { low, end, .. } = *self;
         let row = move |row: u32| (low[0]..end[0]).map(move |col| [col, row]);
         (low[1]..end[1]).flat_map(row).map(|place| tiling.square(place))
     }
 
-    /// What it covers.
+    /// Its window.
     pub(super) fn window(&self, tiling: &Tiling) -> SiteWindow {
         let first = tiling.window_of(tiling.square(self.low));
         first.union(&tiling.window_of(tiling.square(self.end.map(|end| end - 1))))
@@ -44,8 +44,8 @@ impl CloudTinRegion {
 }
 
 impl CloudTinRegions {
-    /// Divides the squares of a store, in each of which there are so many pieces of lines (none where that is empty):
-    /// by halves of both sides while there are more than `most` points and pieces, and more than one square.
+    /// Divides the tiles of a store, with the number of line pieces in each (none if empty): halves both sides
+    /// while there are more than `most` points and pieces, and more than one tile.
     pub(super) fn new(store: &PointStore, lines: &[u32], most: u64) -> Self {
         let counts = store.tiling().counts();
         let side = counts[0].max(counts[1]).next_power_of_two();
@@ -69,7 +69,7 @@ impl CloudTinRegions {
         regions
     }
 
-    /// Those that were found before.
+    /// Regions from a plan.
     pub(super) fn known(all: &[CloudTinRegion], tiling: &Tiling) -> Self {
         let mut regions = Self { all: Vec::new(), of: vec![u32::MAX; tiling.count()] };
         all.iter().for_each(|region| regions.push(*region, tiling));
@@ -82,7 +82,7 @@ impl CloudTinRegions {
         self.all.push(region);
     }
 
-    /// The region of a square with points or lines.
+    /// The region of a tile with points or lines.
     pub(super) fn of(&self, square: usize) -> usize {
         self.of[square] as usize
     }
@@ -93,13 +93,13 @@ impl CloudTinRegions {
     }
 }
 
-/// The quarters of a block, the one to be taken up last first.
+/// The quarters of a block, in reverse order of processing.
 fn quarters([col, row]: [u32; 2], side: u32) -> [([u32; 2], u32); 4] {
     [[1, 1], [0, 1], [1, 0], [0, 0]].map(|[x, y]| ([col + x * side, row + y * side], side))
 }
 
-/// The error of points that no mesh goes through.
+/// The error of points without a surface.
 pub(super) fn no_surface() -> Error {
-    Error::bad_input("the points have no surface: fewer than three, or all on a line")
-        .remedy("look at the filters, or at the files with `terrane info`")
+    Error::bad_input("the points do not form a surface: fewer than three, or all collinear")
+        .remedy("check the filters, or the files with `terrane info`")
 }

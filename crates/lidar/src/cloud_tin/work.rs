@@ -8,14 +8,14 @@ use crate::points::PointStore;
 use terrane_base::error::Result;
 use terrane_engine::{Cancel, Progress, workers};
 
-/// What every stage works with.
+/// Context of every stage.
 #[derive(Clone, Copy)]
 pub(super) struct CloudTinContext<'a> {
     pub(super) points: &'a PointStore,
     pub(super) regions: &'a CloudTinRegions,
     pub(super) lines: &'a CloudLines<'a>,
     pub(super) threads: usize,
-    /// Bytes of vertices that may wait in memory.
+    /// Bytes of vertices that may be stored in memory.
     pub(super) vertex_bytes: u64,
     pub(super) measure: bool,
     pub(super) folder: &'a Path,

@@ -1,5 +1,5 @@
-//! The mesh to its sink, region by region: vertices by square, and each triangle with the last region
-//! that has one of its corners.
+//! Writes the mesh region by region: vertices by tile, and each triangle with the last region that has one of
+//! its corners.
 
 use std::sync::Mutex;
 
@@ -11,7 +11,7 @@ use terrane_base::geom::{Point, Point3, PointFrame};
 use terrane_files::lock;
 use terrane_mesh::{MeshBatch, MeshSink};
 
-/// What was written.
+/// Totals of the written mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct WrittenCloudTin {
     pub(super) vertices: u64,
@@ -23,7 +23,7 @@ pub(super) struct WrittenCloudTin {
 struct RegionMeshPart {
     vertices: Vec<Point>,
     triangles: Vec<[u64; 3]>,
-    /// Empty where the sink does not want them.
+    /// Empty if the sink does not require them.
     corners: Vec<[Point; 3]>,
 }
 
@@ -66,7 +66,7 @@ pub(super) fn write(
     Ok(written)
 }
 
-/// By square: the number of its first vertex.
+/// Number of the first vertex of each tile.
 fn firsts(work: &CloudTinContext<'_>, vertices: &PointStore) -> Result<Vec<u64>> {
     let tiling = vertices.tiling();
     let squares: Vec<usize> =
@@ -120,12 +120,11 @@ fn part(
 /// The number of a vertex.
 fn id(local: &mut RegionMesh<'_>, firsts: &[u64], vertex: Point, square: usize) -> Result<u64> {
     let found = local.vertices_of(square)?.binary_search(&vertex);
-    let rank =
-        found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its square"))?;
+    let rank = found.map_err(|_| Error::new(ErrorKind::Internal, "a vertex is not in its tile"))?;
     Ok(firsts[square] + rank as u64)
 }
 
-/// Turns each triangle to begin with its lowest vertex, and puts them in order.
+/// Rotates each triangle to start with its lowest vertex, and sorts them.
 fn sort(part: &mut RegionMeshPart, with_corners: bool) {
     for (ids, corners) in part.triangles.iter_mut().zip(&mut part.corners) {
         let least = (0..3).min_by_key(|&k| ids[k]).unwrap_or(0);

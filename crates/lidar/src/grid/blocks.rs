@@ -1,13 +1,11 @@
 //! The cells of a grid in blocks: made when a point first touches one, spilled when memory is short.
 //!
-//! What blocks keep can be added up, so a block that was spilled begins anew when it is touched
-//! again, and its parts are joined when it is read (or when they become many). The least recently
-//! touched are spilled first.
+//! Accumulators can be merged, so a spilled block starts empty when it is touched again, and its parts are
+//! merged when it is read (or when they become many). The least recently touched are spilled first.
 //!
-//! Blocks are of 256 x 256 cells, smaller where memory is short. A batch of points is cut into runs for
-//! one block, which is locked once for each; a batch whose runs are short is put in order first. A cell
-//! that takes points within a radius reaches into neighbouring blocks: such a point is handed to each of
-//! them.
+//! Blocks are of 256 x 256 cells, smaller where memory is short. A batch of points is cut into runs for one
+//! block, which is locked once for each; a batch with short runs is sorted first. A cell that takes points
+//! within a radius reaches into neighbouring blocks: such a point is added to each of them.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -28,14 +26,14 @@ pub(super) struct CellBlocks<'a> {
     width: u32,
     height: u32,
     slots: Vec<CellBlockSlot>,
-    /// Bytes that blocks in memory may take, and take.
+    /// Budget for blocks in memory, and bytes in use.
     budget: u64,
     held: AtomicU64,
     /// Counts touches.
     clock: AtomicU64,
     spool: SpoolFile,
     spilling: Mutex<()>,
-    /// Cells of each block that are written, or 0 to keep it.
+    /// Number of written cells of each block; 0 to keep it.
     written: Vec<AtomicU32>,
 }
 
@@ -100,7 +98,7 @@ impl<'a> CellBlocks<'a> {
         self.shift
     }
 
-    /// Columns of the cells, and how many blocks lie side by side.
+    /// Number of blocks in a row.
     pub(super) fn across(&self) -> u32 {
         self.width.div_ceil(1 << self.shift)
     }
@@ -165,7 +163,7 @@ impl<'a> CellBlocks<'a> {
         CellBlock::new(self.recipe, 1 << (2 * self.shift))
     }
 
-    /// Counts bytes that are about to be held, and makes room for them.
+    /// Reserves bytes.
     fn reserve(&self, bytes: u64) -> Result<()> {
         let held = self.held.fetch_add(bytes, Ordering::Relaxed) + bytes;
         if held > self.budget { self.make_room() } else { Ok(()) }
@@ -216,7 +214,7 @@ impl<'a> CellBlocks<'a> {
         Ok(())
     }
 
-    /// Lets `look` see a block with all its points; nothing happens to one that was never touched.
+    /// Calls `look` with a complete block; skips one that was never touched.
     pub(super) fn read(&self, index: u32, look: impl FnOnce(&CellBlock)) -> Result<()> {
         let slot = &self.slots[index as usize];
         let state = lock(&slot.state);
@@ -242,7 +240,7 @@ impl<'a> CellBlocks<'a> {
         if grown > 0 { self.reserve(grown) } else { Ok(()) }
     }
 
-    /// Tells that the cells of `rect` are written: blocks of which all are go.
+    /// Marks the cells of `rect` as written; frees blocks that are written completely.
     pub(super) fn release(&self, rect: Rect) {
         for index in self.touching(rect) {
             let cells = self.window(index).intersect(&rect).len() as u32;

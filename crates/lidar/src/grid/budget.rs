@@ -22,7 +22,7 @@ const WORKER: u64 = 12 << 20;
 const COLUMNS: u64 = 8 << 20;
 /// Least for blocks.
 const LEAST: u64 = 8 << 20;
-/// Bytes of a block's place in the table.
+/// Bytes of an entry in the table of blocks.
 const SLOT: u64 = 64;
 /// Blocks have 2^8 x 2^8 cells, or fewer where memory is short, down to 2^4 x 2^4.
 const MOST_SHIFT: u32 = 8;
@@ -79,8 +79,8 @@ impl GridBudget {
         Ok(Self { threads: threads as usize, blocks, points: surface_share, shift })
     }
 
-    /// Bytes of memory with which both [`divide`](Self::divide) finds room for one thread, when half of
-    /// them go to points that are triangulated, and [`writing`](Self::writing) does.
+    /// Least memory for one thread in both [`divide`](Self::divide), if half of it goes to triangulated points,
+    /// and [`writing`](Self::writing).
     pub(super) fn least(
         format: &GridFormat,
         sink: &dyn GridSink,
@@ -92,7 +92,7 @@ impl GridBudget {
         if recipe.triangulates() { 2 * one } else { one }
     }
 
-    /// Fails where what is needed before is more than there is; what is advised then is enough for all.
+    /// Fails if an earlier step exceeds the memory; the advised budget suffices for all steps.
     pub(super) fn check(
         resources: &Resources,
         format: &GridFormat,
@@ -108,7 +108,7 @@ impl GridBudget {
         }
     }
 
-    /// For the writing of a grid whose values are read from files: what is left for their blocks.
+    /// The budget for writing a grid whose values are read from files: the rest is for their blocks.
     pub(super) fn writing(
         resources: &Resources,
         format: &GridFormat,
@@ -146,7 +146,7 @@ fn cells(extent: &GridExtent) -> u64 {
     u64::from(width).saturating_mul(u64::from(height)).max(1)
 }
 
-/// Bytes a thread needs to write a block of the output, with what its voids are filled from.
+/// Bytes a thread needs to write a block of the output, with the margin for filling voids.
 fn writing(
     format: &GridFormat,
     sink: &dyn GridSink,

@@ -1,11 +1,11 @@
-//! How values of options of grids are written.
+//! Codecs of options of grids.
 
 use terrane_gridding::{Canopy, parse_list};
 use terrane_options::{Json, OptionCodec, OptionKind};
 
 use super::preset::kinds::GroundFrom;
 
-/// A value of a form of its own, by the text that it is written as.
+/// A value represented by its text.
 pub struct AsText;
 
 terrane_engine::by_text!(AsText, OptionKind::Text, Canopy GroundFrom);

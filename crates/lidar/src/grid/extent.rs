@@ -1,4 +1,4 @@
-//! Which cells a grid has: from the cell size, the cloud's bounds, a box or another grid.
+//! The cells of a grid: from the cell size, the bounds of the point cloud, a box or another grid.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Rect};
@@ -11,12 +11,12 @@ use terrane_raster::{self as raster, GridInfo};
 use super::job::GridJob;
 use super::placement::{Compat, Placement};
 
-/// Cells whose values are asked for.
+/// Requested cells.
 #[derive(Clone, Copy)]
 pub(super) struct CellRequest<'a> {
     /// All cells.
     pub(super) extent: &'a GridExtent,
-    /// Those of them.
+    /// The requested rectangle.
     pub(super) rect: Rect,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
@@ -29,8 +29,8 @@ pub(super) struct GridExtent {
     pub(super) lattice: CellLattice,
     /// Those of them that are written.
     pub(super) output: Rect,
-    /// Those that voids may be filled from: the ones that the cloud's bounds overlap, which are the
-    /// same whatever part of the grid is computed.
+    /// Cells that voids may be filled from: those that the bounds of the point cloud overlap, independent of
+    /// the part that is computed.
     pub(super) known: Rect,
     /// Columns and rows that voids are filled from.
     pub(super) fill: u32,
@@ -52,7 +52,7 @@ impl GridExtent {
                 let (base, spans) = by_cell(cloud, job)?;
                 let note = || {
                     format!(
-                        "cells of {}: about the distance between points; ‹cell› takes others",
+                        "cell size {}: about the point spacing; ‹cell› overrides it",
                         base.x.world_cell()
                     )
                 };
@@ -105,7 +105,7 @@ impl GridExtent {
         [self.lattice.x.world_cell(), self.lattice.y.world_cell()]
     }
 
-    /// The radius to report: of the job, where a statistic goes by it.
+    /// The radius to report: that of the job, if a statistic uses it.
     pub(super) fn radius(&self, rules: &StatisticDefaults, job: &GridJob) -> Option<f64> {
         let goes_by_it = |statistic: Statistic| match statistic.parameter("radius") {
             Some(_) => false,
@@ -115,7 +115,7 @@ impl GridExtent {
     }
 }
 
-/// The cells of the lattice that the cloud's bounds overlap.
+/// The cells that the bounds of the point cloud overlap.
 fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     let Some(bounds) = cloud.bounds else { return Rect::new(0, 0, 0, 0) };
     let (width, height) = lattice.size();
@@ -128,7 +128,7 @@ fn known(lattice: &CellLattice, cloud: &CloudInfo) -> Rect {
     Rect::new(left, top, right - left, bottom - top)
 }
 
-/// The box around the cloud.
+/// The bounds of the point cloud in world units.
 fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
     let [low, high] = cloud.bounds?.map(|corner| cloud.frame.world(corner));
     Some([low[0], low[1], high[0], high[1]])
@@ -137,8 +137,7 @@ fn world(cloud: &CloudInfo) -> Option<[f64; 4]> {
 /// Metres along a degree of latitude, about.
 const DEGREE: f64 = 111_320.0;
 
-/// Fails where a cell is meant to be of so many metres, and is of so many degrees: it is larger than
-/// all there is.
+/// Fails if a cell size in degrees was apparently meant in metres: the cell is larger than the extent.
 fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result<()> {
     let Some([west, south, east, north]) = bounds else { return Ok(()) };
     let sides = [east - west, north - south];
@@ -148,16 +147,16 @@ fn refuse_degrees(cell: [f64; 2], bounds: Option<[f64; 4]>, crs: &Crs) -> Result
     let shrink = f64::midpoint(south, north).to_radians().cos().abs().max(1e-3);
     let [x, y] = [cell[0] / (DEGREE * shrink), cell[1] / DEGREE];
     Err(Error::usage(format!(
-        "a cell of {} x {} degrees is larger than all points, which lie within {:.2e} x {:.2e} degrees",
+        "a cell of {} x {} degrees is larger than the extent of the points, {:.2e} x {:.2e} degrees",
         cell[0], cell[1], sides[0], sides[1]
     ))
     .remedy(format!(
-        "‹cell› counts degrees here: for {} x {} metres pass ‹cell› {x:.2e},{y:.2e}",
+        "‹cell› is in degrees: for {} x {} metres pass ‹cell› {x:.2e},{y:.2e}",
         cell[0], cell[1]
     )))
 }
 
-/// A lattice of cells of the wanted size, and the cells of the cloud or the box.
+/// A lattice of cells of the given size, and the cells of the point cloud or the box.
 fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
     let Placement { cell, align, extent, .. } = &job.placement;
     let cell = cell.unwrap_or([1.0; 2]);
@@ -192,9 +191,9 @@ fn by_cell(cloud: &CloudInfo, job: &GridJob) -> Result<(CellLattice, Spans)> {
         }
         (None, None) => {
             return Err(Error::bad_input(
-                "the cloud has no points, so nothing says where its grid lies",
+                "the point cloud is empty, so the extent of the grid is unknown",
             )
-            .remedy("look at the filters, or at the files with `terrane info`"));
+            .remedy("check the filters, or the files with `terrane info`"));
         }
     };
     Ok((lattice, spans))
@@ -207,19 +206,19 @@ fn overlapped(low: f64, high: f64) -> Result<[i64; 2]> {
     let count = ((high - HAIR).ceil() - first).max(1.0);
     if count > most {
         return Err(Error::limit("number of columns or rows", count, most)
-            .remedy("choose larger cells or a smaller ‹extent›"));
+            .remedy("use larger cells, or reduce ‹extent›"));
     }
     within_reach([first as i64, count as i64])
 }
 
-/// Cells that can be told apart so far from where lattices begin.
+/// Fails if cells are too far from the origin of the lattice to be exact.
 fn within_reach([first, count]: [i64; 2]) -> Result<[i64; 2]> {
     match first.abs().saturating_add(count) < FAR {
         true => Ok([first, count]),
         false => Err(Error::usage(format!(
-            "cells as small as this are further than {FAR} cells from where their lattice begins"
+            "the cells are too small: the points are more than {FAR} cells from the grid origin"
         ))
-        .remedy("choose larger cells with ‹cell›, or a corner of them nearby with ‹origin›")),
+        .remedy("raise ‹cell›, or pass a closer ‹align›")),
     }
 }
 
@@ -234,8 +233,9 @@ fn like_grid(
     let GridInfo { width, height, transform: t, georeferenced, .. } = *source.info();
     let upright = t.b == 0.0 && t.d == 0.0 && t.a > 0.0 && t.e < 0.0;
     if !georeferenced || !upright {
-        return Err(Error::unsupported("a grid that ‹like› goes by must lie somewhere, north up")
-            .in_file(path));
+        return Err(
+            Error::unsupported("‹like› requires a georeferenced, north-up grid").in_file(path)
+        );
     }
     let edges = if job.compat == Compat::Lasr {
         CellEdgeRule::NorthClosed
@@ -249,24 +249,26 @@ fn like_grid(
     Ok((lattice, [[0, width], [-height, height]], crs, notes))
 }
 
-/// The CRS of a grid and a cloud that lie on each other.
+/// The common CRS of a grid and a point cloud.
 fn agreed(grid: &Crs, cloud: &Crs) -> Result<(Crs, Vec<String>)> {
     let [a, b] = grid.told_apart(cloud);
     match (grid.is_named(), cloud.is_named()) {
         (false, false) => Ok((grid.clone(), Vec::new())),
         (true, false) => {
-            let note = format!("the cloud names no CRS; it is taken for that of the grid, {a}");
+            let note = format!("the point cloud lacks a CRS; that of the grid is assumed, {a}");
             Ok((grid.clone(), vec![note]))
         }
         (false, true) => {
-            let note = format!("the grid names no CRS; it is taken for that of the cloud, {b}");
+            let note = format!("the grid lacks a CRS; that of the point cloud is assumed, {b}");
             Ok((cloud.clone(), vec![note]))
         }
         // Heights are the cloud's, whatever those of the grid are.
         _ if grid.epsg.is_some() && grid.epsg == cloud.epsg || grid.agrees(cloud) => {
             Ok((cloud.clone(), Vec::new()))
         }
-        _ => Err(Error::usage(format!("the grid is in {a}, the cloud in {b}"))
-            .remedy("choose a grid in the cloud's CRS, or reproject one of them")),
+        _ => {
+            Err(Error::usage(format!("the CRS of the grid is {a}, that of the point cloud is {b}"))
+                .remedy("reproject one of them"))
+        }
     }
 }

@@ -16,7 +16,7 @@ use terrane_gridding::{SelectedPoints, StatisticRecipe, SubjectSelector};
 /// A cloud and the blocks it goes into.
 pub(super) struct CloudFeed<'a> {
     pub(super) source: &'a dyn PointSource,
-    /// What reads it with the attributes that the recipe takes, if it takes any.
+    /// Reads the attributes that the recipe needs, if any.
     pub(super) columns: Option<&'a dyn AttributeSource>,
     /// The parts of it that are read.
     pub(super) parts: Vec<usize>,
@@ -25,16 +25,16 @@ pub(super) struct CloudFeed<'a> {
     pub(super) blocks: &'a CellBlocks<'a>,
 }
 
-/// What became of the points.
+/// Statistics of the points.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FeedOutcome {
     pub(super) census: PointCensus,
-    /// Points kept that lie in no cell that is written.
+    /// Points outside of all written cells.
     pub(super) outside: u64,
 }
 
 impl CloudFeed<'_> {
-    /// Reads all parts on so many threads; `store` takes all points, where surfaces go through them.
+    /// Reads all parts on `threads` threads; `store` takes all points if surfaces need them.
     pub(super) fn run(
         &self,
         store: Option<&PointStore>,
@@ -95,13 +95,13 @@ impl CloudFeed<'_> {
     }
 }
 
-/// What one thread needs to hand points to blocks.
+/// Per-thread state for adding points to blocks.
 struct GridFeedWorker<'a> {
     store: Option<&'a PointStore>,
-    /// For each subject: how its points are found, where they are not all of them, and what takes them.
+    /// For each subject: the selection of its points, if not all, and its consumer.
     lanes: Vec<(Option<SubjectSelector>, FeedLane<'a>)>,
     selected: SelectedPoints,
-    /// Counts what lies in no cell, where no lane sees all points.
+    /// Counts points outside of all cells, if no consumer sees all points.
     apart: Option<OutsideCounter<'a>>,
 }
 
@@ -119,7 +119,7 @@ impl<'a> GridFeedWorker<'a> {
         Self { store, lanes, selected: SelectedPoints::default(), apart }
     }
 
-    /// Hands a batch of points to the blocks they touch.
+    /// Adds a batch of points to the blocks they touch.
     fn take(&mut self, points: &[Point], columns: &[Vec<f64>]) -> Result<()> {
         let Self { store, lanes, selected, apart } = self;
         store.map_or(Ok(()), |store| store.add(points))?;

@@ -27,7 +27,7 @@ impl HeightSource {
         }
     }
 
-    /// True when points were needed that were not read.
+    /// True if unread points were needed.
     pub(super) fn is_exceeded(&self) -> bool {
         match self {
             Self::Surfaces(surfaces) => surfaces.store().is_exceeded(),
@@ -35,7 +35,7 @@ impl HeightSource {
         }
     }
 
-    /// Which points they are made of, where not of all.
+    /// Notes on the points used, if not all.
     pub(super) fn notes(&self) -> &[String] {
         match self {
             Self::Surfaces(_) => &[],
@@ -43,7 +43,7 @@ impl HeightSource {
         }
     }
 
-    /// Files whose damage was passed over, where they are read for these alone.
+    /// Files with skipped damage, if they are read for heights only.
     pub(super) fn losses(&self) -> Option<&LostPoints> {
         match self {
             Self::Surfaces(_) => None,

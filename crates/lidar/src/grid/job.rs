@@ -17,7 +17,7 @@ use terrane_gridding::{
 use terrane_raster::SampleType;
 use terrane_raster::write::{self, BandName, GridFormat, GridWriteOptions};
 
-/// A cloud-to-grid job. A plan notes what the cells depend on.
+/// A cloud-to-grid job. A plan records everything the cells depend on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GridJob {
     /// Files, folders, patterns or lists of clouds.
@@ -28,52 +28,51 @@ pub struct GridJob {
     /// File to write.
     #[serde(skip)]
     pub output: PathBuf,
-    /// Name of the format to write; by the output's ending when `None`, a plain GeoTIFF in tiles for
-    /// a `.tif`.
+    /// Name of the format to write; by the output's extension when `None`, a tiled GeoTIFF for `.tif`.
     pub format: Option<String>,
     /// Creation options of the format, as (key, value).
     pub creation: Vec<(String, String)>,
     /// A band for each ([`gridding::parse_list`]).
     pub stats: Vec<StatisticRequest>,
-    /// The model of the terrain that the only band is ([`SurfaceModel::band`]), if it is one.
+    /// The terrain model of the only band ([`SurfaceModel::band`]), if it is one.
     pub preset: Option<SurfaceModel>,
-    /// Which points are ground, for a preset: `cloud.filter.classes` names their classes, 2 if `None`.
+    /// Source of ground points for a terrain model: `cloud.filter.classes` has their classes, 2 if `None`.
     pub ground: GroundFrom,
-    /// How a preset of what is seen from above gets rid of returns from deep in crowns.
+    /// Canopy method of a surface model.
     #[serde(default, skip_serializing_if = "Canopy::is_usual")]
     pub canopy: Canopy,
-    /// The name of a file with water, which is made level, for a model of the ground.
+    /// File of water to flatten, for a terrain model.
     #[serde(skip)]
     pub water: Option<String>,
-    /// Where the cells lie.
+    /// Position and size of the cells.
     pub placement: Placement,
-    /// Whose conventions are followed.
+    /// Program whose conventions are followed.
     pub compat: Compat,
-    /// Radius of idw and nearest (of all statistics, in the manner of PDAL), in world units; the
-    /// greater side of a cell times the root of 2 when `None`.
+    /// Radius of idw and nearest (of all statistics with PDAL's conventions), in world units; the longer side
+    /// of a cell times the root of 2 when `None`.
     pub radius: Option<f64>,
-    /// Power of the distance that weights of idw fall off by; 1 when `None`.
+    /// Power of the inverse distance of idw; 1 when `None`.
     pub power: Option<f64>,
-    /// Triangles with a longer edge, in world units, are no surface; all are when `None`.
+    /// Triangles with a longer edge, in world units, are ignored; none are when `None`.
     pub max_edge: Option<f64>,
-    /// Voids are filled from known cells at most so many columns and rows away; 0 fills none.
+    /// Fills voids from valid cells at most this number of columns and rows away; 0 fills none.
     pub fill: u32,
     /// Type of the written samples.
     pub sample_type: SampleType,
-    /// Write the nearest value where a type of whole numbers does not hold one exactly.
+    /// Rounds values to integer types instead of failing.
     pub round: bool,
-    /// Written value for voids.
+    /// Nodata value.
     #[serde(with = "as_text")]
     pub nodata: f64,
     /// Replace an existing output.
     #[serde(skip)]
     pub overwrite: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[serde(skip)]
     pub resources: Resources,
 }
 
-/// Stands for voids unless told otherwise.
+/// Default nodata value.
 pub(super) const NODATA: f64 = -9999.0;
 
 impl GridJob {
@@ -109,7 +108,7 @@ impl GridJob {
         }
     }
 
-    /// As [`new`](Self::new), for a model of the terrain.
+    /// As [`new`](Self::new), for a terrain model.
     pub fn of_preset(
         input: impl IntoIterator<Item = impl Into<String>>,
         output: impl Into<PathBuf>,
@@ -124,8 +123,7 @@ impl GridJob {
         write::by_path(&self.output, self.format.as_deref())
     }
 
-    /// The creation options: a GeoTIFF is tiled unless it is to be in strips, for tiles are what
-    /// blocks of cells fit into.
+    /// The creation options: a GeoTIFF is tiled by default, to match the blocks of cells.
     pub(super) fn creation(&self) -> Vec<(String, String)> {
         let mut creation = self.creation.clone();
         let given = creation.iter().any(|(key, _)| key.eq_ignore_ascii_case("TILED"));
@@ -164,9 +162,8 @@ impl GridJob {
         }
     }
 
-    /// How the cloud is read: where only a box of cells is wanted, without the points that are too far
-    /// away from it to be in any of its values, so that files and parts beyond are not even read. A
-    /// triangle may have corners anywhere.
+    /// Reading options: for a box of cells, points too far away to contribute are filtered out, so that files
+    /// and parts beyond are not read. Triangulations need all points.
     pub(super) fn reading(&self) -> CloudOpenOptions {
         let mut options = self.cloud.clone();
         let cell = self.placement.cell.unwrap_or_default();
@@ -181,16 +178,16 @@ impl GridJob {
         options
     }
 
-    /// Folder for what does not fit into memory.
+    /// Folder for spilled data.
     pub(super) fn spill_folder(&self) -> &Path {
         folder_for(&self.output, self.resources.temp_dir.as_deref())
     }
 
-    /// The same with the size of its cells: of a model of the terrain, where none is given, one that follows
-    /// from the density of all points of the cloud, whatever the filter.
+    /// The job with its cell size: for a terrain model without one, it is derived from the density of all
+    /// points, regardless of filters.
     ///
     /// # Errors
-    /// Those of opening the cloud; points whose density is not known.
+    /// Errors of opening the point cloud; unknown density of points.
     pub fn settled(&self) -> Result<Self> {
         let mut job = self.clone();
         if job.preset.is_some() && job.placement.cell.is_none() && job.placement.like.is_none() {
@@ -201,37 +198,41 @@ impl GridJob {
         Ok(job)
     }
 
-    /// Whether the ground has to be known.
+    /// Whether ground points are needed.
     pub(super) fn needs_ground(&self) -> bool {
         let has_layers = self.canopy.way() == CanopyAlgorithm::PitFree;
         self.preset.is_some_and(|preset| preset != SurfaceModel::Dsm || has_layers)
     }
 
-    /// Fails when something is asked for that acts on none of the bands.
+    /// Fails if an option has no effect on any band.
     fn check_idle(&self) -> Result<()> {
         let lack = |key| self.stats.iter().any(|asked| asked.statistic.lacks(key));
         let around = self.compat == Compat::Pdal || lack("radius");
         let fills = self.stats.iter().any(|asked| asked.statistic.fills());
         let options = [
-            ("‹radius›", self.radius.is_some() && !around, "for idw and nearest without one"),
-            ("‹power›", self.power.is_some() && !lack("power"), "for idw without one"),
+            (
+                "‹radius›",
+                self.radius.is_some() && !around,
+                "idw and nearest without a radius of their own",
+            ),
+            ("‹power›", self.power.is_some() && !lack("power"), "idw without a power of its own"),
             (
                 "‹max_edge›",
                 self.max_edge.is_some() && !lack("max_edge"),
-                "for tin without one, ‹dtm›, ‹dsm› and ‹chm›",
+                "‹dtm›, ‹dsm›, ‹chm›, and tin without a max_edge of its own",
             ),
-            ("‹fill›", self.fill > 0 && !fills, "for heights, not for counts and classes"),
+            ("‹fill›", self.fill > 0 && !fills, "statistics of heights, not to counts and classes"),
         ];
         match options.into_iter().find(|(_, idles, _)| *idles) {
             Some((option, _, why)) => {
-                Err(Error::usage(format!("{option} cannot act: it is {why}"))
-                    .remedy(format!("leave {option} out")))
+                Err(Error::usage(format!("{option} has no effect: it applies to {why}"))
+                    .remedy(format!("leave out {option}")))
             }
             None => Ok(()),
         }
     }
 
-    /// Fails when the job cannot be done whatever the points.
+    /// Fails if the job is invalid for any points.
     pub fn check(&self) -> Result<()> {
         let format = self.format()?;
         format.check(&self.creation)?;
@@ -240,11 +241,11 @@ impl GridJob {
         }
         gridding::check_power(self.power.unwrap_or(1.0))?;
         if self.stats.is_empty() {
-            return Err(Error::usage("no statistic is asked for").remedy("add ‹stat› mean"));
+            return Err(Error::usage("no statistic given").remedy("add ‹stat› mean"));
         }
         self.preset.map_or(Ok(()), |preset| check_preset(preset, self))?;
         if self.water.is_some() && self.preset != Some(SurfaceModel::Dtm) {
-            return Err(Error::usage("‹water› is for models of the ground")
+            return Err(Error::usage("‹water› requires a terrain model")
                 .remedy("leave it out, or pass ‹dtm›"));
         }
         self.placement.check(self.compat, self.preset.is_some())?;
@@ -253,30 +254,30 @@ impl GridJob {
     }
 }
 
-/// Fails when a preset cannot be made as asked for, whatever the points.
+/// Fails if the options are invalid for a terrain model.
 fn check_preset(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     let wanted = &job.cloud.filter;
     if job.stats != [preset.band()] {
-        let message = "a preset is one band, beside which there is no statistic";
-        return Err(Error::usage(message).remedy("leave out ‹stat› or the preset"));
+        let message = "‹dtm›, ‹dsm› and ‹chm› do not support ‹stat›";
+        return Err(Error::usage(message).remedy("leave out ‹stat›"));
     }
     if wanted.returns.is_some() {
-        let message = "‹return› cannot act: a preset takes the returns that it is made of";
-        return Err(Error::usage(message).remedy("leave ‹return› out"));
+        let message =
+            "‹return› has no effect with ‹dtm›, ‹dsm› or ‹chm›, which select returns themselves";
+        return Err(Error::usage(message).remedy("leave out ‹return›"));
     }
     if wanted.classes.is_some() && job.ground.is_method() {
-        let message = "‹class› cannot act: it names the classes of ground, which a method of \
-            ‹ground› does not ask for";
-        return Err(Error::usage(message).remedy("leave ‹class› out, or pass ‹ground› class"));
+        let message = "‹class› has no effect: the method of ‹ground› does not use ground classes";
+        return Err(Error::usage(message).remedy("leave out ‹class›, or pass ‹ground› class"));
     }
     check_canopy(preset, job)
 }
 
-/// Fails where what is said of the surface, or of a ground that it does not stand on, cannot act.
+/// Fails for canopy or ground options without an effect on the model.
 fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     if preset == SurfaceModel::Dtm && !job.canopy.is_usual() {
-        return Err(Error::usage("‹canopy› cannot act: it is for ‹dsm› and ‹chm›")
-            .remedy("leave ‹canopy› out"));
+        return Err(Error::usage("‹canopy› has no effect: it applies to ‹dsm› and ‹chm›")
+            .remedy("leave out ‹canopy›"));
     }
     let idle = [
         ("‹ground›", job.ground != GroundFrom::Auto),
@@ -285,8 +286,8 @@ fn check_canopy(preset: SurfaceModel, job: &GridJob) -> Result<()> {
     match idle.into_iter().find(|(_, given)| *given && !job.needs_ground()) {
         Some((option, _)) => {
             let name = job.canopy.name();
-            let message = format!("{option} cannot act: a {name} ‹dsm› knows of no ground");
-            Err(Error::usage(message).remedy(format!("leave {option} out")))
+            let message = format!("{option} has no effect: a {name} ‹dsm› does not use the ground");
+            Err(Error::usage(message).remedy(format!("leave out {option}")))
         }
         None => Ok(()),
     }

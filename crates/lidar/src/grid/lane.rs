@@ -1,7 +1,7 @@
-//! The way of the points of one subject into the blocks of a grid.
+//! Adds the points of one subject to the blocks of a grid.
 //!
-//! Points of a subject come with its value in place of the height, so statistics know nothing of subjects. Values that
-//! are not steps of a lattice are kept one by one, in their order.
+//! Points of a subject carry its value instead of the height, so statistics do not depend on subjects. Real
+//! values are kept one by one, in order.
 
 use super::blocks::CellBlocks;
 use super::extent::GridExtent;
@@ -9,7 +9,7 @@ use terrane_base::error::Result;
 use terrane_base::geom::{Point, Rect};
 use terrane_gridding::{BlockTarget, CellHits, CellNeighborhood, DiscScatter, StatisticRecipe};
 
-/// Counts points that lie in no cell that is written.
+/// Counts points outside of all written cells.
 pub(super) struct OutsideCounter<'a> {
     extent: &'a GridExtent,
     pub(super) count: u64,
@@ -31,13 +31,13 @@ impl<'a> OutsideCounter<'a> {
     }
 }
 
-/// What one thread needs to hand the points of a subject to blocks.
+/// Per-thread state for adding the points of a subject to blocks.
 pub(super) struct FeedLane<'a> {
     extent: &'a GridExtent,
     blocks: &'a CellBlocks<'a>,
-    /// Points in no cell that is written.
+    /// Points outside of all written cells.
     pub(super) outside: u64,
-    /// The regions of the subject, and what is for discs.
+    /// The regions of the subject, with the scatter of discs.
     regions: Vec<(usize, Option<DiscScatter>)>,
     cols: Vec<i32>,
     rows: Vec<i32>,
@@ -55,11 +55,11 @@ struct PointBatch {
     /// Column and row of the cell that holds the point.
     places: Vec<(i32, i32)>,
     points: Vec<Point>,
-    /// The cell's place in the block, where it lies in it.
+    /// Index of the cell in the block, if inside.
     cells: Vec<u32>,
 }
 
-/// Points to a block in a run, on average, below which a batch is put in order first.
+/// Average length of runs below which a batch is sorted first.
 const SHORT_RUN: usize = 16;
 
 impl<'a> FeedLane<'a> {
@@ -88,7 +88,7 @@ impl<'a> FeedLane<'a> {
         }
     }
 
-    /// Hands a batch of points to the blocks they touch; `reals` are those that they name, if any.
+    /// Adds a batch of points to the blocks they touch; `reals` are their real values, if any.
     pub(super) fn take(&mut self, points: &[Point], reals: &[f64]) -> Result<()> {
         let lattice = &self.extent.lattice;
         lattice.x.numbers(points.iter().map(|p| p.x), &mut self.cols);
@@ -145,7 +145,7 @@ impl<'a> FeedLane<'a> {
         !self.batch.is_scattered()
     }
 
-    /// Hands the points of a batch over as they are, to the only region.
+    /// Adds the points of a batch to the only region.
     fn hand_over_own(&mut self, region: usize, points: &[Point], reals: &[f64]) -> Result<()> {
         let Self { blocks, extent, .. } = *self;
         if extent.fill > 0 {
@@ -198,7 +198,7 @@ impl<'a> FeedLane<'a> {
         }
     }
 
-    /// Hands points to one block.
+    /// Adds points to one block.
     fn hand_over(&mut self, run: &BlockRun<'_>, reals: &[f64]) -> Result<()> {
         let Self { blocks, extent, .. } = *self;
         let window = blocks.window(run.block);

@@ -1,4 +1,4 @@
-//! A model of the ground with level water: made as it is beside the output, then copied with its water.
+//! A terrain model with flattened water: written to a temporary file without water, then copied with it.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use terrane_files::{folder_for, name_of};
 use terrane_raster::{self as raster, GridOpenOptions, GridSource, WaterReport};
 use terrane_terrain::convert::{copy_levels, task};
 
-/// What it is made as: what has no water to add holds all that is known of a grid.
+/// Format of the temporary file, which holds all metadata of a grid.
 const FORMAT: &str = "store";
 
 /// Runs a checked job with the water of the file `water`; `make` runs one without.
@@ -59,8 +59,8 @@ pub(super) fn run(
     Ok(report)
 }
 
-/// Writes it as it would have been written without water; returns the bytes of the output, and what its format
-/// could not say.
+/// Copies the temporary grid to the output; returns its bytes, and notes on metadata that the format does not
+/// hold.
 fn copy(
     source: &dyn GridSource,
     job: &GridJob,

@@ -28,8 +28,7 @@ use terrane_raster::GridInfo;
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// Whatever the inputs, the output and the memory allow not; more points in a cell than can be
-/// counted.
+/// Errors of the inputs, the output and the memory; more points in a cell than can be counted.
 pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<GridReport> {
     job.check()?;
     let job = &job.settled()?;
@@ -53,7 +52,7 @@ pub fn run(job: &GridJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Gr
     Ok(GridReport { stages, notes, files, ..report })
 }
 
-/// As [`run`], of points from any source (`job.input` is only named in the report).
+/// As [`run`], for points from any source (`job.input` is only used in the report).
 pub fn grid(
     points: &dyn PointSource,
     job: &GridJob,
@@ -61,8 +60,8 @@ pub fn grid(
     cancel: &Cancel,
 ) -> Result<GridReport> {
     if job.preset.is_some() {
-        let message = "a preset reads its cloud several times, by class and return";
-        return Err(Error::usage(message).remedy("run the job with the cloud's name"));
+        let message = "‹dtm›, ‹dsm› and ‹chm› read the point cloud several times";
+        return Err(Error::usage(message).remedy("pass the name of the file"));
     }
     job.check()?;
     GridMaker::of_whole(points, job, progress, cancel)?.make()
@@ -73,7 +72,7 @@ pub(super) struct GridMaker<'a> {
     pub(super) points: &'a dyn PointSource,
     pub(super) job: &'a GridJob,
     pub(super) extent: GridExtent,
-    /// Only what may have points in it is read; a model needs what was seen of the whole cloud then.
+    /// The window to read, if not all; a terrain model then needs statistics of the whole point cloud.
     pub(super) within: Option<CellSurroundings>,
     pub(super) seen: Option<&'a CloudOverview>,
     pub(super) progress: &'a dyn Progress,
@@ -81,7 +80,7 @@ pub(super) struct GridMaker<'a> {
 }
 
 impl<'a> GridMaker<'a> {
-    /// Of all cells of a job that was checked.
+    /// All cells of a checked job.
     pub(super) fn of_whole(
         points: &'a dyn PointSource,
         job: &'a GridJob,
@@ -92,13 +91,13 @@ impl<'a> GridMaker<'a> {
         Ok(Self { points, job, extent, within: None, seen: None, progress, cancel })
     }
 
-    /// Makes and writes it from the whole cloud.
+    /// Makes and writes it from the whole point cloud.
     pub(super) fn make(&self) -> Result<GridReport> {
-        let more = || Error::new(ErrorKind::Internal, "a whole cloud was too little");
+        let more = || Error::new(ErrorKind::Internal, "the whole point cloud did not suffice");
         self.try_make()?.ok_or_else(more)
     }
 
-    /// Makes and writes it; `None` when what lies `within` is too little to tell some cell.
+    /// Makes and writes it; `None` if the points `within` do not suffice for some cell.
     pub(super) fn try_make(&self) -> Result<Option<GridReport>> {
         let start = Instant::now();
         let Self { job, extent, progress, cancel, .. } = self;
@@ -159,13 +158,13 @@ impl<'a> GridMaker<'a> {
         }))
     }
 
-    /// What reads the cloud with the attributes that the statistics take, if they take any.
+    /// The reader of the attributes that the statistics need, if any.
     fn columns(&self, recipe: &StatisticRecipe) -> Result<Option<Box<dyn AttributeSource + '_>>> {
         let names = recipe.attributes();
         (!names.is_empty()).then(|| self.points.columns(&names)).transpose()
     }
 
-    /// The parts of the cloud that are read.
+    /// The parts to read.
     fn parts(&self) -> Vec<usize> {
         match &self.within {
             Some(near) => parts_in(self.points, &near.window()),
@@ -173,7 +172,7 @@ impl<'a> GridMaker<'a> {
         }
     }
 
-    /// Reads the points; what goes through their neighbours may hold `memory` bytes of them.
+    /// Reads the points; surfaces may store `memory` bytes of them.
     fn gather(
         &self,
         feed: &CloudFeed<'_>,
@@ -206,7 +205,7 @@ impl<'a> GridMaker<'a> {
     }
 }
 
-/// What is known of a grid before it is made.
+/// The report before the grid is made.
 pub(super) fn report(job: &GridJob, info: &GridInfo, extent: &GridExtent) -> GridReport {
     let [west, y, cell_x, cell_y] = {
         let t = info.transform;

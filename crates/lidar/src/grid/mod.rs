@@ -1,5 +1,5 @@
-//! Point clouds to grids: one pass over the points whatever the extent, several bands at once, the
-//! same bytes whatever the order of files, the threads and the memory.
+//! Point clouds to grids: one pass over the points for any extent, several bands at once, and bytes that do not
+//! depend on the order of files, threads or memory.
 
 mod blocks;
 mod budget;

@@ -1,15 +1,15 @@
-//! What is read of a cloud for some of its cells.
+//! The part of a point cloud to read for some cells.
 
 use terrane_base::geom::{PointFrame, REACH};
 use terrane_delaunay::SiteWindow;
 
-/// How many times wider a margin becomes when one was too small.
+/// Growth factor of a margin that was too small.
 const WIDER: i32 = 4;
 
-/// What lies near some cells.
+/// The surroundings of some cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellSurroundings {
-    /// What statistics of the cells are made of.
+    /// Window of the points of the statistics.
     pub(crate) cells: SiteWindow,
     /// Steps around them.
     pub(crate) margin: i32,
@@ -20,7 +20,7 @@ impl CellSurroundings {
         self.cells.grown(self.margin)
     }
 
-    /// What lies near all of the window.
+    /// The window with its margin.
     pub(crate) fn beyond(self) -> SiteWindow {
         self.window().grown(self.margin)
     }
@@ -30,7 +30,7 @@ impl CellSurroundings {
     }
 }
 
-/// The steps that two ends of a world axis lie between, and one more.
+/// The range of steps of a world interval, with one step more.
 pub(crate) fn near_steps(frame: &PointFrame, axis: usize, [low, high]: [f64; 2]) -> [i32; 2] {
     let low = frame.steps(axis, low).floor() - 1.0;
     let high = frame.steps(axis, high).ceil() + 1.0;

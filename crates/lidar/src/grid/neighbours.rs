@@ -1,4 +1,4 @@
-//! Bands that need the points around a cell, not only those in it.
+//! Bands computed from the points around a cell, not only those in it.
 
 use super::extent::{CellRequest, GridExtent};
 use crate::points::{
@@ -20,14 +20,14 @@ pub(crate) struct CloudSurfaces {
     frame: PointFrame,
 }
 
-/// Squares for the points of a cloud.
+/// The tiling of the points of a point cloud.
 pub(crate) fn tiling(cloud: &CloudInfo) -> Tiling {
     let nowhere = [Point::default(); 2];
     Tiling::new(cloud.bounds.unwrap_or(nowhere), cloud.count)
 }
 
 impl CloudSurfaces {
-    /// Through the points of a store that is complete.
+    /// Surfaces through the points of a complete store.
     pub(crate) fn new(store: PointStore, frame: PointFrame) -> Result<Self> {
         let hull = store.hull()?;
         Ok(Self { store, hull, frame })
@@ -43,7 +43,7 @@ impl CloudSurfaces {
         self.store.spilled()
     }
 
-    /// The values of a statistic at the centres of cells, NaN where there is no surface.
+    /// The values of a statistic at the centres of cells, NaN outside the surface.
     pub(super) fn values(
         &self,
         statistic: Statistic,
@@ -66,8 +66,7 @@ impl CloudSurfaces {
         surface.fill(centres.positions(), out)
     }
 
-    /// The height in steps of the linear surface at each of `points`, which lie near each other; `None`
-    /// beyond it.
+    /// The height in steps of the linear surface at each of `points`, which are close together; `None` outside.
     pub(crate) fn under(
         &self,
         points: &[Point],
@@ -89,9 +88,9 @@ impl CloudSurfaces {
     }
 }
 
-/// The error of a part of a cloud that was too little.
+/// The error of a part that does not suffice.
 pub(crate) fn more_is_needed() -> Error {
-    Error::new(ErrorKind::Resource, "more of the cloud has to be read")
+    Error::new(ErrorKind::Resource, "more of the point cloud has to be read")
 }
 
 /// The centres of cells, in steps.
@@ -101,7 +100,7 @@ pub(super) struct CellCenters {
 }
 
 impl CellCenters {
-    /// Of the cells of `rect`.
+    /// The centres of the cells of `rect`.
     pub(super) fn new(extent: &GridExtent, rect: Rect, frame: &PointFrame) -> Self {
         let (x, y) = (extent.lattice.x, extent.lattice.y);
         let cols = rect.col..rect.col + rect.width;

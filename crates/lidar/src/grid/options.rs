@@ -134,13 +134,13 @@ impl GridOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Statistics that there are not; polygons that cannot be read.
+    /// Unknown statistics; polygons that cannot be read.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let cloud = self.cloud.options(&self.resources)?;
         Ok(GridJob { cloud, ..settled(self)?.unread(inputs, output)? })
     }
 
-    /// The same without the polygons that points are within.
+    /// The job without its clip polygons.
     fn unread(&self, inputs: &Inputs, output: &Path) -> Result<GridJob> {
         let preset = self.preset();
         let stats = preset.map_or_else(
@@ -186,10 +186,8 @@ impl Operation for GridOptions {
         let job = self.unread(&Inputs::from(Vec::new()), output)?;
         let floats = [SampleType::F16, SampleType::F32, SampleType::F64];
         if self.round && job.format()?.holds_types && floats.contains(&self.sample_type) {
-            return Err(Error::usage(
-                "‹round› cannot act: it is for whole numbers: floats hold the nearest value anyway",
-            )
-            .remedy("leave ‹round› out"));
+            return Err(Error::usage("‹round› has no effect on floating-point samples")
+                .remedy("leave out ‹round›"));
         }
         job.check()
     }

@@ -6,7 +6,7 @@ use terrane_options::Choice;
 use terrane_base::error::{Error, Result};
 use terrane_cloud::CloudInfo;
 
-/// Whose conventions a grid follows, so that it can be compared cell by cell.
+/// Program whose conventions a grid follows, for comparison cell by cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice, Serialize, Deserialize)]
 pub enum Compat {
     /// terrane's own: cells [W, E) x [S, N), corners at multiples of the cell size
@@ -19,65 +19,66 @@ pub enum Compat {
     Lasr,
 }
 
-/// Where the cells of a grid lie.
+/// Position and size of the cells of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
-    /// Sides of a cell (x, y), in world units; those of `like` when it is given, and of a model of the
-    /// terrain about the distance between points when neither is.
+    /// Sides of a cell (x, y), in world units; those of `like` if given; for a terrain model without either,
+    /// about the point spacing.
     pub cell: Option<[f64; 2]>,
     /// A corner of some cell; the origin of the coordinates when `None`.
     pub align: Option<[f64; 2]>,
-    /// All cells that this box (x min, y min, x max, y max) overlaps; those of the cloud's bounds when
+    /// All cells that this box (x min, y min, x max, y max) overlaps; the bounds of the point cloud when
     /// `None`.
     pub extent: Option<[f64; 4]>,
-    /// The very cells of this grid.
+    /// Grid whose cells are used.
     pub like: Option<String>,
-    /// Whether the size was chosen by the density of points, which a note then tells.
+    /// Whether the size was derived from the density of points, for a note.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_chosen: bool,
 }
 
 impl Placement {
-    /// Cells of this size over the whole cloud.
+    /// Cells of this size over the whole point cloud.
     pub fn new(cell: [f64; 2]) -> Self {
         Self { cell: Some(cell), ..Self::default() }
     }
 
-    /// Fails when the wishes contradict each other.
+    /// Fails for conflicting options.
     pub(super) fn check(&self, compat: Compat, is_model: bool) -> Result<()> {
         let refuse =
-            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave one of them out"));
+            |what: &str| Err(Error::usage(what.to_owned()).remedy("leave out one of them"));
         let is_size = |cell: &[f64; 2]| cell.iter().all(|side| *side > 0.0 && side.is_finite());
         match (&self.like, &self.cell) {
-            (Some(_), Some(_)) => return refuse("‹like› has cells of its own beside ‹cell›"),
+            (Some(_), Some(_)) => return refuse("‹like› and ‹cell› both set the cell size"),
             (None, None) if !is_model => {
-                return Err(Error::usage("no cell size is given").remedy("add ‹cell› or ‹like›"));
+                return Err(Error::usage("no cell size given").remedy("pass ‹cell› or ‹like›"));
             }
             (None, Some(cell)) if !is_size(cell) => {
-                return Err(Error::usage("a cell has sides above zero"));
+                return Err(Error::usage("the cell size is not above 0"));
             }
             _ => {}
         }
         if self.like.is_some() && (self.align.is_some() || self.extent.is_some()) {
-            return refuse("‹like› says where all cells lie, beside ‹align› or ‹extent›");
+            return refuse(
+                "‹like› sets all cells, so it is not supported with ‹align› or ‹extent›",
+            );
         }
         if compat == Compat::Pdal && (self.align.is_some() || self.like.is_some()) {
-            return refuse("PDAL's grids begin at the lowest point, beside ‹align› or ‹like›");
+            return refuse(
+                "‹compat› pdal sets the grid origin, so it is not supported with ‹align› or ‹like›",
+            );
         }
         Ok(())
     }
 }
 
-/// Chosen sides of cells are one of these, times a power of ten.
+/// Mantissas of derived cell sizes, times a power of ten.
 const ROUND: [f64; 4] = [1.0, 2.0, 5.0, 10.0];
 
-/// The side of a cell where none is asked for: what one point has of the area of all, as the headers tell
-/// both, rounded up.
+/// The default cell size: the root of the area per point, from the headers, rounded up.
 pub(super) fn usual_cell(info: &CloudInfo) -> Result<f64> {
-    let unknown = || {
-        Error::usage("it cannot be told how far apart the points are")
-            .remedy("pass ‹cell›, the side of a cell")
-    };
+    let unknown =
+        || Error::usage("the point spacing is unknown").remedy("pass the cell size with ‹cell›");
     let [low, high] = info.bounds.ok_or_else(unknown)?.map(|end| info.frame.world(end));
     let area = (high[0] - low[0]) * (high[1] - low[1]);
     let apart = (area / info.count as f64).sqrt();

@@ -1,5 +1,4 @@
-//! Who reads which part: each thread its own stretch of the files, so that threads work far apart,
-//! and when that is done half of the longest stretch left.
+//! Work queue of parts: each thread reads its own range of the files, and then half of the longest range left.
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -10,7 +9,7 @@ use terrane_files::lock;
 pub(super) struct ReadQueue(Vec<Mutex<Range<usize>>>);
 
 impl ReadQueue {
-    /// `parts` parts for so many threads, at least one.
+    /// `parts` parts for at least one thread.
     pub(super) fn new(parts: usize, threads: usize) -> Self {
         let start = |thread: usize| (parts as u128 * thread as u128 / threads as u128) as usize;
         Self((0..threads).map(|thread| Mutex::new(start(thread)..start(thread + 1))).collect())
@@ -27,7 +26,7 @@ impl ReadQueue {
         }
     }
 
-    /// The later half of the longest stretch; `None` when nothing is left.
+    /// The second half of the longest range; `None` if nothing is left.
     fn steal(&self) -> Option<Range<usize>> {
         let longest = self.0.iter().max_by_key(|stretch| lock(stretch).len())?;
         let mut stretch = lock(longest);

@@ -1,4 +1,4 @@
-//! What a cloud-to-grid job did.
+//! Report of a cloud-to-grid job.
 
 use std::time::Instant;
 
@@ -9,7 +9,7 @@ use terrane_engine::figures::RunStatistics;
 use terrane_engine::sift::LostPoints;
 use terrane_raster::WaterReport;
 
-/// What a cloud-to-grid job did.
+/// Report of a cloud-to-grid job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -29,24 +29,24 @@ pub struct GridReport {
     pub vertical_unit: Option<String>,
     pub sample_type: String,
     pub nodata: f64,
-    /// Radius that cells look around in; absent when no statistic does.
+    /// Radius of statistics; absent if none uses it.
     pub radius: Option<f64>,
-    /// What became of the points.
+    /// Statistics of the points.
     pub points: PointCensus,
-    /// Of a plan: points that the cloud has, by its headers; `points` counts them for each tile that
+    /// For a plan: number of points of the point cloud by its headers; `points` counts them for each tile that
     /// reads them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cloud_points: Option<u64>,
-    /// Points kept that lie in no cell of the grid.
+    /// Points outside of all cells of the grid.
     pub outside_grid: u64,
     pub bands: Vec<GridBandReport>,
-    /// What became of water.
+    /// Report on the flattening of water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
-    /// Files whose damage was passed over; the notes tell of them.
+    /// Files with skipped damage; also in the notes.
     #[serde(skip)]
     pub losses: LostPoints,
-    /// What is odd about the cloud, or what the format could not say.
+    /// Notes on the point cloud, and on metadata that the format does not hold.
     pub notes: Vec<String>,
     pub output_bytes: u64,
     pub stages: Vec<GridStage>,
@@ -55,12 +55,12 @@ pub struct GridReport {
     pub points_per_second: f64,
 }
 
-/// A band and how many of its cells have a value.
+/// A band and its number of valid cells.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct GridBandReport {
     pub name: String,
-    /// Cells with a value; a count of 0 is none.
+    /// Valid cells; a count of 0 is not valid.
     pub valid: u64,
 }
 

@@ -1,4 +1,4 @@
-//! The bands of a grid whose points are all in, as grids that sinks are fed from.
+//! The bands of a complete grid as grid sources.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,7 +17,7 @@ use terrane_terrain::convert::{copy_levels, task};
 
 /// Cells whose values are known.
 pub(super) trait CellSource: Sync {
-    /// The values of band `number`, which is `band`, in `rect` of what is written, NaN where void.
+    /// The values of band `number` (`band`) in `rect` of the written cells; NaN for voids.
     fn values(
         &self,
         number: usize,
@@ -26,7 +26,7 @@ pub(super) trait CellSource: Sync {
         out: &mut [f64],
     ) -> Result<()>;
 
-    /// No band of `rect` will be asked for again.
+    /// Releases `rect`: none of its bands will be read again.
     fn release(&self, _rect: Rect) {}
 }
 
@@ -39,7 +39,7 @@ pub(super) struct CellBands<'a> {
 }
 
 impl CellBands<'_> {
-    /// Hands the values of all bands to the sink; returns how many cells of each have one.
+    /// Writes the values of all bands to the sink; returns the number of valid cells of each.
     pub(super) fn write(
         &self,
         sink: &mut dyn GridSink,
@@ -69,25 +69,25 @@ impl CellBands<'_> {
     }
 }
 
-/// A grid whose points are all in.
+/// A grid with all its points.
 pub(super) struct FinishedGrid<'a> {
     pub(super) blocks: &'a CellBlocks<'a>,
     pub(super) extent: &'a GridExtent,
     pub(super) units: CellUnits,
-    /// Where a band needs it.
+    /// Heights for bands that need them.
     pub(super) heights: Option<HeightSource>,
     /// Longest edge of triangles that are surface, in world units.
     pub(super) max_edge: Option<f64>,
 }
 
 impl FinishedGrid<'_> {
-    /// A rectangle of what is written, among all cells computed.
+    /// A rectangle of written cells, relative to all computed cells.
     fn computed(&self, rect: Rect) -> Rect {
         let Rect { col, row, .. } = self.extent.output;
         Rect::new(rect.col + col, rect.row + row, rect.width, rect.height)
     }
 
-    /// The values of a band in `rect` of all cells computed, NaN where void.
+    /// The values of a band in `rect` of all computed cells; NaN for voids.
     fn unfilled(&self, band: &StatisticBand, rect: Rect, out: &mut [f64]) -> Result<()> {
         if let (Some(heights), true) = (&self.heights, band.is_triangulated()) {
             let piece = CellRequest { extent: self.extent, rect, max_edge: self.max_edge };
@@ -112,7 +112,7 @@ impl FinishedGrid<'_> {
         Ok(())
     }
 
-    /// The same with voids filled.
+    /// The values of a band with voids filled.
     fn filled(&self, band: &StatisticBand, rect: Rect, out: &mut [f64]) -> Result<()> {
         let reach = self.extent.fill;
         if reach == 0 || !band.statistic.fills() {
@@ -144,7 +144,7 @@ impl CellSource for FinishedGrid<'_> {
     }
 }
 
-/// Makes the cells of `around` that are not in `known` void.
+/// Sets the cells of `around` outside of `known` to NaN.
 fn void_beyond(values: &mut [f64], around: Rect, known: Rect) {
     for (row, line) in (around.row..).zip(values.chunks_exact_mut(around.width as usize)) {
         let inside = (known.row..known.row + known.height).contains(&row);
@@ -164,11 +164,11 @@ pub(super) struct BandSource<'a> {
 }
 
 thread_local! {
-    /// Room for values that are narrowed: new memory for each block costs more than the values.
+    /// Reusable buffer for conversion to f32; allocating it for each block is slower.
     static VALUES: Cell<Vec<f64>> = const { Cell::new(Vec::new()) };
 }
 
-/// Counts beyond this are not all `f32`.
+/// Largest count up to which all are exact in `f32`.
 const EXACT: f64 = (1 << 24) as f64;
 
 impl<'a> BandSource<'a> {
@@ -176,7 +176,7 @@ impl<'a> BandSource<'a> {
         Self { of, number, valid: AtomicU64::new(0) }
     }
 
-    /// Cells read that have a value; a count of 0 is none.
+    /// Valid cells read; a count of 0 is not valid.
     pub(super) fn valid(&self) -> u64 {
         self.valid.load(Ordering::Relaxed)
     }

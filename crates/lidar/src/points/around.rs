@@ -1,4 +1,4 @@
-//! The points around a place, with more of them taken in when an answer needs them.
+//! The points around a position; more are loaded when a query needs them.
 
 use std::cell::RefCell;
 
@@ -10,23 +10,23 @@ use terrane_delaunay::{
     PointIndex, SiteWindow, TriangleFinder,
 };
 
-/// Squares taken in at a time, the nearest first.
+/// Tiles loaded at a time, the nearest first.
 const AT_ONCE: usize = 16;
 
-/// All points of a window, and of those squares beyond it that were needed.
+/// All points of a window, and of the tiles beyond it that were needed.
 pub(crate) struct SurroundingPoints<'a> {
     store: &'a PointStore,
-    /// Of the window.
+    /// Points of the window.
     bins: PointBins,
     known: SiteWindow,
-    /// By square.
+    /// Points beyond it, by tile.
     beyond: Vec<(usize, PointBins)>,
-    /// Squares that the last answer lacked.
+    /// Tiles that the last query lacked.
     wanted: RefCell<Vec<usize>>,
 }
 
 impl<'a> SurroundingPoints<'a> {
-    /// The points of the squares that `window` touches.
+    /// The points of the tiles that `window` touches.
     pub(crate) fn new(store: &'a PointStore, window: SiteWindow) -> Result<Self> {
         let squares = || store.tiling().touching(window);
         let windows = squares().map(|square| store.tiling().window_of(square));
@@ -35,7 +35,7 @@ impl<'a> SurroundingPoints<'a> {
         Ok(Self { store, bins, known, beyond: Vec::new(), wanted: RefCell::default() })
     }
 
-    /// What lies at each position, in their order.
+    /// The location of each position in the triangulation, in order.
     pub(crate) fn find_all(
         &mut self,
         hull: &ConvexHull,
@@ -45,7 +45,7 @@ impl<'a> SurroundingPoints<'a> {
         self.find_all_small(hull, positions, |_| true, each)
     }
 
-    /// The same, where only triangles count that are small: on the side of two, the one that is.
+    /// As [`find_all`](Self::find_all), for small triangles only; on a shared side, the small one.
     pub(crate) fn find_all_small(
         &mut self,
         hull: &ConvexHull,
@@ -69,13 +69,13 @@ impl<'a> SurroundingPoints<'a> {
         Ok(())
     }
 
-    /// What lies at each position, in their order, as far as it is a point or a triangle that
-    /// `is_small`: of any other triangle, only that there is none that small. Those have no edge longer
-    /// than `reach` steps, by which the window exceeds the positions.
+    /// The location of each position, in order, if it is a point or a triangle that `is_small`; other triangles
+    /// are only reported as not small. Small triangles have no edge longer than `reach` steps, the margin of
+    /// the window around the positions.
     ///
-    /// A small triangle of all points has its corners in the window, so it is that of the points known,
-    /// too: what is not small among those needs no further look, however far its disc reaches. Where no
-    /// point is within reach, none is looked for.
+    /// A small triangle of all points has its corners in the window, so it is also a triangle of the known
+    /// points: other triangles need no further check, regardless of their circles. Positions without a point
+    /// within reach are skipped.
     pub(crate) fn find_small(
         &mut self,
         hull: &ConvexHull,
@@ -138,7 +138,7 @@ impl<'a> SurroundingPoints<'a> {
         Ok(())
     }
 
-    /// Loads the squares that the last answer lacked, or the nearest of them.
+    /// Loads the tiles that the last query lacked, or the nearest of them.
     fn take_in(&mut self) -> Result<()> {
         let mut wanted = self.wanted.take();
         wanted.sort_by_key(|&square| (self.steps_to(square), square));
@@ -148,7 +148,7 @@ impl<'a> SurroundingPoints<'a> {
         Ok(())
     }
 
-    /// How far a square is from the window, along the axis on which it is further.
+    /// Distance of a tile from the window, along the axis where it is larger.
     fn steps_to(&self, square: usize) -> i64 {
         let there = self.store.tiling().window_of(square);
         let gap = |a: i32, b: i32| i64::from(a) - i64::from(b);
@@ -158,7 +158,7 @@ impl<'a> SurroundingPoints<'a> {
         apart(0).max(apart(1))
     }
 
-    /// An answer rests on a disc that holds no point of the store.
+    /// Records that a query depends on an empty circle.
     fn note(&self, disc: &CircumscribedDisc) {
         if let Some(limits) = &self.store.limits {
             limits.note_disc(disc);
@@ -171,7 +171,7 @@ impl<'a> SurroundingPoints<'a> {
     }
 }
 
-/// The points of squares, which bins put into order.
+/// The points of tiles, sorted into bins.
 fn binned(store: &PointStore, mut squares: impl Iterator<Item = usize>) -> Result<PointBins> {
     let mut points = Vec::new();
     squares.try_for_each(|square| store.visit(square, |run| points.extend_from_slice(run)))?;
@@ -230,7 +230,7 @@ impl PointIndex for SurroundingPoints<'_> {
     }
 }
 
-/// The points around a place as if there were no others.
+/// The known points around a position, ignoring all others.
 struct KnownPoints<'a, 'b>(&'a SurroundingPoints<'b>);
 
 impl PointIndex for KnownPoints<'_, '_> {

@@ -2,9 +2,8 @@
 //!
 //! The triangle at a cell's centre is found without a triangulation: it is the optimal basis of a linear
 //! programme with three rows, reached in about one pivot from the nearest points of the four quadrants
-//! (`terrane_delaunay::TriangleFinder`). If its circle reaches into squares that are not loaded and hold points
-//! there, those are loaded, too. No buffer has to be guessed: a fixed one is wrong wherever voids are
-//! wider than it.
+//! (`terrane_delaunay::TriangleFinder`). If its circle reaches into tiles with points that are not loaded,
+//! these are loaded, too. So there is no fixed buffer, which would be wrong in wider voids.
 
 use std::ops::Range;
 
@@ -16,16 +15,15 @@ use terrane_delaunay::{ConvexHull, FixedPosition, Location, SiteWindow, interpol
 use terrane_gridding::SurfaceInterpolation;
 use terrane_gridding::pitfree::is_short;
 
-/// Most points that are held for positions side by side, unless they are all needed for one.
+/// Most points in memory for adjacent positions, unless a single one needs more.
 pub(crate) const MOST_POINTS: u64 = 1 << 19;
-/// The same where all of them are triangulated: eight times the bytes, and twice as wide a window where
-/// the first one is too narrow.
+/// The limit if all points are triangulated, which takes eight times the bytes.
 const MOST_TRIANGULATED: u64 = 1 << 16;
 
 /// The surface over the points of a store.
 pub(crate) struct InterpolatedSurface<'a> {
     pub(crate) store: &'a PointStore,
-    /// Of all points of the store.
+    /// Hull of all points of the store.
     pub(crate) hull: &'a ConvexHull,
     pub(crate) frame: PointFrame,
     pub(crate) shape: SurfaceInterpolation,
@@ -48,7 +46,8 @@ pub(crate) struct ColumnRowRange {
 }
 
 impl ColumnRowPositions<'_> {
-    /// Hands on parts, each with what it lies in, near which there are `most` points to be held.
+    /// Divides the positions into parts with at most `most` points near each; calls back with each part and its
+    /// window.
     pub(crate) fn in_parts(
         self,
         most: u64,
@@ -84,8 +83,8 @@ impl ColumnRowRange {
 }
 
 impl InterpolatedSurface<'_> {
-    /// World heights at the positions, row by row; NaN where there is no surface. A value depends on
-    /// the points and its position alone.
+    /// World heights at the positions, row by row; NaN outside the surface. A value depends on the points and
+    /// its position only.
     pub(crate) fn fill(&self, at: ColumnRowPositions<'_>, out: &mut [f64]) -> Result<()> {
         let near = |window| self.store.points_near(window);
         let most = match self.shape {
@@ -130,8 +129,8 @@ impl InterpolatedSurface<'_> {
         }
     }
 
-    /// Steps beyond the positions within which points are looked for at once. Where not all of the
-    /// cloud is in the store, what has long edges is told from what has not without looking further.
+    /// Margin of the first window around the positions, in steps. With a part of the point cloud, it covers the
+    /// longest valid edge, so that longer ones are rejected locally.
     fn margin(&self) -> i32 {
         match self.shape {
             SurfaceInterpolation::Linear { max_edge: Some(most) }
@@ -177,7 +176,7 @@ pub(crate) fn reach(frame: &PointFrame, length: f64) -> i32 {
     (length / x.min(y)).ceil().min(f64::from(REACH)) as i32
 }
 
-/// What the positions of a part lie in.
+/// The window of the positions of a part.
 fn window(at: ColumnRowPositions<'_>, part: &ColumnRowRange) -> Option<SiteWindow> {
     let (xs, ys) = (at.xs.get(part.cols.clone())?, at.ys.get(part.rows.clone())?);
     let site = |x: f64, y: f64| FixedPosition::from_steps(x, y).floor();

@@ -1,11 +1,10 @@
-//! How far what a store holds is all there is: a store may be filled from a part of a cloud.
+//! Limits of a store that is filled from a part of a point cloud.
 //!
-//! Of a surface through all points, two things are noted on the way: a disc that was found empty but
-//! reaches out of the window that was read, and a position that the points read do not surround but those
-//! of unread parts might. Then more has to be read, and the work done again. Both notes are on the safe
-//! side, so what comes out is what the whole cloud gives. With a longest edge, corners of triangles that
-//! count lie within it, and nothing further away can matter. Where the hull of all points is known, they are
-//! added to those read, and tell which positions are surrounded.
+//! For surfaces through all points, two conditions are recorded: a circle found empty that reaches out of the
+//! window that was read, and a position outside the hull of the points read that unread parts might enclose.
+//! Then more has to be read, and the work repeated. Both conditions are conservative, so the result is that of
+//! the whole point cloud. With a longest edge, nothing further away matters. If the hull of all points is
+//! known, its points are added to those read, and decide which positions are enclosed.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,26 +13,26 @@ use terrane_base::geom::Point;
 use terrane_cloud::PointSource;
 use terrane_delaunay::{CircumscribedDisc, ConvexHull, FixedPosition, HullLocation, SiteWindow};
 
-/// The part of a cloud that a store is filled from, and whether an answer needed more of it.
+/// The part of a cloud that a store is filled from, and whether a query needed more of it.
 ///
-/// An answer that was found while [`is_exceeded`](Self::is_exceeded) stays false is that of the whole
-/// cloud: no disc that had to be empty left the window, and no position that the points known do not
-/// surround may lie among others.
+/// While [`is_exceeded`](Self::is_exceeded) is false, results are those of the whole point cloud: no circle
+/// that had to be empty left the window, and no position outside the known hull may be enclosed by other
+/// points.
 #[derive(Debug)]
 pub(crate) struct PointStoreLimits {
-    /// All points of the cloud that lie in it are in the store.
+    /// All points in this window are in the store.
     window: SiteWindow,
-    /// All that the cloud may reach.
+    /// Window of the whole point cloud.
     cloud: SiteWindow,
-    /// Around all boxes that other points may lie in.
+    /// Hull of the boxes of all unread points.
     others: ConvexHull,
-    /// Around these and the points known.
+    /// Hull of these and of the known points.
     outer: OnceLock<ConvexHull>,
     exceeded: AtomicBool,
 }
 
 impl PointStoreLimits {
-    /// Of a store that has all its points in `window`, and those of its hull.
+    /// Limits of a store with all points in `window`, and those of the hull.
     pub(crate) fn with_hull(source: &dyn PointSource, window: SiteWindow) -> Self {
         Self {
             window,
@@ -44,7 +43,7 @@ impl PointStoreLimits {
         }
     }
 
-    /// Of the parts of a cloud that may have points in `window`; the others are not read.
+    /// Limits of a store of the parts that may have points in `window`; the others are not read.
     pub(crate) fn new(source: &dyn PointSource, window: SiteWindow) -> Self {
         let corners = (0..source.parts())
             .filter_map(|part| source.bounds_of(part))
@@ -56,19 +55,19 @@ impl PointStoreLimits {
         Self { others, ..Self::with_hull(source, window) }
     }
 
-    /// True once an answer needed more than the window.
+    /// True once a query needed more than the window.
     pub(crate) fn is_exceeded(&self) -> bool {
         self.exceeded.load(Ordering::Relaxed)
     }
 
-    /// Notes that `disc` has to be empty.
+    /// Records that `disc` has to be empty.
     pub(super) fn note_disc(&self, disc: &CircumscribedDisc) {
         if disc.clip(&self.cloud).is_some_and(|part| !self.window.covers(&part)) {
             self.exceed();
         }
     }
 
-    /// Notes that a position was looked up in the surface over the points known, whose hull is `hull`.
+    /// Records a query at a position of the surface over the known points with this `hull`.
     pub(super) fn note_position(&self, hull: &ConvexHull, position: FixedPosition) {
         let place = hull.place(position);
         if place == HullLocation::Inside {

@@ -1,10 +1,10 @@
-//! All points of a cloud, sorted into squares of the plane: in memory while it lasts, else on disk.
+//! All points of a point cloud, sorted into tiles: in memory if they fit, else on disk.
 //!
-//! Methods that need a point's neighbours read the squares they touch. A square's points are handed
-//! out in canonical order, so that nothing depends on the order in which they came.
+//! Methods that need the neighbours of a point read the tiles they touch. The points of a tile are returned in
+//! canonical order, so that results do not depend on the order of input.
 //!
-//! Squares hold about 4,096 points. What is known of each (its count, the box around its points, its
-//! lowest point) stays in memory and answers most questions about squares far away without reading them.
+//! Tiles hold about 4,096 points. The summary of each (its count, bounding box and lowest point) stays in
+//! memory and answers most queries about distant tiles without reading them.
 
 mod around;
 mod interpolated;

@@ -1,7 +1,7 @@
-//! Points by square in files that stay: a task writes one, and whoever needs a square of it reads no more.
+//! Points by tile in persistent files: a task writes one, and readers read single tiles.
 //!
-//! A file has the points of its squares, one square after the other, then an index of them, and how many there are. The
-//! index has a digest of the points of each square, and who opens the file knows that of the index.
+//! A file has the points of its tiles in order, then an index, and the number of tiles. The index has a
+//! checksum of the points of each tile; the reader knows the checksum of the index.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -16,8 +16,8 @@ use terrane_files::atomic::AtomicFile;
 
 /// Bytes of a point: x, y and z as `i32`.
 pub(crate) const POINT: u64 = 12;
-/// Bytes of an index for a square: its number and its points as `u32`, their box and the lowest of them as `i32`, and
-/// their digest.
+/// Bytes of an index entry of a tile: its number and its point count as `u32`, their bounds and lowest point as
+/// `i32`, and their digest.
 pub(crate) const ENTRY: u64 = 9 * 4 + Digest::BYTES as u64;
 
 /// A file that is being written.
@@ -28,13 +28,13 @@ pub(crate) struct ShelfWriter {
 }
 
 impl ShelfWriter {
-    /// In place of what is at `path`.
+    /// Creates or replaces the file at `path`.
     pub(crate) fn create(path: &Path) -> Result<Self> {
         let file = AtomicFile::create(path, true)?;
         Ok(Self { file, path: path.to_path_buf(), index: Vec::new() })
     }
 
-    /// Adds the points of a square, if there are any.
+    /// Adds the points of a tile, if there are any.
     pub(crate) fn put(&mut self, square: usize, points: &[Point]) -> Result<()> {
         if points.is_empty() {
             return Ok(());
@@ -71,30 +71,31 @@ fn bytes_of(points: &[Point]) -> Vec<u8> {
     points.iter().flat_map(|p| [p.x, p.y, p.z]).flat_map(i32::to_le_bytes).collect()
 }
 
-/// A square of a file.
+/// A tile of a file.
 #[derive(Clone, Copy, Debug)]
 struct SquareIndexEntry {
     square: u32,
-    /// Which file, and where in it.
+    /// Index of the file.
     file: u32,
+    /// Offset of its points in the file.
     start: u64,
     digest: Digest,
     summary: SquareSummary,
 }
 
-/// The squares of several files.
+/// The tiles of several files.
 #[derive(Debug, Default)]
 pub(crate) struct SquareIndexes {
     files: Vec<PathBuf>,
-    /// By square, then file.
+    /// Sorted by tile, then file.
     entries: Vec<SquareIndexEntry>,
 }
 
 impl SquareIndexes {
-    /// Of files whose indices have these digests.
+    /// Opens files whose indices have these digests.
     ///
     /// # Errors
-    /// Files that are not what was written.
+    /// Damaged files.
     pub(crate) fn open(files: impl IntoIterator<Item = (PathBuf, Digest)>) -> Result<Self> {
         let mut shelves = Self::default();
         for (path, digest) in files {
@@ -106,7 +107,7 @@ impl SquareIndexes {
         Ok(shelves)
     }
 
-    /// Squares with points, and what is known of them; a square is named for each file that has points of it.
+    /// Tiles with points and their summaries; a tile is listed once for each file that has points of it.
     pub(crate) fn squares(&self) -> impl Iterator<Item = (usize, SquareSummary)> {
         self.entries.iter().map(|entry| (entry.square as usize, entry.summary))
     }
@@ -116,7 +117,7 @@ impl SquareIndexes {
         size_of_val(&self.entries[..]) as u64
     }
 
-    /// Hands out the points of a square, file by file.
+    /// Reads the points of a tile, file by file.
     pub(crate) fn read(&self, square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
         let from = self.entries.partition_point(|entry| (entry.square as usize) < square);
         let here = self.entries[from..].iter();
@@ -141,7 +142,7 @@ impl SquareIndexes {
     }
 }
 
-/// What the index of a file tells.
+/// Reads the index of a file.
 fn index(path: &Path, digest: Digest, number: u32) -> Result<Vec<SquareIndexEntry>> {
     let (fail, damaged) = (|e: io::Error| Error::read(path, e), || damaged_object(path));
     let mut file = File::open(path).map_err(fail)?;

@@ -1,4 +1,4 @@
-//! All points of a cloud in squares: read once, kept in memory or in a file, handed out square by square.
+//! All points of a point cloud in tiles: read once, stored in memory or in a file, returned tile by tile.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -16,21 +16,21 @@ use terrane_engine::workers;
 use terrane_engine::{Cancel, FileAt, Progress};
 use terrane_files::{Buckets, lock};
 
-/// The points of a cloud by square.
+/// The points of a point cloud by tile.
 #[derive(Debug)]
 pub(crate) struct PointStore {
     tiling: Tiling,
     pub(super) points: Buckets<Point>,
-    /// What lies in files beside them.
+    /// Further points in files.
     shelves: SquareIndexes,
-    /// Squares whose points are kept, where these are not all.
+    /// Tiles to keep, if not all.
     wanted: Option<Vec<bool>>,
     summaries: Vec<Mutex<SquareSummary>>,
     census: PointCensus,
     losses: LostPoints,
-    /// Where not all of the cloud is in it.
+    /// Limits, if it has a part of the point cloud only.
     pub(super) limits: Option<PointStoreLimits>,
-    /// Where no points are kept, but what surrounds them.
+    /// Hull of the points, if the points are not kept.
     outline: Option<Mutex<ConvexHull>>,
 }
 
@@ -42,14 +42,14 @@ pub(crate) struct PointStoreSetup<'a> {
     pub(crate) memory: u64,
     /// Folder of the temporary file, if one is needed.
     pub(crate) folder: &'a Path,
-    /// Only what lies in it, where it is not all of the cloud.
+    /// Window to read, if not all.
     pub(crate) within: Option<SiteWindow>,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) cancel: &'a Cancel,
 }
 
 impl PointStore {
-    /// Reads the cloud once.
+    /// Reads the point cloud once.
     pub(crate) fn fill(
         source: &dyn PointSource,
         tiling: Tiling,
@@ -58,7 +58,7 @@ impl PointStore {
         Self::empty(tiling, filling.folder, filling.memory).filled(source, filling)
     }
 
-    /// The same store with the points of a cloud, read once.
+    /// The store with the points of a point cloud, read once.
     pub(crate) fn filled(
         self,
         source: &dyn PointSource,
@@ -67,7 +67,7 @@ impl PointStore {
         self.filled_and(source, filling, &|_| Ok(()))
     }
 
-    /// The same; the points are handed to `also`, too.
+    /// As [`filled`](Self::filled); also calls `also` with the points.
     pub(crate) fn filled_and(
         self,
         source: &dyn PointSource,
@@ -89,13 +89,12 @@ impl PointStore {
         Ok(Self { census, losses: LostPoints::of(source), ..self })
     }
 
-    /// The same store, which will know its squares and what surrounds its points, and keep none of these.
+    /// The store with summaries of tiles and the hull only, without points.
     pub(crate) fn outline(self) -> Self {
         Self { outline: Some(Mutex::default()), ..self }
     }
 
-    /// A store without points, which may have about `memory` bytes of them before it takes to a file
-    /// in `folder`.
+    /// An empty store for about `memory` bytes of points, and more in a file in `folder`.
     pub(crate) fn empty(tiling: Tiling, folder: &Path, memory: u64) -> Self {
         let summaries = (0..tiling.count()).map(|_| Mutex::new(SquareSummary::EMPTY)).collect();
         let points = Buckets::new(folder, tiling.count(), memory);
@@ -112,12 +111,12 @@ impl PointStore {
         }
     }
 
-    /// The same store, which will hold only the points within `limits`, if there are any.
+    /// The store with `limits`, if there are any.
     pub(crate) fn limited(self, limits: Option<PointStoreLimits>) -> Self {
         Self { limits, ..self }
     }
 
-    /// The same store with the points of files, too.
+    /// The store with further points in files.
     pub(crate) fn over(self, shelves: SquareIndexes) -> Self {
         for (square, summary) in shelves.squares() {
             lock(&self.summaries[square]).merge(&summary);
@@ -125,14 +124,14 @@ impl PointStore {
         Self { shelves, ..self }
     }
 
-    /// The same store, which will keep only points of these squares.
+    /// The store, keeping only points of these tiles.
     pub(crate) fn only(self, squares: impl Iterator<Item = usize>) -> Self {
         let mut wanted = vec![false; self.tiling.count()];
         squares.for_each(|square| wanted[square] = true);
         Self { wanted: Some(wanted), ..self }
     }
 
-    /// True once an answer needed points that it does not hold.
+    /// True once a query needed points that it does not hold.
     pub(crate) fn is_exceeded(&self) -> bool {
         self.limits.as_ref().is_some_and(PointStoreLimits::is_exceeded)
     }
@@ -167,7 +166,7 @@ impl PointStore {
         Ok(*lock(&census))
     }
 
-    /// Adds points; those that follow each other within a square go together.
+    /// Adds points, in runs of the same tile.
     pub(crate) fn add(&self, points: &[Point]) -> Result<()> {
         if let Some(outline) = &self.outline {
             surround(outline, points);
@@ -185,28 +184,28 @@ impl PointStore {
         Ok(())
     }
 
-    /// Where the squares lie.
+    /// The tiling.
     pub(crate) fn tiling(&self) -> &Tiling {
         &self.tiling
     }
 
-    /// Files whose damage was passed over.
+    /// Files with skipped damage.
     pub(crate) fn losses(&self) -> &LostPoints {
         &self.losses
     }
 
-    /// What became of the points read.
+    /// Statistics of the points read.
     pub(crate) fn census(&self) -> &PointCensus {
         &self.census
     }
 
-    /// What a square holds; `None` when it holds nothing.
+    /// The summary of a tile; `None` if it is empty.
     pub(crate) fn summary(&self, square: usize) -> Option<SquareSummary> {
         let summary = *lock(&self.summaries[square]);
         (summary.count > 0).then_some(summary)
     }
 
-    /// The points of a square, in canonical order, in place of what `out` held.
+    /// Replaces `out` by the points of a tile, in canonical order.
     pub(crate) fn load(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
         out.clear();
         self.visit(square, |run| out.extend_from_slice(run))?;
@@ -214,7 +213,7 @@ impl PointStore {
         Ok(())
     }
 
-    /// Hands out the points of a square, a run at a time, in an order that means nothing.
+    /// Reads the points of a tile, a run at a time, in arbitrary order.
     pub(crate) fn visit(&self, square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
         self.shelves.read(square, &mut each)?;
         self.points.read(square, each)
@@ -225,14 +224,14 @@ impl PointStore {
         self.summaries.iter().map(|summary| lock(summary).count).sum()
     }
 
-    /// Points of the squares that a window touches.
+    /// Number of points of the tiles that a window touches.
     pub(crate) fn points_near(&self, window: SiteWindow) -> u64 {
         let squares = self.tiling.touching(window);
         squares.filter_map(|square| Some(self.summary(square)?.count)).sum()
     }
 
-    /// The points of a square at distinct positions, in canonical order, in place of what `out` held:
-    /// of those at one position the lowest.
+    /// Replaces `out` by the points of a tile at distinct positions, in canonical order; keeps the lowest of
+    /// points at one position.
     pub(crate) fn load_distinct(&self, square: usize, out: &mut Vec<Point>) -> Result<()> {
         self.load(square, out)?;
         out.dedup_by_key(|point| (point.x, point.y));
@@ -266,7 +265,7 @@ impl PointStore {
             || disc.clip(&self.tiling.window()).is_none_or(|part| known.covers(&part))
     }
 
-    /// The squares that may have a point in the disc.
+    /// The tiles that may have a point in the disc.
     pub(crate) fn squares_in(&self, disc: CircumscribedDisc) -> impl Iterator<Item = usize> {
         let part = disc.clip(&self.tiling.window());
         let rows = part.map(|part| {
@@ -278,7 +277,7 @@ impl PointStore {
         })
     }
 
-    /// Those of a row, between two columns.
+    /// The tiles of a row, between two columns.
     fn row_in(
         &self,
         disc: CircumscribedDisc,
@@ -302,7 +301,7 @@ impl PointStore {
     }
 }
 
-/// Makes a hull that of more points.
+/// Extends a hull by points.
 fn surround(hull: &Mutex<ConvexHull>, points: &[Point]) {
     let known = lock(hull).clone();
     let is_beyond = |p: &&Point| known.place(FixedPosition::of([p.x, p.y])) != HullLocation::Inside;

@@ -1,16 +1,16 @@
-//! Number, bounds and window of a square of points, known without reading it.
+//! Summary of a tile of points, known without reading it.
 
 use terrane_base::geom::Point;
 use terrane_delaunay::SiteWindow;
 
-/// What is known of a square without reading it.
+/// Summary of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct SquareSummary {
-    /// Points in it.
+    /// Number of points.
     pub(crate) count: u64,
-    /// The smallest that holds them.
+    /// Bounding window of the points.
     pub(crate) window: SiteWindow,
-    /// The lowest of them.
+    /// The lowest point.
     pub(crate) lowest: Point,
 }
 
@@ -31,7 +31,7 @@ impl SquareSummary {
         }
     }
 
-    /// Of both.
+    /// The summary of both.
     pub(crate) fn merged(mut self, other: Self) -> Self {
         self.merge(&other);
         self

@@ -1,27 +1,27 @@
-//! The plane in squares, numbered row by row from the south-west.
+//! Square tiles, numbered row by row from the south-west.
 
 use terrane_base::geom::Point;
 use terrane_delaunay::{Site, SiteWindow};
 
-/// Points that a square should hold on average: enough that a read from disk pays, few enough that
-/// the squares around a place are a small detour.
+/// Average number of points of a tile: enough to make a read from disk efficient, few enough to load the tiles
+/// around a position quickly.
 const AVERAGE: u64 = 4096;
-/// Most squares: what is known of each stays in memory.
+/// Most tiles: the summary of each stays in memory.
 const MOST: u64 = 1 << 18;
 
-/// Squares of the plane, in steps of a frame.
+/// Square tiles of the plane, in steps of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Tiling {
-    /// What they cover.
+    /// Window of all tiles.
     window: SiteWindow,
     /// Steps along a side.
     side: u32,
-    /// Squares along x and y.
+    /// Number of tiles along x and y.
     counts: [u32; 2],
 }
 
 impl Tiling {
-    /// Squares that cover `bounds` (lowest and highest point) for about `points` points.
+    /// Tiles that cover `bounds` (lowest and highest point) for about `points` points.
     pub(crate) fn new([low, high]: [Point; 2], points: u64) -> Self {
         let window = SiteWindow { low: [low.x, low.y], high: [high.x, high.y] };
         let extent = [0, 1].map(|i| u64::from(window.high[i].abs_diff(window.low[i])) + 1);
@@ -34,7 +34,7 @@ impl Tiling {
         Self { window, side: side as u32, counts: counts(side).map(|n| n as u32) }
     }
 
-    /// Number of squares.
+    /// Number of tiles.
     pub(crate) fn count(&self) -> usize {
         self.counts[0] as usize * self.counts[1] as usize
     }
@@ -44,27 +44,27 @@ impl Tiling {
         i32::try_from(self.side).unwrap_or(i32::MAX)
     }
 
-    /// Squares along x and y.
+    /// Number of tiles along x and y.
     pub(crate) fn counts(&self) -> [u32; 2] {
         self.counts
     }
 
-    /// All that the squares cover.
+    /// Window of all tiles.
     pub(crate) fn window(&self) -> SiteWindow {
         self.window
     }
 
-    /// The number of the square in a column and row.
+    /// The number of the tile in a column and row.
     pub(crate) fn square(&self, [col, row]: [u32; 2]) -> usize {
         row as usize * self.counts[0] as usize + col as usize
     }
 
-    /// The square of a point; one beyond the window belongs to the nearest square.
+    /// The tile of a point; one beyond the window belongs to the nearest tile.
     pub(crate) fn square_of(&self, point: Point) -> usize {
         self.square(self.place([point.x, point.y]))
     }
 
-    /// Column and row of the square nearest to a position.
+    /// Column and row of the tile nearest to a position.
     pub(crate) fn place(&self, at: Site) -> [u32; 2] {
         [0, 1].map(|axis| {
             let steps = i64::from(at[axis]) - i64::from(self.window.low[axis]);
@@ -73,8 +73,7 @@ impl Tiling {
         })
     }
 
-    /// The squares that a window touches, row by row; those at the rim also stand for what lies
-    /// beyond them.
+    /// The tiles that a window touches, row by row; border tiles also cover everything beyond them.
     pub(crate) fn touching(
         &self,
         SiteWindow { low, high }: SiteWindow,
@@ -84,7 +83,7 @@ impl Tiling {
         (low[1]..=high[1]).flat_map(row).map(move |place| tiling.square(place))
     }
 
-    /// What a square covers.
+    /// The window of a tile.
     pub(crate) fn window_of(&self, square: usize) -> SiteWindow {
         let across = self.counts[0] as usize;
         let place = [square % across, square / across];

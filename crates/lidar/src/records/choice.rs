@@ -1,8 +1,7 @@
-//! Which of some points that belong together are kept: thinning by cells, points that are there twice, flight lines.
+//! Selection of points within groups: thinning by cells, duplicate points, flight lines.
 //!
-//! All records pass twice: first a mark of each, by groups, tells which one is the best of its group; then those that
-//! are not are left out. So points keep their order, and of equally good ones the first is kept. A bit for each
-//! point is all that is held.
+//! Two passes over all records: the first finds the best record of each group, the second drops the others. So
+//! points keep their order, and the first of equally good ones is kept. Memory: one bit for each point.
 
 use std::collections::HashMap;
 
@@ -15,19 +14,19 @@ use terrane_base::geom::Point;
 use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
-/// Says which group a record is of, and how good it is there: the least rank is best.
+/// Assigns a record to a group, with a rank: the least rank is best.
 pub(crate) trait RecordRanking: Sync {
     fn mark(&self, record: &[u8]) -> (Group, Rank);
 
-    /// Whether not the best of a group alone is kept, but all in it whose ranks end with the same number.
+    /// Whether all records of a group are kept whose ranks end with the same number as the best.
     fn keeps_alike(&self) -> bool {
         false
     }
 }
 
-/// What is the same of all points of a group.
+/// Key of a group.
 pub(crate) type Group = [u64; 3];
-/// From the best on, compared number by number.
+/// Rank within a group, compared number by number; the least is best.
 pub(crate) type Rank = [u64; 2];
 
 /// A record's mark.
@@ -40,35 +39,35 @@ struct RecordMark {
     number: u64,
 }
 
-/// Bytes of marks that a bucket is meant to hold.
+/// Target size of a bucket of marks, in bytes.
 const BUCKET_BYTES: u64 = 4 << 20;
 /// Bytes that a group takes while the best of a bucket are found.
 const GROUP_BYTES: u64 = 2 * size_of::<(Group, (Rank, u64))>() as u64;
 const MOST_BUCKETS: u64 = 1 << 14;
 
-/// Buckets for the marks of so many points.
+/// Number of buckets for the marks of `points`.
 fn buckets(points: u64) -> u64 {
     (points * size_of::<RecordMark>() as u64).div_ceil(BUCKET_BYTES).clamp(1, MOST_BUCKETS)
 }
 
-/// Bytes of memory that choosing from so many points needs: a bit for each, and the groups of a bucket with a
-/// quarter more, as some have more than others.
+/// Bytes of memory for a selection from `points`: a bit for each, and the groups of a bucket with a margin of a
+/// quarter.
 pub(crate) fn needed(points: u64) -> u64 {
     points / 8 + points / buckets(points) * GROUP_BYTES * 5 / 4 + BUCKET_BYTES
 }
 
-/// Records without those that were not chosen.
+/// The selected records.
 pub(crate) struct ChosenRecords<'a> {
     records: &'a dyn PointRecords,
     record: usize,
     kept: BitSet,
-    /// Number of the first record of each unit, and how many there are.
+    /// Number of the first record of each unit, and the total.
     firsts: Vec<u64>,
     all: u64,
 }
 
 impl<'a> ChosenRecords<'a> {
-    /// Looks at all records once; marks may take so many bytes of memory, and go to `folder` beyond it.
+    /// Reads all records once; marks beyond `memory` bytes are spilled to `folder`.
     pub(crate) fn new(
         records: &'a dyn PointRecords,
         choice: &dyn RecordRanking,
@@ -87,7 +86,7 @@ impl<'a> ChosenRecords<'a> {
         Ok(Self { records, record: flow.record, kept, firsts, all: number })
     }
 
-    /// Those whose numbers are kept, of all with these numbers of the first of each unit.
+    /// The records with these numbers, given the number of the first record of each unit.
     pub(crate) fn of(
         records: &'a dyn PointRecords,
         record: usize,
@@ -97,14 +96,14 @@ impl<'a> ChosenRecords<'a> {
         Self { records, record, kept, firsts, all }
     }
 
-    /// The places in a unit of those of its records that are kept.
+    /// The indices in a unit of its kept records.
     pub(crate) fn kept_in(&self, unit: usize) -> impl Iterator<Item = u64> + '_ {
         let first = self.firsts[unit];
         let end = self.firsts.get(unit + 1).copied().unwrap_or(self.all);
         self.kept.within(first as usize..end as usize).map(move |number| number as u64 - first)
     }
 
-    /// How many are left out.
+    /// Number of dropped records.
     pub(crate) fn left_out(&self) -> u64 {
         let kept: u64 = self.kept.words().iter().map(|word| u64::from(word.count_ones())).sum();
         self.all - kept
@@ -176,18 +175,18 @@ fn best(
 }
 
 fn too_many(groups: usize, memory: u64) -> Error {
-    let message = format!("{groups} cells or places are to be compared in {} MiB", memory >> 20);
+    let message = format!("{groups} cells or positions do not fit into {} MiB", memory >> 20);
     Error::new(ErrorKind::Resource, message).remedy("pass a larger ‹memory›")
 }
 
-/// Where a record lies.
+/// Position of a record, in steps.
 pub(crate) fn place(record: &[u8]) -> Point {
     let (fours, _) = record.as_chunks::<4>();
     let [x, y, z] = [0, 1, 2].map(|axis| i32::from_le_bytes(fours[axis]));
     Point { x, y, z }
 }
 
-/// The time that a record has at a byte, as a number that is ordered alike; 0 where it has none.
+/// The time at a byte of a record, as an integer with the same order; 0 for none.
 pub(crate) fn time(record: &[u8], at: Option<usize>) -> u64 {
     let bytes = at.and_then(|at| record[at..].first_chunk());
     bytes.map_or(0, |bytes| match u64::from_le_bytes(*bytes) {

@@ -1,7 +1,7 @@
-//! Records of points in numbered units, made by all threads and taken in the order of units.
+//! Records of points in numbered units, produced by all threads and consumed in order.
 //!
-//! All threads read the units of one round while the units of the round before are taken in order. So the bytes depend
-//! on neither threads nor memory.
+//! All threads read the units of one round while those of the previous round are consumed in order. So the
+//! bytes depend on neither threads nor memory.
 
 pub(crate) mod choice;
 pub(crate) mod numbered;
@@ -15,27 +15,27 @@ use terrane_base::error::Result;
 use terrane_engine::FileAt;
 use terrane_engine::plan::RunControl;
 
-/// Takes records, some at a time.
+/// Consumes records, in batches.
 pub(crate) type Take<'a> = dyn FnMut(&[u8]) -> Result<()> + Send + 'a;
 
-/// Records in units that any thread reads, in any order, as often as it likes.
+/// Records in units, which any thread may read repeatedly in any order.
 pub(crate) trait PointRecords: Sync {
-    /// How many units there are.
+    /// Number of units.
     fn units(&self) -> usize;
 
-    /// What a unit is.
+    /// Description of a unit.
     fn unit(&self, unit: usize) -> RecordUnit<'_>;
 
-    /// Hands on the records of a unit, in their order.
+    /// Reads the records of a unit, in order.
     fn read(&self, unit: usize, take: &mut Take<'_>) -> Result<()>;
 }
 
 /// Records that are read together.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RecordUnit<'a> {
-    /// How many, at most.
+    /// Upper bound of their number.
     pub(crate) points: u64,
-    /// The file that they are read from, where there are several.
+    /// Their file, if there are several.
     pub(crate) file: Option<FileAt<'a>>,
 }
 
@@ -46,7 +46,7 @@ impl RecordUnit<'_> {
     }
 }
 
-/// How many records are on their way at a time.
+/// Number of records in flight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RecordFlow {
     /// Bytes of a record.
@@ -59,12 +59,12 @@ pub(crate) struct RecordFlow {
 enum RecordRound {
     /// These, by all threads.
     Many(std::ops::Range<usize>),
-    /// One that has too many points to be held; they are taken as they come.
+    /// One that does not fit into memory; its records are consumed directly.
     Large(usize),
 }
 
 impl RecordFlow {
-    /// Hands on all records in order: while those of a round are taken, the ones of the next are made.
+    /// Reads all records in order: while those of a round are consumed, the next round is produced.
     pub(crate) fn run(
         self,
         records: &dyn PointRecords,
@@ -141,7 +141,7 @@ fn whole(records: &dyn PointRecords, unit: usize, at: RunControl<'_>) -> Result<
     Ok(all)
 }
 
-/// Records made of others, where there are any, or these.
+/// The derived records, if there are any, or else these.
 pub(crate) fn over<'r>(
     made: &'r Option<impl PointRecords>,
     others: &'r dyn PointRecords,
@@ -149,7 +149,7 @@ pub(crate) fn over<'r>(
     made.as_ref().map_or(others, |made| made)
 }
 
-/// How many records there are, at most.
+/// Upper bound of the number of records.
 pub(crate) fn total(records: &dyn PointRecords) -> u64 {
     (0..records.units()).map(|unit| records.unit(unit).points).sum()
 }

@@ -1,4 +1,4 @@
-//! Records as they are numbered, from the first of all on.
+//! Numbering of records, from the first one on.
 
 use std::sync::Mutex;
 
@@ -7,8 +7,8 @@ use terrane_base::error::Result;
 use terrane_engine::plan::RunControl;
 use terrane_files::lock;
 
-/// Hands on all records in order, each with its number; returns the number of the first of each unit, and how many
-/// there are.
+/// Reads all records in order, each with its number; returns the number of the first of each unit, and the
+/// total.
 pub(crate) fn pass(
     records: &dyn PointRecords,
     flow: RecordFlow,

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use terrane_base::error::Result;
 use terrane_cloud::write::{CHUNK, CloudWriter};
 
-/// A file in the making, and records that do not fill its chunks yet.
+/// A file being written, with the records of incomplete chunks.
 pub(crate) struct RecordPacker<'a> {
     writer: &'a mut CloudWriter,
     pending: Vec<u8>,
@@ -16,7 +16,7 @@ pub(crate) struct RecordPacker<'a> {
 }
 
 impl<'a> RecordPacker<'a> {
-    /// For a file whose chunks are packed so many at a time.
+    /// Packs `together` chunks of a file at a time.
     pub(crate) fn new(writer: &'a mut CloudWriter, together: usize) -> Self {
         let chunk = CHUNK * writer.layout().size();
         Self { writer, pending: Vec::new(), chunk, together: together.max(1) }

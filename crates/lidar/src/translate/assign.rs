@@ -1,4 +1,4 @@
-//! Attributes of points that are given other values, by formulas of what is known of the point.
+//! Assigns attributes of points by formulas of other attributes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -15,11 +15,11 @@ use terrane_cloud::write::PointColumn;
 use terrane_cloud::{AXES, PointCloud, PointFormat, PointSource};
 use terrane_files::path_of;
 
-/// An attribute and what it is to be.
+/// An attribute and its formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Assign {
-    /// As it was written.
+    /// The input text.
     text: String,
     name: String,
     formula: Formula<String>,
@@ -30,11 +30,12 @@ impl FromStr for Assign {
 
     /// "NAME=FORMULA", such as "intensity = intensity / 256".
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let (name, formula) =
-            text.split_once('=').ok_or("expected the name of an attribute, =, and a formula")?;
+        let (name, formula) = text.split_once('=').ok_or("expected NAME=FORMULA")?;
         let name = name.trim().trim_matches('"').to_owned();
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
-            return Err(format!("{name} is a coordinate and no attribute: ‹to_crs› moves points"));
+            return Err(format!(
+                "{name} is a coordinate, not an attribute: pass ‹to_crs› to transform coordinates"
+            ));
         }
         Ok(Self { text: text.to_owned(), name, formula: Formula::number(formula)? })
     }
@@ -60,24 +61,24 @@ impl fmt::Display for Assign {
     }
 }
 
-/// Where a number of a formula is.
+/// An operand of a formula.
 #[derive(Clone)]
 enum AssignOperand {
     Axis(usize),
     Field(PointColumn),
 }
 
-/// What is set, one after the other.
+/// Assignments, in order.
 pub(super) struct AttributeAssigner {
     rulers: [Ruler; 3],
     steps: Vec<(PointColumn, Formula<AssignOperand>)>,
 }
 
 impl AttributeAssigner {
-    /// For records of a format with these columns, which lie in a frame.
+    /// Assignments for records of a format with these columns, in a frame.
     ///
     /// # Errors
-    /// Names that are none of them.
+    /// Unknown names.
     pub(super) fn new(
         asked: &[Assign],
         (format, columns): (PointFormat, &[PointColumn]),
@@ -120,11 +121,10 @@ impl AttributeAssigner {
     }
 }
 
-/// The column of an attribute in records of a format: one of the standard by any of its names, or extra
-/// bytes.
+/// The column of an attribute in records of a format: a standard attribute by any of its names, or extra bytes.
 ///
 /// # Errors
-/// A name of none.
+/// An unknown name.
 pub(super) fn column(
     name: &str,
     format: PointFormat,
@@ -135,18 +135,18 @@ pub(super) fn column(
     found.cloned().ok_or_else(|| {
         let number = format.number();
         let names: Vec<&str> = columns.iter().map(PointColumn::name).collect();
-        Error::usage(format!("the points, of format {number}, have no attribute {name:?}"))
-            .remedy(format!("they have {}; ‹point_format› takes others", names.join(", ")))
+        Error::usage(format!("points of format {number} have no attribute {name:?}"))
+            .remedy(format!("pass one of {}, or another ‹point_format›", names.join(", ")))
     })
 }
 
-/// Records with attributes that were set.
+/// Records with assigned attributes.
 pub(super) struct AssignedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) assigning: &'a AttributeAssigner,
     /// Bytes of a record.
     pub(super) record: usize,
-    /// Whose parts the units are.
+    /// The point cloud whose parts are the units.
     pub(super) cloud: &'a PointCloud,
 }
 
@@ -154,7 +154,7 @@ impl AssignedRecords<'_> {
     fn failure(&self, unit: usize, record: &[u8], what: &str) -> Error {
         let [x, y, z] = self.assigning.place(record);
         let error = Error::bad_input(what).at(format_args!("the point at {x}, {y}, {z}"));
-        let error = error.remedy("change ‹attribute›, or leave such points out with ‹where›");
+        let error = error.remedy("change ‹attribute›, or exclude such points with ‹where›");
         match self.cloud.file_of(unit).and_then(|number| self.cloud.files().get(number)) {
             Some(name) => error.in_file(&path_of(name)),
             None => error,

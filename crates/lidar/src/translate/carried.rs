@@ -12,21 +12,21 @@ use terrane_delaunay::SiteWindow;
 use terrane_engine::FileAt;
 use terrane_files::lock;
 
-/// The records that a carrier hands on.
+/// The records of a point cloud.
 pub(super) struct CarriedRecords<'a> {
     cloud: &'a PointCloud,
     carrier: &'a PointFormatConverter<'a>,
-    /// The parts that are read, and where points of them are wanted, if not everywhere.
+    /// The parts to read, and the window of points, if not all.
     parts: Vec<usize>,
     within: Option<SiteWindow>,
-    /// Those that are noise, where that is known.
+    /// The noise, if known.
     noise: Option<&'a Noted>,
-    /// Of each part that was read.
+    /// Statistics of each part that was read.
     census: Mutex<Vec<PointCensus>>,
 }
 
 impl<'a> CarriedRecords<'a> {
-    /// Those that lie in a window of the cloud's frame, or all.
+    /// The records in a window of the point cloud's frame, or all.
     pub(super) fn within(
         cloud: &'a PointCloud,
         carrier: &'a PointFormatConverter<'a>,
@@ -38,24 +38,24 @@ impl<'a> CarriedRecords<'a> {
         Self { cloud, carrier, parts, within, noise: None, census }
     }
 
-    /// The same, with the class of noise for those noted.
+    /// The records with the class of noise for recorded noise.
     pub(super) fn with(self, noise: Option<&'a Noted>) -> Self {
         Self { noise, ..self }
     }
 
-    /// Points of all parts that are read, at most.
+    /// Upper bound of the number of points of all parts.
     pub(super) fn count(&self) -> u64 {
         self.parts.iter().map(|part| self.cloud.points_of(*part)).sum()
     }
 
-    /// Whether a record lies where points are wanted.
+    /// Whether a record lies in the window.
     fn is_in(&self, record: &[u8]) -> bool {
         let (at, by) = (place(record), self.carrier.shift());
         let steps = [at.x.wrapping_sub(by[0]), at.y.wrapping_sub(by[1])];
         self.within.is_none_or(|window| window.contains(steps))
     }
 
-    /// Hands on the records of a part that are wanted, with their classes.
+    /// Reads the records of a part in the window, with their classes.
     fn read_some(&self, part: usize, take: &mut Take<'_>) -> Result<PointCensus> {
         let (format, size) = (self.carrier.format(), self.carrier.size());
         let mut marks = self.noise.map(|noise| noise.marks(part));
@@ -74,12 +74,12 @@ impl<'a> CarriedRecords<'a> {
         })
     }
 
-    /// The cloud that they are of.
+    /// The point cloud.
     pub(super) fn cloud(&self) -> &PointCloud {
         self.cloud
     }
 
-    /// What became of the points.
+    /// Statistics of the points.
     pub(super) fn census(&self) -> PointCensus {
         let mut sum = PointCensus::default();
         lock(&self.census).iter().for_each(|census| sum.add(census));

@@ -21,42 +21,42 @@ use terrane_engine::Resources;
 use terrane_engine::transform::TargetCrs;
 use terrane_files::path_of;
 
-/// Clouds to be written as one.
+/// A job that writes point clouds as one.
 #[derive(Clone, Debug)]
 pub struct TranslateJob {
     /// File names, folders, patterns, lists.
     pub input: Vec<String>,
-    /// How they are read, and which points; those marked as withheld are kept unless the filter drops that mark.
+    /// Reading options and filters; points marked as withheld are kept unless the filter drops them.
     pub cloud: CloudOpenOptions,
-    /// LAS, LAZ or COPC file to write, or a folder of the first two.
+    /// LAS, LAZ or COPC file to write, or a folder of LAS or LAZ files.
     pub output: PathBuf,
     /// Format of its points; the first that holds all fields of all files when `None`.
     pub format: Option<PointFormat>,
-    /// Version of LAS; the first that has points of that format when `None`.
+    /// LAS version; the first that supports the point format when `None`.
     pub version: Option<LasVersion>,
-    /// Keep one point of those of one place and time.
+    /// Keep one of the points with the same position and time.
     pub dedupe: bool,
     /// Heights above the ground, and classes.
     pub above: HeightAboveGround,
-    /// Attributes that are set, one after the other.
+    /// Assigned attributes, in order.
     pub assign: Vec<Assign>,
     /// Keep the points of one flight line in each cell.
     pub overlap: Option<Overlap>,
     /// Keep one point of each cell.
     pub thin: Option<CellThinning>,
-    /// Keep points that are no nearer to each other than this, in space and world units; as many as that allows.
+    /// Poisson disk sampling with this distance in 3D, in world units.
     pub distance: Option<f64>,
-    /// The system that they are to be in.
+    /// Target CRS.
     pub transform: Option<TargetCrs>,
-    /// Their order; that of files and of points in them when `None`.
+    /// Order of points; that of the files when `None`.
     pub sort: Option<Sort>,
-    /// A folder of a file for each square, rather than one file; uncompressed ones, where so told.
+    /// Write a folder with a file for each tile; uncompressed if true.
     pub squares: Option<(SquareSplit, bool)>,
-    /// A folder of a file for each value of an attribute, rather than one file.
+    /// Write a folder with a file for each value of an attribute.
     pub split: Option<AttributeSplit>,
     /// Replace an existing output.
     pub overwrite: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     pub resources: Resources,
 }
 
@@ -85,31 +85,30 @@ impl TranslateJob {
     }
 }
 
-/// Least memory for records that are put into columns or squares.
+/// Least memory for records that are divided into columns or tiles.
 const SPREAD: u64 = 32 << 20;
 
 impl TranslateJob {
-    /// The cloud, opened as it is to be read.
+    /// Opens the point cloud.
     pub(super) fn open(&self) -> Result<PointCloud> {
         terrane_cloud::open(&self.input, &self.reading())
     }
 
-    /// How many times some points are chosen of all.
+    /// Number of selections of points.
     pub(super) fn choices(&self) -> u64 {
         let choices = [self.dedupe, self.thin.is_some(), self.overlap.is_some()];
         choices.map(u64::from).iter().sum()
     }
 
-    /// How far from a point others may be that decide whether it is kept, or noise: of its cell, and of the cells of
-    /// these.
+    /// Largest distance of points that decide whether a point is kept or noise.
     pub(super) fn reach(&self, info: &CloudInfo) -> Result<f64> {
         let overlap = self.overlap.and_then(|overlap| overlap.cell).unwrap_or_default();
         let noise = self.above.noise().map_or(Ok(0.0), |asked| noise::reach(asked, info))?;
         Ok(self.thin.map_or(0.0, |thin| thin.cell) + overlap + noise)
     }
 
-    /// Bytes of memory that it needs beside records on their way, so many of them read of such a cloud, which may be
-    /// but a part; and more for each thread.
+    /// Bytes of memory beside records in flight, for `points` read of a point cloud or a part of it; and for
+    /// each thread.
     pub(super) fn needed(
         &self,
         packing: PointPacking,
@@ -132,7 +131,7 @@ impl TranslateJob {
         [choices + above + noise + discs + spread + sort, each]
     }
 
-    /// Fails where something asked for cannot act on points of a format and packing, which lie so.
+    /// Fails for options that the point format, the packing or the coordinates do not support.
     pub(super) fn check(
         &self,
         (format, packing): (PointFormat, PointPacking),
@@ -145,21 +144,21 @@ impl TranslateJob {
         }
         match self.sort {
             Some(_) if packing == PointPacking::Nodes => {
-                Err(Error::usage("‹sort› cannot act: an octree has an order of its own")
-                    .remedy("leave it out, or choose a name that ends in .laz only"))
+                Err(Error::usage("‹sort› has no effect on COPC, which has the order of its octree")
+                    .remedy("leave it out, or write .laz"))
             }
             Some(by) => sorted::check(by, format),
             None => Ok(()),
         }
     }
 
-    /// How files are read: a mark is an attribute as others are, so points marked as withheld are points.
+    /// Reading options: points marked as withheld are read.
     pub(super) fn reading(&self) -> CloudOpenOptions {
         let filter = CloudFilter { keep_withheld: true, ..self.cloud.filter.clone() };
         CloudOpenOptions { filter, any_extent: self.is_copy(), ..self.cloud.clone() }
     }
 
-    /// Whether nothing is computed of the places of several points.
+    /// Whether no step depends on the positions of several points.
     fn is_copy(&self) -> bool {
         let is_divided = self.squares.is_some() || self.overlap.is_some() || self.thin.is_some();
         let is_measured = self.distance.is_some() || self.transform.is_some();
@@ -167,7 +166,7 @@ impl TranslateJob {
         !(is_divided || is_measured || is_looked_at)
     }
 
-    /// Where points lie in the system asked for.
+    /// The reprojection to the target CRS, if there is one.
     pub(super) fn moved(&self, info: &CloudInfo) -> Result<Option<CloudReprojection>> {
         let Some(transform) = &self.transform else { return Ok(None) };
         let corners = info.bounds.map(|ends| ends.map(|point| info.frame.world(point)));
@@ -175,18 +174,20 @@ impl TranslateJob {
         let name = self.input.first().map(|name| path_of(name).into_owned()).unwrap_or_default();
         let operation = transform.operation((&name, &info.crs), extent, &self.resources)?;
         if self.above.heights == Some(HeightsAs::Z) && !operation.keeps_heights() {
-            return Err(Error::usage("heights above the ground do not change with the system")
-                .remedy("leave ‹geoid› out, or put them into a dimension"));
+            return Err(Error::usage(
+                "heights above ground do not support a change of the vertical CRS",
+            )
+            .remedy("leave out ‹geoid›, or write them to a dimension"));
         }
         CloudReprojection::new(info, operation).map(Some)
     }
 
-    /// What its points are to be in.
+    /// Format of the output.
     pub(super) fn target(&self) -> Result<LasOutputFormat> {
         Ok(LasOutputFormat { format: self.format, version: self.version, packing: self.packing()? })
     }
 
-    /// How its files are packed.
+    /// Packing of its files.
     pub(super) fn packing(&self) -> Result<PointPacking> {
         match (&self.squares, &self.split) {
             (Some((_, plain)), _) => {
@@ -202,6 +203,6 @@ fn packing(path: &Path) -> Result<PointPacking> {
     packing_by_name(path).ok_or_else(|| {
         Error::usage("points are written as .las, .laz, .copc.laz, or text in .csv, .txt or .xyz")
             .in_file(path)
-            .remedy("choose a name with one of these endings")
+            .remedy("use one of these extensions")
     })
 }

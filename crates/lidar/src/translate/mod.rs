@@ -1,12 +1,12 @@
-//! Clouds into files of points: filtered, thinned and merged; one file, or one for each square or value.
+//! Translates point clouds: filtered, thinned and merged; into one file, or one for each tile or value.
 //!
 //! ```text
 //! files, sorted ── parts ── records of one format ──[single]──[noise]──[what the ground tells]──[attributes set] ─┐
 //!                                      file ──[sorted]──[moved]──[discs]──[thinned]──[one flight line each] ◀─────┘
 //! ```
 //!
-//! Whatever else is asked for, points stay in the order of files and of points in them, so the bytes depend on neither
-//! threads nor memory. What needs to know of other points looks at all first (`choice`, `discs`).
+//! Points stay in the order of the files unless sorted, so the bytes depend on neither threads nor memory.
+//! Steps that depend on other points read all points first (`choice`, `discs`).
 //!
 //! A copy of a LAZ file compresses its points anew, though most chunks could be copied: they are decoded all the same
 //! to find damage and to count points, and the bytes are a function of the points alone.

@@ -1,4 +1,4 @@
-//! Points in another reference system: what is asked of them is decided before, and what they are put into after.
+//! Reprojects points: after selection and classification, before sorting and tiling.
 
 use crate::records::choice::place;
 use crate::records::{PointRecords, RecordUnit, Take};
@@ -7,28 +7,28 @@ use terrane_base::geom::{Crs, Point, PointFrame, REACH};
 use terrane_cloud::CloudInfo;
 use terrane_crs::CoordinateOperation;
 
-/// Metres of a degree, about.
+/// Approximate metres of a degree.
 const DEGREE: f64 = 111_320.0;
-/// Places along a side of the cloud that its bounds in the other system are told from.
+/// Positions along a side of the point cloud, transformed to estimate its bounds.
 const PLACES: u32 = 32;
-/// Part of its size that a cloud may reach beyond these.
+/// Margin of these bounds, as a fraction of the size.
 const MARGIN: f64 = 0.01;
 
-/// How a cloud lies in another system.
+/// A reprojection of a point cloud.
 pub(super) struct CloudReprojection {
     pub(super) operation: CoordinateOperation,
     from: PointFrame,
-    /// Frame, bounds and system of what is written.
+    /// Frame, bounds and CRS of the output.
     pub(super) info: CloudInfo,
-    /// What is to be said of it.
+    /// Notes for the report.
     pub(super) notes: Vec<String>,
 }
 
 impl CloudReprojection {
-    /// Of a cloud by an operation.
+    /// The reprojection of a point cloud by an operation.
     ///
     /// # Errors
-    /// Places that the operation does not reach.
+    /// Positions that cannot be transformed.
     pub(super) fn new(info: &CloudInfo, operation: CoordinateOperation) -> Result<Self> {
         let [low, high] = extent(info, &operation)?;
         let asked = scale(&info.frame, (&info.crs, operation.target()), operation.keeps_heights());
@@ -39,7 +39,7 @@ impl CloudReprojection {
         };
         let scale = [coarser(0), coarser(1), coarser(2)];
         let note = (scale != asked).then(|| {
-            format!("points go to steps of {scale:?}, as finer ones do not reach as far as they do")
+            format!("coordinates have a scale of {scale:?}: finer scales do not cover the extent")
         });
         let heights = operation.keeps_heights().then_some(info.frame.offset[2]);
         let offset = [low[0].floor(), low[1].floor(), heights.unwrap_or_else(|| low[2].floor())];
@@ -62,23 +62,21 @@ impl CloudReprojection {
     }
 }
 
-/// What is to be said of heights that stay as they are where the unit of x and y does not, or where only one of the
-/// systems says what they are.
+/// The note on unchanged heights, if the horizontal unit changes, or only one CRS defines heights.
 fn note_on_heights(from: &Crs, to: &Crs) -> Option<String> {
     let (across, other) = (from.horizontal_unit(), to.horizontal_unit());
     let is_length = |unit: &str| !matches!(unit, "degree" | "unit");
     let unit = match (&from.vertical_unit, &to.vertical_unit) {
         (Some(unit), None) if unit != other => unit.as_str(),
-        (None, None) if is_length(across) && across != other => "their unit, which nothing names",
+        (None, None) if is_length(across) && across != other => "an unknown unit",
         _ => return None,
     };
     Some(format!(
-        "heights stay as they are, in {unit}: the target does not say what they are (a system with heights such as \
-         EPSG:26910+5703 would)"
+        "heights stay in {unit}: the target CRS does not define them (a compound CRS such as EPSG:26910+5703 does)"
     ))
 }
 
-/// Lowest and highest coordinates of a cloud in the other system, with a margin.
+/// Lowest and highest coordinates of a point cloud in the target CRS, with a margin.
 fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]; 2]> {
     let (mut lowest, mut highest) = ([f64::MAX; 3], [f64::MIN; 3]);
     let Some([low, high]) = info.bounds else { return Ok([[0.0; 3]; 2]) };
@@ -102,7 +100,7 @@ fn extent(info: &CloudInfo, operation: &CoordinateOperation) -> Result<[[f64; 3]
     ])
 }
 
-/// Steps no longer than those of the cloud, powers of ten.
+/// Scales as powers of ten, not coarser than those of the point cloud.
 fn scale(frame: &PointFrame, (from, to): (&Crs, &Crs), keeps_heights: bool) -> [f64; 3] {
     let metres = |crs: &Crs| crs.horizontal_metres().unwrap_or(DEGREE);
     let below = |length: f64| power_of_ten((length.log10() + 1e-9).floor() as i32);
@@ -116,7 +114,7 @@ fn power_of_ten(power: i32) -> f64 {
     format!("1e{power}").parse().unwrap_or(1.0)
 }
 
-/// Records in another system.
+/// Reprojected records.
 pub(super) struct MovedRecords<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) to: &'a CloudReprojection,
@@ -138,10 +136,10 @@ impl MovedRecords<'_> {
         match info.bounds.is_some_and(within) {
             true => Ok(Point { x, y, z }),
             false => Err(Error::unsupported(format!(
-                "a point is at {world:?} in {}, far from those beside it",
+                "the position {world:?} of a point in {} is far from its neighbours",
                 info.crs.label()
             ))
-            .remedy("leave it out with ‹bounds›")),
+            .remedy("exclude it with ‹bounds›")),
         }
     }
 }

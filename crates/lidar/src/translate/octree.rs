@@ -1,13 +1,13 @@
-//! Records into an octree (COPC): every node has points from all of its cube, and what is below it the rest.
+//! Writes records into an octree (COPC): every node has a sample of the points in its cube, and the nodes below
+//! it have the rest.
 //!
-//! A node with at most [`NODE_POINTS`] points below it has them all, and so has one whose points are all at one place,
-//! which no division takes apart. Else its cube is divided into cells, and of
-//! the points that the eight nodes below it would have it takes the one nearest to the middle of each. That is a
-//! function of the points alone, so the columns of nodes that are worked on at a time leave no trace; nor does the order of
-//! points, which are sorted in each node.
+//! A node with at most [`NODE_POINTS`] points has them all, and so has one whose points are all at one
+//! position. Otherwise its cube is divided into cells, and it takes the point nearest to the centre of each
+//! from the eight nodes below. The result is a function of the points only: it does not depend on the columns
+//! of nodes processed at a time, nor on the order of points, which are sorted in each node.
 //!
-//! Points are first put into columns of the level where these have some ten thousand, as ground is flat. Columns are
-//! taken four at a time, those of one node, and what a node takes from those below it goes up.
+//! Points are first divided into columns of the level where these have some ten thousand, as terrain is flat.
+//! The four columns of a node are processed together, and the sample of a node moves up.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -23,35 +23,37 @@ use terrane_cloud::{CloudInfo, PointFormat};
 use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
-/// Points that a node may have without nodes below it; more only where they are all at one place.
+/// Most points of a leaf node; more only if all are at one position.
 const NODE_POINTS: usize = 1 << 16;
 /// Cells along a side of a node, as a power of two.
 const CELLS: u32 = 7;
-/// Divisions of the cube along a side, as a power of two, and the deepest level.
+/// Divisions of the cube along a side, as a power of two.
 const FINE: u32 = 30;
+/// Deepest level.
 const DEEPEST: u32 = FINE - CELLS - 1;
-/// Points that columns have on average at most, and the most levels of columns that are begun with.
+/// Largest average number of points of a column.
 const COLUMN_POINTS: u64 = 50_000;
+/// Most levels of columns to start from.
 const MOST_LEVELS: u32 = 8;
 
-/// Where points are in the cube.
+/// Maps points to the cube.
 pub(super) struct OctreePlacement {
     frame: PointFrame,
     cube: OctreeCube,
 }
 
-/// The points of the nodes of a column, by their numbers from the bottom: what may still go up.
+/// Pending nodes of a column, by their numbers from the bottom.
 type Column = BTreeMap<u32, PendingOctreeNode>;
 
-/// A node whose points may still go up.
+/// A node whose points may still move up.
 #[derive(Default)]
 struct PendingOctreeNode {
     records: Vec<u8>,
-    /// Of the points here and below.
+    /// Occupancy of the points here and below.
     occupied: Occupancy,
 }
 
-/// How many points there are, and the lowest and highest divisions of the cube that they lie in.
+/// Number of points, and the lowest and highest divisions of the cube they occupy.
 #[derive(Clone, Copy)]
 struct Occupancy {
     points: usize,
@@ -60,14 +62,14 @@ struct Occupancy {
 }
 
 impl Default for Occupancy {
-    /// Of no points.
+    /// The occupancy of no points.
     fn default() -> Self {
         Self { points: 0, low: [u32::MAX; 3], high: [0; 3] }
     }
 }
 
 impl Occupancy {
-    /// Of one point.
+    /// The occupancy of one point.
     fn of(fine: [u32; 3]) -> Self {
         Self { points: 1, low: fine, high: fine }
     }
@@ -86,7 +88,7 @@ impl Occupancy {
     }
 }
 
-/// A node with nothing to be changed.
+/// A finished node.
 type Done = (Key, Vec<u8>);
 
 impl OctreePlacement {
@@ -129,7 +131,7 @@ pub(super) struct Octree<'a> {
     pub(super) place: &'a OctreePlacement,
     pub(super) layout: PointLayout,
     pub(super) folder: &'a Path,
-    /// Bytes of the records of a column that are held; and of all that wait.
+    /// Bytes of records of a column in memory, and of all pending ones.
     pub(super) memory: [u64; 2],
     pub(super) at: RunControl<'a>,
 }
@@ -244,7 +246,7 @@ impl Octree<'_> {
         Ok((column, self.packed(done)?))
     }
 
-    /// The nodes of a column of these points; those below it that are done go to `done`.
+    /// The nodes of a column of these points; finished nodes below it go to `done`.
     fn split(&self, level: u32, at: [u32; 2], records: Vec<u8>, done: &mut Vec<Done>) -> Column {
         let mut column = Column::new();
         for record in records.chunks_exact(self.size()) {
@@ -268,7 +270,7 @@ impl Octree<'_> {
         self.above(level, below, done)
     }
 
-    /// The nodes of a column above four others, which are done then.
+    /// The nodes of a column above four others, which become finished.
     fn above(&self, level: u32, below: Vec<([u32; 2], Column)>, done: &mut Vec<Done>) -> Column {
         let mut nodes: BTreeMap<u32, Vec<([u32; 3], PendingOctreeNode)>> = BTreeMap::new();
         for ([x, y], column) in below {
@@ -279,7 +281,7 @@ impl Octree<'_> {
         nodes.into_iter().map(|(z, below)| (z, self.taken(level, below, done))).collect()
     }
 
-    /// What a node takes of those below it, which are done then.
+    /// The sample of a node from those below it, which become finished.
     fn taken(
         &self,
         level: u32,
@@ -309,7 +311,7 @@ impl Octree<'_> {
         PendingOctreeNode { records: own, occupied }
     }
 
-    /// By cell, the point nearest to its middle; of several the first by its bytes.
+    /// The point nearest to the centre of each cell; of ties the first by its bytes.
     fn best(&self, level: u32, all: &[(usize, &[u8])]) -> HashMap<u32, (u64, usize)> {
         let mut best: HashMap<u32, (u64, usize)> = HashMap::new();
         for (number, (_, record)) in all.iter().enumerate() {
@@ -330,7 +332,7 @@ impl Octree<'_> {
         x | y << CELLS | z << (2 * CELLS)
     }
 
-    /// The square of its distance from the middle of that cell.
+    /// Squared distance of a record from the centre of its cell.
     fn apart(&self, level: u32, record: &[u8]) -> u64 {
         let side = 1_i64 << (FINE - level - CELLS);
         let along = |fine: u32| 2 * (i64::from(fine) & (side - 1)) + 1 - side;
@@ -369,7 +371,7 @@ impl Octree<'_> {
 /// Records by columns of a level, in memory and in a file.
 struct OctreeColumns {
     level: u32,
-    /// The level and place of the column that they are all in.
+    /// Level and position of their common column.
     within: (u32, [u32; 2]),
     buckets: Buckets<u8>,
 }
@@ -399,7 +401,7 @@ impl OctreeColumns {
         self.buckets.len(self.number(at))
     }
 
-    /// Hands on the whole records of a column, some at a time.
+    /// Reads the complete records of a column, in batches.
     fn each(
         &self,
         at: [u32; 2],

@@ -142,7 +142,7 @@ impl PointsOptions {
         Ok(TranslateJob { cloud, ..self.unread(inputs, output) })
     }
 
-    /// The same without the polygons that points are within.
+    /// The job without its clip polygons.
     pub(super) fn unread(&self, inputs: &[String], output: &Path) -> TranslateJob {
         let is_plain = self.tile_format == TileFormat::Las;
         let (buffer, mark) = (self.buffer.unwrap_or(0.0), self.buffer_mark);

@@ -1,4 +1,4 @@
-//! Choices where flight lines overlap: in each cell the points of one of them.
+//! Removal of flight line overlap: keeps the points of one flight line in each cell.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,15 +11,15 @@ use terrane_base::geom::PointFrame;
 use terrane_cloud::{CloudInfo, PointFormat, round_side};
 use terrane_gridding::{CellEdgeRule, CellLattice};
 
-/// Of the flight lines that have points in a cell the one that looks down most nearly upright there.
+/// Keeps the flight line with the smallest scan angle in each cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Overlap {
-    /// Side of the cells, in units of x and y, corners at its multiples; twice the spacing of points when `None`,
-    /// rounded up to 1, 2 or 5 times a power of ten.
+    /// Cell size, in units of x and y; by default twice the point spacing, rounded up to 1, 2 or 5 times a
+    /// power of ten.
     pub cell: Option<f64>,
 }
 
-/// Stands for cells whose size follows from the spacing of points.
+/// The value for a cell size derived from the point spacing.
 const AUTO: &str = "auto";
 
 impl FromStr for Overlap {
@@ -30,7 +30,7 @@ impl FromStr for Overlap {
         match (text, cell) {
             (AUTO, _) => Ok(Self::default()),
             (_, Some(_)) => Ok(Self { cell }),
-            (_, None) => Err("expected a number above zero".to_owned()),
+            (_, None) => Err("expected a number above 0, or auto".to_owned()),
         }
     }
 }
@@ -45,7 +45,7 @@ impl fmt::Display for Overlap {
 }
 
 impl Overlap {
-    /// The same, with the cells that it has over a cloud.
+    /// The same with its cell size over a point cloud.
     pub(super) fn over(&self, info: &CloudInfo) -> Self {
         Self { cell: Some(self.side(info)) }
     }
@@ -56,7 +56,7 @@ impl Overlap {
     }
 }
 
-/// Cells, in each of which a flight line is chosen.
+/// Cells with one flight line each.
 pub(super) struct FlightLines {
     lattice: CellLattice,
     format: PointFormat,
@@ -66,9 +66,9 @@ impl FlightLines {
     pub(super) fn new(side: f64, frame: &PointFrame, format: PointFormat) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| side < *step) {
             return Err(Error::usage(format!(
-                "cells of {side} are smaller than a step of the points"
+                "cells of {side} are smaller than the coordinate resolution"
             ))
-            .remedy("choose larger ones with ‹drop_overlap›=CELL"));
+            .remedy("pass a larger ‹drop_overlap›=CELL"));
         }
         Ok(Self {
             lattice: CellLattice::new(frame, [0.0; 2], [side; 2], CellEdgeRule::default()),

@@ -1,7 +1,7 @@
-//! Some of the squares of a cloud, made of what lies near them.
+//! A portion of the tiles of a point cloud, computed from the points near them.
 //!
-//! Where ground is asked for, points are read as far around as the discs of the triangulation reach, and further if
-//! that was too little.
+//! If the ground is needed, points are read as far around as the circles of the triangulation reach, and
+//! further if necessary.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,35 +17,35 @@ use terrane_base::geom::PointFrame;
 use terrane_cloud::PointSource;
 use terrane_delaunay::SiteWindow;
 
-/// What has to be known of the whole cloud before some squares are made.
+/// Statistics of the whole point cloud for a portion.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct CloudKnowledge {
-    /// Which points are noise, where that has to be known.
+    /// The noise, if needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) noise: Option<Noise>,
-    /// Of the ground, where something is told of it.
+    /// Statistics of the ground, if needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) seen: Option<CloudOverview>,
 }
 
 impl CloudKnowledge {
-    /// What was found, one line each.
+    /// Notes, one line each.
     pub(super) fn notes(&self) -> impl Iterator<Item = String> + '_ {
         let noise = self.noise.iter().flat_map(|noise| &noise.notes);
         noise.chain(self.seen.iter().flat_map(|seen| &seen.notes)).cloned()
     }
 }
 
-/// Squares that are made by themselves.
+/// A portion of tiles.
 pub(super) struct SquarePortion<'a> {
     pub(super) spans: Spans,
-    /// The points that are looked at, and how far around them the ground is.
+    /// The window of points, and the margin of the ground around it.
     pub(super) near: CellSurroundings,
-    /// What is known of the whole cloud.
+    /// Statistics of the whole point cloud.
     pub(super) looked: &'a CloudKnowledge,
-    /// The cloud: of its parts only the bounds are asked.
+    /// The point cloud; only the bounds of its parts are used.
     pub(super) points: &'a dyn PointSource,
-    /// Where their files go.
+    /// Output folder.
     pub(super) folder: &'a Path,
     exceeded: AtomicBool,
 }
@@ -60,22 +60,22 @@ impl<'a> SquarePortion<'a> {
         Self { spans, near, looked, points, folder, exceeded: AtomicBool::new(false) }
     }
 
-    /// Which points are noise, where that is known.
+    /// The noise, if known.
     pub(super) fn noise(&self) -> Option<&Noise> {
         self.looked.noise.as_ref()
     }
 
-    /// All points that may be in the files, or decide which are.
+    /// The window of all points in the files, and of points that affect the selection.
     pub(super) fn window(&self) -> SiteWindow {
         self.near.cells
     }
 
-    /// Where the ground is to be known.
+    /// The window of the ground.
     pub(super) fn ground(&self) -> SiteWindow {
         self.near.window()
     }
 
-    /// How far the ground that is read is all there is; where all that surrounds it is known, it is in the store.
+    /// Limits of the ground that is read; if its hull is known, it is in the store.
     pub(super) fn limits(&self, is_surrounded: bool) -> PointStoreLimits {
         match is_surrounded {
             true => PointStoreLimits::with_hull(self.points, self.ground()),
@@ -83,7 +83,7 @@ impl<'a> SquarePortion<'a> {
         }
     }
 
-    /// Notes that more has to be read.
+    /// Records that more has to be read.
     pub(super) fn exceed(&self) {
         self.exceeded.store(true, Ordering::Relaxed);
     }
@@ -94,7 +94,7 @@ impl<'a> SquarePortion<'a> {
     }
 }
 
-/// What lies in squares, or no further from them than `margin`.
+/// The window of tiles with a `margin`.
 pub(super) fn window(
     squares: &SquareSplit,
     spans: Spans,

@@ -1,4 +1,4 @@
-//! A job on points with all it needs: done whole, in portions, or looked at before.
+//! A prepared job on points: run whole, in portions, or analysed for a plan.
 
 use std::time::Instant;
 
@@ -32,8 +32,8 @@ use terrane_files::atomic::refuse_existing;
 /// Writes the points. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// An output that exists, cannot be created, or is of no known ending; files that do not go into one; what the
-/// format cannot hold of a point; too little memory.
+/// An output that exists, cannot be created, or has an unknown extension; files that cannot be merged;
+/// attributes that the format does not hold; too little memory.
 pub fn run(
     job: &TranslateJob,
     progress: &dyn Progress,
@@ -55,7 +55,7 @@ pub fn run(
     Ok(report)
 }
 
-/// Does something with all that a job on a cloud, or some squares of it, needs.
+/// Prepares a job on a point cloud, or some tiles of it, and calls `work`.
 pub(super) fn prepared<T: Send>(
     job: &TranslateJob,
     cloud: &PointCloud,
@@ -100,20 +100,20 @@ pub(super) fn prepared<T: Send>(
     workers(&resources)?.install(|| act(&prepared))
 }
 
-/// A job that is ready to be done.
+/// A prepared job.
 pub(super) struct Prepared<'a> {
     pub(super) work: TranslateContext<'a>,
     pub(super) source: &'a CarriedRecords<'a>,
 }
 
 impl Prepared<'_> {
-    /// Writes what is asked for; tells what was made, and what became of points, one line each.
+    /// Writes the output; returns its files, and notes on points, one line each.
     pub(super) fn make(&self) -> Result<(SplitFiles, Vec<String>)> {
         let wide = self.work.job.wide(self.work.portion.is_some())?;
         self.work.run(self.source, wide.as_ref())
     }
 
-    /// Writes it and tells of it, the work being begun at `start`.
+    /// Writes the output and reports on it; the work began at `start`.
     pub(super) fn report(&self, start: Instant) -> Result<TranslateReport> {
         let (made, found) = self.make()?;
         let TranslateContext { job, info, moved, carrier, shares, .. } = &self.work;
@@ -136,14 +136,14 @@ impl Prepared<'_> {
         })
     }
 
-    /// What is told of the cloud and of what is carried, one line each.
+    /// Notes on the point cloud and on its attributes, one line each.
     pub(super) fn notes(&self) -> Vec<String> {
         let TranslateContext { carrier, moved, .. } = &self.work;
         let moved = moved.iter().flat_map(|moved| &moved.notes);
         self.source.cloud().notes().iter().chain(carrier.notes()).chain(moved).cloned().collect()
     }
 
-    /// What has to be known of the whole cloud: what is noise, and of the ground what some squares do not tell.
+    /// Statistics of the whole point cloud for a plan: the noise and the ground.
     pub(super) fn look(&self) -> Result<CloudKnowledge> {
         let (work, above) = (&self.work, &self.work.job.above);
         let wide = work.job.wide(false)?;
@@ -166,7 +166,7 @@ impl Prepared<'_> {
 }
 
 impl TranslateContext<'_> {
-    /// Writes what is chosen of all records, and says what was found.
+    /// Writes the selected records, and returns notes.
     fn run(
         &self,
         source: &dyn PointRecords,
@@ -199,7 +199,7 @@ impl TranslateContext<'_> {
         let made = self.write(over(&sorted, records))?;
         let note = lines.iter().zip(job.overlap).map(|(lines, overlap)| {
             let (side, left_out) = (overlap.side(self.told), lines.left_out());
-            format!("overlap: {left_out} points of other flight lines left out, in cells of {side}")
+            format!("overlap: {left_out} points of other flight lines dropped, in cells of {side}")
         });
         let noise = marked.iter().flat_map(|marked| &marked.notes);
         let ground = told.iter().flat_map(|told| &told.notes);
@@ -210,7 +210,7 @@ impl TranslateContext<'_> {
     }
 }
 
-/// What carries the points of a job that can be done.
+/// The reader of the points of a valid job.
 pub(super) fn carrier<'a>(
     job: &TranslateJob,
     cloud: &'a PointCloud,
@@ -221,7 +221,7 @@ pub(super) fn carrier<'a>(
     Ok(carrier)
 }
 
-/// Bytes of memory that a part of a job needs which looks at so many points, and those of them for a thread.
+/// Least memory for a part of a job with `points` points, and its part for a thread.
 pub(super) fn least(job: &TranslateJob, cloud: &PointCloud, points: u64) -> Result<[u64; 2]> {
     let carrier = carrier(job, cloud)?;
     let needed = job.needed(job.packing()?, carrier.info(), (points, true));

@@ -1,4 +1,4 @@
-//! What is told of points that were written.
+//! Report on written points.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use terrane_cloud::PointCensus;
 use terrane_engine::figures::RunStatistics;
 use terrane_engine::transform::Transformed;
 
-/// What was written.
+/// Report of a points-to-points job.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 #[non_exhaustive]
@@ -14,15 +14,15 @@ pub struct TranslateReport {
     pub input: String,
     pub output: String,
     pub point_format: u8,
-    /// What became of the points that were read; of work that was kept it is not known.
+    /// Statistics of the points read; unknown for resumed work.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub census: Option<PointCensus>,
     /// Files written.
     pub files: u64,
-    /// Points written; those of buffers are so in several files.
+    /// Points written; points of buffers are counted in each file.
     pub points: u64,
     pub crs: String,
-    /// What was done to places.
+    /// The reprojection, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     pub output_bytes: u64,

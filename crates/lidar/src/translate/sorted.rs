@@ -1,4 +1,4 @@
-//! Records in another order: sorted in runs that fit into memory, which wait in a file and are merged.
+//! External sort of records: sorted runs that fit into memory are spilled and merged.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -26,14 +26,14 @@ pub enum Sort {
     Time,
 }
 
-/// What records are sorted by; of equal ones the first comes first.
+/// Sort key of records; the sort is stable.
 type Key = [u64; 3];
 
 /// How records are compared.
 #[derive(Clone, Copy)]
 struct RecordOrder {
     by: Sort,
-    /// Where a record has its time.
+    /// Offset of the time in a record.
     time: Option<usize>,
 }
 
@@ -58,9 +58,9 @@ fn spread(bits: u64) -> u64 {
         .fold(bits, |bits, (by, mask)| (bits | bits << by) & mask)
 }
 
-/// Bytes of the pieces that runs are written and read in.
+/// Bytes of a piece of a run.
 const PIECE: usize = if cfg!(test) { 256 } else { 128 << 10 };
-/// Least memory for a run, or for the pieces of those that are merged.
+/// Least memory for a run, or for the pieces of merged runs.
 pub(super) const LEAST: u64 = 4 << 20;
 /// Bytes for the key of a record while a run is sorted.
 const KEY: usize = size_of::<(Key, u32)>();
@@ -83,7 +83,7 @@ pub(super) struct SortedRecords {
     points: u64,
 }
 
-/// Where a run is read.
+/// Read position in a run.
 struct SortedRunCursor<'a> {
     pieces: std::slice::Iter<'a, SortedRunPiece>,
     records: Vec<u8>,
@@ -91,10 +91,10 @@ struct SortedRunCursor<'a> {
 }
 
 impl SortedRecords {
-    /// Reads all records once; so many bytes of memory are there for it, and `folder` for the rest.
+    /// Reads all records once; uses `memory` bytes, and spills the rest to `folder`.
     ///
     /// # Errors
-    /// Times asked for of a format that has none.
+    /// An order by time for a format without times.
     pub(super) fn new(
         records: &dyn PointRecords,
         (by, format): (Sort, PointFormat),
@@ -161,7 +161,7 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Adds a piece to a run, if it has so many bytes.
+    /// Adds a piece to a run, if it has at least `least` bytes.
     fn put(&self, piece: &mut Vec<u8>, least: usize, run: &mut Run) -> Result<()> {
         if piece.len() >= least {
             run.push(SortedRunPiece { extent: self.spool.put(&[piece])?, bytes: piece.len() });
@@ -170,7 +170,7 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Merges runs that follow each other, so many at a time.
+    /// Merges adjacent runs, `most` at a time.
     fn merge_some(&mut self, most: usize) -> Result<()> {
         let mut merged = Vec::new();
         for some in std::mem::take(&mut self.runs).chunks_mut(most) {
@@ -188,7 +188,7 @@ impl SortedRecords {
         Ok(())
     }
 
-    /// Hands on the records of some runs in order, a piece at a time; of equal ones those of the first run first.
+    /// Merges some runs, a piece at a time; equal records keep the order of runs.
     fn merge(&self, runs: &[Run], take: &mut Take<'_>) -> Result<()> {
         let mut cursors: Vec<_> = runs.iter().map(|run| SortedRunCursor::new(run)).collect();
         let mut next = BinaryHeap::new();
@@ -215,7 +215,7 @@ impl<'a> SortedRunCursor<'a> {
         Self { pieces: run.iter(), records: Vec::new(), at: 0 }
     }
 
-    /// The key of the record that is next; `None` at the end of the run.
+    /// The key of the next record; `None` at the end of the run.
     fn key(&mut self, sorted: &SortedRecords) -> Result<Option<Key>> {
         if self.at == self.records.len() {
             let Some(SortedRunPiece { extent, bytes }) = self.pieces.next() else {
@@ -243,14 +243,14 @@ impl PointRecords for SortedRecords {
     }
 }
 
-/// Fails where points of a format have no such order.
+/// Fails if a point format does not support an order.
 pub(super) fn check(by: Sort, format: PointFormat) -> Result<()> {
     if by == Sort::Time && format.time_at().is_none() {
         let number = format.number();
         return Err(Error::usage(format!(
-            "‹sort› time cannot act: point format {number} has no times"
+            "‹sort› time requires GPS times, which point format {number} lacks"
         ))
-        .remedy("pass ‹sort› morton, or leave ‹sort› out"));
+        .remedy("pass ‹sort› morton, or leave out ‹sort›"));
     }
     Ok(())
 }

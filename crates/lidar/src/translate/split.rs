@@ -1,4 +1,4 @@
-//! Records into a folder of files, one for each value of an attribute.
+//! Writes records into a folder of files, one for each value of an attribute.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -13,17 +13,17 @@ use terrane_cloud::{AXES, PointFormat};
 use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 
-/// Most files: as many as there are values of 16 bits, which point sources have.
+/// Most files: the number of 16-bit values, for point source ids.
 const MOST_FILES: usize = 1 << 16;
 /// Longest name of a value; longer ones are written with an exponent.
 const LONGEST: usize = 24;
-/// What stands in a name for the points without a value.
+/// Part of the file name for points without a value.
 const NONE: &str = "none";
 
-/// How points are divided by an attribute.
+/// A split of points by an attribute.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AttributeSplit {
-    /// Its name: of the standard, or of extra bytes.
+    /// Name of a standard attribute or of extra bytes.
     pub attribute: String,
     /// True for files that are not compressed.
     pub is_plain: bool,
@@ -36,17 +36,17 @@ impl AttributeSplit {
     }
 }
 
-/// Where the values are that records are divided by.
+/// The column of the attribute.
 pub(super) struct SplitColumn {
     column: PointColumn,
     ruler: Option<Ruler>,
 }
 
 impl SplitColumn {
-    /// Of records of a format that have these columns.
+    /// The column of records of a format with these columns.
     ///
     /// # Errors
-    /// A name of none of them, or of a coordinate.
+    /// An unknown name, or a coordinate.
     pub(super) fn new(
         split: &AttributeSplit,
         (format, columns): (PointFormat, &[PointColumn]),
@@ -54,13 +54,13 @@ impl SplitColumn {
         let name = split.attribute.trim().trim_matches('"');
         if AXES.iter().any(|axis| name.eq_ignore_ascii_case(axis)) {
             return Err(Error::usage(format!("{name} is a coordinate, not an attribute"))
-                .remedy("divide points by place with ‹tile› SIDE"));
+                .remedy("pass ‹tile› SIDE to split by position"));
         }
         let column = column(name, format, columns)?;
         Ok(Self { ruler: column.ruler(), column })
     }
 
-    /// The value of a record, as it is told apart from others: zeros are one, and so are missing values.
+    /// The key of the value of a record: both zeros are the same, and so are missing values.
     fn key(&self, record: &[u8]) -> u64 {
         let value = match &self.ruler {
             Some(ruler) => self.column.decimal(record, ruler),
@@ -69,7 +69,7 @@ impl SplitColumn {
         (if value.is_nan() { f64::NAN } else { value + 0.0 }).to_bits()
     }
 
-    /// The name of the file with a value, without its ending.
+    /// The file name of a value, without extension.
     fn name(&self, key: u64) -> String {
         let value = f64::from_bits(key);
         let value = match value.to_string() {
@@ -80,20 +80,20 @@ impl SplitColumn {
         format!("{}{value}", self.prefix())
     }
 
-    /// What names of files begin with: the attribute.
+    /// Prefix of file names: the attribute.
     fn prefix(&self) -> String {
         let plain = |c: char| if c.is_alphanumeric() || "-.".contains(c) { c } else { '_' };
         self.column.name().trim().chars().map(plain).chain(['_']).collect()
     }
 
-    /// Whether a folder holds nothing but files of values of this attribute that terrane wrote.
+    /// Whether a folder only has files of values of this attribute written by terrane.
     pub(super) fn is_ours(&self, folder: &Path) -> bool {
         let (prefix, is_value) =
             (self.prefix(), |value: &str| value == NONE || value.parse::<f64>().is_ok());
         holds_only(folder, |stem| stem.strip_prefix(&prefix).is_some_and(is_value))
     }
 
-    /// Writes all records into a folder; they wait in `waiting` beyond so many bytes.
+    /// Writes all records into a folder; spills to `waiting` beyond a number of bytes.
     pub(super) fn write(
         &self,
         records: &dyn PointRecords,
@@ -131,14 +131,14 @@ impl SplitColumn {
     fn too_large(&self) -> Error {
         let name = self.column.name();
         Error::unsupported(format!(
-            "‹split›: {name} has whole numbers beyond 2^53, where doubles skip some"
+            "‹split›: {name} has integers beyond 2^53, which doubles do not hold exactly"
         ))
-        .remedy("split by an attribute of smaller numbers, such as point_source_id")
+        .remedy("split by an attribute with smaller values, such as point_source_id")
     }
 
     fn too_many(&self) -> Error {
         let name = self.column.name();
-        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values, each a file"))
-            .remedy("split by an attribute of fewer values, such as point_source_id")
+        Error::usage(format!("‹split›: {name} has more than {MOST_FILES} values (one file each)"))
+            .remedy("split by an attribute with fewer values, such as point_source_id")
     }
 }

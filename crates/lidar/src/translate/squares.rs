@@ -1,4 +1,4 @@
-//! Records into a folder of files, one for each square of the plane that has points.
+//! Writes records into a folder of files, one for each tile with points.
 
 use std::path::{Path, PathBuf};
 
@@ -17,19 +17,19 @@ use terrane_engine::workers;
 use terrane_files::{Buckets, path_of, shown};
 use terrane_gridding::{CellEdgeRule, CellLattice};
 
-/// Most squares: each takes some memory.
+/// Most tiles: each takes some memory.
 const MOST_SQUARES: u64 = 1 << 20;
-/// How far a buffer may reach.
+/// Widest buffer, in sides of a tile.
 const MOST_SQUARES_BESIDE: f64 = 8.0;
 
-/// How a cloud is divided into squares.
+/// A division of a point cloud into tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SquareSplit {
-    /// Their side, in units of x and y; corners are at its multiples.
+    /// Side of a tile, in units of x and y; corners are at its multiples.
     pub side: f64,
-    /// Points around a square that its file has, too, up to so far away.
+    /// Width of the buffer around a tile.
     pub buffer: f64,
-    /// The mark that those bear.
+    /// Mark of points in the buffer.
     pub mark: BufferMark,
 }
 
@@ -52,10 +52,10 @@ impl BufferMark {
     }
 }
 
-/// Squares along both axes, from the first to the last.
+/// First and last tile along both axes.
 pub(super) type Spans = [[i64; 2]; 2];
 
-/// Files that were made, and the points in them.
+/// Number of files written, and of their points.
 #[derive(Default)]
 pub(super) struct SplitFiles {
     pub(super) files: u64,
@@ -63,11 +63,11 @@ pub(super) struct SplitFiles {
     pub(super) bytes: u64,
 }
 
-/// Squares along an axis: for each of them the first and last step of its file's points.
+/// Tiles along an axis: the first and last step of the points of each file.
 struct SquareAxis {
     first: i64,
     reaches: Vec<[i64; 2]>,
-    /// Squares on either side that a buffer may reach into.
+    /// Tiles on either side that a buffer may reach into.
     beside: usize,
 }
 
@@ -88,12 +88,12 @@ impl SquareAxis {
         Self { first, reaches: (first..=last).map(reach).collect(), beside }
     }
 
-    /// The square that a point lies in, counted from the first, if it is one of these.
+    /// The tile of a point, counted from the first, if it is one of these.
     fn own(&self, square: i64) -> Option<usize> {
         usize::try_from(square - self.first).ok().filter(|own| *own < self.reaches.len())
     }
 
-    /// The squares whose files have a point that lies in one.
+    /// The tiles whose files have a point of this tile.
     fn around(&self, square: i64, steps: i32) -> impl Iterator<Item = usize> + '_ {
         let (own, beside, all) = (square - self.first, self.beside as i64, self.reaches.len());
         let clip = |square: i64| square.clamp(0, all as i64) as usize;
@@ -114,7 +114,7 @@ pub(super) struct SquareSplitter<'a> {
 }
 
 impl<'a> SquareSplitter<'a> {
-    /// Of some squares of a cloud; records wait in `folder` beyond so many bytes.
+    /// A splitter for some tiles of a point cloud; spills to `folder` beyond a number of bytes.
     pub(super) fn new(
         (squares, spans): (SquareSplit, Spans),
         info: &CloudInfo,
@@ -173,7 +173,7 @@ impl<'a> SquareSplitter<'a> {
         Ok(())
     }
 
-    /// By the lowest corner.
+    /// File name of a tile, by its lowest corner.
     fn name(&self, square: usize) -> String {
         let width = self.axes[0].reaches.len();
         let corner = [square % width, square / width];
@@ -183,21 +183,21 @@ impl<'a> SquareSplitter<'a> {
     }
 }
 
-/// What files of a folder end with.
+/// Extension of the files of a folder.
 pub(super) fn ending(packing: PointPacking) -> &'static str {
     if packing == PointPacking::Plain { "las" } else { "laz" }
 }
 
-/// Records that are divided, each bucket to become a file.
+/// Divided records, with a bucket for each file.
 pub(super) struct FilledBuckets<'a> {
     pub(super) buckets: &'a Buckets<u8>,
-    /// How many of the buckets may have records.
+    /// Number of buckets that may have records.
     pub(super) count: usize,
     pub(super) options: &'a CloudWriteOptions,
 }
 
 impl FilledBuckets<'_> {
-    /// Writes a file for each bucket that has records, which have so many bytes.
+    /// Writes a file for each bucket with records.
     pub(super) fn write(
         &self,
         (record, threads): (usize, usize),
@@ -224,7 +224,7 @@ impl FilledBuckets<'_> {
         Ok(made)
     }
 
-    /// The file of a bucket; its points and bytes where it has any.
+    /// Writes the file of a bucket; returns its points and bytes, if there are any.
     fn file(&self, bucket: usize, record: usize, path: &Path) -> Result<Option<[u64; 2]>> {
         let all = self.buckets.len(bucket);
         if all == 0 {
@@ -243,7 +243,7 @@ impl FilledBuckets<'_> {
     }
 }
 
-/// So many times a number, as the decimals that it is written as.
+/// A multiple of a number, exact in decimals.
 fn times(count: i64, number: f64) -> f64 {
     let exact = || {
         let number = Decimal::of(number)?;
@@ -253,27 +253,27 @@ fn times(count: i64, number: f64) -> f64 {
     exact().unwrap_or(count as f64 * number)
 }
 
-/// The first and the last square of a cloud along both axes.
+/// The first and the last tile of a point cloud along both axes.
 ///
 /// # Errors
-/// Too many squares; a buffer that is too wide.
+/// Too many tiles; a buffer that is too wide.
 pub(super) fn spans(squares: &SquareSplit, info: &CloudInfo) -> Result<Spans> {
     if squares.buffer > MOST_SQUARES_BESIDE * squares.side {
         return Err(Error::usage(format!(
-            "a buffer of {} is too wide for squares of {}",
+            "a buffer of {} is too wide for tiles of {}",
             squares.buffer, squares.side
         ))
-        .remedy(format!("it may be {MOST_SQUARES_BESIDE} times their side")));
+        .remedy(format!("pass at most {MOST_SQUARES_BESIDE} times the side of a tile")));
     }
     let origin = Point { x: 0, y: 0, z: 0 };
     let spans = squares.lattice(&info.frame).span(info.bounds.unwrap_or([origin; 2]));
     let [columns, rows] = spans.map(|[first, last]| (last - first).unsigned_abs() + 1);
     if columns.saturating_mul(rows) > MOST_SQUARES {
         return Err(Error::usage(format!(
-            "squares of {} would be {columns} x {rows}, more than {MOST_SQUARES}",
+            "tiles of {} would be {columns} x {rows}, which exceeds the limit of {MOST_SQUARES}",
             squares.side
         ))
-        .remedy("choose larger ones"));
+        .remedy("raise ‹tile›"));
     }
     Ok(spans)
 }
@@ -284,14 +284,13 @@ impl SquareSplit {
     }
 }
 
-/// Whether a folder holds nothing but files of squares that terrane wrote.
+/// Whether a folder only has files of tiles written by terrane.
 pub(super) fn is_ours(folder: &Path) -> bool {
     let is_corner = |x: &str, y: &str| x.parse::<f64>().is_ok() && y.parse::<f64>().is_ok();
     holds_only(folder, |stem| stem.split_once('_').is_some_and(|(x, y)| is_corner(x, y)))
 }
 
-/// Whether a folder holds nothing but files that terrane wrote under names that are known by what they
-/// are without their ending.
+/// Whether a folder only has files written by terrane with known names, compared without extension.
 pub(super) fn holds_only(folder: &Path, is_known: impl Fn(&str) -> bool) -> bool {
     let is_ours = |path: &Path| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -302,7 +301,7 @@ pub(super) fn holds_only(folder: &Path, is_known: impl Fn(&str) -> bool) -> bool
     folder.is_dir() && entries.all(|entry| entry.is_ok_and(|entry| is_ours(&entry.path())))
 }
 
-/// Fails where one of the files lies in a folder that is to be replaced.
+/// Fails if one of the files lies in a folder to be replaced.
 pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
     let Ok(real) = folder.canonicalize() else { return Ok(()) };
     let is_in =
@@ -310,9 +309,9 @@ pub(super) fn refuse_within(files: &[String], folder: &Path) -> Result<()> {
     match files.iter().find(is_in) {
         None => Ok(()),
         Some(file) => {
-            Err(Error::usage(format!("would be replaced, and {} in it is read", shown(file)))
+            Err(Error::usage(format!("the output folder contains the input {}", shown(file)))
                 .in_file(folder)
-                .remedy("choose another name"))
+                .remedy("choose another output"))
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Choices: one point of each cell, and one of those that are there twice.
+//! Thinning: one point of each cell, or one of duplicate points.
 
 use std::fmt;
 use std::str::FromStr;
@@ -22,20 +22,20 @@ pub enum ThinningRule {
     /// The nearest to the cell's centre.
     #[default]
     Centre,
-    /// Any, by a seed: the same whatever else is in the cloud.
+    /// A random point by seed, independent of points in other cells.
     Random(u64),
 }
 
-/// One point of each cell that has any.
+/// Thinning to one point of each cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellThinning {
     /// Side of the cells, in units of x and y; corners are at its multiples.
     pub cell: f64,
-    /// Which one.
+    /// The point to keep.
     pub keep: ThinningRule,
 }
 
-/// The names of what is kept, and what it is.
+/// Names of the rules, with descriptions.
 pub const KEPT: [(&str, &str); 4] = [
     ("centre", "the point nearest to the centre of its cell"),
     ("lowest", "the lowest point"),
@@ -50,17 +50,19 @@ impl FromStr for CellThinning {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let (cell, keep) = text.split_once(':').unwrap_or((text, KEPT[0].0));
         let cell = cell.trim().parse().ok().filter(|cell: &f64| cell.is_finite() && *cell > 0.0);
-        let cell =
-            cell.ok_or("expected a number above zero, then a colon and which point is kept")?;
+        let cell = cell.ok_or("expected CELL[:WHICH], with CELL above 0")?;
         let keep = match keep.split_once('=').unwrap_or((keep, "0")) {
             ("centre" | "center", "0") => ThinningRule::Centre,
             ("lowest", "0") => ThinningRule::Lowest,
             ("highest", "0") => ThinningRule::Highest,
             ("random", seed) => ThinningRule::Random(
-                seed.parse().map_err(|_| format!("{seed} is no seed, which is a whole number"))?,
+                seed.parse().map_err(|_| format!("the seed {seed} is not an integer"))?,
             ),
             _ => {
-                return Err(format!("{keep} is none of {}", KEPT.map(|(name, _)| name).join(", ")));
+                return Err(format!(
+                    "expected one of {}, not {keep}",
+                    KEPT.map(|(name, _)| name).join(", ")
+                ));
             }
         };
         Ok(Self { cell, keep })
@@ -79,7 +81,7 @@ impl fmt::Display for CellThinning {
     }
 }
 
-/// Cells to choose from.
+/// Cells for thinning.
 pub(super) struct ThinningCells {
     lattice: CellLattice,
     unit: DistanceUnit,
@@ -90,10 +92,10 @@ impl ThinningCells {
     pub(super) fn new(thin: CellThinning, frame: &PointFrame) -> Result<Self> {
         if frame.scale[..2].iter().any(|step| thin.cell < *step) {
             return Err(Error::usage(format!(
-                "cells of {} are smaller than a step of the points",
+                "cells of {} are smaller than the coordinate resolution",
                 thin.cell
             ))
-            .remedy("choose a larger cell"));
+            .remedy("pass a larger cell"));
         }
         let lattice = CellLattice::new(frame, [0.0; 2], [thin.cell; 2], CellEdgeRule::default());
         Ok(Self { unit: lattice.unit(thin.cell), lattice, keep: thin.keep })
@@ -121,9 +123,9 @@ impl RecordRanking for ThinningCells {
     }
 }
 
-/// Points of one place and time.
+/// Key of points with the same position and time.
 pub(super) struct DuplicateKey {
-    /// Where a record has its time.
+    /// Offset of the time in a record.
     time: Option<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! The points that the ground is made of, where these are not those asked for, and no others.
+//! The points of the ground, if these differ from the requested points.
 
 use super::above::told::Told;
 use super::carried::CarriedRecords;
@@ -14,16 +14,16 @@ use terrane_cloud::{
 };
 use terrane_delaunay::SiteWindow;
 
-/// A cloud with points beyond those asked for.
+/// A point cloud with more than the requested points.
 pub(super) struct WidenedCloud {
     cloud: PointCloud,
     target: LasOutputFormat,
-    /// Whether it has none but those asked for, which are looked at in parts.
+    /// Whether it has the requested points only, for work in portions.
     is_same: bool,
 }
 
 impl TranslateJob {
-    /// All points that the ground may be made of, where these are not only those asked for, or some of them.
+    /// All candidate points of the ground, if these are not the requested ones, or a part of them.
     pub(super) fn wide(&self, is_part: bool) -> Result<Option<WidenedCloud>> {
         let own = self.reading();
         let chosen = &own.filter;
@@ -39,7 +39,7 @@ impl TranslateJob {
 }
 
 impl TranslateContext<'_> {
-    /// The records with what the ground tells of them.
+    /// The records with heights and classes.
     pub(super) fn tell<'r>(
         &self,
         records: &'r dyn PointRecords,
@@ -59,7 +59,7 @@ impl TranslateContext<'_> {
         looking.tell(records, Some(over(&marked, wide)), at)
     }
 
-    /// What has to be known of the ground of all points, whose noise is noted.
+    /// Statistics of the ground of all points, with recorded noise.
     pub(super) fn look_at_wide(
         &self,
         wide: &WidenedCloud,
@@ -78,7 +78,7 @@ impl TranslateContext<'_> {
         self.looking().look(over(&marked, &wide))
     }
 
-    /// Where points lie that the ground of the squares is made of, if not everywhere.
+    /// The window of the points of the ground of the tiles, if not everywhere.
     fn around_ground(&self) -> Result<Option<SiteWindow>> {
         let Some(portion) = self.portion else { return Ok(None) };
         let Some(seen) = portion.looked.seen.as_ref().filter(|seen| !seen.by_class) else {

@@ -27,36 +27,36 @@ use terrane_files::folder_for;
 pub(super) struct TranslateContext<'a> {
     pub(super) job: &'a TranslateJob,
     pub(super) input: &'a PointCloud,
-    /// What is read, in the frame that methods work in.
+    /// The input, in the frame of the methods.
     pub(super) cloud: &'a CloudInfo,
-    /// What is known before points are moved.
+    /// Properties before reprojection.
     pub(super) told: &'a CloudInfo,
     pub(super) assigning: &'a AttributeAssigner,
-    /// What records are divided by.
+    /// The split column, if any.
     pub(super) values: Option<&'a SplitColumn>,
-    /// What is written.
+    /// Properties of the output.
     pub(super) info: &'a CloudInfo,
     pub(super) moved: Option<&'a CloudReprojection>,
     pub(super) carrier: &'a PointFormatConverter<'a>,
     pub(super) options: CloudWriteOptions,
     pub(super) shares: TranslateMemory,
-    /// The squares that are made, if not all.
+    /// The tiles to make, if not all.
     pub(super) portion: Option<&'a SquarePortion<'a>>,
     pub(super) at: RunControl<'a>,
 }
 
 impl TranslateContext<'_> {
-    /// The records without those that are there twice, where these are not wanted.
+    /// The records without duplicates, if requested.
     pub(super) fn single<'r>(
         &self,
         records: &'r dyn PointRecords,
     ) -> Result<Option<ChosenRecords<'r>>> {
         let twice = thin::DuplicateKey::new(self.options.format);
-        let choose = || self.choose(records, &twice, "points there twice");
+        let choose = || self.choose(records, &twice, "duplicate points");
         self.job.dedupe.then(choose).transpose()
     }
 
-    /// The records with the class of noise for those that are, where it is looked for.
+    /// The records with classified noise, if requested.
     pub(super) fn mark<'r>(
         &self,
         records: &'r dyn PointRecords,
@@ -142,7 +142,7 @@ impl TranslateContext<'_> {
         Ok(chosen)
     }
 
-    /// Where what has to wait goes: beside the output, which a plan is far from.
+    /// Folder for spilled data: that of the output.
     pub(super) fn folder(&self) -> &Path {
         match (&self.job.resources.temp_dir, self.portion) {
             (None, Some(portion)) => portion.folder,

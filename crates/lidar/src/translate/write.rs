@@ -15,7 +15,7 @@ use terrane_base::error::{Error, Result};
 use terrane_cloud::write::{CloudWriteOptions, CloudWriter, PointPacking};
 use terrane_files::atomic::{AtomicFile, AtomicFolder, Sidecar};
 
-/// Lines that a thread makes at a time.
+/// Lines formatted by a thread at a time.
 const LINES: usize = 4096;
 
 impl TranslateContext<'_> {
@@ -103,7 +103,7 @@ impl TranslateContext<'_> {
         Ok(made)
     }
 
-    /// Writes the files of some squares into a folder.
+    /// Writes the files of some tiles into a folder.
     fn files(
         &self,
         squares: (SquareSplit, Spans),

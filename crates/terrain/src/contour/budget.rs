@@ -11,13 +11,13 @@ pub(super) const VERTEX_BYTES: u64 = size_of::<ContourVertex>() as u64;
 /// Bytes of a crossing in the tile at hand: its node, and its vertex.
 const CROSSING_BYTES: u64 = contour::CROSSING_BYTES + VERTEX_BYTES;
 
-/// And what simplification takes besides, when most vertices are kept.
+/// Additional bytes of simplification for each crossing, when most vertices are kept.
 const SIMPLIFYING_BYTES: u64 = 140;
 
-/// Fewest crossings of a tile that there is room for, and most that room is made for.
+/// Least and largest number of crossings of a tile that memory is reserved for.
 const CROSSINGS: [u64; 2] = [1 << 17, 1 << 24];
 
-/// Bytes of a piece that waits: itself, its open ends, and what puts it in order at last.
+/// Bytes of a waiting piece: itself, its open ends, and its sort key.
 pub(super) const PIECE_BYTES: u64 = 160;
 
 /// Bytes of a vertex of the line that is being written: here, as a position, and as text.
@@ -60,7 +60,7 @@ impl ContourMemory {
         })
     }
 
-    /// Most vertices of a line: when it is written, the tiles are done.
+    /// Most vertices of a line; lines are written after all tiles.
     pub(super) fn line_vertices(&self) -> u64 {
         self.memory / 2 / WRITING_BYTES
     }

@@ -17,7 +17,7 @@ use terrane_simplify::{Length, LengthText, MetGoal};
 use terrane_vector::{self as vector, VectorFormat};
 use terrane_window::contour::ContourLevels;
 
-/// The property that tells index contours from others.
+/// The property that marks index contours.
 pub(super) const INDEX: &str = "index";
 
 /// Cells along the side of a tile, least to most.
@@ -72,7 +72,7 @@ pub struct ContourOptions {
 }
 
 const RULES: &[OptionRule] = &[
-    OptionRule::OneOf(&["interval", "levels"], "levels of lines"),
+    OptionRule::OneOf(&["interval", "levels"], "contour levels"),
     OptionRule::NotWith("levels", &["base", "index"]),
 ];
 
@@ -88,14 +88,16 @@ impl ContourOptions {
     pub(super) fn format(&self, output: &Path) -> Result<&'static VectorFormat> {
         self.heights()?;
         if self.index.is_some() && self.attribute == INDEX {
-            return Err(Error::usage("the heights and the marks of index contours have one name")
-                .remedy("choose another ‹attribute›"));
+            return Err(Error::usage(
+                "‹attribute› is also the name of the attribute of index contours",
+            )
+            .remedy("choose another name"));
         }
         let format = vector::by_path(output, self.file.format.as_deref())?;
         if !format.holds.kinds.contains(&vector::GeometryType::LineString) {
-            return Err(Error::usage(format!("{} holds no lines", format.name))
+            return Err(Error::usage(format!("{} does not support lines", format.name))
                 .in_file(output)
-                .remedy("write GeoJSON, FlatGeobuf or a shapefile"));
+                .remedy("write GeoJSON, FlatGeobuf or Shapefile"));
         }
         Ok(format)
     }
@@ -108,18 +110,18 @@ pub struct ContourJob {
     pub input: Inputs,
     /// File of features to write.
     pub output: PathBuf,
-    /// What they are to be.
+    /// Options.
     pub options: ContourOptions,
 }
 
 impl ContourJob {
-    /// What can be known to be wrong before any work; the format to write.
+    /// Checks the options before any sample is read; returns the format to write.
     pub(super) fn check(&self) -> Result<&'static VectorFormat> {
         terrane_options::check(&self.options)?;
         self.options.format(&self.output)
     }
 
-    /// What leads to the system to write in.
+    /// The operation to the target CRS, if there is one.
     pub(super) fn operation(&self, info: &GridInfo) -> Result<Option<crs::CoordinateOperation>> {
         let Some(transform) = self.options.reprojection.transform() else { return Ok(None) };
         let (input, extent) = (self.input.to_string(), Some(extent_of(info)));
@@ -128,13 +130,13 @@ impl ContourJob {
         match operation.keeps_heights() {
             true => Ok(Some(operation)),
             false => Err(Error::unsupported(
-                "lines at one height are not at one height in the system to write in",
+                "the target CRS changes heights: a contour would not stay level",
             )
-            .remedy("name it without heights: those of the grid are kept")),
+            .remedy("pass a 2D CRS to keep the heights of the grid")),
         }
     }
 
-    /// Where pieces are spilled: the folder asked for, or the output's.
+    /// Folder for spilled pieces: the given one, or that of the output.
     pub(super) fn spill_folder(&self) -> &Path {
         folder_for(&self.output, self.options.resources.temp_dir.as_deref())
     }
@@ -151,9 +153,9 @@ pub struct ContourReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
-    /// The system of the grid.
+    /// CRS of the grid.
     pub crs: String,
-    /// What led to the system of the output, where that is another.
+    /// The operation to the CRS of the output, if that is another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     /// Levels with a line, and the lowest and highest of them.
@@ -166,10 +168,10 @@ pub struct ContourReport {
     /// Lines written, rings among them.
     pub lines: u64,
     pub rings: u64,
-    /// Lines that would go around nothing: samples exactly on a level, with no cell among them and all
-    /// others around them below.
+    /// Lines left out because they enclose no cell: rings around samples that are exactly on a level, with all
+    /// neighbours below.
     pub left_out: u64,
-    /// Vertices written, and those before simplification, of lines left out too.
+    /// Vertices written, and vertices before simplification (lines left out included).
     pub vertices: u64,
     pub original_vertices: u64,
     pub notes: Vec<String>,

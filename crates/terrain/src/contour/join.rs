@@ -14,10 +14,10 @@ use terrane_engine::Cancel;
 use terrane_files::Buckets;
 use terrane_window::contour::{ContourVertex, CrossedEdge};
 
-/// Vertices handed over before the job may be stopped.
+/// Vertices handed over between two checks for cancellation.
 const PUSHED: usize = 1 << 16;
 
-/// The number of no piece.
+/// Marks the lack of a piece.
 const NONE: u32 = u32::MAX;
 
 /// A part of a line, from one rim to another; or a whole one.
@@ -32,7 +32,7 @@ struct ContourPiece {
     around: Option<i64>,
     count: u32,
     level: i32,
-    /// The piece that goes on from its last vertex, or [`NONE`]; itself if it is a ring.
+    /// The piece that continues from its last vertex, or [`NONE`]; itself if it is a ring.
     next: u32,
     /// True when another piece, or it itself, ends at its first vertex.
     is_entered: bool,
@@ -168,7 +168,7 @@ impl ContourPieces {
         lines
     }
 
-    /// The line that goes on from piece `start`.
+    /// The line that starts with piece `start`.
     fn line(&self, start: u32, seen: &mut [bool]) -> JoinedContour {
         let ContourPiece { level, first, low, is_entered: closed, .. } =
             self.pieces[start as usize];
@@ -195,7 +195,7 @@ impl ContourPieces {
         std::iter::successors(Some(start), next)
     }
 
-    /// How many vertices `line` has, at most.
+    /// Upper bound of the number of vertices of `line`.
     pub(super) fn count(&self, line: &JoinedContour) -> u64 {
         self.from(line.first).map(|id| u64::from(self.pieces[id as usize].count)).sum()
     }
@@ -236,6 +236,6 @@ impl ContourPieces {
 }
 
 fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} pieces of contours"))
-        .remedy("allow more ‹memory›, choose a larger ‹tile›, or widen ‹interval›")
+    Error::new(ErrorKind::Resource, format!("more than {most} contour segments"))
+        .remedy("raise ‹memory›, ‹tile› or ‹interval›")
 }

@@ -1,23 +1,21 @@
-//! Contour lines of a grid of any size, into a file of features.
+//! Contour lines of a grid of any size, written to a vector file.
 //!
-//! Threads trace tiles and hand over pieces of lines, which are joined where they meet on a rim and
-//! wait in memory, or in an unnamed file; when all tiles are done, lines are put together one by one
-//! and written, by level and then by the edge they begin at, a ring at its lowest. So the file depends on the grid and the levels
-//! alone, not on threads, memory or tiles.
+//! Threads trace tiles into pieces of lines, which are joined where they meet on the rim of a tile and stored
+//! in memory or in an unnamed file. After all tiles, lines are assembled one by one and written, sorted by
+//! level and by their first edge (the lowest one of a ring). So the file depends on the grid and the levels
+//! only, not on threads, memory or tiles.
 //!
 //! **Simplified lines** are simplified tile by tile, by the greedy double cone, and untangled
-//! ([`terrane_line::topology`]), all levels together; vertices on rims stay. A tile is convex, so what
-//! is in it cannot cross what is in another. Touching along a rim is left, and impossible: a piece both
-//! of whose ends are on one rim keeps the vertex that is farthest from it, so no segment lies along a
-//! rim. Each vertex left out is within the tolerance of the segment in its place. Where rings begin
-//! stays, too, so lines have the order and the ids that they have without a tolerance. The tile is an
-//! input here: on its rims each line keeps a vertex that it might have lost.
+//! ([`terrane_line::topology`]), all levels together; vertices on rims stay. A tile is convex, so lines of
+//! different tiles cannot cross. They cannot touch along a rim either: a piece with both ends on one rim keeps
+//! the vertex farthest from it, so no segment lies along a rim. Each dropped vertex is within the tolerance of
+//! the segment in its place. The start of a ring stays, too, so lines have the same order and ids as without a
+//! tolerance. The result depends on the tile size: each line keeps its vertices on rims.
 //!
-//! **Memory.** The budget is divided between what each thread needs for a tile, with as many crossings as
-//! fit into it, decoded blocks, and what waits. What waits grows with the lines and not with the grid:
-//! about 160 bytes for each piece of a line between two rims (or whole line within a tile), beside
-//! vertices of 16 bytes, which are spilled. When the tiles are done, their room is that of the line being
-//! written, 128 bytes a vertex. Where crossings, pieces or a line do not fit, an error says so.
+//! **Memory.** The budget is divided between the tile of each thread, decoded blocks, and stored pieces. These
+//! grow with the lines and not with the grid: about 160 bytes for each piece between two rims (or line within a
+//! tile), and 16 bytes a vertex, which are spilled. After the tiles their memory is used for the line being
+//! written, 128 bytes a vertex. It is an error if crossings, pieces or a line do not fit.
 
 mod budget;
 mod job;
@@ -73,8 +71,8 @@ impl Operation for ContourOptions {
 /// Runs the job. Nothing appears under the output's name unless it succeeds.
 ///
 /// # Errors
-/// Options that cannot be; an output that exists or cannot be written; whatever the grid's
-/// opener finds; heights beyond 1e30; too little memory.
+/// Invalid options; an output that exists or cannot be written; errors of opening the grid; heights beyond
+/// 1e30; too little memory.
 pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result<ContourReport> {
     let start = Instant::now();
     job.check()?;
@@ -93,7 +91,7 @@ pub fn run(job: &ContourJob, progress: &dyn Progress, cancel: &Cancel) -> Result
     work.write(pieces, sink, start, progress, cancel)
 }
 
-/// As [`run`], from a grid that is open already (`job.input` is only named in the report).
+/// As [`run`], from an open grid (`job.input` is only used in the report).
 ///
 /// # Errors
 /// As [`run`].
@@ -223,7 +221,7 @@ impl<'a> OpenedContourJob<'a> {
         u64::from(self.info.width) * u64::from(self.info.height)
     }
 
-    /// Names the input in an error that names no file, if it is one of its heights.
+    /// Adds the name of the input to an error about its heights.
     fn of_input(&self, error: Error) -> Error {
         match error.kind() {
             ErrorKind::BadInput => error.in_file(Path::new(&self.job.input.to_string())),

@@ -15,7 +15,7 @@ use terrane_raster::GridInfo;
 use terrane_simplify::{DistanceKind, Length, goal_of};
 use terrane_window::contour::{ContourVertex, WindowContour, WindowContours};
 
-/// A tolerance as it is measured.
+/// A tolerance and its metric.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MetricTolerance {
     pub(super) measure: DistanceKind,
@@ -31,8 +31,8 @@ pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricToleranc
     if measure == DistanceKind::Geographic
         && corners.iter().any(|&c| latitude(c).abs() > 90.0 + 1e-6)
     {
-        return Err(Error::bad_input("a latitude is beyond 90 degrees")
-            .remedy("pass ‹tolerance› as a plain number, in units of x and y"));
+        return Err(Error::bad_input("the grid extends beyond 90 degrees of latitude")
+            .remedy("pass ‹tolerance› as a plain number, in units of the CRS"));
     }
     Ok(MetricTolerance { measure, value })
 }
@@ -41,7 +41,7 @@ pub(super) fn measured(length: Length, info: &GridInfo) -> Result<MetricToleranc
 pub(super) struct Simplifier {
     transform: Affine,
     cone: DoubleCone,
-    /// What became of the last tile.
+    /// Result of the last tile.
     lines: WindowContours,
 }
 
@@ -54,7 +54,7 @@ struct TileChains {
     closed: Vec<bool>,
     /// What is kept of each chain.
     kept: KeptChainVertices,
-    /// True for a chain that goes on from the one before it, as one line.
+    /// True for a chain that continues the line of the one before it.
     goes_on: Vec<bool>,
 }
 
@@ -164,7 +164,7 @@ impl Simplifier {
     }
 }
 
-/// The greedy double cone, in the metric asked for.
+/// The greedy double cone, in the given metric.
 struct DoubleCone {
     tolerance: MetricTolerance,
     scratch: SimplifyScratch,
@@ -186,8 +186,7 @@ impl DoubleCone {
         }
     }
 
-    /// `kept` of a ring, with its start and end: what lies before `first` and after `last` is done
-    /// again.
+    /// `kept` of a ring, with its start and end: the parts before `first` and after `last` are computed again.
     fn around(&mut self, points: &[Xy], first: u32, last: u32, kept: &[u32]) -> Vec<u32> {
         let mut all = Vec::new();
         self.line(&points[..=first as usize], &mut all);

@@ -51,7 +51,7 @@ impl ContourTiles {
         Rect::new(rect.col, rect.row, rect.width - less_width, rect.height - less_height)
     }
 
-    /// How many samples a tile counts for.
+    /// The number of samples a tile accounts for.
     pub(super) fn owned(&self, tile: u64) -> u64 {
         self.done(tile).len() as u64
     }

@@ -27,7 +27,7 @@ pub(super) struct TracedTile<'a> {
     pub(super) lines: &'a WindowContours,
     /// Vertices before anything was left out.
     pub(super) original_vertices: u64,
-    /// Rings around nothing, which are not among the lines.
+    /// Number of rings left out because they enclose no cell.
     pub(super) left_out: u64,
 }
 
@@ -89,7 +89,7 @@ impl<'a, 'b> ContourWorker<'a, 'b> {
     }
 }
 
-/// Takes out the rings that go around nothing; how many.
+/// Removes rings that enclose no cell; returns their number.
 fn leave_out(lines: &mut WindowContours) -> u64 {
     let is_nothing = |line: &WindowContour| line.closed && line.around == Some(0);
     if !lines.lines.iter().any(is_nothing) {

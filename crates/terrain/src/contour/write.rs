@@ -15,10 +15,10 @@ use terrane_window::contour::{ContourLevels, ContourVertex};
 /// The property that numbers lines in formats without ids.
 const ID: &str = "id";
 
-/// Lines written between two looks at whether to stop.
+/// Lines written between two checks for cancellation.
 const BATCH: usize = 256;
 
-/// What is said of the file before its first line.
+/// The layer written to the file before its first line.
 pub(super) fn layer(job: &ContourJob, format: &VectorFormat, info: &GridInfo) -> LayerHeader {
     let field =
         |name: &str, kind| FieldDefinition { name: name.into(), kind, width: None, decimals: None };
@@ -45,7 +45,7 @@ pub(super) struct ContourWriter<'a> {
 }
 
 impl ContourWriter<'_> {
-    /// Writes all lines and finishes the file; of the report, what follows from that.
+    /// Writes all lines and finishes the file; returns the report.
     pub(super) fn write(
         &self,
         mut pieces: ContourPieces,
@@ -86,9 +86,11 @@ impl ContourWriter<'_> {
         let (height, most) = (self.levels.height(line.level), self.most);
         Err(Error::new(
             ErrorKind::Resource,
-            format!("a contour at {height} has {vertices} vertices, and {most} fit into memory"),
+            format!(
+                "the contour at {height} has {vertices} vertices, but only {most} fit into memory"
+            ),
         )
-        .remedy("allow more ‹memory›, or a larger ‹tolerance›"))
+        .remedy("raise ‹memory› or ‹tolerance›"))
     }
 
     /// True for a line along samples exactly on its level that ends where it began and has no cell

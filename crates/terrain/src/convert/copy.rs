@@ -11,13 +11,13 @@ use terrane_engine::{Cancel, Progress, Resources};
 use terrane_raster::write::{BandName, GridFormat, GridSink, GridWriteOptions};
 use terrane_raster::{self as raster, GridInfo, GridOpenOptions, GridSource, WaterReport};
 
-/// What stands in front of a grid that is read.
+/// Bands computed from a grid.
 pub(crate) struct DerivedBands {
-    /// What is written, alike in size and type.
+    /// The bands to write, equal in size and type.
     bands: Vec<Box<dyn GridSource>>,
-    /// What the bands are called, where they are colours.
+    /// Names of the bands, if they are colours.
     colours: Vec<BandName>,
-    /// What is to be said of it.
+    /// Notes for the report.
     notes: Vec<String>,
 }
 
@@ -36,8 +36,7 @@ impl DerivedBands {
     }
 }
 
-/// As [`run`](super::run), of what stands in front of the grid that is read, with what is to be said of that; reading from it a
-/// thread holds so many bytes.
+/// As [`run`](super::run), for bands computed from the grid; a thread that reads them holds `held` more bytes.
 pub(crate) fn run_of(
     job: &ConvertJob,
     held: u64,
@@ -64,7 +63,7 @@ pub(crate) fn run_of(
     Ok(ConvertReport { notes, water, ..report })
 }
 
-/// As [`run`](super::run), from a grid that is open already (`job.input` is only named in the report).
+/// As [`run`](super::run), from an open grid (`job.input` is only used in the report).
 pub fn copy(
     source: &dyn GridSource,
     job: &ConvertJob,
@@ -115,17 +114,17 @@ fn copy_of(
     })
 }
 
-/// A nodata value that the type of the samples does not have is another one in the file.
+/// A note if the sample type does not hold the nodata value exactly.
 fn moved_nodata(asked: Option<f64>, own: &GridInfo, written: &GridInfo) -> Option<String> {
     let stays = (own.scale, own.offset) == (written.scale, written.offset);
     let asked = asked.or(own.nodata.filter(|_| stays))?;
     let stored = written.nodata?;
     let is_moved = (asked - stored).abs() > HAIR * asked.abs();
     let name = written.sample_type.name();
-    is_moved.then(|| format!("voids are {stored}, the {name} nearest to {asked}"))
+    is_moved.then(|| format!("nodata is {stored}, the {name} nearest to {asked}"))
 }
 
-/// Overviews, one after the other.
+/// Writes overviews in order.
 pub fn copy_levels(
     sink: &mut dyn GridSink,
     threads: usize,
@@ -162,7 +161,7 @@ fn report(job: &ConvertJob, info: &GridInfo, summary: &CopyStatistics) -> Conver
     }
 }
 
-/// Nodata values are told in six digits or so.
+/// Relative tolerance of nodata values, which are printed with about six digits.
 const HAIR: f64 = 1e-6;
 
 /// How the job's memory is divided.
@@ -176,7 +175,7 @@ struct ConvertMemory {
     held: u64,
 }
 
-/// Samples of a block when nothing else is known, as in a tile of 512 x 512.
+/// Default number of samples of a block: a tile of 512 x 512.
 const USUAL_SAMPLES: u64 = 512 * 512;
 /// Least memory left for the source's blocks.
 const LEAST_CACHE: u64 = 8 << 20;
@@ -202,8 +201,8 @@ impl ConvertMemory {
         Ok(Self { threads, cache: usize::try_from(cache).unwrap_or(usize::MAX), memory, held })
     }
 
-    /// Threads that the real blocks of a sink leave room for. Blocks as wide as the grid may be
-    /// larger than was thought when the source was opened.
+    /// Number of threads that fit with the actual blocks of a sink. Blocks as wide as the grid may be larger
+    /// than was thought when the source was opened.
     fn threads_for(&self, sink: &dyn GridSink, format: &GridFormat) -> Result<usize> {
         let (width, height) = sink.block();
         let (info, samples) = (sink.info(), |a: u32, b: u32| u64::from(a) * u64::from(b));
@@ -219,5 +218,5 @@ impl ConvertMemory {
 fn too_small(memory: u64, least: u64) -> Error {
     let message = format!("the memory budget of {memory} bytes is too small");
     Error::new(ErrorKind::Resource, message)
-        .remedy(format!("give at least {} MiB with ‹memory›", least.div_ceil(1 << 20)))
+        .remedy(format!("pass ‹memory› {}M or more", least.div_ceil(1 << 20)))
 }

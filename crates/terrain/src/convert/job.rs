@@ -86,7 +86,7 @@ pub struct ConvertJob {
     pub input: Inputs,
     /// File to write.
     pub output: PathBuf,
-    /// How it is read and written.
+    /// Options.
     pub options: ConvertOptions,
 }
 
@@ -120,7 +120,7 @@ impl ConvertJob {
         }
     }
 
-    /// The files that are read with those of the input, of names that the output's companions may have.
+    /// Sidecar files of the input whose names may collide with sidecars of the output.
     pub(super) fn read_beside(&self, source: &dyn GridSource) -> Result<Vec<PathBuf>> {
         let stem = self.output.file_stem().unwrap_or_default().as_encoded_bytes();
         let is_alike = |path: &PathBuf| {
@@ -146,11 +146,10 @@ pub struct ConvertReport {
     pub width: u32,
     pub height: u32,
     pub crs: String,
-    /// What led to the system of the output, where that is another.
+    /// The operation to the CRS of the output, if that is another.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
-    /// How heights were found between samples, where they were, and how many columns and rows of the grid there are to
-    /// one of the output.
+    /// The resampling method, if any, and the columns and rows of the input for each of the output.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resampling: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -162,10 +161,10 @@ pub struct ConvertReport {
     /// Lowest and highest valid height; absent when there is none.
     pub lowest: Option<f64>,
     pub highest: Option<f64>,
-    /// What became of water.
+    /// Report on the flattening of water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
-    /// What of the grid the format could not say.
+    /// Properties of the grid that the format does not hold.
     pub notes: Vec<String>,
     pub output_bytes: u64,
     #[serde(flatten)]
@@ -173,7 +172,7 @@ pub struct ConvertReport {
     pub samples_per_second: f64,
 }
 
-/// The name of a way to find heights between samples.
+/// The name of a resampling method.
 pub struct ResamplingName;
 
 impl OptionCodec<String> for ResamplingName {

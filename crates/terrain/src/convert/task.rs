@@ -55,11 +55,11 @@ impl CopyPieces {
 
 /// Copying, shared between the threads.
 pub struct CopyTask<'a> {
-    /// One for each band; alike in size and type.
+    /// One for each band; equal in size and type.
     pub sources: &'a [&'a dyn GridSource],
     /// The part of the sources to copy.
     pub window: Rect,
-    /// Where it goes.
+    /// The sink to write to.
     pub sink: &'a dyn GridSink,
     /// How it is divided.
     pub pieces: CopyPieces,
@@ -75,7 +75,7 @@ struct CopyBuffers {
 }
 
 impl CopyTask<'_> {
-    /// Copies everything on so many threads.
+    /// Copies everything on `threads` threads.
     pub fn run(
         &self,
         threads: usize,
@@ -153,8 +153,8 @@ impl CopyTask<'_> {
         Ok(CopyStatistics::of_f64(wide))
     }
 
-    /// What is done with once `from` is read: pieces lower than the source's blocks are the last to
-    /// need those that they end.
+    /// The blocks no longer needed once `from` is read: pieces lower than the blocks of the source are the last
+    /// to need the blocks they complete.
     fn passed(&self, source: &dyn GridSource, from: Rect) -> Rect {
         let above = from.row % source.info().block.1.max(1);
         Rect::new(from.col, from.row - above, from.width, from.height + above)
@@ -175,7 +175,7 @@ struct CopyState {
 }
 
 impl OrderedTurns {
-    /// Waits until all before `index` are through, and does `work`; nothing when the turns are over.
+    /// Waits until all before `index` are done, then does `work`; does nothing when the turns have ended.
     fn take(&self, index: u64, work: impl FnOnce() -> Result<()>) -> Result<()> {
         let mut state = lock(&self.state);
         while state.next != index && !state.over {
@@ -204,7 +204,7 @@ impl Drop for TurnAlarm<'_> {
     }
 }
 
-/// What was seen while copying.
+/// Statistics of the copied samples.
 #[derive(Clone, Copy, Debug)]
 pub struct CopyStatistics {
     /// Samples with a value.
@@ -216,10 +216,10 @@ pub struct CopyStatistics {
 }
 
 impl CopyStatistics {
-    /// That of no sample.
+    /// Statistics of no samples.
     pub const NONE: Self = Self { valid: 0, lowest: f64::INFINITY, highest: f64::NEG_INFINITY };
 
-    /// That of both.
+    /// Statistics of both together.
     pub fn join(self, other: Self) -> Self {
         Self {
             valid: self.valid + other.valid,

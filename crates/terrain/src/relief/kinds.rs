@@ -22,7 +22,7 @@ terrane_engine::has_within!(
     DerivativeOptions => [FileOutput GridOutput GridInput Resources]
 );
 
-/// An operation of a struct of options: its name, units of heights where they are told, and what computes it.
+/// Implements an operation for a struct of options: its name, the vertical unit if any, and its kernel.
 macro_rules! derivative {
     ($options:ident, $name:literal, |$own:ident| $scale:expr, $kernel:expr) => {
         impl Operation for $options {

@@ -1,4 +1,4 @@
-//! Values of any range as grays of 16 bits, for pictures.
+//! Values scaled to 16-bit gray, for pictures.
 
 use std::path::PathBuf;
 
@@ -6,8 +6,9 @@ use terrane_base::error::Result;
 use terrane_base::geom::Rect;
 use terrane_raster::{GridInfo, GridSource, SampleType};
 
-/// The gray that stands for no value, and those of the lowest and the highest value.
+/// Gray value of nodata.
 const NONE: f64 = 0.0;
+/// Gray values of the lowest and the highest value.
 const GRAYS: [f64; 2] = [1.0, 65_535.0];
 
 /// A grid of grays in front of one of values.
@@ -26,11 +27,11 @@ impl TonedGrid {
         Self { info, inner, range }
     }
 
-    /// What the grays stand for.
+    /// The note on the scale of gray values.
     pub(super) fn note(&self) -> String {
         let ([black, white], [low, high]) = (GRAYS, self.range);
         format!(
-            "grays from {black} to {white} stand for {low} to {high}; {NONE}, transparent, for no value"
+            "gray values {black} to {white} stand for {low} to {high}; {NONE} is nodata (transparent)"
         )
     }
 

@@ -21,11 +21,11 @@ use terrane_files::atomic::refuse_existing;
 use terrane_mesh::{ChannelKind, MeshSink, VertexChannel};
 
 /// Runs a job on several bands of its input: the error of a sample is the largest over the bands of weight x
-/// |value - mesh|. What the job says of refinement, tiles and the like is not looked at.
+/// |value - mesh|. Options of refinement and tiles are ignored.
 ///
 /// # Errors
-/// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that has no
-/// room for them.
+/// Those of [`run_by`](super::run_by); usage for bands that the grid does not have, and for a format that does
+/// not support them.
 pub fn run_bands(
     job: &TinJob,
     bands: &MeshBands,
@@ -34,7 +34,7 @@ pub fn run_bands(
 ) -> Result<TinReport> {
     let started = Instant::now();
     job.goal.check()?;
-    textbook::refuse_water(job, "of several bands")?;
+    textbook::refuse_water(job, "for several bands")?;
     refuse_existing(&job.output, job.overwrite)?;
     let named = |error| in_input(error, &job.input);
     let mut opened = OpenedTinJob::with(job, || open(job, bands).map_err(named))?;
@@ -51,7 +51,7 @@ pub fn run_bands(
     Ok(report)
 }
 
-/// Opens the band of heights, or the first, where the memory holds all of them.
+/// Opens the band of heights, or else the first; fails if all bands do not fit into memory.
 fn open(job: &TinJob, bands: &MeshBands) -> Result<memory::Opened> {
     let options = options(job)?;
     let all = memory::look_at(&job.input, &MeshBands::options(1, &options))?;
@@ -67,7 +67,7 @@ fn whole(bands: &MeshBands) -> WholeGridMethod {
     WholeGridMethod {
         what: format!("a mesh of {} bands", bands.list().len()),
         sample_bytes: WeightedChannels::sample_bytes(bands.list().len()),
-        otherwise: "make it coarser before (gdal_translate -outsize)".to_owned(),
+        otherwise: "downsample it first (gdal_translate -outsize)".to_owned(),
     }
 }
 
@@ -95,7 +95,7 @@ struct BandValues {
 }
 
 impl BandValues {
-    /// Reads all bands, one after the other; what is void in one becomes void in all.
+    /// Reads all bands in turn; a sample void in one band is void in all.
     fn read(maker: &TinMaker<'_>, bands: &MeshBands) -> Result<Self> {
         let info = maker.opened.source.info();
         let (size, mut stages) = ([info.width, info.height], StageTimes::default());
@@ -108,7 +108,7 @@ impl BandValues {
         Ok(Self { size, planes, stages })
     }
 
-    /// How each band is stored: what an f32 holds in spite of its type as one.
+    /// How each band is stored: as f32 if that holds all its values.
     fn kinds(&self, by_type: Vec<ChannelKind>) -> Vec<ChannelKind> {
         let is_single =
             |plane: &[f64]| plane.iter().all(|z| z.is_nan() || f64::from(*z as f32) == *z);
@@ -174,7 +174,7 @@ impl BandValues {
     }
 }
 
-/// The place of the band of heights in the list.
+/// The index of the band of heights in the list.
 fn heights(bands: &MeshBands) -> Option<usize> {
     let heights = bands.heights()?;
     bands.list().iter().position(|(band, _)| *band == heights)
@@ -198,15 +198,15 @@ fn read(maker: &TinMaker<'_>, band: u32) -> Result<Vec<f64>> {
     let source = other.as_deref().unwrap_or(&*opened.source);
     let own = source.info();
     if [own.width, own.height] != [info.width, info.height] || own.transform != info.transform {
-        let message = format!("bands {} and {band} differ in size or place", info.band);
-        return Err(Error::unsupported(message).remedy("name bands of one lattice"));
+        let message = format!("bands {} and {band} differ in size or georeference", info.band);
+        return Err(Error::unsupported(message).remedy("pass bands of one grid"));
     }
     let mut window = HeightBuffers::default();
     window.read(source, Rect::new(0, 0, info.width, info.height))?;
     Ok(textbook::all_heights(&window))
 }
 
-/// What vertices are told to be.
+/// Values of the bands at vertices.
 struct VertexValues<'a> {
     planes: &'a [Vec<f64>],
     width: u32,
@@ -230,10 +230,10 @@ impl VertexValues<'_> {
         match heights.find(|&height| rounding.apply(height) != height) {
             None => Ok(()),
             Some(height) => Err(Error::usage(format!(
-                "{} stores heights as 32-bit floats, which {height} is not, placed so",
+                "{} stores heights as 32-bit floats, which do not hold {height} exactly",
                 maker.opened.format.name
             ))
-            .remedy("write PLY, or leave out ‹band›, or ‹size›, ‹scale› and ‹exaggeration›")),
+            .remedy("write PLY, or leave out ‹band›, ‹size›, ‹scale› and ‹exaggeration›")),
         }
     }
 

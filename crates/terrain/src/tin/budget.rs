@@ -1,11 +1,11 @@
 //! The smallest tolerance whose mesh fits a budget of vertices or triangles.
 //!
-//! Counts come from complete runs that write nothing, so they are exact, and the last run writes
-//! what its trial counted. Between trials the logarithm of the count is taken to be linear in the
-//! logarithm of the tolerance; what no tolerance takes away (the outlines of voids) is left out of
-//! that count once it is known. The guess to begin with comes from a sample of the grid, and is made again
-//! with what the first trial counted. Trials end when the tolerance is known to [`WIDTH`], when the count
-//! is within [`SLACK`] below the budget, and after [`MOST_TRIALS`].
+//! Counts come from complete runs that write nothing, so they are exact, and the last run writes what its trial
+//! counted. Between trials the logarithm of the count is taken to be linear in the logarithm of the tolerance;
+//! vertices that no tolerance removes (the outlines of voids) are subtracted from the count once they are
+//! known. The first guess comes from a sample of the grid, and is corrected by the count of the first trial.
+//! Trials end when the tolerance is known to [`WIDTH`], when the count is within [`SLACK`] below the budget,
+//! and after [`MOST_TRIALS`].
 
 use terrane_base::error::{Error, Result};
 
@@ -21,22 +21,21 @@ const PATIENCE: u32 = 4;
 const MOST_STEP: f64 = 16.0;
 /// Counts fall with the tolerance at least this much, in logarithms.
 const LEAST_SLOPE: f64 = 0.02;
-/// A tolerance that keeps nothing that need not be kept.
+/// A tolerance that keeps only mandatory vertices.
 const COARSEST: f64 = 1e30;
 /// A tolerance this small against the first guess is replaced by 0.
 const TINY: f64 = 1e-9;
 
-/// A tolerance and what its mesh counts.
+/// A tolerance and the size of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ToleranceTrial {
     pub(super) tolerance: f64,
     pub(super) count: u64,
 }
 
-/// Finds the tolerance for at most `budget`; returns it with the number of trials, of which one, with a
-/// tolerance of 0, may be `known` already. `guess` tells about where the tolerance is, the better for a
-/// trial, and `count` the exact count at a tolerance. Fails with `Usage`, telling the least count, when
-/// not even the coarsest mesh fits.
+/// Finds the tolerance for at most `budget`; returns it with the number of trials. `known` is a trial with a
+/// tolerance of 0, if there is one. `guess` estimates the tolerance, better with a trial; `count` is the exact
+/// count at a tolerance. Fails with `Usage`, with the least count, if not even the coarsest mesh fits.
 pub(super) fn search(
     budget: u64,
     known: Option<ToleranceTrial>,
@@ -62,11 +61,11 @@ pub(super) fn search(
 }
 
 fn too_small(budget: u64, least: u64) -> Error {
-    Error::usage(format!("no mesh of this grid is as small as {budget}"))
-        .remedy(format!("the coarsest one has {least}: allow at least that"))
+    Error::usage(format!("a budget of {budget} is below the coarsest mesh of this grid"))
+        .remedy(format!("allow at least {least}"))
 }
 
-/// What is known so far.
+/// State of the search.
 struct ToleranceSearch {
     budget: u64,
     guess: f64,
@@ -124,7 +123,7 @@ impl ToleranceSearch {
         coarsest.map_or(0, |trial| trial.count)
     }
 
-    /// The logarithms of a tolerance and of what its count has beyond the least.
+    /// The logarithms of a tolerance and of its count above the least one.
     fn place(&self, trial: ToleranceTrial) -> [f64; 2] {
         [trial.tolerance.ln(), self.height(trial.count as f64)]
     }
@@ -133,7 +132,7 @@ impl ToleranceSearch {
         (count - self.least() as f64).max(1.0).ln()
     }
 
-    /// How far a count is from the one aimed at.
+    /// Distance of a count from the target.
     fn miss(&self, count: f64) -> f64 {
         self.height(count) - self.height(self.budget as f64 * (1.0 - SLACK / 2.0))
     }
@@ -203,7 +202,7 @@ impl ToleranceSearch {
     }
 }
 
-/// Rounds up to four digits, so that the tolerance found is one that can be said.
+/// Rounds up to four digits, so that the tolerance found is short to print.
 fn round_up(tolerance: f64) -> f64 {
     if tolerance == 0.0 || !tolerance.is_finite() {
         return tolerance;
@@ -304,6 +303,6 @@ mod tests {
     fn too_small_a_budget_tells_the_least_count() {
         let error = search(3, None, |_| Ok(1.0), |t| Ok(curve(t, 0.0, 1.0))).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
-        assert!(error.to_string().contains("the coarsest one has 4"));
+        assert!(error.to_string().contains("allow at least 4"));
     }
 }

@@ -1,4 +1,4 @@
-//! A grid that is open already into any sink: for meshes that stay in memory.
+//! Triangulates an open grid into any sink, for meshes in memory.
 
 use std::path::Path;
 
@@ -21,18 +21,18 @@ use terrane_tin::TinSpec;
 /// A mesh to make of a grid that is open.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildJob<'a> {
-    /// What to reach.
+    /// The goal of the mesh.
     pub goal: TinGoal,
-    /// How.
+    /// Options of refinement.
     pub refinement: &'a Refinement,
     /// Cells along a tile's side.
     pub tile: u32,
-    /// What the job may use, beside what the source and the sink hold.
+    /// Resources of the job, without those of the source and the sink.
     pub resources: &'a Resources,
 }
 
 impl BuildJob<'_> {
-    /// Bytes of a worker on tiles of `tile` cells, what all hold counted with each.
+    /// Bytes of a worker on tiles of `tile` cells, shared data included.
     fn worker(&self, features: &ConstraintFeatures, tile: u32) -> u64 {
         let worker = self.refinement.worker_bytes(self.goal, tile, features.has_lines());
         features.bytes() + worker
@@ -44,11 +44,11 @@ impl BuildJob<'_> {
 pub struct BuildOutcome {
     /// The tolerance of the mesh.
     pub tolerance: f64,
-    /// What the run counted, errors measured.
+    /// Counts and measured errors of the run.
     pub outcome: TinOutcome,
-    /// What was asked for and is not so, in words.
+    /// Requirements that the mesh does not meet, as text.
     pub unmet: Option<String>,
-    /// What files of the mesh are to be told of it.
+    /// Header for files of the mesh.
     pub header: MeshHeader,
 }
 
@@ -74,7 +74,7 @@ pub fn build(
     build_within((source, [None; 2], features), sink, job, shares, progress, cancel)
 }
 
-/// As [`build`], of files, whose decoded blocks have their share of the memory.
+/// As [`build`], from files, whose decoded blocks get a share of the memory.
 ///
 /// # Errors
 /// As [`build`], and those of opening and reading the files.

@@ -1,9 +1,9 @@
 //! The triangles and vertices kept with one tile.
 //!
-//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with
-//! the tile that owns its sample; positions are relative to that tile's first sample. Until the
-//! tile is final, vertices may be listed that no triangle uses, and listed twice. Triangles well
-//! inside a tile are kept apart, because seam patches rarely ask for them.
+//! A triangle is kept with the tile that owns the first corner of its bounding box, a vertex with the tile that
+//! owns its sample; positions are relative to that tile's first sample. Until the tile is final, its list of
+//! vertices may have unused vertices and duplicates. Triangles well inside a tile are stored separately,
+//! because seam patches rarely need them.
 
 use bytemuck::{AnyBitPattern, NoUninit, Zeroable};
 
@@ -24,12 +24,12 @@ pub(super) struct MeshPiece<'a> {
     pub(super) heights: &'a [f64],
 }
 
-/// What is kept with a tile, in memory.
+/// The triangles and vertices kept with a tile, in memory.
 #[derive(Debug, Default)]
 pub(super) struct TileContainer {
-    /// Those near the sides of the tile, and all that seam patches brought.
+    /// Triangles near the sides of the tile, and all triangles of seam patches.
     pub(super) triangles: Vec<TileTriangle>,
-    /// The others; no triangle of a neighbour has a corner among theirs.
+    /// All other triangles; they share no corner with a triangle of a neighbour.
     pub(super) inner: Vec<TileTriangle>,
     pub(super) vertices: Vec<TilePosition>,
     pub(super) heights: Vec<f64>,
@@ -135,7 +135,7 @@ impl TileContainer {
         );
     }
 
-    /// Adds the tile's own vertices before those its neighbours have added so far, which are not listed twice.
+    /// Inserts the vertices of the tile before those added by its neighbours, without duplicates.
     fn insert_sorted(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame) {
         let own = || {
             let all = piece.vertices.iter().zip(piece.heights);
@@ -149,7 +149,7 @@ impl TileContainer {
         self.heights.extend(own().map(|(_, &z)| z).chain(loose.iter().map(|&(_, z)| z)));
     }
 
-    /// Appends the vertices that are not among the tile's own; those that are may have moved.
+    /// Appends the vertices that are not among the tile's own, and updates those that are.
     fn insert_loose(&mut self, piece: MeshPiece<'_>, owned: OffsetFrame, shift: PositionShift) {
         for (&at, &height) in piece.vertices.iter().zip(piece.heights) {
             if !owned.contains(at) {
@@ -184,7 +184,7 @@ impl TileContainer {
         triangles
     }
 
-    /// Puts all in an order that does not tell who put it here and when.
+    /// Sorts everything into an order that does not depend on the order of insertion.
     pub(super) fn close(&mut self) {
         self.settle(|_| true);
         sort_by_position(&mut self.triangles);
@@ -221,7 +221,7 @@ impl TileContainer {
         bytes
     }
 
-    /// The closed container that gave `bytes`; `None` when none can have.
+    /// The closed container that `bytes` encode; `None` if they are invalid.
     pub(super) fn of_bytes(bytes: &[u8]) -> Option<Self> {
         let (counts, mut rest) = bytes.split_at_checked(size_of::<[u64; 3]>())?;
         let [triangles, inner, vertices]: [u64; 3] = bytemuck::pod_read_unaligned(counts);
@@ -245,7 +245,7 @@ impl TileContainer {
     }
 }
 
-/// Takes `count` items off the front of `bytes`, if there are as many.
+/// Takes `count` items off the front of `bytes`, if there are enough.
 fn take<T: AnyBitPattern + NoUninit>(bytes: &mut &[u8], count: u64) -> Option<Vec<T>> {
     let len = usize::try_from(count).ok()?.checked_mul(size_of::<T>())?;
     let (items, rest) = bytes.split_at_checked(len)?;

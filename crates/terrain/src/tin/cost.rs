@@ -1,4 +1,4 @@
-//! What a TIN of a grid will take, told before one is made and without reading a height.
+//! Estimates the cost of a TIN of a grid without reading heights.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use terrane_engine::{Resources, memory, plan};
 use terrane_raster::GridSource;
 use terrane_tin::{TilePosition, TileTriangle};
 
-/// A mesh is coarse when it keeps this share of the samples, and fine when it keeps that.
+/// Share of the samples kept by a coarse and by a fine mesh.
 const KEPT: [f64; 2] = [0.002, 0.05];
 /// Nanoseconds of one thread for a sample of a coarse and of a fine mesh, as measured on one machine
 /// with terrains of several kinds; see benches/history/2026.md, 2.
@@ -18,13 +18,12 @@ const FILE_BYTES: f64 = 50.0;
 /// Rows of tiles in flight at any time.
 const ROWS_IN_FLIGHT: u64 = 3;
 
-/// What a TIN of a grid takes with tiles of the usual size. What depends on the mesh is told for a
-/// coarse and for a fine one.
+/// Cost of a TIN of a grid with tiles of the default size, for a coarse and a fine mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TinCost {
-    /// Bytes of memory without which it cannot be made.
+    /// Least memory, in bytes.
     pub least_memory: u64,
-    /// Bytes it may use.
+    /// Memory budget, in bytes.
     pub memory: u64,
     /// Threads that fit.
     pub threads: usize,
@@ -32,15 +31,15 @@ pub struct TinCost {
     pub kept: [f64; 2],
     /// Nanoseconds a sample and thread.
     pub nanoseconds_per_sample: [f64; 2],
-    /// Seconds, about.
+    /// Estimated seconds.
     pub seconds: [f64; 2],
-    /// Bytes of temporary disk for unfinished mesh that memory does not hold, about.
+    /// Estimated bytes of spilled data on disk.
     pub spill_bytes: [u64; 2],
-    /// Bytes of the mesh as PLY, about.
+    /// Estimated bytes of the mesh as PLY.
     pub mesh_bytes: [u64; 2],
 }
 
-/// What a TIN of `source` would take within `resources`; `None` when it has no cell.
+/// The cost of a TIN of `source` within `resources`; `None` if it has no cell.
 pub fn cost(source: &dyn GridSource, resources: &Resources) -> Option<TinCost> {
     let layout = TileLayout::new(source.info().width, source.info().height, USUAL_TILE).ok()?;
     let (width, height) = (u64::from(source.info().width), u64::from(source.info().height));
@@ -68,12 +67,12 @@ pub(super) fn nanoseconds(kept: f64) -> f64 {
     (RATES[0] + slope * (kept - KEPT[0])).max(RATES[0])
 }
 
-/// Seconds for so many samples at a rate.
+/// Seconds for `samples` at a rate.
 pub(super) fn seconds(samples: u64, rate: f64, threads: usize) -> f64 {
     plan::shared(samples as f64 * rate * 1e-9, threads)
 }
 
-/// Bytes of the mesh of so many samples: two triangles to a vertex, which has a height.
+/// Bytes of a mesh of `samples`, with two triangles to a vertex.
 fn mesh_bytes(samples: u64, kept: f64) -> u64 {
     let vertex = 2 * size_of::<TileTriangle>() + size_of::<TilePosition>() + size_of::<f64>();
     (samples as f64 * kept * vertex as f64) as u64

@@ -1,7 +1,7 @@
-//! How large a mesh will be, from a few tiles spread over the grid.
+//! Estimates the size of a mesh from a few tiles spread over the grid.
 //!
-//! 256 tiles of 128 cells in 16 bands at most are made, which say more than a few large ones do of a grid
-//! of land and sea, and their standard error is added on top.
+//! At most 256 tiles of 128 cells in 16 bands are triangulated, which represent a grid of land and sea better
+//! than a few large ones; their standard error is added.
 
 use std::collections::HashMap;
 
@@ -17,17 +17,17 @@ use terrane_tin::{TileMesh, TileScratch, TinSpec, triangulate_tile};
 /// One tile in this many is sampled, but no more than [`MOST_TILES`].
 const ONE_IN: u64 = 32;
 const MOST_TILES: u64 = 16;
-/// Cells along the tiles of a thorough look, one in this many of them at least, and so many of them: the
-/// same samples as of a few large tiles, but more evenly spread over land and sea.
+/// Cells along a tile of a thorough estimate. It
+/// reads as many samples as a few large tiles, but spreads them more evenly over land and sea.
 const FINE: u32 = 128;
 const FINE_ONE_IN: u64 = 4;
 const FINE_TILES: [u64; 2] = [64, 256];
-/// Rather too much than too little: the rims of tiles that were looked at alone say a little less.
+/// Safety factor: isolated tiles keep slightly fewer vertices at their rims.
 const MARGIN: f64 = 1.05;
 /// Halvings of the tolerance's range (on a logarithmic scale) for a first guess.
 const HALVINGS: u32 = 10;
 
-/// Multiples of it, without their whole parts, lie evenly however many there are.
+/// Golden ratio: the fractional parts of its multiples are evenly spread.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
 /// Vertices and triangles of a mesh.
@@ -38,7 +38,7 @@ pub(super) struct MeshSize {
 }
 
 impl MeshSize {
-    /// With so many vertices more.
+    /// The size with `vertices` more.
     pub(super) fn with(self, vertices: u64) -> Self {
         Self { vertices: self.vertices + vertices, triangles: self.triangles + 2 * vertices }
     }
@@ -56,7 +56,7 @@ pub(super) struct SizeEstimator<'a> {
     threads: usize,
     cancel: &'a Cancel,
     tiles: Vec<TileId>,
-    /// What was found: a search comes back to the same tolerances again and again.
+    /// Results by tolerance: a search tries the same tolerances repeatedly.
     known: HashMap<u64, Vec<(u64, MeshSize)>>,
     /// Highest minus lowest height.
     relief: Option<f64>,
@@ -74,7 +74,7 @@ impl<'a> SizeEstimator<'a> {
         Self { source, layout, threads, cancel, tiles, known: HashMap::new(), relief: None }
     }
 
-    /// Chooses smaller tiles, and more of them, in a few bands: those of a band are read together.
+    /// Selects more and smaller tiles, in a few bands that are read together.
     pub(super) fn thorough(
         source: &'a dyn GridSource,
         layout: TileLayout,
@@ -92,7 +92,7 @@ impl<'a> SizeEstimator<'a> {
         self.sizes(spec).map(|sizes| self.whole(&sizes))
     }
 
-    /// The same with what it is likely to be off by on top: the standard error of the sampled tiles.
+    /// The estimated size plus the standard error of the sampled tiles.
     pub(super) fn size_at_most(&mut self, spec: &TinSpec) -> Result<MeshSize> {
         let sizes = self.sizes(spec)?;
         let size = self.whole(&sizes);
@@ -106,7 +106,7 @@ impl<'a> SizeEstimator<'a> {
         Ok(size.times(MARGIN + (squares * unseen).sqrt() / found.max(1) as f64))
     }
 
-    /// Of all tiles, from the samples of some and what a mesh of these keeps.
+    /// Extrapolates the sizes of sampled tiles to the whole grid.
     fn whole(&self, sizes: &[(u64, MeshSize)]) -> MeshSize {
         let mut found = MeshSize::default();
         for (_, own) in sizes {
@@ -122,7 +122,7 @@ impl<'a> SizeEstimator<'a> {
         Ok(self.known.get(&spec.tolerance.to_bits()).cloned().unwrap_or_default())
     }
 
-    /// Makes meshes of the tiles at those of some tolerances that are not known yet.
+    /// Triangulates the tiles at tolerances without a result.
     fn look(&mut self, spec: &TinSpec, tolerances: &[f64]) -> Result<()> {
         let is_new = |tolerance: &&f64| !self.known.contains_key(&tolerance.to_bits());
         let new: Vec<f64> = tolerances.iter().filter(is_new).copied().collect();
@@ -152,7 +152,7 @@ impl<'a> SizeEstimator<'a> {
         (HeightBuffers::default(), scratch)
     }
 
-    /// Samples of a tile, and what a mesh of it keeps.
+    /// Samples of a tile, and the size of its mesh.
     fn size_of(
         &self,
         tile: TileId,
@@ -243,8 +243,7 @@ fn spread(layout: &TileLayout, count: u64) -> Vec<TileId> {
     tiles
 }
 
-/// `count` tiles, evenly in both directions, in so few rows of tiles that each has as many of them as it
-/// can.
+/// `count` tiles, evenly in both directions, in as few rows of tiles as possible.
 fn banded(layout: &TileLayout, count: u64) -> Vec<TileId> {
     let aspect = f64::from(layout.rows) / f64::from(layout.cols);
     let rows = (count as f64 * aspect).sqrt().ceil().clamp(1.0, f64::from(layout.rows)) as u64;

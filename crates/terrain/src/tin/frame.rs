@@ -1,4 +1,4 @@
-//! The system and the rectangle that a mesh of a grid is written in.
+//! The CRS and the extent of a mesh of a grid.
 
 use super::job::TinJob;
 use std::path::Path;
@@ -10,25 +10,25 @@ use terrane_engine::transform::{PositionExtent, extent_of};
 use terrane_mesh::MeshFormat;
 use terrane_raster::GridInfo;
 
-/// Where a mesh is written.
+/// CRS and extent of a mesh.
 pub(super) struct MeshFrame {
     pub(super) crs: Crs,
     /// World bounding box of the samples; z is not known.
     pub(super) bounds: [Point3; 2],
-    /// The least that samples differ by along x and y; heights by any part of their unit.
+    /// Smallest spacing of samples along x and y; 1 for heights.
     pub(super) steps: Point3,
-    /// What leads there from the system of the grid, where that is another.
+    /// The operation from the CRS of the grid, if that is another.
     pub(super) operation: Option<Arc<CoordinateOperation>>,
 }
 
-/// Positions along each side of a grid that tell where it lies in another system.
+/// Positions along each side of a grid, transformed to find its extent in another CRS.
 const LATTICE: u32 = 33;
 
 impl MeshFrame {
-    /// Of a grid in its own system, or in the one it is to be transformed to.
+    /// The frame of a grid in its own CRS, or in the target CRS.
     ///
     /// # Errors
-    /// Those of operations; heights that change in a format that rounds them.
+    /// Errors of operations; a change of heights in a format that rounds them.
     pub(super) fn new(info: &GridInfo, job: &TinJob, format: &MeshFormat) -> Result<Self> {
         let own = Self {
             crs: info.crs.clone(),
@@ -41,9 +41,11 @@ impl MeshFrame {
         let source = (Path::new(&input), &info.crs);
         let operation = transform.operation(source, Some(extent_of(info)), &job.resources)?;
         if format.single_precision && !operation.keeps_heights() {
-            let message = format!("{} rounds heights, and they change on the way", format.name);
-            return Err(Error::unsupported(message)
-                .remedy("write PLY or OBJ, or name the system without heights"));
+            let message = format!(
+                "{} rounds heights, so it is not supported for a CRS that changes them",
+                format.name
+            );
+            return Err(Error::unsupported(message).remedy("write PLY or OBJ, or pass a 2D CRS"));
         }
         own.moved(operation)
     }
@@ -74,11 +76,11 @@ impl MeshFrame {
         })
     }
 
-    /// What its user should know.
+    /// Notes for the report.
     pub(super) fn notes(&self) -> Vec<String> {
         let Some(operation) = &self.operation else { return Vec::new() };
         let bound = format!(
-            "the bound holds in {}: triangles are flat there, and a little off between their corners in {}",
+            "the error bound holds in {}; in {}, flat triangles deviate slightly between their vertices",
             operation.source().label(),
             self.crs.label()
         );

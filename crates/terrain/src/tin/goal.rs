@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use terrane_base::error::{Error, Result};
 
-/// What the mesh has to reach.
+/// The goal of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TinGoal {
@@ -17,16 +17,16 @@ pub enum TinGoal {
 }
 
 impl TinGoal {
-    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of nothing.
+    /// Fails on a tolerance that is negative, infinite or NaN, and on a budget of 0.
     pub(super) fn check(self) -> Result<()> {
         match self {
             Self::MaxError(e) if !(e.is_finite() && e >= 0.0) => {
-                Err(Error::usage(format!("{e} is no maximum error"))
-                    .remedy("give a number of 0 or more, in the unit of the heights"))
+                Err(Error::usage(format!("{e} is not a valid maximum error"))
+                    .remedy("pass a number of 0 or more, in the unit of the heights"))
             }
             Self::MaxVertices(0) | Self::MaxTriangles(0) => {
-                Err(Error::usage("a mesh of 0 vertices or triangles is no mesh")
-                    .remedy("allow at least 3 vertices"))
+                Err(Error::usage("a mesh needs at least 3 vertices and 1 triangle")
+                    .remedy("raise ‹max_vertices› or ‹max_triangles›"))
             }
             _ => Ok(()),
         }

@@ -6,7 +6,7 @@ use terrane_raster::GridSource;
 
 /// Heights up to this magnitude are moved by less than a thousandth when rounded to `f32`.
 const NEAR_ENOUGH: f64 = 16_384.0;
-/// Samples looked at along each side.
+/// Samples probed along each side.
 const PROBES: u64 = 16;
 
 /// A short number near the heights of `source`, where they are so far from 0 that `f32` would move

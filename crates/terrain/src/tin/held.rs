@@ -43,7 +43,7 @@ pub struct Tin {
     pub(super) header: MeshHeader,
 }
 
-/// What a [`Tin`] is made of.
+/// The parts of a [`Tin`].
 #[derive(Clone, Debug)]
 pub struct TinParts {
     /// Positions.
@@ -56,9 +56,9 @@ pub struct TinParts {
     pub max_error: f64,
     /// The root of the mean square of these distances.
     pub rmse: f64,
-    /// What was asked for and is not so.
+    /// Requirements that the mesh does not meet.
     pub unmet: Option<String>,
-    /// What files of it say.
+    /// Header for its files.
     pub header: MeshHeader,
 }
 
@@ -68,7 +68,7 @@ impl Tin {
     /// [`place`](PlaceSamples::place)d elsewhere.
     ///
     /// # Errors
-    /// Another number of samples than `width * height`, or none.
+    /// A number of samples other than `width * height`, or 0.
     pub fn from_array<S: ArraySample>(
         heights: &[S],
         width: u32,
@@ -78,9 +78,10 @@ impl Tin {
         Ok(Job::new(grid, TinOptions::default()))
     }
 
-    /// What was asked for and is not so, in words: a few triangles with a smaller angle than
-    /// [`min_angle`](super::RefinementSetters::min_angle), or vertices on [`breaklines`](terrane_engine::options::ConstraintsSetters::breaklines) without an edge
-    /// along them. `None` of nearly every mesh. The bound of the error always holds.
+    /// Requirements that the mesh does not meet, as text: triangles with an angle below
+    /// [`min_angle`](super::RefinementSetters::min_angle), or vertices on
+    /// [`breaklines`](terrane_engine::options::ConstraintsSetters::breaklines) without an edge along them.
+    /// `None` for nearly every mesh. The error bound always holds.
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
@@ -114,26 +115,27 @@ impl Tin {
         self.rmse
     }
 
-    /// The bound that was kept: the one asked for, or that which a number of vertices or triangles allowed.
+    /// The error bound of the mesh: the given tolerance, or the one found for a budget of vertices or
+    /// triangles.
     pub fn tolerance(&self) -> f64 {
         self.tolerance
     }
 
-    /// The reference system of its positions.
+    /// CRS of the positions.
     pub fn crs(&self) -> &Crs {
         &self.header.crs
     }
 
-    /// All that it is made of, to be kept elsewhere.
+    /// Takes the mesh apart, for storage elsewhere.
     pub fn into_parts(self) -> TinParts {
         let Self { vertices, triangles, tolerance, max_error, rmse, unmet, header } = self;
         TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header }
     }
 
-    /// The mesh that was taken apart.
+    /// The mesh from its parts.
     ///
     /// # Errors
-    /// A corner that is no vertex.
+    /// A corner that is not the index of a vertex.
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
@@ -148,9 +150,8 @@ impl Tin {
         let TinParts { vertices, triangles, tolerance, max_error, rmse, unmet, header } = parts;
         let is_vertex = |corner: &u32| (*corner as usize) < vertices.len();
         if let Some(number) = triangles.iter().position(|t| !t.iter().all(is_vertex)) {
-            return Err(
-                Error::bad_input("a corner is no vertex").at(format_args!("triangle {number}"))
-            );
+            return Err(Error::bad_input("a corner is not the index of a vertex")
+                .at(format_args!("triangle {number}")));
         }
         Ok(Self { vertices, triangles, tolerance, max_error, rmse, unmet, header })
     }
@@ -158,7 +159,7 @@ impl Tin {
 
 /// Georeferencing of samples in memory.
 pub trait PlaceSamples: Sized {
-    /// Where samples lie, and in which reference system.
+    /// Sets the geotransform and the CRS of the samples.
     #[must_use]
     fn place(self, transform: Affine, crs: Crs) -> Self;
 }
@@ -171,12 +172,12 @@ impl PlaceSamples for Job<'_, TinOptions, ArrayGrid<'_>> {
 
 /// Building a mesh in memory, without a file.
 pub trait BuildTin {
-    /// Makes the mesh in memory, which it takes about 50 bytes a vertex of, beside what the job may use.
+    /// Makes the mesh in memory. It takes about 50 bytes a vertex beside the budget of the job.
     ///
     /// # Errors
-    /// A tolerance that is not one; no target; options that do not go together or are of meshes in files; damage in the
-    /// grid's files; samples without a cell of four valid ones; too few vertices allowed for any mesh; too little memory;
-    /// cancelled.
+    /// An invalid tolerance; no target; conflicting options, or options for meshes in files; damaged grid
+    /// files; no cell with four valid samples; a budget below the coarsest mesh; too little memory;
+    /// cancellation.
     fn build(self) -> Result<Tin>;
 }
 
@@ -208,7 +209,7 @@ impl BuildTin for Job<'_, TinOptions> {
 }
 
 impl TinOptions {
-    /// Fails for options that a mesh in memory does not have, of a grid that is read in this way, or that do not go together.
+    /// Fails for options that a mesh in memory does not support, and for conflicting options.
     ///
     /// # Errors
     /// Usage: the first of these options.
@@ -219,8 +220,8 @@ impl TinOptions {
         let of_files = to_map(self).into_iter().find(|(name, value)| held.get(name) != Some(value));
         if let Some((name, _)) = of_files {
             let why = match GridInput::TABLE.find(&name) {
-                Some(_) => "is for grids in files",
-                None => "is for meshes in files, and this one stays in memory",
+                Some(_) => "is only supported for grids in files",
+                None => "is only supported for meshes in files",
             };
             return Err(Error::usage(format!("‹{name}› {why}"))
                 .remedy(format!("leave ‹{name}› out, or write a file")));
@@ -242,7 +243,7 @@ fn build_by(
     Ok(kept.into_tin(built))
 }
 
-/// A sink that keeps what it is given.
+/// A sink that keeps vertices and triangles in memory.
 #[derive(Clone, Default)]
 struct MemorySink(Arc<Mutex<KeptLists>>);
 
@@ -276,7 +277,7 @@ impl MeshSink for MemorySink {
         lists.vertices.extend_from_slice(batch.vertices);
         if u32::try_from(lists.vertices.len()).is_err() {
             return Err(Error::limit("number of vertices in memory", "above 2^32", u32::MAX)
-                .remedy("write the mesh into a file, or allow a larger error"));
+                .remedy("write the mesh to a file, or raise ‹max_error›"));
         }
         // An id is that of a vertex that came before.
         lists.triangles.extend(batch.triangles.iter().map(|t| t.map(|id| id as u32)));

@@ -12,14 +12,13 @@ use terrane_mesh::{self as mesh, MeshBatch, MeshFormat, MeshHeader, MeshSink, Si
 const BATCH: usize = 1 << 14;
 
 impl Tin {
-    /// Writes it into a new file, whole or not at all, in the format that its ending stands for, and returns
-    /// the size of the file in bytes. GLB, STL and 3MF have 32 bits for a height: where rounding takes heights
-    /// beyond the tolerance, the file states the [bound](Self::tolerance_in) that holds of it
+    /// Writes it into a new file, whole or not at all, in the format of its extension, and returns the size of
+    /// the file in bytes. GLB, STL and 3MF have 32 bits for a height: where rounding takes heights beyond the
+    /// tolerance, the file states its [bound](Self::tolerance_in)
     /// ([`Job::write`](terrane_engine::operation::Job::write) rounds first, and keeps the tolerance).
     ///
     /// # Errors
-    /// A file that exists or cannot be written; an unknown ending; a mesh that is larger or smaller than the format
-    /// holds.
+    /// A file that exists or cannot be written; an unknown extension; a mesh beyond the limits of the format.
     ///
     /// ```
     /// # fn main() -> terrane_base::Result<()> {
@@ -37,7 +36,7 @@ impl Tin {
         self.write_as(path.as_ref(), false)
     }
 
-    /// The same in place of a file that may be there.
+    /// As [`write`](Self::write), but replaces an existing file.
     ///
     /// # Errors
     /// As [`write`](Self::write), but for a file that exists.
@@ -59,17 +58,17 @@ impl Tin {
         Ok(bytes)
     }
 
-    /// The bound that a file of it at `path` keeps: its [tolerance](Self::tolerance), or a little more where the
-    /// format rounds heights.
+    /// The error bound of a file at `path`: the [tolerance](Self::tolerance), or slightly more if the format
+    /// rounds heights.
     ///
     /// # Errors
-    /// An unknown ending; a mesh that is larger or smaller than the format holds.
+    /// An unknown extension; a mesh beyond the limits of the format.
     pub fn tolerance_in(&self, path: impl AsRef<Path>) -> Result<f64> {
         let format = mesh::by_path(path.as_ref(), None)?;
         self.placed_in(path.as_ref(), format).map(|(.., tolerance)| tolerance)
     }
 
-    /// What a file of it says.
+    /// Header of a file.
     fn header_in(&self, path: &Path, format: &MeshFormat) -> Result<MeshHeader> {
         let (placed, origin, tolerance) = self.placed_in(path, format)?;
         let mut header = self.header.clone();
@@ -84,7 +83,7 @@ impl Tin {
         Ok(header)
     }
 
-    /// How it lies in a file, what heights are relative to there, and the bound of them as they are stored.
+    /// Placement in a file, origin of heights there, and error bound of the stored heights.
     fn placed_in(&self, path: &Path, format: &MeshFormat) -> Result<(StorageScale, f64, f64)> {
         let MeshHeader { crs, bounds: [low, high], promises, .. } = &self.header;
         let steps = [0, 1, 2].map(|axis| if axis < 2 { high[axis] - low[axis] } else { 1.0 });
@@ -103,7 +102,7 @@ impl Tin {
         let rounding = HeightQuantization { origin, scale: placed.scale[2] };
         let loss = heights().map(|z| (rounding.apply(z) - z).abs()).fold(0.0, f64::max);
         if !loss.is_finite() {
-            let message = format!("{} does not hold heights as large as these", format.name);
+            let message = format!("the heights are out of range for {}", format.name);
             return Err(Error::unsupported(message).in_file(path).remedy("write PLY or OBJ"));
         }
         // What is known of samples is not known of what lies between them.

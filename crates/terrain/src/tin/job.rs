@@ -1,4 +1,4 @@
-//! What a grid-to-TIN job is asked to do.
+//! A grid-to-TIN job.
 
 use std::path::PathBuf;
 
@@ -13,12 +13,12 @@ use terrane_engine::placing::Placing;
 use terrane_engine::transform::TargetCrs;
 use terrane_raster::Inputs;
 
-/// A grid-to-TIN job. A plan notes what the mesh depends on, but for its form.
+/// A grid-to-TIN job. A plan records everything the mesh depends on, except the form of its output.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TinJob {
     /// File names, or a synthetic terrain by name (`synth:rough,size=4097,seed=7`).
     pub input: Inputs,
-    /// What is read of it.
+    /// How the input is read.
     #[serde(with = "terrane_options::as_map")]
     pub reading: GridInput,
     /// Mesh file to write.
@@ -29,25 +29,26 @@ pub struct TinJob {
     /// Replace an existing output.
     #[serde(skip)]
     pub overwrite: bool,
-    /// Write a folder of meshes, each of so many by so many tiles.
+    /// Write a folder of meshes, each of this number of tiles a side.
     #[serde(skip)]
     pub split: Option<u32>,
     /// STL and 3MF: close the surface down to this height.
     #[serde(skip)]
     pub solid_base: Option<f64>,
-    /// The same so far below the lowest height, in millimetres of the print.
+    /// STL and 3MF: close the surface down to this distance below the lowest height, in millimetres of the
+    /// print.
     #[serde(skip)]
     pub base: Option<f64>,
-    /// How the mesh lies in a file of its own coordinates.
+    /// Placement in formats with model coordinates.
     #[serde(skip)]
     pub placing: Placing,
-    /// The system to write in; that of the grid when `None`.
+    /// Target CRS; that of the grid when `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transform: Option<TargetCrs>,
-    /// What to reach.
+    /// The goal of the mesh.
     #[serde(flatten)]
     pub goal: TinGoal,
-    /// How.
+    /// Options of refinement.
     #[serde(with = "terrane_options::as_map")]
     pub refinement: Refinement,
     /// Cells along a tile's side.
@@ -55,7 +56,7 @@ pub struct TinJob {
     /// Measure maximum error and RMSE for the report.
     #[serde(skip)]
     pub measure: bool,
-    /// What the job may use.
+    /// Memory, threads and temporary files.
     #[serde(skip)]
     pub resources: Resources,
 }

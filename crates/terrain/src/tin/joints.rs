@@ -1,4 +1,4 @@
-//! Whether the edges of a finished mesh follow its breaklines: looked up vertex by vertex, whoever made them.
+//! Whether the edges of a finished mesh follow its breaklines: checked vertex by vertex.
 
 use super::tally::MeshFlaws;
 use terrane_base::bits::BitSet;
@@ -21,7 +21,7 @@ pub(super) struct BreaklineFans {
 }
 
 impl BreaklineFans {
-    /// Begins with what lies in a rectangle.
+    /// Starts with the breaklines in a rectangle.
     pub(super) fn begin(&mut self, lines: &Breaklines, rect: Rect) {
         self.fans.clear();
         self.segments.clear();
@@ -38,7 +38,7 @@ impl BreaklineFans {
         }
     }
 
-    /// Takes note of triangles whose positions are counted from `origin`.
+    /// Records triangles whose positions are relative to `origin`.
     pub(super) fn see(&mut self, triangles: &[TileTriangle], (col, row): (u32, u32)) {
         let Some(rect) = self.rect else { return };
         let shift = [i64::from(col) - i64::from(rect.col), i64::from(row) - i64::from(rect.row)];
@@ -56,7 +56,7 @@ impl BreaklineFans {
         }
     }
 
-    /// The vertices in the rectangle from which a line should go on along an edge, and does not.
+    /// Vertices in the rectangle on a line that lack an edge along it.
     pub(super) fn apart(&mut self) -> MeshFlaws {
         let mut apart = MeshFlaws::default();
         let Some(rect) = self.rect else { return apart };

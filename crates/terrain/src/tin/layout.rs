@@ -1,4 +1,4 @@
-//! How a grid is cut into tiles, and which rectangle of samples each task works on.
+//! The tiling of a grid, and the rectangle of samples of each task.
 //!
 //! A grid of W x H samples has (W-1) x (H-1) cells. Tiles are squares of T x T cells from the first
 //! sample on; the last column and row of tiles may be narrower. A tile's rectangle holds its rim on
@@ -12,7 +12,7 @@ use terrane_base::geom::Rect;
 pub const TILE_CELLS: std::ops::RangeInclusive<u32> = 16..=8192;
 const _: () = assert!(*TILE_CELLS.end() * 3 / 2 < 1 << 14);
 
-/// Cells along a tile's side, unless told otherwise.
+/// Default number of cells along a tile's side.
 pub const USUAL_TILE: u32 = 512;
 const _: () = assert!(*TILE_CELLS.start() <= USUAL_TILE && USUAL_TILE <= *TILE_CELLS.end());
 
@@ -51,14 +51,14 @@ pub(super) enum SeamPlace {
     Corner,
 }
 
-/// The cells asked for along a tile's side, if tiles can have so many.
+/// Checks the number of cells along a tile's side.
 pub(super) fn checked_tile(tile: u32) -> Result<u32> {
     if TILE_CELLS.contains(&tile) {
         return Ok(tile);
     }
     let (least, most) = (TILE_CELLS.start(), TILE_CELLS.end());
-    Err(Error::usage(format!("a tile of {tile} cells is out of range"))
-        .remedy(format!("choose {least} to {most}")))
+    Err(Error::usage(format!("a tile size of {tile} cells is out of range"))
+        .remedy(format!("pass {least} to {most}")))
 }
 
 /// The tiling of one grid.
@@ -94,8 +94,8 @@ impl TileLayout {
         self.tile
     }
 
-    /// The tiling of the same grid into tiles of at most so many cells, with posts no closer than here: a
-    /// tile is a few times their distance wide, or a fraction of it.
+    /// The tiling of the same grid into tiles of at most `most` cells, with anchor vertices no closer than
+    /// here: a tile is a few times their spacing wide, or a fraction of it.
     pub(super) fn finer(&self, most: u32) -> Result<Self> {
         if self.tile <= most {
             return Ok(*self);
@@ -135,7 +135,7 @@ impl TileLayout {
         TileId::new((index / cols) as u32, (index % cols) as u32)
     }
 
-    /// `tile` moved by rows and columns, where that is a tile.
+    /// The tile at an offset in rows and columns, if it exists.
     pub(super) fn step(&self, tile: TileId, rows: i32, cols: i32) -> Option<TileId> {
         let row = tile.row.checked_add_signed(rows).filter(|&r| r < self.rows)?;
         let col = tile.col.checked_add_signed(cols).filter(|&c| c < self.cols)?;
@@ -240,8 +240,8 @@ impl TileLayout {
         self.tile / 2
     }
 
-    /// How far apart the posts of a tile are at most. Triangles are then not wider than a third of a
-    /// tile or so, and a patch of half a tile holds all that meet at its seam.
+    /// Largest spacing of the anchor vertices of a tile. It limits triangles to about a third of a tile, so
+    /// that a patch of half a tile holds all triangles at its seam.
     pub(super) fn spacing(&self) -> u32 {
         self.spacing
     }

@@ -43,10 +43,9 @@ use terrane_tin::TinSpec;
 
 /// Runs a job from file to file.
 ///
-/// What is wrong with the request is found before the work starts: an output that exists or cannot
-/// be created, a format that cannot hold the mesh, too little memory. The output appears whole at
-/// the end or not at all. A budget of vertices or triangles takes several complete runs that only
-/// count.
+/// Errors of the request are found before the work starts: an output that exists or cannot be created, a format
+/// that cannot hold the mesh, too little memory. The output appears whole at the end or not at all. A budget of
+/// vertices or triangles takes several complete runs that only count.
 ///
 /// # Errors
 /// `Usage` for a goal, tile or name that makes no sense and for a budget below the coarsest mesh;
@@ -64,24 +63,24 @@ pub fn run(job: &TinJob, progress: &dyn Progress, cancel: &Cancel) -> Result<Tin
     Ok(report)
 }
 
-/// What a job works with: its input, its format, and the shares of its memory.
+/// An opened job: its input, its format, and the shares of its memory.
 pub(super) struct OpenedTinJob {
     pub(super) source: Box<dyn GridSource>,
     pub(super) format: &'static MeshFormat,
-    /// What heights are stored relative to, where the format stores them in f32.
+    /// Origin of the heights, if the format stores them as f32.
     pub(super) height_origin: Option<f64>,
     pub(super) placed: StorageScale,
-    /// The system that the mesh is written in.
+    /// CRS and extent of the mesh.
     pub(super) frame: MeshFrame,
     notes: Vec<String>,
     pub(super) shares: MemoryShares,
     /// Samples that stay vertices, and breaklines.
     pub(super) kept: GridConstraints,
-    /// What is made level.
+    /// Water to flatten.
     water: Option<Arc<Water>>,
-    /// What vertices have beside their positions.
+    /// Attributes of vertices.
     pub(super) carried: VertexExtras,
-    /// What the kernel is told, for whatever tolerance.
+    /// Settings of the kernel, without the tolerance.
     spec: TinSpec,
 }
 
@@ -97,7 +96,7 @@ impl OpenedTinJob {
         Ok(opened)
     }
 
-    /// The same, with an input that is opened in another way, and nothing to keep.
+    /// As [`new`](Self::new), with an input opened by the caller, and without constraints.
     pub(super) fn with(
         job: &TinJob,
         open: impl FnOnce() -> Result<memory::Opened>,
@@ -135,25 +134,25 @@ impl OpenedTinJob {
         Ok(opened)
     }
 
-    /// What becomes of heights in the file, where it stores them in f32.
+    /// The rounding of heights in the file, if it stores them as f32.
     pub(super) fn rounding(&self) -> Option<HeightQuantization> {
         let scale = self.placed.scale[2];
         self.height_origin.map(|origin| HeightQuantization { origin, scale })
     }
 }
 
-/// What vertices have beside their positions, and how they are connected.
+/// Attributes of vertices, and their triangulation.
 #[derive(Default)]
 pub(super) struct VertexExtras {
     pub(super) channels: Vec<VertexChannel>,
-    /// Those that the channels are of.
+    /// The bands of the channels.
     pub(super) bands: Option<MeshBands>,
-    /// What triangles are called that are not Delaunay.
+    /// Name of the triangulation, if it is not Delaunay.
     pub(super) triangulation: Option<&'static str>,
 }
 
 impl VertexExtras {
-    /// Tells the file of it.
+    /// Writes them into the header.
     fn tell(&self, header: &mut MeshHeader, tolerance: f64) {
         header.channels.clone_from(&self.channels);
         let promises = &mut header.promises;
@@ -166,7 +165,7 @@ impl VertexExtras {
     }
 }
 
-/// Opens the input of `job` and divides its memory, of which `features` are held; a tile is not larger than the
+/// Opens the input of `job` and divides its memory, less that of `features`; a tile is not larger than the
 /// grid.
 fn open(
     job: &TinJob,
@@ -184,7 +183,7 @@ pub(super) fn options(job: &TinJob) -> Result<GridOpenOptions> {
     job.reading.options(&job.resources, GridOpenOptions::default().cache_bytes)
 }
 
-/// Opens `input` for workers on tiles of `tile` cells, which take so many bytes.
+/// Opens `input` for workers on tiles of `tile` cells.
 pub(super) fn open_tiled(
     input: &Inputs,
     options: &GridOpenOptions,
@@ -286,8 +285,8 @@ impl TinMaker<'_> {
         Ok(report)
     }
 
-    /// The height of a solid's bottom, if it is to be one, by the lowest of all heights, which goes into
-    /// the header. Fails before the work when the bottom is not below it.
+    /// The height of the base of a solid, if requested. Puts the lowest height into the header, and fails
+    /// before the work if the base is not below it.
     fn solid_base(&self, header: &mut MeshHeader) -> Result<Option<f64>> {
         let Self { job, opened, progress, cancel } = self;
         if job.solid_base.is_none() && job.base.is_none() {
@@ -303,9 +302,9 @@ impl TinMaker<'_> {
         let base = job.solid_base.or_else(|| job.base.map(below));
         match base.filter(|base| lowest <= *base) {
             Some(base) => Err(Error::usage(format!(
-                "the lowest height is {lowest}, and the solid's base is to be at {base}"
+                "the base of the solid, {base}, is not below the lowest height, {lowest}"
             ))
-            .remedy(format!("choose a base below {lowest}"))),
+            .remedy(format!("pass a base below {lowest}"))),
             None => Ok(base),
         }
     }
@@ -315,7 +314,9 @@ impl TinMaker<'_> {
         let Some(tiles) = self.job.split else { return Ok(None) };
         let info = self.opened.source.info();
         let cells = tiles.checked_mul(self.job.tile).filter(|cells| *cells > 0);
-        let cells = cells.ok_or_else(|| Error::usage(format!("{tiles} tiles make no block")))?;
+        let cells = cells.ok_or_else(|| {
+            Error::usage(format!("a block of {tiles} x {tiles} tiles is out of range"))
+        })?;
         let samples = [info.width, info.height];
         Ok(Some(MeshBlockLayout { cells, samples, to_world: info.transform }))
     }
@@ -330,8 +331,8 @@ impl TinMaker<'_> {
     pub(super) fn check_output(&self) -> Result<()> {
         let Self { job, .. } = self;
         if job.split.is_some() && job.transform.is_some() {
-            let message = "a mesh in many files keeps to the rows and columns of its grid";
-            return Err(Error::usage(message).remedy("leave one of ‹split› and ‹to_crs› out"));
+            let message = "‹split› does not support reprojection: blocks follow the rows and columns of the grid";
+            return Err(Error::usage(message).remedy("leave out ‹split› or ‹to_crs›"));
         }
         if job.split.is_some() {
             refuse_file_name(&job.output)?;
@@ -342,8 +343,8 @@ impl TinMaker<'_> {
         check_prj(&self.job.output, &self.opened.frame.crs, self.job.overwrite)
     }
 
-    /// The tolerance to run with, and how many trials it took to find it; fails when the format will not
-    /// hold the mesh.
+    /// The tolerance to run with, and the number of trials to find it; fails if the format will not hold the
+    /// mesh.
     pub(super) fn tolerance(&self) -> Result<(f64, u32)> {
         let (layout, folder) = (self.layout()?, self.temp_dir());
         let settings = self.settings(self.spec(0.0), folder);
@@ -397,7 +398,7 @@ impl TinMaker<'_> {
         }
     }
 
-    /// Where to spill: beside the output unless told otherwise.
+    /// The folder for spilled data; by default that of the output.
     fn temp_dir(&self) -> &Path {
         folder_for(&self.job.output, self.job.resources.temp_dir.as_deref())
     }
@@ -470,8 +471,7 @@ impl TinMaker<'_> {
     }
 }
 
-/// Where a mesh comes from: the names of its grid, of polygons that this was clipped to and of its water, and what
-/// was asked.
+/// Provenance of a mesh: the names of its grid, its clip polygons and its water, and the options.
 pub(super) struct MeshOrigin<'a> {
     pub(super) input: &'a str,
     pub(super) clip: Option<String>,
@@ -479,7 +479,7 @@ pub(super) struct MeshOrigin<'a> {
     pub(super) refinement: &'a Refinement,
 }
 
-/// What a file of the mesh is told of it.
+/// The header of a file of the mesh.
 pub(super) fn header(
     info: &GridInfo,
     from: MeshOrigin<'_>,
@@ -499,7 +499,7 @@ pub(super) fn header(
     }
 }
 
-/// Where a mesh comes from, and what it keeps to: what is not said there is said of samples.
+/// Provenance and guarantees of a mesh; the bound holds at samples unless stated otherwise.
 fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promises {
     let [kept, lines] = from.refinement.files();
     Promises {
@@ -519,7 +519,7 @@ fn promises(from: MeshOrigin<'_>, spec: &TinSpec, unit: Option<String>) -> Promi
 }
 
 impl MeshFrame {
-    /// Tells the file of the system that it is in.
+    /// Writes the CRS and the extent into the header.
     fn tell(&self, header: &mut MeshHeader, height: f64) {
         let Some(operation) = &self.operation else { return };
         header.crs = self.crs.clone();
@@ -529,11 +529,11 @@ impl MeshFrame {
     }
 }
 
-/// What is told of a bottom that was found by the lowest height of this grid.
+/// The note on a base derived from the lowest height of this grid.
 fn bottom_note(height: f64) -> String {
     format!(
-        "‹base› counts from the lowest height of each print, so the bottom is at {height} here; for prints that meet, \
-         pass one height below all of them to each, with ‹co› SOLID_BASE=HEIGHT in place of ‹base›"
+        "‹base› is measured from the lowest height of each mesh: the bottom of this one is at {height}; \
+         to match adjacent prints, pass a common height as ‹co› SOLID_BASE=HEIGHT instead"
     )
 }
 

@@ -1,4 +1,4 @@
-//! How values of options of meshes are written.
+//! Codecs of options of meshes.
 
 use terrane_base::{error::Error, registry};
 use terrane_baselines::{METHODS, TriangulationRule};
@@ -34,7 +34,7 @@ impl OptionCodec<TriangulationRule> for TriangulationName {
 /// The name of a method that makes meshes of grids.
 pub struct MeshMethodName;
 
-/// What the engine's own way to make meshes of grids is called.
+/// Name of the default method.
 pub const GREEDY: &str = "greedy";
 
 impl OptionCodec<String> for MeshMethodName {

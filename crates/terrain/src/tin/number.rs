@@ -166,8 +166,7 @@ impl VertexLookup {
         )
     }
 
-    /// Bytes that [`faces`](Self::faces) takes for so many triangles: themselves, a sorted copy, and
-    /// what becomes of them.
+    /// Bytes that [`faces`](Self::faces) takes for `triangles`: the input, a sorted copy, and the result.
     pub(super) fn bytes(triangles: usize, with_corners: bool) -> u64 {
         let corners = if with_corners { size_of::<[Point3; 3]>() } else { 0 };
         (triangles * (2 * size_of::<TileTriangle>() + size_of::<[u64; 3]>() + corners)) as u64

@@ -6,8 +6,8 @@
 //! | a record for each tile, row by row: numbers of its triangles, inner triangles and vertices (3 x u64), then these and the vertices' heights as they are in memory | |
 //! | the index: offset, length and digest of each record | 48 each |
 //!
-//! All numbers are little-endian. The digest of the index is noted beside the file, so what is read of
-//! it is proven without the rest.
+//! All numbers are little-endian. The digest of the index is stored beside the file, so each record is verified
+//! without reading the rest.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -26,11 +26,11 @@ use terrane_files::fault::{self, FaultPoint};
 use terrane_files::lock;
 
 const MAGIC: &[u8; 16] = b"terrane object 2";
-/// Bytes of the numbers that a record begins with.
+/// Bytes of the header of a record.
 const RECORD_HEAD: u64 = 24;
 const _: () = assert!(cfg!(target_endian = "little"), "records are written as they are in memory");
 
-/// Where a record lies.
+/// Offset, length and digest of a record.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct RecordIndexEntry {
@@ -39,7 +39,7 @@ struct RecordIndexEntry {
     digest: [u8; 32],
 }
 
-/// What an object tells of itself.
+/// Metadata of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct TinArtifactFacts {
     /// Digest of the index.
@@ -74,11 +74,11 @@ impl ContainerRecord {
     }
 }
 
-/// An object in the making; dropped unfinished it leaves nothing.
+/// Writes an object; leaves no file if dropped unfinished.
 pub(super) struct ObjectWriter {
     path: PathBuf,
     file: BufWriter<AtomicFile>,
-    /// Of all that was written.
+    /// Hash of all bytes written.
     hasher: blake3::Hasher,
     offset: u64,
     index: Vec<RecordIndexEntry>,
@@ -105,7 +105,7 @@ impl ObjectWriter {
         self.write(bytes)
     }
 
-    /// Puts the whole object at its place; returns what it tells of itself, and the digest of its bytes.
+    /// Moves the finished object to its path; returns its metadata and the digest of its bytes.
     pub(super) fn finish(mut self, tally: SampleCounts) -> Result<(TinArtifactFacts, Digest)> {
         let index = std::mem::take(&mut self.index);
         let bytes: &[u8] = bytemuck::cast_slice(&index);

@@ -45,7 +45,7 @@ const OF_TARGET: &[OptionRule] =
     &[OptionRule::OneOf(&["max_error", "max_vertices", "max_triangles"], "target")];
 
 impl TinTarget {
-    /// As jobs have it.
+    /// The goal of a job.
     ///
     /// # Errors
     /// Usage: there is none, or more than one.
@@ -115,7 +115,7 @@ pub struct TinOptions {
     pub resources: Resources,
 }
 
-/// What greedy insertion in tiles alone can do.
+/// Options that only greedy insertion in tiles supports.
 const OF_GREEDY: &[&str] = &[
     "workdir",
     "split",
@@ -149,9 +149,7 @@ impl TinOptions {
         if self.method == GREEDY {
             return match triangulation {
                 Some(TriangulationRule::Split3) => Err(not_of(GREEDY, "triangulation=split3")
-                    .remedy(
-                        "leave it out, or choose a ‹method› that leaves the triangulation open",
-                    )),
+                    .remedy("leave it out, or choose another ‹method›")),
                 _ => Ok(None),
             };
         }
@@ -164,7 +162,7 @@ impl TinOptions {
         ];
         match of_some.into_iter().find(|(_, is_missing)| *is_missing) {
             Some(("triangulation", _)) => Err(not_of(method.name, "triangulation")
-                .remedy("leave it out, or choose a ‹method› that leaves the triangulation open")),
+                .remedy("leave it out, or choose another ‹method›")),
             Some((option, _)) => {
                 Err(not_of(method.name, option).remedy("pass ‹max_error› instead"))
             }
@@ -184,7 +182,7 @@ impl TinOptions {
         (!self.bands.is_empty()).then(bands).transpose()
     }
 
-    /// The format to write. Fails where it does not hold what is asked for.
+    /// The format to write. Fails if it does not support the options.
     fn format(&self, output: &Path) -> Result<&'static MeshFormat> {
         let usual = self.split.map(|_| "PLY");
         let format = mesh::by_path(output, self.file.format.as_deref().or(usual))?;
@@ -192,29 +190,28 @@ impl TinOptions {
             refuse_file_name(output)?;
         }
         if !self.bands.is_empty() && format.carries == VertexCapabilities::Nothing {
-            return Err(Error::usage(format!("{} has no room for ‹bands›", format.name))
-                .remedy("write PLY, or GLB for three or four bands of 8 bits"));
+            return Err(Error::usage(format!("{} does not support ‹bands›", format.name))
+                .remedy("write PLY, or GLB for three or four 8-bit bands"));
         }
         let name = format.name;
         let (option, message) = match (self.solid_base()?, self.base) {
             _ if format.can_be_solid => return Ok(format),
             (None, None) => return Ok(format),
-            (Some(_), _) => ("co", format!("{name} has no option SOLID_BASE")),
-            (None, Some(_)) => {
-                ("base", format!("‹base› is for STL and 3MF, and {name} holds no solids"))
-            }
+            (Some(_), _) => ("co", format!("{name} does not support the option SOLID_BASE")),
+            (None, Some(_)) => ("base", format!("‹base› is not supported by {name}")),
         };
-        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave ‹{option}› out")))
+        Err(Error::usage(message).remedy(format!("write STL or 3MF, or leave out ‹{option}›")))
     }
 
     /// The height of the bottom of a solid.
     fn solid_base(&self) -> Result<Option<f64>> {
         let height = |(key, value): &(String, String)| {
-            let wrong =
-                |remedy: &str| Error::usage(format!("‹co› is \"{key}={value}\"")).remedy(remedy);
+            let wrong = |remedy: &str| {
+                Error::usage(format!("unknown or invalid ‹co› \"{key}={value}\"")).remedy(remedy)
+            };
             match key.eq_ignore_ascii_case("SOLID_BASE") {
-                true => FiniteNumber::parse(value).map_err(|_| wrong("give SOLID_BASE a number")),
-                false => Err(wrong("the only option known is SOLID_BASE=HEIGHT")),
+                true => FiniteNumber::parse(value).map_err(|_| wrong("pass SOLID_BASE a number")),
+                false => Err(wrong("the only supported option is SOLID_BASE=HEIGHT")),
             }
         };
         self.co.iter().map(height).next_back().transpose()
@@ -223,7 +220,7 @@ impl TinOptions {
     /// The job on some files.
     ///
     /// # Errors
-    /// Options that do not go together, or not with the format of the output.
+    /// Conflicting options, or options that the output format does not support.
     pub fn job(&self, inputs: &Inputs, output: &Path) -> Result<TinJob> {
         let own = settled(self)?;
         Ok(TinJob {
@@ -243,7 +240,7 @@ impl TinOptions {
     }
 }
 
-/// The error of an option that a method does not have.
+/// The error of an option that a method does not support.
 fn not_of(method: &str, option: &str) -> Error {
-    Error::usage(format!("the method {method} has no ‹{option}›"))
+    Error::usage(format!("the method {method} does not support ‹{option}›"))
 }

@@ -1,4 +1,4 @@
-//! How a mesh of a grid is refined, whatever its goal and wherever it goes.
+//! Refinement of a mesh of a grid, independent of its goal and its output.
 
 use std::sync::Arc;
 
@@ -58,10 +58,10 @@ const RULES: &[OptionRule] = &[
 ];
 
 impl Refinement {
-    /// What the kernel is told on a grid with this map, errors measured; the tolerance is yet to be found.
+    /// Settings of the kernel for a grid with this map, with measured errors and without the tolerance.
     ///
     /// # Errors
-    /// An angle that the cells do not have; options that do not go together.
+    /// An angle above that of the cells; conflicting options.
     pub(super) fn spec(&self, map: &Affine) -> Result<TinSpec> {
         check(self)?;
         Ok(TinSpec {
@@ -101,8 +101,7 @@ impl Refinement {
         self.triangulation == Some(TriangulationRule::DataDependent)
     }
 
-    /// Most bytes of a worker on tiles of `tile` cells, without what all hold together, that `follows` lines or
-    /// not.
+    /// Most bytes of a worker on tiles of `tile` cells, without shared data; more if it `follows` lines.
     pub(super) fn worker_bytes(&self, goal: TinGoal, tile: u32, follows: bool) -> u64 {
         // Any sample may become a vertex to reach these.
         let keeps_all = goal == TinGoal::MaxError(0.0) || self.min_angle.is_some();

@@ -18,7 +18,7 @@ use terrane_raster::WaterReport;
 /// Seconds and samples of one stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageReport {
-    /// Name: "read", "tiles", "seams", "write", "reduce", "load"; of methods of the textbooks "method".
+    /// Name: "read", "tiles", "seams", "write", "reduce", "load"; "method" for textbook methods.
     pub name: String,
     /// Seconds spent in it, summed over threads.
     pub thread_seconds: f64,
@@ -36,32 +36,32 @@ pub struct TinReport {
     pub format: String,
     pub width: u32,
     pub height: u32,
-    /// The system of the grid.
+    /// CRS of the grid.
     pub crs: String,
-    /// What led to the system of the mesh, where that is another.
+    /// The operation to the CRS of the mesh, if that is another.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transformed: Option<Transformed>,
     pub horizontal_unit: String,
     pub vertical_unit: String,
-    /// The method, where it is not the engine's own, and
+    /// The method, if it is not greedy insertion in tiles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method: Option<String>,
-    /// how it connects vertices, where it leaves that open.
+    /// The triangulation of the method, if it supports several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub triangulation: Option<String>,
-    /// The bands that the error is of, where there are several.
+    /// The bands of the mesh, if there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<MeshBandReport>,
     pub tolerance: f64,
-    /// Of what it is promised.
+    /// Where the tolerance holds.
     pub bound: ErrorBound,
     /// True when vertices may lie above or below their samples.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fit: bool,
-    /// The smallest angle that was asked for, in degrees.
+    /// The requested minimum angle, in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_angle: Option<f64>,
-    /// Triangles that have a smaller one all the same, where one was asked for.
+    /// Triangles with a smaller angle, if a minimum was requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thin_triangles: Option<FlawReport>,
     /// Largest error of any sample, when measured.
@@ -72,40 +72,40 @@ pub struct TinReport {
     pub valid_samples: u64,
     /// Valid samples without any valid cell: they have no surface.
     pub isolated_samples: u64,
-    /// Stored value that looks like an undeclared nodata value, and
+    /// Stored value that looks like an undeclared nodata value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suspected_nodata: Option<f64>,
-    /// how many samples have it.
+    /// Number of samples with that value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suspected_samples: Option<u64>,
     pub vertices: u64,
     pub triangles: u64,
     /// Vertices per valid sample.
     pub kept: f64,
-    /// What became of points to keep.
+    /// Report on points to keep.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub keep_points: Option<KeptReport>,
-    /// What became of breaklines, and
+    /// Report on breaklines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub breaklines: Option<BreaklinesReport>,
-    /// What became of water.
+    /// Report on the flattening of water.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterReport>,
-    /// where edges do not follow them.
+    /// Vertices on breaklines without an edge along them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub apart: Option<FlawReport>,
     pub output_bytes: u64,
-    /// Coordinate reference system beside the mesh, when one was written.
+    /// Name of the .prj file beside the mesh, if one was written.
     pub prj: Option<String>,
-    /// How the mesh lies in its file, where that has coordinates of its own.
+    /// Placement in the file, if the format has model coordinates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub placed: Option<StorageScale>,
-    /// What the user of the mesh should know.
+    /// Notes for the user.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     pub tiles: u64,
     pub tile_cells: u32,
-    /// Complete runs that only counted, to find the tolerance of a budget.
+    /// Number of trial runs to find the tolerance of a budget.
     pub trials: u32,
     #[serde(flatten)]
     pub run: RunStatistics,
@@ -113,12 +113,12 @@ pub struct TinReport {
     pub stages: Vec<StageReport>,
 }
 
-/// Places where something that was asked for is not so.
+/// Places where the mesh does not meet a requirement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FlawReport {
-    /// How many there are.
+    /// Number of places.
     pub count: u64,
-    /// Where the first one is, in the world; of a triangle, a corner.
+    /// World position of the first one (a corner of a triangle).
     pub first: Option<[f64; 2]>,
 }
 
@@ -129,8 +129,8 @@ impl FlawReport {
     }
 }
 
-/// What was asked for and is not so, in words, by the triangles that are too thin and the vertices that lack an edge
-/// along a breakline.
+/// Requirements that the mesh does not meet, as text: triangles with too small an angle, and vertices that lack
+/// an edge along a breakline.
 pub(super) fn unmet(
     thin: Option<FlawReport>,
     apart: Option<FlawReport>,
@@ -139,29 +139,27 @@ pub(super) fn unmet(
     let told = |flaws: Option<FlawReport>, what: String, remedy: &str| {
         let FlawReport { count, first } = flaws?;
         let [x, y] = first?;
-        Some(format!(
-            "{count} {what}, the first one at x {x}, y {y}; choose a larger ‹tile›{remedy}"
-        ))
+        Some(format!("{count} {what}, the first one at x {x}, y {y}; raise ‹tile›{remedy}"))
     };
     let least = min_angle.unwrap_or_default();
-    let angle = format!("triangles have a smaller angle than {least} degrees");
+    let angle = format!("triangles have an angle below {least} degrees");
     let lines = "vertices on breaklines have no edge along them".to_owned();
-    told(thin, angle, ", or a smaller ‹min_angle›").or_else(|| told(apart, lines, ""))
+    told(thin, angle, " or reduce ‹min_angle›").or_else(|| told(apart, lines, ""))
 }
 
 impl TinReport {
-    /// What was asked for and is not so, in words.
+    /// Requirements that the mesh does not meet, as text.
     pub fn unmet(&self) -> Option<String> {
         unmet(self.thin_triangles, self.apart, self.min_angle)
     }
 
-    /// Notes the time it all took.
+    /// Sets the total time.
     pub(super) fn took(&mut self, time: Duration) {
         self.run.wall_seconds = time.as_secs_f64();
         self.samples_per_second = self.run.rate(self.samples);
     }
 
-    /// Notes that more bytes went through temporary files.
+    /// Adds bytes of temporary files.
     pub(super) fn spilled(&mut self, bytes: u64) {
         self.run.spilled_bytes = Some(self.run.spilled_bytes.unwrap_or_default() + bytes);
     }
@@ -174,7 +172,7 @@ pub(super) enum PipelineStage {
     Tiles,
     Seams,
     Write,
-    /// What only a Delaunay mesh needs is dropped.
+    /// Drops vertices that only a Delaunay mesh needs.
     Reduce,
     /// From saved containers.
     Load,
@@ -236,7 +234,7 @@ mod tests {
         assert_eq!(told(None), None);
         assert_eq!(told(Some(MeshFlaws::default())), None);
         let some = told(Some(MeshFlaws { count: 3, first: Some([2, 7]) })).unwrap();
-        assert!(some.starts_with("3 triangles have a smaller angle than 20 degrees"), "{some}");
+        assert!(some.starts_with("3 triangles have an angle below 20 degrees"), "{some}");
         assert!(some.contains("x 170, y 480") && some.contains("‹tile›"), "{some}");
         let apart = Some(FlawReport { count: 2, first: Some([170.0, 480.0]) });
         let lines = TinReport { apart, ..TinReport::default() }.unmet().unwrap();

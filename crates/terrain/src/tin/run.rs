@@ -35,13 +35,13 @@ pub struct TinOutcome {
     pub isolated: u64,
     /// Samples to keep that are vertices.
     pub kept: u64,
-    /// Triangles with a smaller angle than asked for.
+    /// Triangles below the minimum angle.
     pub thin: MeshFlaws,
-    /// Vertices from which a breakline should go on along an edge, and does not.
+    /// Vertices on breaklines without an edge along them.
     pub apart: MeshFlaws,
-    /// Samples that look like undeclared nodata: the value as stored, and how many.
+    /// Samples that look like undeclared nodata: the stored value, and their number.
     pub suspects: Option<(f64, u64)>,
-    /// The lowest and highest height of parts with some that may be of no land.
+    /// The lowest and highest height of windows with heights outside the usual range of land.
     pub odd_range: Option<[f64; 2]>,
     /// Largest error of any sample (0 unless measured).
     pub max_error: f64,
@@ -82,8 +82,7 @@ pub(super) fn run_with(
     write_mesh(shared, sink)
 }
 
-/// Writes the mesh whose containers are in `stock`, all seams mended; `tally` is what their making
-/// counted.
+/// Writes the mesh from the containers in `stock`, all seams mended; `tally` has their counts.
 pub(super) fn write(
     source: &dyn GridSource,
     stock: &dyn ContainerSource,
@@ -104,9 +103,8 @@ pub(super) fn write(
     write_mesh(shared, sink)
 }
 
-/// Carries out one unit of the work and puts the containers into `object`; tiles come from `stock`
-/// where the scope says so. Returns the object with what is left to do for it, the time spent, and
-/// the bytes that were spilled.
+/// Carries out one unit of the work and puts the containers into `object`; tiles come from `stock` where the
+/// scope says so. Returns the object, the time spent, and the bytes spilled.
 pub(super) fn save(
     source: &dyn GridSource,
     scope: RunScope,
@@ -165,7 +163,7 @@ impl<'a> SharedTinState<'a> {
     }
 }
 
-/// Carries out all tasks; what they send goes to `collector`.
+/// Carries out all tasks; sends their results to `collector`.
 fn drive(shared: &SharedTinState<'_>, collector: &Mutex<dyn TilePartSink + '_>) -> StageClock {
     if threads_for(shared) > 1 {
         run_threads(shared, collector)
@@ -214,7 +212,7 @@ fn run_threads(
             }
         }
         if writing.join().is_err() {
-            shared.queue.fail(Error::new(ErrorKind::Internal, "the writer failed"));
+            shared.queue.fail(Error::new(ErrorKind::Internal, "the writer thread failed"));
         }
         clock
     })
@@ -293,7 +291,7 @@ mod tests {
     use terrane_tin::{PatchInput, PatchMesh, TileInput, TileMesh, TileScratch, triangulate_tile};
     use terrane_tin::{TilePosition, TileTriangle, TinSpec, mend_patch};
 
-    /// A saddle with a fault in it, if wanted.
+    /// A saddle, optionally with a fault.
     struct Saddle {
         info: GridInfo,
         broken_row: Option<u32>,

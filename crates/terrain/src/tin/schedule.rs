@@ -1,10 +1,9 @@
 //! The order of work: tasks, what each waits for, and the queue the workers take them from.
 //!
-//! There are no phases and no barriers. A task becomes ready when the tasks it waits for are done,
-//! and among the ready ones the queue hands out the one that the sweep over the tiles reached
-//! first, so that work started is finished before new tiles are begun and memory stays at about
-//! three rows of tiles. The graph is never stored: tasks and their edges are computed, and only
-//! tasks that have some but not all of their inputs are remembered.
+//! There are no phases and no barriers. A task becomes ready when the tasks it waits for are done, and the
+//! queue returns the ready task that the sweep over the tiles reached first, so that started work is finished
+//! before new tiles are begun and memory stays at about three rows of tiles. The graph is never stored: tasks
+//! and their edges are computed, and only tasks that have some but not all of their inputs are remembered.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -155,9 +154,9 @@ impl TaskQueue {
         Self { work, threads: threads as u64, order_seed, state, wake }
     }
 
-    /// The next task; waits for one to become ready. `None` when all is done or a task failed.
-    /// Without room, no tile is begun while anything else can be done: a worker that the system has
-    /// stopped for a while would otherwise hold up the writer while the others fill the memory.
+    /// The next task; waits for one to become ready. `None` when all is done or a task failed. Without free
+    /// memory, no tile is begun while anything else can be done: a worker that the system has stopped for a
+    /// while would otherwise hold up the writer while the others fill the memory.
     pub(super) fn next(&self, has_room: impl Fn() -> bool) -> Option<TileTask> {
         let mut state = lock(&self.state);
         loop {
@@ -208,8 +207,8 @@ impl TaskQueue {
         state.failure.map_or(Ok(()), Err)
     }
 
-    /// Adds tiles to the ready tasks: one for each worker while there is room, and none too far ahead
-    /// of the writer.
+    /// Adds tiles to the ready tasks: one for each worker while there is memory, and none too far ahead of the
+    /// writer.
     fn begin_tiles(&self, state: &mut TaskQueueState, has_room: impl Fn() -> bool) {
         let most = if self.order_seed.is_some() { u64::MAX } else { self.threads };
         let end = self.work.tiles().min(state.finished + self.window());

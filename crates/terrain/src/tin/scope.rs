@@ -1,7 +1,7 @@
-//! Which part of the work one run does: all of it, or a unit that other runs go on from.
+//! The part of the work of one run: all of it, or a unit that other runs continue from.
 //!
-//! A run in one go and a plan have one code: the graph of steps is computed, a part of it is a filter on tasks, and
-//! each step sees what it would have seen in one go.
+//! A single run and a plan share the code: the graph of steps is computed, a part is a filter on tasks, and
+//! each step has the same input as in a single run.
 
 use super::layout::{TileId, TileLayout};
 use super::task::{TileStep, TileTask};

@@ -15,12 +15,12 @@ use terrane_tin::TinSpec;
 pub(super) struct TinSeeker<'a> {
     pub(super) source: &'a dyn GridSource,
     pub(super) layout: TileLayout,
-    /// How meshes are made, whatever their tolerance.
+    /// Settings without the tolerance.
     pub(super) settings: TinSettings<'a>,
 }
 
 impl TinSeeker<'_> {
-    /// The tolerance to run with, and how many trials it took to find it.
+    /// The tolerance to run with, and the number of trials to find it.
     pub(super) fn tolerance(&self, goal: TinGoal) -> Result<(f64, u32)> {
         let most = self.most();
         match goal {
@@ -37,7 +37,7 @@ impl TinSeeker<'_> {
         MeshSize { vertices: self.layout.samples(), triangles: 2 * self.layout.cells() }
     }
 
-    /// The size of the mesh at a tolerance, about.
+    /// Estimated size of the mesh at a tolerance.
     pub(super) fn estimate(&self, tolerance: f64) -> Result<MeshSize> {
         self.estimator().size(&self.spec(tolerance))
     }
@@ -62,7 +62,7 @@ impl TinSeeker<'_> {
         search(budget, known, |trial| estimator.guess(&spec, budget, trial, &counted), count)
     }
 
-    /// The size of the mesh at a tolerance, by making it and throwing it away.
+    /// The exact size of the mesh at a tolerance, by a run without output.
     fn count(&self, tolerance: f64, counted: impl Fn(MeshSize) -> u64) -> Result<u64> {
         let stage = format!("count at {tolerance:.4}");
         let settings = TinSettings { spec: self.spec(tolerance), ..self.settings };
@@ -86,7 +86,7 @@ pub(super) fn run_stage(
     outcome
 }
 
-/// A sink that keeps nothing; the run itself counts.
+/// A sink that discards everything; the run itself counts.
 struct CountingSink;
 
 impl MeshSink for CountingSink {

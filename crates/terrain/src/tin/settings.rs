@@ -9,7 +9,7 @@ use terrane_tin::TinSpec;
 /// How to run the core of a job.
 #[derive(Clone, Copy)]
 pub struct TinSettings<'a> {
-    /// What each tile has to reach.
+    /// Settings of the kernel.
     pub spec: TinSpec,
     /// Cells along a tile's side.
     pub tile: u32,
@@ -22,9 +22,9 @@ pub struct TinSettings<'a> {
     pub mesh_bytes: u64,
     /// Folder for the spill file.
     pub temp_dir: &'a Path,
-    /// Takes tasks in an order drawn from this seed; for tests, because no result depends on it.
+    /// Seed of a random order of tasks, for tests; results do not depend on it.
     pub order_seed: Option<u64>,
-    /// Told of every triangulated tile, in samples.
+    /// Reports triangulated samples.
     pub progress: &'a dyn Progress,
     /// Stops the run between two tasks.
     pub cancel: &'a Cancel,

@@ -1,11 +1,10 @@
 //! All containers of a running job: found by tile, counted, spilled when they take too much.
 //!
-//! Each container has its own lock and a thread holds at most one of them, so there can be no
-//! deadlock. What is spilled never changes a result, only where it waits.
+//! Each container has its own lock and a thread holds at most one of them, so there can be no deadlock.
+//! Spilling does not change results.
 //!
-//! Containers have to leave when a worker needs room: what it holds between taking triangles and handing
-//! over their ids is counted as long as it lasts, and tasks are taken in an order in which parts can be
-//! written soon, at the end of the grid too.
+//! Containers are spilled when a worker needs memory: its buffers are counted until it hands over the
+//! triangles, and tasks are taken in an order in which parts can be written soon, at the end of the grid too.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -17,7 +16,7 @@ use super::layout::{TileId, TileLayout};
 use terrane_base::error::Result;
 use terrane_files::{SpoolFile, lock};
 
-/// A container and where it is.
+/// A container, in memory or spilled.
 #[derive(Default)]
 struct ContainerSlot {
     place: SlotState,
@@ -45,9 +44,9 @@ pub(super) struct ContainerStore {
     layout: TileLayout,
     slots: Mutex<HashMap<TileId, Arc<Mutex<ContainerSlot>>>>,
     spool: SpoolFile,
-    /// Bytes in memory, and
+    /// Bytes in memory.
     held: AtomicU64,
-    /// how many there may be.
+    /// Limit of the bytes in memory.
     limit: u64,
     /// One thread spills at a time.
     relief: Mutex<()>,
@@ -131,8 +130,7 @@ impl ContainerStore {
         lock(&self.slots).remove(&tile);
     }
 
-    /// Makes room for `bytes` that a worker needs for a while, and counts them until the result is
-    /// dropped.
+    /// Reserves `bytes` for a worker, counted until the result is dropped.
     pub(super) fn reserve(&self, bytes: u64, tile: TileId) -> Result<ReservedBytes<'_>> {
         self.account(0, bytes);
         let reserved = ReservedBytes { store: self, bytes };
@@ -149,7 +147,7 @@ impl ContainerStore {
         }
     }
 
-    /// Whether less is held than there may be.
+    /// Whether memory is below the limit.
     pub(super) fn has_room(&self) -> bool {
         self.held.load(Ordering::Relaxed) <= self.limit
     }
@@ -195,9 +193,9 @@ impl ContainerStore {
         Ok(result)
     }
 
-    /// Without room, spills containers until an eighth of the limit is free, those first that the
-    /// sweep, now at `tile`, will come back to last: the ones it has just left behind. Whoever comes
-    /// while another does so waits for it, as going on would take what is being freed.
+    /// At the limit, spills containers until an eighth of it is free, starting with those that the sweep, now
+    /// at `tile`, will need last: the ones it has just passed. Other callers wait meanwhile, as they would take
+    /// the freed memory.
     fn relieve(&self, tile: TileId) -> Result<()> {
         if self.has_room() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! What triangulation counts on its way.
+//! Counts of triangulation.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,33 +9,33 @@ pub(super) struct SampleCounts {
     pub(super) valid: u64,
     /// Valid samples without a valid cell.
     pub(super) isolated: u64,
-    /// Samples that look like undeclared nodata: the lowest such value as stored, and how many.
+    /// Samples that look like undeclared nodata: the lowest such stored value, and their number.
     pub(super) suspects: Option<(f64, u64)>,
-    /// The lowest and highest height of parts with some that may be of no land.
+    /// The lowest and highest height of windows with heights outside the usual range of land.
     #[serde(default)]
     pub(super) odd_range: Option<[f64; 2]>,
-    /// Samples to keep that are vertices. Known once the mesh is written, so it is no part of saved tallies.
+    /// Samples to keep that are vertices. Known once the mesh is written, so it is not saved.
     #[serde(skip)]
     pub(super) kept: u64,
-    /// Triangles with too small an angle, known then, too, and
+    /// Triangles with too small an angle; not saved either.
     #[serde(skip)]
     pub(super) thin: MeshFlaws,
-    /// vertices from which a breakline should go on, and does not.
+    /// Vertices on breaklines without an edge along them; not saved either.
     #[serde(skip)]
     pub(super) apart: MeshFlaws,
 }
 
-/// Places where something that was asked for is not so.
+/// Places where the mesh does not meet a requirement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MeshFlaws {
-    /// How many there are.
+    /// Number of places.
     pub count: u64,
     /// Row and column of the first one.
     pub first: Option<[u32; 2]>,
 }
 
 impl MeshFlaws {
-    /// Counts one here.
+    /// Counts a place.
     pub(super) fn see(&mut self, row: u32, col: u32) {
         self.add(Self { count: 1, first: Some([row, col]) });
     }

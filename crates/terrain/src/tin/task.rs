@@ -22,7 +22,7 @@ pub(super) enum TileStep {
     Number,
     /// Write the triangles kept with the tile.
     Emit,
-    /// Hand over all that is kept with the tile, for another run to go on with.
+    /// Save the container of the tile, for another run to continue from.
     Save,
 }
 
@@ -37,7 +37,7 @@ impl TileStep {
         }
     }
 
-    /// How many rows and columns (at most [`MOST_LAG`]) after its own tile the last tile lies that it waits for.
+    /// Offset in rows and columns (at most [`MOST_LAG`]) from its own tile to the last tile it waits for.
     pub(super) fn lag(self) -> (u32, u32) {
         match self {
             Self::Tile => (0, 0),

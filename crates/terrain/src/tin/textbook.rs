@@ -1,4 +1,4 @@
-//! A grid to a mesh by a method of the textbooks: read whole, triangulated on one thread, written.
+//! Meshes of a grid by textbook methods: read whole, triangulated on one thread, written.
 
 use std::time::Instant;
 
@@ -20,25 +20,24 @@ use terrane_mesh::{MeshBatch, MeshSink};
 use terrane_raster::GridOpenOptions;
 use terrane_tin::TinSpec;
 
-/// A way to make a mesh that is not the engine's own.
+/// A textbook method and its triangulation.
 #[derive(Clone, Copy, Debug)]
 pub struct TextbookMethod {
     /// The method.
     pub method: &'static BaselineMethod,
-    /// How vertices are connected, by methods that leave it open.
+    /// The triangulation, for methods that support several.
     pub triangulation: TriangulationRule,
 }
 
 /// Vertices or triangles that are written at a time.
 const BATCH: usize = 1 << 16;
 
-/// Runs a job from file to file by a method of the textbooks: what the job says of tiles, dropping and the
-/// like is not looked at. The mesh states the tolerance if the method keeps to one, and its true error
-/// otherwise.
+/// Runs a job from file to file by a textbook method; options of tiles and dropping are ignored. The mesh
+/// states the tolerance if the method guarantees one, and its true error otherwise.
 ///
 /// # Errors
 /// Those of [`run`](super::run); `Limit` for a grid with a side of more than 2^14 samples, `Resource` for one
-/// that the memory does not hold, both before any sample is read.
+/// that does not fit into memory; both before any sample is read.
 pub fn run_by(
     job: &TinJob,
     by: &TextbookMethod,
@@ -48,8 +47,9 @@ pub fn run_by(
     let started = Instant::now();
     job.goal.check()?;
     if job.refinement.files() != [None; 2] {
-        let message = format!("the method {} keeps no points or breaklines", by.method.name);
-        return Err(Error::usage(message).remedy("leave them out, or the method"));
+        let message =
+            format!("the method {} does not support points to keep or breaklines", by.method.name);
+        return Err(Error::usage(message).remedy("leave them out, or leave out ‹method›"));
     }
     refuse_water(job, by.method.name)?;
     refuse_existing(&job.output, job.overwrite)?;
@@ -57,7 +57,7 @@ pub fn run_by(
     let whole = WholeGridMethod {
         what: by.method.name.to_owned(),
         sample_bytes: by.method.sample_bytes,
-        otherwise: "leave ‹method› out".to_owned(),
+        otherwise: "leave out ‹method›".to_owned(),
     };
     let mut opened = OpenedTinJob::with(job, || open(job, &options(job)?, &whole).map_err(named))?;
     opened.carried.triangulation = other_triangles(by);
@@ -67,7 +67,7 @@ pub fn run_by(
     Ok(report)
 }
 
-/// What triangles are called that are not Delaunay.
+/// Name of the triangulation, if it is not Delaunay.
 fn other_triangles(by: &TextbookMethod) -> Option<&'static str> {
     match by.method.is_delaunay {
         true if by.triangulation == TriangulationRule::Delaunay => None,
@@ -76,30 +76,29 @@ fn other_triangles(by: &TextbookMethod) -> Option<&'static str> {
     }
 }
 
-/// What holds a whole grid.
+/// A computation on the whole grid in memory.
 pub(super) struct WholeGridMethod {
-    /// What it is called.
+    /// Its name in errors.
     pub(super) what: String,
-    /// Most bytes it takes for a sample, the result included.
+    /// Most bytes for a sample, the result included.
     pub(super) sample_bytes: u64,
-    /// What else can be done where the memory does not hold it.
+    /// An alternative if the grid does not fit into memory.
     pub(super) otherwise: String,
 }
 
-/// Fails where water is to be level: `what` makes no edges along its banks.
+/// Fails if water is to be flattened: `what` does not insert edges along banks.
 pub(super) fn refuse_water(job: &TinJob, what: &str) -> Result<()> {
     match job.reading.water {
         None => Ok(()),
         Some(_) => {
-            let message = format!("the method {what} follows no banks of water");
-            Err(Error::usage(message).remedy(
-                "leave ‹water› or the method out, or flatten the grid first: ‹terrane convert› with ‹water›",
-            ))
+            let message = format!("the method {what} does not support ‹water›");
+            Err(Error::usage(message)
+                .remedy("leave it out, or flatten the grid first: ‹terrane convert› with ‹water›"))
         }
     }
 }
 
-/// Opens the input where the memory holds all of it.
+/// Opens the input; fails if it does not fit into memory.
 pub(super) fn open(
     job: &TinJob,
     options: &GridOpenOptions,
@@ -108,8 +107,9 @@ pub(super) fn open(
     let resources = &job.resources;
     let source = memory::look_at(&job.input, options)?;
     let (width, height) = (source.info().width, source.info().height);
-    terrane_baselines::check_sides(width, height)
-        .map_err(|e| e.remedy(format!("{}: sides of {MOST_SIDE} fit", whole.otherwise)))?;
+    terrane_baselines::check_sides(width, height).map_err(|e| {
+        e.remedy(format!("{} (its limit is {MOST_SIDE} samples a side)", whole.otherwise))
+    })?;
     let worker = u64::from(width) * u64::from(height) * (whole.sample_bytes + READ_BYTES);
     let least = memory::least(worker, source.block_bytes());
     if least > resources.memory {
@@ -131,12 +131,12 @@ fn too_large(
     let room = resources.memory.saturating_sub(memory::least(0, 0));
     let side = (room / (whole.sample_bytes + READ_BYTES)).isqrt();
     let message = format!(
-        "{} holds the whole grid: {width} x {height} samples take {} MiB, {} MiB are allowed",
+        "{} holds the whole grid in memory: {width} x {height} samples need {} MiB, {} MiB are allowed",
         whole.what,
         mib(least),
         resources.memory >> 20
     );
-    let smaller = format!("a grid of at most {side} x {side} samples, or {}", whole.otherwise);
+    let smaller = format!("use a grid of at most {side} x {side} samples, or {}", whole.otherwise);
     memory::short(message, least).or(&smaller)
 }
 
@@ -203,7 +203,7 @@ fn outcome(tin: &BaselineTin) -> TinOutcome {
     }
 }
 
-/// All heights, checked as those of tiles are.
+/// All heights, checked like those of tiles.
 fn read(maker: &TinMaker<'_>, window: &mut HeightBuffers) -> Result<Vec<f64>> {
     maker.cancel.check()?;
     let info = maker.opened.source.info();
@@ -221,7 +221,7 @@ pub(super) fn all_heights(window: &HeightBuffers) -> Vec<f64> {
     heights.f64.map_or_else(narrow, <[f64]>::to_vec)
 }
 
-/// The goal as methods know it.
+/// The goal, converted for methods.
 pub(super) fn asked(goal: TinGoal) -> BaselineGoal {
     match goal {
         TinGoal::MaxError(tolerance) => BaselineGoal::MaxError(tolerance),
@@ -244,8 +244,8 @@ fn triangulate(
     })
 }
 
-/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` tells where samples lie
-/// there, `values` what else they have.
+/// Vertices and then triangles, in batches, counter-clockwise in the world: `position` gives the world position
+/// of a sample, `values` its attributes.
 pub(super) fn write<V: Iterator<Item = f64>>(
     (samples, triangles): (&[PackedSample], &[[u32; 3]]),
     position: impl Fn(PackedSample) -> Point3,
@@ -277,7 +277,7 @@ pub(super) fn write<V: Iterator<Item = f64>>(
     sink.finish()
 }
 
-/// What was done, and how long it took.
+/// Stages and their times.
 #[derive(Default)]
 pub(super) struct StageTimes(pub(super) Vec<StageReport>);
 

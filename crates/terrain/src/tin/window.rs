@@ -6,18 +6,17 @@ use terrane_base::limits::MAX_HEIGHT;
 use terrane_raster::{GridInfo, GridSource, looks_like_nodata};
 use terrane_tin::{HeightWindow, TinSpec};
 
-/// Nodata values in use are below the first, and no land is; hardly any land is above the second: only beyond
-/// them the lowest and the highest height are sought.
+/// Usual range of heights of land. Common nodata values lie below it; only windows with heights outside of it
+/// are searched for their range.
 const LAND: [f32; 2] = [-900.0, 8800.0];
 
-/// The buffers of one worker. They never shrink, because what they grow by is filled first; only what
-/// `rect` covers counts.
+/// The buffers of one worker. They never shrink, to avoid refilling; only the part that `rect` covers is valid.
 #[derive(Default)]
 pub(super) struct HeightBuffers {
     rect: Option<Rect>,
     f32: Vec<f32>,
     f64: Vec<f64>,
-    /// How far the f32 heights of the rectangle are from the exact ones, at most.
+    /// Largest difference of the f32 heights of the rectangle from the exact ones.
     rounding: f64,
     /// Lowest and highest of the f32 heights, where some are beyond [`LAND`].
     range: Option<[f32; 2]>,
@@ -75,12 +74,14 @@ impl HeightBuffers {
         let (row, col) = (index / rect.width as usize, index % rect.width as usize);
         let (row, col) = (row + rect.row as usize, col + rect.col as usize);
         let height = samples[index];
-        Err(Error::bad_input(format!("the height {height:e} at column {col}, row {row} is absurd"))
-            .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}")))
+        Err(Error::bad_input(format!(
+            "the height {height:e} at column {col}, row {row} is out of range"
+        ))
+        .remedy(format!("pass ‹nodata› {height:e} if it is nodata")))
     }
 
-    /// How many samples of `part` of the last rectangle have the lowest height of all, if that looks
-    /// like a nodata value that the file does not declare; with the value as stored.
+    /// The number of samples of `part` with the lowest height of the last rectangle, if that looks like an
+    /// undeclared nodata value; with the stored value.
     pub(super) fn suspects(&self, part: Rect, info: &GridInfo) -> Option<(f64, u64)> {
         let (rect, [lowest, _]) = (self.rect?, self.range?);
         let stored = looks_like_nodata(f64::from(lowest), info)?;
@@ -92,7 +93,7 @@ impl HeightBuffers {
         Some((stored, count))
     }
 
-    /// The lowest and highest height of the last rectangle, where some may be of no land.
+    /// The lowest and highest height of the last rectangle, if some are outside the usual range of land.
     pub(super) fn odd_range(&self) -> Option<[f64; 2]> {
         self.range.map(|range| range.map(f64::from))
     }
@@ -110,7 +111,7 @@ impl HeightBuffers {
     }
 }
 
-/// Room for so many samples, at least.
+/// Grows a buffer to at least `samples`.
 fn grow<T: Copy + Default>(buffer: &mut Vec<T>, samples: usize) {
     buffer.resize(samples.max(buffer.len()), T::default());
 }
@@ -127,8 +128,7 @@ fn narrow(from: &[f64], to: &mut [f32]) -> f64 {
 
 fn too_coarse(rounding: f64, tolerance: f64) -> Error {
     Error::usage(format!(
-        "the output format stores heights as 32-bit floats, which moves some by {rounding:e}, more \
-         than the tolerance of {tolerance:e}"
+        "the output format stores heights as 32-bit floats: the rounding error of {rounding:e} exceeds the tolerance of {tolerance:e}"
     ))
     .remedy("write PLY or OBJ, or raise ‹max_error›")
 }

@@ -1,4 +1,4 @@
-//! What one worker does: takes tasks from the queue and carries them out.
+//! One worker: takes tasks from the queue and carries them out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
@@ -40,7 +40,7 @@ pub(super) struct SharedTinState<'a> {
     pub(super) settings: &'a TinSettings<'a>,
     pub(super) kernel: PipelineKernel,
     pub(super) layout: TileLayout,
-    /// Where tiles come from that are not triangulated.
+    /// Source of tiles of other runs.
     pub(super) stock: Option<&'a dyn ContainerSource>,
     pub(super) store: ContainerStore,
     pub(super) queue: TaskQueue,
@@ -60,7 +60,7 @@ pub(super) trait ContainerSource: Sync {
 /// Where finished parts go.
 pub(super) struct TilePartOutlet<'a> {
     pub(super) collector: &'a Mutex<dyn TilePartSink + 'a>,
-    /// The way to a thread that hands them to the collector while the worker goes on.
+    /// Channel to a thread that passes them to the collector while the worker continues.
     pub(super) writer: Option<Sender<(TileId, TilePart)>>,
 }
 
@@ -221,8 +221,8 @@ impl<'a> TinWorker<'a> {
             && self.job.settings.kept.lines().paths().near(zone.limits()).next().is_some()
     }
 
-    /// How far posts are apart. Half as far where lines are followed: a sample may have to be inserted anywhere on
-    /// them, and what that changes has to be in a patch.
+    /// Spacing of anchor vertices. Half of it where lines are followed: a sample may have to be inserted
+    /// anywhere on them, and its changes have to be inside a patch.
     fn spacing(&self) -> u32 {
         let most = self.job.layout.spacing();
         if self.job.settings.kept.lines().paths().is_empty() { most } else { (most / 2).max(1) }
@@ -299,7 +299,7 @@ impl<'a> TinWorker<'a> {
         patch
     }
 
-    /// What `make` makes of triangles in `rect`, whose heights have been read.
+    /// The patch that `make` computes from triangles in `rect`, whose heights have been read.
     fn patch(
         &mut self,
         make: fn(&PatchInput<'_>, &TinSpec, &mut TileScratch) -> PatchMesh,
@@ -344,7 +344,7 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// What the mesh beyond a mended patch says to it.
+    /// Checks a mended patch against the mesh beyond it.
     fn frontier(
         &mut self,
         patch: &PatchMesh,
@@ -430,7 +430,7 @@ impl<'a> TinWorker<'a> {
         let apart = self.joints.apart();
         lock(&job.tally).add(SampleCounts { kept, apart, ..SampleCounts::default() });
         if points.len() as u64 != self.marks.count() {
-            return Err(Error::new(ErrorKind::Internal, "a vertex has no height"));
+            return Err(Error::new(ErrorKind::Internal, "a vertex lacks a height"));
         }
         self.clock.add(PipelineStage::Write, started, 0);
         self.send(tile, TilePart::Vertices(points))
@@ -462,7 +462,7 @@ impl<'a> TinWorker<'a> {
         let to_world = &job.source.info().transform;
         let faces = self.lookup.faces(triangles, to_world, job.with_corners);
         let faces =
-            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is no vertex"))?;
+            faces.ok_or_else(|| Error::new(ErrorKind::Internal, "a corner is not a vertex"))?;
         let steps = [(0, 0), (0, 1), (1, 0), (1, 1)];
         for near in steps.into_iter().filter_map(|(rows, cols)| job.layout.step(tile, rows, cols)) {
             job.store.finish(near)?;
@@ -483,7 +483,7 @@ impl<'a> TinWorker<'a> {
         thin
     }
 
-    /// Hands over all that is kept with a tile, for another run.
+    /// Saves the container of a tile, for another run.
     fn save(&mut self, tile: TileId) -> Result<()> {
         let started = Instant::now();
         let mut kept = self.job.store.with(tile, std::mem::take)?;
@@ -522,8 +522,8 @@ impl<'a> TinWorker<'a> {
         Ok(())
     }
 
-    /// Hands over a part. Without room it does not wait in the channel: the worker waits for the collector, so that
-    /// no more parts are made than can be written.
+    /// Hands over a part. Without free memory it does not wait in the channel: the worker waits for the
+    /// collector, so that no more parts are made than can be written.
     fn send(&self, tile: TileId, part: TilePart) -> Result<()> {
         let store = &self.job.store;
         store.account(0, part.bytes());
@@ -569,13 +569,13 @@ pub(super) fn tile_input<'a>(
     }
 }
 
-/// How many more a worker holds where breaklines are followed.
+/// Additional bytes of a worker that follows breaklines.
 pub(super) fn line_bytes(cells: u32) -> u64 {
     tin::TileScratch::line_bytes(cells + 2) + BreaklineFans::bytes(cells)
 }
 
-/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as
-/// what it is made in, and so is what is written of it; others are far smaller.
+/// Most bytes a worker holds for tiles of `cells` x `cells`. A mesh that `keeps_all` samples is as large as the
+/// scratch memory, and so is its output; others are far smaller.
 pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
     let samples = u64::from(cells + 3).pow(2);
     let face = size_of::<[u64; 3]>() + size_of::<[Point3; 3]>();
@@ -587,15 +587,15 @@ pub(super) fn worker_bytes(cells: u32, keeps_all: bool, fit: bool) -> u64 {
         + 4 * VertexRanks::bytes(cells)
 }
 
-/// What is left over of the bound between samples at the end: never seen.
+/// The error of a bound between samples that cannot be met: never seen.
 fn unbounded() -> Error {
     Error::new(ErrorKind::Internal, "the surface cannot be kept within the tolerance at a corner")
-        .remedy("choose another ‹tile›, and please report this with the input")
+        .remedy("choose another ‹tile›, and report this with the input")
 }
 
 fn panicked(panic: &(dyn std::any::Any + Send)) -> Error {
     let text = panic.downcast_ref::<&str>().copied();
     let text = text.or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     Error::new(ErrorKind::Internal, format!("a worker failed: {}", text.unwrap_or("no message")))
-        .remedy("please report this with the input")
+        .remedy("report this with the input")
 }

@@ -1,7 +1,7 @@
 //! Puts finished tiles into their order and hands them to the mesh sink.
 //!
-//! Vertices come tile by tile; the triangles of a tile come as soon as the vertices they can refer
-//! to are there. So the sequence of batches is the same whoever computed them and when.
+//! Vertices come tile by tile; the triangles of a tile come as soon as the vertices they can refer to are
+//! there. So the sequence of batches does not depend on threads.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ use terrane_mesh::{MeshBatch, MeshSink};
 #[derive(Debug, Default)]
 pub(super) struct TileFaces {
     pub(super) ids: Vec<[u64; 3]>,
-    /// World positions, if the sink wants them.
+    /// World positions, if the sink requires them.
     pub(super) corners: Vec<[Point3; 3]>,
     pub(super) max_error: f32,
     pub(super) square_sum: f64,
@@ -30,7 +30,7 @@ pub(super) enum TilePart {
     Vertices(Vec<Point3>),
     /// The triangles kept with it.
     Triangles(TileFaces),
-    /// All that is kept with it, for another run.
+    /// Its container, for another run.
     Saved(ContainerRecord),
 }
 
@@ -46,13 +46,13 @@ impl TilePart {
     }
 }
 
-/// Where finished parts of tiles go, in whatever order they come.
+/// Receives finished parts of tiles in any order.
 pub(super) trait TilePartSink: Send {
     /// Takes a part and writes all that is now in order; returns the bytes that left.
     fn accept(&mut self, tile: TileId, part: TilePart) -> Result<u64>;
 }
 
-/// Puts what is kept with each tile into an object, tile by tile.
+/// Writes the containers into an object, tile by tile.
 pub(super) struct ContainerSaver {
     work: LayoutWork,
     object: ObjectWriter,
@@ -86,10 +86,10 @@ impl TilePartSink for ContainerSaver {
 }
 
 fn misplaced() -> Error {
-    Error::new(ErrorKind::Internal, "a part of a tile went to the wrong place")
+    Error::new(ErrorKind::Internal, "a part of a tile was stored at the wrong place")
 }
 
-/// What has been written.
+/// Totals of the written mesh.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MeshTotals {
     pub(super) vertices: u64,
@@ -104,9 +104,9 @@ pub(super) struct OrderedMeshWriter {
     sink: Box<dyn MeshSink>,
     vertices: BTreeMap<u64, Vec<Point3>>,
     triangles: BTreeMap<u64, TileFaces>,
-    /// Next tile whose vertices, and
+    /// Next tile to write the vertices of.
     next_vertices: u64,
-    /// whose triangles are to be written.
+    /// Next tile to write the triangles of.
     next_triangles: u64,
     totals: MeshTotals,
     spent: Duration,
@@ -126,7 +126,7 @@ impl OrderedMeshWriter {
         }
     }
 
-    /// What has been written so far, and the time that took.
+    /// Totals so far, and the time of writing.
     pub(super) fn totals(&self) -> (MeshTotals, Duration) {
         (self.totals, self.spent)
     }

@@ -1,10 +1,10 @@
-//! Which triangles a seam patch takes in, and whether the mesh beyond it agrees with the result.
+//! Selection of the triangles of a seam patch, and the check of its result against the mesh beyond.
 //!
-//! A patch takes in every triangle that touches a narrow band around the seam and lies wholly within half
-//! a tile of it, so no two patches of a kind can overlap, and large triangles (a flat sea) do not bring
-//! along all the small ones beside them. Afterwards the triangles beyond the frozen border are asked: if
-//! one of them is not Delaunay with its changed neighbour inside, the patch is thrown away and done again
-//! with a band twice as wide. The bands tried follow from the triangles and heights alone.
+//! A patch has every triangle that touches a narrow band around the seam and lies wholly within half a tile of
+//! it, so no two patches of a kind can overlap, and large triangles (a flat sea) do not include all small ones
+//! beside them. Afterwards the triangles beyond the frozen border are checked: if one of them is not Delaunay
+//! with its changed neighbour inside, the patch is discarded and repeated with a band twice as wide. The
+//! sequence of bands depends on the triangles and heights only.
 //!
 //! Measured, against patches that take in rectangles: integer heights with sea at 5.5 % kept, seams 0.54
 //! to 0.12 s, tiles 0.55 s.
@@ -15,9 +15,9 @@ use terrane_base::geom::Rect;
 use terrane_base::geom::predicates::{Lattice, in_circle};
 use terrane_tin::{TilePosition, TileTriangle};
 
-/// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a
-/// cell there) that touch a band around the seam. Where triangles are large, few are taken in; where
-/// they are small, the band alone is.
+/// The triangles of a seam patch: those wholly inside its limits (no two patches of a kind share a cell there)
+/// that touch a band around the seam. Where triangles are large, few are included; where they are small, only
+/// the band is.
 ///
 /// A patch around a tile corner also takes in the triangles on the vertical line as far up and down
 /// as the horizontal patches on its two sides would have gone on: each of them stopped there.

@@ -1,9 +1,9 @@
-//! Where the samples of the output are.
+//! The lattice of the output.
 //!
-//! Unless told otherwise the output covers the rectangle around the cells of the grid, and its cells are squares as large
-//! as that in the middle of the grid. The outline alone is looked at for that: operations tear nothing, so what is inside
-//! stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so that parts of one
-//! grid, written one by one, are on one lattice.
+//! By default the output covers the bounding rectangle of the grid, and its cells are squares as large as the
+//! cell at the centre of the grid. Only the outline is transformed for that: operations are continuous, so the
+//! inside stays inside. With a resolution, but no rectangle, edges of cells lie at whole multiples of it, so
+//! that parts of one grid, written one by one, are on one lattice.
 
 use std::path::Path;
 
@@ -31,7 +31,7 @@ pub struct LatticeOptions {
     pub like: Option<String>,
 }
 
-/// Places of samples.
+/// Geotransform and size of the output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TargetGrid {
     pub(super) transform: Affine,
@@ -42,10 +42,10 @@ pub(super) struct TargetGrid {
 /// Less of a cell than this is rounding.
 const HAIR: f64 = 1e-6;
 
-/// Most places of each edge of the grid that are looked at.
+/// Most positions transformed along each edge of the grid.
 const MOST_PLACES: u32 = 1 << 14;
 
-/// The lattice in a system to which a way leads from the grid.
+/// The lattice in the target CRS of `way`.
 pub(super) fn of(
     wanted: &LatticeOptions,
     grid: &GridInfo,
@@ -85,8 +85,8 @@ pub(super) fn of(
     }
 }
 
-/// Columns and rows of the grid by one of the lattice, in the middle of it or, if that is far from the grid, in that of
-/// the grid.
+/// Columns and rows of the grid for each of the lattice, at the centre of the lattice or, if that is far from
+/// the grid, at the centre of the grid.
 pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
     let back = |at: [f64; 2]| {
         let [x, y] = lattice.transform.apply(at[0], at[1]);
@@ -101,17 +101,17 @@ pub(super) fn scale(lattice: &TargetGrid, grid: &GridInfo, way: &CrsTransform) -
         Some(lattice.transform.invert(x, y))
     };
     let Some([a, b]) = slopes(there, [grid.width, grid.height].map(middle)) else {
-        return Err(placeless().remedy("take a part of the grid (‹bounds›)"));
+        return Err(placeless().remedy("clip the grid with ‹bounds›"));
     };
     let whole = (a[0] * b[1] - a[1] * b[0]).abs();
     Ok([b[1].hypot(b[0]) / whole, a[1].hypot(a[0]) / whole])
 }
 
 fn placeless() -> Error {
-    Error::unsupported("the middle of the grid has no place in the system to write in")
+    Error::unsupported("the centre of the grid cannot be transformed to the target CRS")
 }
 
-/// How a map changes by each of two coordinates, over a step around a place.
+/// Derivatives of a map by both coordinates, by central differences.
 fn slopes(
     map: impl Fn([f64; 2]) -> Option<[f64; 2]>,
     [col, row]: [f64; 2],
@@ -124,7 +124,7 @@ fn slopes(
     Some([along([0.5, 0.0])?, along([0.0, 0.5])?])
 }
 
-/// A cell as large as that in the middle of the grid.
+/// The cell size at the centre of the grid.
 fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
     let map = grid.transform;
     if way.is_none() && map.b == 0.0 && map.d == 0.0 {
@@ -139,14 +139,14 @@ fn natural(grid: &GridInfo, way: &CrsTransform) -> Result<[f64; 2]> {
         .map(|[a, b]| (a[0] * b[1] - a[1] * b[0]).abs().sqrt())
         .filter(|side| *side > 0.0 && side.is_finite());
     side.map(|side| [side; 2])
-        .ok_or_else(|| placeless().remedy("say how large cells are to be (‹resolution›)"))
+        .ok_or_else(|| placeless().remedy("pass the cell size with ‹resolution›"))
 }
 
-/// The rectangle around the cells of a grid in another system.
+/// The bounding rectangle of the cells of a grid in another CRS.
 struct WarpedExtent {
-    /// Around those edges of cells that have a place there.
+    /// Bounds of the edge positions that can be transformed.
     extent: [f64; 4],
-    /// Why others have none.
+    /// The first error of the others.
     lost: Option<Error>,
 }
 
@@ -175,22 +175,22 @@ impl WarpedExtent {
         }
     }
 
-    /// The rectangle, if all edges have a place.
+    /// The rectangle, if all edge positions can be transformed.
     fn whole(self) -> Result<[f64; 4]> {
         self.lost.map_or(Ok(self.extent), |error| {
-            Err(error.remedy("say which part of that system is wanted (‹extent›, ‹like›)"))
+            Err(error.remedy("pass the output extent with ‹extent› or ‹like›"))
         })
     }
 
-    /// Fails where nothing of the grid is in a rectangle.
+    /// Fails if the grid does not intersect a rectangle.
     fn check_near(&self, [x0, y0, x1, y1]: [f64; 4]) -> Result<()> {
         let [left, low, right, high] = self.extent;
         if self.lost.is_some() || (x0 < right && left < x1 && y0 < high && low < y1) {
             return Ok(());
         }
-        let message = format!("no cell of the grid lies inside {x0},{y0},{x1},{y1}");
+        let message = format!("the output extent {x0},{y0},{x1},{y1} does not intersect the grid");
         Err(Error::usage(message).remedy(format!(
-            "give x min,y min,x max,y max in the system to write in, where the grid covers {left},{low},{right},{high}"
+            "pass XMIN,YMIN,XMAX,YMAX in the target CRS, where the grid covers {left},{low},{right},{high}"
         )))
     }
 }
@@ -213,10 +213,10 @@ fn alike(name: &str, crs: &Crs) -> Result<TargetGrid> {
     let GridInfo { transform, width, height, .. } = *other.info();
     if other.info().crs.is_named() && !other.info().crs.agrees(crs) {
         let [theirs, ours] = other.info().crs.told_apart(crs);
-        let message = format!("is in {theirs}, and the output would be in {ours}");
+        let message = format!("its CRS is {theirs}, that of the output is {ours}");
         return Err(Error::usage(message)
             .in_file(Path::new(name))
-            .remedy("name its system with ‹to_crs›"));
+            .remedy("pass its CRS as ‹to_crs›"));
     }
     Ok(TargetGrid { transform, width, height })
 }
@@ -232,14 +232,15 @@ fn covering(extent: [f64; 4], cell: [f64; 2]) -> Result<TargetGrid> {
     upright([extent[0], extent[3]], cell, count)
 }
 
-/// A lattice with north above.
+/// A north-up lattice.
 fn upright([x, y]: [f64; 2], [across, down]: [f64; 2], count: [f64; 2]) -> Result<TargetGrid> {
     let transform = Affine::from_gdal([x, across, 0.0, y, 0.0, -down]);
     let most = limits::MAX_SIDE as f64;
     let is_good = count.iter().all(|count| (1.0..=most).contains(count)) && transform.is_valid();
     if !is_good {
-        let message = format!("the output would have {} x {} samples", count[0], count[1]);
-        return Err(Error::usage(message).remedy("ask for larger cells, or for a part"));
+        let message =
+            format!("the output size of {} x {} samples is out of range", count[0], count[1]);
+        return Err(Error::usage(message).remedy("raise ‹resolution›, or reduce ‹extent›"));
     }
     let [width, height] = count.map(|count| count as u32);
     Ok(TargetGrid { transform, width, height })

@@ -1,12 +1,13 @@
-//! Grids on another lattice: in another reference system, closer or wider, turned or cut. A grid in front of the one that
-//! is read, which is copied as any other; so it has any size, format and number of threads, and the same bytes.
+//! Warps grids to another lattice: another CRS, resolution, rotation or extent. The result is written like any
+//! other grid: any size, format and number of threads, with the same bytes.
 //!
-//! Each sample of the output is taken back to the grid by the operation itself, not by an approximation of it, and its
-//! height is found there ([`terrane_window::resample`]). A sample that has no place in the grid's system, or beyond its cells,
-//! is void. Where the operation changes heights, it does so once they are found.
+//! Each sample of the output is transformed to the grid by the exact operation, not by an approximation, and
+//! its height is interpolated there ([`terrane_window::resample`]). A sample that cannot be transformed, or
+//! lies beyond the cells of the grid, is void. A change of the vertical CRS is applied to the interpolated
+//! heights.
 //!
-//! **Memory.** A thread holds the places of a piece of the output and what they need of the grid, both bounded: where a
-//! piece needs more, it is halved.
+//! **Memory.** A thread holds the positions of a piece of the output and the samples they need, both bounded: a
+//! piece that needs more is halved.
 
 pub(crate) mod lattice;
 mod source;
@@ -32,18 +33,17 @@ use way::CrsTransform;
 /// A grid to be written on another lattice.
 struct WarpJob<'a> {
     copy: &'a ConvertJob,
-    /// How heights are found between samples of the grid.
+    /// Resampling method.
     resampling: &'static ResamplingMethod,
 }
 
-/// Writes a grid on another lattice. Unless told otherwise, samples are of the grid's type where heights stay what they
-/// are, and else of single precision, or of double where the grid has heights that single precision does not hold.
+/// Writes a grid on another lattice. By default samples have the type of the grid if heights are not changed,
+/// and otherwise float32, or float64 if float32 does not hold the heights of the grid.
 ///
 /// # Errors
-/// Those of [`crate::convert::run`]; systems between which no operation is known; a lattice without a sample, with too many,
-/// far from the grid, or in another system; cells of the grid without a place in the system to write in, where it is
-/// not told which part of that is wanted; heights of which a geoid knows nothing; samples of the output that stand for
-/// too many of the grid.
+/// Those of [`crate::convert::run`]; CRS without a known operation between them; a lattice that is empty, too
+/// large, far from the grid, or in another CRS; cells of the grid that cannot be transformed, if no extent is
+/// given; heights outside of a geoid model; output cells that cover too many samples of the grid.
 pub(crate) fn run(
     copy: &ConvertJob,
     resampling: &'static ResamplingMethod,
@@ -70,7 +70,7 @@ pub(crate) fn run(
 }
 
 impl WarpJob<'_> {
-    /// What leads to the system to write in.
+    /// The operation to the target CRS, if there is one.
     fn operation(&self, info: &GridInfo) -> Result<Option<CoordinateOperation>> {
         let options = &self.copy.options;
         let Some(transform) = options.reprojection.transform() else { return Ok(None) };
@@ -105,25 +105,25 @@ impl WarpJob<'_> {
         Ok(WarpedGrid::new(info, inner, way, self.resampling, scale, is_made, nowhere))
     }
 
-    /// Fails where a height depends on more samples than are held.
+    /// Fails if a height depends on more samples than a thread may hold.
     fn check_reach(&self, scale: Scale) -> Result<()> {
         let [cols, rows] = self.resampling.reach(scale).map(|reach| 2.0 * reach);
         if cols * rows <= source::MOST_SAMPLES as f64 {
             return Ok(());
         }
         let name = self.resampling.name;
-        let message =
-            format!("{name} heights would be of {cols} x {rows} samples of the grid each");
-        Err(Error::unsupported(message).remedy(
-            "ask for a finer ‹resolution›, go there in two steps, or pass ‹resampling› near",
-        ))
+        let message = format!(
+            "{name} resampling would average {cols} x {rows} input samples for each output sample"
+        );
+        Err(Error::unsupported(message)
+            .remedy("pass a finer ‹resolution› or ‹resampling› near, or downsample in two steps"))
     }
 
-    /// What is said of samples without a place.
+    /// The note on samples that cannot be transformed.
     fn lost(&self, nowhere: u64) -> Option<String> {
-        let verb = if nowhere == 1 { "sample has" } else { "samples have" };
+        let verb = if nowhere == 1 { "sample is" } else { "samples are" };
         (nowhere > 0)
-            .then(|| format!("{nowhere} {verb} no place in the system of the grid, and no height"))
+            .then(|| format!("{nowhere} {verb} set to nodata: their positions cannot be transformed to the CRS of the grid"))
     }
 }
 

@@ -19,11 +19,11 @@ const MOST_SIDE: f64 = 128.0;
 /// Samples of the grid along a piece, about: well below the root of [`MOST_SAMPLES`], so that pieces are seldom halved.
 const USUAL_SPAN: f64 = 256.0;
 
-/// How the output is best read.
+/// Block size of the output.
 pub(super) const BLOCK: (u32, u32) = (256, 256);
 
-/// Bytes that a thread holds: samples of the grid, and places and heights of a piece; and what systems and operations
-/// take, which all threads share.
+/// Bytes that a thread holds: samples of the grid, positions and heights of a piece, and a share of the
+/// operations.
 pub(super) const WORKER_BYTES: u64 =
     (MOST_SAMPLES * 8 + (MOST_SIDE * MOST_SIDE) as usize * 24) as u64 + (3 << 20);
 
@@ -34,15 +34,15 @@ pub(super) struct WarpedGrid {
     way: CrsTransform,
     resampling: &'static ResamplingMethod,
     scale: Scale,
-    /// Heights are computed, so they are as near as the type has them.
+    /// Heights are computed, and rounded to the sample type.
     is_made: bool,
     /// Columns and rows of a piece.
     side: u32,
-    /// Samples that have no place in the grid's system.
+    /// Number of samples that cannot be transformed to the CRS of the grid.
     nowhere: Arc<AtomicU64>,
 }
 
-/// What a piece is made with.
+/// Buffers of a piece.
 #[derive(Default)]
 struct WarpBuffers {
     places: Vec<Place>,
@@ -104,7 +104,7 @@ impl WarpedGrid {
         Ok(())
     }
 
-    /// Where the samples of a piece are in the grid; how many are nowhere.
+    /// Positions of the samples of a piece in the grid; returns the number that cannot be transformed.
     fn place(&self, piece: Rect, places: &mut Vec<Place>) -> u64 {
         let map = &self.inner.info().transform;
         let mut nowhere = 0;
@@ -137,7 +137,7 @@ impl WarpedGrid {
         if self.is_made { self.settle(places, heights) } else { Ok(()) }
     }
 
-    /// Heights in the system of the output, as near as its type has them.
+    /// Heights in the vertical CRS of the output, rounded to its type.
     fn settle(&self, places: &[Place], heights: &mut [f64]) -> Result<()> {
         let (map, moves) = (&self.inner.info().transform, !self.way.keeps_heights());
         for (place, height) in places.iter().zip(heights) {
@@ -164,7 +164,7 @@ fn halves(rect: Rect) -> [Rect; 2] {
     }
 }
 
-/// Puts the heights of a piece where they belong in those of a rectangle.
+/// Copies the heights of a piece into those of a rectangle.
 fn put<H>(out: &mut [H], rect: Rect, piece: Rect, heights: &[f64], of: impl Fn(f64) -> H) {
     for (down, heights) in heights.chunks(piece.width as usize).enumerate() {
         let row = (piece.row - rect.row) as usize + down;

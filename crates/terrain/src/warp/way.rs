@@ -1,9 +1,9 @@
-//! From places of the grid to those of the output, and back.
+//! Transforms positions of the grid to those of the output, and back.
 
 use terrane_base::error::Result;
 use terrane_crs::CoordinateOperation;
 
-/// The way between two systems, or none where both are one.
+/// The operations between two CRS; none if both are the same.
 pub(super) struct CrsTransform {
     /// There, and back.
     operations: Option<[CoordinateOperation; 2]>,
@@ -22,7 +22,7 @@ impl CrsTransform {
         self.operations.as_ref().map_or(Ok(at), |[there, _]| there.position(at))
     }
 
-    /// `None` where nothing of the grid's system is.
+    /// `None` if the position cannot be transformed.
     pub(super) fn back(&self, at: [f64; 2]) -> Option<[f64; 2]> {
         let Some([_, back]) = &self.operations else { return Some(at) };
         back.position(at).ok()

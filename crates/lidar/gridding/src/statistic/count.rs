@@ -1,4 +1,4 @@
-//! How many points there are.
+//! Number of points.
 
 use super::method::{StatisticMethod, StatisticSource, SubjectKinds, ValueNature};
 use crate::plane::PointCount;

@@ -7,7 +7,7 @@ use crate::cell::StatisticCell;
 use crate::plane::{AccumulatorKind, CellAccumulator};
 use terrane_base::geom::Point;
 
-/// Lowest height in steps; no coordinate is as large as that of no point.
+/// Lowest height in steps; the value for no point is above all coordinates.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct LowestHeight(i32);

@@ -11,15 +11,15 @@ use crate::region::CellNeighborhood;
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
 
-/// Greatest power of distance that weights fall off by.
+/// Largest supported power of the distance.
 pub const MOST_POWER: f64 = 4.0;
 
-/// Fails unless weights can fall off by this power of the distance.
+/// Fails if the power of the distance is out of range.
 pub fn check_power(power: f64) -> Result<()> {
     if power > 0.0 && power <= MOST_POWER {
         return Ok(());
     }
-    Err(Error::usage(format!("the power {power} of distances is not above 0 and at most 4")))
+    Err(Error::usage(format!("the power {power} is out of range: expected above 0, at most 4")))
 }
 
 const POWER: StatisticParameter = StatisticParameter {
@@ -150,9 +150,9 @@ impl AccumulatorPlane for CellWeights {
     }
 }
 
-/// How weights fall off with distance: they are whole numbers, about 2^24 (radius / distance)^power,
-/// so that the rounding of the smallest one, at the radius, is less than 2^-24 of it. None is larger
-/// than 2^63, which a distance of less than radius * 2^(-39/power) would take.
+/// Weights by distance: integers of about 2^24 (radius / distance)^power, so that the rounding of the smallest
+/// one, at the radius, is less than 2^-24 of it. None is larger than 2^63, which a distance of less than radius
+/// * 2^(-39/power) would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WeightFalloff {
     unit: f64,
@@ -181,7 +181,7 @@ impl WeightFalloff {
     }
 }
 
-/// The nearest float; nearly all squares are short, and those are quick.
+/// The nearest float, with a fast path for short integers.
 fn float(square: u128) -> f64 {
     match u64::try_from(square) {
         Ok(short) => short as f64,

@@ -20,24 +20,24 @@ pub struct StatisticMethod {
     pub aliases: &'static [&'static str],
     /// One line for the documentation.
     pub about: &'static str,
-    /// What may follow its name.
+    /// Its parameters.
     pub parameters: &'static [StatisticParameter],
     pub(super) nature: ValueNature,
     /// It is a percentile, whose rank is in its name.
     pub(super) ranks: bool,
-    /// What may say which points and values it is of.
+    /// The conditions and attributes it supports.
     pub(super) takes: SubjectKinds,
-    /// The attribute it is of unless another is named; heights when `None`.
+    /// Default attribute; heights when `None`.
     pub(super) usual: Option<&'static str>,
-    /// What it is of where that was not said.
+    /// Completes a subject with defaults.
     pub(super) complete: fn(Subject) -> Subject,
     pub(super) check: fn(&GivenParameters) -> Result<Values>,
     pub(super) of: StatisticSource,
-    /// The same of all values in order, where they are any numbers.
+    /// The statistic of sorted real values, if supported.
     pub(super) reals: Option<OfSorted>,
 }
 
-/// What its values are.
+/// Nature of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ValueNature {
     /// Whole numbers of points or values, 0 where there is none.
@@ -48,42 +48,42 @@ pub(super) enum ValueNature {
     Height,
     /// Numbers without a unit.
     Ratio,
-    /// Codes: what lies between two of them is none.
+    /// Codes, which cannot be interpolated.
     Nominal,
 }
 
-/// What may say which points and values a statistic is of.
+/// Conditions and attributes that a statistic supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SubjectKinds {
     Nothing,
     Conditions,
-    /// And the attribute.
+    /// Conditions and an attribute.
     Attributes,
 }
 
-/// A value that is made of all values of a cell, in world units.
+/// Computes a value from all values of a cell, in world units.
 pub(super) type OfSorted = fn(&Statistic, SortedCellValues<'_>, &CellUnits) -> f64;
 
-/// What a statistic is made of.
+/// Source of a statistic.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum StatisticSource {
-    /// Of some points.
+    /// Accumulators of points.
     Points {
-        /// Of which, and what has to be kept of them.
+        /// The neighbourhood and the accumulators.
         needs: fn(&Statistic, &StatisticDefaults) -> (CellNeighborhood, Vec<AccumulatorKind>),
-        /// The value that is made of it, in world units.
+        /// The value computed from them, in world units.
         value: fn(&Statistic, &StatisticCell<'_>) -> f64,
     },
-    /// Of all values in order.
+    /// All values of a cell, sorted.
     Sorted(OfSorted),
-    /// Of how many points there are, and how many of the base.
+    /// Ratio of the number of points to that of a base.
     Share {
-        /// The points that they are a share of.
+        /// The subject of the base.
         base: fn(&Subject) -> Subject,
-        /// The share.
+        /// The ratio.
         value: fn(&StatisticCell<'_>) -> f64,
     },
-    /// Of all points, as the height of this surface.
+    /// The height of a surface through all points.
     All(fn(&Statistic) -> SurfaceInterpolation),
 }
 
@@ -96,7 +96,7 @@ impl SubjectKinds {
 }
 
 impl StatisticMethod {
-    /// What most have in common, to be completed: a height without parameters.
+    /// Common defaults of methods: a height without parameters.
     pub(super) const HEIGHT: Self = Self {
         name: "",
         aliases: &[],
@@ -115,7 +115,7 @@ impl StatisticMethod {
         reals: None,
     };
 
-    /// Whether it can be of values that are any numbers.
+    /// Whether it supports real values.
     pub(super) fn is_of_reals(&self) -> bool {
         self.reals.is_some() || matches!(self.of, StatisticSource::Sorted(_))
     }
@@ -133,12 +133,12 @@ impl RegistryEntry for StatisticMethod {
     }
 }
 
-/// How heights between points are made.
+/// Interpolation between points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SurfaceInterpolation {
     /// Linear in the Delaunay triangulation.
     Linear {
-        /// Triangles with a longer edge, in world units, are no surface.
+        /// Triangles with a longer edge, in world units, are not part of the surface.
         max_edge: Option<f64>,
     },
     /// From natural neighbours (Sibson 1981).
@@ -168,7 +168,7 @@ impl Statistic {
         self.method.name
     }
 
-    /// True for values in the unit of what it is of.
+    /// True for values in the unit of its subject.
     pub fn is_height(&self) -> bool {
         matches!(self.method.nature, ValueNature::Height | ValueNature::Nominal)
     }
@@ -183,7 +183,7 @@ impl Statistic {
         matches!(self.method.nature, ValueNature::Count | ValueNature::Density)
     }
 
-    /// True when the mean of two values is one, so that voids can be filled from around.
+    /// True if values can be averaged, so that voids can be filled from neighbours.
     pub fn fills(&self) -> bool {
         matches!(self.method.nature, ValueNature::Height | ValueNature::Ratio)
     }
@@ -198,7 +198,7 @@ impl Statistic {
         self.values[0].filter(|_| self.method.ranks)
     }
 
-    /// True when it has a parameter of this name that was not given, so that the job's counts.
+    /// True if it has a parameter of this name that was not given, so that the default of the job applies.
     pub fn lacks(&self, key: &str) -> bool {
         self.place(key).is_some_and(|at| self.values[at].is_none())
     }
@@ -207,7 +207,7 @@ impl Statistic {
         self.method.parameters.iter().position(|parameter| parameter.key == key)
     }
 
-    /// What surface it is the height of, if it is made of all points and not of those of a cell.
+    /// The surface, if the statistic is computed from all points instead of those of a cell.
     pub fn shape(&self) -> Option<SurfaceInterpolation> {
         match self.method.of {
             StatisticSource::All(shape) => Some(shape(self)),
@@ -215,7 +215,7 @@ impl Statistic {
         }
     }
 
-    /// The points that it is of, and what has to be kept of them where their values are `real`.
+    /// Its neighbourhood and accumulators; `real` values are kept as such.
     pub(crate) fn needs(
         &self,
         rules: &StatisticDefaults,
@@ -231,7 +231,7 @@ impl Statistic {
         }
     }
 
-    /// The points that those of `subject` are a share of, of whom as much has to be kept.
+    /// The base subject of a ratio, which needs the same accumulators.
     pub(crate) fn base(&self, subject: &Subject) -> Option<Subject> {
         match self.method.of {
             StatisticSource::Share { base, .. } => Some(base(subject)),
@@ -239,7 +239,7 @@ impl Statistic {
         }
     }
 
-    /// Its value in a cell of points with `real` values; NaN where there is none.
+    /// Its value in a cell of points with `real` values; NaN for none.
     pub(crate) fn value(&self, cell: &StatisticCell<'_>, real: bool) -> f64 {
         match self.method.of {
             StatisticSource::Points { value, .. } if !real => value(self, cell),
@@ -260,14 +260,14 @@ impl Statistic {
     }
 }
 
-/// The values of a cell that are any numbers.
+/// The real values of a cell.
 fn reals<'a>(cell: &StatisticCell<'a>) -> SortedCellValues<'a> {
     SortedCellValues::Real(
         cell.plane::<CellValueList<RealValue>>(0).map_or(&[][..], |all| all.of(cell.at)),
     )
 }
 
-/// A statistic as plans have it.
+/// A statistic as stored in plans.
 #[derive(Serialize, Deserialize)]
 pub(super) struct StoredStatistic {
     pub(super) name: String,

@@ -1,5 +1,4 @@
-//! The statistics a cell can have: one file for those that keep the same, the registry, and how they are
-//! asked for.
+//! The statistics of cells: one file for each family of accumulators, the registry, and the parser.
 
 mod count;
 mod extremes;
@@ -66,14 +65,14 @@ impl Statistic {
     }
 }
 
-/// A statistic that is asked for.
+/// A requested statistic.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StatisticRequest {
-    /// What it is.
+    /// The statistic.
     pub statistic: Statistic,
-    /// As asked for, by its own name: what its band is called.
+    /// Its canonical text: the name of its band.
     pub label: String,
-    /// What it is of.
+    /// Its subject.
     #[serde(default, skip_serializing_if = "Subject::is_plain")]
     pub subject: Subject,
 }
@@ -85,16 +84,16 @@ impl StatisticRequest {
     }
 }
 
-/// The statistics of a list such as "mean,p95,idw:radius=2,power=1".
+/// Parses a list of statistics such as "mean,p95,idw:radius=2,power=1".
 ///
 /// # Errors
-/// Usage: a name or parameter that is not known (the known ones are told), or a statistic twice.
+/// Usage: an unknown name or parameter (the error lists the known ones), or a duplicate statistic.
 pub fn parse_list(text: &str) -> Result<Vec<StatisticRequest>> {
     let mut asked: Vec<StatisticRequest> = Vec::new();
     for item in items(text) {
         let one = parse(&item)?;
         if asked.iter().any(|other| other.label == one.label) {
-            return Err(Error::usage(format!("the statistic {} is asked for twice", one.label)));
+            return Err(Error::usage(format!("the statistic {} is requested twice", one.label)));
         }
         asked.push(one);
     }
@@ -130,14 +129,14 @@ fn parse(item: &str) -> Result<StatisticRequest> {
     let subject = (method.complete)(subject.or_of(method.usual));
     match &subject.attribute {
         Some(name) if subject.is_real() && !method.is_of_reals() => {
-            Err(Error::usage(format!("{} cannot be of {name}", method.name))
-                .remedy("times and extra bytes have a min, max, mean or percentile, for example"))
+            Err(Error::usage(format!("{} is not supported for {name}", method.name))
+                .remedy("use min, max, mean or a percentile"))
         }
         _ => Ok(StatisticRequest { statistic, label, subject }),
     }
 }
 
-/// A parameter with its number in as few digits as tell it.
+/// A parameter with its number in the fewest digits that identify it.
 fn shortest(pair: &str) -> String {
     match pair.split_once('=').map(|(key, value)| (key, value.parse::<f64>())) {
         Some((key, Ok(number))) if number.is_finite() => format!("{key}={number}"),
@@ -145,7 +144,7 @@ fn shortest(pair: &str) -> String {
     }
 }
 
-/// The parameters of a statistic by name, and what it is of.
+/// The parameters of a statistic by name, and its subject.
 fn read(method: &StatisticMethod, text: &str) -> Result<(Vec<(String, f64)>, Subject)> {
     let (mut values, mut subject) = (Vec::<(String, f64)>::new(), Subject::default());
     for pair in text.split(',').filter(|pair| !pair.is_empty()) {
@@ -166,7 +165,7 @@ fn read(method: &StatisticMethod, text: &str) -> Result<(Vec<(String, f64)>, Sub
 }
 
 fn refusal(method: &StatisticMethod, pair: &str) -> Error {
-    let error = Error::usage(format!("\"{pair}\" is no parameter of {}", method.name));
+    let error = Error::usage(format!("\"{pair}\" is not a parameter of {}", method.name));
     let all = method.parameters.iter().chain(method.takes.parameters());
     let keys: Vec<String> = all.map(|p| format!("{}={}", p.key, p.value)).collect();
     match keys.is_empty() {
@@ -182,7 +181,7 @@ mod tests {
     #[test]
     fn lists_are_read_with_parameters_and_other_names() {
         let asked = parse_list("mean, AVG:,idw:radius=2,power=1.5,p99.9,std:ddof=1").unwrap_err();
-        assert!(asked.to_string().contains("mean is asked for twice"), "{asked}");
+        assert!(asked.to_string().contains("mean is requested twice"), "{asked}");
         assert!(parse_list("idw:power=1,idw:power=1.0").is_err() && parse_list("p5,p5.0").is_err());
         let asked =
             parse_list("lowest,idw:radius=2.0,power=1.50,p99.90,std:ddof=1,median").unwrap();

@@ -1,4 +1,4 @@
-//! Which values there are: the most frequent one, and how many different ones.
+//! The most frequent value, and the number of distinct values.
 
 use super::method::{StatisticMethod, StatisticSource, ValueNature};
 use super::sorted::SortedCellValues;

@@ -1,4 +1,4 @@
-//! Mean and deviation, from sums of whole numbers.
+//! Mean and standard deviation, from integer sums.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -105,7 +105,7 @@ fn ddof(given: &GivenParameters) -> Result<Values> {
     }
 }
 
-/// n sum(z^2) - sum(z)^2 is a whole number; only what follows is rounded.
+/// n sum(z^2) - sum(z)^2 is an exact integer; only the later steps are rounded.
 fn deviation(cell: &StatisticCell<'_>, ddof: u32) -> Option<f64> {
     let count = cell.kept::<PointCount>(0).0;
     let divisor = count.checked_sub(ddof).filter(|n| *n > 0)?;

@@ -24,14 +24,13 @@ pub(super) const PERCENTILE: StatisticMethod = StatisticMethod {
     ranks: true,
     check: |given| match given.rank {
         Some(rank) if (0.0..=100.0).contains(&rank) => Ok([Some(rank), None]),
-        _ => Err(Error::usage("a percentile is p0 to p100")),
+        _ => Err(Error::usage("percentile out of range: expected p0 to p100")),
     },
     of: OF,
     ..StatisticMethod::HEIGHT
 };
 
-/// What `rank` per cent of the values lie below: between the two that the rank falls between, in
-/// proportion.
+/// The value below which `rank` per cent of the values lie, interpolated linearly between neighbours.
 fn percentile(values: SortedCellValues<'_>, rank: f64) -> Option<f64> {
     let place = rank / 100.0 * values.len().checked_sub(1)? as f64;
     let (at, part) = (place as usize, place.fract());

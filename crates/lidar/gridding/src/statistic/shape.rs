@@ -23,7 +23,7 @@ pub(super) const KURTOSIS: StatisticMethod = StatisticMethod {
     ..StatisticMethod::HEIGHT
 };
 
-/// The central moment of this power by that of the standard deviation; `None` where all values are one.
+/// The standardized central moment of this order; `None` if all values are equal.
 fn moment(values: SortedCellValues<'_>, power: i32) -> Option<f64> {
     let n = values.len() as f64;
     let variance = Some(values.spread(2)? / n).filter(|variance| *variance > 0.0)?;
@@ -47,7 +47,8 @@ pub(super) const ENTROPY: StatisticMethod = StatisticMethod {
     ..StatisticMethod::HEIGHT
 };
 
-/// Of the heights from 0 on, in layers of `layer`; `None` where the highest is below two layers.
+/// Normalized entropy of the heights from 0 on, in layers of `layer`; `None` if the highest is below two
+/// layers.
 fn entropy(values: SortedCellValues<'_>, layer: f64, units: &CellUnits) -> Option<f64> {
     let highest = units.height(values.last());
     // Void is not above anything.

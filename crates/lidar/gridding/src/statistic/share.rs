@@ -32,7 +32,7 @@ pub(super) const COVER: StatisticMethod = StatisticMethod {
     ..StatisticMethod::HEIGHT
 };
 
-/// Of the points of the first plane in those of the second; void where there are none of these.
+/// Ratio of the points of the first plane to those of the second; NaN if there are none of these.
 fn share(cell: &StatisticCell<'_>) -> f64 {
     let [some, all] = [0, 1].map(|of| f64::from(cell.kept::<PointCount>(of).0));
     some / all

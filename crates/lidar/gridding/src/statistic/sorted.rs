@@ -1,4 +1,4 @@
-//! All values of a cell, in order: for statistics that no sum and no extreme tells.
+//! All values of a cell, sorted: for statistics that cannot be computed from sums and extremes.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +8,7 @@ use terrane_base::geom::Point;
 
 /// Values in steps.
 pub(super) const WHOLE: AccumulatorKind = all::<StepValue>("values");
-/// Values that are any numbers.
+/// Real values.
 pub(super) const REAL: AccumulatorKind = all::<RealValue>("real values");
 
 const fn all<E: CellValue>(name: &'static str) -> AccumulatorKind {
@@ -21,7 +21,7 @@ const fn all<E: CellValue>(name: &'static str) -> AccumulatorKind {
     }
 }
 
-/// A value and its cell; those of a cell are in the order of their values.
+/// A value and its cell, ordered by cell and value.
 pub(super) trait CellValue: Pod + Default + Ord + std::fmt::Debug + Send {
     fn new(cell: u32, point: &Point, reals: &[f64]) -> Self;
     fn cell(self) -> u32;
@@ -36,7 +36,7 @@ pub(super) struct StepValue {
     value: i32,
 }
 
-/// Any number and its cell: its bits, high and low, so turned that they are ordered as numbers are.
+/// A real number and its cell: its bits, high and low, mapped so that they sort like the numbers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 pub(super) struct RealValue {
@@ -155,7 +155,7 @@ impl<'a> SortedCellValues<'a> {
         self.get(self.len().checked_sub(1)?)
     }
 
-    /// Each different value, and how often it is there.
+    /// Each distinct value and its count.
     pub(super) fn runs(self) -> impl Iterator<Item = (f64, usize)> + 'a {
         let mut at = 0;
         std::iter::from_fn(move || {
@@ -174,7 +174,7 @@ impl<'a> SortedCellValues<'a> {
             .unwrap_or(self.len())
     }
 
-    /// The mean, from the lowest on, so that the order of points leaves no trace.
+    /// The mean, summed from the lowest value on, so that it does not depend on the order of points.
     pub(super) fn mean(self) -> Option<f64> {
         let first = self.get(0)?;
         Some(first + sum(self.iter().map(|value| value - first)) / self.len() as f64)
@@ -192,7 +192,7 @@ fn power_of(base: f64, power: i32) -> f64 {
     (1..power).fold(base, |product, _| product * base)
 }
 
-/// A sum whose error is that of one rounding, about (Neumaier 1974).
+/// A compensated sum, with about one rounding error (Neumaier 1974).
 fn sum(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut lost) = (0.0_f64, 0.0);
     for value in values {

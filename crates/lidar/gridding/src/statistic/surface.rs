@@ -1,4 +1,4 @@
-//! Heights of surfaces through all points: no cell knows enough for one, and none is kept.
+//! Heights of surfaces through all points, which need no accumulators of cells.
 
 use super::method::{StatisticMethod, StatisticSource, SubjectKinds, SurfaceInterpolation};
 use crate::parameter::{NUMBER, StatisticParameter};

@@ -1,14 +1,14 @@
-//! Holes filled by means of what lies around them, as far as a limit.
+//! Fills holes with means of their surroundings, up to a limit.
 
 use crate::lows::EMPTY;
 
-/// How far a hole is filled, for windows of this radius: whatever a window takes off leaves no hole
-/// that is wider.
+/// Largest half width of a filled hole for windows of this radius: objects removed by a window leave no wider
+/// hole.
 pub(super) fn reach(radius: usize) -> usize {
     2 * radius
 }
 
-/// Cells in the middle of empty ones.
+/// The cells with a margin of empty ones.
 pub(super) fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
     let wide = width + 2 * margin;
     let mut cells = vec![EMPTY; wide * (inner.len() / width + 2 * margin)];
@@ -19,8 +19,8 @@ pub(super) fn widened(inner: &[i32], width: usize, margin: usize) -> Vec<i32> {
     cells
 }
 
-/// The heights with each empty cell at the mean of the smallest square around it that holds enough
-/// cells that are not; empty cells further than `reach` from enough of them stay empty.
+/// Fills each empty cell with the mean of the smallest square around it that has enough heights; cells without
+/// enough heights within `reach` stay empty.
 pub(super) fn filled(heights: &[i32], width: usize, reach: usize) -> Vec<i32> {
     let sums = SummedAreaTable::new(heights, width);
     let fill = |(at, height): (usize, &i32)| match *height {
@@ -30,13 +30,13 @@ pub(super) fn filled(heights: &[i32], width: usize, reach: usize) -> Vec<i32> {
     heights.iter().enumerate().map(fill).collect()
 }
 
-/// Half widths of squares, each about a third wider than the one before it, and the limit.
+/// Half widths of squares, each about a third larger than the one before, up to the limit.
 fn radii(reach: usize) -> impl Iterator<Item = usize> {
     let next = move |r: &usize| (*r < reach).then(|| (r + 1 + r / 3).min(reach));
     std::iter::successors((reach > 0).then_some(1), next)
 }
 
-/// Sums over all cells west and south of a corner, to have those of any square in no time.
+/// Sums over all cells west and south of a corner, for the sum of any square in constant time.
 struct SummedAreaTable {
     /// Cells of a row.
     width: usize,

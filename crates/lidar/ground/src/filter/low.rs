@@ -1,14 +1,14 @@
-//! Points below the ground: echoes that bounced, of which a cell's lowest height knows nothing.
+//! Removes points below the ground: multipath echoes among the lowest points of cells.
 
 use crate::lows::EMPTY;
 
 /// Cells on each side that a cell is compared with.
 pub(super) const REACH: usize = 2;
-/// How many others around a cell that is no noise are as low: so many may be noise at once.
+/// Number of neighbours of a valid cell that are as low; so many cells may be noise at once.
 const COMPANY: usize = 3;
 
-/// The lowest heights without those that lie more than `depth` steps below the third lowest around
-/// them: a ditch has company along its bottom. Cells with few neighbours are left alone.
+/// Removes heights more than `depth` steps below the third lowest around them; the bottom of a ditch has lower
+/// neighbours. Cells with few neighbours are kept.
 pub(super) fn without_noise(minima: &[i32], width: usize, depth: f64) -> Vec<i32> {
     let is_noise = |at: usize| {
         let own = minima[at];
@@ -19,7 +19,7 @@ pub(super) fn without_noise(minima: &[i32], width: usize, depth: f64) -> Vec<i32
     (0..minima.len()).map(kept).collect()
 }
 
-/// The third lowest height around a cell, if there are so many.
+/// The third lowest height around a cell, if there are three.
 fn company(minima: &[i32], width: usize, at: usize) -> Option<i32> {
     let (col, row) = (at % width, at / width);
     let rows = row.saturating_sub(REACH)..(row + REACH + 1).min(minima.len() / width);
@@ -36,7 +36,7 @@ fn company(minima: &[i32], width: usize, at: usize) -> Option<i32> {
     lowest.last().copied().filter(|low| *low != EMPTY)
 }
 
-/// Puts a height in its place among the lowest, of which the highest goes.
+/// Inserts a height into the sorted lowest ones, dropping the highest.
 #[inline(always)]
 fn insert(lowest: &mut [i32; COMPANY], height: i32) {
     let mut height = height;

@@ -1,13 +1,12 @@
-//! Which points of an unclassified cloud are ground: a morphological filter of the lowest heights.
+//! Ground classification by a morphological filter of the lowest heights.
 //!
-//! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain
-//! classification of airborne LIDAR data" (2013): the lowest point of each cell makes a surface; what
-//! an opening with a window cuts off by more than the window's size times a slope is an object; the
-//! holes are filled; and a point is ground when it lies near the surface that is left, the nearer the
-//! flatter it is. Three things differ, so that a tile with a halo of [`Parameters::reach`] cells has
-//! the same result as the whole, to the last bit: windows are squares and open the first surface (for
-//! squares that is the same as to open the surface opened before), holes are filled by means over
-//! windows of limited size instead of by springs, and all heights are whole numbers.
+//! After Pingel, Clarke & McBride, "An improved simple morphological filter for the terrain classification of
+//! airborne LIDAR data" (2013): the lowest point of each cell makes a surface; parts that an opening lowers by
+//! more than the window size times a slope are objects; the holes are filled; and points near the resulting
+//! surface are ground, with a tolerance that grows with the slope. Three differences make the result of a tile
+//! with a halo of [`Parameters::reach`] cells exactly that of the whole: windows are squares and open the first
+//! surface (for squares the same as opening the previous one), holes are filled by means over windows of
+//! limited size instead of springs, and all heights are integers.
 
 mod fill;
 mod low;
@@ -44,16 +43,16 @@ fn find(_: &Asked, lows: &LowestPoints<'_>) -> GroundSurface {
 }
 
 impl Parameters {
-    /// How many cells around a cell its surface, and what is ground in it, depend on.
+    /// Number of cells around a cell that its result depends on.
     pub fn reach(&self) -> usize {
         let radius = self.radius();
         low::REACH + 2 * fill::reach(radius) + open::reach(radius) + BESIDE
     }
 }
 
-/// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without
-/// points are [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`]
-/// from the window's border have the ground that they have in any larger window.
+/// The ground under the cells whose lowest heights are `minima`, row by row, in steps; cells without points are
+/// [`EMPTY`], and so is all beyond the window. Cells further than [`Parameters::reach`] from the border of the
+/// window have the same ground as in any larger window.
 ///
 /// Time is proportional to the cells: a quarter of a microsecond each, with memory for 60 bytes.
 ///

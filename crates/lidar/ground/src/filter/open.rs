@@ -1,15 +1,15 @@
-//! Objects on the ground, told by morphological openings with ever larger windows.
+//! Detects objects on the ground by morphological openings with growing windows.
 
 use super::fill::{self, widened};
 use super::parameters::Parameters;
 use crate::grid::slid;
 use crate::lows::EMPTY;
 
-/// What dilation takes for a cell that no window with any height starts at.
+/// Value for cells where no window with a height starts.
 const NOTHING: i32 = i32::MIN;
 
-/// How many cells around a cell decide whether it is of an object, holes being filled: the windows that
-/// hold it reach so far.
+/// Number of cells around a cell that decide whether it is part of an object: the reach of the windows that
+/// hold it.
 pub(super) fn reach(radius: usize) -> usize {
     2 * radius
 }
@@ -37,7 +37,7 @@ pub(super) fn take_off_objects(heights: &mut [i32], width: usize, parameters: &P
     }
 }
 
-/// Half widths of the windows: each by a quarter larger than the one before it, at least by one cell.
+/// Half widths of the windows: each a quarter larger than the one before, by at least one cell.
 fn radii(most: usize) -> impl Iterator<Item = usize> {
     std::iter::successors(Some(1), move |r| (*r < most).then(|| (r + 1 + r / 4).min(most)))
 }
@@ -50,7 +50,7 @@ struct PaddedHeights {
 }
 
 impl PaddedHeights {
-    /// The cells in the middle of empty ones.
+    /// The cells with a margin of empty ones.
     fn around(inner: &[i32], width: usize, margin: usize) -> Self {
         let heights = widened(inner, width, margin);
         Self { margin, width: width + 2 * margin, heights }
@@ -61,8 +61,8 @@ impl PaddedHeights {
         (row + self.margin) * self.width + self.margin
     }
 
-    /// The opening with a square of `side` cells: at each cell, the highest of the lowest heights of
-    /// all such squares that hold it. Empty cells are no height.
+    /// The opening with a square of `side` cells: at each cell, the highest of the lowest heights of all such
+    /// squares that hold it. Empty cells are ignored.
     fn opened(&self, side: usize) -> Vec<i32> {
         let mut heights = slid(self.heights.clone(), self.width, side, i32::min);
         for height in &mut heights {

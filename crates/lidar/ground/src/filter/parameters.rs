@@ -1,22 +1,22 @@
 //! Parameters of the morphological filter.
 
-/// What is ground. Lengths are in one unit, the same for x, y and z.
+/// Parameters of the filter. Lengths are in one unit for x, y and z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters {
     /// Side of a cell.
     pub cell: f64,
     /// A step of the heights.
     pub step: f64,
-    /// Half the width of the largest objects that are taken off.
+    /// Half the width of the largest objects to remove.
     pub window: f64,
-    /// Steepest terrain, as rise over run; what is steeper is cut off as an object.
+    /// Steepest terrain, as rise over run; steeper parts are removed as objects.
     pub slope: f64,
-    /// How far from the surface a ground point may lie on level ground.
+    /// Largest distance of a ground point from the surface on level ground.
     pub height: f64,
-    /// How much further it may lie where the terrain is not level, for each unit that it rises from
-    /// a cell to the next: a cell's lowest point lies at its lower end.
+    /// Increase of that distance for each unit of rise from a cell to the next: the lowest point of a cell lies
+    /// at its lower end.
     pub scaling: f64,
-    /// How far a low point must lie below all but a few around it to be noise.
+    /// Depth below its neighbours at which a low point is noise.
     pub depth: f64,
 }
 

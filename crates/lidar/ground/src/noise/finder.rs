@@ -19,8 +19,8 @@ type Scores = fn(&Asked, &NoiseSpace, &[Point], &mut dyn NeighborParts) -> Resul
 /// How a method finds noise.
 #[derive(Clone, Copy, Debug)]
 pub struct NoiseFinder {
-    /// Steps along each axis beyond which no other point changes a score, or fails where the cloud does not suit it;
-    /// `None` where a limit depends on all points.
+    /// Distance in steps along each axis beyond which points do not affect a score; fails if the point cloud is
+    /// unsuitable. `None` if the limit depends on all points.
     pub(super) reach: Option<Reach>,
     pub(super) scores: Scores,
     pub(super) limit: fn(&Asked, &ScoreSums) -> ScoreLimit,
@@ -28,34 +28,34 @@ pub struct NoiseFinder {
     pub(super) bytes: fn(&Asked) -> u64,
 }
 
-/// The class that noise gets.
+/// The class assigned to noise.
 pub(super) const CLASS: Parameter =
     Parameter::new("class", 7.0, [7.0, 18.0], "the class of noise: 7, low, or 18, high").ends();
 
 /// The points around a part of a cloud, in parts of their own.
 pub trait NeighborParts {
-    /// The bounds of the next part, the nearest first; `None` where the square of its distance from the bounds of the
-    /// part, in square metres, is not below `within`, which must not grow from call to call.
+    /// The bounds of the next part, the nearest first; `None` if its squared distance from the bounds of the
+    /// part, in square metres, is not below `within`, which must not increase between calls.
     fn next(&mut self, within: f64) -> Option<Bounds>;
 
     /// Adds the points of that part.
     ///
     /// # Errors
-    /// What cannot be read.
+    /// Read errors.
     fn load(&mut self, points: &mut Vec<Point>) -> Result<()>;
 }
 
-/// Which scores are noise.
+/// The threshold of scores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ScoreLimit {
-    /// Those up to a number of points.
+    /// Noise has at most this number of points.
     Few(u64),
-    /// Those above a distance, in [`NoiseSpace::unit`]s.
+    /// Noise is above this distance, in [`NoiseSpace::unit`]s.
     Far(f64),
 }
 
 impl ScoreLimit {
-    /// Whether a score is.
+    /// Whether a score is noise.
     pub fn is_noise(&self, score: u64) -> bool {
         match self {
             Self::Few(most) => score <= *most,

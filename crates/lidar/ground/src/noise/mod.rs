@@ -1,9 +1,9 @@
-//! Which points of a cloud are noise: methods by name, from the points around each.
+//! Noise classification: methods by name, from the neighbours of each point.
 //!
-//! A method ([`METHODS`], [`Asked`]) gives each point of a part of the cloud a score, from the points of the part and
-//! those around it ([`NeighborParts`]); a score is a function of all points, however these are put into parts. Which scores are noise
-//! ([`ScoreLimit`]) may depend on those of all points, of which whole-number sums are kept ([`ScoreSums`]): they are the same
-//! whatever the order.
+//! A method ([`METHODS`], [`Asked`]) assigns a score to each point of a part of the point cloud, from the
+//! points of the part and those around it ([`NeighborParts`]); a score does not depend on the division into
+//! parts. The threshold ([`ScoreLimit`]) may depend on the scores of all points, by integer sums
+//! ([`ScoreSums`]) that are independent of the order.
 
 mod finder;
 mod space;
@@ -31,23 +31,23 @@ impl FinderRegistry for NoiseFinder {
 }
 
 impl Asked {
-    /// The method that is taken where none is named.
+    /// The default method.
     pub const BEST: Self = Self::plain(&voxel::METHOD);
 
-    /// The class that noise gets.
+    /// The class assigned to noise.
     pub fn class(&self) -> u8 {
         self.value(CLASS.key) as u8
     }
 
-    /// Whether a point is noise is a matter of those near it alone.
+    /// Whether noise depends on nearby points only.
     pub fn is_local(&self) -> bool {
         self.finder().reach.is_some()
     }
 
-    /// Steps along each axis beyond which no other point matters; zeros where it is no matter of those near it.
+    /// Distance in steps along each axis beyond which points do not matter; zeros if the method is not local.
     ///
     /// # Errors
-    /// Points that lie so that the method cannot act.
+    /// Point clouds that are unsuitable for the method.
     pub fn reach(&self, space: &NoiseSpace) -> Result<[i64; 3]> {
         self.finder().reach.map_or(Ok([0; 3]), |reach| reach(self, space))
     }
@@ -55,7 +55,7 @@ impl Asked {
     /// The score of each point of a part.
     ///
     /// # Errors
-    /// What is around it cannot be read.
+    /// Errors of reading the neighbours.
     pub fn scores(
         &self,
         space: &NoiseSpace,
@@ -65,12 +65,12 @@ impl Asked {
         (self.finder().scores)(self, space, own, around)
     }
 
-    /// Which scores are noise, all of them having these sums; of a local method, whatever they are.
+    /// The threshold of scores, from their sums; a local method ignores them.
     pub fn limit(&self, sums: &ScoreSums) -> ScoreLimit {
         (self.finder().limit)(self, sums)
     }
 
-    /// Bytes of memory for the scores of a part of so many points, with another of as many beside it.
+    /// Bytes of memory for the scores of a part of `points`, with another part of that size beside it.
     pub fn bytes(&self, points: u64) -> u64 {
         points * (self.finder().bytes)(self)
     }

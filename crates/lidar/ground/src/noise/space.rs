@@ -2,19 +2,19 @@
 
 use terrane_base::geom::Point;
 
-/// Where points lie.
+/// Scale and origin of points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseSpace {
     /// Metres of a step along each axis.
     pub step: [f64; 3],
-    /// Steps from where coordinates are zero to the origin.
+    /// Steps from coordinate zero to the origin.
     pub zero: [i64; 3],
 }
 
 /// The lowest and the highest coordinates of some points.
 pub type Bounds = [Point; 2];
 
-/// Parts of the longest step that distances are counted in.
+/// Fractions of the longest step that distances are counted in.
 const PARTS: f64 = 1024.0;
 
 impl NoiseSpace {
@@ -52,7 +52,7 @@ pub(super) fn gaps(a: Bounds, b: Bounds) -> [f64; 3] {
     [0, 1, 2].map(|axis| over[axis].max(under[axis]).max(0.0))
 }
 
-/// The bounds of some points; `None` of none.
+/// The bounds of points; `None` for no points.
 pub(super) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
     points.map(|point| [point; 2]).reduce(|[low, high], [point, _]| {
         [

@@ -1,8 +1,8 @@
-//! Noise far from all else: points whose nearest others are further off than those of most points.
+//! Statistical outliers: points whose nearest neighbours are further away than usual.
 //!
-//! After Rusu, Marton, Blodow, Dolha & Beetz, "Towards 3D point cloud based object maps for household environments"
-//! (2008), as `filters.outlier` of PDAL has it, and `sor` of lidR: of each point the mean distance to its `k` nearest
-//! others is taken; more than the mean of all of these and `m` standard deviations is noise.
+//! After Rusu, Marton, Blodow, Dolha & Beetz, "Towards 3D point cloud based object maps for household
+//! environments" (2008), as in `filters.outlier` of PDAL and `sor` of lidR: a point is noise if the mean
+//! distance to its `k` nearest neighbours exceeds the mean over all points by `m` standard deviations.
 
 use terrane_base::error::Result;
 use terrane_base::geom::Point;
@@ -35,9 +35,9 @@ pub(super) const METHOD: Method = Method {
     },
 };
 
-/// The squared distances from each of some points to its nearest, in order.
+/// The sorted squared distances from points to their nearest neighbours.
 struct NearestDistances {
-    /// Of the points: as many as asked for, and the point itself.
+    /// Distances for each point: the requested neighbours, and the point itself.
     each: usize,
     squares: Vec<f64>,
 }
@@ -56,7 +56,7 @@ impl NearestDistances {
         points.iter().map(|point| self.furthest(*point)).fold(0.0, f64::max)
     }
 
-    /// The mean distance, in units of so many metres, rounded; 0 without others.
+    /// The mean distance in units of `unit` metres, rounded; 0 without neighbours.
     fn score(&self, point: usize, unit: f64) -> u64 {
         let all = &self.squares[point * self.each..(point + 1) * self.each];
         let (mut sum, mut count) = (0.0, 0.0);

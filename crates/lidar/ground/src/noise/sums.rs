@@ -1,6 +1,6 @@
-//! Sums of scores, and what they tell.
+//! Sums of scores, and their mean and deviation.
 
-/// Sums of whole numbers below 2^44, of less than 2^40 of them: they are the same whatever the order.
+/// Sums of up to 2^40 integers below 2^44, independent of their order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScoreSums {
     count: u64,
@@ -19,14 +19,14 @@ impl ScoreSums {
         self.squares += u128::from(score) * u128::from(score);
     }
 
-    /// Adds what was added to others.
+    /// Adds other sums.
     pub fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum += other.sum;
         self.squares += other.squares;
     }
 
-    /// The mean and the standard deviation of a sample; zeros where there are too few for them.
+    /// The mean and the standard deviation of a sample; zeros if there are too few scores.
     pub(super) fn mean_and_deviation(&self) -> [f64; 2] {
         let count = u128::from(self.count);
         if count < 2 {

@@ -196,6 +196,12 @@ fn parameters_are_read_and_refused_by_name() {
     assert!(told("voxel:class=8").contains("class=7 (7 or 18)"), "{}", told("voxel:class=8"));
     assert!(told("statistical:k=0").contains("k=8 (a whole number from 1 to 100)"));
     let coarse = NoiseSpace { step: [5.0, 0.01, 0.01], zero: [0; 3] };
-    assert!(Asked::BEST.reach(&coarse).unwrap_err().to_string().contains("smaller than a step"));
+    assert!(
+        Asked::BEST
+            .reach(&coarse)
+            .unwrap_err()
+            .to_string()
+            .contains("smaller than the coordinate resolution")
+    );
     assert!(Asked::BEST.is_local() && !Asked::parse("statistical").unwrap().is_local());
 }

@@ -4,15 +4,15 @@ use terrane_base::geom::Point;
 
 use super::space::{Bounds, NoiseSpace, bounds, gaps};
 
-/// Most points that are not divided further.
+/// Most points of a leaf.
 const LEAF: usize = 12;
 
-/// Halves of halves of some points.
+/// A k-d tree.
 pub(super) struct NoiseKdTree<'a> {
     space: &'a NoiseSpace,
     bounds: Option<Bounds>,
     points: Vec<Point>,
-    /// By node, the first being 1: the axis that it is divided along, and where.
+    /// Split axis and position of each node; the root is node 1.
     splits: Vec<(usize, f64)>,
 }
 
@@ -73,7 +73,7 @@ fn along(point: Point, axis: usize) -> i32 {
     [point.x, point.y, point.z][axis]
 }
 
-/// The axis along which points reach the furthest.
+/// The axis of the largest extent.
 fn longest(space: &NoiseSpace, points: &[Point]) -> usize {
     let extent = bounds(points.iter().copied()).map_or([0.0; 3], |[low, high]| {
         [0, 1, 2].map(|i| (f64::from(along(high, i)) - f64::from(along(low, i))) * space.step[i])
@@ -81,7 +81,7 @@ fn longest(space: &NoiseSpace, points: &[Point]) -> usize {
     (1..3).fold(0, |best, axis| if extent[axis] > extent[best] { axis } else { best })
 }
 
-/// The largest of some distances in order.
+/// The largest of sorted distances.
 fn furthest(nearest: &[f64]) -> f64 {
     nearest.last().copied().unwrap_or(0.0)
 }

@@ -1,7 +1,7 @@
-//! Noise that stands alone: cubes around which there are few points.
+//! Isolated points: voxels with few points around them.
 //!
-//! After `lasnoise` of LAStools and the isolated voxel filter (`ivf`) of lidR: space is divided into cubes, and points
-//! are noise where the 27 cubes around and with their own hold few, themselves counted.
+//! After `lasnoise` of LAStools and the isolated voxel filter (`ivf`) of lidR: space is divided into voxels,
+//! and points are noise if the 27 voxels around them hold few points, themselves included.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::Point;
@@ -62,7 +62,7 @@ impl Voxels {
         [0, 1, 2].map(|axis| (steps[axis] + self.zero[axis]).div_euclid(self.side[axis]))
     }
 
-    /// Whether points within bounds may be in a cube of some others, or beside it.
+    /// Whether points within bounds may be in or beside a voxel of others.
     fn touches(&self, [low, high]: [Voxel; 2], bounds: Bounds) -> bool {
         let [first, last] = bounds.map(|point| self.of(point));
         (0..3).all(|axis| first[axis] <= high[axis] + 1 && last[axis] >= low[axis] - 1)
@@ -79,7 +79,7 @@ impl VoxelCounts {
         Self(all.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u64)).collect())
     }
 
-    /// How many points there are in a cube and the 26 around it; more than `most` are not all counted.
+    /// Number of points in a voxel and the 26 around it; counting stops above `most`.
     fn around(&self, [x, y, z]: Voxel, most: u64) -> u64 {
         let mut sum = 0;
         for column in (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j])) {
@@ -131,7 +131,7 @@ fn scores(
     Ok(own.iter().map(score).collect())
 }
 
-/// The lowest and the highest numbers of some cubes; `None` of none.
+/// The bounds of voxels; `None` for none.
 fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
     let ends = open.iter().map(|(voxel, _)| [*voxel; 2]);
     ends.reduce(|[low, high], [voxel, _]| {
@@ -140,8 +140,10 @@ fn span(open: &[(Voxel, u64)]) -> Option<[Voxel; 2]> {
     })
 }
 
-/// A cube smaller than a step of the points.
+/// The error of a cube smaller than the coordinate resolution.
 fn too_small(side: f64, step: f64) -> Error {
-    Error::usage(format!("cubes of {side} m are smaller than a step of the points, {step} m"))
-        .remedy("choose larger ones with step=")
+    Error::usage(format!(
+        "cubes of {side} m are smaller than the coordinate resolution of {step} m"
+    ))
+    .remedy("pass a larger step=")
 }

@@ -53,7 +53,7 @@ fn mesh(
     mesh_with(&OnCloud::default(), source, tolerance, region, threads, memory)
 }
 
-/// The same, with what is to be kept.
+/// The same with constraints.
 fn mesh_with(
     kept: &OnCloud,
     source: &PointSample,

@@ -1,5 +1,5 @@
-//! What a task does: vertices that its regions choose, or find wanting, into one object by square; at the end the mesh
-//! of all of them.
+//! The work of a task: it writes the vertices that its regions select or add into one object by tile; the last
+//! task writes the mesh.
 
 use std::fmt;
 use std::ops::Range;
@@ -38,11 +38,11 @@ use terrane_files::atomic::AtomicFile;
 use terrane_files::{name_of, path_of};
 use terrane_mesh::{self as mesh, MeshFormat, check_prj};
 
-/// Rounds of tasks that look at the mesh.
+/// Rounds of tasks that check the mesh.
 const ROUNDS: u32 = 2;
-/// Most points of a task, unless told otherwise, and fewest of the largest.
+/// Default number of points of a task.
 const TASK_POINTS: u64 = 1 << 24;
-/// Most tasks that may wait for each other: each knows of all before it.
+/// Most tasks of a round, as each depends on all tasks of the round before.
 const MOST_PARTS: u64 = 1 << 12;
 
 /// A mesh to make of a cloud.
@@ -53,7 +53,7 @@ pub(super) struct CloudMesh {
     pub(super) seen: CloudTinSurvey,
 }
 
-/// What is asked for, by paths that hold wherever a task is run on this file system.
+/// The job, with paths that are valid wherever a task runs on this file system.
 #[derive(Clone, Serialize, Deserialize)]
 struct PlannedCloudTinJob {
     inputs: Vec<String>,
@@ -61,11 +61,11 @@ struct PlannedCloudTinJob {
     options: CloudOpenOptions,
     format: String,
     max_error: f64,
-    /// Most points of a task, where that was said.
+    /// Most points of a task, if given.
     cut: Option<u32>,
 }
 
-/// What the headers tell.
+/// Summary of the headers.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 struct CloudHeaderSummary {
     points: u64,
@@ -76,11 +76,11 @@ struct CloudHeaderSummary {
     crs: String,
 }
 
-/// What was seen of all points when the plan was made.
+/// Statistics of all points, computed when the plan was made.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct CloudTinSurvey {
     census: PointCensus,
-    /// Files whose damage was passed over.
+    /// Files with skipped damage.
     #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
     losses: LostPoints,
     /// Corners of the hull.
@@ -89,14 +89,14 @@ pub(super) struct CloudTinSurvey {
     parts: Vec<CloudTinPart>,
 }
 
-/// The squares of a task, and its regions.
+/// The tiles and the regions of a task.
 #[derive(Clone, Serialize, Deserialize)]
 struct CloudTinPart {
     block: CloudTinRegion,
     regions: Range<usize>,
 }
 
-/// A task: the round, from choosing on, and the number of the part.
+/// A task: its round, 0 for the selection, and the number of its part.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct CloudTinTask {
     round: u32,
@@ -117,13 +117,13 @@ impl fmt::Display for CloudTinTask {
     }
 }
 
-/// What an object tells of itself.
+/// Metadata of an object.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct VertexObjectSummary {
     points: u64,
-    /// Of the index of its squares.
+    /// Digest of the index of its tiles.
     index: Digest,
-    /// What the regions that looked may be changed by, and their points.
+    /// Windows of influence of the checked regions, and their points.
     looks: Vec<(usize, [[i32; 2]; 2], u64)>,
 }
 
@@ -161,9 +161,9 @@ impl CloudHeaderSummary {
 }
 
 impl CloudTinSurvey {
-    /// Looks at the points once: they are divided into regions of `most` points at the most, and tasks have `cut` of
-    /// them, but for single regions, or as many as make a fair piece of work. Returns what was seen with the share of
-    /// the points that will be vertices, about.
+    /// Reads the points once: divides them into regions of at most `most` points, and tasks of at most `cut`
+    /// points (one region at least) or the default. Returns the statistics and the estimated share of points
+    /// that become vertices.
     pub(super) fn look(
         OpenedCloudTin { source, .. }: &OpenedCloudTin,
         (cut, most): (Option<u32>, u64),
@@ -192,7 +192,7 @@ impl CloudTinSurvey {
 }
 
 impl CloudMesh {
-    /// That of an opened job of whose points this was seen.
+    /// The plan of an opened job with the statistics of its points.
     pub(super) fn of(
         opened: &OpenedCloudTin,
         cut: Option<u32>,
@@ -210,7 +210,7 @@ impl CloudMesh {
         mesh.check().map(|()| mesh)
     }
 
-    /// The files it is made from.
+    /// Its input files.
     pub(super) fn files(&self, opened: &OpenedCloudTin) -> Vec<PathBuf> {
         let on_disk = if opened.source.files().is_empty() { &[][..] } else { &self.method.inputs };
         on_disk.iter().map(|name| path_of(name).into_owned()).collect()
@@ -220,7 +220,7 @@ impl CloudMesh {
         mesh::by_path(Path::new(""), Some(&self.method.format))
     }
 
-    /// Rounds of tasks after that of choosing: where all points are vertices nothing is left to add.
+    /// Rounds of tasks after the selection: none if all points are vertices.
     fn rounds(&self) -> u32 {
         if self.method.max_error == 0.0 { 0 } else { ROUNDS }
     }
@@ -254,7 +254,7 @@ fn parts(regions: &[CloudTinRegion], blocks: Vec<CloudTinRegion>) -> Vec<CloudTi
     blocks.into_iter().map(part).collect()
 }
 
-/// What is worked on, in a task or at the end.
+/// Context of a task, or of the last one.
 struct CloudTinTaskContext<'a> {
     mesh: &'a CloudMesh,
     opened: &'a OpenedCloudTin,
@@ -280,7 +280,7 @@ impl<'a> CloudTinTaskContext<'a> {
         Self { mesh, opened, ready, tiling, hull, regions, lines, at }
     }
 
-    /// The work on some points, so many bytes being held beside them.
+    /// The work on some points, with `held` bytes beside them.
     fn work<'w>(&'w self, points: &'w PointStore, held: u64) -> Result<work::CloudTinContext<'w>> {
         self.ready.work((points, &self.regions, &self.lines), held, self.at)
     }
@@ -289,7 +289,7 @@ impl<'a> CloudTinTaskContext<'a> {
         PointStore::empty(self.tiling, self.ready.folder(), bytes)
     }
 
-    /// The points in a window, those of some squares only where these are named.
+    /// The points in a window, optionally only those of some tiles.
     fn read(&self, within: SiteWindow, squares: Option<&[usize]>) -> Result<PointStore> {
         let filling = self.ready.filling(self.at);
         let filling = crate::points::PointStoreSetup { within: Some(within), ..filling };
@@ -313,7 +313,7 @@ impl<'a> CloudTinTaskContext<'a> {
         }
     }
 
-    /// The vertices that some regions choose among the points around them; all points where all are wanted.
+    /// The first vertices of some regions; all points if the tolerance is 0.
     fn choose(&self, block: &CloudTinRegion, regions: Range<usize>) -> Result<PointStore> {
         let band = self.tiling.side() / BAND;
         let points = self.read(block.window(&self.tiling).grown(band), None)?;
@@ -327,7 +327,7 @@ impl<'a> CloudTinTaskContext<'a> {
         Ok(vertices)
     }
 
-    /// What the regions of a task find that have to look in its round: each with what it found.
+    /// Checks the regions of a task that are due in its round; returns their results.
     fn look(
         &self,
         task: CloudTinTask,
@@ -350,7 +350,7 @@ impl<'a> CloudTinTaskContext<'a> {
         look_at_all(&work, &vertices, (self.ready.tolerance(), &self.hull), &due)
     }
 
-    /// Adds vertices until nothing is left to add, after all rounds.
+    /// Adds the remaining vertices after all rounds.
     fn settle(
         &self,
         survey: &TaskSurvey<'_, CloudMesh>,
@@ -382,7 +382,7 @@ fn shelves(survey: &TaskSurvey<'_, CloudMesh>, tasks: Vec<CloudTinTask>) -> Resu
     SquareIndexes::open(tasks.into_iter().map(object).collect::<Result<Vec<_>>>()?)
 }
 
-/// What the regions of a task found when they looked last, before its round.
+/// The last results of the regions of a task before its round.
 fn looks(survey: &TaskSurvey<'_, CloudMesh>, task: CloudTinTask) -> Result<Vec<RegionInspection>> {
     let regions = survey.folder.plan.work.part(task).regions.clone();
     let mut looks = vec![RegionInspection::settled(SiteWindow::ALL, 0); regions.len()];
@@ -396,7 +396,7 @@ fn looks(survey: &TaskSurvey<'_, CloudMesh>, task: CloudTinTask) -> Result<Vec<R
     Ok(looks)
 }
 
-/// Puts the points of a block of squares into an object; returns how many there are.
+/// Writes the points of a block of tiles into an object; returns their number.
 fn put(store: &PointStore, block: &CloudTinRegion, object: &Path) -> Result<(u64, Digest)> {
     let mut writer = ShelfWriter::create(object)?;
     let (mut points, mut count) = (Vec::new(), 0);

@@ -1,5 +1,6 @@
-//! Meshes of clouds by plan: blocks of regions choose vertices, look at the mesh of all of them, and look again where
-//! that has changed; the last task settles what is left and writes the mesh. It is that of a single run, byte for byte.
+//! Meshes of point clouds by plan: blocks of regions select vertices, check the mesh of all vertices, and check
+//! again where it has changed; the last task adds the remaining vertices and writes the mesh. The result is
+//! that of a single run, byte for byte.
 //!
 //! ```text
 //! choose-0 ─┐         ┌─ prove-0 ─┐         ┌─ again-0 ─┐
@@ -7,11 +8,11 @@
 //! choose-2 ─┘         └─ prove-2 ─┘         └─ again-2 ─┘
 //! ```
 //!
-//! The points are looked at once when the plan is made: regions follow from how many lie where, and the hull of all
-//! closes the mesh of each. **Why rounds wait for all that is before them:** a circle may reach over the whole cloud, so
-//! only the mesh of all vertices tells what a region sees. A task reads the vertices of the few squares that it comes to.
-//! **Why two rounds are tasks:** in the first all regions look, in the second nearly all; a third has few left, and
-//! those read once more what lies in them.
+//! The points are read once when the plan is made: regions follow from their density, and the hull of all
+//! points closes the mesh of each region. **Why rounds wait for all tasks before them:** a circle may reach
+//! over the whole point cloud, so a region needs the vertices of all others. A task reads the vertices of the
+//! few tiles it needs. **Why two rounds are tasks:** the first checks all regions, the second nearly all; a
+//! third would have few left, which the last task checks.
 
 mod mesh;
 mod needs;
@@ -40,7 +41,7 @@ impl Divisible for CloudTinOptions {
                                      [default: about 17 million]";
     terrane_engine::planned_as!(CloudMesh, PointStatus, PointRun);
 
-    /// In PLY unless told otherwise.
+    /// The default format is PLY.
     fn plan(
         &self,
         request: RunRequest<'_>,
@@ -59,8 +60,8 @@ impl Divisible for CloudTinOptions {
     }
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. The points are looked at once, and
-/// a few squares choose vertices to tell the size of the result.
+/// Writes a plan: the job, its input, its tasks and their resources. The points are read once, and vertices are
+/// selected in a few tiles to estimate the size of the result.
 ///
 /// # Errors
 /// Those of [`run`](super::run) that are found before the work; `Usage` for points to keep and breaklines, and for a
@@ -73,7 +74,7 @@ pub fn plan_cloud_tin(
     plan_regions(job, REGION_POINTS, RunControl { progress, cancel })
 }
 
-/// The same in regions of so many points at the most.
+/// As [`plan_cloud_tin`], with regions of at most `most` points.
 pub(super) fn plan_regions(
     job: &PlanCloudTinJob,
     most: u64,
@@ -98,20 +99,20 @@ pub(super) fn plan_regions(
     plan::status::<CloudMesh>(folder)
 }
 
-/// Fails for what the whole cloud has to be there for.
+/// Fails for options that need the whole point cloud.
 fn refuse_lines(job: &CloudTinJob) -> Result<()> {
     let options = [("‹keep_points›", &job.keep_points), ("‹breaklines›", &job.breaklines)];
     match options.into_iter().find(|(_, file)| file.is_some()) {
         None => Ok(()),
         Some((option, _)) => Err(Error::usage(format!(
-            "{option} cannot act in the plan of a cloud's mesh: the nearest point may be however far away"
+            "{option} is not supported by `plan tin` on point clouds (it needs global nearest neighbours)"
         ))
         .remedy(format!("leave {option} out, or run ‹terrane tin› without a plan"))),
     }
 }
 
-/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
-/// `skipped` are files that are left out of the input, to be noted in the plan.
+/// Plans and runs `job` in `folder`, so that a killed run resumes when it is started again. `skipped` are files
+/// left out of the input, recorded in the plan.
 ///
 /// # Errors
 /// Those of [`plan_cloud_tin`] and of any [`RunJob`].

@@ -1,4 +1,4 @@
-//! What the work on a mesh of a cloud will take, from squares that choose vertices as all will.
+//! Estimates the resources for a mesh of a point cloud by selecting vertices in a few tiles.
 
 use crate::cloud_tin::choose::{BAND, first_choice};
 use crate::cloud_tin::lines::CloudLines;
@@ -11,26 +11,26 @@ use terrane_delaunay::ConvexHull;
 use terrane_engine::memory::polygon_bytes;
 use terrane_engine::plan::{PlanNeeds, RunControl};
 
-/// Squares that are tried.
+/// Sampled tiles.
 const TRIED: u32 = 96;
-/// Parts of one that places go on by along x and y, so that any number of them lie evenly (Roberts 2018).
+/// Steps of an evenly spread sequence along x and y (Roberts 2018).
 const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053_2];
 /// Nanoseconds of one thread for a point in all tasks, and for a vertex that is written, as measured on one machine;
 /// see benches/history/2026.md, 7.
 const NANOSECONDS: [f64; 2] = [3300.0, 2000.0];
-/// What a few squares say less of all.
+/// Safety factor: a few tiles underestimate the whole.
 const MARGIN: f64 = 1.15;
-/// Bytes of the note on a region that looked.
+/// Bytes of the result of a region.
 const LOOK: u64 = 80;
 
-/// A few squares, and the points in and around them.
+/// A few tiles, with the points in and around them.
 pub(super) struct SquareSample {
     squares: Vec<usize>,
     points: PointStore,
 }
 
 impl SquareSample {
-    /// Of no points yet.
+    /// A sample without points yet.
     pub(super) fn new(ready: &PreparedCloudTin<'_>) -> Self {
         let tiling = ready.tiling();
         let squares = places(&tiling);
@@ -42,12 +42,12 @@ impl SquareSample {
         Self { squares, points }
     }
 
-    /// Takes those of some points that lie there.
+    /// Adds points that lie in or around the tiles.
     pub(super) fn take(&self, points: &[Point]) -> Result<()> {
         self.points.add(points)
     }
 
-    /// Vertices for each point; all points where there is nothing to try.
+    /// Vertices per point; 1 if there is no sample.
     pub(super) fn share(
         &self,
         ready: &PreparedCloudTin<'_>,
@@ -79,7 +79,7 @@ impl SquareSample {
     }
 }
 
-/// Squares evenly over all, half of them at the most, each once.
+/// Evenly spread tiles, at most half of all, each once.
 fn places(tiling: &Tiling) -> Vec<usize> {
     let place = |i: u32| {
         let along = |axis: usize| {
@@ -95,7 +95,7 @@ fn places(tiling: &Tiling) -> Vec<usize> {
     places
 }
 
-/// What the plan will take, of whose points such a `share` will be vertices.
+/// Resources of the plan, if this `share` of the points become vertices.
 pub(super) fn expect(
     ready: &PreparedCloudTin<'_>,
     regions: &[CloudTinRegion],

@@ -5,27 +5,27 @@ use serde::Serialize;
 use crate::cloud_tin::job::{CloudTinJob, CloudTinReport};
 use terrane_engine::plan::{self, DescribesRun, StatusReport};
 
-/// A mesh of a cloud to plan; a task has so many points at the most (`cut`).
+/// A mesh of a point cloud to plan; `cut` is the largest number of points of a task.
 pub type PlanCloudTinJob = plan::PlanJob<CloudTinJob>;
-/// The plan of a mesh of a cloud, or how far the work on it has come.
+/// The plan of a mesh of a point cloud and its progress.
 pub type CloudTinStatus = StatusReport<PointStatus>;
 
-/// What is told of the plan of a mesh of a cloud alone.
+/// Part of the status that is specific to meshes of point clouds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct PointStatus {
     pub max_error: f64,
-    /// Points of which the mesh is made.
+    /// Points of the mesh.
     pub points: u64,
     pub regions: u64,
 }
 
-/// What is told of a run on a mesh of a cloud alone.
+/// Part of the run report that is specific to meshes of point clouds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct PointRun {
-    /// Vertices that the tasks of this run chose.
+    /// Vertices selected by the tasks of this run.
     pub vertices: u64,
-    /// The mesh, if this run came to it; its time is that of writing it.
+    /// The mesh, if this run wrote it; its time is that of writing.
     pub mesh: Option<CloudTinReport>,
 }
 

@@ -1,4 +1,4 @@
-//! The plan of a grid on paper: the job, and how its cells are cut into tiles.
+//! The manifest of the plan of a grid: the job, and the tiling of its cells.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -21,21 +21,21 @@ use terrane_files::{name_of, path_of};
 pub(super) const BLOCK: u32 = 256;
 /// Most cells along a tile.
 pub(super) const MOST_SIDE: u32 = 1 << 14;
-/// Points that a tile has about, unless told otherwise.
+/// Approximate default number of points of a tile.
 const TILE_POINTS: f64 = (1_u64 << 26) as f64;
 
 /// A grid to make of a cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct CloudGridPlan {
-    /// What is asked for, by paths that hold wherever a task is run on this file system.
+    /// The job, with paths that are valid wherever a task runs on this file system.
     pub(super) method: GridJob,
     pub(super) grid: PlannedCells,
-    /// What a model of the terrain has to know of the whole cloud.
+    /// Statistics of the whole point cloud for a terrain model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) seen: Option<CloudOverview>,
 }
 
-/// What the cells are, as found when the plan was made.
+/// The cells, as found when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct PlannedCells {
     pub(super) width: u32,
@@ -60,7 +60,7 @@ impl fmt::Display for GridTileTask {
 }
 
 impl CloudGridPlan {
-    /// That of an opened job; tiles are of `side` cells, or of as many as make a fair piece of work.
+    /// The plan of an opened job; tiles have `side` cells a side, or the default.
     pub(super) fn new(
         OpenedCloudGrid { job, points, extent, seen }: &OpenedCloudGrid,
         side: Option<u32>,
@@ -76,14 +76,14 @@ impl CloudGridPlan {
         Ok(Self { method, grid, seen: seen.clone() })
     }
 
-    /// The files it is made from, of an opened cloud.
+    /// Its input files, from an opened point cloud.
     pub(super) fn files(&self, points: &dyn PointSource) -> Vec<PathBuf> {
         let on_disk = if points.files().is_empty() { &[][..] } else { &self.method.input };
         let all = on_disk.iter().chain(&self.method.placement.like);
         all.map(|name| path_of(name).into_owned()).collect()
     }
 
-    /// Opens the cloud and lays out the cells; fails when they are not those of the plan.
+    /// Opens the point cloud and computes the cells; fails if they differ from those of the plan.
     pub(super) fn open(&self, label: &str, order: OutputRequest) -> Result<OpenedCloudGrid> {
         let OutputRequest { output, overwrite, resources, .. } = order;
         let resources = beside_polygons(&self.method.cloud, &resources);
@@ -96,19 +96,19 @@ impl CloudGridPlan {
         Ok(OpenedCloudGrid { job, points, extent, seen: self.seen.clone() })
     }
 
-    /// Fails when there is nothing to make, or too much.
+    /// Fails if there are no cells, or too many.
     pub(super) fn check_cells(&self) -> Result<()> {
         let PlannedCells { width, height, side, .. } = self.grid;
         let is_side = side > 0 && side.is_multiple_of(BLOCK) && side <= MOST_SIDE;
         if !is_side || width == 0 || height == 0 {
-            return Err(Error::bad_input("it has no cells, or tiles of none"));
+            return Err(Error::bad_input("it has no cells, or an invalid tile size"));
         }
-        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         limits::check("number of tiles", self.grid.count(), plan::MOST_TASKS)
     }
 }
 
-/// A path that holds wherever a task is run on this file system.
+/// A path that is valid wherever a task runs on this file system.
 fn absolute(path: String) -> Result<String> {
     name_of(plan::noted_path(&path_of(&path))?)
 }
@@ -124,7 +124,7 @@ impl PlannedCells {
         Self { width, height, side, points, first: [t.x0, t.y0], crs }
     }
 
-    /// Of nothing in particular.
+    /// Cells of any point cloud.
     #[cfg(test)]
     pub(super) fn sized(width: u32, height: u32, side: u32) -> Self {
         Self { width, height, side, points: 1, first: [0.0; 2], crs: String::new() }

@@ -1,9 +1,9 @@
-//! Grids by plan: the cells are cut into tiles, each a task of its own that reads what lies near it;
-//! the last task puts the tiles together. The grid is that of a single run, byte for byte.
+//! Grids by plan: the cells are divided into tiles, each a task that reads the points near it; the last task
+//! assembles the tiles. The grid is that of a single run, byte for byte.
 //!
-//! A task opens all headers, so that frame, extent and squares are those of the whole, and reads the
-//! parts whose bounds touch the window of its cells. Where what was read is too little to tell, the tile
-//! is made again with a window four times as wide around it.
+//! A task opens all headers, so that frame, extent and tiling are those of the whole, and reads the parts whose
+//! bounds touch the window of its cells. If these do not suffice, the tile is made again with a margin four
+//! times as wide.
 
 mod manifest;
 mod probe;
@@ -34,10 +34,10 @@ use tile::OpenedCloudGrid;
 
 /// A grid to plan.
 pub type PlanGridJob = plan::PlanJob<GridJob>;
-/// The plan of a grid, or how far the work on it has come.
+/// The plan of a grid and its progress.
 pub type GridStatus = StatusReport<CellStatus>;
 
-/// What is told of the plan of a grid alone.
+/// Part of the status that is specific to grids.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct CellStatus {
@@ -47,15 +47,15 @@ pub struct CellStatus {
     pub points: u64,
 }
 
-/// What is told of a run on a grid alone.
+/// Part of the run report that is specific to grids.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CellRun {
-    /// Points read by the tasks it did; those near the borders of tiles are read for each.
+    /// Points read by the tasks of this run; points near the borders of tiles are read repeatedly.
     pub points: u64,
-    /// Where the grid is, if it is written.
+    /// Path of the grid, if written.
     pub written: Option<String>,
-    /// The grid, if this run wrote it. Its points are those that the tiles are made of, which count
-    /// for each tile they are near.
+    /// The grid, if this run wrote it. Its points are those of all tiles, counted for each tile that reads
+    /// them.
     pub grid: Option<GridReport>,
 }
 
@@ -70,7 +70,7 @@ impl Divisible for GridOptions {
                                      [default: as many as have about 67 million points]";
     terrane_engine::planned_as!(CloudGridPlan, CellStatus, CellRun);
 
-    /// In a GeoTIFF unless told otherwise.
+    /// The default format is GeoTIFF.
     fn plan(
         &self,
         request: RunRequest<'_>,
@@ -89,13 +89,13 @@ impl Divisible for GridOptions {
     }
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. For a model of the terrain the
-/// points are looked at once. A few small tiles are made, to tell the size of the results, and thrown away.
+/// Writes a plan: the job, its input, its tasks and their resources. For a terrain model the points are read
+/// once. A few small tiles are made to estimate the size of the results, and discarded.
 ///
 /// # Errors
-/// Those of opening the cloud and laying out the cells, and of a model without ground; `Usage` for water, whose
-/// level is that of a whole bank, for tiles that are not of multiples of 256 cells, and for a folder that holds
-/// another plan or other files.
+/// Those of opening the cloud and laying out the cells, and of a terrain model without ground; `Usage` for
+/// water, for tile sizes that are not multiples of 256 cells, and for a folder that holds another plan or other
+/// files.
 pub fn plan_grid(
     job: &PlanGridJob,
     progress: &dyn Progress,
@@ -103,22 +103,18 @@ pub fn plan_grid(
 ) -> Result<GridStatus> {
     let plan::PlanJob { job, folder, cut, skipped } = job;
     if job.water.is_some() {
-        return Err(Error::usage("‹water› makes the level of a lake of its whole bank at once")
+        return Err(Error::usage("‹water› is not supported by `plan grid` (the level of a lake needs its whole bank)")
             .remedy(
-                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› of the grid",
+                "plan without it, and pass ‹water› to ‹terrane convert›, ‹terrane tin› or ‹terrane contour› afterwards",
             ));
     }
     if let Some(side) = cut.filter(|side| *side == 0 || !side.is_multiple_of(BLOCK)) {
-        return Err(Error::usage(format!(
-            "‹task_size› is {side}: tiles have a multiple of {BLOCK} cells along a side"
-        ))
-        .remedy(format!("pass {BLOCK}, or {} and so on", 2 * BLOCK)));
+        return Err(Error::usage(format!("‹task_size› {side} is not a multiple of {BLOCK}"))
+            .remedy(format!("pass a multiple such as {BLOCK} or {}", 2 * BLOCK)));
     }
     if let Some(side) = cut.filter(|side| *side > MOST_SIDE) {
-        return Err(Error::usage(format!(
-            "‹task_size› is {side}: a tile of so many cells is too large"
-        ))
-        .remedy(format!("choose {MOST_SIDE} at most")));
+        return Err(Error::usage(format!("‹task_size› {side} exceeds the limit of {MOST_SIDE}"))
+            .remedy(format!("pass {MOST_SIDE} or less")));
     }
     refuse_held(job.input.iter().chain(&job.placement.like))?;
     job.check()?;
@@ -142,7 +138,7 @@ pub fn plan_grid(
     plan::status::<CloudGridPlan>(folder)
 }
 
-/// What a model of the terrain has to know of the whole cloud.
+/// Statistics of the whole point cloud for a terrain model.
 fn look(
     preset: SurfaceModel,
     job: &GridJob,
@@ -156,12 +152,12 @@ fn look(
     CloudOverview::look(preset, points.info(), &making)
 }
 
-/// The points a tile is made of.
+/// The points of a tile.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 struct TilePointCounts {
     read: u64,
     kept: u64,
-    /// Files whose damage was passed over.
+    /// Files with skipped damage.
     #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
     losses: LostPoints,
 }

@@ -1,4 +1,4 @@
-//! What the work on a grid will take, from a few small tiles that are made as all will be.
+//! Estimates the resources for a grid by making a few small tiles.
 
 use std::path::Path;
 use std::time::Instant;
@@ -22,25 +22,24 @@ use terrane_gridding::StatisticRecipe;
 
 /// Small tiles along each side of the grid.
 const ALONG: u32 = 4;
-/// Most points that may lie in what is read for one: where a cloud is in no order, each would read
-/// much of it.
+/// Most points to read for one: in an unordered point cloud, each would read much of it.
 const MOST_POINTS: u64 = 1 << 22;
 /// Most tiles whose points are counted.
 const MOST_COUNTED: usize = 256;
-/// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is
-/// triangulated, as measured on one machine; see benches/history/2026.md, 7. The second is for where nothing is
-/// tried: what statistics take depends on their radius and kind more than on the points.
+/// Nanoseconds of one thread for a point of LAZ that is put into its cell, and for one that is triangulated, as
+/// measured on one machine; see benches/history/2026.md, 7. The second applies if nothing is sampled; the cost
+/// of statistics depends on their radius and kind more than on the points.
 const POINT: [f64; 2] = [130.0, 400.0];
-/// The same where a method finds the ground, with its halos.
+/// Nanoseconds for a point of a ground method, halos included.
 const FOUND: f64 = 15_000.0;
-/// And for one of a spike-free surface, with its halos.
+/// Nanoseconds for a point of a spike-free surface, halos included.
 const FROZEN: f64 = 2_000.0;
 /// Nanoseconds for a cell that is written.
 const CELL: f64 = 60.0;
-/// What a small tile says less of a grid: its ends, and tables of larger files.
+/// Safety factor: small tiles underestimate borders and tables of larger files.
 const MARGIN: f64 = 1.06;
 
-/// What the plan whose grid has these `cells` will take.
+/// Resources of the plan of a grid with these `cells`.
 pub(super) fn expect(
     opened: &OpenedCloudGrid,
     cells: &PlannedCells,
@@ -74,13 +73,12 @@ pub(super) fn expect(
     Ok(PlanNeeds { memory, thread_memory, objects, output, seconds: [points + writing, writing] })
 }
 
-/// Whether the ground is found, or a surface frozen, in squares with halos: small tiles take more of those
-/// than all will.
+/// Whether a ground method or a spike-free surface works in tiles with halos, which small tiles overestimate.
 fn is_found(OpenedCloudGrid { job, seen, .. }: &OpenedCloudGrid) -> bool {
     seen.as_ref().is_some_and(|seen| job.needs_ground() && !seen.by_class || seen.square > 0)
 }
 
-/// Nanoseconds for a point, where that is not measured.
+/// Nanoseconds for a point, if not measured.
 fn point(opened: &OpenedCloudGrid) -> f64 {
     let OpenedCloudGrid { job, seen, extent, .. } = opened;
     let recipe = StatisticRecipe::new(&job.stats, &job.rules(extent.cell()));
@@ -92,7 +90,7 @@ fn point(opened: &OpenedCloudGrid) -> f64 {
     usual + if freezes { FROZEN } else { 0.0 }
 }
 
-/// Points that all tiles read: each reads all parts that have some near it.
+/// Points that all tiles read: each reads all parts with points near it.
 fn to_read(opened: &OpenedCloudGrid, cells: &PlannedCells) -> u64 {
     let tiles: Vec<GridTileTask> = cells.tiles().collect();
     let stride = tiles.len().div_ceil(MOST_COUNTED).max(1);
@@ -103,7 +101,7 @@ fn to_read(opened: &OpenedCloudGrid, cells: &PlannedCells) -> u64 {
     (u128::from(points) * tiles.len() as u128 / u128::from(count.max(1))) as u64
 }
 
-/// Points of the parts that have some near.
+/// Points of the parts near a tile.
 fn points_near(opened: &OpenedCloudGrid, near: Option<CellSurroundings>) -> u64 {
     let points = &*opened.points;
     match near {
@@ -115,7 +113,7 @@ fn points_near(opened: &OpenedCloudGrid, near: Option<CellSurroundings>) -> u64 
     }
 }
 
-/// A tile that was tried.
+/// A sampled tile.
 struct TriedTile {
     /// Bytes of the tile, and of the grid written from it.
     bytes: [u64; 2],
@@ -125,13 +123,13 @@ struct TriedTile {
     seconds: f64,
 }
 
-/// Cells that were tried, and what they took.
+/// Sampled cells and their cost.
 #[derive(Default)]
 struct GridProbe {
     points: u64,
     seconds: f64,
     cells: u64,
-    /// With what fills up the blocks of the written grid.
+    /// Cells, with the padding of blocks of the written grid.
     padded: u64,
     tiles: u64,
     written: u64,
@@ -150,8 +148,7 @@ impl GridProbe {
         self.written += written;
     }
 
-    /// Seconds that one thread takes for the values of a cell, beside the reading of points; `None` where
-    /// nothing was tried.
+    /// Seconds of one thread for the values of a cell, without reading points; `None` if nothing was sampled.
     fn making(&self) -> Option<f64> {
         let reading = self.points as f64 * POINT[0] * 1e-9;
         let is_tried = self.cells > 0;
@@ -164,8 +161,7 @@ impl GridProbe {
         fill(rect.width, width) * fill(rect.height, height)
     }
 
-    /// Bytes of all tiles and of the written grid, rather too many than too few; as if nothing were
-    /// compressed where nothing was tried.
+    /// Bytes of all tiles and of the written grid, as an upper estimate; uncompressed if nothing was sampled.
     fn all(&self, job: &GridJob, all: Rect) -> Result<[u64; 2]> {
         let values = job.stats.len() as u64;
         let plain = values * job.sample_type.bytes() as u64;
@@ -201,7 +197,7 @@ fn places(cells: &PlannedCells) -> Vec<Rect> {
     spans(cells.height).into_iter().flat_map(row).collect()
 }
 
-/// A small tile, and the grid written from it; `None` when too much has to be read to tell.
+/// A small tile, and the grid written from it; `None` if it has to read too much.
 fn probe(
     opened: &OpenedCloudGrid,
     rect: Rect,

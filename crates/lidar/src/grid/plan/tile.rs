@@ -31,13 +31,12 @@ pub(super) struct OpenedCloudGrid {
     pub(super) job: GridJob,
     pub(super) points: Box<dyn PointSource>,
     pub(super) extent: GridExtent,
-    /// What a model of the terrain has to know of the whole cloud.
+    /// Statistics of the whole point cloud for a terrain model.
     pub(super) seen: Option<CloudOverview>,
 }
 
 impl OpenedCloudGrid {
-    /// Writes the tile of these `cells` to `file` from the part of the cloud that lies near it, or as
-    /// much more as it takes.
+    /// Writes the tile of these `cells` to `file` from the points near it, with a wider margin if necessary.
     pub(super) fn make(&self, cells: Rect, file: &Path, at: RunControl<'_>) -> Result<GridReport> {
         let mut near = self.near(cells);
         loop {
@@ -48,7 +47,7 @@ impl OpenedCloudGrid {
         }
     }
 
-    /// Writes the tile of these `cells` to `file` from the parts `within`; `None` when these are too few.
+    /// Writes the tile of these `cells` to `file` from the parts `within`; `None` if these do not suffice.
     pub(super) fn try_make(
         &self,
         cells: Rect,
@@ -62,7 +61,7 @@ impl OpenedCloudGrid {
         GridMaker { points, job: &job, extent, within: near, seen, progress, cancel }.try_make()
     }
 
-    /// What is read for the tile of these `cells` at first; `None` for the whole cloud.
+    /// The first window to read for the tile of these `cells`; `None` for the whole point cloud.
     pub(super) fn near(&self, cells: Rect) -> Option<CellSurroundings> {
         let extent = self.extent.part(cells, self.points.info());
         let recipe = StatisticRecipe::new(&self.job.stats, &self.job.rules(extent.cell()));
@@ -86,13 +85,12 @@ impl OpenedCloudGrid {
         }
     }
 
-    /// What receives the grid of `job`, whose cells are those of `extent`; fails where it cannot be
-    /// written.
+    /// The sink of the grid of `job` with the cells of `extent`; fails if it cannot be written.
     pub(super) fn sink(&self, job: &GridJob, extent: &GridExtent) -> Result<Box<dyn GridSink>> {
         job.format()?.create(&job.output, &extent.written(job), &job.write_options())
     }
 
-    /// Puts the tiles in `files` together to the output of `job`, whose cells are those of `extent`.
+    /// Assembles the tiles in `files` into the output of `job` with the cells of `extent`.
     pub(super) fn write(
         &self,
         files: &[String],
@@ -134,7 +132,7 @@ impl OpenedCloudGrid {
         })
     }
 
-    /// All that lies less than `reach` world units from the centre of a cell, or in one.
+    /// The window of all points in a cell or within `reach` world units of its centre.
     fn window(&self, extent: &GridExtent, reach: f64) -> SiteWindow {
         let frame = &self.points.info().frame;
         let ends = |axis: usize, cells: LatticeAxis, count: u32| {
@@ -148,7 +146,7 @@ impl OpenedCloudGrid {
         SiteWindow { low: [west, south], high: [east, north] }
     }
 
-    /// Steps around the cells that are read at first; `None` for the whole cloud.
+    /// First margin around the cells, in steps; `None` for the whole point cloud.
     fn margin(&self, recipe: &StatisticRecipe, cells: &SiteWindow) -> Option<i32> {
         let info = self.points.info();
         let own = |statistic: &Statistic| match statistic.shape() {

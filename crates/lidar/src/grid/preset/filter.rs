@@ -1,9 +1,8 @@
-//! Ground points of a cloud without classes: a method that finds them, tile by tile.
+//! Ground classification of a point cloud without classes, tile by tile.
 //!
-//! A tile's lowest points are gathered from the store with the halo that the method asks for. That of the
-//! filter is its reach, so its ground is that of the whole cloud, to the last bit, whatever the size of
-//! tiles. The others have tiles of a fixed size, from the origin of coordinates on: they are what the
-//! method is defined on, so nothing else leaves a trace.
+//! The lowest points of a tile are read from the store with the halo of the method. The halo of the filter is
+//! its reach, so its ground is exactly that of the whole point cloud for any tile size. The others have tiles
+//! of a fixed size, from the origin of coordinates on, which are part of their definition.
 
 use std::collections::BTreeSet;
 
@@ -15,17 +14,18 @@ use terrane_delaunay::SiteWindow;
 use terrane_engine::{Cancel, Progress, workers};
 use terrane_ground::{Asked, GroundSurface, GroundTiling, LowestPoints, NO_POINT};
 
-/// Bytes that a method needs for each cell of a tile and its halo: where tiles may have any size, and
-/// where it is fixed.
+/// Bytes of a method for each cell of a tile and its halo, for tiles of any size.
 const BYTES_PER_CELL: u64 = 72;
+/// The same for tiles of a fixed size.
 const BYTES_FIXED: u64 = 256;
 /// Fewest and most cells along a tile.
 const SIDES: [i64; 2] = [64, 1024];
 
-/// A method over the points that may be ground.
+/// A ground method with its candidate points.
 pub(crate) struct GroundFilter<'a> {
-    /// Points that the ground is looked for among, and others that may lie on it.
+    /// Candidate points.
     candidates: Vec<&'a PointStore>,
+    /// Other points that may lie on the ground.
     others: Option<&'a PointStore>,
     method: Asked,
     lattice: GroundTiling,
@@ -37,7 +37,7 @@ pub(crate) struct GroundFilter<'a> {
     side: i64,
     /// Bytes for each tile.
     memory: u64,
-    /// Where ground is looked for, if not everywhere.
+    /// Window of the search, if not everywhere.
     within: Option<SiteWindow>,
 }
 
@@ -61,7 +61,7 @@ impl GroundCellRange {
         Self { low: self.low.map(|v| v - margin), end: self.end.map(|v| v + margin) }
     }
 
-    /// Those that lie in `other`, too; the two have some in common.
+    /// The intersection with `other`, which must not be empty.
     fn within(&self, other: &Self) -> Self {
         Self {
             low: [0, 1].map(|i| self.low[i].max(other.low[i])),
@@ -69,7 +69,7 @@ impl GroundCellRange {
         }
     }
 
-    /// What they lie in, where they have so many steps along a side, and a step more.
+    /// Their window, for cells of this number of steps a side, with a step more.
     fn window(&self, cell: [f64; 2]) -> SiteWindow {
         let within = |v: f64| v.clamp(f64::from(-REACH), f64::from(REACH)) as i32;
         let low = [0, 1].map(|i| within((self.low[i] as f64 * cell[i]).floor() - 1.0));
@@ -85,7 +85,7 @@ impl GroundCellRange {
 }
 
 impl<'a> GroundFilter<'a> {
-    /// For tiles that take about `memory` bytes each; of all points there are.
+    /// For all points, with tiles of about `memory` bytes each.
     pub(crate) fn new(
         candidates: Vec<&'a PointStore>,
         metres: &MetricFrame,
@@ -112,8 +112,8 @@ impl<'a> GroundFilter<'a> {
         Self { candidates, others, method, lattice, step, cell, side, memory, within }
     }
 
-    /// For the ground in a `window` of a cloud whose points are `spacing` metres apart, which has all candidates
-    /// [around](around) it.
+    /// For the ground in a `window` of a point cloud with this `spacing` in metres; the candidates must include
+    /// all points [around](around) it.
     pub(crate) fn within(
         window: SiteWindow,
         spacing: f64,
@@ -126,23 +126,23 @@ impl<'a> GroundFilter<'a> {
         Self { within: Some(window), ..of }
     }
 
-    /// With other points on the ground that is found; nothing changes where they are candidates.
+    /// Also classifies other points on the ground, without making them candidates.
     pub(crate) fn and(self, others: &'a PointStore) -> Self {
         let is_new = self.candidates.iter().all(|store| !std::ptr::eq(*store, others));
         Self { others: is_new.then_some(others), ..self }
     }
 
-    /// How the plane is divided for all its points.
+    /// The tiling of all its points.
     fn tiling(&self) -> &'a Tiling {
         self.candidates[0].tiling()
     }
 
-    /// Whether ground is looked for where a point is.
+    /// Whether a point is in the window of the search.
     fn is_wanted(&self, point: &Point) -> bool {
         self.within.is_none_or(|window| window.contains([point.x, point.y]))
     }
 
-    /// As many threads as the memory has tiles for; one, at least.
+    /// Number of threads whose tiles fit into memory; at least one.
     fn threads(&self, threads: usize) -> usize {
         let all = self.all();
         let extent = [0, 1].map(|i| (all.end[i] - all.low[i]) as f64 * self.lattice.cell);
@@ -152,7 +152,7 @@ impl<'a> GroundFilter<'a> {
         }
     }
 
-    /// Adds the ground points to `into`, on so many threads.
+    /// Adds the ground points to `into`, on `threads` threads.
     pub(crate) fn run(
         &self,
         into: &PointStore,
@@ -178,14 +178,14 @@ impl<'a> GroundFilter<'a> {
         (at.map(|v| v.floor() as i64), at.map(|v| v - v.floor()))
     }
 
-    /// The cells that the cloud touches: beyond, all are empty.
+    /// The cells that the point cloud touches; all others are empty.
     fn all(&self) -> GroundCellRange {
         let SiteWindow { low, high } = self.tiling().window();
         let cell = |[x, y]: [i32; 2]| self.locate(&Point::new(x, y, 0)).0;
         GroundCellRange { low: cell(low), end: cell(high).map(|last| last + 1) }
     }
 
-    /// The tiles with points: there may be few of many, where points are far apart.
+    /// The tiles with points, which may be few in a sparse point cloud.
     fn tiles(&self) -> Result<Vec<[i64; 2]>> {
         let mut tiles = BTreeSet::new();
         for square in 0..self.tiling().count() {
@@ -208,7 +208,7 @@ impl<'a> GroundFilter<'a> {
         GroundCellRange { low, end: low.map(|at| at + self.side) }
     }
 
-    /// The squares that cells touch.
+    /// The tiles of the store that cells touch.
     fn squares(&self, cells: &GroundCellRange) -> impl Iterator<Item = usize> + use<> {
         self.tiling().touching(cells.window(self.cell))
     }
@@ -255,7 +255,7 @@ impl<'a> GroundFilter<'a> {
         Ok(lows)
     }
 
-    /// Whether a point lies in the core and is ground by what was found in the cells around it.
+    /// Whether a point lies in the core and is ground by the surface of the cells around it.
     fn is_ground(
         &self,
         point: &Point,
@@ -269,7 +269,7 @@ impl<'a> GroundFilter<'a> {
     }
 }
 
-/// Reads the points of a square of some stores.
+/// Reads the points of a tile of some stores.
 fn visit(stores: &[&PointStore], square: usize, mut each: impl FnMut(&[Point])) -> Result<()> {
     stores.iter().try_for_each(|store| store.visit(square, &mut each))
 }
@@ -279,7 +279,7 @@ fn cell(lattice: &GroundTiling, metres: &MetricFrame) -> [f64; 2] {
     [0, 1].map(|i| lattice.cell / metres.step[i])
 }
 
-/// All that tells which points of a window are ground, where points are `spacing` metres apart.
+/// The window of all points that decide which points of a window are ground, for points `spacing` metres apart.
 pub(crate) fn around(
     method: &Asked,
     metres: &MetricFrame,
@@ -296,8 +296,8 @@ pub(crate) fn around(
     cells.grown(lattice.halo as i64).window(cell)
 }
 
-/// Bytes that a square takes of a method that is defined on squares, for a cloud as wide and high in metres whose
-/// points may be as near to each other as they like; 0 for a method whose tiles are as small as memory allows.
+/// Bytes of a tile of a method with fixed tiles, for a point cloud of this width and height in metres and any
+/// density; 0 for a method with tiles of any size.
 pub(crate) fn square_bytes(method: &Asked, extent: [f64; 2]) -> u64 {
     bytes_of(method.lattice(0.0), extent)
 }
@@ -308,7 +308,7 @@ fn bytes_of(lattice: GroundTiling, extent: [f64; 2]) -> u64 {
     cells.map(|cells| cells.min(most)).iter().product::<u64>() * BYTES_FIXED
 }
 
-/// How far points of all stores are apart, about, in metres: by the squares that hold any.
+/// Approximate point spacing of all stores in metres, from the tiles with points.
 pub(super) fn spacing(stores: &[&PointStore], metres: &MetricFrame) -> f64 {
     let (mut count, mut steps) = (0, 0.0);
     for square in 0..stores[0].tiling().count() {

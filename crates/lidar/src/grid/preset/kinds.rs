@@ -9,14 +9,15 @@ use terrane_base::error::{Error, Result};
 use terrane_gridding::{Statistic, StatisticRequest, Subject};
 use terrane_ground as ground;
 
-/// A model of the terrain that is made of the points it takes, instead of a statistic.
+/// A terrain model, which selects its own points, instead of a statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SurfaceModel {
-    /// The ground: its points, linear in their Delaunay triangulation.
+    /// Ground: linear in the Delaunay triangulation of ground points.
     Dtm,
-    /// What is seen from above, linear in triangulations, without the pits of crowns ([`canopy`](super::super::GridJob::canopy)).
+    /// Surface model: triangulated first returns with canopy pits removed
+    /// ([`canopy`](super::super::GridJob::canopy)).
     Dsm,
-    /// The height of the second above the first, nowhere below 0.
+    /// Canopy height: the surface minus the ground, at least 0.
     Chm,
 }
 
@@ -37,12 +38,12 @@ impl SurfaceModel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum GroundFrom {
-    /// Those of the classes, or found by the best method where there is none of them.
+    /// Points of the ground classes; if there are none, points found by the best method.
     #[default]
     Auto,
-    /// Those of the classes.
+    /// Points of the ground classes.
     Class,
-    /// Those that a method finds among last returns that are no noise.
+    /// Points found by a method among last returns without noise.
     Method(ground::Asked),
 }
 
@@ -50,12 +51,12 @@ impl GroundFrom {
     /// By the morphological filter.
     pub const FILTER: Self = Self::Method(ground::Asked::FILTER);
 
-    /// True when a method is named, so that classes are not asked for.
+    /// True if a method is named, so that classes are ignored.
     pub(crate) fn is_method(self) -> bool {
         matches!(self, Self::Method(_))
     }
 
-    /// The method that finds it where classes do not tell.
+    /// The method to use without ground classes.
     pub(crate) fn method(self) -> ground::Asked {
         match self {
             Self::Method(asked) => asked,
@@ -101,7 +102,7 @@ impl TryFrom<String> for GroundFrom {
     }
 }
 
-/// The class of ground points, unless others are named.
+/// Default class of ground points.
 pub(crate) const GROUND: u8 = 2;
 /// Classes of noise, below the ground and in the air.
 pub(crate) const NOISE: [u8; 2] = [7, 18];

@@ -1,4 +1,4 @@
-//! A scan of the whole cloud, for models of its parts.
+//! A scan of the whole point cloud, for models of its parts.
 
 use super::filter::spacing;
 use super::kinds::{GroundFrom, SurfaceModel};
@@ -14,10 +14,10 @@ use terrane_gridding::canopy::CanopyAlgorithm;
 use terrane_gridding::pitfree::PitFree;
 
 impl CloudOverview {
-    /// Looks at all points that a model is made of, once.
+    /// Reads all points of a model once.
     ///
     /// # Errors
-    /// No ground where there has to be some; units that are no lengths.
+    /// No ground if it is required; coordinates without a unit of length.
     pub(in crate::grid) fn look(
         preset: SurfaceModel,
         cloud: &CloudInfo,
@@ -87,7 +87,7 @@ impl CloudOverview {
     }
 }
 
-/// Steps along the longest edge that counts above the first triangulation, points being so far apart.
+/// Steps along the longest edge above the first triangulation, for this point spacing.
 fn reach(spacing: f64, metres: &MetricFrame) -> i32 {
     let [x, y, _] = metres.step;
     (PitFree::metres(spacing).max_edge() / x.min(y)).ceil().min(f64::from(REACH)) as i32

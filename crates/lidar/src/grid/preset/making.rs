@@ -1,4 +1,4 @@
-//! The context of a terrain model in the making: the job, the memory for points, the reading of these.
+//! The context of a terrain model: the job, the memory for points, and their reading.
 
 use std::path::Path;
 
@@ -21,19 +21,19 @@ use terrane_gridding::canopy::CanopyAlgorithm;
 
 /// Stores that are in memory at once.
 pub(super) const STORES: u64 = 3;
-/// What a preset is made with.
+/// Context of a terrain model.
 pub(in crate::grid) struct Making<'a> {
     pub(in crate::grid) job: &'a GridJob,
     /// The cells.
     pub(in crate::grid) extent: &'a GridExtent,
-    /// How the cloud is read, but for classes and returns.
+    /// Reading options, without classes and returns.
     pub(in crate::grid) reading: CloudOpenOptions,
     pub(in crate::grid) threads: usize,
     /// Bytes for points, in all stores together.
     pub(in crate::grid) memory: u64,
-    /// The cloud: of its parts only the bounds are asked.
+    /// The point cloud; only the bounds of its parts are used.
     pub(in crate::grid) points: &'a dyn PointSource,
-    /// Which part of the cloud is read, if not all of it, and what was seen of all.
+    /// The part to read, if not all, with statistics of the whole point cloud.
     pub(in crate::grid) part: Option<(CellSurroundings, &'a CloudOverview)>,
     pub(in crate::grid) progress: &'a dyn Progress,
     pub(in crate::grid) cancel: &'a Cancel,
@@ -41,11 +41,11 @@ pub(in crate::grid) struct Making<'a> {
 
 pub(super) fn too_little(what: &str, least: u64, memory: u64, other: &str) -> Error {
     let [mib, memory] = [least.div_ceil(1 << 20), memory >> 20];
-    let message = format!("{what} takes {mib} MiB of memory, and {memory} are allowed");
+    let message = format!("{what} needs {mib} MiB of memory, {memory} MiB are allowed");
     short(message, least).or(other)
 }
 
-/// All classes but those of noise.
+/// All classes except noise.
 pub(super) fn no_noise() -> Vec<u8> {
     (0..=u8::MAX).filter(|class| !NOISE.contains(class)).collect()
 }
@@ -56,12 +56,12 @@ impl Making<'_> {
         self.job.cloud.filter.classes.clone().unwrap_or_else(|| vec![GROUND])
     }
 
-    /// What is read of first returns; `None` for all.
+    /// The window of first returns; `None` for all.
     pub(super) fn surface_window(&self) -> Option<SiteWindow> {
         self.part.map(|(near, _)| near.window())
     }
 
-    /// Where the ground is to be known: for layers, under all first returns that are read.
+    /// The window of the ground: for layers, under all first returns.
     pub(super) fn ground_window(&self) -> Option<SiteWindow> {
         let is_layered = self.job.canopy.way() == CanopyAlgorithm::PitFree;
         let is_all = self.job.preset == Some(SurfaceModel::Dtm) || !is_layered;
@@ -80,7 +80,7 @@ impl Making<'_> {
         PointStore::fill(&*source, tiling(source.info()), &filling)
     }
 
-    /// What is known of squares of all these points, and what surrounds them; they are handed to `also`, too.
+    /// Summaries of the tiles of all these points, and their hull; also calls `also` with the points.
     pub(super) fn outlined(
         &self,
         classes: Vec<u8>,
@@ -95,7 +95,7 @@ impl Making<'_> {
         })
     }
 
-    /// How far pulses are apart in all of the cloud, about, in metres.
+    /// Approximate pulse spacing of the whole point cloud, in metres.
     pub(super) fn pulses(&self, metres: &MetricFrame) -> Result<f64> {
         match self.part {
             Some((_, seen)) => Ok(seen.first),
@@ -126,7 +126,7 @@ impl Making<'_> {
         }
     }
 
-    /// A store that has what lies in a window, with what surrounds all such points, where that is known.
+    /// A store of the points in a window, with the hull of all such points, if known.
     pub(super) fn limited(
         &self,
         store: PointStore,
@@ -155,8 +155,8 @@ impl Making<'_> {
         self.job.spill_folder()
     }
 
-    /// Whether the ground has to be looked for among all returns, as the numbers of returns do not tell which is the
-    /// last: where some points are no last returns, and none is a second one. The last returns were read before.
+    /// Whether the ground has to be searched among all returns because return numbers are not reliable: some
+    /// points are not last returns, but none is a second one. The last returns were read before.
     pub(super) fn all_returns(&self, last: &PointStore) -> Result<bool> {
         if let Some((_, seen)) = &self.part {
             return Ok(seen.all_returns);

@@ -1,25 +1,25 @@
-//! Lengths of a cloud in metres, which the thresholds of presets are stated in.
+//! Lengths of a point cloud in metres, the unit of the thresholds of terrain models.
 
 use terrane_base::error::{Error, Result};
 use terrane_base::geom::{Crs, Point, PointFrame};
 
-/// What steps of a frame are in metres.
+/// Steps of a frame in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MetricFrame {
     /// A step along each axis.
     pub(crate) step: [f64; 3],
-    /// True when no unit is known, so that it is taken for metres.
+    /// True if the unit is unknown, and metres are assumed.
     pub(crate) is_guess: bool,
 }
 
 impl MetricFrame {
-    /// What is said of a guess.
-    pub(crate) const GUESS: &str = "the cloud names no unit of length; it is taken for metres";
+    /// The note on assumed metres.
+    pub(crate) const GUESS: &str = "the point cloud lacks a unit of length; metres are assumed";
 
-    /// By the units of `crs`; heights of no known unit are in that of x and y.
+    /// From the units of `crs`; heights without a unit are in that of x and y.
     ///
     /// # Errors
-    /// Degrees, or a unit of heights that is not known.
+    /// Degrees, or an unknown vertical unit.
     pub(crate) fn of(crs: &Crs, frame: &PointFrame) -> Result<Self> {
         let side = crs.horizontal_metres();
         if crs.horizontal_unit() == "degree" {
@@ -42,9 +42,9 @@ impl MetricFrame {
 }
 
 fn no_length(unit: &str) -> Error {
-    let message = format!("coordinates in the unit {unit:?} are no lengths in metres or feet");
+    let message = format!("the unit of the coordinates is {unit:?}, expected metres or feet");
     Error::unsupported(message)
-        .remedy("reproject the cloud; of points classified as ground, ‹dtm› works in any unit")
+        .remedy("reproject the point cloud (‹dtm› of classified ground points works in any unit)")
 }
 
 #[cfg(test)]

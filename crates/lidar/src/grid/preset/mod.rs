@@ -1,11 +1,10 @@
-//! Models of the terrain from what kinds of points there are: the ground, by class or found by a
-//! method; the surface of first returns without pits; and how high it is above the ground.
+//! Terrain models: the ground, by class or by a method; the pit-free surface of first returns; and its height
+//! above ground.
 //!
-//! They are put into stores of their own: ground by class, or the candidates that a method picks
-//! from, tile by tile with its reach as a halo; first returns, and those high above the ground again in a
-//! store for each threshold. A triangle that counts in a higher store has short edges, so it is a
-//! triangle of the points near by, too: those that are long there are dropped without asking how far
-//! their discs reach. A surface that is spike-free instead is made of all returns, and defined on squares.
+//! Each has its own stores: ground points by class, or the candidates of a method, tile by tile with its reach
+//! as a halo; first returns, and another store of those above each height threshold. Triangles of a higher
+//! layer have short edges, so they are triangles of the nearby points: long ones are dropped without checking
+//! the reach of their circles. A spike-free surface is computed from all returns instead, and defined on tiles.
 
 pub(crate) mod filter;
 pub(super) mod kinds;
@@ -47,22 +46,22 @@ use top::CanopySurface;
 /// Part of the memory that each thread's tile of the ground filter may take.
 const TILE_SHARE: u64 = 8;
 
-/// A preset whose points are all in.
+/// A terrain model with all its points.
 pub(super) struct PresetModel {
     preset: SurfaceModel,
     ground: Option<CloudSurfaces>,
     top: Option<Box<dyn CanopySurface>>,
-    /// What became of the points of its surface.
+    /// Statistics of the points of its surface.
     pub(super) census: PointCensus,
-    /// Files whose damage was passed over.
+    /// Files with skipped damage.
     pub(super) losses: LostPoints,
-    /// Which points it is made of, one line each.
+    /// Notes on the points used.
     pub(super) notes: Vec<String>,
     spilled: u64,
 }
 
 impl PresetModel {
-    /// Reads what the preset needs of the cloud.
+    /// Reads the points of the model.
     pub(super) fn new(
         preset: SurfaceModel,
         cloud: &CloudInfo,
@@ -167,7 +166,7 @@ impl PresetModel {
         let around = making.part.map(|(_, seen)| seen.around_surface()).unwrap_or_default();
         let first = making.limited(first, window, &around)?;
         if self.ground.is_none() {
-            let note = "no ground is known: the surface is that of all first returns, pits and all";
+            let note = "no ground found: the surface has all first returns and keeps its pits";
             self.notes.push(note.to_owned());
         }
         let ground = self.ground.as_ref();
@@ -203,13 +202,13 @@ impl PresetModel {
         Ok(())
     }
 
-    /// Notes what became of the points that were read last.
+    /// Records the statistics of the last points read.
     fn take_note(&mut self, read: &PointStore) {
         self.census = *read.census();
         self.losses.add(read.losses());
     }
 
-    /// Steps in metres; a unit that is guessed is noted, once.
+    /// Steps in metres; adds a note once if the unit is assumed.
     fn metres(&mut self, cloud: &CloudInfo) -> Result<MetricFrame> {
         let metres = MetricFrame::of(&cloud.crs, &cloud.frame)?;
         if metres.is_guess && !self.notes.iter().any(|note| note == MetricFrame::GUESS) {
@@ -243,7 +242,7 @@ impl PresetModel {
         Ok(())
     }
 
-    /// True when points were needed that were not read.
+    /// True if unread points were needed.
     pub(super) fn is_exceeded(&self) -> bool {
         let ground = self.ground.as_ref().is_some_and(|ground| ground.store().is_exceeded());
         ground || self.top.as_ref().is_some_and(|top| top.is_exceeded())
@@ -256,8 +255,8 @@ impl PresetModel {
     }
 }
 
-/// Bytes of memory in all that a job needs to find the ground as it is asked to, or for a square of the surface,
-/// before anything else; 0 where that is not known before the points are.
+/// Least memory of a job for its ground method, or for a tile of its surface; 0 if unknown before the points
+/// are read.
 pub(super) fn least(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOverview>) -> u64 {
     let freezes = job.preset.is_some() && job.canopy.way() != CanopyAlgorithm::PitFree;
     let usual = if freezes { cloud.count.min(spike_free::USUAL) } else { 0 };
@@ -276,7 +275,7 @@ fn least_for_ground(job: &GridJob, cloud: &CloudInfo, seen: Option<&CloudOvervie
     extent.map_or(0, |extent| least_for(square_bytes(&method, extent)))
 }
 
-/// Of a square: half of the memory is for points, in three stores.
+/// Least memory for a tile: half of the memory is for points, in three stores.
 fn least_for(square: u64) -> u64 {
     2 * STORES * square
 }

@@ -4,7 +4,7 @@ use super::squares::SpikeFreeSquares;
 use terrane_base::error::Error;
 use terrane_ground as ground;
 
-/// A line that tells what a method found, and among how many of which points.
+/// The note on the points found by a method, and the number and kind of candidates.
 pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &str) -> String {
     let by = match method.name() {
         "filter" => "the ground filter".to_owned(),
@@ -15,18 +15,17 @@ pub(crate) fn found_by(method: &ground::Asked, found: u64, all: u64, points: &st
 
 /// The error of a cloud without points of the classes of ground.
 pub(crate) fn no_ground_of_class(named: &str) -> Error {
-    Error::bad_input(format!("the cloud has no points of class {named}"))
+    Error::bad_input(format!("the point cloud has no points of class {named}"))
 }
 
 pub(super) fn not_of_class(named: &str) -> Error {
-    no_ground_of_class(named)
-        .remedy("pass ‹ground› auto, or name the classes of ground with ‹class›")
+    no_ground_of_class(named).remedy("pass ‹ground› auto, or the ground classes with ‹class›")
 }
 
 /// The error of a cloud without ground.
 pub(crate) fn no_ground() -> Error {
-    Error::bad_input("no ground is found in the cloud")
-        .remedy("check what ‹bounds›, ‹clip› and ‹z_range› leave of it")
+    Error::bad_input("no ground found in the point cloud")
+        .remedy("check ‹bounds›, ‹clip› and ‹z_range›")
 }
 
 pub(super) fn found_in_classes(count: u64, classes: &[u8]) -> String {
@@ -37,7 +36,7 @@ pub(super) fn named(classes: &[u8]) -> String {
     classes.iter().map(u8::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// A line that tells which returns a spike-free surface is made of, and what freezes.
+/// The note on the returns of a spike-free surface, and its freeze length.
 pub(super) fn frozen(count: u64, squares: &SpikeFreeSquares) -> String {
     let edge = squares.freeze.edge;
     format!("surface: {count} returns, spike-free with triangles of up to {edge:.2} m")

@@ -1,5 +1,5 @@
-//! The surface of first returns without pits: one triangulation for each height above the ground that
-//! points reach, the highest of which counts at each place.
+//! The pit-free surface of first returns: one triangulation for each height threshold; the highest one counts
+//! at each position.
 
 use std::convert::Infallible;
 
@@ -31,7 +31,7 @@ pub(super) struct PitFreeLayers {
     frame: PointFrame,
     /// Metres in a step along x and y.
     scale: [f64; 2],
-    /// True where not all of the cloud is in it.
+    /// True if it has a part of the point cloud only.
     is_part: bool,
 }
 
@@ -62,8 +62,8 @@ impl CanopySurface for PitFreeLayers {
 }
 
 impl PitFreeLayers {
-    /// Over the points of `first`, of which those high above `ground` are in further triangulations
-    /// too; without `ground`, none is.
+    /// Triangulates the points of `first`; those high above `ground` are in further layers, too. Without
+    /// `ground` there is one layer.
     pub(super) fn new(
         first: PointStore,
         ground: Option<&CloudSurfaces>,
@@ -115,7 +115,7 @@ impl PitFreeLayers {
         Ok(())
     }
 
-    /// The longest edge of the first layer that counts, where what is longer is told without looking further.
+    /// The longest valid edge of the first layer, if longer ones can be rejected locally.
     fn longest(&self, max_edge: Option<f64>) -> Option<f64> {
         max_edge.filter(|_| self.is_part)
     }
@@ -126,7 +126,7 @@ impl PitFreeLayers {
         (self.pits.max_edge() / x.min(y)).ceil() as i32
     }
 
-    /// What each layer has at each position.
+    /// The facet of each layer at each position.
     fn facets<I: Iterator<Item = FixedPosition>>(
         &self,
         around: &mut [SurroundingPoints<'_>],
@@ -174,7 +174,7 @@ impl PitFreeLayers {
     }
 }
 
-/// What was found at a position, with its height there.
+/// The facet at a position, with its height.
 fn facet(position: FixedPosition, found: Location) -> Option<PitFreeFacet> {
     match found {
         Location::At(point) => Some(PitFreeFacet { corners: [point; 3], z: f64::from(point.z) }),
@@ -185,7 +185,7 @@ fn facet(position: FixedPosition, found: Location) -> Option<PitFreeFacet> {
     }
 }
 
-/// Adds points to all of the stores that their height above the ground reaches.
+/// Adds points to all stores whose threshold their height above ground reaches.
 fn lift(
     first: &PointStore,
     ground: &CloudSurfaces,

@@ -1,5 +1,4 @@
-//! What a model of a part of a cloud has to know of all of it: which points are ground, how far apart points
-//! are, and what surrounds them.
+//! Statistics of a whole point cloud for a model of a part: source of the ground, point spacing, and hulls.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,33 +12,33 @@ use terrane_base::geom::Point;
 use terrane_cloud::CloudInfo;
 use terrane_delaunay::ConvexHull;
 
-/// What was seen of a cloud.
+/// Statistics of a point cloud.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct CloudOverview {
-    /// True where the ground is that of its classes.
+    /// True if the ground is that of its classes.
     pub(crate) by_class: bool,
-    /// Metres between last returns, where a method finds the ground.
+    /// Spacing of last returns in metres, for a ground method.
     pub(crate) last: f64,
-    /// True where it looks among all returns, as their numbers tell nothing.
+    /// True if the candidates are all returns, as return numbers are not reliable.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) all_returns: bool,
-    /// Metres between first returns, for the surface.
+    /// Spacing of first returns in metres, for the surface.
     pub(crate) first: f64,
-    /// Steps along the longest edge in a crown, or to the end of what a square of the surface sees.
+    /// Steps along the longest edge in a crown, or of the window of a tile of the surface.
     pub(crate) reach: i32,
-    /// Most points that a square of the surface sees.
+    /// Most points in the window of a tile of the surface.
     #[serde(default, skip_serializing_if = "is_none")]
     pub(crate) square: u64,
-    /// What surrounds the ground of the classes.
+    /// Hull of the ground points of the classes.
     pub(super) ground: Vec<[i32; 3]>,
-    /// What surrounds the returns of the surface.
+    /// Hull of the returns of the surface.
     pub(super) surface: Vec<[i32; 3]>,
-    /// Which points a model is made of, one line each.
+    /// Notes on the points of a model.
     pub(crate) notes: Vec<String>,
 }
 
 impl CloudOverview {
-    /// Of points of these classes, which are the ground if there are any.
+    /// Adds points of the ground classes; sets the source of the ground.
     pub(crate) fn look_at_classes(&mut self, ground: &PointStore, classes: &[u8]) -> Result<()> {
         self.by_class = ground.count() > 0;
         self.ground = places(&ground.hull()?);
@@ -47,7 +46,7 @@ impl CloudOverview {
         Ok(())
     }
 
-    /// Of the points that a method finds the ground among.
+    /// Adds the candidates of a ground method.
     pub(crate) fn look_at_candidates(
         &mut self,
         candidates: &[&PointStore],
@@ -59,12 +58,12 @@ impl CloudOverview {
         Ok(())
     }
 
-    /// What surrounds the ground, where that is known.
+    /// Hull of the ground, if known.
     pub(crate) fn around_ground(&self) -> Vec<Point> {
         points(&self.ground)
     }
 
-    /// What surrounds the returns of the surface.
+    /// Hull of the returns of the surface.
     pub(super) fn around_surface(&self) -> Vec<Point> {
         points(&self.surface)
     }

@@ -1,9 +1,9 @@
-//! The surface of all returns without spikes, square by square: heights at the centres of cells, before any of them
-//! is written.
+//! The spike-free surface of all returns, tile by tile: heights at the centres of cells, computed before
+//! writing.
 //!
-//! Where the circle of a triangle reaches beyond what its square sees, as it does in voids that are wider and along
-//! the border of the cloud, and where there is no triangle, the height is that of the plain triangulation of
-//! all returns. So nothing freezing, all of it is the plain one.
+//! Where the circle of a triangle reaches beyond the window of its tile, as in wide voids and along the border
+//! of the point cloud, and where there is no triangle, the height is that of the plain triangulation of all
+//! returns. Without frozen triangles the result is the plain triangulation.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,35 +22,35 @@ use terrane_files::Buckets;
 use terrane_gridding::Statistic;
 use terrane_gridding::pitfree::is_short;
 
-/// Bytes for each point that a square sees.
+/// Bytes for each point in the window of a tile.
 const BYTES_PER_POINT: u64 = 96;
-/// Part of the memory of a store that the heights may take.
+/// Inverse fraction of the memory of a store for the heights.
 const HEIGHTS: u64 = 4;
-/// Stands for a height that the plain triangulation tells.
+/// Marks a height from the plain triangulation.
 const PLAIN: f64 = f64::INFINITY;
 
-/// Most points that a square sees of a cloud that is even, with more returns to a pulse than usual: what is asked
-/// for before the points are known.
+/// Estimated number of points in the window of a tile, before the points are read: for an even point cloud with
+/// many returns per pulse.
 pub(super) const USUAL: u64 = 1 << 18;
 
-/// Bytes of memory in all with which there is room for a square that sees so many points.
+/// Least memory for a tile with `points` points in its window.
 pub(super) fn least(points: u64) -> u64 {
     let square = points.saturating_mul(BYTES_PER_POINT).div_ceil(HEIGHTS - 1);
     square.saturating_mul(2 * STORES * HEIGHTS)
 }
 
-/// Heights of the surface, by square.
+/// Heights of the surface, by tile.
 pub(super) struct BySquare {
-    /// Through all returns.
+    /// The plain triangulation of all returns.
     plain: CloudSurfaces,
-    /// Columns and rows by square.
+    /// Columns and rows by tile.
     spans: [Spans; 2],
-    /// Which bucket has the heights of a square, row by row.
+    /// Bucket of the heights of each tile, row by row.
     numbers: BTreeMap<[i32; 2], usize>,
     heights: Buckets<f64>,
 }
 
-/// Columns, or rows, whose centres lie in the squares along an axis.
+/// Columns, or rows, whose centres lie in the tiles along an axis.
 type Spans = BTreeMap<i32, Range<u32>>;
 
 impl CanopySurface for BySquare {
@@ -91,7 +91,7 @@ impl CanopySurface for BySquare {
 }
 
 impl BySquare {
-    /// Over the points of `all`, as the squares see them that were counted.
+    /// Computes the heights from the points of `all`, for the counted tiles.
     pub(super) fn new(
         all: PointStore,
         tally: SpikeFreeTally,
@@ -125,7 +125,7 @@ impl BySquare {
         Ok(made)
     }
 
-    /// Puts heights of the plain triangulation to where they are asked for.
+    /// Fills in heights of the plain triangulation where marked.
     fn fill_plain(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()> {
         let (rect, width) = (piece.rect, piece.rect.width as usize);
         let asked = out.iter().enumerate().filter(|(_, height)| **height == PLAIN);
@@ -156,7 +156,7 @@ impl BySquare {
     }
 }
 
-/// The squares of columns and rows.
+/// The tiles of columns and rows.
 fn spans(squares: &SpikeFreeSquares, centres: &CellCenters) -> [Spans; 2] {
     let at = centres.positions();
     [(0, at.xs), (1, at.ys)].map(|(axis, steps)| {
@@ -169,19 +169,19 @@ fn spans(squares: &SpikeFreeSquares, centres: &CellCenters) -> [Spans; 2] {
     })
 }
 
-/// As many threads as the memory has room for, one at least; fails where that has none.
+/// Number of threads that fit into memory; fails if none does.
 fn threads(points: u64, making: &Making<'_>) -> Result<usize> {
     let room = making.store_memory() / HEIGHTS * (HEIGHTS - 1);
     let square = points * BYTES_PER_POINT;
     if square > room {
-        let what = "a square of the spike-free surface";
+        let what = "a tile of the spike-free surface";
         let other = "‹canopy› pit-free, or a shorter freeze";
         return Err(too_little(what, least(points), making.job.resources.memory, other));
     }
     Ok((room / square.max(1)).min(making.threads as u64) as usize)
 }
 
-/// What squares are worked on with.
+/// Context of a tile.
 struct SpikeFreeContext<'a> {
     made: &'a BySquare,
     squares: SpikeFreeSquares,
@@ -191,7 +191,7 @@ struct SpikeFreeContext<'a> {
 }
 
 impl SpikeFreeContext<'_> {
-    /// Finds the heights of a square that sees so many points.
+    /// Computes the heights of a tile with this number of points in its window.
     fn fill(&self, number: usize, square: [i32; 2], points: usize) -> Result<()> {
         let window = self.squares.window(square);
         let (store, mut near) = (self.made.plain.store(), Vec::with_capacity(points));
@@ -215,8 +215,7 @@ impl SpikeFreeContext<'_> {
         Ok(())
     }
 
-    /// The height at a position; on the side of two triangles, of which one has an edge that is too long, that of the
-    /// other.
+    /// The height at a position; on the shared side of two triangles, that of the one without a long edge.
     fn height(
         &self,
         surface: &SpikeFree,

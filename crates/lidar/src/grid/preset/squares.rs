@@ -1,8 +1,8 @@
-//! Squares at fixed places that a spike-free surface is defined on, each with a halo, and the points that each
-//! of them sees.
+//! Fixed tiles with halos on which a spike-free surface is defined, and the number of points in the window of
+//! each.
 //!
-//! What freezes depends on what froze around it, so the surface is that of squares: as far as a change reaches in
-//! practice is a few edges of triangles that freeze, and a halo has twelve of them.
+//! Frozen triangles depend on those around them, so the surface is defined on tiles: in practice a change
+//! reaches a few edges of frozen triangles, and a halo has twelve of them.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -12,16 +12,18 @@ use terrane_base::geom::{Point, REACH};
 use terrane_delaunay::{FreezeRule, SiteWindow};
 use terrane_files::lock;
 
-/// Edges of triangles that freeze along a halo, and halos along a square.
+/// Edges of frozen triangles along a halo.
 const EDGES: f64 = 12.0;
+/// Halos along a tile.
 const HALOS: i32 = 6;
-/// Spacings of pulses along an edge, unless it is given, and least along the twelfth of a halo.
+/// Default edge length in pulse spacings, and least length of a twelfth of a halo.
 const SPACINGS: f64 = 3.0;
-/// Metres along the narrowest halo, and steps along the widest: with its square it is below 2^28.
+/// Width of the narrowest halo, in metres.
 const NARROWEST: f64 = 1.0;
+/// Steps along the widest halo: with its tile it is below 2^28.
 const WIDEST: f64 = (1 << 24) as f64;
 
-/// The squares, counted from the offset of the cloud.
+/// The tiles, counted from the offset of the point cloud.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpikeFreeSquares {
     pub(super) freeze: FreezeRule,
@@ -30,8 +32,8 @@ pub(super) struct SpikeFreeSquares {
 }
 
 impl SpikeFreeSquares {
-    /// For pulses `spacing` metres apart, triangles that freeze with edges of so many metres (`None` for three
-    /// times that) and what is so much higher than points to come.
+    /// For pulses `spacing` metres apart, with the freeze length in metres (`None` for three times the spacing)
+    /// and the buffer.
     pub(super) fn new(
         spacing: f64,
         (edge, buffer): (Option<f64>, f64),
@@ -48,17 +50,17 @@ impl SpikeFreeSquares {
         HALOS * self.halo
     }
 
-    /// Steps around a place within which lies all that its square sees.
+    /// Steps around a position that contain the window of its tile.
     pub(super) fn reach(&self) -> i32 {
         self.side() + self.halo
     }
 
-    /// The square of a coordinate, along its axis.
+    /// The tile of a coordinate, along its axis.
     pub(super) fn along(&self, at: i32) -> i32 {
         at.div_euclid(self.side())
     }
 
-    /// All that a square sees.
+    /// The window of a tile, halo included.
     pub(super) fn window(&self, square: [i32; 2]) -> SiteWindow {
         let [side, halo] = [self.side(), self.halo].map(i64::from);
         let within = |v: i64| v.clamp(-i64::from(REACH), i64::from(REACH)) as i32;
@@ -66,13 +68,13 @@ impl SpikeFreeSquares {
         SiteWindow { low: low.map(within), high: low.map(|v| within(v + side + 2 * halo - 1)) }
     }
 
-    /// The first and the last of the squares, along both axes, that see a point.
+    /// The first and the last tile along both axes whose windows contain a point.
     fn seeing(&self, p: &Point) -> [[i32; 2]; 2] {
         [p.x, p.y].map(|v| [v - self.halo, v + self.halo].map(|end| self.along(end)))
     }
 }
 
-/// How many points each square sees.
+/// Number of points in the window of each tile.
 #[derive(Debug)]
 pub(super) struct SpikeFreeTally {
     pub(super) squares: SpikeFreeSquares,
@@ -98,7 +100,7 @@ impl SpikeFreeTally {
         found.into_iter().for_each(|(square, count)| *counts.entry(square).or_default() += count);
     }
 
-    /// The squares that see any, with how many.
+    /// The tiles with points in their windows, with their number.
     pub(super) fn counts(self) -> BTreeMap<[i32; 2], u64> {
         self.counts.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner)
     }

@@ -1,17 +1,17 @@
-//! What is seen from above.
+//! Canopy surfaces.
 
 use super::super::extent::CellRequest;
 use terrane_base::error::Result;
 
 /// A surface, by one of the methods.
 pub(super) trait CanopySurface: Send + Sync {
-    /// World heights at the centres of cells, NaN where there is no surface.
+    /// World heights at the centres of cells, NaN outside the surface.
     ///
     /// # Errors
-    /// What cannot be read.
+    /// Read errors.
     fn values(&self, piece: CellRequest<'_>, out: &mut [f64]) -> Result<()>;
 
-    /// True when points were needed that were not read.
+    /// True if unread points were needed.
     fn is_exceeded(&self) -> bool;
 
     /// Bytes that went to temporary files.

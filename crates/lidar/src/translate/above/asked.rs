@@ -24,19 +24,19 @@ pub enum HeightsAs {
     Z,
 }
 
-/// What gives points their classes.
+/// A classification of points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Classify {
-    /// Those that a method finds to be noise are of its class; before all others, as noise is no ground.
+    /// Noise gets the class of the method; runs first, as noise is never ground.
     Noise(noise::Asked),
-    /// Of the classes that may change, those found to be ground are of class 2, and no others are.
+    /// Reclassifies points of the classes that may change: ground points get class 2, others lose it.
     Ground(Reclassify),
-    /// Those of no class (0 or 1) are of one by their height above the ground.
+    /// Unclassified points (0 or 1) get a class by height above ground.
     Height(HeightClasses),
 }
 
-/// Classes, each from a height above the ground up to that of the next.
+/// Classes by height above ground: each starts at a height and ends at the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightClasses(Vec<(u8, f64)>);
 
@@ -54,17 +54,19 @@ impl FromStr for HeightClasses {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let one = |part: &str| {
             let (class, height) = part.split_once('=').ok_or_else(|| {
-                format!("{part:?} is no class and the height that it begins at, such as 3=0.5")
+                format!("{part:?} is not a class and its lowest height, such as 3=0.5")
             })?;
-            let class =
-                class.trim().parse().map_err(|_| format!("{class} is no class, 0 to 255"))?;
+            let class = class
+                .trim()
+                .parse()
+                .map_err(|_| format!("{class} is not a class from 0 to 255"))?;
             let height = height.trim().parse().ok().filter(|height: &f64| height.is_finite());
-            Ok((class, height.ok_or_else(|| format!("{part:?} names no height"))?))
+            Ok((class, height.ok_or_else(|| format!("{part:?} lacks a height"))?))
         };
         let layers = text.split(',').map(one).collect::<std::result::Result<Vec<_>, String>>()?;
         match layers.is_sorted_by(|a, b| a.1 < b.1) {
             true => Ok(Self(layers)),
-            false => Err("each height has to be above the one before it".to_owned()),
+            false => Err("the heights are not ascending".to_owned()),
         }
     }
 }
@@ -83,10 +85,7 @@ impl FromStr for Classify {
             Some(("noise", method)) => {
                 noise::Asked::parse(method).map(Self::Noise).map_err(|e| e.to_string())
             }
-            _ => Err(format!(
-                "{text} is none of ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, \
-                 noise:METHOD"
-            )),
+            _ => Err("expected ground, ground:reclassify=CLASS,..., height, height:CLASS=FROM,..., noise, noise:METHOD".to_owned()),
         }
     }
 }
@@ -124,18 +123,18 @@ impl HeightClasses {
     }
 }
 
-/// What is asked of the ground.
+/// Options for heights above ground and classification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeightAboveGround {
-    /// Which points are ground.
+    /// Source of ground points.
     pub from: GroundFrom,
-    /// Where heights above it go.
+    /// Target of heights above ground.
     pub heights: Option<HeightsAs>,
-    /// Who gives classes, one after the other.
+    /// Classifications, in order.
     pub classify: Vec<Classify>,
 }
 
-/// Bytes of tables for each square of the plane.
+/// Bytes of tables for each tile.
 const SQUARE: u64 = 512;
 
 /// Whether a record is of a class of noise.
@@ -143,7 +142,7 @@ pub(in crate::translate) fn is_known_noise(format: PointFormat, record: &[u8]) -
     NOISE.contains(&format.class(record))
 }
 
-/// Whether a record is no point marked as withheld, or these are kept.
+/// Whether a record is kept: not marked as withheld, unless these are kept.
 pub(in crate::translate) fn is_there(
     format: PointFormat,
     keeps_withheld: bool,
@@ -153,13 +152,13 @@ pub(in crate::translate) fn is_there(
 }
 
 impl HeightAboveGround {
-    /// Whether anything is asked of the ground.
+    /// Whether the ground is needed.
     pub(in crate::translate) fn is_asked(&self) -> bool {
         let is_noise = |one: &Classify| matches!(one, Classify::Noise(_));
         self.heights.is_some() || !self.classify.iter().all(is_noise)
     }
 
-    /// The method that noise is found by, if it is looked for.
+    /// The noise method, if any.
     pub(in crate::translate) fn noise(&self) -> Option<&noise::Asked> {
         self.classify.iter().find_map(|one| match one {
             Classify::Noise(asked) => Some(asked),
@@ -167,12 +166,12 @@ impl HeightAboveGround {
         })
     }
 
-    /// Leaves noise to others.
+    /// Removes the noise method.
     pub(in crate::translate) fn forget_noise(&mut self) {
         self.classify.retain(|one| !matches!(one, Classify::Noise(_)));
     }
 
-    /// Bytes that it needs for a cloud, and more for each thread.
+    /// Bytes for a point cloud, and for each thread.
     pub(in crate::translate) fn needed(&self, info: &CloudInfo) -> [u64; 2] {
         let tables = (info.count / 4096).clamp(1, 1 << 18) * SQUARE;
         match self.is_asked() {
@@ -181,7 +180,7 @@ impl HeightAboveGround {
         }
     }
 
-    /// Bytes of them for a square of the method that finds the ground.
+    /// Part of these bytes for a tile of the ground method.
     pub(in crate::translate) fn square(&self, info: &CloudInfo) -> u64 {
         let metres = MetricFrame::of(&info.crs, &info.frame);
         match metres {
@@ -192,7 +191,7 @@ impl HeightAboveGround {
         }
     }
 
-    /// Frame, bounds and system of points of this cloud, as they are written.
+    /// Frame, bounds and CRS of the written points.
     pub(in crate::translate) fn info(&self, info: &CloudInfo) -> CloudInfo {
         if self.heights != Some(HeightsAs::Z) {
             return info.clone();
@@ -208,21 +207,24 @@ impl HeightAboveGround {
     }
 
     /// # Errors
-    /// What cannot be asked together, or of a format.
+    /// Conflicting options, and options that the format does not support.
     pub(in crate::translate) fn check(&self, format: PointFormat) -> Result<()> {
         if self.finds_ground() && self.from == GroundFrom::Class {
             return Err(Error::usage(
-                "‹classify› ground cannot act: ‹ground› class takes the classes that there are",
+                "‹classify› ground has no effect with ‹ground› class, which uses the existing classes",
             )
-            .remedy("leave one of them out"));
+            .remedy("leave out one of them"));
         }
         if !self.is_asked() && self.from != GroundFrom::Auto {
-            return Err(Error::usage("‹ground› cannot act: nothing is asked of the ground")
-                .remedy("pass ‹height_above_ground› or ‹classify›, or leave ‹ground› out"));
+            return Err(Error::usage(
+                "‹ground› has no effect without ‹height_above_ground› or ‹classify›",
+            )
+            .remedy("pass one of them, or leave out ‹ground›"));
         }
         let kinds: Vec<_> = self.classify.iter().map(std::mem::discriminant).collect();
         if (1..kinds.len()).any(|i| kinds[..i].contains(&kinds[i])) {
-            return Err(Error::usage("‹classify› names one way twice").remedy("leave one out"));
+            return Err(Error::usage("‹classify› has the same method twice")
+                .remedy("leave out one of them"));
         }
         let classes =
             self.layers().into_iter().flat_map(|HeightClasses(all)| all).map(|(class, _)| *class);
@@ -230,8 +232,10 @@ impl HeightAboveGround {
             None => Ok(()),
             Some(class) => {
                 let number = format.number();
-                Err(Error::usage(format!("point format {number} has no class {class}"))
-                    .remedy("pass ‹point_format› 6, or 7 with colours"))
+                Err(Error::usage(format!(
+                    "class {class} is not supported by point format {number}"
+                ))
+                .remedy("pass ‹point_format› 6, or 7 with colours"))
             }
         }
     }
@@ -243,7 +247,7 @@ impl HeightAboveGround {
         })
     }
 
-    /// The classes that may change, if points are given that of ground.
+    /// The classes that may change, if ground is classified.
     pub(super) fn reclassify(&self) -> Option<&Reclassify> {
         self.classify.iter().find_map(|one| match one {
             Classify::Ground(classes) => Some(classes),
@@ -255,12 +259,12 @@ impl HeightAboveGround {
         self.reclassify().is_some()
     }
 
-    /// Whether points of a class, which is none of noise, may be found to be ground.
+    /// Whether points of a class other than noise may be ground.
     pub(super) fn may_be_ground(&self, class: u8) -> bool {
         self.reclassify().is_none_or(|classes| classes.may_change(class))
     }
 
-    /// Whether the ground is that of the classes, if there are points of it.
+    /// Whether existing ground classes are used.
     pub(super) fn takes_classes(&self) -> bool {
         !self.from.is_method() && !self.finds_ground()
     }

@@ -1,4 +1,4 @@
-//! The ground of a cloud, and what it tells of each point.
+//! The ground of a point cloud, and the heights and classes derived from it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -25,49 +25,49 @@ use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
-/// Places that are looked at together.
+/// Positions processed together.
 const TOGETHER: usize = 1 << 15;
 /// Part of the memory that each thread's tile of the ground filter may take.
 const TILE_SHARE: u64 = 8;
 /// Parts that the memory is divided into: places, last and other returns, and ground.
 const PARTS: u64 = 4;
-/// Strips of a square that points are looked at in.
+/// Strips of a tile that are processed in turn.
 const STRIPS: i32 = 32;
-/// The class of points that have none yet, and of those that were looked at, too.
+/// Classes of points that were never classified, and that are unclassified.
 const NO_CLASS: [u8; 2] = [0, 1];
 
-/// Where the ground is looked for, and with what.
+/// Context of the search for the ground.
 pub(in crate::translate) struct GroundHeightSearch<'a> {
     pub(in crate::translate) above: &'a HeightAboveGround,
-    /// Where points lie.
+    /// Frame and bounds of the points.
     pub(in crate::translate) info: &'a CloudInfo,
-    /// How many steps records are from there.
+    /// Offset of records in steps.
     pub(in crate::translate) shift: [i32; 3],
     pub(in crate::translate) format: PointFormat,
     pub(in crate::translate) flow: RecordFlow,
     pub(in crate::translate) threads: usize,
     /// Bytes for points.
     pub(in crate::translate) memory: u64,
-    /// And for a square of the method that finds the ground.
+    /// Bytes for a tile of the ground method.
     pub(in crate::translate) square: u64,
     pub(in crate::translate) folder: &'a Path,
     /// Whether points marked as withheld may be ground.
     pub(in crate::translate) keeps_withheld: bool,
-    /// The squares that are made, if not all.
+    /// The tiles to make, if not all.
     pub(in crate::translate) portion: Option<&'a SquarePortion<'a>>,
     pub(in crate::translate) at: RunControl<'a>,
 }
 
-/// Points that may be ground: of any class that may change, and no noise.
+/// Candidate ground points: of any class that may change, without noise.
 struct GroundCandidates {
     last: PointStore,
     others: PointStore,
-    /// Whether any point is a later return than the first: where none is, numbers of returns tell nothing.
+    /// Whether any point is a later return than the first; otherwise return numbers are not reliable.
     is_numbered: AtomicBool,
 }
 
 impl GroundCandidates {
-    /// Those that the ground is looked for among.
+    /// The candidates of the method.
     fn looked_at(&self, all_returns: bool) -> Vec<&PointStore> {
         if all_returns { vec![&self.last, &self.others] } else { vec![&self.last] }
     }
@@ -77,12 +77,12 @@ impl GroundCandidates {
     }
 }
 
-/// Where points go that tell of the ground.
+/// Consumer of points for the ground.
 enum GroundGathering<'a> {
     Nowhere,
-    /// Those of the class of ground.
+    /// Points of the ground class.
     Class(PointStoreFeed<'a>),
-    /// Last returns and others that may be ground, and whether numbers of returns tell.
+    /// Last returns and other candidates, and whether return numbers are reliable.
     Candidates([PointStoreFeed<'a>; 2], &'a AtomicBool),
 }
 
@@ -148,7 +148,7 @@ impl<'a> GroundGathering<'a> {
     }
 }
 
-/// A point that is to be told of.
+/// A point to classify or measure.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct GroundQueryPoint {
@@ -156,17 +156,17 @@ struct GroundQueryPoint {
     class: u8,
     may_be_ground: u8,
     spare: [u8; 2],
-    /// Of the record.
+    /// Number of the record.
     number: u64,
 }
 
-/// What became of points.
+/// Counts of classified points.
 #[derive(Clone, Default)]
 struct GroundClassCounts {
-    /// Points found to be ground, by the class that they had.
+    /// Ground points, by their previous class.
     ground: BTreeMap<u8, u64>,
     no_longer: u64,
-    /// Points that were no candidates for their class, by class.
+    /// Points that were not candidates because of their class, by class.
     kept: BTreeMap<u8, u64>,
     layered: u64,
     without: u64,
@@ -185,9 +185,9 @@ impl GroundClassCounts {
     }
 }
 
-/// The ground, and the places of all points.
+/// The ground, and the positions of all points.
 struct FoundGround {
-    /// `None` where nothing but classes of ground is asked, or there is none.
+    /// `None` if only ground classes are needed, or there is no ground.
     surface: Option<CloudSurfaces>,
     entries: Buckets<GroundQueryPoint>,
     firsts: Vec<u64>,
@@ -196,11 +196,11 @@ struct FoundGround {
 }
 
 impl GroundHeightSearch<'_> {
-    /// The records with what the ground tells of them. Where they are not all points that the ground is made of,
-    /// `wide` are; a record has its height `at` a byte.
+    /// The records with heights and classes. `wide` has the points of the ground if these are not the records
+    /// themselves; a record has its height `at` a byte.
     ///
     /// # Errors
-    /// No ground; units that are no lengths, where it has to be found.
+    /// No ground; coordinates without a unit of length, for a ground method.
     pub(in crate::translate) fn tell<'r>(
         &self,
         records: &'r dyn PointRecords,
@@ -228,7 +228,7 @@ impl GroundHeightSearch<'_> {
         Ok(Told { records, format, record, at, values, firsts, notes })
     }
 
-    /// What has to be known of the ground of all points that these are, before that of some is told.
+    /// Statistics of the ground of all points, for work in portions.
     ///
     /// # Errors
     /// As [`tell`](Self::tell).
@@ -255,7 +255,7 @@ impl GroundHeightSearch<'_> {
         Ok(seen)
     }
 
-    /// What was seen of the ground of the whole cloud, where it is made in portions.
+    /// Statistics of the ground of the whole point cloud, for work in portions.
     fn seen(&self) -> Option<&CloudOverview> {
         self.portion.and_then(|portion| portion.looked.seen.as_ref())
     }
@@ -303,7 +303,7 @@ impl GroundHeightSearch<'_> {
         Ok(FoundGround { surface: surface.transpose()?, entries, firsts, count, notes })
     }
 
-    /// The ground of a portion, with what surrounds that of the whole cloud where it is known.
+    /// The ground of a portion, with the hull of the whole ground, if known.
     fn limited(&self, store: PointStore) -> Result<PointStore> {
         let Some((portion, seen)) = self.portion.zip(self.seen()) else { return Ok(store) };
         let around = seen.around_ground();
@@ -320,18 +320,20 @@ impl GroundHeightSearch<'_> {
         GroundCandidates { last: store(), others: store(), is_numbered: AtomicBool::new(false) }
     }
 
-    /// The error of a cloud none of whose points may be ground.
+    /// The error of a point cloud without candidates.
     fn no_candidates(&self) -> Error {
         match self.above.reclassify() {
             None => no_ground(),
             Some(_) => Error::bad_input(
-                "the cloud has no points whose class ‹classify› ground may change",
+                "the point cloud has no points that ‹classify› ground may reclassify",
             )
-            .remedy("name the classes that may be ground: ‹classify› ground:reclassify=CLASS,..."),
+            .remedy(
+                "pass the classes that may become ground: ‹classify› ground:reclassify=CLASS,...",
+            ),
         }
     }
 
-    /// What the method finds among the candidates: by the last returns, and then all that lie on their surface.
+    /// The ground found by the method among the last returns, with all candidates on its surface.
     fn filtered(
         &self,
         candidates: &GroundCandidates,
@@ -360,7 +362,7 @@ impl GroundHeightSearch<'_> {
         Ok(ground)
     }
 
-    /// Looks at all records: at where they are, and which may be ground.
+    /// Reads all records: their positions, and the ground candidates.
     fn pass(
         &self,
         records: &dyn PointRecords,
@@ -392,7 +394,7 @@ impl GroundHeightSearch<'_> {
         Point { x: x.wrapping_sub(by[0]), y: y.wrapping_sub(by[1]), z: z.wrapping_sub(by[2]) }
     }
 
-    /// Whether a point may be found to be ground, whatever return it is.
+    /// Whether a point of any return may be ground.
     fn may_be_ground(&self, record: &[u8]) -> bool {
         self.above.may_be_ground(self.format.class(record))
             && !is_known_noise(self.format, record)
@@ -403,7 +405,7 @@ impl GroundHeightSearch<'_> {
         is_there(self.format, self.keeps_withheld, record)
     }
 
-    /// Puts what is told of each point to its number.
+    /// Stores the values of each point by its number.
     fn value(
         &self,
         ground: &CloudSurfaces,
@@ -463,7 +465,7 @@ impl GroundHeightSearch<'_> {
         put.finish()
     }
 
-    /// How far points are above the ground, in steps; `None` beyond it.
+    /// Heights above ground, in steps; `None` outside of it.
     fn heights(
         &self,
         ground: &CloudSurfaces,
@@ -494,7 +496,7 @@ impl GroundHeightSearch<'_> {
         Ok(heights)
     }
 
-    /// The class of a point, whose ground is among the points known of its square.
+    /// The class of a point, given the ground points of its tile.
     fn class(
         &self,
         entry: &GroundQueryPoint,
@@ -532,37 +534,39 @@ impl GroundHeightSearch<'_> {
         class
     }
 
-    /// What became of points, one line each.
+    /// Notes on the points, one line each.
     fn told(&self, counts: &GroundClassCounts) -> Vec<String> {
         let mut notes = Vec::new();
         if self.above.finds_ground() {
             let GroundClassCounts { ground, no_longer, kept, .. } = counts;
             let (all, of) = (ground.values().sum::<u64>(), by_class(ground));
-            notes.push(format!("classes: {all} points are ground{of}, {no_longer} no longer"));
+            notes.push(format!("classes: {all} ground points{of}, {no_longer} no longer ground"));
             if !kept.is_empty() {
                 let all = kept.values().sum::<u64>();
                 let of = by_class(kept);
-                let more = "‹classify› ground:reclassify=CLASS,... names classes that may change";
-                notes.push(format!("classes: {all} points keep theirs{of}; {more}"));
+                let more = "pass ‹classify› ground:reclassify=CLASS,... to change them";
+                notes.push(format!(
+                    "classes: {all} points on the ground keep their class{of}; {more}"
+                ));
             }
         }
         if self.above.layers().is_some() {
-            notes.push(format!("classes: {} points by their heights", counts.layered));
+            notes.push(format!("classes: {} points classified by height", counts.layered));
         }
         let has_heights = self.above.heights.is_some() || self.above.layers().is_some();
         if has_heights && counts.without > 0 {
             let without = counts.without;
             let then = match self.above.heights {
-                Some(HeightsAs::Z) => "are left out",
-                _ => "have no height above it",
+                Some(HeightsAs::Z) => "are dropped",
+                _ => "lack a height above ground",
             };
-            notes.push(format!("{without} points beyond the triangulation of the ground {then}"));
+            notes.push(format!("{without} points outside the ground triangulation {then}"));
         }
         notes
     }
 }
 
-/// How many points there are of each class: " (3 of class 1, 5 of class 2)".
+/// The number of points of each class: " (3 of class 1, 5 of class 2)".
 fn by_class(counts: &BTreeMap<u8, u64>) -> String {
     let all: Vec<_> =
         counts.iter().map(|(class, count)| format!("{count} of class {class}")).collect();
@@ -584,5 +588,5 @@ impl GroundQueryPoint {
 
 fn not_of_class() -> Error {
     no_ground_of_class(&GROUND.to_string())
-        .remedy("pass ‹ground› filter, or classify the cloud before")
+        .remedy("pass ‹ground› filter, or classify the point cloud first")
 }

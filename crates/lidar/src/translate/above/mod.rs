@@ -1,4 +1,4 @@
-//! What the ground under points tells of them: their heights above it, and their classes.
+//! Heights above ground, and classes derived from the ground.
 //!
 //! ```text
 //! records ─┬─ ground: by class, or found ── its triangulation ─┐

@@ -1,13 +1,13 @@
-//! Which classes `--classify ground` may change.
+//! The classes that `--classify ground` may change.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::grid::preset::NOISE;
 
-/// Classes that are given anew where points are found to be ground: those of no class (0 and 1), ground (2) and
-/// vegetation (3 to 5), and others by name. Points of other classes, such as water (9) or a bridge (17), are left
-/// out of the search and keep their class.
+/// Classes that may be replaced by ground: unclassified (0 and 1), ground (2) and vegetation (3 to 5), and
+/// further ones by request. Points of other classes, such as water (9) or bridges (17), are not candidates and
+/// keep their class.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Reclassify {
     /// Sorted, without those that always may change.
@@ -18,21 +18,21 @@ pub struct Reclassify {
 const LAST: u8 = 5;
 
 impl Reclassify {
-    /// The usual classes and these.
+    /// The default classes and these.
     ///
     /// # Errors
-    /// A class of noise, which is no ground.
+    /// A class of noise, which is never ground.
     pub fn also(classes: impl IntoIterator<Item = u8>) -> Result<Self, String> {
         let mut also: Vec<u8> = classes.into_iter().filter(|class| *class > LAST).collect();
         also.sort_unstable();
         also.dedup();
         match also.iter().find(|class| NOISE.contains(class)) {
-            Some(class) => Err(format!("points of class {class} are noise, which is never ground")),
+            Some(class) => Err(format!("class {class} is noise and cannot become ground")),
             None => Ok(Self { also }),
         }
     }
 
-    /// Whether points of a class may be found to be ground.
+    /// Whether points of a class may become ground.
     pub fn may_change(&self, class: u8) -> bool {
         class <= LAST || self.also.binary_search(&class).is_ok()
     }
@@ -46,8 +46,9 @@ impl FromStr for Reclassify {
         let Some(classes) = text.strip_prefix("reclassify=") else {
             return Err(format!("{text:?} is not of the form reclassify=CLASS,..."));
         };
-        let class =
-            |text: &str| text.trim().parse().map_err(|_| format!("{text:?} is no class, 0 to 255"));
+        let class = |text: &str| {
+            text.trim().parse().map_err(|_| format!("{text:?} is not a class from 0 to 255"))
+        };
         Self::also(classes.split(',').map(class).collect::<Result<Vec<_>, _>>()?)
     }
 }

@@ -1,4 +1,4 @@
-//! Records with what was told of them.
+//! Records with heights and classes.
 
 use std::path::Path;
 
@@ -9,15 +9,16 @@ use terrane_base::error::Result;
 use terrane_cloud::PointFormat;
 use terrane_files::{BucketWriter, Buckets};
 
-/// Stands for no height.
+/// Marks the lack of a height.
 pub(super) const NO_HEIGHT: i32 = i32::MIN;
 /// Bytes of values that are held while they are read.
 pub(super) const VALUES: u64 = 16 << 20;
-/// Values of a bucket, and the most buckets.
+/// Values of a bucket.
 const BUCKET: u64 = 1 << 16;
+/// Most buckets.
 const MOST_BUCKETS: u64 = 1 << 14;
 
-/// What is told of a point.
+/// Height and class of a point.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct PointAnnotation {
@@ -27,7 +28,7 @@ struct PointAnnotation {
     height: i32,
 }
 
-/// Values by the numbers of records, in buckets of as many.
+/// Values by record number, in buckets of equal size.
 pub(super) struct PointAnnotations {
     buckets: Buckets<PointAnnotation>,
     /// Numbers of a bucket.
@@ -41,12 +42,12 @@ impl PointAnnotations {
         Self { buckets: Buckets::new(folder, count, VALUES), each }
     }
 
-    /// For putting values of one thread to their numbers.
+    /// A writer for one thread.
     pub(super) fn writer(&self) -> ValueWriter<'_> {
         ValueWriter { each: self.each, to: self.buckets.writer() }
     }
 
-    /// Those of a bucket, by number.
+    /// The values of a bucket, by number.
     fn of(&self, bucket: u64) -> Result<Vec<(i32, u8)>> {
         let mut all = vec![(NO_HEIGHT, 0); self.buckets.len(bucket as usize) as usize];
         self.buckets.read(bucket as usize, |values| {
@@ -58,7 +59,7 @@ impl PointAnnotations {
     }
 }
 
-/// Puts values to their numbers. Call [`finish`](Self::finish) at the end.
+/// Stores values by record number. Call [`finish`](Self::finish) at the end.
 pub(super) struct ValueWriter<'a> {
     each: u64,
     to: BucketWriter<'a, PointAnnotation>,
@@ -75,15 +76,15 @@ impl ValueWriter<'_> {
     }
 }
 
-/// Where a record has its z.
+/// Offset of z in a record.
 pub(super) const Z: usize = 8;
 
-/// Records with what was told of them.
+/// Records with heights and classes.
 pub(in crate::translate) struct Told<'a> {
     pub(super) records: &'a dyn PointRecords,
     pub(super) format: PointFormat,
     pub(super) record: usize,
-    /// Where heights go.
+    /// Offset of heights in a record, if any.
     pub(super) at: Option<usize>,
     pub(super) values: PointAnnotations,
     /// Number of the first record of each unit.

@@ -1,28 +1,28 @@
-//! What becomes of the points of a window that come one after the other: kept, left out, or not to be told from there.
+//! Verdicts on the points of a window, in order: kept, dropped, or unknown.
 
 use terrane_base::geom::{DistancePredicate, Point};
 
-/// What becomes of a point.
+/// Verdict on a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoissonVerdict {
     Kept,
-    /// There is one that is kept nearer than the distance.
+    /// A kept point is nearer than the distance.
     LeftOut,
     /// It depends on points beyond the window.
     Unknown,
 }
 
-/// Lowest and highest place (x, y), both included.
+/// Lowest and highest position (x, y), inclusive.
 pub(super) type Span = [[i64; 2]; 2];
 
-/// The fates of points so far.
+/// The verdicts on points so far.
 pub(super) struct PoissonVerdicts<'a> {
     apart: &'a DistancePredicate,
     /// Steps along the sides of a cell: points nearer than the distance are in cells that touch.
     side: [i64; 3],
-    /// Where all points nearer than the distance are known.
+    /// The span in which all points within the distance are known.
     sure: Span,
-    /// The first of the points of some cells, by a hash of the cell; as many as a power of two.
+    /// The first point of cells by a hash of the cell; its size is a power of two.
     firsts: Vec<u32>,
     held: Vec<BlockingPoint>,
 }
@@ -30,13 +30,13 @@ pub(super) struct PoissonVerdicts<'a> {
 /// A point that others depend on.
 struct BlockingPoint {
     point: Point,
-    /// Else it stands for all points of its cell whose fates are unknown.
+    /// If false, it represents all points of its cell with unknown verdicts.
     is_kept: bool,
     /// The next one of the same hash.
     next: u32,
 }
 
-/// Bytes of memory for a point that is held, with the room that tables grow by.
+/// Bytes of memory for a stored point, with the growth of tables.
 pub(super) const HELD: u64 = 3 * size_of::<BlockingPoint>() as u64 + 8;
 const NONE: u32 = u32::MAX;
 const FEW: usize = 1 << 10;
@@ -49,12 +49,12 @@ impl<'a> PoissonVerdicts<'a> {
         Self { apart, side: apart.steps(), sure, firsts, held }
     }
 
-    /// How many points are held.
+    /// Number of stored points.
     pub(super) fn len(&self) -> usize {
         self.held.len()
     }
 
-    /// The fate of the next point.
+    /// The verdict on the next point.
     pub(super) fn judge(&mut self, point: Point) -> PoissonVerdict {
         match self.look(point) {
             None => PoissonVerdict::LeftOut,
@@ -72,18 +72,18 @@ impl<'a> PoissonVerdicts<'a> {
         }
     }
 
-    /// Whether a point that is kept is nearer than the distance.
+    /// Whether a kept point is nearer than the distance.
     pub(super) fn is_left_out(&self, point: Point) -> bool {
         self.look(point).is_none()
     }
 
-    /// Whether a point to come is left out, or unknown as others of its cell are.
+    /// Whether a later point is dropped, or unknown like others of its cell.
     pub(super) fn is_settled(&self, point: Point) -> bool {
         let cell = self.cell(point);
         self.of(cell).any(|held| self.is_open(held, cell)) || self.is_left_out(point)
     }
 
-    /// Whether nothing unknown is beside a point; `None` where one that is kept is nearer than the distance.
+    /// Whether there are no unknown points near a point; `None` if a kept point is nearer than the distance.
     fn look(&self, point: Point) -> Option<bool> {
         let ([x, y, z], mut is_clear) = (self.cell(point), true);
         for beside in 0..AROUND {
@@ -149,7 +149,7 @@ impl<'a> PoissonVerdicts<'a> {
     }
 }
 
-/// Whether a place is within a span.
+/// Whether a position is within a span.
 pub(super) fn contains([low, high]: &Span, place: [i32; 2]) -> bool {
     (0..2).all(|axis| (low[axis]..=high[axis]).contains(&i64::from(place[axis])))
 }

@@ -1,11 +1,11 @@
-//! Points of which no two are nearer to each other than a distance, while each other point is nearer than that to one
-//! of them: Poisson discs, in space.
+//! Poisson disk sampling in 3D: no two kept points are nearer to each other than a distance, and each dropped
+//! point is nearer than that to a kept one.
 //!
-//! Points come one after the other, by a hash of their places, and one is kept if none that came before is kept
-//! nearer to it. So what is kept is a function of the set of points. What becomes of a point may depend on ever others
-//! farther away, but chains of points that come one after the other end soon: of n points no chain is expected to be
-//! longer than some log n (Blelloch, Fineman, Shun 2012). So squares are looked at by themselves, with what is around
-//! them; where a chain comes from beyond that, fates are unknown, and more around those is looked at.
+//! Points are processed in the order of a hash of their positions, and a point is kept if no earlier kept point
+//! is nearer than the distance. So the result is a function of the set of points. A verdict may depend on ever
+//! more distant points, but chains of dependent points are short: O(log n) of n points is expected (Blelloch,
+//! Fineman, Shun 2012). So tiles are processed separately, with their surroundings; where a chain reaches
+//! beyond, verdicts are unknown, and a larger surrounding is read.
 
 mod fates;
 
@@ -28,32 +28,33 @@ use terrane_engine::plan::RunControl;
 use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 
-/// Distances around a square that are looked at first.
+/// First margin around a tile, in distances.
 const HALO: i64 = 4;
-/// The least side of a square, in distances, unless too many points are in it.
+/// Least side of a tile, in distances, unless it has too many points.
 const LEAST_SIDE: i64 = 16;
-/// Most points of a square, about.
+/// Approximate largest number of points of a tile.
 const MOST_POINTS: u64 = 1 << 17;
-/// Bytes of tables for each square that points wait in, and of a thread at the least.
+/// Bytes of tables for each tile.
 const SQUARE: u64 = 256;
+/// Least bytes of a thread.
 const LEAST: u64 = 2 << 20;
-/// Most points that wait for their turns at a time.
+/// Most points queued at a time.
 const MOST_WAITING: u64 = 1 << 20;
 /// Entries that are read together.
 const TOGETHER: usize = 1 << 12;
 
-/// A point that is to be kept or left out.
+/// A point to decide on.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 struct PoissonCandidate {
     place: [i32; 3],
     spare: u32,
     time: u64,
-    /// Of the record.
+    /// Number of the record.
     number: u64,
 }
 
-/// An entry by its turn: the lowest comes first.
+/// A point by its rank: the lowest comes first.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct RankedCandidate {
     hash: u64,
@@ -71,39 +72,39 @@ impl RankedCandidate {
     }
 }
 
-/// Bytes of memory for so many points beside that of each thread, and that.
+/// Bytes of memory for `points`, and for each thread.
 pub(super) fn needed(points: u64) -> [u64; 2] {
     let tables = (points / 4096).clamp(1, 1 << 18) * SQUARE;
     [points / 8 + tables + LEAST, LEAST]
 }
 
-/// Fails where distances in space have no meaning, or none is so small.
+/// Fails if 3D distances are undefined, or the distance is below the coordinate resolution.
 pub(super) fn check(least: f64, info: &CloudInfo) -> Result<()> {
     let (crs, scale) = (&info.crs, info.frame.scale);
     if crs.horizontal_unit() == "degree" {
         return Err(Error::usage(
-            "‹thin_distance› needs coordinates in a unit of length, and these are degrees",
+            "‹thin_distance› requires projected coordinates; these are in degrees",
         )
-        .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+        .remedy("reproject the points with ‹to_crs› first, or pass ‹thin›"));
     }
     let units = crs.horizontal_metres().zip(crs.vertical_metres());
     if units.is_some_and(|(across, up)| (across / up - 1.0).abs() > 1e-5) {
-        return Err(Error::usage("‹thin_distance› needs heights in the unit of x and y")
-            .remedy("write the points with ‹to_crs› first, and thin these, or pass ‹thin›"));
+        return Err(Error::usage("‹thin_distance› requires heights in the unit of x and y")
+            .remedy("reproject the points with ‹to_crs› first, or pass ‹thin›"));
     }
     if !least.is_finite() || scale.iter().any(|step| least < *step) {
         return Err(Error::usage(format!(
-            "a distance of {least} is smaller than a step of the points"
+            "a distance of {least} is smaller than the coordinate resolution"
         ))
-        .remedy("choose a larger one, or ‹dedupe› for points that are there twice"));
+        .remedy("pass a larger distance, or ‹dedupe› for duplicate points"));
     }
     Ok(())
 }
 
-/// What is chosen from, and with what.
+/// Context of the sampling.
 pub(super) struct PoissonDiscs<'a> {
     pub(super) apart: DistancePredicate,
-    /// Where records lie.
+    /// Frame and bounds of the records.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
     pub(super) flow: RecordFlow,
@@ -114,30 +115,30 @@ pub(super) struct PoissonDiscs<'a> {
     pub(super) at: RunControl<'a>,
 }
 
-/// Points by square of the plane, and what is kept of them.
+/// Points by tile, and the kept ones.
 struct PoissonSampler<'a> {
     discs: &'a PoissonDiscs<'a>,
     tiling: Tiling,
-    /// Where all points are.
+    /// Bounds of all points.
     bounds: Span,
     entries: Buckets<PoissonCandidate>,
     kept: Mutex<BitSet>,
 }
 
-/// What is known of a square.
+/// Result of a tile.
 enum SquareKnowledge {
     All,
-    /// All but some within a span.
+    /// All verdicts are known, except some within a span.
     But(Span),
     /// There are too many points.
     TooMany,
 }
 
 impl PoissonDiscs<'_> {
-    /// The records of points that are kept.
+    /// The kept records.
     ///
     /// # Errors
-    /// Too many points near to each other for the memory.
+    /// Too many nearby points for the memory.
     pub(super) fn choose<'r>(&self, records: &'r dyn PointRecords) -> Result<ChosenRecords<'r>> {
         let [low, high] = self.info.bounds.unwrap_or_default();
         let tiling = Tiling::new([low, high], self.info.count);
@@ -170,12 +171,12 @@ impl PoissonDiscs<'_> {
         Ok(passed)
     }
 
-    /// Bytes of a thread: half for points that wait for their turn, half for those held.
+    /// Bytes of a thread: half for queued points, half for stored ones.
     fn share(&self) -> u64 {
         (self.memory / 2 / self.threads as u64).max(LEAST)
     }
 
-    /// Points that wait for their turn at a time.
+    /// Number of queued points.
     fn most_waiting(&self) -> usize {
         (self.share() / 4 / size_of::<RankedCandidate>() as u64).min(MOST_WAITING) as usize
     }
@@ -184,13 +185,13 @@ impl PoissonDiscs<'_> {
         (self.share() / 2 / HELD) as usize
     }
 
-    /// The larger of the steps along x and y that points nearer than the distance do not differ by.
+    /// Larger of the numbers of steps along x and y that exceed the distance.
     fn reach(&self) -> i64 {
         let [x, y, _] = self.apart.steps();
         x.max(y)
     }
 
-    /// The side of squares that have, with what is around them, as many points as can wait.
+    /// The side of tiles whose points, with their surroundings, fit into the queue.
     fn side(&self, tiling: &Tiling) -> i64 {
         let each = (self.info.count / tiling.count() as u64).max(1);
         let squares = (self.most_waiting() as u64).min(MOST_POINTS) / each;
@@ -201,7 +202,7 @@ impl PoissonDiscs<'_> {
 }
 
 impl PoissonSampler<'_> {
-    /// Finds all that are kept, square by square.
+    /// Finds all kept points, tile by tile.
     fn run(&self) -> Result<()> {
         let PoissonDiscs { threads, at, .. } = self.discs;
         let ([low, high], side) = (self.bounds, self.discs.side(&self.tiling));
@@ -242,9 +243,9 @@ impl PoissonSampler<'_> {
     fn quarters(&self, [low, high]: Span) -> Result<[Span; 4]> {
         if (0..2).any(|axis| high[axis] - low[axis] < self.discs.reach()) {
             let least = self.discs.apart.least();
-            let message = format!("too many points are kept {least} apart at one place");
+            let message = format!("too many points with a spacing of {least} in one tile");
             return Err(Error::new(ErrorKind::Resource, message)
-                .remedy("pass a larger ‹memory›, or a larger ‹thin_distance›"));
+                .remedy("raise ‹memory› or ‹thin_distance›"));
         }
         let middle = [0, 1].map(|axis| low[axis] + (high[axis] - low[axis]) / 2);
         let part = |axis: usize, half: usize| match half {
@@ -257,7 +258,7 @@ impl PoissonSampler<'_> {
         }))
     }
 
-    /// Looks at the points of a span and so many distances around it, by their turns; keeps those of the span that
+    /// Decides on the points of a span and a margin of `halo` distances, in order; keeps those of the span that
     /// are known to be kept.
     fn judge(
         &self,
@@ -295,7 +296,8 @@ impl PoissonSampler<'_> {
         }
     }
 
-    /// A span with so many distances around it, and where in it all points nearer than one are known.
+    /// A span with a margin of `halo` distances, and the part of it where all points within one distance are
+    /// known.
     fn around(&self, [low, high]: Span, halo: i64) -> (Span, Span) {
         let (reach, ends) = (self.discs.apart.steps(), self.bounds);
         let mut whole = [low, high];
@@ -314,8 +316,8 @@ impl PoissonSampler<'_> {
         (whole, sure)
     }
 
-    /// The next points in and around a span, in their order: of those that come after one those whose fate is not
-    /// known yet, nor known to be unknown around the span. True when there are no more.
+    /// The next points in and around a span, in order, with verdicts that are not settled yet. True if there
+    /// are no more.
     fn next(
         &self,
         [span, whole]: [&Span; 2],
@@ -346,7 +348,7 @@ impl PoissonSampler<'_> {
         Ok(until.is_none())
     }
 
-    /// Hands on the points of a span.
+    /// Reads the points of a span.
     fn each(&self, whole: &Span, take: &mut dyn FnMut(PoissonCandidate)) -> Result<()> {
         // Within the bounds, whose ends are i32.
         let [low, high] = whole.map(|end| end.map(|at| at as i32));
@@ -365,7 +367,7 @@ impl PoissonSampler<'_> {
     }
 }
 
-/// A span that holds a place, too.
+/// Extends a span by a position.
 fn with(span: Option<Span>, place: [i64; 2]) -> Span {
     let [low, high] = span.unwrap_or([place; 2]);
     [0, 1].map(|end| {

@@ -1,4 +1,4 @@
-//! Points that are noise get its class, before anything is told by the ground.
+//! Classifies noise, before the ground is used.
 //!
 //! ```text
 //! records ── places, by parts of space ── scores, part by part ──[limit of all]── bits ── records again, with the class
@@ -25,14 +25,15 @@ use terrane_engine::workers;
 use terrane_files::{Buckets, lock};
 use terrane_ground::noise::{Asked, NoiseSpace, ScoreLimit, ScoreSums};
 
-/// Points that are put into parts together.
+/// Points divided together.
 const TOGETHER: usize = 1 << 14;
-/// Bytes that are held of points on their way into parts at the least, and of a thread beside its scores.
+/// Least bytes for points being divided.
 const HELD: u64 = 4 << 20;
+/// Bytes of a thread beside its scores.
 const THREAD: u64 = 2 << 20;
-/// Most steps from where coordinates are zero that are told apart.
+/// Largest distance from coordinate zero, in steps.
 const MOST_STEPS: f64 = 1e18;
-/// Buckets that scores wait in.
+/// Buckets of scores.
 const BUCKETS: u64 = 64;
 
 /// A score and the number of its record.
@@ -43,12 +44,12 @@ struct NoiseScore {
     score: u64,
 }
 
-/// Bytes of memory for so many points, and more for each thread.
+/// Bytes of memory for `points`, and for each thread.
 pub(super) fn needed(asked: &Asked, points: u64) -> [u64; 2] {
     [points / 8 + parts::tables(points) + HELD, THREAD + asked.bytes(parts::MOST)]
 }
 
-/// World units along x or y beyond which no other point matters.
+/// Distance in world units along x or y beyond which points do not matter.
 ///
 /// # Errors
 /// As [`space`], and cubes smaller than a step.
@@ -57,14 +58,14 @@ pub(super) fn reach(asked: &Asked, info: &CloudInfo) -> Result<f64> {
     Ok((x as f64 * info.frame.scale[0]).max(y as f64 * info.frame.scale[1]))
 }
 
-/// Where points lie, and whether their unit is a guess.
+/// Scale and origin of points in metres, and whether metres are assumed.
 ///
 /// # Errors
-/// Coordinates that are no lengths.
+/// Coordinates without a unit of length.
 fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
     let metres = MetricFrame::of(&info.crs, &info.frame).map_err(|_| {
-        Error::usage("‹classify› noise needs coordinates in units of length")
-            .remedy("write the points with ‹to_crs› first, and look for noise in these")
+        Error::usage("‹classify› noise requires coordinates in a unit of length")
+            .remedy("reproject the points with ‹to_crs› first")
     })?;
     let frame = &info.frame;
     let zero = [0, 1, 2].map(|axis| {
@@ -73,10 +74,10 @@ fn space(info: &CloudInfo) -> Result<(NoiseSpace, bool)> {
     Ok((NoiseSpace { step: metres.step, zero }, metres.is_guess))
 }
 
-/// What noise is looked for with.
+/// Context of the search for noise.
 pub(super) struct NoiseSearch<'a> {
     pub(super) asked: &'a Asked,
-    /// Where records lie.
+    /// Frame and bounds of the records.
     pub(super) info: &'a CloudInfo,
     pub(super) format: PointFormat,
     pub(super) flow: RecordFlow,
@@ -84,13 +85,13 @@ pub(super) struct NoiseSearch<'a> {
     /// Bytes for points.
     pub(super) memory: u64,
     pub(super) folder: &'a Path,
-    /// Whether points marked as withheld are looked at.
+    /// Whether points marked as withheld are included.
     pub(super) keeps_withheld: bool,
     pub(super) at: RunControl<'a>,
 }
 
 impl NoiseSearch<'_> {
-    /// The records, with the class of noise for those that are.
+    /// The records with classified noise.
     ///
     /// # Errors
     /// As for [`reach`].
@@ -134,7 +135,7 @@ impl NoiseSearch<'_> {
         !is_known_noise(self.format, record) && is_there(self.format, self.keeps_withheld, record)
     }
 
-    /// Finds what is noise, and by which limit.
+    /// Finds the noise and its threshold.
     fn judge(
         &self,
         space: &NoiseSpace,
@@ -182,7 +183,7 @@ impl NoiseSearch<'_> {
         Ok(limit)
     }
 
-    /// What was found, one line each.
+    /// Notes on the noise, one line each.
     fn told(
         &self,
         noise: &BitSet,
@@ -202,7 +203,7 @@ impl NoiseSearch<'_> {
     }
 }
 
-/// Notes which points are noise.
+/// Marks noise.
 fn mark(noise: &Mutex<BitSet>, limit: &ScoreLimit, found: &[NoiseScore]) {
     let mut all = lock(noise);
     found.iter().filter(|found| limit.is_noise(found.score)).for_each(|found| {
@@ -210,14 +211,14 @@ fn mark(noise: &Mutex<BitSet>, limit: &ScoreLimit, found: &[NoiseScore]) {
     });
 }
 
-/// Records, some of which have got the class of noise.
+/// Records with classified noise.
 pub(super) struct MarkedRecords<'a> {
     records: &'a dyn PointRecords,
     format: PointFormat,
     record: usize,
     class: u8,
     noise: BitSet,
-    /// Number of the first record of each unit, and how many there are.
+    /// Number of the first record of each unit, and the total.
     firsts: Vec<u64>,
     count: u64,
     pub(super) notes: Vec<String>,

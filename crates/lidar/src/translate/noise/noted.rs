@@ -1,4 +1,4 @@
-//! Noise as a plan notes it: found once among all points, and marked by tasks while they read.
+//! Noise as recorded in a plan: found once among all points, and classified by tasks while reading.
 
 use std::iter::zip;
 use std::str::Split;
@@ -9,39 +9,39 @@ use super::MarkedRecords;
 use crate::records::choice::ChosenRecords;
 use terrane_base::error::{Error, ErrorKind, Result};
 
-/// Most bytes of what is noted of a cloud: some eighty million points of noise.
+/// Most bytes of recorded noise: about eighty million points.
 const MOST_BYTES: u64 = 256 << 20;
-/// How many times these are in memory while a plan is read.
+/// Number of copies in memory while a plan is read.
 const COPIES: u64 = 3;
 
-/// What was found of all points.
+/// The noise among all points.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::translate) struct Noise {
     pub(in crate::translate) own: Noted,
-    /// Of all points that the ground is made of, where these are not only those asked for.
+    /// Noise among the points of the ground, if these are not the requested ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(in crate::translate) wide: Option<Noted>,
-    /// What was found, one line each.
+    /// Notes, one line each.
     pub(in crate::translate) notes: Vec<String>,
 }
 
 impl Noise {
-    /// That of points that the ground is made of.
+    /// Noise among the points of the ground.
     pub(in crate::translate) fn of_ground(&self) -> &Noted {
         self.wide.as_ref().unwrap_or(&self.own)
     }
 
-    /// Bytes of memory that it takes of whoever reads the plan.
+    /// Bytes of memory for a reader of the plan.
     pub(in crate::translate) fn bytes(&self) -> u64 {
         COPIES * (self.own.bytes() + self.wide.as_ref().map_or(0, Noted::bytes))
     }
 }
 
-/// Which records of a cloud are noise.
+/// The noise records of a point cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::translate) struct Noted {
     class: u8,
-    /// Of each part of the cloud, in order.
+    /// Noise of each part of the point cloud, in order.
     parts: Vec<NoiseGaps>,
 }
 
@@ -50,7 +50,7 @@ impl Noted {
         self.parts.iter().map(|gaps| gaps.0.len() as u64).sum()
     }
 
-    /// What marks the records of a part, the first of which is next.
+    /// An iterator of marks of the records of a part.
     pub(in crate::translate) fn marks(&self, part: usize) -> Marks<'_> {
         let gaps = self.parts.get(part).map_or("", |gaps| gaps.0.as_str());
         let mut marks = Marks { class: self.class, gaps: gaps.split(' '), left: None };
@@ -59,7 +59,7 @@ impl Noted {
     }
 }
 
-/// Which of some records are noise: how many others come before each of these, after the one before it.
+/// Noise records, by the number of other records between them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "String")]
 struct NoiseGaps(String);
@@ -83,12 +83,12 @@ impl TryFrom<String> for NoiseGaps {
         let is_gap = |gap: &str| gap.parse::<u64>().is_ok();
         match text.is_empty() || text.split(' ').all(is_gap) {
             true => Ok(Self(text)),
-            false => Err("noise is not noted by numbers".to_owned()),
+            false => Err("the noise numbers are not integers".to_owned()),
         }
     }
 }
 
-/// Marks the records of a part, one after the other.
+/// Classifies the records of a part in order.
 pub(in crate::translate) struct Marks<'a> {
     class: u8,
     gaps: Split<'a, char>,
@@ -97,7 +97,7 @@ pub(in crate::translate) struct Marks<'a> {
 }
 
 impl Marks<'_> {
-    /// The class that the next record gets, where it is noise.
+    /// The class of the next record, if it is noise.
     pub(in crate::translate) fn take(&mut self) -> Option<u8> {
         match self.left? {
             0 => {
@@ -117,10 +117,10 @@ impl Marks<'_> {
 }
 
 impl MarkedRecords<'_> {
-    /// What a plan notes of them: by the places of records in their parts, of which those of `single` are left.
+    /// The noise for a plan, by indices of records in their parts, after the removal of duplicates in `single`.
     ///
     /// # Errors
-    /// More noise than a plan has room for.
+    /// Too much noise for a plan.
     pub(in crate::translate) fn noted(&self, single: Option<&ChosenRecords<'_>>) -> Result<Noted> {
         let mut noted = Noted { class: self.class, parts: Vec::with_capacity(self.firsts.len()) };
         let mut bytes = 0;
@@ -145,9 +145,8 @@ impl MarkedRecords<'_> {
 }
 
 fn too_much() -> Error {
-    Error::new(ErrorKind::Resource, "there is more noise than a plan has room to note").remedy(
-        "run ‹terrane points› with ‹classify=noise› alone, and plan the squares of what it writes",
-    )
+    Error::new(ErrorKind::Resource, "the point cloud has too much noise for a plan")
+        .remedy("run ‹terrane points› with ‹classify=noise› first, then plan on its output")
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! The points of a cloud in parts of space that fit into memory, and the parts around each.
 //!
-//! The box of the cloud is divided into cells; those that hold too many points are divided again, by the box of these,
-//! until none does but where many points are at one place. So few points far from all others cost one more pass, and
-//! nothing depends on how points are spread.
+//! The bounding box is divided into cells; cells with too many points are divided again by their own bounding
+//! box, until only duplicate positions exceed the limit. So a few distant points cost one more pass, for any
+//! distribution of points.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -16,15 +16,17 @@ use terrane_engine::plan::RunControl;
 use terrane_files::Buckets;
 use terrane_ground::noise::{Bounds, NeighborParts, NoiseSpace};
 
-/// Points that a cell should hold on average, and the most of a part.
+/// Average number of points of a cell.
 const AVERAGE: u64 = 1 << 12;
+/// Most points of a part.
 pub(super) const MOST: u64 = 1 << 14;
-/// Most cells that are made of a cloud, or of all cells of one that hold too many.
+/// Most cells of a level.
 const MOST_CELLS: u64 = 1 << 16;
-/// Bytes of tables for each of them, and how many times as many there are in the end, at the most.
+/// Bytes of tables for each cell.
 const CELL: u64 = 512;
+/// Largest ratio of the final number of cells to that of a level.
 const TIMES: u64 = 3;
-/// How often cells are divided again.
+/// Deepest level of division.
 const DEEPEST: usize = 30;
 /// Entries that are read together.
 const TOGETHER: usize = 1 << 12;
@@ -49,7 +51,7 @@ impl NoisePoint {
     }
 }
 
-/// Bytes of tables for so many points.
+/// Bytes of tables for `points`.
 pub(super) fn tables(points: u64) -> u64 {
     cells_for(points) * CELL * TIMES
 }
@@ -68,7 +70,7 @@ struct NoiseCellBox {
 }
 
 impl NoiseCellBox {
-    /// About so many, as cubic as may be.
+    /// About `count` cells, as cubic as possible.
     fn new([low, high]: Bounds, space: &NoiseSpace, wanted: u64, first: usize) -> Self {
         let (low, high) = (steps(low), steps(high));
         let extent = [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(0) + 1);
@@ -114,7 +116,7 @@ impl NoiseGridLevel {
         Self { entries: Buckets::new(folder, cells, memory), bounds: vec![None; cells] }
     }
 
-    /// Notes that a cell has a point.
+    /// Extends the bounds of a cell by a point.
     fn widen(&mut self, cell: usize, point: Point) {
         let [low, high] = self.bounds[cell].unwrap_or([point; 2]);
         self.bounds[cell] = Some([
@@ -141,7 +143,7 @@ pub(super) struct NoiseParts<'a> {
     parts: Vec<NoisePart>,
 }
 
-/// Points on their way into parts.
+/// Builder of parts.
 pub(super) struct NoisePartsBuilder<'a> {
     space: &'a NoiseSpace,
     folder: &'a Path,
@@ -151,7 +153,7 @@ pub(super) struct NoisePartsBuilder<'a> {
 }
 
 impl<'a> NoisePartsBuilder<'a> {
-    /// For about so many points within bounds, of which so many bytes stay in memory.
+    /// For about `points` points within bounds, of which `memory` bytes stay in memory.
     pub(super) fn new(
         space: &'a NoiseSpace,
         (bounds, points): (Bounds, u64),
@@ -162,7 +164,7 @@ impl<'a> NoisePartsBuilder<'a> {
         Self { space, folder, memory, cells, level }
     }
 
-    /// Adds points, and empties what they are in.
+    /// Adds points, draining `entries`.
     pub(super) fn add(&mut self, entries: &mut Vec<NoisePoint>) -> Result<()> {
         put(&mut self.level, &self.cells, entries)?;
         entries.clear();
@@ -190,7 +192,7 @@ impl<'a> NoisePartsBuilder<'a> {
     }
 }
 
-/// Puts points into their cells.
+/// Adds points to their cells.
 fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint]) -> Result<()> {
     let mut all: Vec<(usize, NoisePoint)> =
         entries.iter().map(|entry| (cells.of(entry.point()), *entry)).collect();
@@ -207,7 +209,7 @@ fn put(level: &mut NoiseGridLevel, cells: &NoiseCellBox, entries: &[NoisePoint])
     Ok(())
 }
 
-/// The points of some cells of a level in smaller ones, taken from it.
+/// Moves the points of some cells of a level into smaller ones.
 fn divided(
     level: &NoiseGridLevel,
     crowded: &[(usize, Bounds)],
@@ -240,7 +242,7 @@ fn divided(
 }
 
 impl NoiseParts<'_> {
-    /// Takes the cells of the next level as parts, but for those that have too many points and can be divided.
+    /// Adds the cells of the next level as parts, except those with too many points that can be divided.
     fn take(&mut self, level: &NoiseGridLevel) -> Vec<(usize, Bounds)> {
         let (depth, mut crowded) = (self.levels.len(), Vec::new());
         for (cell, bounds) in level.bounds.iter().enumerate() {
@@ -298,7 +300,7 @@ impl NoiseParts<'_> {
 pub(super) struct NearestParts<'a> {
     parts: &'a NoiseParts<'a>,
     own: usize,
-    /// By the bits of their squared distances, which are ordered as these are.
+    /// Sorted by the bits of their squared distances, which have the same order.
     queue: Option<BinaryHeap<Reverse<(u64, usize)>>>,
     current: Option<usize>,
 }

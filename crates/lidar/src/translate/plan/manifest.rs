@@ -1,4 +1,4 @@
-//! The plan of squares on paper: the job, and which squares there are.
+//! The manifest of a plan of tiles: the job, and the tiles.
 
 use std::fmt;
 
@@ -18,22 +18,22 @@ use terrane_cloud::{CloudInfo, CloudOpenOptions, LasVersion, PointFormat};
 use terrane_engine::plan;
 use terrane_files::{name_of, path_of};
 
-/// Points that a task has about, unless told otherwise.
+/// Approximate default number of points of a task.
 const TASK_POINTS: f64 = (1_u64 << 26) as f64;
-/// Most squares along the side of a task.
+/// Most tiles along the side of a task.
 const MOST_CUT: u32 = 1 << 10;
 
-/// Squares to make of a cloud.
+/// Tiles to make of a point cloud.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct SquaresPlan {
     pub(super) method: PlannedTranslateJob,
     pub(super) blocks: SquareBlocks,
-    /// What is known of the whole cloud.
+    /// Statistics of the whole point cloud.
     #[serde(flatten)]
     pub(super) looked: CloudKnowledge,
 }
 
-/// What is asked for, by paths that hold wherever a task is run on this file system.
+/// The job, with paths that are valid wherever a task runs on this file system.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct PlannedTranslateJob {
     input: Vec<String>,
@@ -56,12 +56,12 @@ pub(super) struct PlannedTranslateJob {
     is_plain: bool,
 }
 
-/// Squares that tasks are made of, as found when the plan was made.
+/// The tiles of the tasks, as found when the plan was made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct SquareBlocks {
-    /// First and last square along both axes.
+    /// First and last tile along both axes.
     pub(super) spans: Spans,
-    /// Squares along the side of a task.
+    /// Tiles along the side of a task.
     pub(super) cut: u32,
     /// Points that the headers claim.
     pub(super) points: u64,
@@ -79,10 +79,10 @@ impl fmt::Display for SquareBlockTask {
 }
 
 impl PlannedTranslateJob {
-    /// Of a job, but for where it goes and what it may use.
+    /// The plan of a job, without its output and resources.
     ///
     /// # Errors
-    /// What is no matter of what lies near a square.
+    /// Options that need more than the surroundings of a tile.
     pub(super) fn of(job: &TranslateJob) -> Result<Self> {
         // Named one by one, so that what is new has to be decided on here.
         let TranslateJob {
@@ -106,21 +106,23 @@ impl PlannedTranslateJob {
         } = job;
         if split.is_some() {
             return Err(Error::usage(
-                "‹split› is not supported by plan points: a value may have points in every task",
+                "‹split› is not supported by `plan points` (a value may have points in every task)",
             )
-            .remedy("plan with ‹tile› and run ‹terrane points› with ‹split› on its folder, or run ‹terrane points› alone"));
+            .remedy("plan without it, then run ‹terrane points› with ‹split› on the tiles"));
         }
         let Some((squares, is_plain)) = *squares else {
-            return Err(Error::usage("a plan makes squares: one file is written by one run")
-                .remedy("pass ‹tile›, the side of squares"));
+            return Err(Error::usage(
+                "`plan points` requires ‹tile›: a single file is written by one run",
+            )
+            .remedy("pass ‹tile›, the side of the tiles"));
         };
         if transform.is_some() {
-            return Err(Error::usage("‹to_crs› cannot act in a plan: which points are in a square of another system is known when all are moved")
-                .remedy("plan without it and run ‹terrane points› with ‹to_crs› on the squares, or run ‹terrane points› alone"));
+            return Err(Error::usage("‹to_crs› is not supported by `plan points` (a tile in the target CRS needs all points)")
+                .remedy("plan without it, then run ‹terrane points› with ‹to_crs› on the tiles"));
         }
         if distance.is_some() {
-            return Err(Error::usage("‹thin_distance› cannot act in a plan: whether a point stays may depend on points however far away")
-                .remedy("plan without it and run ‹terrane points› with ‹thin_distance› on the squares, or run ‹terrane points› alone"));
+            return Err(Error::usage("‹thin_distance› is not supported by `plan points` (a point may depend on distant ones)")
+                .remedy("plan without it, then run ‹terrane points› with ‹thin_distance› on the tiles"));
         }
         Ok(Self {
             input: input.clone(),
@@ -138,7 +140,7 @@ impl PlannedTranslateJob {
         })
     }
 
-    /// The job, its output and resources left to be said.
+    /// The job, without its output and resources.
     pub(super) fn job(&self) -> Result<TranslateJob> {
         Ok(TranslateJob {
             cloud: self.cloud.clone(),
@@ -155,7 +157,7 @@ impl PlannedTranslateJob {
         })
     }
 
-    /// Takes the files of the opened cloud for the input, where they are any.
+    /// Uses the files of the opened point cloud as input, if there are any.
     pub(super) fn found(&mut self, files: &[String]) -> Result<()> {
         let absolute = |name: &String| name_of(plan::noted_path(&path_of(name))?);
         if !files.is_empty() {
@@ -164,7 +166,7 @@ impl PlannedTranslateJob {
         Ok(())
     }
 
-    /// What files of squares end with.
+    /// Extension of the files of tiles.
     pub(super) fn ending(&self) -> &'static str {
         if self.is_plain { "las" } else { "laz" }
     }
@@ -175,10 +177,10 @@ impl PlannedTranslateJob {
 }
 
 impl SquareBlocks {
-    /// Of points that lie so; tasks are as large as makes a fair piece of work unless told otherwise.
+    /// The tiles of a point cloud, with tasks of `cut` tiles a side or the default.
     ///
     /// # Errors
-    /// Too many squares.
+    /// Too many tiles.
     pub(super) fn of(info: &CloudInfo, squares: &SquareSplit, cut: Option<u32>) -> Result<Self> {
         let spans = squares::spans(squares, info)?;
         let count = counts(spans).iter().product::<u64>();
@@ -188,19 +190,19 @@ impl SquareBlocks {
         Ok(Self { spans, cut, points: info.count, crs })
     }
 
-    /// Fails when there is nothing to make, or too much.
+    /// Fails if there are no tiles, or too many.
     pub(super) fn check(&self) -> Result<()> {
         if !(1..=MOST_CUT).contains(&self.cut) {
-            return Err(Error::usage(format!("a task of {} squares a side is none", self.cut))
-                .remedy(format!("choose 1 to {MOST_CUT}")));
+            return Err(Error::usage(format!("‹task_size› {} is out of range", self.cut))
+                .remedy(format!("pass 1 to {MOST_CUT}")));
         }
         if self.spans.iter().any(|[first, last]| first > last) {
-            return Err(Error::bad_input("it has no squares"));
+            return Err(Error::bad_input("it has no tiles"));
         }
         limits::check("number of tasks", self.count(), plan::MOST_TASKS)
     }
 
-    /// Columns and rows of squares.
+    /// Columns and rows of tiles.
     pub(super) fn counts(&self) -> [u64; 2] {
         counts(self.spans)
     }
@@ -220,7 +222,7 @@ impl SquareBlocks {
         (0..self.count() as u32).map(SquareBlockTask)
     }
 
-    /// The squares of a task.
+    /// The tiles of a task.
     pub(super) fn of_task(&self, SquareBlockTask(block): SquareBlockTask) -> Spans {
         let across = self.tasks()[0] as u32;
         let place = [block % across, block / across];
@@ -231,7 +233,7 @@ impl SquareBlocks {
         })
     }
 
-    /// How many squares these are.
+    /// Number of tiles.
     pub(super) fn size(spans: Spans) -> u64 {
         counts(spans).iter().product()
     }

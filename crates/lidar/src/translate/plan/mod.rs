@@ -1,8 +1,9 @@
-//! Squares of points by plan: squares are put together to blocks, each a task of its own that reads what lies near
-//! it; the last task puts their files into one folder. The files are those of a single run, byte for byte.
+//! Tiles of points by plan: tiles are grouped into blocks, each a task that reads the points near it; the last
+//! task moves their files into one folder. The files are those of a single run, byte for byte.
 //!
-//! A task opens all headers, so that frame, format and squares are those of the whole. What is not a matter of what
-//! lies near is refused, or looked at once when the plan is made: of the ground, and noise.
+//! A task opens all headers, so that frame, format and tiles are those of the whole. Options that need more
+//! than the surroundings of a tile are refused, or computed once when the plan is made: ground statistics and
+//! noise.
 
 mod manifest;
 mod probe;
@@ -42,13 +43,14 @@ impl Divisible for PointsOptions {
     }
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. Where something is told of the
-/// ground, or noise is found by all points, these are looked at once. A few squares are made, to tell the size of the
-/// results, and thrown away.
+/// Writes a plan: the job, its input, its tasks and their resources. If the ground is needed, or noise depends
+/// on all points, the points are read once. A few tiles are made to estimate the size of the results, and
+/// discarded.
 ///
 /// # Errors
-/// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of squares, for what is
-/// no matter of what lies near, and for a folder that holds another plan or other files.
+/// Those of [`run`](super::run) that are found before the work; `Usage` for one file instead of tiles, for
+/// options that need more than the surroundings of a tile, and for a folder that holds another plan or other
+/// files.
 pub fn plan_points(
     job: &PlanPointsJob,
     progress: &dyn Progress,
@@ -67,8 +69,8 @@ pub fn plan_points(
     plan::status::<SquaresPlan>(folder)
 }
 
-/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is started again.
-/// `skipped` are files that are left out of the input, to be noted in the plan.
+/// Plans and runs `job` in `folder`, so that a killed run resumes when it is started again. `skipped` are files
+/// left out of the input, recorded in the plan.
 ///
 /// # Errors
 /// Those of [`plan_points`] and of any [`RunJob`].

@@ -1,4 +1,4 @@
-//! What the work on squares will take, from a few that are made as all will be.
+//! Estimates the resources for tiles of points by making a few.
 
 use tempfile::TempDir;
 
@@ -15,20 +15,19 @@ use terrane_delaunay::SiteWindow;
 use terrane_engine::memory::polygon_bytes;
 use terrane_engine::plan::{PlanNeeds, RunControl};
 
-/// Squares that are made along each side.
+/// Sampled tiles along each side.
 const ALONG: u32 = 3;
-/// Most points that may lie in what is read for one: where a cloud is in no order, each would read much of it.
+/// Most points to read for one: in an unordered point cloud, each would read much of it.
 const MOST_POINTS: u64 = 1 << 22;
-/// Nanoseconds of one thread for a point that is read, put into its square and compressed; the same where something is
-/// told of the ground by its classes, and where a method finds it; as measured on one machine; see
-/// benches/history/2026.md, 28 and 29.
+/// Nanoseconds of one thread for a point that is read, tiled and compressed; with ground by classes, and with a
+/// ground method; as measured on one machine; see benches/history/2026.md, 28 and 29.
 const POINT: [f64; 3] = [500.0, 1500.0, 28_000.0];
 /// Nanoseconds for a byte that is copied at the end.
 const BYTE: f64 = 2.0;
-/// What a few squares say less of all.
+/// Safety factor: a few tiles underestimate the whole.
 const MARGIN: f64 = 1.06;
 
-/// What the plan will take.
+/// Resources of the plan.
 pub(super) fn expect(
     opened: &OpenedTranslate,
     work: &SquaresPlan,
@@ -65,13 +64,13 @@ pub(super) fn expect(
     })
 }
 
-/// How many times more points there are with those of buffers.
+/// Ratio of the number of points with buffers to that without.
 fn grown(work: &SquaresPlan) -> f64 {
     let squares = &work.method.squares;
     (1.0 + 2.0 * squares.buffer / squares.side).powi(2)
 }
 
-/// A few squares, evenly over all.
+/// A few evenly spread tiles.
 fn places(spans: Spans) -> Vec<Spans> {
     let along = spans.map(|[first, last]| {
         let all = last - first + 1;
@@ -82,14 +81,14 @@ fn places(spans: Spans) -> Vec<Spans> {
     rows.iter().flat_map(|row| columns.iter().map(|col| [[*col; 2], [*row; 2]])).collect()
 }
 
-/// Points that may have to be looked at for squares.
+/// Points that may have to be read for tiles.
 fn points_near(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> Result<u64> {
     let info = opened.cloud.info();
     let near = window(&work.method.squares, spans, opened.job.reach(info)?, &info.frame);
     Ok(parts_in(&opened.cloud, &near).iter().map(|part| opened.cloud.points_of(*part)).sum())
 }
 
-/// Steps in squares and the box around the cloud.
+/// Area of tiles within the bounds of the point cloud, in steps.
 fn area(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> f64 {
     let info = opened.cloud.info();
     let [low, high] = info.bounds.unwrap_or_default();
@@ -101,7 +100,7 @@ fn area(opened: &OpenedTranslate, work: &SquaresPlan, spans: Spans) -> f64 {
     })
 }
 
-/// Points that may have to be looked at for the task that has most of them, where that matters.
+/// Points that may have to be read for the largest task, if relevant.
 fn heaviest(opened: &OpenedTranslate, work: &SquaresPlan) -> Result<u64> {
     if opened.job.choices() == 0 && opened.job.above.noise().is_none() {
         return Ok(0);

@@ -1,4 +1,4 @@
-//! Reports on the plan of squares of points, on a run of it, and on the written files.
+//! Reports on the plan of tiles of points, on a run of it, and on the written files.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,29 +6,29 @@ use crate::translate::job::TranslateJob;
 use crate::translate::report::TranslateReport;
 use terrane_engine::plan::{self, DescribesRun, StatusReport};
 
-/// Squares of points to plan; a task has so many squares along its side (`cut`).
+/// Tiles of points to plan; `cut` is the number of tiles along the side of a task.
 pub type PlanPointsJob = plan::PlanJob<TranslateJob>;
-/// The plan of points, or how far the work on it has come.
+/// The plan of points and its progress.
 pub type PointsStatus = StatusReport<SquareStatus>;
 
-/// What is told of the plan of points alone.
+/// Part of the status that is specific to points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct SquareStatus {
-    /// Columns and rows of squares.
+    /// Columns and rows of tiles.
     pub squares: [u64; 2],
-    /// Side of a square, in units of x and y.
+    /// Side of a tile, in units of x and y.
     pub side: f64,
     /// Points that the headers claim.
     pub points: u64,
 }
 
-/// What is told of a run on points alone.
+/// Part of the run report that is specific to points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SquareRun {
-    /// Points written by the tasks it did.
+    /// Points written by the tasks of this run.
     pub points: u64,
-    /// What is written, once it is.
+    /// The written files, once finished.
     pub written: Option<PointsWritten>,
 }
 
@@ -38,7 +38,7 @@ impl DescribesRun for SquareRun {
     }
 }
 
-/// Files of squares that were written.
+/// Written files of tiles.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct PointsWritten {
@@ -46,7 +46,7 @@ pub struct PointsWritten {
     pub output: String,
     pub point_format: u8,
     pub files: u64,
-    /// Points in them; those of buffers are in several.
+    /// Points in them; points of buffers are counted in each file.
     pub points: u64,
     pub crs: String,
     pub output_bytes: u64,

@@ -1,4 +1,4 @@
-//! What a task does: the files of its squares, one after the other in one object, and at the end all of them in one
+//! The work of a task: it writes the files of its tiles into one object; the last task moves all files into one
 //! folder.
 
 use std::fs::File;
@@ -32,18 +32,19 @@ pub(super) struct OpenedTranslate {
     pub(super) cloud: PointCloud,
 }
 
-/// What an object has: its files in order, each with its bytes.
+/// Content of an object: its files in order, each with its size.
 #[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct SquareObjectSummary {
     points: u64,
     files: Vec<(String, u64)>,
-    /// Files whose damage was passed over.
+    /// Files with skipped damage.
     #[serde(default, skip_serializing_if = "LostPoints::is_empty")]
     losses: LostPoints,
 }
 
 impl SquaresPlan {
-    /// What is asked for, what there is, and what has to be known of all of it, where that is not `known`.
+    /// The plan of a job and its input; computes the statistics of the whole point cloud unless they are
+    /// `known`.
     pub(super) fn new(
         (job, cut): (&TranslateJob, Option<u32>),
         known: Option<&CloudKnowledge>,
@@ -62,7 +63,7 @@ impl SquaresPlan {
         Ok((Self { method, blocks, looked: looked.clone() }, opened.knowing(&looked)))
     }
 
-    /// The files it is made from.
+    /// Its input files.
     pub(super) fn files(&self, opened: &OpenedTranslate) -> Vec<PathBuf> {
         let on_disk = if opened.cloud.files().is_empty() { &[][..] } else { self.method.input() };
         on_disk.iter().map(|name| terrane_files::path_of(name).into_owned()).collect()
@@ -75,8 +76,8 @@ impl OpenedTranslate {
         Ok(Self { job, cloud })
     }
 
-    /// What has to be known of the whole cloud: of its ground, where something is told of that, and what is noise,
-    /// where that is no matter of points nearby or is no ground.
+    /// Statistics of the whole point cloud: of its ground, if needed, and its noise, if that is not local or
+    /// excluded from the ground.
     fn look(&self, at: RunControl<'_>) -> Result<CloudKnowledge> {
         let above = &self.job.above;
         let is_local = above.noise().is_none_or(noise::Asked::is_local);
@@ -86,7 +87,7 @@ impl OpenedTranslate {
         }
     }
 
-    /// What is left to be done where this is known: noise is marked as points are read.
+    /// The remaining job with these statistics: noise is classified while reading.
     fn knowing(mut self, looked: &CloudKnowledge) -> Self {
         if looked.noise.is_some() {
             self.job.above.forget_noise();
@@ -94,7 +95,8 @@ impl OpenedTranslate {
         self
     }
 
-    /// Makes the files of some squares in a folder, of what lies near them or as much more as it takes.
+    /// Writes the files of some tiles into a folder, from the points near them, with a wider margin if
+    /// necessary.
     pub(super) fn make(
         &self,
         work: &SquaresPlan,
@@ -244,7 +246,7 @@ impl PlannedWork for SquaresPlan {
     }
 }
 
-/// Puts the files of a folder into one, by name; returns these, each with its bytes.
+/// Concatenates the files of a folder by name; returns their names and sizes.
 fn pack(folder: &Path, object: &Path) -> Result<Vec<(String, u64)>> {
     let fail = |e| Error::read(folder, e);
     let entries = std::fs::read_dir(folder).map_err(fail)?;
@@ -264,7 +266,7 @@ fn pack(folder: &Path, object: &Path) -> Result<Vec<(String, u64)>> {
     Ok(files)
 }
 
-/// Puts the files of an object into a folder.
+/// Extracts the files of an object into a folder.
 fn unpack(object: &Path, files: &[(String, u64)], folder: &Path) -> Result<()> {
     let mut packed = BufReader::new(File::open(object).map_err(|e| Error::read(object, e))?);
     for (name, bytes) in files {

@@ -1,4 +1,4 @@
-//! The plan of a mesh: what is asked for and what was found in the input, its tasks, and what one does.
+//! The plan of a mesh: its job, the properties of its input, its tasks, and the work of a task.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,7 +42,7 @@ pub(super) struct PlannedMesh {
     grid: PlannedGrid,
 }
 
-/// What is asked for.
+/// The job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct PlannedTinJob {
     #[serde(flatten)]
@@ -52,7 +52,7 @@ struct PlannedTinJob {
 }
 
 impl PlannedMesh {
-    /// That of an opened job; `rows` of tiles make a strip.
+    /// The plan of an opened job, with strips of `rows` rows of tiles.
     pub(super) fn new(job: &TinJob, opened: &OpenedTinJob, rows: Option<u32>) -> Result<Self> {
         let grid = PlannedGrid::of(opened.source.info());
         let strip_rows =
@@ -78,7 +78,7 @@ impl PlannedMesh {
         mesh::by_path(Path::new(""), self.method.job.format.as_deref())
     }
 
-    /// How the grid is cut. Fails where it is too small to be.
+    /// The strips of the grid. Fails if it is too small.
     fn strips(&self) -> Result<TileStrips> {
         let layout = TileLayout::new(self.grid.width, self.grid.height, self.method.job.tile)?;
         Ok(TileStrips::new(layout, Some(self.method.strip_rows)))
@@ -91,7 +91,7 @@ impl PlannedMesh {
         }
     }
 
-    /// What the work takes, from the size of the whole mesh.
+    /// Resources of the work, from the size of the whole mesh.
     pub(super) fn needs(&self, size: MeshSize, opened: &OpenedTinJob) -> Result<PlanNeeds> {
         let strips = self.strips()?;
         let job = &self.method.job;
@@ -154,7 +154,7 @@ impl PlannedWork for PlannedMesh {
     fn check(&self) -> Result<()> {
         self.method.job.goal.check()?;
         let PlannedGrid { width, height, .. } = self.grid;
-        limits::check("columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
+        limits::check("number of columns or rows", width.max(height).into(), limits::MAX_SIDE)?;
         let tasks = 2 * u64::from(self.strips()?.count());
         limits::check("number of tasks", tasks, plan::MOST_TASKS)
     }
@@ -328,7 +328,9 @@ mod tests {
     #[test]
     fn a_plan_with_more_work_than_can_be_listed_is_refused() {
         let (most, few) = (1 << 28, "at least 2 x 2");
-        for (side, part) in [(most, "number of tasks"), (u32::MAX, "columns or rows"), (0, few)] {
+        for (side, part) in
+            [(most, "number of tasks"), (u32::MAX, "number of columns or rows"), (0, few)]
+        {
             let refused = read(plan(side)).err().unwrap().to_string();
             assert!(refused.contains("is no plan") && refused.contains(part), "{refused}");
         }

@@ -33,7 +33,7 @@ impl Divisible for TinOptions {
         "Rows of tiles in a task, 2 or more [default: as many as have about 134 million samples]";
     terrane_engine::planned_as!(PlannedMesh, MeshStatus, MeshRun);
 
-    /// In PLY unless told otherwise.
+    /// The default format is PLY.
     fn plan(&self, request: RunRequest<'_>, task_size: Option<u32>) -> Result<StatusReport> {
         let RunRequest { inputs, output: folder, skipped, progress, cancel, .. } = request;
         self.textbook()?;
@@ -44,14 +44,14 @@ impl Divisible for TinOptions {
     }
 }
 
-/// Writes down what is to be made, from what, by which tasks, and what they need. A few tiles are
-/// read to tell the size of the result.
+/// Writes a plan: the job, its input, its tasks and their resources. A few tiles are read to estimate the size
+/// of the result.
 ///
 /// # Errors
 /// Those of opening the input; `Usage` for a goal other than a tolerance, and for a folder that holds
 /// another plan or other files.
 pub fn plan_work(job: &PlanJob, progress: &dyn Progress, cancel: &Cancel) -> Result<StatusReport> {
-    job.check_size(2, "two rows of tiles at least")?;
+    job.check_size(2, "at least two rows of tiles")?;
     plan_checked(job, |_| Ok(()), progress, cancel)
 }
 
@@ -97,12 +97,12 @@ fn plan_checked(
 }
 
 fn budget() -> Error {
-    Error::usage("a plan needs a tolerance: no task alone can tell which one meets a budget")
+    Error::usage("plans do not support a budget of vertices or triangles (it needs trials on the whole grid)")
         .remedy("pass ‹max_error›")
 }
 
-/// Plans and runs `job` in `folder`, so that a run that was killed goes on where it was when it is
-/// started again. `skipped` are files that are left out of the input, to be noted in the plan.
+/// Plans and runs `job` in `folder`, so that a killed run resumes when it is started again. `skipped` are files
+/// left out of the input, recorded in the plan.
 ///
 /// # Errors
 /// Those of [`plan_work`] and of any [`RunJob`].

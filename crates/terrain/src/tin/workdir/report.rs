@@ -8,12 +8,12 @@ use terrane_engine::plan::{self, DescribesRun};
 
 /// A mesh to plan.
 pub type PlanJob = plan::PlanJob<TinJob>;
-/// The plan of a mesh, or how far the work on it has come.
+/// The plan of a mesh and its progress.
 pub type StatusReport = plan::StatusReport<MeshStatus>;
 /// What a run of the plan of a mesh did.
 pub type RunReport = plan::RunReport<MeshRun>;
 
-/// What is told of the plan of a mesh alone.
+/// Part of the status that is specific to meshes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct MeshStatus {
@@ -21,14 +21,14 @@ pub struct MeshStatus {
     pub samples: u64,
 }
 
-/// What is told of a run on a mesh alone.
+/// Part of the run report that is specific to meshes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshRun {
     /// Samples of the strips done by this run.
     pub made_samples: u64,
     /// Time by stage, without that of writing the mesh.
     pub stages: Vec<StageReport>,
-    /// The mesh, if this run came to it; its time is that of writing it.
+    /// The mesh, if this run wrote it; its time is that of writing.
     pub mesh: Option<TinReport>,
 }
 

@@ -1,4 +1,4 @@
-//! Containers out of finished objects, for a run that goes on from them.
+//! Containers from finished objects, for a run that continues from them.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -19,7 +19,7 @@ const MOST_OPEN: usize = 4;
 pub(super) struct ObjectCache<'a, W: PlannedWork> {
     survey: &'a TaskSurvey<'a, W>,
     strips: TileStrips,
-    /// Whose object has the tiles of a row.
+    /// The task whose object has the tiles of a row.
     task_of: fn(&TileStrips, u32) -> StripTask,
     /// By the number in their task's name, so that the first one was left behind first.
     open: Mutex<BTreeMap<(u32, StripTask), Arc<ObjectFile>>>,

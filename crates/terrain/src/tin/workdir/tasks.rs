@@ -1,14 +1,13 @@
 //! The tasks of a mesh: strips of tile rows, and the seams between them.
 //!
-//! A strip is as wide as the grid, so strips follow each other in the order of ids, each has at most
-//! two neighbours, and a strip waits for nothing. What is done to the rows of tiles on both sides of
-//! the line between two strips waits for both.
+//! A strip is as wide as the grid, so strips follow each other in the order of ids, each has at most two
+//! neighbours, and a strip waits for nothing. The seam between two strips waits for both.
 //!
-//! **Why strips and not squares of tiles.** Squares share sides with four neighbours and corners with
-//! four more, so a task would wait for eight others, or compute a frame of tiles twice (41 % more for 16
-//! x 16 tiles). Strips compute nothing twice, and numbering and writing need a few rows of tiles in
-//! memory at any size. A strip of two rows of tiles is the least; at 800,000 samples across that is 0.8
-//! billion samples, a fair piece of work for a machine.
+//! **Why strips and not squares of tiles.** Squares share sides with four neighbours and corners with four
+//! more, so a task would wait for eight others, or compute a frame of tiles twice (41 % more for 16 x 16
+//! tiles). Strips compute nothing twice, and numbering and writing need a few rows of tiles in memory at any
+//! size. A strip has at least two rows of tiles: 0.8 billion samples at a width of 800,000 samples, a
+//! reasonable task for one machine.
 
 use std::fmt;
 
@@ -16,7 +15,7 @@ use crate::tin::layout::{TileId, TileLayout};
 use crate::tin::scope::{LayoutWork, RunScope};
 use terrane_engine::plan::Numbered;
 
-/// Samples that a strip has about.
+/// Approximate number of samples of a strip.
 const STRIP_SAMPLES: u64 = 1 << 27;
 /// Fewest rows of tiles in a strip: each is changed by the seam on one side only.
 pub(super) const LEAST_ROWS: u32 = 2;
@@ -58,7 +57,7 @@ pub(super) struct TileStrips {
 }
 
 impl TileStrips {
-    /// Strips of `rows` rows of tiles, or of as many as make a fair piece of work.
+    /// Strips of `rows` rows of tiles, by default of about [`STRIP_SAMPLES`].
     pub(super) fn new(layout: TileLayout, rows: Option<u32>) -> Self {
         let row = layout.samples() / u64::from(layout.rows);
         let fair = || STRIP_SAMPLES.div_ceil(row.max(1)).min(layout.rows.into()) as u32;

@@ -1,4 +1,4 @@
-//! The heights at which lines are drawn, and between which of them a sample lies.
+//! Contour levels, and the rank of a sample among them.
 
 use terrane_base::error::{Error, Result};
 
@@ -35,15 +35,15 @@ impl ContourLevels {
     /// 2^30 intervals from 0.
     pub fn every(interval: f64, base: f64) -> Result<Self> {
         if !(interval > 0.0 && interval.is_finite() && (1.0 / interval).is_finite()) {
-            return Err(Error::usage(format!("an interval of {interval} between contours"))
-                .remedy("give one above 0"));
+            return Err(Error::usage(format!("the contour interval {interval} is out of range"))
+                .remedy("pass a number above 0"));
         }
         let steps = base.abs() / interval;
         if steps.is_nan() || steps >= MOST_RANK {
             return Err(Error::usage(format!(
                 "a base of {base} is too far from 0 for an interval of {interval}"
             ))
-            .remedy("give a base between 0 and the interval: the levels are the same"));
+            .remedy("pass a base between 0 and the interval: the levels are the same"));
         }
         let whole = |value: f64, scale: f64| {
             let scaled = (value * scale).round();
@@ -62,8 +62,8 @@ impl ContourLevels {
     /// `Usage` for none, or one that is not finite.
     pub fn list(mut levels: Vec<f64>) -> Result<Self> {
         if levels.is_empty() || !levels.iter().all(|level| level.is_finite()) {
-            return Err(Error::usage("levels that are not numbers, or none")
-                .remedy("give heights, such as 10,50,100"));
+            return Err(Error::usage("the contour levels are empty or not finite")
+                .remedy("pass heights, such as 10,50,100"));
         }
         levels.sort_by(f64::total_cmp);
         levels.dedup();
@@ -134,7 +134,7 @@ fn rank_by_step<H: Copy + Into<f64>>(
     sound
 }
 
-/// Neighbours have nearly the same rank: it is sought from that of the sample before.
+/// Neighbours have nearly the same rank: the search starts from that of the sample before.
 fn rank_by_list<H: Copy + Into<f64>>(levels: &[f64], heights: &[H], ranks: &mut [i32]) -> bool {
     let mut last = 0;
     let mut sound = true;

@@ -15,9 +15,9 @@ pub struct WindowContour {
     pub end: usize,
     /// True for a ring: its last vertex is its first again.
     pub closed: bool,
-    /// For a line that keeps to samples which are exactly on the level: the sum of the cross products
-    /// of each such sample (column, row) with the next, in wrapping arithmetic. 0 for a ring around
-    /// samples without a cell among them; sums of parts add up.
+    /// For a line along samples that are exactly on the level: the sum of the cross products of each such
+    /// sample (column, row) with the next, in wrapping arithmetic. 0 for a ring around samples without a cell
+    /// among them; sums of parts add up.
     pub around: Option<i64>,
 }
 

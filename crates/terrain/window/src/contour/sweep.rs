@@ -1,8 +1,7 @@
-//! One pass over a window, row by row: where lines cross edges, and what each cell joins.
+//! One pass over a window, row by row: crossings of lines with edges, and segments in cells.
 //!
-//! A sample is known by its rank among the levels; an edge is crossed by the levels between the ranks
-//! of its ends. Most samples have the ranks of their neighbours, which a few instructions tell for many
-//! at a time.
+//! A sample is known by its rank among the levels; an edge is crossed by the levels between the ranks of its
+//! ends. Most samples have the ranks of their neighbours, which a few instructions compare for many at a time.
 
 use super::levels::{ContourLevels, VOID};
 use terrane_base::Cancel;
@@ -19,11 +18,11 @@ pub struct ContourWindow<'a, H> {
     pub rect: Rect,
     /// Columns of the grid.
     pub grid_width: u32,
-    /// Row by row; NaN where there is no height.
+    /// Row by row; NaN for voids.
     pub heights: &'a [H],
 }
 
-/// The number of no node.
+/// Marks the lack of a node.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// A segment ends at the node.
@@ -46,7 +45,7 @@ pub(super) struct CrossingNode {
     pub(super) marks: u32,
 }
 
-/// Columns looked at together.
+/// Columns of a chunk.
 const CHUNK: usize = 16;
 
 /// The state of a pass, and its result.
@@ -247,12 +246,12 @@ fn no_rank<H: Copy + Into<f64>>(window: &ContourWindow<'_, H>, col: usize, row: 
     let height: f64 = window.heights[row * window.rect.width as usize + col].into();
     let (col, row) = (col + window.rect.col as usize, row + window.rect.row as usize);
     Error::bad_input(format!(
-        "the height {height:e} at column {col}, row {row} is too large, or for the interval"
+        "the height {height:e} at column {col}, row {row} is too large for the contour interval"
     ))
-    .remedy(format!("if it stands for nodata, pass ‹nodata› {height:e}; else widen ‹interval›"))
+    .remedy(format!("pass ‹nodata› {height:e} if it is nodata, or raise ‹interval›"))
 }
 
 fn too_many(most: u64) -> Error {
-    Error::new(ErrorKind::Resource, format!("more than {most} crossings of contours in a tile"))
-        .remedy("allow more ‹memory›, choose a smaller ‹tile›, or widen ‹interval›")
+    Error::new(ErrorKind::Resource, format!("more than {most} contour vertices in a tile"))
+        .remedy("raise ‹memory› or ‹interval›, or reduce ‹tile›")
 }

@@ -1,13 +1,13 @@
-//! Aspect: where the ground falls to.
+//! Aspect: the downslope direction.
 
 use crate::relief::{Derivative, Gradient, Heights, Turn};
 
-/// The direction that the ground falls to most steeply, in degrees clockwise from north, from 0 on and below 360.
+/// The direction of steepest descent, in degrees clockwise from north, in [0, 360).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Aspect {
-    /// How the change of height is told.
+    /// Gradient algorithm.
     pub gradient: Gradient,
-    /// Level ground has the aspect 0, not none.
+    /// Level ground has the aspect 0 instead of none.
     pub zero_for_flat: bool,
 }
 

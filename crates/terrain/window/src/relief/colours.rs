@@ -1,14 +1,14 @@
-//! Colours of heights, from a text that names some of each: `height red green blue [opacity]` in a line, or
-//! `height name [opacity]`.
+//! Colours of heights, from a colour table: `height red green blue [opacity]` in a line, or `height name
+//! [opacity]`.
 //!
-//! Words are parted by blanks, commas, tabs or colons. A height is a number, a share of the range of heights (`25%`),
-//! or `nv` (also `nan`) for voids; lines that begin with `#` or `/` say nothing. That is what `gdaldem color-relief`
-//! reads.
+//! Fields are separated by blanks, commas, tabs or colons. A height is a number, a percentage of the range of
+//! heights (`25%`), or `nv` (also `nan`) for voids; lines that begin with `#` or `/` are comments. This is the
+//! format of `gdaldem color-relief`.
 
 /// Red, green, blue and opacity.
 pub type Colour = [u8; 4];
 
-/// Names that stand for a colour.
+/// Named colours.
 pub const NAMES: &[(&str, [u8; 3])] = &[
     ("white", [255, 255, 255]),
     ("black", [0, 0, 0]),
@@ -28,45 +28,45 @@ pub const NAMES: &[(&str, [u8; 3])] = &[
     ("indigo", [0, 127, 255]),
 ];
 
-/// The colour of a height between those that have one.
+/// The colour of a height between two entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorInterpolation {
-    /// Each part of the colour on the line between the two.
+    /// Linear interpolation of each component.
     #[default]
     Mixed,
-    /// That of the nearest one, of the upper where both are as near.
+    /// The colour of the nearest entry, of the upper one if both are equally near.
     Nearest,
-    /// None: black, and nothing to be seen.
+    /// Transparent black.
     Nothing,
 }
 
-/// What is wrong with a text, and in which line.
+/// An error in a colour table, with its line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColorTableError {
-    /// From 1; 0 for the whole.
+    /// Line number from 1; 0 for the whole file.
     pub line: usize,
-    /// What is wrong.
+    /// Error message.
     pub message: String,
 }
 
-/// Where a colour is.
+/// The key of an entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum ColorKey {
     Height(f64),
-    /// Of the range of heights, from 0 to 1.
+    /// Fraction of the range of heights, from 0 to 1.
     Share(f64),
     Void,
 }
 
-/// Colours as a text names them.
+/// The entries of a colour table file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Palette(Vec<(ColorKey, Colour)>);
 
 impl Palette {
-    /// Reads a text.
+    /// Parses a colour table.
     ///
     /// # Errors
-    /// A line that says something else, by its number; a text without a colour.
+    /// An invalid line, by its number; a table without entries.
     pub fn parse(text: &str) -> Result<Self, ColorTableError> {
         let mut entries = Vec::new();
         for (line, text) in (1..).zip(text.lines()) {
@@ -78,19 +78,20 @@ impl Palette {
             entries.push(entry(&words).map_err(|message| ColorTableError { line, message })?);
         }
         match entries.is_empty() {
-            true => Err(ColorTableError { line: 0, message: "names no colour".to_owned() }),
+            true => {
+                Err(ColorTableError { line: 0, message: "the colour table is empty".to_owned() })
+            }
             false => Ok(Self(entries)),
         }
     }
 
-    /// Whether the range of heights has to be known.
+    /// Whether the table has percentages, which need the range of heights.
     pub fn needs_range(&self) -> bool {
         self.0.iter().any(|(at, _)| matches!(at, ColorKey::Share(_)))
     }
 
-    /// Colours of heights in a grid whose lowest and highest ones are these. Where `nv` is named, heights are not
-    /// mixed across the value that stands for voids in the grid. Takes time linear in the colours, but for sorting
-    /// them.
+    /// The colour table of a grid with these lowest and highest heights. With an `nv` entry, colours are not
+    /// interpolated across the nodata value of the grid. Takes time O(n log n) in the entries.
     pub fn table(
         &self,
         [low, high]: [f64; 2],
@@ -127,7 +128,7 @@ fn step(colours: &mut Vec<(f64, Colour)>, height: f64) {
 
 fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
     let number = |word: &str| {
-        word.parse::<u8>().map_err(|_| format!("{word:?} is no whole number from 0 to 255"))
+        word.parse::<u8>().map_err(|_| format!("{word:?} is not an integer from 0 to 255"))
     };
     let at = place(words[0])?;
     let (rgb, opacity) = match *words {
@@ -135,7 +136,7 @@ fn entry(words: &[&str]) -> Result<(ColorKey, Colour), String> {
         [_, r, g, b, a] => ([number(r)?, number(g)?, number(b)?], number(a)?),
         [_, name] => (named(name)?, 255),
         [_, name, a] => (named(name)?, number(a)?),
-        _ => return Err("has to have a height and a colour: 1200 255 128 0, or 1200 orange".into()),
+        _ => return Err("expected a height and a colour: 1200 255 128 0, or 1200 orange".into()),
     };
     Ok((at, [rgb[0], rgb[1], rgb[2], opacity]))
 }
@@ -149,10 +150,10 @@ fn place(word: &str) -> Result<ColorKey, String> {
         Some(share) => number(share)
             .filter(|share| (0.0..=100.0).contains(share))
             .map(|share| ColorKey::Share(share / 100.0))
-            .ok_or_else(|| format!("{word:?} is no share from 0% to 100%")),
-        None => number(word)
-            .map(ColorKey::Height)
-            .ok_or_else(|| format!("{word:?} is no height: a number, a share such as 25%, or nv")),
+            .ok_or_else(|| format!("{word:?} is not a percentage from 0% to 100%")),
+        None => number(word).map(ColorKey::Height).ok_or_else(|| {
+            format!("{word:?} is not a height: expected a number, a percentage such as 25%, or nv")
+        }),
     }
 }
 
@@ -160,14 +161,14 @@ fn named(word: &str) -> Result<[u8; 3], String> {
     let found = NAMES.iter().find(|(name, _)| word.eq_ignore_ascii_case(name));
     found.map(|(_, rgb)| *rgb).ok_or_else(|| {
         let names: Vec<_> = NAMES.iter().map(|(name, _)| *name).collect();
-        format!("{word:?} is no colour; named are {}", names.join(", "))
+        format!("unknown colour {word:?}; known: {}", names.join(", "))
     })
 }
 
 /// Colours by height.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorTable {
-    /// Ascending; of equal ones the first is reached from below, the last from above.
+    /// Ascending; of equal heights the first applies from below, the last from above.
     heights: Vec<f64>,
     colours: Vec<Colour>,
     void: Colour,
@@ -175,8 +176,8 @@ pub struct ColorTable {
 }
 
 impl ColorTable {
-    /// Colours of heights, as [`ColorTable::at`] tells them. Heights that lie between the same two as the one before, as
-    /// neighbours mostly do, take constant time.
+    /// Colours of heights, as by [`ColorTable::at`]. A height in the same interval as the one before, as
+    /// neighbours mostly are, takes constant time.
     pub fn paint(&self, heights: &[f64], colours: &mut [Colour]) {
         let mut span = ColorSpan::default();
         for (colour, height) in colours.iter_mut().zip(heights) {
@@ -187,7 +188,7 @@ impl ColorTable {
         }
     }
 
-    /// What a height lies between, where colours are mixed.
+    /// The interval of a height, if colours are interpolated.
     fn span(&self, height: f64) -> ColorSpan {
         let above = self.heights.partition_point(|own| *own < height);
         match (above.checked_sub(1), self.heights.get(above), self.between) {
@@ -199,7 +200,7 @@ impl ColorTable {
         }
     }
 
-    /// The colour of a height; that of voids for what is not a number. Takes time logarithmic in the colours.
+    /// The colour of a height; that of voids for NaN. Takes time logarithmic in the entries.
     #[inline]
     pub fn at(&self, height: f64) -> Colour {
         let above = self.heights.partition_point(|own| *own < height);
@@ -245,7 +246,7 @@ impl ColorSpan {
     }
 }
 
-/// A part of a colour between two: nine twentieths, not a half, go up, as gdaldem has it.
+/// Interpolates a component; rounds up from 0.55, as gdaldem does.
 #[inline(always)]
 fn mixed(from: u8, to: u8, share: f64) -> u8 {
     let [from, to] = [from, to].map(f64::from);
@@ -282,16 +283,16 @@ mod tests {
     #[test]
     fn other_texts_are_faults_by_line() {
         for (text, line, words) in [
-            ("", 0, "names no colour"),
-            ("# 1 2 3 4\n", 0, "names no colour"),
+            ("", 0, "the colour table is empty"),
+            ("# 1 2 3 4\n", 0, "the colour table is empty"),
             ("1 2 3 4\n5\n", 2, "a height and a colour"),
             ("1 2 3 4 5 6", 1, "a height and a colour"),
             ("1 2 3 256", 1, "256"),
             ("1 2 3 -4", 1, "-4"),
             ("1 mauve", 1, "mauve"),
             ("101% red", 1, "101%"),
-            ("x red", 1, "is no height"),
-            ("inf red", 1, "is no height"),
+            ("x red", 1, "is not a height"),
+            ("inf red", 1, "is not a height"),
         ] {
             let fault = Palette::parse(text).unwrap_err();
             assert!(fault.line == line && fault.message.contains(words), "{text:?}: {fault:?}");

@@ -1,4 +1,4 @@
-//! Curvature: how the ground bends, by the partial quartic of Zevenbergen & Thorne (1987).
+//! Curvature of the ground, by the partial quartic of Zevenbergen & Thorne (1987).
 
 use terrane_options::Choice;
 
@@ -18,7 +18,7 @@ pub enum CurvatureKind {
     Plan,
 }
 
-/// Curvature, in radians by metre; of level ground 0 along and across a slope that it does not have.
+/// Curvature, in radians per metre; profile and plan curvature of level ground are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Curvature(pub CurvatureKind);
 

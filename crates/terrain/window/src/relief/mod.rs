@@ -1,8 +1,8 @@
-//! What the ground is like at a sample, from its height and those of its eight neighbours: slope, aspect, hillshade,
-//! roughness, position, ruggedness, curvature. And the colours of heights ([`Palette`]).
+//! Derivatives of a sample and its eight neighbours: slope, aspect, hillshade, roughness, position, ruggedness,
+//! curvature. And the colours of heights ([`Palette`]).
 //!
-//! A kind is a file here and a line in the list of verbs. All are functions of nine heights and of where a column and
-//! a row lead on the ground ([`Turn`]), so grids may be turned or have the south above.
+//! Each derivative is a file here and a line in the list of verbs. All are functions of nine heights and of the
+//! ground vectors of a column and a row ([`Turn`]), so grids may be rotated or south-up.
 //!
 //! ```
 //! use terrane_window::relief::{Derivative, Gradient, Slope};
@@ -35,41 +35,40 @@ pub use shade::{Hillshade, HillshadeMode};
 pub use slope::Slope;
 use terrane_options::Choice;
 
-/// Takes the change of height by column and by row to that by metre east and by metre north: a row for each of the
-/// two.
+/// Matrix from the gradient by column and row to that by metre east and north.
 pub type Turn = [[f64; 2]; 2];
 
 /// A sample and its neighbours: row by row from above, each from the left.
 pub type Heights = [f64; 9];
 
-/// What is told of a sample.
+/// A derivative of the surface at a sample.
 pub trait Derivative: Send + Sync {
-    /// At the fifth of nine heights, all of them valid; not a number where there is none.
+    /// The value at the fifth of nine valid heights; NaN if undefined.
     fn at(&self, heights: &Heights, turn: &Turn) -> f64;
 
-    /// Whether it is a whole number from 1 to 255, not any number.
+    /// Whether values are integers from 1 to 255.
     fn is_byte(&self) -> bool {
         false
     }
 
-    /// The least and the greatest value there can be, where that is known.
+    /// Range of possible values, if known.
     fn range(&self) -> Option<[f64; 2]> {
         None
     }
 
-    /// Whether it depends on how far samples are from each other.
+    /// Whether it depends on the spacing of samples.
     fn is_of_slopes(&self) -> bool {
         true
     }
 
-    /// Of a row of samples between two others, each with one more sample on both ends: not a number where one of nine
-    /// is none. Takes time linear in the samples.
+    /// Values of a row of samples between two others, each with one more sample at both ends: NaN if one of the
+    /// nine heights is. Takes time linear in the samples.
     fn row(&self, rows: [&[f64]; 3], turn: &Turn, out: &mut [f64]) {
         each(rows, out, f64::NAN, |heights| self.at(heights, turn));
     }
 }
 
-/// Tells something of each sample of a row that has nine heights, and `none` of others.
+/// Applies a function to each sample of a row with nine valid heights, and `none` to others.
 #[inline(always)]
 fn each<T: Copy>(rows: [&[f64]; 3], out: &mut [T], none: T, at: impl Fn(&Heights) -> T) {
     let [above, here, below] = rows.map(|row| row.windows(3));

@@ -1,4 +1,4 @@
-//! Position: whether a sample lies above what is around it.
+//! Topographic position: whether a sample lies above its surroundings.
 
 use crate::relief::{Derivative, Heights, Turn};
 

@@ -2,7 +2,7 @@
 
 use crate::relief::{Derivative, Heights, Turn};
 
-/// How differences are put together.
+/// How differences are combined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RuggednessMeasure {
     /// The root of the sum of squares (Riley et al. 1999): for the land.

@@ -7,7 +7,7 @@ use crate::relief::{Derivative, Gradient, Heights, Turn};
 /// Where light comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HillshadeMode {
-    /// From one direction: the cosine of the angle between it and what is upright on the ground.
+    /// From one direction: the cosine of the angle to the surface normal.
     #[default]
     One,
     /// From one direction, the angle scaled by the slope's, so that level ground is brightest.
@@ -20,7 +20,7 @@ pub enum HillshadeMode {
 /// Brightness of the ground, as whole numbers from 1 (dark) to 255.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hillshade {
-    /// How the change of height is told.
+    /// Gradient algorithm.
     pub gradient: Gradient,
     /// Where light comes from.
     pub light: HillshadeMode,
@@ -71,10 +71,10 @@ impl Derivative for Hillshade {
     }
 }
 
-/// Samples of a row that are looked at together.
+/// Samples of a row that are computed together.
 const RUN: usize = 64;
 
-/// The whole number for a brightness of at most 1. Halves go up.
+/// The integer value of a brightness of at most 1. Halves are rounded up.
 #[inline(always)]
 fn tone(bright: f64) -> f64 {
     // Of numbers that are not negative, truncation is the floor, and no call on any processor.
@@ -97,7 +97,7 @@ impl LightDirection {
         Self { east, north, up: altitude.sin(), along: altitude.cos() }
     }
 
-    /// The cosine between it and what is upright.
+    /// The cosine of the angle to the surface normal.
     #[inline(always)]
     fn lit(&self, [east, north]: [f64; 2]) -> f64 {
         let across = east * self.east + north * self.north;
@@ -106,7 +106,7 @@ impl LightDirection {
 }
 
 impl Hillshade {
-    /// Four lights, of which the first is the one where there is one; the last is in the north.
+    /// Four lights: the first is the single one, the last is in the north.
     fn lamps(&self) -> [LightDirection; 4] {
         let azimuths = match self.light {
             HillshadeMode::Four => [225.0, 270.0, 315.0, 360.0],

@@ -5,7 +5,7 @@ use crate::relief::{Derivative, Gradient, Heights, Turn};
 /// The angle between the ground and a level plane, in degrees from 0 to 90; or a hundred times its tangent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Slope {
-    /// How the change of height is told.
+    /// Gradient algorithm.
     pub gradient: Gradient,
     /// In per cent, not in degrees.
     pub is_percent: bool,

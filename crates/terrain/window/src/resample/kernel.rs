@@ -1,15 +1,15 @@
-//! Heights by weights that are a product of one along the row and one along the column.
+//! Interpolation with separable weights.
 
 use super::resampling::Scale;
 use super::window::{Place, SourceWindow};
 
 /// Weights by distance.
 pub(crate) trait ResamplingKernel {
-    /// Of a sample so many columns or rows away.
+    /// The weight of a sample at a distance in columns or rows.
     fn weight(distance: f64) -> f64;
 }
 
-/// Weights that fall to nothing one sample away.
+/// Weights that fall linearly to 0 at the next sample.
 pub(crate) struct Bilinear;
 
 impl ResamplingKernel for Bilinear {
@@ -19,7 +19,7 @@ impl ResamplingKernel for Bilinear {
     }
 }
 
-/// The height at each place, by a kernel of so many samples along each axis.
+/// The height at each position, by a kernel of `TAPS` samples along each axis.
 pub(crate) fn heights<K: ResamplingKernel, const TAPS: usize>(
     window: &SourceWindow<'_>,
     places: &[Place],
@@ -42,7 +42,7 @@ struct ResamplingTaps<'a> {
     weights: [&'a [f64]; 2],
 }
 
-/// By samples as close as what is asked for.
+/// Interpolates at about the resolution of the grid.
 #[inline(always)]
 fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, place: Place) -> f64 {
     let first = place.map(|at| at.floor() as i64 - (TAPS as i64 / 2 - 1));
@@ -60,7 +60,7 @@ fn close<K: ResamplingKernel, const TAPS: usize>(window: &SourceWindow<'_>, plac
     }
 }
 
-/// By all samples that what is asked for stands for.
+/// Downsamples: weights all samples that an output cell covers.
 fn far<K: ResamplingKernel>(
     window: &SourceWindow<'_>,
     place: Place,
@@ -74,8 +74,8 @@ fn far<K: ResamplingKernel>(
     if found.is_nan() { partial(window, place, scale) } else { found }
 }
 
-/// Fills the weights of the samples along both axes, but for those at the ends that have none, and tells the first of
-/// them.
+/// Fills the weights of the samples along both axes, without zero weights at the ends; returns the first
+/// sample.
 fn weigh<K: ResamplingKernel>(
     place: Place,
     scale: Scale,
@@ -98,7 +98,7 @@ fn weigh<K: ResamplingKernel>(
     })
 }
 
-/// By all samples; not a number where one is void or beyond the window.
+/// By all samples; NaN if one is void or beyond the window.
 #[inline(always)]
 fn whole(window: &SourceWindow<'_>, taps: &ResamplingTaps<'_>) -> f64 {
     let [across, down] = taps.weights;

@@ -1,8 +1,8 @@
-//! Heights of a grid between its samples: by the nearest sample, or by the weights of those around.
+//! Interpolates heights of a grid: by the nearest sample, or by weights of the samples around.
 //!
-//! A method is a file here and a line in [`RESAMPLINGS`]. A place has a height where the sample nearest to it has one,
-//! whatever the method, so all methods leave the same voids. Where samples lie closer than what is asked for
-//! ([`Scale`]), weights reach as many of them further, so that none is left out.
+//! A method is a file here and a line in [`RESAMPLINGS`]. A position has a height if the nearest sample has
+//! one, so all methods leave the same voids. Where the output is coarser than the grid ([`Scale`]), kernels are
+//! widened to cover all samples.
 //!
 //! ```
 //! use terrane_base::geom::Rect;
@@ -29,6 +29,6 @@ mod window;
 pub use resampling::{ResamplingMethod, Scale};
 pub use window::{Place, SourceWindow};
 
-/// All ways. A new one is one file and one line here.
+/// All methods. A new one is one file and one line here.
 pub const RESAMPLINGS: &[ResamplingMethod] =
     &[near::RESAMPLING, bilinear::RESAMPLING, cubic::RESAMPLING];

@@ -1,4 +1,4 @@
-//! The nearest sample: heights stay what they are.
+//! The nearest sample: heights are not changed.
 
 use super::resampling::{ResamplingMethod, Scale};
 use super::window::{Place, SourceWindow};

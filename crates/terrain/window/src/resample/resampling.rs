@@ -5,31 +5,31 @@ use terrane_base::registry::RegistryEntry;
 
 use super::window::{Place, SourceWindow, nearest};
 
-/// A way to find heights between samples: an entry of [`RESAMPLINGS`](super::RESAMPLINGS).
+/// A resampling method: an entry of [`RESAMPLINGS`](super::RESAMPLINGS).
 #[derive(Debug)]
 pub struct ResamplingMethod {
     /// Name on the command line, unique.
     pub name: &'static str,
     /// One line for the documentation.
     pub about: &'static str,
-    /// Samples on each side of a place that count, where they lie as close as what is asked for; 0 where the nearest
-    /// one alone does, so that no height is made that was none before.
+    /// Samples on each side of a position that the kernel covers at the resolution of the grid; 0 for the
+    /// nearest sample only, which makes no new heights.
     pub radius: u32,
     pub(super) run: fn(&SourceWindow<'_>, &[Place], Scale, &mut [f64]),
 }
 
-/// Columns and rows of the grid by one of what is asked for; 1 where the grid is as coarse, or coarser.
+/// Columns and rows of the grid for each of the output; at least 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale([f64; 2]);
 
 impl Scale {
-    /// As close as they are.
+    /// The resolution of the grid.
     pub const ONE: Self = Self([1.0; 2]);
 
     /// Less than a twentieth more counts as the same.
     const SAME: f64 = 1.0 / 0.95;
 
-    /// Of so many columns and rows.
+    /// The scale from a number of columns and rows.
     pub fn new(by: [f64; 2]) -> Self {
         Self(by.map(|by| if by > Self::SAME { by } else { 1.0 }))
     }
@@ -41,12 +41,13 @@ impl Scale {
 }
 
 impl ResamplingMethod {
-    /// Samples on each side that count, by columns and rows; at least the nearest.
+    /// Samples on each side that the kernel covers, by columns and rows; at least the nearest.
     pub fn reach(&self, scale: Scale) -> [f64; 2] {
         scale.get().map(|scale| (f64::from(self.radius) * scale).ceil().max(1.0))
     }
 
-    /// The samples that the heights at some places depend on; none where no place lies in the grid.
+    /// The rectangle of samples that the heights at some positions depend on; none if no position lies in the
+    /// grid.
     pub fn needed(&self, grid: [u32; 2], places: &[Place], scale: Scale) -> Rect {
         let inside = || places.iter().filter(|place| nearest(grid, **place).is_some());
         let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -69,9 +70,9 @@ impl ResamplingMethod {
         Rect::new(col, row, width, height)
     }
 
-    /// The height at each place, in a window that has what is [`needed`](Self::needed) for all of them; not a number
-    /// beyond the grid, and where the nearest sample is void. Takes time linear in the places and in the samples that
-    /// count for each.
+    /// The height at each position, in a window with all samples [`needed`](Self::needed); NaN beyond the grid,
+    /// and where the nearest sample is void. Takes time linear in the places and in the samples that count for
+    /// each.
     pub fn heights(
         &self,
         window: &SourceWindow<'_>,

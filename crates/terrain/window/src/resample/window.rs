@@ -2,8 +2,7 @@
 
 use terrane_base::geom::Rect;
 
-/// A position among samples: column and row of the whole grid, whole numbers at samples. Not a number where there is
-/// none.
+/// A position among samples: column and row of the whole grid, whole numbers at samples. NaN for none.
 pub type Place = [f64; 2];
 
 /// Less of a cell than this is rounding: places so near to a border between cells are on its right, or below it.
@@ -16,12 +15,12 @@ pub struct SourceWindow<'a> {
     pub grid: [u32; 2],
     /// The part, inside the grid.
     pub rect: Rect,
-    /// Its heights, row by row; voids are not numbers.
+    /// Its heights, row by row; voids are NaN.
     pub heights: &'a [f64],
 }
 
 impl SourceWindow<'_> {
-    /// The height of a sample; not a number outside of the window.
+    /// The height of a sample; NaN outside of the window.
     pub(crate) fn at(&self, [col, row]: [i64; 2]) -> f64 {
         let [col, row] = [col - i64::from(self.rect.col), row - i64::from(self.rect.row)];
         let is_in = |at: i64, side: u32| (0..i64::from(side)).contains(&at);
@@ -31,7 +30,7 @@ impl SourceWindow<'_> {
         self.heights[row as usize * self.rect.width as usize + col as usize]
     }
 
-    /// So many samples of a row, from a column on; `None` where not all are in the window.
+    /// `count` samples of a row, from a column on; `None` if not all are in the window.
     #[inline]
     pub(crate) fn row(&self, [col, row]: [i64; 2], count: usize) -> Option<&[f64]> {
         let col = usize::try_from(col - i64::from(self.rect.col)).ok()?;
@@ -43,7 +42,7 @@ impl SourceWindow<'_> {
         self.heights.get(row * width + col..)?.get(..count)
     }
 
-    /// The height of the sample that is nearest to a place; not a number beyond the grid.
+    /// The height of the sample nearest to a position; NaN beyond the grid.
     #[inline]
     pub(crate) fn nearest(&self, place: Place) -> f64 {
         nearest(self.grid, place).map_or(f64::NAN, |at| self.at(at))

@@ -1,4 +1,4 @@
-//! Plans against one run, where regions are small and many rounds go by.
+//! Plans against a single run, with small regions and many rounds.
 
 use super::*;
 use crate::cloud_tin::CloudTinOptions;
