@@ -233,6 +233,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             if next == i {
                 break;
             }
+            // Path halving, as in union-find: without it, each search would walk over all visited vertices.
             if let Some(after) = self.nodes.get(next).map(|node| node.next) {
                 self.nodes[i].next = after;
             }
