@@ -73,6 +73,7 @@ impl PointBins {
             self.points[*end as usize] = *point;
             *end += 1;
         }
+        // After placing, `ends[bin + 1]` is the end of a bin, which is the start of the next.
         ends.pop();
         self.starts = ends;
     }

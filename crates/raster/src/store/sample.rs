@@ -353,6 +353,8 @@ macro_rules! stored_integer {
                 let mut all = true;
                 for (bytes, height) in bytes.chunks_exact_mut(Self::BYTES).zip(heights) {
                     let height = height.to_f64();
+                    // The cast saturates and makes NaN 0. Both fail the comparison below, so neither is stored as a
+                    // height that it is not.
                     let value = height as $t;
                     value.write(bytes);
                     all &= (f64::from(value) == height) & (Some(value) != fill);
