@@ -346,6 +346,7 @@ impl LatticeMesh {
             let (u, j) = (outer >> 2, outer & 3);
             let other = self.tris[u as usize];
             let d = other.corners[prev(j) as usize];
+            // Four corners on one circle stay as they are; two triangles that flip on a tie flip for ever.
             if in_circle(p.lattice(), a.lattice(), b.lattice(), d.lattice()) <= 0 {
                 star.push(t);
                 continue;

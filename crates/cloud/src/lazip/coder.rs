@@ -88,6 +88,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
         let step = self.length >> MODEL_BITS;
         let found = model.find::<M>(self.value / step);
         let low = found.low * step;
+        // The remainder of the division belongs to the last symbol.
         let high = if found.is_last { self.length } else { found.high * step };
         self.narrow(low, high - low);
         model.count(found.symbol);
@@ -120,6 +121,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     fn few(&mut self, bits: u32) -> u32 {
         let step = self.length >> bits;
         let found = self.value / step;
+        // A value in the remainder, which no encoder writes to.
         self.excess |= found >> bits;
         self.narrow(found * step, step);
         found
@@ -129,6 +131,7 @@ impl<'a, M: InstructionSet> RangeDecoder<'a, M> {
     /// long enough again.
     #[inline(always)]
     fn narrow(&mut self, low: u32, length: u32) {
+        // All bytes at once: a loop over one byte at a time branches on what was decoded.
         let shift = length.leading_zeros() & 24;
         let next = self.take(shift as usize / 8);
         self.value = ((u64::from(self.value - low) << 32 | u64::from(next)) << shift >> 32) as u32;

@@ -64,6 +64,7 @@ impl<'a> SurroundingPoints<'a> {
                 each(position, found);
                 left.next();
             }
+            // At least one square is new in each round, so this ends.
             self.take_in()?;
         }
         Ok(())

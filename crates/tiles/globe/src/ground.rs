@@ -267,6 +267,7 @@ pub(crate) fn around([col, row]: [f64; 2]) -> impl Iterator<Item = ([u32; 2], f6
     let ends = |at: f64| {
         let first = at as u32;
         let part = at - f64::from(first);
+        // A sample that counts for nothing may be void, or beyond the last column.
         [(first, 1.0 - part), (first + 1, part)].into_iter().filter(|(_, part)| *part > 0.0)
     };
     ends(row)
