@@ -100,6 +100,7 @@ fn narrow(level: &FieldLevel<'_>, facet: &PlaneFacet) -> WorstSample {
     }
     let columns = ((2_u32 << (right - left)) - 1) as __mmask16;
     let mut pointer = run_pointer(level, first, left);
+    // Only for its check: the first and the last run are inside the slice, and so are those between.
     run_pointer(level, last, left);
     let mut errors = _mm512_setzero_ps();
     let mut places = _mm512_setzero_si512();
