@@ -98,6 +98,7 @@ impl<'a> PointFormatConverter<'a> {
         let packing = target.packing;
         let (info, as_stored) = cloud.as_stored();
         let mut extra = ExtraBytes::of_all(&origins)?;
+        // Before the recasts, which move extra bytes to where they are among all of them.
         let heights = has_heights.then(|| {
             let (name, about) = HEIGHTS;
             format.size() + extra.put_steps(name, about, info.frame.scale[2])
@@ -289,6 +290,7 @@ fn records(
         parted.extend(shared.iter().filter(|r| !is_there(r, other)).map(Vlr::name));
         shared.retain(|record| is_there(record, other));
     }
+    // A hash set has another order in each run, which the note would show.
     let mut parted: Vec<_> = parted.into_iter().collect();
     parted.sort();
     if parted
@@ -326,6 +328,7 @@ fn of_file(file: &LasFile, format: PointFormat) -> Result<Vec<Vlr>> {
 }
 
 fn data(vlr: &VlrHeader, file: &RawFile, left: &mut u64) -> Result<Vlr> {
+    // Before it is read: headers of damaged files may state any length.
     *left = left.checked_sub(vlr.bytes).ok_or_else(|| {
         Error::unsupported(format!("its records hold more than {} MiB", MOST_BYTES >> 20))
             .remedy("take the largest of them out")
