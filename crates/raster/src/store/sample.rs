@@ -133,6 +133,7 @@ impl SampleCodec {
         let (value, held) = T::nearest(wanted);
         let meets = fill.is_some_and(|fill| value.meets(fill));
         match self.rounding {
+            // `&`, not `&&`: no branch in the loop over all samples.
             SampleRounding::Exact => (value, held & self.is_close(value, wanted) & !meets),
             SampleRounding::Nearest => (value, held & !meets),
             SampleRounding::Aside => (if meets { value.aside() } else { value }, held),

@@ -177,6 +177,7 @@ impl<'a, V: Copy, M: DistanceMetric<V>> ShortcutSearch<'a, V, M> {
             tree: None,
             looks,
         };
+        // The first vertex is its own parent, as `NONE` stands for one that is not reached.
         search.visit(0, 0);
         search.reach(points.len() - 1, layer);
         let is_found = search.is_visited(points.len() - 1);
