@@ -160,6 +160,7 @@ impl ClippedSegments {
             for (i, &a) in near.iter().enumerate() {
                 let pairs = near[..i].iter().map(|&b| [a, b].map(|n| &self.all[n as usize]));
                 found.extend(pairs.filter_map(|[a, b]| crossing(a, b)));
+                // Two lines that share several bins are found in each: repeats do not count.
                 if found.len() > most {
                     found.sort_unstable();
                     found.dedup();
