@@ -221,6 +221,7 @@ impl GroundSampler for HeightPatch<'_> {
         let [first, end] = self.range(map, axis, [from[axis], to[axis]]);
         for index in first..end {
             let mut place = from;
+            // The map is not turned: each coordinate depends on its own index alone.
             place[axis] = map.apply(f64::from(index), f64::from(index))[axis];
             found(place, self.height(place));
         }
